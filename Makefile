@@ -1,0 +1,36 @@
+# Every target sets up what it needs. Only Python >= 3.11 with venv, and make, must be there.
+PYTHON ?= python3
+BIN := .venv/bin
+READY := .venv/.ready
+# Installed packages wait in the environment; nothing is looked up on the network at run time.
+UV := $(BIN)/python -m uv
+
+.PHONY: dive test check format docs clean
+
+dive: $(READY) ## fly the demo dive: every service, one command
+	$(BIN)/lindy dive --out dives/latest
+
+test: $(READY) ## all tests
+	$(BIN)/pytest
+
+check: $(READY) ## format, lint, types, import contracts
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/lint-imports
+	$(BIN)/pyright
+
+format: $(READY) ## put the code in shape
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+docs: $(READY) ## pages written from the code
+	$(BIN)/python -m tools.topics_page
+
+$(READY): pyproject.toml uv.lock
+	test -d .venv || $(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check uv
+	$(UV) sync --quiet --inexact --frozen --all-extras
+	touch $(READY)
+
+clean:
+	rm -rf .venv .pytest_cache .ruff_cache .import_linter_cache .hypothesis

@@ -1,0 +1,1 @@
+"""What flows: msgspec Structs and the table of streams. No Zenoh, no NumPy."""

@@ -1,0 +1,26 @@
+"""What the thrusters are asked for. From `control`; heard by `simulator` or a vehicle driver."""
+
+from messages.message import Finite, Message, Ns, Ttl, Vec6
+
+THRUST_TTL_MS = 200.0  # [ms] older thruster commands are zero thrust
+
+
+class Wrench(Message, frozen=True, kw_only=True):
+    """Force and moment about the vehicle's origin, body frame FRD."""
+
+    sensor_ns: Ns | None  # [ns] sensor sample behind this wrench
+    wanted: Vec6  # [N, N m] X, Y, Z, K, M, N the law asked for
+    achieved: Vec6  # [N, N m] what the thruster commands add up to
+    depth_integral: Finite  # [N] integrator's share of Z
+    heading_integral: Finite  # [N m] integrator's share of N
+    saturated: bool  # achieved differs from wanted because a thruster is at its limit
+
+
+class ThrusterCommand(Message, frozen=True, kw_only=True):
+    """A force for each thruster."""
+
+    sensor_ns: Ns | None  # [ns] sensor sample that caused it
+    pilot_ns: Ns | None  # [ns] pilot command that caused it
+    thrust: tuple[Finite, ...]  # [N] per thruster, in the order of the vehicle file
+    ttl_ms: Ttl = THRUST_TTL_MS  # [ms] after stamp_ns the driver stops the thrusters
+    epoch: int = 0

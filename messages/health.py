@@ -1,0 +1,27 @@
+"""How each service is doing. From every service, once a second."""
+
+from typing import Literal
+
+from messages.message import Message, Positive
+
+
+class Health(Message, frozen=True, kw_only=True):
+    """The last second of a service, and its counts since start."""
+
+    service: str
+    loop_hz: Positive  # [1/s] handler calls over the last period
+    lateness_p50_ms: Positive | None  # [ms] handled after it was due or arrived
+    lateness_p99_ms: Positive | None  # [ms]
+    cpu_percent: Positive | None  # [%] of one core; None on virtual time
+    rss_mb: Positive | None  # [MB] resident memory; None on virtual time
+    sent: int  # messages since start
+    received: int  # messages since start
+    counts: dict[str, int]  # every dropped, stale, malformed, saturated … thing since start
+
+
+class LogLine(Message, frozen=True, kw_only=True):
+    """One line for people."""
+
+    service: str
+    level: Literal["info", "warning", "error"]
+    text: str

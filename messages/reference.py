@@ -1,0 +1,26 @@
+"""Where the drone should be. From `reference`; heard by `control`."""
+
+import msgspec
+
+from messages.message import Finite, Message, Ns
+
+
+class Motion(msgspec.Struct, frozen=True):
+    """One axis of a smooth reference, valid at the message's `sensor_ns`."""
+
+    position: Finite  # [m] or [rad]
+    velocity: Finite  # per second
+    acceleration: Finite  # per second²
+    jerk: Finite  # per second³
+
+
+class Reference(Message, frozen=True, kw_only=True):
+    """All axes at one instant."""
+
+    sensor_ns: Ns | None  # [ns] sensor sample that caused this reference
+    pilot_ns: Ns | None  # [ns] pilot command that shaped it
+    armed: bool  # False: thrusters stay off, the rest follows the vehicle
+    depth: Motion  # NED, positive down
+    heading: Motion  # accumulates past ±π
+    surge_force: Finite  # [N] body, ramped by the same jerk law
+    sway_force: Finite  # [N] body

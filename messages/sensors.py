@@ -1,0 +1,34 @@
+"""What a vehicle driver measures. From `simulator` (or real hardware); heard by `estimation`.
+
+`stamp_ns` is the sample's time of validity. Body frame is FRD (forward, starboard, down).
+"""
+
+from messages.message import Finite, Message, Positive, Vec3
+
+
+class ImuSample(Message, frozen=True, kw_only=True):
+    """Accelerometer and gyroscope."""
+
+    specific_force: Vec3  # [m/s²] FRD; at rest (0, 0, -g)
+    angular_rate: Vec3  # [rad/s] FRD
+
+
+class MagnetometerSample(Message, frozen=True, kw_only=True):
+    """Magnetic field, the vehicle's own disturbance included."""
+
+    field: Vec3  # [T] FRD
+
+
+class PressureSample(Message, frozen=True, kw_only=True):
+    """Absolute pressure at the vehicle's origin."""
+
+    pressure: Positive  # [Pa] absolute
+    temperature: Finite | None = None  # [°C] of the water
+
+
+class BatterySample(Message, frozen=True, kw_only=True):
+    """What the battery gives and has given."""
+
+    voltage: Positive  # [V]
+    current: Finite  # [A] + out of the battery
+    used_wh: Positive  # [Wh] since power-on

@@ -1,0 +1,26 @@
+"""Where the drone believes it is. From `estimation`; heard by `reference` and `control`."""
+
+from typing import Literal
+
+from messages.message import Estimate, Message, Ns, Positive, Quaternion
+
+
+class VehicleState(Message, frozen=True, kw_only=True):
+    """Every part carries value, standard deviation and validity. Unknown is None, never zero."""
+
+    sensor_ns: Ns  # [ns] the IMU sample this state belongs to
+    phase: Literal["calibrating", "running"]
+    depth: Estimate  # [m] positive down, of the vehicle's origin below the surface
+    depth_rate: Estimate  # [m/s] positive down
+    depth_acceleration: Estimate  # [m/s²] positive down
+    attitude: Quaternion  # [-] q_NB as w, x, y, z; yaw is the control heading
+    roll: Estimate  # [rad] + right wing down
+    pitch: Estimate  # [rad] + nose up
+    heading: Estimate  # [rad] control heading: no magnetometer, accumulates past ±π
+    heading_navigation: Estimate | None  # [rad] with magnetometer, clockwise from north, ±π
+    yaw_rate: Estimate  # [rad/s] about the body's down axis
+    surge_velocity: Estimate | None = None  # [m/s] body
+    sway_velocity: Estimate | None = None  # [m/s] body
+    north: Estimate | None = None  # [m] NED
+    east: Estimate | None = None  # [m] NED
+    pressure_age_ms: Positive | None = None  # [ms] since the last accepted pressure sample

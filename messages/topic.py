@@ -1,0 +1,76 @@
+"""One stream: its key, what it carries, how often, how it travels and which way it crosses."""
+
+from dataclasses import dataclass, replace
+from enum import Enum
+from typing import Any, Generic, TypeVar, cast
+
+from messages.message import Message
+
+M = TypeVar("M", bound=Message)
+
+STALE_PERIODS = 5  # a stream is stale after this many nominal periods without a message
+STALE_AT_LEAST_NS = 100_000_000  # [ns] a busy computer may be this late without being broken
+
+
+class Qos(Enum):
+    """How a stream travels: a stance. `services/runtime/qos.py` says it in Zenoh's words."""
+
+    REALTIME = "realtime"  # commands: first through every queue, newest wins
+    LIVE = "live"  # the control chain: fresh or worthless
+    EVENT = "event"  # rare and each one matters: senders repeat until answered
+    BULK = "bulk"  # for people and files: last in every queue
+
+
+class Way(Enum):
+    """Which way a stream crosses the tether."""
+
+    DOWN = "down"  # topside to drone
+    UP = "up"  # drone to topside
+    BOTH = "both"  # said in either realm, heard in both
+    STAY = "stay"  # never leaves the drone
+
+
+@dataclass(frozen=True, slots=True)
+class Topic(Generic[M]):
+    """A row of the table. A key that ends in `/*` is a family: `of("control")` names a member."""
+
+    key: str
+    message: type[M]
+    hz: float  # [1/s] nominal rate; 0 for events
+    qos: Qos
+    way: Way
+
+    @property
+    def encoding(self) -> str:
+        """What is written on the envelope, so that a reader knows the type before it opens it."""
+        return f"application/msgpack;{self.message.__name__}"
+
+    @property
+    def stale_after_ns(self) -> int | None:
+        """[ns] Age at which a message of this stream stops counting as news; None for events."""
+        if self.hz == 0:
+            return None
+        return max(STALE_AT_LEAST_NS, round(STALE_PERIODS * 1e9 / self.hz))
+
+    @property
+    def is_family(self) -> bool:
+        return self.key.endswith("/*")
+
+    def of(self, member: str) -> "Topic[M]":
+        """One member of a family: `HEALTH.of("control").key == "health/control"`."""
+        return replace(self, key=self.key[:-1] + member)
+
+    def covers(self, key: str) -> bool:
+        """Is `key` this stream, or a member of this family?"""
+        if not self.is_family:
+            return key == self.key
+        prefix = self.key[:-1]
+        return key.startswith(prefix) and "/" not in key[len(prefix) :]
+
+
+AnyTopic = Topic[Any]
+
+
+def rows(names: dict[str, Any]) -> tuple[AnyTopic, ...]:
+    """All topics among a module's globals, in the order they were written."""
+    return tuple(cast(AnyTopic, v) for v in names.values() if isinstance(v, Topic))

@@ -1,0 +1,47 @@
+"""Every stream in the system, once.
+
+Keys are relative to the session's namespace, `lindy/@v1/<vehicle>`, so two vehicles share one
+table and one network. Publishers, the tether, the recorder, the visualizer, the freshness checks
+and `docs/topics.md` all read these rows.
+"""
+
+from messages.control import ThrusterCommand, Wrench
+from messages.health import Health, LogLine
+from messages.link import LinkStatus
+from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
+from messages.reference import Reference
+from messages.sensors import BatterySample, ImuSample, MagnetometerSample, PressureSample
+from messages.state import VehicleState
+from messages.topic import AnyTopic, Qos, Topic, Way, rows
+from messages.vehicle import Actuation, Truth, VehicleStatus
+
+REALTIME, LIVE, EVENT, BULK = Qos.REALTIME, Qos.LIVE, Qos.EVENT, Qos.BULK
+DOWN, UP, BOTH, STAY = Way.DOWN, Way.UP, Way.BOTH, Way.STAY
+
+# fmt: off
+#                      key                    type                Hz  how it travels  across
+PILOT_COMMAND  = Topic("pilot/command",       PilotCommand,       50, REALTIME,       DOWN)
+PILOT_REQUEST  = Topic("pilot/request",       PilotRequest,        0, EVENT,          DOWN)
+PILOT_ANSWER   = Topic("pilot/answer",        PilotAnswer,         0, EVENT,          UP)
+IMU            = Topic("sensor/imu",          ImuSample,         100, LIVE,           STAY)
+MAGNETOMETER   = Topic("sensor/magnetometer", MagnetometerSample, 100, LIVE,          STAY)
+PRESSURE       = Topic("sensor/pressure",     PressureSample,     42, LIVE,           STAY)
+BATTERY        = Topic("sensor/battery",      BatterySample,       1, BULK,           UP)
+STATE          = Topic("state",               VehicleState,      100, LIVE,           UP)
+REFERENCE      = Topic("reference",           Reference,         100, LIVE,           UP)
+WRENCH         = Topic("control/wrench",      Wrench,            100, LIVE,           UP)
+THRUSTERS      = Topic("control/thrusters",   ThrusterCommand,   100, REALTIME,       UP)
+ACTUATION      = Topic("vehicle/actuation",   Actuation,         100, LIVE,           UP)
+STATUS         = Topic("vehicle/status",      VehicleStatus,       5, EVENT,          UP)
+TRUTH          = Topic("simulator/truth",     Truth,             100, BULK,           UP)
+LINK           = Topic("link/status",         LinkStatus,          5, BULK,           BOTH)
+HEALTH         = Topic("health/*",            Health,              1, BULK,           BOTH)
+LOG            = Topic("log/*",               LogLine,             0, BULK,           BOTH)
+# fmt: on
+
+ALL: tuple[AnyTopic, ...] = rows(globals())
+
+
+def find(key: str) -> AnyTopic | None:
+    """The row a key belongs to, or None for a key that is not ours."""
+    return next((topic for topic in ALL if topic.covers(key)), None)

@@ -1,0 +1,44 @@
+"""The vehicle as a whole: its status, what its thrusters did, and (in simulation) the truth."""
+
+from typing import Literal
+
+from messages.message import Finite, Message, Ns, Positive, Quaternion, Stick, Vec3
+
+Mode = Literal["starting", "ready", "piloted", "stopping"]
+Failsafe = Literal["none", "pilot_lost", "state_lost"]
+
+
+class VehicleStatus(Message, frozen=True, kw_only=True):
+    """From `reference`, five times a second and at every change."""
+
+    mode: Mode
+    armed: bool
+    failsafe: Failsafe = "none"
+    pilot: str = ""  # who has control: the source of the newest valid command
+    light: Stick = 0.0  # [-] 0 … 1
+    note: str = ""  # why it is not ready, in words for the pilot
+
+
+class Actuation(Message, frozen=True, kw_only=True):
+    """What the thruster driver did with the newest command, and when."""
+
+    thrust: tuple[Finite, ...]  # [N] per thruster, actually produced
+    actuated_ns: Ns | None  # [ns] when the newest command took effect
+    sensor_ns: Ns | None  # [ns] sensor sample behind that command
+    pilot_ns: Ns | None  # [ns] pilot command behind that command
+    stale: bool  # True: no valid command, thrusters are stopped
+    power: Positive  # [W] electrical
+
+
+class Truth(Message, frozen=True, kw_only=True):
+    """What only a simulator knows."""
+
+    position: Vec3  # [m] NED
+    attitude: Quaternion  # [-] q_NB as w, x, y, z
+    velocity: Vec3  # [m/s] body FRD, through the water and over the ground (no current yet)
+    angular_rate: Vec3  # [rad/s] body FRD
+    depth_rate: Finite  # [m/s] NED down
+    roll: Finite  # [rad]
+    pitch: Finite  # [rad]
+    heading: Finite  # [rad] accumulates past ±π
+    on_floor: bool

@@ -1,0 +1,94 @@
+"""The table of streams: its own laws, and that everything sent survives the wire."""
+
+import math
+import re
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from messages import topics
+from messages.pilot import PilotCommand
+from messages.topic import Topic, Way
+from tools.topics_page import page
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_every_key_is_lower_case_chunks_and_unique() -> None:
+    keys = [topic.key for topic in topics.ALL]
+    assert len(keys) == len(set(keys))
+    for key in keys:
+        assert re.fullmatch(r"[a-z0-9_]+(/[a-z0-9_]+)*(/\*)?", key)
+
+
+def test_every_message_type_says_when_it_was_true() -> None:
+    for topic in topics.ALL:
+        assert {"seq", "stamp_ns"} <= set(topic.message.__struct_fields__)
+
+
+def test_a_family_covers_its_members_and_nothing_below_them() -> None:
+    assert topics.HEALTH.covers("health/control")
+    assert not topics.HEALTH.covers("health/control/deep")
+    assert not topics.HEALTH.covers("health")
+    assert topics.HEALTH.of("control").key == "health/control"
+    assert topics.find("health/anything") is topics.HEALTH
+    assert topics.find("nobody/knows") is None
+
+
+@pytest.mark.parametrize("topic", topics.ALL, ids=lambda t: t.key)
+def test_staleness_follows_from_the_rate(topic: Topic) -> None:  # type: ignore[type-arg]
+    if topic.hz == 0:
+        assert topic.stale_after_ns is None
+    else:
+        assert topic.stale_after_ns is not None
+        assert topic.stale_after_ns >= 5e9 / topic.hz - 1
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 1.0001, -1.0001])
+def test_a_stick_outside_its_range_is_not_decoded(bad: float) -> None:
+    command = PilotCommand(stamp_ns=0, surge=bad, sway=0.0, heave=0.0, yaw=0.0)
+    payload = msgspec.msgpack.encode(command)
+    with pytest.raises(msgspec.ValidationError, match="surge"):
+        msgspec.msgpack.decode(payload, type=PilotCommand)
+
+
+def test_float_fields_of_every_message_refuse_what_is_not_finite() -> None:
+    """A bare `float` would let NaN through: every float must carry limits."""
+    for topic in topics.ALL:
+        for found in _floats(msgspec.inspect.type_info(topic.message)):
+            assert found.ge is not None, topic
+            assert found.le is not None, topic
+
+
+def test_commands_never_stay_in_force_longer_than_a_third_of_a_second() -> None:
+    command = PilotCommand(stamp_ns=0, surge=0.0, sway=0.0, heave=0.0, yaw=0.0)
+    assert 0 < command.ttl_ms <= 333
+
+
+def test_raw_sensors_never_cross_the_tether() -> None:
+    raw = (topics.IMU, topics.MAGNETOMETER, topics.PRESSURE)
+    assert all(topic.way is Way.STAY for topic in raw)
+
+
+def test_the_topics_page_is_up_to_date() -> None:
+    """`make docs` writes it."""
+    assert (ROOT / "docs" / "topics.md").read_text(encoding="utf-8") == page()
+
+
+def _floats(kind: msgspec.inspect.Type) -> list[msgspec.inspect.FloatType]:
+    match kind:
+        case msgspec.inspect.FloatType():
+            return [kind]
+        case msgspec.inspect.StructType():
+            return [f for field in kind.fields for f in _floats(field.type)]
+        case msgspec.inspect.TupleType():
+            return [f for item in kind.item_types for f in _floats(item)]
+        case msgspec.inspect.VarTupleType() | msgspec.inspect.ListType():
+            return _floats(kind.item_type)
+        case msgspec.inspect.UnionType():
+            return [f for item in kind.types for f in _floats(item)]
+        case msgspec.inspect.DictType():
+            return _floats(kind.value_type)
+        case _:
+            return []

@@ -1,0 +1,1 @@
+"""The `lindy` command, one module per verb. Never imported by services."""
