@@ -1,0 +1,1 @@
+"""What runs: one folder per process, plus `runtime` (the shell) and `marine` (shared physics)."""

@@ -1,0 +1,88 @@
+"""One child process: started, watched, ended. The thin part that talks to the operating system."""
+
+import contextlib
+import os
+import signal
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+TAIL = 4096  # [bytes] of a log in which its last line is looked for
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """What to run under which name."""
+
+    name: str
+    command: list[str]
+    log: Path  # its stdout and stderr
+    wave: int = 0  # tasks of a lower wave are stopped first
+
+
+class Child(Protocol):
+    """A process that was started."""
+
+    @property
+    def pid(self) -> int: ...
+
+    def ended(self) -> int | None:
+        """Its exit status (minus the signal that ended it), or None while it runs."""
+        ...
+
+    def terminate(self) -> None:
+        """Ask it to end."""
+        ...
+
+    def kill(self) -> None:
+        """End it, and everything it has started."""
+        ...
+
+    def last_words(self) -> str:
+        """The last line this process has written, or nothing."""
+        ...
+
+
+class OsChild:
+    """A process in a session of its own, so that Ctrl-C in the terminal reaches only us."""
+
+    def __init__(self, task: Task) -> None:
+        task.log.parent.mkdir(parents=True, exist_ok=True)
+        with task.log.open("ab") as log:
+            self._log, self._begin = task.log, log.tell()
+            # Started, never forked: Zenoh's threads would not survive in a forked copy.
+            self._process = subprocess.Popen(
+                task.command,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+
+    @property
+    def pid(self) -> int:
+        return self._process.pid
+
+    def ended(self) -> int | None:
+        if self._process.returncode is None and self._process.poll() is not None:
+            self._signal_group(signal.SIGKILL)  # what it had started must not outlive it
+        return self._process.returncode
+
+    def terminate(self) -> None:
+        self._process.terminate()
+
+    def kill(self) -> None:
+        self._signal_group(signal.SIGKILL)
+        self._process.wait()
+
+    def last_words(self) -> str:
+        with self._log.open("rb") as log:
+            size = log.seek(0, os.SEEK_END)
+            log.seek(max(self._begin, size - TAIL))
+            lines = log.read().decode(errors="replace").split("\n")
+        return next((line.strip() for line in reversed(lines) if line.strip()), "")
+
+    def _signal_group(self, number: signal.Signals) -> None:
+        with contextlib.suppress(ProcessLookupError, PermissionError):  # nobody is left in it
+            os.killpg(self._process.pid, number)

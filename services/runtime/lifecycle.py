@@ -1,0 +1,89 @@
+"""When a child process is started, restarted or given up.
+
+Pure: what happened and `now` are arguments, what to do is the answer. A service that ends with
+status 1 before it was ever alive has said that the user set something wrongly; starting it again
+would not help. Every other unexpected end is a crash, and the dive goes on without a pilot having
+to do anything: the service is started again, sooner the first time than the fifth.
+"""
+
+from dataclasses import dataclass, replace
+from enum import Enum
+from typing import Literal
+
+BACK_OFF_S = (0.25, 0.5, 1.0, 2.0, 4.0)  # [s] before each restart in a row; the last one repeats
+STEADY_S = 10.0  # [s] a life this long was a good one: the back-off starts anew
+MISTAKE = 1  # exit status that says "a setting is wrong", with one sentence on stderr
+
+Phase = Literal["waiting", "running", "stopping", "ended", "failed"]
+
+
+class Event(Enum):
+    """What can happen to a child besides its end."""
+
+    TICK = "tick"  # time has passed
+    SEEN = "seen"  # it said on the bus that it is alive
+    STOP = "stop"  # it is no longer wanted
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """The process is gone. `status` is its exit status, or minus the signal that ended it."""
+
+    status: int
+
+
+class Action(Enum):
+    """What the supervisor must do now."""
+
+    START = "start"
+    TERMINATE = "terminate"
+    GIVE_UP = "give up"  # stop everything and show the user this child's last words
+
+
+@dataclass(frozen=True, slots=True)
+class Life:
+    """Where a child stands."""
+
+    phase: Phase = "waiting"
+    at: int = 0  # [ns] waiting: when to start it; otherwise when it was started
+    lives: int = 0  # times it was started
+    seen: bool = False  # it was alive once
+    crashes: int = 0  # in a row, without a steady life in between
+
+    @property
+    def restarts(self) -> int:
+        return max(0, self.lives - 1)
+
+
+def advance(life: Life, event: Event | Ended, now: int) -> tuple[Life, Action | None]:
+    """The child's next standing at `now` [ns], and what to do about it."""
+    if isinstance(event, Ended):
+        return _after_end(life, event.status, now)
+    if event is Event.SEEN:
+        return replace(life, seen=True), None
+    if event is Event.STOP:
+        return _unwanted(life)
+    if life.phase == "waiting" and now >= life.at:
+        return replace(life, phase="running", at=now, lives=life.lives + 1), Action.START
+    return life, None
+
+
+def _unwanted(life: Life) -> tuple[Life, Action | None]:
+    if life.phase == "running":
+        return replace(life, phase="stopping"), Action.TERMINATE
+    if life.phase == "waiting":
+        return replace(life, phase="ended"), None
+    return life, None
+
+
+def _after_end(life: Life, status: int, now: int) -> tuple[Life, Action | None]:
+    if life.phase == "stopping":
+        return replace(life, phase="ended"), None
+    if life.phase != "running":
+        return life, None
+    if status == MISTAKE and not life.seen:
+        return replace(life, phase="failed"), Action.GIVE_UP
+    crashes = 1 if now - life.at >= STEADY_S * 1e9 else life.crashes + 1
+    pause_s = BACK_OFF_S[min(crashes, len(BACK_OFF_S)) - 1]
+    again = now + round(pause_s * 1e9)
+    return replace(life, phase="waiting", at=again, crashes=crashes), None

@@ -1,0 +1,210 @@
+"""A whole stack as processes on this machine: a hub for each realm and every service."""
+
+import os
+import sys
+import tempfile
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Generator, Mapping
+from contextlib import ExitStack, contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Literal
+
+import msgspec
+
+from services.runtime.child import Task
+from services.runtime.errors import LindyError
+from services.runtime.memory import VolatileMemory
+from services.runtime.node import Node
+from services.runtime.process_host import Launch
+from services.runtime.running import RUNNING, Running
+from services.runtime.stack import Row, Stack
+from services.runtime.supervisor import NAME, Supervisor
+from services.runtime.zenoh_bus import ZenohBus, connected, listening, namespace
+
+HOME = "topside"  # where it listens: it sees what the pilot sees
+LAST = ("recorder", "visualizer")  # stopped after the others, so that they get everything
+PYTHON = [sys.executable, "-P", "-m", "services"]  # -P: nothing in the user's folder is imported
+PERIOD_S = 0.04  # [s] between two looks: ports that keep the newest 8 must not fill at 100 Hz
+HUB_TIMEOUT_S = 20.0
+LONGEST_FOLDER = 60  # [bytes] a socket's path must stay below 107
+
+
+class LocalStack:
+    """Made by `local_stack`, which also ends it."""
+
+    def __init__(self, stack: Stack, rows: Mapping[str, Row], folder: Path, listen: str | None):
+        self.stack = stack
+        self.rows = rows
+        self.endpoints = _endpoints(rows, folder, listen)
+        self.supervisor = Supervisor(self._tell)
+        self.node: Node  # this process's own, where the pilot is; there when the hubs are up
+        self.alive: set[tuple[str, str]] = set()  # (realm, service)
+        self._memory = folder / "memory"
+        self._tokens: deque[tuple[str, str, bool]] = deque()  # filled on the bus's thread
+        self._buses: dict[str, ZenohBus] = {}
+        self._wake = threading.Event()
+        self._pids: dict[str, int] = {}
+        self._speaks = False  # the node is there
+
+    def start_hubs(self, exits: ExitStack) -> None:
+        """Start the hubs and connect to them.
+
+        Raises:
+            LindyError: a hub cannot listen on its endpoint.
+        """
+        self.supervisor.add(self._hub(realm) for realm in self.endpoints)
+        deadline = time.monotonic() + HUB_TIMEOUT_S
+        for realm, endpoint in self.endpoints.items():
+            while realm not in self._buses:
+                self.pump()
+                try:
+                    session = connected(endpoint, namespace(self.stack.vehicle_name), 0.0)
+                except LindyError:
+                    if time.monotonic() > deadline:
+                        raise
+                    continue
+                bus = ZenohBus(exits.enter_context(session))
+                bus.watch(partial(self._token, realm))
+                self._buses[realm] = bus
+        home = HOME if HOME in self._buses else next(iter(self._buses))
+        self.node = Node(NAME, {home: self._buses[home]}, time.monotonic_ns, VolatileMemory())
+        self.node.wake = self._wake.set
+        self._speaks = True
+
+    def start_services(self) -> None:
+        self._memory.mkdir(exist_ok=True)
+        self.supervisor.add(self._service(name) for name in self.rows)
+
+    def missing(self) -> list[str]:
+        """Services that are not alive in all of their realms."""
+        return [
+            name
+            for name, row in self.rows.items()
+            if any((realm, name) not in self.alive for realm in row.realms)
+        ]
+
+    def wait_alive(self, timeout_s: float, look: Callable[[], bool]) -> None:
+        """Until every service is alive. `look` is called again and again and must call `pump`;
+        it may give up by returning False.
+
+        Raises:
+            LindyError: names those that are missing after `timeout_s`.
+        """
+        deadline = time.monotonic() + timeout_s
+        while (missing := self.missing()) and look():
+            if time.monotonic() > deadline:
+                logs = self.stack.out_dir / "logs"
+                names = ", ".join(missing)
+                raise LindyError(f"not alive after {timeout_s:g} s: {names} (see {logs})")
+
+    def pump(self) -> None:
+        """One look at everything, then a short rest. Call it in a loop.
+
+        Raises:
+            LindyError: a service cannot start; its own sentence.
+        """
+        self._hear_tokens()
+        self.supervisor.step()
+        if self.supervisor.failure is not None:
+            raise LindyError(self.supervisor.failure)
+        self._note_pids()
+        if self._speaks:
+            self.node.step()
+        self._rest()
+
+    def _rest(self) -> None:
+        """Until something arrives or falls due, or it is time to look again."""
+        due = self.node.deadline() if self._speaks else None
+        seconds = PERIOD_S if due is None else (due - time.monotonic_ns()) / 1e9
+        if seconds > 0:
+            self._wake.wait(min(PERIOD_S, seconds))
+        self._wake.clear()
+
+    def _token(self, realm: str, service: str, alive: bool) -> None:
+        self._tokens.append((realm, service, alive))
+        self._wake.set()
+
+    def _hear_tokens(self) -> None:
+        while self._tokens:
+            realm, service, alive = self._tokens.popleft()
+            if not alive:
+                self.alive.discard((realm, service))
+                continue
+            self.alive.add((realm, service))
+            if service not in self.missing():
+                self.supervisor.seen(service)
+
+    def _note_pids(self) -> None:
+        if (pids := self.supervisor.pids) != self._pids:
+            self._pids = pids
+            running = Running(self.stack.vehicle_name, self.endpoints, os.getpid(), pids)
+            path = self.stack.out_dir / RUNNING
+            path.write_bytes(msgspec.json.format(msgspec.json.encode(running)))
+
+    def _hub(self, realm: str) -> Task:
+        command = [*PYTHON, "hub", self.endpoints[realm], str(os.getpid())]
+        return Task(f"hub_{realm}", command, self._log(f"hub_{realm}"), wave=2)
+
+    def _service(self, name: str) -> Task:
+        row = self.rows[name]
+        launch = Launch(
+            service=name,
+            stack=self.stack,
+            endpoints={realm: self.endpoints[realm] for realm in row.realms},
+            gateway=row.gateway,
+            memory=str(self._memory),
+            parent=os.getpid(),
+        )
+        command = [*PYTHON, msgspec.json.encode(launch).decode()]
+        return Task(name, command, self._log(name), wave=1 if name in LAST else 0)
+
+    def _log(self, name: str) -> Path:
+        return self.stack.out_dir / "logs" / f"{name}.log"
+
+    def _tell(self, level: Literal["info", "warning", "error"], text: str) -> None:
+        if self._speaks:
+            self.node.log(level, text)
+
+
+@contextmanager
+def local_stack(
+    stack: Stack, rows: Mapping[str, Row], listen: str | None = None
+) -> Generator[LocalStack]:
+    """Hubs that run, without services yet; everything is ended when the block is left.
+
+    Args:
+        listen: endpoint on which the pilot's hub listens instead of a private socket, so that
+            programs outside the stack can connect.
+
+    Raises:
+        LindyError: the endpoint is taken or malformed.
+    """
+    if listen is not None:
+        with listening(listen):
+            pass  # the hub would say the same, but only after strangers' hubs have answered
+    with tempfile.TemporaryDirectory(prefix="lindy-", dir=_socket_folder()) as folder:
+        local = LocalStack(stack, rows, Path(folder), listen)
+        with ExitStack() as exits:
+            exits.callback((stack.out_dir / RUNNING).unlink, missing_ok=True)
+            exits.callback(local.supervisor.stop)
+            local.start_hubs(exits)
+            try:
+                yield local
+            finally:
+                local.supervisor.stop()  # the bus is still open: the last events are said
+
+
+def _endpoints(rows: Mapping[str, Row], folder: Path, listen: str | None) -> dict[str, str]:
+    realms = dict.fromkeys(realm for row in rows.values() for realm in row.realms)
+    endpoints = {realm: f"unixsock-stream/{folder}/{realm}.sock" for realm in realms}
+    if listen is not None:
+        endpoints[HOME if HOME in endpoints else next(iter(endpoints))] = listen
+    return endpoints
+
+
+def _socket_folder() -> str:
+    folder = tempfile.gettempdir()
+    return folder if len(folder) <= LONGEST_FOLDER else "/tmp"

@@ -1,0 +1,232 @@
+"""What a service holds: its ports, its timers and its counters. The same in every host.
+
+A service declares in its `wire` function what it hears and says; the host then calls `step`
+whenever something arrived or fell due. Handlers run one at a time with `now` [ns] passed in; they
+do not block, sleep, read a clock or draw unseeded randomness.
+"""
+
+from collections import Counter, deque
+from collections.abc import Callable, Mapping
+from typing import Any, Literal, TypeVar
+
+import msgspec
+
+from messages import topics
+from messages.health import LogLine
+from messages.topic import M, Topic
+from services.runtime.bus import Bus, Envelope
+from services.runtime.gate import Gate
+from services.runtime.memory import Memory
+from services.runtime.ports import Clock, Inbox, Latest, Publisher
+from services.runtime.pulse import Pulse, Usage
+from services.runtime.timers import Alarm, Tick
+
+RING = 8  # envelopes kept between two steps of a latest-wins port
+EVENTS = 256  # envelopes kept between two steps of an every-message port
+S = TypeVar("S", bound=msgspec.Struct)
+
+
+class Node:
+    """One service's end of the system."""
+
+    def __init__(
+        self,
+        name: str,
+        realms: Mapping[str, Bus],
+        clock: Clock,
+        memory: Memory,
+        *,
+        gateway: bool = False,
+    ) -> None:
+        self.name = name
+        self.realms = realms
+        self.counts: Counter[str] = Counter()
+        self.wake: Callable[[], None] = lambda: None  # the host's; called on the bus's thread
+        self.show: Callable[[LogLine], None] = lambda _: None  # the host's; writes to stderr
+        self.usage: Callable[[], Usage | None] = lambda: None  # the host's; asks the system
+        self.wall_offset_ns = 0  # the host's: UTC minus the node's clock; 0 on virtual time
+        self.pulse = Pulse()
+        self._clock = clock
+        self._memory = memory
+        self._home = next(iter(realms))
+        self._gateway = gateway
+        self._publishers: list[Publisher[Any]] = []
+        self._inboxes: list[Inbox] = []
+        self._pending: deque[Callable[[], None]] = deque()  # rings that something arrived in
+        self._timers: list[Tick | Alarm] = []
+        self._closers: list[Callable[[], None]] = []
+        self._log = self.publisher(topics.LOG.of(name))
+        self._health = self.publisher(topics.HEALTH.of(name))
+        self.every(topics.HEALTH.hz, self._report)
+
+    # What a service says.
+
+    def publisher(self, topic: Topic[M]) -> Publisher[M]:
+        """Say a topic at home. A gateway says BOTH rows in each realm: nobody carries its own."""
+        everywhere = self._gateway and topic.way is topics.BOTH
+        buses = self.realms.values() if everywhere else [self.realms[self._home]]
+        publisher = Publisher(topic, [bus.say(topic) for bus in buses])
+        self._publishers.append(publisher)
+        return publisher
+
+    def log(self, level: Literal["info", "warning", "error"], text: str) -> None:
+        """Say something to people: on the bus, in the recording and on stderr."""
+        line = LogLine(stamp_ns=self._clock(), service=self.name, level=level, text=text)
+        self._log.put(line)
+        self.show(line)
+
+    def count(self, name: str, times: int = 1) -> None:
+        """Never silent: a clamp, a drop, a refusal. Shown in `health/<service>`."""
+        self.counts[name] += times
+
+    # What a service hears.
+
+    def latest(self, topic: Topic[M]) -> Latest[M]:
+        """The newest message, read when wanted; arrivals do not wake the service."""
+        inbox = self._inbox(topic.key, RING, self._home)
+        return Latest(topic, inbox, Gate(topic, self.counts), self.counts)
+
+    def each(self, topic: Topic[M], handler: Callable[[M, int], None]) -> None:
+        """Every message, in order of arrival."""
+        inbox, gates = self._inbox(topic.key, EVENTS, self._home), dict[str, Gate[M]]()
+
+        def drain() -> None:
+            for arrival, envelope in inbox.take_all():
+                now = self._clock()
+                gate = gates.get(envelope.key)
+                if gate is None:
+                    gate = gates[envelope.key] = Gate(topic, self.counts)
+                if (message := gate.admit(envelope, now)) is not None:
+                    self.pulse.handled(now - arrival)
+                    handler(message, now)
+
+        self._on_arrival(inbox, drain)
+
+    def trigger(
+        self, topic: Topic[M], handler: Callable[[M | None, int], None], silence_s: float
+    ) -> None:
+        """The newest message drives the service. After `silence_s` without one, the handler is
+        called with None at the topic's own rate until messages return."""
+        inbox = self._inbox(topic.key, RING, self._home)
+        gate = Gate(topic, self.counts)
+        alarm = self.alarm(lambda now: on_silence(now))
+
+        def on_silence(now: int) -> None:
+            if gate.admitted:  # before the first message it is a start, not a silence
+                self.count(f"silent:{topic.key}")
+            alarm.set(now + round(1e9 / topic.hz))
+            handler(None, now)
+
+        def drain() -> None:
+            newest, since = None, 0
+            for arrival, envelope in inbox.take_all():
+                if (message := gate.admit(envelope, self._clock())) is not None:
+                    newest, since = message, arrival
+            if newest is None:
+                return
+            now = self._clock()
+            self.pulse.handled(now - since)
+            alarm.set(now + round(silence_s * 1e9))
+            handler(newest, now)
+
+        alarm.set(self._clock() + round(silence_s * 1e9))
+        self._on_arrival(inbox, drain)
+
+    def tap(
+        self, realm: str, key: str, handler: Callable[[Envelope, int], None], depth: int = EVENTS
+    ) -> None:
+        """Every envelope on a key expression of one realm, unopened, with its arrival time [ns].
+        For the tether, the recorder and the visualizer."""
+        inbox = self._inbox(key, depth, realm)
+
+        def drain() -> None:
+            for arrival, envelope in inbox.take_all():
+                self.pulse.handled(self._clock() - arrival)
+                handler(envelope, arrival)
+
+        self._on_arrival(inbox, drain)
+
+    # When a service acts by itself.
+
+    def every(self, hz: float, handler: Callable[[int], None]) -> None:
+        """Call `handler(now)` at a fixed rate, without drift."""
+        self._timers.append(Tick(hz, self._clock(), handler))
+
+    def alarm(self, handler: Callable[[int], None]) -> Alarm:
+        """A timer that rings once each time it is set."""
+        alarm = Alarm(handler)
+        self._timers.append(alarm)
+        return alarm
+
+    # What survives a crash, and what ends with the service.
+
+    def recall(self, kind: type[S]) -> S | None:
+        """What this service remembered before a crash in the same dive, or None."""
+        data = self._memory.recall()
+        if data is None:
+            return None
+        try:
+            return msgspec.json.decode(data, type=kind)
+        except (msgspec.DecodeError, msgspec.ValidationError):
+            self.count("malformed:memory")
+            return None
+
+    def remember(self, what: msgspec.Struct) -> None:
+        self._memory.remember(msgspec.json.encode(what))
+
+    def on_close(self, closer: Callable[[], None]) -> None:
+        self._closers.append(closer)
+
+    # What the host calls.
+
+    def step(self) -> None:
+        """Handle all that arrived and all that is due."""
+        busy = True
+        while busy:
+            busy = False
+            # Bounded, so that a flood of messages cannot starve the timers.
+            for _ in range(min(len(self._pending), EVENTS)):
+                self._pending.popleft()()
+                busy = True
+            busy = self._ring_timers() or busy
+
+    def _ring_timers(self) -> bool:
+        rang = False
+        now = self._clock()
+        for timer in self._timers:
+            if timer.due is not None and timer.due <= now:
+                self.pulse.handled(now - timer.due)
+                if wrong := timer.ring(now):
+                    self.counts.update(wrong)
+                rang = True
+        return rang
+
+    def deadline(self) -> int:
+        """[ns] When the next timer falls due. There always is one: the health report."""
+        return min([t.due for t in self._timers if t.due is not None])
+
+    def close(self) -> None:
+        for closer in self._closers:
+            closer()
+
+    def _inbox(self, key: str, depth: int, realm: str) -> Inbox:
+        inbox = Inbox(key, depth, self._clock, self.counts)
+        self.realms[realm].hear(key, inbox.store)
+        self._inboxes.append(inbox)
+        return inbox
+
+    def _on_arrival(self, inbox: Inbox, drain: Callable[[], None]) -> None:
+        """Have `drain` called on the service's thread whenever something arrived."""
+
+        def arrived() -> None:
+            self._pending.append(drain)
+            self.wake()
+
+        inbox.arrived = arrived
+
+    def _report(self, now: int) -> None:
+        sent = sum(publisher.sent for publisher in self._publishers)
+        received = sum(inbox.stored for inbox in self._inboxes)
+        self._health.put(
+            self.pulse.report(self.name, now, sent, received, self.counts, self.usage())
+        )

@@ -1,0 +1,62 @@
+"""How a service is doing: its own `Health`, gathered between two reports."""
+
+from collections import Counter
+from dataclasses import dataclass
+
+from messages.health import Health
+
+
+@dataclass(frozen=True, slots=True)
+class Usage:
+    """What the operating system says of this process."""
+
+    cpu_s: float  # [s] processor time since start
+    rss_mb: float  # [MB] resident memory
+
+
+class Pulse:
+    """Counts handler calls and how late each began."""
+
+    def __init__(self) -> None:
+        self._lateness: list[int] = []  # [ns] of every call since the last report
+        self._reported_at: int | None = None
+        self._cpu_s = 0.0
+
+    def handled(self, late_ns: int) -> None:
+        self._lateness.append(late_ns)
+
+    def report(
+        self,
+        service: str,
+        now: int,
+        sent: int,
+        received: int,
+        counts: Counter[str],
+        usage: Usage | None,
+    ) -> Health:
+        """The period since the last report, which starts anew."""
+        seconds = 1.0 if self._reported_at is None else (now - self._reported_at) / 1e9
+        lateness = sorted(self._lateness)
+        cpu = None if usage is None else 100.0 * (usage.cpu_s - self._cpu_s) / seconds
+        health = Health(
+            stamp_ns=now,
+            service=service,
+            loop_hz=len(lateness) / seconds,
+            lateness_p50_ms=_percentile_ms(lateness, 50),
+            lateness_p99_ms=_percentile_ms(lateness, 99),
+            cpu_percent=cpu,
+            rss_mb=None if usage is None else usage.rss_mb,
+            sent=sent,
+            received=received,
+            counts=dict(counts),
+        )
+        self._lateness = []
+        self._reported_at = now
+        self._cpu_s = 0.0 if usage is None else usage.cpu_s
+        return health
+
+
+def _percentile_ms(ordered: list[int], percent: int) -> float | None:
+    if not ordered:
+        return None
+    return max(0, ordered[len(ordered) * percent // 100]) / 1e6

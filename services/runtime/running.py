@@ -1,0 +1,12 @@
+"""The file `run.json` in a dive's folder, while the dive goes on: how to reach its processes."""
+
+import msgspec
+
+RUNNING = "run.json"
+
+
+class Running(msgspec.Struct, frozen=True):
+    vehicle: str  # its name in keys
+    endpoints: dict[str, str]  # realm → hub's endpoint
+    supervisor: int  # process id
+    pids: dict[str, int]  # process id of every hub and service

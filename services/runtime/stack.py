@@ -1,0 +1,98 @@
+"""What every service of one dive shares: the vehicle, the link, the pilot, where files go."""
+
+import importlib
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+import msgspec
+
+from services.runtime.errors import LindyError
+from services.runtime.settings import convert, deploy_file, nearest, override, read, read_toml
+
+S = TypeVar("S")
+BODY = "vehicle"  # the table of the vehicle file that describes the vehicle itself
+
+
+class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
+    """One dive's choices, as given on the command line."""
+
+    vehicle: str = "pioneer"
+    link: str = "tether"
+    pilot: str = "gamepad"  # gamepad, keyboard or script:FILE
+    out: str = "."  # folder for recordings
+    seed: Annotated[int, msgspec.Meta(ge=0)] = 0
+    viewer: bool = False  # open a live viewer
+    arm: bool = True  # the gamepad arms the drone as soon as it is ready
+    overrides: list[str] = []  # key.path=value into the vehicle file
+
+    @cached_property
+    def vehicle_path(self) -> Path:
+        return deploy_file("vehicles", self.vehicle)
+
+    @property
+    def vehicle_name(self) -> str:
+        """Name of the vehicle in keys: [a-z0-9_]."""
+        return self.vehicle_path.stem.lower().replace("-", "_")
+
+    @property
+    def out_dir(self) -> Path:
+        return Path(self.out)
+
+    def section(self, name: str, kind: type[S]) -> S:
+        """One table of the vehicle file, with the overrides applied.
+
+        Raises:
+            LindyError: the table is wrong; says where and what is allowed.
+        """
+        tree = _vehicle_tree(self.vehicle_path, tuple(self.overrides))
+        return convert(tree.get(name, {}), kind, name, self.vehicle_path)
+
+    def check(self) -> None:
+        """Read every table of the vehicle file once, so that a mistake stops a dive before it
+        starts.
+
+        Raises:
+            LindyError: an unknown table, or a mistake in one.
+        """
+        tree = _vehicle_tree(self.vehicle_path, tuple(self.overrides))
+        known = settings_types()
+        for name in tree:
+            if name not in known:
+                where = f"{self.vehicle_path}: {name}"
+                raise LindyError(f"{where}: unknown table{nearest(name, sorted(known))}")
+        for name, kind in known.items():
+            self.section(name, kind)
+
+
+class Row(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A service of a stack file."""
+
+    realms: list[str]  # the first is its home
+    gateway: bool = False  # says what both realms hear in each of them itself
+
+
+class StackFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    services: dict[str, Row]
+
+
+def services_of(stack_file: str) -> dict[str, Row]:
+    """Which services a stack is made of and where they live."""
+    return read(deploy_file("stacks", stack_file), StackFile).services
+
+
+def settings_types() -> dict[str, Any]:
+    """Tables a vehicle file may have: the vehicle itself, and one per service with settings."""
+    types: dict[str, Any] = {BODY: importlib.import_module("services.marine.vehicle").Vehicle}
+    for name in services_of("dive"):
+        core = importlib.import_module(f"services.{name}.core")
+        if hasattr(core, "Settings"):
+            types[name] = core.Settings
+    return types
+
+
+@lru_cache
+def _vehicle_tree(path: Path, overrides: tuple[str, ...]) -> dict[str, Any]:
+    tree = read_toml(path)
+    override(tree, overrides)
+    return tree

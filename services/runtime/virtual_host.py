@@ -1,0 +1,92 @@
+"""Any set of services in one process on virtual time.
+
+Messages are encoded, carried over an in-memory bus and decoded, as on the wire. Nothing depends
+on wall time or on the order of threads, so the same stack and seed give the same bytes. Compute
+takes no virtual time: latencies here are the link's and the scheduling's.
+"""
+
+from collections.abc import Callable, Mapping
+
+from messages.health import LogLine
+from services.runtime.memory import Memory, VolatileMemory
+from services.runtime.memory_bus import Ear, MemoryBus
+from services.runtime.node import Node
+from services.runtime.stack import Row, Stack
+from services.runtime.table import Wire, wiring
+
+ROUNDS = 1000  # deliveries at one instant before we call it an endless conversation
+
+
+class VirtualHost:
+    """Owns virtual time, the realms and the nodes."""
+
+    def __init__(self) -> None:
+        self.now = 0  # [ns]
+        self.nodes: dict[str, Node] = {}
+        self._buses: dict[str, MemoryBus] = {}
+        self._memories: dict[str, Memory] = {}
+        self._woken: dict[str, None] = {}  # an ordered set of names
+        self._due: dict[str, int] = {}  # [ns] next timer of each node, while running
+
+    def realm(self, name: str) -> Ear:
+        """A fresh ear on a realm, for a test that wants to listen or to speak."""
+        return Ear(self._buses.setdefault(name, MemoryBus()))
+
+    def node(self, name: str, realms: list[str], *, gateway: bool = False) -> Node:
+        """A node without a service; whoever asks for it wires it."""
+        ears = {realm: self.realm(realm) for realm in realms}
+        memory = self._memories.setdefault(name, VolatileMemory())
+        node = Node(name, ears, lambda: self.now, memory, gateway=gateway)
+        node.wake = lambda: self._woken.setdefault(name)
+        self.nodes[name] = node
+        return node
+
+    def add(self, name: str, row: Row, stack: Stack, wire: Wire | None = None) -> Node:
+        """Start a service now."""
+        node = self.node(name, row.realms, gateway=row.gateway)
+        (wire or wiring(name))(node, stack)
+        return node
+
+    def add_all(self, services: Mapping[str, Row], stack: Stack) -> None:
+        for name, row in services.items():
+            self.add(name, row, stack)
+
+    def kill(self, name: str) -> None:
+        """End a service as a crash would: it says nothing more and closes nothing."""
+        for ear in self.nodes.pop(name).realms.values():
+            assert isinstance(ear, Ear)
+            ear.close()
+        self._woken.pop(name, None)
+
+    def show(self, line: Callable[[LogLine], None]) -> None:
+        """Show every node's log lines."""
+        for node in self.nodes.values():
+            node.show = line
+
+    def run(self, until: int, done: Callable[[], bool] = lambda: False) -> None:
+        """Advance to `until` [ns], or to the first instant at which `done()` is true."""
+        self._due = {name: node.deadline() for name, node in self.nodes.items()}
+        while not done():
+            due = min(self._due.values())
+            if due > until:
+                self.now = until
+                return
+            self.now = max(self.now, due)
+            self._settle([name for name, at in self._due.items() if at <= due])
+
+    def close(self) -> None:
+        """End all services in order, as a clean stop would."""
+        for node in self.nodes.values():
+            node.close()
+
+    def _settle(self, names: list[str]) -> None:
+        """Step these nodes, then whoever they woke, until nobody has anything more to say now."""
+        for _ in range(ROUNDS):
+            for name in names:
+                self._woken.pop(name, None)
+                self.nodes[name].step()
+                self._due[name] = self.nodes[name].deadline()
+            if not self._woken:
+                return
+            names = list(self._woken)
+        raise RuntimeError(f"services keep waking each other at {self.now} ns: {names}")

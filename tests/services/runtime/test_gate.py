@@ -1,0 +1,97 @@
+"""The door of every port: whatever arrives, only whole, ordered, timely messages get in."""
+
+from collections import Counter
+
+import msgspec
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from messages import topics
+from messages.pilot import PilotCommand
+from services.runtime.bus import Envelope
+from services.runtime.gate import Gate
+
+NOW = 10**12
+TYPE = topics.PILOT_COMMAND.encoding
+
+
+def command(stamp_ns: int = NOW, seq: int = 0, ttl_ms: float = 300.0) -> Envelope:
+    message = PilotCommand(
+        stamp_ns=stamp_ns, seq=seq, surge=0.0, sway=0.0, heave=0.0, yaw=0.0, ttl_ms=ttl_ms
+    )
+    return Envelope("pilot/command", msgspec.msgpack.encode(message), TYPE)
+
+
+def gate() -> tuple[Gate[PilotCommand], Counter[str]]:
+    counts: Counter[str] = Counter()
+    return Gate(topics.PILOT_COMMAND, counts), counts
+
+
+@given(st.binary(max_size=200))
+def test_no_bytes_whatever_get_in_or_raise(payload: bytes) -> None:
+    door, counts = gate()
+    assert door.admit(Envelope("pilot/command", payload, TYPE), NOW) is None
+    assert counts["malformed:pilot/command"] == 1
+
+
+def test_deeply_nested_bytes_are_only_malformed() -> None:
+    door, counts = gate()
+    assert door.admit(Envelope("pilot/command", b"\x91" * 100_000, TYPE), NOW) is None
+    assert counts.total() == 1
+
+
+def test_another_type_on_our_key_is_refused_unopened() -> None:
+    door, counts = gate()
+    other = Envelope("pilot/command", command().payload, "application/msgpack;Truth")
+    assert door.admit(other, NOW) is None
+    assert counts == {"wrong_type:pilot/command": 1}
+
+
+def test_a_number_that_is_not_finite_is_refused() -> None:
+    door, counts = gate()
+    fields = msgspec.msgpack.decode(command().payload) | {"heave": float("nan")}
+    bad = Envelope("pilot/command", msgspec.msgpack.encode(fields), TYPE)
+    assert door.admit(bad, NOW) is None
+    assert counts == {"malformed:pilot/command": 1}
+
+
+@given(st.integers(0, 10**10), st.floats(0.0, 1000.0))
+def test_a_command_older_than_its_time_to_live_never_gets_in(age: int, ttl_ms: float) -> None:
+    door, counts = gate()
+    admitted = door.admit(command(NOW - age, ttl_ms=ttl_ms), NOW)
+    assert (admitted is not None) == (age <= ttl_ms * 1e6)
+    assert counts["expired:pilot/command"] == (admitted is None)
+
+
+def test_a_stamp_from_the_future_cannot_shut_the_door_for_the_rest() -> None:
+    door, counts = gate()
+    assert door.admit(command(NOW + 10**9), NOW) is None
+    assert door.admit(command(NOW), NOW) is not None
+    assert counts == {"from_future:pilot/command": 1}
+
+
+def test_what_was_overtaken_or_doubled_is_refused_and_a_gap_is_counted() -> None:
+    door, counts = gate()
+    for stamp, seq in ((0, 0), (20, 1), (10, 7), (20, 1), (50, 5)):
+        door.admit(command(NOW + stamp, seq), NOW)
+    assert counts == {
+        "reordered:pilot/command": 1,
+        "duplicated:pilot/command": 1,
+        "lost:pilot/command": 3,
+    }
+
+
+def test_a_restarted_publisher_is_heard_at_once() -> None:
+    door, counts = gate()
+    door.admit(command(NOW, seq=900), NOW)
+    assert door.admit(command(NOW + 10, seq=0), NOW) is not None
+    assert counts == {}
+
+
+@settings(max_examples=100)
+@given(st.lists(st.tuples(st.integers(-(10**9), 10**9), st.integers(0, 50)), max_size=60))
+def test_admitted_stamps_never_run_backwards(arrivals: list[tuple[int, int]]) -> None:
+    door, _ = gate()
+    admitted = [door.admit(command(NOW + s, q, ttl_ms=1000.0), NOW) for s, q in arrivals]
+    stamps = [message.stamp_ns for message in admitted if message is not None]
+    assert stamps == sorted(stamps)

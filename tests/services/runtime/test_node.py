@@ -1,0 +1,192 @@
+"""A node's ports and timers, on virtual time."""
+
+import msgspec
+import pytest
+
+from messages import topics
+from messages.health import Health, LogLine
+from messages.pilot import PilotCommand
+from messages.sensors import ImuSample
+from services.runtime.bus import Envelope
+from services.runtime.node import Node
+from services.runtime.virtual_host import VirtualHost
+
+MS = 1_000_000
+DRONE = ["drone"]
+
+
+def imu(now: int) -> ImuSample:
+    return ImuSample(stamp_ns=now, specific_force=(0.0, 0.0, -9.81), angular_rate=(0.0, 0.0, 0.0))
+
+
+def command(now: int, heave: float = 0.0) -> PilotCommand:
+    return PilotCommand(stamp_ns=now, surge=0.0, sway=0.0, heave=heave, yaw=0.0)
+
+
+def talker(host: VirtualHost, hz: float = 100.0) -> Node:
+    node = host.node("talker", DRONE)
+    says = node.publisher(topics.IMU)
+    node.every(hz, lambda now: says.put(imu(now)))
+    return node
+
+
+def test_each_hears_every_message_in_order() -> None:
+    host = VirtualHost()
+    talker(host)
+    heard: list[int] = []
+    host.node("listener", DRONE).each(topics.IMU, lambda m, _: heard.append(m.seq))
+    host.run(1000 * MS)
+    assert heard == list(range(100))
+
+
+def test_a_trigger_is_driven_by_messages_and_goes_on_in_silence() -> None:
+    host = VirtualHost()
+    talker(host)
+    calls: list[tuple[int, bool]] = []
+    listener = host.node("listener", DRONE)
+    listener.trigger(topics.IMU, lambda m, now: calls.append((now, m is not None)), 0.03)
+    host.run(100 * MS)
+    host.kill("talker")
+    host.run(200 * MS)
+    assert [now for now, heard in calls if heard] == [k * 10 * MS for k in range(1, 11)]
+    silent = [now for now, heard in calls if not heard]
+    assert silent == [k * 10 * MS for k in range(13, 21)]
+    assert listener.counts["silent:sensor/imu"] == len(silent)
+
+
+def test_a_trigger_that_never_heard_anything_counts_no_silence() -> None:
+    host = VirtualHost()
+    listener = host.node("listener", DRONE)
+    listener.trigger(topics.IMU, lambda _, __: None, 0.03)
+    host.run(1000 * MS)
+    assert listener.counts == {}
+
+
+def test_the_latest_value_goes_stale_and_that_is_counted_once_per_passage() -> None:
+    host = VirtualHost()
+    pilot, listener = host.node("pilot", DRONE), host.node("listener", DRONE)
+    says, hears = pilot.publisher(topics.PILOT_COMMAND), listener.latest(topics.PILOT_COMMAND)
+    assert hears.fresh(host.now) is None
+    says.put(command(0, heave=0.5))
+    assert hears.fresh(300 * MS) is not None
+    assert hears.fresh(301 * MS) is None
+    assert hears.fresh(400 * MS) is None
+    assert hears.newest(400 * MS) is not None
+    assert listener.counts == {"stale:pilot/command": 1}
+
+
+def test_a_latest_port_cannot_queue() -> None:
+    host = VirtualHost()
+    pilot, listener = host.node("pilot", DRONE), host.node("listener", DRONE)
+    says, hears = pilot.publisher(topics.PILOT_COMMAND), listener.latest(topics.PILOT_COMMAND)
+    for k in range(1000):
+        says.put(command(k, heave=k / 1000))
+    newest = hears.fresh(1000)
+    assert newest is not None
+    assert newest.heave == 0.999
+    assert listener.counts["overflowed:pilot/command"] == 1000 - 8
+
+
+def test_garbage_between_good_messages_disturbs_nothing() -> None:
+    host = VirtualHost()
+    talker(host)
+    listener, heard = host.node("listener", DRONE), list[int]()
+    listener.each(topics.IMU, lambda m, _: heard.append(m.seq))
+    foreign = host.realm("drone")
+    node = host.node("foreign", DRONE)
+    node.every(50, lambda _: foreign.forward(Envelope("sensor/imu", b"\xff", "text/plain")))
+    host.run(1000 * MS)
+    assert heard == list(range(100))
+    assert listener.counts["wrong_type:sensor/imu"] == 50
+
+
+def test_ticks_do_not_drift_and_long_stalls_are_counted_not_caught_up() -> None:
+    now = 0
+    host = VirtualHost()
+    node = host.node("worker", DRONE)
+    rang: list[int] = []
+    node.every(100, rang.append)
+    host.run(50 * MS)
+    assert rang == [k * 10 * MS for k in range(1, 6)]
+    host.now = now = 1_003 * MS  # the process was stopped for a second
+    node.step()
+    assert len(rang) == 6
+    assert node.counts["missed_deadline"] == 94
+    host.run(1_011 * MS)
+    assert rang[-1] == 1_010 * MS
+    assert now < rang[-1]
+
+
+def test_an_alarm_rings_once_each_time_it_is_set() -> None:
+    host = VirtualHost()
+    node = host.node("worker", DRONE)
+    rang: list[int] = []
+    alarm = node.alarm(rang.append)
+    alarm.set(5 * MS)
+    host.run(20 * MS)
+    alarm.set(30 * MS)
+    alarm.set(None)
+    host.run(50 * MS)
+    assert rang == [5 * MS]
+
+
+def test_health_tells_rate_counts_and_traffic_once_a_second() -> None:
+    host = VirtualHost()
+    talker(host)
+    listener, reports = host.node("listener", DRONE), list[Health]()
+    listener.each(topics.HEALTH, lambda m, _: reports.append(m))
+    host.nodes["talker"].count("clamped:something", 3)
+    host.run(2_500 * MS)
+    (first, second) = reports
+    assert first.service == "talker"
+    assert second.sent == pytest.approx(200, abs=2)
+    assert second.loop_hz == pytest.approx(100, abs=2)
+    assert second.counts == {"clamped:something": 3}
+    assert second.cpu_percent is None
+
+
+def test_a_log_line_is_said_on_the_bus_and_shown() -> None:
+    host = VirtualHost()
+    node, listener = host.node("worker", DRONE), host.node("listener", DRONE)
+    heard, shown = list[LogLine](), list[LogLine]()
+    node.show = shown.append
+    listener.each(topics.LOG, lambda m, _: heard.append(m))
+    node.log("warning", "deep water")
+    listener.step()
+    assert [line.text for line in heard] == [line.text for line in shown] == ["deep water"]
+
+
+class Note(msgspec.Struct):
+    depth: float
+
+
+def test_what_was_remembered_survives_a_kill() -> None:
+    host = VirtualHost()
+    node = host.node("worker", DRONE)
+    assert node.recall(Note) is None
+    node.remember(Note(3.5))
+    host.kill("worker")
+    again = host.node("worker", DRONE)
+    assert again.recall(Note) == Note(3.5)
+
+
+def test_a_damaged_memory_is_counted_and_treated_as_none() -> None:
+    host = VirtualHost()
+    host.node("worker", DRONE).remember(msgspec.defstruct("Other", [("depth", str)])("deep"))
+    again = host.node("worker", DRONE)
+    assert again.recall(Note) is None
+    assert again.counts == {"malformed:memory": 1}
+
+
+def test_two_services_that_answer_each_other_for_ever_are_found_out() -> None:
+    host = VirtualHost()
+    ping, pong = host.node("ping", DRONE), host.node("pong", DRONE)
+    serve, back = ping.publisher(topics.IMU), pong.publisher(topics.LOG.of("back"))
+    pong.each(
+        topics.IMU,
+        lambda _, now: back.put(LogLine(stamp_ns=now, service="", level="info", text="")),
+    )
+    ping.each(topics.LOG.of("back"), lambda _, now: serve.put(imu(now)))
+    ping.alarm(lambda now: serve.put(imu(now))).set(1 * MS)
+    with pytest.raises(RuntimeError, match="keep waking each other"):
+        host.run(2 * MS)

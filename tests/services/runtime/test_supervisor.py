@@ -1,0 +1,213 @@
+"""The supervisor with toy processes. Deadlines are generous: a test waits for what must come."""
+
+import os
+import sys
+import time
+from collections.abc import Callable, Generator
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from services.runtime import supervisor as module
+from services.runtime.child import Child, Task
+from services.runtime.supervisor import Supervisor
+
+PATIENCE_S = 20.0
+SLEEP = "import time\nprint('here', flush=True)\ntime.sleep(600)"
+DEAF = "import signal\nsignal.signal(signal.SIGTERM, signal.SIG_IGN)\n" + SLEEP
+MISTAKEN = "import sys\nsys.exit('lindy toy: depth is 7, expected at most 3')"
+BROKEN = "raise KeyError('x')"
+PARENT = f"""
+import subprocess, sys
+toy = subprocess.Popen([sys.executable, "-c", {SLEEP!r}])
+print(toy.pid, flush=True)
+toy.wait()
+"""
+
+
+class Toys:
+    """A supervisor, what it said, and how to add children to it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.told: list[str] = []
+        self.supervisor = Supervisor(lambda _, text: self.told.append(text))
+        self._folder = folder
+
+    def add(self, name: str, code: str, wave: int = 0) -> None:
+        log = self._folder / f"{name}.log"
+        self.supervisor.add([Task(name, [sys.executable, "-S", "-c", code], log, wave)])
+        self.supervisor.step()
+
+    def until(self, happened: Callable[[], bool]) -> None:
+        deadline = time.monotonic() + PATIENCE_S
+        while not happened():
+            assert time.monotonic() < deadline, self.told
+            self.supervisor.step()
+            time.sleep(0.01)
+
+    def wrote(self, name: str) -> str:
+        return (self._folder / f"{name}.log").read_text()
+
+    def until_written(self, name: str) -> str:
+        self.until(lambda: self.wrote(name).endswith("\n"))
+        return self.wrote(name)
+
+
+@pytest.fixture
+def toys(tmp_path: Path) -> Generator[Toys]:
+    toys = Toys(tmp_path)
+    yield toys
+    toys.supervisor.stop()
+
+
+def exists(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    state = Path(f"/proc/{pid}/stat")  # an orphan may wait as a zombie for whoever collects it
+    return not state.exists() or state.read_text().rsplit(")", 1)[1].split()[0] != "Z"
+
+
+def test_a_killed_child_is_started_again_and_it_is_said(toys: Toys):
+    toys.add("toy", SLEEP)
+    first = toys.supervisor.pids["toy"]
+    toys.supervisor.seen("toy")
+    os.kill(first, 9)
+    toys.until(lambda: toys.supervisor.pids.get("toy", first) != first)
+    assert toys.supervisor.restarts == {"toy": 1}
+    assert toys.told == ["toy ended unexpectedly (signal SIGKILL)", "toy is started again"]
+
+
+def test_a_mistake_of_the_users_is_shown_in_the_services_own_words(toys: Toys):
+    toys.add("toy", MISTAKEN)
+    toys.until(lambda: toys.supervisor.failure is not None)
+    assert toys.supervisor.failure == "depth is 7, expected at most 3"
+    assert toys.supervisor.restarts == {"toy": 0}
+
+
+def test_a_service_that_cannot_start_is_named_with_its_last_line_and_its_log(
+    toys: Toys, tmp_path: Path
+):
+    toys.add("toy", BROKEN)
+    toys.until(lambda: toys.supervisor.failure is not None)
+    assert toys.supervisor.failure == f"toy cannot start: KeyError: 'x' (see {tmp_path}/toy.log)"
+
+
+def test_stopping_leaves_nobody_behind(toys: Toys):
+    for name in ("one", "two", "three"):
+        toys.add(name, SLEEP)
+    pids = list(toys.supervisor.pids.values())
+    toys.supervisor.stop()
+    assert not any(exists(pid) for pid in pids)
+    assert toys.told == []
+
+
+def test_what_a_child_has_started_ends_with_it(toys: Toys):
+    toys.add("parent", PARENT)
+    grandchild = int(toys.until_written("parent").split()[0])
+    assert exists(grandchild)
+    toys.supervisor.stop()
+    toys.until(lambda: not exists(grandchild))
+
+
+def test_a_child_that_does_not_listen_is_killed_and_named(
+    toys: Toys, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(module, "PATIENCE_S", 0.3)
+    toys.add("deaf", DEAF)
+    toys.until_written("deaf")
+    pid = toys.supervisor.pids["deaf"]
+    toys.supervisor.stop()
+    assert not exists(pid)
+    assert toys.told == ["deaf did not end within 0.3 s and was killed"]
+
+
+class PretendChild:
+    """A process that ends when a test says so."""
+
+    def __init__(self, running: list[str], order: list[str], name: str) -> None:
+        assert name not in running, "two processes for one child"
+        running.append(name)
+        self.pid = 0
+        self._running, self._order, self._name = running, order, name
+        self._status: int | None = None
+
+    def end(self, status: int) -> None:
+        if self._status is None:
+            self._running.remove(self._name)
+            self._order.append(self._name)
+            self._status = status
+
+    def ended(self) -> int | None:
+        return self._status
+
+    def terminate(self) -> None:
+        self.end(0)
+
+    def kill(self) -> None:
+        self.end(-9)
+
+    def last_words(self) -> str:
+        return f"lindy {self._name}: words"
+
+
+class Stage:
+    """A supervisor over pretended children and a pretended clock."""
+
+    def __init__(self) -> None:
+        self.now = 0
+        self.running: list[str] = []
+        self.order: list[str] = []  # in which children ended
+        self.children: dict[str, PretendChild] = {}
+        self.supervisor = Supervisor(lambda _level, _text: None, self._spawn, lambda: self.now)
+        self.supervisor.add(
+            [
+                Task("hub", [], Path(), wave=2),
+                Task("recorder", [], Path(), wave=1),
+                Task("control", [], Path()),
+            ]
+        )
+        self.supervisor.step()
+
+    def _spawn(self, task: Task) -> Child:
+        self.children[task.name] = PretendChild(self.running, self.order, task.name)
+        return self.children[task.name]
+
+
+def test_the_recorder_ends_after_the_services_and_the_hub_after_the_recorder():
+    stage = Stage()
+    stage.supervisor.stop()
+    assert stage.order == ["control", "recorder", "hub"]
+
+
+NAMES = st.sampled_from(["hub", "recorder", "control"])
+MOMENTS = st.lists(
+    st.tuples(NAMES, st.sampled_from([None, 0, 1, -9]), st.integers(0, 3_000_000_000)), max_size=40
+)
+
+
+@settings(max_examples=100, deadline=None)
+@given(MOMENTS)
+def test_whatever_crashes_when_all_are_running_again_later_or_a_mistake_is_reported(
+    moments: list[tuple[str, int | None, int]],
+):
+    stage = Stage()
+    for name, status, pause in moments:
+        if status is None:
+            stage.supervisor.seen(name)
+        else:
+            stage.children[name].end(status)
+        stage.now += pause
+        stage.supervisor.step()
+    stage.now += 4_000_000_000  # the longest back-off
+    stage.supervisor.step()
+    stage.now += 4_000_000_000
+    stage.supervisor.step()
+    failed = [name for name, life in stage.supervisor.lives.items() if life.phase == "failed"]
+    assert sorted(stage.running + failed) == ["control", "hub", "recorder"]
+    assert (stage.supervisor.failure is not None) == bool(failed)
+    stage.supervisor.stop()
+    assert stage.running == []
