@@ -1,0 +1,87 @@
+"""Unit quaternions q_NB as (w, x, y, z), scalar first: how the body (FRD) lies in the world (NED).
+
+Plain floats instead of arrays: at three or four numbers NumPy costs ten times the arithmetic.
+Source of all: Fossen 2011, §2.2.
+"""
+
+from math import asin, atan2, cos, hypot, pi, sin, sqrt
+
+from services.marine.vehicle import Vec3
+
+Quaternion = tuple[float, float, float, float]  # [-] w, x, y, z
+
+LEVEL: Quaternion = (1.0, 0.0, 0.0, 0.0)
+
+
+def from_euler(roll: float, pitch: float, heading: float) -> Quaternion:
+    """Roll, pitch and heading [rad], turned about z, then y, then x (Fossen 2011, §2.2.1)."""
+    cr, sr = cos(roll / 2), sin(roll / 2)
+    cp, sp = cos(pitch / 2), sin(pitch / 2)
+    ch, sh = cos(heading / 2), sin(heading / 2)
+    return (
+        cr * cp * ch + sr * sp * sh,
+        sr * cp * ch - cr * sp * sh,
+        cr * sp * ch + sr * cp * sh,
+        cr * cp * sh - sr * sp * ch,
+    )
+
+
+def to_euler(q_NB: Quaternion) -> Vec3:
+    """Roll, pitch and heading [rad]. At ±90° of pitch roll and heading are not defined apart."""
+    w, x, y, z = q_NB
+    roll = atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    pitch = asin(max(-1.0, min(1.0, 2 * (w * y - x * z))))  # rounding may pass 1 by 1e-16
+    heading = atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    return roll, pitch, heading
+
+
+def normalised(q_NB: Quaternion) -> Quaternion:
+    """The same attitude with length 1, which integration loses by rounding."""
+    w, x, y, z = q_NB
+    length = sqrt(w * w + x * x + y * y + z * z)
+    return w / length, x / length, y / length, z / length
+
+
+def to_world(q_NB: Quaternion, v_B: Vec3) -> Vec3:
+    """v_N = R_NB v_B (Fossen 2011, §2.2.2, written as v + 2 ε × (ε × v + w v))."""
+    w, x, y, z = q_NB
+    a, b, c = v_B
+    s = y * c - z * b + w * a
+    t = z * a - x * c + w * b
+    u = x * b - y * a + w * c
+    return a + 2 * (y * u - z * t), b + 2 * (z * s - x * u), c + 2 * (x * t - y * s)
+
+
+def to_body(q_NB: Quaternion, v_N: Vec3) -> Vec3:
+    """v_B = R_BN v_N, the inverse of `to_world`."""
+    w, x, y, z = q_NB
+    return to_world((w, -x, -y, -z), v_N)
+
+
+def down_in_body(q_NB: Quaternion) -> Vec3:
+    """The world's down axis in body axes: the last row of R_NB. (0, 0, 1) when level."""
+    w, x, y, z = q_NB
+    return 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
+
+
+def attitude_rate(q_NB: Quaternion, rate_B: Vec3) -> Quaternion:
+    """dq/dt [1/s] for a body angular rate [rad/s]: half of q ⊗ ω (Fossen 2011, §2.2.2)."""
+    w, x, y, z = q_NB
+    p, q, r = rate_B
+    return (
+        -0.5 * (x * p + y * q + z * r),
+        0.5 * (w * p + y * r - z * q),
+        0.5 * (w * q + z * p - x * r),
+        0.5 * (w * r + x * q - y * p),
+    )
+
+
+def tilt(q_NB: Quaternion) -> float:
+    """[rad] Angle between the body's and the world's down axis, 0 … π."""
+    a, b, c = down_in_body(q_NB)
+    return atan2(hypot(a, b), c)
+
+
+def wrapped(angle: float) -> float:
+    """The same angle [rad] in −π … π."""
+    return (angle + pi) % (2 * pi) - pi

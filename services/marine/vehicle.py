@@ -1,0 +1,55 @@
+"""A vehicle as its TOML file describes it: one model, vehicle = a parameter file.
+
+Six-vectors are in SNAME order X, Y, Z, K, M, N about the vehicle's origin, body frame FRD.
+"""
+
+from typing import Annotated
+
+import msgspec
+
+# The upper limits are far beyond any vehicle; they keep infinities out.
+Positive = Annotated[float, msgspec.Meta(gt=0.0, le=1e6)]
+NotNegative = Annotated[float, msgspec.Meta(ge=0.0, le=1e6)]
+Finite = Annotated[float, msgspec.Meta(ge=-1e6, le=1e6)]
+Vec3 = tuple[Finite, Finite, Finite]
+Vec6 = tuple[Finite, Finite, Finite, Finite, Finite, Finite]
+Diagonal = tuple[NotNegative, NotNegative, NotNegative, NotNegative, NotNegative, NotNegative]
+
+
+class Thruster(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    name: str
+    position: Vec3  # [m] FRD, of the propeller
+    direction: Vec3  # [-] FRD, of the force for a positive command; need not be normalised
+    max_thrust: Positive  # [N] either way
+    dead_band: NotNegative = 0.0  # [N] commands smaller than this produce nothing
+    time_constant: Positive = 0.08  # [s] first-order lag of the thrust
+
+
+class Vehicle(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Mass properties, hydrodynamics and thrusters (Fossen 2011, ch. 6 to 8; SI units)."""
+
+    name: str
+    mass: Positive  # [kg] in air
+    net_buoyancy: Finite  # [N] buoyancy minus weight when submerged; + floats
+    inertia: tuple[Positive, Positive, Positive]  # [kg m²] about roll, pitch, yaw, without water
+    added_mass: Diagonal  # [kg, kg m²]
+    linear_damping: Diagonal  # [N s/m, N m s/rad]
+    quadratic_damping: Diagonal  # [N s²/m², N m s²/rad²]
+    metacentric_height: NotNegative  # [m] centre of buoyancy above centre of gravity
+    size: tuple[Positive, Positive, Positive]  # [m] length, width, height; origin in the middle
+    thruster: Annotated[list[Thruster], msgspec.Meta(min_length=1)]
+
+    @property
+    def floating_depth(self) -> float:
+        """[m] Depth of the origin when the vehicle floats at rest at the surface.
+
+        The submerged share of the hull's height carries the weight.
+        """
+        weight = self.mass * GRAVITY
+        share = min(1.0, weight / (weight + self.net_buoyancy))
+        return self.size[2] * (share - 0.5)
+
+
+GRAVITY = 9.81  # [m/s²]
+SEA_WATER = 1025.0  # [kg/m³]
+ATMOSPHERE = 101_325.0  # [Pa] standard

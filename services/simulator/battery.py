@@ -1,0 +1,44 @@
+"""The battery: what thrust costs in electricity, and what is left.
+
+Power of a thruster grows with |thrust| to the power 1.5 (momentum theory of a propeller at rest in
+the water: P = T √(T / 2ρA)), scaled to the known power at full thrust.
+"""
+
+from collections.abc import Sequence
+
+from messages.sensors import BatterySample
+from services.marine.vehicle import Vehicle
+from services.simulator.settings import Settings
+
+
+class Battery:
+    def __init__(self, vehicle: Vehicle, settings: Settings, used_wh: float = 0.0) -> None:
+        self.used_wh = used_wh  # [Wh]
+        self.power = settings.hotel_power  # [W] drawn now
+        self._settings = settings
+        self._max_thrust = [thruster.max_thrust for thruster in vehicle.thruster]
+
+    def feed(self, thrust: Sequence[float], seconds: float) -> None:
+        """Feed the thrusters, which produce this [N] now, for the `seconds` just passed."""
+        full = self._settings.thruster_power
+        load = [(abs(t) / most) for t, most in zip(thrust, self._max_thrust, strict=True)]
+        self.power = self._settings.hotel_power + full * sum(x * x**0.5 for x in load)
+        self.used_wh += self.power * seconds / 3600
+
+    @property
+    def empty(self) -> bool:
+        """The vehicle goes on all the same: a dive is not spoilt by our guess of its battery."""
+        return self.used_wh >= self._settings.battery_capacity
+
+    def sample(self, now: int) -> BatterySample:
+        """Voltage falls linearly with the charge, and with the current."""
+        about = self._settings
+        left = max(0.0, 1.0 - self.used_wh / about.battery_capacity)
+        open_circuit = about.battery_empty + left * (about.battery_full - about.battery_empty)
+        current = self.power / open_circuit
+        return BatterySample(
+            stamp_ns=now,
+            voltage=max(0.0, open_circuit - about.battery_resistance * current),
+            current=current,
+            used_wh=self.used_wh,
+        )

@@ -1,0 +1,85 @@
+"""What the sensors make of the truth: biases, noise, rounding.
+
+Every random number comes from the seed. Biases have a stream of their own, so that a simulator
+which is restarted in mid-dive carries the same sensors on.
+"""
+
+from collections.abc import Iterator, Sequence
+from math import sqrt
+
+import numpy as np
+
+from messages.message import Vec3
+from messages.sensors import ImuSample, MagnetometerSample, PressureSample
+from services.marine.attitude import Quaternion, to_body
+from services.marine.vehicle import GRAVITY, Vec6
+from services.simulator.settings import Settings
+
+IMU_HZ = 100.0  # [1/s] also of the magnetometer
+BLOCK = 1024  # samples whose noise is drawn at once, because a single draw is slow
+BIASES, IMU_NOISE, FIELD_NOISE, PRESSURE_NOISE = range(4)  # random streams
+
+
+class Sensors:
+    def __init__(self, settings: Settings, seed: int) -> None:
+        """
+        Args:
+            seed: [-] 0 or more; the same seed gives the same biases and noise.
+        """
+        drawn = np.random.default_rng([seed, BIASES]).standard_normal((3, 3))
+        one_std = np.array(
+            [[settings.gyro_bias], [settings.accelerometer_bias], [settings.hard_iron]]
+        )
+        self.gyro_bias, self.accelerometer_bias, self.hard_iron = (drawn * one_std).tolist()
+        self._settings = settings
+        # A white sample of a noise density n held for 1/f seconds has the standard deviation n √f.
+        root = sqrt(IMU_HZ)
+        imu = [settings.accelerometer_noise * root] * 3 + [settings.gyro_noise * root] * 3
+        self._imu_noise = white_noise(seed, IMU_NOISE, imu)
+        self._field_noise = white_noise(seed, FIELD_NOISE, [settings.magnetometer_noise] * 3)
+        self._pressure_noise = white_noise(seed, PRESSURE_NOISE, [settings.pressure_std])
+
+    def imu(self, now: int, q_NB: Quaternion, nu: Vec6, nu_dot: Vec6) -> ImuSample:
+        """Specific force f = dv/dt + ω × v − R_BN g and angular rate at the origin (Fossen 2011,
+        §11.5), with bias and noise.
+
+        Args:
+            nu, nu_dot: velocity and its derivative in the turning body frame, FRD.
+        """
+        u, v, w, p, q, r = nu
+        a, b, c, *_ = nu_dot
+        gx, gy, gz = to_body(q_NB, (0.0, 0.0, GRAVITY))
+        force = (a + q * w - r * v - gx, b + r * u - p * w - gy, c + p * v - q * u - gz)
+        noise = next(self._imu_noise)
+        return ImuSample(
+            stamp_ns=now,
+            specific_force=_sum(force, self.accelerometer_bias, noise[:3]),
+            angular_rate=_sum((p, q, r), self.gyro_bias, noise[3:]),
+        )
+
+    def magnetometer(self, now: int, q_NB: Quaternion) -> MagnetometerSample:
+        """The place's field in body axes, with the vehicle's own iron and noise."""
+        field = to_body(q_NB, self._settings.magnetic_field)
+        return MagnetometerSample(
+            stamp_ns=now, field=_sum(field, self.hard_iron, next(self._field_noise))
+        )
+
+    def pressure(self, now: int, depth: float) -> PressureSample:
+        """Absolute pressure at the origin: air above, a column of water below the surface."""
+        place = self._settings
+        water = place.water_density * GRAVITY * max(0.0, depth)
+        pressure = place.atmosphere + water + next(self._pressure_noise)[0]
+        if place.pressure_step > 0:
+            pressure = round(pressure / place.pressure_step) * place.pressure_step
+        return PressureSample(stamp_ns=now, pressure=pressure, temperature=place.water_temperature)
+
+
+def white_noise(seed: int, stream: int, std: Sequence[float]) -> Iterator[list[float]]:
+    """Endless samples of independent Gaussian noise, one number per standard deviation."""
+    rng = np.random.default_rng([seed, stream])
+    while True:
+        yield from (rng.standard_normal((BLOCK, len(std))) * np.array(std)).tolist()
+
+
+def _sum(a: Sequence[float], b: Sequence[float], c: Sequence[float]) -> Vec3:
+    return a[0] + b[0] + c[0], a[1] + b[1] + c[1], a[2] + b[2] + c[2]

@@ -1,0 +1,44 @@
+"""What the `[simulator]` table of a vehicle file may say: the place, the sensors, the battery."""
+
+from typing import Annotated
+
+import msgspec
+
+from services.marine.vehicle import ATMOSPHERE, SEA_WATER
+
+Field = Annotated[float, msgspec.Meta(ge=-1e-4, le=1e-4)]  # [T] the Earth's is 25 to 65 µT
+FieldNoise = Annotated[float, msgspec.Meta(ge=0.0, le=1e-4)]  # [T]
+Angle = Annotated[float, msgspec.Meta(ge=-6.3, le=6.3)]  # [rad]
+Amount = Annotated[float, msgspec.Meta(gt=0.0, le=1e6)]  # of watts, volts, watt-hours
+Noise = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]  # far beyond any sensor worth the name
+
+
+class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    # The place.
+    floor_depth: Annotated[float, msgspec.Meta(gt=0.0, le=11_000.0)] = 20.0  # [m]
+    start_heading: Angle = 0.0  # [rad] clockwise from north
+    atmosphere: Annotated[float, msgspec.Meta(ge=50_000.0, le=120_000.0)] = ATMOSPHERE  # [Pa]
+    water_density: Annotated[float, msgspec.Meta(ge=900.0, le=1200.0)] = SEA_WATER  # [kg/m³]
+    water_temperature: Annotated[float, msgspec.Meta(ge=-5.0, le=50.0)] = 8.0  # [°C]
+    magnetic_field: tuple[Field, Field, Field] = (15e-6, 0.0, 49e-6)  # [T] NED; dip 73°
+
+    # [-] of the Munk moment that the wake takes back (services/marine/wake.py); 0 is ideal flow.
+    wake_share: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 1.0
+
+    # The sensors: a typical small MEMS unit. Biases are drawn once per seed.
+    gyro_bias: Noise = 0.0105  # [rad/s] 1σ per axis, 0.6 °/s
+    gyro_noise: Noise = 1.22e-4  # [rad/s/√Hz] 0.007 °/s/√Hz
+    accelerometer_bias: Noise = 0.098  # [m/s²] 1σ per axis, 10 mg
+    accelerometer_noise: Noise = 1.5e-3  # [m/s²/√Hz] 150 µg/√Hz
+    hard_iron: FieldNoise = 0.2e-6  # [T] 1σ per axis
+    magnetometer_noise: FieldNoise = 0.2e-6  # [T] 1σ per axis and sample
+    pressure_std: Annotated[float, msgspec.Meta(ge=0.0, le=5000.0)] = 500.0  # [Pa] 5 mbar
+    pressure_step: Annotated[float, msgspec.Meta(ge=0.0, le=5000.0)] = 0.0  # [Pa] 0: unrounded
+
+    # The battery and what it feeds.
+    battery_capacity: Amount = 96.0  # [Wh] Blueye Pioneer (Andrén 2023, §2.1)
+    battery_full: Amount = 16.8  # [V] open circuit; four lithium cells, assumed
+    battery_empty: Amount = 12.8  # [V] open circuit, assumed
+    battery_resistance: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 0.03  # [Ω] assumed
+    thruster_power: Amount = 350.0  # [W] of one thruster at its full thrust (Andrén 2023, §2.1)
+    hotel_power: Amount = 25.0  # [W] computer, camera, sensors; assumed

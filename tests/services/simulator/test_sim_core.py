@@ -1,0 +1,198 @@
+"""Commands take effect when they are heard, end when their time is over, and nothing is silent."""
+
+from itertools import pairwise
+from math import exp, pi
+from typing import Any
+
+import msgspec
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from messages.control import ThrusterCommand
+from services.marine.vehicle import Vehicle
+from services.runtime.stack import Stack
+from services.simulator.core import Settings, Simulator, World, at_the_surface
+
+MS = 1_000_000  # [ns]
+PIONEER = Stack().section("vehicle", Vehicle)
+
+
+def diving(**changes: Any) -> World:
+    """At rest, 5 m deep."""
+    surface = at_the_surface(PIONEER, Settings())
+    state = (0.0, 0.0, 5.0, *surface.state[3:])
+    return msgspec.structs.replace(surface, state=state, **changes)
+
+
+def simulator(world: World | None = None, seed: int = 0) -> Simulator:
+    fresh = Simulator(PIONEER, Settings(), seed, world or diving())
+    fresh.advance(0)
+    return fresh
+
+
+def command(now: int, *thrust: float, ttl_ms: float = 200.0) -> ThrusterCommand:
+    return ThrusterCommand(
+        stamp_ns=now, sensor_ns=now - 1, pilot_ns=now - 2, thrust=thrust, ttl_ms=ttl_ms
+    )
+
+
+def test_it_begins_at_rest_floating_level_on_the_heading_asked_for() -> None:
+    about = Settings(start_heading=1.2)
+    sim = Simulator(PIONEER, about, 0, at_the_surface(PIONEER, about))
+    for ms in range(0, 1000, 10):
+        sim.advance(ms * MS)
+    truth = sim.truth()
+    assert truth.position == pytest.approx((0.0, 0.0, PIONEER.floating_depth))
+    assert (truth.roll, truth.pitch) == pytest.approx((0.0, 0.0))
+    assert truth.heading == pytest.approx(1.2)
+    assert truth.velocity == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
+    assert not truth.on_floor
+
+
+def test_a_sea_too_shallow_to_float_in_is_refused() -> None:
+    with pytest.raises(ValueError, match="floor_depth"):
+        at_the_surface(PIONEER, Settings(floor_depth=0.3))
+
+
+def test_before_the_first_command_the_thrusters_are_stopped_and_nothing_is_counted() -> None:
+    sim = simulator()
+    assert sim.advance(1000 * MS) == []
+    assert sim.actuation().stale
+    assert sim.actuation().actuated_ns is None
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 9_999_999))
+def test_a_command_takes_effect_at_the_instant_it_is_heard(offset: int) -> None:
+    sim, late = simulator(), 10 * MS
+    assert sim.obey(command(offset, 0.0, 0.0, 20.0, 0.0), offset) == []
+    sim.advance(late)
+    actuation = sim.actuation()
+    lag = PIONEER.thruster[2].time_constant
+    expected = 20.0 * (1 - exp(-(late - offset) / 1e9 / lag))
+    assert actuation.thrust[2] == pytest.approx(expected, abs=1e-9)
+    assert actuation.actuated_ns == offset
+    assert (actuation.sensor_ns, actuation.pilot_ns) == (offset - 1, offset - 2)
+    assert not actuation.stale
+
+
+def test_a_stale_command_ends_at_the_end_of_its_life_and_is_counted_once() -> None:
+    sim = simulator()
+    sim.obey(command(0, 30.0, 30.0, 0.0, 0.0), 0)
+    assert sim.advance(200 * MS) == []
+    running = sim.actuation().thrust[0]
+    assert sim.advance(201 * MS) == ["stale:control/thrusters"]
+    assert sim.advance(500 * MS) == []
+    assert sim.actuation().stale
+    assert abs(sim.actuation().thrust[0]) < 0.05 * running
+
+
+def test_staleness_does_not_depend_on_how_often_the_world_is_looked_at() -> None:
+    seldom, often = simulator(), simulator()
+    for sim in (seldom, often):
+        sim.obey(command(0, 30.0, 30.0, 5.0, 10.0, ttl_ms=123.4), 0)
+    counted = [name for ms in range(1, 401) for name in often.advance(ms * MS)]
+    assert counted == seldom.advance(400 * MS) == ["stale:control/thrusters"]
+    assert often.truth().position == pytest.approx(seldom.truth().position, abs=1e-6)
+
+
+def test_time_never_runs_backwards() -> None:
+    sim = simulator()
+    sim.obey(command(0, 30.0, 30.0, 5.0, 10.0), 0)
+    sim.advance(100 * MS)
+    before = sim.world()
+    sim.advance(50 * MS)
+    assert sim.world() == before
+    assert sim.truth().stamp_ns == 100 * MS
+
+
+def test_a_newer_command_renews_life_and_can_return_after_silence() -> None:
+    sim = simulator()
+    sim.obey(command(0, 5.0, 5.0, 0.0, 0.0), 0)
+    assert sim.obey(command(150 * MS, 5.0, 5.0, 0.0, 0.0), 150 * MS) == []
+    assert sim.advance(340 * MS) == []
+    assert sim.obey(command(900 * MS, 5.0, 5.0, 0.0, 0.0), 900 * MS) == ["stale:control/thrusters"]
+    assert not sim.actuation().stale
+
+
+@pytest.mark.parametrize("thrust", [(), (1.0,), (1.0,) * 5])
+def test_a_command_for_another_vehicle_is_refused_and_counted(thrust: tuple[float, ...]) -> None:
+    sim = simulator()
+    sim.obey(command(0, 5.0, 5.0, 0.0, 0.0), 0)
+    assert sim.obey(command(10 * MS, *thrust), 10 * MS) == ["wrong_length:control/thrusters"]
+    assert sim.actuation().actuated_ns == 0
+
+
+def test_a_thruster_at_its_limit_is_counted_by_name() -> None:
+    sim = simulator()
+    assert sim.obey(command(0, 40.0, 0.5, 0.0, -99.0), 0) == [
+        "saturated:port",
+        "saturated:vertical",
+    ]
+
+
+def test_power_and_used_energy_grow_with_thrust_to_the_power_three_halves() -> None:
+    idle, half, full = simulator(), simulator(), simulator()
+    hotel = Settings().hotel_power
+    for sim, thrust in ((idle, 0.0), (half, 17.5), (full, 35.0)):
+        for ms in range(0, 2000, 10):
+            sim.obey(command(ms * MS, thrust, 0.0, 0.0, 0.0), ms * MS)
+    drawn = [sim.actuation().power - hotel for sim in (idle, half, full)]
+    assert drawn[0] == 0.0
+    assert drawn[2] == pytest.approx(Settings().thruster_power, rel=1e-3)
+    assert drawn[1] == pytest.approx(drawn[2] / 2**1.5, rel=1e-3)
+    assert idle.battery().used_wh == pytest.approx(hotel * 1.99 / 3600, rel=1e-6)
+    assert full.battery().used_wh > half.battery().used_wh > idle.battery().used_wh
+    assert full.battery().voltage < idle.battery().voltage
+
+
+def test_an_empty_battery_is_said_and_reads_finite_values() -> None:
+    sim = simulator(diving(used_wh=200.0))
+    assert sim.battery_empty
+    assert 0 < sim.battery().voltage < 16.8
+    assert not simulator().battery_empty
+
+
+def test_heading_accumulates_past_a_half_turn() -> None:
+    sim = simulator()
+    headings = list[float]()
+    for ms in range(0, 20_000, 10):
+        sim.obey(command(ms * MS, 10.0, -10.0, 0.0, 0.0), ms * MS)
+        headings.append(sim.truth().heading)
+    assert headings[-1] > 2 * pi
+    assert max(abs(b - a) for a, b in pairwise(headings)) < 0.1
+
+
+def test_a_remembered_world_goes_on_as_if_nothing_had_happened() -> None:
+    first = simulator()
+    first.obey(command(0, 20.0, 10.0, 5.0, 10.0, ttl_ms=10_000.0), 0)
+    first.advance(1000 * MS)
+    copy = msgspec.json.decode(msgspec.json.encode(first.world()), type=World)
+    assert copy.fits(PIONEER)
+    second = Simulator(PIONEER, Settings(), 0, copy)
+    for sim, t0 in ((first, 1000 * MS), (second, 5000 * MS)):
+        sim.advance(t0)
+        sim.obey(command(t0, 0.0, 0.0, 0.0, 0.0), t0)
+        sim.advance(t0 + 700 * MS)
+    assert second.world().state == pytest.approx(first.world().state, abs=1e-9)
+    assert second.truth().heading == pytest.approx(first.truth().heading, abs=1e-9)
+    assert second.battery().used_wh == pytest.approx(first.battery().used_wh)
+
+
+def test_a_memory_of_another_vehicle_does_not_fit() -> None:
+    assert not msgspec.structs.replace(diving(), thrust=(0.0,) * 8).fits(PIONEER)
+    assert not msgspec.structs.replace(diving(), state=(0.0,) * 12).fits(PIONEER)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.lists(st.tuples(*[st.floats(-1e9, 1e9)] * 4), min_size=1, max_size=20))
+def test_no_command_however_absurd_makes_the_world_unreadable(
+    thrusts: list[tuple[float, float, float, float]],
+) -> None:
+    sim = simulator()
+    for i, thrust in enumerate(thrusts):
+        sim.obey(command(i * 50 * MS, *thrust), i * 50 * MS)
+    said = (sim.imu(), sim.magnetometer(), sim.pressure(), sim.battery(), sim.truth())
+    for message in (*said, sim.actuation()):
+        msgspec.msgpack.decode(msgspec.msgpack.encode(message), type=type(message))

@@ -1,0 +1,175 @@
+"""The simulator on the bus: rates, chain of events, reproducibility, restart in mid-dive."""
+
+from collections import defaultdict
+from typing import Any
+
+import msgspec
+import pytest
+
+from messages import topics
+from messages.control import ThrusterCommand
+from messages.sensors import ImuSample
+from messages.vehicle import Actuation, Truth
+from services.runtime.bus import Envelope
+from services.runtime.errors import LindyError
+from services.runtime.node import Node
+from services.runtime.stack import Row, Stack
+from services.runtime.virtual_host import VirtualHost
+from services.simulator.core import World
+from services.simulator.service import wire
+
+SECOND = 1_000_000_000  # [ns]
+ROW = Row(realms=["drone"])
+DIVE = (2.0, 6.0, 0.0, 20.0)  # [N]
+
+
+class Sea:
+    """A simulator, a neighbour that commands its thrusters, and a listener to everything."""
+
+    def __init__(self, stack: Stack | None = None, *thrust: float) -> None:
+        self.host = VirtualHost()
+        self.stack = stack or Stack()
+        self.thrust: tuple[float, ...] = thrust
+        self.heard: defaultdict[str, list[bytes]] = defaultdict(list)
+        self.simulator = self.start()
+        control = self.host.node("control", ["drone"])
+        commands = control.publisher(topics.THRUSTERS)
+
+        def on_imu(sample: ImuSample, now: int) -> None:
+            if self.thrust:
+                cause = sample.stamp_ns
+                commands.put(
+                    ThrusterCommand(
+                        stamp_ns=now, sensor_ns=cause, pilot_ns=None, thrust=self.thrust
+                    )
+                )
+
+        control.each(topics.IMU, on_imu)
+        self.host.realm("drone").hear("**", self._listen)
+
+    def start(self) -> Node:
+        return self.host.add("simulator", ROW, self.stack, wire)
+
+    def _listen(self, envelope: Envelope) -> None:
+        self.heard[envelope.key].append(envelope.payload)
+
+    def run(self, seconds: float) -> None:
+        self.host.run(self.host.now + round(seconds * SECOND))
+
+    def messages(self, topic: topics.Topic[Any]) -> list[Any]:
+        return [msgspec.msgpack.decode(b, type=topic.message) for b in self.heard[topic.key]]
+
+    def truth(self) -> Truth:
+        return self.messages(topics.TRUTH)[-1]
+
+
+def test_every_stream_comes_at_its_rate() -> None:
+    sea = Sea()
+    sea.run(10)
+    for topic in (
+        topics.IMU,
+        topics.MAGNETOMETER,
+        topics.PRESSURE,
+        topics.BATTERY,
+        topics.ACTUATION,
+        topics.TRUTH,
+    ):
+        assert len(sea.heard[topic.key]) == pytest.approx(10 * topic.hz, abs=1)
+
+
+def test_stamps_are_the_instants_to_which_the_world_had_moved() -> None:
+    sea = Sea()
+    sea.run(1)
+    for topic in (topics.IMU, topics.TRUTH):
+        assert [m.stamp_ns for m in sea.messages(topic)] == [
+            10_000_000 * (i + 1) for i in range(100)
+        ]
+    stamps = [m.stamp_ns for m in sea.messages(topics.PRESSURE)]
+    assert stamps == [round(SECOND / 42) * (i + 1) for i in range(len(stamps))]
+
+
+def test_commands_move_the_vehicle_and_actuation_names_their_cause() -> None:
+    sea = Sea(None, *DIVE)
+    sea.run(5)
+    newest: Actuation = sea.messages(topics.ACTUATION)[-1]
+    assert sea.truth().position[2] > 2.0
+    assert sea.truth().heading < -0.5  # more thrust to starboard turns to port
+    assert newest.sensor_ns == newest.actuated_ns == newest.stamp_ns - 10_000_000
+    assert not newest.stale
+    assert newest.thrust == pytest.approx(DIVE, abs=0.01)
+
+
+def test_when_control_falls_silent_the_thrusters_stop_and_it_is_counted_once() -> None:
+    sea = Sea(None, *DIVE)
+    sea.run(2)
+    sea.thrust = ()
+    sea.run(2)
+    newest: Actuation = sea.messages(topics.ACTUATION)[-1]
+    assert newest.stale
+    assert newest.thrust == pytest.approx((0, 0, 0, 0), abs=1e-3)
+    assert sea.simulator.counts["stale:control/thrusters"] == 1
+
+
+def test_limits_and_wrong_commands_are_counted() -> None:
+    sea = Sea(None, 50.0, 0.0, 0.0, 0.0)
+    sea.run(1)
+    assert sea.simulator.counts["saturated:port"] >= 99
+    sea.thrust = (1.0, 2.0)
+    sea.run(1)
+    assert sea.simulator.counts["wrong_length:control/thrusters"] == 100
+
+
+def test_the_floor_is_felt_and_said() -> None:
+    sea = Sea(Stack(overrides=["simulator.floor_depth=2.0"]), 0.0, 0.0, 0.0, 20.0)
+    sea.run(8)
+    assert sea.truth().on_floor
+    assert sea.truth().position[2] < 2.0
+
+
+def test_the_same_seed_says_the_same_bytes_and_another_seed_others() -> None:
+    def dive(seed: int) -> dict[str, list[bytes]]:
+        sea = Sea(Stack(seed=seed), *DIVE)
+        sea.run(3)
+        return dict(sea.heard)
+
+    assert dive(1) == dive(1)
+    assert dive(1)["sensor/imu"] != dive(2)["sensor/imu"]
+    assert dive(1)["sensor/pressure"] != dive(2)["sensor/pressure"]
+
+
+def test_a_killed_simulator_resumes_its_dive_with_the_same_sensors() -> None:
+    sea = Sea(None, *DIVE)
+    sea.run(5)
+    before = sea.truth()
+    sea.host.kill("simulator")
+    sea.run(1)
+    sea.heard.clear()
+    sea.thrust = ()
+    sea.start()
+    sea.run(0.02)
+    after: Truth = sea.messages(topics.TRUTH)[0]
+    assert after.position == pytest.approx(before.position, abs=0.3)  # at most 0.2 s ago
+    assert after.position[2] > 2.0
+    assert after.heading == pytest.approx(before.heading, abs=0.3)
+    assert after.velocity == pytest.approx(before.velocity, abs=0.1)
+
+
+def test_a_memory_of_another_vehicle_is_counted_and_the_dive_begins_anew() -> None:
+    host = VirtualHost()
+    other = World(state=(0.0,) * 13, thrust=(0.0,) * 8, heading=0.0, used_wh=0.0)
+    host.node("simulator", ["drone"]).remember(other)
+    node = host.add("simulator", ROW, Stack(), wire)
+    assert node.counts["malformed:memory"] == 1
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("simulator.floor_depth=0.2", "floor_depth"),
+        ("simulator.presure_std=3", "unknown key; did you mean 'pressure_std'"),
+        ("simulator.atmosphere=10", "atmosphere"),
+    ],
+)
+def test_a_wrong_setting_is_one_sentence(override: str, message: str) -> None:
+    with pytest.raises(LindyError, match=message):
+        VirtualHost().add("simulator", ROW, Stack(overrides=[override]), wire)

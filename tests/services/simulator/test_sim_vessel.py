@@ -1,0 +1,224 @@
+"""The vehicle in the water keeps the laws of physics."""
+
+from itertools import pairwise
+from math import degrees, exp, pi, sqrt
+
+import msgspec
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from services.marine.attitude import Quaternion, from_euler, tilt, to_euler
+from services.marine.hydrodynamics import full_buoyancy
+from services.marine.rigid_body import kinetic_energy, system_inertia
+from services.marine.vehicle import GRAVITY, Vec6, Vehicle
+from services.runtime.stack import Stack
+from services.simulator.vessel import STEP, State, Vessel
+
+PIONEER = Stack().section("vehicle", Vehicle)
+NEUTRAL = msgspec.structs.replace(PIONEER, net_buoyancy=0.0)
+LEVEL: Quaternion = (1.0, 0.0, 0.0, 0.0)
+REST: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+FLOOR = 100.0  # [m]
+motion = st.tuples(*[st.floats(-2, 2)] * 6)
+attitude = st.builds(from_euler, st.floats(-3, 3), st.floats(-1.5, 1.5), st.floats(-3, 3))
+law = settings(max_examples=40, deadline=None)
+
+
+def vessel(
+    vehicle: Vehicle = PIONEER,
+    *,
+    depth: float = 50.0,
+    q_NB: Quaternion = LEVEL,
+    nu: Vec6 = REST,
+    floor: float = FLOOR,
+    wake: float = 1.0,
+) -> Vessel:
+    state: State = (0.0, 0.0, depth, *q_NB, *nu)
+    return Vessel(vehicle, floor, wake, state, [0.0] * len(vehicle.thruster))
+
+
+def sail(ship: Vessel, seconds: float, step: float = STEP) -> list[State]:
+    states = list[State]()
+    for _ in range(round(seconds / step)):
+        ship.advance(step)
+        states.append(ship.state)
+    return states
+
+
+def q_of(state: State) -> Quaternion:
+    return state[3], state[4], state[5], state[6]
+
+
+def energy(vehicle: Vehicle, state: State) -> float:
+    """[J] of motion and of tilt."""
+    _, _, _, _, _, _, _, u, v, w, p, q, r = state
+    upright = 1 - 2 * (state[4] ** 2 + state[5] ** 2)
+    righting = vehicle.mass * GRAVITY * vehicle.metacentric_height * (1 - upright)
+    return kinetic_energy(system_inertia(vehicle), (u, v, w, p, q, r)) + righting
+
+
+@law
+@given(attitude, motion, st.floats(0, 1))
+def test_without_thrust_a_neutral_vehicle_only_loses_energy(
+    q_NB: Quaternion, nu: Vec6, wake: float
+) -> None:
+    ship = vessel(NEUTRAL, q_NB=q_NB, nu=nu, wake=wake)
+    history = [energy(NEUTRAL, ship.state), *(energy(NEUTRAL, s) for s in sail(ship, 2.0))]
+    assert all(b <= a + 1e-9 for a, b in pairwise(history))
+    assert history[-1] < history[0] or history[0] < 1e-9
+
+
+@law
+@given(attitude, motion)
+def test_without_drag_energy_is_kept(q_NB: Quaternion, nu: Vec6) -> None:
+    slick = msgspec.structs.replace(NEUTRAL, linear_damping=REST, quadratic_damping=REST)
+    ship = vessel(slick, q_NB=q_NB, nu=nu, wake=0.0)
+    before = energy(slick, ship.state)
+    sail(ship, 0.5)
+    assert energy(slick, ship.state) == pytest.approx(before, rel=1e-5, abs=1e-7)
+
+
+@law
+@given(attitude, motion, st.tuples(*[st.floats(-35, 35)] * 4))
+def test_the_quaternion_stays_a_unit(
+    q_NB: Quaternion, nu: Vec6, thrust: tuple[float, float, float, float]
+) -> None:
+    ship = vessel(q_NB=q_NB, nu=nu)
+    ship.drive(thrust)
+    sail(ship, 1.0)
+    assert sum(x * x for x in q_of(ship.state)) == pytest.approx(1.0, abs=1e-12)
+
+
+def test_floating_at_rest_it_stays_where_it_floats() -> None:
+    ship = vessel(depth=PIONEER.floating_depth)
+    assert all(abs(s[2] - PIONEER.floating_depth) < 1e-9 for s in sail(ship, 5.0))
+
+
+def test_from_below_it_rises_to_the_surface_and_floats() -> None:
+    ship = vessel(depth=1.0)
+    depths = [s[2] for s in sail(ship, 60.0)]
+    last = depths[-2000:]  # it bobs a little for long: we model no waves, which would brake it
+    assert sum(last) / len(last) == pytest.approx(PIONEER.floating_depth, abs=0.005)
+    assert max(last) - min(last) < 0.05
+
+
+def test_surge_ends_where_drag_balances_thrust() -> None:
+    linear, quadratic = NEUTRAL.linear_damping[0], NEUTRAL.quadratic_damping[0]
+    expected = (sqrt(linear**2 + 4 * quadratic * 70.0) - linear) / (2 * quadratic)
+    ship = vessel(NEUTRAL)
+    ship.drive([35.0, 35.0, 0.0, 0.0])
+    sail(ship, 10.0)
+    assert expected == pytest.approx(1.6, abs=0.05)
+    assert ship.state[7] == pytest.approx(expected, rel=1e-3)
+
+
+def test_at_full_surge_with_net_buoyancy_it_keeps_nearly_level() -> None:
+    ship = vessel()
+    ship.drive([35.0, 35.0, 0.0, 0.0])
+    assert all(degrees(tilt(q_of(s))) < 10 for s in sail(ship, 15.0))
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_tilted_it_swings_at_the_frequency_of_its_metacentric_height(axis: int) -> None:
+    light = msgspec.structs.replace(
+        NEUTRAL, linear_damping=(0.0,) * 3 + (0.02,) * 3, quadratic_damping=REST
+    )
+    start = from_euler(*((0.05, 0.0) if axis == 0 else (0.0, 0.05)), 0.0)
+    inertia = system_inertia(light)[3 + axis]
+    expected = sqrt(full_buoyancy(light) * light.metacentric_height / inertia)
+    angles = [to_euler(q_of(s))[axis] for s in sail(vessel(light, q_NB=start, wake=0.0), 10.0)]
+    crossings = [i for i in range(1, len(angles)) if angles[i - 1] > 0 >= angles[i]]
+    period = STEP * (crossings[-1] - crossings[0]) / (len(crossings) - 1)
+    assert len(crossings) >= 3
+    assert 2 * pi / period == pytest.approx(expected, rel=0.01)
+
+
+@law
+@given(st.floats(-2.5, 2.5), st.floats(-1.2, 1.2))
+def test_tilted_it_comes_back_upright(roll: float, pitch: float) -> None:
+    ship = vessel(q_NB=from_euler(roll, pitch, 0.3))
+    sail(ship, 10.0)
+    assert tilt(q_of(ship.state)) < 0.02
+
+
+@pytest.mark.parametrize("start", [0.4, 3.0])
+def test_full_thrust_down_does_not_push_it_through_the_floor(start: float) -> None:
+    ship = vessel(depth=start, floor=6.0)
+    ship.drive([0.0, 0.0, 0.0, 35.0])
+    bottom = PIONEER.size[2] / 2
+    deepest = max(s[2] + bottom - 6.0 for s in sail(ship, 12.0))
+    assert 0 < deepest < 0.03
+    assert ship.on_floor
+    assert abs(ship.state[9]) < 1e-3
+    ship.drive([0.0, 0.0, 0.0, -10.0])
+    sail(ship, 3.0)
+    assert not ship.on_floor
+    assert ship.state[2] < 5.0
+
+
+def test_a_heavy_vehicle_thrown_sideways_onto_the_floor_stops_and_stays_stable() -> None:
+    heavy = msgspec.structs.replace(PIONEER, net_buoyancy=-20.0)
+    ship = vessel(heavy, depth=5.0, floor=5.5, nu=(2.0, -1.5, 3.0, 2.0, -2.0, 1.0))
+    sail(ship, 10.0)
+    assert ship.on_floor
+    assert max(abs(n) for n in ship.state[7:]) < 1e-3
+    assert tilt(q_of(ship.state)) < 0.01
+
+
+def test_a_thruster_in_the_air_produces_nothing() -> None:
+    # The vertical thruster sits 75 mm above the origin.
+    ship = vessel(depth=0.0)
+    ship.drive([10.0, 10.0, 0.0, 10.0])
+    ship.advance(STEP)
+    assert ship.produced[3] == 0.0
+    assert ship.produced[0] > 0.0
+    sunk = vessel(depth=0.3)
+    sunk.drive([10.0, 10.0, 0.0, 10.0])
+    sunk.advance(STEP)
+    assert sunk.produced[3] > 0.0
+
+
+def test_a_command_grows_into_thrust_with_the_time_constant() -> None:
+    ship = vessel()
+    ship.drive([0.0, 0.0, 20.0, 0.0])
+    sail(ship, 0.16)
+    assert ship.thrust[2] == pytest.approx(20.0 * (1 - exp(-2.0)))
+
+
+def test_limits_are_named_and_kept_and_the_dead_band_is_silent() -> None:
+    ship = vessel()
+    assert ship.drive([50.0, -36.0, 0.5, 35.0]) == ["port", "starboard"]
+    assert ship.wanted == [35.0, -35.0, 0.0, 35.0]
+
+
+def test_integration_converges_with_fourth_order() -> None:
+    def end(step: float) -> State:
+        ship = vessel(nu=(0.8, 0.2, 0.3, 0.5, -0.4, 1.0))
+        ship.drive([20.0, 5.0, 10.0, 4.0])
+        return sail(ship, 1.28, step)[-1]
+
+    best = end(0.00125)
+    coarse, fine = (
+        max(abs(a - b) for a, b in zip(end(h), best, strict=True)) for h in (0.01, 0.005)
+    )
+    assert coarse < 1e-6
+    assert coarse / fine > 12  # 16 for a smooth right-hand side
+
+
+@law
+@given(st.floats(1e-6, 0.00999), motion)
+def test_cutting_a_step_in_two_changes_nothing_that_matters(cut: float, nu: Vec6) -> None:
+    whole, parts = vessel(nu=nu), vessel(nu=nu)
+    for ship in (whole, parts):
+        ship.drive([30.0, -10.0, 5.0, 20.0])
+    whole.advance(STEP)
+    parts.advance(cut)
+    parts.advance(STEP - cut)
+    assert parts.state == pytest.approx(whole.state, abs=1e-4)
+
+
+def test_a_motion_that_diverges_ends_the_simulator_with_a_sentence() -> None:
+    ship = vessel(nu=(1e7, 0.0, 0.0, 0.0, 0.0, 0.0))
+    with pytest.raises(FloatingPointError, match="diverged"):
+        sail(ship, 0.1)
