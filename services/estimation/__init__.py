@@ -1,0 +1,1 @@
+"""Pressure, IMU and magnetometer become `VehicleState`: depth, attitude and two headings."""

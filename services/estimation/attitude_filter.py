@@ -1,0 +1,138 @@
+"""Attitude by Madgwick's filter for gyroscope and accelerometer (Madgwick 2010, section 3.2).
+
+The gyroscope turns the quaternion; a small step of gradient descent then leans it towards what the
+accelerometer says about down. The step never turns about the vertical, so heading is the
+gyroscope's alone. Andrén 2023, eq. 4.22 to 4.25, is this filter; printed there without dt on the
+step and without normalisation, which both belong to it.
+
+q_NB is w, x, y, z and turns body (FRD) vectors into NED.
+"""
+
+from math import asin, atan2, cos, sin, sqrt
+from typing import Annotated
+
+import msgspec
+
+from services.marine.vehicle import GRAVITY
+
+Vec3 = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+Gain = Annotated[float, msgspec.Meta(gt=0.0, le=1.0)]
+Positive = Annotated[float, msgspec.Meta(gt=0.0, le=10.0)]
+
+
+class AttitudeSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Attitude and headings."""
+
+    correction: Gain = 0.02  # [rad/s] Madgwick's β: fastest step towards the accelerometer
+    gravity_tolerance: Positive = 0.5  # [m/s²] | |f| - g | beyond it: accelerating, no correction
+    tilt_std: Positive = 0.02  # [rad] of roll and pitch while corrected
+    tilt_drift: Positive = 0.001  # [rad/s] growth of that while not corrected
+    heading_drift: Positive = 7e-5  # [rad/s] growth of the control heading's spread; 0.25 deg/min
+    yaw_rate_std: Positive = 0.005  # [rad/s]
+    yaw_rate_cutoff: Positive = 8.0  # [Hz] of the exponential low-pass
+    compass_time: Annotated[float, msgspec.Meta(gt=0.0, le=1e3)] = 10.0  # [s] blend with gyroscope
+    compass_std: Positive = 0.07  # [rad] of the navigation heading, with soft and hard iron
+
+
+class AttitudeFilter:
+    """The attitude q_NB."""
+
+    __slots__ = ("_beta", "_tolerance", "q")
+
+    def __init__(self, settings: AttitudeSettings) -> None:
+        self._beta = settings.correction
+        self._tolerance = settings.gravity_tolerance
+        self.q: Quaternion = (1.0, 0.0, 0.0, 0.0)
+
+    def start(self, specific_force: Vec3, heading: float) -> None:
+        """Begin with the tilt the accelerometer shows at rest [m/s²] and a given heading [rad]."""
+        roll, pitch = tilt_of(specific_force)
+        self.q = quaternion_of(roll, pitch, heading)
+
+    def step(self, rate: Vec3, specific_force: Vec3, dt: float) -> bool:
+        """Move on by `dt` [s] with the angular rate [rad/s], bias removed, and the specific force
+        [m/s²], both in FRD. False: accelerating too much, the accelerometer was not used."""
+        self.q = turned(self.q, rate, dt)
+        fx, fy, fz = specific_force
+        size = sqrt(fx * fx + fy * fy + fz * fz)
+        if abs(size - GRAVITY) > self._tolerance:
+            return False
+        # At rest the specific force points up.
+        self.q = corrected(self.q, (-fx / size, -fy / size, -fz / size), self._beta * dt)
+        return True
+
+
+def turned(q: Quaternion, rate: Vec3, dt: float) -> Quaternion:
+    """q_NB after turning at `rate` [rad/s], body, for `dt` [s] (Madgwick 2010, eq. 11 to 13)."""
+    w, x, y, z = q
+    half = 0.5 * dt
+    a, b, c = half * rate[0], half * rate[1], half * rate[2]
+    return unit(
+        w - x * a - y * b - z * c,
+        x + w * a + y * c - z * b,
+        y + w * b - x * c + z * a,
+        z + w * c + x * b - y * a,
+    )
+
+
+def corrected(q: Quaternion, down: Vec3, step: float) -> Quaternion:
+    """q_NB after one step [rad] of steepest descent towards the unit vector `down`, measured in
+    the body (Madgwick 2010, eq. 25, 26 and 33)."""
+    w, x, y, z = q
+    ex, ey, ez = down_in_body(q)
+    ex, ey, ez = ex - down[0], ey - down[1], ez - down[2]
+    gw = 2.0 * (x * ey - y * ex)
+    gx = 2.0 * (z * ex + w * ey - 2.0 * x * ez)
+    gy = 2.0 * (z * ey - w * ex - 2.0 * y * ez)
+    gz = 2.0 * (x * ex + y * ey)
+    slope = sqrt(gw * gw + gx * gx + gy * gy + gz * gz)
+    if slope < 1e-12:
+        return q
+    # A quarter of the slope is the whole way there: a longer step would only chatter.
+    k = min(step, slope / 4.0) / slope
+    return unit(w - k * gw, x - k * gx, y - k * gy, z - k * gz)
+
+
+def down_in_body(q: Quaternion) -> Vec3:
+    """NED down in the body frame: the last row of R_NB."""
+    w, x, y, z = q
+    return 2.0 * (x * z - w * y), 2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)
+
+
+def unit(w: float, x: float, y: float, z: float) -> Quaternion:
+    size = sqrt(w * w + x * x + y * y + z * z)
+    return w / size, x / size, y / size, z / size
+
+
+def euler(q: Quaternion) -> Vec3:
+    """Roll about x, pitch about y, yaw about z [rad] (Fossen 2011, eq. 2.57 to 2.60).
+
+    Andrén 2023, eq. 5.24, has the same expressions with the names of roll and pitch exchanged.
+    """
+    w, x, y, z = q
+    sine = max(-1.0, min(1.0, 2.0 * (w * y - z * x)))  # rounding may pass 1 by a hair
+    return (
+        atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)),
+        asin(sine),
+        atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)),
+    )
+
+
+def quaternion_of(roll: float, pitch: float, yaw: float) -> Quaternion:
+    """q_NB of Euler angles [rad]."""
+    cr, sr = cos(roll / 2.0), sin(roll / 2.0)
+    cp, sp = cos(pitch / 2.0), sin(pitch / 2.0)
+    cy, sy = cos(yaw / 2.0), sin(yaw / 2.0)
+    return (
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    )
+
+
+def tilt_of(specific_force: Vec3) -> tuple[float, float]:
+    """Roll and pitch [rad] at which a body at rest measures this specific force [m/s²], FRD."""
+    fx, fy, fz = specific_force
+    return atan2(-fy, -fz), atan2(fx, sqrt(fy * fy + fz * fz))

@@ -1,0 +1,131 @@
+"""From IMU and magnetometer samples to attitude, headings and yaw rate with their spreads."""
+
+from math import isfinite, pi
+
+from messages.message import Estimate
+from services.estimation.attitude_filter import (
+    AttitudeFilter,
+    AttitudeSettings,
+    Quaternion,
+    Vec3,
+    down_in_body,
+    euler,
+)
+from services.estimation.heading import Compass, ControlHeading, wrapped
+from services.marine.vehicle import GRAVITY
+
+STEEPEST = 1.4  # [rad] of pitch; nearer to the vertical, heading means nothing
+COMPASS_MEMORY_NS = 60_000_000_000  # [ns] the gyroscope carries north on for this long
+
+
+class AttitudeObserver:
+    """Attitude, control heading and navigation heading of a calibrated vehicle."""
+
+    def __init__(self, settings: AttitudeSettings, gyro_bias: Vec3, heading: float, std: float):
+        """Bias [rad/s]; control heading [rad] at the start and its spread [rad].
+
+        The control heading is whatever it was at the end of calibration plus the turns since, so
+        its spread is what the gyroscope has drifted, not what north is worth.
+        """
+        self.gyro_bias = gyro_bias
+        self.control = ControlHeading(settings, heading, std)
+        self.compass = Compass(settings)
+        self._settings = settings
+        self._filter = AttitudeFilter(settings)
+        self._started = False
+        self._euler: Vec3 = (0.0, 0.0, wrapped(heading))
+        self._tilt_std = settings.tilt_std
+        self._compass_ns: int | None = None  # [ns] newest magnetometer sample used
+
+    @property
+    def attitude(self) -> Quaternion:
+        """q_NB as w, x, y, z; yaw is the control heading."""
+        return self._filter.q
+
+    def start(self, specific_force: Vec3) -> None:
+        """Take roll and pitch from the accelerometer [m/s²] and the heading from where it was."""
+        self._filter.start(specific_force, self.control.heading)
+        self._euler = euler(self._filter.q)
+        self._started = True
+
+    def agree(self, at_ns: int) -> None:
+        """Both headings are the same now: the control heading is a compass reading [ns]."""
+        self.compass.offset = 0.0
+        self._compass_ns = at_ns
+
+    def step(self, angular_rate: Vec3, specific_force: Vec3, dt: float) -> str | None:
+        """One IMU sample [rad/s, m/s²], `dt` [s] after the one before. Returns what is worth
+        counting."""
+        if not self._started:
+            self.start(specific_force)
+        p, q, r = angular_rate
+        bp, bq, br = self.gyro_bias
+        rate = (p - bp, q - bq, r - br)
+        used = self._filter.step(rate, specific_force, dt)
+        self._euler = euler(self._filter.q)
+        self.control.step(self._euler[2], rate[2], dt)
+        self.compass.drift(dt)
+        self._spread(used, dt)
+        if not self._is_sound():
+            return self._reset(specific_force)
+        return None if used else "accelerating:sensor/imu"
+
+    def blind(self, seconds: float) -> None:
+        """Nobody has measured anything for this long."""
+        self.control.blind(seconds)
+        self.compass.drift(seconds)
+
+    def magnetometer(self, field: Vec3, stamp_ns: int) -> str | None:
+        """One plausible sample [T]. Returns what is worth counting."""
+        if not self._started:
+            return None
+        before = self._compass_ns
+        dt = 0.0 if before is None else min(0.1, max(0.0, (stamp_ns - before) * 1e-9))
+        if not self.compass.step(self._filter.q, field, dt):
+            return "steep:sensor/magnetometer"
+        self._compass_ns = stamp_ns
+        return None
+
+    def acceleration_down(self, specific_force: Vec3) -> float:
+        """[m/s²] NED, of a specific force [m/s²] in FRD, accelerometer bias included."""
+        x, y, z = down_in_body(self._filter.q)
+        fx, fy, fz = specific_force
+        return x * fx + y * fy + z * fz + GRAVITY
+
+    def tilt(self, valid: bool) -> tuple[Estimate, Estimate]:
+        """Roll and pitch [rad]."""
+        roll, pitch, _ = self._euler
+        return Estimate(roll, self._tilt_std, valid), Estimate(pitch, self._tilt_std, valid)
+
+    def heading(self, valid: bool) -> Estimate:
+        """Control heading [rad], accumulated past ±π."""
+        upright = abs(self._euler[1]) < STEEPEST
+        return Estimate(self.control.heading, self.control.std, valid and upright)
+
+    def heading_navigation(self, valid: bool, now: int) -> Estimate | None:
+        """Navigation heading [rad] in (-π, π]; None without a magnetometer."""
+        if self.compass.offset is None or self._compass_ns is None:
+            return None
+        recent = now - self._compass_ns <= COMPASS_MEMORY_NS and abs(self._euler[1]) < STEEPEST
+        heading = wrapped(self.control.heading + self.compass.offset)
+        return Estimate(heading, self.compass.std, valid and recent)
+
+    def yaw_rate(self, valid: bool) -> Estimate:
+        """[rad/s] about the body's down axis."""
+        return Estimate(self.control.yaw_rate, self._settings.yaw_rate_std, valid)
+
+    def _spread(self, corrected: bool, dt: float) -> None:
+        least, drift = self._settings.tilt_std, self._settings.tilt_drift
+        if corrected:
+            self._tilt_std = max(least, self._tilt_std - self._settings.correction * dt)
+        else:
+            self._tilt_std = min(pi, self._tilt_std + drift * dt)
+
+    def _is_sound(self) -> bool:
+        return isfinite(sum(self._filter.q) + self.control.heading + self.control.yaw_rate)
+
+    def _reset(self, specific_force: Vec3) -> str:
+        """Last line of defence against numbers that are not finite."""
+        self.control = ControlHeading(self._settings, 0.0, pi)
+        self.start(specific_force)
+        return "not_finite:attitude"

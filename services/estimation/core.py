@@ -1,0 +1,261 @@
+"""Sensor samples in, `VehicleState` out: one state for each IMU sample.
+
+What is valid when:
+
+- calibrating: nothing. Depth is given as the depth at which the vehicle floats, because it should
+  be floating, but that is not a measurement.
+- running: attitude, headings and yaw rate as long as the IMU is heard; depth and depth rate for
+  two seconds after an accepted pressure sample.
+- IMU silent: nothing new is said at first, and whoever listens sees the state grow old. From
+  `imu_patience` on, states come at the topic's rate with everything the IMU gives marked invalid.
+  Depth and depth rate go on from pressure alone, with the spread of a filter that has no
+  accelerometer. `sensor_ns` stays at the last IMU sample.
+"""
+
+from math import degrees, pi, sqrt
+from typing import Annotated, Literal
+
+import msgspec
+
+from messages.message import Estimate, Finite, Ns, Positive
+from messages.sensors import ImuSample, MagnetometerSample, PressureSample
+from messages.state import VehicleState
+from services.estimation import plausible
+from services.estimation.attitude_filter import AttitudeSettings
+from services.estimation.attitude_observer import AttitudeObserver
+from services.estimation.calibration import Calibrated, Calibration, CalibrationSettings
+from services.estimation.depth_filter import DepthSettings
+from services.estimation.depth_observer import Atmosphere, DepthObserver
+from services.marine.vehicle import ATMOSPHERE, GRAVITY, SEA_WATER
+
+Level = Literal["info", "warning"]
+LONGEST_STEP = 0.1  # [s] the newest angular rate says nothing about a longer gap
+STANDARD = Atmosphere(ATMOSPHERE, 2000.0)  # weather moves it by about this
+
+
+class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The table [estimation] of a vehicle file."""
+
+    water_density: Annotated[float, msgspec.Meta(ge=900.0, le=1300.0)] = SEA_WATER  # [kg/m³]
+    imu_patience: Annotated[float, msgspec.Meta(ge=0.05, le=5.0)] = 0.2  # [s] of a silent IMU
+    depth: DepthSettings = DepthSettings()
+    attitude: AttitudeSettings = AttitudeSettings()
+    calibration: CalibrationSettings = CalibrationSettings()
+
+
+class Remembered(msgspec.Struct, frozen=True, kw_only=True):
+    """What a restart in mid-dive cannot learn again."""
+
+    stamp_ns: Ns  # [ns] when this was true
+    atmosphere: Positive  # [Pa]
+    atmosphere_std: Positive  # [Pa]
+    gyro_bias: tuple[Finite, Finite, Finite]  # [rad/s] FRD
+    accelerometer_bias: Finite  # [m/s²] along down
+    heading: Finite  # [rad] control heading, accumulated
+    heading_std: Positive  # [rad] drift since calibration
+
+
+class Estimator:
+    """The state of the vehicle. `noted` fills with what happened, by name, for the counters, and
+    `lines` with words for people; whoever calls empties both."""
+
+    def __init__(
+        self,
+        settings: Settings,
+        floating_depth: float,
+        remembered: Remembered | None = None,
+    ) -> None:
+        """Depth [m] of the origin when the vehicle floats; what an earlier run remembered."""
+        self.noted: list[str] = []
+        self.lines: list[tuple[Level, str]] = []
+        self._settings = settings
+        self._floating_depth = floating_depth
+        self._calibration: Calibration | None = Calibration(settings.calibration)
+        self._asked_for_pressure = False
+        self._imu_ns: int | None = None  # [ns] newest IMU sample used
+        self._attitude = AttitudeObserver(settings.attitude, (0.0, 0.0, 0.0), 0.0, pi)
+        self._depth = self._depth_observer(STANDARD, 0.0)
+        self._kept_ns: int | None = None  # [ns] when what was remembered was true
+        if remembered is not None:
+            self._continue(remembered)
+
+    # What the sensors say.
+
+    def imu(self, sample: ImuSample, now: int) -> VehicleState | None:
+        """The state at this sample. A sample that cannot be used is as good as none."""
+        if not plausible.imu(sample):
+            self.noted.append("implausible:sensor/imu")
+            return self.silence(now)
+        if self._imu_ns is not None and sample.stamp_ns <= self._imu_ns:
+            self.noted.append("not_newer:sensor/imu")
+            return self.silence(now)
+        dt = self._step_to(sample.stamp_ns)
+        if self._calibration is not None:
+            self._calibrate(self._calibration, sample, dt)
+        else:
+            self._run(sample, dt)
+        return self._state(now)
+
+    def silence(self, now: int) -> VehicleState | None:
+        """No IMU sample has come in time: a prediction, or None while it is too early for one."""
+        if self._imu_ns is None:
+            return None
+        if self._calibration is None:
+            self._note(self._depth.predict(None, now))
+        if self._hears_imu(now):
+            return None
+        self.noted.append("predicted:state")
+        return self._state(now)
+
+    def pressure(self, sample: PressureSample) -> None:
+        if not plausible.pressure(sample):
+            self.noted.append("implausible:sensor/pressure")
+        elif self._calibration is not None:
+            self._calibration.pressure(sample.pressure)
+        else:
+            self._note(self._depth.pressure(sample.pressure, sample.stamp_ns))
+
+    def magnetometer(self, sample: MagnetometerSample) -> None:
+        if not plausible.magnetometer(sample):
+            self.noted.append("implausible:sensor/magnetometer")
+        elif self._calibration is not None:
+            self._calibration.magnetometer(sample.field)
+        else:
+            self._note(self._attitude.magnetometer(sample.field, sample.stamp_ns))
+
+    def remembered(self, now: int) -> Remembered | None:
+        """What to keep for a restart; None while there is nothing worth keeping."""
+        if self._calibration is not None:
+            return None
+        control = self._attitude.control
+        return Remembered(
+            stamp_ns=now,
+            atmosphere=self._depth.atmosphere.pressure,
+            atmosphere_std=self._depth.atmosphere.std,
+            gyro_bias=self._attitude.gyro_bias,
+            accelerometer_bias=self._depth.bias,
+            heading=control.heading,
+            heading_std=control.std,
+        )
+
+    # How the state moves on.
+
+    def _step_to(self, stamp_ns: int) -> float:
+        """[s] To integrate over, from the sample before to this one."""
+        before, self._imu_ns = self._imu_ns, stamp_ns
+        if before is None:
+            if self._kept_ns is not None:
+                self._attitude.blind(abs(stamp_ns - self._kept_ns) * 1e-9)
+            return 0.0
+        dt = (stamp_ns - before) * 1e-9
+        if dt <= LONGEST_STEP:
+            return dt
+        self.noted.append("gap:sensor/imu")
+        self._attitude.blind(dt - LONGEST_STEP)
+        return LONGEST_STEP
+
+    def _run(self, sample: ImuSample, dt: float) -> None:
+        force = sample.specific_force
+        self._note(self._attitude.step(sample.angular_rate, force, dt))
+        down = self._attitude.acceleration_down(force)
+        self._note(self._depth.predict(down, sample.stamp_ns))
+
+    def _calibrate(self, calibration: Calibration, sample: ImuSample, dt: float) -> None:
+        self._attitude.start(sample.specific_force)
+        if calibration.imu(sample.angular_rate, sample.specific_force, dt):
+            self.noted.append("moved:calibration")
+            self._warn("the vehicle moves: calibration waits until it is still")
+        learnt = calibration.result()
+        if learnt is not None:
+            self._begin(learnt, sample.stamp_ns)
+        elif calibration.lacks_pressure and not self._asked_for_pressure:
+            self._asked_for_pressure = True
+            self.noted.append("waiting:sensor/pressure")
+            self._warn("calibration waits for the pressure sensor")
+
+    def _begin(self, learnt: Calibrated, at_ns: int) -> None:
+        """From calibrating to running."""
+        self._calibration = None
+        settings, atmosphere = self._settings, self._atmosphere(learnt)
+        heading = 0.0 if learnt.heading is None else learnt.heading
+        self._attitude = AttitudeObserver(settings.attitude, learnt.gyro_bias, heading, 0.0)
+        self._attitude.start(learnt.specific_force)
+        if learnt.heading is not None:
+            self._attitude.agree(at_ns)
+        self._depth = self._depth_observer(atmosphere, learnt.accelerometer_bias)
+        self._depth.start(learnt.pressure, learnt.pressures, at_ns)
+        bias = ", ".join(f"{degrees(rate):+.3f}" for rate in learnt.gyro_bias)
+        air = f"{atmosphere.pressure / 100.0:.1f} hPa"
+        self.lines.append(("info", f"calibrated: gyroscope bias {bias} deg/s, atmosphere {air}"))
+
+    def _atmosphere(self, learnt: Calibrated) -> Atmosphere:
+        """The air above the floating vehicle."""
+        water = self._settings.water_density * GRAVITY * self._floating_depth
+        if plausible.atmosphere(learnt.pressure - water):
+            std = self._settings.depth.pressure_std / sqrt(learnt.pressures)
+            return Atmosphere(learnt.pressure - water, std)
+        self.noted.append("implausible:atmosphere")
+        self._warn(
+            f"{learnt.pressure / 100.0:.0f} hPa is not the air above a floating vehicle: "
+            f"the standard atmosphere is used, depth may be wrong by 0.3 m"
+        )
+        return STANDARD
+
+    def _continue(self, kept: Remembered) -> None:
+        """Go on with the dive: no calibration under water."""
+        self._calibration = None
+        self._kept_ns = kept.stamp_ns
+        atmosphere = Atmosphere(kept.atmosphere, kept.atmosphere_std)
+        self._attitude = AttitudeObserver(
+            self._settings.attitude, kept.gyro_bias, kept.heading, min(pi, kept.heading_std)
+        )
+        self._depth = self._depth_observer(atmosphere, kept.accelerometer_bias)
+        self._warn(
+            f"goes on with the dive: atmosphere {kept.atmosphere / 100.0:.1f} hPa, "
+            f"heading {degrees(kept.heading):.0f} deg from before the restart"
+        )
+
+    def _depth_observer(self, atmosphere: Atmosphere, bias: float) -> DepthObserver:
+        return DepthObserver(self._settings.depth, atmosphere, self._settings.water_density, bias)
+
+    # What is said.
+
+    def _state(self, now: int) -> VehicleState:
+        assert self._imu_ns is not None
+        running = self._calibration is None
+        known = running and self._hears_imu(now)
+        attitude = self._attitude
+        depth, rate, acceleration = self._depth.estimates(now) if running else self._floating()
+        roll, pitch = attitude.tilt(known)
+        return VehicleState(
+            stamp_ns=now,
+            sensor_ns=self._imu_ns,
+            phase="running" if running else "calibrating",
+            depth=depth,
+            depth_rate=rate,
+            depth_acceleration=acceleration,
+            attitude=attitude.attitude,
+            roll=roll,
+            pitch=pitch,
+            heading=attitude.heading(known),
+            heading_navigation=attitude.heading_navigation(known, now),
+            yaw_rate=attitude.yaw_rate(known),
+            pressure_age_ms=self._depth.pressure_age_ms(now),
+        )
+
+    def _floating(self) -> tuple[Estimate, Estimate, Estimate]:
+        return (
+            Estimate(self._floating_depth, 0.5, valid=False),
+            Estimate(0.0, 0.5, valid=False),
+            Estimate(0.0, 1.0, valid=False),
+        )
+
+    def _hears_imu(self, now: int) -> bool:
+        return self._imu_ns is not None and now - self._imu_ns <= self._settings.imu_patience * 1e9
+
+    def _note(self, what: str | None) -> None:
+        if what is not None:
+            self.noted.append(what)
+
+    def _warn(self, text: str) -> None:
+        self.lines.append(("warning", text))

@@ -1,0 +1,137 @@
+"""Kalman filter of the vertical channel, driven by the accelerometer, corrected by pressure.
+
+States: depth [m], depth rate [m/s], bias of the vertical accelerometer [m/s²], all along NED down.
+The thesis' filter (Andrén 2023, eq. 5.21 to 5.23) is the case without accelerometer: it must guess
+the motion from pressure alone and so lags. Feeding the measured acceleration in removes the lag;
+its bias (sensor, local gravity, tilt) is one more state.
+
+Written out in plain floats, because NumPy costs more than it saves on 3 × 3.
+"""
+
+from math import sqrt
+from typing import Annotated
+
+import msgspec
+
+Positive = Annotated[float, msgspec.Meta(gt=0.0, le=1e6)]
+
+
+class DepthSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """How far each measurement of the vertical channel is trusted."""
+
+    pressure_std: Positive = 500.0  # [Pa] noise of one pressure sample; 5 mbar
+    acceleration_noise: Positive = 0.005  # [m/s²/√Hz] accelerometer noise, with what tilt adds
+    bias_walk: Positive = 0.001  # [m/s²/√s] how fast the accelerometer's bias wanders
+    motion_noise: Positive = 0.2  # [m/s²/√Hz] unknown motion while the IMU is silent
+    gate: Annotated[float, msgspec.Meta(ge=3.0, le=100.0)] = 6.0  # [σ] innovations beyond: outlier
+    outlier_run: Positive = 1.5  # [s] outliers only for this long: the sensor has really jumped
+    valid_for: Positive = 2.0  # [s] depth is valid this long after an accepted pressure sample
+    clip: Annotated[float, msgspec.Meta(ge=1.0, le=100.0)] = 1.5  # [σ] innovations count as no more
+    lost_after: Positive = 10.0  # [s] without pressure: prediction is worthless, depth is held
+
+
+class DepthFilter:
+    """Mean and covariance of (depth, rate, bias). The caller keeps the time."""
+
+    depth: float  # [m]
+    rate: float  # [m/s]
+    bias: float  # [m/s²]
+    p00: float  # covariance, upper triangle: [m²], [m²/s], [m²/s²], [m²/s²], [m²/s³], [m²/s⁴]
+    p01: float
+    p02: float
+    p11: float
+    p12: float
+    p22: float
+
+    def __init__(self, settings: DepthSettings) -> None:
+        self._qa = settings.acceleration_noise**2
+        self._qb = settings.bias_walk**2
+        self._qm = settings.motion_noise**2
+        self.start(0.0, 1.0)
+
+    def start(
+        self,
+        depth: float,
+        depth_std: float,
+        rate_std: float = 0.5,
+        bias: float = 0.0,
+        bias_std: float = 0.1,
+    ) -> None:
+        """Begin anew at `depth` [m] with a rate of zero; spreads in m, m/s and m/s²."""
+        self.depth, self.rate, self.bias = depth, 0.0, bias
+        self.p00, self.p11, self.p22 = depth_std**2, rate_std**2, bias_std**2
+        self.p01 = self.p02 = self.p12 = 0.0
+
+    def predict(self, acceleration: float | None, dt: float) -> None:
+        """Move the estimate on by `dt` [s].
+
+        Args:
+            acceleration: [m/s²] measured along down, mean over the interval, bias included. None
+                without an accelerometer: constant rate with `motion_noise`, as in the thesis.
+        """
+        if acceleration is None:  # the bias then plays no part
+            a, db, hb, q = 0.0, 0.0, 0.0, self._qm * dt
+        else:
+            a, db, hb, q = acceleration - self.bias, dt, 0.5 * dt * dt, self._qa * dt
+        self.depth += (self.rate + 0.5 * a * dt) * dt
+        self.rate += a * dt
+        # P = F P Fᵀ + Q with F = [[1, dt, -hb], [0, 1, -db], [0, 0, 1]]; first A = F P.
+        a00 = self.p00 + dt * self.p01 - hb * self.p02
+        a01 = self.p01 + dt * self.p11 - hb * self.p12
+        a02 = self.p02 + dt * self.p12 - hb * self.p22
+        a11 = self.p11 - db * self.p12
+        a12 = self.p12 - db * self.p22
+        self.p00 = a00 + dt * a01 - hb * a02 + q * dt * dt / 3.0
+        self.p01 = a01 - db * a02 + q * dt / 2.0
+        self.p02 = a02
+        self.p11 = a11 - db * a12 + q
+        self.p12 = a12
+        self.p22 += self._qb * dt
+
+    def innovation(self, depth: float, std: float, age: float) -> tuple[float, float]:
+        """What a sample would tell: (surprise [m], its variance [m²]).
+
+        Args:
+            depth: [m] measured `age` [s] before the filter's time; a negative age lies ahead.
+            std: [m] of the measurement.
+        """
+        surprise = depth - (self.depth - age * self.rate)
+        return surprise, self.p00 - 2.0 * age * self.p01 + age * age * self.p11 + std * std
+
+    def update(self, surprise: float, variance: float, age: float) -> None:
+        """Correct with what `innovation` said: H = [1, -age, 0], so that a late sample corrects
+        the moment it belongs to."""
+        h0 = self.p00 - age * self.p01  # P Hᵀ
+        h1 = self.p01 - age * self.p11
+        h2 = self.p02 - age * self.p12
+        k0, k1, k2 = h0 / variance, h1 / variance, h2 / variance
+        self.depth += k0 * surprise
+        self.rate += k1 * surprise
+        self.bias += k2 * surprise
+        self.p00 -= k0 * h0
+        self.p01 -= k0 * h1
+        self.p02 -= k0 * h2
+        self.p11 -= k1 * h1
+        self.p12 -= k1 * h2
+        self.p22 -= k2 * h2
+
+    @property
+    def depth_std(self) -> float:
+        """[m]"""
+        return sqrt(self.p00)
+
+    @property
+    def rate_std(self) -> float:
+        """[m/s]"""
+        return sqrt(self.p11)
+
+    @property
+    def bias_std(self) -> float:
+        """[m/s²]"""
+        return sqrt(self.p22)
+
+    def is_sound(self) -> bool:
+        """False once a number is not finite or a variance is not positive: start anew then."""
+        total = self.depth + self.rate + self.bias + self.p01 + self.p02 + self.p12
+        sound = total - total == 0.0  # NaN and infinities fail
+        return sound and 0.0 < self.p00 < 1e12 and 0.0 < self.p11 < 1e12 and 0.0 < self.p22 < 1e12

@@ -1,0 +1,77 @@
+from math import exp, pi, radians
+
+import pytest
+
+from services.estimation.attitude_filter import AttitudeSettings, Vec3
+from services.estimation.attitude_observer import AttitudeObserver
+from services.estimation.heading import UNKNOWN_TURN
+from services.marine.vehicle import GRAVITY
+
+REST: Vec3 = (0.0, 0.0, -GRAVITY)
+NORTH: Vec3 = (15e-6, 0.0, 48e-6)  # [T] seen by a vehicle that looks north
+SET = AttitudeSettings()
+S = 1_000_000_000  # [ns]
+
+
+def observer(heading: float = 0.0) -> AttitudeObserver:
+    made = AttitudeObserver(SET, (0.0, 0.0, 0.0), heading, 0.0)
+    made.start(REST)
+    return made
+
+
+def navigation(o: AttitudeObserver, now: int) -> float:
+    estimate = o.heading_navigation(True, now)
+    assert estimate is not None
+    return estimate.value
+
+
+def test_a_wrong_heading_comes_back_to_north_with_the_compass_time():
+    o = observer(heading=1.0)
+    o.agree(0)
+    for k in range(1, 1001):
+        o.magnetometer(NORTH, k * S // 100)
+    assert navigation(o, 10 * S) == pytest.approx(exp(-10.0 / SET.compass_time), abs=0.01)
+    assert o.heading(True).value == 1.0
+
+
+def test_after_calibration_both_headings_are_one():
+    o = observer(heading=2.0)
+    assert o.heading_navigation(True, 0) is None
+    o.agree(0)
+    assert navigation(o, 0) == 2.0
+
+
+def test_without_a_magnetometer_for_a_minute_north_is_no_longer_valid():
+    o = observer()
+    o.agree(0)
+    early, late = o.heading_navigation(True, 59 * S), o.heading_navigation(True, 61 * S)
+    assert early is not None
+    assert late is not None
+    assert early.valid
+    assert not late.valid
+
+
+def test_the_yaw_rate_is_the_gyroscopes_without_its_bias_through_a_low_pass():
+    o = AttitudeObserver(SET, (0.0, 0.0, 0.1), 0.0, 0.0)
+    seconds = 1.0 / (2 * pi * SET.yaw_rate_cutoff)  # one time constant in ten steps
+    for _ in range(10):
+        o.step((0.0, 0.0, 0.6), REST, seconds / 10)
+    assert o.yaw_rate(True).value == pytest.approx(0.5 * (1 - exp(-1.0)))
+
+
+def test_spreads_grow_with_time_and_with_blindness():
+    o = observer()
+    for _ in range(6000):
+        o.step((0.0, 0.0, 0.0), REST, 0.01)
+    assert o.heading(True).std == pytest.approx(radians(0.24), rel=0.05)
+    o.blind(1.0)
+    assert o.heading(True).std == pytest.approx(UNKNOWN_TURN, rel=0.02)
+    o.blind(1e6)
+    assert o.heading(True).std == pi
+
+
+def test_nose_straight_up_has_no_valid_heading():
+    o = observer()
+    o.start((GRAVITY, 0.0, 0.0))
+    assert not o.heading(True).valid
+    assert o.tilt(True)[1].value == pytest.approx(pi / 2)

@@ -1,0 +1,136 @@
+"""The wiring, in the virtual host, with a test that plays the sensors."""
+
+import math
+from dataclasses import dataclass, field
+
+import pytest
+
+from messages import topics
+from messages.health import LogLine
+from messages.sensors import ImuSample, MagnetometerSample, PressureSample
+from messages.state import VehicleState
+from services.estimation.core import Settings
+from services.marine.vehicle import GRAVITY, SEA_WATER, Vehicle
+from services.runtime.errors import LindyError
+from services.runtime.node import Node
+from services.runtime.stack import Row, Stack
+from services.runtime.virtual_host import VirtualHost
+
+ROW = Row(realms=["drone"])
+S = 1_000_000_000  # [ns]
+FLOATING = Stack().section("vehicle", Vehicle).floating_depth
+
+
+@dataclass
+class Bench:
+    """A virtual host with the estimation service, and a node that plays the sensors."""
+
+    host: VirtualHost = field(default_factory=VirtualHost)
+    depth: float = FLOATING  # [m]
+    yaw_rate: float = 0.0  # [rad/s]
+    imu: bool = True
+    heading: float = 1.0  # [rad]
+    states: list[VehicleState] = field(default_factory=list[VehicleState])
+    lines: list[LogLine] = field(default_factory=list[LogLine])
+
+    def __post_init__(self) -> None:
+        self.service = self.host.add("estimation", ROW, Stack())
+        vehicle = self.host.node("vehicle", ["drone"])
+        self._play(vehicle)
+        vehicle.each(topics.STATE, lambda state, _: self.states.append(state))
+        vehicle.each(topics.LOG, lambda line, _: self.lines.append(line))
+
+    def restart(self) -> None:
+        self.host.kill("estimation")
+        self.service = self.host.add("estimation", ROW, Stack())
+
+    def run(self, seconds: float) -> VehicleState:
+        self.host.run(self.host.now + round(seconds * S))
+        return self.states[-1]
+
+    def _play(self, vehicle: Node) -> None:
+        pressure = vehicle.publisher(topics.PRESSURE)
+        imu = vehicle.publisher(topics.IMU)
+        compass = vehicle.publisher(topics.MAGNETOMETER)
+
+        def move(now: int) -> None:
+            self.heading += self.yaw_rate / topics.IMU.hz
+            north, east = 15e-6 * math.cos(self.heading), -15e-6 * math.sin(self.heading)
+            compass.put(MagnetometerSample(stamp_ns=now, field=(north, east, 48e-6)))
+            rate, force = (0.0, 0.0, self.yaw_rate), (0.0, 0.0, -GRAVITY)
+            if self.imu:
+                imu.put(ImuSample(stamp_ns=now, specific_force=force, angular_rate=rate))
+
+        def press(now: int) -> None:
+            above = SEA_WATER * GRAVITY * self.depth
+            pressure.put(PressureSample(stamp_ns=now, pressure=100_000.0 + above))
+
+        vehicle.every(topics.PRESSURE.hz, press)
+        vehicle.every(topics.IMU.hz, move)
+
+
+def test_every_imu_sample_becomes_one_state_that_carries_its_stamp():
+    bench = Bench()
+    bench.run(5.0)
+    stamps = [state.sensor_ns for state in bench.states]
+    assert len(stamps) == 500
+    assert stamps == [round(k * S / 100) for k in range(1, 501)]
+    assert all(state.stamp_ns >= state.sensor_ns for state in bench.states)
+    assert bench.states[0].phase == "calibrating"
+    assert bench.states[-1].phase == "running"
+
+
+def test_calibration_is_told_in_one_line():
+    bench = Bench()
+    bench.run(6.0)
+    assert [line.text for line in bench.lines] == [
+        "calibrated: gyroscope bias +0.000, +0.000, +0.000 deg/s, atmosphere 1000.0 hPa"
+    ]
+
+
+def test_a_restart_in_mid_dive_keeps_depth_and_heading_and_does_not_calibrate():
+    bench = Bench()
+    bench.run(4.0)
+    bench.depth, bench.yaw_rate = 12.0, 0.5
+    bench.run(20.0)
+    bench.yaw_rate = 0.0
+    before = bench.run(2.0)
+    bench.restart()
+    seen = len(bench.states)
+    after = bench.run(1.0)
+    assert bench.states[seen].phase == "running"
+    assert bench.states[seen].heading.value == pytest.approx(before.heading.value, abs=1e-6)
+    assert before.heading.value > math.pi
+    assert after.depth.valid
+    assert after.depth.value == pytest.approx(12.0, abs=0.01)
+    assert any("goes on with the dive" in line.text for line in bench.lines)
+
+
+def test_a_silent_imu_gives_invalid_states_at_the_topics_rate_and_is_counted():
+    bench = Bench()
+    bench.run(5.0)
+    bench.imu = False
+    silent_from = len(bench.states)
+    state = bench.run(2.0)
+    assert not state.heading.valid
+    assert state.depth.valid
+    assert len(bench.states) - silent_from == pytest.approx(180, abs=2)
+    assert bench.service.counts["predicted:state"] == len(bench.states) - silent_from
+    assert bench.service.counts["silent:sensor/imu"] > 180
+    bench.imu = True
+    assert bench.run(0.5).heading.valid
+
+
+def test_before_the_first_imu_sample_nothing_is_said():
+    bench = Bench(imu=False)
+    bench.host.run(3 * S)
+    assert bench.states == []
+
+
+def test_the_vehicle_file_holds_valid_settings():
+    assert isinstance(Stack().section("estimation", Settings), Settings)
+
+
+def test_a_wrong_setting_is_one_sentence():
+    with pytest.raises(LindyError, match="pressure_std"):
+        Stack(overrides=["estimation.depth.pressure_std=-1"]).section("estimation", Settings)
