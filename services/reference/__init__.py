@@ -1,0 +1,1 @@
+"""Pilot intent becomes a smooth reference: minimum-jerk velocity references, on board."""

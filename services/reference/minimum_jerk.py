@@ -1,0 +1,172 @@
+"""Jerk-bounded minimum-jerk velocity references (MJVR).
+
+Source: Andrén 2023, "Online Minimum-Jerk Velocity", chapter 5, whose rule keeps the *end* jerk of
+a transition at J but lets the jerk reach 3.8 J when the target changes in mid-transition. The law
+here bounds the jerk by J and the acceleration by a_max in every case, equals the thesis wherever
+that respects both, and is continuous in the state:
+
+1. An acceleration that works against the change, or is too high to arrive without overshoot, is
+   first taken to zero at constant jerk J; one above a_max is taken down to a_max.
+2. From there, one minimum-jerk cubic; or, when that would exceed a_max, a parabola up to a_max,
+   a cruise at a_max and a parabola down that ends with jerk J.
+
+At most four segments, found in closed form once per change of target. Units: any position unit,
+seconds. Everything is a pure function.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import inf, sqrt
+from typing import NamedTuple
+
+
+class Limits(NamedTuple):
+    """What a transition may not exceed."""
+
+    jerk: float  # per s³, > 0; also the jerk with which every transition arrives
+    acceleration: float = inf  # per s², > 0
+
+
+class Sample(NamedTuple):
+    """The reference at one instant."""
+
+    position: float
+    velocity: float
+    acceleration: float
+    jerk: float
+
+
+class Segment(NamedTuple):
+    """A stretch of linear jerk: a(t) = a0 + j0 t + half_snap t²."""
+
+    duration: float  # [s] > 0
+    v0: float
+    a0: float
+    j0: float
+    half_snap: float
+
+    def at(self, t: float) -> Sample:
+        """The reference `t` seconds into this segment, position counted from its start."""
+        v0, a0, j0, s = self.v0, self.a0, self.j0, self.half_snap
+        return Sample(
+            t * (v0 + t * (a0 / 2 + t * (j0 / 6 + t * s / 12))),
+            v0 + t * (a0 + t * (j0 / 2 + t * s / 3)),
+            a0 + t * (j0 + t * s),
+            j0 + 2 * s * t,
+        )
+
+
+def solve(velocity: float, acceleration: float, target: float, limits: Limits) -> list[Segment]:
+    """Segments from (velocity, acceleration) to (target, 0). Empty when already there.
+
+    Args:
+        velocity, acceleration: where the reference is now; any finite values.
+        target: wanted velocity, finite.
+    """
+    segments: list[Segment] = []
+    v, a, e = velocity, acceleration, target - velocity
+    sign = 1.0 if e >= 0 else -1.0
+    if a * sign < 0 or a * a > 2 * limits.jerk * abs(e):
+        v = _bring_to(0.0, v, a, limits.jerk, segments)
+        a, e = 0.0, target - v
+        sign = 1.0 if e >= 0 else -1.0
+    elif a * sign > limits.acceleration:
+        v = _bring_to(sign * limits.acceleration, v, a, limits.jerk, segments)
+        a, e = sign * limits.acceleration, target - v
+    segments += _mirrored(_rise(a * sign, e * sign, limits), v, sign)
+    return segments
+
+
+def along(segments: Sequence[Segment], t: float, target: float) -> Sample:
+    """The reference `t` seconds into these segments, position counted from their start; after
+    the last one it moves on at velocity `target`."""
+    position = 0.0
+    for segment in segments:
+        if t < segment.duration:
+            here = segment.at(t)
+            return here._replace(position=position + here.position)
+        position += segment.at(segment.duration).position
+        t -= segment.duration
+    return Sample(position + target * t, target, 0.0, 0.0)
+
+
+def _bring_to(to: float, v: float, a: float, jerk: float, segments: list[Segment]) -> float:
+    """Constant jerk until the acceleration is `to`; returns the velocity reached."""
+    duration = abs(a - to) / jerk
+    if duration > 0:
+        segments.append(Segment(duration, v, a, jerk if a < to else -jerk, 0.0))
+    return v + (a + to) / 2 * duration
+
+
+def _rise(a: float, e: float, limits: Limits) -> list[Segment]:
+    """Segments with velocities counted from now, for 0 ≤ a ≤ a_max and a² ≤ 2 J e."""
+    jerk, peak = limits
+    if e <= 0:
+        return []
+    if peak < inf:
+        q = jerk * jerk / (4 * peak)  # half the snap of both parabolas, (5.20) in sign and factor
+        ramp_time, fade_time = sqrt(max(0.0, peak - a) / q), 2 * peak / jerk
+        ramp = peak * ramp_time - q * ramp_time**3 / 3
+        fade = 4 * peak * peak / (3 * jerk)
+        if e > ramp + fade:
+            cruise_time = (e - ramp - fade) / peak
+            parts = [
+                Segment(ramp_time, 0.0, a, 2 * q * ramp_time, -q),
+                Segment(cruise_time, ramp, peak, 0.0, 0.0),
+                Segment(fade_time, e - fade, peak, 0.0, -q),
+            ]
+            return [part for part in parts if part.duration > 0]
+    duration = 6 * e / (a + sqrt(a * a + 6 * jerk * e))  # largest real root of (5.12)
+    if duration == 0:
+        return []
+    return [Segment(duration, 0.0, a, jerk - 2 * a / duration, (a / duration - jerk) / duration)]
+
+
+def _mirrored(parts: list[Segment], v: float, sign: float) -> list[Segment]:
+    return [
+        Segment(p.duration, v + sign * p.v0, sign * p.a0, sign * p.j0, sign * p.half_snap)
+        for p in parts
+    ]
+
+
+@dataclass(slots=True)
+class Ramp:
+    """A velocity reference on its way to a target, with its exact position integral.
+
+    Time is the caller's, in seconds, and never runs backwards. Evaluating more or less often
+    changes nothing: each target change solves once, each evaluation is one polynomial.
+    """
+
+    limits: Limits
+    position: float = 0.0  # where the present plan began
+    target: float = 0.0
+    since: float = 0.0  # [s] when the present plan began
+    segments: tuple[Segment, ...] = ()
+
+    def at(self, t: float) -> Sample:
+        """The reference at time `t` [s] ≥ the last change of target."""
+        here = along(self.segments, t - self.since, self.target)
+        return here._replace(position=self.position + here.position)
+
+    def aim(self, target: float, t: float) -> None:
+        """From `t` [s] on, go to velocity `target`. No effect when that is already the aim."""
+        if target == self.target:
+            return
+        self._begin(self.at(t), target, t)
+
+    def limit(self, limits: Limits, t: float) -> None:
+        """From `t` [s] on, respect other limits."""
+        here, self.limits = self.at(t), limits
+        self._begin(here, self.target, t)
+
+    def shift(self, by: float) -> None:
+        """Move the position reference without touching its velocity."""
+        self.position += by
+
+    def rest(self, position: float, t: float) -> None:
+        """Stand still at `position` from `t` [s] on, whatever was before."""
+        self.position, self.target, self.since, self.segments = position, 0.0, t, ()
+
+    def _begin(self, here: Sample, target: float, t: float) -> None:
+        self.segments = tuple(solve(here.velocity, here.acceleration, target, self.limits))
+        self.position, self.target, self.since = here.position, target, t

@@ -1,0 +1,183 @@
+"""The law of the jerk-bounded minimum-jerk velocity reference."""
+
+from math import inf, isclose, sqrt
+
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from services.reference.minimum_jerk import Limits, Ramp, Segment, solve
+
+velocity = st.floats(-3.0, 3.0)
+acceleration = st.floats(-4.0, 4.0)
+limits = st.builds(Limits, st.floats(0.1, 20.0), st.one_of(st.just(inf), st.floats(0.05, 5.0)))
+many = settings(max_examples=300, deadline=None)
+
+
+def duration(segments: list[Segment]) -> float:
+    return sum(segment.duration for segment in segments)
+
+
+def ramp_from(v: float, a: float, target: float, lim: Limits) -> Ramp:
+    return Ramp(lim, position=0.0, target=target, segments=tuple(solve(v, a, target, lim)))
+
+
+@many
+@given(velocity, acceleration, velocity, limits)
+def test_every_transition_arrives_at_rest_on_the_target(
+    v: float, a: float, target: float, lim: Limits
+) -> None:
+    segments = solve(v, a, target, lim)
+    assume(segments)
+    end = segments[-1].at(segments[-1].duration)
+    assert end.velocity == pytest.approx(target, abs=1e-9)
+    assert end.acceleration == pytest.approx(0.0, abs=1e-6)
+    assert len(segments) <= 4
+
+
+@many
+@given(velocity, acceleration, velocity, limits)
+def test_velocity_and_acceleration_are_continuous(
+    v: float, a: float, target: float, lim: Limits
+) -> None:
+    here_v, here_a = v, a
+    for segment in solve(v, a, target, lim):
+        assert segment.duration > 0
+        assert segment.v0 == pytest.approx(here_v, abs=1e-9)
+        assert segment.a0 == pytest.approx(here_a, abs=1e-6)
+        end = segment.at(segment.duration)
+        here_v, here_a = end.velocity, end.acceleration
+
+
+@many
+@given(velocity, acceleration, velocity, limits)
+def test_jerk_never_exceeds_its_limit(v: float, a: float, target: float, lim: Limits) -> None:
+    # Jerk is linear in a segment, so its extremes are at the ends.
+    for segment in solve(v, a, target, lim):
+        for t in (0.0, segment.duration):
+            assert abs(segment.at(t).jerk) <= lim.jerk * (1 + 1e-9)
+
+
+@many
+@given(velocity, acceleration, velocity, limits)
+def test_acceleration_never_exceeds_its_limit_or_where_it_started(
+    v: float, a: float, target: float, lim: Limits
+) -> None:
+    for segment in solve(v, a, target, lim):
+        for k in range(11):
+            here = segment.at(segment.duration * k / 10)
+            assert abs(here.acceleration) <= max(lim.acceleration, abs(a)) * (1 + 1e-9) + 1e-9
+
+
+@many
+@given(velocity, acceleration, velocity, limits, st.floats(0.01, 0.99))
+def test_solving_again_on_the_way_changes_nothing(
+    v: float, a: float, target: float, lim: Limits, share: float
+) -> None:
+    """Property 1 of the thesis, for the bounded law."""
+    first = ramp_from(v, a, target, lim)
+    total = duration(list(first.segments))
+    assume(total > 1e-3)
+    here = first.at(share * total)
+    rest = solve(here.velocity, here.acceleration, target, lim)
+    # Where a rounding error of the state decides between branches, the durations still agree.
+    assert duration(rest) == pytest.approx((1 - share) * total, abs=1e-6 * (1 + total))
+
+
+@many
+@given(velocity, acceleration, velocity, limits)
+def test_the_duration_is_continuous_in_the_state(
+    v: float, a: float, target: float, lim: Limits
+) -> None:
+    """The thesis' rule jumps by a factor 2.4 at a² = 6 J e; the bounded law must not."""
+    step = 1e-9
+    near = duration(solve(v + step, a, target, lim))
+    assert near == pytest.approx(duration(solve(v, a, target, lim)), abs=1e-3)
+
+
+@many
+@given(velocity, acceleration, velocity, limits)
+def test_mirroring_the_state_mirrors_the_plan(
+    v: float, a: float, target: float, lim: Limits
+) -> None:
+    here, there = solve(v, a, target, lim), solve(-v, -a, -target, lim)
+    assert duration(here) == pytest.approx(duration(there), abs=1e-9)
+
+
+@given(st.floats(0.01, 3.0), st.floats(0.1, 20.0))
+def test_from_rest_it_is_the_thesis_closed_form(e: float, jerk: float) -> None:
+    (segment,) = solve(0.0, 0.0, e, Limits(jerk))
+    assert segment.duration == pytest.approx(sqrt(6 * e / jerk))
+    half = segment.at(segment.duration / 2)
+    assert half.acceleration == pytest.approx(sqrt(6 * e * jerk) / 4)
+    assert segment.at(segment.duration).position == pytest.approx(e * segment.duration / 2)
+
+
+# Andrén's rule and the bounded law, computed with 40 digits: v1, a1, v2, J, a_max → T, distance.
+GOLDEN = [
+    (0.2, -0.5, 0.8, 2.0, inf, 1.6597872180, 0.7004210918),
+    (0.0, 1.5, 1.0, 1.0, inf, 2.3660254038, 2.0451519915),
+    (0.0, 2.0, 0.5, 1.0, inf, 5.0, 6.4166666667),
+    (-0.3, 0.6, -0.9, 2.5, 0.7, 1.5733333333, -0.81248),
+    (0.0, 0.0, 2.0, 1.0, 0.5, 4.6666666667, 4.6666666667),
+    (0.5, -0.3, 2.0, 1.0, 0.5, 4.0566666667, 4.7523083333),
+    (0.0, 0.45, 0.05, 1.0, 0.5, 1.0045268253, 0.0723110912),
+    (0.0, 0.8, 2.0, 1.0, 0.5, 4.2433333333, 4.6462527778),
+]
+
+
+@pytest.mark.parametrize(("v1", "a1", "v2", "jerk", "peak", "total", "distance"), GOLDEN)
+def test_known_transitions(
+    v1: float, a1: float, v2: float, jerk: float, peak: float, total: float, distance: float
+) -> None:
+    ramp = ramp_from(v1, a1, v2, Limits(jerk, peak))
+    assert duration(list(ramp.segments)) == pytest.approx(total, rel=1e-9)
+    assert ramp.at(total).position == pytest.approx(distance, rel=1e-9)
+
+
+@many
+@given(
+    st.lists(st.tuples(st.floats(0.0, 1.5), st.floats(-1.0, 1.0)), min_size=1, max_size=8),
+    limits,
+    st.floats(0.003, 0.4),
+)
+def test_the_position_is_the_integral_however_often_it_is_asked(
+    moves: list[tuple[float, float]], lim: Limits, dt: float
+) -> None:
+    """Evaluating at any rate between target changes leaves the reference where it was."""
+    asked, silent = Ramp(lim), Ramp(lim)
+    now = 0.0
+    for wait, target in moves:
+        t = now
+        while t < now + wait:
+            asked.at(t)
+            t += dt
+        now += wait
+        asked.aim(target, now)
+        silent.aim(target, now)
+    assert asked.at(now + 1.0) == silent.at(now + 1.0)
+
+
+@many
+@given(velocity, acceleration, velocity, limits, st.floats(0.0, 5.0))
+def test_position_velocity_and_acceleration_fit_together(
+    v: float, a: float, target: float, lim: Limits, t: float
+) -> None:
+    ramp, h = ramp_from(v, a, target, lim), 1e-5
+    before, here, after = (ramp.at(max(0.0, t) + k * h) for k in (0, 1, 2))
+    slope = (after.position - before.position) / (2 * h)
+    bend = (after.velocity - before.velocity) / (2 * h)
+    assert isclose(slope, here.velocity, abs_tol=1e-4)
+    assert isclose(bend, here.acceleration, abs_tol=1e-2 * lim.jerk)
+
+
+def test_a_lower_limit_in_mid_transition_is_reached_without_a_step() -> None:
+    ramp = Ramp(Limits(1.0, 0.5))
+    ramp.aim(2.0, 0.0)
+    before = ramp.at(2.0)
+    ramp.limit(Limits(1.0, 0.2), 2.0)
+    after = ramp.at(2.0)
+    assert before.acceleration == pytest.approx(0.5)
+    assert after.acceleration == pytest.approx(before.acceleration)
+    assert after.velocity == pytest.approx(before.velocity)
+    assert ramp.at(2.31).acceleration == pytest.approx(0.2)
