@@ -1,0 +1,1 @@
+"""Reference and state become a wrench; the wrench becomes thruster commands."""
