@@ -1,0 +1,166 @@
+"""From what a pad or a keyboard says to sticks: dead-band, expo, gain and which control is which.
+
+A pad's state is a dictionary of SDL's GameController names, the same for every pad that SDL
+knows: sticks -1 … 1 (right and down positive), triggers 0 … 1, buttons 0 or 1.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, Literal, NamedTuple, Protocol
+
+import msgspec
+
+from messages.pilot import RequestKind
+
+Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
+DeadBand = Annotated[float, msgspec.Meta(ge=0.0, le=0.9)]
+Stick = Literal["leftx", "lefty", "rightx", "righty", "-leftx", "-lefty", "-rightx", "-righty"]
+Trigger = Literal["lefttrigger", "righttrigger", "leftshoulder", "rightshoulder"]
+Button = Literal[
+    "a", "b", "x", "y", "back", "guide", "start", "leftstick", "rightstick",
+    "leftshoulder", "rightshoulder", "dpup", "dpdown", "dpleft", "dpright",
+]  # fmt: skip
+
+
+class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    profile: str = "default"  # a pad profile in deploy/pads, or the path of one
+
+
+class Gain(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What a full stick commands."""
+
+    slow: Share = 0.25  # [-] for careful work
+    normal: Share = 0.6  # [-]
+    boost: Share = 1.0  # [-]
+
+    def __post_init__(self) -> None:
+        if not self.slow <= self.normal <= self.boost:
+            raise ValueError("gains must not fall from slow to normal to boost")
+
+    def level(self, slow: float, boost: float) -> float:
+        """Gain for how far the two triggers are pulled (0 … 1). Without a jump in between, so
+        that a trigger is no sudden order to the vehicle; both pulled fully about cancel out."""
+        more = boost * (self.boost - self.normal)
+        less = slow * (self.normal - self.slow)
+        return min(self.normal + more - less, self.boost)
+
+
+class Axes(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Which stick is which axis. SDL counts up as negative; a leading `-` turns a stick round."""
+
+    surge: Stick = "-righty"  # stick up is forward
+    sway: Stick = "rightx"
+    heave: Stick = "lefty"  # stick up is up, which is negative in NED
+    yaw: Stick = "leftx"
+
+
+class Triggers(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    slow: Trigger = "lefttrigger"
+    boost: Trigger = "righttrigger"
+
+
+class Buttons(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    arm: Button = "start"
+    disarm: Button = "back"
+    stop: Button = "b"
+    light: Button = "y"
+
+    def __post_init__(self) -> None:
+        if len(set(msgspec.structs.astuple(self))) < len(self.__struct_fields__):
+            raise ValueError("two requests must not share a button")
+
+
+class Profile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A pad as its TOML file describes it."""
+
+    dead_band: DeadBand = 0.12  # [-] share of a stick's travel that means nothing
+    expo: Share = 0.4  # [-] 0: straight; 1: cubic, finest around the centre
+    gain: Gain = Gain()
+    axis: Axes = Axes()
+    trigger: Triggers = Triggers()
+    button: Buttons = Buttons()
+
+
+class Sticks(NamedTuple):
+    """-1 … 1 each, SNAME signs: + forward, starboard, down, clockwise."""
+
+    surge: float = 0.0
+    sway: float = 0.0
+    heave: float = 0.0
+    yaw: float = 0.0
+
+
+CENTRED = Sticks()
+Level = Literal["info", "warning"]
+
+
+class Reading(NamedTuple):
+    """What a source of sticks says at one instant."""
+
+    sticks: Sticks = CENTRED
+    present: bool = True  # False: the pad is gone, which is not "centred"
+    at_rest: bool = True  # the hands are off the sticks, whatever `sticks` lets through
+    age_ms: float = 0.0  # [ms] since the device last answered
+    presses: tuple[RequestKind, ...] = ()  # buttons pressed since the last reading
+    notes: tuple[tuple[Level, str], ...] = ()  # for the log
+    lost: tuple[str, ...] = ()  # to be counted: what was dropped or broke
+
+
+class Source(Protocol):
+    """A pad, a keyboard or a script."""
+
+    name: str
+    played: int  # events of a script that have happened; 0 for a device
+
+    def read(self, now: int, began: int | None) -> Reading:
+        """The sticks at `now` [ns]; `began` is when they were handed over, None before that."""
+        ...
+
+    def next_ns(self, now: int, began: int) -> int | None:
+        """[ns] When the source will say something new by itself; None: when it is asked."""
+        ...
+
+
+def shape(travel: float, dead_band: float, expo: float) -> float:
+    """Dead-band and expo on one stick.
+
+    Odd, never falling, 0 inside the dead-band, continuous at its edge, ±1 at full travel.
+
+    Args:
+        travel: [-] -1 … 1; beyond that counts as full, NaN as centred.
+        dead_band: [-] 0 … 0.9
+        expo: [-] 0 (straight) … 1 (cubic)
+
+    Returns:
+        [-] -1 … 1
+    """
+    beyond = (min(abs(travel), 1.0) - dead_band) / (1.0 - dead_band)
+    if not beyond > 0.0:
+        return 0.0
+    return math.copysign(beyond * (1.0 - expo * (1.0 - beyond * beyond)), travel)
+
+
+def sticks_of(controls: Mapping[str, float], profile: Profile) -> Sticks:
+    """The sticks of a pad, shaped by its profile. A control that is not there is at rest."""
+    pulls = (controls.get(name, 0.0) for name in msgspec.structs.astuple(profile.trigger))
+    gain = profile.gain.level(*pulls)
+    axes = (_travel(controls, name) for name in msgspec.structs.astuple(profile.axis))
+    return Sticks(*(gain * shape(axis, profile.dead_band, profile.expo) for axis in axes))
+
+
+def presses_of(pressed: list[str], profile: Profile) -> tuple[RequestKind, ...]:
+    """What the pilot asks for with buttons, in the order they were pressed."""
+    button = profile.button
+    meaning: dict[str, RequestKind] = {
+        button.arm: "arm",
+        button.disarm: "disarm",
+        button.stop: "stop",
+        button.light: "light",
+    }
+    return tuple(meaning[name] for name in pressed if name in meaning)
+
+
+def _travel(controls: Mapping[str, float], name: str) -> float:
+    if name.startswith("-"):
+        return -controls.get(name[1:], 0.0)
+    return controls.get(name, 0.0)

@@ -1,0 +1,123 @@
+"""The keyboard as a pad, in a small window of its own.
+
+While the window does not have the focus all keys count as released, and the pilot is still
+present: somebody who looks at another window has stopped steering, not vanished. Who closes the
+window has: then the pilot is lost.
+"""
+
+import pygame
+
+from messages.pilot import RequestKind
+from services.gamepad import sdl
+from services.gamepad.core import CENTRED, Gain, Level, Reading, Sticks
+from services.runtime.errors import LindyError
+
+HELP = (
+    ("W  S", "forward, back"),
+    ("A  D", "port, starboard"),
+    ("arrows up, down", "rise, sink"),
+    ("arrows left, right", "turn"),
+    ("Shift, Ctrl", "boost, slow"),
+    ("Enter, Backspace", "arm, disarm"),
+    ("Space", "STOP"),
+    ("L", "light on, off"),
+)
+SIZE = (360, 230)  # [px]
+INK, PAPER = (220, 230, 240), (16, 32, 48)
+
+REQUESTS: dict[int, RequestKind] = {
+    pygame.K_RETURN: "arm",
+    pygame.K_BACKSPACE: "disarm",
+    pygame.K_SPACE: "stop",
+    pygame.K_l: "light",
+}
+
+
+class Keyboard:
+    """Keys that are down, from the window's own key events."""
+
+    played = 0
+    name = "keyboard"
+
+    def __init__(self, gain: Gain) -> None:
+        if not sdl.has_display():
+            raise LindyError(
+                "the keyboard needs a window and there is no display; "
+                "use a pad or --pilot script:FILE"
+            )
+        try:
+            pygame.display.init()
+            window = pygame.display.set_mode(SIZE)
+        except pygame.error as error:
+            raise LindyError(
+                f"cannot open the keyboard's window ({error}); use a pad or --pilot script:FILE"
+            ) from None
+        pygame.display.set_caption("Lindy: keyboard")
+        _write(window)
+        self._gain = gain
+        self._down: set[int] = set()
+        self._closed_at: int | None = None  # [ns]
+
+    def read(self, now: int, began: int | None) -> Reading:  # noqa: ARG002 - a hand needs no start
+        """Ask SDL for news. Call from one thread only, the one that made the window."""
+        presses: list[RequestKind] = []
+        notes: tuple[tuple[Level, str], ...] = ()
+        for event in pygame.event.get():
+            if event.type == pygame.QUIT and self._closed_at is None:
+                self._closed_at = now
+                notes = (("warning", "the keyboard's window was closed: pilot lost"),)
+            if event.type == pygame.WINDOWEXPOSED:
+                pygame.display.flip()  # show the help again after another window covered it
+            presses += self._key(event)
+        if self._closed_at is not None:
+            age_ms = (now - self._closed_at) / 1e6
+            lost = ("closed:keyboard",) if notes else ()
+            return Reading(present=False, at_rest=False, age_ms=age_ms, notes=notes, lost=lost)
+        return Reading(
+            sticks=self._sticks(),
+            at_rest=self._sticks() == CENTRED,
+            presses=tuple(presses),
+        )
+
+    def next_ns(self, now: int, began: int) -> int | None:  # noqa: ARG002
+        return None
+
+    def close(self) -> None:
+        pygame.font.quit()
+        pygame.display.quit()
+
+    def _key(self, event: pygame.event.Event) -> list[RequestKind]:
+        """Keep the set of keys that are down; returns what a key asks for."""
+        if event.type == pygame.KEYDOWN:
+            self._down.add(event.key)
+            return [REQUESTS[event.key]] if event.key in REQUESTS else []
+        if event.type == pygame.KEYUP:
+            self._down.discard(event.key)
+        elif event.type == pygame.WINDOWFOCUSLOST:
+            self._down.clear()  # their release will be told to another window
+        return []
+
+    def _sticks(self) -> Sticks:
+        gain = self._gain.level(
+            slow=self._any(pygame.K_LCTRL, pygame.K_RCTRL),
+            boost=self._any(pygame.K_LSHIFT, pygame.K_RSHIFT),
+        )
+        return Sticks(
+            surge=gain * (self._any(pygame.K_w) - self._any(pygame.K_s)),
+            sway=gain * (self._any(pygame.K_d) - self._any(pygame.K_a)),
+            heave=gain * (self._any(pygame.K_DOWN) - self._any(pygame.K_UP)),
+            yaw=gain * (self._any(pygame.K_RIGHT) - self._any(pygame.K_LEFT)),
+        )
+
+    def _any(self, *keys: int) -> float:
+        return float(not self._down.isdisjoint(keys))
+
+
+def _write(window: pygame.Surface) -> None:
+    pygame.font.init()
+    font = pygame.font.Font(None, 24)  # pygame's own, so that no font has to be installed
+    window.fill(PAPER)
+    for line, (keys, meaning) in enumerate(HELP):
+        window.blit(font.render(keys, True, INK), (20, 20 + 24 * line))
+        window.blit(font.render(meaning, True, INK), (200, 20 + 24 * line))
+    pygame.display.flip()

@@ -1,0 +1,153 @@
+"""A game pad through SDL's GameController mapping, plugged in whenever the pilot likes.
+
+A pulled pad reads as centred sticks, so its absence is said in its own word: `present=False`. A
+pad that is plugged in, again or for the first time, moves nothing until its sticks were seen at
+rest once, and until then of its buttons only stop and disarm are heard: pads open with a burst of
+events that nobody has pressed.
+
+`age_ms` is the time since the pad last answered when it was asked: 0 for a plugged-in pad, however
+still its sticks are, and growing from the moment it is gone. (A pad only says what has changed, so
+the age of its last event would tell a steady hand from a broken cable no better than a guess.)
+"""
+
+import pygame
+from pygame._sdl2 import controller
+
+from messages.pilot import RequestKind
+from services.gamepad import sdl
+from services.gamepad.core import CENTRED, Level, Profile, Reading, presses_of, sticks_of
+
+# In the order of SDL_GameControllerAxis and SDL_GameControllerButton.
+AXES = ("leftx", "lefty", "rightx", "righty", "lefttrigger", "righttrigger")
+BUTTONS = (
+    "a", "b", "x", "y", "back", "guide", "start", "leftstick", "rightstick",
+    "leftshoulder", "rightshoulder", "dpup", "dpdown", "dpleft", "dpright",
+)  # fmt: skip
+URGENT: tuple[RequestKind, ...] = ("stop", "disarm")  # heard from any pad at any time
+FULL = 32767  # SDL's full travel; the other way it is one more, which counts as full
+
+
+class Pad:
+    """The first pad that SDL knows. Others are named in the log and left alone."""
+
+    played = 0
+
+    def __init__(self, profile: Profile) -> None:
+        sdl.start_events()
+        pygame.joystick.init()
+        controller.init()
+        self.name = "gamepad"
+        self._profile = profile
+        self._pad: controller.Controller | None = None
+        self._trusted = False  # the sticks were at rest once since the pad was plugged in
+        self._answered_at: int | None = None  # [ns]
+        self._notes: list[tuple[Level, str]] = []
+        self._lost: list[str] = []
+        self._greeted = False
+
+    def read(self, now: int, began: int | None) -> Reading:  # noqa: ARG002 - a hand needs no start
+        """Ask SDL for news. Call from one thread only, the one that made the pad."""
+        self._notes, self._lost = [], []
+        events = pygame.event.get()
+        self._notice_loss()
+        for event in events:
+            self._notice_arrival(event)
+        if self._answered_at is None:
+            self._answered_at = now
+        if self._pad is None:
+            return self._absent(now)
+        self._answered_at = now
+        controls = self._controls(self._pad)
+        sticks = sticks_of(controls, self._profile)
+        presses: tuple[RequestKind, ...]
+        presses = presses_of(self._pressed(events, self._pad), self._profile)
+        if not self._trusted:
+            presses = tuple(kind for kind in presses if kind in URGENT)
+        self._trusted = self._trusted or sticks == CENTRED
+        return Reading(
+            sticks=sticks if self._trusted else CENTRED,
+            at_rest=sticks == CENTRED,
+            presses=presses,
+            notes=tuple(self._notes),
+            lost=tuple(self._lost),
+        )
+
+    def next_ns(self, now: int, began: int) -> int | None:  # noqa: ARG002
+        return None
+
+    def close(self) -> None:
+        controller.quit()
+        pygame.joystick.quit()
+        pygame.display.quit()
+
+    def _absent(self, now: int) -> Reading:
+        if not self._greeted:
+            self._greeted = True
+            self._say("warning", "no pad is plugged in; waiting for one")
+        assert self._answered_at is not None
+        return Reading(
+            present=False,
+            at_rest=False,
+            age_ms=(now - self._answered_at) / 1e6,
+            notes=tuple(self._notes),
+            lost=tuple(self._lost),
+        )
+
+    def _notice_loss(self) -> None:
+        if self._pad is not None and not self._pad.attached():
+            self._say("warning", f"the pad {self._pad.name} was unplugged: pilot lost")
+            self._lost.append("unplugged:pad")
+            self._pad.quit()
+            self._pad = None
+
+    def _notice_arrival(self, event: pygame.event.Event) -> None:
+        if event.type == pygame.CONTROLLERDEVICEADDED:
+            if self._pad is None:
+                self._adopt(event.device_index)
+            else:
+                self._say("info", f"another pad is ignored while {self._pad.name} is plugged in")
+        elif event.type == pygame.JOYDEVICEADDED and not controller.is_controller(
+            event.device_index
+        ):
+            self._say(
+                "warning",
+                f"SDL does not know the pad {_name(event.device_index)}, so it is ignored; "
+                "describe it in the environment variable SDL_GAMECONTROLLERCONFIG",
+            )
+
+    def _adopt(self, index: int) -> None:
+        try:
+            self._pad = controller.Controller(index)
+        except pygame.error as error:  # pulled again before we could look at it
+            self._say("warning", f"a pad was plugged in and cannot be opened: {error}")
+            return
+        self.name = f"gamepad {self._pad.name}"
+        self._trusted = False
+        self._greeted = True
+        self._say("info", f"the pad {self._pad.name} is plugged in")
+
+    def _controls(self, pad: controller.Controller) -> dict[str, float]:
+        return {name: pad.get_axis(axis) / FULL for axis, name in enumerate(AXES)} | {
+            name: float(pad.get_button(button)) for button, name in enumerate(BUTTONS)
+        }
+
+    def _pressed(self, events: list[pygame.event.Event], pad: controller.Controller) -> list[str]:
+        """Names of the buttons that went down, in order."""
+        here = pad.as_joystick().get_instance_id()
+        return [
+            BUTTONS[event.button]
+            for event in events
+            if event.type == pygame.CONTROLLERBUTTONDOWN
+            and event.instance_id == here
+            and event.button < len(BUTTONS)
+        ]
+
+    def _say(self, level: Level, text: str) -> None:
+        self._notes.append((level, text))
+
+
+def _name(index: int) -> str:
+    try:
+        return repr(pygame.joystick.Joystick(index).get_name())
+    except pygame.error:  # pulled again before we could look at it
+        return "that was plugged in"

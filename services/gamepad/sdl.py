@@ -1,0 +1,57 @@
+"""Starts pygame with what a pilot needs and nothing else: no sound, no window unless asked for."""
+
+import importlib
+import os
+import sys
+import warnings
+
+from services.runtime.errors import LindyError
+
+QUIETLY = {
+    "PYGAME_HIDE_SUPPORT_PROMPT": "1",
+    "SDL_AUDIODRIVER": "dummy",  # machines without sound would print errors
+    "SDL_JOYSTICK_ALLOW_BACKGROUND_EVENTS": "1",  # a pad works while another window has the focus
+    "SDL_NO_SIGNAL_HANDLERS": "1",  # Ctrl-C belongs to the host
+}
+
+
+def has_display() -> bool:
+    """Whether a window can be shown; whoever has chosen SDL's video driver has said so."""
+    wanted = ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER")
+    return sys.platform in ("darwin", "win32") or any(os.environ.get(name) for name in wanted)
+
+
+def load() -> None:
+    """Import pygame; from here on `import pygame` cannot fail.
+
+    Raises:
+        LindyError: pygame is not installed; says how to get it.
+    """
+    for name, value in QUIETLY.items():
+        os.environ.setdefault(name, value)
+    try:
+        with warnings.catch_warnings():
+            # pygame asks for setuptools' pkg_resources, which warns whoever asks for it.
+            warnings.filterwarnings("ignore", message=".*pkg_resources", category=Warning)
+            importlib.import_module("pygame")
+    except ImportError:
+        raise LindyError(
+            "pads and the keyboard need pygame: install the extra with "
+            "`pip install -e '.[pilot]'` or `uv sync --extra pilot`, or use --pilot script:FILE"
+        ) from None
+
+
+def start_events() -> None:
+    """SDL's events without a window: with no display at all, or when it cannot be reached.
+
+    Pads are heard through the same events, so they need this too.
+    """
+    import pygame
+
+    if not has_display():
+        os.environ["SDL_VIDEODRIVER"] = "dummy"
+    try:
+        pygame.display.init()
+    except pygame.error:
+        os.environ["SDL_VIDEODRIVER"] = "dummy"
+        pygame.display.init()

@@ -1,0 +1,141 @@
+"""Wires the pilot: sticks at 50 Hz, requests until they are answered, arming and the hand-over."""
+
+import msgspec
+from msgspec.structs import replace
+
+from messages import topics
+from messages.pilot import PilotAnswer, PilotCommand, RequestKind
+from messages.vehicle import VehicleStatus
+from services.gamepad.core import CENTRED, Reading, Source
+from services.gamepad.requests import Requests
+from services.gamepad.sources import open_source
+from services.runtime.node import Node
+from services.runtime.stack import Stack
+
+PAUSE_NS = 2_000_000_000  # [ns] between two attempts to arm by ourselves
+
+
+class Progress(msgspec.Struct, frozen=True):
+    """How far the dive has come; a restart goes on from here."""
+
+    began_ns: int | None = None  # [ns] when the sticks were handed over
+    played: int = 0  # events of the script that have happened
+    may_arm: bool = True  # False: a stop or a disarm has ended arming by ourselves
+
+
+def wire(node: Node, stack: Stack) -> None:
+    progress = node.recall(Progress) or Progress()
+    source = open_source(node, stack, progress.played)
+    by_itself = stack.arm or stack.pilot.startswith("script:")
+    pilot = Pilot(node, source, progress, arms=by_itself)
+    node.each(topics.STATUS, pilot.on_status)
+    node.each(topics.PILOT_ANSWER, pilot.on_answer)
+    node.every(topics.PILOT_COMMAND.hz, pilot.tick)
+
+
+class Pilot:
+    """Says what a source of sticks says, once the drone is armed."""
+
+    def __init__(self, node: Node, source: Source, progress: Progress, *, arms: bool) -> None:
+        self._node = node
+        self._source = source
+        self._progress = progress
+        self._arms = arms
+        self._arm_after = 0  # [ns]
+        self._asked_for_rest = False
+        self._reading = Reading(present=False, at_rest=False)
+        self._light = False  # as it was last asked for or seen
+        self._requests = Requests(node.name)
+        self._command = node.publisher(topics.PILOT_COMMAND)
+        self._request = node.publisher(topics.PILOT_REQUEST)
+        self._change = node.alarm(self._speak)
+
+    def tick(self, now: int) -> None:
+        self._speak(now)
+        for request in self._requests.given_up(now):
+            self._node.count(f"unanswered:{request.kind}")
+            self._node.log("warning", f"the drone did not answer to {request.kind!r}")
+        for request in self._requests.repeats(now):
+            self._request.put(request)
+
+    def on_status(self, status: VehicleStatus, now: int) -> None:
+        if not self._requests.waits_for("light"):
+            self._light = status.light > 0.0
+        if self._progress.began_ns is not None:
+            return
+        if status.armed:
+            self._hand_over(now)
+        elif self._arms and self._progress.may_arm and status.mode == "ready":
+            self._arm(now)
+
+    def on_answer(self, answer: PilotAnswer, now: int) -> None:
+        request = self._requests.answered(answer)
+        if request is None:
+            return  # another pilot's, or the answer to a repetition
+        if request.kind == "arm":
+            self._arm_after = now + PAUSE_NS
+        if not answer.accepted:
+            self._node.count(f"refused:{request.kind}")
+            self._node.log("warning", f"the drone refuses to {request.kind}: {answer.reason}")
+
+    def _speak(self, now: int) -> None:
+        """Read the source and say it. Also called at the very instant a script's row begins."""
+        began = self._progress.began_ns
+        self._reading = reading = self._source.read(now, began)
+        for name in reading.lost:
+            self._node.count(name)
+        for level, text in reading.notes:
+            self._node.log(level, text)
+        self._command.put(self._command_of(reading, now))
+        for kind in reading.presses:
+            self._press(kind, now)
+        self._remember(replace(self._progress, played=self._source.played))
+        if began is not None:
+            self._change.set(self._source.next_ns(now, began))
+
+    def _command_of(self, reading: Reading, now: int) -> PilotCommand:
+        acts = reading.present and self._progress.began_ns is not None
+        return PilotCommand(
+            **(reading.sticks if acts else CENTRED)._asdict(),
+            stamp_ns=now,
+            pilot="present" if reading.present else "lost",
+            source=self._source.name,
+            device_age_ms=reading.age_ms,
+        )
+
+    def _hand_over(self, now: int) -> None:
+        self._node.log("info", f"armed: {self._source.name} has the sticks")
+        self._remember(replace(self._progress, began_ns=now))
+        self._speak(now)
+
+    def _arm(self, now: int) -> None:
+        """Arm by ourselves, at most once every `PAUSE_NS`, and never with a stick deflected."""
+        if self._requests.waits_for("arm") or now < self._arm_after:
+            return
+        if self._reading.at_rest:
+            self._ask("arm", now)
+        elif self._reading.present and not self._asked_for_rest:
+            self._asked_for_rest = True
+            self._node.log("info", "ready: let go of the sticks to arm")
+
+    def _press(self, kind: RequestKind, now: int) -> None:
+        """What the pilot asked for; a stop or a disarm also ends arming by ourselves."""
+        if kind == "arm" and not self._reading.at_rest:
+            self._node.count("refused_here:arm")
+            self._node.log("warning", "not arming: let go of the sticks first")
+            return
+        if kind in ("stop", "disarm"):
+            self._remember(replace(self._progress, may_arm=False))
+        self._ask(kind, now)
+
+    def _ask(self, kind: RequestKind, now: int) -> None:
+        value = None
+        if kind == "light":
+            self._light = not self._light
+            value = float(self._light)
+        self._request.put(self._requests.ask(kind, now, value))
+
+    def _remember(self, progress: Progress) -> None:
+        if progress != self._progress:
+            self._progress = progress
+            self._node.remember(progress)

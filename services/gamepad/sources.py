@@ -1,0 +1,74 @@
+"""Picks the source of sticks that `--pilot` names."""
+
+from pathlib import Path
+
+from services.gamepad import sdl
+from services.gamepad.core import CENTRED, Profile, Settings, Source
+from services.gamepad.player import Player
+from services.gamepad.script import Script, parse
+from services.runtime.errors import LindyError
+from services.runtime.node import Node
+from services.runtime.settings import deploy_file, read
+from services.runtime.stack import Stack
+
+
+def open_source(node: Node, stack: Stack, played: int) -> Source:
+    """Opens the pad, the keyboard's window or the script.
+
+    Raises:
+        LindyError: an unknown word, a malformed file, no pygame, or no display for the keyboard.
+    """
+    word, _, name = stack.pilot.partition(":")
+    if word == "script" and name:
+        return _open_script(node, name, played)
+    if stack.pilot == "gamepad":
+        return _open_pad(node, stack)
+    if stack.pilot == "keyboard":
+        return _open_keyboard(node, stack)
+    raise LindyError(f"--pilot {stack.pilot}: expected gamepad, keyboard or script:FILE")
+
+
+def read_script(name: str) -> Script:
+    """A dive of deploy/dives by name, or a stick log by its path ending in .csv.
+
+    Raises:
+        LindyError: there is no such file, or a line of it is wrong.
+    """
+    path = deploy_file("dives", name, ".csv")
+    try:
+        return parse(path.read_bytes())
+    except OSError as error:
+        raise LindyError(f"cannot read {path}: {error.strerror}") from None
+    except ValueError as error:
+        raise LindyError(f"{path}: {error}") from None
+
+
+def _open_script(node: Node, name: str, played: int) -> Player:
+    script = read_script(name)
+    last = script.rows[-1]
+    if last.sticks != CENTRED or last.event == "lost":
+        node.log("warning", f"script {name}: the last row is its end, so its sticks move nothing")
+    return Player(Path(name).stem, script, played)
+
+
+def _open_pad(node: Node, stack: Stack) -> Source:
+    sdl.load()
+    from services.gamepad.pad import Pad  # here, because a script needs no pygame
+
+    pad = Pad(_profile(stack))
+    node.on_close(pad.close)
+    return pad
+
+
+def _open_keyboard(node: Node, stack: Stack) -> Source:
+    sdl.load()
+    from services.gamepad.keyboard import Keyboard
+
+    keyboard = Keyboard(_profile(stack).gain)
+    node.on_close(keyboard.close)
+    return keyboard
+
+
+def _profile(stack: Stack) -> Profile:
+    name = stack.section("gamepad", Settings).profile
+    return read(deploy_file("pads", name), Profile)

@@ -1,0 +1,135 @@
+"""The keyboard's window, fed with key events under SDL's dummy video driver."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from services.gamepad import sdl
+from services.gamepad.core import CENTRED, Gain, Reading, Sticks
+from services.runtime.errors import LindyError
+
+sdl.load()
+
+import pygame  # noqa: E402
+
+from services.gamepad.keyboard import Keyboard  # noqa: E402
+
+MS = 1_000_000  # [ns]
+
+
+@pytest.fixture
+def keyboard(monkeypatch: pytest.MonkeyPatch) -> Iterator[Keyboard]:
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    keyboard = Keyboard(Gain())
+    keyboard.read(0, None)  # what the window says when it opens
+    yield keyboard
+    keyboard.close()
+
+
+def press(keyboard: Keyboard, *keys: int) -> Reading:
+    for key in keys:
+        pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=key))
+    return keyboard.read(0, None)
+
+
+def release(keyboard: Keyboard, *keys: int) -> Reading:
+    for key in keys:
+        pygame.event.post(pygame.event.Event(pygame.KEYUP, key=key))
+    return keyboard.read(0, None)
+
+
+@pytest.mark.parametrize(
+    ("key", "expected"),
+    [
+        (pygame.K_w, Sticks(surge=0.6)),
+        (pygame.K_s, Sticks(surge=-0.6)),
+        (pygame.K_d, Sticks(sway=0.6)),
+        (pygame.K_a, Sticks(sway=-0.6)),
+        (pygame.K_DOWN, Sticks(heave=0.6)),
+        (pygame.K_UP, Sticks(heave=-0.6)),
+        (pygame.K_RIGHT, Sticks(yaw=0.6)),
+        (pygame.K_LEFT, Sticks(yaw=-0.6)),
+    ],
+)
+def test_a_key_acts_while_it_is_down(keyboard: Keyboard, key: int, expected: Sticks):
+    assert press(keyboard, key).sticks == expected
+    held = keyboard.read(0, None)
+    assert held.sticks == expected
+    assert not held.at_rest
+    released = release(keyboard, key)
+    assert released.sticks == CENTRED
+    assert released.at_rest
+
+
+def test_shift_boosts_and_ctrl_slows(keyboard: Keyboard):
+    assert press(keyboard, pygame.K_w, pygame.K_LSHIFT).sticks == Sticks(surge=1.0)
+    release(keyboard, pygame.K_LSHIFT)
+    assert press(keyboard, pygame.K_RCTRL).sticks == pytest.approx(Sticks(surge=0.25))
+
+
+def test_opposite_keys_cancel(keyboard: Keyboard):
+    assert press(keyboard, pygame.K_LEFT, pygame.K_RIGHT).sticks == CENTRED
+
+
+@pytest.mark.parametrize(
+    ("key", "kind"),
+    [
+        (pygame.K_RETURN, "arm"),
+        (pygame.K_BACKSPACE, "disarm"),
+        (pygame.K_SPACE, "stop"),
+        (pygame.K_l, "light"),
+    ],
+)
+def test_a_request_is_made_once_when_its_key_goes_down(keyboard: Keyboard, key: int, kind: str):
+    assert press(keyboard, key).presses == (kind,)
+    assert keyboard.read(0, None).presses == ()
+    assert release(keyboard, key).presses == ()
+
+
+def test_space_never_arms_whatever_was_pressed_before(keyboard: Keyboard):
+    press(keyboard, pygame.K_RETURN)
+    for _ in range(3):
+        assert press(keyboard, pygame.K_SPACE).presses == ("stop",)
+        assert release(keyboard, pygame.K_SPACE).presses == ()
+
+
+def test_losing_the_focus_releases_all_keys_and_the_pilot_stays(keyboard: Keyboard):
+    press(keyboard, pygame.K_w, pygame.K_LSHIFT)
+    pygame.event.post(pygame.event.Event(pygame.WINDOWFOCUSLOST))
+    reading = keyboard.read(0, None)
+    assert reading.sticks == CENTRED
+    assert reading.present
+    assert press(keyboard, pygame.K_w).sticks == Sticks(surge=0.6)  # and shift is not down
+
+
+def test_closing_the_window_loses_the_pilot(keyboard: Keyboard):
+    press(keyboard, pygame.K_w)
+    pygame.event.post(pygame.event.Event(pygame.QUIT))
+    closing, later = keyboard.read(20 * MS, None), keyboard.read(60 * MS, None)
+    assert not closing.present
+    assert closing.lost == ("closed:keyboard",)
+    assert later == Reading(present=False, at_rest=False, age_ms=40.0)
+
+
+def test_the_window_tells_which_key_does_what(keyboard: Keyboard):
+    assert keyboard.name == "keyboard"
+    window = pygame.display.get_surface()
+    assert window is not None
+    right_half = window.subsurface((200, 0, 160, 230))
+    assert pygame.transform.average_color(right_half)[0] > 20  # there is ink on the paper
+
+
+def test_without_a_display_the_sentence_says_what_to_do_instead(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"):
+        monkeypatch.delenv(name, raising=False)
+    with pytest.raises(LindyError, match="no display; use a pad or --pilot script:FILE"):
+        Keyboard(Gain())
+
+
+def test_a_display_that_cannot_be_reached_is_one_sentence(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "x11")
+    monkeypatch.setenv("DISPLAY", ":93")
+    with pytest.raises(LindyError, match="cannot open the keyboard's window"):
+        Keyboard(Gain())

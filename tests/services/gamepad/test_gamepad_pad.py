@@ -1,0 +1,213 @@
+"""A real pad as far as SDL can tell: its own virtual joystick, driven through SDL's C interface."""
+
+import ctypes
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from services.gamepad import sdl
+from services.gamepad.core import CENTRED, Profile, Reading, Sticks
+
+sdl.load()
+
+import pygame  # noqa: E402
+
+from services.gamepad.pad import Pad  # noqa: E402
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="finds SDL through /proc")
+
+CONTROLLER, WHEEL = 1, 2  # SDL_JoystickType
+MS = 1_000_000  # [ns]
+LEFT_Y, RIGHT_X, RIGHT_TRIGGER = 1, 2, 5
+B, Y, BACK, START = 1, 3, 4, 6
+
+
+class VirtualPad:
+    """A pad that a test plugs in, moves and pulls."""
+
+    def __init__(self, kind: int = CONTROLLER) -> None:
+        sdl2 = self._sdl2 = _sdl2()
+        self._index = sdl2.SDL_JoystickAttachVirtual(kind, 6, 21, 0)
+        assert self._index >= 0
+        self._joystick = sdl2.SDL_JoystickOpen(self._index)
+
+    def axis(self, axis: int, travel: float) -> None:
+        value = max(-32768, min(32767, round(travel * 32768)))
+        self._sdl2.SDL_JoystickSetVirtualAxis(self._joystick, axis, value)
+
+    def button(self, button: int, *, down: bool = True) -> None:
+        self._sdl2.SDL_JoystickSetVirtualButton(self._joystick, button, int(down))
+
+    def pull(self) -> None:
+        self._sdl2.SDL_JoystickClose(self._joystick)
+        self._sdl2.SDL_JoystickDetachVirtual(self._index)
+
+
+def _sdl2() -> ctypes.CDLL:
+    """The SDL that pygame has loaded."""
+    maps = Path("/proc/self/maps").read_text().splitlines()
+    library = ctypes.CDLL(next(line.split()[-1] for line in maps if "/libSDL2-" in line))
+    library.SDL_JoystickOpen.restype = ctypes.c_void_p
+    library.SDL_JoystickClose.argtypes = [ctypes.c_void_p]
+    library.SDL_JoystickSetVirtualAxis.argtypes = [ctypes.c_void_p, ctypes.c_int, ctypes.c_int16]
+    library.SDL_JoystickSetVirtualButton.argtypes = [
+        ctypes.c_void_p,
+        ctypes.c_int,
+        ctypes.c_uint8,
+    ]
+    return library
+
+
+class Pilot:
+    """Reads the pad every 20 ms."""
+
+    def __init__(self) -> None:
+        self.pad = Pad(Profile())
+        self.now = 0
+
+    def read(self) -> Reading:
+        self.now += 20 * MS
+        return self.pad.read(self.now, None)
+
+
+@pytest.fixture
+def pilot(monkeypatch: pytest.MonkeyPatch) -> Iterator[Pilot]:
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    pilot = Pilot()
+    yield pilot
+    pilot.pad.close()
+
+
+def test_without_a_pad_the_pilot_is_lost_and_told_so_once(pilot: Pilot):
+    first, second = pilot.read(), pilot.read()
+    assert not first.present
+    assert not second.present
+    assert first.sticks == second.sticks == CENTRED
+    assert [text for _, text in first.notes] == ["no pad is plugged in; waiting for one"]
+    assert second.notes == ()
+
+
+def test_a_stick_a_trigger_and_a_button_reach_the_reading(pilot: Pilot):
+    plugged = VirtualPad()
+    assert pilot.read().present
+    plugged.axis(LEFT_Y, -1.0)
+    assert pilot.read().sticks == Sticks(heave=-0.6)
+    plugged.axis(RIGHT_TRIGGER, 1.0)
+    assert pilot.read().sticks == Sticks(heave=-1.0)
+    plugged.button(START)
+    assert pilot.read().presses == ("arm",)
+    assert pilot.read().presses == ()  # held down is not pressed again
+    plugged.button(START, down=False)
+    plugged.button(B)
+    plugged.button(Y)
+    assert pilot.read().presses == ("stop", "light")
+    plugged.pull()
+
+
+def test_a_pad_that_was_there_first_is_found(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    sdl.start_events()
+    pygame.joystick.init()
+    plugged = VirtualPad()
+    pilot = Pilot()
+    assert pilot.read().present
+    assert pilot.pad.name == "gamepad Virtual Controller"
+    plugged.pull()
+    pilot.read()
+    pilot.pad.close()
+
+
+def test_a_pulled_pad_is_lost_not_centred_and_its_age_grows(pilot: Pilot):
+    plugged = VirtualPad()
+    pilot.read()
+    plugged.axis(RIGHT_X, 1.0)
+    steady = [pilot.read() for _ in range(5)][-1]
+    assert steady.sticks.sway == 0.6
+    assert steady.age_ms == 0.0  # a still stick is not an old one
+    plugged.pull()
+    gone = [pilot.read() for _ in range(3)]
+    assert not any(reading.present or reading.at_rest for reading in gone)
+    assert all(reading.sticks == CENTRED for reading in gone)
+    assert [reading.age_ms for reading in gone] == [20.0, 40.0, 60.0]
+    assert [reading.lost for reading in gone] == [("unplugged:pad",), (), ()]
+    assert [len(reading.notes) for reading in gone] == [1, 0, 0]
+
+
+def test_a_pad_plugged_in_again_moves_nothing_until_its_sticks_were_centred_once(pilot: Pilot):
+    first = VirtualPad()
+    pilot.read()
+    first.pull()
+    assert not pilot.read().present
+    again = VirtualPad()
+    again.axis(LEFT_Y, 1.0)
+    held = [pilot.read() for _ in range(3)]
+    assert all(reading.present and not reading.at_rest for reading in held)
+    assert all(reading.sticks == CENTRED for reading in held)
+    again.axis(LEFT_Y, 0.0)
+    assert pilot.read().at_rest
+    again.axis(LEFT_Y, 1.0)
+    assert pilot.read().sticks == Sticks(heave=0.6)
+    again.pull()
+
+
+def test_a_pull_and_plug_between_two_readings_still_ends_the_old_stick(pilot: Pilot):
+    first = VirtualPad()
+    pilot.read()
+    first.axis(LEFT_Y, 1.0)
+    assert pilot.read().sticks.heave > 0.0
+    first.pull()
+    again = VirtualPad()
+    again.axis(LEFT_Y, 1.0)
+    reading = pilot.read()
+    assert reading.lost == ("unplugged:pad",)
+    assert reading.sticks == CENTRED
+    again.pull()
+
+
+def test_until_the_sticks_were_centred_only_stop_and_disarm_are_heard(pilot: Pilot):
+    plugged = VirtualPad()
+    plugged.axis(LEFT_Y, 1.0)
+    assert not pilot.read().at_rest
+    for button in (START, Y, B, BACK):
+        plugged.button(button)
+    assert pilot.read().presses == ("stop", "disarm")
+    plugged.pull()
+
+
+def test_a_second_pad_is_named_and_left_alone(pilot: Pilot):
+    first = VirtualPad()
+    pilot.read()
+    second = VirtualPad()
+    assert "ignored" in pilot.read().notes[0][1]
+    second.axis(LEFT_Y, 1.0)
+    second.button(START)
+    reading = pilot.read()
+    assert reading.sticks == CENTRED
+    assert reading.presses == ()
+    second.pull()
+    assert pilot.read().present
+    first.pull()
+
+
+def test_a_pad_sdl_does_not_know_is_named_in_one_line(pilot: Pilot):
+    pilot.read()
+    wheel = VirtualPad(WHEEL)
+    reading = pilot.read()
+    assert not reading.present
+    assert [level for level, _ in reading.notes] == ["warning"]
+    assert "SDL_GAMECONTROLLERCONFIG" in reading.notes[0][1]
+    wheel.pull()
+
+
+def test_a_display_that_cannot_be_reached_does_not_matter_to_a_pad(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "x11")
+    monkeypatch.setenv("DISPLAY", ":93")
+    pilot = Pilot()
+    assert os.environ["SDL_VIDEODRIVER"] == "dummy"
+    assert not pilot.read().present
+    pilot.pad.close()

@@ -1,0 +1,368 @@
+"""The wired service on virtual time, with a drone on the other end."""
+
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from messages import topics
+from messages.health import LogLine
+from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
+from messages.vehicle import Mode, VehicleStatus
+from services.gamepad import sdl
+from services.gamepad.core import CENTRED, Reading, Sticks
+from services.gamepad.script import parse
+from services.gamepad.service import Pilot, Progress, wire
+from services.runtime.errors import LindyError
+from services.runtime.node import Node
+from services.runtime.stack import Row, Stack
+from services.runtime.virtual_host import VirtualHost
+
+MS = 1_000_000  # [ns]
+S = 1000 * MS
+HOME = Row(realms=["topside"])
+LOG = """t,surge,sway,heave,yaw,event
+0,0,0,0,0
+1.003,0,0,0.5,0
+2.5071,0.25,0,0,-1,light
+3,0,0,0.5,0,lost
+4.2,0,0,0,0
+"""
+
+
+class Drone:
+    """Becomes ready at 0.5 s and answers every request, unless told otherwise."""
+
+    def __init__(self, host: VirtualHost) -> None:
+        self.commands: list[PilotCommand] = []
+        self.requests: list[PilotRequest] = []
+        self.lines: list[LogLine] = []
+        self.answers = True
+        self.refuses = ""
+        self.armed = False
+        self.armed_at: int | None = None  # [ns]
+        node = host.node("drone", ["topside"])
+        self._status = node.publisher(topics.STATUS)
+        self._answer = node.publisher(topics.PILOT_ANSWER)
+        node.each(topics.PILOT_COMMAND, lambda message, _: self.commands.append(message))
+        node.each(topics.LOG, lambda message, _: self.lines.append(message))
+        node.each(topics.PILOT_REQUEST, self._on_request)
+        node.every(topics.STATUS.hz, self._say_status)
+
+    def since(self, start: int) -> list[PilotCommand]:
+        return [c for c in self.commands if c.stamp_ns >= start]
+
+    def kinds(self) -> list[str]:
+        return [r.kind for r in self.requests]
+
+    def texts(self) -> list[str]:
+        return [line.text for line in self.lines]
+
+    def _say_status(self, now: int) -> None:
+        mode: Mode = "starting" if now < S // 2 else "piloted" if self.armed else "ready"
+        self._status.put(VehicleStatus(stamp_ns=now, mode=mode, armed=self.armed))
+
+    def _on_request(self, request: PilotRequest, now: int) -> None:
+        self.requests.append(request)
+        if not self.answers:
+            return
+        accepted = not self.refuses
+        if accepted and request.kind in ("arm", "disarm"):
+            self.armed = request.kind == "arm"
+            self.armed_at = now if self.armed else self.armed_at
+        self._answer.put(
+            PilotAnswer(stamp_ns=now, id=request.id, accepted=accepted, reason=self.refuses)
+        )
+        self._say_status(now)
+
+
+class Hands:
+    """A device whose reading the test sets."""
+
+    name = "hands"
+    played = 0
+
+    def __init__(self) -> None:
+        self.sticks = CENTRED
+        self.present = True
+        self.presses: list[str] = []
+
+    def read(self, now: int, began: int | None) -> Reading:  # noqa: ARG002
+        pressed, self.presses = tuple(self.presses), []
+        at_rest = self.present and self.sticks == CENTRED
+        return Reading(self.sticks, self.present, at_rest, presses=pressed)  # type: ignore[arg-type]
+
+    def next_ns(self, now: int, began: int) -> int | None:  # noqa: ARG002
+        return None
+
+
+@pytest.fixture
+def host() -> VirtualHost:
+    return VirtualHost()
+
+
+@pytest.fixture
+def drone(host: VirtualHost) -> Drone:
+    return Drone(host)
+
+
+@pytest.fixture
+def script(tmp_path: Path) -> Stack:
+    path = tmp_path / "log.csv"
+    path.write_text(LOG)
+    return Stack(pilot=f"script:{path}", arm=False)
+
+
+def hold(hands: Hands, *, arms: bool) -> Callable[[Node, Stack], None]:
+    """A wire function like the real one, with `hands` for a source."""
+
+    def wired(node: Node, stack: Stack) -> None:  # noqa: ARG001
+        pilot = Pilot(node, hands, node.recall(Progress) or Progress(), arms=arms)
+        node.each(topics.STATUS, pilot.on_status)
+        node.each(topics.PILOT_ANSWER, pilot.on_answer)
+        node.every(topics.PILOT_COMMAND.hz, pilot.tick)
+
+    return wired
+
+
+def sticks_of(command: PilotCommand) -> Sticks:
+    return Sticks(command.surge, command.sway, command.heave, command.yaw)
+
+
+def changes(commands: list[PilotCommand], began: int) -> list[tuple[int, Sticks, str]]:
+    """Time since the hand-over [ns], sticks and presence of every command unlike the last."""
+    told: list[tuple[int, Sticks, str]] = []
+    for command in commands:
+        now = (command.stamp_ns - began, sticks_of(command), command.pilot)
+        if not told or told[-1][1:] != now[1:]:
+            told.append(now)
+    return told
+
+
+SAID = [  # what LOG says
+    (0, CENTRED, "present"),
+    (1003 * MS, Sticks(heave=0.5), "present"),
+    (2_507_100_000, Sticks(surge=0.25, yaw=-1.0), "present"),
+    (3000 * MS, CENTRED, "lost"),
+    (4200 * MS, CENTRED, "present"),
+]
+
+
+def test_a_script_waits_for_arming_and_then_speaks_at_its_own_exact_times(
+    host: VirtualHost, drone: Drone, script: Stack
+):
+    host.add("gamepad", HOME, script, wire)
+    host.run(10 * S)
+    began = drone.armed_at
+    assert began is not None
+    before = [c for c in drone.commands if c.stamp_ns < began]
+    assert len(before) >= 20
+    assert all(sticks_of(c) == CENTRED and c.pilot == "present" for c in before)
+    assert changes(drone.since(began), began) == SAID
+
+
+def test_commands_come_at_50_hz_whatever_happens(host: VirtualHost, drone: Drone, script: Stack):
+    host.add("gamepad", HOME, script, wire)
+    host.run(10 * S)
+    stamps = {c.stamp_ns for c in drone.commands}
+    assert {n * 20 * MS for n in range(1, 500)} <= stamps
+    assert len(stamps) <= 510
+
+
+def test_arming_is_asked_once_when_ready_and_disarming_three_seconds_after_the_end(
+    host: VirtualHost, drone: Drone, script: Stack
+):
+    host.add("gamepad", HOME, script, wire)
+    host.run(20 * S)
+    began = drone.armed_at
+    assert began is not None
+    assert began >= S // 2
+    asked = [(r.kind, r.value, r.stamp_ns - began) for r in drone.requests]
+    assert asked == [
+        ("arm", None, 0),
+        ("light", 1.0, 2_507_100_000),
+        ("disarm", None, 7_200 * MS),
+    ]
+    assert drone.texts().count("the script has ended") == 1
+    assert not drone.armed
+
+
+def test_an_unanswered_request_is_repeated_with_the_same_id_and_then_given_up(
+    host: VirtualHost, drone: Drone, script: Stack
+):
+    drone.answers = False
+    node = host.add("gamepad", HOME, script, wire)
+    host.run(5 * S)
+    assert len({r.id for r in drone.requests}) == 1
+    stamps = [r.stamp_ns for r in drone.requests]
+    assert {b - a for a, b in pairwise(stamps)} == {200 * MS}
+    host.run(6 * S)
+    assert node.counts["unanswered:arm"] == 1
+    assert "the drone did not answer to 'arm'" in drone.texts()
+    drone.answers = True
+    host.run(7 * S)
+    assert drone.armed  # it asks anew while the drone is ready
+    assert len({r.id for r in drone.requests}) == 2
+
+
+def test_a_refusal_is_told_with_its_reason_and_not_hammered(
+    host: VirtualHost, drone: Drone, script: Stack
+):
+    drone.refuses = "the hatch is open"
+    node = host.add("gamepad", HOME, script, wire)
+    host.run(5 * S)
+    assert "the drone refuses to arm: the hatch is open" in drone.texts()
+    assert 2 <= len(drone.requests) <= 3
+    assert node.counts["refused:arm"] == len(drone.requests)
+
+
+@pytest.mark.parametrize(
+    "crash_after", [500 * MS, 2_400 * MS, 3_500 * MS, 5 * S, 7_100 * MS, 9 * S]
+)
+def test_a_restart_in_mid_dive_goes_on_with_the_script_as_if_nothing_had_happened(
+    host: VirtualHost, drone: Drone, script: Stack, crash_after: int
+):
+    host.add("gamepad", HOME, script, wire)
+    host.run(S)
+    began, log = drone.armed_at, parse(LOG.encode())
+    assert began is not None
+    host.run(began + crash_after)
+    host.kill("gamepad")
+    host.run(began + crash_after + 200 * MS)  # an event falls into one of these gaps
+    restart = host.now
+    host.add("gamepad", HOME, script, wire)
+    host.run(20 * S)
+    assert drone.kinds() == ["arm", "light", "disarm"]
+    assert drone.armed_at == began
+    after = drone.since(restart)
+    assert all(sticks_of(c) == log.at(c.stamp_ns - began).sticks for c in after)
+    assert {began + at for at, _, _ in SAID if began + at > restart} <= {c.stamp_ns for c in after}
+    planned = began + log.duration_ns + 3 * S
+    missed = restart - 200 * MS < planned <= restart  # then it is made up for at once
+    assert drone.requests[-1].stamp_ns == (restart + 20 * MS if missed else planned)
+
+
+def test_a_last_row_with_a_stick_out_is_pointed_at(host: VirtualHost, drone: Drone, tmp_path: Path):
+    path = tmp_path / "open_end.csv"
+    path.write_text("t,surge,sway,heave,yaw\n0,0,0,0,0\n1,1,0,0,0\n")
+    host.add("gamepad", HOME, Stack(pilot=f"script:{path}"), wire)
+    host.run(5 * S)
+    assert any("last row" in text for text in drone.texts())
+    assert all(sticks_of(c) == CENTRED for c in drone.commands)
+
+
+def test_a_device_with_a_stick_out_is_not_armed_until_it_is_let_go(host: VirtualHost, drone: Drone):
+    hands = Hands()
+    hands.sticks = Sticks(heave=1.0)
+    host.add("gamepad", HOME, Stack(), hold(hands, arms=True))
+    host.run(3 * S)
+    assert drone.requests == []
+    assert drone.texts().count("ready: let go of the sticks to arm") == 1
+    assert all(sticks_of(c) == CENTRED for c in drone.commands)
+    hands.sticks = CENTRED
+    host.run(4 * S)
+    assert drone.armed
+    hands.sticks = Sticks(heave=1.0)
+    host.run(5 * S)
+    assert sticks_of(drone.commands[-1]) == Sticks(heave=1.0)
+
+
+def test_a_device_that_is_gone_says_so_with_centred_sticks(host: VirtualHost, drone: Drone):
+    hands = Hands()
+    host.add("gamepad", HOME, Stack(), hold(hands, arms=True))
+    host.run(S)
+    hands.sticks = Sticks(yaw=0.5)
+    hands.present = False
+    host.run(2 * S)
+    assert drone.commands[-1].pilot == "lost"
+    assert sticks_of(drone.commands[-1]) == CENTRED
+
+
+def test_without_leave_to_arm_by_itself_only_the_button_arms(host: VirtualHost, drone: Drone):
+    hands = Hands()
+    node = host.add("gamepad", HOME, Stack(), hold(hands, arms=False))
+    host.run(2 * S)
+    assert drone.requests == []
+    hands.sticks, hands.presses = Sticks(yaw=0.1), ["arm"]
+    host.run(3 * S)
+    assert drone.requests == []
+    assert node.counts["refused_here:arm"] == 1
+    hands.sticks, hands.presses = CENTRED, ["arm"]
+    host.run(4 * S)
+    assert drone.kinds() == ["arm"]
+
+
+@pytest.mark.parametrize("kind", ["stop", "disarm"])
+def test_after_a_stop_or_disarm_nothing_arms_by_itself_even_after_a_restart(
+    host: VirtualHost, drone: Drone, kind: str
+):
+    hands = Hands()
+    hands.presses = [kind]
+    host.add("gamepad", HOME, Stack(), hold(hands, arms=True))
+    host.run(3 * S)
+    host.kill("gamepad")
+    host.add("gamepad", HOME, Stack(), hold(hands, arms=True))
+    host.run(6 * S)
+    assert drone.kinds() == [kind]
+
+
+def test_a_pilot_who_disarmed_is_not_armed_again_after_a_restart(host: VirtualHost, drone: Drone):
+    hands = Hands()
+    host.add("gamepad", HOME, Stack(), hold(hands, arms=True))
+    host.run(S)
+    hands.presses = ["disarm"]
+    host.run(2 * S)
+    host.kill("gamepad")
+    host.add("gamepad", HOME, Stack(), hold(hands, arms=True))
+    host.run(5 * S)
+    assert drone.kinds() == ["arm", "disarm"]
+
+
+def test_the_light_button_toggles(host: VirtualHost, drone: Drone):
+    hands = Hands()
+    drone.answers = False  # its status stays dark; what was asked for last counts meanwhile
+    host.add("gamepad", HOME, Stack(), hold(hands, arms=False))
+    for n in range(1, 4):
+        hands.presses = ["light"]
+        host.run(n * 100 * MS)
+    asked = {r.id: r.value for r in drone.requests}
+    assert list(asked.values()) == [1.0, 0.0, 1.0]
+
+
+def test_a_real_pad_service_without_a_pad_runs_and_says_so(
+    host: VirtualHost, drone: Drone, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    host.add("gamepad", HOME, Stack(pilot="gamepad"), wire)
+    host.run(2 * S)
+    assert len(drone.commands) >= 99
+    assert all(c.pilot == "lost" for c in drone.commands)
+    assert drone.requests == []
+    assert drone.texts() == ["no pad is plugged in; waiting for one"]
+    host.close()
+
+
+@pytest.mark.parametrize("pilot", ["joystick", "script", "script:", "", "keyboard:x"])
+def test_an_unknown_pilot_is_one_sentence(host: VirtualHost, pilot: str):
+    with pytest.raises(LindyError, match="expected gamepad, keyboard or script:FILE"):
+        host.add("gamepad", HOME, Stack(pilot=pilot), wire)
+
+
+def test_a_mistake_in_a_script_names_file_and_line(host: VirtualHost, tmp_path: Path):
+    path = tmp_path / "wrong.csv"
+    path.write_text("t,surge,sway,heave,yaw\n0,0,0,2,0\n")
+    with pytest.raises(LindyError, match=r"wrong\.csv: line 2: heave is '2'"):
+        host.add("gamepad", HOME, Stack(pilot=f"script:{path}"), wire)
+
+
+@pytest.mark.parametrize("pilot", ["gamepad", "keyboard"])
+def test_without_pygame_the_sentence_says_how_to_install_it(
+    host: VirtualHost, pilot: str, monkeypatch: pytest.MonkeyPatch
+):
+    def missing(name: str) -> None:
+        raise ModuleNotFoundError(name)
+
+    monkeypatch.setattr(sdl.importlib, "import_module", missing)
+    with pytest.raises(LindyError, match="--extra pilot"):
+        host.add("gamepad", HOME, Stack(pilot=pilot), wire)

@@ -1,0 +1,168 @@
+"""Reading a stick log, and what it says at any time."""
+
+from collections import Counter
+from itertools import pairwise
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from services.gamepad.core import CENTRED, Sticks
+from services.gamepad.player import QUIET_NS, Player
+from services.gamepad.script import Row, Script, parse
+from services.gamepad.sources import read_script
+from services.runtime.errors import LindyError
+
+S = 1_000_000_000  # [ns]
+HEAD = b"t,surge,sway,heave,yaw,event\n"
+
+sticks = st.builds(Sticks, *[st.floats(-1.0, 1.0)] * 4)
+times = st.lists(st.integers(0, 80_000), min_size=1, max_size=8, unique=True).map(sorted)
+events = st.sampled_from(["", "arm", "disarm", "stop", "light", "lost"])
+
+
+@st.composite
+def logs(draw: st.DrawFn) -> list[tuple[int, Sticks, str]]:
+    """Rows of time [ms], sticks, event."""
+    return [(ms, draw(sticks), draw(events)) for ms in draw(times)]
+
+
+def csv(rows: list[tuple[int, Sticks, str]]) -> bytes:
+    lines = [f"{ms / 1000},{','.join(map(repr, s))},{event}" for ms, s, event in rows]
+    return HEAD + "\n".join(lines).encode()
+
+
+@settings(max_examples=100, deadline=None)
+@given(logs(), st.integers(0, 90_000))
+def test_each_row_holds_until_the_next_and_the_last_one_ends_it(
+    rows: list[tuple[int, Sticks, str]], ms: int
+):
+    script = parse(csv(rows))
+    begun = [row for row in rows if row[0] <= ms]
+    silent = not begun or ms >= rows[-1][0] or begun[-1][2] == "lost"
+    expected = CENTRED if silent else begun[-1][1]
+    assert script.at(ms * 1_000_000).sticks == expected
+    assert script.duration == rows[-1][0] / 1000
+
+
+@settings(max_examples=50, deadline=None)
+@given(logs(), st.lists(st.integers(0, 90_000), max_size=20).map(sorted))
+def test_every_event_happens_once_whenever_the_player_is_asked(
+    rows: list[tuple[int, Sticks, str]], moments: list[int]
+):
+    player = Player("x", parse(csv(rows)))
+    heard = Counter[str]()
+    for ms in [*moments, 90_000]:
+        heard.update(player.read(ms * 1_000_000, 0).presses)
+    written = Counter(event for _, _, event in rows if event not in ("", "lost"))
+    assert heard == written + Counter({"disarm": 1})
+
+
+@settings(max_examples=50, deadline=None)
+@given(logs())
+def test_the_player_names_every_instant_at_which_it_changes(rows: list[tuple[int, Sticks, str]]):
+    player, began = Player("x", parse(csv(rows))), 5 * S
+    named, now = list[int](), began - 1
+    while (following := player.next_ns(now, began)) is not None:
+        assert following > now
+        named.append(following - began)
+        now = following
+    assert named == [ms * 1_000_000 for ms, _, _ in rows] + [rows[-1][0] * 1_000_000 + QUIET_NS]
+
+
+def parsed_or_error(data: bytes) -> Script | ValueError:
+    try:
+        return parse(data)
+    except ValueError as error:
+        return error
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.binary(max_size=200) | st.binary(max_size=60).map(lambda tail: HEAD + tail))
+def test_whatever_bytes_a_file_holds_the_error_names_a_line(data: bytes):
+    parsed = parsed_or_error(data)
+    if isinstance(parsed, Script):
+        assert all(abs(x) <= 1.0 for row in parsed.rows for x in row.sticks)
+    else:
+        assert type(parsed) is ValueError
+        assert str(parsed).startswith("line ")
+
+
+def test_comments_blank_lines_spaces_and_a_spreadsheets_mark_are_allowed():
+    text = (
+        "\ufeff# a dive\r\n\r\n t, surge, sway, heave, yaw, event # heading\r\n"
+        "0, 0, 0, 0.5, 0 # down\r\n\r\n1.5, 0, 0, 0, 0, stop\r\n"
+    )
+    down, end = Row(0, Sticks(heave=0.5)), Row(3 * S // 2, CENTRED, "stop")
+    assert parse(text.encode()) == Script((down, end))
+
+
+def test_the_column_of_events_may_be_left_out():
+    assert parse(b"t,surge,sway,heave,yaw\n2,0,0,0,1\n").rows == (Row(2 * S, Sticks(yaw=1.0)),)
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "found", "allowed"),
+    [
+        (b"", 1, "empty", "heading"),
+        (b"# only a comment\n", 1, "empty", "heading"),
+        (HEAD, 1, "no row", "at least one"),
+        (b"0,0,0,0,0\n", 1, "0,0,0,0,0", "heading"),
+        (b"t,surge,sway,yaw\n", 1, "t,surge,sway,yaw", "t,surge,sway,heave,yaw"),
+        (b"\x89PNG\r\n\x1a\n", 1, "0x89", "text"),
+        (HEAD + b"0,0,0,0,0\n1,\xff,0,0,0\n", 3, "0xff", "text"),
+        (HEAD + b"0,0,0,0\n", 2, "4 columns", "5 or 6"),
+        (HEAD + b"0,0,0,0,0,stop,now\n", 2, "7 columns", "5 or 6"),
+        (HEAD + b"# c\n\n0,0,0,fast,0\n", 4, "heave is 'fast'", "-1 to 1"),
+        (HEAD + b"0,nan,0,0,0\n", 2, "surge is 'nan'", "-1 to 1"),
+        (HEAD + b"0,0,-inf,0,0\n", 2, "sway is '-inf'", "-1 to 1"),
+        (HEAD + b"0,0,0,0,1.01\n", 2, "yaw is '1.01'", "-1 to 1"),
+        (HEAD + b"-1,0,0,0,0\n", 2, "t is '-1'", "0 to 86400"),
+        (HEAD + b"inf,0,0,0,0\n", 2, "t is 'inf'", "0 to 86400"),
+        (HEAD + b"0,0,0,,0\n", 2, "heave is ''", "-1 to 1"),
+        (HEAD + b"1,0,0,0,0\n1,0,0,0,0\n", 3, "t is 1", "more than the 1 before"),
+        (HEAD + b"1,0,0,0,0\n0.5,0,0,0,0\n", 3, "t is 0.5", "more than the 1 before"),
+        (HEAD + b"0,0,0,0,0,jump\n", 2, "'jump'", "arm, disarm, stop, light, lost"),
+    ],
+)
+def test_a_mistake_is_named_with_its_line_what_was_found_and_what_is_allowed(
+    text: bytes, line: int, found: str, allowed: str
+):
+    with pytest.raises(ValueError, match=f"^line {line}: ") as caught:
+        parse(text)
+    assert found in str(caught.value)
+    assert allowed in str(caught.value)
+
+
+def test_the_first_dive_tells_the_whole_story_and_leaves_quiet_after_each_stop():
+    script = read_script("first_dive")
+    assert 75.0 <= script.duration <= 90.0
+    moving = [(row.at_ns, row.sticks) for row in script.rows]
+    last = CENTRED
+    for index, (at, now) in enumerate(moving):
+        if last != CENTRED and now == CENTRED:  # a stop: quiet until the sticks move again
+            again = next((t for t, s in moving[index:] if s != CENTRED), script.duration_ns)
+            assert again - at >= 4 * S
+        last = now
+    assert [row.event for row in script.rows if row.event] == ["light", "light"]
+
+
+def test_the_first_dive_reaches_the_floor_and_surfaces_only_at_the_end():
+    floor, surface, depth = 6.0, 0.17, 0.17  # [m] simulator's floor, the floating depth
+    depths = list[tuple[int, float]]()
+    rows = read_script("first_dive").rows
+    for row, following in pairwise(rows):
+        moved = 0.5 * row.sticks.heave * (following.at_ns - row.at_ns) / 1e9
+        pushed_for = (depth + moved - floor) / 0.5  # [s] on the floor at full stick
+        if row.sticks.heave == 1.0:
+            assert 2.0 <= pushed_for <= 5.0
+        depth = min(max(depth + moved, surface), floor)
+        depths.append((following.at_ns, depth))
+    assert max(d for _, d in depths) == floor
+    assert depths[-1][1] == surface
+    assert all(d > 2.0 for at, d in depths if 8 * S <= at <= 72 * S)
+
+
+def test_a_dive_that_is_not_there_is_named_with_those_that_are():
+    with pytest.raises(LindyError, match=r"unknown dive 'first_dvie'.*first_dive"):
+        read_script("first_dvie")
