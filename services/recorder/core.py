@@ -1,0 +1,123 @@
+"""What came off the bus becomes rows of a recording, or a name under which the loss is counted.
+
+Nothing that arrives may raise, and nothing that arrives may make the counters or the list of
+channels grow without end: a flood of invented keys ends up under one shared name.
+"""
+
+import hashlib
+import re
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import msgspec
+
+from messages import topics
+from messages.message import Message
+from messages.topic import AnyTopic
+
+MEMBERS = 64  # recorded members of one family, such as health/*
+UNKNOWN = 32  # unknown keys that are counted under their own name
+NAME_LENGTH = 80  # characters of an unknown key that are kept in its count
+KEY = re.compile(r"[a-z0-9_]+(/[a-z0-9_]+)*")  # what a key of ours is made of
+LATEST_NS = 2**63 - 1  # [ns] MCAP tools read times as signed or unsigned 64 bit; this fits both
+
+
+class Row(NamedTuple):
+    """One message as it is written to the file."""
+
+    topic: AnyTopic  # the row of the topic table; for health/control that of health/*
+    key: str
+    data: bytes  # JSON
+    log_ns: int  # [ns] UTC of arrival
+    publish_ns: int  # [ns] UTC of the message's own stamp
+    sequence: int  # the publisher's count, modulo 2³²
+
+
+@dataclass(frozen=True, slots=True)
+class _Stream:
+    topic: AnyTopic
+    encoding: str
+    decoder: msgspec.msgpack.Decoder[Message]
+
+
+class Intake:
+    """Checks, converts, counts and hashes every envelope of a vehicle.
+
+    Args:
+        wall_offset_ns: [ns] UTC minus the clock of arrivals and stamps.
+    """
+
+    def __init__(self, wall_offset_ns: int) -> None:
+        self._offset = wall_offset_ns
+        self._streams: dict[str, _Stream] = {}  # every topic of the table, and members met
+        self._members: dict[str, int] = {}  # family → how many members are recorded
+        self._unknown: set[str] = set()
+        self._hash = hashlib.sha256()
+        self._encode = msgspec.json.Encoder().encode
+        for topic in topics.ALL:
+            self._streams[topic.key] = _Stream(
+                topic, topic.encoding, msgspec.msgpack.Decoder(topic.message)
+            )
+
+    def take(self, key: str, encoding: str, payload: bytes, arrival: int) -> Row | str:
+        """The row to be written, or the name under which the refusal is to be counted.
+
+        Args:
+            arrival: [ns] on the clock of the vehicle's stamps.
+        """
+        stream = self._streams.get(key) or self._family_of(key)
+        if stream is None:
+            return self._name_unknown(key)
+        # A refused member of a family is counted under the family: anybody can invent members.
+        name = key if key in self._streams else stream.topic.key
+        if encoding != stream.encoding:
+            return f"wrong_type:{name}"
+        message = _open(stream, payload)
+        if message is None:
+            return f"malformed:{name}"
+        log_ns, publish_ns = arrival + self._offset, message.stamp_ns + self._offset
+        if not (0 <= log_ns <= LATEST_NS and 0 <= publish_ns <= LATEST_NS):
+            return f"malformed:{name}"
+        if key not in self._streams and not self._admit(key, stream):
+            return f"too_many_keys:{name}"
+        self._add_to_hash(key, payload, arrival)
+        data = self._encode(message)
+        return Row(stream.topic, key, data, log_ns, publish_ns, message.seq & 0xFFFFFFFF)
+
+    def log_hash(self) -> str:
+        """SHA-256 over key, payload and arrival of every row so far, in order: two runs with the
+        same hash heard the same bytes at the same instants."""
+        return self._hash.hexdigest()
+
+    def _family_of(self, key: str) -> _Stream | None:
+        topic = topics.find(key)
+        return self._streams[topic.key] if topic and KEY.fullmatch(key) else None
+
+    def _admit(self, key: str, family: _Stream) -> bool:
+        """A member of a family, heard for the first time."""
+        members = self._members.get(family.topic.key, 0)
+        if members >= MEMBERS:
+            return False
+        self._members[family.topic.key] = members + 1
+        self._streams[key] = family
+        return True
+
+    def _name_unknown(self, key: str) -> str:
+        name = key[:NAME_LENGTH].encode("ascii", "backslashreplace").decode()
+        if name not in self._unknown:
+            if len(self._unknown) >= UNKNOWN:
+                return "unknown:others"
+            self._unknown.add(name)
+        return f"unknown:{name}"
+
+    def _add_to_hash(self, key: str, payload: bytes, arrival: int) -> None:
+        # Lengths first, so that bytes cannot wander from one field into the next unnoticed.
+        self._hash.update(f"{len(key)} {len(payload)} {arrival} {key}".encode())
+        self._hash.update(payload)
+
+
+def _open(stream: _Stream, payload: bytes) -> Message | None:
+    try:
+        return stream.decoder.decode(payload)
+    except (msgspec.DecodeError, msgspec.ValidationError, RecursionError):
+        return None

@@ -1,0 +1,42 @@
+"""JSON Schemas that Foxglove and Lichtblick accept.
+
+Their parser wants `"type": "object"` at the top and knows neither `$ref`, `anyOf`, `enum` nor
+`prefixItems`; a schema with one of them loses its whole channel. So everything is written out:
+references are replaced by what they point at, a value that may be null by the value, a choice by
+its type, a tuple by an array of its first item.
+"""
+
+import json
+from functools import cache
+from typing import Any
+
+import msgspec
+
+from messages.message import Message
+
+Schema = dict[str, Any]
+
+
+@cache
+def foxglove_schema(kind: type[Message]) -> bytes:
+    """The schema of a message type, as JSON text."""
+    schema = msgspec.json.schema(kind)
+    return json.dumps(_flat(schema, schema.get("$defs", {}))).encode()
+
+
+def _flat(schema: Schema, defs: dict[str, Schema]) -> Schema:
+    if "$ref" in schema:
+        return _flat(defs[schema["$ref"].rpartition("/")[2]], defs)
+    if "anyOf" in schema:
+        return _flat(next(s for s in schema["anyOf"] if s.get("type") != "null"), defs)
+    if "enum" in schema:
+        return {"type": "string" if isinstance(schema["enum"][0], str) else "integer"}
+    if "prefixItems" in schema:
+        return {"type": "array", "items": _flat(schema["prefixItems"][0], defs)}
+    flat = {name: value for name, value in schema.items() if name != "$defs"}
+    for name in ("items", "additionalProperties"):
+        if isinstance(flat.get(name), dict):
+            flat[name] = _flat(flat[name], defs)
+    if "properties" in flat:
+        flat["properties"] = {k: _flat(s, defs) for k, s in flat["properties"].items()}
+    return flat

@@ -1,0 +1,175 @@
+"""Keeps writing whatever the disk does.
+
+At the start of a dive a disk that cannot be written is a mistake the user can mend, and stops the
+service with a sentence. In mid-dive it must not disturb anybody: the recording stops with one
+log line, everything not written is counted, and every few seconds a fresh part is tried. A fresh
+one, because nobody knows how the old one ends; its whole chunks stay readable.
+"""
+
+import json
+
+import msgspec
+
+from messages import topics
+from services.recorder.core import Row
+from services.recorder.foxglove_schema import foxglove_schema
+from services.recorder.mcap_file import McapFile
+from services.recorder.parts import part_path, remove_later_parts
+from services.runtime.errors import LindyError
+from services.runtime.node import Node
+from services.runtime.stack import Stack
+
+RETRY_NS = 5_000_000_000  # [ns] between two attempts to record again
+
+
+class Opened(msgspec.Struct):
+    """What must be remembered across a crash: which parts of this dive may not be overwritten."""
+
+    parts: int = 0
+
+
+class Scribe:
+    """Writes the rows of one dive, part after part."""
+
+    def __init__(self, node: Node, stack: Stack) -> None:
+        """Open the next part of this dive.
+
+        Raises:
+            LindyError: the folder or the file cannot be written.
+        """
+        self._node = node
+        self._stack = stack
+        self._vehicle_file = stack.vehicle_path.read_bytes()
+        self._file: McapFile | None = None
+        self._unflushed = 0  # rows that a failing disk would take with it
+        self._proven = False  # this part has taken rows
+        self._interrupted = False  # people were told that recording stopped
+        self._retry_at = 0  # [ns]
+        remembered = node.recall(Opened)
+        self._opened = remembered or Opened()
+        path = part_path(stack.out_dir, self._opened.parts + 1)
+        try:
+            stack.out_dir.mkdir(parents=True, exist_ok=True)
+            if remembered is None:
+                remove_later_parts(stack.out_dir)
+            self._open()
+        except OSError as error:
+            raise LindyError(f"cannot write the recording {path}: {_reason(error)}") from None
+
+    def write(self, row: Row) -> None:
+        """Add a row, or count it as not recorded while there is no file."""
+        if self._file is None:
+            self._node.count("not_recorded")
+            return
+        self._unflushed += 1
+        try:
+            if not self._file.has_channel(row.key):
+                kind = row.topic.message
+                self._file.open_channel(row.key, kind.__name__, foxglove_schema(kind))
+            self._file.write(row.key, row.data, row.log_ns, row.publish_ns, row.sequence)
+        except OSError as error:
+            self._fail(self._file, error)
+
+    def flush(self, now: int) -> None:
+        """Make what was written safe from the death of this process; or try a fresh part."""
+        if self._file is None:
+            if now >= self._retry_at:
+                self._retry_at = now + RETRY_NS
+                self._try_again()
+            return
+        try:
+            self._file.flush()
+        except OSError as error:
+            self._retry_at = now + RETRY_NS
+            self._fail(self._file, error)
+            return
+        if self._unflushed > 0:
+            self._succeed(self._file)
+
+    def close(self, log_hash: str) -> None:
+        """Write the losses, the hash and the index."""
+        if self._file is None:
+            return
+        try:
+            losses = {name: str(count) for name, count in sorted(self._node.counts.items())}
+            self._file.metadata("losses", losses)
+            self._file.metadata("hash", {"sha256": log_hash})
+            self._file.finish()
+        except OSError as error:
+            self._fail(self._file, error)
+
+    def _open(self) -> None:
+        number = self._opened.parts + 1
+        file = McapFile(part_path(self._stack.out_dir, number))
+        try:
+            self._preface(file)
+            file.flush()
+            self._node.remember(Opened(number))
+        except OSError:
+            file.abandon()
+            raise
+        self._opened = Opened(number)
+        self._file = file
+        self._proven = False
+
+    def _preface(self, file: McapFile) -> None:
+        """What a reader needs to know before the first message."""
+        stack = self._stack
+        about = {
+            "vehicle": stack.vehicle_name,
+            "link": stack.link,
+            "pilot": stack.pilot,
+            "seed": str(stack.seed),
+            "overrides": json.dumps(stack.overrides),
+        }
+        file.metadata("dive", about)
+        file.metadata("clock", {"utc_minus_stamp_ns": str(self._node.wall_offset_ns)})
+        file.attach(stack.vehicle_path.name, "application/toml", self._vehicle_file)
+        file.attach("topics.json", "application/json", _topic_table())
+
+    def _succeed(self, file: McapFile) -> None:
+        self._unflushed = 0
+        self._proven = True
+        if self._interrupted:
+            self._interrupted = False
+            self._node.log("info", f"recording goes on in {file.path}")
+
+    def _fail(self, file: McapFile, error: OSError) -> None:
+        file.abandon()
+        self._file = None
+        self._node.count("disk_error")
+        self._node.count("not_recorded", self._unflushed)
+        self._unflushed = 0
+        if not self._proven:  # nothing in it: the next attempt may have its name
+            self._opened = Opened(self._opened.parts - 1)
+        if not self._interrupted:
+            self._interrupted = True
+            self._node.log(
+                "error",
+                f"recording stopped: cannot write {file.path}: {_reason(error)}; "
+                f"trying again every {RETRY_NS // 10**9} s",
+            )
+
+    def _try_again(self) -> None:
+        try:
+            self._open()
+        except OSError:
+            self._node.count("disk_error")
+
+
+def _topic_table() -> bytes:
+    rows = [
+        {
+            "key": topic.key,
+            "type": topic.message.__name__,
+            "hz": topic.hz,
+            "qos": topic.qos.value,
+            "way": topic.way.value,
+        }
+        for topic in topics.ALL
+    ]
+    return json.dumps(rows, indent=1).encode()
+
+
+def _reason(error: OSError) -> str:
+    return (error.strerror or str(error)).lower()

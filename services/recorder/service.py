@@ -1,0 +1,29 @@
+"""Recorder service: hears every stream of the vehicle and writes it down, five times a second
+safely. Its own health and log lines are not in the file, because nobody hears themselves; what it
+lost is in the file's `losses` record."""
+
+from services.recorder.core import Intake
+from services.recorder.scribe import Scribe
+from services.runtime.bus import Envelope
+from services.runtime.node import Node
+from services.runtime.stack import Stack
+
+FLUSH_HZ = 5.0  # [1/s] at most 0.2 s of a dive is lost when the process is killed
+DEPTH = 20_000  # envelopes held while the disk is slow: some ten seconds of a dive
+
+
+def wire(node: Node, stack: Stack) -> None:
+    intake = Intake(node.wall_offset_ns)
+    scribe = Scribe(node, stack)
+    home = next(iter(node.realms))
+
+    def hear(envelope: Envelope, arrival: int) -> None:
+        row = intake.take(envelope.key, envelope.encoding, envelope.payload, arrival)
+        if isinstance(row, str):
+            node.count(row)
+        else:
+            scribe.write(row)
+
+    node.tap(home, "**", hear, depth=DEPTH)
+    node.every(FLUSH_HZ, scribe.flush)
+    node.on_close(lambda: scribe.close(intake.log_hash()))

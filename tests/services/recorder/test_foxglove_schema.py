@@ -1,0 +1,46 @@
+"""What Foxglove's parser demands of a schema holds for every message type."""
+
+import json
+from typing import Any
+
+import msgspec
+import pytest
+
+from messages import topics
+from messages.message import Message
+from services.recorder.foxglove_schema import foxglove_schema
+
+KINDS = sorted({topic.message for topic in topics.ALL}, key=lambda kind: kind.__name__)
+REFUSED = {"$ref", "$defs", "anyOf", "oneOf", "enum", "prefixItems"}
+TYPES = {"object", "array", "string", "number", "integer", "boolean"}
+
+
+def schema_of(kind: type[Message]) -> dict[str, Any]:
+    return json.loads(foxglove_schema(kind))
+
+
+def parts_of(schema: dict[str, Any]) -> list[dict[str, Any]]:
+    inner = [*schema.get("properties", {}).values()]
+    inner += [schema[name] for name in ("items", "additionalProperties") if name in schema]
+    return [schema, *(part for child in inner for part in parts_of(child))]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_part_has_a_plain_type_and_nothing_the_parser_refuses(kind: type[Message]):
+    for part in parts_of(schema_of(kind)):
+        assert part["type"] in TYPES
+        assert not REFUSED & set(part)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_top_is_an_object_with_every_field_of_the_message(kind: type[Message]):
+    schema = schema_of(kind)
+    assert schema["type"] == "object"
+    assert set(schema["properties"]) == {f.encode_name for f in msgspec.structs.fields(kind)}
+
+
+def test_a_value_that_may_be_null_keeps_its_own_type():
+    properties = schema_of(topics.STATE.message)["properties"]
+    assert properties["heading_navigation"]["properties"]["value"]["type"] == "number"
+    assert properties["attitude"]["items"]["type"] == "number"
+    assert properties["phase"] == {"type": "string"}

@@ -1,0 +1,137 @@
+"""Whatever comes off the bus becomes a row or a count, and never more counts than can be held."""
+
+import msgspec
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from messages import topics
+from messages.health import LogLine
+from messages.pilot import PilotRequest
+from messages.sensors import PressureSample
+from services.recorder.core import LATEST_NS, MEMBERS, UNKNOWN, Intake, Row
+
+KEYS = [topic.key for topic in topics.ALL]
+ENCODINGS = [topic.encoding for topic in topics.ALL]
+ARRIVAL = 5_000_000_000
+OFFSET = 1_700_000_000_000_000_000
+
+
+def pressure(stamp_ns: int = 1, seq: int = 0, value: float = 101_325.0) -> bytes:
+    sample = PressureSample(stamp_ns=stamp_ns, seq=seq, pressure=value)
+    return msgspec.msgpack.encode(sample)
+
+
+def take_pressure(intake: Intake, payload: bytes, arrival: int = ARRIVAL) -> Row | str:
+    return intake.take(topics.PRESSURE.key, topics.PRESSURE.encoding, payload, arrival)
+
+
+@given(
+    key=st.sampled_from(KEYS) | st.text(max_size=200),
+    encoding=st.sampled_from(ENCODINGS) | st.text(max_size=20),
+    payload=st.binary(max_size=64)
+    | st.recursive(
+        st.none() | st.floats() | st.text(), lambda s: st.dictionaries(st.text(), s)
+    ).map(msgspec.msgpack.encode),
+    arrival=st.integers(min_value=-(2**65), max_value=2**65),
+)
+@settings(max_examples=100, deadline=None)
+def test_garbage_is_refused_under_a_name_that_can_be_sent(
+    key: str, encoding: str, payload: bytes, arrival: int
+):
+    reason = Intake(OFFSET).take(key, encoding, payload, arrival)
+    assert isinstance(reason, str)
+    assert reason.partition(":")[0] in {"wrong_type", "malformed", "unknown"}
+    assert len(reason.encode()) < 1200
+
+
+@given(
+    stamp_ns=st.integers(min_value=-(2**63), max_value=2**64 - 1),
+    seq=st.integers(min_value=-(2**63), max_value=2**64 - 1),
+    value=st.floats(allow_nan=True, allow_infinity=True),
+)
+@settings(max_examples=100, deadline=None)
+def test_a_row_fits_the_file_and_says_what_the_message_said(stamp_ns: int, seq: int, value: float):
+    row = take_pressure(Intake(OFFSET), pressure(stamp_ns, seq, value))
+    if isinstance(row, str):
+        in_time = 0 <= stamp_ns + OFFSET <= LATEST_NS
+        assert row == "malformed:sensor/pressure"
+        assert not (in_time and 0.0 <= value <= 1e9)
+        return
+    assert (row.log_ns, row.publish_ns) == (ARRIVAL + OFFSET, stamp_ns + OFFSET)
+    assert row.sequence == seq % 2**32
+    assert msgspec.json.decode(row.data, type=PressureSample) == PressureSample(
+        stamp_ns=stamp_ns, seq=seq, pressure=value
+    )
+
+
+def test_the_wrong_message_on_a_key_is_told_from_a_broken_one():
+    intake = Intake(0)
+    assert intake.take("sensor/pressure", "text/plain", pressure(), 0) == (
+        "wrong_type:sensor/pressure"
+    )
+    assert take_pressure(intake, b"\x81") == "malformed:sensor/pressure"
+    assert intake.take("sensor/sonar", topics.PRESSURE.encoding, pressure(), 0) == (
+        "unknown:sensor/sonar"
+    )
+
+
+def test_a_flood_of_invented_keys_ends_up_under_one_name():
+    intake = Intake(0)
+    names = {intake.take(f"nobody/{n}", "", b"", 0) for n in range(10 * UNKNOWN)}
+    assert len(names) == UNKNOWN + 1
+    assert "unknown:others" in names
+
+
+def test_a_family_has_room_for_members_but_not_for_a_flood():
+    intake = Intake(0)
+    line = msgspec.msgpack.encode(LogLine(stamp_ns=1, service="x", level="info", text=""))
+    taken = [intake.take(f"log/s{n}", topics.LOG.encoding, line, 0) for n in range(3 * MEMBERS)]
+    assert sum(isinstance(row, Row) for row in taken) == MEMBERS
+    assert {row for row in taken if isinstance(row, str)} == {"too_many_keys:log/*"}
+    assert isinstance(intake.take("log/s0", topics.LOG.encoding, line, 0), Row)
+
+
+def test_garbage_takes_no_room_in_a_family():
+    intake = Intake(0)
+    refused = {intake.take(f"log/s{n}", topics.LOG.encoding, b"", 0) for n in range(3 * MEMBERS)}
+    assert refused == {"malformed:log/*"}
+    line = msgspec.msgpack.encode(LogLine(stamp_ns=1, service="x", level="info", text=""))
+    assert isinstance(intake.take("log/late", topics.LOG.encoding, line, 0), Row)
+
+
+Heard = tuple[str, int, int]
+
+
+def hash_of(heard: list[Heard]) -> str:
+    """Hash of requests and pressure samples: (which, stamp, arrival)."""
+    intake = Intake(0)
+    for which, stamp, arrival in heard:
+        if which == "pressure":
+            assert isinstance(take_pressure(intake, pressure(stamp), arrival), Row)
+        else:
+            request = msgspec.msgpack.encode(PilotRequest(stamp_ns=stamp, id="1", kind="arm"))
+            topic = topics.PILOT_REQUEST
+            assert isinstance(intake.take(topic.key, topic.encoding, request, arrival), Row)
+    return intake.log_hash()
+
+
+heard_lists = st.lists(
+    st.tuples(st.sampled_from(["pressure", "request"]), st.integers(0, 3), st.integers(0, 3)),
+    max_size=6,
+)
+
+
+@given(one=heard_lists, other=heard_lists)
+@settings(max_examples=100, deadline=None)
+def test_the_hash_is_equal_exactly_when_the_same_was_heard_in_the_same_order(
+    one: list[Heard], other: list[Heard]
+):
+    assert (hash_of(one) == hash_of(other)) == (one == other)
+    assert (hash_of(one) == hash_of(one[::-1])) == (one == one[::-1])
+
+
+def test_what_is_refused_is_not_hashed():
+    intake, untouched = Intake(0), Intake(0)
+    take_pressure(intake, b"garbage")
+    intake.take("nobody/knows", "", b"", 0)
+    assert intake.log_hash() == untouched.log_hash()

@@ -1,0 +1,222 @@
+"""The recorder beside a neighbour that speaks, on virtual time, writing real files."""
+
+import errno
+import json
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+
+from messages import topics
+from messages.health import LogLine
+from messages.sensors import PressureSample
+from services.recorder.mcap_file import McapFile
+from services.recorder.service import wire
+from services.runtime.bus import Envelope
+from services.runtime.errors import LindyError
+from services.runtime.stack import Row, Stack
+from services.runtime.virtual_host import VirtualHost
+from tools.recording import log_hash, open_recording
+
+SECOND = 1_000_000_000
+HOME = Row(["drone"])
+
+
+class Dive:
+    """A recorder and a neighbour that says its pressure 40 times a second."""
+
+    def __init__(self, folder: Path, depth: float = 0.0) -> None:
+        self.folder = folder
+        self.stack = Stack(out=str(folder), overrides=["control.depth.kp=3"])
+        self.host = VirtualHost()
+        self.lines: list[LogLine] = []
+        self.neighbour = self.host.node("neighbour", ["drone"])
+        say = self.neighbour.publisher(topics.PRESSURE)
+        self.neighbour.every(
+            40, lambda now: say.put(PressureSample(stamp_ns=now, pressure=101_325.0 + depth))
+        )
+        self.start()
+
+    def start(self) -> None:
+        self.recorder = self.host.add("recorder", HOME, self.stack)
+        self.recorder.show = self.lines.append
+
+    def run(self, until_s: float) -> None:
+        self.host.run(round(until_s * SECOND))
+
+    def crash(self) -> None:
+        """End the recorder as kill −9 does: the file keeps what had reached the disk by now."""
+        path = self.folder / "dive.mcap"
+        on_disk = path.read_bytes()
+        self.host.kill("recorder")
+        self.recorder.close()  # so that the file object writes nothing later
+        path.write_bytes(on_disk)
+
+    def stamps(self) -> list[int]:
+        recorded = open_recording(self.folder)
+        return [e.message.stamp_ns for e in recorded if e.key == topics.PRESSURE.key]
+
+
+def ticks(until_s: float) -> list[int]:
+    return [n * SECOND // 40 for n in range(1, round(until_s * 40) + 1)]
+
+
+def test_a_foreign_reader_opens_the_file_and_finds_every_stream(tmp_path: Path):
+    dive = Dive(tmp_path)
+    dive.run(2.0)
+    dive.host.close()
+    with (tmp_path / "dive.mcap").open("rb") as stream:
+        reader = make_reader(stream)
+        found = list(reader.iter_messages())
+        attachments = {a.name: a.data for a in reader.iter_attachments()}
+        about = {m.name: m.metadata for m in reader.iter_metadata()}
+    assert {channel.topic for _, channel, _ in found} == {"sensor/pressure", "health/neighbour"}
+    for schema, channel, message in found:
+        assert channel.message_encoding == "json"
+        assert schema is not None
+        assert schema.encoding == "jsonschema"
+        assert schema.name == topics.find(channel.topic).message.__name__  # type: ignore[union-attr]
+        data = json.loads(message.data)
+        assert message.publish_time == data["stamp_ns"]
+        assert message.sequence == data["seq"]
+        assert message.log_time >= message.publish_time
+    assert dive.stamps() == ticks(2.0)
+    assert attachments["pioneer.toml"] == dive.stack.vehicle_path.read_bytes()
+    assert [row["key"] for row in json.loads(attachments["topics.json"])] == [
+        topic.key for topic in topics.ALL
+    ]
+    assert about["dive"]["vehicle"] == "pioneer"
+    assert json.loads(about["dive"]["overrides"]) == ["control.depth.kp=3"]
+    assert about["clock"] == {"utc_minus_stamp_ns": "0"}
+
+
+def test_log_time_is_utc(tmp_path: Path):
+    host = VirtualHost()
+    recorder = host.node("recorder", ["drone"])
+    recorder.wall_offset_ns = 1_700_000_000 * SECOND
+    wire(recorder, Stack(out=str(tmp_path)))
+    say = host.node("neighbour", ["drone"]).publisher(topics.PRESSURE)
+    host.run(SECOND)
+    say.put(PressureSample(stamp_ns=7, pressure=1.0))
+    host.run(2 * SECOND)
+    host.close()
+    (entry,) = [e for e in open_recording(tmp_path) if e.key == topics.PRESSURE.key]
+    assert entry.log_ns == 1_700_000_001 * SECOND
+    assert entry.publish_ns == 1_700_000_000 * SECOND + 7
+
+
+def test_a_killed_recorder_has_lost_at_most_a_quarter_of_a_second(tmp_path: Path):
+    dive = Dive(tmp_path)
+    dive.run(1.99)
+    dive.crash()
+    assert dive.stamps() == [t for t in ticks(2.0) if t <= 1.8 * SECOND]
+
+
+def test_a_restart_in_the_same_dive_goes_on_in_a_second_part(tmp_path: Path):
+    dive = Dive(tmp_path)
+    dive.run(1.0)
+    dive.crash()
+    dive.run(1.5)
+    dive.start()
+    dive.run(2.0)
+    dive.host.close()
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["dive.mcap", "dive.part2.mcap"]
+    assert dive.stamps() == [t for t in ticks(2.0) if t <= SECOND or t > 1.5 * SECOND]
+    assert log_hash(tmp_path) is None
+
+
+def test_a_new_dive_leaves_nothing_of_an_old_one(tmp_path: Path):
+    (tmp_path / "dive.part2.mcap").write_bytes(b"old")
+    (tmp_path / "dive.mcap").write_bytes(b"old" * 100_000)
+    (tmp_path / "notes.txt").write_text("the pilot's own")
+    dive = Dive(tmp_path)
+    dive.run(1.0)
+    dive.host.close()
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["dive.mcap", "notes.txt"]
+    assert dive.stamps() == ticks(1.0)
+
+
+def test_a_folder_that_cannot_be_written_is_one_sentence_that_names_the_file(tmp_path: Path):
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(LindyError, match=r"cannot write .*file/dive\.mcap"):
+        Dive(tmp_path / "file")
+
+
+def test_a_full_disk_in_mid_dive_is_counted_and_recording_goes_on_when_there_is_room(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    dive = Dive(tmp_path)
+    dive.run(1.0)
+    with monkeypatch.context() as full:
+
+        def refuse(_: McapFile) -> None:
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+        full.setattr(McapFile, "flush", refuse)
+        dive.run(7.0)
+    dive.run(20.0)
+    dive.host.close()
+    errors = [line.text for line in dive.lines if line.level == "error"]
+    assert len(errors) == 1
+    assert "no space left on device" in errors[0]
+    stamps = dive.stamps()
+    lost = dive.recorder.counts["not_recorded"]
+    assert set(stamps) <= set(ticks(20.0))
+    assert len(stamps) == len(set(stamps))
+    health = sum(e.key.startswith("health/") for e in open_recording(tmp_path))
+    assert len(stamps) + health + lost == 20 * 40 + 20
+    assert [t for t in stamps if t <= SECOND] == ticks(1.0)
+    assert stamps[-1] == 20 * SECOND
+
+
+def test_a_disk_with_room_for_nothing_but_a_beginning_gets_no_flood_of_parts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    dive = Dive(tmp_path)
+    dive.run(1.0)
+    flush = McapFile.flush
+    with monkeypatch.context() as nearly_full:
+
+        def refuse_messages(file: McapFile) -> None:
+            if file.has_channel(topics.PRESSURE.key):
+                raise OSError(errno.ENOSPC, "No space left on device")
+            flush(file)
+
+        nearly_full.setattr(McapFile, "flush", refuse_messages)
+        dive.run(40.0)
+    dive.run(60.0)
+    dive.host.close()
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["dive.mcap", "dive.part2.mcap"]
+    assert [line.level for line in dive.lines] == ["error", "info"]
+    health = sum(e.key.startswith("health/") for e in open_recording(tmp_path))
+    assert len(dive.stamps()) + health + dive.recorder.counts["not_recorded"] == 60 * 41
+
+
+def test_garbage_on_the_bus_is_counted_in_the_file_and_disturbs_nothing(tmp_path: Path):
+    dive = Dive(tmp_path)
+    foreign = dive.host.realm("drone")
+    dive.run(0.5)
+    foreign.forward(Envelope("state", b"\xff\x00", topics.STATE.encoding))
+    foreign.forward(Envelope("state", b"", "text/plain"))
+    foreign.forward(Envelope("who/is/this", b"{}", ""))
+    dive.run(1.0)
+    dive.host.close()
+    assert dive.stamps() == ticks(1.0)
+    assert open_recording(tmp_path).losses() == {
+        "malformed:state": 1,
+        "wrong_type:state": 1,
+        "unknown:who/is/this": 1,
+    }
+
+
+def test_the_same_dive_has_the_same_hash_and_another_has_not(tmp_path: Path):
+    hashes: list[str | None] = []
+    for name, depth in (("one", 0.0), ("same", 0.0), ("other", 1.0)):
+        dive = Dive(tmp_path / name, depth)
+        dive.run(1.0)
+        dive.host.close()
+        hashes.append(log_hash(tmp_path / name))
+    assert None not in hashes
+    assert hashes[0] == hashes[1] != hashes[2]
+    whole = [(tmp_path / name / "dive.mcap").read_bytes() for name in ("one", "same")]
+    assert whole[0] == whole[1]
