@@ -1,0 +1,51 @@
+"""What the visualizer has to show, free of any viewer: columns, notes and scene frames.
+
+Times are [ns] since the dive began. Batches cross a pipe to the live end, so they are Structs.
+"""
+
+from typing import Literal
+
+import msgspec
+
+Vec3 = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]  # [-] w, x, y, z
+
+
+class Columns(msgspec.Struct, frozen=True, array_like=True):
+    """Many samples of one set of curves."""
+
+    path: str
+    times: list[int]  # [ns]
+    rows: list[list[float]]  # one per time, all of one length
+
+
+class Note(msgspec.Struct, frozen=True, array_like=True):
+    """Something that is said once: a new state, a log line, a new status page."""
+
+    path: str
+    time: int  # [ns]
+    kind: Literal["state", "log", "document"]
+    text: str
+    level: str = "info"
+
+
+class Frame(msgspec.Struct, frozen=True, array_like=True):
+    """The 3-D scene at one moment. World NED, body FRD."""
+
+    time: int  # [ns]
+    position: Vec3  # [m] NED; north and east are 0 where nobody knows them
+    attitude: Quaternion  # [-] q_NB as w, x, y, z
+    thrust: list[float]  # [N] per thruster; empty where unknown
+    wanted_depth: float | None  # [m] reference
+    wanted_heading: float | None  # [rad] reference
+
+
+class Batch(msgspec.Struct, frozen=True, array_like=True):
+    """All there is to draw since the last batch."""
+
+    columns: list[Columns] = []
+    notes: list[Note] = []
+    frames: list[Frame] = []
+    trail: list[Vec3] = []  # [m] NED points newly flown, from the last one drawn; none or ≥ 2
+    trail_time: int = 0  # [ns] of its last point
+    floor: Vec3 | None = None  # [m] NED, where the vehicle has just found the sea floor

@@ -1,0 +1,152 @@
+"""How a dive is laid out: what a pilot looks at first, and four pages behind it."""
+
+import rerun.blueprint as rrb
+from rerun.blueprint.encodings import TimelineColumn
+
+from services.marine.vehicle import Vehicle
+
+TIMELINE = "dive"  # [s] since the dive began
+WATER = 0x0A1E2BFF
+
+
+def blueprint(vehicle: Vehicle) -> rrb.Blueprint:
+    """The layout for this vehicle."""
+    pages = [_dive(vehicle), _motion(), _control(), _sensors(), _health()]
+    return rrb.Blueprint(
+        rrb.Tabs(contents=pages, active_tab=0),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following"),
+        rrb.BlueprintPanel(state="hidden"),
+        rrb.SelectionPanel(state="hidden"),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def _dive(vehicle: Vehicle) -> rrb.Horizontal:
+    left = rrb.Vertical(_scene(vehicle), _states(), row_shares=[2, 1])
+    middle = rrb.Vertical(
+        _plot("depth", "Depth [m], positive down"),
+        _plot("heading", "Heading [°], clockwise"),
+        _plot("thrust", "Thrust [N]"),
+        _plot("latency", "Latency [ms]"),
+        row_shares=[1, 1, 1, 1.25],
+    )
+    right = rrb.Vertical(
+        _plot("sticks", "Sticks, full = 1", (-1.1, 1.1)),
+        rrb.TextDocumentView(origin="/status", name="Status"),
+        _log(),
+        row_shares=[0.9, 2.5, 1.0],
+    )
+    return rrb.Horizontal(left, middle, right, column_shares=[3, 2.4, 2], name="Dive")
+
+
+def _scene(vehicle: Vehicle) -> rrb.Spatial3DView:
+    flown = rrb.VisibleTimeRanges(
+        timeline=TIMELINE,
+        start=rrb.TimeRangeBoundary.infinite(),
+        end=rrb.TimeRangeBoundary.cursor_relative(),
+    )
+    back = 3.5 * max(vehicle.size)
+    return rrb.Spatial3DView(
+        origin="/world/chase",  # travels with the vehicle but does not turn with it
+        contents="/world/**",
+        name=vehicle.name,
+        background=WATER,
+        line_grid=False,
+        eye_controls=rrb.EyeControls3D(
+            kind=rrb.Eye3DKind.Orbital,
+            position=(-0.8 * back, -back, -0.4 * back),
+            look_target=(0.0, 0.0, 0.0),
+            eye_up=(0.0, 0.0, -1.0),
+        ),
+        overrides={"world/path": [flown]},
+    )
+
+
+def _states() -> rrb.StateTimelineView:
+    lanes = ("mode", "armed", "failsafe", "link", "pilot")
+    return rrb.StateTimelineView(
+        origin="/state", contents=[f"$origin/{lane}" for lane in lanes], name="States"
+    )
+
+
+def _log() -> rrb.TextLogView:
+    # Each line begins with its time; the viewer's own column is too narrow to be read.
+    hidden = TimelineColumn(TIMELINE, visible=False)
+    columns = rrb.TextLogColumns(timeline_columns=[hidden], text_log_columns=["LogLevel", "Body"])
+    return rrb.TextLogView(origin="/log", name="Log", columns=columns)
+
+
+def _motion() -> rrb.Grid:
+    return rrb.Grid(
+        _plot("depth_rate", "Depth rate [m/s], positive down"),
+        _plot("yaw_rate", "Yaw rate [°/s]"),
+        _plot("attitude", "Roll and pitch [°]"),
+        _plot("depth_acceleration", "Depth acceleration [m/s²]"),
+        _plot("yaw_acceleration", "Yaw acceleration of the reference [°/s²]"),
+        _plot("velocity", "Velocity, body [m/s]"),
+        _plot("jerk", "Jerk of the reference [m/s³, °/s³]"),
+        _plot("track", "Place [m], NED"),
+        _plot("uncertainty", "One standard deviation"),
+        grid_columns=3,
+        name="Motion",
+    )
+
+
+def _control() -> rrb.Grid:
+    return rrb.Grid(
+        _plot("force", "Force wanted [N]"),
+        _plot("moment", "Moment wanted [N m]"),
+        _plot("thrust_command", "Thrust asked for [N]"),
+        _plot("force_achieved", "Force achieved [N]"),
+        _plot("moment_achieved", "Moment achieved [N m]"),
+        _plot("force_reference", "Force reference [N]"),
+        _plot("integral", "Integrators"),
+        _plot("drive_power", "Electrical power [W]"),
+        _plot("device_age", "Age of the pad's answer [ms]"),
+        grid_columns=3,
+        name="Control",
+    )
+
+
+def _sensors() -> rrb.Grid:
+    return rrb.Grid(
+        _plot("specific_force", "Specific force [m/s²]"),
+        _plot("angular_rate", "Angular rate [°/s]"),
+        _plot("magnetic_field", "Magnetic field [µT]"),
+        _plot("pressure", "Pressure [kPa]"),
+        _plot("compass", "Heading with magnetometer [°]"),
+        _plot("power", "Battery and water"),
+        grid_columns=3,
+        name="Sensors",
+    )
+
+
+def _health() -> rrb.Grid:
+    return rrb.Grid(
+        _plot("health/processor", "Processor [% of a core]"),
+        _plot("health/late_p99", "Lateness p99 [ms]"),
+        _plot("health/late_p50", "Lateness p50 [ms]"),
+        _plot("health/calls", "Handler calls [1/s]"),
+        _plot("health/memory", "Memory [MB]"),
+        _plot("health/counted", "Dropped, stale, refused … since start"),
+        _plot("link_p99", "Link delay p99, round trip [ms]"),
+        _plot("link_queue", "Link: messages on the way and dropped"),
+        rrb.Tabs(
+            _plot("pressure_age", "Age of the pressure sample [ms]"),
+            _plot("health/sent", "Messages sent"),
+            _plot("health/received", "Messages received"),
+        ),
+        grid_columns=3,
+        name="Health",
+    )
+
+
+def _plot(path: str, name: str, limits: tuple[float, float] | None = None) -> rrb.TimeSeriesView:
+    return rrb.TimeSeriesView(
+        origin=f"/{path}",
+        name=name,
+        axis_x=rrb.TimeAxis(link=rrb.components.LinkAxis.LinkToGlobal),
+        axis_y=None if limits is None else rrb.ScalarAxis(range=limits),
+        plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop),
+    )

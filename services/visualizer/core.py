@@ -1,0 +1,84 @@
+"""Messages in, batches out: nothing is thinned but the path and the scene.
+
+A message costs one append when it comes. Half a second of them become columns at once, because
+writing a thousand samples costs little more than writing one.
+"""
+
+import re
+from collections import defaultdict
+
+from messages.control import ThrusterCommand
+from messages.message import Message
+from messages.topic import AnyTopic
+from messages.vehicle import Actuation
+from services.marine.vehicle import Vehicle
+from services.visualizer.batch import Batch, Columns, Frame
+from services.visualizer.curves import Curve, curves
+from services.visualizer.scene import Scene
+from services.visualizer.status import Status
+
+OLDEST_NS = 60_000_000_000  # [ns] a stamp further back than this is wrong, not late
+
+
+class Collector:
+    """All that was heard since the last batch."""
+
+    def __init__(self, vehicle: Vehicle, start: int | None = None) -> None:
+        self.start = start  # [ns] when the dive began: the first message's arrival
+        self._thrusters = len(vehicle.thruster)
+        self._curves: dict[str, list[Curve]] = defaultdict(list)
+        for curve in curves(vehicle):
+            self._curves[curve.topic.key].append(curve)
+        self._heard: dict[tuple[AnyTopic, str], list[Message]] = defaultdict(list)
+        self._scene = Scene(vehicle)
+        self._status = Status()
+
+    def hear(self, topic: AnyTopic, key: str, message: Message, now: int) -> str | None:
+        """Keep a message that arrived at `now` [ns]. Returns why not, or None."""
+        if now - message.stamp_ns > OLDEST_NS:
+            return "too_old"
+        thrusts = isinstance(message, Actuation | ThrusterCommand)
+        if thrusts and len(message.thrust) != self._thrusters:
+            return "wrong_length"
+        if self.start is None:
+            self.start = now
+        self._heard[topic, key].append(message)
+        self._scene.hear(message)
+        return None
+
+    def frame(self) -> Frame | None:
+        """The scene, when it has moved since the last frame."""
+        return None if self.start is None else self._scene.frame(self.start)
+
+    def drain(self, now: int) -> Batch:
+        """Everything since the last call."""
+        heard, self._heard = self._heard, defaultdict(list)
+        start = now if self.start is None else self.start
+        batch = Batch(
+            trail=self._scene.take_trail(), trail_time=now - start, floor=self._scene.take_floor()
+        )
+        for (topic, key), messages in heard.items():
+            for curve in self._curves[topic.key]:
+                columns = _columns(curve, key, messages, start)
+                if columns is not None:
+                    batch.columns.append(columns)
+            for message in messages:
+                batch.notes.extend(self._status.hear(key, message, message.stamp_ns - start))
+        page = self._status.page(now - start)
+        if page is not None:
+            batch.notes.append(page)
+        return batch
+
+
+def _columns(curve: Curve, key: str, messages: list[Message], start: int) -> Columns | None:
+    times: list[int] = []
+    rows: list[list[float]] = []
+    for message in messages:
+        row = curve.read(message)
+        if row is not None:
+            times.append(message.stamp_ns - start)
+            rows.append([*row])
+    path = curve.path
+    if curve.topic.is_family:
+        path += "/" + re.sub(r"[^a-z0-9_]", "_", key.rpartition("/")[2])
+    return Columns(path, times, rows) if rows else None

@@ -1,0 +1,122 @@
+"""Visualizer service: every stream into `dive.rrd`, and into a live viewer where wanted."""
+
+from collections.abc import Callable
+
+import msgspec
+
+from messages import topics
+from messages.message import Message
+from messages.topic import AnyTopic, Way
+from services.marine.vehicle import Vehicle
+from services.runtime.bus import Envelope
+from services.runtime.errors import LindyError
+from services.runtime.gate import Gate
+from services.runtime.node import Node
+from services.runtime.stack import Stack
+from services.visualizer.batch import Batch
+from services.visualizer.core import Collector
+from services.visualizer.live import Live, viewer_command
+
+FLUSH_HZ = 2.0  # curves, states, log
+SCENE_HZ = 20.0
+RING = 4096  # envelopes; seconds of a whole dive's traffic
+KEYS = 256  # different keys; a stranger may invent more, we do not draw them
+
+
+class Parts(msgspec.Struct):
+    """What a restart in mid-dive must know."""
+
+    written: int = 0  # files of this dive so far
+    start: int | None = None  # [ns] when the dive began
+
+
+def wire(node: Node, stack: Stack) -> None:
+    vehicle = stack.section("vehicle", Vehicle)
+    parts = node.recall(Parts) or Parts()
+    parts.written += 1
+    node.remember(parts)
+    collector = Collector(vehicle, parts.start)
+    write = _outputs(node, stack, vehicle, parts.written)
+
+    def flush(now: int) -> None:
+        write(collector.drain(now))
+        if parts.start != collector.start:
+            parts.start = collector.start
+            node.remember(parts)
+
+    def show_scene(_now: int) -> None:
+        if (frame := collector.frame()) is not None:
+            write(Batch(frames=[frame]))
+
+    _listen(node, collector)
+    node.every(FLUSH_HZ, flush)
+    node.every(SCENE_HZ, show_scene)
+
+
+def _listen(node: Node, collector: Collector) -> None:
+    """Everything at home; from the drone's own realm what never crosses the tether."""
+    gates: dict[str, tuple[AnyTopic, Gate[Message]]] = {}
+
+    def hear(envelope: Envelope, arrived: int) -> None:
+        known = gates.get(envelope.key) or _gate(node, gates, envelope.key)
+        if known is None:
+            node.count("unknown_key")
+            return
+        topic, gate = known
+        message = gate.admit(envelope, arrived)
+        if message is None:
+            return
+        if (reason := collector.hear(topic, envelope.key, message, arrived)) is not None:
+            node.count(f"{reason}:{topic.key}")
+
+    home, *others = node.realms
+    node.tap(home, "**", hear, RING)
+    for realm in others:
+        for topic in topics.ALL:
+            if topic.way is Way.STAY:
+                node.tap(realm, topic.key, hear, RING)
+
+
+def _gate(
+    node: Node, gates: dict[str, tuple[AnyTopic, Gate[Message]]], key: str
+) -> tuple[AnyTopic, Gate[Message]] | None:
+    topic = topics.find(key)
+    if topic is None or len(gates) >= KEYS:
+        return None
+    return gates.setdefault(key, (topic, Gate(topic, node.counts)))
+
+
+def _outputs(node: Node, stack: Stack, vehicle: Vehicle, part: int) -> Callable[[Batch], None]:
+    """The file, and the live viewer where one is wanted."""
+    try:
+        from services.visualizer.sink import Sink
+    except ImportError:
+        raise LindyError(
+            "the visualizer needs rerun, which is not installed; install the extra with "
+            "`pip install 'lindy[viewer]'` or `uv sync --extra viewer`"
+        ) from None
+    name = "dive.rrd" if part == 1 else f"dive.part{part}.rrd"
+    path = stack.out_dir / name
+    # One id for file and viewer: who opens both sees one dive.
+    identity = f"{stack.out_dir.resolve().name}-{part}"
+    sink = Sink(identity, vehicle)
+    try:
+        sink.save(path)
+    except OSError as error:
+        raise LindyError(f"cannot write {path}: {error.strerror}; choose another --out") from None
+    node.on_close(sink.close)
+    if not stack.viewer:
+        return sink.write
+    live = _live(node, identity, vehicle)
+
+    def write(batch: Batch) -> None:
+        sink.write(batch)
+        live.send(batch)
+
+    return write
+
+
+def _live(node: Node, identity: str, vehicle: Vehicle) -> Live:
+    live = Live(identity, vehicle, viewer_command(), node.count, node.log)
+    node.on_close(live.close)
+    return live

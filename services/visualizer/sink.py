@@ -1,0 +1,221 @@
+"""Batches into a rerun recording. With `blueprint.py`, the only code that knows rerun."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import rerun as rr
+
+from services.marine.vehicle import Vehicle
+from services.visualizer import curves
+from services.visualizer.batch import Batch, Columns, Frame, Note, Vec3
+from services.visualizer.blueprint import TIMELINE, blueprint
+
+METRES_PER_NEWTON = 0.04  # length of a thruster's arrow in the scene
+HULL, NOSE, FORCE, PATH, PLUMB = 0x4CA6FFFF, 0xF4F7FAFF, 0xFF5A4EFF, 0x38D6C0FF, 0x7FA8C4FF
+SURFACE, SAND, SAND_LINES = 0x3A86A8FF, 0x4A4230FF, 0x6B6046FF
+FILL = "transparentfillmajorwireframe"  # the thrusters' arrows begin inside the hull
+GRID_HALF = 30  # [m] half the side of surface and floor around the vehicle
+LEVELS = {"info": rr.TextLogLevel.INFO, "warning": "WARN", "error": rr.TextLogLevel.ERROR}
+
+QUIET, GOOD, ACTIVE, CAUTION, ALARM = 0x4A5560FF, 0x2E7D5BFF, 0x2F6DB5FF, 0xC77F1AFF, 0xC23B3BFF
+STATES: dict[str, dict[str, int]] = {
+    "mode": {"starting": QUIET, "ready": GOOD, "piloted": ACTIVE, "stopping": CAUTION},
+    "armed": {"disarmed": QUIET, "armed": CAUTION},
+    "failsafe": {"no failsafe": GOOD, "pilot_lost": ALARM, "state_lost": ALARM},
+    "pilot": {"pilot present": GOOD, "pilot lost": ALARM},
+    "link": {"link up": GOOD, "link down": ALARM},
+    "thrusters": {"stopped": QUIET, "driven": ACTIVE},
+    "estimator": {"calibrating": CAUTION, "running": GOOD},
+    "floor": {"free": GOOD, "on the floor": CAUTION},
+}
+
+
+class Sink:
+    """One recording: a file, or a live viewer."""
+
+    def __init__(self, recording_id: str, vehicle: Vehicle) -> None:
+        self._rec = rr.RecordingStream("lindy", recording_id=recording_id)
+        self._vehicle = vehicle
+
+    def save(self, path: Path) -> None:
+        """Write into a file from here on.
+
+        Raises:
+            OSError: the file cannot be written.
+        """
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.open("wb").close()  # rerun itself would only warn
+        self._rec.save(path, write_footer=False)
+        self._prepare()
+
+    def connect(self, url: str) -> None:
+        """Show it in the viewer that listens at `url` from here on."""
+        self._rec.connect_grpc(url)
+        self._prepare()
+
+    def write(self, batch: Batch) -> None:
+        for columns in batch.columns:
+            self._columns(columns)
+        for note in batch.notes:
+            self._note(note)
+        for frame in batch.frames:
+            self._frame(frame)
+        if batch.trail:
+            self._at(batch.trail_time)
+            self._rec.log("world/path", rr.LineStrips3D.from_fields(strips=[batch.trail]))
+        if batch.floor is not None:
+            self._floor(batch.floor)
+
+    def close(self) -> None:
+        """Write everything out and end the recording."""
+        self._rec.flush(timeout_sec=5.0)
+        self._rec.disconnect()
+
+    def _columns(self, columns: Columns) -> None:
+        values = np.array(columns.rows, dtype=np.float64)
+        times = np.array(columns.times, dtype="timedelta64[ns]")
+        self._rec.send_columns(
+            columns.path,
+            indexes=[rr.TimeColumn(TIMELINE, duration=times)],
+            columns=rr.Scalars.columns(scalars=values),
+        )
+
+    def _note(self, note: Note) -> None:
+        self._at(note.time)
+        if note.kind == "state":
+            self._rec.log(note.path, rr.StateChange(state=note.text))
+        elif note.kind == "log":
+            self._rec.log(note.path, rr.TextLog(note.text, level=LEVELS[note.level]))
+        else:
+            page = rr.TextDocument(note.text, media_type=rr.MediaType.MARKDOWN)
+            self._rec.log(note.path, page)
+
+    def _frame(self, frame: Frame) -> None:
+        self._at(frame.time)
+        self._rec.log(
+            "world/vehicle",
+            rr.Transform3D(translation=frame.position, quaternion=_xyzw(frame.attitude)),
+        )
+        north, east, depth = frame.position
+        self._rec.log("world/chase", rr.Transform3D(translation=frame.position))
+        # The grids follow in whole metres, so that they look endless and standing still.
+        here = (float(round(north)), float(round(east)), 0.0)
+        self._rec.log("world/here", rr.Transform3D(translation=here))
+        plumb = [[(north, east, 0.0), (north, east, depth)]]
+        self._rec.log("world/plumb", rr.LineStrips3D.from_fields(strips=plumb))
+        if frame.thrust:
+            vectors = [
+                _times(thruster.direction, METRES_PER_NEWTON * newton)
+                for thruster, newton in zip(self._vehicle.thruster, frame.thrust, strict=True)
+            ]
+            self._rec.log("world/vehicle/thrust", rr.Arrows3D.from_fields(vectors=vectors))
+        if frame.wanted_depth is not None and frame.wanted_heading is not None:
+            half = frame.wanted_heading / 2
+            turned = (float(np.cos(half)), 0.0, 0.0, float(np.sin(half)))
+            place = (north, east, frame.wanted_depth)
+            self._rec.log(
+                "world/reference", rr.Transform3D(translation=place, quaternion=_xyzw(turned))
+            )
+
+    def _at(self, time: int) -> None:
+        self._rec.set_time(TIMELINE, duration=np.timedelta64(time, "ns"))
+
+    def _prepare(self) -> None:
+        """What never changes: layout, names, colours, the hull."""
+        self._rec.send_blueprint(blueprint(self._vehicle))
+        for curve in curves.curves(self._vehicle):
+            if curve.names:
+                self._static(curve.path, _line_style(curve))
+        for lane, colours in STATES.items():
+            known = rr.StateConfiguration(values=list(colours), colors=_colours(colours.values()))
+            self._static(f"state/{lane}", known)
+        self._prepare_scene()
+
+    def _prepare_scene(self) -> None:
+        size = self._vehicle.size
+        half = [(side / 2) for side in size]
+        nose_half = (0.02, half[1] * 0.6, half[2] * 0.35)
+        hull = rr.Boxes3D(half_sizes=[half], colors=[HULL], fill_mode=FILL)
+        nose = rr.Boxes3D(
+            centers=[(half[0], 0.0, 0.0)],
+            half_sizes=[nose_half],
+            colors=[NOSE],
+            fill_mode="solid",
+        )
+        ghost = rr.Boxes3D(
+            half_sizes=[half], colors=[_rgba(curves.REFERENCE)], radii=[_on_screen(1.25)]
+        )
+        ahead = rr.Arrows3D(
+            vectors=[(1.2 * size[0], 0.0, 0.0)], colors=[_rgba(curves.REFERENCE)], radii=[0.008]
+        )
+        arrows = rr.Arrows3D.from_fields(
+            origins=[t.position for t in self._vehicle.thruster],
+            colors=[FORCE],
+            radii=[0.02],
+        )
+        self._static("world", rr.ViewCoordinates.FRD)
+        self._static("world/vehicle/hull", hull)
+        self._static("world/vehicle/nose", nose)
+        self._static("world/vehicle/thrust", arrows)
+        self._static("world/reference/ghost", ghost)
+        self._static("world/reference/ahead", ahead)
+        self._static("world/here/surface", _grid(0.0, SURFACE))
+        for path, colour, points in (("world/path", PATH, 1.75), ("world/plumb", PLUMB, 0.75)):
+            width = _on_screen(points)
+            self._static(path, rr.LineStrips3D.from_fields(colors=[colour], radii=[width]))
+
+    def _floor(self, place: Vec3) -> None:
+        """Drawn as if it had always been there: it has."""
+        depth, half = place[2], GRID_HALF
+        corners = [(-half, -half, depth), (-half, half, depth), (half, half, depth)]
+        sand = rr.Mesh3D(
+            vertex_positions=[*corners, (half, -half, depth)],
+            triangle_indices=[(0, 1, 2), (0, 2, 3), (2, 1, 0), (3, 2, 0)],
+            albedo_factor=SAND,
+        )
+        self._static("world/here/floor", sand)
+        self._static("world/here/floor_grid", _grid(depth - 0.01, SAND_LINES))
+
+    def _static(self, path: str, what: rr.AsComponents) -> None:
+        self._rec.log(path, what, static=True)
+
+
+def _line_style(curve: curves.Curve) -> rr.SeriesLines:
+    return rr.SeriesLines(
+        names=list(curve.names),
+        colors=_colours(_rgba(rgb) for rgb in curve.colours),
+        widths=[curve.width] * len(curve.names),
+    )
+
+
+def _grid(depth: float, colour: int) -> rr.LineStrips3D:
+    """Lines a metre apart at one depth, in short pieces: a long one would be drawn as thick near
+    the eye as it must be to be seen at its far end."""
+    sides = range(-GRID_HALF, GRID_HALF + 1)
+    along = [[(x, y, depth) for x in sides] for y in sides]
+    across = [[(x, y, depth) for y in sides] for x in sides]
+    return rr.LineStrips3D([*along, *across], colors=[colour], radii=[_on_screen(0.5)])
+
+
+def _on_screen(points: float) -> float:
+    """A radius in points of the screen, whatever the distance: rerun says so by the sign."""
+    return -points
+
+
+def _colours(rgba: Iterable[int]) -> npt.NDArray[np.uint32]:
+    return np.array([*rgba], dtype=np.uint32)  # four plain integers would be taken for one colour
+
+
+def _rgba(rgb: int) -> int:
+    return rgb << 8 | 0xFF
+
+
+def _xyzw(q: Iterable[float]) -> rr.Quaternion:
+    w, x, y, z = q
+    return rr.Quaternion(xyzw=(x, y, z, w))
+
+
+def _times(vector: Vec3, factor: float) -> Vec3:
+    return (vector[0] * factor, vector[1] * factor, vector[2] * factor)

@@ -1,0 +1,156 @@
+"""What is said rather than measured: states, log lines and the status page."""
+
+from collections.abc import Callable
+from math import degrees
+from typing import Any
+
+from messages.health import Health, LogLine
+from messages.link import LinkStatus
+from messages.message import Message
+from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
+from messages.reference import Reference
+from messages.sensors import BatterySample
+from messages.state import VehicleState
+from messages.vehicle import Actuation, Truth, VehicleStatus
+from services.visualizer.batch import Note
+
+SERVICES = 32  # services on the status page
+
+# What each state lane says of a message. The sink colours these words.
+LANES: dict[type[Message], list[tuple[str, Callable[[Any], str]]]] = {
+    VehicleStatus: [
+        ("mode", lambda m: m.mode),
+        ("armed", lambda m: "armed" if m.armed else "disarmed"),
+        ("failsafe", lambda m: "no failsafe" if m.failsafe == "none" else m.failsafe),
+    ],
+    PilotCommand: [("pilot", lambda m: f"pilot {m.pilot}")],
+    LinkStatus: [("link", lambda m: "link up" if m.up else "link down")],
+    Actuation: [("thrusters", lambda m: "stopped" if m.stale else "driven")],
+    VehicleState: [("estimator", lambda m: m.phase)],
+    Truth: [("floor", lambda m: "on the floor" if m.on_floor else "free")],
+}
+
+
+class Status:
+    """Turns messages into notes: only what is new."""
+
+    def __init__(self) -> None:
+        self._lanes: dict[str, str] = {}
+        self._newest: dict[type[Message], Message] = {}
+        self._health: dict[str, Health] = {}
+        self._last_request = ""
+        self._last_note = ""
+        self._page = ""
+
+    def hear(self, key: str, message: Message, time: int) -> list[Note]:
+        """Notes this message gives rise to. `time` is [ns] since the dive began."""
+        self._newest[type(message)] = message
+        if isinstance(message, Health):
+            if key in self._health or len(self._health) < SERVICES:
+                self._health[key] = message
+            return []
+        return [*self._changes(message, time), *self._lines(message, time)]
+
+    def page(self, time: int) -> Note | None:
+        """The status page, when it reads differently from the last one."""
+        text = self._write()
+        if text == self._page:
+            return None
+        self._page = text
+        return Note("status", time, "document", text)
+
+    def _changes(self, message: Message, time: int) -> list[Note]:
+        notes: list[Note] = []
+        for lane, say in LANES.get(type(message), ()):
+            text = say(message)
+            if self._lanes.get(lane) != text:
+                self._lanes[lane] = text
+                notes.append(Note(f"state/{lane}", time, "state", text))
+        return notes
+
+    def _lines(self, message: Message, time: int) -> list[Note]:
+        if isinstance(message, LogLine):
+            text = f"{message.service}: {message.text}"
+            return [_line("services", time, text, message.level)]
+        if isinstance(message, PilotRequest) and message.id != self._last_request:
+            self._last_request = message.id  # a request is repeated until it is answered
+            value = "" if message.value is None else f" {message.value:.2f}"
+            return [_line("pilot", time, f"pilot asks: {message.kind}{value}")]
+        if isinstance(message, PilotAnswer):
+            word = "granted" if message.accepted else f"refused: {message.reason}"
+            level = "info" if message.accepted else "warning"
+            return [_line("pilot", time, f"answer: {word}", level)]
+        if isinstance(message, VehicleStatus) and message.note != self._last_note:
+            self._last_note = message.note
+            return [_line("vehicle", time, message.note)] if message.note else []
+        return []
+
+    def _write(self) -> str:
+        rows = [row for row in (self._vehicle(), self._motion(), self._link()) if row]
+        text = "\n".join(rows)
+        return f"{text}\n\n{self._services()}" if self._health else text
+
+    def _vehicle(self) -> str:
+        status = self._newest.get(VehicleStatus)
+        if not isinstance(status, VehicleStatus):
+            return "| mode | unknown |\n|---|---|"
+        armed = "**ARMED**" if status.armed else "disarmed"
+        failsafe = "" if status.failsafe == "none" else f" · **FAILSAFE {status.failsafe}**"
+        rows = [
+            f"| mode | **{status.mode}** · {armed}{failsafe} |\n|---|---|",
+            f"| pilot | {status.pilot or '–'} · light {status.light:.0%} |",
+        ]
+        return "\n".join([*rows, *([f"| note | {status.note} |"] if status.note else [])])
+
+    def _motion(self) -> str:
+        rows: list[str] = []
+        state, wanted = self._newest.get(VehicleState), self._newest.get(Reference)
+        if isinstance(state, VehicleState):
+            depth, heading = state.depth.value, degrees(state.heading.value)
+            goal = ("", "")
+            if isinstance(wanted, Reference):
+                turn = degrees(wanted.heading.position)
+                goal = (f" → {wanted.depth.position:.1f} m", f" → {turn:.0f}°")
+            rows += [
+                f"| depth | {depth:.1f} m{goal[0]} |",
+                f"| heading | {heading:.0f}°{goal[1]} |",
+            ]
+        battery = self._newest.get(BatterySample)
+        if isinstance(battery, BatterySample):
+            rows.append(
+                f"| battery | {battery.voltage:.1f} V · {battery.current:.1f} A"
+                f" · {battery.used_wh:.1f} Wh |"
+            )
+        return "\n".join(rows)
+
+    def _link(self) -> str:
+        link = self._newest.get(LinkStatus)
+        if not isinstance(link, LinkStatus):
+            return ""
+        lost = link.down_link.dropped + link.up_link.dropped
+        word = "up" if link.up else "**DOWN**"
+        return f"| link | {link.profile} · {word} · rtt {_ms(link.rtt_ms)} · {lost} dropped |"
+
+    def _services(self) -> str:
+        head = [
+            "| service | calls/s | late p99 | CPU | MB | counted |",
+            "|---|--:|--:|--:|--:|--:|",
+        ]
+        rows = [
+            f"| {key.rpartition('/')[2]} | {h.loop_hz:.0f} | {_ms(h.lateness_p99_ms)} "
+            f"| {_whole(h.cpu_percent, ' %')} | {_whole(h.rss_mb)} | {sum(h.counts.values())} |"
+            for key, h in sorted(self._health.items())
+        ]
+        return "\n".join([*head, *rows])
+
+
+def _line(who: str, time: int, text: str, level: str = "info") -> Note:
+    return Note(f"log/{who}", time, "log", f"{time / 1e9:6.1f} s  {text}", level)
+
+
+def _ms(value: float | None) -> str:
+    return "–" if value is None else f"{value:.1f} ms"
+
+
+def _whole(value: float | None, unit: str = "") -> str:
+    return "–" if value is None else f"{value:.0f}{unit}"

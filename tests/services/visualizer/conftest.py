@@ -1,0 +1,114 @@
+from collections.abc import Callable
+
+import pytest
+
+from messages import topics
+from messages.control import ThrusterCommand, Wrench
+from messages.health import Health, LogLine
+from messages.link import Direction, LinkStatus
+from messages.message import Estimate, Message
+from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
+from messages.reference import Motion, Reference
+from messages.sensors import BatterySample, ImuSample, MagnetometerSample, PressureSample
+from messages.state import VehicleState
+from messages.vehicle import Actuation, Truth, VehicleStatus
+
+Sample = Callable[[str, int], Message]
+
+
+@pytest.fixture
+def sample() -> Sample:
+    """A message of a row of the table, by key and stamp."""
+
+    def make(key: str, now: int) -> Message:
+        makers = dict(zip((topic.key for topic in topics.ALL), _all(now), strict=True))
+        return makers[key]
+
+    return make
+
+
+def _all(now: int) -> list[Message]:
+    """One message per row of the table, in its order."""
+    here, leg = Estimate(1.0, 0.1), Direction(10.0, 20.0, 5, 0, 1)
+    motion = Motion(1.0, 0.5, 0.1, 0.0)
+    return [
+        PilotCommand(stamp_ns=now, surge=0.1, sway=0.2, heave=0.3, yaw=0.4),
+        PilotRequest(stamp_ns=now, id=str(now), kind="arm"),
+        PilotAnswer(stamp_ns=now, id=str(now), accepted=True),
+        ImuSample(stamp_ns=now, specific_force=(0.0, 0.0, -9.81), angular_rate=(0.0, 0.0, 0.1)),
+        MagnetometerSample(stamp_ns=now, field=(2e-5, 0.0, 4e-5)),
+        PressureSample(stamp_ns=now, pressure=1e5),
+        BatterySample(stamp_ns=now, voltage=16.0, current=1.0, used_wh=0.1),
+        VehicleState(
+            stamp_ns=now,
+            sensor_ns=now,
+            phase="running",
+            depth=here,
+            depth_rate=here,
+            depth_acceleration=here,
+            attitude=(1.0, 0.0, 0.0, 0.0),
+            roll=here,
+            pitch=here,
+            heading=here,
+            heading_navigation=None,
+            yaw_rate=here,
+        ),
+        Reference(
+            stamp_ns=now,
+            sensor_ns=now,
+            pilot_ns=None,
+            armed=True,
+            depth=motion,
+            heading=motion,
+            surge_force=1.0,
+            sway_force=0.0,
+        ),
+        Wrench(
+            stamp_ns=now,
+            sensor_ns=now,
+            wanted=(1.0,) * 6,
+            achieved=(1.0,) * 6,
+            depth_integral=0.0,
+            heading_integral=0.0,
+            saturated=False,
+        ),
+        ThrusterCommand(stamp_ns=now, sensor_ns=now, pilot_ns=now, thrust=(1.0, 2.0, 3.0, 4.0)),
+        Actuation(
+            stamp_ns=now,
+            thrust=(1.0, 2.0, 3.0, 4.0),
+            actuated_ns=now,
+            sensor_ns=now - 2_000_000,
+            pilot_ns=now - 40_000_000,
+            stale=False,
+            power=10.0,
+        ),
+        VehicleStatus(stamp_ns=now, mode="piloted", armed=True),
+        Truth(
+            stamp_ns=now,
+            position=(now * 1e-9, 0.0, 1.0),
+            attitude=(1.0, 0.0, 0.0, 0.0),
+            velocity=(1.0, 0.0, 0.0),
+            angular_rate=(0.0, 0.0, 0.0),
+            depth_rate=0.0,
+            roll=0.0,
+            pitch=0.0,
+            heading=1.0,
+            on_floor=False,
+        ),
+        LinkStatus(
+            stamp_ns=now, profile="tether", up=True, down_link=leg, up_link=leg, rtt_ms=20.0
+        ),
+        Health(
+            stamp_ns=now,
+            service="control",
+            loop_hz=100.0,
+            lateness_p50_ms=0.1,
+            lateness_p99_ms=0.4,
+            cpu_percent=5.0,
+            rss_mb=40.0,
+            sent=1,
+            received=1,
+            counts={"stale:state": 2},
+        ),
+        LogLine(stamp_ns=now, service="control", level="info", text="hello"),
+    ]

@@ -1,0 +1,165 @@
+from collections.abc import Callable
+from math import degrees, dist
+
+import msgspec
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from messages import topics
+from messages.message import Message
+from messages.topic import AnyTopic
+from messages.vehicle import Actuation, Truth
+from services.marine.vehicle import Vehicle
+from services.runtime.stack import Stack
+from services.visualizer.batch import Batch
+from services.visualizer.core import OLDEST_NS, Collector
+from services.visualizer.curves import curves
+from services.visualizer.scene import STEP_M, TRAIL_POINTS
+
+Sample = Callable[[str, int], Message]
+SECOND = 1_000_000_000
+VEHICLE = Stack().section("vehicle", Vehicle)
+
+
+def key_of(topic: AnyTopic) -> str:
+    return topic.key.replace("*", "control")
+
+
+def truth(time: int, *, north: float = 0.0, depth: float = 1.0, floor: bool = False) -> Truth:
+    return Truth(
+        stamp_ns=time,
+        position=(north, 0.0, depth),
+        attitude=(1.0, 0.0, 0.0, 0.0),
+        velocity=(0.0, 0.0, 0.0),
+        angular_rate=(0.0, 0.0, 0.0),
+        depth_rate=0.0,
+        roll=0.0,
+        pitch=0.0,
+        heading=1.0,
+        on_floor=floor,
+    )
+
+
+def shown(batch: Batch) -> list[object]:
+    pages = [note for note in batch.notes if note.kind == "document"]
+    return [*batch.columns, *[note for note in batch.notes if note not in pages]]
+
+
+@pytest.mark.parametrize("topic", topics.ALL, ids=lambda topic: topic.key)
+def test_every_row_of_the_table_leads_to_something_shown(topic: AnyTopic, sample: Sample) -> None:
+    collector = Collector(VEHICLE)
+    assert collector.hear(topic, key_of(topic), sample(topic.key, SECOND), SECOND) is None
+    assert shown(collector.drain(SECOND))
+
+
+@given(stamps=st.lists(st.integers(0, 10**6), min_size=1, max_size=40, unique=True))
+@settings(max_examples=50, deadline=None)
+def test_no_sample_is_lost_and_columns_are_rectangular(stamps: list[int]) -> None:
+    collector = Collector(VEHICLE)
+    for stamp in sorted(stamps):
+        collector.hear(topics.TRUTH, "simulator/truth", truth(stamp), stamp)
+    batch = collector.drain(max(stamps))
+    for columns in batch.columns:
+        assert len(columns.times) == len(columns.rows) == len(stamps)
+        assert len({len(row) for row in columns.rows}) == 1
+    assert not shown(collector.drain(max(stamps)))
+
+
+def test_names_colours_and_numbers_of_a_curve_agree(sample: Sample) -> None:
+    paths = [curve.path for curve in curves(VEHICLE)]
+    assert len(paths) == len(set(paths))
+    for curve in curves(VEHICLE):
+        row = curve.read(sample(curve.topic.key, SECOND))
+        assert len(curve.names) == len(curve.colours)
+        if row is not None and curve.names:
+            assert len(row) == len(curve.names), curve.path
+
+
+def test_angles_are_shown_in_degrees_and_latencies_in_milliseconds(sample: Sample) -> None:
+    collector = Collector(VEHICLE)
+    collector.hear(topics.TRUTH, "simulator/truth", truth(0), 0)
+    collector.hear(topics.ACTUATION, "vehicle/actuation", sample("vehicle/actuation", 0), 0)
+    values = {c.path: c.rows[0] for c in collector.drain(0).columns}
+    assert values["heading/truth"] == [pytest.approx(degrees(1.0))]
+    assert values["latency/sensor"] == [pytest.approx(2.0)]
+    assert values["latency/stick"] == [pytest.approx(40.0)]
+
+
+def test_a_state_is_noted_only_when_it_changes(sample: Sample) -> None:
+    collector = Collector(VEHICLE)
+    status = sample("vehicle/status", SECOND)
+    off = msgspec.structs.replace(status, armed=False)  # type: ignore[call-arg]
+    for time, message in enumerate([status, status, off, off, status]):
+        again = msgspec.structs.replace(message, stamp_ns=time)
+        collector.hear(topics.STATUS, "vehicle/status", again, time)
+    armed = [n for n in collector.drain(SECOND).notes if n.path == "state/armed"]
+    assert [n.text for n in armed] == ["armed", "disarmed", "armed"]
+    assert [n.time for n in armed] == [0, 2, 4]
+
+
+@given(norths=st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=60))
+@settings(max_examples=50, deadline=None)
+def test_the_path_flown_is_thinned_and_never_interrupted(norths: list[float]) -> None:
+    collector, drawn = Collector(VEHICLE), list[list[tuple[float, float, float]]]()
+    for time, north in enumerate(norths):
+        collector.hear(topics.TRUTH, "simulator/truth", truth(time, north=north), time)
+        if time % 7 == 0:
+            drawn.append(collector.drain(time).trail)
+    drawn.append(collector.drain(len(norths)).trail)
+    strips = [strip for strip in drawn if strip]
+    for strip in strips:
+        assert all(dist(a, b) >= STEP_M for a, b in zip(strip, strip[1:], strict=False))
+    for before, after in zip(strips, strips[1:], strict=False):
+        assert after[0] == before[-1]
+
+
+def test_an_undrawn_path_stays_bounded() -> None:
+    collector = Collector(VEHICLE)
+    for step in range(TRAIL_POINTS + 100):
+        collector.hear(topics.TRUTH, "simulator/truth", truth(step, north=float(step)), step)
+    assert len(collector.drain(0).trail) == TRAIL_POINTS
+
+
+def test_the_floor_is_drawn_when_it_is_found_and_again_only_when_deeper() -> None:
+    collector, half = Collector(VEHICLE), VEHICLE.size[2] / 2
+    found: list[float | None] = []
+    for time, depth in enumerate([2.0, 2.0, 3.0, 2.5]):
+        message = truth(time, depth=depth, floor=True)
+        collector.hear(topics.TRUTH, "simulator/truth", message, time)
+        floor = collector.drain(time).floor
+        found.append(None if floor is None else floor[2])
+    assert found == [2.0 + half, None, 3.0 + half, None]
+
+
+def test_the_scene_moves_only_with_the_vehicle(sample: Sample) -> None:
+    collector = Collector(VEHICLE)
+    assert collector.frame() is None
+    collector.hear(topics.STATE, "state", sample("state", 0), 0)
+    assert (first := collector.frame()) is not None
+    assert first.position == (0.0, 0.0, 1.0)  # nobody knows north and east
+    assert collector.frame() is None
+    collector.hear(topics.TRUTH, "simulator/truth", truth(1, north=4.0), 1)
+    assert (second := collector.frame()) is not None
+    assert second.position == (4.0, 0.0, 1.0)
+
+
+def test_nonsense_that_is_well_formed_is_refused_with_a_reason(sample: Sample) -> None:
+    collector = Collector(VEHICLE)
+    key = topics.ACTUATION.key
+    short = msgspec.structs.replace(sample(key, 0), thrust=(1.0,))  # type: ignore[call-arg]
+    assert collector.hear(topics.ACTUATION, key, short, 0) == "wrong_length"
+    ancient = truth(-(2**63))
+    assert collector.hear(topics.TRUTH, "simulator/truth", ancient, 0) == "too_old"
+    assert collector.hear(topics.TRUTH, "simulator/truth", truth(-OLDEST_NS), 0) is None
+    assert isinstance(short, Actuation)
+
+
+def test_the_status_page_says_what_a_pilot_asks_first(sample: Sample) -> None:
+    collector = Collector(VEHICLE)
+    for topic in topics.ALL:
+        collector.hear(topic, key_of(topic), sample(topic.key, 0), 0)
+    [page] = [n.text for n in collector.drain(0).notes if n.kind == "document"]
+    for word in ("piloted", "ARMED", "1.0 m", "57°", "16.0 V", "rtt 20.0 ms", "| control |"):
+        assert word in page
+    assert not [n for n in collector.drain(0).notes if n.kind == "document"]

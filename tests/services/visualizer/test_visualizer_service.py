@@ -1,0 +1,212 @@
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pyarrow as pa
+import pytest
+
+from messages import topics
+from messages.message import Message
+from messages.topic import AnyTopic, Way
+from services.marine.vehicle import Vehicle
+from services.runtime.bus import Envelope
+from services.runtime.errors import LindyError
+from services.runtime.node import Node
+from services.runtime.ports import Publisher
+from services.runtime.stack import Row, Stack
+from services.runtime.virtual_host import VirtualHost
+from services.visualizer import live
+from services.visualizer.batch import Batch, Note
+from services.visualizer.live import Live
+from services.visualizer.service import wire
+
+chunk = pytest.importorskip("rerun.chunk", reason="the viewer extra is not installed")
+
+Sample = Callable[[str, int], Message]
+SECOND = 1_000_000_000
+BOTH_REALMS = Row(["topside", "drone"])
+
+# Listens, lets the client in, never reads; ends with whoever started it.
+STALLED_VIEWER = """
+import os, socket, sys, time
+parent, server = os.getppid(), socket.socket()
+server.bind(("127.0.0.1", int(sys.argv[-1])))
+server.listen()
+server.settimeout(0.05)
+clients = []
+while os.getppid() == parent:
+    try:
+        clients.append(server.accept())
+    except TimeoutError:
+        pass
+"""
+
+
+def speak(host: VirtualHost, realms: dict[str, Node], sample: Sample) -> None:
+    """Let everybody else say everything they say, five times a second."""
+    publishers: list[tuple[AnyTopic, Publisher[Message]]] = []
+    for topic in topics.ALL:
+        node = realms["drone" if topic.way is Way.STAY else "topside"]
+        one = topic.of("control") if topic.is_family else topic
+        publishers.append((topic, node.publisher(one)))
+
+    def say(now: int) -> None:
+        for topic, publisher in publishers:
+            publisher.put(sample(topic.key, now))
+
+    realms["topside"].every(5.0, say)
+
+
+def dive(out: Path, sample: Sample, seconds: float, *, restart: bool = False) -> VirtualHost:
+    host, stack = VirtualHost(), Stack(out=str(out))
+    others = {realm: host.node(realm, [realm]) for realm in BOTH_REALMS.realms}
+    host.add("visualizer", BOTH_REALMS, stack, wire)
+    speak(host, others, sample)
+    host.run(round(seconds * SECOND))
+    if restart:
+        host.kill("visualizer")
+        host.add("visualizer", BOTH_REALMS, stack, wire)
+        host.run(round(2 * seconds * SECOND))
+    return host
+
+
+def read_back(rrd: Path, path: str) -> tuple[list[float], list[float]]:
+    """Times [s] and values of one curve."""
+    stream = chunk.RrdReader(str(rrd)).stream().filter(content=path, is_static=False)
+    batches = [part.to_record_batch() for part in stream]
+    times = [np.asarray(b["dive"].cast(pa.int64())) / 1e9 for b in batches]
+    values = [np.asarray(b["Scalars:scalars"].flatten()) for b in batches]
+    return np.concatenate(times).tolist(), np.concatenate(values).tolist()
+
+
+def entities(rrd: Path) -> set[str]:
+    return {str(c.entity_path) for c in chunk.RrdReader(str(rrd)).stream() if not c.is_static}
+
+
+def test_every_stream_of_both_realms_is_in_the_file(tmp_path: Path, sample: Sample) -> None:
+    host = dive(tmp_path, sample, 2.0)
+    counts = host.nodes["visualizer"].counts
+    host.close()
+    assert not counts
+    found = entities(tmp_path / "dive.rrd")
+    shown = {"/sticks", "/specific_force", "/magnetic_field", "/pressure", "/power/voltage"}
+    shown |= {"/depth/estimate", "/depth/reference", "/depth/truth", "/force/wanted", "/thrust"}
+    shown |= {"/thrust_command", "/latency/link_up", "/health/processor/control", "/status"}
+    shown |= {"/log/services", "/log/pilot", "/state/mode", "/state/link", "/world/vehicle"}
+    shown |= {"/world/path", "/world/reference", "/world/vehicle/thrust"}
+    assert shown <= found
+
+
+def test_each_sample_comes_back_with_its_own_time(tmp_path: Path, sample: Sample) -> None:
+    dive(tmp_path, sample, 2.0).close()
+    times, values = read_back(tmp_path / "dive.rrd", "/depth/estimate")
+    # The first message begins the dive at 0.2 s; the last falls after the last flush.
+    np.testing.assert_allclose(np.diff(times), 0.2, atol=1e-9)
+    assert times[0] == 0.0
+    assert len(values) >= 9
+    assert set(values) == {1.0}
+
+
+def test_a_restart_in_mid_dive_writes_a_second_part_on_the_same_clock(
+    tmp_path: Path, sample: Sample
+) -> None:
+    dive(tmp_path, sample, 2.0, restart=True).close()
+    times, _ = read_back(tmp_path / "dive.part2.rrd", "/depth/truth")
+    assert min(times) > 1.5
+    assert (tmp_path / "dive.rrd").is_file()
+
+
+def test_garbage_is_counted_and_the_rest_still_shown(tmp_path: Path, sample: Sample) -> None:
+    host, stack = VirtualHost(), Stack(out=str(tmp_path))
+    others = {realm: host.node(realm, [realm]) for realm in BOTH_REALMS.realms}
+    node = host.add("visualizer", BOTH_REALMS, stack, wire)
+    speak(host, others, sample)
+    stranger = host.realm("topside")
+    wrong = msgspec.msgpack.encode({"stamp_ns": 0, "thrust": [1.0]})
+    for key, payload, encoding in (
+        ("state", b"\xc1garbage", topics.STATE.encoding),
+        ("reference", wrong, topics.REFERENCE.encoding),
+        ("control/wrench", wrong, "application/json"),
+        ("somebody/elses", wrong, "application/json"),
+    ):
+        stranger.forward(Envelope(key, payload, encoding))
+    host.run(2 * SECOND)
+    host.close()
+    expected = {"malformed:state": 1, "malformed:reference": 1, "wrong_type:control/wrench": 1}
+    assert node.counts == {**expected, "unknown_key": 1}
+    assert read_back(tmp_path / "dive.rrd", "/depth/estimate")[0]
+
+
+def test_a_folder_that_cannot_be_written_is_one_sentence(tmp_path: Path) -> None:
+    blocked = tmp_path / "file"
+    blocked.write_text("not a folder")
+    with pytest.raises(LindyError, match=r"cannot write .*file/dive\.rrd: .*--out"):
+        VirtualHost().add("visualizer", BOTH_REALMS, Stack(out=str(blocked)), wire)
+
+
+def test_without_rerun_the_sentence_says_how_to_get_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delitem(sys.modules, "services.visualizer.sink", raising=False)
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    with pytest.raises(LindyError, match=r"lindy\[viewer\]"):
+        VirtualHost().add("visualizer", BOTH_REALMS, Stack(out=str(tmp_path)), wire)
+
+
+def big_batch() -> Batch:
+    return Batch(notes=[Note("status", 0, "document", "x" * 100_000)])
+
+
+class Heard:
+    """What a `Live` counted and logged."""
+
+    def __init__(self) -> None:
+        self.counts: list[str] = []
+        self.lines: list[tuple[str, str]] = []
+
+    def open(self, viewer: list[str]) -> Live:
+        vehicle = Stack().section("vehicle", Vehicle)
+        log = self.lines.append
+        return Live("test", vehicle, viewer, self.counts.append, lambda *line: log(line))
+
+
+def test_a_viewer_that_never_reads_costs_batches_but_no_time(
+    tmp_path: Path, sample: Sample, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The dive below would never end if anything waited for this viewer."""
+    monkeypatch.setattr(live, "WAITING_BYTES", 1_000)
+    stalled = [sys.executable, "-c", STALLED_VIEWER]
+    monkeypatch.setattr("services.visualizer.service.viewer_command", lambda: stalled)
+    host, stack = VirtualHost(), Stack(out=str(tmp_path), viewer=True)
+    others = {realm: host.node(realm, [realm]) for realm in BOTH_REALMS.realms}
+    node = host.add("visualizer", BOTH_REALMS, stack, wire)
+    speak(host, others, sample)
+    host.run(30 * SECOND)
+    host.close()
+    assert node.counts["dropped:live"] > 0
+    assert len(read_back(tmp_path / "dive.rrd", "/depth/truth")[0]) >= 147
+
+
+def test_a_stalled_viewer_leaves_no_process_of_ours_behind() -> None:
+    heard = Heard()
+    link = heard.open([sys.executable, "-c", STALLED_VIEWER])
+    process = link.process
+    while "dropped:live" not in heard.counts:
+        link.send(big_batch())
+    link.close()
+    assert process is not None
+    assert process.poll() is not None
+    link.send(big_batch())  # after the end: nothing
+
+
+def test_a_viewer_that_cannot_open_is_said_once_and_counted() -> None:
+    heard = Heard()
+    link = heard.open(["/nonexistent/viewer"])
+    assert link.process is not None
+    link.process.wait(30)
+    for _ in range(3):
+        link.send(big_batch())
+    assert heard.counts == ["lost:live_viewer"]
+    assert [level for level, _ in heard.lines] == ["info", "warning"]
