@@ -142,8 +142,8 @@ class Calibration:
         return all(abs(new - old) <= limit for new, old, limit in before)
 
     def _rested(self) -> bool:
-        # Half a sample of grace, because seconds are summed in floats.
-        return self._total.count > 0 and self._seconds >= self._settings.still_time - 0.005
+        # The very first sample has none before it: n samples span n - 1 periods.
+        return self._total.count > 0 and self._seconds >= self._settings.still_time - 0.015
 
     def _heading(self, specific_force: Vec3) -> float | None:
         if self._fields.count == 0:

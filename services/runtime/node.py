@@ -172,7 +172,11 @@ class Node:
             return None
 
     def remember(self, what: msgspec.Struct) -> None:
-        self._memory.remember(msgspec.json.encode(what))
+        """Keep this instead of what was remembered before. A full disk costs the memory only."""
+        try:
+            self._memory.remember(msgspec.json.encode(what))
+        except OSError:
+            self.count("not_remembered:disk")
 
     def on_close(self, closer: Callable[[], None]) -> None:
         self._closers.append(closer)
