@@ -5,13 +5,13 @@ READY := .venv/.ready
 # Installed packages wait in the environment; nothing is looked up on the network at run time.
 UV := $(BIN)/python -m uv
 
-.PHONY: dive test check format docs clean
+.PHONY: dive test check format picture docs clean
 
 dive: $(READY) ## fly the demo dive: every service, one command
 	$(BIN)/lindy dive --out dives/latest
 
 test: $(READY) ## all tests
-	$(BIN)/pytest
+	$(BIN)/pytest -n 2
 
 check: $(READY) ## format, lint, types, import contracts
 	$(BIN)/ruff format --check .
@@ -22,6 +22,10 @@ check: $(READY) ## format, lint, types, import contracts
 format: $(READY) ## put the code in shape
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
+
+picture: $(READY) ## the picture in the README; Debian: mesa-vulkan-drivers libvulkan1
+	$(BIN)/lindy simulate --out dives/picture
+	$(BIN)/lindy picture dives/picture/dive.rrd --at 40 --out docs/dive.png
 
 docs: $(READY) ## pages written from the code
 	$(BIN)/python -m tools.topics_page

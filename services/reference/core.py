@@ -20,6 +20,7 @@ from services.reference.minimum_jerk import Limits, Ramp, Sample
 
 Above0 = Annotated[float, msgspec.Meta(gt=0.0)]
 GIVE_IN_S = 0.5  # [s] time constant with which a held-back reference comes to the vehicle
+ANSWERS = 64  # requests whose answers are known by heart
 CENTRED = 0.05  # [-] a stick this close to the middle counts as let go
 
 
@@ -87,6 +88,7 @@ class Pilotage:
     _stepped: float = 0.0  # [s] time of the reference before
     _held_back: set[str] = field(default_factory=set[str])
     _begun: bool = False
+    _answers: dict[str, PilotAnswer] = field(default_factory=dict[str, PilotAnswer])
 
     def __post_init__(self) -> None:
         s = self.settings
@@ -119,7 +121,12 @@ class Pilotage:
     def answer(
         self, request: PilotRequest, command: PilotCommand | None, now: Ns
     ) -> tuple[PilotAnswer, bool]:
-        """Do what is asked or say why not. The bool: something changed."""
+        """Do what is asked or say why not. The bool: something changed.
+
+        A request is repeated until its answer arrives; it is done once and answered each time.
+        """
+        if request.id in self._answers:
+            return msgspec.structs.replace(self._answers[request.id], stamp_ns=now), False
         reason = self._refusal(request, command)
         if not reason:
             self._do(request)
@@ -130,6 +137,9 @@ class Pilotage:
             reason=reason,
             cause_ns=request.stamp_ns,
         )
+        self._answers[request.id] = answer
+        if len(self._answers) > ANSWERS:
+            del self._answers[next(iter(self._answers))]
         return answer, not reason
 
     def status(self, command: PilotCommand | None, now: Ns) -> VehicleStatus:

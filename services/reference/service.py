@@ -34,7 +34,9 @@ def wire(node: Node, stack: Stack) -> None:
         answers.put(answer)
         if changed:
             node.remember(Remembered(armed=pilotage.armed, light=pilotage.light))
-        node.log("info", f"{request.kind}: {answer.reason or 'done'}")
+            node.log("info", f"{request.kind}: done")
+        elif not answer.accepted:
+            node.log("warning", f"{request.kind} refused: {answer.reason}")
         say_status_if_changed(now)
 
     def say_status(now: int) -> None:

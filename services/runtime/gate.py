@@ -16,14 +16,19 @@ FUTURE_NS = 100_000_000  # [ns] a stamp further ahead than this is a lie, not ji
 
 class Gate(Generic[M]):
     """Admits the messages of one key. Reasons counted: wrong_type, malformed, from_future,
-    expired, reordered, duplicated; and `lost` for gaps in the sequence, which are let through."""
+    expired, reordered, duplicated; and `lost` for gaps in the sequence, which are let through.
 
-    def __init__(self, topic: Topic[M], counts: Counter[str]) -> None:
+    Events may come from several senders, so they are not put in order: whoever acts on one knows
+    it by its id.
+    """
+
+    def __init__(self, topic: Topic[M], counts: Counter[str], *, onlooker: bool = False) -> None:
+        """An `onlooker` never acts on a command, so it is also shown those that are too old to."""
         self._topic = topic
         self._counts = counts
         self._encoding = topic.encoding
         self._decoder = msgspec.msgpack.Decoder(topic.message)
-        self._has_ttl = "ttl_ms" in topic.message.__struct_fields__
+        self._expires = not onlooker and "ttl_ms" in topic.message.__struct_fields__
         self._last: tuple[int, int] | None = None  # (stamp_ns, seq) of the newest admitted
 
     @property
@@ -41,9 +46,13 @@ class Gate(Generic[M]):
             return self._refuse("malformed", envelope)
         if message.stamp_ns > now + FUTURE_NS:
             return self._refuse("from_future", envelope)
-        if self._has_ttl and age_ns(message, now) > ttl_ns(message):
+        if self._expires and age_ns(message, now) > ttl_ns(message):
             return self._refuse("expired", envelope)
-        return self._in_order(message, envelope)
+        return self._in_order(message, envelope) if self._topic.hz else self._event(message)
+
+    def _event(self, message: M) -> M:
+        self._last = (message.stamp_ns, message.seq)
+        return message
 
     def _in_order(self, message: M, envelope: Envelope) -> M | None:
         here = (message.stamp_ns, message.seq)

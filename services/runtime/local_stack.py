@@ -18,7 +18,7 @@ from services.runtime.child import Task
 from services.runtime.errors import LindyError
 from services.runtime.memory import VolatileMemory
 from services.runtime.node import Node
-from services.runtime.process_host import Launch
+from services.runtime.process_host import Launch, usage
 from services.runtime.running import RUNNING, Running
 from services.runtime.stack import Row, Stack
 from services.runtime.supervisor import NAME, Supervisor
@@ -71,7 +71,7 @@ class LocalStack:
                 self._buses[realm] = bus
         home = HOME if HOME in self._buses else next(iter(self._buses))
         self.node = Node(NAME, {home: self._buses[home]}, time.monotonic_ns, VolatileMemory())
-        self.node.wake = self._wake.set
+        self.node.wake, self.node.usage = self._wake.set, usage
         self._speaks = True
 
     def start_services(self) -> None:

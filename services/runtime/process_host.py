@@ -62,7 +62,7 @@ def run_service(launch: Launch) -> int:
         }
         memory = FileMemory(Path(launch.memory) / f"{launch.service}.json")
         node = Node(launch.service, buses, time.monotonic_ns, memory, gateway=launch.gateway)
-        node.show, node.usage = _show, _usage
+        node.show, node.usage = _show, usage
         node.wall_offset_ns = time.time_ns() - time.monotonic_ns()
         event = threading.Event()
         node.wake = event.set
@@ -134,7 +134,8 @@ def _show(line: LogLine) -> None:
     print(f"{line.level} {line.service}: {line.text}", file=sys.stderr, flush=True)
 
 
-def _usage() -> Usage:
+def usage() -> Usage:
+    """What the operating system says of this process."""
     try:
         pages = int(Path("/proc/self/statm").read_text().split()[1])
         rss_mb = pages * resource.getpagesize() / 1e6

@@ -53,7 +53,8 @@ def listening(endpoint: str) -> zenoh.Session:
         return zenoh.open(config("router", endpoint))
     except zenoh.ZError as error:
         taken = "in use" in str(error)
-        why = "is already in use" if taken else f"cannot be listened on ({error})"
+        reason = str(error).split(" at /")[0]  # what follows is Zenoh's own source line
+        why = "is already in use" if taken else f"cannot be listened on ({reason})"
         raise LindyError(
             f"endpoint {endpoint} {why}; choose another, for example tcp/127.0.0.1:7447"
         ) from None

@@ -25,6 +25,7 @@ class Collector:
 
     def __init__(self, vehicle: Vehicle, start: int | None = None) -> None:
         self.start = start  # [ns] when the dive began: the first message's arrival
+        self.newest = 0  # [ns] arrival of the last message
         self._thrusters = len(vehicle.thruster)
         self._curves: dict[str, list[Curve]] = defaultdict(list)
         for curve in curves(vehicle):
@@ -42,6 +43,7 @@ class Collector:
             return "wrong_length"
         if self.start is None:
             self.start = now
+        self.newest = now
         self._heard[topic, key].append(message)
         self._scene.hear(message)
         return None

@@ -1,5 +1,6 @@
 """Visualizer service: every stream into `dive.rrd`, and into a live viewer where wanted."""
 
+import os
 from collections.abc import Callable
 
 import msgspec
@@ -20,6 +21,8 @@ from services.visualizer.live import Live, viewer_command
 FLUSH_HZ = 2.0  # curves, states, log
 SCENE_HZ = 20.0
 RING = 4096  # envelopes; seconds of a whole dive's traffic
+# Of all that rerun tells on stderr: warnings, but not that our files have no index by choice.
+RERUN_SAYS = "warn,re_log_encoding::rrd::file_sink=error"
 KEYS = 256  # different keys; a stranger may invent more, we do not draw them
 
 
@@ -36,7 +39,7 @@ def wire(node: Node, stack: Stack) -> None:
     parts.written += 1
     node.remember(parts)
     collector = Collector(vehicle, parts.start)
-    write = _outputs(node, stack, vehicle, parts.written)
+    write, close = _outputs(node, stack, vehicle, parts.written)
 
     def flush(now: int) -> None:
         write(collector.drain(now))
@@ -48,7 +51,12 @@ def wire(node: Node, stack: Stack) -> None:
         if (frame := collector.frame()) is not None:
             write(Batch(frames=[frame]))
 
+    def finish() -> None:
+        flush(collector.newest)
+        close()
+
     _listen(node, collector)
+    node.on_close(finish)
     node.every(FLUSH_HZ, flush)
     node.every(SCENE_HZ, show_scene)
 
@@ -83,11 +91,14 @@ def _gate(
     topic = topics.find(key)
     if topic is None or len(gates) >= KEYS:
         return None
-    return gates.setdefault(key, (topic, Gate(topic, node.counts)))
+    return gates.setdefault(key, (topic, Gate(topic, node.counts, onlooker=True)))
 
 
-def _outputs(node: Node, stack: Stack, vehicle: Vehicle, part: int) -> Callable[[Batch], None]:
-    """The file, and the live viewer where one is wanted."""
+def _outputs(
+    node: Node, stack: Stack, vehicle: Vehicle, part: int
+) -> tuple[Callable[[Batch], None], Callable[[], None]]:
+    """How to write to, and how to end, the file and the live viewer where one is wanted."""
+    os.environ.setdefault("RUST_LOG", RERUN_SAYS)  # read when rerun is imported
     try:
         from services.visualizer.sink import Sink
     except ImportError:
@@ -104,19 +115,16 @@ def _outputs(node: Node, stack: Stack, vehicle: Vehicle, part: int) -> Callable[
         sink.save(path)
     except OSError as error:
         raise LindyError(f"cannot write {path}: {error.strerror}; choose another --out") from None
-    node.on_close(sink.close)
     if not stack.viewer:
-        return sink.write
-    live = _live(node, identity, vehicle)
+        return sink.write, sink.close
+    live = Live(identity, vehicle, viewer_command(), node.count, node.log)
 
     def write(batch: Batch) -> None:
         sink.write(batch)
         live.send(batch)
 
-    return write
+    def close() -> None:
+        sink.close()  # the file first: the viewer may take its time
+        live.close()
 
-
-def _live(node: Node, identity: str, vehicle: Vehicle) -> Live:
-    live = Live(identity, vehicle, viewer_command(), node.count, node.log)
-    node.on_close(live.close)
-    return live
+    return write, close

@@ -42,9 +42,11 @@ class Flight:
         self.now = 0
         self.depth, self.heading = 1.0, 0.0
         self.flown: list[Reference] = []
+        self.asked = 0
 
     def ask(self, kind: str, **more: float) -> str:
-        request = PilotRequest(stamp_ns=self.now, id="1", kind=kind, **more)  # type: ignore[arg-type]
+        self.asked += 1
+        request = PilotRequest(stamp_ns=self.now, id=f"{self.asked}", kind=kind, **more)  # type: ignore[arg-type]
         answer, _ = self.pilotage.answer(request, sticks(self.now), self.now)
         return answer.reason
 
@@ -188,3 +190,15 @@ def test_light_wants_a_brightness() -> None:
     assert "brightness" in flight.ask("light")
     assert flight.ask("light", value=0.7) == ""
     assert flight.pilotage.status(None, 0).light == 0.7
+
+
+def test_a_repeated_request_is_answered_again_but_done_once() -> None:
+    flight = armed()
+    stop = PilotRequest(stamp_ns=flight.now, id="stop-7", kind="stop")
+    first, changed = flight.pilotage.answer(stop, sticks(0), flight.now)
+    assert changed
+    flight.fly(0.1, sticks(0))  # centred: the stop is over
+    again, changed = flight.pilotage.answer(stop, sticks(0), flight.now)
+    assert again.accepted == first.accepted
+    assert not changed
+    assert flight.pilotage.mode == "piloted"

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages import topics
-from messages.pilot import PilotCommand
+from messages.pilot import PilotCommand, PilotRequest
 from services.runtime.bus import Envelope
 from services.runtime.gate import Gate
 
@@ -95,3 +95,18 @@ def test_admitted_stamps_never_run_backwards(arrivals: list[tuple[int, int]]) ->
     admitted = [door.admit(command(NOW + s, q, ttl_ms=1000.0), NOW) for s, q in arrivals]
     stamps = [message.stamp_ns for message in admitted if message is not None]
     assert stamps == sorted(stamps)
+
+
+def test_events_of_two_senders_do_not_shut_each_other_out() -> None:
+    counts: Counter[str] = Counter()
+    door = Gate(topics.PILOT_REQUEST, counts)
+    for stamp, seq, who in ((50, 9, "pad"), (10, 0, "ask"), (60, 10, "pad")):
+        message = PilotRequest(stamp_ns=stamp, seq=seq, id=f"{who}-{seq}", kind="stop")
+        payload = msgspec.msgpack.encode(message)
+        assert door.admit(Envelope("pilot/request", payload, topics.PILOT_REQUEST.encoding), NOW)
+    assert counts == {}
+
+
+def test_an_onlooker_sees_commands_that_are_too_old_to_act_on() -> None:
+    door = Gate(topics.PILOT_COMMAND, Counter[str](), onlooker=True)
+    assert door.admit(command(NOW - 10**9), NOW) is not None

@@ -31,7 +31,7 @@ def _all(now: int) -> list[Message]:
     """One message per row of the table, in its order."""
     here, leg = Estimate(1.0, 0.1), Direction(10.0, 20.0, 5, 0, 1)
     motion = Motion(1.0, 0.5, 0.1, 0.0)
-    return [
+    messages: list[Message] = [
         PilotCommand(stamp_ns=now, surge=0.1, sway=0.2, heave=0.3, yaw=0.4),
         PilotRequest(stamp_ns=now, id=str(now), kind="arm"),
         PilotAnswer(stamp_ns=now, id=str(now), accepted=True),
@@ -66,8 +66,8 @@ def _all(now: int) -> list[Message]:
         Wrench(
             stamp_ns=now,
             sensor_ns=now,
-            wanted=(1.0,) * 6,
-            achieved=(1.0,) * 6,
+            wanted=(1.0, 1.0, 1.0, 1.0, 1.0, 1.0),
+            achieved=(1.0, 1.0, 1.0, 1.0, 1.0, 1.0),
             depth_integral=0.0,
             heading_integral=0.0,
             saturated=False,
@@ -112,3 +112,4 @@ def _all(now: int) -> list[Message]:
         ),
         LogLine(stamp_ns=now, service="control", level="info", text="hello"),
     ]
+    return messages

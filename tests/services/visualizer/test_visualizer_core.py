@@ -1,4 +1,5 @@
 from collections.abc import Callable
+from itertools import pairwise
 from math import degrees, dist
 
 import msgspec
@@ -109,8 +110,8 @@ def test_the_path_flown_is_thinned_and_never_interrupted(norths: list[float]) ->
     drawn.append(collector.drain(len(norths)).trail)
     strips = [strip for strip in drawn if strip]
     for strip in strips:
-        assert all(dist(a, b) >= STEP_M for a, b in zip(strip, strip[1:], strict=False))
-    for before, after in zip(strips, strips[1:], strict=False):
+        assert all(dist(a, b) >= STEP_M for a, b in pairwise(strip))
+    for before, after in pairwise(strips):
         assert after[0] == before[-1]
 
 

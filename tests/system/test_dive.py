@@ -1,0 +1,249 @@
+"""Real dives: separate processes over Zenoh on this machine, on wall time."""
+
+import json
+import math
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+from messages import topics
+from messages.control import ThrusterCommand
+from messages.pilot import PilotCommand
+from messages.vehicle import VehicleStatus
+from services.runtime.running import RUNNING, Running
+from services.runtime.zenoh_bus import connected, namespace
+from tools.recording import open_recording
+
+pytestmark = pytest.mark.system
+
+PATIENCE_S = 60.0  # never reached unless something is broken
+SCRIPT = """t,surge,sway,heave,yaw
+0,0,0,0,0
+0.5,0,0,0.8,0
+2.5,0,0,0,0
+3.5,0,0,0,0.4
+4.5,0,0,0,0
+6,0,0,0,0
+"""
+KEYS = {
+    "seconds", "vehicle", "link", "services", "topics", "latency_ms", "stops", "depth_error_rms_m",
+    "heading_error_rms_deg", "peak_jerk_ratio", "energy", "losses", "exit",
+}  # fmt: skip
+SERVICES = {
+    "simulator", "estimation", "reference", "control", "tether", "gamepad", "recorder",
+    "visualizer",
+}  # fmt: skip
+
+
+class Dive:
+    """`lindy dive` as a user starts it."""
+
+    def __init__(self, folder: Path, *options: str) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        script = folder / "script.csv"
+        script.write_text(SCRIPT)
+        self.out = folder / "out"
+        self._log = folder / "screen.txt"
+        command = [sys.executable, "-P", "-m", "tools", "dive", "--pilot", f"script:{script}"]
+        with self._log.open("w") as log:
+            self.process = subprocess.Popen(
+                [*command, "--headless", "--out", str(self.out), *options],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+            )
+
+    @property
+    def said(self) -> str:
+        return self._log.read_text()
+
+    @property
+    def running(self) -> Running | None:
+        try:
+            return msgspec.json.decode((self.out / RUNNING).read_bytes(), type=Running)
+        except (FileNotFoundError, msgspec.DecodeError):
+            return None
+
+    def until(self, happened: Callable[[], bool]) -> None:
+        """Wait for what must happen while the dive goes on."""
+        deadline = time.monotonic() + PATIENCE_S
+        while not happened():
+            assert self.process.poll() is None, self.said
+            assert time.monotonic() < deadline, self.said
+            time.sleep(0.05)
+
+    def until_armed(self) -> Running:
+        self.until(lambda: "has the sticks" in self.said)
+        running = self.running
+        assert running is not None
+        return running
+
+    def end(self, status: int = 0) -> dict[str, Any]:
+        """Wait for the end and read the report."""
+        assert self.process.wait(PATIENCE_S) == status, self.said
+        return json.loads((self.out / "report.json").read_text())
+
+
+@contextmanager
+def dive(folder: Path, *options: str) -> Generator[Dive]:
+    started = Dive(folder, *options)
+    try:
+        yield started
+    finally:
+        if started.process.poll() is None:
+            started.process.terminate()
+            started.process.wait(PATIENCE_S)
+
+
+def exists(pid: int) -> bool:
+    """A zombie that nobody collects does not exist any more."""
+    try:
+        stat = Path(f"/proc/{pid}/stat").read_text()
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+    return stat.rsplit(")", 1)[1].split()[0] != "Z"
+
+
+def test_a_dive_ends_cleanly_with_all_its_files_and_leaves_no_process_behind(tmp_path: Path):
+    with dive(tmp_path) as flown:
+        running = flown.until_armed()
+        report = flown.end()
+    assert set(running.pids) == SERVICES | {"hub_topside", "hub_drone"}
+    assert not [name for name, pid in running.pids.items() if exists(pid)]
+    files = {path.name for path in flown.out.iterdir()}
+    assert files == {"dive.mcap", "dive.rrd", "report.json", "logs"}
+    assert set(report) >= KEYS
+    assert report["exit"] == "clean"
+    assert set(report["services"]) >= SERVICES
+    assert not any(service["restarts"] for service in report["services"].values())
+    assert [stop["axis"] for stop in report["stops"]] == ["heave", "yaw"]
+    assert report["seconds"] >= 6.0
+    assert "Traceback" not in flown.said
+
+
+def test_a_killed_service_is_started_again_and_the_dive_goes_on(tmp_path: Path):
+    with dive(tmp_path) as flown:
+        running = flown.until_armed()
+        os.kill(running.pids["control"], signal.SIGKILL)
+        flown.until(lambda: "control is started again" in flown.said)
+        report = flown.end()
+    restarts = {name: service["restarts"] for name, service in report["services"].items()}
+    assert restarts.pop("control") == 1
+    assert not any(restarts.values())
+    assert report["exit"] == "clean"
+    assert "supervisor: control ended unexpectedly (signal SIGKILL)" in flown.said
+    assert report["topics"]["log/supervisor"]["count"] == 2
+    assert [stop["axis"] for stop in report["stops"]] == ["heave", "yaw"]
+
+
+def test_a_dive_whose_hub_and_recorder_die_goes_on_and_says_that_data_was_lost(tmp_path: Path):
+    with dive(tmp_path) as flown:
+        running = flown.until_armed()
+        os.kill(running.pids["hub_drone"], signal.SIGKILL)
+        flown.until(lambda: "hub_drone is started again" in flown.said)
+        os.kill(running.pids["recorder"], signal.SIGKILL)
+        report = flown.end(status=3)
+    restarts = {name: service["restarts"] for name, service in report["services"].items()}
+    assert (restarts["hub_drone"], restarts["recorder"]) == (1, 1)
+    assert report["exit"] == "clean"
+    assert [path.name for path in flown.out.glob("*.mcap")] == ["dive.mcap"]
+    assert report["topics"]["state"]["count"] > 500
+
+
+def test_two_dives_side_by_side_do_not_notice_each_other(tmp_path: Path):
+    with dive(tmp_path / "one") as one, dive(tmp_path / "two") as two:
+        reports = [one.end(), two.end()]
+    for report in reports:
+        assert report["exit"] == "clean"
+        assert [stop["axis"] for stop in report["stops"]] == ["heave", "yaw"]
+        foreign = ("unknown", "duplicated", "reordered", "wrong_type", "malformed")
+        assert not [name for name in report["losses"] if name.startswith(foreign)]
+
+
+def test_garbage_nan_and_wrong_types_on_our_keys_are_counted_and_disturb_nobody(tmp_path: Path):
+    with dive(tmp_path) as flown:
+        running = flown.until_armed()
+        spoil(running)
+        report = flown.end()
+    losses = report["losses"]
+    for name in (
+        "malformed:pilot/command", "wrong_type:pilot/command", "malformed:control/thrusters",
+        "wrong_type:control/thrusters", "malformed:state", "wrong_type:state", "unknown:not/ours",
+    ):  # fmt: skip
+        assert losses.get(name, 0) > 0, (name, losses)
+    assert report["exit"] == "clean"
+    assert not any(service["restarts"] for service in report["services"].values())
+    assert [stop["axis"] for stop in report["stops"]] == ["heave", "yaw"]
+
+
+def spoil(running: Running) -> None:
+    """Say everything wrong that can be said, ten times in each realm."""
+    not_a_number = {
+        topics.PILOT_COMMAND.key: PilotCommand(
+            stamp_ns=0, surge=math.nan, sway=0.0, heave=0.0, yaw=0.0
+        ),
+        topics.THRUSTERS.key: ThrusterCommand(
+            stamp_ns=0, sensor_ns=None, pilot_ns=None, thrust=(math.nan,) * 4
+        ),
+    }
+    for endpoint in running.endpoints.values():
+        with connected(endpoint, namespace(running.vehicle)) as session:
+            for _ in range(10):
+                for topic in (topics.PILOT_COMMAND, topics.THRUSTERS, topics.STATE):
+                    session.put(topic.key, os.urandom(64), encoding=topic.encoding)
+                    session.put(topic.key, b"\xc1" * 9, encoding="text/plain")
+                    if (message := not_a_number.get(topic.key)) is not None:
+                        payload = msgspec.msgpack.encode(message)
+                        session.put(topic.key, payload, encoding=topic.encoding)
+                session.put("not/ours", b"hello", encoding="text/plain")
+                time.sleep(0.02)  # a stranger that talks slowly enough for all of it to be heard
+
+
+def test_a_killed_supervisor_takes_everybody_with_it(tmp_path: Path):
+    with dive(tmp_path) as flown:
+        running = flown.until_armed()
+        flown.process.kill()
+        flown.process.wait(PATIENCE_S)
+        deadline = time.monotonic() + PATIENCE_S
+        while left := [name for name, pid in running.pids.items() if exists(pid)]:
+            assert time.monotonic() < deadline, left
+            time.sleep(0.05)
+    assert (flown.out / "dive.mcap").stat().st_size > 0
+    sockets = Path(running.endpoints["drone"].partition("/")[2]).parent
+    shutil.rmtree(sockets)  # nobody was left who could do that
+
+
+def test_ctrl_c_disarms_and_ends_the_dive_with_a_summary(tmp_path: Path):
+    with dive(tmp_path) as flown:
+        flown.until_armed()
+        flown.process.send_signal(signal.SIGINT)
+        report = flown.end()
+    assert report["exit"] == "clean"
+    assert "ended cleanly" in flown.said
+    said = [entry.message for entry in open_recording(flown.out)]
+    armed = [message.armed for message in said if isinstance(message, VehicleStatus)]
+    assert True in armed
+    assert armed[-1] is False
+
+
+def test_a_taken_port_is_one_sentence(tmp_path: Path):
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        endpoint = f"tcp/127.0.0.1:{free.getsockname()[1]}"
+    with dive(tmp_path / "first", "--listen", endpoint) as first:
+        first.until(lambda: first.running is not None)
+        second = Dive(tmp_path / "second", "--listen", endpoint)
+        assert second.process.wait(PATIENCE_S) == 1
+        sentence = second.said.strip().splitlines()[-1]
+        assert sentence.startswith(f"lindy: endpoint {endpoint} is already in use")
+        assert "Traceback" not in second.said

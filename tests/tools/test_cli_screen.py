@@ -1,0 +1,93 @@
+"""The status screen as text: nothing wraps, nothing is lost, unknown is said so."""
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rich.console import Console
+
+from messages.health import LogLine
+from tools.screen import HALF, LINES, ServiceView, View, bar, plain, render
+
+NAMES = ["simulator", "estimation", "reference", "control", "tether", "gamepad", "recorder"]
+WIDTHS = pytest.mark.parametrize("width", [80, 120])
+FULL = View(
+    title="pioneer · wifi_buoy · script first_dive",
+    elapsed_s=83.0,
+    length_s=95.0,
+    mode="piloted",
+    armed=True,
+    failsafe="pilot_lost",
+    note="calibrating: keep the drone still",
+    depth_m=12.345,
+    depth_wanted_m=12.4,
+    heading_deg=359.9,
+    heading_wanted_deg=0.1,
+    sticks=(0.5, -1.0, 1.0, -0.25),
+    down_ms=112.3,
+    up_ms=108.9,
+    rtt_ms=221.2,
+    lost=123456,
+    services=[
+        *(ServiceView(name, True, 444.4, 12.34, 99.9, 0, 1234567) for name in NAMES),
+        ServiceView("visualizer", False, 1.0, 10.0, 20.0, 3, 0),
+    ],
+    lines=[
+        LogLine(stamp_ns=n, service="control", level="error", text=f"line {n} [ms] " + "long " * 40)
+        for n in range(LINES + 3)
+    ],
+)
+
+
+def text_of(view: View, width: int) -> list[str]:
+    console = Console(width=width, color_system=None)
+    with console.capture() as capture:
+        console.print(render(view))
+    return capture.get().split("\n")
+
+
+@WIDTHS
+def test_a_full_screen_fits_and_has_as_many_lines_as_an_empty_one(width: int):
+    full, empty = text_of(FULL, width), text_of(View(title="x", services=FULL.services), width)
+    assert max(map(len, full)) <= width
+    assert len(full) == len(empty)
+
+
+@WIDTHS
+def test_every_value_is_shown_whole(width: int):
+    text = "\n".join(text_of(FULL, width))
+    for value in (
+        "12.35 m", "12.40 m", "359.9°", "0.1°", "112.3 ms", "108.9 ms", "221.2 ms", "lost 123456",
+        "01:23 of 01:35", "ARMED", "piloted", "FAILSAFE pilot_lost", "+0.50", "-1.00", "-0.25",
+        "visualizer gone", "1234567", "late p99 [ms]", "CPU [%]",
+    ):  # fmt: skip
+        assert value in text
+    assert "DISARMED" not in text
+
+
+def test_units_in_brackets_survive_in_log_lines_and_only_the_newest_are_shown():
+    text = "\n".join(text_of(FULL, 120))
+    assert f"line {LINES + 2} [ms]" in text
+    assert "line 2 " not in text
+
+
+def test_what_is_not_known_is_shown_as_a_dash_and_not_as_zero():
+    text = "\n".join(text_of(View(title="x", services=[ServiceView("control", True)]), 80))
+    assert "– m" in text
+    assert "0.00" not in text
+    assert "--:--" in text
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.floats(-1.5, 1.5))
+def test_a_bar_always_has_the_same_width_and_grows_on_the_side_of_the_stick(value: float):
+    left, right = bar(value).split("│")
+    assert len(left) == len(right) == HALF
+    assert left.count("█") == max(0, -round(max(-1.0, min(1.0, value)) * HALF))
+    assert right.count("█") == max(0, round(max(-1.0, min(1.0, value)) * HALF))
+
+
+def test_one_plain_line_says_the_same():
+    line = plain(FULL)
+    assert "\n" not in line
+    for value in ("01:23", "armed piloted", "12.35 m", "359.9°", "221.2 ms", "FAILSAFE", "3"):
+        assert value in line

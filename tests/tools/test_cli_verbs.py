@@ -1,0 +1,188 @@
+"""Every mistake on the command line is one sentence and status 1, before anything starts."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from services.runtime.running import RUNNING, Running
+from tools import pads
+from tools.__main__ import main
+
+GOOD = "t,surge,sway,heave,yaw\n0,0,0,0,0\n1,0,0,0.5,0\n2,0,0,0,0\n"
+BOTH = pytest.mark.parametrize("verb", ["dive", "simulate"])
+
+
+@pytest.fixture
+def script(tmp_path: Path) -> str:
+    path = tmp_path / "good.csv"
+    path.write_text(GOOD)
+    return f"script:{path}"
+
+
+def complaint(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    """Runs a command that must fail well, and returns what it says."""
+    assert main(arguments) == 1
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("lindy: ")
+    assert err.count("\n") == 1
+    assert "Traceback" not in err
+    assert "mistake in Lindy" not in err
+    return err
+
+
+@BOTH
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--vehicle", "pionear"], "did you mean 'pioneer'?"),
+        (["--link", "tehter"], "did you mean 'tether'?"),
+        (["--set", "control.depht.kp=3"], "did you mean 'depth'?"),
+        (["--set", "control.depth.kp=-3"], "control.depth.kp: expected float >= 0.0, found -3"),
+        (["--set", "contrl.depth.kp=3"], "did you mean 'control'?"),
+        (["--set", "control.depth.kp"], "expected key.path=value"),
+        (["--seconds", "-3"], "--seconds is -3, expected more than 0"),
+        (["--seconds", "nan"], "--seconds is nan"),
+        (["--seconds", "soon"], '"soon"'),
+        (["--vehicel", "pioneer"], "Did you mean --vehicle?"),
+        (["--out", "/dev/null/x"], "cannot write into --out /dev/null/x"),
+        (["left", "over"], "left"),
+    ],
+)
+def test_a_wrong_option_is_explained(
+    capsys: pytest.CaptureFixture[str], verb: str, arguments: list[str], says: str, script: str
+):
+    assert says in complaint(capsys, verb, "--pilot", script, *arguments)
+
+
+@BOTH
+@pytest.mark.parametrize(
+    ("pilot", "says"),
+    [
+        ("gampad", "did you mean 'gamepad'?"),
+        ("script", "unknown pilot 'script'"),
+        ("script:", "unknown pilot 'script:'"),
+        ("script:fist_dive", "did you mean 'first_dive'?"),
+        ("script:/nowhere/dive.csv", "there is no file /nowhere/dive.csv"),
+    ],
+)
+def test_a_wrong_pilot_is_explained(
+    capsys: pytest.CaptureFixture[str], verb: str, pilot: str, says: str
+):
+    assert says in complaint(capsys, verb, "--pilot", pilot)
+
+
+@pytest.mark.parametrize(
+    ("row", "says"),
+    [
+        ("1,0,0,2,0", "line 3: heave is '2', expected a number from -1 to 1"),
+        ("1,0,0,deep,0", "line 3: heave is 'deep'"),
+        ("1,0,0", "line 3: found 3 columns"),
+        ("0,0,0,0,0", "line 3: t is 0, expected more"),
+    ],
+)
+def test_a_malformed_script_is_named_with_its_line(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, row: str, says: str
+):
+    path = tmp_path / "bad.csv"
+    path.write_text(f"t,surge,sway,heave,yaw\n0,0,0,0,0\n{row}\n")
+    assert f"{path}: {says}" in complaint(capsys, "dive", "--pilot", f"script:{path}")
+
+
+def test_a_malformed_vehicle_file_is_named_with_its_line(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, script: str
+):
+    path = tmp_path / "odd.toml"
+    path.write_text("[vehicle]\nname = \n")
+    said = complaint(capsys, "dive", "--pilot", script, "--vehicle", str(path))
+    assert f"{path}: not valid TOML" in said
+    assert "line 2" in said
+
+
+def test_an_unknown_verb_is_met_with_the_nearest_one(capsys: pytest.CaptureFixture[str]):
+    assert 'Did you mean "dive"?' in complaint(capsys, "diev")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["run", "contrl"], "did you mean 'control'?"),
+        (["run", "control"], "add --connect drone="),
+        (["run", "control", "--connect", "tcp/127.0.0.1:7447"], "expected REALM=ENDPOINT"),
+        (["run", "control", "--connect", "dron=tcp/127.0.0.1:7447"], "did you mean 'drone'?"),
+        (["simulate", "--pilot", "gamepad"], "needs real time"),
+    ],
+)
+def test_other_verbs_explain_as_well(
+    capsys: pytest.CaptureFixture[str], arguments: list[str], says: str
+):
+    assert says in complaint(capsys, *arguments)
+
+
+def test_a_mistake_leaves_no_folder_behind(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, script: str
+):
+    out = tmp_path / "out"
+    complaint(capsys, "dive", "--pilot", script, "--link", "tehter", "--out", str(out))
+    assert not out.exists()
+
+
+def test_a_folder_in_which_somebody_dives_is_refused_and_left_alone(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, script: str
+):
+    running = Running("pioneer", {}, os.getpid(), {})
+    (tmp_path / RUNNING).write_bytes(msgspec.json.encode(running))
+    (tmp_path / "dive.mcap").write_text("theirs")
+    said = complaint(capsys, "dive", "--pilot", script, "--out", str(tmp_path))
+    assert f"a dive (process {os.getpid()}) is going on" in said
+    assert (tmp_path / "dive.mcap").read_text() == "theirs"
+
+
+@pytest.mark.parametrize(
+    ("program", "there"),
+    [("print(2)", True), ("print(0)", False), ("import no_pygame_here", False), ("1/0", False)],
+)
+def test_there_is_a_pad_only_when_sdl_says_so(
+    monkeypatch: pytest.MonkeyPatch, program: str, there: bool
+):
+    monkeypatch.setattr(pads, "QUESTION", program)
+    assert pads.pad_is_there() is there
+
+
+@pytest.mark.parametrize("verb", ["dive", "simulate", "run", "hub"])
+def test_every_verb_has_help_with_an_example(capsys: pytest.CaptureFixture[str], verb: str):
+    assert main([verb, "--help"]) == 0
+    assert f"Example: lindy {verb} " in capsys.readouterr().out
+
+
+def test_the_command_answers_without_loading_what_only_a_dive_needs():
+    code = (
+        "import sys, tools.__main__ as m; m.main(['--help']);"
+        "print([n for n in ('zenoh', 'numpy', 'pygame', 'rerun', 'mcap') if n in sys.modules])"
+    )
+    answer = subprocess.run(
+        [sys.executable, "-P", "-c", code], capture_output=True, text=True, check=True
+    )
+    assert answer.stdout.splitlines()[-1] == "[]"
+
+
+def test_a_simulated_dive_writes_its_files_and_the_same_seed_gives_the_same_bytes(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, script: str
+):
+    hashes: list[str] = []
+    for name, seed in (("one", "1"), ("same", "1"), ("other", "2")):
+        out = tmp_path / name
+        arguments = ["simulate", "--pilot", script, "--seconds", "1", "--seed", seed]
+        assert main([*arguments, "--out", str(out)]) == 0
+        assert {"dive.mcap", "report.json"} <= {path.name for path in out.iterdir()}
+        report = json.loads((out / "report.json").read_text())
+        assert report["exit"] == "clean"
+        assert report["speedup"] > 0
+        hashes.append(report["log_hash"])
+    assert hashes[0] == hashes[1] != hashes[2]
+    assert "report.json" in capsys.readouterr().out

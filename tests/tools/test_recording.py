@@ -1,0 +1,160 @@
+"""What was written comes back, whole chunk by whole chunk, whatever happened to the file."""
+
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import msgspec
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+
+from messages import topics
+from messages.sensors import PressureSample
+from services.recorder.foxglove_schema import foxglove_schema
+from services.recorder.mcap_file import McapFile
+from services.runtime.errors import LindyError
+from tools.recording import is_whole, log_hash, merge_parts, open_recording
+
+PER_CHUNK, CHUNKS = 7, 5
+KEY = topics.PRESSURE.key
+
+
+def write(path: Path, first: int = 0, chunks: int = CHUNKS, sha256: str = "abc") -> None:
+    """Chunks of PER_CHUNK samples, stamped first, first + 1, …"""
+    file = McapFile(path)
+    file.metadata("dive", {"vehicle": "pioneer", "part": path.name})
+    file.attach("topics.json", "application/json", b"[]")
+    file.open_channel(KEY, "PressureSample", foxglove_schema(PressureSample))
+    for n in range(first, first + chunks * PER_CHUNK):
+        sample = PressureSample(stamp_ns=n, pressure=1e5 + n)
+        file.write(KEY, msgspec.json.encode(sample), 10 * n, n, n)
+        if (n - first) % PER_CHUNK == PER_CHUNK - 1:
+            file.flush()
+    file.metadata("losses", {"overflowed:**": "2"})
+    file.metadata("hash", {"sha256": sha256})
+    file.finish()
+
+
+def stamps(path: Path) -> list[int]:
+    return [entry.message.stamp_ns for entry in open_recording(path)]
+
+
+@cache
+def whole_file() -> tuple[bytes, list[int]]:
+    """A file and where each of its chunks ends, as a foreign reader sees them."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "dive.mcap"
+        write(path)
+        with path.open("rb") as stream:
+            summary = make_reader(stream).get_summary()
+        assert summary is not None
+        ends = [c.chunk_start_offset + c.chunk_length for c in summary.chunk_indexes]
+        return path.read_bytes(), ends
+
+
+@given(share=st.floats(min_value=0.0, max_value=1.0))
+@example(share=0.0)
+@example(share=1.0)
+@settings(max_examples=100, deadline=None)
+def test_a_file_cut_anywhere_gives_back_all_its_whole_chunks(share: float):
+    data, ends = whole_file()
+    cut = round(share * len(data))
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "dive.mcap"
+        path.write_bytes(data[:cut])
+        chunks = sum(end <= cut for end in ends)
+        assert stamps(path) == list(range(chunks * PER_CHUNK))
+        assert is_whole(path) == (cut == len(data))
+
+
+@given(at=st.floats(min_value=0.0, max_value=1.0), flip=st.integers(1, 255))
+@settings(max_examples=100, deadline=None)
+def test_a_damaged_byte_never_raises_and_never_invents_a_message(at: float, flip: int):
+    data, _ = whole_file()
+    damaged = bytearray(data)
+    where = max(8, min(len(data) - 1, round(at * len(data))))  # behind the first magic
+    damaged[where] ^= flip
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "dive.mcap"
+        path.write_bytes(damaged)
+        found = [e for e in open_recording(path) if e.key == KEY]
+        for entry in found:
+            assert entry.message == PressureSample(
+                stamp_ns=entry.publish_ns, pressure=1e5 + entry.publish_ns
+            )
+
+
+def test_a_message_comes_back_typed_with_its_times(tmp_path: Path):
+    write(tmp_path / "dive.mcap")
+    entry = list(open_recording(tmp_path))[3]
+    assert entry == (KEY, PressureSample(stamp_ns=3, pressure=100_003.0), 30, 3)
+
+
+def test_what_another_version_wrote_is_skipped_and_counted(tmp_path: Path):
+    file = McapFile(tmp_path / "dive.mcap")
+    file.open_channel("sensor/sonar", "Sonar", b"{}")
+    file.open_channel(KEY, "PressureSample", b"{}")
+    file.write("sensor/sonar", b"{}", 1, 1, 1)
+    file.write(KEY, b'{"stamp_ns": "noon"}', 1, 1, 1)
+    file.finish()
+    recording = open_recording(tmp_path)
+    assert list(recording) == []
+    assert recording.unreadable == {"sensor/sonar": 1, KEY: 1}
+
+
+@pytest.mark.parametrize("data", [b"t,surge,sway", b"\x89PNG\r\n\x1a\n" * 9])
+def test_a_file_that_is_no_recording_is_one_sentence(tmp_path: Path, data: bytes):
+    (tmp_path / "dive.mcap").write_bytes(data)
+    with pytest.raises(LindyError, match=r"dive\.mcap is not a recording"):
+        open_recording(tmp_path)
+
+
+def test_a_missing_recording_is_one_sentence(tmp_path: Path):
+    with pytest.raises(LindyError, match="there is no recording in"):
+        open_recording(tmp_path)
+    with pytest.raises(LindyError, match=r"cannot read .*nothing\.mcap: No such file"):
+        open_recording(tmp_path / "nothing.mcap")
+
+
+def test_parts_are_read_one_after_the_other_and_in_the_order_of_their_numbers(tmp_path: Path):
+    per_part = CHUNKS * PER_CHUNK
+    for number in (10, 2, 1):
+        name = "dive.mcap" if number == 1 else f"dive.part{number}.mcap"
+        write(tmp_path / name, first=number * per_part)
+    starts = [number * per_part for number in (1, 2, 10)]
+    assert stamps(tmp_path) == [n for start in starts for n in range(start, start + per_part)]
+
+
+def test_parts_are_merged_into_one_clean_file_that_keeps_a_cut_part_s_whole_chunks(
+    tmp_path: Path,
+):
+    data, ends = whole_file()
+    (tmp_path / "dive.mcap").write_bytes(data[: ends[2] + 5])
+    write(tmp_path / "dive.part2.mcap", first=1000)
+    before = list(open_recording(tmp_path))
+
+    assert merge_parts(tmp_path)
+
+    assert [path.name for path in tmp_path.iterdir()] == ["dive.mcap"]
+    assert is_whole(tmp_path / "dive.mcap")
+    assert list(open_recording(tmp_path)) == before
+    with (tmp_path / "dive.mcap").open("rb") as stream:
+        foreign = [m.publish_time for _, _, m in make_reader(stream).iter_messages()]
+    assert foreign == [entry.publish_ns for entry in before]
+    merged = open_recording(tmp_path)
+    assert merged.metadata("merged") == {"dive.mcap": "21", "dive.part2.mcap": "35"}
+    assert merged.metadata("dive")["vehicle"] == "pioneer"
+    assert merged.losses() == {"overflowed:**": 2}
+    assert merged.attachment("topics.json") == b"[]"
+    assert log_hash(tmp_path) is None
+    assert not merge_parts(tmp_path)
+
+
+def test_a_whole_recording_is_left_alone(tmp_path: Path):
+    write(tmp_path / "dive.mcap")
+    before = (tmp_path / "dive.mcap").read_bytes()
+    assert not merge_parts(tmp_path)
+    assert (tmp_path / "dive.mcap").read_bytes() == before
+    assert log_hash(tmp_path) == "abc"

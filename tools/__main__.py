@@ -1,0 +1,139 @@
+"""The `lindy` command. Each verb imports what it needs only when it is called, so that `--help`
+and a typing error answer at once."""
+
+import sys
+import traceback
+from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import App, CycloptsError, Parameter
+
+from services.runtime.errors import LindyError
+from tools.choices import Choices
+
+ERROR = 1  # exit status
+
+app = App(
+    name="lindy",
+    help="Pilot an underwater drone: the pilot leads, the drone follows, without a jerk.",
+    help_format="plaintext",
+    version=lambda: version("lindy"),
+)
+
+
+@app.command
+def dive(
+    *,
+    choices: Choices | None = None,
+    headless: Annotated[
+        bool,
+        Parameter(
+            negative=(), show_default=False, help="no live viewer, even where there is a display"
+        ),
+    ] = False,
+    listen: Annotated[
+        str | None,
+        Parameter(help="endpoint for outside tools at the pilot's end, e.g. tcp/127.0.0.1:7447"),
+    ] = None,
+) -> int:
+    """Start every service on this machine, pilot the drone, record it, show it, sum it up.
+
+    Example: lindy dive --pilot script:first_dive --link remote --out dives/first
+    """
+    from tools.dive import dive
+
+    return dive(choices or Choices(), headless=headless, listen=listen)
+
+
+@app.command
+def simulate(*, choices: Choices | None = None) -> int:
+    """The same dive on virtual time, as fast as it goes, with the same files.
+
+    Example: lindy simulate --seed 7 --set control.depth.kp=3 --out dives/simulated
+    """
+    from tools.simulate import simulate
+
+    return simulate(choices or Choices())
+
+
+@app.command
+def run(
+    service: str,
+    *,
+    connect: Annotated[
+        tuple[str, ...],
+        Parameter(
+            negative=(),
+            show_default=False,
+            help="REALM=ENDPOINT of a hub, once for each realm of the service",
+        ),
+    ] = (),
+    choices: Choices | None = None,
+) -> int:
+    """Run one service in the foreground, on hubs that are there already.
+
+    Example: lindy run control --connect drone=tcp/127.0.0.1:7448
+    """
+    from tools.run import run
+
+    return run(service, connect, choices or Choices())
+
+
+@app.command
+def hub(endpoint: str) -> int:
+    """Run a realm's hub in the foreground.
+
+    Example: lindy hub tcp/127.0.0.1:7448
+    """
+    from tools.run import hub
+
+    return hub(endpoint)
+
+
+@app.command
+def picture(
+    recording: Path,
+    *,
+    out: Annotated[Path, Parameter(help="the PNG to write")] = Path("dive.png"),
+    at: Annotated[
+        float | None, Parameter(help="seconds since the dive began; default: its end")
+    ] = None,
+) -> int:
+    """A picture of a recorded dive as the viewer shows it, made without a display.
+
+    Example: lindy picture dives/latest/dive.rrd --at 40 --out dive.png
+    """
+    from tools.picture import picture
+
+    picture(recording, out, at)
+    return 0
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a verb. Returns the exit status: 0 clean, 1 error, 3 done but data was lost."""
+    try:
+        status = app(
+            arguments, exit_on_error=False, print_error=False, result_action="return_value"
+        )
+    except (CycloptsError, LindyError) as error:
+        return complain(str(error))
+    except KeyboardInterrupt:
+        return complain("interrupted")
+    except OSError as error:
+        return complain(f"{error.filename or 'operating system'}: {error.strerror or error}")
+    except Exception as error:
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        name = f"{Path(where.filename).name}:{where.lineno}"
+        return complain(f"a mistake in Lindy itself, at {name}: {type(error).__name__}: {error}")
+    return status or 0
+
+
+def complain(sentence: str) -> int:
+    print(f"lindy: {' '.join(sentence.split())}", file=sys.stderr, flush=True)
+    return ERROR
+
+
+if __name__ == "__main__":
+    sys.exit(main())

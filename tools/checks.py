@@ -1,0 +1,117 @@
+"""Everything that can be checked before a dive starts, so that a mistake costs no waiting."""
+
+import os
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import msgspec
+
+from services.gamepad import script
+from services.runtime.errors import LindyError
+from services.runtime.running import RUNNING, Running
+from services.runtime.settings import deploy_file, nearest, read
+from services.runtime.stack import Stack
+from services.tether.core import LinkProfile
+from tools.choices import Choices
+
+DEFAULT_PILOT = "script:first_dive"
+LEFT_BEHIND = ("dive*.mcap", "dive*.rrd", "report.json", "run.json", "logs/*.log")
+LONGEST_S = 86_400.0  # [s] a day
+
+
+@dataclass(frozen=True, slots=True)
+class Pilot:
+    """Who has the sticks, checked."""
+
+    name: str  # as services read it: gamepad, keyboard or script:FILE
+    script_s: float | None = None  # [s] length of the script; None: a person
+
+
+def pilot_of(choice: str) -> Pilot:
+    """Check `--pilot`, and read the script if it is one.
+
+    Raises:
+        LindyError: no such pilot or script, or a mistake in the script with its line.
+    """
+    kind, colon, name = choice.partition(":")
+    if choice in ("gamepad", "keyboard"):
+        return Pilot(choice)
+    if kind != "script" or not colon or not name:
+        known = ["gamepad", "keyboard", "script:FILE"]
+        raise LindyError(f"unknown pilot {choice!r}{nearest(choice, known)}")
+    path = deploy_file("dives", name, ".csv")
+    try:
+        length_s = script.parse(path.read_bytes()).duration
+    except OSError as error:
+        raise LindyError(f"cannot read {path}: {error.strerror}") from None
+    except ValueError as error:
+        raise LindyError(f"{path}: {error}") from None
+    return Pilot(f"script:{path if name.endswith('.csv') else name}", length_s)
+
+
+def checked(choices: Choices, pilot: Pilot) -> Stack:
+    """The choices as services take them, after everything that can be checked has been.
+
+    Raises:
+        LindyError: the first mistake found, in one sentence.
+    """
+    seconds = choices.seconds
+    if seconds is not None and not 0.0 < seconds <= LONGEST_S:
+        raise LindyError(f"--seconds is {seconds:g}, expected more than 0, at most {LONGEST_S:g}")
+    stack = Stack(
+        vehicle=choices.vehicle,
+        link=choices.link,
+        pilot=pilot.name,
+        seed=choices.seed,
+        overrides=list(choices.set_),
+    )
+    stack.check()
+    read(deploy_file("links", choices.link), LinkProfile)
+    return stack
+
+
+def out_folder(out: Path | None) -> Path:
+    """An existing, writable folder in which nobody dives now. What an earlier dive left in it is
+    removed, so that its files cannot be taken for those of the new one.
+
+    Raises:
+        LindyError: it cannot be made or written to, or a dive is going on in it.
+    """
+    folder = (out or Path("dives") / f"{datetime.now(UTC):%Y-%m-%dT%H-%M-%SZ}").resolve()
+    if out is None:
+        folder = _unused(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if (pid := running_in(folder)) is not None:
+            raise LindyError(f"a dive (process {pid}) is going on in --out {folder}")
+        for pattern in LEFT_BEHIND:
+            for path in folder.glob(pattern):
+                path.unlink()
+        probe = folder / ".lindy"
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise LindyError(f"cannot write into --out {folder}: {error.strerror}") from None
+    return folder
+
+
+def running_in(folder: Path) -> int | None:
+    """Process id of the dive that is going on in a folder."""
+    try:
+        pid = msgspec.json.decode((folder / RUNNING).read_bytes(), type=Running).supervisor
+    except (FileNotFoundError, msgspec.DecodeError):
+        return None
+    try:
+        os.kill(pid, 0)  # signal 0 only asks whether it exists
+    except ProcessLookupError:
+        return None
+    except PermissionError:
+        pass  # it exists, and is somebody else's
+    return pid
+
+
+def _unused(folder: Path) -> Path:
+    """Two dives may begin in the same second."""
+    names = [folder, *(folder.with_name(f"{folder.name}-{n}") for n in range(2, 100))]
+    return next(name for name in names if not name.exists())

@@ -1,0 +1,34 @@
+"""Is a gamepad plugged in?"""
+
+import os
+import subprocess
+import sys
+
+TIMEOUT_S = 5.0
+QUESTION = """
+import pygame
+pygame.display.init()
+pygame.joystick.init()
+print(pygame.joystick.get_count())
+"""
+QUIET = {
+    "SDL_VIDEODRIVER": "dummy",
+    "SDL_AUDIODRIVER": "dummy",
+    "PYGAME_HIDE_SUPPORT_PROMPT": "1",
+}
+
+
+def pad_is_there() -> bool:
+    """Ask SDL in a short process of its own. Without pygame there is no pad."""
+    try:
+        answer = subprocess.run(
+            [sys.executable, "-P", "-c", QUESTION],
+            env={**os.environ, **QUIET},
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            timeout=TIMEOUT_S,
+            check=True,
+        )
+    except (subprocess.SubprocessError, OSError):
+        return False
+    return answer.stdout.strip() not in (b"", b"0")

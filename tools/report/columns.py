@@ -1,0 +1,121 @@
+"""The streams a report is made of, as columns of figures.
+
+A dive of hours has millions of messages, so each one is reduced to a few figures as it is read. A
+column is a float64 array with one figure per message; None becomes NaN. Times are in ns of the
+vehicle's clock, exact in a float64 for the first 104 days after the computer was started.
+"""
+
+import math
+from array import array
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from messages import topics
+from messages.control import ThrusterCommand
+from messages.pilot import PilotCommand, PilotRequest
+from messages.reference import Reference
+from messages.state import VehicleState
+from messages.topic import AnyTopic
+from messages.vehicle import Actuation, Truth, VehicleStatus
+
+Array = NDArray[np.float64]
+Figures = tuple[float | None, ...]
+
+
+class Columns:
+    """The figures of one stream in the order of their first column, a time."""
+
+    def __init__(self, names: tuple[str, ...], rows: Array) -> None:
+        ordered = rows[np.argsort(rows[:, 0], kind="stable")]
+        self._columns = dict(zip(names, ordered.T, strict=True))
+        self.count = len(rows)
+
+    def __getitem__(self, name: str) -> Array:
+        return self._columns[name]
+
+
+class Gathering:
+    """Columns while they grow."""
+
+    def __init__(self, names: tuple[str, ...], figures: Callable[[Any], Figures]) -> None:
+        self._names = names
+        self._figures = figures
+        self._values = array("d")
+
+    def add(self, message: object) -> None:
+        figures = self._figures(message)
+        self._values.extend(math.nan if figure is None else figure for figure in figures)
+
+    def columns(self) -> Columns:
+        rows = np.array(self._values, dtype=np.float64).reshape(-1, len(self._names))
+        return Columns(self._names, rows)
+
+
+class Wanted(NamedTuple):
+    """Which figures of a stream are kept."""
+
+    topic: AnyTopic
+    names: tuple[str, ...]
+    figures: Callable[[Any], Figures]
+
+
+def _command(m: PilotCommand) -> Figures:
+    deflection = max(map(abs, (m.surge, m.sway, m.heave, m.yaw)))
+    return m.stamp_ns, m.heave, m.yaw, deflection, m.pilot == "lost"
+
+
+def _request(m: PilotRequest) -> Figures:
+    return m.stamp_ns, m.kind == "stop"
+
+
+def _status(m: VehicleStatus) -> Figures:
+    return m.stamp_ns, m.failsafe == "pilot_lost"
+
+
+def _state(m: VehicleState) -> Figures:
+    return m.sensor_ns, m.stamp_ns, m.depth.value, m.heading.value
+
+
+def _reference(m: Reference) -> Figures:
+    valid = m.stamp_ns if m.sensor_ns is None else m.sensor_ns
+    depth = m.depth.position, m.depth.velocity, m.depth.acceleration, m.depth.jerk
+    heading = m.heading.position, m.heading.velocity, m.heading.acceleration, m.heading.jerk
+    return valid, m.stamp_ns, m.sensor_ns, m.pilot_ns, m.armed, *depth, *heading
+
+
+def _thrusters(m: ThrusterCommand) -> Figures:
+    return m.stamp_ns, m.sensor_ns
+
+
+def _actuation(m: Actuation) -> Figures:
+    squared = sum(thrust * thrust for thrust in m.thrust)
+    return m.stamp_ns, m.actuated_ns, m.sensor_ns, m.pilot_ns, squared, m.power
+
+
+def _truth(m: Truth) -> Figures:
+    return m.stamp_ns, m.position[2], m.heading
+
+
+MOTION = ("position", "velocity", "acceleration", "jerk")
+REFERENCE = (
+    *("valid", "stamp", "sensor", "pilot", "armed"),
+    *(f"heave {part}" for part in MOTION),  # [m, m/s, m/s², m/s³]
+    *(f"yaw {part}" for part in MOTION),  # [rad, rad/s, rad/s², rad/s³]
+)
+WANTED = (
+    Wanted(topics.PILOT_COMMAND, ("stamp", "heave", "yaw", "deflection", "lost"), _command),
+    Wanted(topics.PILOT_REQUEST, ("stamp", "stop"), _request),
+    Wanted(topics.STATUS, ("stamp", "pilot_lost"), _status),
+    Wanted(topics.STATE, ("sensor", "stamp", "heave", "yaw"), _state),  # [ns, ns, m, rad]
+    Wanted(topics.REFERENCE, REFERENCE, _reference),
+    Wanted(topics.THRUSTERS, ("stamp", "sensor"), _thrusters),
+    Wanted(
+        topics.ACTUATION,
+        ("stamp", "actuated", "sensor", "pilot", "thrust_squared", "power"),  # [ns ×4, N², W]
+        _actuation,
+    ),
+    Wanted(topics.TRUTH, ("stamp", "heave", "yaw"), _truth),  # [ns, m, rad]
+)

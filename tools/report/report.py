@@ -1,0 +1,111 @@
+"""`report.json`: a dive in figures. Its keys are fixed, so that tools can rely on them."""
+
+from collections import Counter
+from math import degrees
+
+import msgspec
+
+from messages.health import Health
+from tools.recording import Recording
+from tools.report.dive import Dive, Traffic, read_dive
+from tools.report.energy import Energy, energy
+from tools.report.latency import Latency, latency
+from tools.report.services import Service, counted, services
+from tools.report.stops import Stop, stops
+from tools.report.tracking import Limits, error_rms, peak_jerk_ratio
+
+
+class Extras(msgspec.Struct, frozen=True):
+    """What the recording cannot know and whoever ran the dive does."""
+
+    exit: str = "clean"  # or the reason
+    limits: Limits | None = None  # of the reference, as set in the vehicle file
+    restarts: dict[str, int] = {}  # service → times it was started again
+    losses: dict[str, int] = {}  # counted by the supervisor itself
+    health: list[Health] = []  # of services the recorder does not hear, such as itself
+    speedup: float | msgspec.UnsetType = msgspec.UNSET  # [-] virtual over real time; simulate only
+    log_hash: str | msgspec.UnsetType = msgspec.UNSET  # SHA-256; simulate only
+
+
+class Stream(msgspec.Struct, frozen=True):
+    count: int  # messages recorded
+    hz: float | None  # [1/s] between the first and the last; None: fewer than two
+
+
+class Report(msgspec.Struct, frozen=True, kw_only=True):
+    """Definitions are in the modules the values come from. None: not measurable on this dive."""
+
+    seconds: float  # [s] first arming to last disarming or end; whole recording if never armed
+    vehicle: str
+    link: str
+    services: dict[str, Service]  # by name
+    topics: dict[str, Stream]  # by key
+    latency_ms: Latency  # [ms]
+    stops: list[Stop]  # one per stick release on heave or yaw
+    depth_error_rms_m: float | None  # [m] true depth minus reference, while armed
+    heading_error_rms_deg: float | None  # [°] true heading minus reference, while armed
+    peak_jerk_ratio: float | None  # [-] largest |reference jerk| over its limit
+    energy: Energy
+    losses: dict[str, int]  # everything dropped, stale, expired, clamped …; by name
+    exit: str  # "clean" or the reason
+    speedup: float | msgspec.UnsetType = msgspec.UNSET
+    log_hash: str | msgspec.UnsetType = msgspec.UNSET
+
+
+def make_report(recording: Recording, extras: Extras) -> Report:
+    """Read a recording and report on it."""
+    return report_on(read_dive(recording), extras)
+
+
+def report_on(dive: Dive, extras: Extras) -> Report:
+    """Report on a dive that was read already."""
+    health = _all_health(dive, extras.health)
+    heading_error = error_rms(dive, "yaw")
+    return Report(
+        seconds=dive.seconds,
+        vehicle=dive.about.get("vehicle", ""),
+        link=dive.about.get("link", ""),
+        services=services(health, extras.restarts),
+        topics={key: _stream(traffic) for key, traffic in sorted(dive.traffic.items())},
+        latency_ms=latency(dive),
+        stops=stops(dive),
+        depth_error_rms_m=error_rms(dive, "heave"),
+        heading_error_rms_deg=None if heading_error is None else degrees(heading_error),
+        peak_jerk_ratio=peak_jerk_ratio(dive, extras.limits),
+        energy=energy(dive),
+        losses=_losses(dive, health, extras.losses),
+        exit=extras.exit,
+        speedup=extras.speedup,
+        log_hash=extras.log_hash,
+    )
+
+
+def encode(report: Report) -> bytes:
+    """The text of `report.json`."""
+    return msgspec.json.format(msgspec.json.encode(report), indent=2) + b"\n"
+
+
+def _all_health(dive: Dive, others: list[Health]) -> dict[str, list[Health]]:
+    """What the recorder heard, and for services it did not hear what somebody else did."""
+    health = dict(dive.health)
+    for report in others:
+        if report.service not in dive.health:
+            health[report.service] = [*health.get(report.service, []), report]
+    return health
+
+
+def _losses(
+    dive: Dive, health: dict[str, list[Health]], supervisor: dict[str, int]
+) -> dict[str, int]:
+    """Summed by name. Of the recorder's own, its file has the last word of its last life, and
+    `Health` what it said before a crash; the larger of both is kept."""
+    heard = {name: reports for name, reports in health.items() if name != "recorder"}
+    recorder = Counter(dive.losses) | counted({"recorder": health.get("recorder", [])})
+    total = counted(heard) + recorder + Counter(supervisor)
+    return dict(sorted(total.items()))
+
+
+def _stream(traffic: Traffic) -> Stream:
+    seconds = (traffic.last_ns - traffic.first_ns) / 1e9
+    hz = round((traffic.count - 1) / seconds, 2) if seconds > 0 else None
+    return Stream(traffic.count, hz)

@@ -1,0 +1,73 @@
+"""How each service did, and what was lost, from the `Health` everybody says once a second.
+
+Health counts since the start of a process; when `sent` falls back, the service was restarted, and
+what it counted in its earlier life still counts.
+"""
+
+from collections import Counter
+from collections.abc import Iterable
+from itertools import pairwise
+
+import msgspec
+import numpy as np
+
+from messages.health import Health
+
+
+class Service(msgspec.Struct, frozen=True):
+    """Figures over a dive. None: not known, as on virtual time."""
+
+    sent: int  # messages
+    lateness_p50_ms: float | None  # [ms] median over the seconds of each second's median
+    lateness_p99_ms: float | None  # [ms] median over the seconds of each second's 99th percentile
+    cpu_percent: float | None  # [%] of one core, mean
+    rss_mb: float | None  # [MB] most
+    restarts: int
+
+
+def services(health: dict[str, list[Health]], restarts: dict[str, int]) -> dict[str, Service]:
+    """Every service that was heard of.
+
+    Args:
+        restarts: as the supervisor counted them; a service that never spoke is in here only.
+    """
+    names = sorted(set(health) | set(restarts))
+    return {name: _service(health.get(name, []), restarts.get(name, 0)) for name in names}
+
+
+def counted(health: dict[str, list[Health]]) -> Counter[str]:
+    """Every loss counted by the services, summed by name over services and their lives."""
+    total: Counter[str] = Counter()
+    for reports in health.values():
+        for last in _lives(reports):
+            total.update(last.counts)
+    return total
+
+
+def _service(reports: list[Health], restarts: int) -> Service:
+    lives = _lives(reports)
+    return Service(
+        sent=sum(last.sent for last in lives),
+        lateness_p50_ms=_median(report.lateness_p50_ms for report in reports),
+        lateness_p99_ms=_median(report.lateness_p99_ms for report in reports),
+        cpu_percent=_mean(report.cpu_percent for report in reports),
+        rss_mb=max((r.rss_mb for r in reports if r.rss_mb is not None), default=None),
+        restarts=max(restarts, len(lives) - 1),
+    )
+
+
+def _lives(reports: list[Health]) -> list[Health]:
+    """The last report of each life of a service."""
+    ordered = sorted(reports, key=lambda report: report.stamp_ns)
+    ends = [report for report, following in pairwise(ordered) if following.sent < report.sent]
+    return [*ends, *ordered[-1:]]
+
+
+def _median(values: Iterable[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return round(float(np.median(known)), 3) if known else None
+
+
+def _mean(values: Iterable[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return round(float(np.mean(known)), 1) if known else None

@@ -1,0 +1,149 @@
+"""Every stop of a dive: how far the vehicle ran past where the reference came to rest, and how long
+it took to stay there. The bounce-back a pilot sees when letting go of the stick.
+
+A stop begins when the stick of heave or yaw goes from deflected to zero: because the pilot let
+go, asked for a stop, or was lost. It ends when that stick is deflected again, the drone is
+disarmed or the recording ends. A stop counts if the reference is at rest when it ends; one that
+was cut short has no final reference to run past.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import inf, radians
+from typing import Literal
+
+import msgspec
+import numpy as np
+
+from messages import topics
+from tools.report.columns import Array
+from tools.report.dive import Dive
+
+Axis = Literal["heave", "yaw"]
+REST_VELOCITY = 1e-3  # [m/s, rad/s] a reference slower than this …
+REST_ACCELERATION = 1e-2  # [m/s², rad/s²] … and steadier than this is at rest
+SETTLED: dict[Axis, float] = {"heave": 0.05, "yaw": radians(1.0)}  # [m, rad] from the reference
+CENTRED = 0.05  # [-] after a stop request the sticks count again once all were this close to zero
+
+
+class Stop(msgspec.Struct, frozen=True):
+    axis: Axis
+    t: float  # [s] since the first arming, of the release
+    overshoot: float  # [m] or [rad] of the true motion past the final reference, never negative
+    settle_s: float | None  # [s] from the release until it stays within SETTLED; None: never
+
+
+@dataclass(frozen=True, slots=True)
+class Release:
+    """One letting-go of a stick."""
+
+    begin: float  # [ns]
+    end: float  # [ns] next deflection of the same stick, or infinity
+    sign: float  # of the deflection before
+
+
+def stops(dive: Dive) -> list[Stop]:
+    """All stops in order of time; none on a dive without truth or without arming."""
+    found: list[Stop] = []
+    axes: tuple[Axis, ...] = ("heave", "yaw")
+    for axis in axes:
+        if (truth := dive.truth(axis)) is not None:
+            measured = (_measure(dive, axis, release, truth) for release in releases(dive, axis))
+            found += [stop for stop in measured if stop is not None]
+    return sorted(found, key=lambda stop: stop.t)
+
+
+def releases(dive: Dive, axis: Axis) -> Iterator[Release]:
+    """Every time the stick of an axis went from deflected to zero."""
+    stick, since, sign = 0.0, None, 0.0
+    for at, wanted in _wanted(dive, axis):
+        if stick != 0.0 and wanted == 0.0:
+            since, sign = at, np.sign(stick)
+        elif wanted != 0.0 and since is not None:
+            yield Release(since, at, float(sign))
+            since = None
+        stick = wanted
+    if since is not None:
+        yield Release(since, inf, float(sign))
+
+
+def _wanted(dive: Dive, axis: Axis) -> Iterator[tuple[float, float]]:
+    """(time [ns], stick that counts): zero while the pilot is lost, and after a stop request
+    until all sticks have been centred."""
+    now = {"stick": 0.0, "lost": 0.0, "failsafe": 0.0, "stop": 0.0}
+    for at, kind, value in _events(dive, axis):
+        if kind == "deflection":
+            if value < CENTRED and not now["lost"]:
+                now["stop"] = 0.0
+        elif kind == "stop":
+            now["stop"] = max(now["stop"], value)
+        else:
+            now[kind] = value
+        yield at, 0.0 if now["lost"] or now["failsafe"] or now["stop"] else now["stick"]
+
+
+def _events(dive: Dive, axis: Axis) -> list[tuple[float, str, float]]:
+    """(time [ns], what, value) of all that decides what a stick means, in order of time."""
+    command, request = dive[topics.PILOT_COMMAND], dive[topics.PILOT_REQUEST]
+    status = dive[topics.STATUS]
+    sources = [
+        (command["stamp"], "lost", command["lost"]),
+        (command["stamp"], "deflection", command["deflection"]),
+        (command["stamp"], "stick", command[axis]),
+        (request["stamp"], "stop", request["stop"]),
+        (status["stamp"], "failsafe", status["pilot_lost"]),
+    ]
+    events = [
+        (at, kind, value)
+        for times, kind, values in sources
+        for at, value in zip(times.tolist(), values.tolist(), strict=True)
+    ]
+    return sorted(events, key=lambda event: event[0])
+
+
+def _measure(dive: Dive, axis: Axis, release: Release, truth: tuple[Array, Array]) -> Stop | None:
+    """One stop against the truth (times [ns], motion), or None if it does not count.
+
+    The direction is that of the reference's velocity at the release; a stick tapped so briefly
+    that the reference had not begun to move gives the direction itself.
+    """
+    reference = dive[topics.REFERENCE]
+    first, last = _armed_span(dive, release)
+    if dive.armed is None or first == last or not _at_rest(dive, axis, last - 1):
+        return None
+    final = reference[f"{axis} position"][last - 1]
+    velocity = reference[f"{axis} velocity"][first]
+    direction = np.sign(velocity) if abs(velocity) > REST_VELOCITY else release.sign
+    times, true = truth
+    begin, end = np.searchsorted(times, [release.begin, reference["valid"][last - 1]])
+    if begin == end:
+        return None
+    past = direction * (true[begin:end] - final)
+    return Stop(
+        axis=axis,
+        t=(release.begin - dive.armed[0]) / 1e9,
+        overshoot=max(0.0, float(np.max(past))),
+        settle_s=_settle_s(times[begin:end] - release.begin, np.abs(past) <= SETTLED[axis]),
+    )
+
+
+def _armed_span(dive: Dive, release: Release) -> tuple[int, int]:
+    """Rows of the reference from the release to its end, as long as the drone stayed armed."""
+    reference = dive[topics.REFERENCE]
+    first, last = np.searchsorted(reference["valid"], [release.begin, release.end])
+    disarmed = np.flatnonzero(reference["armed"][first:last] == 0)
+    return int(first), int(first + disarmed[0] if len(disarmed) else last)
+
+
+def _at_rest(dive: Dive, axis: Axis, row: int) -> bool:
+    reference = dive[topics.REFERENCE]
+    slow = abs(reference[f"{axis} velocity"][row]) < REST_VELOCITY
+    return bool(slow and abs(reference[f"{axis} acceleration"][row]) < REST_ACCELERATION)
+
+
+def _settle_s(since: Array, near: "np.ndarray[tuple[int], np.dtype[np.bool_]]") -> float | None:
+    """First of the times `since` [ns] from which on every sample is near, in s."""
+    far = np.flatnonzero(~near)
+    if not len(far):
+        return 0.0
+    return None if far[-1] == len(near) - 1 else float(since[far[-1] + 1]) / 1e9

@@ -1,0 +1,101 @@
+"""The end of a dive in a few lines a pilot cares about."""
+
+from collections import defaultdict
+from collections.abc import Sequence
+from math import degrees
+from pathlib import Path
+
+from tools.report.report import Report
+from tools.report.stops import Axis, Stop
+
+LABEL = 18  # columns before the values
+KINDS = 4  # lines for losses; the rest is in report.json
+# First word of a count → what happened that many times. Others are shown as they are.
+PLAIN = {
+    "lost": "a message never arrived",
+    "dropped": "a message was dropped on a full link",
+    "expired": "a command came too late to be used",
+    "reordered": "a message came out of order and was left out",
+    "duplicated": "a message came twice",
+    "malformed": "a message could not be read",
+    "wrong_type": "a message was of the wrong type",
+    "unknown": "a message came on a key nobody knows",
+    "from_future": "a message claimed to come from the future",
+    "overflowed": "a message came faster than it could be handled",
+    "stale": "a stream fell silent for too long",
+    "silent": "a step was made without news",
+    "clamped": "a value was held at its limit",
+    "saturated": "a thruster reached its limit",
+    "implausible": "a measurement that cannot be true was left out",
+    "outlier": "a measurement far from all others was left out",
+    "accelerating": "a sample was too shaken to tell which way is down",
+    "refused": "a wish of the pilot's was refused",
+    "failsafe": "the drone stopped by itself",
+    "missed_deadline": "a step was skipped on a busy computer",
+    "not_recorded": "a message was not recorded",
+    "disk_error": "the disk could not be written",
+    "unreadable": "a recorded message could not be read back",
+}
+
+
+def summary(report: Report, max_depth_m: float | None = None, files: Sequence[Path] = ()) -> str:
+    """At most 15 lines.
+
+    Args:
+        max_depth_m: as `Dive.max_depth_m` knows it; left out when None.
+        files: what was written.
+    """
+    stick = report.latency_ms.stick_to_thruster
+    rows = [("Dive", f"{report.vehicle}, {_duration(report.seconds)}, {_ending(report.exit)}")]
+    if max_depth_m is not None:
+        rows.append(("deepest", f"{max_depth_m:.1f} m"))
+    rows += [*_stops(report, "heave"), *_stops(report, "yaw")]
+    if stick.p50 is not None and stick.p99 is not None:
+        delay = f"{stick.p50:.0f} ms, in 99 of 100 cases below {stick.p99:.0f} ms"
+        rows.append(("stick to thruster", delay))
+    rows.append(("link", report.link))
+    rows.append(("energy", f"{report.energy.wh:.2f} Wh in the thrusters"))
+    rows += _losses(report.losses)
+    if files:
+        folder = files[0].parent
+        rows.append(("written", f"{', '.join(path.name for path in files)} in {folder}"))
+    return "\n".join(f"{label:<{LABEL}}{text}".rstrip() for label, text in rows)
+
+
+def _duration(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest:02d} s" if minutes else f"{rest} s"
+
+
+def _ending(exit_reason: str) -> str:
+    return "ended cleanly" if exit_reason == "clean" else f"broke off: {exit_reason}"
+
+
+def _stops(report: Report, axis: Axis) -> list[tuple[str, str]]:
+    """The worst stop of an axis."""
+    stops = [stop for stop in report.stops if stop.axis == axis]
+    if not stops:
+        return []
+    worst = max(stops, key=lambda stop: stop.overshoot)
+    label = "depth stops" if axis == "heave" else "turn stops"
+    return [(label, f"{len(stops)}, worst ran {_past(worst)} too far, at {worst.t:.1f} s")]
+
+
+def _past(stop: Stop) -> str:
+    if stop.axis == "heave":
+        return f"{stop.overshoot * 100:.1f} cm"
+    return f"{degrees(stop.overshoot):.1f}°"
+
+
+def _losses(losses: dict[str, int]) -> list[tuple[str, str]]:
+    """Counts grouped by what happened, largest first."""
+    kinds: defaultdict[str, int] = defaultdict(int)
+    for name, count in losses.items():
+        kinds[name.partition(":")[0]] += count
+    ordered = sorted(((n, kind) for kind, n in kinds.items() if n), reverse=True)
+    if not ordered:
+        return [("losses", "none")]
+    rows = [f"{count} × {PLAIN.get(kind, kind)}" for count, kind in ordered[:KINDS]]
+    if len(ordered) > KINDS:
+        rows.append(f"and {len(ordered) - KINDS} other kinds, see report.json")
+    return [("losses" if n == 0 else "", row) for n, row in enumerate(rows)]

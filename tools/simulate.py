@@ -1,0 +1,96 @@
+"""`lindy simulate`: the same stack, script and files on virtual time, as fast as it goes."""
+
+import sys
+import time
+from collections.abc import Callable, Generator
+from contextlib import closing, contextmanager
+
+import msgspec
+from rich.progress import BarColumn, Progress, TextColumn
+
+from messages import topics
+from services.runtime.errors import LindyError
+from services.runtime.stack import services_of
+from services.runtime.supervisor import NAME
+from services.runtime.virtual_host import VirtualHost
+from tools.checks import DEFAULT_PILOT, checked, out_folder, pilot_of
+from tools.choices import Choices
+from tools.course import Course
+from tools.outcome import Outcome, title
+from tools.screen import line_of
+from tools.stop import Stop
+
+STRIDE_NS = 100_000_000  # [ns] of virtual time between two looks at the dive
+LINE_S = 10.0  # [s] of virtual time between two lines
+
+Advance = Callable[[Course, int], None]
+
+
+def simulate(choices: Choices) -> int:
+    """Returns the exit status: 0 clean, 3 done but data was lost.
+
+    Raises:
+        LindyError: something is set wrongly, or the dive ended before its time.
+    """
+    pilot = pilot_of(choices.pilot or DEFAULT_PILOT)
+    if pilot.script_s is None:
+        raise LindyError(f"--pilot {pilot.name} needs real time; simulate flies script:FILE only")
+    stack = checked(choices, pilot)
+    stack = msgspec.structs.replace(stack, out=str(out_folder(choices.out)))
+    outcome = Outcome(stack)
+    course = Course(pilot.script_s, choices.seconds)
+    host = VirtualHost()
+    print(f"{title(stack)} → {stack.out_dir}", flush=True)
+    with Stop() as stop, outcome.of_the_dive(), progress() as advance, closing(host):
+        node = host.node(NAME, ["topside"])
+        node.each(topics.STATUS, course.see)
+        outcome.listen(node)
+        host.add_all(services_of("dive"), stack)
+        host.show(lambda line: None if line.level == "info" else print(line_of(line)))
+        began = time.perf_counter()
+        outcome.exit = run(host, course, stop, advance)
+        outcome.speedup = host.now / 1e9 / (time.perf_counter() - began)
+    return outcome.sum_up()
+
+
+def run(host: VirtualHost, course: Course, stop: Stop, advance: Advance) -> str:
+    """Run to the end of the dive. Returns how it ended: `clean`, or why otherwise."""
+    end = None
+    while end is None:
+        host.run(host.now + STRIDE_NS)
+        advance(course, host.now)
+        end = "interrupted" if stop.asked else course.over(host.now)
+    return end
+
+
+@contextmanager
+def progress() -> Generator[Advance]:
+    """A bar on a terminal, a line now and then elsewhere."""
+    if not sys.stdout.isatty():
+        yield _lines()
+        return
+    columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %")
+    with Progress(*columns, transient=True) as bar:
+        task = bar.add_task("waiting for the drone")
+
+        def advance(course: Course, now: int) -> None:
+            bar.update(
+                task,
+                description="diving" if course.armed else course.note,
+                total=course.length_s,
+                completed=course.elapsed_s(now) or 0.0,
+            )
+
+        yield advance
+
+
+def _lines() -> Advance:
+    last_s = 0.0
+
+    def advance(course: Course, now: int) -> None:
+        nonlocal last_s
+        if now / 1e9 - last_s >= LINE_S:
+            last_s = now / 1e9
+            print(f"{last_s:6.0f} s  {'armed' if course.armed else course.note}", flush=True)
+
+    return advance

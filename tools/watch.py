@@ -1,0 +1,97 @@
+"""What is to be seen of a dive from topside, gathered for the screen."""
+
+import math
+from collections import deque
+from collections.abc import Callable
+
+from messages import topics
+from messages.health import Health, LogLine
+from services.runtime.node import Node
+from tools.course import Course
+from tools.screen import LINES, ServiceView, View
+
+LOOK_HZ = 25.0  # [1/s] often enough that ports that keep the newest 8 do not overflow at 100 Hz
+
+
+class Watch:
+    """Ears for everything that the screen shows."""
+
+    def __init__(self, node: Node, services: list[str], show: Callable[[LogLine], None]) -> None:
+        self.lines: deque[LogLine] = deque(maxlen=LINES)
+        self._services = services
+        self._show = show
+        self._health: dict[str, Health] = {}
+        self._sent_hz: dict[str, float] = {}
+        self._state = node.latest(topics.STATE)
+        self._status = node.latest(topics.STATUS)
+        self._reference = node.latest(topics.REFERENCE)
+        self._pilot = node.latest(topics.PILOT_COMMAND)
+        self._link = node.latest(topics.LINK)
+        node.each(topics.HEALTH, self._hear_health)
+        node.each(topics.LOG, lambda line, _: self.add(line))
+        node.show = self.add  # nobody hears themselves on the bus
+        node.every(LOOK_HZ, self._look)
+
+    def add(self, line: LogLine) -> None:
+        """Show a log line."""
+        self.lines.append(line)
+        self._show(line)
+
+    def view(
+        self, title: str, course: Course, now: int, missing: list[str], restarts: dict[str, int]
+    ) -> View:
+        """The screen at `now` [ns]."""
+        state, reference = self._state.fresh(now), self._reference.fresh(now)
+        status, pilot = self._status.newest(now), self._pilot.fresh(now)
+        link = self._link.fresh(now)
+        return View(
+            title=title,
+            elapsed_s=course.elapsed_s(now),
+            length_s=course.length_s,
+            mode=status.mode if status else "starting",
+            armed=status.armed if status else False,
+            failsafe=status.failsafe if status else "none",
+            note=status.note if status else course.note,
+            depth_m=state.depth.value if state else None,
+            depth_wanted_m=reference.depth.position if reference else None,
+            heading_deg=_compass(state.heading.value) if state else None,
+            heading_wanted_deg=_compass(reference.heading.position) if reference else None,
+            sticks=(pilot.surge, pilot.sway, pilot.heave, pilot.yaw) if pilot else None,
+            down_ms=link.down_link.delay_p50_ms if link else None,
+            up_ms=link.up_link.delay_p50_ms if link else None,
+            rtt_ms=link.rtt_ms if link else None,
+            lost=link.down_link.dropped + link.up_link.dropped if link else 0,
+            services=[
+                self._service(name, name not in missing, restarts) for name in self._services
+            ],
+            lines=list(self.lines),
+        )
+
+    def _service(self, name: str, alive: bool, restarts: dict[str, int]) -> ServiceView:
+        health = self._health.get(name)
+        return ServiceView(
+            name=name,
+            alive=alive,
+            sent_hz=self._sent_hz.get(name),
+            late_ms=health.lateness_p99_ms if health else None,
+            cpu_percent=health.cpu_percent if health else None,
+            restarts=restarts.get(name, 0),
+            troubles=sum(health.counts.values()) if health else 0,
+        )
+
+    def _hear_health(self, health: Health, _: int) -> None:
+        before = self._health.get(health.service)
+        self._health[health.service] = health
+        if before is None or health.sent < before.sent:  # first word, or it was restarted
+            return
+        if (seconds := (health.stamp_ns - before.stamp_ns) / 1e9) > 0:
+            self._sent_hz[health.service] = (health.sent - before.sent) / seconds
+
+    def _look(self, now: int) -> None:
+        for port in (self._state, self._status, self._reference, self._pilot, self._link):
+            port.newest(now)
+
+
+def _compass(heading: float) -> float:
+    """[deg] 0 … 360 from a heading in radians that accumulates."""
+    return math.degrees(heading) % 360.0
