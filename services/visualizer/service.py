@@ -18,8 +18,10 @@ from services.visualizer.batch import Batch
 from services.visualizer.core import Collector
 from services.visualizer.live import Live, viewer_command
 
-FLUSH_HZ = 2.0  # curves, states, log
-SCENE_HZ = 20.0
+# Curves, states and log; every sample is kept, this is only how often they are handed over.
+# Somebody who watches wants them soon, a file does not care, and fewer, longer batches are cheap.
+FLUSH_HZ, FILE_FLUSH_HZ = 4.0, 1.0
+SCENE_HZ, FILE_SCENE_HZ = 20.0, 10.0
 RING = 4096  # envelopes; seconds of a whole dive's traffic
 # Of all that rerun tells on stderr: warnings, but not that our files have no index by choice.
 RERUN_SAYS = "warn,re_log_encoding::rrd::file_sink=error"
@@ -57,8 +59,8 @@ def wire(node: Node, stack: Stack) -> None:
 
     _listen(node, collector)
     node.on_close(finish)
-    node.every(FLUSH_HZ, flush)
-    node.every(SCENE_HZ, show_scene)
+    node.every(FLUSH_HZ if stack.viewer else FILE_FLUSH_HZ, flush)
+    node.every(SCENE_HZ if stack.viewer else FILE_SCENE_HZ, show_scene)
 
 
 def _listen(node: Node, collector: Collector) -> None:

@@ -10,6 +10,7 @@ from tools.report.stops import Axis, Stop
 
 LABEL = 18  # columns before the values
 KINDS = 4  # lines for losses; the rest is in report.json
+ROUTINE = {"accelerating"}  # counted, and part of any good dive: not worth a pilot's line
 # First word of a count → what happened that many times. Others are shown as they are.
 PLAIN = {
     "lost": "a message never arrived",
@@ -28,7 +29,6 @@ PLAIN = {
     "saturated": "a thruster reached its limit",
     "implausible": "a measurement that cannot be true was left out",
     "outlier": "a measurement far from all others was left out",
-    "accelerating": "a sample was too shaken to tell which way is down",
     "refused": "a wish of the pilot's was refused",
     "failsafe": "the drone stopped by itself",
     "missed_deadline": "a step was skipped on a busy computer",
@@ -91,7 +91,9 @@ def _losses(losses: dict[str, int]) -> list[tuple[str, str]]:
     """Counts grouped by what happened, largest first."""
     kinds: defaultdict[str, int] = defaultdict(int)
     for name, count in losses.items():
-        kinds[name.partition(":")[0]] += count
+        kind = name.partition(":")[0]
+        if kind not in ROUTINE:
+            kinds[kind] += count
     ordered = sorted(((n, kind) for kind, n in kinds.items() if n), reverse=True)
     if not ordered:
         return [("losses", "none")]
