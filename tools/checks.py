@@ -59,6 +59,8 @@ def checked(choices: Choices, pilot: Pilot) -> Stack:
     seconds = choices.seconds
     if seconds is not None and not 0.0 < seconds <= LONGEST_S:
         raise LindyError(f"--seconds is {seconds:g}, expected more than 0, at most {LONGEST_S:g}")
+    if choices.seed < 0:
+        raise LindyError(f"--seed is {choices.seed}, expected 0 or more")
     stack = Stack(
         vehicle=choices.vehicle,
         link=choices.link,

@@ -46,7 +46,10 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
             LindyError: the table is wrong; says where and what is allowed.
         """
         tree = _vehicle_tree(self.vehicle_path, tuple(self.overrides))
-        return convert(tree.get(name, {}), kind, name, self.vehicle_path)
+        try:
+            return convert(tree.get(name, {}), kind, name, self.vehicle_path)
+        except LindyError as error:
+            raise self._blamed(str(error)) from None
 
     def check(self) -> None:
         """Read every table of the vehicle file once, so that a mistake stops a dive before it
@@ -63,6 +66,15 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
                 raise LindyError(f"{where}: unknown table{nearest(name, sorted(known))}")
         for name, kind in known.items():
             self.section(name, kind)
+
+    def _blamed(self, sentence: str) -> LindyError:
+        """An error about a key that `--set` brought in is not the file's fault."""
+        for assignment in self.overrides:
+            key = assignment.partition("=")[0].strip()
+            before, found, after = sentence.partition(f"{key}: ")
+            if found and before.startswith(str(self.vehicle_path)):
+                return LindyError(f"--set {assignment}: {after}")
+        return LindyError(sentence)
 
 
 class Row(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -43,7 +43,7 @@ def complaint(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
         (["--vehicle", "pionear"], "did you mean 'pioneer'?"),
         (["--link", "tehter"], "did you mean 'tether'?"),
         (["--set", "control.depht.kp=3"], "did you mean 'depth'?"),
-        (["--set", "control.depth.kp=-3"], "control.depth.kp: expected float >= 0.0, found -3"),
+        (["--set", "control.depth.kp=-3"], "control.depth.kp=-3: expected float >= 0.0, found -3"),
         (["--set", "contrl.depth.kp=3"], "did you mean 'control'?"),
         (["--set", "control.depth.kp"], "expected key.path=value"),
         (["--seconds", "-3"], "--seconds is -3, expected more than 0"),

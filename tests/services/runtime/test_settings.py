@@ -76,7 +76,7 @@ def test_an_unknown_table_is_refused() -> None:
 
 
 def test_a_value_out_of_limits_stops_the_dive_before_it_starts() -> None:
-    with pytest.raises(LindyError, match=r"vehicle.mass: expected float > 0.0, found -1"):
+    with pytest.raises(LindyError, match=r"^--set vehicle.mass=-1: expected float > 0.0, found -1"):
         Stack(overrides=["vehicle.mass=-1"]).check()
 
 
