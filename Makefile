@@ -25,7 +25,7 @@ format: $(READY) ## put the code in shape
 
 picture: $(READY) ## the picture in the README; Debian: mesa-vulkan-drivers libvulkan1
 	$(BIN)/lindy simulate --out dives/picture
-	$(BIN)/lindy picture dives/picture/dive.rrd --at 40 --out docs/dive.png
+	$(BIN)/lindy picture dives/picture/dive.rrd --at 30 --out docs/dive.png
 
 docs: $(READY) ## pages written from the code
 	$(BIN)/python -m tools.topics_page

@@ -32,6 +32,7 @@ class Collector:
             self._curves[curve.topic.key].append(curve)
         self._heard: dict[tuple[AnyTopic, str], list[Message]] = defaultdict(list)
         self._scene = Scene(vehicle)
+        self._frames: list[Frame] = []
         self._status = Status()
 
     def hear(self, topic: AnyTopic, key: str, message: Message, now: int) -> str | None:
@@ -52,12 +53,21 @@ class Collector:
         """The scene, when it has moved since the last frame."""
         return None if self.start is None else self._scene.frame(self.start)
 
+    def keep_frame(self) -> None:
+        """Have the scene as it is now in the next batch."""
+        if (frame := self.frame()) is not None:
+            self._frames.append(frame)
+
     def drain(self, now: int) -> Batch:
         """Everything since the last call."""
         heard, self._heard = self._heard, defaultdict(list)
+        frames, self._frames = self._frames, []
         start = now if self.start is None else self.start
         batch = Batch(
-            trail=self._scene.take_trail(), trail_time=now - start, floor=self._scene.take_floor()
+            frames=frames,
+            trail=self._scene.take_trail(),
+            trail_time=now - start,
+            floor=self._scene.take_floor(),
         )
         for (topic, key), messages in heard.items():
             for curve in self._curves[topic.key]:

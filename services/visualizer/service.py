@@ -20,7 +20,7 @@ from services.visualizer.live import Live, viewer_command
 
 # Curves, states and log; every sample is kept, this is only how often they are handed over.
 # Somebody who watches wants them soon, a file does not care, and fewer, longer batches are cheap.
-FLUSH_HZ, FILE_FLUSH_HZ = 4.0, 1.0
+FLUSH_HZ, FILE_FLUSH_HZ = 4.0, 0.5
 SCENE_HZ, FILE_SCENE_HZ = 20.0, 10.0
 RING = 4096  # envelopes; seconds of a whole dive's traffic
 # Of all that rerun tells on stderr: warnings, but not that our files have no index by choice.
@@ -50,7 +50,9 @@ def wire(node: Node, stack: Stack) -> None:
             node.remember(parts)
 
     def show_scene(_now: int) -> None:
-        if (frame := collector.frame()) is not None:
+        if not stack.viewer:
+            collector.keep_frame()
+        elif (frame := collector.frame()) is not None:
             write(Batch(frames=[frame]))
 
     def finish() -> None:

@@ -1,6 +1,7 @@
 """Batches into a rerun recording. With `blueprint.py`, the only code that knows rerun."""
 
 from collections.abc import Iterable
+from math import cos, sin
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import rerun as rr
 
 from services.marine.vehicle import Vehicle
 from services.visualizer import curves
-from services.visualizer.batch import Batch, Columns, Frame, Note, Vec3
+from services.visualizer.batch import Batch, Columns, Frame, Note, Quaternion, Vec3
 from services.visualizer.blueprint import TIMELINE, blueprint
 
 METRES_PER_NEWTON = 0.04  # length of a thruster's arrow in the scene
@@ -62,8 +63,8 @@ class Sink:
             self._columns(columns)
         for note in batch.notes:
             self._note(note)
-        for frame in batch.frames:
-            self._frame(frame)
+        if batch.frames:
+            self._frames(batch.frames)
         if batch.trail:
             self._at(batch.trail_time)
             self._rec.log("world/path", rr.LineStrips3D.from_fields(strips=[batch.trail]))
@@ -77,10 +78,9 @@ class Sink:
 
     def _columns(self, columns: Columns) -> None:
         values = np.array(columns.rows, dtype=np.float64)
-        times = np.array(columns.times, dtype="timedelta64[ns]")
         self._rec.send_columns(
             columns.path,
-            indexes=[rr.TimeColumn(TIMELINE, duration=times)],
+            indexes=[_index(columns.times)],
             columns=rr.Scalars.columns(scalars=values),
         )
 
@@ -94,32 +94,52 @@ class Sink:
             page = rr.TextDocument(note.text, media_type=rr.MediaType.MARKDOWN)
             self._rec.log(note.path, page)
 
-    def _frame(self, frame: Frame) -> None:
-        self._at(frame.time)
-        self._rec.log(
-            "world/vehicle",
-            rr.Transform3D(translation=frame.position, quaternion=_xyzw(frame.attitude)),
+    def _frames(self, frames: list[Frame]) -> None:
+        """Many moments of the scene in a few sends, because each send costs as much as a hundred
+        moments."""
+        when = [_index([frame.time for frame in frames])]
+        places = [frame.position for frame in frames]
+        pose = rr.Transform3D.columns(
+            translation=places, quaternion=[_xyzw(frame.attitude) for frame in frames]
         )
-        north, east, depth = frame.position
-        self._rec.log("world/chase", rr.Transform3D(translation=frame.position))
         # The grids follow in whole metres, so that they look endless and standing still.
-        here = (float(round(north)), float(round(east)), 0.0)
-        self._rec.log("world/here", rr.Transform3D(translation=here))
-        plumb = [[(north, east, 0.0), (north, east, depth)]]
-        self._rec.log("world/plumb", rr.LineStrips3D.from_fields(strips=plumb))
-        if frame.thrust:
-            vectors = [
-                _times(thruster.direction, METRES_PER_NEWTON * newton)
-                for thruster, newton in zip(self._vehicle.thruster, frame.thrust, strict=True)
-            ]
-            self._rec.log("world/vehicle/thrust", rr.Arrows3D.from_fields(vectors=vectors))
-        if frame.wanted_depth is not None and frame.wanted_heading is not None:
-            half = frame.wanted_heading / 2
-            turned = (float(np.cos(half)), 0.0, 0.0, float(np.sin(half)))
-            place = (north, east, frame.wanted_depth)
-            self._rec.log(
-                "world/reference", rr.Transform3D(translation=place, quaternion=_xyzw(turned))
-            )
+        here = [(float(round(north)), float(round(east)), 0.0) for north, east, _ in places]
+        plumbs = [[(north, east, 0.0), (north, east, depth)] for north, east, depth in places]
+        self._rec.send_columns("world/vehicle", when, pose)
+        self._rec.send_columns("world/chase", when, rr.Transform3D.columns(translation=places))
+        self._rec.send_columns("world/here", when, rr.Transform3D.columns(translation=here))
+        self._rec.send_columns("world/plumb", when, rr.LineStrips3D.columns(strips=plumbs))
+        self._arrows([frame for frame in frames if frame.thrust])
+        self._ghost(frames)
+
+    def _arrows(self, frames: list[Frame]) -> None:
+        if not frames:
+            return
+        thrusters = self._vehicle.thruster
+        vectors = [
+            _times(thruster.direction, METRES_PER_NEWTON * newton)
+            for frame in frames
+            for thruster, newton in zip(thrusters, frame.thrust, strict=True)
+        ]
+        columns = rr.Arrows3D.columns(vectors=vectors).partition([len(thrusters)] * len(frames))
+        self._rec.send_columns(
+            "world/vehicle/thrust", [_index([frame.time for frame in frames])], columns
+        )
+
+    def _ghost(self, frames: list[Frame]) -> None:
+        """The reference, drawn where the vehicle is and as deep and as turned as wanted."""
+        times: list[int] = []
+        places: list[Vec3] = []
+        turns: list[Quaternion] = []
+        for frame in frames:
+            if frame.wanted_depth is not None and frame.wanted_heading is not None:
+                half = frame.wanted_heading / 2
+                times.append(frame.time)
+                places.append((frame.position[0], frame.position[1], frame.wanted_depth))
+                turns.append(_xyzw((cos(half), 0.0, 0.0, sin(half))))
+        if times:
+            pose = rr.Transform3D.columns(translation=places, quaternion=turns)
+            self._rec.send_columns("world/reference", [_index(times)], pose)
 
     def _at(self, time: int) -> None:
         self._rec.set_time(TIMELINE, duration=np.timedelta64(time, "ns"))
@@ -184,6 +204,10 @@ class Sink:
         self._rec.log(path, what, static=True)
 
 
+def _index(times: list[int]) -> rr.TimeColumn:
+    return rr.TimeColumn(TIMELINE, duration=np.array(times, dtype="timedelta64[ns]"))
+
+
 def _line_style(curve: curves.Curve) -> rr.SeriesLines:
     return rr.SeriesLines(
         names=list(curve.names),
@@ -214,9 +238,10 @@ def _rgba(rgb: int) -> int:
     return rgb << 8 | 0xFF
 
 
-def _xyzw(q: Iterable[float]) -> rr.Quaternion:
+def _xyzw(q: Quaternion) -> Quaternion:
+    """rerun's order: scalar last."""
     w, x, y, z = q
-    return rr.Quaternion(xyzw=(x, y, z, w))
+    return (x, y, z, w)
 
 
 def _times(vector: Vec3, factor: float) -> Vec3:
