@@ -1,0 +1,210 @@
+"""The outline of a path: straight edges that meet in corners, which the turns then cut.
+
+An approximating path has its way-points as corners and passes inside of them:
+
+            corner = way-point
+               +
+          . - '  ' - .
+       . '             ' .
+
+An interpolating path passes through every way-point W, straight at that instant. The turn towards
+the next leg is made in two parts, one before and one after, so each leg is turn, line, turn:
+
+          A           B              A and B are corners; the distances W1-A and B-W2 are the
+       .-' ' - . . - ' '-.           tangents of their turns, and the line between the turns
+     W1                   W2         lies on A-B
+
+Which course the path has on a way-point decides its shape. Two rules, the first where it has room:
+
+1. Lane changes (Fernandes et al. 2015, figure 5). A leg that turns one way at its start and the
+   other way at its end, by less than 90° each, is a lane change, the legs beside it are the lanes:
+   its two way-points are passed on the courses of the lanes, which are flown exactly. The paper
+   uses one antisymmetric pair of clothoids, whose curvature jumps in the middle; two symmetric
+   pairs with a line between do not jump, and are shorter.
+2. Everywhere else the course bisects the corner. When a lane change or what follows lacks room,
+   this holds on all way-points.
+"""
+
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from math import cos, inf, pi, sin
+from typing import NamedTuple
+
+from services.reference.heading import wrap
+from services.reference.turn import STRAIGHT, Turn
+from services.reference.waypoints import Waypoint, course, distance
+
+TurnOf = Callable[[float], Turn]  # from the angle [rad]
+HARDLY = 1e-6  # [rad] a corner of less does not decide on which courses a path passes
+ROUNDING = 1e-9  # [m] a leg this much too short is long enough
+
+
+class Knot(NamedTuple):
+    """Where a way-point is: on an edge, or in the middle of the turn at its corner."""
+
+    corner: int
+    beyond: float | None  # [m] along the edge from this corner; None: in the middle of its turn
+
+
+class Outline(NamedTuple):
+    """Corners (the first and last are the ends) and the course of the edge after each."""
+
+    corners: list[Waypoint]
+    courses: list[float]  # [rad], one fewer than corners
+    knots: list[Knot]  # one per way-point
+
+
+def approximating(points: Sequence[Waypoint], turn_of: TurnOf) -> Outline:
+    """
+    Raises:
+        ValueError: a leg is too short for its turns.
+    """
+    courses = [course(a, b) for a, b in pairwise(points)]
+    turns = [wrap(after - before) for before, after in pairwise(courses)]
+    tangents = [0.0, *(tangent(turn, turn_of) for turn in turns), 0.0]
+    for number, (a, b) in enumerate(pairwise(points)):
+        need = tangents[number] + tangents[number + 1]
+        if distance(a, b) < need - ROUNDING:
+            raise _too_short(number, distance(a, b), need)
+    return Outline(list(points), courses, [Knot(i, None) for i in range(len(points))])
+
+
+def interpolating(points: Sequence[Waypoint], turn_of: TurnOf) -> Outline:
+    """
+    Raises:
+        ValueError: a leg is too short for its turns.
+    """
+    legs = [course(a, b) for a, b in pairwise(points)]
+    bisecting = _bisecting(legs)
+    try:
+        return _through(points, _changing_lanes(legs, bisecting), turn_of)
+    except ValueError:
+        return _through(points, bisecting, turn_of)
+
+
+def tangent(angle: float, turn_of: TurnOf) -> float:
+    """[m] From the start of a turn of either sign to its corner; inf for one of 180°."""
+    angle = wrap(angle)
+    if abs(angle) < STRAIGHT:
+        return 0.0
+    return inf if abs(angle) > pi - STRAIGHT else turn_of(abs(angle)).tangent
+
+
+def _bisecting(legs: Sequence[float]) -> list[float | None]:
+    """The course on every way-point; None: free, at the ends."""
+    inner = [before + wrap(after - before) / 2 for before, after in pairwise(legs)]
+    return [None, *inner, None]
+
+
+def _changing_lanes(legs: Sequence[float], bisecting: Sequence[float | None]) -> list[float | None]:
+    turns = [wrap(after - before) for before, after in pairwise(legs)]
+    changes = [False, *(_is_lane_change(*pair) for pair in pairwise(turns)), False]  # per leg
+    courses = list(bisecting)
+    for leg in range(1, len(legs) - 1):
+        if changes[leg] and not changes[leg - 1] and not changes[leg + 1]:
+            courses[leg], courses[leg + 1] = legs[leg - 1], legs[leg + 1]
+    return courses
+
+
+def _is_lane_change(first: float, second: float) -> bool:
+    return first * second < 0 and all(HARDLY < abs(turn) < pi / 2 for turn in (first, second))
+
+
+def _through(points: Sequence[Waypoint], at: Sequence[float | None], turn_of: TurnOf) -> Outline:
+    """Corners and edges of the path that passes `points` on the courses `at`."""
+    outline = Outline([points[0]], [], [Knot(0, 0.0)])
+    for number, (a, b) in enumerate(pairwise(points)):
+        leg = _Leg(distance(a, b), course(a, b), at[number], at[number + 1], turn_of)
+        line = leg.line()
+        if line is None:
+            raise _too_short(number, leg.length, leg.need())
+        outline.courses.append(line)
+        if leg.start is not None:
+            reach = tangent(line - leg.start, turn_of)
+            outline.corners.append(_ahead(a, leg.start, reach))
+        if leg.end is not None:
+            reach = tangent(leg.end - line, turn_of)
+            outline.corners.append(_ahead(b, leg.end, -reach))
+            outline.courses.append(leg.end)
+            outline.knots.append(Knot(len(outline.corners) - 1, reach))
+    outline.corners.append(points[-1])
+    last = outline.corners[-2]
+    outline.knots.append(Knot(len(outline.corners) - 2, distance(last, points[-1])))
+    return outline
+
+
+class _Leg(NamedTuple):
+    """Turn, line, turn from one way-point to the next."""
+
+    length: float  # [m] between the way-points
+    course: float  # [rad] from one to the other
+    start: float | None  # [rad] course on the first way-point; None: free
+    end: float | None  # [rad] course on the second
+    turn_of: TurnOf
+
+    def line(self) -> float | None:
+        """Course of the line [rad]; None when there is no room."""
+        here, step = self.course, self._aside(self.course) / self.length
+        aside = step * self.length
+        for _ in range(60):  # secant; from the leg's course the root is approached from one side
+            before, here = here, here + max(-0.3, min(0.3, step))
+            last, aside = aside, self._aside(here)
+            if abs(here - before) < 1e-16 or aside in (0.0, last):
+                break
+            step = -aside * (here - before) / (aside - last)
+        return here if self._fits(here) else None
+
+    def need(self) -> float:
+        """[m] The shortest leg with this course that has room for its turns."""
+        low, high = self.length, self.length
+        while self._replace(length=high).line() is None:
+            low, high = high, 2 * high
+        while high - low > 1e-4 * high:
+            middle = (low + high) / 2
+            if self._replace(length=middle).line() is None:
+                low = middle
+            else:
+                high = middle
+        return high
+
+    def _turns(self, line: float) -> tuple[float, float]:
+        """[rad] The first and the second turn, positive to the right."""
+        return (
+            0.0 if self.start is None else wrap(line - self.start),
+            0.0 if self.end is None else wrap(self.end - line),
+        )
+
+    def _aside(self, line: float) -> float:
+        """[m] How far to the right of the line from corner A the corner B is."""
+        first, second = self._turns(line)
+        turned = _swing(first, self.turn_of) - _swing(second, self.turn_of)
+        return self.length * sin(self.course - line) + turned
+
+    def _fits(self, line: float) -> bool:
+        first, second = self._turns(line)
+        a, b = tangent(first, self.turn_of), tangent(second, self.turn_of)
+        if max(a, b) == inf or abs(self._aside(line)) > ROUNDING * max(1.0, self.length / 1e3):
+            return False
+        between = self.length * cos(self.course - line) - a * cos(first) - b * cos(second)
+        return between >= a + b - ROUNDING
+
+
+def _swing(angle: float, turn_of: TurnOf) -> float:
+    """[m] Tangent times sine of a turn, finite even for one of 180°."""
+    if abs(angle) < STRAIGHT:
+        return 0.0
+    size = turn_of(abs(angle)).swing
+    return size if angle > 0 else -size
+
+
+def _ahead(point: Waypoint, heading: float, by: float) -> Waypoint:
+    return point._replace(
+        north=point.north + by * cos(heading), east=point.east + by * sin(heading)
+    )
+
+
+def _too_short(leg: int, length: float, need: float) -> ValueError:
+    return ValueError(
+        f"leg {leg + 1} (way-point {leg + 1} to {leg + 2}) is {length:.6g} m long, its turns need"
+        f" {need:.6g} m; a smaller min_radius or a longer leg has room"
+    )

@@ -1,0 +1,214 @@
+"""Paths of straight lines and symmetric turns through, or near, way-points.
+
+Source: Fernandes et al. 2015, section 3. `s` is the distance along the path in the horizontal
+plane: surge and yaw follow the plane curve (81), depth is added to it as its own axis. The
+half-open intervals of (97) to (99) and (125) would leave the very end of a part without a value;
+here every part is closed at its end.
+"""
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from itertools import pairwise
+from math import cos, isfinite, sin
+from typing import Literal, NamedTuple, Self
+
+from services.reference.clothoid import TwinClothoids
+from services.reference.heading import wrap
+from services.reference.outline import ROUNDING, Outline, TurnOf, approximating, interpolating
+from services.reference.smooth_turn import SmoothTurn
+from services.reference.turn import STRAIGHT, Turn
+from services.reference.waypoints import Waypoint, checked, distance
+
+Kind = Literal["approximating", "interpolating"]
+
+
+class PathPoint(NamedTuple):
+    """A point of a path and how the path runs there, per metre of horizontal distance."""
+
+    north: float  # [m]
+    east: float  # [m]
+    down: float  # [m]
+    course: float  # [rad] from north towards east, without jumps along the path
+    curvature: float  # [1/m] positive when turning to the right
+    curvature_rate: float  # [1/m²]
+    slope: float  # [-] of the depth: metres down per metre along
+    slope_rate: float  # [1/m]
+
+
+class Part(NamedTuple):
+    """One line or one turn."""
+
+    kind: Literal["line", "clothoids", "smooth turn"]
+    begin: float  # [m] along the path
+    north: float  # [m] where it begins
+    east: float  # [m]
+    course: float  # [rad] with which it begins
+    length: float  # [m]
+    turn: Turn | None = None
+    side: float = 1.0  # 1 turns right, -1 left
+
+    def at(self, s: float) -> PathPoint:
+        """`s` [m] from the part's own begin; depth is not known here and 0."""
+        if self.turn is None:
+            x, y, course, curvature, rate = s, 0.0, 0.0, 0.0, 0.0
+        else:
+            x, y, course, curvature, rate = self.turn.at(s)
+        y, ahead, aside = self.side * y, cos(self.course), sin(self.course)
+        return PathPoint(
+            self.north + x * ahead - y * aside,
+            self.east + x * aside + y * ahead,
+            0.0,
+            self.course + self.side * course,
+            self.side * curvature,
+            self.side * rate,
+            0.0,
+            0.0,
+        )
+
+
+@dataclass(frozen=True)
+class Path:
+    """A plane curve with continuous curvature, and a depth along it whose slope and slope rate
+    are continuous. Evaluated in O(log parts)."""
+
+    parts: tuple[Part, ...]
+    passes: tuple[float, ...]  # [m] along the path, where it passes each way-point
+    depths: tuple[float, ...]  # [m] at those places
+
+    @classmethod
+    def through(
+        cls,
+        waypoints: Sequence[Sequence[float]],
+        min_radius: float,
+        kind: Kind = "approximating",
+        *,
+        smooth_yaw: bool = False,
+    ) -> Self:
+        """The path sketched by way-points `[north, east]` or `[north, east, down]` [m].
+
+        Approximating paths cut the corners and visit only the first and last way-point;
+        interpolating ones visit all. How the turns lie is drawn in `outline.py`.
+
+        Args:
+            min_radius: [m] > 0, of every turn in its middle.
+            smooth_yaw: turns whose curvature rate is continuous too (`smooth_turn.py`).
+
+        Raises:
+            ValueError: a way-point or the radius makes no sense, or a leg is too short for its
+                turns; names it, with what it is and what it needs.
+        """
+        points = checked(waypoints)
+        turn_of: TurnOf = partial(
+            SmoothTurn if smooth_yaw else TwinClothoids, min_radius=min_radius
+        )
+        turn_of(1.0)  # a bad radius is refused even where nothing turns
+        if kind not in ("approximating", "interpolating"):
+            raise ValueError(f"kind: found {kind!r}, must be 'approximating' or 'interpolating'")
+        outline_of = approximating if kind == "approximating" else interpolating
+        parts, passes = _lay(outline_of(points, turn_of), turn_of)
+        return cls(tuple(parts), tuple(passes), tuple(point.down for point in points))
+
+    @cached_property
+    def length(self) -> float:
+        """[m] In the horizontal plane; (118)."""
+        return self.parts[-1].begin + self.parts[-1].length
+
+    @property
+    def max_curvature(self) -> float:
+        """[1/m] The greatest size of the curvature; 0 for a path without a turn."""
+        return max(1 / part.turn.min_radius if part.turn else 0.0 for part in self.parts)
+
+    def at(self, s: float) -> PathPoint:
+        """The path `s` [m] from its start; before 0 and after `length` its two ends.
+
+        Raises:
+            ValueError: s is not finite.
+        """
+        if not isfinite(s):
+            raise ValueError(f"s: found {s}, must be a finite number")
+        s = max(0.0, min(self.length, s))
+        part = self.parts[bisect_right(self._begins, s) - 1]
+        down, slope, slope_rate = self._depth(s)
+        here = part.at(min(s - part.begin, part.length))
+        return here._replace(down=down, slope=slope, slope_rate=slope_rate)
+
+    @cached_property
+    def _begins(self) -> list[float]:
+        return [part.begin for part in self.parts]
+
+    def _depth(self, s: float) -> tuple[float, float, float]:
+        """Depth, slope and slope rate. From way-point to way-point a minimum-jerk blend,
+        10u³ − 15u⁴ + 6u⁵: level at each way-point (or in the middle of the turn that cuts it),
+        at most 1.875 times as steep as the straight connection in between."""
+        leg = min(bisect_right(self.passes, s), len(self.passes) - 1) - 1
+        start, length = self.passes[leg], self.passes[leg + 1] - self.passes[leg]
+        before, change = self.depths[leg], self.depths[leg + 1] - self.depths[leg]
+        u = max(0.0, min(1.0, (s - start) / length))
+        return (
+            before + change * u**3 * (10 - 15 * u + 6 * u * u),
+            change / length * 30 * (u * (1 - u)) ** 2,
+            change / length**2 * 60 * u * (1 - u) * (1 - 2 * u),
+        )
+
+
+def furthest(path: Path, other: Path, step: float = 0.1) -> float:
+    """[m] How far `path` leaves `other` at most, looked at every `step` [m].
+
+    Both must come from the same way-points: the search starts at the same place of the same leg.
+    """
+    most = 0.0
+    for leg, (begin, end) in enumerate(pairwise(path.passes)):
+        count = max(2, min(10_000, int((end - begin) / step) + 1))
+        their_begin, their_end = other.passes[leg : leg + 2]
+        for i in range(count + 1):
+            here = path.at(begin + (end - begin) * i / count)
+            s = their_begin + (their_end - their_begin) * i / count
+            most = max(most, _away(here, other, s))
+    return most
+
+
+def _away(here: PathPoint, other: Path, s: float) -> float:
+    """[m] From a point to the nearest of a path, which is near `s`."""
+    aside = 0.0
+    for _ in range(6):
+        there = other.at(s)
+        north, east = here.north - there.north, here.east - there.east
+        ahead = north * cos(there.course) + east * sin(there.course)
+        aside = abs(east * cos(there.course) - north * sin(there.course))
+        s += ahead
+    return aside
+
+
+def _lay(outline: Outline, turn_of: TurnOf) -> tuple[list[Part], list[float]]:
+    """Lines and turns along an outline, and where it passes the way-points."""
+    corners, courses, knots = outline
+    turns = [wrap(after - before) for before, after in pairwise(courses)]
+    bends = [turn_of(abs(turn)) if abs(turn) >= STRAIGHT else None for turn in turns]
+    cut = [0.0, *(bend.tangent if bend else 0.0 for bend in bends), 0.0]
+    spans = [(0.0, 0.0)]  # [m] where the turn at each corner begins and ends
+    parts: list[Part] = []
+    s, heading = 0.0, courses[0]
+    for i, (a, b) in enumerate(pairwise(corners)):
+        line = distance(a, b) - cut[i] - cut[i + 1]
+        if line > ROUNDING:
+            parts.append(Part("line", s, *_from(a, heading, cut[i]), heading, line))
+            s += line
+        bend = bends[i] if i < len(bends) else None
+        if bend is not None:
+            name = "clothoids" if isinstance(bend, TwinClothoids) else "smooth turn"
+            start = _from(b, heading, -cut[i + 1])
+            side = 1.0 if turns[i] > 0 else -1.0
+            parts.append(Part(name, s, *start, heading, bend.length, bend, side))
+        spans.append((s, s := s + bend.length if bend else s))
+        heading += turns[i] if i < len(turns) else 0.0
+    passes = [
+        sum(spans[corner]) / 2 if beyond is None else spans[corner][1] + beyond - cut[corner]
+        for corner, beyond in knots
+    ]
+    return parts, passes
+
+
+def _from(point: Waypoint, heading: float, ahead: float) -> tuple[float, float]:
+    return point.north + ahead * cos(heading), point.east + ahead * sin(heading)

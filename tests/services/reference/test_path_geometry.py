@@ -1,0 +1,366 @@
+"""Paths: what holds for every polyline with room, the paper's path, and what is refused."""
+
+from itertools import pairwise
+from math import atan2, cos, hypot, inf, nan, pi, radians, sin
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from services.reference.clothoid import TwinClothoids
+from services.reference.heading import accumulate, wrap
+from services.reference.path import Kind, Path, PathPoint, furthest
+
+PAPER = [[0.0, 0.0], [60.0, 0.0], [0.0, 90.0], [60.0, 90.0]]
+KINDS: st.SearchStrategy[Kind] = st.sampled_from(["approximating", "interpolating"])
+Points = list[list[float]]
+E = 1e-7  # [m] a step beside a joint
+
+
+@st.composite
+def polylines(draw: st.DrawFn) -> Points:
+    """Polylines whose legs have room for their turns at a radius of 4 m, and depths."""
+    heading = draw(st.floats(-pi, pi))
+    n, e = draw(st.floats(-100, 100)), draw(st.floats(-100, 100))
+    points = [[n, e, draw(st.floats(0, 30))]]
+    for _ in range(draw(st.integers(1, 5))):
+        length = draw(st.floats(60, 120))
+        n, e = n + length * cos(heading), e + length * sin(heading)
+        points.append([n, e, draw(st.floats(0, 30))])
+        heading += draw(st.floats(-2.3, 2.3))
+    return points
+
+
+@st.composite
+def paths(draw: st.DrawFn) -> tuple[Points, Path]:
+    points = draw(polylines())
+    radius = draw(st.floats(0.5, 4.0))
+    return points, Path.through(points, radius, draw(KINDS), smooth_yaw=draw(st.booleans()))
+
+
+@settings(max_examples=80, deadline=None)
+@given(paths())
+def test_position_course_and_curvature_are_continuous_where_parts_meet(
+    case: tuple[Points, Path],
+) -> None:
+    _, path = case
+    for before, after in pairwise(path.parts):
+        a, b = before.at(before.length), after.at(0.0)
+        assert hypot(a.north - b.north, a.east - b.east) < 1e-9
+        assert a.course == pytest.approx(b.course, abs=1e-9)
+        assert a.curvature == pytest.approx(b.curvature, abs=1e-12)
+        assert after.begin == pytest.approx(before.begin + before.length, abs=1e-9)
+        if before.kind != "clothoids" != after.kind:
+            assert a.curvature_rate == pytest.approx(b.curvature_rate, abs=1e-9)
+
+
+@settings(max_examples=80, deadline=None)
+@given(paths(), st.floats(0, 1))
+def test_s_is_the_distance_and_every_rate_is_a_derivative(
+    case: tuple[Points, Path], fraction: float
+) -> None:
+    _, path = case
+    s = 1e-4 + fraction * (path.length - 2e-4)
+    step = 1e-5
+    a, here, b = path.at(s - step), path.at(s), path.at(s + step)
+
+    def rate(name: str) -> float:
+        return (getattr(b, name) - getattr(a, name)) / (2 * step)
+
+    assert hypot(rate("north"), rate("east")) == pytest.approx(1.0, abs=1e-8)
+    assert rate("north") == pytest.approx(cos(here.course), abs=1e-8)
+    assert rate("east") == pytest.approx(sin(here.course), abs=1e-8)
+    assert rate("course") == pytest.approx(here.curvature, abs=1e-4)
+    assert rate("down") == pytest.approx(here.slope, abs=1e-7)
+    assert rate("slope") == pytest.approx(here.slope_rate, abs=1e-5)
+    if a.curvature_rate == pytest.approx(b.curvature_rate, abs=1e-3):  # no joint in between
+        assert rate("curvature") == pytest.approx(here.curvature_rate, abs=1e-3)
+
+
+@settings(max_examples=60, deadline=None)
+@given(paths())
+def test_the_length_is_the_integral_of_the_steps(case: tuple[Points, Path]) -> None:
+    _, path = case
+    count = 4000
+    places = [path.at(path.length * i / count) for i in range(count + 1)]
+    walked = sum(hypot(b.north - a.north, b.east - a.east) for a, b in pairwise(places))
+    assert walked == pytest.approx(path.length, rel=2e-4)
+    assert walked <= path.length * (1 + 1e-12)
+    assert sum(part.length for part in path.parts) == pytest.approx(path.length, rel=1e-12)
+
+
+@settings(max_examples=80, deadline=None)
+@given(paths(), st.floats(0, 1))
+def test_the_curvature_never_exceeds_the_limit(case: tuple[Points, Path], fraction: float) -> None:
+    _, path = case
+    assert abs(path.at(fraction * path.length).curvature) <= path.max_curvature * (1 + 1e-14)
+
+
+@settings(max_examples=80, deadline=None)
+@given(polylines(), st.floats(0.5, 4), KINDS, st.booleans())
+def test_every_turn_reaches_the_smallest_radius_and_no_less(
+    points: Points, radius: float, kind: Kind, smooth: bool
+) -> None:
+    path = Path.through(points, radius, kind, smooth_yaw=smooth)
+    sharpest = [
+        abs(part.at(part.length / 2).curvature) for part in path.parts if part.kind != "line"
+    ]
+    assert sharpest == pytest.approx([1 / radius] * len(sharpest))
+    assert path.max_curvature == (1 / radius if sharpest else 0.0)
+
+
+@settings(max_examples=80, deadline=None)
+@given(paths())
+def test_a_path_begins_and_ends_on_its_way_points(case: tuple[Points, Path]) -> None:
+    points, path = case
+    for point, s in ((points[0], 0.0), (points[-1], path.length)):
+        assert path.at(s)[:3] == pytest.approx(tuple(point), abs=1e-9)
+
+
+@settings(max_examples=100, deadline=None)
+@given(polylines(), st.floats(0.5, 4), st.booleans())
+def test_an_interpolating_path_visits_every_way_point(
+    points: Points, radius: float, smooth: bool
+) -> None:
+    path = Path.through(points, radius, "interpolating", smooth_yaw=smooth)
+    assert len(path.passes) == len(points)
+    for point, s in zip(points, path.passes, strict=True):
+        assert path.at(s)[:3] == pytest.approx(tuple(point), abs=1e-9)
+        assert path.at(s).curvature == pytest.approx(0.0, abs=1e-6)
+    assert list(path.passes) == sorted(path.passes)
+
+
+@settings(max_examples=60, deadline=None)
+@given(polylines(), st.floats(0.5, 4), KINDS, st.booleans())
+def test_depth_is_level_at_every_way_point_and_never_overshoots(
+    points: Points, radius: float, kind: Kind, smooth: bool
+) -> None:
+    path = Path.through(points, radius, kind, smooth_yaw=smooth)
+    for (a, b), (from_s, to_s) in zip(pairwise(points), pairwise(path.passes), strict=True):
+        for s, point in ((from_s, a), (to_s, b)):
+            assert path.at(s).down == pytest.approx(point[2], abs=1e-9)
+            assert path.at(s).slope == pytest.approx(0.0, abs=1e-12)
+            assert path.at(s).slope_rate == pytest.approx(0.0, abs=1e-9)
+        for i in range(11):
+            down = path.at(from_s + (to_s - from_s) * i / 10).down
+            assert min(a[2], b[2]) - 1e-9 <= down <= max(a[2], b[2]) + 1e-9
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    polylines(),
+    KINDS,
+    st.booleans(),
+    st.sampled_from([1.0, -1.0]),
+    st.floats(-3, 3),
+    st.floats(-100, 100),
+    st.floats(0, 1),
+)
+def test_a_moved_turned_or_mirrored_polyline_gives_the_moved_turned_or_mirrored_path(
+    points: Points,
+    kind: Kind,
+    smooth: bool,
+    mirror: float,
+    turned: float,
+    moved: float,
+    fraction: float,
+) -> None:
+    def image(n: float, e: float) -> tuple[float, float]:
+        e *= mirror
+        return (
+            moved + n * cos(turned) - e * sin(turned),
+            -moved + n * sin(turned) + e * cos(turned),
+        )
+
+    path = Path.through(points, 3.0, kind, smooth_yaw=smooth)
+    images = [[*image(n, e), d] for n, e, d in points]
+    other = Path.through(images, 3.0, kind, smooth_yaw=smooth)
+    a, b = path.at(fraction * path.length), other.at(fraction * other.length)
+    assert path.length == pytest.approx(other.length, abs=1e-7)
+    assert (b.north, b.east) == pytest.approx(image(a.north, a.east), abs=1e-6)
+    assert wrap(b.course - mirror * a.course - turned) == pytest.approx(0.0, abs=1e-6)
+    assert b.curvature == pytest.approx(mirror * a.curvature, abs=1e-6)
+
+
+@settings(max_examples=60, deadline=None)
+@given(paths())
+def test_the_course_is_the_accumulated_heading(case: tuple[Points, Path]) -> None:
+    _, path = case
+    courses = [path.at(path.length * i / 500).course for i in range(501)]
+    assert accumulate(map(wrap, courses)) == pytest.approx(courses, abs=1e-9)
+
+
+def test_headings_accumulate_across_half_a_turn() -> None:
+    cases: list[tuple[list[int], list[int]]] = [
+        ([-170, 170, 175, -175, -170], [-170, -190, -185, -175, -170]),
+        ([170, -170, -160, -20, 20, 170, -170], [170, 190, 200, 340, 380, 530, 550]),
+        ([-10, 10, -10], [-10, 10, -10]),
+        ([], []),
+    ]
+    for bounded, continuous in cases:
+        assert accumulate(map(radians, bounded)) == pytest.approx(list(map(radians, continuous)))
+
+
+@given(st.floats(-1e6, 1e6))
+def test_a_wrapped_angle_is_the_same_direction(angle: float) -> None:
+    assert -pi < wrap(angle) <= pi
+    assert cos(wrap(angle)) == pytest.approx(cos(angle), abs=1e-9)
+    assert sin(wrap(angle)) == pytest.approx(sin(angle), abs=1e-9)
+    assert wrap(-pi) == pi
+
+
+def test_the_papers_path_has_the_papers_lengths() -> None:
+    path = Path.through(PAPER, 10.0)
+    lengths = [27.4456738787, 43.1759786068, 43.0578860213, 43.1759786068, 27.4456738787]
+    assert [part.length for part in path.parts] == pytest.approx(lengths, abs=1e-9)
+    assert path.length == pytest.approx(184.3011909924, abs=1e-9)
+    assert path.max_curvature == 0.1
+
+
+@pytest.mark.parametrize(
+    ("s", "north", "east", "course", "curvature"),
+    [
+        (10.0, 10.0, 0.0, 0.0, 0.0),
+        (35.0, 34.986813091075255, 0.3324158799020641, 0.13217498476789807, 0.03499319003323832),
+        (49.0336631821221, 46.650520339604384, 7.144424698509593, 1.0793994651712324, 0.1),
+        (60.0, 47.02781359390633, 17.798555633367226, 1.8974973798876844, 0.0492016756922413),
+        (70.62165248554673, 41.942108912533385, 27.08683663119994, 2.158798930342464, 0.0),
+        (92.15059549620403, 30.0, 45.0, 2.158798930342464, 0.0),
+        (120.0, 14.717024023409273, 68.27566762528664, 2.0662747194843654, -0.029277675675594417),
+        (135.26752781028597, 13.349479660395644, 82.85557530149043, 1.079399465171231, -0.1),
+        (150.0, 25.706927557800075, 89.7514638121977, 0.10885246012448979, -0.03175616319498114),
+        (184.30119099240804, 60.0, 90.0, 0.0, 0.0),
+    ],
+)
+def test_the_papers_path_runs_where_it_should(
+    s: float, north: float, east: float, course: float, curvature: float
+) -> None:
+    here = Path.through(PAPER, 10.0).at(s)
+    expected = (north, east, course, curvature)
+    assert (here.north, here.east, here.course, here.curvature) == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_lane_change_is_two_even_pairs_and_its_lanes_are_flown_exactly() -> None:
+    """10 m aside at 10 m radius: the shortest has no line in the middle."""
+    forward = 26.25433367959574 + 1e-7
+    points = [[0.0, 0.0], [20.0, 0.0], [20.0 + forward, 10.0], [70.0, 10.0]]
+    path = Path.through(points, 10.0, "interpolating")
+    first, change_out, *middle, change_back, last = path.parts
+    assert (first.kind, first.length) == ("line", 20.0)
+    assert change_out.length == pytest.approx(29.11392340373238 / 2, abs=1e-4)
+    assert change_back.length == pytest.approx(29.11392340373238 / 2, abs=1e-4)
+    assert change_out.turn is not None
+    assert change_out.turn.angle == pytest.approx(0.7278480850933094, abs=1e-5)
+    assert sum(part.length for part in middle) < 1e-4
+    assert (last.course, last.length) == pytest.approx((0.0, 70.0 - 20.0 - forward))
+    assert path.passes[2] - path.passes[1] < 35.64038131819847  # the antisymmetric pair's length
+
+
+def test_a_lane_change_without_room_is_passed_on_the_bisecting_courses() -> None:
+    points = [[0.0, 0.0], [40.0, 0.0], [60.0, 10.0], [95.0, 10.0]]
+    path = Path.through(points, 10.0, "interpolating")
+    bisecting = path.at(path.passes[1]).course
+    assert bisecting == pytest.approx(path.at(path.passes[2]).course)
+    assert 2 * bisecting == pytest.approx(atan2(10, 20))
+
+
+def test_a_straight_line_has_no_turns() -> None:
+    for points in ([[0, 0], [3, 4]], [[0, 0], [3, 4], [6, 8]], [[0, 0], [3, 4], [6 + 1e-11, 8]]):
+        for kind in ("approximating", "interpolating"):
+            path = Path.through(points, 5.0, kind)
+            assert {part.kind for part in path.parts} == {"line"}
+            assert path.max_curvature == 0.0
+            assert path.length == pytest.approx(5.0 * (len(points) - 1))
+
+
+@pytest.mark.parametrize("angle", [1e-8, 1e-6, 1e-3])
+@pytest.mark.parametrize("kind", ["approximating", "interpolating"])
+def test_a_corner_that_is_hardly_one_is_still_smooth(angle: float, kind: Kind) -> None:
+    points = [[0.0, 0.0], [50.0, 0.0], [50.0 + 50 * cos(angle), 50 * sin(angle)]]
+    path = Path.through(points, 5.0, kind)
+    assert path.length == pytest.approx(100.0, abs=1e-4)
+    for a, b in pairwise(path.parts):
+        assert a.at(a.length)[:4] == pytest.approx(b.at(0.0)[:4], abs=2e-9)
+
+
+def test_beyond_its_ends_a_path_stays_on_its_ends() -> None:
+    path = Path.through(PAPER, 10.0)
+    assert path.at(-5.0) == path.at(0.0)
+    assert path.at(path.length + 5.0) == path.at(path.length)
+    for s in (nan, inf):
+        with pytest.raises(ValueError, match="must be a finite number"):
+            path.at(s)
+
+
+def test_the_price_of_smooth_turns_is_the_distance_between_the_two_apexes() -> None:
+    """On one symmetric corner the two turns are furthest apart in their middles."""
+    corner = [[0.0, 0.0], [60.0, 0.0], [60.0, 60.0]]
+    twin, smooth = Path.through(corner, 5.0), Path.through(corner, 5.0, smooth_yaw=True)
+    a, b = twin.at(twin.length / 2), smooth.at(smooth.length / 2)
+    apart = hypot(a.north - b.north, a.east - b.east)
+    assert furthest(smooth, twin) == pytest.approx(apart, rel=1e-3)
+    assert furthest(twin, twin) == pytest.approx(0.0, abs=1e-12)
+    assert 0.1 < apart < 0.5
+
+
+def kinks(path: Path) -> list[tuple[PathPoint, PathPoint]]:
+    return [(path.at(part.begin - E), path.at(part.begin + E)) for part in path.parts[1:]]
+
+
+def test_only_smooth_turns_have_a_continuous_curvature_rate() -> None:
+    for smooth in (True, False):
+        jumps = [
+            abs(b.curvature_rate - a.curvature_rate)
+            for a, b in kinks(Path.through(PAPER, 10.0, smooth_yaw=smooth))
+        ]
+        assert (max(jumps) < 1e-8) == smooth
+
+
+@pytest.mark.parametrize(
+    ("points", "radius", "kind", "says"),
+    [
+        ([[0, 0]], 5, "approximating", "at least 2 way-points, found 1"),
+        ([], 5, "approximating", "at least 2 way-points, found 0"),
+        ([[0, 0], [1]], 5, "approximating", "way-point 2: found 1 numbers"),
+        ([[0, 0], [1, 1, 1]], 5, "approximating", "way-point 2: found 3 numbers"),
+        ([[0, 0], [nan, 1]], 5, "approximating", "way-point 2: found .* must be finite"),
+        ([[0, 0], [inf, 1]], 5, "interpolating", "way-point 2: found .* must be finite"),
+        ([[0, 0], [9, 0], [9, 0]], 5, "approximating", "way-points 2 and 3 are 0 m apart"),
+        ([[0, 0, 1], [0, 0, 9]], 5, "approximating", "way-points 1 and 2 are 0 m apart"),
+        ([[0, 0], [9, 0], [1, 0]], 5, "approximating", "way-point 2: the path goes exactly back"),
+        ([[0, 0], [9, 0], [1, 0]], 5, "interpolating", "way-point 2: the path goes exactly back"),
+        ([[0, 0], [9, 0]], 0, "approximating", "min_radius: found 0 m"),
+        ([[0, 0], [9, 0]], -1, "approximating", "min_radius: found -1 m"),
+        ([[0, 0], [9, 0]], nan, "interpolating", "min_radius: found nan m"),
+        ([[0, 0], [9, 0]], 1, "curvy", "kind: found 'curvy', must be 'approximating' or"),
+        ([[0, 0], [30, 0], [30, 9], [0, 9]], 5, "approximating", r"leg 2 .* is 9 m long, its"),
+        ([[0, 0], [30, 0], [30, 3], [60, 3]], 5, "interpolating", r"leg 2 .* is 3 m long, its"),
+    ],
+)
+def test_a_path_that_cannot_be_is_refused_with_the_reason(
+    points: Any, radius: float, kind: Any, says: str
+) -> None:
+    with pytest.raises(ValueError, match=says):
+        Path.through(points, radius, kind)
+
+
+@pytest.mark.parametrize("kind", ["approximating", "interpolating"])
+def test_a_leg_as_long_as_the_refusal_asks_for_is_long_enough(kind: Kind) -> None:
+    def middle(length: float) -> Points:
+        return [[0.0, 0.0], [50.0, 0.0], [50.0, length], [0.0, length]]
+
+    with pytest.raises(ValueError, match="leg 2") as refused:
+        Path.through(middle(8.0), 5.0, kind)
+    need = float(str(refused.value).split("need")[1].split()[0])
+    parts = Path.through(middle(need * 1.001), 5.0, kind).parts
+    for before, after in pairwise(parts):
+        assert before.at(before.length)[:4] == pytest.approx(after.at(0.0)[:4], abs=1e-9)
+    with pytest.raises(ValueError, match="leg 2"):
+        Path.through(middle(need * 0.999), 5.0, kind)
+
+
+def test_a_tangent_that_just_fits_leaves_no_line() -> None:
+    tangent = TwinClothoids(pi / 2, 5.0).tangent
+    path = Path.through([[0, 0], [tangent, 0], [tangent, tangent]], 5.0)
+    assert [part.kind for part in path.parts] == ["clothoids"]

@@ -1,0 +1,168 @@
+"""`lindy path`: a path of lines and clothoids through way-points, and the motion along it."""
+
+import json
+from collections.abc import Iterator
+from math import ceil, exp, isfinite
+from typing import Annotated, Any, Literal
+
+import msgspec
+
+from services.reference.minimum_jerk import Limits
+from services.reference.model_request import Request
+from services.reference.path import Kind, Path, furthest
+from services.reference.profile import Profile
+from services.reference.reference_model import plan
+from services.reference.route import Motion, Route, RoutePoint, route
+from services.reference.stretch import stretch
+from services.runtime.errors import LindyError
+from services.runtime.settings import deploy_file, read
+
+MOST_ROWS = 10_000_000
+
+Above0 = Annotated[float, msgspec.Meta(ge=1e-6, le=1e6)]  # no drone is slower, faster or larger
+
+
+class PathFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What a path file says. Only the way-points must be there."""
+
+    waypoints: list[list[float]]  # [m] [north, east] or [north, east, down]
+    min_radius: Above0 = 5.0  # [m] of every turn
+    kind: Kind = "approximating"  # or "interpolating": visit every way-point
+    smooth_yaw: bool = False  # turns with a continuous yaw acceleration instead of clothoids
+    cruise: Above0 = 0.3  # [m/s]
+    speeds: list[Above0] = []  # [m/s] of each part, instead of `cruise`
+    model: Literal["mjvr", "fernandes"] = "mjvr"  # how the speed changes
+    acceleration: Above0 = 0.15  # [m/s²] mjvr: at most
+    jerk: Above0 = 0.3  # [m/s³] mjvr: at most
+    accel_time: Above0 = 20.0  # [s] fernandes: T_a
+    decel_time: Above0 = 20.0  # [s] fernandes: T_d
+    epsilon: float = 0.05  # [-] fernandes: ε_L
+    theta_a: float = 0.8  # [-] fernandes
+    theta_d: float = 0.2  # [-] fernandes
+    theta_0: float = exp(-100 / 9)  # [-] fernandes
+    xi: float = 15.0  # [-] fernandes: ξ_a = ξ_d
+
+
+def path(file: str, *, dt: float | None = None) -> int:
+    """Show a path (JSON), or the whole reference along it (CSV).
+
+    Example: lindy path deploy/paths/fernandes.toml --dt 0.15
+
+    Without --dt: the parts with their lengths, the total, the greatest curvature, the duration.
+    With --dt: position, velocity and acceleration, world and body, from the start to the first
+    sample at or after the arrival. Angles in rad, distances along the path in the horizontal plane.
+
+    Args:
+        file: TOML file, or the name of one in deploy/paths. Keys: waypoints, min_radius, kind,
+            smooth_yaw; cruise, speeds; model, acceleration, jerk, accel_time, decel_time, epsilon,
+            theta_a, theta_d, theta_0, xi.
+        dt: [s] between samples.
+    """
+    source = deploy_file("paths", file)
+    wish = read(source, PathFile)
+    try:
+        way = planned(wish)
+    except ValueError as error:
+        raise LindyError(f"{source}: {error}") from None
+    if dt is None:
+        print(shown(wish, way))
+        return 0
+    steps = rows(way, dt)
+    print(",".join(RoutePoint._fields))
+    for line in samples(way, steps, dt):
+        print(line)
+    return 0
+
+
+def planned(wish: PathFile) -> Route:
+    """
+    Raises:
+        ValueError: the file asks for something that cannot be.
+    """
+    way = Path.through(wish.waypoints, wish.min_radius, wish.kind, smooth_yaw=wish.smooth_yaw)
+    return route(way, motion(wish), wish.speeds or [wish.cruise])
+
+
+def motion(wish: PathFile) -> Motion:
+    """How the speed changes."""
+    limits = Limits(wish.jerk, wish.acceleration)
+
+    def bounded(length: float, cruise: float, initial: float, final: float) -> Profile:
+        return stretch(length, limits, cruise, initial, final)
+
+    def fernandes(length: float, cruise: float, initial: float, final: float) -> Profile:
+        return plan(
+            Request(
+                length=length,
+                cruise=cruise,
+                initial=initial,
+                final=final,
+                accel_time=wish.accel_time,
+                decel_time=wish.decel_time,
+                epsilon=wish.epsilon,
+                theta_a=wish.theta_a,
+                theta_d=wish.theta_d,
+                theta_0=wish.theta_0,
+                xi_a=wish.xi,
+                xi_d=wish.xi,
+            )
+        )
+
+    return bounded if wish.model == "mjvr" else fernandes
+
+
+def shown(wish: PathFile, way: Route) -> str:
+    """The path as JSON: lengths in m, duration in s."""
+    parts = [
+        {
+            "kind": part.kind,
+            "length": part.length,
+            "start": list(part.at(0.0)[:2]),
+            "end": list(part.at(part.length)[:2]),
+        }
+        for part in way.path.parts
+    ]
+    about: dict[str, Any] = {
+        "lengths": [part.length for part in way.path.parts],
+        "total": way.path.length,
+        "parts": parts,
+        "max_curvature": way.path.max_curvature,
+        "duration": way.duration,
+        "smooth_yaw": wish.smooth_yaw,
+        "smooth_yaw_deviation": smooth_yaw_deviation(wish),
+    }
+    return json.dumps(about, allow_nan=False)
+
+
+def smooth_yaw_deviation(wish: PathFile) -> float | None:
+    """[m] How far the path with smooth turns is from the one with clothoids: the price of a C2 yaw
+    reference, whichever of the two was asked for. None where only one of them has room."""
+    try:
+        smooth, clothoids = (
+            Path.through(wish.waypoints, wish.min_radius, wish.kind, smooth_yaw=smooth_yaw)
+            for smooth_yaw in (True, False)
+        )
+    except ValueError:
+        return None
+    return furthest(smooth, clothoids)
+
+
+def rows(way: Route, dt: float) -> int:
+    """How many steps of `dt` [s] reach the arrival.
+
+    Raises:
+        LindyError: dt is no step for this motion.
+    """
+    if not (isfinite(dt) and dt > 0):
+        raise LindyError(f"--dt is {dt}, expected more than 0 s")
+    if way.duration / dt > MOST_ROWS:
+        raise LindyError(
+            f"--dt {dt} gives {way.duration / dt:.3g} rows, expected at most {MOST_ROWS}"
+        )
+    return ceil(way.duration / dt)
+
+
+def samples(way: Route, steps: int, dt: float) -> Iterator[str]:
+    """CSV lines, one per step of `dt` [s] from 0 to the first one at or after the arrival."""
+    for k in range(steps + 1):
+        yield ",".join(map(repr, way.at(k * dt)))
