@@ -5,7 +5,7 @@ READY := .venv/.ready
 # Installed packages wait in the environment; nothing is looked up on the network at run time.
 UV := $(BIN)/python -m uv
 
-.PHONY: dive test check format picture docs clean
+.PHONY: dive test check format laws picture docs clean
 
 dive: $(READY) ## fly the demo dive: every service, one command
 	$(BIN)/lindy dive --out dives/latest
@@ -26,6 +26,9 @@ format: $(READY) ## put the code in shape
 picture: $(READY) ## the picture in the README; Debian: mesa-vulkan-drivers libvulkan1
 	$(BIN)/lindy simulate --out dives/picture
 	$(BIN)/lindy picture dives/picture/dive.rrd --at 30 --out docs/dive.png
+
+laws: $(READY) ## the laws of the reference over millions of states, into docs/laws.md
+	$(BIN)/python tests/long/laws.py
 
 docs: $(READY) ## pages written from the code
 	$(BIN)/python -m tools.topics_page

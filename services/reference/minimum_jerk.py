@@ -14,8 +14,8 @@ At most four segments, found in closed form once per change of target. Units: an
 seconds. Everything is a pure function.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
 from math import inf, sqrt
 from typing import NamedTuple
 
@@ -25,6 +25,9 @@ class Limits(NamedTuple):
 
     jerk: float  # per s³, > 0; also the jerk with which every transition arrives
     acceleration: float = inf  # per s², > 0
+
+
+State = tuple[float, float, float, float]  # position, velocity, acceleration, jerk
 
 
 class Sample(NamedTuple):
@@ -90,6 +93,32 @@ def along(segments: Sequence[Segment], t: float, target: float) -> Sample:
     return Sample(position + target * t, target, 0.0, 0.0)
 
 
+def reader(segments: Iterable[Segment], target: float) -> Callable[[float], State]:
+    """A plan made ready to be read often: a function of the time [s] since it began.
+
+    Position counts from the start of the plan; after its end the target velocity is held.
+    """
+    parts: list[tuple[float, float, float, float, float, float, float]] = []
+    begin = x = 0.0
+    for part in segments:
+        parts.append((begin, begin + part.duration, x, *part[1:]))
+        begin += part.duration
+        x += part.at(part.duration).position
+    whole = begin
+
+    def read(t: float) -> State:
+        for begin, end, x0, v0, a0, j0, half_snap in parts:
+            if t < end:
+                t -= begin
+                bend = t * t * half_snap
+                a = a0 + t * j0 + bend
+                v = v0 + t * (a0 + a - bend / 3) / 2
+                return x0 + t * ((v0 + v) / 2 + t * (a0 - a) / 12), v, a, j0 + 2 * t * half_snap
+        return x + target * (t - whole), target, 0.0, 0.0
+
+    return read
+
+
 def _bring_to(to: float, v: float, a: float, jerk: float, segments: list[Segment]) -> float:
     """Constant jerk until the acceleration is `to`; returns the velocity reached."""
     duration = abs(a - to) / jerk
@@ -142,22 +171,43 @@ class Ramp:
     target: float = 0.0
     since: float = 0.0  # [s] when the present plan began
     segments: tuple[Segment, ...] = ()
+    in_force: Limits = field(init=False)  # what the present plan respects
+    _read: Callable[[float], State] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.in_force = self.limits
+        self._read = reader(self.segments, self.target)
 
     def at(self, t: float) -> Sample:
         """The reference at time `t` [s] ≥ the last change of target."""
-        here = along(self.segments, t - self.since, self.target)
-        return here._replace(position=self.position + here.position)
+        x, v, a, j = self._read(t - self.since)
+        return Sample(self.position + x, v, a, j)
 
     def aim(self, target: float, t: float) -> None:
         """From `t` [s] on, go to velocity `target`. No effect when that is already the aim."""
-        if target == self.target:
-            return
-        self._begin(self.at(t), target, t)
+        if target != self.target:
+            here = self.at(t)
+            self._begin(here, solve(*here[1:3], target, self.limits), target, t)
+
+    def brake(self, t: float, limits: Limits | None = None) -> None:
+        """From `t` [s] on, come to rest, whatever was going on; by other limits if given."""
+        here, limits = self.at(t), limits or self.limits
+        self._begin(here, solve(*here[1:3], 0.0, limits), 0.0, t)
+        self.in_force = limits
+
+    def run(self, segments: Sequence[Segment], t: float) -> None:
+        """From `t` [s] on, do what these segments say and then rest. They begin with the velocity
+        and acceleration of the reference at `t`."""
+        self._begin(self.at(t), segments, 0.0, t)
+
+    def take(self, here: Sample, t: float) -> None:
+        """Go on from another generator's reference at `t` [s], and come to rest."""
+        self._begin(here, solve(*here[1:3], 0.0, self.limits), 0.0, t)
 
     def limit(self, limits: Limits, t: float) -> None:
         """From `t` [s] on, respect other limits."""
         here, self.limits = self.at(t), limits
-        self._begin(here, self.target, t)
+        self._begin(here, solve(*here[1:3], self.target, limits), self.target, t)
 
     def shift(self, by: float) -> None:
         """Move the position reference without touching its velocity."""
@@ -165,8 +215,17 @@ class Ramp:
 
     def rest(self, position: float, t: float) -> None:
         """Stand still at `position` from `t` [s] on, whatever was before."""
-        self.position, self.target, self.since, self.segments = position, 0.0, t, ()
+        self._begin(Sample(position, 0.0, 0.0, 0.0), (), 0.0, t)
 
-    def _begin(self, here: Sample, target: float, t: float) -> None:
-        self.segments = tuple(solve(here.velocity, here.acceleration, target, self.limits))
-        self.position, self.target, self.since = here.position, target, t
+    def settles(self) -> float:
+        """[s] When the target velocity is reached."""
+        return self.since + sum(segment.duration for segment in self.segments)
+
+    def to_go(self, t: float) -> float:
+        """Distance from `t` [s] to where the target velocity is reached."""
+        return self.at(max(t, self.settles())).position - self.at(t).position
+
+    def _begin(self, here: Sample, segments: Sequence[Segment], target: float, t: float) -> None:
+        self.position, self.segments = here.position, tuple(segments)
+        self.target, self.since, self.in_force = target, t, self.limits
+        self._read = reader(self.segments, target)

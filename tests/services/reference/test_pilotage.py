@@ -1,19 +1,27 @@
 """The pilot's state machine: arming, releasing, losing the pilot, and never a step."""
 
-from hypothesis import given, settings
+from itertools import pairwise
+from math import pi
+
+from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from messages.message import Estimate
-from messages.pilot import PilotCommand, PilotRequest
+from messages.pilot import Course, PilotAnswer, PilotCommand, PilotRequest
 from messages.reference import Reference
 from messages.state import VehicleState
 from services.reference.core import Pilotage, Settings
+from services.reference.heading import wrap
 
 DT = 10_000_000  # [ns]
 stick = st.floats(-1.0, 1.0)
+touch = st.sampled_from([-1.0, -0.4, 0.0, 0.02, 0.3, 1.0])
+GENERATE = [Phase.explicit, Phase.generate]  # a minute of flight is too long to be shrunk
 
 
-def state(now: int, depth: float = 1.0, heading: float = 0.0, phase: str = "running"):
+def state(
+    now: int, depth: float = 1.0, heading: float = 0.0, phase: str = "running"
+) -> VehicleState:
     return VehicleState(
         stamp_ns=now,
         sensor_ns=now,
@@ -30,7 +38,9 @@ def state(now: int, depth: float = 1.0, heading: float = 0.0, phase: str = "runn
     )
 
 
-def sticks(now: int, heave: float = 0.0, yaw: float = 0.0, surge: float = 0.0, sway: float = 0.0):
+def sticks(
+    now: int, heave: float = 0.0, yaw: float = 0.0, surge: float = 0.0, sway: float = 0.0
+) -> PilotCommand:
     return PilotCommand(stamp_ns=now, surge=surge, sway=sway, heave=heave, yaw=yaw)
 
 
@@ -40,15 +50,18 @@ class Flight:
     def __init__(self) -> None:
         self.pilotage = Pilotage(Settings())
         self.now = 0
-        self.depth, self.heading = 1.0, 0.0
+        self.depth: float = 1.0
+        self.heading: float = 0.0
         self.flown: list[Reference] = []
         self.asked = 0
 
-    def ask(self, kind: str, **more: float) -> str:
+    def ask(self, kind: str, **more: object) -> str:
+        return self.request(kind, **more).reason
+
+    def request(self, kind: str, **more: object) -> PilotAnswer:
         self.asked += 1
         request = PilotRequest(stamp_ns=self.now, id=f"{self.asked}", kind=kind, **more)  # type: ignore[arg-type]
-        answer, _ = self.pilotage.answer(request, sticks(self.now), self.now)
-        return answer.reason
+        return self.pilotage.answer(request, sticks(self.now), self.now)[0]
 
     def fly(self, seconds: float, command: PilotCommand | None) -> Reference:
         for _ in range(round(seconds * 100)):
@@ -117,7 +130,7 @@ def test_no_stick_can_make_a_step_in_velocity_or_acceleration(
     flight, s = armed(), Settings()
     for surge, sway, heave, yaw, seconds in moves:
         flight.fly(seconds, sticks(0, heave, yaw, surge, sway))
-    for before, after in zip(flight.flown, flight.flown[1:], strict=False):
+    for before, after in pairwise(flight.flown):
         for a, b, axis in (
             (before.depth, after.depth, s.heave),
             (before.heading, after.heading, s.yaw),
@@ -125,7 +138,7 @@ def test_no_stick_can_make_a_step_in_velocity_or_acceleration(
             assert abs(b.acceleration - a.acceleration) <= axis.jerk * DT * 1e-9 + 1e-9
             assert abs(b.velocity - a.velocity) <= axis.max_acceleration * DT * 1e-9 + 1e-9
             assert abs(b.jerk) <= axis.jerk * (1 + 1e-9)
-        rate = s.surge.max_rate * DT * 1e-9 + 1e-9
+        rate = s.horizontal.max_rate * DT * 1e-9 + 1e-9
         assert abs(after.surge_force - before.surge_force) <= rate
         assert abs(after.sway_force - before.sway_force) <= rate
 
@@ -202,3 +215,142 @@ def test_a_repeated_request_is_answered_again_but_done_once() -> None:
     assert again.accepted == first.accepted
     assert not changed
     assert flight.pilotage.mode == "piloted"
+
+
+def continuous(flown: list[Reference]) -> None:
+    """No step in velocity or acceleration on any axis; limits of an emergency stop included."""
+    s = Settings()
+    for before, after in pairwise(flown):
+        for a, b, axis in (
+            (before.depth, after.depth, s.heave),
+            (before.heading, after.heading, s.yaw),
+        ):
+            assert abs(b.velocity - a.velocity) <= axis.stop_acceleration * DT * 1e-9 + 1e-9
+            assert abs(b.acceleration - a.acceleration) <= axis.stop_jerk * DT * 1e-9 + 1e-6
+        pace_a, pace_b = (r.surge.velocity if r.surge else 0.0 for r in (before, after))
+        assert abs(pace_b - pace_a) <= s.heave.stop_acceleration * DT * 1e-9 + 1e-9
+
+
+def test_goto_arrives_exactly_at_depth_and_heading_the_shortest_way() -> None:
+    flight = armed()
+    flight.fly(6.0, sticks(0, yaw=1.0))
+    flight.fly(3.0, sticks(0))
+    turned = flight.heading
+    assert flight.ask("goto", depth=3.0, heading=0.5) == ""
+    assert flight.pilotage.mode == "goto"
+    end = flight.fly(15.0, sticks(0))
+    assert abs(end.depth.position - 3.0) < 1e-9
+    assert abs(wrap(end.heading.position - 0.5)) < 1e-9
+    assert abs(end.heading.position - turned) <= pi
+    assert flight.pilotage.mode == "piloted"
+    continuous(flight.flown)
+
+
+@settings(max_examples=15, deadline=None, phases=GENERATE)
+@given(st.floats(0.0, 6.0), touch, touch)
+def test_the_pilot_takes_over_from_goto_at_any_moment_without_a_step(
+    when: float, heave: float, yaw: float
+) -> None:
+    flight = armed()
+    flight.ask("goto", depth=3.0, heading=2.5)
+    flight.fly(when, sticks(0))
+    flight.fly(2.0, sticks(0, heave=heave, yaw=yaw))
+    flight.fly(3.0, sticks(0))
+    continuous(flight.flown)
+
+
+def course(**more: object) -> Course:
+    points = ((0.0, 0.0, 2.0), (15.0, 0.0, 2.5), (15.0, 15.0, 3.0))
+    return Course(waypoints=points, min_radius=3.0, **more)  # type: ignore[arg-type]
+
+
+def test_a_path_is_followed_to_its_end_in_heading_depth_and_pace() -> None:
+    flight = armed()
+    assert flight.ask("follow", course=course()) == ""
+    assert flight.pilotage.mode == "follow"
+    flight.fly(130.0, sticks(0))
+    end = flight.flown[-1]
+    assert flight.pilotage.mode == "piloted"
+    assert flight.pilotage.notes == ["the end of the path"]
+    assert abs(end.heading.position - pi / 2) < 1e-9
+    assert abs(end.depth.position - 3.0) < 1e-9
+    assert end.surge is None
+    fastest = max(r.surge.velocity for r in flight.flown if r.surge)
+    assert abs(fastest - 0.3) < 1e-9
+    continuous(flight.flown)
+
+
+@settings(max_examples=15, deadline=None, phases=GENERATE)
+@given(st.floats(0.0, 60.0), touch, touch, st.booleans())
+def test_the_pilot_or_a_stop_ends_a_path_at_any_moment_without_a_step(
+    when: float, heave: float, yaw: float, stop: bool
+) -> None:
+    flight = armed()
+    flight.ask("follow", course=course())
+    flight.fly(when, sticks(0))
+    if stop:
+        flight.ask("stop")
+    flight.fly(3.0, sticks(0, heave=heave, yaw=yaw))
+    flight.fly(3.0, sticks(0))
+    continuous(flight.flown)
+    ended = stop or max(abs(heave), abs(yaw)) > 0.05
+    assert ended == (flight.flown[-1].surge is None)
+
+
+def test_a_lost_pilot_stops_on_the_path() -> None:
+    flight = armed()
+    flight.ask("follow", course=course())
+    flight.fly(50.0, sticks(0))
+    end = flight.fly(6.0, None)
+    assert end.surge is None
+    assert end.depth.velocity == 0.0
+    continuous(flight.flown)
+
+
+def test_a_path_that_cannot_be_is_refused_with_the_reason() -> None:
+    flight = armed()
+    bad = Course(waypoints=((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)), min_radius=9.0)
+    assert "this is no path: " in flight.ask("follow", course=bad)
+    assert flight.ask("follow") == "follow needs a path"
+    assert flight.pilotage.mode == "piloted"
+
+
+def test_goto_and_follow_are_refused_when_they_make_no_sense() -> None:
+    flight = Flight()
+    flight.fly(0.1, sticks(0))
+    assert flight.ask("goto", depth=2.0) == "the drone is not armed"
+    flight = armed()
+    assert "needs a depth or a heading" in flight.ask("goto")
+    assert "above the surface" in flight.ask("goto", depth=-1.0)
+
+
+def test_an_emergency_stop_says_at_once_how_far_it_goes_and_keeps_its_word() -> None:
+    flight, s = armed(), Settings()
+    flight.fly(4.0, sticks(0, heave=1.0, yaw=-1.0, surge=1.0))
+    before = flight.flown[-1]
+    stop = flight.request("stop").stop
+    assert stop is not None
+    flight.fly(3.0, sticks(0, heave=1.0))
+    jerks = [abs(reference.depth.jerk) for reference in flight.flown[-300:]]
+    end = flight.flown[-1]
+    assert abs(end.depth.position - before.depth.position - stop.depth) < 1e-9
+    assert abs(end.heading.position - before.heading.position - stop.heading) < 1e-9
+    assert s.heave.jerk < max(jerks) <= s.heave.stop_jerk * (1 + 1e-9)
+    assert end.surge_force == 0.0
+    assert flight.pilotage.status(None, 0).stop == stop
+
+
+def test_the_camera_stops_smoothly_at_the_end_of_its_range() -> None:
+    flight, s = armed(), Settings().tilt
+    up = PilotCommand(stamp_ns=0, surge=0.0, sway=0.0, heave=0.0, yaw=0.0, tilt=1.0)
+    flight.fly(0.3, up)
+    flight.fly(1.0, sticks(0))
+    between = flight.flown[-1].tilt
+    assert 0.0 < between.position < s.highest
+    assert between.velocity == 0.0
+    flight.fly(4.0, up)
+    assert abs(flight.flown[-1].tilt.position - s.highest) < 1e-9
+    for before, after in pairwise(flight.flown):
+        step = abs(after.tilt.acceleration - before.tilt.acceleration)
+        assert step <= s.jerk * DT * 1e-9 + 1e-9
+        assert s.lowest - 1e-9 <= after.tilt.position <= s.highest + 1e-9

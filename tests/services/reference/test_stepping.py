@@ -1,0 +1,97 @@
+"""The bounded law as feedback equals the bounded law as a plan."""
+
+from math import inf
+
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from services.reference.minimum_jerk import Limits, Ramp, Sample, reader, solve
+from services.reference.stepping import step, stepper
+
+velocity = st.one_of(st.floats(-3.0, 3.0), st.just(0.5))
+acceleration = st.one_of(st.floats(-4.0, 4.0), st.just(0.0))
+limits = st.builds(Limits, st.floats(0.1, 20.0), st.one_of(st.just(inf), st.floats(0.05, 5.0)))
+many = settings(max_examples=300, deadline=None)
+
+
+def planned(v: float, a: float, target: float, lim: Limits) -> tuple[Ramp, float]:
+    parts = tuple(solve(v, a, target, lim))
+    return Ramp(lim, target=target, segments=parts), sum(part.duration for part in parts)
+
+
+def assert_same(found: tuple[float, ...], expected: Sample) -> None:
+    assert found[:3] == pytest.approx(expected[:3], rel=1e-9, abs=1e-9)
+
+
+@many
+@given(velocity, acceleration, velocity, limits, st.floats(0.0, 1.3))
+def test_one_step_of_any_length_is_the_plan(
+    v: float, a: float, target: float, lim: Limits, share: float
+) -> None:
+    ramp, total = planned(v, a, target, lim)
+    here = step(0.0, v, a, target, *lim, share * total)
+    assert tuple(here) == pytest.approx(tuple(ramp.at(share * total)), rel=1e-9, abs=1e-9)
+
+
+@many
+@given(velocity, acceleration, velocity, limits, st.floats(0.01, 1.3), st.integers(1, 40))
+def test_many_steps_that_solve_anew_follow_the_plan(
+    v: float, a: float, target: float, lim: Limits, share: float, steps: int
+) -> None:
+    """So dt does not matter, and parts of the law may end anywhere inside a step."""
+    ramp, total = planned(v, a, target, lim)
+    assume(total > 1e-6)
+    advance = stepper(lim, share * total / steps)
+    here = (0.0, v, a, 0.0)
+    for k in range(steps):
+        here = advance(*here[:3], target)
+        assert_same(here, ramp.at(share * total * (k + 1) / steps))
+
+
+@many
+@given(st.lists(st.floats(-1.0, 1.0), min_size=1, max_size=30), limits, st.floats(0.001, 0.5))
+def test_with_a_target_that_changes_at_every_step_it_is_a_ramp_aimed_anew(
+    targets: list[float], lim: Limits, dt: float
+) -> None:
+    ramp, advance = Ramp(lim), stepper(lim, dt)
+    here = (0.0, 0.0, 0.0, 0.0)
+    for k, target in enumerate(targets):
+        ramp.aim(target, k * dt)
+        here = advance(*here[:3], target)
+        assert_same(here, ramp.at((k + 1) * dt))
+        assert abs(here[2]) <= lim.acceleration * (1 + 1e-12)
+        assert abs(here[3]) <= lim.jerk * (1 + 1e-9)
+
+
+@many
+@given(velocity, acceleration, velocity, limits, st.floats(0.0, 1.3))
+def test_reading_a_plan_is_evaluating_it(
+    v: float, a: float, target: float, lim: Limits, share: float
+) -> None:
+    ramp, total = planned(v, a, target, lim)
+    read = reader(ramp.segments, target)
+    assert_same(read(share * total), ramp.at(share * total))
+    middle = 0.4321 * share * total
+    assert read(middle)[3] == pytest.approx(ramp.at(middle).jerk, rel=1e-6, abs=1e-6)
+
+
+def test_the_jerk_is_that_of_the_plan_in_each_part_of_the_law() -> None:
+    lim = Limits(2.0, 0.5)
+    ramp, total = planned(0.0, -0.4, 1.5, lim)
+    advance = stepper(lim, total / 97)
+    here = (0.0, 0.0, -0.4, 0.0)
+    for k in range(97):
+        here = advance(*here[:3], 1.5)
+        assert here[3] == pytest.approx(ramp.at(total * (k + 1) / 97).jerk, abs=1e-6) or k == 96
+
+
+def test_no_change_at_all_stays_at_rest() -> None:
+    assert stepper(Limits(1.0, 1.0), 0.1)(2.0, 0.5, 0.0, 0.5) == (2.05, 0.5, 0.0, 0.0)
+    assert stepper(Limits(1.0), 0.1)(0.0, 0.0, 0.0, 5e-324)[1] == 5e-324
+
+
+@pytest.mark.parametrize(("jerk", "a_max", "dt"), [(0, 1, 1), (1, -1, 1), (1, 1, 0), (1, 1, inf)])
+def test_wrong_limits_are_refused(jerk: float, a_max: float, dt: float) -> None:
+    with pytest.raises(ValueError, match="above 0"):
+        stepper(Limits(jerk, a_max), dt)

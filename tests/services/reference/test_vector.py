@@ -1,0 +1,194 @@
+"""Velocity vectors change straight, within norm limits, in whatever frame."""
+
+from math import cos, hypot, inf, pi, sin
+
+import numpy as np
+import pytest
+from hypothesis import assume, example, given, settings
+from hypothesis import strategies as st
+
+from services.reference import thesis_rule
+from services.reference.minimum_jerk import Limits, solve
+from services.reference.vector import Stage, Vector, VectorRamp, bounded_plan, duration, plan
+
+number = st.floats(-2.0, 2.0)
+pair = st.tuples(number, number)
+triple = st.tuples(number, number, number)
+state = st.one_of(st.tuples(pair, pair, pair), st.tuples(triple, triple, triple))
+limits = st.builds(Limits, st.floats(0.2, 10.0), st.one_of(st.just(inf), st.floats(0.1, 3.0)))
+many = settings(max_examples=200, deadline=None)
+State = tuple[Vector, Vector, Vector]
+
+
+def length(stages: list[Stage]) -> float:
+    return sum(stage[0].duration for stage in stages)
+
+
+def norm_at(stage: Stage, share: float, what: str) -> float:
+    return hypot(*(getattr(s.at(share * s.duration), what) for s in stage))
+
+
+def difference(p: Vector, q: Vector) -> Vector:
+    return tuple(x - y for x, y in zip(p, q, strict=True))
+
+
+def turned(p: Vector, angle: float) -> Vector:
+    return (p[0] * cos(angle) - p[1] * sin(angle), p[0] * sin(angle) + p[1] * cos(angle))
+
+
+@many
+@given(state, limits)
+def test_norms_keep_their_limits_from_any_state(s: State, lim: Limits) -> None:
+    most = max(lim.acceleration, hypot(*s[1]))
+    inside = False
+    for stage in bounded_plan(*s, lim):
+        for k in range(9):
+            assert norm_at(stage, k / 8, "jerk") <= lim.jerk * (1 + 1e-9)
+            a = norm_at(stage, k / 8, "acceleration")
+            assert a <= (lim.acceleration if inside else most) * (1 + 1e-9)
+            inside = inside or a <= lim.acceleration
+
+
+@many
+@given(state, limits)
+def test_velocity_and_acceleration_are_continuous_and_arrive(s: State, lim: Limits) -> None:
+    v, a, target = s
+    for stage in bounded_plan(*s, lim):
+        assert tuple(part.v0 for part in stage) == pytest.approx(v, abs=1e-8)
+        assert tuple(part.a0 for part in stage) == pytest.approx(a, abs=1e-9)
+        end = [part.at(part.duration) for part in stage]
+        v, a = tuple(e.velocity for e in end), tuple(e.acceleration for e in end)
+    if v != target:
+        assert v == pytest.approx(target, abs=1e-8)
+        assert hypot(*a) < 1e-6
+
+
+# Some times of turning are too short for the jerk, although shorter ones are not.
+TORN: list[tuple[State, float]] = [
+    (((0.9585809388672066, 0.02314211079194184), (2.5980041488621035, -1.7622242476594747),
+      (1.971521498548109, -0.5362518270904717)), 2.847017035495802),
+    (((0.6133603133149768, 0.8130967567251464), (2.3518389082659708, 1.4600890354002276),
+      (1.7351487683881985, 1.561827137834114)), 1.7785539938136719),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("s", "jerk"), TORN)
+def test_the_search_takes_no_turning_that_the_jerk_cannot_make(s: State, jerk: float) -> None:
+    v = s[0]
+    for stage in bounded_plan(*s, Limits(jerk)):
+        assert tuple(part.v0 for part in stage) == pytest.approx(v, abs=1e-9)
+        v = tuple(part.at(part.duration).velocity for part in stage)
+
+
+@many
+@given(pair, pair, limits, st.floats(0.0, 1.0))
+def test_from_rest_the_change_is_straight_and_the_scalar_law(
+    v: Vector, target: Vector, lim: Limits, share: float
+) -> None:
+    e = difference(target, v)
+    assume(hypot(*e) > 1e-3)
+    stages = bounded_plan(v, (0.0, 0.0), target, lim)
+    assert length(stages) == pytest.approx(
+        sum(part.duration for part in solve(0.0, 0.0, hypot(*e), lim)), rel=1e-9
+    )
+    ramp = VectorRamp(lim, (0.0, 0.0), target, stages=tuple(stages))
+    here = ramp.at(share * length(stages))
+    gained = (here[0].velocity - v[0], here[1].velocity - v[1])
+    assert gained[0] * e[1] - gained[1] * e[0] == pytest.approx(0.0, abs=1e-9)
+
+
+@many
+@given(pair, st.floats(0.1, 2.0), st.floats(0.0, 2 * pi), st.floats(-3.0, 3.0), limits)
+def test_on_one_line_it_is_the_scalar_law(
+    v: Vector, e: float, angle: float, a: float, lim: Limits
+) -> None:
+    n = (cos(angle), sin(angle))
+    target = (v[0] + e * n[0], v[1] + e * n[1])
+    found = length(bounded_plan(v, (a * n[0], a * n[1]), target, lim))
+    assert found == pytest.approx(sum(p.duration for p in solve(0.0, a, e, lim)), rel=1e-5)
+
+
+@many
+@given(pair, pair, pair, limits, st.floats(0.0, 2 * pi))
+def test_turning_the_frame_changes_nothing(
+    v: Vector, a: Vector, target: Vector, lim: Limits, angle: float
+) -> None:
+    there = turned(v, angle), turned(a, angle), turned(target, angle)
+    here = length(bounded_plan(v, a, target, lim))
+    assert length(bounded_plan(*there, lim)) == pytest.approx(here, rel=1e-5, abs=1e-6)
+    e = difference(target, v)
+    # Near the surface where the rule jumps, rounding decides.
+    assume(abs(hypot(*a) ** 2 - 6 * lim.jerk * hypot(*e)) > 1e-3)
+    rule = duration(a, e, lim.jerk)
+    assert duration(turned(a, angle), turned(e, angle), lim.jerk) == pytest.approx(rule, rel=1e-5)
+
+
+@many
+@given(state, limits, st.floats(0.02, 0.98))
+def test_solving_again_on_the_way_never_delays_the_arrival(
+    s: State, lim: Limits, share: float
+) -> None:
+    stages = bounded_plan(*s, lim)
+    total = length(stages)
+    assume(total > 1e-2)
+    ramp = VectorRamp(lim, (0.0,) * len(s[0]), s[2], stages=tuple(stages))
+    here = ramp.at(share * total)
+    v, a = tuple(h.velocity for h in here), tuple(h.acceleration for h in here)
+    assert length(bounded_plan(v, a, s[2], lim)) <= (1 - share) * total + 1e-5 * (1 + total)
+
+
+@many
+@given(state, st.floats(0.2, 10.0))
+@example(((1.5, 0.1875), (-1.125, 0.875), (0.0, 1.125)), 0.2109375)  # Newton passes a minimum
+def test_the_rule_of_the_thesis_takes_the_largest_root(s: State, jerk: float) -> None:
+    a, e = np.array(s[1]), np.array(s[2]) - np.array(s[0])
+    assume(np.linalg.norm(e) > 1e-3)
+    assume(np.linalg.norm(a) > 1e-3 or not a.any())
+    found = duration(s[1], tuple(e.tolist()), jerk)
+    roots = np.roots([jerk**2, 0.0, -4 * float(a @ a), 24 * float(a @ e), -36 * float(e @ e)])
+    real = [r.real for r in roots if abs(r.imag) <= 1e-6 * abs(r)]
+    close = min(abs(found - r) for r in real)
+    assert close <= 1e-6 * found
+    assert found >= max(r for r in real) * (1 - 1e-3)
+    stage = plan(*s, jerk)
+    assert norm_at(stage, 1.0, "jerk") == pytest.approx(jerk, rel=1e-6)
+    end = tuple(part.at(part.duration).velocity for part in stage)
+    assert end == pytest.approx(s[2], abs=1e-8)
+
+
+@many
+@given(number, number, number, st.floats(0.2, 10.0))
+def test_with_one_axis_the_vector_rule_is_the_thesis_rule(
+    v: float, a: float, target: float, jerk: float
+) -> None:
+    assume(abs(a * a - 6 * jerk * abs(target - v)) > 1e-3)
+    expected = thesis_rule.duration(v, a, target, jerk)
+    assert duration((a,), (target - v,), jerk) == pytest.approx(expected, rel=1e-6, abs=1e-9)
+
+
+@many
+@given(st.lists(st.tuples(st.floats(0.0, 1.0), pair), min_size=1, max_size=6), limits)
+def test_a_ramp_aimed_anew_has_no_step(moves: list[tuple[float, Vector]], lim: Limits) -> None:
+    ramp, now = VectorRamp(lim, (0.0, 0.0), (0.0, 0.0)), 0.0
+    for wait, target in moves:
+        now += wait
+        before = ramp.at(now)
+        ramp.aim(target, now)
+        for b, a in zip(before, ramp.at(now), strict=True):
+            assert a[:3] == pytest.approx(b[:3], abs=1e-8)
+        assert norm(ramp, now) <= lim.acceleration * (1 + 1e-9)
+    end = ramp.at(now + 1e4)
+    assert (end[0].velocity, end[1].velocity) == moves[-1][1]
+
+
+def norm(ramp: VectorRamp, t: float) -> float:
+    return hypot(*(axis.acceleration for axis in ramp.at(t)))
+
+
+def test_wrong_vectors_are_refused() -> None:
+    with pytest.raises(ValueError, match="one number per axis"):
+        bounded_plan((0.0,), (0.0, 0.0), (1.0,), Limits(1.0))
+    with pytest.raises(ValueError, match="finite"):
+        plan((0.0,), (inf,), (1.0,), 1.0)
+    with pytest.raises(ValueError, match="above 0"):
+        plan((0.0,), (0.0,), (1.0,), 0.0)

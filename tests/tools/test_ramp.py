@@ -1,0 +1,149 @@
+"""`lindy ramp`: CSV in, CSV out, one plan as JSON, and a sentence for every mistake."""
+
+import io
+import json
+from itertools import pairwise
+from math import inf, nan
+from typing import Any
+
+import pytest
+
+from services.reference.minimum_jerk import Limits, Ramp
+from services.runtime.errors import LindyError
+from tools.ramp import Rule, ramp
+
+LOG = "t,target\n0,0.3\n0.25,0\n1,0\n"
+RULES: list[Rule] = ["bounded", "thesis", "direct", "filter", "minimum-time"]
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Any:
+    def run(text: str, **options: Any) -> list[dict[str, float]]:
+        monkeypatch.setattr("sys.stdin", io.StringIO(text))
+        assert ramp(**options) == 0
+        header, *lines = capsys.readouterr().out.splitlines()
+        assert header == "t,x,v,a,j"
+        return [dict(zip("txvaj", map(float, line.split(",")), strict=True)) for line in lines]
+
+    return run
+
+
+def test_a_target_takes_effect_at_its_own_time_between_samples(run: Any) -> None:
+    rows = run(LOG, jerk=3.0, accel=0.5, dt=0.1)
+    reference = Ramp(Limits(3.0, 0.5))
+    reference.aim(0.3, 0.0)
+    expected = [reference.at(k / 10) for k in range(3)]
+    reference.aim(0.0, 0.25)
+    expected += [reference.at(k / 10) for k in range(3, 11)]
+    for k, (row, here) in enumerate(zip(rows, expected, strict=True)):
+        assert row["t"] == pytest.approx(k / 10)
+        assert [row[c] for c in "xvaj"] == pytest.approx(list(here), abs=1e-12)
+
+
+def test_the_sampling_time_does_not_change_the_motion(run: Any) -> None:
+    coarse, fine = (run(LOG, jerk=3.0, accel=0.5, dt=dt) for dt in (0.1, 0.025))
+    for row, same in zip(coarse, fine[::4], strict=True):
+        assert list(row.values()) == pytest.approx(list(same.values()), abs=1e-9)
+
+
+def test_the_sample_at_a_change_shows_the_new_plan_and_the_old_motion(run: Any) -> None:
+    before, here = (run(f"0,1\n0.7,{target}\n", jerk=2.0, dt=0.1)[7] for target in (1, -1))
+    assert here["t"] == 0.7
+    assert [here[c] for c in "xva"] == pytest.approx([before[c] for c in "xva"])
+    assert here["j"] == -2.0 != before["j"]
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_every_rule_integrates_its_own_velocity(run: Any, rule: Rule) -> None:
+    rows = run("0,0.3\n1.2345,-0.2\n4,0\n", rule=rule, jerk=3.0, dt=0.001, v0=0.1)
+    assert rows[0]["x"] == 0.0
+    for one, two in pairwise(rows):
+        mean = (one["v"] + two["v"]) / 2
+        assert two["x"] - one["x"] == pytest.approx(mean * 0.001, abs=3e-4)
+    assert rows[-1]["v"] == pytest.approx(-0.2, abs=1e-4) or rule == "direct"
+    assert len(rows) == 4001
+
+
+def test_the_start_is_where_it_is_put(run: Any) -> None:
+    rows = run("5,1\n6,1\n", jerk=1.0, dt=0.5, v0=0.2, a0=-0.1)
+    assert [row["t"] for row in rows] == [5.0, 5.5, 6.0]
+    assert (rows[0]["x"], rows[0]["v"], rows[0]["a"], rows[0]["j"]) == (0.0, 0.2, -0.1, 1.0)
+
+
+def test_one_line_is_one_sample(run: Any) -> None:
+    assert len(run("\n0,1\n\n", jerk=1.0, dt=0.1)) == 1
+
+
+def test_of_two_targets_at_one_time_the_later_counts(run: Any) -> None:
+    assert run("0,1\n0,-1\n1,0\n", jerk=1.0, dt=0.5)[1]["v"] < 0
+
+
+# rule, v0, a0, to, J, A → T, peak acceleration, peak jerk, displacement, with 40 digits
+PLANS: list[tuple[Rule, float, float, float, float, float | None, list[float]]] = [
+    ("bounded", 0.5, -0.3, 2.0, 1.0, 0.5, [4.0566666667, 0.5, 1.0, 4.7523083333]),
+    ("bounded", 0.0, 0.8, 2.0, 1.0, 0.5, [4.2433333333, 0.8, 1.0, 4.6462527778]),
+    ("bounded", 0.3, 0.0, 0.0, 0.78, 0.2, [1.8418803418803, 0.2, 0.78, 0.27628205128]),
+    ("thesis", 0.2, -0.5, 0.8, 2.0, None, [1.6147344064, 0.6991256219, 2.6192968924, 0.6987269031]),
+    ("minimum-time", 0.0, 0.0, 1.0, 10.0, None, [0.63245553, 3.16227766, 10.0, 0.316227766]),
+    ("bounded", 0.3, 0.0, 0.3, 1.0, None, [0.0, 0.0, 0.0, 0.0]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("rule", "v0", "a0", "to", "jerk", "accel", "expected"), PLANS)
+def test_a_plan_is_json(
+    capsys: pytest.CaptureFixture[str], rule: Rule, v0: float, a0: float, to: float,
+    jerk: float, accel: float | None, expected: list[float],
+) -> None:  # fmt: skip
+    assert ramp(rule=rule, jerk=jerk, accel=accel, plan=True, to=to, v0=v0, a0=a0) == 0
+    found = json.loads(capsys.readouterr().out)
+    keys = ["T", "peak_accel", "peak_jerk", "displacement"]
+    assert [found[key] for key in keys] == pytest.approx(expected, rel=1e-8)
+    assert sum(part["T"] for part in found["segments"]) == pytest.approx(found["T"])
+    for part in found["segments"]:
+        assert list(part) == ["T", "v0", "a0", "j0", "half_snap"]
+
+
+MISTAKES: list[tuple[str, dict[str, Any], str]] = [
+    (LOG, {"jerk": 0.0, "dt": 0.1}, "--jerk is 0.0"),
+    (LOG, {"jerk": nan, "dt": 0.1}, "--jerk is nan"),
+    (LOG, {"jerk": 1.0, "accel": -1.0, "dt": 0.1}, "--accel is -1.0"),
+    (LOG, {"jerk": 1.0, "dt": 0.0}, "--dt is 0.0"),
+    (LOG, {"jerk": 1.0, "dt": inf}, "--dt is inf"),
+    (LOG, {"jerk": 1.0, "dt": 1e-12}, "samples"),
+    (LOG, {"jerk": 1.0, "dt": 0.1, "v0": inf}, "--v0 is inf"),
+    (LOG, {"jerk": 1.0}, "--dt is missing"),
+    (LOG, {"dt": 0.1}, "--jerk is missing"),
+    (LOG, {"jerk": 1.0, "dt": 0.1, "to": 1.0}, "--to belongs to --plan"),
+    (LOG, {"rule": "filter", "dt": 0.1, "damping": 0.0}, "--damping is 0.0"),
+    ("", {"jerk": 1.0, "dt": 0.1}, "no targets"),
+    ("t,target\n", {"jerk": 1.0, "dt": 0.1}, "no targets"),
+    ("0,1\n2,0\n1,1\n", {"jerk": 1.0, "dt": 0.1}, "line 3: time 1.0 is before 2.0"),
+    ("0,1\n1\n", {"jerk": 1.0, "dt": 0.1}, "line 2: expected t,target"),
+    ("0,1\n1,2,3\n", {"jerk": 1.0, "dt": 0.1}, "line 2: expected t,target"),
+    ("t,target\n0,one\n", {"jerk": 1.0, "dt": 0.1}, "line 2: expected two numbers"),
+    ("0,nan\n", {"jerk": 1.0, "dt": 0.1}, "line 1: numbers must be finite"),
+    ("0,1e308\n1,-1e308\n", {"jerk": 1.0, "dt": 0.5}, "too large"),
+    ("", {"jerk": 1.0, "plan": True}, "--to is missing"),
+    ("", {"rule": "filter", "plan": True, "to": 1.0}, "makes no plan"),
+    ("", {"jerk": 1e-300, "plan": True, "to": 1e300}, "too large"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "options", "says"), MISTAKES)
+def test_a_mistake_is_one_sentence_and_nothing_is_printed(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+    text: str, options: dict[str, Any], says: str,
+) -> None:  # fmt: skip
+    monkeypatch.setattr("sys.stdin", io.StringIO(text))
+    with pytest.raises(LindyError, match=says):
+        ramp(**options)
+    assert capsys.readouterr().out == ""
+
+
+def test_a_limit_that_a_rule_does_not_know_is_not_ignored_in_silence(
+    run: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said = io.StringIO()
+    monkeypatch.setattr("sys.stderr", said)
+    run(LOG, rule="thesis", jerk=3.0, accel=0.5, dt=0.1)
+    assert "--accel has no effect" in said.getvalue()
