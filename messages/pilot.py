@@ -1,9 +1,12 @@
 """What the pilot says. From `gamepad`, topside; heard on board by `reference`."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
-from messages.message import Message, Ns, Positive, Stick, Ttl
+import msgspec
 
+from messages.message import Finite, Message, Ns, Positive, Stick, Ttl
+
+Place = Annotated[tuple[Finite, ...], msgspec.Meta(min_length=2, max_length=3)]  # n, e(, down)
 TTL_MS = 300.0  # [ms] a stick position older than this moves nothing
 
 
@@ -14,6 +17,7 @@ class PilotCommand(Message, frozen=True, kw_only=True):
     sway: Stick  # [-] + starboard
     heave: Stick  # [-] + down
     yaw: Stick  # [-] + clockwise seen from above
+    tilt: Stick = 0.0  # [-] camera, + upwards
     pilot: Literal["present", "lost"] = "present"  # lost: the pad is gone, which is not "centred"
     source: str = ""  # which pad, keyboard or script
     device_age_ms: Positive = 0.0  # [ms] since the device itself last answered
@@ -21,7 +25,18 @@ class PilotCommand(Message, frozen=True, kw_only=True):
     epoch: int = 0  # authority epoch; a command of another epoch is refused
 
 
-RequestKind = Literal["arm", "disarm", "stop", "light"]
+RequestKind = Literal["arm", "disarm", "stop", "light", "goto", "follow"]
+
+
+class Course(msgspec.Struct, frozen=True):
+    """A path to follow, as in a file of deploy/paths/. It begins where the drone is."""
+
+    waypoints: Annotated[tuple[Place, ...], msgspec.Meta(min_length=2, max_length=1000)]  # [m]
+    min_radius: Finite = 5.0  # [m] of every turn
+    kind: Literal["approximating", "interpolating"] = "approximating"
+    cruise: Finite = 0.3  # [m/s]
+    acceleration: Finite = 0.15  # [m/s²] at most
+    jerk: Finite = 0.3  # [m/s³] at most
 
 
 class PilotRequest(Message, frozen=True, kw_only=True):
@@ -30,7 +45,18 @@ class PilotRequest(Message, frozen=True, kw_only=True):
     id: str
     kind: RequestKind
     value: Stick | None = None  # light: brightness 0 … 1
+    depth: Finite | None = None  # [m] goto: positive down
+    heading: Finite | None = None  # [rad] goto: clockwise from north, shortest way
+    course: Course | None = None  # follow
     epoch: int = 0
+
+
+class StopDistance(msgspec.Struct, frozen=True):
+    """From the moment a stop is asked for to standstill, of the reference."""
+
+    depth: Finite  # [m] positive down
+    heading: Finite  # [rad] positive clockwise
+    seconds: Positive  # [s]
 
 
 class PilotAnswer(Message, frozen=True, kw_only=True):
@@ -39,4 +65,5 @@ class PilotAnswer(Message, frozen=True, kw_only=True):
     id: str
     accepted: bool
     reason: str = ""  # why not, in words for the pilot
+    stop: StopDistance | None = None  # stop: how far the drone still goes
     cause_ns: Ns | None = None  # [ns] stamp of the request

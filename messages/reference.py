@@ -2,7 +2,7 @@
 
 import msgspec
 
-from messages.message import Finite, Message, Ns
+from messages.message import Finite, Message, Ns, Positive
 
 
 class Motion(msgspec.Struct, frozen=True):
@@ -12,6 +12,7 @@ class Motion(msgspec.Struct, frozen=True):
     velocity: Finite  # per second
     acceleration: Finite  # per second²
     jerk: Finite  # per second³
+    jerk_limit: Positive | None = None  # per second³, in force now; None where a path sets the pace
 
 
 class Reference(Message, frozen=True, kw_only=True):
@@ -24,3 +25,5 @@ class Reference(Message, frozen=True, kw_only=True):
     heading: Motion  # accumulates past ±π
     surge_force: Finite  # [N] body, ramped by the same jerk law
     sway_force: Finite  # [N] body
+    surge: Motion | None = None  # [m] along a path that is followed; adds to the force
+    tilt: Motion = Motion(0.0, 0.0, 0.0, 0.0)  # [rad] camera, + upwards

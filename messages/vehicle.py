@@ -3,8 +3,9 @@
 from typing import Literal
 
 from messages.message import Finite, Message, Ns, Positive, Quaternion, Stick, Vec3
+from messages.pilot import StopDistance
 
-Mode = Literal["starting", "ready", "piloted", "stopping"]
+Mode = Literal["starting", "ready", "piloted", "stopping", "goto", "follow"]
 Failsafe = Literal["none", "pilot_lost", "state_lost"]
 
 
@@ -17,6 +18,7 @@ class VehicleStatus(Message, frozen=True, kw_only=True):
     pilot: str = ""  # who has control: the source of the newest valid command
     light: Stick = 0.0  # [-] 0 … 1
     note: str = ""  # why it is not ready, in words for the pilot
+    stop: StopDistance | None = None  # while stopping: how far it went, or goes, since asked to
 
 
 class Actuation(Message, frozen=True, kw_only=True):

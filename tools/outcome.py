@@ -10,12 +10,11 @@ from msgspec.structs import replace
 from messages import topics
 from messages.health import Health
 from services.recorder.parts import parts_in
-from services.reference.core import Settings as ReferenceSettings
 from services.runtime.errors import LindyError
 from services.runtime.node import Node
 from services.runtime.stack import Stack
 from tools.recording import log_hash, merge_parts, open_recording
-from tools.report import Dive, Extras, Limits, Report, encode, read_dive, report_on, summary
+from tools.report import Dive, Extras, Report, encode, read_dive, report_on, summary
 
 CLEAN, DATA_LOST = 0, 3  # exit statuses
 RECORDER, HUB = "recorder", "hub_"
@@ -70,10 +69,8 @@ class Outcome:
         return DATA_LOST if data_was_lost(dive, report) else CLEAN
 
     def _extras(self) -> Extras:
-        settings = self._stack.section("reference", ReferenceSettings)
         extras = Extras(
             exit=self.exit,
-            limits=Limits(heave_jerk=settings.heave.jerk, yaw_jerk=settings.yaw.jerk),
             restarts=self.restarts(),
             health=self._health,
         )

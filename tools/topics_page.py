@@ -9,6 +9,7 @@ import msgspec
 from messages import topics
 from messages.link import Direction
 from messages.message import Estimate
+from messages.pilot import Course, StopDistance
 from messages.reference import Motion
 from messages.topic import AnyTopic
 
@@ -30,7 +31,7 @@ def page() -> str:
         *map(_row, topics.ALL),
     ]
     kinds: list[type[msgspec.Struct]] = list(dict.fromkeys(t.message for t in topics.ALL))
-    kinds += [Estimate, Motion, Direction]  # parts of messages
+    kinds += [Estimate, Motion, Direction, Course, StopDistance]  # parts of messages
     return "\n".join([HEADING, *rows, "", *map(_section, kinds)])
 
 

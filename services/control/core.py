@@ -33,6 +33,7 @@ class Controller:
     happened: list[str] = field(default_factory=list[str])
     _depth: AxisLaw = field(init=False)
     _heading: AxisLaw = field(init=False)
+    _surge: AxisLaw = field(init=False)
     _allocation: Allocation = field(init=False)
     _last: Ns | None = None
     _held: Reference | None = None
@@ -42,6 +43,7 @@ class Controller:
     def __post_init__(self) -> None:
         self._depth = AxisLaw(self.settings.depth, plant_of(self.vehicle, 2))
         self._heading = AxisLaw(self.settings.heading, plant_of(self.vehicle, 5))
+        self._surge = AxisLaw(self.settings.depth, plant_of(self.vehicle, 0))
         self._allocation = Allocation(self.vehicle)
 
     def step(
@@ -69,7 +71,8 @@ class Controller:
         if reference is None or not reference.armed or state is None:
             return self._off(reference, state, now)
         depth, heading = self._efforts(reference, state, dt)
-        wanted = (reference.surge_force, reference.sway_force, depth.total, heading.total)
+        surge = reference.surge_force + self._along_path(reference)
+        wanted = (surge, reference.sway_force, depth.total, heading.total)
         if not all(map(isfinite, wanted)):
             self._now_true.add("not_finite:wrench")
             return self._off(reference, state, now)
@@ -95,6 +98,11 @@ class Controller:
             efforts.append(effort)
         return efforts[0], efforts[1]
 
+    def _along_path(self, reference: Reference) -> float:
+        """[N] Surge force that drives the vehicle along a path: no horizontal velocity is
+        measured, so it is feed-forward alone."""
+        return 0.0 if reference.surge is None else self._surge.feed_forward(reference.surge)
+
     def _hold(self) -> Reference | None:
         """The last reference brought to rest where it was: no velocity, no horizontal force."""
         if self._held is None:
@@ -107,6 +115,7 @@ class Controller:
             heading=Motion(self._held.heading.position, 0.0, 0.0, 0.0),
             surge_force=0.0,
             sway_force=0.0,
+            surge=None,
         )
 
     def _off(

@@ -19,15 +19,14 @@ def wire(node: Node, stack: Stack) -> None:
     reference = node.publisher(topics.REFERENCE)
     answers = node.publisher(topics.PILOT_ANSWER)
     status = node.publisher(topics.STATUS)
-    shown = ""
+    said: tuple[object, ...] = ()
 
     def on_state(state: VehicleState | None, now: int) -> None:
         if (out := pilotage.step(state, commands.fresh(now), now)) is not None:
             reference.put(out)
-        while pilotage.happened:
-            node.count(what := pilotage.happened.pop())
-            node.log("warning", what)
-        say_status_if_changed(now)
+        _tell(node, pilotage)
+        if said != _gist(pilotage, now):
+            say_status(now)
 
     def on_request(request: PilotRequest, now: int) -> None:
         answer, changed = pilotage.answer(request, commands.fresh(now), now)
@@ -37,19 +36,28 @@ def wire(node: Node, stack: Stack) -> None:
             node.log("info", f"{request.kind}: done")
         elif not answer.accepted:
             node.log("warning", f"{request.kind} refused: {answer.reason}")
-        say_status_if_changed(now)
+        say_status(now)
 
     def say_status(now: int) -> None:
-        nonlocal shown
-        message = pilotage.status(commands.newest(now), now)
-        status.put(message)
-        shown = f"{message.mode} {message.armed} {message.failsafe}"
-
-    def say_status_if_changed(now: int) -> None:
-        message = pilotage.status(None, now)
-        if shown != f"{message.mode} {message.armed} {message.failsafe}":
-            say_status(now)
+        nonlocal said
+        said = _gist(pilotage, now)
+        status.put(pilotage.status(commands.newest(now), now))
 
     node.trigger(topics.STATE, on_state, SILENCE_S)
     node.each(topics.PILOT_REQUEST, on_request)
     node.every(topics.STATUS.hz, say_status)
+
+
+def _tell(node: Node, pilotage: Pilotage) -> None:
+    """Count and say what has happened."""
+    while pilotage.happened:
+        node.count(what := pilotage.happened.pop())
+        node.log("warning", what)
+    while pilotage.notes:
+        node.log("info", pilotage.notes.pop())
+
+
+def _gist(pilotage: Pilotage, now: int) -> tuple[object, ...]:
+    """A status is said at once when this has changed."""
+    status = pilotage.status(None, now)
+    return status.mode, status.armed, status.failsafe

@@ -20,7 +20,7 @@ from messages.vehicle import Actuation, Truth
 from services.recorder.foxglove_schema import foxglove_schema
 from services.recorder.mcap_file import McapFile
 from tools.recording import open_recording
-from tools.report import Extras, Limits, encode, make_report, read_dive, summary
+from tools.report import Extras, encode, make_report, read_dive, summary
 from tools.report.report import Report
 from tools.report.stops import Stop
 
@@ -67,8 +67,8 @@ def reference(
         sensor_ns=sensor,
         pilot_ns=pilot,
         armed=armed,
-        depth=Motion(depth, 0.0, 0.0, jerk[0]),
-        heading=Motion(heading, 0.0, 0.0, jerk[1]),
+        depth=Motion(depth, 0.0, 0.0, jerk[0], 1.5),
+        heading=Motion(heading, 0.0, 0.0, jerk[1], 4.0),
         surge_force=0.0,
         sway_force=0.0,
     )
@@ -170,7 +170,7 @@ def test_a_report_has_exactly_the_promised_keys_in_their_order(tmp_path: Path):
 
 
 def test_an_empty_recording_still_has_a_report_and_a_summary(tmp_path: Path):
-    report = report_of(tmp_path, [], Extras(limits=Limits(1.0, 1.0)))
+    report = report_of(tmp_path, [], Extras())
     assert report.seconds == 0.0
     assert report.depth_error_rms_m is None
     assert report.peak_jerk_ratio is None
@@ -244,10 +244,9 @@ def test_the_peak_jerk_is_the_worse_of_both_axes_and_only_while_armed(tmp_path: 
         reference(START + MS, jerk=(0.5, -3.0)),
         reference(START + 2 * MS, jerk=(50.0, 50.0), armed=False),
     ]
-    limits = Limits(heave_jerk=1.5, yaw_jerk=4.0)
-    report = report_of(tmp_path, said, Extras(limits=limits))
+    report = report_of(tmp_path / "a", said)
     assert report.peak_jerk_ratio == pytest.approx(0.75)
-    assert report_of(tmp_path, said).peak_jerk_ratio is None
+    assert report_of(tmp_path / "b", said[2:]).peak_jerk_ratio is None
 
 
 def test_energy_is_the_integral_over_time_and_thrusters(tmp_path: Path):

@@ -3,12 +3,10 @@
 from tools.report.dive import Dive, read_dive
 from tools.report.report import Extras, Report, encode, make_report, report_on
 from tools.report.summary import summary
-from tools.report.tracking import Limits
 
 __all__ = [
     "Dive",
     "Extras",
-    "Limits",
     "Report",
     "encode",
     "make_report",

@@ -10,6 +10,7 @@ from array import array
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -81,8 +82,7 @@ def _state(m: VehicleState) -> Figures:
 
 def _reference(m: Reference) -> Figures:
     valid = m.stamp_ns if m.sensor_ns is None else m.sensor_ns
-    depth = m.depth.position, m.depth.velocity, m.depth.acceleration, m.depth.jerk
-    heading = m.heading.position, m.heading.velocity, m.heading.acceleration, m.heading.jerk
+    depth, heading = msgspec.structs.astuple(m.depth), msgspec.structs.astuple(m.heading)
     return valid, m.stamp_ns, m.sensor_ns, m.pilot_ns, m.armed, *depth, *heading
 
 
@@ -99,11 +99,11 @@ def _truth(m: Truth) -> Figures:
     return m.stamp_ns, m.position[2], m.heading
 
 
-MOTION = ("position", "velocity", "acceleration", "jerk")
+MOTION = ("position", "velocity", "acceleration", "jerk", "jerk limit")
 REFERENCE = (
     *("valid", "stamp", "sensor", "pilot", "armed"),
-    *(f"heave {part}" for part in MOTION),  # [m, m/s, m/s², m/s³]
-    *(f"yaw {part}" for part in MOTION),  # [rad, rad/s, rad/s², rad/s³]
+    *(f"heave {part}" for part in MOTION),  # [m, m/s, m/s², m/s³ ×2]
+    *(f"yaw {part}" for part in MOTION),  # [rad, rad/s, rad/s², rad/s³ ×2]
 )
 WANTED = (
     Wanted(topics.PILOT_COMMAND, ("stamp", "heave", "yaw", "deflection", "lost"), _command),

@@ -12,14 +12,13 @@ from tools.report.energy import Energy, energy
 from tools.report.latency import Latency, latency
 from tools.report.services import Service, counted, services
 from tools.report.stops import Stop, stops
-from tools.report.tracking import Limits, error_rms, peak_jerk_ratio
+from tools.report.tracking import error_rms, peak_jerk_ratio
 
 
 class Extras(msgspec.Struct, frozen=True):
     """What the recording cannot know and whoever ran the dive does."""
 
     exit: str = "clean"  # or the reason
-    limits: Limits | None = None  # of the reference, as set in the vehicle file
     restarts: dict[str, int] = {}  # service → times it was started again
     losses: dict[str, int] = {}  # counted by the supervisor itself
     health: list[Health] = []  # of services the recorder does not hear, such as itself
@@ -44,7 +43,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     stops: list[Stop]  # one per stick release on heave or yaw
     depth_error_rms_m: float | None  # [m] true depth minus reference, while armed
     heading_error_rms_deg: float | None  # [°] true heading minus reference, while armed
-    peak_jerk_ratio: float | None  # [-] largest |reference jerk| over its limit
+    peak_jerk_ratio: float | None  # [-] largest |reference jerk| over the limit in force
     energy: Energy
     losses: dict[str, int]  # everything dropped, stale, expired, clamped …; by name
     exit: str  # "clean" or the reason
@@ -71,7 +70,7 @@ def report_on(dive: Dive, extras: Extras) -> Report:
         stops=stops(dive),
         depth_error_rms_m=error_rms(dive, "heave"),
         heading_error_rms_deg=None if heading_error is None else degrees(heading_error),
-        peak_jerk_ratio=peak_jerk_ratio(dive, extras.limits),
+        peak_jerk_ratio=peak_jerk_ratio(dive),
         energy=energy(dive),
         losses=_losses(dive, health, extras.losses),
         exit=extras.exit,

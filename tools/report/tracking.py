@@ -2,18 +2,10 @@
 
 import math
 
-import msgspec
 import numpy as np
 
 from messages import topics
 from tools.report.dive import Dive
-
-
-class Limits(msgspec.Struct, frozen=True):
-    """What the reference promised."""
-
-    heave_jerk: float  # [m/s³]
-    yaw_jerk: float  # [rad/s³]
 
 
 def error_rms(dive: Dive, axis: str) -> float | None:
@@ -35,13 +27,13 @@ def error_rms(dive: Dive, axis: str) -> float | None:
     return math.sqrt(float(np.mean(error * error)))
 
 
-def peak_jerk_ratio(dive: Dive, limits: Limits | None) -> float | None:
-    """Largest |jerk| of the armed reference over its limit, of heave and yaw the worse. None: no
-    limits given, or never armed."""
+def peak_jerk_ratio(dive: Dive) -> float | None:
+    """Largest |jerk| of the armed reference over the limit in force at that moment, of heave and
+    yaw the worse. None: never armed, or a path set the pace all the time."""
     reference = dive[topics.REFERENCE]
-    armed = reference["armed"] > 0
-    if limits is None or not armed.any():
-        return None
-    heave = np.max(np.abs(reference["heave jerk"][armed])) / limits.heave_jerk
-    yaw = np.max(np.abs(reference["yaw jerk"][armed])) / limits.yaw_jerk
-    return float(max(heave, yaw))
+    ratios = [
+        np.abs(reference[f"{axis} jerk"]) / reference[f"{axis} jerk limit"]
+        for axis in ("heave", "yaw")
+    ]
+    armed = np.concatenate([ratio[reference["armed"] > 0] for ratio in ratios])
+    return float(np.nanmax(armed)) if np.isfinite(armed).any() else None

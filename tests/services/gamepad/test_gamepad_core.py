@@ -11,6 +11,7 @@ from services.gamepad.core import (
     Gain,
     Profile,
     Sticks,
+    Tilt,
     presses_of,
     shape,
     sticks_of,
@@ -112,6 +113,28 @@ def test_no_state_of_a_pad_commands_more_than_full(controls: dict[str, float]):
     assert all(-1.0 <= stick <= 1.0 for stick in sticks_of(controls, Profile()))
 
 
+@laws
+@given(gains, shares, shares, st.booleans(), st.booleans())
+def test_the_camera_turns_at_full_speed_whatever_the_gain_and_both_buttons_cancel(
+    gain: Gain, slow: float, boost: float, up: bool, down: bool
+):
+    held = {"dpup": float(up), "dpdown": float(down)}
+    triggers = {"lefttrigger": slow, "righttrigger": boost}
+    assert sticks_of(held | triggers, Profile(gain=gain)) == Sticks(tilt=float(up) - float(down))
+
+
+@laws
+@given(st.builds(Sticks, *[travels] * 5))
+def test_sticks_are_at_rest_when_nothing_but_the_camera_moves(sticks: Sticks):
+    assert sticks.at_rest == (sticks._replace(tilt=0.0) == CENTRED)
+    assert Sticks(tilt=sticks.tilt).at_rest
+
+
+def test_the_cameras_buttons_are_the_profiles():
+    profile = Profile(tilt=Tilt(up="x", down="a"))
+    assert sticks_of({"x": 1.0, "dpdown": 1.0}, profile) == Sticks(tilt=1.0)
+
+
 def test_an_untouched_pad_is_centred():
     assert sticks_of({}, Profile()) == CENTRED
 
@@ -134,6 +157,9 @@ def test_the_shipped_profile_is_the_default():
         {"gain": {"slow": 0.9}},
         {"axis": {"surge": "leftz"}},
         {"button": {"arm": "b"}},
+        {"button": {"light": "dpup"}},
+        {"tilt": {"up": "b"}},
+        {"tilt": {"up": "x", "down": "x"}},
         {"colour": "red"},
     ],
 )

@@ -23,6 +23,7 @@ CONTROLLER, WHEEL = 1, 2  # SDL_JoystickType
 MS = 1_000_000  # [ns]
 LEFT_Y, RIGHT_X, RIGHT_TRIGGER = 1, 2, 5
 B, Y, BACK, START = 1, 3, 4, 6
+DPAD_UP, DPAD_DOWN = 11, 12
 
 
 class VirtualPad:
@@ -104,6 +105,19 @@ def test_a_stick_a_trigger_and_a_button_reach_the_reading(pilot: Pilot):
     plugged.button(B)
     plugged.button(Y)
     assert pilot.read().presses == ("stop", "light")
+    plugged.pull()
+
+
+def test_the_d_pad_turns_the_camera_while_held_and_the_sticks_stay_at_rest(pilot: Pilot):
+    plugged = VirtualPad()
+    pilot.read()
+    for button, tilt in ((DPAD_UP, 1.0), (DPAD_DOWN, -1.0)):
+        plugged.button(button)
+        held = [pilot.read(), pilot.read()]
+        assert all(reading.sticks == Sticks(tilt=tilt) for reading in held)
+        assert all(reading.at_rest and reading.presses == () for reading in held)
+        plugged.button(button, down=False)
+        assert pilot.read().sticks == CENTRED
     plugged.pull()
 
 

@@ -1,6 +1,7 @@
 """The wired service on virtual time, with a drone on the other end."""
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from pathlib import Path
 
@@ -8,12 +9,13 @@ import pytest
 
 from messages import topics
 from messages.health import LogLine
-from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
+from messages.pilot import Course, PilotAnswer, PilotCommand, PilotRequest
 from messages.vehicle import Mode, VehicleStatus
 from services.gamepad import sdl
 from services.gamepad.core import CENTRED, Reading, Sticks
 from services.gamepad.script import parse
 from services.gamepad.service import Pilot, Progress, wire
+from services.gamepad.wish import Press, Wish
 from services.runtime.errors import LindyError
 from services.runtime.node import Node
 from services.runtime.stack import Row, Stack
@@ -86,12 +88,12 @@ class Hands:
     def __init__(self) -> None:
         self.sticks = CENTRED
         self.present = True
-        self.presses: list[str] = []
+        self.presses: Sequence[Wish] = ()
 
     def read(self, now: int, began: int | None) -> Reading:  # noqa: ARG002
-        pressed, self.presses = tuple(self.presses), []
-        at_rest = self.present and self.sticks == CENTRED
-        return Reading(self.sticks, self.present, at_rest, presses=pressed)  # type: ignore[arg-type]
+        pressed, self.presses = tuple(self.presses), ()
+        at_rest = self.present and self.sticks.at_rest
+        return Reading(self.sticks, self.present, at_rest, presses=pressed)
 
     def next_ns(self, now: int, began: int) -> int | None:  # noqa: ARG002
         return None
@@ -127,7 +129,7 @@ def hold(hands: Hands, *, arms: bool) -> Callable[[Node, Stack], None]:
 
 
 def sticks_of(command: PilotCommand) -> Sticks:
-    return Sticks(command.surge, command.sway, command.heave, command.yaw)
+    return Sticks(command.surge, command.sway, command.heave, command.yaw, command.tilt)
 
 
 def changes(commands: list[PilotCommand], began: int) -> list[tuple[int, Sticks, str]]:
@@ -284,18 +286,18 @@ def test_without_leave_to_arm_by_itself_only_the_button_arms(host: VirtualHost, 
     node = host.add("gamepad", HOME, Stack(), hold(hands, arms=False))
     host.run(2 * S)
     assert drone.requests == []
-    hands.sticks, hands.presses = Sticks(yaw=0.1), ["arm"]
+    hands.sticks, hands.presses = Sticks(yaw=0.1), ("arm",)
     host.run(3 * S)
     assert drone.requests == []
     assert node.counts["refused_here:arm"] == 1
-    hands.sticks, hands.presses = CENTRED, ["arm"]
+    hands.sticks, hands.presses = CENTRED, ("arm",)
     host.run(4 * S)
     assert drone.kinds() == ["arm"]
 
 
 @pytest.mark.parametrize("kind", ["stop", "disarm"])
 def test_after_a_stop_or_disarm_nothing_arms_by_itself_even_after_a_restart(
-    host: VirtualHost, drone: Drone, kind: str
+    host: VirtualHost, drone: Drone, kind: Press
 ):
     hands = Hands()
     hands.presses = [kind]
@@ -341,6 +343,72 @@ def test_a_real_pad_service_without_a_pad_runs_and_says_so(
     assert drone.requests == []
     assert drone.texts() == ["no pad is plugged in; waiting for one"]
     host.close()
+
+
+def test_goto_and_follow_of_a_script_reach_the_drone_at_their_time_in_si_units(
+    host: VirtualHost, drone: Drone, tmp_path: Path
+):
+    way = tmp_path / "way.toml"
+    way.write_text("waypoints = [[0, 0, 2], [9, 0, 3]]\nmin_radius = 3\ncruise = 0.2\n")
+    path = tmp_path / "trip.csv"
+    path.write_text(
+        "t,surge,sway,heave,yaw,tilt,event\n"
+        "0.5,0,0,0,0,0.75\n"
+        "1.001,0,0,0,0,0,goto depth=3 heading=-45\n"
+        "2,0,0,0,0,,goto depth=1\n"
+        f"3,0,0,0,0,,follow {way}\n"
+        "4,0,0,0,0\n"
+    )
+    host.add("gamepad", HOME, Stack(pilot=f"script:{path}"), wire)
+    host.run(9 * S)
+    began = drone.armed_at
+    assert began is not None
+    asked = [r for r in drone.requests if r.kind in ("goto", "follow")]
+    assert [(r.kind, r.depth, r.heading, r.stamp_ns - began) for r in asked] == [
+        ("goto", 3.0, -math.pi / 4, 1001 * MS),
+        ("goto", 1.0, None, 2 * S),
+        ("follow", None, None, 3 * S),
+    ]
+    course = Course(waypoints=((0.0, 0.0, 2.0), (9.0, 0.0, 3.0)), min_radius=3.0, cruise=0.2)
+    assert [r.course for r in asked] == [None, None, course]
+    assert changes(drone.since(began), began) == [
+        (0, CENTRED, "present"),
+        (500 * MS, Sticks(tilt=0.75), "present"),
+        (1001 * MS, CENTRED, "present"),
+    ]
+
+
+def test_a_goto_is_repeated_whole_and_with_its_id_until_a_stop_overrules_it(
+    host: VirtualHost, drone: Drone, tmp_path: Path
+):
+    path = tmp_path / "trip.csv"
+    path.write_text(
+        "t,surge,sway,heave,yaw,event\n0,0,0,0,0\n"
+        "1,0,0,0,0,goto depth=3 heading=90\n2,0,0,0,0,stop\n4,0,0,0,0\n"
+    )
+    host.add("gamepad", HOME, Stack(pilot=f"script:{path}"), wire)
+    host.run(S)
+    began = drone.armed_at
+    assert began is not None
+    drone.answers = False
+    host.run(began + 4 * S)
+    gotos = [r for r in drone.requests if r.kind == "goto"]
+    assert [r.stamp_ns - began for r in gotos] == pytest.approx(
+        [S + n * 200 * MS for n in range(5)], abs=20 * MS
+    )
+    assert {(r.id, r.depth, r.heading) for r in gotos} == {(gotos[0].id, 3.0, math.pi / 2)}
+    assert drone.kinds().count("stop") > 5
+
+
+def test_a_camera_that_is_turned_does_not_keep_the_drone_from_arming(
+    host: VirtualHost, drone: Drone
+):
+    hands = Hands()
+    hands.sticks = Sticks(tilt=1.0)
+    host.add("gamepad", HOME, Stack(), hold(hands, arms=True))
+    host.run(2 * S)
+    assert drone.armed
+    assert sticks_of(drone.commands[-1]) == Sticks(tilt=1.0)
 
 
 @pytest.mark.parametrize("pilot", ["joystick", "script", "script:", "", "keyboard:x"])

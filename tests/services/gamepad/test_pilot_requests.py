@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from messages.pilot import PilotAnswer
+from messages.pilot import Course, PilotAnswer, RequestKind
 from services.gamepad.requests import GIVE_UP_NS, REPEAT_NS, Requests
 
 TICK = 20_000_000  # [ns]
@@ -55,6 +55,42 @@ def test_a_stop_or_a_disarm_withdraws_an_arm_that_is_still_being_repeated(kind: 
     requests.ask("arm", 0)
     requests.ask(kind, 1)  # type: ignore[arg-type]
     assert [r.kind for r in requests.repeats(1 + REPEAT_NS)] == ["light", kind]
+
+
+@pytest.mark.parametrize("later", ["stop", "disarm", "goto", "follow"])
+@pytest.mark.parametrize("earlier", ["goto", "follow"])
+def test_where_to_go_is_not_repeated_after_a_newer_word(earlier: RequestKind, later: RequestKind):
+    requests = Requests("gamepad")
+    requests.ask("stop", 0)
+    requests.ask(earlier, 1, depth=3.0)
+    newer = requests.ask(later, 2)
+    assert [r.id for r in requests.repeats(2 + REPEAT_NS)][1:] == [newer.id]
+
+
+@pytest.mark.parametrize("later", ["arm", "light"])
+def test_a_light_or_an_arm_overrules_nothing(later: RequestKind):
+    requests = Requests("gamepad")
+    kinds: list[RequestKind] = ["stop", "goto", later]
+    for now, kind in enumerate(kinds):
+        requests.ask(kind, now)
+    assert [r.kind for r in requests.repeats(2 + REPEAT_NS)] == kinds
+
+
+def test_a_repetition_says_all_that_was_asked():
+    requests = Requests("gamepad")
+    course = Course(waypoints=((0.0, 0.0), (9.0, 0.0)))
+    asked = [
+        requests.ask("light", 0, 0.5),
+        requests.ask("follow", 0, course=course),
+    ]
+    again = requests.repeats(REPEAT_NS)
+    assert [(r.id, r.value, r.course) for r in again] == [
+        (asked[0].id, 0.5, None),
+        (asked[1].id, None, course),
+    ]
+    asked = requests.ask("goto", REPEAT_NS, depth=3.0, heading=-1.0)
+    again = requests.repeats(2 * REPEAT_NS)[-1]
+    assert (again.id, again.depth, again.heading) == (asked.id, 3.0, -1.0)
 
 
 @settings(max_examples=50, deadline=None)

@@ -15,8 +15,9 @@ from services.runtime.errors import LindyError
 
 S = 1_000_000_000  # [ns]
 HEAD = b"t,surge,sway,heave,yaw,event\n"
+TILT_HEAD = b"t,surge,sway,heave,yaw,tilt,event\n"
 
-sticks = st.builds(Sticks, *[st.floats(-1.0, 1.0)] * 4)
+sticks = st.builds(Sticks, *[st.floats(-1.0, 1.0)] * 5)
 times = st.lists(st.integers(0, 80_000), min_size=1, max_size=8, unique=True).map(sorted)
 events = st.sampled_from(["", "arm", "disarm", "stop", "light", "lost"])
 
@@ -29,7 +30,7 @@ def logs(draw: st.DrawFn) -> list[tuple[int, Sticks, str]]:
 
 def csv(rows: list[tuple[int, Sticks, str]]) -> bytes:
     lines = [f"{ms / 1000},{','.join(map(repr, s))},{event}" for ms, s, event in rows]
-    return HEAD + "\n".join(lines).encode()
+    return TILT_HEAD + "\n".join(lines).encode()
 
 
 @settings(max_examples=100, deadline=None)
@@ -51,10 +52,10 @@ def test_every_event_happens_once_whenever_the_player_is_asked(
     rows: list[tuple[int, Sticks, str]], moments: list[int]
 ):
     player = Player("x", parse(csv(rows)))
-    heard = Counter[str]()
+    heard = Counter[object]()
     for ms in [*moments, 90_000]:
         heard.update(player.read(ms * 1_000_000, 0).presses)
-    written = Counter(event for _, _, event in rows if event not in ("", "lost"))
+    written = Counter[object](event for _, _, event in rows if event not in ("", "lost"))
     assert heard == written + Counter({"disarm": 1})
 
 
@@ -102,6 +103,20 @@ def test_the_column_of_events_may_be_left_out():
 
 
 @pytest.mark.parametrize(
+    ("text", "row"),
+    [
+        (b"t,surge,sway,heave,yaw,tilt\n1,0,0,0,0,-1\n", Row(S, Sticks(tilt=-1.0))),
+        (b"t,surge,sway,heave,yaw,event,tilt\n1,0,0,0,0,stop,1\n", Row(S, Sticks(tilt=1), "stop")),
+        (TILT_HEAD + b"1,0,0,0,0,,stop\n", Row(S, CENTRED, "stop")),
+        (TILT_HEAD + b"1,0,0,0,0,0.5\n", Row(S, Sticks(tilt=0.5))),
+        (TILT_HEAD + b"1,0,0,0,1\n", Row(S, Sticks(yaw=1.0))),
+    ],
+)
+def test_tilt_and_event_come_in_any_order_and_may_be_left_empty(text: bytes, row: Row):
+    assert parse(text).rows == (row,)
+
+
+@pytest.mark.parametrize(
     ("text", "line", "found", "allowed"),
     [
         (b"", 1, "empty", "heading"),
@@ -122,6 +137,10 @@ def test_the_column_of_events_may_be_left_out():
         (HEAD + b"0,0,0,,0\n", 2, "heave is ''", "-1 to 1"),
         (HEAD + b"1,0,0,0,0\n1,0,0,0,0\n", 3, "t is 1", "more than the 1 before"),
         (HEAD + b"1,0,0,0,0\n0.5,0,0,0,0\n", 3, "t is 0.5", "more than the 1 before"),
+        (b"t,surge,sway,heave,yaw,event,tilt,event\n", 1, "event,tilt,event", "heading"),
+        (b"t,surge,tilt,sway,heave,yaw\n", 1, "surge,tilt", "tilt and event"),
+        (TILT_HEAD + b"0,0,0,0\n", 2, "4 columns", "5 or 6 or 7"),
+        (TILT_HEAD + b"0,0,0,0,0,1.5\n", 2, "tilt is '1.5'", "-1 to 1"),
         (HEAD + b"0,0,0,0,0,jump\n", 2, "'jump'", "arm, disarm, stop, light, lost"),
     ],
 )

@@ -1,0 +1,112 @@
+"""Following a path on board: turn to its first course, then run along it.
+
+The drone measures no horizontal position, so this is dead reckoning: heading and depth follow the
+path exactly, the distance along it is what the speed reference says. It waits when the drone
+falls behind in heading or depth, and an emergency stop acts along the path.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from messages.pilot import Course
+from services.reference.emergency_stop import stop_motion
+from services.reference.heading import wrap
+from services.reference.minimum_jerk import Limits, Sample
+from services.reference.path import Path
+from services.reference.route import RoutePoint, point_on
+from services.reference.stretch import stretch
+from services.reference.time_scaling import WaitingClock, scaled_sample
+
+WAIT, RESUME = 1.0, 0.5  # [-] of the tolerances below
+HEADING_TOLERANCE = 0.35  # [rad]
+DEPTH_TOLERANCE = 0.3  # [m]
+WAITING = Limits(4.0, 2.0)  # of the clock's rate [1/s², 1/s]
+
+
+@dataclass(slots=True)
+class Following:
+    """One path, from the moment the drone points along it. Times in seconds."""
+
+    path: Path
+    turns: float  # [rad] between the path's course and the accumulated heading
+    has_depth: bool
+    along: Callable[[float], Sample]  # [m] distance along the path at a time
+    ends: Callable[[float], bool]  # is it over at a time?
+    clock: WaitingClock
+
+    def point(self, t: float) -> RoutePoint:
+        return point_on(self.path, self.along(t), t)
+
+    def heading(self, here: RoutePoint) -> Sample:
+        return Sample(here.heading + self.turns, here.yaw_rate, here.yaw_acceleration, 0.0)
+
+    def depth(self, here: RoutePoint) -> Sample:
+        return Sample(here.down, here.v_down, here.a_down, 0.0)
+
+    def watch(self, heading_error: float, depth_error: float, t: float) -> None:
+        """Wait while the drone is too far behind."""
+        depth = abs(depth_error) / DEPTH_TOLERANCE if self.has_depth else 0.0
+        self.clock.watch(max(abs(heading_error) / HEADING_TOLERANCE, depth), t)
+
+    def stop(self, limits: Limits, t: float) -> "tuple[Following, float]":
+        """The same path with an emergency stop at `t`, and when [s] it stands still."""
+        halt = stop_motion(self.along, t, limits)
+        stopped = Following(
+            self.path,
+            self.turns,
+            self.has_depth,
+            halt.at,
+            lambda now: now >= halt.duration,
+            self.clock,
+        )
+        return stopped, halt.duration
+
+
+@dataclass(slots=True)
+class Planned:
+    """A path that is ready to be followed."""
+
+    course: Course
+    path: Path = field(init=False)
+
+    def __post_init__(self) -> None:
+        """
+        Raises:
+            ValueError: the way-points make no path; says why.
+        """
+        c = self.course
+        # C2 in yaw: the drone's yaw reference then has a continuous acceleration.
+        self.path = Path.through(c.waypoints, c.min_radius, c.kind, smooth_yaw=True)
+        if not (c.cruise > 0 and c.acceleration > 0 and c.jerk > 0):
+            raise ValueError("cruise, acceleration and jerk must be above 0")
+
+    @property
+    def has_depth(self) -> bool:
+        return len(self.course.waypoints[0]) == 3
+
+    @property
+    def first_depth(self) -> float:
+        return self.path.at(0.0).down
+
+    def first_heading(self, heading: float) -> float:
+        """[rad] The path's first course, the shortest way from an accumulated heading."""
+        return heading + wrap(self.path.at(0.0).course - heading)
+
+    def begin(self, heading: float, t: float) -> Following:
+        """Set off at `t` [s] with the drone pointing at `first_heading`."""
+        c = self.course
+        profile = stretch(self.path.length, Limits(c.jerk, c.acceleration), c.cruise)
+        clock = WaitingClock(WAIT, RESUME, WAITING, since=t)
+
+        def along(now: float) -> Sample:
+            at = clock.at(now)
+            return scaled_sample(profile.at(at.tau), at)
+
+        return Following(
+            self.path,
+            heading - self.path.at(0.0).course,
+            self.has_depth,
+            along,
+            lambda now: clock.at(now).tau >= profile.duration,
+            clock,
+        )
