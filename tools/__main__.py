@@ -12,8 +12,12 @@ from cyclopts import App, CycloptsError, Parameter
 
 from services.runtime.errors import LindyError
 from tools.choices import Choices
+from tools.figures.command import figures
+from tools.profile import profile
+from tools.ramp import ramp
 
 ERROR = 1  # exit status
+
 
 app = App(
     name="lindy",
@@ -109,6 +113,79 @@ def picture(
 
     picture(recording, out, at)
     return 0
+
+
+@app.command
+def path(
+    file: str,
+    *,
+    dt: Annotated[float | None, Parameter(help="[s] between samples, for the reference")] = None,
+) -> int:
+    """Show a path (JSON), or with --dt the whole reference along it (CSV).
+
+    FILE is a TOML file or a name in deploy/paths. Keys: waypoints, min_radius, kind, smooth_yaw;
+    cruise, speeds; model, acceleration, jerk, accel_time, decel_time, epsilon, theta_a, theta_d,
+    theta_0, xi.
+
+    Example: lindy path deploy/paths/fernandes.toml --dt 0.15
+    """
+    from tools.path import path
+
+    return path(file, dt=dt)
+
+
+@app.command
+def ask(
+    kind: str,
+    *,
+    depth: Annotated[float | None, Parameter(help="goto: [m] positive down")] = None,
+    heading: Annotated[
+        float | None, Parameter(help="goto: [deg] clockwise from north, shortest way")
+    ] = None,
+    path: Annotated[
+        str | None, Parameter(help="follow: a name in deploy/paths, or a TOML file")
+    ] = None,
+    value: Annotated[float | None, Parameter(help="light: brightness 0 … 1")] = None,
+    dive: Annotated[
+        Path | None, Parameter(help="folder of a dive that is going on; default: the newest")
+    ] = None,
+    json: Annotated[
+        bool, Parameter(negative=(), show_default=False, help="answer as JSON")
+    ] = False,
+) -> int:
+    """Send a request to a dive that is going on, and print the drone's answer.
+
+    KIND is arm, disarm, stop, light, goto or follow.
+
+    Example: lindy ask goto --depth 3 --heading 90
+    """
+    from tools.ask import ask
+
+    return ask(kind, depth=depth, heading=heading, path=path, value=value, dive=dive, as_json=json)
+
+
+@app.command
+def bench(
+    *,
+    only: Annotated[
+        tuple[str, ...], Parameter(negative=(), show_default=False, help="a section; repeatable")
+    ] = (),
+    json: Annotated[
+        bool, Parameter(negative=(), show_default=False, help="no table, JSON")
+    ] = False,
+) -> int:
+    """Measure Lindy's speed beside other ways of doing the same, as ratios with their goals.
+
+    Example: lindy bench --only reference --json
+    """
+    from tools.bench import bench
+
+    return bench(only=only, json=json)
+
+
+app.command(figures)
+app.command(profile)
+app.command(ramp)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

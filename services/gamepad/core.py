@@ -10,7 +10,7 @@ from typing import Annotated, Literal, NamedTuple, Protocol
 
 import msgspec
 
-from messages.pilot import RequestKind
+from services.gamepad.wish import Press, Wish
 
 Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 DeadBand = Annotated[float, msgspec.Meta(ge=0.0, le=0.9)]
@@ -70,6 +70,13 @@ class Buttons(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError("two requests must not share a button")
 
 
+class Tilt(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Buttons that turn the camera at full speed while they are held; the gain is not theirs."""
+
+    up: Button = "dpup"
+    down: Button = "dpdown"
+
+
 class Profile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A pad as its TOML file describes it."""
 
@@ -78,16 +85,28 @@ class Profile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     gain: Gain = Gain()
     axis: Axes = Axes()
     trigger: Triggers = Triggers()
+    tilt: Tilt = Tilt()
     button: Buttons = Buttons()
+
+    def __post_init__(self) -> None:
+        requests = msgspec.structs.astuple(self.button)
+        if len({*requests, self.tilt.up, self.tilt.down}) < len(requests) + 2:
+            raise ValueError("tilt needs two buttons of its own")
 
 
 class Sticks(NamedTuple):
-    """-1 … 1 each, SNAME signs: + forward, starboard, down, clockwise."""
+    """-1 … 1 each, SNAME signs: + forward, starboard, down, clockwise; the camera + upwards."""
 
     surge: float = 0.0
     sway: float = 0.0
     heave: float = 0.0
     yaw: float = 0.0
+    tilt: float = 0.0
+
+    @property
+    def at_rest(self) -> bool:
+        """Nothing moves the drone. The camera may turn: it is no reason not to arm."""
+        return not any(self[:4])
 
 
 CENTRED = Sticks()
@@ -101,7 +120,7 @@ class Reading(NamedTuple):
     present: bool = True  # False: the pad is gone, which is not "centred"
     at_rest: bool = True  # the hands are off the sticks, whatever `sticks` lets through
     age_ms: float = 0.0  # [ms] since the device last answered
-    presses: tuple[RequestKind, ...] = ()  # buttons pressed since the last reading
+    presses: tuple[Wish, ...] = ()  # asked for since the last reading, with a button or a script
     notes: tuple[tuple[Level, str], ...] = ()  # for the log
     lost: tuple[str, ...] = ()  # to be counted: what was dropped or broke
 
@@ -142,16 +161,18 @@ def shape(travel: float, dead_band: float, expo: float) -> float:
 
 def sticks_of(controls: Mapping[str, float], profile: Profile) -> Sticks:
     """The sticks of a pad, shaped by its profile. A control that is not there is at rest."""
+    tilt = controls.get(profile.tilt.up, 0.0) - controls.get(profile.tilt.down, 0.0)
     pulls = (controls.get(name, 0.0) for name in msgspec.structs.astuple(profile.trigger))
     gain = profile.gain.level(*pulls)
     axes = (_travel(controls, name) for name in msgspec.structs.astuple(profile.axis))
-    return Sticks(*(gain * shape(axis, profile.dead_band, profile.expo) for axis in axes))
+    shaped = (gain * shape(axis, profile.dead_band, profile.expo) for axis in axes)
+    return Sticks(*shaped, tilt=tilt)
 
 
-def presses_of(pressed: list[str], profile: Profile) -> tuple[RequestKind, ...]:
+def presses_of(pressed: list[str], profile: Profile) -> tuple[Press, ...]:
     """What the pilot asks for with buttons, in the order they were pressed."""
     button = profile.button
-    meaning: dict[str, RequestKind] = {
+    meaning: dict[str, Press] = {
         button.arm: "arm",
         button.disarm: "disarm",
         button.stop: "stop",

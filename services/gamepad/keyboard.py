@@ -7,9 +7,9 @@ window has: then the pilot is lost.
 
 import pygame
 
-from messages.pilot import RequestKind
 from services.gamepad import sdl
-from services.gamepad.core import CENTRED, Gain, Level, Reading, Sticks
+from services.gamepad.core import Gain, Level, Reading, Sticks
+from services.gamepad.wish import Press
 from services.runtime.errors import LindyError
 
 HELP = (
@@ -17,15 +17,16 @@ HELP = (
     ("A  D", "port, starboard"),
     ("arrows up, down", "rise, sink"),
     ("arrows left, right", "turn"),
+    ("R  F", "camera up, down"),
     ("Shift, Ctrl", "boost, slow"),
     ("Enter, Backspace", "arm, disarm"),
     ("Space", "STOP"),
     ("L", "light on, off"),
 )
-SIZE = (360, 230)  # [px]
+SIZE = (360, 254)  # [px]
 INK, PAPER = (220, 230, 240), (16, 32, 48)
 
-REQUESTS: dict[int, RequestKind] = {
+REQUESTS: dict[int, Press] = {
     pygame.K_RETURN: "arm",
     pygame.K_BACKSPACE: "disarm",
     pygame.K_SPACE: "stop",
@@ -60,7 +61,7 @@ class Keyboard:
 
     def read(self, now: int, began: int | None) -> Reading:  # noqa: ARG002 - a hand needs no start
         """Ask SDL for news. Call from one thread only, the one that made the window."""
-        presses: list[RequestKind] = []
+        presses: list[Press] = []
         notes: tuple[tuple[Level, str], ...] = ()
         for event in pygame.event.get():
             if event.type == pygame.QUIT and self._closed_at is None:
@@ -73,11 +74,8 @@ class Keyboard:
             age_ms = (now - self._closed_at) / 1e6
             lost = ("closed:keyboard",) if notes else ()
             return Reading(present=False, at_rest=False, age_ms=age_ms, notes=notes, lost=lost)
-        return Reading(
-            sticks=self._sticks(),
-            at_rest=self._sticks() == CENTRED,
-            presses=tuple(presses),
-        )
+        sticks = self._sticks()
+        return Reading(sticks=sticks, at_rest=sticks.at_rest, presses=tuple(presses))
 
     def next_ns(self, now: int, began: int) -> int | None:  # noqa: ARG002
         return None
@@ -86,7 +84,7 @@ class Keyboard:
         pygame.font.quit()
         pygame.display.quit()
 
-    def _key(self, event: pygame.event.Event) -> list[RequestKind]:
+    def _key(self, event: pygame.event.Event) -> list[Press]:
         """Keep the set of keys that are down; returns what a key asks for."""
         if event.type == pygame.KEYDOWN:
             self._down.add(event.key)
@@ -107,6 +105,7 @@ class Keyboard:
             sway=gain * (self._any(pygame.K_d) - self._any(pygame.K_a)),
             heave=gain * (self._any(pygame.K_DOWN) - self._any(pygame.K_UP)),
             yaw=gain * (self._any(pygame.K_RIGHT) - self._any(pygame.K_LEFT)),
+            tilt=self._any(pygame.K_r) - self._any(pygame.K_f),
         )
 
     def _any(self, *keys: int) -> float:

@@ -13,9 +13,9 @@ the age of its last event would tell a steady hand from a broken cable no better
 import pygame
 from pygame._sdl2 import controller
 
-from messages.pilot import RequestKind
 from services.gamepad import sdl
 from services.gamepad.core import CENTRED, Level, Profile, Reading, presses_of, sticks_of
+from services.gamepad.wish import Press
 
 # In the order of SDL_GameControllerAxis and SDL_GameControllerButton.
 AXES = ("leftx", "lefty", "rightx", "righty", "lefttrigger", "righttrigger")
@@ -23,7 +23,7 @@ BUTTONS = (
     "a", "b", "x", "y", "back", "guide", "start", "leftstick", "rightstick",
     "leftshoulder", "rightshoulder", "dpup", "dpdown", "dpleft", "dpright",
 )  # fmt: skip
-URGENT: tuple[RequestKind, ...] = ("stop", "disarm")  # heard from any pad at any time
+URGENT: tuple[Press, ...] = ("stop", "disarm")  # heard from any pad at any time
 FULL = 32767  # SDL's full travel; the other way it is one more, which counts as full
 
 
@@ -59,14 +59,14 @@ class Pad:
         self._answered_at = now
         controls = self._controls(self._pad)
         sticks = sticks_of(controls, self._profile)
-        presses: tuple[RequestKind, ...]
+        presses: tuple[Press, ...]
         presses = presses_of(self._pressed(events, self._pad), self._profile)
         if not self._trusted:
             presses = tuple(kind for kind in presses if kind in URGENT)
-        self._trusted = self._trusted or sticks == CENTRED
+        self._trusted = self._trusted or sticks.at_rest
         return Reading(
             sticks=sticks if self._trusted else CENTRED,
-            at_rest=sticks == CENTRED,
+            at_rest=sticks.at_rest,
             presses=presses,
             notes=tuple(self._notes),
             lost=tuple(self._lost),

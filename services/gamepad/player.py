@@ -3,16 +3,16 @@
 from bisect import bisect_right
 from typing import NamedTuple
 
-from messages.pilot import RequestKind
-from services.gamepad.core import CENTRED, Level, Reading
+from services.gamepad.core import Level, Reading
 from services.gamepad.script import Script
+from services.gamepad.wish import Wish
 
 QUIET_NS = 3_000_000_000  # [ns] of centred sticks after the script, before the drone is disarmed
 
 
 class Cue(NamedTuple):
     at_ns: int  # [ns] since the script began
-    kind: RequestKind
+    wish: Wish
 
 
 class Player:
@@ -43,8 +43,8 @@ class Player:
         return Reading(
             sticks=row.sticks,
             present=row.event != "lost",
-            at_rest=row.sticks == CENTRED,
-            presses=tuple(cue.kind for cue in due),
+            at_rest=row.sticks.at_rest,
+            presses=tuple(cue.wish for cue in due),
             notes=notes,
         )
 

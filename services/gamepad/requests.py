@@ -3,10 +3,16 @@
 import msgspec
 
 from messages.message import Ns
-from messages.pilot import PilotAnswer, PilotRequest, RequestKind
+from messages.pilot import Course, PilotAnswer, PilotRequest, RequestKind
 
 REPEAT_NS = 200_000_000  # [ns]
 GIVE_UP_NS = 5_000_000_000  # [ns]
+OVERRULES: dict[RequestKind, tuple[RequestKind, ...]] = {
+    "stop": ("arm", "goto", "follow"),
+    "disarm": ("arm", "goto", "follow"),
+    "goto": ("goto", "follow"),
+    "follow": ("goto", "follow"),
+}  # a newer request → older ones that are not repeated any more
 
 
 class Pending(msgspec.Struct):
@@ -22,15 +28,31 @@ class Requests:
         self._asked = 0
         self._pending: list[Pending] = []
 
-    def ask(self, kind: RequestKind, now: int, value: float | None = None) -> PilotRequest:
-        """A new request, to be sent at once.
+    def ask(
+        self,
+        kind: RequestKind,
+        now: int,
+        value: float | None = None,
+        *,
+        depth: float | None = None,
+        heading: float | None = None,
+        course: Course | None = None,
+    ) -> PilotRequest:
+        """A new request, to be sent at once; its fields are those of `PilotRequest`.
 
-        A stop or a disarm withdraws every older arm, so that no repetition arms the drone again.
+        It withdraws what it overrules, so that no late repetition arms the drone or sends it off
+        again after a stop, or back to where it was sent before.
         """
-        if kind in ("stop", "disarm"):
-            self._pending = [p for p in self._pending if p.request.kind != "arm"]
+        overruled = OVERRULES.get(kind, ())
+        self._pending = [p for p in self._pending if p.request.kind not in overruled]
         request = PilotRequest(
-            stamp_ns=now, id=f"{self._who}-{now}-{self._asked}", kind=kind, value=value
+            stamp_ns=now,
+            id=f"{self._who}-{now}-{self._asked}",
+            kind=kind,
+            value=value,
+            depth=depth,
+            heading=heading,
+            course=course,
         )
         self._asked += 1
         self._pending.append(Pending(request, now + REPEAT_NS))

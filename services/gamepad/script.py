@@ -1,22 +1,23 @@
-"""A stick log: CSV `t,surge,sway,heave,yaw[,event]`, seconds and -1 … 1, held between rows.
+"""A stick log: CSV `t,surge,sway,heave,yaw[,tilt][,event]`, seconds and -1 … 1, held between rows.
 
 Blank lines and comments (`# …`) may stand anywhere. `t` begins at 0 or later and grows from row to
 row. The last row ends the script: from its time on the sticks are centred. An event belongs to
-its row: `arm`, `disarm`, `stop` and `light` (toggle) happen at the row's time; during a `lost` row
-the pad is gone and the sticks are 0 whatever the columns say, until the next row brings it back.
+its row: `arm`, `disarm`, `stop`, `light` (toggle), `goto depth=3 heading=90` (m, deg) and `follow
+PATH` happen at the row's time; during a `lost` row the pad is gone and the sticks are 0 whatever
+the columns say, until the next row brings it back. A deflected stick ends a goto or a follow.
 """
 
 import math
 from bisect import bisect_right
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, cast, get_args
+from typing import NamedTuple
 
 from services.gamepad.core import CENTRED, Sticks
+from services.gamepad.event import Event, event_of, short
 
-Event = Literal["arm", "disarm", "stop", "light", "lost"]
-EVENTS: tuple[str, ...] = get_args(Event)
-COLUMNS = ("t", *Sticks._fields)
-HEADING = f"{','.join(COLUMNS)} with or without event"
+COLUMNS = ("t", "surge", "sway", "heave", "yaw")
+OPTIONAL = ("tilt", "event")  # after the others, in any order
+HEADING = f"{','.join(COLUMNS)} with or without {' and '.join(OPTIONAL)}"
 LONGEST_S = 86_400.0  # [s] a day
 
 
@@ -64,10 +65,10 @@ def parse(data: bytes) -> Script:
     lines = [(n, line) for n, line in enumerate(_text(data).split("\n"), 1) if _bare(line)]
     if not lines:
         raise ValueError(f"line 1: the file is empty; expected the heading {HEADING}")
-    has_event = _heading(*lines[0])
+    names = _heading(*lines[0])
     rows: list[Row] = []
     for number, line in lines[1:]:
-        row = _row(number, _cells(line), has_event)
+        row = _row(number, _cells(line), names)
         if rows and row.at_ns <= rows[-1].at_ns:
             last = rows[-1].at_ns / 1e9
             raise ValueError(
@@ -98,27 +99,27 @@ def _cells(line: str) -> list[str]:
     return [cell.strip() for cell in _bare(line).split(",")]
 
 
-def _heading(number: int, line: str) -> bool:
-    """Whether there is a column of events."""
-    names = tuple(_cells(line))
-    if names not in (COLUMNS, (*COLUMNS, "event")):
-        raise ValueError(f"line {number}: found {_short(line)}, expected the heading {HEADING}")
-    return "event" in names
+def _heading(number: int, line: str) -> list[str]:
+    """Names of the columns."""
+    names = _cells(line)
+    required, more = tuple(names[: len(COLUMNS)]), names[len(COLUMNS) :]
+    if required != COLUMNS or not set(more) <= set(OPTIONAL) or len(set(more)) < len(more):
+        raise ValueError(f"line {number}: found {short(line)}, expected the heading {HEADING}")
+    return names
 
 
-def _row(number: int, cells: list[str], has_event: bool) -> Row:
-    most = len(COLUMNS) + has_event
-    if not len(COLUMNS) <= len(cells) <= most:
-        expected = f"{len(COLUMNS)} or {most}" if has_event else f"{most}"
+def _row(number: int, cells: list[str], names: list[str]) -> Row:
+    """Optional columns may be empty, or left out at the end of a row."""
+    if not len(COLUMNS) <= len(cells) <= len(names):
+        expected = " or ".join(str(n) for n in range(len(COLUMNS), len(names) + 1))
         raise ValueError(f"line {number}: found {len(cells)} columns, expected {expected}")
-    seconds = _number(number, "t", cells[0], 0.0, LONGEST_S)
+    cell = dict(zip(names, cells, strict=False))
+    seconds = _number(number, "t", cell["t"], 0.0, LONGEST_S)
     sticks = Sticks(
-        *(
-            _number(number, name, cell, -1.0, 1.0)
-            for name, cell in zip(Sticks._fields, cells[1:5], strict=True)
-        )
+        *(_number(number, name, cell[name], -1.0, 1.0) for name in COLUMNS[1:]),
+        tilt=_number(number, "tilt", cell.get("tilt") or "0", -1.0, 1.0),
     )
-    return Row(round(seconds * 1e9), sticks, _event(number, cells[5]) if cells[5:] else None)
+    return Row(round(seconds * 1e9), sticks, _event(number, cell.get("event", "")))
 
 
 def _number(number: int, name: str, cell: str, low: float, high: float) -> float:
@@ -128,19 +129,13 @@ def _number(number: int, name: str, cell: str, low: float, high: float) -> float
         value = math.nan
     if not low <= value <= high:  # NaN is in no range
         raise ValueError(
-            f"line {number}: {name} is {_short(cell)}, expected a number from {low:g} to {high:g}"
+            f"line {number}: {name} is {short(cell)}, expected a number from {low:g} to {high:g}"
         )
     return value
 
 
 def _event(number: int, cell: str) -> Event | None:
-    if not cell:
-        return None
-    if cell not in EVENTS:
-        allowed = ", ".join(EVENTS)
-        raise ValueError(f"line {number}: event is {_short(cell)}, expected one of {allowed}")
-    return cast(Event, cell)
-
-
-def _short(text: str) -> str:
-    return repr(text if len(text) <= 40 else text[:40] + "…")
+    try:
+        return event_of(cell)
+    except ValueError as error:
+        raise ValueError(f"line {number}: {error}") from None

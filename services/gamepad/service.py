@@ -4,11 +4,12 @@ import msgspec
 from msgspec.structs import replace
 
 from messages import topics
-from messages.pilot import PilotAnswer, PilotCommand, RequestKind
+from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
 from messages.vehicle import VehicleStatus
 from services.gamepad.core import CENTRED, Reading, Source
 from services.gamepad.requests import Requests
 from services.gamepad.sources import open_source
+from services.gamepad.wish import Follow, Goto, Wish
 from services.runtime.node import Node
 from services.runtime.stack import Stack
 
@@ -87,8 +88,8 @@ class Pilot:
         for level, text in reading.notes:
             self._node.log(level, text)
         self._command.put(self._command_of(reading, now))
-        for kind in reading.presses:
-            self._press(kind, now)
+        for wish in reading.presses:
+            self._press(wish, now)
         self._remember(replace(self._progress, played=self._source.played))
         if began is not None:
             self._change.set(self._source.next_ns(now, began))
@@ -118,22 +119,30 @@ class Pilot:
             self._asked_for_rest = True
             self._node.log("info", "ready: let go of the sticks to arm")
 
-    def _press(self, kind: RequestKind, now: int) -> None:
+    def _press(self, wish: Wish, now: int) -> None:
         """What the pilot asked for; a stop or a disarm also ends arming by ourselves."""
-        if kind == "arm" and not self._reading.at_rest:
+        if wish == "arm" and not self._reading.at_rest:
             self._node.count("refused_here:arm")
             self._node.log("warning", "not arming: let go of the sticks first")
             return
-        if kind in ("stop", "disarm"):
+        if wish in ("stop", "disarm"):
             self._remember(replace(self._progress, may_arm=False))
-        self._ask(kind, now)
+        self._ask(wish, now)
 
-    def _ask(self, kind: RequestKind, now: int) -> None:
-        value = None
-        if kind == "light":
-            self._light = not self._light
-            value = float(self._light)
-        self._request.put(self._requests.ask(kind, now, value))
+    def _ask(self, wish: Wish, now: int) -> None:
+        self._request.put(self._request_for(wish, now))
+
+    def _request_for(self, wish: Wish, now: int) -> PilotRequest:
+        match wish:
+            case Goto(depth, heading):
+                return self._requests.ask("goto", now, depth=depth, heading=heading)
+            case Follow(course):
+                return self._requests.ask("follow", now, course=course)
+            case "light":
+                self._light = not self._light
+                return self._requests.ask("light", now, float(self._light))
+            case _:
+                return self._requests.ask(wish, now)
 
     def _remember(self, progress: Progress) -> None:
         if progress != self._progress:

@@ -181,6 +181,15 @@ def test_a_pull_and_plug_between_two_readings_still_ends_the_old_stick(pilot: Pi
     again.pull()
 
 
+def test_a_d_pad_that_is_held_does_not_make_the_sticks_wait(pilot: Pilot):
+    plugged = VirtualPad()
+    plugged.button(DPAD_UP)
+    assert pilot.read().at_rest
+    plugged.axis(LEFT_Y, 1.0)
+    assert pilot.read().sticks == Sticks(heave=0.6, tilt=1.0)
+    plugged.pull()
+
+
 def test_until_the_sticks_were_centred_only_stop_and_disarm_are_heard(pilot: Pilot):
     plugged = VirtualPad()
     plugged.axis(LEFT_Y, 1.0)

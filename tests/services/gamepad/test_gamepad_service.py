@@ -286,11 +286,13 @@ def test_without_leave_to_arm_by_itself_only_the_button_arms(host: VirtualHost, 
     node = host.add("gamepad", HOME, Stack(), hold(hands, arms=False))
     host.run(2 * S)
     assert drone.requests == []
-    hands.sticks, hands.presses = Sticks(yaw=0.1), ("arm",)
+    hands.sticks = Sticks(yaw=0.1)
+    hands.presses = ["arm"]
     host.run(3 * S)
     assert drone.requests == []
     assert node.counts["refused_here:arm"] == 1
-    hands.sticks, hands.presses = CENTRED, ("arm",)
+    hands.sticks = CENTRED
+    hands.presses = ["arm"]
     host.run(4 * S)
     assert drone.kinds() == ["arm"]
 

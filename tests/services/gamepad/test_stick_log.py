@@ -71,6 +71,15 @@ def test_the_player_names_every_instant_at_which_it_changes(rows: list[tuple[int
     assert named == [ms * 1_000_000 for ms, _, _ in rows] + [rows[-1][0] * 1_000_000 + QUIET_NS]
 
 
+@settings(max_examples=50, deadline=None)
+@given(logs(), st.integers(0, 90_000))
+def test_the_hands_are_at_rest_while_the_script_moves_nothing_but_the_camera(
+    rows: list[tuple[int, Sticks, str]], ms: int
+):
+    reading = Player("x", parse(csv(rows))).read(ms * 1_000_000, 0)
+    assert reading.at_rest == (reading.sticks._replace(tilt=0.0) == CENTRED)
+
+
 def parsed_or_error(data: bytes) -> Script | ValueError:
     try:
         return parse(data)

@@ -1,0 +1,64 @@
+"""A path file as a course that the drone can follow."""
+
+from math import exp
+from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+
+from messages.pilot import Course, Place
+from services.runtime.errors import LindyError
+from services.runtime.settings import read
+
+Above0 = Annotated[float, msgspec.Meta(ge=1e-6, le=1e6)]
+Waypoints = Annotated[tuple[Place, ...], msgspec.Meta(min_length=2, max_length=1000)]
+
+
+class PathFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The keys of a file in deploy/paths; the same that `lindy path` knows."""
+
+    waypoints: Waypoints  # [m] [north, east] or [north, east, down]
+    min_radius: Above0 = 5.0  # [m] of every turn
+    kind: Literal["approximating", "interpolating"] = "approximating"
+    cruise: Above0 = 0.3  # [m/s]
+    acceleration: Above0 = 0.15  # [m/s²] at most
+    jerk: Above0 = 0.3  # [m/s³] at most
+    model: Literal["mjvr", "fernandes"] = "mjvr"  # how the speed changes
+    speeds: list[Above0] = []  # [m/s] of each part, instead of `cruise`
+    # What follows means nothing to a course: its turns are always smooth in yaw, and the rest
+    # belongs to the other model.
+    smooth_yaw: bool = False
+    accel_time: Above0 = 20.0  # [s]
+    decel_time: Above0 = 20.0  # [s]
+    epsilon: float = 0.05  # [-]
+    theta_a: float = 0.8  # [-]
+    theta_d: float = 0.2  # [-]
+    theta_0: float = exp(-100 / 9)  # [-]
+    xi: float = 15.0  # [-]
+
+
+def course_of(path: Path) -> Course:
+    """The course in a path file. Whether the turns fit its legs is for the drone to say.
+
+    Raises:
+        LindyError: the file cannot be read, a key of it is wrong, or it asks for a motion that
+            only `lindy path` can show.
+    """
+    file = read(path, PathFile)
+    if file.model != "mjvr":
+        raise LindyError(
+            f"{path}: model is {file.model!r}; only a path with model = 'mjvr' can be followed "
+            "on board"
+        )
+    if file.speeds:
+        raise LindyError(
+            f"{path}: speeds: a path that is followed on board has one speed; use cruise instead"
+        )
+    return Course(
+        waypoints=file.waypoints,
+        min_radius=file.min_radius,
+        kind=file.kind,
+        cruise=file.cruise,
+        acceleration=file.acceleration,
+        jerk=file.jerk,
+    )

@@ -1,0 +1,45 @@
+"""What a pilot can ask for once: with a button, or in a script with its arguments."""
+
+import math
+from typing import Literal, NamedTuple
+
+from messages.pilot import Course
+
+DEEPEST = 11_000.0  # [m] no sea is deeper
+TURN = 360.0  # [deg] a heading is given within one turn either way
+
+Press = Literal["arm", "disarm", "stop", "light"]  # what a button can ask for
+
+
+class Goto(NamedTuple):
+    """Go to a depth, to a heading or to both; None: leave it as it is."""
+
+    depth: float | None = None  # [m] positive down
+    heading: float | None = None  # [rad] clockwise from north
+
+
+class Follow(NamedTuple):
+    course: Course
+
+
+Wish = Press | Goto | Follow
+
+
+def goto(depth: float | None, heading_deg: float | None) -> Goto:
+    """What a person means, in metres and degrees, as the drone is told it.
+
+    Raises:
+        ValueError: neither is given, or one is out of its range; says what is allowed.
+    """
+    if depth is None and heading_deg is None:
+        raise ValueError("goto needs a depth, a heading or both")
+    _check("depth", depth, 0.0, DEEPEST, "m")
+    _check("heading", heading_deg, -TURN, TURN, "deg")
+    return Goto(depth, None if heading_deg is None else math.radians(heading_deg))
+
+
+def _check(name: str, value: float | None, low: float, high: float, unit: str) -> None:
+    if value is not None and not low <= value <= high:  # NaN is in no range
+        raise ValueError(
+            f"goto: {name} is {value:g}, expected a number from {low:g} to {high:g} {unit}"
+        )

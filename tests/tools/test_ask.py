@@ -1,0 +1,245 @@
+"""`lindy ask`: what is asked, of whom, until when, and how the answer reads."""
+
+import json
+import math
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Generator
+from contextlib import contextmanager
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from messages import topics
+from messages.pilot import PilotAnswer, PilotRequest, StopDistance
+from services.gamepad.course import PathFile as FollowedFile
+from services.runtime.errors import LindyError
+from services.runtime.running import RUNNING, Running
+from services.runtime.virtual_host import VirtualHost
+from tools.ask import Asking, Wanted, ask, dive_in, in_json, in_words, wanted_of
+from tools.path import PathFile
+
+S = 1_000_000_000  # [ns]
+GIVEN: dict[str, Any] = dict.fromkeys(("depth", "heading", "path", "value"))
+PATIENCE_S = 60.0  # never reached unless something is broken
+
+
+@pytest.mark.parametrize("kind", ["arm", "disarm", "stop"])
+def test_a_word_alone_asks_for_nothing_else(kind: str):
+    assert wanted_of(kind, **GIVEN) == Wanted(kind=kind)  # type: ignore[arg-type]
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.floats(0.0, 11_000.0), st.floats(-360.0, 360.0))
+def test_a_heading_is_given_in_degrees_and_asked_in_radians(depth: float, degrees: float):
+    wanted = wanted_of("goto", **GIVEN | {"depth": depth, "heading": degrees})
+    assert wanted.depth == depth
+    assert wanted.heading is not None
+    assert math.degrees(wanted.heading) == pytest.approx(degrees)
+
+
+def test_a_followed_path_is_asked_whole():
+    course = wanted_of("follow", **GIVEN | {"path": "inspection_box"}).course
+    assert course is not None
+    assert course.waypoints[-1] == (0.0, 0.0, 3.5)
+    assert course.kind == "interpolating"
+
+
+def test_a_path_file_may_have_every_key_that_lindy_path_knows():
+    assert set(FollowedFile.__struct_fields__) == set(PathFile.__struct_fields__)
+
+
+@pytest.mark.parametrize(
+    ("kind", "given", "says"),
+    [
+        ("jump", {}, "unknown request 'jump'; known: arm, disarm"),
+        ("gotto", {}, "did you mean 'goto'?"),
+        ("goto", {}, "goto needs a depth, a heading or both"),
+        ("goto", {"depth": -1.0}, "depth is -1, expected a number from 0"),
+        ("goto", {"depth": math.nan}, "depth is nan, expected"),
+        ("goto", {"heading": math.inf}, "heading is inf, expected"),
+        ("goto", {"depth": 1.0, "value": 1.0}, "goto takes no --value"),
+        ("arm", {"depth": 0.0}, "arm takes no --depth"),
+        ("light", {}, "light needs --value"),
+        ("light", {"value": 1.5}, "--value is 1.5, expected a brightness from 0 to 1"),
+        ("light", {"value": math.nan}, "--value is nan"),
+        ("follow", {}, "follow needs --path"),
+        ("follow", {"path": "inspection_bix"}, "did you mean 'inspection_box'?"),
+        ("follow", {"path": "fernandes"}, "only a path with model = 'mjvr'"),
+    ],
+)
+def test_a_wrong_argument_is_explained_before_anybody_is_asked(
+    tmp_path: Path, kind: str, given: dict[str, Any], says: str
+):
+    with pytest.raises(LindyError) as caught:
+        ask(kind, **given, dive=tmp_path)  # where no dive is: this would be said next
+    assert says in str(caught.value)
+
+
+def test_a_path_with_turns_that_do_not_fit_is_named_with_its_file(tmp_path: Path):
+    file = tmp_path / "tight.toml"
+    file.write_text("waypoints = [[0, 0], [1, 0], [1, 1]]\n")
+    with pytest.raises(LindyError, match=r"tight\.toml: .*leg"):
+        wanted_of("follow", **GIVEN | {"path": str(file)})
+
+
+# Whom to ask.
+
+
+def write(folder: Path, vehicle: str, pid: int, age_s: float = 0.0) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    file = folder / RUNNING
+    file.write_bytes(msgspec.json.encode(Running(vehicle, {"topside": "tcp/x"}, pid, {})))
+    os.utime(file, (1e9 - age_s, 1e9 - age_s))
+
+
+@pytest.fixture
+def ended() -> int:
+    """Process id of somebody who is gone."""
+    process = subprocess.Popen([sys.executable, "-c", ""])
+    process.wait()
+    return process.pid
+
+
+def test_without_a_folder_the_newest_dive_that_goes_on_is_asked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ended: int
+):
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "dives/one", "older", os.getpid(), 2.0)
+    write(tmp_path / "dives/two", "newer", os.getpid(), 1.0)
+    write(tmp_path / "dives/three", "crashed", ended)
+    (tmp_path / "dives/four").mkdir()
+    assert dive_in(None).vehicle == "newer"
+    assert dive_in(Path("dives/one")).vehicle == "older"
+    write(tmp_path, "here", os.getpid())
+    assert dive_in(None).vehicle == "here"
+
+
+def test_where_nobody_dives_one_sentence_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ended: int
+):
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "dives/crashed", "x", ended)
+    with pytest.raises(LindyError, match=r"^no dive is going on here or in dives/; start one"):
+        dive_in(None)
+    with pytest.raises(LindyError, match="no dive is going on in dives/crashed"):
+        dive_in(Path("dives/crashed"))
+
+
+# Until when.
+
+
+class Drone:
+    """Answers from a certain repetition on."""
+
+    def __init__(self, host: VirtualHost, answers_from: int) -> None:
+        self.heard: list[PilotRequest] = []
+        self._from = answers_from
+        node = host.node("drone", ["topside"])
+        self._answer = node.publisher(topics.PILOT_ANSWER)
+        node.each(topics.PILOT_REQUEST, self._hear)
+
+    def _hear(self, request: PilotRequest, now: int) -> None:
+        self.heard.append(request)
+        self._answer.put(PilotAnswer(stamp_ns=now, id="somebody-else", accepted=False))
+        if len(self.heard) >= self._from:
+            self._answer.put(PilotAnswer(stamp_ns=now, id=request.id, accepted=True))
+
+
+@pytest.mark.parametrize("lost", [0, 1, 7])
+def test_a_request_is_repeated_with_its_id_until_its_own_answer_comes(lost: int):
+    host = VirtualHost()
+    drone = Drone(host, lost + 1)
+    wanted = Wanted(kind="goto", depth=2.0, heading=-1.0)
+    asking = Asking(host.node("ask", ["topside"]), wanted, "ask-1")
+    host.run(10 * S, lambda: asking.answer is not None)
+    assert asking.answer is not None
+    assert asking.answer.accepted
+    host.run(20 * S)
+    assert not asking.given_up
+    assert len(drone.heard) == lost + 1
+    heard = {(r.id, r.kind, r.depth, r.heading) for r in drone.heard}
+    assert heard == {(asking.answer.id, "goto", 2.0, -1.0)}
+    assert {b.stamp_ns - a.stamp_ns for a, b in pairwise(drone.heard)} <= {S // 5}
+
+
+def test_after_five_seconds_without_a_word_it_gives_up():
+    host = VirtualHost()
+    drone = Drone(host, 10**6)
+    asking = Asking(host.node("ask", ["topside"]), Wanted(kind="stop"), "ask-1")
+    host.run(20 * S, lambda: asking.given_up)
+    assert asking.given_up
+    assert host.now == drone.heard[0].stamp_ns + 5 * S
+    host.run(host.now + 5 * S)
+    assert len(drone.heard) == 25
+
+
+# How it reads.
+
+
+def test_a_stop_tells_in_words_and_in_json_how_far_it_still_goes():
+    stop = StopDistance(depth=-0.25, heading=math.pi / 2, seconds=1.5)
+    told = in_words("stop", stop)
+    assert told == (
+        "stop: accepted; still goes 0.250 m up and 90.00 deg clockwise, at rest after 1.50 s"
+    )
+    answer = PilotAnswer(stamp_ns=0, id="i", accepted=True, stop=stop)
+    assert json.loads(in_json("stop", answer)) == {
+        "id": "i",
+        "kind": "stop",
+        "accepted": True,
+        "reason": "",
+        "stop": {"depth_m": -0.25, "heading_deg": 90.0, "seconds": 1.5},
+    }
+    assert in_words("arm", None) == "arm: accepted"
+
+
+# All of it.
+
+
+@contextmanager
+def dive(folder: Path) -> Generator[Path]:
+    """A dive that waits for somebody to ask something; its folder, once the drone is armed."""
+    script, log, out = folder / "wait.csv", folder / "screen.txt", folder / "out"
+    script.write_text("t,surge,sway,heave,yaw\n0,0,0,0,0\n60,0,0,0,0\n")
+    command = [sys.executable, "-P", "-m", "tools", "dive", "--headless", "--out", str(out)]
+    with log.open("w") as screen:
+        process = subprocess.Popen(
+            [*command, "--pilot", f"script:{script}"],
+            stdin=subprocess.DEVNULL,
+            stdout=screen,
+            stderr=subprocess.STDOUT,
+        )
+    try:
+        deadline = time.monotonic() + PATIENCE_S
+        while "has the sticks" not in log.read_text():
+            assert process.poll() is None, log.read_text()
+            assert time.monotonic() < deadline, log.read_text()
+            time.sleep(0.05)
+        yield out
+    finally:
+        process.terminate()
+        process.wait(PATIENCE_S)
+
+
+@pytest.mark.system
+def test_a_real_drone_answers(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    with dive(tmp_path) as out:
+        assert ask("light", value=0.5, dive=out) == 0
+        assert capsys.readouterr().out == "light: accepted\n"
+        assert ask("goto", heading=30.0, dive=out) == 0
+        capsys.readouterr()
+        assert ask("stop", dive=out, as_json=True) == 0
+        assert json.loads(capsys.readouterr().out)["stop"]["seconds"] > 0.0
+        assert ask("disarm", dive=out) == 0
+        capsys.readouterr()
+        with pytest.raises(LindyError, match=r"^the drone refuses to goto: the drone is not armed"):
+            ask("goto", depth=2.0, dive=out, as_json=True)
+        assert not json.loads(capsys.readouterr().out)["accepted"]

@@ -1,0 +1,224 @@
+"""`lindy ask`: one request to a dive that is going on, and the drone's word on it."""
+
+import json
+import math
+import os
+import threading
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+import msgspec
+
+from messages import topics
+from messages.pilot import Course, PilotAnswer, RequestKind, StopDistance
+from services.gamepad.course import course_of
+from services.gamepad.requests import Requests
+from services.gamepad.wish import goto
+from services.reference.following import Planned
+from services.runtime.errors import LindyError
+from services.runtime.local_stack import HOME
+from services.runtime.memory import VolatileMemory
+from services.runtime.node import Node
+from services.runtime.running import RUNNING, Running
+from services.runtime.settings import deploy_file, nearest
+from services.runtime.zenoh_bus import open_bus
+from tools.checks import running_in
+
+LOOK_HZ = 50.0  # [1/s] to see whether a repetition is due
+OPTIONS: dict[str, tuple[str, ...]] = {
+    "arm": (),
+    "disarm": (),
+    "stop": (),
+    "light": ("value",),
+    "goto": ("depth", "heading"),
+    "follow": ("path",),
+}  # what a kind of request may be told
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wanted:
+    """A request without its id; the fields are those of `PilotRequest`."""
+
+    kind: RequestKind
+    value: float | None = None
+    depth: float | None = None  # [m]
+    heading: float | None = None  # [rad]
+    course: Course | None = None
+
+
+def ask(
+    kind: str,
+    *,
+    depth: float | None = None,
+    heading: float | None = None,
+    path: str | None = None,
+    value: float | None = None,
+    dive: Path | None = None,
+    as_json: bool = False,
+) -> int:
+    """Send a request and print the answer.
+
+    Args:
+        kind: arm, disarm, stop, light, goto or follow.
+        depth: [m] goto.
+        heading: [deg] goto.
+        path: follow: a name in deploy/paths, or a TOML file.
+        value: light: 0 … 1.
+        dive: folder of a dive that is going on; default: the newest.
+
+    Raises:
+        LindyError: a wrong argument, no dive, no answer, or the drone refuses; says why.
+    """
+    wanted = wanted_of(kind, depth=depth, heading=heading, path=path, value=value)
+    answer = answer_to(wanted, dive_in(dive))
+    if as_json:
+        print(in_json(wanted.kind, answer))
+    if not answer.accepted:
+        raise LindyError(f"the drone refuses to {kind}: {answer.reason}")
+    if not as_json:
+        print(in_words(wanted.kind, answer.stop))
+    return 0
+
+
+def wanted_of(kind: str, **given: Any) -> Wanted:
+    """
+    Raises:
+        LindyError: an unknown kind, or options that make no sense with it.
+    """
+    if kind not in OPTIONS:
+        raise LindyError(f"unknown request {kind!r}{nearest(kind, list(OPTIONS))}")
+    known = cast(RequestKind, kind)
+    for name in given:
+        if given[name] is not None and name not in OPTIONS[kind]:
+            raise LindyError(f"{kind} takes no --{name}")
+    match known:
+        case "light":
+            return Wanted(kind=known, value=_brightness(given["value"]))
+        case "goto":
+            try:
+                wish = goto(given["depth"], given["heading"])
+            except ValueError as error:
+                raise LindyError(str(error)) from None
+            return Wanted(kind=known, depth=wish.depth, heading=wish.heading)
+        case "follow":
+            return Wanted(kind=known, course=_course(given["path"]))
+        case _:
+            return Wanted(kind=known)
+
+
+def dive_in(folder: Path | None) -> Running:
+    """The dive that is going on in a folder; by default in this one or in dives/, the newest.
+
+    Raises:
+        LindyError: there is none.
+    """
+    folders = [Path(), *Path("dives").glob("*")] if folder is None else [folder]
+    files = [place / RUNNING for place in folders if running_in(place) is not None]
+    if not files:
+        where = "here or in dives/" if folder is None else f"in {folder}"
+        raise LindyError(f"no dive is going on {where}; start one with `lindy dive`")
+    newest = max(files, key=lambda file: file.stat().st_mtime)
+    return msgspec.json.decode(newest.read_bytes(), type=Running)
+
+
+def answer_to(wanted: Wanted, running: Running) -> PilotAnswer:
+    """
+    Raises:
+        LindyError: the drone does not answer.
+    """
+    endpoints = running.endpoints
+    endpoint = endpoints.get(HOME) or next(iter(endpoints.values()))
+    woken = threading.Event()
+    with open_bus(endpoint, running.vehicle) as bus:
+        node = Node("ask", {HOME: bus}, time.monotonic_ns, VolatileMemory())
+        node.wake = woken.set
+        asking = Asking(node, wanted, f"ask-{os.getpid()}")
+        while asking.answer is None and not asking.given_up:
+            woken.wait(max(0.0, (node.deadline() - time.monotonic_ns()) / 1e9))
+            woken.clear()
+            node.step()
+    if asking.answer is None:
+        raise LindyError("the drone does not answer")
+    return asking.answer
+
+
+class Asking:
+    """One request, repeated with the same id until it is answered or has waited too long."""
+
+    def __init__(self, node: Node, wanted: Wanted, who: str) -> None:
+        self.answer: PilotAnswer | None = None
+        self.given_up = False
+        self._wanted: Wanted | None = wanted  # until it was sent
+        self._requests = Requests(who)
+        self._publisher = node.publisher(topics.PILOT_REQUEST)
+        node.each(topics.PILOT_ANSWER, self._hear)
+        node.every(LOOK_HZ, self._look)
+
+    def _look(self, now: int) -> None:
+        if (w := self._wanted) is not None:
+            self._wanted = None
+            self._publisher.put(
+                self._requests.ask(
+                    w.kind, now, w.value, depth=w.depth, heading=w.heading, course=w.course
+                )
+            )
+        self.given_up = self.given_up or bool(self._requests.given_up(now))
+        for request in self._requests.repeats(now):
+            self._publisher.put(request)
+
+    def _hear(self, answer: PilotAnswer, _: int) -> None:
+        if self._requests.answered(answer) is not None:
+            self.answer = answer
+
+
+def in_words(kind: str, stop: StopDistance | None) -> str:
+    """The answer to a request that was accepted."""
+    if stop is None:
+        return f"{kind}: accepted"
+    vertical = "up" if stop.depth < 0 else "down"
+    turn = "counter-clockwise" if stop.heading < 0 else "clockwise"
+    return (
+        f"{kind}: accepted; still goes {abs(stop.depth):.3f} m {vertical} and "
+        f"{abs(math.degrees(stop.heading)):.2f} deg {turn}, at rest after {stop.seconds:.2f} s"
+    )
+
+
+def in_json(kind: str, answer: PilotAnswer) -> str:
+    """Depth + down in m, heading + clockwise in deg."""
+    stop = answer.stop and {
+        "depth_m": answer.stop.depth,
+        "heading_deg": math.degrees(answer.stop.heading),
+        "seconds": answer.stop.seconds,
+    }
+    return json.dumps(
+        {
+            "id": answer.id,
+            "kind": kind,
+            "accepted": answer.accepted,
+            "reason": answer.reason,
+            "stop": stop,
+        },
+        allow_nan=False,
+    )
+
+
+def _brightness(value: float | None) -> float:
+    if value is None:
+        raise LindyError("light needs --value, a brightness from 0 to 1")
+    if not 0.0 <= value <= 1.0:
+        raise LindyError(f"--value is {value:g}, expected a brightness from 0 to 1")
+    return value
+
+
+def _course(name: str | None) -> Course:
+    if name is None:
+        raise LindyError("follow needs --path, a name in deploy/paths or a TOML file")
+    file = deploy_file("paths", name)
+    course = course_of(file)
+    try:
+        Planned(course)  # the drone would refuse it as well, but without the file's name
+    except ValueError as error:
+        raise LindyError(f"{file}: {error}") from None
+    return course
