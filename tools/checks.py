@@ -8,6 +8,8 @@ from pathlib import Path
 import msgspec
 
 from services.gamepad import script
+from services.gamepad.wish import Follow
+from services.reference.following import Planned
 from services.runtime.errors import LindyError
 from services.runtime.running import RUNNING, Running
 from services.runtime.settings import deploy_file, nearest, read
@@ -42,12 +44,15 @@ def pilot_of(choice: str) -> Pilot:
         raise LindyError(f"unknown pilot {choice!r}{nearest(choice, known)}")
     path = deploy_file("dives", name, ".csv")
     try:
-        length_s = script.parse(path.read_bytes()).duration
+        log = script.parse(path.read_bytes())
+        for row in log.rows:
+            if isinstance(row.event, Follow):
+                Planned(row.event.course)  # do the turns fit?
     except OSError as error:
         raise LindyError(f"cannot read {path}: {error.strerror}") from None
     except ValueError as error:
         raise LindyError(f"{path}: {error}") from None
-    return Pilot(f"script:{path if name.endswith('.csv') else name}", length_s)
+    return Pilot(f"script:{path if name.endswith('.csv') else name}", log.duration)
 
 
 def checked(choices: Choices, pilot: Pilot) -> Stack:

@@ -86,6 +86,7 @@ def _motion() -> rrb.Grid:
         _plot("yaw_acceleration", "Yaw acceleration of the reference [°/s²]"),
         _plot("velocity", "Velocity, body [m/s]"),
         _plot("jerk", "Jerk of the reference [m/s³, °/s³]"),
+        _plot("tilt", "Camera tilt [°], up"),
         _plot("track", "Place [m], NED"),
         _plot("uncertainty", "One standard deviation"),
         grid_columns=3,

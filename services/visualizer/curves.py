@@ -88,6 +88,7 @@ def _references() -> list[Curve]:
     return [
         Curve("jerk", topic, both, colours, lambda m: (m.depth.jerk, degrees(m.heading.jerk))),
         Curve("yaw_acceleration", topic, ("reference",), (REFERENCE,), _yaw_acceleration),
+        Curve("tilt", topic, ("reference",), (REFERENCE,), lambda m: (degrees(m.tilt.position),)),
         Curve("force_reference", topic, ("surge", "sway"), AXES[:2], _reference_force),
         Curve("latency/stick_reference", topic, ("stick → reference",), (STICK,), _stick_reference),
     ]
