@@ -1,0 +1,88 @@
+"""The list of figures and of what is claimed about them. A new figure is a row here and a function
+that draws it; new claims are a function that returns them."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from matplotlib.figure import Figure
+
+from tools.figures import (
+    claims_clamped,
+    claims_comparison,
+    claims_fernandes,
+    claims_rule,
+    fernandes_model,
+    fernandes_paths,
+    fernandes_turns,
+    style,
+    thesis,
+    thesis_clamped,
+    thesis_comparison,
+)
+from tools.figures.claims import Claim
+
+
+class Entry(NamedTuple):
+    """One figure of a paper."""
+
+    id: str  # also the name of its files
+    source: str  # where it is in the paper
+    title: str
+    draw: Callable[[Figure], str]  # draws, and returns the caption
+    width: float = 8.0  # [inch]
+    height: float = 7.0  # [inch]
+
+
+def _andren(number: str, title: str, draw: Callable[[Figure], str], height: float = 7.0) -> Entry:
+    return Entry(f"andren-{number}", f"Andrén 2023, figure {number}", title, draw, height=height)
+
+
+def _fernandes(number: int, title: str, draw: Callable[[Figure], str], height: float) -> Entry:
+    source = f"Fernandes et al. 2015, figure {number}"
+    return Entry(f"fernandes-{number}", source, title, draw, height=height)
+
+
+FIGURES: tuple[Entry, ...] = (
+    _andren("4.2", "four references, small step", thesis_comparison.small_step, 8.0),
+    _andren("4.3", "four references, large step", thesis_comparison.large_step, 8.0),
+    _andren("5.1", "three initial accelerations, fixed time", thesis.initial_accelerations),
+    _andren("5.2", "many initial velocities, fixed time", thesis.fixed_time_family),
+    _andren("5.3", "recalculated on the way, fixed time", thesis.recalculated_fixed_time),
+    _andren("5.4", "recalculated on the way, planned end jerk", thesis.recalculated_end_jerk),
+    _andren("5.5", "many initial velocities, planned end jerk", thesis.end_jerk_family),
+    _andren("5.6", "a stick that jumps", thesis.jumping_stick, 7.5),
+    _andren("5.7", "position from piecewise plans", thesis.position_reference),
+    _andren("5.8", "acceleration cut off", thesis_clamped.cut_off),
+    _andren("5.9", "acceleration limit planned for", thesis_clamped.planned_for, 8.5),
+    _fernandes(1, "shapes of the reference model", fernandes_model.shapes, 8.5),
+    _fernandes(3, "twin clothoids against an arc", fernandes_turns.ratios, 4.6),
+    _fernandes(4, "approximating path", fernandes_turns.approximating, 7.4),
+    _fernandes(5, "interpolating path, two lane changes", fernandes_turns.interpolating, 5.6),
+    _fernandes(9, "three runs in a row", fernandes_model.three_runs, 6.5),
+    _fernandes(10, "path of Table 4", fernandes_paths.plan_view, 5.8),
+    _fernandes(11, "curvature of the path", fernandes_paths.curvature, 6.5),
+    _fernandes(12, "path parameter over time", fernandes_paths.parameter, 6.5),
+    _fernandes(13, "the five parts", fernandes_paths.five_parts, 6.0),
+    _fernandes(18, "optimal shapes", fernandes_model.optimal_shapes, 6.5),
+)
+
+CLAIMS: tuple[Callable[[], list[Claim]], ...] = (
+    claims_comparison.comparison_claims,
+    claims_rule.rule_claims,
+    claims_clamped.clamped_claims,
+    claims_fernandes.fernandes_claims,
+)
+
+
+def checked_claims() -> list[Claim]:
+    """Every claim, computed now."""
+    return [claim for claims in CLAIMS for claim in claims()]
+
+
+def drawn(entry: Entry) -> Figure:
+    """The finished figure, with title and caption."""
+    with style.in_style():
+        figure = style.sheet(entry.width, entry.height)
+        caption = entry.draw(figure)
+        style.finish(figure, f"{entry.source}: {entry.title}", caption)
+    return figure

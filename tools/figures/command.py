@@ -1,0 +1,54 @@
+"""`lindy figures`: the papers' figures and numeric claims, from Lindy's own code."""
+
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from services.runtime.errors import LindyError
+from services.runtime.settings import nearest
+
+
+def figures(
+    *,
+    out: Path,
+    only: Annotated[
+        tuple[str, ...], Parameter(negative=(), consume_multiple=True, show_default=False)
+    ] = (),
+) -> int:
+    """Draw every figure of the two papers that concerns references, and check their numbers.
+
+    Example: lindy figures --out figures --only andren-4.2 fernandes-10
+
+    Writes ID.png and ID.svg for each figure, and claims.json: each claim with the paper's value,
+    ours, and a verdict. The same files, byte for byte, on every run.
+
+    Args:
+        out: folder, made if it is not there.
+        only: ids of figures to draw, instead of all; claims.json is written in any case.
+    """
+    if find_spec("matplotlib") is None:
+        raise LindyError(
+            "figures need matplotlib, which is not installed; install the extra 'figures',"
+            " e.g. pip install 'lindy[figures]'"
+        )
+    from tools.figures import catalogue, claims, style
+
+    entries = [entry for entry in catalogue.FIGURES if not only or entry.id in only]
+    known = [entry.id for entry in catalogue.FIGURES]
+    for id_ in only:
+        if id_ not in known:
+            raise LindyError(f"unknown figure {id_!r}{nearest(id_, known)}")
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        for number, entry in enumerate(entries, start=1):
+            style.save(catalogue.drawn(entry), out / entry.id)
+            print(f"[{number}/{len(entries)}] {out / entry.id}.png, .svg", flush=True)
+        checked = catalogue.checked_claims()
+        claims.write(checked, out / "claims.json")
+    except OSError as error:
+        raise LindyError(f"cannot write to {out}: {error.strerror or error}") from None
+    print(f"{out / 'claims.json'}")
+    print("\n".join(claims.table(checked)))
+    return 0
