@@ -7,13 +7,13 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
+from services.reference.fernandes.model_request import Request
+from services.reference.fernandes.reference_model import plan
 from services.reference.minimum_jerk import Limits
-from services.reference.model_request import Request
-from services.reference.path import Kind, Path, furthest
+from services.reference.paths.path import Kind, Path, furthest
+from services.reference.paths.route import Motion, Route, RoutePoint, route
+from services.reference.paths.stretch import stretch
 from services.reference.profile import Profile
-from services.reference.reference_model import plan
-from services.reference.route import Motion, Route, RoutePoint, route
-from services.reference.stretch import stretch
 from services.runtime.errors import LindyError
 from services.runtime.settings import deploy_file, read
 

@@ -4,8 +4,8 @@ import json
 from collections.abc import Iterator
 from math import ceil, exp, isfinite
 
-from services.reference.model_request import Request
-from services.reference.reference_model import ReferenceModel, plan
+from services.reference.fernandes.model_request import Request
+from services.reference.fernandes.reference_model import ReferenceModel, plan
 from services.runtime.errors import LindyError
 
 MOST_ROWS = 10_000_000

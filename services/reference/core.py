@@ -19,8 +19,8 @@ from messages.vehicle import Failsafe, Mode, VehicleStatus
 from services.reference.axes import Axes, motion, on_a_path
 from services.reference.axes import Settings as Settings
 from services.reference.following import Following, Planned
-from services.reference.heading import wrap
 from services.reference.minimum_jerk import Ramp, Sample
+from services.reference.paths.heading import wrap
 from services.reference.position import pair
 
 GIVE_IN_S = 0.5  # [s] time constant with which a held-back reference comes to the vehicle

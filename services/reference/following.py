@@ -10,11 +10,11 @@ from dataclasses import dataclass, field
 
 from messages.pilot import Course
 from services.reference.emergency_stop import stop_motion
-from services.reference.heading import wrap
 from services.reference.minimum_jerk import Limits, Sample
-from services.reference.path import Path
-from services.reference.route import RoutePoint, point_on
-from services.reference.stretch import stretch
+from services.reference.paths.heading import wrap
+from services.reference.paths.path import Path
+from services.reference.paths.route import RoutePoint, point_on
+from services.reference.paths.stretch import stretch
 from services.reference.time_scaling import WaitingClock, scaled_sample
 
 WAIT, RESUME = 1.0, 0.5  # [-] of the tolerances below

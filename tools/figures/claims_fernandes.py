@@ -5,13 +5,13 @@ from dataclasses import replace
 from itertools import pairwise
 from math import degrees, exp, factorial, floor, pi, radians
 
-from services.reference.clothoid import TwinClothoids
-from services.reference.heading import accumulate
-from services.reference.model_as_printed import basic_as_printed
-from services.reference.path import Path
+from services.reference.fernandes.model_as_printed import basic_as_printed
+from services.reference.fernandes.reference_model import ReferenceModel, plan
+from services.reference.paths.clothoid import TwinClothoids
+from services.reference.paths.heading import accumulate
+from services.reference.paths.path import Path
+from services.reference.paths.route import Route
 from services.reference.profile_sequence import ProfileSequence, sequence
-from services.reference.reference_model import ReferenceModel, plan
-from services.reference.route import Route
 from tools.figures.claims import Claim, judged
 from tools.figures.fernandes_model import optimal, optimal_times, same_limits_pair
 from tools.figures.fernandes_paths import edges

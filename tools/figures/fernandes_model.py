@@ -6,10 +6,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from services.reference.fernandes.model_as_printed import basic_as_printed
+from services.reference.fernandes.reference_model import ReferenceModel, plan
 from services.reference.minimum_jerk import Limits, Sample
-from services.reference.model_as_printed import basic_as_printed
 from services.reference.position import Pair, pair
-from services.reference.reference_model import ReferenceModel, plan
 from tools.figures import style
 from tools.figures.curves import sampled, show
 from tools.figures.setups import SEA_TRIAL, TABLE_2_BEGIN, XI, table_2

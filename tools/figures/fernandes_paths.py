@@ -6,12 +6,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from services.reference.path import furthest
+from services.reference.fernandes.reference_model import plan
+from services.reference.paths.path import furthest
+from services.reference.paths.route import Route
+from services.reference.paths.stretch import stretch
 from services.reference.profile import Profile
 from services.reference.profile_sequence import ProfileSequence, sequence
-from services.reference.reference_model import plan
-from services.reference.route import Route
-from services.reference.stretch import stretch
 from tools.figures import style
 from tools.figures.fernandes_model import peak_limits
 from tools.figures.fernandes_turns import draw_path, map_of

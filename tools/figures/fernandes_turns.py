@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from services.reference.clothoid import TwinClothoids, antisymmetric_end
-from services.reference.path import Path, furthest
+from services.reference.paths.clothoid import TwinClothoids, antisymmetric_end
+from services.reference.paths.path import Path, furthest
 from tools.figures import style
 from tools.figures.setups import LANE_OFFSET, MIN_RADIUS
 

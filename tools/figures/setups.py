@@ -5,12 +5,12 @@ Figures and claims share them, so a claim is about the figure that is drawn.
 
 from math import exp
 
+from services.reference.fernandes.model_request import Request
+from services.reference.fernandes.reference_model import plan
 from services.reference.minimum_jerk import Limits
-from services.reference.model_request import Request
-from services.reference.path import Path
+from services.reference.paths.path import Path
+from services.reference.paths.route import Route
 from services.reference.profile_sequence import ProfileSequence, sequence
-from services.reference.reference_model import plan
-from services.reference.route import Route
 
 # Andrén 2023, figures 4.2 and 4.3.
 JERK = 10.0  # [m/s³]

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.reference.clothoid import TwinClothoids, antisymmetric_end, fresnel
-from services.reference.smooth_turn import SmoothTurn
-from services.reference.turn import Turn
+from services.reference.paths.clothoid import TwinClothoids, antisymmetric_end, fresnel
+from services.reference.paths.smooth_turn import SmoothTurn
+from services.reference.paths.turn import Turn
 
 SHAPES = pytest.mark.parametrize("shape", [TwinClothoids, SmoothTurn])
 ANGLES = st.floats(1e-8, pi)

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.reference.clothoid import TwinClothoids
-from services.reference.heading import accumulate, wrap
-from services.reference.path import Kind, Path, PathPoint, furthest
+from services.reference.paths.clothoid import TwinClothoids
+from services.reference.paths.heading import accumulate, wrap
+from services.reference.paths.path import Kind, Path, PathPoint, furthest
 
 PAPER = [[0.0, 0.0], [60.0, 0.0], [0.0, 90.0], [60.0, 90.0]]
 KINDS: st.SearchStrategy[Kind] = st.sampled_from(["approximating", "interpolating"])

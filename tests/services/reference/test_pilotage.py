@@ -11,7 +11,7 @@ from messages.pilot import Course, PilotAnswer, PilotCommand, PilotRequest
 from messages.reference import Reference
 from messages.state import VehicleState
 from services.reference.core import Pilotage, Settings
-from services.reference.heading import wrap
+from services.reference.paths.heading import wrap
 
 DT = 10_000_000  # [ns]
 stick = st.floats(-1.0, 1.0)

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from services.reference.fernandes.model_request import Request
+from services.reference.fernandes.reference_model import plan
 from services.reference.minimum_jerk import Limits, Sample
-from services.reference.model_request import Request
-from services.reference.reference_model import plan
 from services.reference.time_scaling import Scaled, WaitingClock, scaled, scaled_sample
 
 many = settings(max_examples=80, deadline=None)

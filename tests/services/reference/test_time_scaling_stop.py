@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from services.reference.emergency_stop import stop, stop_motion
+from services.reference.fernandes.model_request import Request
+from services.reference.fernandes.reference_model import plan
 from services.reference.minimum_jerk import Limits, Sample
-from services.reference.model_request import Request
-from services.reference.reference_model import plan
 from services.reference.time_scaling import WaitingClock, scaled_sample
 
 many = settings(max_examples=100, deadline=None)

@@ -6,7 +6,7 @@ Fresnel integrals.
 
 from math import pi, sqrt
 
-from services.reference.turn import Place, Turn
+from services.reference.paths.turn import Place, Turn
 
 SMALLEST = 1e-17  # relative; smaller terms of a series change nothing
 

@@ -17,10 +17,10 @@ from dataclasses import dataclass
 from itertools import accumulate
 from math import exp, isfinite, log
 
+from services.reference.fernandes.model_cruise import cruise_speed
+from services.reference.fernandes.model_phases import Cruise, Pull, Settle, SpeedChange
+from services.reference.fernandes.model_request import Request
 from services.reference.minimum_jerk import Sample
-from services.reference.model_cruise import cruise_speed
-from services.reference.model_phases import Cruise, Pull, Settle, SpeedChange
-from services.reference.model_request import Request
 
 Five = tuple[float, float, float, float, float]
 Phases = tuple[Pull, Settle, Cruise, Pull, Settle]

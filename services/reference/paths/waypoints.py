@@ -5,8 +5,8 @@ from itertools import pairwise
 from math import atan2, hypot, pi
 from typing import NamedTuple
 
-from services.reference.heading import wrap
-from services.reference.turn import STRAIGHT
+from services.reference.paths.heading import wrap
+from services.reference.paths.turn import STRAIGHT
 
 APART = 1e-6  # [m] way-points closer than this are the same place
 FARTHEST = 1e6  # [m] from the origin and from each other; beyond, digits are lost

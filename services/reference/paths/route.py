@@ -13,7 +13,7 @@ from math import cos, sin
 from typing import NamedTuple, Protocol
 
 from services.reference.minimum_jerk import Sample
-from services.reference.path import Path
+from services.reference.paths.path import Path
 from services.reference.profile import Profile
 from services.reference.profile_sequence import sequence
 

@@ -4,10 +4,10 @@ For comparison with the paper's figures and tables only: the printed times leave
 `reference_model.plan` does not have.
 """
 
-from services.reference.model_cruise import cruise_speed
-from services.reference.model_phases import SpeedChange
-from services.reference.model_request import Request
-from services.reference.reference_model import (
+from services.reference.fernandes.model_cruise import cruise_speed
+from services.reference.fernandes.model_phases import SpeedChange
+from services.reference.fernandes.model_request import Request
+from services.reference.fernandes.reference_model import (
     ReferenceModel,
     assembled,
     model,

@@ -30,9 +30,9 @@ from itertools import pairwise
 from math import cos, inf, pi, sin
 from typing import NamedTuple
 
-from services.reference.heading import wrap
-from services.reference.turn import STRAIGHT, Turn
-from services.reference.waypoints import Waypoint, course, distance
+from services.reference.paths.heading import wrap
+from services.reference.paths.turn import STRAIGHT, Turn
+from services.reference.paths.waypoints import Waypoint, course, distance
 
 TurnOf = Callable[[float], Turn]  # from the angle [rad]
 HARDLY = 1e-6  # [rad] a corner of less does not decide on which courses a path passes

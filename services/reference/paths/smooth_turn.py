@@ -12,7 +12,7 @@ from math import cos, sin
 
 import numpy as np
 
-from services.reference.turn import Place, Turn
+from services.reference.paths.turn import Place, Turn
 
 _nodes, _weights = np.polynomial.legendre.leggauss(20)  # 1e-15 of the length for turns up to π
 GAUSS = [(float(1 + x) / 2, float(w) / 2) for x, w in zip(_nodes, _weights, strict=True)]

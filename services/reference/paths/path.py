@@ -14,12 +14,12 @@ from itertools import pairwise
 from math import cos, isfinite, sin
 from typing import Literal, NamedTuple, Self
 
-from services.reference.clothoid import TwinClothoids
-from services.reference.heading import wrap
-from services.reference.outline import ROUNDING, Outline, TurnOf, approximating, interpolating
-from services.reference.smooth_turn import SmoothTurn
-from services.reference.turn import STRAIGHT, Turn
-from services.reference.waypoints import Waypoint, checked, distance
+from services.reference.paths.clothoid import TwinClothoids
+from services.reference.paths.heading import wrap
+from services.reference.paths.outline import ROUNDING, Outline, TurnOf, approximating, interpolating
+from services.reference.paths.smooth_turn import SmoothTurn
+from services.reference.paths.turn import STRAIGHT, Turn
+from services.reference.paths.waypoints import Waypoint, checked, distance
 
 Kind = Literal["approximating", "interpolating"]
 

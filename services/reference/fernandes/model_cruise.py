@@ -6,8 +6,8 @@ where Fernandes et al. 2015 search x on a grid.
 
 from math import sqrt
 
-from services.reference.model_phases import SpeedChange
-from services.reference.model_request import Request
+from services.reference.fernandes.model_phases import SpeedChange
+from services.reference.fernandes.model_request import Request
 
 MARGIN = 1e-5  # relative; a limit that is quoted is still feasible after rounding to 6 digits
 
