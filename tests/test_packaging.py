@@ -1,0 +1,31 @@
+"""The project as it is installed and shipped."""
+
+import re
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+from services.runtime.stack import services_of
+from services.runtime.table import wiring
+
+ROOT = Path(__file__).parents[1]
+PUBLIC = {"https://pypi.org", "https://files.pythonhosted.org"}
+
+
+@pytest.mark.parametrize("name", ["services", "messages", "tools"])
+def test_no_other_distribution_shadows_our_folders(name: str) -> None:
+    spec = find_spec(name)
+    assert spec is not None
+    assert spec.origin is not None
+    assert Path(spec.origin).is_relative_to(ROOT)
+
+
+def test_the_lock_file_names_only_the_public_index() -> None:
+    hosts = re.findall(r"https?://[^/\"]+", (ROOT / "uv.lock").read_text(encoding="utf-8"))
+    assert set(hosts) <= PUBLIC
+
+
+def test_every_service_of_the_dive_can_be_wired() -> None:
+    for service in services_of("dive"):
+        assert callable(wiring(service))
