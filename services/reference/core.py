@@ -16,6 +16,7 @@ from messages.pilot import PilotAnswer, PilotCommand, PilotRequest, StopDistance
 from messages.reference import Reference
 from messages.state import VehicleState
 from messages.vehicle import Failsafe, Mode, VehicleStatus
+from services.reference.answers import AnswerBook, centred, refusal
 from services.reference.axes import Axes, motion, on_a_path
 from services.reference.axes import Settings as Settings
 from services.reference.following import Following, Planned
@@ -24,8 +25,6 @@ from services.reference.paths.heading import wrap
 from services.reference.position import pair
 
 GIVE_IN_S = 0.5  # [s] time constant with which a held-back reference comes to the vehicle
-ANSWERS = 64  # requests whose answers are known by heart
-CENTRED = 0.05  # [-] a stick this close to the middle counts as let go
 
 
 class Remembered(msgspec.Struct, frozen=True):
@@ -59,7 +58,7 @@ class Pilotage:
     _following: Following | None = None
     _stop: StopDistance | None = None
     _tilting: float = 0.0  # [-] the tilt stick, as it was last heard
-    _answers: dict[str, PilotAnswer] = field(default_factory=dict[str, PilotAnswer])
+    _answers: AnswerBook = field(default_factory=AnswerBook)
 
     def __post_init__(self) -> None:
         self._axes = Axes.of(self.settings)
@@ -101,7 +100,7 @@ class Pilotage:
             self.happened.append(f"failsafe:{failsafe}")
             self._come_to_rest()
         self._failsafe = failsafe
-        if command is not None and command.pilot == "present" and _centred(command):
+        if command is not None and command.pilot == "present" and centred(command):
             self.stopping = self.stopping and not (self._following is None and self._settled())
 
     def _aim(self, command: PilotCommand | None) -> None:
@@ -111,13 +110,13 @@ class Pilotage:
         if self._following is not None and self._following.ends(t):
             self._end_path()
             self.notes.append("off the path" if self.stopping else "the end of the path")
-        elif command is not None and free and not _centred(command):
+        elif command is not None and free and not centred(command):
             self._end_path()
         if self._planned is not None and self._settled():
             self._following = self._planned.begin(axes.yaw.at(t).position, t)
             self._planned = None
         busy = self._going or self._planned is not None or self._following is not None
-        moves = command is not None and free and not (busy and _centred(command))
+        moves = command is not None and free and not (busy and centred(command))
         stick = command if command is not None and moves else AT_REST
         if self._following is None:
             axes.heave.aim(stick.heave * s.heave.max_velocity, t)
@@ -206,41 +205,17 @@ class Pilotage:
 
         A request is repeated until its answer arrives; it is done once and answered each time.
         """
-        if request.id in self._answers:
-            return msgspec.structs.replace(self._answers[request.id], stamp_ns=now), False
-        reason = self._refusal(request, command)
-        if not reason:
-            reason = self._do(request)
-        answer = PilotAnswer(
-            stamp_ns=now,
-            id=request.id,
-            accepted=not reason,
-            reason=reason,
-            stop=self._stop if request.kind == "stop" else None,
-            cause_ns=request.stamp_ns,
+        if (known := self._answers.known(request, now)) is not None:
+            return known, False
+        reason = refusal(
+            request,
+            command,
+            armed=self.armed,
+            ready=self._running and self._failsafe != "state_lost",
+            stopping=self.stopping or self._failsafe != "none",
         )
-        self._answers[request.id] = answer
-        if len(self._answers) > ANSWERS:
-            del self._answers[next(iter(self._answers))]
-        return answer, not reason
-
-    def _refusal(self, request: PilotRequest, command: PilotCommand | None) -> str:
-        """Why a request cannot be granted now; empty when it can."""
-        if request.kind == "arm" and not self.armed:
-            if not self._running or self._failsafe == "state_lost":
-                return "the drone does not know its depth and attitude yet"
-            if command is None or command.pilot == "lost":
-                return "no pilot: no fresh stick positions arrive"
-            if not _centred(command):
-                return "the sticks are not centred"
-        if request.kind in ("goto", "follow"):
-            if not self.armed:
-                return "the drone is not armed"
-            if self._failsafe != "none" or self.stopping:
-                return "the drone is stopping"
-            if command is not None and not _centred(command):
-                return "the sticks are not centred, and they have priority"
-        return ""
+        reason = reason or self._do(request)
+        return self._answers.write(request, reason, self._stop, now), not reason
 
     def _do(self, request: PilotRequest) -> str:
         """Do what is asked. Returns why it makes no sense, or nothing."""
@@ -361,7 +336,3 @@ class Pilotage:
 
 
 AT_REST = PilotCommand(stamp_ns=0, surge=0.0, sway=0.0, heave=0.0, yaw=0.0)
-
-
-def _centred(command: PilotCommand) -> bool:
-    return max(map(abs, (command.surge, command.sway, command.heave, command.yaw))) < CENTRED

@@ -16,6 +16,7 @@ import msgspec
 import numpy as np
 
 from messages import topics
+from services.reference.answers import CENTRED
 from tools.report.columns import Array
 from tools.report.dive import Dive
 
@@ -23,7 +24,6 @@ Axis = Literal["heave", "yaw"]
 REST_VELOCITY = 1e-3  # [m/s, rad/s] a reference slower than this …
 REST_ACCELERATION = 1e-2  # [m/s², rad/s²] … and steadier than this is at rest
 SETTLED: dict[Axis, float] = {"heave": 0.05, "yaw": radians(1.0)}  # [m, rad] from the reference
-CENTRED = 0.05  # [-] after a stop request the sticks count again once all were this close to zero
 
 
 class Stop(msgspec.Struct, frozen=True):
