@@ -10,6 +10,7 @@ from rich.progress import BarColumn, Progress, TextColumn
 
 from messages import topics
 from services.runtime.errors import LindyError
+from services.runtime.garbage import rare_collections
 from services.runtime.stack import services_of
 from services.runtime.supervisor import NAME
 from services.runtime.virtual_host import VirtualHost
@@ -48,7 +49,8 @@ def simulate(choices: Choices) -> int:
         host.add_all(services_of("dive"), stack)
         host.show(lambda line: None if line.level == "info" else print(line_of(line)))
         began = time.perf_counter()
-        outcome.exit = run(host, course, stop, advance)
+        with rare_collections():
+            outcome.exit = run(host, course, stop, advance)
         outcome.speedup = host.now / 1e9 / (time.perf_counter() - began)
     return outcome.sum_up()
 

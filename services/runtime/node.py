@@ -185,25 +185,21 @@ class Node:
 
     def step(self) -> None:
         """Handle all that arrived and all that is due."""
-        busy = True
-        while busy:
-            busy = False
+        while True:
             # Bounded, so that a flood of messages cannot starve the timers.
             for _ in range(min(len(self._pending), EVENTS)):
                 self._pending.popleft()()
-                busy = True
-            busy = self._ring_timers() or busy
+            self._ring_timers()
+            if not self._pending:
+                return
 
-    def _ring_timers(self) -> bool:
-        rang = False
+    def _ring_timers(self) -> None:
         now = self._clock()
         for timer in self._timers:
             if timer.due is not None and timer.due <= now:
                 self.pulse.handled(now - timer.due)
                 if wrong := timer.ring(now):
                     self.counts.update(wrong)
-                rang = True
-        return rang
 
     def deadline(self) -> int:
         """[ns] When the next timer falls due. There always is one: the health report."""

@@ -20,6 +20,7 @@ import msgspec
 
 from messages.health import LogLine
 from services.runtime.errors import LindyError
+from services.runtime.garbage import rare_collections
 from services.runtime.memory import FileMemory
 from services.runtime.node import Node
 from services.runtime.pulse import Usage
@@ -70,6 +71,7 @@ def run_service(launch: Launch) -> int:
         exits.callback(node.close)
         for bus in buses.values():
             bus.announce(launch.service)
+        exits.enter_context(rare_collections())
         while not stop.asked:
             node.step()
             _wait(node, event)

@@ -3,6 +3,7 @@
 Times are [ns] since the dive began. Batches cross a pipe to the live end, so they are Structs.
 """
 
+from collections.abc import Sequence
 from typing import Literal
 
 import msgspec
@@ -16,7 +17,7 @@ class Columns(msgspec.Struct, frozen=True, array_like=True):
 
     path: str
     times: list[int]  # [ns]
-    rows: list[list[float]]  # one per time, all of one length
+    rows: list[Sequence[float]]  # one per time, all of one length
 
 
 class Note(msgspec.Struct, frozen=True, array_like=True):

@@ -70,9 +70,10 @@ class Collector:
             floor=self._scene.take_floor(),
         )
         for (topic, key), messages in heard.items():
+            times = [message.stamp_ns - start for message in messages]
             for curve in self._curves[topic.key]:
-                columns = _columns(curve, key, messages, start)
-                if columns is not None:
+                columns = _columns(curve, key, messages, times)
+                if columns.rows:
                     batch.columns.append(columns)
             for message in messages:
                 batch.notes.extend(self._status.hear(key, message, message.stamp_ns - start))
@@ -82,15 +83,13 @@ class Collector:
         return batch
 
 
-def _columns(curve: Curve, key: str, messages: list[Message], start: int) -> Columns | None:
-    times: list[int] = []
-    rows: list[list[float]] = []
-    for message in messages:
-        row = curve.read(message)
-        if row is not None:
-            times.append(message.stamp_ns - start)
-            rows.append([*row])
+def _columns(curve: Curve, key: str, messages: list[Message], times: list[int]) -> Columns:
+    """What one curve draws of these messages; nothing of those that do not know its value."""
+    read = curve.read
+    rows = [row for message in messages if (row := read(message)) is not None]
+    if len(rows) < len(times):
+        times = [t for t, message in zip(times, messages, strict=True) if read(message) is not None]
     path = curve.path
     if curve.topic.is_family:
         path += "/" + re.sub(r"[^a-z0-9_]", "_", key.rpartition("/")[2])
-    return Columns(path, times, rows) if rows else None
+    return Columns(path, times, rows)

@@ -82,9 +82,9 @@ def test_angles_are_shown_in_degrees_and_latencies_in_milliseconds(sample: Sampl
     collector.hear(topics.TRUTH, "simulator/truth", truth(0), 0)
     collector.hear(topics.ACTUATION, "vehicle/actuation", sample("vehicle/actuation", 0), 0)
     values = {c.path: c.rows[0] for c in collector.drain(0).columns}
-    assert values["heading/truth"] == [pytest.approx(degrees(1.0))]
-    assert values["latency/sensor"] == [pytest.approx(2.0)]
-    assert values["latency/stick"] == [pytest.approx(40.0)]
+    assert values["heading/truth"] == pytest.approx([degrees(1.0)])
+    assert values["latency/sensor"] == pytest.approx([2.0])
+    assert values["latency/stick"] == pytest.approx([40.0])
 
 
 def test_a_state_is_noted_only_when_it_changes(sample: Sample) -> None:
