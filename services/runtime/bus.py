@@ -1,14 +1,12 @@
 """What a node needs of a bus: hear keys, say topics, pass an envelope on unopened."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from messages.topic import AnyTopic
 
 
-@dataclass(frozen=True, slots=True)
-class Envelope:
+class Envelope(NamedTuple):
     """A message as it came off the wire, not yet opened."""
 
     key: str

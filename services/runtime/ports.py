@@ -44,10 +44,11 @@ class Inbox:
         Bounded, however fast they come; twice the ring, because a full ring may be refilled
         without a call of `arrived` while it is emptied.
         """
-        for _ in range(2 * (self._ring.maxlen or 0)):
-            if not self._ring:
+        ring = self._ring
+        for _ in range(2 * (ring.maxlen or 0)):
+            if not ring:
                 return
-            yield self._ring.popleft()
+            yield ring.popleft()
 
 
 class Publisher(Generic[M]):
