@@ -20,7 +20,7 @@ from services.visualizer.live import Live, viewer_command
 
 # Curves, states and log; every sample is kept, this is only how often they are handed over.
 # Somebody who watches wants them soon, a file does not care, and fewer, longer batches are cheap.
-FLUSH_HZ, FILE_FLUSH_HZ = 4.0, 0.5
+FLUSH_HZ, FILE_FLUSH_HZ = 4.0, 0.25
 SCENE_HZ, FILE_SCENE_HZ = 20.0, 10.0
 RING = 4096  # envelopes; seconds of a whole dive's traffic
 # Of all that rerun tells on stderr: warnings, but not that our files have no index by choice.
