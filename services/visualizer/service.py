@@ -45,11 +45,11 @@ def wire(node: Node, stack: Stack) -> None:
 
     def flush(now: int) -> None:
         write(collector.drain(now))
+
+    def show_scene(_now: int) -> None:
         if parts.start != collector.start:
             parts.start = collector.start
             node.remember(parts)
-
-    def show_scene(_now: int) -> None:
         if not stack.viewer:
             collector.keep_frame()
         elif (frame := collector.frame()) is not None:
