@@ -26,6 +26,22 @@ class PressureSample(Message, frozen=True, kw_only=True):
     temperature: Finite | None = None  # [°C] of the water
 
 
+class DvlSample(Message, frozen=True, kw_only=True):
+    """Doppler velocity log: velocity over the ground."""
+
+    velocity: Vec3  # [m/s] FRD, of the vehicle's origin
+    std: Positive  # [m/s] one standard deviation of each component, as the device states it
+    altitude: Positive | None = None  # [m] above the bottom
+
+
+class UsblSample(Message, frozen=True, kw_only=True):
+    """Acoustic position fix. `stamp_ns` is when the vehicle was there, not when it was told."""
+
+    north: Finite  # [m] NED
+    east: Finite  # [m] NED
+    std: Positive  # [m] one standard deviation of each component
+
+
 class BatterySample(Message, frozen=True, kw_only=True):
     """What the battery gives and has given."""
 

@@ -23,4 +23,6 @@ class VehicleState(Message, frozen=True, kw_only=True):
     sway_velocity: Estimate | None = None  # [m/s] body
     north: Estimate | None = None  # [m] NED
     east: Estimate | None = None  # [m] NED
+    current_north: Estimate | None = None  # [m/s] of the water over the ground, NED
+    current_east: Estimate | None = None  # [m/s]
     pressure_age_ms: Positive | None = None  # [ms] since the last accepted pressure sample

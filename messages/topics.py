@@ -10,7 +10,14 @@ from messages.health import Health, LogLine
 from messages.link import LinkStatus
 from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
 from messages.reference import Reference
-from messages.sensors import BatterySample, ImuSample, MagnetometerSample, PressureSample
+from messages.sensors import (
+    BatterySample,
+    DvlSample,
+    ImuSample,
+    MagnetometerSample,
+    PressureSample,
+    UsblSample,
+)
 from messages.state import VehicleState
 from messages.topic import AnyTopic, Qos, Topic, Way, rows
 from messages.vehicle import Actuation, Truth, VehicleStatus
@@ -26,6 +33,8 @@ PILOT_ANSWER   = Topic("pilot/answer",        PilotAnswer,         0, EVENT,    
 IMU            = Topic("sensor/imu",          ImuSample,         100, LIVE,           STAY)
 MAGNETOMETER   = Topic("sensor/magnetometer", MagnetometerSample, 100, LIVE,          STAY)
 PRESSURE       = Topic("sensor/pressure",     PressureSample,     42, LIVE,           STAY)
+DVL            = Topic("sensor/dvl",          DvlSample,           1, LIVE,           STAY)
+USBL           = Topic("sensor/usbl",         UsblSample,        0.5, LIVE,           STAY)
 BATTERY        = Topic("sensor/battery",      BatterySample,       1, BULK,           UP)
 STATE          = Topic("state",               VehicleState,      100, LIVE,           UP)
 REFERENCE      = Topic("reference",           Reference,         100, LIVE,           UP)

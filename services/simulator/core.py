@@ -8,12 +8,20 @@ import msgspec
 
 from messages.control import ThrusterCommand
 from messages.message import Finite, Positive
-from messages.sensors import BatterySample, ImuSample, MagnetometerSample, PressureSample
+from messages.sensors import (
+    BatterySample,
+    DvlSample,
+    ImuSample,
+    MagnetometerSample,
+    PressureSample,
+    UsblSample,
+)
 from messages.vehicle import Actuation, Truth
 from services.marine.attitude import from_euler, to_euler, to_world, wrapped
 from services.marine.vehicle import Vehicle
 from services.simulator.battery import Battery
 from services.simulator.sensors import Sensors
+from services.simulator.settings import Dvl, Usbl
 from services.simulator.settings import Settings as Settings
 from services.simulator.vessel import Vessel
 
@@ -69,6 +77,7 @@ class Simulator:
             vehicle, settings.floor_depth, settings.wake_share, world.state, world.thrust
         )
         self._sensors = Sensors(settings, seed)
+        self._floor_depth = settings.floor_depth
         self._battery = Battery(vehicle, settings, world.used_wh)
         self._heading = world.heading
         self._now = 0  # [ns] to which the world has moved
@@ -124,6 +133,16 @@ class Simulator:
 
     def pressure(self) -> PressureSample:
         return self._sensors.pressure(self._now, self._vessel.state[2])
+
+    def dvl(self, device: Dvl) -> DvlSample | None:
+        """None when the bottom is out of reach."""
+        u, v, w, *_ = self._velocity
+        altitude = self._floor_depth - self._vessel.state[2]
+        return self._sensors.dvl(self._now, (u, v, w), altitude, device)
+
+    def usbl(self, device: Usbl) -> UsblSample:
+        north, east, *_ = self._vessel.state
+        return self._sensors.usbl(self._now, north, east, device)
 
     def battery(self) -> BatterySample:
         return self._battery.sample(self._now)

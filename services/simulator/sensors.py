@@ -5,19 +5,28 @@ which is restarted in mid-dive carries the same sensors on.
 """
 
 from collections.abc import Iterator, Sequence
-from math import sqrt
+from math import exp, sqrt
 
 import numpy as np
 
 from messages.message import Vec3
-from messages.sensors import ImuSample, MagnetometerSample, PressureSample
+from messages.sensors import (
+    DvlSample,
+    ImuSample,
+    MagnetometerSample,
+    PressureSample,
+    UsblSample,
+)
 from services.marine.attitude import Quaternion, to_body
 from services.marine.vehicle import GRAVITY, Vec6
-from services.simulator.settings import Settings
+from services.marine.water import density_of
+from services.simulator.settings import Dvl, Settings, Usbl
 
 IMU_HZ = 100.0  # [1/s] also of the magnetometer
 BLOCK = 1024  # samples whose noise is drawn at once, because a single draw is slow
-BIASES, IMU_NOISE, FIELD_NOISE, PRESSURE_NOISE = range(4)  # random streams
+DRIFT_TIME = 300.0  # [s] correlation time of the bias that wanders
+# Random streams.
+BIASES, IMU_NOISE, FIELD_NOISE, PRESSURE_NOISE, DVL_NOISE, USBL_NOISE, GYRO_DRIFT = range(7)
 
 
 class Sensors:
@@ -37,6 +46,9 @@ class Sensors:
         imu = [settings.accelerometer_noise * root] * 3 + [settings.gyro_noise * root] * 3
         self._imu_noise = white_noise(seed, IMU_NOISE, imu)
         self._field_noise = white_noise(seed, FIELD_NOISE, [settings.magnetometer_noise] * 3)
+        self._gyro_drift = wandering(seed, GYRO_DRIFT, settings.gyro_drift)
+        self._dvl_noise = white_noise(seed, DVL_NOISE, [1.0] * 3)
+        self._usbl_noise = white_noise(seed, USBL_NOISE, [1.0] * 2)
         self._pressure_noise = white_noise(seed, PRESSURE_NOISE, [settings.pressure_std])
 
     def imu(self, now: int, q_NB: Quaternion, nu: Vec6, nu_dot: Vec6) -> ImuSample:
@@ -50,11 +62,11 @@ class Sensors:
         a, b, c, *_ = nu_dot
         gx, gy, gz = to_body(q_NB, (0.0, 0.0, GRAVITY))
         force = (a + q * w - r * v - gx, b + r * u - p * w - gy, c + p * v - q * u - gz)
-        noise = next(self._imu_noise)
+        noise, (dp, dq, dr) = next(self._imu_noise), next(self._gyro_drift)
         return ImuSample(
             stamp_ns=now,
             specific_force=_sum(force, self.accelerometer_bias, noise[:3]),
-            angular_rate=_sum((p, q, r), self.gyro_bias, noise[3:]),
+            angular_rate=_sum((p + dp, q + dq, r + dr), self.gyro_bias, noise[3:]),
         )
 
     def magnetometer(self, now: int, q_NB: Quaternion) -> MagnetometerSample:
@@ -67,11 +79,37 @@ class Sensors:
     def pressure(self, now: int, depth: float) -> PressureSample:
         """Absolute pressure at the origin: air above, a column of water below the surface."""
         place = self._settings
-        water = place.water_density * GRAVITY * max(0.0, depth)
+        water = density_of(place.water_density) * GRAVITY * max(0.0, depth)
         pressure = place.atmosphere + water + next(self._pressure_noise)[0]
         if place.pressure_step > 0:
             pressure = round(pressure / place.pressure_step) * place.pressure_step
         return PressureSample(stamp_ns=now, pressure=pressure, temperature=place.water_temperature)
+
+    def dvl(self, now: int, velocity: Vec3, altitude: float, device: Dvl) -> DvlSample | None:
+        """Velocity over the ground [m/s], FRD; None when the bottom [m] is out of reach."""
+        if not 0.0 < altitude <= device.reach:
+            return None
+        u, v, w = velocity
+        a, b, c = next(self._dvl_noise)
+        s = device.std
+        measured = (u + s * a, v + s * b, w + s * c)
+        return DvlSample(stamp_ns=now, velocity=measured, std=s, altitude=altitude)
+
+    def usbl(self, now: int, north: float, east: float, device: Usbl) -> UsblSample:
+        """Where the vehicle is [m], NED."""
+        a, b = next(self._usbl_noise)
+        s = device.std
+        return UsblSample(stamp_ns=now, north=north + s * a, east=east + s * b, std=s)
+
+
+def wandering(seed: int, stream: int, std: float) -> Iterator[list[float]]:
+    """Endless samples of three independent first-order Gauss-Markov processes at the IMU's rate,
+    zero at first, with the standard deviation `std` in the long run."""
+    keep = exp(-1.0 / (IMU_HZ * DRIFT_TIME))
+    now = [0.0, 0.0, 0.0]
+    for push in white_noise(seed, stream, [std * sqrt(1.0 - keep * keep)] * 3):
+        now = [keep * value + change for value, change in zip(now, push, strict=True)]
+        yield now
 
 
 def white_noise(seed: int, stream: int, std: Sequence[float]) -> Iterator[list[float]]:

@@ -1,7 +1,11 @@
 """The simulator on the bus: thruster commands in; sensors, actuation and the truth out."""
 
+from collections import deque
+from collections.abc import Callable
+
 from messages import topics
 from messages.control import ThrusterCommand
+from messages.topic import M, Topic
 from services.marine.vehicle import Vehicle
 from services.runtime.errors import LindyError
 from services.runtime.node import Node
@@ -48,7 +52,54 @@ def wire(node: Node, stack: Stack) -> None:
     node.every(topics.PRESSURE.hz, measure_pressure)
     node.every(topics.IMU.hz, measure_motion)
     node.every(topics.BATTERY.hz, measure_battery)
+    _position_aids(node, simulator, stack.section("simulator", Settings), count)
     node.every(REMEMBER_HZ, lambda _: node.remember(simulator.world()))
+
+
+def _position_aids(
+    node: Node, simulator: Simulator, settings: Settings, count: Callable[[list[str]], None]
+) -> None:
+    """DVL and USBL, if the vehicle has them."""
+    if (dvl := settings.dvl) is not None:
+        say_velocity = _late_publisher(node, topics.DVL, dvl.latency)
+
+        def measure_velocity(now: int) -> None:
+            count(simulator.advance(now))
+            sample = simulator.dvl(dvl)
+            if sample is None:
+                node.count("no_bottom:sensor/dvl")
+            else:
+                say_velocity(sample, now)
+
+        node.every(dvl.rate, measure_velocity)
+    if (usbl := settings.usbl) is not None:
+        say_place = _late_publisher(node, topics.USBL, usbl.latency)
+
+        def measure_place(now: int) -> None:
+            count(simulator.advance(now))
+            say_place(simulator.usbl(usbl), now)
+
+        node.every(usbl.rate, measure_place)
+
+
+def _late_publisher(node: Node, topic: Topic[M], latency: float) -> Callable[[M, int], None]:
+    """Says a message `latency` [s] after it is given."""
+    publisher = node.publisher(topic)
+    waiting: deque[tuple[int, M]] = deque()
+
+    def speak(now: int) -> None:
+        while waiting and waiting[0][0] <= now:
+            publisher.put(waiting.popleft()[1])
+        if waiting:
+            alarm.set(waiting[0][0])
+
+    alarm = node.alarm(speak)
+
+    def give(message: M, now: int) -> None:
+        waiting.append((now + round(latency * 1e9), message))
+        speak(now)
+
+    return give
 
 
 def _simulator(node: Node, stack: Stack) -> Simulator:

@@ -5,6 +5,7 @@ from typing import Annotated
 import msgspec
 
 from services.marine.vehicle import ATMOSPHERE, SEA_WATER
+from services.marine.water import Density
 
 Field = Annotated[float, msgspec.Meta(ge=-1e-4, le=1e-4)]  # [T] the Earth's is 25 to 65 µT
 FieldNoise = Annotated[float, msgspec.Meta(ge=0.0, le=1e-4)]  # [T]
@@ -13,12 +14,33 @@ Amount = Annotated[float, msgspec.Meta(gt=0.0, le=1e6)]  # of watts, volts, watt
 Noise = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]  # far beyond any sensor worth the name
 
 
+Seconds = Annotated[float, msgspec.Meta(ge=0.0, le=10.0)]
+Rate = Annotated[float, msgspec.Meta(ge=0.01, le=50.0)]  # [1/s]
+
+
+class Dvl(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A Doppler velocity log; rate as in Fernandes et al. 2015."""
+
+    rate: Rate = 1.0  # [1/s]
+    std: Annotated[float, msgspec.Meta(gt=0.0, le=1.0)] = 0.01  # [m/s] of each component
+    latency: Seconds = 0.1  # [s] from the measurement to its message
+    reach: Annotated[float, msgspec.Meta(gt=0.0, le=1000.0)] = 30.0  # [m] of altitude
+
+
+class Usbl(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Acoustic positioning from a ship; rate below that of Fernandes et al. 2015."""
+
+    rate: Rate = 0.5  # [1/s]
+    std: Annotated[float, msgspec.Meta(gt=0.0, le=100.0)] = 0.5  # [m] of each component
+    latency: Seconds = 0.5  # [s] of sound, and of the way back down to the vehicle
+
+
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     # The place.
     floor_depth: Annotated[float, msgspec.Meta(gt=0.0, le=11_000.0)] = 20.0  # [m]
     start_heading: Angle = 0.0  # [rad] clockwise from north
     atmosphere: Annotated[float, msgspec.Meta(ge=50_000.0, le=120_000.0)] = ATMOSPHERE  # [Pa]
-    water_density: Annotated[float, msgspec.Meta(ge=900.0, le=1200.0)] = SEA_WATER  # [kg/m³]
+    water_density: Density = SEA_WATER  # [kg/m³], "fresh", "sea" or { temperature, salinity }
     water_temperature: Annotated[float, msgspec.Meta(ge=-5.0, le=50.0)] = 8.0  # [°C]
     magnetic_field: tuple[Field, Field, Field] = (15e-6, 0.0, 49e-6)  # [T] NED; dip 73°
 
@@ -27,6 +49,7 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     # The sensors: a typical small MEMS unit. Biases are drawn once per seed.
     gyro_bias: Noise = 0.0105  # [rad/s] 1σ per axis, 0.6 °/s
+    gyro_drift: Noise = 4.8e-5  # [rad/s] 1σ per axis, 10 °/h: the part of the bias that wanders
     gyro_noise: Noise = 1.22e-4  # [rad/s/√Hz] 0.007 °/s/√Hz
     accelerometer_bias: Noise = 0.098  # [m/s²] 1σ per axis, 10 mg
     accelerometer_noise: Noise = 1.5e-3  # [m/s²/√Hz] 150 µg/√Hz
@@ -34,6 +57,10 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     magnetometer_noise: FieldNoise = 0.2e-6  # [T] 1σ per axis and sample
     pressure_std: Annotated[float, msgspec.Meta(ge=0.0, le=5000.0)] = 500.0  # [Pa] 5 mbar
     pressure_step: Annotated[float, msgspec.Meta(ge=0.0, le=5000.0)] = 0.0  # [Pa] 0: unrounded
+
+    # Sensors that the vehicle has only if its file has the table.
+    dvl: Dvl | None = None
+    usbl: Usbl | None = None
 
     # The battery and what it feeds.
     battery_capacity: Amount = 96.0  # [Wh] Blueye Pioneer (Andrén 2023, §2.1)

@@ -88,6 +88,7 @@ def _motion() -> rrb.Grid:
         _plot("jerk", "Jerk of the reference [m/s³, °/s³]"),
         _plot("tilt", "Camera tilt [°], up"),
         _plot("track", "Place [m], NED"),
+        _plot("current", "Current of the water [m/s], NED"),
         _plot("uncertainty", "One standard deviation"),
         grid_columns=3,
         name="Motion",

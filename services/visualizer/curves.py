@@ -61,6 +61,8 @@ def _sensors() -> list[Curve]:
         Curve("magnetic_field", topics.MAGNETOMETER, body, AXES[:3], _microtesla),
         Curve("pressure", topics.PRESSURE, ("water",), (ESTIMATE,), lambda m: (m.pressure / 1e3,)),
         Curve("power/temperature", topics.PRESSURE, ("water [°C]",), (AXES[0],), _temperature),
+        Curve("velocity/dvl", topics.DVL, ("surge, DVL", "sway, DVL"), AXES[4:], _dvl),
+        Curve("track/usbl", topics.USBL, ("north, USBL", "east, USBL"), AXES[1:3], _usbl),
         Curve("power/voltage", battery, ("battery [V]",), (AXES[1],), lambda m: (m.voltage,)),
         Curve("power/current", battery, ("battery [A]",), (AXES[3],), lambda m: (m.current,)),
         Curve("power/used", battery, ("used [Wh]",), (AXES[4],), lambda m: (m.used_wh,)),
@@ -106,6 +108,8 @@ def _estimates() -> list[Curve]:
         ("velocity/sway", "sway", AXES[1], lambda m: _known(m.sway_velocity)),
         ("track/north", "north", AXES[0], lambda m: _known(m.north)),
         ("track/east", "east", AXES[1], lambda m: _known(m.east)),
+        ("current/north", "north", AXES[0], lambda m: _known(m.current_north)),
+        ("current/east", "east", AXES[1], lambda m: _known(m.current_east)),
         ("pressure_age", "pressure", ESTIMATE, lambda m: _number(m.pressure_age_ms)),
     ]
     return [Curve(path, topic, (name,), (rgb,), read) for path, name, rgb, read in single]
@@ -233,6 +237,14 @@ def _microtesla(m: Any) -> Row:
 
 def _temperature(m: Any) -> Row | None:
     return _number(m.temperature)
+
+
+def _dvl(m: Any) -> Row:
+    return m.velocity[:2]
+
+
+def _usbl(m: Any) -> Row:
+    return (m.north, m.east)
 
 
 def _depth_rate(m: Any) -> float:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from services.marine.attitude import Quaternion, from_euler, to_world
 from services.marine.vehicle import GRAVITY, Vec6
 from services.simulator.sensors import IMU_HZ, Sensors
-from services.simulator.settings import Settings
+from services.simulator.settings import Dvl, Settings, Usbl
 
 REST: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 LEVEL: Quaternion = (1.0, 0.0, 0.0, 0.0)
@@ -23,6 +23,7 @@ law = settings(max_examples=50, deadline=None)
 def perfect(**changes: float) -> Settings:
     none = Settings(
         gyro_bias=0.0,
+        gyro_drift=0.0,
         gyro_noise=0.0,
         accelerometer_bias=0.0,
         accelerometer_noise=0.0,
@@ -34,7 +35,7 @@ def perfect(**changes: float) -> Settings:
 
 
 def test_at_rest_the_imu_feels_gravity_upwards_and_its_bias() -> None:
-    sensors = Sensors(Settings(gyro_noise=0.0, accelerometer_noise=0.0), seed=3)
+    sensors = Sensors(Settings(gyro_noise=0.0, gyro_drift=0.0, accelerometer_noise=0.0), seed=3)
     sample = sensors.imu(7, LEVEL, REST, REST)
     ax, ay, az = sensors.accelerometer_bias
     assert sample.stamp_ns == 7
@@ -102,3 +103,33 @@ def test_biases_are_the_seeds_and_do_not_depend_on_what_was_measured() -> None:
     assert one.gyro_bias != Sensors(Settings(), seed=2).gyro_bias
     drawn = [Sensors(Settings(), seed).gyro_bias for seed in range(300)]
     assert np.array(drawn).std() == pytest.approx(0.0105, rel=0.1)
+
+
+def test_the_gyroscopes_bias_wanders_slowly_and_from_zero() -> None:
+    sensors = Sensors(perfect(gyro_drift=1e-4), seed=4)
+    rates = np.array([sensors.imu(0, LEVEL, REST, REST).angular_rate for _ in range(60_000)])
+    assert abs(rates[0]).max() < 1e-5
+    assert 0.2e-4 < rates.std() < 2e-4
+    assert abs(np.diff(rates, axis=0)).max() < 5e-6
+
+
+def test_a_dvl_measures_the_velocity_over_ground_with_its_noise() -> None:
+    sensors, device = Sensors(Settings(), seed=1), Dvl(std=0.02)
+    samples = [sensors.dvl(5, (1.0, -0.5, 0.1), 4.0, device) for _ in range(2000)]
+    velocities = np.array([s.velocity for s in samples if s is not None])
+    assert velocities.mean(axis=0) == pytest.approx((1.0, -0.5, 0.1), abs=2e-3)
+    assert velocities.std(axis=0) == pytest.approx([0.02] * 3, rel=0.1)
+
+
+@pytest.mark.parametrize("altitude", [-0.1, 0.0, 31.0])
+def test_a_dvl_is_silent_without_a_bottom_in_reach(altitude: float) -> None:
+    assert Sensors(Settings(), seed=1).dvl(0, (0.0, 0.0, 0.0), altitude, Dvl(reach=30.0)) is None
+
+
+def test_a_usbl_fix_is_the_place_with_its_noise() -> None:
+    sensors, device = Sensors(Settings(), seed=1), Usbl(std=0.5)
+    fixes = np.array(
+        [[(s := sensors.usbl(9, 3.0, -4.0, device)).north, s.east] for _ in range(2000)]
+    )
+    assert fixes.mean(axis=0) == pytest.approx((3.0, -4.0), abs=0.05)
+    assert fixes.std(axis=0) == pytest.approx([0.5] * 2, rel=0.1)

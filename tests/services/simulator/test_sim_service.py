@@ -173,3 +173,25 @@ def test_a_memory_of_another_vehicle_is_counted_and_the_dive_begins_anew() -> No
 def test_a_wrong_setting_is_one_sentence(override: str, message: str) -> None:
     with pytest.raises(LindyError, match=message):
         VirtualHost().add("simulator", ROW, Stack(overrides=[override]), wire)
+
+
+def test_a_vehicle_without_the_tables_has_neither_dvl_nor_usbl() -> None:
+    sea = Sea()
+    sea.run(5)
+    assert topics.DVL.key not in sea.heard
+    assert topics.USBL.key not in sea.heard
+
+
+def test_dvl_and_usbl_come_at_their_rates_and_late_but_stamped_when_measured() -> None:
+    tables = ["simulator.dvl.rate=2.0", "simulator.dvl.latency=0.1", "simulator.usbl.latency=2.5"]
+    sea = Sea(Stack(overrides=tables), *DIVE)
+    arrivals: list[int] = []
+    sea.host.realm("drone").hear(topics.USBL.key, lambda _: arrivals.append(sea.host.now))
+    sea.run(10.05)
+    assert len(sea.messages(topics.DVL)) == 19  # the twentieth is still on its way
+    stamps = [m.stamp_ns for m in sea.messages(topics.USBL)]
+    assert stamps == [2 * SECOND, 4 * SECOND, 6 * SECOND]
+    assert [at - stamp for at, stamp in zip(arrivals, stamps, strict=True)] == [5 * SECOND // 2] * 3
+    fix, there = sea.messages(topics.USBL)[-1], sea.messages(topics.TRUTH)[599]
+    assert there.stamp_ns == fix.stamp_ns
+    assert (fix.north, fix.east) == pytest.approx(there.position[:2], abs=2.0)

@@ -9,7 +9,14 @@ from messages.link import Direction, LinkStatus
 from messages.message import Estimate, Message
 from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
 from messages.reference import Motion, Reference
-from messages.sensors import BatterySample, ImuSample, MagnetometerSample, PressureSample
+from messages.sensors import (
+    BatterySample,
+    DvlSample,
+    ImuSample,
+    MagnetometerSample,
+    PressureSample,
+    UsblSample,
+)
 from messages.state import VehicleState
 from messages.vehicle import Actuation, Truth, VehicleStatus
 
@@ -38,6 +45,8 @@ def _all(now: int) -> list[Message]:
         ImuSample(stamp_ns=now, specific_force=(0.0, 0.0, -9.81), angular_rate=(0.0, 0.0, 0.1)),
         MagnetometerSample(stamp_ns=now, field=(2e-5, 0.0, 4e-5)),
         PressureSample(stamp_ns=now, pressure=1e5),
+        DvlSample(stamp_ns=now, velocity=(0.5, 0.1, 0.0), std=0.01, altitude=3.0),
+        UsblSample(stamp_ns=now, north=1.0, east=2.0, std=0.5),
         BatterySample(stamp_ns=now, voltage=16.0, current=1.0, used_wh=0.1),
         VehicleState(
             stamp_ns=now,
