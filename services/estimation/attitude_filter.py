@@ -19,6 +19,7 @@ Vec3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 Gain = Annotated[float, msgspec.Meta(gt=0.0, le=1.0)]
 Positive = Annotated[float, msgspec.Meta(gt=0.0, le=10.0)]
+Seconds = Annotated[float, msgspec.Meta(gt=0.0, le=3600.0)]
 
 
 class AttitudeSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -33,6 +34,13 @@ class AttitudeSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     yaw_rate_cutoff: Positive = 8.0  # [Hz] of the exponential low-pass
     compass_time: Annotated[float, msgspec.Meta(gt=0.0, le=1e3)] = 10.0  # [s] blend with gyroscope
     compass_std: Positive = 0.07  # [rad] of the navigation heading, with soft and hard iron
+    compass_gate: Annotated[float, msgspec.Meta(ge=2.0, le=180.0)] = 10.0  # [deg] from gyroscope
+    compass_hold_off: Seconds = 3.0  # [s] normal field before the compass is used again
+    field_tolerance: Annotated[float, msgspec.Meta(gt=0.0, le=50.0)] = 4.0  # [µT] of strength
+    dip_tolerance: Annotated[float, msgspec.Meta(gt=0.0, le=90.0)] = 5.0  # [deg]
+    field_relearn: Seconds = 120.0  # [s] a field that has changed for good is the new normal
+    earth_field: Annotated[float, msgspec.Meta(ge=20.0, le=70.0)] | None = None  # [µT] None: learn
+    earth_dip: Annotated[float, msgspec.Meta(ge=-90.0, le=90.0)] | None = None  # [deg] + is down
 
 
 class AttitudeFilter:

@@ -8,10 +8,15 @@ from services.estimation.attitude_filter import (
     AttitudeSettings,
     Quaternion,
     Vec3,
-    down_in_body,
     euler,
 )
-from services.estimation.heading import Compass, ControlHeading, wrapped
+from services.estimation.heading import (
+    Compass,
+    ControlHeading,
+    down_along,
+    strength_and_dip,
+    wrapped,
+)
 from services.marine.vehicle import GRAVITY
 
 STEEPEST = 1.4  # [rad] of pitch; nearer to the vertical, heading means nothing
@@ -35,7 +40,8 @@ class AttitudeObserver:
         self._started = False
         self._euler: Vec3 = (0.0, 0.0, wrapped(heading))
         self._tilt_std = settings.tilt_std
-        self._compass_ns: int | None = None  # [ns] newest magnetometer sample used
+        self._field_ns: int | None = None  # [ns] newest magnetometer sample
+        self._compass_ns: int | None = None  # [ns] newest of them used
 
     @property
     def attitude(self) -> Quaternion:
@@ -48,10 +54,14 @@ class AttitudeObserver:
         self._euler = euler(self._filter.q)
         self._started = True
 
-    def agree(self, at_ns: int) -> None:
-        """Both headings are the same now: the control heading is a compass reading [ns]."""
+    def agree(self, at_ns: int, field: Vec3) -> bool:
+        """Both headings are the same now [ns]: the control heading is the bearing of this field
+        [T], FRD, measured at rest. False: the field cannot be the Earth's, north is not known."""
+        if not self.compass.field.learn(*strength_and_dip(self._filter.q, field)):
+            return False
         self.compass.offset = 0.0
         self._compass_ns = at_ns
+        return True
 
     def step(self, angular_rate: Vec3, specific_force: Vec3, dt: float) -> str | None:
         """One IMU sample [rad/s, m/s²], `dt` [s] after the one before. Returns what is worth
@@ -73,24 +83,22 @@ class AttitudeObserver:
     def blind(self, seconds: float) -> None:
         """Nobody has measured anything for this long."""
         self.control.blind(seconds)
-        self.compass.drift(seconds)
+        self.compass.blind(seconds)
 
     def magnetometer(self, field: Vec3, stamp_ns: int) -> str | None:
         """One plausible sample [T]. Returns what is worth counting."""
         if not self._started:
             return None
-        before = self._compass_ns
+        before, self._field_ns = self._field_ns, stamp_ns
         dt = 0.0 if before is None else min(0.1, max(0.0, (stamp_ns - before) * 1e-9))
-        if not self.compass.step(self._filter.q, field, dt):
-            return "steep:sensor/magnetometer"
-        self._compass_ns = stamp_ns
-        return None
+        event = self.compass.step(self._filter.q, field, dt)
+        if event != "steep" and self.compass.field.trusted:
+            self._compass_ns = stamp_ns
+        return None if event is None else f"{event}:sensor/magnetometer"
 
     def acceleration_down(self, specific_force: Vec3) -> float:
         """[m/s²] NED, of a specific force [m/s²] in FRD, accelerometer bias included."""
-        x, y, z = down_in_body(self._filter.q)
-        fx, fy, fz = specific_force
-        return x * fx + y * fy + z * fz + GRAVITY
+        return down_along(self._filter.q, specific_force) + GRAVITY
 
     def tilt(self, valid: bool) -> tuple[Estimate, Estimate]:
         """Roll and pitch [rad]."""
@@ -109,6 +117,11 @@ class AttitudeObserver:
         recent = now - self._compass_ns <= COMPASS_MEMORY_NS and abs(self._euler[1]) < STEEPEST
         heading = wrapped(self.control.heading + self.compass.offset)
         return Estimate(heading, self.compass.std, valid and recent)
+
+    @property
+    def north_std(self) -> float:
+        """[rad] Spread of the heading from north; of the control heading without a compass."""
+        return self.control.std if self.compass.offset is None else self.compass.std
 
     def yaw_rate(self, valid: bool) -> Estimate:
         """[rad/s] about the body's down axis."""

@@ -28,6 +28,13 @@ class CalibrationSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=Tru
     force_std: Positive = 0.2  # [m/s²] likewise, of the specific force
     largest_bias: Positive = 0.1  # [rad/s] a mean rate beyond this is a turn, not a bias
 
+    # While running, the bias is learnt on at rest; rest must be stiller than at the start.
+    rest_time: Positive = 3.0  # [s] still without a break before it counts
+    rest_rate_std: Positive = 0.004  # [rad/s] within half a second, sensor noise included
+    rest_force_std: Positive = 0.06  # [m/s²] likewise
+    rest_change: Positive = 0.0017  # [rad/s] 0.1 deg/s; a bias does not change by more at once
+    rest_memory: Positive = 60.0  # [s] of rest that the running mean weighs at most
+
 
 @dataclass(frozen=True, slots=True)
 class Calibrated:
@@ -38,6 +45,7 @@ class Calibrated:
     pressure: float  # [Pa] mean
     pressures: int  # samples in that mean
     heading: float | None  # [rad] magnetic; None without a magnetometer
+    field: Vec3 | None  # [T] FRD, mean
 
     @property
     def accelerometer_bias(self) -> float:
@@ -122,6 +130,7 @@ class Calibration:
             pressure=self._pressures.mean()[0],
             pressures=self._pressures.count,
             heading=self._heading((fx, fy, fz)),
+            field=self._field(),
         )
 
     def _begin(self) -> None:
@@ -146,8 +155,13 @@ class Calibration:
         return self._total.count > 0 and self._seconds >= self._settings.still_time - 0.015
 
     def _heading(self, specific_force: Vec3) -> float | None:
+        field = self._field()
+        if field is None:
+            return None
+        return bearing(quaternion_of(*tilt_of(specific_force), 0.0), field)
+
+    def _field(self) -> Vec3 | None:
         if self._fields.count == 0:
             return None
-        mx, my, mz = self._fields.mean()
-        level = quaternion_of(*tilt_of(specific_force), 0.0)
-        return bearing(level, (mx, my, mz))
+        x, y, z = self._fields.mean()
+        return x, y, z

@@ -17,16 +17,28 @@ from typing import Annotated, Literal
 
 import msgspec
 
+from messages import topics
 from messages.message import Estimate, Finite, Ns, Positive
-from messages.sensors import ImuSample, MagnetometerSample, PressureSample
+from messages.sensors import (
+    DvlSample,
+    ImuSample,
+    MagnetometerSample,
+    PressureSample,
+    UsblSample,
+)
 from messages.state import VehicleState
 from services.estimation import plausible
-from services.estimation.attitude_filter import AttitudeSettings
+from services.estimation.attitude_filter import AttitudeSettings, Vec3
 from services.estimation.attitude_observer import AttitudeObserver
 from services.estimation.calibration import Calibrated, Calibration, CalibrationSettings
 from services.estimation.depth_filter import DepthSettings
 from services.estimation.depth_observer import Atmosphere, DepthObserver
+from services.estimation.horizontal_filter import HorizontalSettings
+from services.estimation.horizontal_observer import HorizontalObserver
+from services.estimation.resting_bias import RestingBias
+from services.estimation.sensor_watch import SensorWatch, WatchSettings
 from services.marine.vehicle import ATMOSPHERE, GRAVITY, SEA_WATER
+from services.marine.water import Density, density_of
 
 Level = Literal["info", "warning"]
 LONGEST_STEP = 0.1  # [s] the newest angular rate says nothing about a longer gap
@@ -36,11 +48,13 @@ STANDARD = Atmosphere(ATMOSPHERE, 2000.0)  # weather moves it by about this
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The table [estimation] of a vehicle file."""
 
-    water_density: Annotated[float, msgspec.Meta(ge=900.0, le=1300.0)] = SEA_WATER  # [kg/m³]
+    water_density: Density = SEA_WATER  # [kg/m³], "fresh", "sea" or { temperature, salinity }
     imu_patience: Annotated[float, msgspec.Meta(ge=0.05, le=5.0)] = 0.2  # [s] of a silent IMU
     depth: DepthSettings = DepthSettings()
     attitude: AttitudeSettings = AttitudeSettings()
     calibration: CalibrationSettings = CalibrationSettings()
+    horizontal: HorizontalSettings = HorizontalSettings()
+    watch: WatchSettings = WatchSettings()
 
 
 class Remembered(msgspec.Struct, frozen=True, kw_only=True):
@@ -53,6 +67,9 @@ class Remembered(msgspec.Struct, frozen=True, kw_only=True):
     accelerometer_bias: Finite  # [m/s²] along down
     heading: Finite  # [rad] control heading, accumulated
     heading_std: Positive  # [rad] drift since calibration
+    north: Finite | None = None  # [rad] navigation minus control heading
+    field_strength: Positive | None = None  # [µT] normal
+    field_dip: Finite | None = None  # [rad] normal
 
 
 class Estimator:
@@ -75,7 +92,10 @@ class Estimator:
         self._imu_ns: int | None = None  # [ns] newest IMU sample used
         self._attitude = AttitudeObserver(settings.attitude, (0.0, 0.0, 0.0), 0.0, pi)
         self._depth = self._depth_observer(STANDARD, 0.0)
+        self._resting = RestingBias(settings.calibration, (0.0, 0.0, 0.0))
+        self._horizontal = HorizontalObserver(settings.horizontal)
         self._kept_ns: int | None = None  # [ns] when what was remembered was true
+        self._watch()
         if remembered is not None:
             self._continue(remembered)
 
@@ -83,11 +103,7 @@ class Estimator:
 
     def imu(self, sample: ImuSample, now: int) -> VehicleState | None:
         """The state at this sample. A sample that cannot be used is as good as none."""
-        if not plausible.imu(sample):
-            self.noted.append("implausible:sensor/imu")
-            return self.silence(now)
-        if self._imu_ns is not None and sample.stamp_ns <= self._imu_ns:
-            self.noted.append("not_newer:sensor/imu")
+        if not self._usable_imu(sample):
             return self.silence(now)
         dt = self._step_to(sample.stamp_ns)
         if self._calibration is not None:
@@ -102,6 +118,7 @@ class Estimator:
             return None
         if self._calibration is None:
             self._note(self._depth.predict(None, now))
+            self._note(self._predict_horizontal(None, now))
         if self._hears_imu(now):
             return None
         self.noted.append("predicted:state")
@@ -110,6 +127,8 @@ class Estimator:
     def pressure(self, sample: PressureSample) -> None:
         if not plausible.pressure(sample):
             self.noted.append("implausible:sensor/pressure")
+        elif not self._pressure_watch.usable((sample.pressure,), sample.stamp_ns):
+            return
         elif self._calibration is not None:
             self._calibration.pressure(sample.pressure)
         else:
@@ -118,16 +137,34 @@ class Estimator:
     def magnetometer(self, sample: MagnetometerSample) -> None:
         if not plausible.magnetometer(sample):
             self.noted.append("implausible:sensor/magnetometer")
+        elif not self._field_watch.usable(sample.field, sample.stamp_ns):
+            return
         elif self._calibration is not None:
             self._calibration.magnetometer(sample.field)
         else:
             self._note(self._attitude.magnetometer(sample.field, sample.stamp_ns))
 
+    def dvl(self, sample: DvlSample) -> None:
+        if not plausible.dvl(sample):
+            self.noted.append("implausible:sensor/dvl")
+        elif not self._dvl_watch.usable(sample.velocity, sample.stamp_ns):
+            return
+        elif self._calibration is None:
+            self._note(self._horizontal.dvl(sample))
+
+    def usbl(self, sample: UsblSample) -> None:
+        if not plausible.usbl(sample):
+            self.noted.append("implausible:sensor/usbl")
+        elif not self._usbl_watch.usable((sample.north, sample.east), sample.stamp_ns):
+            return
+        elif self._calibration is None:
+            self._note(self._horizontal.usbl(sample))
+
     def remembered(self, now: int) -> Remembered | None:
         """What to keep for a restart; None while there is nothing worth keeping."""
         if self._calibration is not None:
             return None
-        control = self._attitude.control
+        control, compass = self._attitude.control, self._attitude.compass
         return Remembered(
             stamp_ns=now,
             atmosphere=self._depth.atmosphere.pressure,
@@ -136,6 +173,9 @@ class Estimator:
             accelerometer_bias=self._depth.bias,
             heading=control.heading,
             heading_std=control.std,
+            north=compass.offset,
+            field_strength=compass.field.strength,
+            field_dip=compass.field.dip,
         )
 
     # How the state moves on.
@@ -151,14 +191,31 @@ class Estimator:
         if dt <= LONGEST_STEP:
             return dt
         self.noted.append("gap:sensor/imu")
+        self._resting.moved()
         self._attitude.blind(dt - LONGEST_STEP)
         return LONGEST_STEP
 
+    def _usable_imu(self, sample: ImuSample) -> bool:
+        if plausible.saturated(sample):
+            self.noted.append("saturated:sensor/imu")
+            return False
+        if not plausible.imu(sample):
+            self.noted.append("implausible:sensor/imu")
+            return False
+        content = (*sample.specific_force, *sample.angular_rate)
+        return self._imu_watch.usable(content, sample.stamp_ns)
+
     def _run(self, sample: ImuSample, dt: float) -> None:
-        force = sample.specific_force
+        force, at_ns = sample.specific_force, sample.stamp_ns
         self._note(self._attitude.step(sample.angular_rate, force, dt))
-        down = self._attitude.acceleration_down(force)
-        self._note(self._depth.predict(down, sample.stamp_ns))
+        self._note(self._resting.imu(sample.angular_rate, force, dt))
+        self._attitude.gyro_bias = self._resting.bias
+        self._note(self._depth.predict(self._attitude.acceleration_down(force), at_ns))
+        self._note(self._predict_horizontal(force, at_ns))
+
+    def _predict_horizontal(self, force: Vec3 | None, at_ns: int) -> str | None:
+        seen, north = self._attitude, self._attitude.compass.offset
+        return self._horizontal.predict(seen.attitude, north, seen.north_std, force, at_ns)
 
     def _calibrate(self, calibration: Calibration, sample: ImuSample, dt: float) -> None:
         self._attitude.start(sample.specific_force)
@@ -180,8 +237,10 @@ class Estimator:
         heading = 0.0 if learnt.heading is None else learnt.heading
         self._attitude = AttitudeObserver(settings.attitude, learnt.gyro_bias, heading, 0.0)
         self._attitude.start(learnt.specific_force)
-        if learnt.heading is not None:
-            self._attitude.agree(at_ns)
+        self._resting = RestingBias(settings.calibration, learnt.gyro_bias)
+        if learnt.field is not None and not self._attitude.agree(at_ns, learnt.field):
+            self.noted.append("disturbed:sensor/magnetometer")
+            self._warn("the magnetic field here is not the Earth's: the compass is not used")
         self._depth = self._depth_observer(atmosphere, learnt.accelerometer_bias)
         self._depth.start(learnt.pressure, learnt.pressures, at_ns)
         bias = ", ".join(f"{degrees(rate):+.3f}" for rate in learnt.gyro_bias)
@@ -190,7 +249,7 @@ class Estimator:
 
     def _atmosphere(self, learnt: Calibrated) -> Atmosphere:
         """The air above the floating vehicle."""
-        water = self._settings.water_density * GRAVITY * self._floating_depth
+        water = density_of(self._settings.water_density) * GRAVITY * self._floating_depth
         if plausible.atmosphere(learnt.pressure - water):
             std = self._settings.depth.pressure_std / sqrt(learnt.pressures)
             return Atmosphere(learnt.pressure - water, std)
@@ -209,14 +268,33 @@ class Estimator:
         self._attitude = AttitudeObserver(
             self._settings.attitude, kept.gyro_bias, kept.heading, min(pi, kept.heading_std)
         )
+        self._resting = RestingBias(self._settings.calibration, kept.gyro_bias)
+        strength, dip = kept.field_strength, kept.field_dip
+        if kept.north is not None and strength is not None and dip is not None:
+            self._attitude.compass.go_on(kept.north, strength, dip)
         self._depth = self._depth_observer(atmosphere, kept.accelerometer_bias)
         self._warn(
             f"goes on with the dive: atmosphere {kept.atmosphere / 100.0:.1f} hPa, "
             f"heading {degrees(kept.heading):.0f} deg from before the restart"
         )
 
+    def _watch(self) -> None:
+        """One watch for each sensor."""
+        limits, noted, like = self._settings.watch, self.noted, self._settings.watch.rate_tolerance
+        imu, field, pressure = topics.IMU, topics.MAGNETOMETER, topics.PRESSURE
+        self._imu_watch = SensorWatch(imu.key, limits.imu_frozen, noted, imu.hz, like)
+        self._field_watch = SensorWatch(
+            field.key, limits.magnetometer_frozen, noted, field.hz, like
+        )
+        self._pressure_watch = SensorWatch(
+            pressure.key, limits.pressure_frozen, noted, pressure.hz, like
+        )
+        self._dvl_watch = SensorWatch(topics.DVL.key, limits.dvl_frozen, noted)
+        self._usbl_watch = SensorWatch(topics.USBL.key, limits.usbl_frozen, noted)
+
     def _depth_observer(self, atmosphere: Atmosphere, bias: float) -> DepthObserver:
-        return DepthObserver(self._settings.depth, atmosphere, self._settings.water_density, bias)
+        density = density_of(self._settings.water_density)
+        return DepthObserver(self._settings.depth, atmosphere, density, bias)
 
     # What is said.
 
@@ -227,6 +305,8 @@ class Estimator:
         attitude = self._attitude
         depth, rate, acceleration = self._depth.estimates(now) if running else self._floating()
         roll, pitch = attitude.tilt(known)
+        place = self._horizontal.position(now) or (None, None)
+        over_ground = self._horizontal.velocity(rate.value, now) or (None, None)
         return VehicleState(
             stamp_ns=now,
             sensor_ns=self._imu_ns,
@@ -240,6 +320,10 @@ class Estimator:
             heading=attitude.heading(known),
             heading_navigation=attitude.heading_navigation(known, now),
             yaw_rate=attitude.yaw_rate(known),
+            surge_velocity=over_ground[0],
+            sway_velocity=over_ground[1],
+            north=place[0],
+            east=place[1],
             pressure_age_ms=self._depth.pressure_age_ms(now),
         )
 

@@ -13,16 +13,21 @@ from typing import Annotated
 
 import msgspec
 
+from services.estimation.depth_ways import Observer
+
 Positive = Annotated[float, msgspec.Meta(gt=0.0, le=1e6)]
+Latency = Annotated[float, msgspec.Meta(ge=0.0, le=0.3)]
 
 
 class DepthSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """How far each measurement of the vertical channel is trusted."""
 
+    observer: Observer = "accelerometer"  # the others are for comparison, see depth_ways.py
     pressure_std: Positive = 500.0  # [Pa] noise of one pressure sample; 5 mbar
+    pressure_latency: Latency = 0.0  # [s] a sample is true this long before its stamp
     acceleration_noise: Positive = 0.005  # [m/s²/√Hz] accelerometer noise, with what tilt adds
     bias_walk: Positive = 0.001  # [m/s²/√s] how fast the accelerometer's bias wanders
-    motion_noise: Positive = 0.2  # [m/s²/√Hz] unknown motion while the IMU is silent
+    motion_noise: Positive = 0.2  # [m/s²/√Hz] unknown motion without accelerometer
     gate: Annotated[float, msgspec.Meta(ge=3.0, le=100.0)] = 6.0  # [σ] innovations beyond: outlier
     outlier_run: Positive = 1.5  # [s] outliers only for this long: the sensor has really jumped
     valid_for: Positive = 2.0  # [s] depth is valid this long after an accepted pressure sample
@@ -62,17 +67,19 @@ class DepthFilter:
         self.p00, self.p11, self.p22 = depth_std**2, rate_std**2, bias_std**2
         self.p01 = self.p02 = self.p12 = 0.0
 
-    def predict(self, acceleration: float | None, dt: float) -> None:
+    def predict(self, acceleration: float | None, dt: float, measured: bool = True) -> None:
         """Move the estimate on by `dt` [s].
 
         Args:
-            acceleration: [m/s²] measured along down, mean over the interval, bias included. None
-                without an accelerometer: constant rate with `motion_noise`, as in the thesis.
+            acceleration: [m/s²] along down, mean over the interval. None: unknown, so constant
+                rate with `motion_noise`, as in the thesis.
+            measured: by the accelerometer, bias included. False: the motion that is asked for;
+                `motion_noise` is then what the vehicle does besides.
         """
-        if acceleration is None:  # the bias then plays no part
-            a, db, hb, q = 0.0, 0.0, 0.0, self._qm * dt
-        else:
+        if acceleration is not None and measured:
             a, db, hb, q = acceleration - self.bias, dt, 0.5 * dt * dt, self._qa * dt
+        else:  # the bias plays no part
+            a, db, hb, q = acceleration or 0.0, 0.0, 0.0, self._qm * dt
         self.depth += (self.rate + 0.5 * a * dt) * dt
         self.rate += a * dt
         # P = F P Fᵀ + Q with F = [[1, dt, -hb], [0, 1, -db], [0, 0, 1]]; first A = F P.

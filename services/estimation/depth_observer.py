@@ -5,6 +5,7 @@ from math import hypot, sqrt
 
 from messages.message import Estimate
 from services.estimation.depth_filter import DepthFilter, DepthSettings
+from services.estimation.depth_ways import WAYS, Way
 from services.marine.vehicle import GRAVITY
 
 LATEST_AGE = 0.5  # [s] a sample older than this says too little about now
@@ -34,14 +35,25 @@ class DepthObserver:
     have come for `outlier_run` seconds, the world has changed and not the sample: the filter
     starts anew at the newest one. After `lost_after` seconds without an accepted sample the depth
     is held, and the next plausible sample starts the filter anew.
+
+    A timed observer uses a sample when it comes, with H = [1, -age, 0]. One that is not reads the
+    sensor at each step, as if the newest sample were of that moment.
     """
 
     def __init__(
-        self, settings: DepthSettings, atmosphere: Atmosphere, density: float, bias: float
+        self,
+        settings: DepthSettings,
+        atmosphere: Atmosphere,
+        density: float,
+        bias: float,
+        way: Way | None = None,
     ) -> None:
-        """Water density [kg/m³], accelerometer bias [m/s²]."""
+        """Water density [kg/m³], accelerometer bias [m/s²]; a way other than the settings'."""
+        self.surprise = 0.0  # [σ] newest innovation, over the spread the filter expected of it
         self.atmosphere = atmosphere
         self._settings = settings
+        self._way = WAYS[settings.observer] if way is None else way
+        self._latency_ns = round(settings.pressure_latency * 1e9)
         self._per_metre = density * GRAVITY  # [Pa/m]
         self._datum_std = atmosphere.std / self._per_metre  # [m]
         self._sample_std = settings.pressure_std / self._per_metre  # [m]
@@ -52,6 +64,7 @@ class DepthObserver:
         self._started = False
         self._accepted_ns: int | None = None  # [ns] time of validity of the last accepted sample
         self._outliers_since: int | None = None
+        self._unread: tuple[float, int] | None = None  # [m], [ns] newest sample, if not timed
 
     def start(self, pressure: float, samples: int, at_ns: int) -> None:
         """Begin with the mean [Pa] of several samples taken at rest."""
@@ -64,11 +77,14 @@ class DepthObserver:
         return (pressure - self.atmosphere.pressure) / self._per_metre
 
     def predict(self, acceleration: float | None, at_ns: int) -> str | None:
-        """Move on to `at_ns`. The acceleration [m/s²] along down is the one measured there; None:
-        unknown. Returns what went wrong, for the counters."""
+        """Move on to `at_ns`. The acceleration [m/s²] along down is the one there, measured or,
+        for the way "reference", asked for; None: unknown. Returns what went wrong, for the
+        counters."""
         dt = (at_ns - self._at_ns) * 1e-9
         if dt <= 0.0:
             return None
+        if not self._way.driven:
+            acceleration = None
         before, self._input, self._at_ns = self._input, acceleration, at_ns
         if not self._started:
             return None
@@ -77,12 +93,15 @@ class DepthObserver:
         # The mean of both ends: the newest sample alone would be half a step early.
         if before is not None and acceleration is not None:
             acceleration = (before + acceleration) / 2.0
-        self._filter.predict(acceleration, dt)
-        return None if self._filter.is_sound() else self._reset()
+        self._filter.predict(acceleration, dt, self._way.measured)
+        if not self._filter.is_sound():
+            return self._reset()
+        return None if self._unread is None else self._read(self._unread)
 
     def pressure(self, pressure: float, stamp_ns: int) -> str | None:
         """Use a plausible sample [Pa]. Returns what went wrong, for the counters."""
         depth = self.depth_of(pressure)
+        stamp_ns -= self._latency_ns
         if not self._started:
             self._at_ns = max(self._at_ns, stamp_ns)
             self._begin(depth, self._sample_std, RATE_STD, 0.1, stamp_ns)
@@ -90,13 +109,10 @@ class DepthObserver:
         age = (self._at_ns - stamp_ns) * 1e-9
         if not -AHEAD <= age <= LATEST_AGE:
             return "late:sensor/pressure"
-        surprise, variance = self._filter.innovation(depth, self._sample_std, age)
-        if surprise * surprise > self._settings.gate**2 * variance:
-            return self._outlier(depth, stamp_ns)
-        most = self._settings.clip * sqrt(variance)
-        self._filter.update(max(-most, min(most, surprise)), variance, age)
-        self._accept(stamp_ns)
-        return None if self._filter.is_sound() else self._reset()
+        if self._way.timed:
+            return self._correct(depth, stamp_ns, age)
+        self._unread = depth, stamp_ns
+        return None
 
     def estimates(self, now: int) -> tuple[Estimate, Estimate, Estimate]:
         """Depth [m], rate [m/s], acceleration [m/s²]; positive down. Valid for `valid_for` after
@@ -124,7 +140,25 @@ class DepthObserver:
         """[m/s²] of the vertical accelerometer."""
         return self._filter.bias
 
+    def _read(self, sample: tuple[float, int]) -> str | None:
+        """The newest sample as if it were of this moment."""
+        if not self._way.held:
+            self._unread = None
+        return self._correct(*sample, age=0.0)
+
+    def _correct(self, depth: float, stamp_ns: int, age: float) -> str | None:
+        surprise, variance = self._filter.innovation(depth, self._sample_std, age)
+        spread = sqrt(variance)
+        self.surprise = surprise / spread
+        if abs(self.surprise) > self._settings.gate:
+            return self._outlier(depth, stamp_ns)
+        most = self._settings.clip * spread
+        self._filter.update(max(-most, min(most, surprise)), variance, age)
+        self._accept(stamp_ns)
+        return None if self._filter.is_sound() else self._reset()
+
     def _outlier(self, depth: float, stamp_ns: int) -> str:
+        self._unread = None
         if self._outliers_since is None:
             self._outliers_since = stamp_ns
         if (stamp_ns - self._outliers_since) * 1e-9 <= self._settings.outlier_run:
@@ -137,6 +171,7 @@ class DepthObserver:
     ) -> None:
         self._filter.start(depth, depth_std, rate_std, self._filter.bias, bias_std)
         self._started = True
+        self._unread = None
         self._accept(stamp_ns)
 
     def _accept(self, stamp_ns: int) -> None:
@@ -151,6 +186,7 @@ class DepthObserver:
         """Hold the depth, claim no rate, wait for the next sample."""
         self._filter.rate = 0.0
         self._started = False
+        self._unread = None
         return why
 
     def _reset(self) -> str:

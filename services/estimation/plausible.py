@@ -5,22 +5,34 @@ Ports have already refused NaN and infinities.
 
 from math import hypot
 
-from messages.sensors import ImuSample, MagnetometerSample, PressureSample
+from messages.sensors import (
+    DvlSample,
+    ImuSample,
+    MagnetometerSample,
+    PressureSample,
+    UsblSample,
+)
 
 # [m/s²] less is a dead sensor (a vehicle in water never falls freely); ±16 g parts end at 157.
 LEAST_FORCE, MOST_FORCE = 0.5, 156.0
 MOST_RATE = 34.8  # [rad/s] ±2000 deg/s parts end at 34.9
 LEAST_PRESSURE, MOST_PRESSURE = 50e3, 12e6  # [Pa] from a mountain lake to 1100 m of sea
 LEAST_ATMOSPHERE, MOST_ATMOSPHERE = 70e3, 110e3  # [Pa] beyond: the vehicle did not float
+MOST_SPEED = 15.0  # [m/s] over the ground
+MOST_DISTANCE = 20e3  # [m] the reach of acoustic positioning
 LEAST_FIELD, MOST_FIELD = 15e-6, 100e-6  # [T] the Earth's is 22 to 67 µT
 
 
 def imu(sample: ImuSample) -> bool:
-    if hypot(*sample.specific_force) < LEAST_FORCE:
-        return False
+    return hypot(*sample.specific_force) >= LEAST_FORCE
+
+
+def saturated(sample: ImuSample) -> bool:
+    """An axis is at the end of its range: the true value may be anything beyond."""
     fx, fy, fz = sample.specific_force
     p, q, r = sample.angular_rate
-    return max(abs(fx), abs(fy), abs(fz)) < MOST_FORCE and max(abs(p), abs(q), abs(r)) < MOST_RATE
+    force, rate = max(abs(fx), abs(fy), abs(fz)), max(abs(p), abs(q), abs(r))
+    return force >= MOST_FORCE or rate >= MOST_RATE
 
 
 def pressure(sample: PressureSample) -> bool:
@@ -29,6 +41,14 @@ def pressure(sample: PressureSample) -> bool:
 
 def magnetometer(sample: MagnetometerSample) -> bool:
     return LEAST_FIELD <= hypot(*sample.field) <= MOST_FIELD
+
+
+def dvl(sample: DvlSample) -> bool:
+    return hypot(*sample.velocity) <= MOST_SPEED and sample.std <= MOST_SPEED
+
+
+def usbl(sample: UsblSample) -> bool:
+    return hypot(sample.north, sample.east) <= MOST_DISTANCE and sample.std <= MOST_DISTANCE
 
 
 def atmosphere(pressure: float) -> bool:

@@ -1,7 +1,13 @@
 """Estimation service: each IMU sample becomes one state; pressure and compass correct it."""
 
 from messages import topics
-from messages.sensors import ImuSample, MagnetometerSample, PressureSample
+from messages.sensors import (
+    DvlSample,
+    ImuSample,
+    MagnetometerSample,
+    PressureSample,
+    UsblSample,
+)
 from messages.state import VehicleState
 from services.estimation.core import Estimator, Remembered, Settings
 from services.marine.vehicle import Vehicle
@@ -28,6 +34,12 @@ def wire(node: Node, stack: Stack) -> None:
     def on_magnetometer(sample: MagnetometerSample, _: int) -> None:
         estimator.magnetometer(sample)
 
+    def on_dvl(sample: DvlSample, _: int) -> None:
+        estimator.dvl(sample)
+
+    def on_usbl(sample: UsblSample, _: int) -> None:
+        estimator.usbl(sample)
+
     def say(state: VehicleState | None) -> None:
         if state is not None:
             publisher.put(state)
@@ -39,6 +51,8 @@ def wire(node: Node, stack: Stack) -> None:
 
     node.each(topics.PRESSURE, on_pressure)
     node.each(topics.MAGNETOMETER, on_magnetometer)
+    node.each(topics.DVL, on_dvl)
+    node.each(topics.USBL, on_usbl)
     node.trigger(topics.IMU, on_imu, SILENCE_S)
     node.every(REMEMBER_HZ, keep)
     tell(node, estimator)

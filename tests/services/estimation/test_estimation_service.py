@@ -55,15 +55,18 @@ class Bench:
 
         def move(now: int) -> None:
             self.heading += self.yaw_rate / topics.IMU.hz
+            down = 48e-6 + 1e-12 * (now % 7)
             north, east = 15e-6 * math.cos(self.heading), -15e-6 * math.sin(self.heading)
-            compass.put(MagnetometerSample(stamp_ns=now, field=(north, east, 48e-6)))
-            rate, force = (0.0, 0.0, self.yaw_rate), (0.0, 0.0, -GRAVITY)
+            compass.put(MagnetometerSample(stamp_ns=now, field=(north, east, down)))
+            noise = 1e-6 if self.host.now % 20_000_000 else -1e-6  # a sensor never repeats itself
+            rate, force = (0.0, 0.0, self.yaw_rate), (0.0, noise, -GRAVITY)
             if self.imu:
                 imu.put(ImuSample(stamp_ns=now, specific_force=force, angular_rate=rate))
 
         def press(now: int) -> None:
             above = SEA_WATER * GRAVITY * self.depth
-            pressure.put(PressureSample(stamp_ns=now, pressure=100_000.0 + above))
+            noise = 0.01 * (now % 7)
+            pressure.put(PressureSample(stamp_ns=now, pressure=100_000.0 + above + noise))
 
         vehicle.every(topics.PRESSURE.hz, press)
         vehicle.every(topics.IMU.hz, move)

@@ -1,0 +1,103 @@
+"""Is a sensor alive? What can be told from one stream of samples without knowing what is true.
+
+Port gates have already refused what is malformed or out of order. Each passage from good to bad
+is counted once, not each sample of it.
+"""
+
+from typing import Annotated
+
+import msgspec
+
+Seconds = Annotated[float, msgspec.Meta(gt=0.0, le=3600.0)]
+Share = Annotated[float, msgspec.Meta(gt=0.0, lt=1.0)]
+WINDOW = 2.0  # [s] over which a rate is judged
+GAP = 5.0  # [periods] a longer break is a drop-out and says nothing about the rate
+
+
+class WatchSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """How long the very same numbers may come, and how far the rate may be off.
+
+    A noisy sensor never repeats itself. One that rounds coarsely does, at rest: give it longer.
+    """
+
+    imu_frozen: Seconds = 0.2  # [s]
+    magnetometer_frozen: Seconds = 1.0  # [s]
+    pressure_frozen: Seconds = 10.0  # [s]
+    dvl_frozen: Seconds = 10.0  # [s]
+    usbl_frozen: Seconds = 20.0  # [s]
+    rate_tolerance: Share = 0.2  # [-] of the topic's rate
+
+
+class SensorWatch:
+    """Watches one sensor. `usable` is asked for every sample and says no to frozen ones and to
+    those whose time does not go on; `noted` fills with what is to be counted."""
+
+    def __init__(
+        self,
+        key: str,
+        frozen_after: float,
+        noted: list[str],
+        hz: float | None = None,
+        tolerance: float = 0.2,
+    ) -> None:
+        """Topic, [s] of identical samples, and the rate [1/s] with its tolerance; None: any."""
+        self._key = key
+        self._frozen_ns = round(frozen_after * 1e9)
+        self._noted = noted
+        self._content: tuple[float, ...] | None = None
+        self._stamp_ns: int | None = None
+        self._same_since_ns = 0
+        self._frozen = False
+        self._rate = None if hz is None else _Rate(hz, tolerance)
+
+    def usable(self, content: tuple[float, ...], stamp_ns: int) -> bool:
+        before, last_ns = self._content, self._stamp_ns
+        if last_ns is not None and stamp_ns <= last_ns:
+            same = stamp_ns == last_ns and content == before
+            self._noted.append(f"{'duplicated' if same else 'not_newer'}:{self._key}")
+            return False
+        self._content, self._stamp_ns = content, stamp_ns
+        rate = self._rate
+        if rate is not None and last_ns is not None and rate.newly_wrong(stamp_ns - last_ns):
+            self._noted.append(f"rate:{self._key}")
+        if content != before:
+            self._same_since_ns, self._frozen = stamp_ns, False
+        elif not self._frozen and stamp_ns - self._same_since_ns >= self._frozen_ns:
+            self._frozen = True
+            self._noted.append(f"frozen:{self._key}")
+        return not self._frozen
+
+
+class _Rate:
+    """Samples per second of one sensor, drop-outs left out."""
+
+    __slots__ = (
+        "_count",
+        "_gap_ns",
+        "_longest_ns",
+        "_periods",
+        "_shortest_ns",
+        "_span_ns",
+        "_wrong",
+    )
+
+    def __init__(self, hz: float, tolerance: float) -> None:
+        self._periods = max(5, round(WINDOW * hz))
+        self._gap_ns = GAP * 1e9 / hz
+        self._shortest_ns = self._periods * 1e9 / (hz * (1.0 + tolerance))
+        self._longest_ns = self._periods * 1e9 / (hz * (1.0 - tolerance))
+        self._count, self._span_ns, self._wrong = 0, 0, False
+
+    def newly_wrong(self, period_ns: int) -> bool:
+        """Another period. True when a whole window is wrong after a good one."""
+        if period_ns > self._gap_ns:
+            self._count = self._span_ns = 0
+            return False
+        self._count += 1
+        self._span_ns += period_ns
+        if self._count < self._periods:
+            return False
+        wrong = not self._shortest_ns <= self._span_ns <= self._longest_ns
+        newly = wrong and not self._wrong
+        self._count, self._span_ns, self._wrong = 0, 0, wrong
+        return newly
