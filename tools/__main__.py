@@ -164,6 +164,29 @@ def ask(
     return ask(kind, depth=depth, heading=heading, path=path, value=value, dive=dive, as_json=json)
 
 
+log = App(name="log", help="Look into recordings.")
+app.command(log)
+
+
+@log.command
+def noise(
+    recording: Path,
+    *,
+    json: Annotated[
+        bool, Parameter(negative=(), show_default=False, help="no lines, JSON")
+    ] = False,
+) -> int:
+    """Noise, rate and drift of the sensors, from a recording of a drone that lies still.
+
+    RECORDING is a dive's folder or its MCAP file. Prints the lines to paste into the vehicle file.
+
+    Example: lindy log noise dives/on_the_bench
+    """
+    from tools.noise import noise
+
+    return noise(recording, json=json)
+
+
 @app.command
 def bench(
     *,

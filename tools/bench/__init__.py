@@ -11,7 +11,11 @@ from cyclopts import Parameter
 from services.runtime.errors import LindyError
 from tools.bench.table import Figure, as_json, show
 
-SECTIONS = {"reference": "tools.bench.reference"}
+SECTIONS = {
+    "reference": "tools.bench.reference",
+    "estimation": "tools.bench.estimation",
+    "heading": "tools.bench.heading",
+}
 
 
 def bench(

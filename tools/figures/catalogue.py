@@ -14,6 +14,8 @@ from tools.figures import (
     fernandes_model,
     fernandes_paths,
     fernandes_turns,
+    headings,
+    observers,
     style,
     thesis,
     thesis_clamped,
@@ -64,6 +66,20 @@ FIGURES: tuple[Entry, ...] = (
     _fernandes(12, "path parameter over time", fernandes_paths.parameter, 6.5),
     _fernandes(13, "the five parts", fernandes_paths.five_parts, 6.0),
     _fernandes(18, "optimal shapes", fernandes_model.optimal_shapes, 6.5),
+    Entry(
+        "observer-depth",
+        "Andrén 2023, section 5.3.1",
+        "a step in depth, four observers",
+        observers.depth_step,
+        height=8.5,
+    ),
+    Entry(
+        "observer-heading",
+        "Andrén 2023, section 5.3.2",
+        "heading through a magnetic disturbance",
+        headings.disturbance,
+        height=8.0,
+    ),
 )
 
 CLAIMS: tuple[Callable[[], list[Claim]], ...] = (

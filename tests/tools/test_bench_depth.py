@@ -1,0 +1,58 @@
+"""The world in which depth observers are compared: its truth is one, and the scores are right."""
+
+import numpy as np
+import pytest
+
+from tools.bench.depth_runs import PER_METRE, Estimates, Sensor, observe, score, world
+
+COARSE, LATE = Sensor("coarse", 0.05), Sensor("late", 0.005, latency=0.03)
+
+
+def test_rate_is_the_derivative_of_depth_and_the_accelerometer_that_of_rate():
+    seen = world(Sensor("perfect", 0.0), 3)
+    dt = seen.t[1] - seen.t[0]
+    assert np.gradient(seen.depth, dt)[1:-1] == pytest.approx(seen.rate[1:-1], abs=1e-3)
+    felt = seen.measured - np.gradient(seen.rate, dt)
+    assert float(np.mean(felt[1:-1])) == pytest.approx(0.15, abs=0.03)
+    assert float(np.std(np.diff(felt[1:-1]))) == pytest.approx(0.03 * 2**0.5, rel=0.05)
+
+
+def test_a_late_sensor_says_the_depth_of_before():
+    seen = world(Sensor("late", 0.0, latency=0.03), 3)
+    assert seen.said == pytest.approx(np.interp(seen.stamps - 0.03, seen.t, seen.depth), abs=2e-3)
+
+
+def test_a_coarse_sensor_speaks_in_steps():
+    said = world(Sensor("steps", 0.02, step=0.05), 3).said / 0.05
+    assert said == pytest.approx(np.round(said), abs=1e-6)
+
+
+def test_the_data_sheet_becomes_settings():
+    told = Sensor("both", 0.03, step=0.1, latency=0.02).settings(clip=9.0)
+    assert told.pressure_std == pytest.approx(PER_METRE * (0.03**2 + 0.1**2 / 12) ** 0.5)
+    assert (told.pressure_latency, told.clip) == (0.02, 9.0)
+
+
+def test_a_rate_that_comes_late_is_scored_so():
+    seen = world(COARSE, 0)
+    found = Estimates(seen.depth + 0.002, np.roll(seen.rate, 12), np.zeros(1))
+    depth, _, lag = score(seen, found)
+    assert depth == pytest.approx(2.0)
+    assert lag == pytest.approx(120.0)
+
+
+def test_each_step_away_from_the_thesis_is_worth_something():
+    seen = world(LATE, 2)
+    plain = LATE.settings(motion_noise=0.05, gate=100.0, clip=100.0)
+    hold, new, timed, reference, shipped = (
+        score(seen, observe(seen, way, settings))
+        for way, settings in (
+            ("hold", plain), ("new", plain), ("timed", plain), ("reference", plain),
+            ("accelerometer", LATE.settings()),
+        )
+    )  # fmt: skip
+    assert hold.depth > new.depth > 2.0 * timed.depth > reference.depth > shipped.depth
+    assert timed.rate > 1.5 * reference.rate > 3.0 * shipped.rate
+    assert shipped.depth <= 2.0
+    assert shipped.rate <= 4.0
+    assert shipped.lag <= 20.0

@@ -1,0 +1,206 @@
+"""`lindy log noise` finds the noise that was put in, and says when it cannot."""
+
+import json
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from messages import topics
+from messages.message import Message
+from messages.sensors import ImuSample, MagnetometerSample, PressureSample
+from services.estimation.core import Settings
+from services.recorder.foxglove_schema import foxglove_schema
+from services.recorder.mcap_file import McapFile
+from services.runtime.errors import LindyError
+from tools.allan import deviation
+from tools.allan import noise as noise_of
+from tools.noise import noise
+
+GYRO, FORCE, FIELD, PASCAL = 1.2e-3, 0.03, 0.4e-6, 480.0  # one sample's std
+decode: Callable[..., Any] = msgspec.toml.decode
+
+
+def imu(
+    seconds: float, *, rate: np.ndarray | None = None, force: np.ndarray | None = None
+) -> list[Message]:
+    """At rest on the bench; with what is added to the rate or the force along z."""
+    rng, n = np.random.default_rng(1), round(seconds * 100)
+    turns, forces = GYRO * rng.standard_normal((n, 3)), FORCE * rng.standard_normal((n, 3))
+    turns += np.array([0.01, -0.004, 0.002])
+    forces[:, 2] -= 9.8
+    turns[:, 2] += 0.0 if rate is None else rate
+    forces[:, 2] += 0.0 if force is None else force
+    return [
+        ImuSample(
+            stamp_ns=k * 10_000_000,
+            angular_rate=(p, q, r), specific_force=(x, y, z),
+        )
+        for k, ((p, q, r), (x, y, z)) in enumerate(
+            zip(turns.tolist(), forces.tolist(), strict=True)
+        )
+    ]  # fmt: skip
+
+
+def pressures(seconds: float, *, step: float = 0.0, sink: float = 0.0) -> list[Message]:
+    rng, n = np.random.default_rng(2), round(seconds * 42)
+    said = 101_325.0 + PASCAL * rng.standard_normal(n) + sink * np.arange(n) / 42
+    said = np.round(said / step) * step if step else said
+    return [
+        PressureSample(stamp_ns=round(k * 1e9 / 42), pressure=each)
+        for k, each in enumerate(said.tolist())
+    ]
+
+
+def fields(seconds: float) -> list[Message]:
+    rng, n = np.random.default_rng(3), round(seconds * 100)
+    said = np.array([15e-6, 0.0, 48e-6]) + FIELD * rng.standard_normal((n, 3))
+    return [
+        MagnetometerSample(stamp_ns=k * 10_000_000, field=(x, y, z))
+        for k, (x, y, z) in enumerate(said.tolist())
+    ]
+
+
+def write(folder: Path, *streams: Iterable[Message]) -> Path:
+    keys = {
+        topic.message.__name__: topic.key
+        for topic in (topics.IMU, topics.MAGNETOMETER, topics.PRESSURE)
+    }
+    file = McapFile(folder / "dive.mcap")
+    for topic in (topics.IMU, topics.MAGNETOMETER, topics.PRESSURE):
+        file.open_channel(topic.key, topic.message.__name__, foxglove_schema(topic.message))
+    for stream in streams:
+        for n, sample in enumerate(stream):
+            file.write(keys[type(sample).__name__], msgspec.json.encode(sample), n, n, n)
+    file.finish()
+    return folder
+
+
+def told(folder: Path, capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
+    assert noise(folder, json=True) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_noise_that_was_put_in_is_found(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    found = told(write(tmp_path, imu(40), fields(40), pressures(40)), capsys)
+    axes = {axis["name"]: axis for axis in found["axes"]}
+    assert len(axes) == 10
+    for name, std, hz in (
+        ("gyroscope x", GYRO, 100), ("gyroscope z", GYRO, 100), ("accelerometer y", FORCE, 100),
+        ("magnetometer z", 1e6 * FIELD, 100), ("pressure", PASCAL, 42),
+    ):  # fmt: skip
+        assert axes[name]["rate"] == pytest.approx(hz, rel=1e-3)
+        assert axes[name]["std"] == pytest.approx(std, rel=0.06)
+        assert axes[name]["noise"]["density"] == pytest.approx(std / hz**0.5, rel=0.1)
+        assert axes[name]["noise"]["walk"] is None
+        assert axes[name]["noise"]["instability"] is None
+    assert axes["gyroscope x"]["mean"] == pytest.approx(0.01, abs=1e-4)
+    assert found["settings"]["estimation.depth"]["pressure_std"] == pytest.approx(480, rel=0.06)
+    assert found["settings"]["estimation.depth"]["acceleration_noise"] == pytest.approx(
+        0.003, rel=0.1
+    )
+
+
+def test_a_random_walk_of_the_accelerometer_is_found(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    walk = 0.008 * 0.1 * np.cumsum(np.random.default_rng(5).standard_normal(12_000))
+    found = told(write(tmp_path, imu(120, force=walk)), capsys)
+    depth = found["settings"]["estimation.depth"]
+    assert 0.004 < depth["bias_walk"] < 0.016
+    assert depth["acceleration_noise"] == pytest.approx(0.003, rel=0.1)
+
+
+def test_what_is_printed_can_be_pasted_into_a_vehicle_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    noise(write(tmp_path, imu(40), pressures(40)))
+    pasted = capsys.readouterr().out
+    settings = msgspec.convert(decode(pasted)["estimation"], Settings)
+    assert settings.depth.pressure_std == pytest.approx(480, rel=0.06)
+    assert settings.attitude != Settings().attitude
+    assert "# bias_walk: no walk seen" in pasted
+
+
+def test_rounding_in_coarse_steps_is_noise_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    found = told(write(tmp_path, imu(40), pressures(40, step=5000.0)), capsys)
+    std = found["settings"]["estimation.depth"]["pressure_std"]
+    assert std == pytest.approx(5000.0 / 12**0.5, rel=0.01)
+
+
+def test_a_frozen_sensor_gives_no_line_but_a_word(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    stuck = [PressureSample(stamp_ns=k * 20_000_000, pressure=101_325.0) for k in range(1500)]
+    noise(write(tmp_path, imu(30), stuck))
+    pasted = capsys.readouterr().out
+    assert "# pressure_std: every sample is the same" in pasted
+    assert "pressure_std" not in decode(pasted)["estimation"]["depth"]
+
+
+def test_samples_whose_time_does_not_rise_change_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    (tmp_path / "a").mkdir()
+    (tmp_path / "b").mkdir()
+    once = imu(30)
+    clean = told(write(tmp_path / "a", once), capsys)
+    twice = [each for sample in once for each in (sample, sample)]
+    assert told(write(tmp_path / "b", twice, once[:500]), capsys) == clean
+
+
+def bump(seconds: float, size: float) -> np.ndarray:
+    """At rest but for a push of half a second in the middle."""
+    added = np.zeros(round(seconds * 100))
+    added[len(added) // 2 : len(added) // 2 + 50] = size
+    return added
+
+
+@pytest.mark.parametrize(
+    ("streams", "sentence"),
+    [
+        ([imu(19)], "too short: 19.0 s"),
+        ([], "fewer than 100 IMU samples"),
+        ([pressures(40)], "fewer than 100 IMU samples"),
+        ([imu(30, rate=bump(30, 0.3))], r"not at rest: the drone turns after 15\.\d s"),
+        ([imu(30, force=bump(30, 2.0))], r"not at rest: the drone is pushed after 15\.\d s"),
+        ([imu(30, rate=np.linspace(0.0, 0.1, 3000))], "not at rest: the drone turns"),
+        ([imu(30), pressures(30, sink=100.0)], "not at rest: the pressure wanders by"),
+    ],
+)
+def test_a_recording_that_cannot_tell_is_refused_in_one_sentence(
+    tmp_path: Path, streams: list[list[Message]], sentence: str
+):
+    with pytest.raises(LindyError, match=sentence):
+        noise(write(tmp_path, *streams))
+
+
+def test_a_missing_recording_is_refused(tmp_path: Path):
+    with pytest.raises(LindyError, match="there is no recording"):
+        noise(tmp_path)
+
+
+def test_the_deviation_is_the_textbook_s_for_two_samples_at_a_time():
+    values = np.random.default_rng(7).standard_normal(200)
+    tau, adev = deviation(values, 10.0)
+    assert tau[0] == pytest.approx(0.1)
+    assert adev[0] == pytest.approx(np.sqrt(np.mean(np.diff(values) ** 2) / 2))
+    pairs = (values[1:] + values[:-1]) / 2
+    assert tau[1] == pytest.approx(0.2)
+    assert adev[1] == pytest.approx(np.sqrt(np.mean((pairs[2:] - pairs[:-2]) ** 2) / 2))
+
+
+def test_flicker_is_found_as_bias_instability():
+    rng = np.random.default_rng(11)
+    n, rate, instability = 60_000, 100.0, 0.02
+    shape = np.fft.rfftfreq(n, 1 / rate)
+    shape[0] = np.inf
+    # One-sided density of flicker: B² / (π f), twice that of the standard, which is two-sided.
+    white = np.fft.rfft(rng.standard_normal(n))
+    flicker = np.fft.irfft(white * np.sqrt(rate / 2 * instability**2 / (np.pi * shape)), n)
+    found = noise_of(flicker + 0.05 * rng.standard_normal(n), rate)
+    assert found.density == pytest.approx(0.005, rel=0.3)
+    assert found.instability == pytest.approx(instability, rel=0.3)

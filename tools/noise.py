@@ -1,0 +1,173 @@
+"""`lindy log noise`: what the sensors' noise is, from a recording of a drone that lies still."""
+
+import json as json_text
+from collections.abc import Iterator
+from itertools import pairwise
+from math import hypot, pi, sqrt
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from cyclopts import Parameter
+
+from messages import topics
+from services.estimation.attitude_filter import AttitudeSettings
+from services.estimation.calibration import CalibrationSettings
+from tools.allan import Floats, Noise
+from tools.allan import noise as noise_of
+from tools.at_rest import Samples, check, rate, read
+from tools.recording import open_recording
+
+
+class Axis(NamedTuple):
+    """One number that a sensor says."""
+
+    name: str
+    unit: str
+    rate: float  # [1/s]
+    mean: float
+    std: float  # of one sample
+    step: float  # smallest difference between two samples that differ; 0: all are the same
+    noise: Noise
+
+
+class Line(NamedTuple):
+    """A line of the vehicle file."""
+
+    section: str
+    key: str
+    value: float | None  # None: nothing to paste, and `why` says so
+    why: str
+
+
+def noise(
+    recording: Path,
+    /,
+    *,
+    json: Annotated[bool, Parameter(negative=(), show_default=False)] = False,
+) -> int:
+    """Estimate the sensors' noise from a recording at rest, and print lines for the vehicle file.
+
+    Example: lindy log noise dives/on_the_bench
+
+    Let the drone lie still, in air or water, for a minute or longer: the longer, the slower the
+    drift that can be seen.
+
+    Parameters
+    ----------
+    recording
+        folder of a dive, or one MCAP file
+    json
+        print JSON instead of TOML
+    """
+    heard = read(open_recording(recording))
+    check(heard, recording)
+    axes = list(measured(heard))
+    seconds = float(heard[topics.IMU.key].t[-1] - heard[topics.IMU.key].t[0])
+    print(as_json(axes, seconds) if json else as_toml(axes, seconds))
+    return 0
+
+
+def measured(heard: dict[str, Samples]) -> Iterator[Axis]:
+    """Noise of every axis of every sensor."""
+    names = {
+        topics.IMU.key: [(f"gyroscope {axis}", "rad/s") for axis in "xyz"]
+        + [(f"accelerometer {axis}", "m/s²") for axis in "xyz"],
+        topics.MAGNETOMETER.key: [(f"magnetometer {axis}", "µT") for axis in "xyz"],
+        topics.PRESSURE.key: [("pressure", "Pa")],
+    }
+    for key, samples in heard.items():
+        hz = rate(samples)
+        for column, (name, unit) in enumerate(names[key]):
+            values: Floats = samples.values[:, column]
+            different: list[float] = sorted(set(values.tolist()))
+            mean = float(np.mean(values))
+            if len(different) == 1:
+                yield Axis(name, unit, hz, mean, 0.0, 0.0, Noise(0.0, None, None, 0.0))
+                continue
+            std, step = float(np.std(values)), min(b - a for a, b in pairwise(different))
+            yield Axis(name, unit, hz, mean, std, step, noise_of(values, hz))
+
+
+def lines(axes: list[Axis]) -> Iterator[Line]:
+    """What to put into the vehicle file."""
+    by_name = {axis.name: axis for axis in axes}
+    if (pressure := by_name.get("pressure")) is not None:
+        yield _pressure_std(pressure)
+    force = [axis for axis in axes if axis.name.startswith("accelerometer")]
+    worst = max(force, key=lambda axis: axis.noise.density)
+    section = "estimation.depth"
+    told = f"[m/s²/√Hz] {worst.name}; under way, tilt adds to it"
+    yield _line(section, "acceleration_noise", worst.noise.density, told)
+    walks = [axis.noise.walk for axis in force if axis.noise.walk is not None]
+    told = "[m/s²/√s] worst axis" if walks else "no walk seen in a recording of this length"
+    yield _line(section, "bias_walk", max(walks, default=0.0), told)
+    turn = by_name["gyroscope z"].noise
+    band = AttitudeSettings().yaw_rate_cutoff * pi / 2.0  # [Hz] noise bandwidth of the low-pass
+    section = "estimation.attitude"
+    told = "[rad/s] gyroscope z behind the low-pass"
+    yield _line(section, "yaw_rate_std", turn.density * sqrt(band), told)
+    # Averaging the bias at the start leaves this much of the white noise in it.
+    still = CalibrationSettings().still_time
+    left = turn.density / sqrt(still)
+    drift = hypot(left, turn.instability or 0.0)
+    told = f"[rad/s] gyroscope z after {still:g} s of calibration"
+    yield _line(section, "heading_drift", drift, told)
+
+
+def _pressure_std(pressure: Axis) -> Line:
+    # Noise below a step is invisible, and then the rounding is what is left.
+    std = max(pressure.std, pressure.step / sqrt(12.0))
+    told = f"[Pa] at {pressure.rate:.0f} Hz"
+    if pressure.step > std / 10.0:
+        told += f", in steps of {pressure.step:.3g} Pa"
+    return _line("estimation.depth", "pressure_std", std, told)
+
+
+def _line(section: str, key: str, value: float, why: str) -> Line:
+    """A sensor that always says the same has no noise to be told: frozen, or too coarse."""
+    if value > 0.0:
+        return Line(section, key, float(f"{value:.3g}"), why)
+    told = why if why.startswith("no") else "every sample is the same: frozen, or too coarse"
+    return Line(section, key, None, told)
+
+
+def as_toml(axes: list[Axis], seconds: float) -> str:
+    """Figures as comments, then the lines to paste."""
+    text = [
+        f"# Noise at rest over {seconds:.0f} s. Each axis: rate, std of a sample, white noise,",
+        "# bias instability, random walk; <: not seen, and below this.",
+    ]
+    text += [f"# {_figures(axis)}" for axis in axes]
+    section = ""
+    for line in lines(axes):
+        if line.section != section:
+            section = line.section
+            text += ["", f"[{section}]"]
+        key = f"# {line.key}:" if line.value is None else f"{line.key} = {line.value:g}  #"
+        text.append(f"{key} {line.why}")
+    return "\n".join(text)
+
+
+def _figures(axis: Axis) -> str:
+    unit, found = axis.unit, axis.noise
+    slow = f"< {found.drift_below:.2g}" if found.instability is None else f"{found.instability:.2g}"
+    walk = "-" if found.walk is None else f"{found.walk:.2g}"
+    return (
+        f"{axis.name:<16} {axis.rate:4.0f} Hz  {axis.std:.3g} {unit}  "
+        f"{found.density:.3g} {unit}/√Hz  {slow} {unit}  {walk} {unit}/√s"
+    )
+
+
+def as_json(axes: list[Axis], seconds: float) -> str:
+    """Every figure, and the settings by section and key."""
+    settings: dict[str, dict[str, float]] = {}
+    for line in lines(axes):
+        if line.value is not None:
+            settings.setdefault(line.section, {})[line.key] = line.value
+    found: dict[str, Any] = {
+        "seconds": seconds,
+        "axes": [axis._asdict() | {"noise": axis.noise._asdict()} for axis in axes],
+        "settings": settings,
+    }
+    return json_text.dumps(found, indent=1, allow_nan=False)
