@@ -15,7 +15,7 @@ from services.marine.vehicle import Vehicle
 from services.visualizer.batch import Batch, Columns, Frame
 from services.visualizer.curves import Curve, curves
 from services.visualizer.scene import Scene
-from services.visualizer.status import Status
+from services.visualizer.status import NOTED, Status
 
 OLDEST_NS = 60_000_000_000  # [ns] a stamp further back than this is wrong, not late
 
@@ -75,7 +75,9 @@ class Collector:
                 columns = _columns(curve, key, messages, times)
                 if columns.rows:
                     batch.columns.append(columns)
-            for message in messages:
+            # Of streams that give rise to no notes, the status page wants the newest alone.
+            telling = messages if topic.message in NOTED else messages[-1:]
+            for message in telling:
                 batch.notes.extend(self._status.hear(key, message, message.stamp_ns - start))
         page = self._status.page(now - start)
         if page is not None:

@@ -31,6 +31,9 @@ LANES: dict[type[Message], list[tuple[str, Callable[[Any], str]]]] = {
 }
 
 
+NOTED = {*LANES, Health, LogLine, PilotRequest, PilotAnswer}  # may give rise to notes
+
+
 class Status:
     """Turns messages into notes: only what is new."""
 
