@@ -47,6 +47,8 @@ class PilotRequest(Message, frozen=True, kw_only=True):
     value: Stick | None = None  # light: brightness 0 … 1
     depth: Finite | None = None  # [m] goto: positive down
     heading: Finite | None = None  # [rad] goto: clockwise from north, shortest way
+    north: Finite | None = None  # [m] goto, with east: straight there, NED
+    east: Finite | None = None  # [m] goto
     course: Course | None = None  # follow
     epoch: int = 0
 

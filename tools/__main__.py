@@ -142,6 +142,10 @@ def ask(
     heading: Annotated[
         float | None, Parameter(help="goto: [deg] clockwise from north, shortest way")
     ] = None,
+    north: Annotated[
+        float | None, Parameter(help="goto: [m], with --east, where the drone measures its place")
+    ] = None,
+    east: Annotated[float | None, Parameter(help="goto: [m]")] = None,
     path: Annotated[
         str | None, Parameter(help="follow: a name in deploy/paths, or a TOML file")
     ] = None,
@@ -161,7 +165,17 @@ def ask(
     """
     from tools.ask import ask
 
-    return ask(kind, depth=depth, heading=heading, path=path, value=value, dive=dive, as_json=json)
+    return ask(
+        kind,
+        depth=depth,
+        heading=heading,
+        north=north,
+        east=east,
+        path=path,
+        value=value,
+        dive=dive,
+        as_json=json,
+    )
 
 
 log = App(name="log", help="Look into recordings.")

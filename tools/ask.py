@@ -32,9 +32,12 @@ OPTIONS: dict[str, tuple[str, ...]] = {
     "disarm": (),
     "stop": (),
     "light": ("value",),
-    "goto": ("depth", "heading"),
+    "goto": ("depth", "heading", "north", "east"),
     "follow": ("path",),
 }  # what a kind of request may be told
+
+
+FARTHEST = 100_000.0  # [m] no drone goes that far
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,6 +48,8 @@ class Wanted:
     value: float | None = None
     depth: float | None = None  # [m]
     heading: float | None = None  # [rad]
+    north: float | None = None  # [m]
+    east: float | None = None  # [m]
     course: Course | None = None
 
 
@@ -53,6 +58,8 @@ def ask(
     *,
     depth: float | None = None,
     heading: float | None = None,
+    north: float | None = None,
+    east: float | None = None,
     path: str | None = None,
     value: float | None = None,
     dive: Path | None = None,
@@ -64,6 +71,7 @@ def ask(
         kind: arm, disarm, stop, light, goto or follow.
         depth: [m] goto.
         heading: [deg] goto.
+        north, east: [m] goto a place, on a drone that measures its position.
         path: follow: a name in deploy/paths, or a TOML file.
         value: light: 0 … 1.
         dive: folder of a dive that is going on; default: the newest.
@@ -71,7 +79,9 @@ def ask(
     Raises:
         LindyError: a wrong argument, no dive, no answer, or the drone refuses; says why.
     """
-    wanted = wanted_of(kind, depth=depth, heading=heading, path=path, value=value)
+    wanted = wanted_of(
+        kind, depth=depth, heading=heading, north=north, east=east, path=path, value=value
+    )
     answer = answer_to(wanted, dive_in(dive))
     if as_json:
         print(in_json(wanted.kind, answer))
@@ -96,6 +106,8 @@ def wanted_of(kind: str, **given: Any) -> Wanted:
     match known:
         case "light":
             return Wanted(kind=known, value=_brightness(given["value"]))
+        case "goto" if given.get("north") is not None or given.get("east") is not None:
+            return _place(given)
         case "goto":
             try:
                 wish = goto(given["depth"], given["heading"])
@@ -161,7 +173,14 @@ class Asking:
             self._wanted = None
             self._publisher.put(
                 self._requests.ask(
-                    w.kind, now, w.value, depth=w.depth, heading=w.heading, course=w.course
+                    w.kind,
+                    now,
+                    w.value,
+                    depth=w.depth,
+                    heading=w.heading,
+                    north=w.north,
+                    east=w.east,
+                    course=w.course,
                 )
             )
         self.given_up = self.given_up or bool(self._requests.given_up(now))
@@ -202,6 +221,20 @@ def in_json(kind: str, answer: PilotAnswer) -> str:
         },
         allow_nan=False,
     )
+
+
+def _place(given: dict[str, Any]) -> Wanted:
+    """
+    Raises:
+        LindyError: half a place, a heading too, or not a number.
+    """
+    place = (given.get("north"), given.get("east"))
+    if None in place or given["heading"] is not None:
+        raise LindyError("goto a place needs --north and --east, and takes no --heading")
+    numbers = [x for x in (*place, given["depth"]) if x is not None]
+    if not all(abs(x) <= FARTHEST for x in numbers):  # NaN is in no range
+        raise LindyError(f"goto: expected numbers of at most {FARTHEST:g} m")
+    return Wanted(kind="goto", depth=given["depth"], north=place[0], east=place[1])
 
 
 def _brightness(value: float | None) -> float:

@@ -36,6 +36,8 @@ class Requests:
         *,
         depth: float | None = None,
         heading: float | None = None,
+        north: float | None = None,
+        east: float | None = None,
         course: Course | None = None,
     ) -> PilotRequest:
         """A new request, to be sent at once; its fields are those of `PilotRequest`.
@@ -52,6 +54,8 @@ class Requests:
             value=value,
             depth=depth,
             heading=heading,
+            north=north,
+            east=east,
             course=course,
         )
         self._asked += 1

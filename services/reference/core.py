@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import msgspec
 
 from messages.message import Estimate, Ns
-from messages.pilot import PilotAnswer, PilotCommand, PilotRequest, StopDistance
+from messages.pilot import Course, PilotAnswer, PilotCommand, PilotRequest, StopDistance
 from messages.reference import Reference
 from messages.state import VehicleState
 from messages.vehicle import Failsafe, Mode, VehicleStatus
@@ -232,9 +232,11 @@ class Pilotage:
                     return "light needs a brightness between 0 and 1"
                 self.light = request.value
             case "goto":
+                if request.north is not None or request.east is not None:
+                    return self._go_straight(request)
                 return self._go(request.depth, request.heading)
             case "follow":
-                return self._follow(request)
+                return self._follow(request.course)
         return ""
 
     def _go(self, depth: float | None, heading: float | None) -> str:
@@ -257,11 +259,26 @@ class Pilotage:
         self._going = True
         return ""
 
-    def _follow(self, request: PilotRequest) -> str:
-        if request.course is None:
+    def _go_straight(self, request: PilotRequest) -> str:
+        """To a place, along a straight line from where the drone is measured to be."""
+        if request.north is None or request.east is None or request.heading is not None:
+            return "goto a place needs north and east, and turns there by itself"
+        state = self._state
+        north, east = (None, None) if state is None else (state.north, state.east)
+        if north is None or east is None or not (north.valid and east.valid):
+            return "this drone does not know its position"
+        depth = self._axes.heave.at(self._t).position
+        end = depth if request.depth is None else request.depth
+        if end < 0:
+            return f"{end:g} m is above the surface"
+        here, there = (north.value, east.value, depth), (request.north, request.east, end)
+        return self._follow(Course(waypoints=(here, there)))
+
+    def _follow(self, course: Course | None) -> str:
+        if course is None:
             return "follow needs a path"
         try:
-            planned = Planned(request.course)
+            planned = Planned(course)
         except ValueError as error:
             return f"this is no path: {error}"
         heading = planned.first_heading(self._axes.yaw.at(self._t).position)

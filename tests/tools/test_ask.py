@@ -243,3 +243,14 @@ def test_a_real_drone_answers(tmp_path: Path, capsys: pytest.CaptureFixture[str]
         with pytest.raises(LindyError, match=r"^the drone refuses to goto: the drone is not armed"):
             ask("goto", depth=2.0, dive=out, as_json=True)
         assert not json.loads(capsys.readouterr().out)["accepted"]
+
+
+@pytest.mark.parametrize(
+    "given", [{"north": 1.0}, {"north": 1.0, "east": float("nan")}, {"east": 2.0, "heading": 3.0}]
+)
+def test_half_a_place_or_none_is_refused(given: dict[str, float]) -> None:
+    nothing = dict.fromkeys(("depth", "heading", "north", "east", "path", "value"))
+    with pytest.raises(LindyError, match="goto"):
+        wanted_of("goto", **(nothing | given))
+    place = wanted_of("goto", **(nothing | {"north": 1.0, "east": -2.0}))
+    assert (place.north, place.east) == (1.0, -2.0)

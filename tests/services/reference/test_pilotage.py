@@ -20,7 +20,11 @@ GENERATE = [Phase.explicit, Phase.generate]  # a minute of flight is too long to
 
 
 def state(
-    now: int, depth: float = 1.0, heading: float = 0.0, phase: str = "running"
+    now: int,
+    depth: float = 1.0,
+    heading: float = 0.0,
+    phase: str = "running",
+    place: tuple[float, float] | None = None,
 ) -> VehicleState:
     return VehicleState(
         stamp_ns=now,
@@ -35,6 +39,8 @@ def state(
         heading=Estimate(heading, 0.01),
         heading_navigation=None,
         yaw_rate=Estimate(0.0, 0.01),
+        north=None if place is None else Estimate(place[0], 0.1),
+        east=None if place is None else Estimate(place[1], 0.1),
     )
 
 
@@ -54,6 +60,7 @@ class Flight:
         self.heading: float = 0.0
         self.flown: list[Reference] = []
         self.asked = 0
+        self.place: tuple[float, float] | None = None
 
     def ask(self, kind: str, **more: object) -> str:
         return self.request(kind, **more).reason
@@ -66,7 +73,9 @@ class Flight:
     def fly(self, seconds: float, command: PilotCommand | None) -> Reference:
         for _ in range(round(seconds * 100)):
             self.now += DT
-            out = self.pilotage.step(state(self.now, self.depth, self.heading), command, self.now)
+            out = self.pilotage.step(
+                state(self.now, self.depth, self.heading, place=self.place), command, self.now
+            )
             assert out is not None
             if out.armed:
                 self.depth, self.heading = out.depth.position, out.heading.position
@@ -354,3 +363,24 @@ def test_the_camera_stops_smoothly_at_the_end_of_its_range() -> None:
         step = abs(after.tilt.acceleration - before.tilt.acceleration)
         assert step <= s.jerk * DT * 1e-9 + 1e-9
         assert s.lowest - 1e-9 <= after.tilt.position <= s.highest + 1e-9
+
+
+def test_goto_a_place_needs_a_drone_that_knows_where_it_is() -> None:
+    flight = armed()
+    assert "does not know its position" in flight.ask("goto", north=5.0, east=0.0)
+    assert "needs north and east" in flight.ask("goto", north=5.0)
+
+
+def test_goto_a_place_turns_there_runs_the_distance_and_stops() -> None:
+    flight = armed()
+    flight.place = (2.0, 1.0)
+    flight.fly(0.1, sticks(0))
+    assert flight.ask("goto", north=2.0, east=9.0, depth=2.0) == ""
+    begun = len(flight.flown)
+    end = flight.fly(60.0, sticks(0))
+    paces = [r.surge.velocity for r in flight.flown[begun:] if r.surge]
+    assert abs(sum(paces) * DT * 1e-9 - 8.0) < 0.01
+    assert abs(end.heading.position - pi / 2) < 1e-9
+    assert abs(end.depth.position - 2.0) < 1e-9
+    assert flight.pilotage.mode == "piloted"
+    continuous(flight.flown)
