@@ -5,14 +5,16 @@ accelerometer says about down. The step never turns about the vertical, so headi
 gyroscope's alone. Andrén 2023, eq. 4.22 to 4.25, is this filter; printed there without dt on the
 step and without normalisation, which both belong to it.
 
-q_NB is w, x, y, z and turns body (FRD) vectors into NED.
+q_NB is w, x, y, z and turns body (FRD) vectors into NED. Roll is about x and pitch about y;
+Andrén's eq. 5.24 has the same expressions with these two names exchanged.
 """
 
-from math import asin, atan2, cos, sin, sqrt
+from math import atan2, sqrt
 from typing import Annotated
 
 import msgspec
 
+from services.marine.attitude import down_in_body, from_euler
 from services.marine.vehicle import GRAVITY
 
 Vec3 = tuple[float, float, float]
@@ -56,7 +58,7 @@ class AttitudeFilter:
     def start(self, specific_force: Vec3, heading: float) -> None:
         """Begin with the tilt the accelerometer shows at rest [m/s²] and a given heading [rad]."""
         roll, pitch = tilt_of(specific_force)
-        self.q = quaternion_of(roll, pitch, heading)
+        self.q = from_euler(roll, pitch, heading)
 
     def step(self, rate: Vec3, specific_force: Vec3, dt: float) -> bool:
         """Move on by `dt` [s] with the angular rate [rad/s], bias removed, and the specific force
@@ -102,42 +104,9 @@ def corrected(q: Quaternion, down: Vec3, step: float) -> Quaternion:
     return unit(w - k * gw, x - k * gx, y - k * gy, z - k * gz)
 
 
-def down_in_body(q: Quaternion) -> Vec3:
-    """NED down in the body frame: the last row of R_NB."""
-    w, x, y, z = q
-    return 2.0 * (x * z - w * y), 2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)
-
-
 def unit(w: float, x: float, y: float, z: float) -> Quaternion:
     size = sqrt(w * w + x * x + y * y + z * z)
     return w / size, x / size, y / size, z / size
-
-
-def euler(q: Quaternion) -> Vec3:
-    """Roll about x, pitch about y, yaw about z [rad] (Fossen 2011, eq. 2.57 to 2.60).
-
-    Andrén 2023, eq. 5.24, has the same expressions with the names of roll and pitch exchanged.
-    """
-    w, x, y, z = q
-    sine = max(-1.0, min(1.0, 2.0 * (w * y - z * x)))  # rounding may pass 1 by a hair
-    return (
-        atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)),
-        asin(sine),
-        atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)),
-    )
-
-
-def quaternion_of(roll: float, pitch: float, yaw: float) -> Quaternion:
-    """q_NB of Euler angles [rad]."""
-    cr, sr = cos(roll / 2.0), sin(roll / 2.0)
-    cp, sp = cos(pitch / 2.0), sin(pitch / 2.0)
-    cy, sy = cos(yaw / 2.0), sin(yaw / 2.0)
-    return (
-        cr * cp * cy + sr * sp * sy,
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-    )
 
 
 def tilt_of(specific_force: Vec3) -> tuple[float, float]:

@@ -3,13 +3,7 @@
 from math import isfinite, pi
 
 from messages.message import Estimate
-from services.estimation.attitude_filter import (
-    AttitudeFilter,
-    AttitudeSettings,
-    Quaternion,
-    Vec3,
-    euler,
-)
+from services.estimation.attitude_filter import AttitudeFilter, AttitudeSettings, Quaternion, Vec3
 from services.estimation.heading import (
     Compass,
     ControlHeading,
@@ -17,6 +11,7 @@ from services.estimation.heading import (
     strength_and_dip,
     wrapped,
 )
+from services.marine.attitude import to_euler
 from services.marine.vehicle import GRAVITY
 
 STEEPEST = 1.4  # [rad] of pitch; nearer to the vertical, heading means nothing
@@ -51,7 +46,7 @@ class AttitudeObserver:
     def start(self, specific_force: Vec3) -> None:
         """Take roll and pitch from the accelerometer [m/s²] and the heading from where it was."""
         self._filter.start(specific_force, self.control.heading)
-        self._euler = euler(self._filter.q)
+        self._euler = to_euler(self._filter.q)
         self._started = True
 
     def agree(self, at_ns: int, field: Vec3) -> bool:
@@ -72,7 +67,7 @@ class AttitudeObserver:
         bp, bq, br = self.gyro_bias
         rate = (p - bp, q - bq, r - br)
         used = self._filter.step(rate, specific_force, dt)
-        self._euler = euler(self._filter.q)
+        self._euler = to_euler(self._filter.q)
         self.control.step(self._euler[2], rate[2], dt)
         self.compass.drift(dt)
         self._spread(used, dt)

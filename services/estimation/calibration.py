@@ -11,8 +11,9 @@ from typing import Annotated
 
 import msgspec
 
-from services.estimation.attitude_filter import Vec3, quaternion_of, tilt_of
+from services.estimation.attitude_filter import Vec3, tilt_of
 from services.estimation.heading import bearing
+from services.marine.attitude import from_euler
 from services.marine.vehicle import GRAVITY
 
 Positive = Annotated[float, msgspec.Meta(gt=0.0, le=600.0)]
@@ -158,7 +159,7 @@ class Calibration:
         field = self._field()
         if field is None:
             return None
-        return bearing(quaternion_of(*tilt_of(specific_force), 0.0), field)
+        return bearing(from_euler(*tilt_of(specific_force), 0.0), field)
 
     def _field(self) -> Vec3 | None:
         if self._fields.count == 0:

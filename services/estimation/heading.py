@@ -6,8 +6,9 @@ control loop it turns the vehicle (Andrén 2023, section 5.3.2).
 
 from math import atan2, exp, hypot, pi, radians, remainder
 
-from services.estimation.attitude_filter import AttitudeSettings, Quaternion, Vec3, down_in_body
+from services.estimation.attitude_filter import AttitudeSettings, Quaternion, Vec3
 from services.estimation.magnetic_field import MagneticField
+from services.marine.attitude import down_in_body
 
 LEAST_HORIZONTAL = 2e-6  # [T] less horizontal field than this shows no direction
 UNKNOWN_TURN = 0.5  # [rad/s] how fast the vehicle may have turned while nobody looked

@@ -7,10 +7,11 @@ from math import pi, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from services.estimation.attitude_filter import AttitudeSettings, Quaternion, Vec3, quaternion_of
+from services.estimation.attitude_filter import AttitudeSettings, Quaternion, Vec3
 from services.estimation.attitude_observer import AttitudeObserver
 from services.estimation.calibration import Calibration, CalibrationSettings
 from services.estimation.resting_bias import RestingBias
+from services.marine.attitude import from_euler
 from services.marine.vehicle import GRAVITY
 from services.simulator.sensors import DRIFT_TIME
 from services.simulator.settings import Settings
@@ -147,7 +148,7 @@ def plain(truth: Truth, samples: Samples, start: float) -> Floats:
     n, first = len(truth.heading), round(start * HZ)
     bias = np.mean(np.array(samples.rate[:first]), axis=0)
     rates = _triples(np.array(samples.rate) - bias)
-    q: Quaternion = quaternion_of(0.0, 0.0, float(truth.heading[first]))
+    q: Quaternion = from_euler(0.0, 0.0, float(truth.heading[first]))
     headings = np.full(n, np.nan)
     for k in range(first, n):
         q = marg.step(q, rates[k], samples.force[k], samples.field[k], PLAIN_GAIN, DT)

@@ -14,12 +14,10 @@ from services.estimation.attitude_filter import (
     AttitudeSettings,
     Quaternion,
     Vec3,
-    euler,
-    quaternion_of,
     unit,
 )
 from services.estimation.heading import wrapped
-from services.marine.attitude import LEVEL, attitude_rate, to_body, to_world
+from services.marine.attitude import LEVEL, attitude_rate, from_euler, to_body, to_euler, to_world
 from tools.bench import heading_runs as runs
 from tools.bench import marg
 
@@ -39,7 +37,7 @@ def package(name: str) -> Any:
 
 def test_with_magnetometer_every_step_equals_that_of_ahrs(dive: runs.Samples) -> None:
     theirs = package("ahrs").filters.Madgwick(gain=BETA, Dt=runs.DT)
-    ours: Quaternion = quaternion_of(0.02, -0.01, 0.1)
+    ours: Quaternion = from_euler(0.02, -0.01, 0.1)
     other = np.array(ours)
     for rate, force, field in list(zip(dive.rate, dive.force, dive.field, strict=True))[:1500]:
         ours = marg.step(ours, rate, force, field, BETA, runs.DT)
@@ -77,14 +75,14 @@ def test_the_heading_drifts_as_that_of_imufusion(dive: runs.Samples) -> None:
         # In its NED, as here, a level sensor at rest measures gravity upwards: (0, 0, -1).
         theirs.update_no_magnetometer(np.degrees(rate), np.array(force) / 9.81)
         if k < 500:
-            before = euler(ours.q)[2]
+            before = to_euler(ours.q)[2]
             continue
         w, x, y, z = (float(c) for c in theirs.get_quaternion())
-        heading = euler((w, x, y, z))[2]
+        heading = to_euler((w, x, y, z))[2]
         if before_theirs is not None:
             turned_theirs += wrapped(heading - before_theirs)
-            turned_ours += wrapped(euler(ours.q)[2] - before)
-        before_theirs, before = heading, euler(ours.q)[2]
+            turned_ours += wrapped(to_euler(ours.q)[2] - before)
+        before_theirs, before = heading, to_euler(ours.q)[2]
     assert degrees(abs(turned_ours - turned_theirs)) < 0.3
 
 

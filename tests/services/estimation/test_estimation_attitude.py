@@ -11,15 +11,13 @@ from services.estimation.attitude_filter import (
     Quaternion,
     Vec3,
     corrected,
-    down_in_body,
-    euler,
-    quaternion_of,
     tilt_of,
     turned,
     unit,
 )
 from services.estimation.attitude_observer import AttitudeObserver
 from services.estimation.heading import bearing, wrapped
+from services.marine.attitude import down_in_body, from_euler, to_euler
 from services.marine.vehicle import GRAVITY
 
 angles = st.floats(-pi, pi)
@@ -49,7 +47,7 @@ def tilt_error(q: Quaternion, other: Quaternion) -> float:
 
 @given(angles, steep, angles)
 def test_euler_angles_come_back_from_their_quaternion(roll: float, pitch: float, yaw: float):
-    back = euler(quaternion_of(roll, pitch, yaw))
+    back = to_euler(from_euler(roll, pitch, yaw))
     for angle, expected in zip(back, (roll, pitch, yaw), strict=True):
         assert wrapped(angle - expected) == pytest.approx(0.0, abs=1e-7)
 
@@ -60,19 +58,19 @@ def test_the_rotation_is_yaw_then_pitch_then_roll(roll: float, pitch: float, yaw
     z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
     y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
     x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
-    assert rotation(quaternion_of(roll, pitch, yaw)) == pytest.approx(z @ y @ x, abs=1e-12)
+    assert rotation(from_euler(roll, pitch, yaw)) == pytest.approx(z @ y @ x, abs=1e-12)
 
 
 @given(angles, steep, angles)
 def test_tilt_is_read_off_the_accelerometer_at_rest(roll: float, pitch: float, yaw: float):
-    seen = tilt_of(resting_force(quaternion_of(roll, pitch, yaw)))
+    seen = tilt_of(resting_force(from_euler(roll, pitch, yaw)))
     assert wrapped(seen[0] - roll) == pytest.approx(0.0, abs=1e-6)
     assert seen[1] == pytest.approx(pitch, abs=1e-6)
 
 
 def test_ten_degrees_about_the_forward_axis_is_roll():
     q = turned((1.0, 0.0, 0.0, 0.0), (pi / 18, 0.0, 0.0), 1.0)
-    roll, pitch, yaw = euler(q)
+    roll, pitch, yaw = to_euler(q)
     assert roll == pytest.approx(pi / 18, rel=0.01)
     assert (pitch, yaw) == (0.0, 0.0)
 
@@ -82,8 +80,8 @@ def test_ten_degrees_about_the_forward_axis_is_roll():
 def test_at_rest_the_filter_finds_the_tilt_from_any_start_and_keeps_its_heading_still(
     roll: float, pitch: float, yaw: float, first_roll: float, first_pitch: float
 ):
-    truth = quaternion_of(roll, pitch, yaw)
-    start = quaternion_of(first_roll, first_pitch, yaw)
+    truth = from_euler(roll, pitch, yaw)
+    start = from_euler(first_roll, first_pitch, yaw)
     found = AttitudeFilter(AttitudeSettings(correction=0.5))
     found.q = start
     force = resting_force(truth)
@@ -98,7 +96,7 @@ def test_at_rest_the_filter_finds_the_tilt_from_any_start_and_keeps_its_heading_
 def test_the_correction_descends_the_tilt_error_and_never_turns_about_the_vertical(
     roll: float, pitch: float, yaw: float, other_roll: float, other_pitch: float
 ):
-    q, truth = quaternion_of(roll, pitch, yaw), quaternion_of(other_roll, other_pitch, yaw)
+    q, truth = from_euler(roll, pitch, yaw), from_euler(other_roll, other_pitch, yaw)
     error = tilt_error(q, truth)
     if not 0.01 < error < 3.0:
         return
@@ -115,8 +113,8 @@ def test_the_correction_is_along_the_gradient_of_madgwicks_objective(
     roll: float, pitch: float, yaw: float, other_roll: float, other_pitch: float
 ):
     q, down = (
-        quaternion_of(roll, pitch, yaw),
-        down_in_body(quaternion_of(other_roll, other_pitch, 0)),
+        from_euler(roll, pitch, yaw),
+        down_in_body(from_euler(other_roll, other_pitch, 0)),
     )
 
     def objective(at: np.ndarray) -> float:
@@ -154,7 +152,7 @@ def test_heading_accumulates_the_turns_and_agrees_with_yaw(rate: float, start: f
         observer.step((0.0, 0.0, rate), REST, 0.01)
     heading = observer.control.heading
     assert heading == pytest.approx(start + rate * steps * 0.01, abs=1e-3 + 2e-4 * abs(rate) * 8)
-    assert wrapped(heading - euler(observer.attitude)[2]) == pytest.approx(0.0, abs=1e-9)
+    assert wrapped(heading - to_euler(observer.attitude)[2]) == pytest.approx(0.0, abs=1e-9)
 
 
 @settings(max_examples=30, deadline=None)
@@ -171,9 +169,9 @@ def test_whole_turns_of_the_start_pass_through_unchanged(turns: list[Vec3], whol
 
 @given(st.floats(-0.8, 0.8), st.floats(-0.8, 0.8), angles)
 def test_the_compass_sees_north_through_any_tilt(roll: float, pitch: float, heading: float):
-    q = quaternion_of(roll, pitch, heading)
+    q = from_euler(roll, pitch, heading)
     x, y, z = (rotation(q).T @ np.array([15e-6, 0.0, 48e-6])).tolist()
-    seen = bearing(quaternion_of(roll, pitch, 0.0), (x, y, z))
+    seen = bearing(from_euler(roll, pitch, 0.0), (x, y, z))
     assert seen is not None
     assert wrapped(seen - heading) == pytest.approx(0.0, abs=1e-9)
 

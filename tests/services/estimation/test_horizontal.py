@@ -14,9 +14,10 @@ from messages import topics
 from messages.sensors import DvlSample, UsblSample
 from messages.state import VehicleState
 from messages.vehicle import Truth
-from services.estimation.attitude_filter import Quaternion, quaternion_of
+from services.estimation.attitude_filter import Quaternion
 from services.estimation.horizontal_filter import HorizontalFilter, HorizontalSettings, Row3
 from services.estimation.horizontal_observer import HorizontalObserver
+from services.marine.attitude import from_euler
 from services.marine.vehicle import GRAVITY
 from services.runtime.stack import Stack, services_of
 from services.runtime.virtual_host import VirtualHost
@@ -102,7 +103,7 @@ class Voyage:
 
 
 def attitude(heading: float) -> Quaternion:
-    return quaternion_of(0.0, 0.0, heading)
+    return from_euler(0.0, 0.0, heading)
 
 
 def test_without_dvl_and_usbl_nothing_is_known() -> None:
