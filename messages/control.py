@@ -14,6 +14,8 @@ class Wrench(Message, frozen=True, kw_only=True):
     depth_integral: Finite  # [N] integrator's share of Z
     heading_integral: Finite  # [N m] integrator's share of N
     saturated: bool  # achieved differs from wanted because a thruster is at its limit
+    disturbance: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # [N, N m] what the water is learnt to do
+    distrusted: tuple[str, ...] = ()  # thrusters that do not do what they are told
 
 
 class ThrusterCommand(Message, frozen=True, kw_only=True):

@@ -1,8 +1,12 @@
-"""The tether as it is, not as it is hoped to be. From `tether`, in both realms."""
+"""The tether as it is, not as it is hoped to be. From `tether` and `sounder`."""
+
+from typing import Annotated, Literal
 
 import msgspec
 
-from messages.message import Message, Positive
+from messages.message import Finite, Message, Ns, Positive
+
+Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 
 
 class Direction(msgspec.Struct, frozen=True):
@@ -13,6 +17,21 @@ class Direction(msgspec.Struct, frozen=True):
     forwarded: int  # messages since start
     dropped: int  # messages since start
     queued: int  # messages on the way now
+    lost: dict[str, int] = {}  # messages since start that never arrived, by reason
+    loss: Share | None = None  # [-] of the last period's messages; None: nothing entered
+    rate_kbit: Positive = 0.0  # [kbit/s] carried, overhead included
+    tiers: dict[str, Finite] = {}  # [1/s] topics that are thinned out, and to what rate
+
+
+class Clock(Message, frozen=True, kw_only=True):
+    """The drone's clock seen from the topside. From `sounder`."""
+
+    offset_ns: Ns | None  # [ns] drone's clock minus topside's; None: not known (yet)
+    bound_ns: Ns | None  # [ns] the true offset is no further off than this
+    drift_ppm: Finite | None  # [ppm] how fast the offset grows
+    rtt_ms: Positive | None  # [ms] newest round trip; None when pings are not answered
+    rtt_min_ms: Positive | None  # [ms] shortest of those the offset rests on
+    answered_ms: Positive | None  # [ms] since a ping was last answered
 
 
 class LinkStatus(Message, frozen=True, kw_only=True):
@@ -23,3 +42,64 @@ class LinkStatus(Message, frozen=True, kw_only=True):
     down_link: Direction  # topside to drone
     up_link: Direction  # drone to topside
     rtt_ms: Positive | None  # [ms] sum of both medians
+    changes: int = 0  # of the link's model since start
+    clock: Clock | None = None  # newest word of the sounder
+
+
+class LinkRequest(Message, frozen=True, kw_only=True):
+    """Change the emulated link. Repeated with the same id until a `LinkAnswer` names that id."""
+
+    id: str
+    kind: Literal["profile", "set", "down", "up"]
+    profile: str | None = None  # profile: a name in deploy/links
+    settings: tuple[str, ...] = ()  # set: key=value into the profile in force, `up.delay_ms=80`
+
+
+class LinkAnswer(Message, frozen=True, kw_only=True):
+    """The tether's word on it, said in both realms, so that every change is recorded."""
+
+    id: str
+    accepted: bool
+    kind: str
+    change: str = ""  # what has changed, in words
+    reason: str = ""  # why not
+    cause_ns: Ns | None = None  # [ns] stamp of the request
+
+
+class ClockPing(Message, frozen=True, kw_only=True):
+    """From `sounder`; `stamp_ns` is the moment it leaves, by the topside's clock."""
+
+
+class ClockPong(Message, frozen=True, kw_only=True):
+    """From `echo`, on board; `stamp_ns` is the moment it leaves, by the drone's clock."""
+
+    ping_ns: Ns  # [ns] stamp of the ping, topside's clock
+    heard_ns: Ns  # [ns] when the ping arrived, drone's clock
+
+
+# The ways a latency budget is made of: from the stick to the thruster, from the sensor to the
+# screen. Each is a difference of two stamps; link is the tether.
+DOWN_STAGES = ("sample", "publish", "link", "reference", "control", "thruster")
+UP_STAGES = ("estimation", "link", "screen")
+
+
+class Stage(msgspec.Struct, frozen=True):
+    """One leg of the way, over the last report period."""
+
+    name: str
+    p50_ms: Positive
+    p99_ms: Positive
+
+
+class LatencyBudget(Message, frozen=True, kw_only=True):
+    """Where the time goes, from the stick to the thruster and from the sensor to the screen.
+
+    From `sounder`. None instead of a number that would be old or guessed.
+    """
+
+    down: tuple[Stage, ...] | None  # DOWN_STAGES, in their order
+    up: tuple[Stage, ...] | None  # UP_STAGES, in their order
+    stick_to_thruster_ms: Positive | None  # [ms] median, measured end to end
+    sensor_to_screen_ms: Positive | None  # [ms] median, measured end to end
+    bound_ms: Positive | None  # [ms] what the clocks may be off by
+    alarm: str = ""  # why the pilot should know

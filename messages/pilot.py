@@ -25,7 +25,12 @@ class PilotCommand(Message, frozen=True, kw_only=True):
     epoch: int = 0  # authority epoch; a command of another epoch is refused
 
 
-RequestKind = Literal["arm", "disarm", "stop", "light", "goto", "follow"]
+RequestKind = Literal["arm", "disarm", "stop", "light", "goto", "follow", "mode"]
+
+# What the drone holds by itself; the sticks of what it does not hold are forces.
+#   manual nothing, depth_hold depth, heading_hold heading, stabilised depth and heading,
+#   station_keeping depth, heading and place (for vehicles that measure where they are)
+Hold = Literal["manual", "depth_hold", "heading_hold", "stabilised", "station_keeping"]
 
 
 class Course(msgspec.Struct, frozen=True):
@@ -50,6 +55,7 @@ class PilotRequest(Message, frozen=True, kw_only=True):
     north: Finite | None = None  # [m] goto, with east: straight there, NED
     east: Finite | None = None  # [m] goto
     course: Course | None = None  # follow
+    hold: Hold | None = None  # mode
     epoch: int = 0
 
 

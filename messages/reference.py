@@ -25,5 +25,9 @@ class Reference(Message, frozen=True, kw_only=True):
     heading: Motion  # accumulates past ±π
     surge_force: Finite  # [N] body, ramped by the same jerk law
     sway_force: Finite  # [N] body
-    surge: Motion | None = None  # [m] along a path that is followed; adds to the force
+    heave_force: Finite | None = None  # [N] body; None: depth is held. `depth` then follows
+    yaw_moment: Finite | None = None  # [N m] body; None: heading is held. `heading` then follows
+    surge: Motion | None = None  # [m] along a path that is followed blind; adds to the force
+    north: Motion | None = None  # [m] NED, where the place is held or followed by measurement
+    east: Motion | None = None  # [m] NED, there when north is
     tilt: Motion = Motion(0.0, 0.0, 0.0, 0.0)  # [rad] camera, + upwards

@@ -7,8 +7,17 @@ and `docs/topics.md` all read these rows.
 
 from messages.control import ThrusterCommand, Wrench
 from messages.health import Health, LogLine
-from messages.link import LinkStatus
+from messages.link import (
+    Clock,
+    ClockPing,
+    ClockPong,
+    LatencyBudget,
+    LinkAnswer,
+    LinkRequest,
+    LinkStatus,
+)
 from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
+from messages.prediction import Prediction
 from messages.reference import Reference
 from messages.sensors import (
     BatterySample,
@@ -18,6 +27,7 @@ from messages.sensors import (
     PressureSample,
     UsblSample,
 )
+from messages.simulator import FaultAnswer, FaultRequest
 from messages.state import VehicleState
 from messages.topic import AnyTopic, Qos, Topic, Way, rows
 from messages.vehicle import Actuation, Truth, VehicleStatus
@@ -43,7 +53,16 @@ THRUSTERS      = Topic("control/thrusters",   ThrusterCommand,   100, REALTIME, 
 ACTUATION      = Topic("vehicle/actuation",   Actuation,         100, LIVE,           UP)
 STATUS         = Topic("vehicle/status",      VehicleStatus,       5, EVENT,          UP)
 TRUTH          = Topic("simulator/truth",     Truth,             100, BULK,           UP)
+FAULT_REQUEST  = Topic("simulator/request",   FaultRequest,        0, EVENT,          DOWN)
+FAULT_ANSWER   = Topic("simulator/answer",    FaultAnswer,         0, EVENT,          UP)
 LINK           = Topic("link/status",         LinkStatus,          5, BULK,           BOTH)
+LINK_REQUEST   = Topic("link/request",        LinkRequest,         0, EVENT,          DOWN)
+LINK_ANSWER    = Topic("link/answer",         LinkAnswer,          0, EVENT,          BOTH)
+LATENCY        = Topic("link/latency",        LatencyBudget,       2, BULK,           DOWN)
+CLOCK          = Topic("link/clock",          Clock,               5, LIVE,           DOWN)
+CLOCK_PING     = Topic("clock/ping",          ClockPing,           5, REALTIME,       DOWN)
+CLOCK_PONG     = Topic("clock/pong",          ClockPong,           5, REALTIME,       UP)
+PREDICTION     = Topic("prediction",          Prediction,         25, LIVE,           DOWN)
 HEALTH         = Topic("health/*",            Health,              1, BULK,           BOTH)
 LOG            = Topic("log/*",               LogLine,             0, BULK,           BOTH)
 # fmt: on

@@ -3,7 +3,7 @@
 from typing import Literal
 
 from messages.message import Finite, Message, Ns, Positive, Quaternion, Stick, Vec3
-from messages.pilot import StopDistance
+from messages.pilot import Hold, StopDistance
 
 Mode = Literal["starting", "ready", "piloted", "stopping", "goto", "follow"]
 Failsafe = Literal["none", "pilot_lost", "state_lost"]
@@ -14,6 +14,7 @@ class VehicleStatus(Message, frozen=True, kw_only=True):
 
     mode: Mode
     armed: bool
+    hold: Hold = "stabilised"  # what the sticks leave to the drone
     failsafe: Failsafe = "none"
     pilot: str = ""  # who has control: the source of the newest valid command
     light: Stick = 0.0  # [-] 0 … 1
@@ -37,10 +38,13 @@ class Truth(Message, frozen=True, kw_only=True):
 
     position: Vec3  # [m] NED
     attitude: Quaternion  # [-] q_NB as w, x, y, z
-    velocity: Vec3  # [m/s] body FRD, through the water and over the ground (no current yet)
+    velocity: Vec3  # [m/s] body FRD, over the ground
     angular_rate: Vec3  # [rad/s] body FRD
     depth_rate: Finite  # [m/s] NED down
     roll: Finite  # [rad]
     pitch: Finite  # [rad]
     heading: Finite  # [rad] accumulates past ±π
     on_floor: bool
+    current: Vec3 = (0.0, 0.0, 0.0)  # [m/s] of the water over the ground, NED
+    tether_pull: Vec3 = (0.0, 0.0, 0.0)  # [N] of the tether on the vehicle, NED
+    faults: tuple[str, ...] = ()  # simulated faults in force, as `part: fault`

@@ -7,9 +7,10 @@ from pathlib import Path
 import msgspec
 
 from messages import topics
-from messages.link import Direction
+from messages.link import Direction, Stage
 from messages.message import Estimate
 from messages.pilot import Course, StopDistance
+from messages.prediction import Miss
 from messages.reference import Motion
 from messages.topic import AnyTopic
 
@@ -31,7 +32,7 @@ def page() -> str:
         *map(_row, topics.ALL),
     ]
     kinds: list[type[msgspec.Struct]] = list(dict.fromkeys(t.message for t in topics.ALL))
-    kinds += [Estimate, Motion, Direction, Course, StopDistance]  # parts of messages
+    kinds += [Estimate, Motion, Direction, Stage, Miss, Course, StopDistance]  # parts of messages
     return "\n".join([HEADING, *rows, "", *map(_section, kinds)])
 
 

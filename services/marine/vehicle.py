@@ -20,9 +20,16 @@ class Thruster(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     name: str
     position: Vec3  # [m] FRD, of the propeller
     direction: Vec3  # [-] FRD, of the force for a positive command; need not be normalised
-    max_thrust: Positive  # [N] either way
+    max_thrust: Positive  # [N] of a positive command
+    max_reverse: Positive | None = None  # [N] of a negative command; None: the same
     dead_band: NotNegative = 0.0  # [N] commands smaller than this produce nothing
     time_constant: Positive = 0.08  # [s] first-order lag of the thrust
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """[N] Least (negative) and most thrust."""
+        reverse = self.max_thrust if self.max_reverse is None else self.max_reverse
+        return -reverse, self.max_thrust
 
 
 class Vehicle(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -12,6 +12,7 @@ from services.runtime.stack import Stack
 from services.tether.core import Leg, Line, LinkProfile
 
 TOPSIDE, DRONE = "topside", "drone"
+SELF_SAID = (topics.LINK, topics.LINK_ANSWER)  # said by the tether itself, in both realms
 DOWN, UP = (Way.DOWN, Way.BOTH), (Way.UP, Way.BOTH)
 
 
@@ -56,6 +57,6 @@ def _carry(
         release.set(line.due())
 
     for topic in topics.ALL:
-        if topic.way in ways and topic is not topics.LINK:
+        if topic.way in ways and topic not in SELF_SAID:
             node.tap(source, topic.key, enter)
     return line

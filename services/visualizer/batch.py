@@ -39,6 +39,8 @@ class Frame(msgspec.Struct, frozen=True, array_like=True):
     thrust: list[float]  # [N] per thruster; empty where unknown
     wanted_depth: float | None  # [m] reference
     wanted_heading: float | None  # [rad] reference
+    now: Vec3 | None = None  # [m] NED, where it is predicted to be by now …
+    now_heading: float = 0.0  # [rad] … and how it points
 
 
 class Batch(msgspec.Struct, frozen=True, array_like=True):

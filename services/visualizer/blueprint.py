@@ -11,7 +11,7 @@ WATER = 0x0A1E2BFF
 
 def blueprint(vehicle: Vehicle) -> rrb.Blueprint:
     """The layout for this vehicle."""
-    pages = [_dive(vehicle), _motion(), _control(), _sensors(), _health()]
+    pages = [_dive(vehicle), _motion(), _control(), _sensors(), _link(), _health()]
     return rrb.Blueprint(
         rrb.Tabs(contents=pages, active_tab=0),
         rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following"),
@@ -64,7 +64,7 @@ def _scene(vehicle: Vehicle) -> rrb.Spatial3DView:
 
 
 def _states() -> rrb.StateTimelineView:
-    lanes = ("mode", "armed", "failsafe", "link", "pilot")
+    lanes = ("mode", "hold", "armed", "failsafe", "link", "pilot")
     return rrb.StateTimelineView(
         origin="/state", contents=[f"$origin/{lane}" for lane in lanes], name="States"
     )
@@ -103,6 +103,8 @@ def _control() -> rrb.Grid:
         _plot("force_achieved", "Force achieved [N]"),
         _plot("moment_achieved", "Moment achieved [N m]"),
         _plot("force_reference", "Force reference [N]"),
+        _plot("disturbance", "Disturbance learnt [N, N m]"),
+        _plot("tether_pull", "Pull of the tether [N], NED"),
         _plot("integral", "Integrators"),
         _plot("drive_power", "Electrical power [W]"),
         _plot("device_age", "Age of the pad's answer [ms]"),
@@ -124,6 +126,25 @@ def _sensors() -> rrb.Grid:
     )
 
 
+def _link() -> rrb.Grid:
+    return rrb.Grid(
+        _plot("budget", "Stick to thruster, by stage [ms]"),
+        _plot("budget_up", "Sensor to screen, by stage [ms]"),
+        _plot("whole", "End to end [ms]"),
+        _plot("link_p99", "Link delay p99, round trip [ms]"),
+        _plot("link_queue", "Messages on the way and dropped"),
+        _plot("link_loss", "Lost [%]"),
+        _plot("link_rate", "Carried [kbit/s]"),
+        _plot("clock", "Clocks [ms]"),
+        rrb.Tabs(
+            _plot("foresight", "Depth: predicted now, and delayed [cm off]"),
+            _plot("foresight_heading", "Heading: predicted now, and delayed [° off]"),
+        ),
+        grid_columns=3,
+        name="Link",
+    )
+
+
 def _health() -> rrb.Grid:
     return rrb.Grid(
         _plot("health/processor", "Processor [% of a core]"),
@@ -132,8 +153,6 @@ def _health() -> rrb.Grid:
         _plot("health/calls", "Handler calls [1/s]"),
         _plot("health/memory", "Memory [MB]"),
         _plot("health/counted", "Dropped, stale, refused … since start"),
-        _plot("link_p99", "Link delay p99, round trip [ms]"),
-        _plot("link_queue", "Link: messages on the way and dropped"),
         rrb.Tabs(
             _plot("pressure_age", "Age of the pressure sample [ms]"),
             _plot("health/sent", "Messages sent"),

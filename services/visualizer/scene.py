@@ -4,9 +4,10 @@ Where a simulator tells the truth, the truth is drawn. Else the estimate, at the
 (0, 0) as long as nobody knows north and east.
 """
 
-from math import dist
+from math import cos, dist, sin
 
 from messages.message import Message
+from messages.prediction import Prediction
 from messages.reference import Reference
 from messages.state import VehicleState
 from messages.vehicle import Actuation, Truth
@@ -28,6 +29,7 @@ class Scene:
         self._state: VehicleState | None = None
         self._truth: Truth | None = None
         self._reference: Reference | None = None
+        self._prediction: Prediction | None = None
         self._thrust: list[float] = []
         self._shown: Message | None = None
         self._trail: list[Vec3] = []
@@ -45,6 +47,8 @@ class Scene:
                 self._fly(place)
         elif isinstance(message, Reference):
             self._reference = message
+        elif isinstance(message, Prediction):
+            self._prediction = message
         elif isinstance(message, Actuation):
             self._thrust = list(message.thrust) if len(message.thrust) == self._thrusters else []
 
@@ -54,7 +58,7 @@ class Scene:
         if pose is None or pose is self._shown:
             return None
         self._shown = pose
-        wanted = self._reference
+        wanted, ahead = self._reference, self._prediction
         return Frame(
             time=pose.stamp_ns - start,
             position=_position(pose),
@@ -62,6 +66,8 @@ class Scene:
             thrust=self._thrust,
             wanted_depth=None if wanted is None else wanted.depth.position,
             wanted_heading=None if wanted is None else wanted.heading.position,
+            now=None if ahead is None else _ahead(_position(pose), ahead),
+            now_heading=0.0 if ahead is None else ahead.heading,
         )
 
     def take_trail(self) -> list[Vec3]:
@@ -87,6 +93,16 @@ class Scene:
         if truth.on_floor and depth > self._floor_depth + FLOOR_STEP_M:
             self._floor_depth = depth
             self._floor = (north, east, depth)
+
+
+def _ahead(here: Vec3, ahead: Prediction) -> Vec3:
+    """Where a vehicle drawn at `here` is predicted to be by now."""
+    if ahead.north is not None and ahead.east is not None:
+        return (ahead.north, ahead.east, ahead.depth)
+    c, s = cos(ahead.heading), sin(ahead.heading)
+    north = here[0] + c * ahead.forward - s * ahead.starboard
+    east = here[1] + s * ahead.forward + c * ahead.starboard
+    return (north, east, ahead.depth)
 
 
 def unit(q: Quaternion) -> Quaternion:

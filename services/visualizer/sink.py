@@ -9,9 +9,10 @@ import numpy.typing as npt
 import rerun as rr
 
 from services.marine.vehicle import Vehicle
-from services.visualizer import curves
 from services.visualizer.batch import Batch, Columns, Frame, Note, Quaternion, Vec3
 from services.visualizer.blueprint import TIMELINE, blueprint
+from services.visualizer.curve import REFERENCE, STICK, Curve
+from services.visualizer.curves import curves
 
 METRES_PER_NEWTON = 0.04  # length of a thruster's arrow in the scene
 HULL, NOSE, FORCE, PATH, PLUMB = 0x4CA6FFFF, 0xF4F7FAFF, 0xFF5A4EFF, 0x38D6C0FF, 0x7FA8C4FF
@@ -23,6 +24,7 @@ LEVELS = {"info": rr.TextLogLevel.INFO, "warning": "WARN", "error": rr.TextLogLe
 QUIET, GOOD, ACTIVE, CAUTION, ALARM = 0x4A5560FF, 0x2E7D5BFF, 0x2F6DB5FF, 0xC77F1AFF, 0xC23B3BFF
 STATES: dict[str, dict[str, int]] = {
     "mode": {"starting": QUIET, "ready": GOOD, "piloted": ACTIVE, "stopping": CAUTION},
+    "hold": {"stabilised": ACTIVE, "station keeping": ACTIVE, "manual": CAUTION},
     "armed": {"disarmed": QUIET, "armed": CAUTION},
     "failsafe": {"no failsafe": GOOD, "pilot_lost": ALARM, "state_lost": ALARM},
     "pilot": {"pilot present": GOOD, "pilot lost": ALARM},
@@ -111,6 +113,7 @@ class Sink:
         self._rec.send_columns("world/plumb", when, rr.LineStrips3D.columns(strips=plumbs))
         self._arrows([frame for frame in frames if frame.thrust])
         self._ghost(frames)
+        self._predicted(frames)
 
     def _arrows(self, frames: list[Frame]) -> None:
         if not frames:
@@ -141,13 +144,28 @@ class Sink:
             pose = rr.Transform3D.columns(translation=places, quaternion=turns)
             self._rec.send_columns("world/reference", [_index(times)], pose)
 
+    def _predicted(self, frames: list[Frame]) -> None:
+        """A second ghost: the vehicle by now, ahead of the delayed one."""
+        times: list[int] = []
+        places: list[Vec3] = []
+        turns: list[Quaternion] = []
+        for frame in frames:
+            if frame.now is not None:
+                half = frame.now_heading / 2
+                times.append(frame.time)
+                places.append(frame.now)
+                turns.append(_xyzw((cos(half), 0.0, 0.0, sin(half))))
+        if times:
+            pose = rr.Transform3D.columns(translation=places, quaternion=turns)
+            self._rec.send_columns("world/predicted", [_index(times)], pose)
+
     def _at(self, time: int) -> None:
         self._rec.set_time(TIMELINE, duration=np.timedelta64(time, "ns"))
 
     def _prepare(self) -> None:
         """What never changes: layout, names, colours, the hull."""
         self._rec.send_blueprint(blueprint(self._vehicle))
-        for curve in curves.curves(self._vehicle):
+        for curve in curves(self._vehicle):
             if curve.names:
                 self._static(curve.path, _line_style(curve))
         for lane, colours in STATES.items():
@@ -166,11 +184,10 @@ class Sink:
             colors=[NOSE],
             fill_mode="solid",
         )
-        ghost = rr.Boxes3D(
-            half_sizes=[half], colors=[_rgba(curves.REFERENCE)], radii=[_on_screen(1.25)]
-        )
+        ghost = rr.Boxes3D(half_sizes=[half], colors=[_rgba(REFERENCE)], radii=[_on_screen(1.25)])
+        now = rr.Boxes3D(half_sizes=[half], colors=[_rgba(STICK)], radii=[_on_screen(1.0)])
         ahead = rr.Arrows3D(
-            vectors=[(1.2 * size[0], 0.0, 0.0)], colors=[_rgba(curves.REFERENCE)], radii=[0.008]
+            vectors=[(1.2 * size[0], 0.0, 0.0)], colors=[_rgba(REFERENCE)], radii=[0.008]
         )
         arrows = rr.Arrows3D.from_fields(
             origins=[t.position for t in self._vehicle.thruster],
@@ -183,6 +200,7 @@ class Sink:
         self._static("world/vehicle/thrust", arrows)
         self._static("world/reference/ghost", ghost)
         self._static("world/reference/ahead", ahead)
+        self._static("world/predicted/ghost", now)
         self._static("world/here/surface", _grid(0.0, SURFACE))
         for path, colour, points in (("world/path", PATH, 1.75), ("world/plumb", PLUMB, 0.75)):
             width = _on_screen(points)
@@ -208,7 +226,7 @@ def _index(times: list[int]) -> rr.TimeColumn:
     return rr.TimeColumn(TIMELINE, duration=np.array(times, dtype="timedelta64[ns]"))
 
 
-def _line_style(curve: curves.Curve) -> rr.SeriesLines:
+def _line_style(curve: Curve) -> rr.SeriesLines:
     return rr.SeriesLines(
         names=list(curve.names),
         colors=_colours(_rgba(rgb) for rgb in curve.colours),

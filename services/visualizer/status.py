@@ -5,11 +5,12 @@ from math import degrees
 from typing import Any
 
 from messages.health import Health, LogLine
-from messages.link import LinkStatus
+from messages.link import Clock, LatencyBudget, LinkAnswer, LinkRequest, LinkStatus
 from messages.message import Message
 from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
 from messages.reference import Reference
 from messages.sensors import BatterySample
+from messages.simulator import FaultAnswer, FaultRequest
 from messages.state import VehicleState
 from messages.vehicle import Actuation, Truth, VehicleStatus
 from services.visualizer.batch import Note
@@ -20,6 +21,7 @@ SERVICES = 32  # services on the status page
 LANES: dict[type[Message], list[tuple[str, Callable[[Any], str]]]] = {
     VehicleStatus: [
         ("mode", lambda m: m.mode),
+        ("hold", lambda m: m.hold.replace("_", " ")),
         ("armed", lambda m: "armed" if m.armed else "disarmed"),
         ("failsafe", lambda m: "no failsafe" if m.failsafe == "none" else m.failsafe),
     ],
@@ -31,7 +33,13 @@ LANES: dict[type[Message], list[tuple[str, Callable[[Any], str]]]] = {
 }
 
 
-NOTED = {*LANES, Health, LogLine, PilotRequest, PilotAnswer}  # may give rise to notes
+REQUESTS = PilotRequest | LinkRequest | FaultRequest
+ANSWERS = PilotAnswer | LinkAnswer | FaultAnswer
+NOTED = {
+    *(*LANES, Health, LogLine),
+    *(PilotRequest, PilotAnswer, LinkRequest, LinkAnswer, FaultRequest, FaultAnswer),
+    LatencyBudget,
+}  # may give rise to notes
 
 
 class Status:
@@ -43,6 +51,7 @@ class Status:
         self._health: dict[str, Health] = {}
         self._last_request = ""
         self._last_note = ""
+        self._last_alarm = ""
         self._page = ""
 
     def hear(self, key: str, message: Message, time: int) -> list[Note]:
@@ -75,14 +84,17 @@ class Status:
         if isinstance(message, LogLine):
             text = f"{message.service}: {message.text}"
             return [_line("services", time, text, message.level)]
-        if isinstance(message, PilotRequest) and message.id != self._last_request:
+        if isinstance(message, REQUESTS) and message.id != self._last_request:
             self._last_request = message.id  # a request is repeated until it is answered
-            value = "" if message.value is None else f" {message.value:.2f}"
-            return [_line("pilot", time, f"pilot asks: {message.kind}{value}")]
-        if isinstance(message, PilotAnswer):
-            word = "granted" if message.accepted else f"refused: {message.reason}"
+            return [_line("pilot", time, f"pilot asks: {_asked(message)}")]
+        if isinstance(message, ANSWERS):
+            change = message.change if isinstance(message, LinkAnswer) else ""
+            word = change or "granted" if message.accepted else f"refused: {message.reason}"
             level = "info" if message.accepted else "warning"
             return [_line("pilot", time, f"answer: {word}", level)]
+        if isinstance(message, LatencyBudget) and message.alarm != self._last_alarm:
+            self._last_alarm = message.alarm
+            return [_line("link", time, message.alarm, "warning")] if message.alarm else []
         if isinstance(message, VehicleStatus) and message.note != self._last_note:
             self._last_note = message.note
             return [_line("vehicle", time, message.note)] if message.note else []
@@ -100,7 +112,7 @@ class Status:
         armed = "**ARMED**" if status.armed else "disarmed"
         failsafe = "" if status.failsafe == "none" else f" · **FAILSAFE {status.failsafe}**"
         rows = [
-            f"| mode | **{status.mode}** · {armed}{failsafe} |\n|---|---|",
+            f"| mode | **{status.mode}**, {status.hold} · {armed}{failsafe} |\n|---|---|",
             f"| pilot | {status.pilot or '–'} · light {status.light:.0%} |",
         ]
         return "\n".join([*rows, *([f"| note | {status.note} |"] if status.note else [])])
@@ -132,7 +144,21 @@ class Status:
             return ""
         lost = link.down_link.dropped + link.up_link.dropped
         word = "up" if link.up else "**DOWN**"
-        return f"| link | {link.profile} · {word} · rtt {_ms(link.rtt_ms)} · {lost} dropped |"
+        row = f"| link | {link.profile} · {word} · rtt {_ms(link.rtt_ms)} · {lost} dropped |"
+        return "\n".join([row, *self._latency()])
+
+    def _latency(self) -> list[str]:
+        """Numbers that would be old or guessed are not shown: a dash is."""
+        rows: list[str] = []
+        budget, clock = self._newest.get(LatencyBudget), self._newest.get(Clock)
+        if isinstance(budget, LatencyBudget):
+            stick, screen = _ms(budget.stick_to_thruster_ms), _ms(budget.sensor_to_screen_ms)
+            alarm = f" · **{budget.alarm}**" if budget.alarm else ""
+            rows.append(f"| latency | stick to thruster {stick} · to screen {screen}{alarm} |")
+        if isinstance(clock, Clock) and clock.offset_ns is not None and clock.bound_ns is not None:
+            offset, bound = clock.offset_ns / 1e6, clock.bound_ns / 1e6
+            rows.append(f"| clocks | {offset:+.1f} ± {bound:.1f} ms apart |")
+        return rows
 
     def _services(self) -> str:
         head = [
@@ -145,6 +171,15 @@ class Status:
             for key, h in sorted(self._health.items())
         ]
         return "\n".join([*head, *rows])
+
+
+def _asked(message: REQUESTS) -> str:
+    if isinstance(message, FaultRequest):
+        return f"{message.part} {message.fault}"
+    if isinstance(message, LinkRequest):
+        return " ".join(["link", message.kind, message.profile or "", *message.settings]).strip()
+    value = "" if message.value is None else f" {message.value:.2f}"
+    return f"{message.kind}{value}" if message.hold is None else f"{message.kind} {message.hold}"
 
 
 def _line(who: str, time: int, text: str, level: str = "info") -> Note:

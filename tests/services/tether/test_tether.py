@@ -94,7 +94,7 @@ def test_each_row_crosses_in_its_own_direction_only(topic: topics.AnyTopic) -> N
     key = topic.key.replace("*", "somebody")
     down = crossing(key, "topside", "drone")
     up = crossing(key, "drone", "topside")
-    own = topic is topics.LINK  # the tether says it itself, in both realms
+    own = topic in (topics.LINK, topics.LINK_ANSWER)  # the tether says it itself, in both realms
     assert bool(down) == (topic.way in (Way.DOWN, Way.BOTH)) or own
     assert bool(up) == (topic.way in (Way.UP, Way.BOTH)) or own
 

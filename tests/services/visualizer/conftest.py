@@ -5,9 +5,22 @@ import pytest
 from messages import topics
 from messages.control import ThrusterCommand, Wrench
 from messages.health import Health, LogLine
-from messages.link import Direction, LinkStatus
+from messages.link import (
+    DOWN_STAGES,
+    UP_STAGES,
+    Clock,
+    ClockPing,
+    ClockPong,
+    Direction,
+    LatencyBudget,
+    LinkAnswer,
+    LinkRequest,
+    LinkStatus,
+    Stage,
+)
 from messages.message import Estimate, Message
 from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
+from messages.prediction import Miss, Prediction
 from messages.reference import Motion, Reference
 from messages.sensors import (
     BatterySample,
@@ -17,6 +30,7 @@ from messages.sensors import (
     PressureSample,
     UsblSample,
 )
+from messages.simulator import FaultAnswer, FaultRequest
 from messages.state import VehicleState
 from messages.vehicle import Actuation, Truth, VehicleStatus
 
@@ -104,8 +118,44 @@ def _all(now: int) -> list[Message]:
             heading=1.0,
             on_floor=False,
         ),
+        FaultRequest(stamp_ns=now, id=str(now), part="port", fault="dead"),
+        FaultAnswer(stamp_ns=now, id=str(now), accepted=True),
         LinkStatus(
             stamp_ns=now, profile="tether", up=True, down_link=leg, up_link=leg, rtt_ms=20.0
+        ),
+        LinkRequest(stamp_ns=now, id=str(now), kind="down"),
+        LinkAnswer(stamp_ns=now, id=str(now), accepted=True, kind="down", change="link down"),
+        LatencyBudget(
+            stamp_ns=now,
+            down=tuple(Stage(name, 1.0, 2.0) for name in DOWN_STAGES),
+            up=tuple(Stage(name, 1.0, 2.0) for name in UP_STAGES),
+            stick_to_thruster_ms=3.0,
+            sensor_to_screen_ms=1.0,
+            bound_ms=0.1,
+        ),
+        Clock(
+            stamp_ns=now,
+            offset_ns=5_000_000,
+            bound_ns=100_000,
+            drift_ppm=1.0,
+            rtt_ms=2.0,
+            rtt_min_ms=1.0,
+            answered_ms=10.0,
+        ),
+        ClockPing(stamp_ns=now),
+        ClockPong(stamp_ns=now, ping_ns=now, heard_ns=now),
+        Prediction(
+            stamp_ns=now,
+            state_ns=now,
+            ahead_ms=100.0,
+            depth=1.0,
+            heading=0.0,
+            depth_rate=0.5,
+            yaw_rate=0.0,
+            forward=0.1,
+            starboard=0.0,
+            missed=Miss(0.01, 0.01),
+            delayed=Miss(0.05, 0.02),
         ),
         Health(
             stamp_ns=now,

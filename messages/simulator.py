@@ -1,0 +1,30 @@
+"""Trouble on purpose: what a simulated vehicle can be asked to break. From people and tests."""
+
+from typing import Literal
+
+from messages.message import Finite, Message, Ns
+
+# Thrusters: dead gives nothing, reversed the opposite, weak `value` of the thrust, stuck the last.
+# Sensors: silent says nothing, frozen repeats itself, noisy has `value` times the noise, biased is
+# off by `value` (in the sensor's unit), broken says what is not a number.
+Fault = Literal[
+    "none", "dead", "reversed", "weak", "stuck", "silent", "frozen", "noisy", "biased", "broken"
+]
+
+
+class FaultRequest(Message, frozen=True, kw_only=True):
+    """Break or mend a part. Repeated with the same id until a `FaultAnswer` names that id."""
+
+    id: str
+    part: str  # a thruster's name, a sensor's key such as sensor/pressure, or "all" to mend
+    fault: Fault
+    value: Finite | None = None
+
+
+class FaultAnswer(Message, frozen=True, kw_only=True):
+    """The simulator's word on it."""
+
+    id: str
+    accepted: bool
+    reason: str = ""  # why not
+    cause_ns: Ns | None = None  # [ns] stamp of the request

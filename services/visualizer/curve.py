@@ -1,0 +1,49 @@
+"""One curve: where a message keeps the number, and how it is drawn."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import degrees
+from typing import Any
+
+from messages.message import Estimate
+from messages.topic import AnyTopic
+
+Row = Sequence[float]
+Read = Callable[[Any], Row | None]
+
+# One colour per meaning, in every panel and in the scene. RGB.
+REFERENCE, ESTIMATE, TRUTH = 0xFF9F2E, 0x4CA6FF, 0x9AA0A6
+AXES = (0xEF6C6C, 0x66C285, 0x6C9DF0, 0xE0B04C, 0xB57EDC, 0x4FC4C4)
+DOWN, UP, STICK = 0x5FD0C0, 0xC58BE8, 0xF2D34F
+LONGEST_MS = 60_000.0  # [ms] a longer way is a wrong stamp, not a latency
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """Curves that one message feeds at once; they share an entity."""
+
+    path: str
+    topic: AnyTopic
+    names: tuple[str, ...]
+    colours: tuple[int, ...]
+    read: Read
+    width: float = 1.5  # [px]
+
+
+def known(estimate: Estimate | None, unit: Callable[[float], float] = float) -> Row | None:
+    return None if estimate is None or not estimate.valid else (unit(estimate.value),)
+
+
+def number(value: float | None) -> Row | None:
+    return None if value is None else (value,)
+
+
+def in_degrees(radians: Row) -> Row:
+    return [degrees(value) for value in radians]
+
+
+def way_ms(begin: int | None, end: int | None) -> Row | None:
+    if begin is None or end is None:
+        return None
+    way = (end - begin) / 1e6
+    return (way,) if 0.0 <= way <= LONGEST_MS else None

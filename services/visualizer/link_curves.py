@@ -1,0 +1,145 @@
+"""The curves of the link: its delays, the clocks, where the time goes, and the predicted now."""
+
+from collections.abc import Callable
+from math import degrees
+from typing import Any
+
+from messages import topics
+from messages.link import DOWN_STAGES, UP_STAGES, Clock, ClockPong, LatencyBudget, LinkStatus, Stage
+from messages.prediction import Miss, Prediction
+from services.visualizer.curve import (
+    AXES,
+    DOWN,
+    ESTIMATE,
+    REFERENCE,
+    STICK,
+    TRUTH,
+    UP,
+    Curve,
+    Row,
+    number,
+    way_ms,
+)
+
+
+def link_curves() -> list[Curve]:
+    status = topics.LINK
+    return [
+        *_way("down", "down_link", DOWN),
+        *_way("up", "up_link", UP),
+        Curve("link_p99/rtt", status, ("rtt p50",), (TRUTH,), lambda m: number(m.rtt_ms)),
+        *_clocks(),
+        *_budget(),
+        *_prediction(),
+    ]
+
+
+def _way(name: str, side: str, rgb: int) -> list[Curve]:
+    topic = topics.LINK
+
+    def median(m: LinkStatus) -> Row | None:
+        return number(getattr(m, side).delay_p50_ms)
+
+    def slowest(m: LinkStatus) -> Row | None:
+        return number(getattr(m, side).delay_p99_ms)
+
+    def queue(m: LinkStatus) -> Row | None:
+        return (float(getattr(m, side).queued), float(getattr(m, side).dropped))
+
+    def loss(m: LinkStatus) -> Row | None:
+        share = getattr(m, side).loss
+        return None if share is None else (100.0 * share,)
+
+    def rate(m: LinkStatus) -> Row | None:
+        return (getattr(m, side).rate_kbit,)
+
+    both = (f"{name} on the way", f"{name} dropped")
+    return [
+        Curve(f"latency/link_{name}", topic, (f"link {name}",), (rgb,), median),
+        Curve(f"link_p99/{name}", topic, (f"{name} p99",), (rgb,), slowest),
+        Curve(f"link_queue/{name}", topic, both, (rgb, TRUTH), queue),
+        Curve(f"link_loss/{name}", topic, (name,), (rgb,), loss),
+        Curve(f"link_rate/{name}", topic, (name,), (rgb,), rate),
+    ]
+
+
+def _clocks() -> list[Curve]:
+    clock, pong = topics.CLOCK, topics.CLOCK_PONG
+    return [
+        Curve("clock/offset", clock, ("drone - topside",), (ESTIMATE,), _offset),
+        Curve("clock/bound", clock, ("± bound",), (TRUTH,), _bound),
+        Curve("link_p99/ping", clock, ("rtt, ping",), (STICK,), lambda m: number(m.rtt_ms)),
+        Curve("clock/turnaround", pong, ("ping → pong on board",), (AXES[3],), _turnaround),
+        Curve("clock/pings", topics.CLOCK_PING, ("pings sent",), (AXES[4],), _ping),
+    ]
+
+
+def _budget() -> list[Curve]:
+    topic = topics.LATENCY
+    down = (*AXES, STICK)[: len(DOWN_STAGES)]
+    whole = ("stick → thruster", "sensor → screen")
+    return [
+        Curve("budget/down", topic, DOWN_STAGES, down, lambda m: _medians(m.down, DOWN_STAGES)),
+        Curve("budget_up/up", topic, UP_STAGES, AXES[:3], lambda m: _medians(m.up, UP_STAGES)),
+        Curve("whole/stick", topic, whole[:1], (REFERENCE,), _stick),
+        Curve("whole/screen", topic, whole[1:], (ESTIMATE,), _screen),
+    ]
+
+
+def _prediction() -> list[Curve]:
+    topic, both = topics.PREDICTION, ("predicted", "delayed")
+    return [
+        Curve("depth/predicted", topic, ("predicted now",), (STICK,), lambda m: (m.depth,)),
+        Curve("heading/predicted", topic, ("predicted now",), (STICK,), _heading),
+        Curve("foresight/depth", topic, both, (STICK, TRUTH), _depth_miss),
+        Curve("foresight_heading/heading", topic, both, (STICK, TRUTH), _turn_miss),
+    ]
+
+
+def _medians(stages: tuple[Stage, ...] | None, names: tuple[str, ...]) -> Row | None:
+    if stages is None or tuple(stage.name for stage in stages) != names:
+        return None
+    return [stage.p50_ms for stage in stages]
+
+
+def _offset(m: Clock) -> Row | None:
+    return None if m.offset_ns is None else (m.offset_ns / 1e6,)
+
+
+def _bound(m: Clock) -> Row | None:
+    return None if m.bound_ns is None else (m.bound_ns / 1e6,)
+
+
+def _turnaround(m: ClockPong) -> Row | None:
+    return way_ms(m.heard_ns, m.stamp_ns)
+
+
+def _ping(m: Any) -> Row:
+    return (float(m.seq),)
+
+
+def _stick(m: LatencyBudget) -> Row | None:
+    return number(m.stick_to_thruster_ms)
+
+
+def _screen(m: LatencyBudget) -> Row | None:
+    return number(m.sensor_to_screen_ms)
+
+
+def _heading(m: Prediction) -> Row:
+    return (degrees(m.heading),)
+
+
+def _depth_miss(m: Prediction) -> Row | None:
+    return _misses(m, lambda miss: 100.0 * miss.depth)
+
+
+def _turn_miss(m: Prediction) -> Row | None:
+    return _misses(m, lambda miss: degrees(miss.heading))
+
+
+def _misses(m: Prediction, read: Callable[[Miss], float]) -> Row | None:
+    """Prediction beside the delayed picture; nothing until both have been judged."""
+    if m.missed is None or m.delayed is None:
+        return None
+    return (read(m.missed), read(m.delayed))
