@@ -103,3 +103,9 @@ class LatencyBudget(Message, frozen=True, kw_only=True):
     sensor_to_screen_ms: Positive | None  # [ms] median, measured end to end
     bound_ms: Positive | None  # [ms] what the clocks may be off by
     alarm: str = ""  # why the pilot should know
+
+
+class Shown(Message, frozen=True, kw_only=True):
+    """Somebody looks at a screen. From whoever draws one, at the moment it is drawn."""
+
+    sensor_ns: Ns  # [ns] sensor sample of the newest state in the picture

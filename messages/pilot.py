@@ -25,7 +25,7 @@ class PilotCommand(Message, frozen=True, kw_only=True):
     epoch: int = 0  # authority epoch; a command of another epoch is refused
 
 
-RequestKind = Literal["arm", "disarm", "stop", "light", "goto", "follow", "mode"]
+RequestKind = Literal["arm", "disarm", "stop", "light", "goto", "follow", "mode", "lease"]
 
 # What the drone holds by itself; the sticks of what it does not hold are forces.
 #   manual nothing, depth_hold depth, heading_hold heading, stabilised depth and heading,
@@ -74,4 +74,5 @@ class PilotAnswer(Message, frozen=True, kw_only=True):
     accepted: bool
     reason: str = ""  # why not, in words for the pilot
     stop: StopDistance | None = None  # stop: how far the drone still goes
+    epoch: int | None = None  # lease: the authority epoch that commands have to carry from now on
     cause_ns: Ns | None = None  # [ns] stamp of the request

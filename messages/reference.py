@@ -20,6 +20,7 @@ class Reference(Message, frozen=True, kw_only=True):
 
     sensor_ns: Ns | None  # [ns] sensor sample that caused this reference
     pilot_ns: Ns | None  # [ns] pilot command that shaped it
+    epoch: int = 0  # authority epoch of the pilot behind it
     armed: bool  # False: thrusters stay off, the rest follows the vehicle
     depth: Motion  # NED, positive down
     heading: Motion  # accumulates past ±π

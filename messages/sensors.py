@@ -48,3 +48,4 @@ class BatterySample(Message, frozen=True, kw_only=True):
     voltage: Positive  # [V]
     current: Finite  # [A] + out of the battery
     used_wh: Positive  # [Wh] since power-on
+    capacity_wh: Positive | None = None  # [Wh] when full; None: the driver does not know

@@ -4,9 +4,10 @@ from typing import Literal
 
 from messages.message import Finite, Message, Ns
 
-# Thrusters: dead gives nothing, reversed the opposite, weak `value` of the thrust, stuck the last.
-# Sensors: silent says nothing, frozen repeats itself, noisy has `value` times the noise, biased is
-# off by `value` (in the sensor's unit), broken says what is not a number.
+# Thrusters: dead gives nothing, reversed the opposite, weak `value` of the thrust, stuck what was
+# asked for last. Sensors: silent says nothing, frozen repeats itself, noisy has `value` times the
+# noise, biased is off by `value` (in the sensor's unit; an IMU its gyroscopes, rad/s), broken says
+# what is not a number.
 Fault = Literal[
     "none", "dead", "reversed", "weak", "stuck", "silent", "frozen", "noisy", "biased", "broken"
 ]

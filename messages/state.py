@@ -10,6 +10,7 @@ class VehicleState(Message, frozen=True, kw_only=True):
 
     sensor_ns: Ns  # [ns] the IMU sample this state belongs to
     phase: Literal["calibrating", "running"]
+    calibration_left: Positive | None = None  # [s] at rest still to go; None: done, or not known
     depth: Estimate  # [m] positive down, of the vehicle's origin below the surface
     depth_rate: Estimate  # [m/s] positive down
     depth_acceleration: Estimate  # [m/s²] positive down

@@ -15,6 +15,7 @@ from messages.link import (
     LinkAnswer,
     LinkRequest,
     LinkStatus,
+    Shown,
 )
 from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
 from messages.prediction import Prediction
@@ -59,6 +60,7 @@ LINK           = Topic("link/status",         LinkStatus,          5, BULK,     
 LINK_REQUEST   = Topic("link/request",        LinkRequest,         0, EVENT,          DOWN)
 LINK_ANSWER    = Topic("link/answer",         LinkAnswer,          0, EVENT,          BOTH)
 LATENCY        = Topic("link/latency",        LatencyBudget,       2, BULK,           DOWN)
+SHOWN          = Topic("shown/*",             Shown,               4, BULK,           DOWN)
 CLOCK          = Topic("link/clock",          Clock,               5, LIVE,           DOWN)
 CLOCK_PING     = Topic("clock/ping",          ClockPing,           5, REALTIME,       DOWN)
 CLOCK_PONG     = Topic("clock/pong",          ClockPong,           5, REALTIME,       UP)

@@ -17,6 +17,7 @@ class VehicleStatus(Message, frozen=True, kw_only=True):
     hold: Hold = "stabilised"  # what the sticks leave to the drone
     failsafe: Failsafe = "none"
     pilot: str = ""  # who has control: the source of the newest valid command
+    epoch: int = 0  # authority epoch: commands of another one are refused
     light: Stick = 0.0  # [-] 0 … 1
     note: str = ""  # why it is not ready, in words for the pilot
     stop: StopDistance | None = None  # while stopping: how far it went, or goes, since asked to
@@ -25,7 +26,8 @@ class VehicleStatus(Message, frozen=True, kw_only=True):
 class Actuation(Message, frozen=True, kw_only=True):
     """What the thruster driver did with the newest command, and when."""
 
-    thrust: tuple[Finite, ...]  # [N] per thruster, actually produced
+    # [N] per thruster, as its driver sees it turn: 0 when dead, of the other sign when reversed.
+    thrust: tuple[Finite, ...]
     actuated_ns: Ns | None  # [ns] when the newest command took effect
     sensor_ns: Ns | None  # [ns] sensor sample behind that command
     pilot_ns: Ns | None  # [ns] pilot command behind that command

@@ -1,4 +1,4 @@
-"""Entry point of a service process: `python -m services '<Launch as JSON>'`, or `… hub ENDPOINT`.
+"""Entry point of a process: `python -m services LAUNCH`, or `… hub HUBLAUNCH`, both as JSON.
 
 People use `lindy run`; the supervisor uses this, because it starts in a tenth of a second.
 """
@@ -7,12 +7,12 @@ import sys
 
 import msgspec
 
-from services.runtime.process_host import Launch, run_hub, run_service
+from services.runtime.process_host import HubLaunch, Launch, run_hub, run_service
 
 
 def main(arguments: list[str]) -> int:
     if arguments[0] == "hub":
-        return run_hub(arguments[1], int(arguments[2]) if len(arguments) > 2 else None)
+        return run_hub(msgspec.json.decode(arguments[1], type=HubLaunch))
     return run_service(msgspec.json.decode(arguments[0], type=Launch))
 
 

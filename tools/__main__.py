@@ -13,6 +13,8 @@ from cyclopts import App, CycloptsError, Parameter
 from services.runtime.errors import LindyError
 from tools.choices import Choices
 from tools.figures.command import figures
+from tools.gains import gains
+from tools.link import link
 from tools.profile import profile
 from tools.ramp import ramp
 
@@ -49,6 +51,39 @@ def dive(
     from tools.dive import dive
 
     return dive(choices or Choices(), headless=headless, listen=listen)
+
+
+@app.command
+def up(
+    side: str,
+    *,
+    listen: Annotated[
+        str, Parameter(help="drone: endpoint for the topside, e.g. tcp/192.168.2.2:7447")
+    ] = "tcp/127.0.0.1:7447",
+    connect: Annotated[
+        str, Parameter(help="topside: endpoint of the drone, e.g. tcp/192.168.2.2:7447")
+    ] = "tcp/127.0.0.1:7447",
+    gateway: Annotated[
+        bool,
+        Parameter(
+            negative=(),
+            show_default=False,
+            help="topside: put the tether process (--link) in between, not only the real link",
+        ),
+    ] = False,
+    choices: Choices | None = None,
+) -> int:
+    """Start one SIDE of a dive, topside or drone, on this machine; the other on another one.
+
+    Start the drone first. Each side has its own clock; what is between them is measured. By default
+    both find each other on this machine.
+
+    Example: lindy up drone --listen tcp/192.168.2.2:7447
+             lindy up topside --connect tcp/192.168.2.2:7447
+    """
+    from tools.up import up
+
+    return up(side, choices or Choices(), listen=listen, connect=connect, gateway=gateway)
 
 
 @app.command
@@ -137,6 +172,10 @@ def path(
 @app.command
 def ask(
     kind: str,
+    hold: Annotated[
+        str | None,
+        Parameter(help="mode: manual, depth_hold, heading_hold, stabilised or station_keeping"),
+    ] = None,
     *,
     depth: Annotated[float | None, Parameter(help="goto: [m] positive down")] = None,
     heading: Annotated[
@@ -159,7 +198,7 @@ def ask(
 ) -> int:
     """Send a request to a dive that is going on, and print the drone's answer.
 
-    KIND is arm, disarm, stop, light, goto or follow.
+    KIND is arm, disarm, stop, light, goto, follow or mode.
 
     Example: lindy ask goto --depth 3 --heading 90
     """
@@ -167,6 +206,7 @@ def ask(
 
     return ask(
         kind,
+        hold,
         depth=depth,
         heading=heading,
         north=north,
@@ -223,6 +263,8 @@ def bench(
 app.command(figures)
 app.command(profile)
 app.command(ramp)
+app.command(gains)
+app.command(link)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -7,12 +7,12 @@ import threading
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, cast, get_args
 
 import msgspec
 
 from messages import topics
-from messages.pilot import Course, PilotAnswer, RequestKind, StopDistance
+from messages.pilot import Course, Hold, PilotAnswer, RequestKind, StopDistance
 from services.gamepad.course import course_of
 from services.gamepad.requests import Requests
 from services.gamepad.wish import goto
@@ -34,9 +34,9 @@ OPTIONS: dict[str, tuple[str, ...]] = {
     "light": ("value",),
     "goto": ("depth", "heading", "north", "east"),
     "follow": ("path",),
+    "mode": ("hold",),
 }  # what a kind of request may be told
-
-
+HOLDS: tuple[str, ...] = get_args(Hold)
 FARTHEST = 100_000.0  # [m] no drone goes that far
 
 
@@ -51,10 +51,12 @@ class Wanted:
     north: float | None = None  # [m]
     east: float | None = None  # [m]
     course: Course | None = None
+    hold: Hold | None = None
 
 
 def ask(
     kind: str,
+    hold: str | None = None,
     *,
     depth: float | None = None,
     heading: float | None = None,
@@ -68,7 +70,8 @@ def ask(
     """Send a request and print the answer.
 
     Args:
-        kind: arm, disarm, stop, light, goto or follow.
+        kind: arm, disarm, stop, light, goto, follow or mode.
+        hold: mode: what the drone is to hold by itself.
         depth: [m] goto.
         heading: [deg] goto.
         north, east: [m] goto a place, on a drone that measures its position.
@@ -80,7 +83,14 @@ def ask(
         LindyError: a wrong argument, no dive, no answer, or the drone refuses; says why.
     """
     wanted = wanted_of(
-        kind, depth=depth, heading=heading, north=north, east=east, path=path, value=value
+        kind,
+        hold=hold,
+        depth=depth,
+        heading=heading,
+        north=north,
+        east=east,
+        path=path,
+        value=value,
     )
     answer = answer_to(wanted, dive_in(dive))
     if as_json:
@@ -102,7 +112,8 @@ def wanted_of(kind: str, **given: Any) -> Wanted:
     known = cast(RequestKind, kind)
     for name in given:
         if given[name] is not None and name not in OPTIONS[kind]:
-            raise LindyError(f"{kind} takes no --{name}")
+            what = f"second word, found {given[name]!r}" if name == "hold" else f"--{name}"
+            raise LindyError(f"{kind} takes no {what}")
     match known:
         case "light":
             return Wanted(kind=known, value=_brightness(given["value"]))
@@ -116,6 +127,8 @@ def wanted_of(kind: str, **given: Any) -> Wanted:
             return Wanted(kind=known, depth=wish.depth, heading=wish.heading)
         case "follow":
             return Wanted(kind=known, course=_course(given["path"]))
+        case "mode":
+            return Wanted(kind=known, hold=_hold(given["hold"]))
         case _:
             return Wanted(kind=known)
 
@@ -181,6 +194,7 @@ class Asking:
                     north=w.north,
                     east=w.east,
                     course=w.course,
+                    hold=w.hold,
                 )
             )
         self.given_up = self.given_up or bool(self._requests.given_up(now))
@@ -243,6 +257,14 @@ def _brightness(value: float | None) -> float:
     if not 0.0 <= value <= 1.0:
         raise LindyError(f"--value is {value:g}, expected a brightness from 0 to 1")
     return value
+
+
+def _hold(name: str | None) -> Hold:
+    if name is None:
+        raise LindyError(f"mode needs what to hold: {', '.join(HOLDS)}")
+    if name not in HOLDS:
+        raise LindyError(f"unknown mode {name!r}{nearest(name, list(HOLDS))}")
+    return cast(Hold, name)
 
 
 def _course(name: str | None) -> Course:

@@ -12,9 +12,9 @@ from services.gamepad.wish import Follow
 from services.reference.following import Planned
 from services.runtime.errors import LindyError
 from services.runtime.running import RUNNING, Running
-from services.runtime.settings import deploy_file, nearest, read
+from services.runtime.settings import deploy_file, nearest
 from services.runtime.stack import Stack
-from services.tether.core import LinkProfile
+from services.tether.profile_file import named
 from tools.choices import Choices
 
 DEFAULT_PILOT = "script:first_dive"
@@ -74,7 +74,7 @@ def checked(choices: Choices, pilot: Pilot) -> Stack:
         overrides=list(choices.set_),
     )
     stack.check()
-    read(deploy_file("links", choices.link), LinkProfile)
+    named(choices.link)  # reads it
     return stack
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import msgspec
 
 from services.runtime.errors import LindyError
-from services.runtime.process_host import Launch, run_hub, run_service
+from services.runtime.process_host import HubLaunch, Launch, run_hub, run_service
 from services.runtime.settings import nearest
 from services.runtime.stack import Row, services_of
 from tools.checks import checked, pilot_of
@@ -40,7 +40,7 @@ def run(service: str, connect: tuple[str, ...], choices: Choices) -> int:
 
 def hub(endpoint: str) -> int:
     """A realm's hub until Ctrl-C. Returns its exit status."""
-    return run_hub(endpoint, None)
+    return run_hub(HubLaunch(listen=[endpoint]))
 
 
 def endpoints_of(service: str, row: Row, connect: tuple[str, ...]) -> dict[str, str]:

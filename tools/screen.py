@@ -11,6 +11,7 @@ from messages.health import LogLine
 STICKS = ("surge", "sway", "heave", "yaw")
 HALF = 6  # [characters] of a stick's bar on either side of its centre
 LINES = 6  # newest log lines shown
+OLD_MS = 150.0  # [ms] a picture older than this says so
 UNKNOWN = "–"
 LEVELS = {"info": "", "warning": "yellow", "error": "bold red"}
 
@@ -37,6 +38,7 @@ class View:
     armed: bool = False
     failsafe: str = "none"
     note: str = ""
+    age_ms: float | None = None  # [ms] of depth and heading
     depth_m: float | None = None
     depth_wanted_m: float | None = None
     heading_deg: float | None = None  # [0, 360)
@@ -45,6 +47,9 @@ class View:
     down_ms: float | None = None  # [ms] median delay to the drone
     up_ms: float | None = None  # [ms] median delay to the pilot
     rtt_ms: float | None = None
+    stick_ms: float | None = None  # [ms] stick to thruster
+    screen_ms: float | None = None  # [ms] sensor to screen
+    alarm: str = ""  # what is wrong with the link
     lost: int = 0  # messages the link has dropped
     services: list[ServiceView] = field(default_factory=list[ServiceView])
     lines: list[LogLine] = field(default_factory=list[LogLine])
@@ -67,6 +72,8 @@ def plain(view: View) -> str:
     ]
     if view.failsafe != "none":
         parts.append(f"FAILSAFE {view.failsafe}")
+    if view.alarm:
+        parts.append(f"LINK {view.alarm}")
     if view.note:
         parts.append(view.note)
     if restarts := sum(service.restarts for service in view.services):
@@ -103,8 +110,13 @@ def _motion(view: View) -> Text:
     return Text.assemble(
         ("depth  ", "dim"), (f"{depth} m", "bold"), (f"  reference {wanted_depth} m", "dim"),
         ("     heading ", "dim"), (f"{heading}°", "bold"), (f"  reference {wanted}°", "dim"),
+        (_old(view.age_ms), "yellow"),
         overflow="ellipsis", no_wrap=True,
     )  # fmt: skip
+
+
+def _old(age_ms: float | None) -> str:
+    return "" if age_ms is None or age_ms <= OLD_MS else f"     {age_ms / 1e3:.1f} s old"
 
 
 def _sticks(view: View) -> Table:
@@ -132,6 +144,10 @@ def _link(view: View) -> Text:
         ("link   ", "dim"),
         f"down {_number(view.down_ms, '.1f')} ms   up {_number(view.up_ms, '.1f')} ms",
         f"   round trip {_number(view.rtt_ms, '.1f')} ms   lost {view.lost}",
+        ("\n       ", ""),
+        f"stick to thruster {_number(view.stick_ms, '.1f')} ms",
+        f"   sensor to screen {_number(view.screen_ms, '.1f')} ms",
+        (f"   {view.alarm}" if view.alarm else "", "bold red"),
         overflow="ellipsis", no_wrap=True,
     )  # fmt: skip
 

@@ -6,10 +6,14 @@ from collections.abc import Callable
 
 from messages import topics
 from messages.health import Health, LogLine
+from messages.link import Shown
+from messages.topic import M
 from services.runtime.node import Node
+from services.runtime.ports import Latest
 from tools.course import Course
 from tools.screen import LINES, ServiceView, View
 
+RECENT_NS = 3_000_000_000  # [ns] an older picture is not shown
 LOOK_HZ = 25.0  # [1/s] often enough that ports that keep the newest 8 do not overflow at 100 Hz
 
 
@@ -29,6 +33,9 @@ class Watch:
         self._link = node.latest(topics.LINK)
         node.each(topics.HEALTH, self._hear_health)
         node.each(topics.LOG, lambda line, _: self.add(line))
+        self._budget = node.latest(topics.LATENCY)
+        self._clock = node.latest(topics.CLOCK)
+        self._shown = node.publisher(topics.SHOWN.of("screen"))
         node.show = self.add  # nobody hears themselves on the bus
         node.every(LOOK_HZ, self._look)
 
@@ -41,9 +48,11 @@ class Watch:
         self, title: str, course: Course, now: int, missing: list[str], restarts: dict[str, int]
     ) -> View:
         """The screen at `now` [ns]."""
-        state, reference = self._state.fresh(now), self._reference.fresh(now)
+        state, reference = _recent(self._state, now), _recent(self._reference, now)
         status, pilot = self._status.newest(now), self._pilot.fresh(now)
-        link = self._link.fresh(now)
+        link, budget, clock = self._link.fresh(now), self._budget.fresh(now), self._clock.fresh(now)
+        if state is not None:
+            self._shown.put(Shown(stamp_ns=now, sensor_ns=state.sensor_ns))
         return View(
             title=title,
             elapsed_s=course.elapsed_s(now),
@@ -52,6 +61,7 @@ class Watch:
             armed=status.armed if status else False,
             failsafe=status.failsafe if status else "none",
             note=status.note if status else course.note,
+            age_ms=(now - state.stamp_ns) / 1e6 if state else None,
             depth_m=state.depth.value if state else None,
             depth_wanted_m=reference.depth.position if reference else None,
             heading_deg=_compass(state.heading.value) if state else None,
@@ -59,7 +69,10 @@ class Watch:
             sticks=(pilot.surge, pilot.sway, pilot.heave, pilot.yaw) if pilot else None,
             down_ms=link.down_link.delay_p50_ms if link else None,
             up_ms=link.up_link.delay_p50_ms if link else None,
-            rtt_ms=link.rtt_ms if link else None,
+            rtt_ms=clock.rtt_ms if clock else link.rtt_ms if link else None,
+            stick_ms=budget.stick_to_thruster_ms if budget else None,
+            screen_ms=budget.sensor_to_screen_ms if budget else None,
+            alarm=budget.alarm if budget else "",
             lost=link.down_link.dropped + link.up_link.dropped if link else 0,
             services=[
                 self._service(name, name not in missing, restarts) for name in self._services
@@ -88,8 +101,15 @@ class Watch:
             self._sent_hz[health.service] = (health.sent - before.sent) / seconds
 
     def _look(self, now: int) -> None:
-        for port in (self._state, self._status, self._reference, self._pilot, self._link):
+        ports = (self._state, self._status, self._reference, self._pilot, self._link)
+        for port in (*ports, self._budget, self._clock):
             port.newest(now)
+
+
+def _recent(port: Latest[M], now: int) -> M | None:
+    """The newest word of the drone over however slow a link; nothing once it says nothing more."""
+    message = port.newest(now)
+    return message if message is not None and now - message.stamp_ns <= RECENT_NS else None
 
 
 def _compass(heading: float) -> float:

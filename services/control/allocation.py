@@ -1,81 +1,224 @@
 """From a wrench to thruster commands, for any layout of thrusters.
 
-Surge, sway, heave and yaw are allocated; roll and pitch are left to the vehicle's own stability.
-When thrusters saturate, heave and yaw are served first (losing depth or heading disorients the
-pilot, losing speed does not), and what is left of the horizontal force keeps its direction.
+The axes that the layout can drive independently are allocated by the pseudo-inverse (Fossen 2011,
+§12.3.2), weighted with what each thruster can do; demands on other axes are ignored and show in
+the achieved wrench. When thrusters saturate, axes are served in the order of `PRIORITY`: losing
+the attitude, depth or heading disorients the pilot, losing speed does not. Within a group the
+wrench keeps its direction, and what a full thruster cannot give the others take over as far as
+they can (redistributed pseudo-inverse: Virnig & Bodden 1994, doi 10.2514/6.1994-3550).
 """
 
 from dataclasses import dataclass
+from math import copysign
 
+import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
-from services.marine.thrusters import wrench_per_newton
-from services.marine.vehicle import Vec6, Vehicle
+from services.control.layout import AXES, drivable, effect_matrix, independent
+from services.marine.thrusters import total_wrench
+from services.marine.vehicle import Thruster, Vec6, Vehicle
 
-Rows = list[list[float]]
-ROUNDING = 1 + 1e-9  # a thruster this little over its limit is full, not overloaded
-PILOTED = [0, 1, 2, 5]  # surge, sway, heave, yaw rows of a wrench
+PRIORITY = (("roll", "pitch"), ("heave",), ("yaw",), ("surge", "sway"))
+ROUNDING = 1e-9  # [N] a thruster with this little of a demand has no part in it
+COMES_ON, GOES_OFF = 0.75, 0.25  # [-] of the dead-band: half of it, with hysteresis
+
+
+class AllocationSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    dead_band_compensation: bool = True  # ask for the dead-band's edge instead of nothing
 
 
 @dataclass(frozen=True, slots=True)
 class Allocated:
-    thrust: tuple[float, ...]  # [N] per thruster, within its limits
-    achieved: Vec6  # [N, N m] what they add up to
+    thrust: tuple[float, ...]  # [N] per thruster, command within its limits
+    achieved: Vec6  # [N, N m] what they add up to, dead-bands and distrust included
     saturated: tuple[str, ...]  # names of the thrusters that could not give more
 
 
 class Allocation:
-    """Built once per vehicle. Plain floats: at this size five times faster than NumPy."""
+    """Built once per vehicle. Plain floats: at this size five times faster than NumPy.
 
-    def __init__(self, vehicle: Vehicle) -> None:
-        self._names = [t.name for t in vehicle.thruster]
-        self._limits = [t.max_thrust for t in vehicle.thruster]
-        effect = effect_matrix(vehicle)
-        self._effect: Rows = effect.tolist()
-        # Per thruster: its share of each newton of surge, sway, heave and newton metre of yaw.
-        self._shares: Rows = np.linalg.pinv(effect[PILOTED]).tolist()
+    A thruster that does not do what it is told is given a gain [-] with `trust`: it yields gain
+    times the command. Inside, all forces are those that the thrusters yield.
+    """
 
-    def allocate(self, wrench: tuple[float, float, float, float]) -> Allocated:
-        """Thrust for surge, sway, heave [N] and yaw [N m], body frame.
+    def __init__(self, vehicle: Vehicle, settings: AllocationSettings | None = None) -> None:
+        """
+        Raises:
+            ValueError: a thruster's direction has no length.
+        """
+        self._thrusters = vehicle.thruster
+        self._settings = settings or AllocationSettings()
+        self._effect = effect_matrix(vehicle)
+        self._columns: list[Vec6] = [tuple(c) for c in self._effect.T.tolist()]
+        self._gains = [1.0] * len(vehicle.thruster)
+        self._on = [False] * len(vehicle.thruster)  # commanded although inside the dead-band
+        self._learn_layout()
+        self._axes_when_healthy = self.axes
+
+    # What the layout can do.
+
+    @property
+    def lost(self) -> tuple[str, ...]:
+        """Axes that distrusted thrusters have cost."""
+        return tuple(axis for axis in AXES if axis in self._axes_when_healthy - self.axes)
+
+    @property
+    def distrusted(self) -> tuple[str, ...]:
+        """Names of the thrusters whose gain is not 1."""
+        pairs = zip(self._thrusters, self._gains, strict=True)
+        return tuple(thruster.name for thruster, gain in pairs if gain != 1.0)
+
+    def trust(self, index: int, gain: float) -> None:
+        """Count on `gain` [-] times the command from this thruster: 1 healthy, 0 dead, −1
+        reversed, between them weak."""
+        if gain != self._gains[index]:
+            self._gains[index] = gain
+            self._learn_layout()
+
+    def forget(self) -> None:
+        """Forget which thrusters were driven out of their dead-band. For disarming."""
+        self._on = [False] * len(self._on)
+
+    # The work.
+
+    def allocate(self, wrench: Vec6) -> Allocated:
+        """Thruster commands for a wrench [N, N m], body frame, about the origin.
 
         `wrench` must be finite.
         """
-        x, y, z, n = wrench
-        first = [share[2] * z + share[3] * n for share in self._shares]
-        second = [share[0] * x + share[1] * y for share in self._shares]
-        share_first, full = _share_that_fits([0.0] * len(first), first, self._limits)
-        first = [share_first * f for f in first]
-        share_second, also_full = _share_that_fits(first, second, self._limits)
-        thrust = tuple(
-            # Rounding may leave a thruster a hair above its limit.
-            max(-limit, min(limit, f + share_second * s))
-            for f, s, limit in zip(first, second, self._limits, strict=True)
-        )
-        limiting = tuple(self._names[index] for index in sorted({*full, *also_full}))
-        return Allocated(thrust, self._add_up(thrust), limiting)
+        full = set[int]()
+        yields = self._at_once(wrench) or self._in_turn(wrench, full)
+        thrust, yields = self._commands(yields)
+        names = tuple([self._thrusters[index].name for index in sorted(full)])
+        return Allocated(tuple(thrust), total_wrench(self._columns, yields), names)
 
-    def _add_up(self, thrust: tuple[float, ...]) -> Vec6:
-        x, y, z, k, m, n = [
-            sum([e * f for e, f in zip(row, thrust, strict=True)]) for row in self._effect
+    def _at_once(self, wrench: Vec6) -> list[float] | None:
+        """What each thruster gives when no order of service could matter; else None."""
+        x, y, z, k, m, n = wrench
+        yields = list[float]()
+        for (a, b, c, d, e, f), most in zip(self._all_shares, self._strength, strict=True):
+            ax, by, cz, dk, em, fn = a * x, b * y, c * z, d * k, e * m, f * n
+            if abs(ax) + abs(by) + abs(cz) + abs(dk) + abs(em) + abs(fn) > most:
+                return None
+            yields.append(ax + by + cz + dk + em + fn)
+        return yields
+
+    def _in_turn(self, wrench: Vec6, full: set[int]) -> list[float]:
+        """Group after group; adds to `full` who was in the way of the rest."""
+        yields = [0.0] * len(self._gains)
+        for rows in self._groups:
+            demand = [(row, wrench[row]) for row in rows if wrench[row]]
+            if demand:
+                yields = self._add(yields, demand, full)
+        return yields
+
+    def _add(
+        self, yields: list[float], demand: list[tuple[int, float]], full: set[int]
+    ) -> list[float]:
+        """More of one group on top of `yields`, along its ray until all of it is there or nobody
+        is left to give more.
+
+        Args:
+            demand: row and value of the group's part of the wrench.
+        """
+        left, frozen = 1.0, list[int]()
+        while (columns := self._columns_without(frozen)) is not None:
+            more = [0.0] * len(yields)
+            for row, value in demand:
+                more = [m + value * share for m, share in zip(more, columns[row], strict=True)]
+            fits, who = self._that_fits(yields, more, left)
+            yields = [force + fits * extra for force, extra in zip(yields, more, strict=True)]
+            if who is None:
+                return yields
+            left -= fits
+            frozen.append(who)
+        full.update(frozen)
+        return yields
+
+    def _that_fits(
+        self, yields: list[float], more: list[float], most: float
+    ) -> tuple[float, int | None]:
+        """Largest share ≤ `most` of `more` that stays within the limits, and who limits it."""
+        share, who = most, None
+        for index, (low, high) in enumerate(self._limits):
+            force, extra = yields[index], more[index]
+            if extra > ROUNDING:
+                if force + share * extra > high:
+                    share, who = max(0.0, (high - force) / extra), index
+            elif extra < -ROUNDING and force + share * extra < low:
+                share, who = max(0.0, (low - force) / extra), index
+        return share, who
+
+    def _commands(self, yields: list[float]) -> tuple[list[float], list[float]]:
+        """[N] Commands for which the thrusters yield these forces, with the dead-bands stepped
+        over, and what they will yield in truth (`marine.thrusters.driven`)."""
+        thrust, truth = list[float](), list[float]()
+        for index, (force, gain) in enumerate(zip(yields, self._gains, strict=True)):
+            low, high, edge = self._bounds[index]
+            # Rounding may leave it a hair outside.
+            command = max(low, min(high, force / gain)) if gain else 0.0
+            if -edge < command < edge:
+                command = self._out_of_dead_band(index, command, edge)
+            else:
+                self._on[index] = True
+            thrust.append(command)
+            truth.append(0.0 if -edge < command < edge else gain * command)
+        return thrust, truth
+
+    def _out_of_dead_band(self, index: int, command: float, edge: float) -> float:
+        """[N] Nothing or the dead-band's edge, whatever is nearer."""
+        if not self._settings.dead_band_compensation:
+            return command
+        switch = GOES_OFF if self._on[index] else COMES_ON
+        self._on[index] = abs(command) > edge * switch
+        return copysign(edge, command) if self._on[index] else 0.0
+
+    # The layout, each time the trust in a thruster changes.
+
+    def _learn_layout(self) -> None:
+        pairs = list(zip(self._gains, self._thrusters, strict=True))
+        self._bounds = [(*_command_limits(t, gain), t.dead_band) for gain, t in pairs]  # [N]
+        self._limits = [
+            (min(gain * low, gain * high), max(gain * low, gain * high))
+            for gain, (low, high, _) in zip(self._gains, self._bounds, strict=True)
         ]
-        return x, y, z, k, m, n
+        self._strength = [min(-low, high) for low, high in self._limits]  # [N]
+        driven_axes = drivable(self._effect, self._strength)
+        self.axes = frozenset(driven_axes)
+        self._rows = [AXES.index(axis) for axis in driven_axes]
+        self._groups = [
+            {AXES.index(axis) for axis in group if axis in self.axes} for group in PRIORITY
+        ]
+        self._cache: dict[int, list[list[float]] | None] = {}  # by the bits of who is frozen
+        columns = self._columns_without([]) or [[0.0] * len(pairs)] * 6
+        self._all_shares = list(zip(*columns, strict=True))  # per thruster, of each row
+
+    def _columns_without(self, frozen: list[int]) -> list[list[float]] | None:
+        """Per row of the wrench: who gives how much of each newton, while the frozen ones stay as
+        they are. None when the others cannot drive all the axes. Remembered, for it is slow."""
+        key = 0
+        for index in frozen:
+            key |= 1 << index
+        if key not in self._cache:
+            self._cache[key] = self._shares(frozen)
+        return self._cache[key]
+
+    def _shares(self, frozen: list[int]) -> list[list[float]] | None:
+        strength = [0.0 if i in frozen else s for i, s in enumerate(self._strength)]
+        if not self.axes or not independent(self._effect, strength, self.axes):
+            return None
+        weights = np.array(strength) / max(strength)
+        shares = np.zeros((6, len(strength)))
+        inverse = np.linalg.pinv(self._effect[self._rows] * weights)
+        shares[self._rows] = (weights[:, None] * inverse).T
+        return shares.tolist()
 
 
-def effect_matrix(vehicle: Vehicle) -> NDArray[np.float64]:
-    """(6, n) wrench about the origin per newton of each thruster (Fossen 2011, 12.3)."""
-    return np.array([wrench_per_newton(thruster) for thruster in vehicle.thruster]).T
-
-
-def _share_that_fits(
-    base: list[float], more: list[float], limits: list[float]
-) -> tuple[float, list[int]]:
-    """Largest share s in [0, 1] with |base + s more| ≤ limits, for |base| ≤ limits, and the
-    thruster that does not allow more (none when all of it fits)."""
-    share, limiting = 1.0, list[int]()
-    for index, (b, m, limit) in enumerate(zip(base, more, limits, strict=True)):
-        if abs(b + m) > limit * ROUNDING:
-            room = max(0.0, ((limit if m > 0 else -limit) - b) / m)
-            if room < share:
-                share, limiting = room, [index]
-    return share, limiting
+def _command_limits(thruster: Thruster, gain: float) -> tuple[float, float]:
+    """[N] Of the commands that a thruster answers in proportion. A reversed one answers a forward
+    command with its weaker reverse thrust."""
+    low, high = thruster.limits
+    if gain >= 0.0:
+        return low, high
+    both_ways = min(-low, high)
+    return -both_ways, both_ways

@@ -4,6 +4,7 @@ from messages import topics
 from messages.reference import Reference
 from services.control.core import Controller, Settings
 from services.marine.vehicle import Vehicle
+from services.runtime.errors import LindyError
 from services.runtime.node import Node
 from services.runtime.stack import Stack
 
@@ -11,16 +12,31 @@ SILENCE_S = 0.1  # [s] without a reference: hold the last position
 
 
 def wire(node: Node, stack: Stack) -> None:
-    controller = Controller(stack.section("control", Settings), stack.section("vehicle", Vehicle))
+    controller = _controller(stack)
     state = node.latest(topics.STATE)
+    actuation = node.latest(topics.ACTUATION)
     wrenches = node.publisher(topics.WRENCH)
     thrusters = node.publisher(topics.THRUSTERS)
 
     def on_reference(reference: Reference | None, now: int) -> None:
-        wrench, command = controller.step(reference, state.fresh(now), now)
+        newest = state.fresh(now)
+        controller.heard(actuation.fresh(now), newest)
+        wrench, command = controller.step(reference, newest, now)
         wrenches.put(wrench)
         thrusters.put(command)
         while controller.happened:
             node.count(controller.happened.pop())
 
     node.trigger(topics.REFERENCE, on_reference, SILENCE_S)
+
+
+def _controller(stack: Stack) -> Controller:
+    """
+    Raises:
+        LindyError: thrusters or gains that no vehicle can be flown with.
+    """
+    settings, vehicle = stack.section("control", Settings), stack.section("vehicle", Vehicle)
+    try:
+        return Controller(settings, vehicle)
+    except ValueError as error:
+        raise LindyError(f"{stack.vehicle_path}: {error}") from None

@@ -11,10 +11,12 @@ from services.estimation.heading import (
     strength_and_dip,
     wrapped,
 )
-from services.marine.attitude import to_euler
+from services.marine.attitude import down_in_body, to_euler
 from services.marine.vehicle import GRAVITY
 
 STEEPEST = 1.4  # [rad] of pitch; nearer to the vertical, heading means nothing
+UNSURE = 0.1  # [rad] of tilt, taken from the accelerometer of a vehicle that moves
+UNSURE_AFTER = 0.2  # [rad/s] of tilt, for each second in which nobody looked
 COMPASS_MEMORY_NS = 60_000_000_000  # [ns] the gyroscope carries north on for this long
 
 
@@ -33,6 +35,7 @@ class AttitudeObserver:
         self._settings = settings
         self._filter = AttitudeFilter(settings)
         self._started = False
+        self._rate: Vec3 | None = None  # [rad/s] newest, bias removed
         self._euler: Vec3 = (0.0, 0.0, wrapped(heading))
         self._tilt_std = settings.tilt_std
         self._field_ns: int | None = None  # [ns] newest magnetometer sample
@@ -63,14 +66,20 @@ class AttitudeObserver:
         counting."""
         if not self._started:
             self.start(specific_force)
+            self._tilt_std = UNSURE
         p, q, r = angular_rate
         bp, bq, br = self.gyro_bias
         rate = (p - bp, q - bq, r - br)
-        used = self._filter.step(rate, specific_force, dt)
+        # The mean of both ends: the newest sample alone would be half a step early.
+        before, self._rate = self._rate or rate, rate
+        (a, b, c), (d, e, f) = before, rate
+        mean = (0.5 * (a + d), 0.5 * (b + e), 0.5 * (c + f))
+        beta = self._gain
+        used = self._filter.step(mean, specific_force, dt, beta)
         self._euler = to_euler(self._filter.q)
         self.control.step(self._euler[2], rate[2], dt)
         self.compass.drift(dt)
-        self._spread(used, dt)
+        self._spread(beta if used else None, dt)
         if not self._is_sound():
             return self._reset(specific_force)
         return None if used else "accelerating:sensor/imu"
@@ -79,6 +88,7 @@ class AttitudeObserver:
         """Nobody has measured anything for this long."""
         self.control.blind(seconds)
         self.compass.blind(seconds)
+        self._tilt_std = min(pi, self._tilt_std + UNSURE_AFTER * seconds)
 
     def magnetometer(self, field: Vec3, stamp_ns: int) -> str | None:
         """One plausible sample [T]. Returns what is worth counting."""
@@ -95,6 +105,11 @@ class AttitudeObserver:
         """[m/s²] NED, of a specific force [m/s²] in FRD, accelerometer bias included."""
         return down_along(self._filter.q, specific_force) + GRAVITY
 
+    @property
+    def forward_down(self) -> float:
+        """[-] Down component of the body's forward axis: -sin(pitch)."""
+        return down_in_body(self._filter.q)[0]
+
     def tilt(self, valid: bool) -> tuple[Estimate, Estimate]:
         """Roll and pitch [rad]."""
         roll, pitch, _ = self._euler
@@ -103,7 +118,8 @@ class AttitudeObserver:
     def heading(self, valid: bool) -> Estimate:
         """Control heading [rad], accumulated past ±π."""
         upright = abs(self._euler[1]) < STEEPEST
-        return Estimate(self.control.heading, self.control.std, valid and upright)
+        std = min(pi, self._settings.heading_std + self.control.std)
+        return Estimate(self.control.heading, std, valid and upright)
 
     def heading_navigation(self, valid: bool, now: int) -> Estimate | None:
         """Navigation heading [rad] in (-π, π]; None without a magnetometer."""
@@ -122,12 +138,19 @@ class AttitudeObserver:
         """[rad/s] about the body's down axis."""
         return Estimate(self.control.yaw_rate, self._settings.yaw_rate_std, valid)
 
-    def _spread(self, corrected: bool, dt: float) -> None:
+    @property
+    def _gain(self) -> float:
+        """[rad/s] Slow while the tilt is known: the accelerometer is only right on average."""
+        s = self._settings
+        return s.recovery if self._tilt_std > 2.0 * s.tilt_std else s.correction
+
+    def _spread(self, beta: float | None, dt: float) -> None:
+        """The gain [rad/s] with which the accelerometer has corrected; None: not at all."""
         least, drift = self._settings.tilt_std, self._settings.tilt_drift
-        if corrected:
-            self._tilt_std = max(least, self._tilt_std - self._settings.correction * dt)
-        else:
+        if beta is None:
             self._tilt_std = min(pi, self._tilt_std + drift * dt)
+        else:
+            self._tilt_std = max(least, self._tilt_std - beta * dt)
 
     def _is_sound(self) -> bool:
         return isfinite(sum(self._filter.q) + self.control.heading + self.control.yaw_rate)
@@ -136,4 +159,5 @@ class AttitudeObserver:
         """Last line of defence against numbers that are not finite."""
         self.control = ControlHeading(self._settings, 0.0, pi)
         self.start(specific_force)
+        self._tilt_std = UNSURE
         return "not_finite:attitude"

@@ -19,6 +19,7 @@ import msgspec
 
 from messages import topics
 from messages.message import Estimate, Finite, Ns, Positive
+from messages.reference import Reference
 from messages.sensors import (
     DvlSample,
     ImuSample,
@@ -27,17 +28,25 @@ from messages.sensors import (
     UsblSample,
 )
 from messages.state import VehicleState
+from messages.vehicle import Actuation
 from services.estimation import plausible
+from services.estimation.asked_motion import asked_acceleration
 from services.estimation.attitude_filter import AttitudeSettings, Vec3
 from services.estimation.attitude_observer import AttitudeObserver
-from services.estimation.calibration import Calibrated, Calibration, CalibrationSettings
+from services.estimation.calibration import (
+    Calibrated,
+    Calibration,
+    CalibrationSettings,
+    Countdown,
+)
 from services.estimation.depth_filter import DepthSettings
 from services.estimation.depth_observer import Atmosphere, DepthObserver
-from services.estimation.horizontal_filter import HorizontalSettings
-from services.estimation.horizontal_observer import HorizontalObserver
+from services.estimation.horizontal_hull import Hull
+from services.estimation.horizontal_observer import HorizontalObserver, Motion
+from services.estimation.horizontal_settings import HorizontalSettings
 from services.estimation.resting_bias import RestingBias
 from services.estimation.sensor_watch import SensorWatch, WatchSettings
-from services.marine.vehicle import ATMOSPHERE, GRAVITY, SEA_WATER
+from services.marine.vehicle import ATMOSPHERE, GRAVITY, SEA_WATER, Vehicle
 from services.marine.water import Density, density_of
 
 Level = Literal["info", "warning"]
@@ -81,19 +90,28 @@ class Estimator:
         settings: Settings,
         floating_depth: float,
         remembered: Remembered | None = None,
+        vehicle: Vehicle | None = None,
     ) -> None:
-        """Depth [m] of the origin when the vehicle floats; what an earlier run remembered."""
+        """Depth [m] of the origin when the vehicle floats; what an earlier run remembered; the
+        vehicle, for what thrust and drag tell of the current: without it that stays unknown.
+
+        Raises:
+            ValueError: a thruster without direction.
+        """
         self.noted: list[str] = []
         self.lines: list[tuple[Level, str]] = []
         self._settings = settings
         self._floating_depth = floating_depth
         self._calibration: Calibration | None = Calibration(settings.calibration)
+        self._countdown = Countdown()
         self._asked_for_pressure = False
+        self._asked: float | None = None  # [m/s²] acceleration down that the reference asks for
         self._imu_ns: int | None = None  # [ns] newest IMU sample used
         self._attitude = AttitudeObserver(settings.attitude, (0.0, 0.0, 0.0), 0.0, pi)
         self._depth = self._depth_observer(STANDARD, 0.0)
         self._resting = RestingBias(settings.calibration, (0.0, 0.0, 0.0))
-        self._horizontal = HorizontalObserver(settings.horizontal)
+        hull = None if vehicle is None else Hull(vehicle, settings.horizontal.wake_share)
+        self._horizontal = HorizontalObserver(settings.horizontal, hull)
         self._kept_ns: int | None = None  # [ns] when what was remembered was true
         self._watch()
         if remembered is not None:
@@ -160,6 +178,20 @@ class Estimator:
         elif self._calibration is None:
             self._note(self._horizontal.usbl(sample))
 
+    def reference(self, newest: Reference | None) -> None:
+        """The fresh reference, for the depth observer of that name; None: there is none."""
+        self._asked = asked_acceleration(newest)
+
+    def actuation(self, sample: Actuation) -> None:
+        """What the thrusters really do: with the hull's drag, the only thing that tells the
+        current."""
+        self._note(self._horizontal.actuation(sample))
+
+    @property
+    def horizontal_surprise(self) -> dict[str, float]:
+        """Newest normalised innovation squared of "dvl" and "usbl", for whoever judges them."""
+        return self._horizontal.surprise
+
     def remembered(self, now: int) -> Remembered | None:
         """What to keep for a restart; None while there is nothing worth keeping."""
         if self._calibration is not None:
@@ -210,18 +242,34 @@ class Estimator:
         self._note(self._attitude.step(sample.angular_rate, force, dt))
         self._note(self._resting.imu(sample.angular_rate, force, dt))
         self._attitude.gyro_bias = self._resting.bias
-        self._note(self._depth.predict(self._attitude.acceleration_down(force), at_ns))
+        measured = self._attitude.acceleration_down(force)
+        follows = self._settings.depth.observer == "reference"
+        input_ = self._asked if follows else measured
+        self._note(self._depth.predict(input_, at_ns, self._attitude.forward_down))
         self._note(self._predict_horizontal(force, at_ns))
 
     def _predict_horizontal(self, force: Vec3 | None, at_ns: int) -> str | None:
         seen, north = self._attitude, self._attitude.compass.offset
-        return self._horizontal.predict(seen.attitude, north, seen.north_std, force, at_ns)
+        _, depth_rate, _ = self._depth.estimates(at_ns)
+        return self._horizontal.predict(
+            Motion(
+                attitude=seen.attitude,
+                offset=north,
+                heading_std=seen.north_std,
+                specific_force=force,
+                yaw_rate=seen.control.yaw_rate,
+                depth_rate=depth_rate.value,
+                depth_rate_std=depth_rate.std,
+            ),
+            at_ns,
+        )
 
     def _calibrate(self, calibration: Calibration, sample: ImuSample, dt: float) -> None:
         self._attitude.start(sample.specific_force)
         if calibration.imu(sample.angular_rate, sample.specific_force, dt):
             self.noted.append("moved:calibration")
             self._warn("the vehicle moves: calibration waits until it is still")
+            self._countdown = Countdown()
         learnt = calibration.result()
         if learnt is not None:
             self._begin(learnt, sample.stamp_ns)
@@ -229,6 +277,8 @@ class Estimator:
             self._asked_for_pressure = True
             self.noted.append("waiting:sensor/pressure")
             self._warn("calibration waits for the pressure sensor")
+        elif (line := self._countdown.line(calibration.seconds_left)) is not None:
+            self.lines.append(("info", line))
 
     def _begin(self, learnt: Calibrated, at_ns: int) -> None:
         """From calibrating to running."""
@@ -284,13 +334,23 @@ class Estimator:
         imu, field, pressure = topics.IMU, topics.MAGNETOMETER, topics.PRESSURE
         self._imu_watch = SensorWatch(imu.key, limits.imu_frozen, noted, imu.hz, like)
         self._field_watch = SensorWatch(
-            field.key, limits.magnetometer_frozen, noted, field.hz, like
+            field.key,
+            limits.magnetometer_frozen,
+            noted,
+            field.hz,
+            like,
+            limits.magnetometer_silent,
         )
         self._pressure_watch = SensorWatch(
             pressure.key, limits.pressure_frozen, noted, pressure.hz, like
         )
-        self._dvl_watch = SensorWatch(topics.DVL.key, limits.dvl_frozen, noted)
-        self._usbl_watch = SensorWatch(topics.USBL.key, limits.usbl_frozen, noted)
+        self._dvl_watch = SensorWatch(
+            topics.DVL.key, limits.dvl_frozen, noted, silent_after=limits.dvl_silent
+        )
+        self._usbl_watch = SensorWatch(
+            topics.USBL.key, limits.usbl_frozen, noted, silent_after=limits.usbl_silent
+        )
+        self._may_fall_silent = self._field_watch, self._dvl_watch, self._usbl_watch
 
     def _depth_observer(self, atmosphere: Atmosphere, bias: float) -> DepthObserver:
         density = density_of(self._settings.water_density)
@@ -300,17 +360,21 @@ class Estimator:
 
     def _state(self, now: int) -> VehicleState:
         assert self._imu_ns is not None
+        for watch in self._may_fall_silent:
+            watch.listen(now)
         running = self._calibration is None
         known = running and self._hears_imu(now)
         attitude = self._attitude
         depth, rate, acceleration = self._depth.estimates(now) if running else self._floating()
         roll, pitch = attitude.tilt(known)
         place = self._horizontal.position(now) or (None, None)
-        over_ground = self._horizontal.velocity(rate.value, now) or (None, None)
+        over_ground = self._horizontal.velocity(now) or (None, None)
+        current = self._horizontal.current(now) or (None, None)
         return VehicleState(
             stamp_ns=now,
             sensor_ns=self._imu_ns,
             phase="running" if running else "calibrating",
+            calibration_left=self._calibration.seconds_left if self._calibration else None,
             depth=depth,
             depth_rate=rate,
             depth_acceleration=acceleration,
@@ -324,6 +388,8 @@ class Estimator:
             sway_velocity=over_ground[1],
             north=place[0],
             east=place[1],
+            current_north=current[0],
+            current_east=current[1],
             pressure_age_ms=self._depth.pressure_age_ms(now),
         )
 

@@ -13,6 +13,7 @@ AHEAD = 0.2  # [s] a sample may be this much newer than the newest IMU sample
 LONGEST_STEP = 0.5  # [s] no prediction over a longer gap
 RATE_STD = 0.5  # [m/s] when the filter starts under way
 RESTING_RATE_STD = 0.05  # [m/s] when it starts at rest; some swell
+LASTING = 1.0  # [s] clipped on one side; sound sensors never are for more than 0.6 s
 BANDWIDTH = 50.0  # [Hz] of the accelerometer at 100 Hz, to turn noise density into spread
 
 
@@ -30,6 +31,10 @@ class DepthObserver:
     Each innovation counts as no more than `clip` σ (Huber 1964), which costs nothing when the noise
     is Gaussian and keeps a disturbance just inside the gate from kicking the rate so hard that the
     good samples after it look like outliers.
+
+    Clipping one sample in eight is the rule. Clipping on one side for more than a second is not:
+    filter and sensor disagree, and whatever is true, the depth is known no better than their
+    distance. It is counted once (`clipped:`), and the stated spread grows to it while it lasts.
 
     An innovation beyond `gate` σ is an outlier and is not used. When outliers, and nothing else,
     have come for `outlier_run` seconds, the world has changed and not the sample: the filter
@@ -64,6 +69,7 @@ class DepthObserver:
         self._started = False
         self._accepted_ns: int | None = None  # [ns] time of validity of the last accepted sample
         self._outliers_since: int | None = None
+        self._clipped = _Clipped()
         self._unread: tuple[float, int] | None = None  # [m], [ns] newest sample, if not timed
 
     def start(self, pressure: float, samples: int, at_ns: int) -> None:
@@ -76,10 +82,10 @@ class DepthObserver:
         """[m]"""
         return (pressure - self.atmosphere.pressure) / self._per_metre
 
-    def predict(self, acceleration: float | None, at_ns: int) -> str | None:
+    def predict(self, acceleration: float | None, at_ns: int, forward: float = 0.0) -> str | None:
         """Move on to `at_ns`. The acceleration [m/s²] along down is the one there, measured or,
-        for the way "reference", asked for; None: unknown. Returns what went wrong, for the
-        counters."""
+        for the way "reference", asked for; None: unknown. `forward` is the down component of the
+        body's forward axis. Returns what went wrong, for the counters."""
         dt = (at_ns - self._at_ns) * 1e-9
         if dt <= 0.0:
             return None
@@ -93,7 +99,7 @@ class DepthObserver:
         # The mean of both ends: the newest sample alone would be half a step early.
         if before is not None and acceleration is not None:
             acceleration = (before + acceleration) / 2.0
-        self._filter.predict(acceleration, dt, self._way.measured)
+        self._filter.predict(acceleration, dt, self._way.measured, forward)
         if not self._filter.is_sound():
             return self._reset()
         return None if self._unread is None else self._read(self._unread)
@@ -119,14 +125,12 @@ class DepthObserver:
         an accepted sample; the acceleration only while the accelerometer is heard. The spread of
         the depth includes the atmosphere's, which stays the same all dive."""
         f, valid = self._filter, self._heard_within(self._settings.valid_for, now)
-        if self._input is None:
-            measured, acceleration, noise = False, 0.0, self._settings.motion_noise
-        else:
-            measured, acceleration = True, self._input - f.bias
-            noise = self._settings.acceleration_noise
+        measured = self._input is not None and self._way.measured
+        acceleration = (self._input or 0.0) - (f.bias if measured else 0.0)
+        noise = self._settings.acceleration_noise if measured else self._settings.motion_noise
         acceleration_std = sqrt(f.p22 + noise * noise * BANDWIDTH)
         return (
-            Estimate(f.depth, hypot(f.depth_std, self._datum_std), valid),
+            Estimate(f.depth, hypot(f.depth_std, self._datum_std, self._clipped.distance), valid),
             Estimate(f.rate, f.rate_std, valid),
             Estimate(acceleration, acceleration_std, valid and measured),
         )
@@ -155,7 +159,10 @@ class DepthObserver:
         most = self._settings.clip * spread
         self._filter.update(max(-most, min(most, surprise)), variance, age)
         self._accept(stamp_ns)
-        return None if self._filter.is_sound() else self._reset()
+        if not self._filter.is_sound():
+            return self._reset()
+        lasts = self._clipped.lasts(surprise, most, stamp_ns)
+        return "clipped:sensor/pressure" if lasts else None
 
     def _outlier(self, depth: float, stamp_ns: int) -> str:
         self._unread = None
@@ -172,6 +179,7 @@ class DepthObserver:
         self._filter.start(depth, depth_std, rate_std, self._filter.bias, bias_std)
         self._started = True
         self._unread = None
+        self._clipped = _Clipped()
         self._accept(stamp_ns)
 
     def _accept(self, stamp_ns: int) -> None:
@@ -187,9 +195,36 @@ class DepthObserver:
         self._filter.rate = 0.0
         self._started = False
         self._unread = None
+        self._clipped = _Clipped()
         return why
 
     def _reset(self) -> str:
         """Last line of defence against numbers that are not finite."""
-        self._filter.start(0.0, 1.0)
+        self._filter = DepthFilter(self._settings)
         return self._stop("not_finite:depth")
+
+
+class _Clipped:
+    """How long innovations have been clipped on one side."""
+
+    __slots__ = ("_above", "_since_ns", "_told", "distance")
+
+    def __init__(self) -> None:
+        self.distance = 0.0  # [m] between filter and sensor, while it lasts
+        self._above = False
+        self._since_ns: int | None = None
+        self._told = False
+
+    def lasts(self, surprise: float, most: float, stamp_ns: int) -> bool:
+        """Another innovation [m] of which no more than `most` counted. True once, when it has
+        lasted."""
+        above = surprise > 0.0
+        if abs(surprise) <= most or above != self._above or self._since_ns is None:
+            self.distance, self._told = 0.0, False
+            self._above, self._since_ns = above, stamp_ns if abs(surprise) > most else None
+            return False
+        if (stamp_ns - self._since_ns) * 1e-9 < LASTING:
+            return False
+        self.distance = abs(surprise)
+        newly, self._told = not self._told, True
+        return newly

@@ -8,9 +8,8 @@ All share one filter (`depth_filter.py`) and one handling of outliers and drop-o
 from dataclasses import dataclass
 from typing import Literal
 
-# "reference" is not offered in the vehicle file: an observer that hears the reference believes in
-# motion that a blocked or drifting vehicle does not make. It is there to be compared with.
-Observer = Literal["accelerometer", "timed", "new", "hold"]
+# What the observer "reference" does when the vehicle does not do as it is told: asked_motion.py.
+Observer = Literal["accelerometer", "reference", "timed", "new", "hold"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,11 +6,13 @@ control loop it turns the vehicle (Andrén 2023, section 5.3.2).
 
 from math import atan2, exp, hypot, pi, radians, remainder
 
+from messages import topics
 from services.estimation.attitude_filter import AttitudeSettings, Quaternion, Vec3
 from services.estimation.magnetic_field import MagneticField
 from services.marine.attitude import down_in_body
 
 LEAST_HORIZONTAL = 2e-6  # [T] less horizontal field than this shows no direction
+PERIOD = 1.0 / topics.IMU.hz  # [s] a gyroscope heard half as often drifts twice as fast
 UNKNOWN_TURN = 0.5  # [rad/s] how fast the vehicle may have turned while nobody looked
 
 
@@ -38,7 +40,7 @@ class ControlHeading:
         self.heading += wrapped(yaw - self._yaw)
         self._yaw = yaw
         self.yaw_rate += (1.0 - exp(-self._cutoff * dt)) * (rate - self.yaw_rate)
-        self.std = min(pi, self.std + self._drift * dt)
+        self.std = min(pi, self.std + self._drift * dt * max(1.0, dt / PERIOD))
 
     def blind(self, seconds: float) -> None:
         """Nobody has measured the rate for this long."""
@@ -88,7 +90,7 @@ class Compass:
 
     def drift(self, dt: float) -> None:
         """Another `dt` [s] on the gyroscope alone."""
-        self.std = min(pi, self.std + self._drift * dt)
+        self.std = min(pi, self.std + self._drift * dt * max(1.0, dt / PERIOD))
 
     def blind(self, seconds: float) -> None:
         """Nobody has measured the rate for this long."""

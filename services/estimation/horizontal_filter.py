@@ -1,130 +1,245 @@
-"""Kalman filter of the horizontal motion over the ground, driven by the accelerometer.
+"""Extended Kalman filter of the horizontal motion and of the water it happens in.
 
-States of each axis, north and east: position [m], velocity [m/s], bias of the acceleration [m/s²]
-(what a small error of tilt lets gravity add). A DVL's velocity is turned into NED before it comes
-here, and all noise is taken as equal in every horizontal direction. Then both axes have the same
-covariance and the same gains, and one 3 × 3 matrix serves both.
+States, all in NED because the accelerometer's step is linear there and a turning body needs no
+Coriolis terms:
 
-Written out in plain floats, because NumPy costs more than it saves on 3 × 3.
+     0, 1   position [m]
+     2, 3   velocity over the ground [m/s]
+     4, 5   current: velocity of the water over the ground [m/s]
+     6, 7   lean [m/s²]: what the error of tilt lets gravity add to the accelerometer
+     8      error of the heading from north [rad]: true minus measured
+     9, 10  share by which the damping in surge and sway is larger than the vehicle file says [-]
+
+All but position and velocity are first-order Gauss-Markov processes. The accelerometer moves the
+velocity. What the vehicle's model expects of thrust and drag is one more measurement of the same
+acceleration, and the only thing that tells the current: drag depends on the velocity through the
+water.
+
+Pure functions from belief to belief (Bar-Shalom, Li and Kirubarajan 2001, section 10.3).
 """
 
-from math import sqrt
-from typing import Annotated
+from math import cos, sin
+from typing import NamedTuple
 
-import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
-Positive = Annotated[float, msgspec.Meta(gt=0.0, le=1e6)]
-Pair = tuple[float, float]  # north, east
-Row3 = tuple[float, float, float]
+from services.estimation.attitude_filter import Quaternion, Vec3
+from services.estimation.horizontal_hull import Expected, Hull
+from services.estimation.horizontal_settings import HorizontalSettings
+from services.marine.attitude import to_body
 
-
-class HorizontalSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How far each measurement of the horizontal motion is trusted, and for how long."""
-
-    acceleration_noise: Positive = 0.03  # [m/s²/√Hz] accelerometer noise, with what tilt adds
-    # The attitude leans into an acceleration that lasts, and hides it: only changes are seen.
-    bias_walk: Positive = 0.12  # [m/s²/√s] how fast the error of tilt wanders
-    motion_noise: Positive = 0.3  # [m/s²/√Hz] unknown motion while the IMU is silent
-    gate: Annotated[float, msgspec.Meta(ge=3.0, le=100.0)] = 6.0  # [σ] innovations beyond: outlier
-    outliers: Annotated[int, msgspec.Meta(ge=2, le=100)] = 5  # in a row: the world has changed
-    dvl_valid_for: Positive = 3.0  # [s] after the last accepted sample
-    usbl_valid_for: Positive = 15.0  # [s]
-    lost_after: Positive = 60.0  # [s] without either: prediction is worthless
-    oldest: Annotated[float, msgspec.Meta(gt=0.0, le=10.0)] = 4.0  # [s] age of a usable sample
+Floats = NDArray[np.float64]
+Pair = tuple[float, float]  # north and east, or surge and sway where it says so
+SIZE = 11
+POSITION, VELOCITY, CURRENT, LEAN = slice(0, 2), slice(2, 4), slice(4, 6), slice(6, 8)
+HEADING, DAMPING = 8, slice(9, 11)
+DAMPING_TIME = 600.0  # [s] drag is not quite quadratic: at another speed it is another share
+UNMEASURED = 1.0  # [m/s] spread of the velocity before anybody has measured it
+AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))  # north, east, down
+AGAIN = 10.0  # legs in a row that are bent in the same way; a DVL speaks once in so many
+START_STD = 0.01  # [m] of the position from which it is counted
 
 
-class HorizontalFilter:
-    """Means of both axes and their common covariance. The caller keeps the time."""
+class Belief(NamedTuple):
+    x: Floats  # (11,) mean of the states
+    P: Floats  # (11, 11) their covariance
 
-    def __init__(self, settings: HorizontalSettings) -> None:
-        self._qa = settings.acceleration_noise**2
-        self._qb = settings.bias_walk**2
-        self._qm = settings.motion_noise**2
-        self.position: Pair = (0.0, 0.0)  # [m]
-        self.velocity: Pair = (0.0, 0.0)  # [m/s]
-        self.bias: Pair = (0.0, 0.0)  # [m/s²]
-        self.p00 = self.p11 = self.p22 = 1.0
-        self.p01 = self.p02 = self.p12 = 0.0
 
-    def start(self, position_std: float, velocity_std: float) -> None:
-        """Begin at zero with spreads in m and m/s."""
-        self.position = self.velocity = self.bias = (0.0, 0.0)
-        self.p00, self.p11, self.p22 = position_std**2, velocity_std**2, 0.1**2
-        self.p01 = self.p02 = self.p12 = 0.0
+class Leg(NamedTuple):
+    """What is known of a short time without DVL and USBL. Means, unless it says end."""
 
-    def move_to(self, position: Pair, std: float) -> None:
-        """Forget the position [m], keep the velocity."""
-        self.position, self.p00, self.p01, self.p02 = position, std * std, 0.0, 0.0
+    seconds: float
+    acceleration: Pair | None  # [m/s²] north and east by the compass, lean included; None: silent
+    attitude: Quaternion  # q_NB, end; yaw is from north as the compass has it
+    heading_std: float  # [rad] end
+    yaw_rate: float  # [rad/s]
+    force: Pair | None  # [N] of the thrusters in surge and sway; None: unknown
+    depth_rate: float  # [m/s] end
+    depth_rate_std: float  # [m/s] end
 
-    def change_to(self, velocity: Pair, std: float) -> None:
-        """Forget the velocity [m/s], keep the position."""
-        self.velocity, self.p11, self.p01, self.p12 = velocity, std * std, 0.0, 0.0
 
-    def predict(self, acceleration: Pair | None, dt: float) -> Pair:
-        """Move on by `dt` [s] with a measured acceleration [m/s²], bias included; None: unknown.
-        Returns the acceleration believed."""
-        (x, y), (u, v), (b, c) = self.position, self.velocity, self.bias
-        known = acceleration is not None
-        a, d = (acceleration[0] - b, acceleration[1] - c) if known else (0.0, 0.0)
-        h = 0.5 * dt * dt
-        self.position = (x + u * dt + a * h, y + v * dt + d * h)
-        self.velocity = (u + a * dt, v + d * dt)
-        # F = [1 dt -h; 0 1 -dt; 0 0 1]; without the accelerometer its bias moves nothing.
-        e, f = (-h, -dt) if known else (0.0, 0.0)
-        p00, p01, p02, p11, p12, p22 = self.p00, self.p01, self.p02, self.p11, self.p12, self.p22
-        r00, r01, r02 = p00 + dt * p01 + e * p02, p01 + dt * p11 + e * p12, p02 + dt * p12 + e * p22
-        r11, r12 = p11 + f * p12, p12 + f * p22
-        q = (self._qa if known else self._qm) * dt
-        self.p00 = r00 + dt * r01 + e * r02 + q * dt * dt / 3.0
-        self.p01 = r01 + f * r02 + q * dt / 2.0
-        self.p02 = r02
-        self.p11 = r11 + f * r12 + q
-        self.p12 = r12
-        self.p22 = p22 + self._qb * dt
-        return a, d
+class Innovation(NamedTuple):
+    """A measurement of n numbers beside what was expected."""
 
-    def variance(self, h: Row3) -> float:
-        """Of the prediction of a measurement with this row of the measurement matrix."""
-        g0, g1, g2 = self._times(h)
-        return h[0] * g0 + h[1] * g1 + h[2] * g2
+    off: Floats  # (n,) measured minus expected
+    H: Floats  # (n, 11) Jacobian of the measurement
+    R: Floats  # (n, n) covariance of its noise
 
-    def update(self, h: Row3, surprise: Pair, variance: float) -> None:
-        """Use a measurement of both axes, `surprise` off the prediction, whose innovation has
-        this variance."""
-        g0, g1, g2 = self._times(h)
-        k0, k1, k2 = g0 / variance, g1 / variance, g2 / variance
-        n, e = surprise
-        self.position = (self.position[0] + k0 * n, self.position[1] + k0 * e)
-        self.velocity = (self.velocity[0] + k1 * n, self.velocity[1] + k1 * e)
-        self.bias = (self.bias[0] + k2 * n, self.bias[1] + k2 * e)
-        self.p00 -= k0 * g0
-        self.p01 -= k0 * g1
-        self.p02 -= k0 * g2
-        self.p11 -= k1 * g1
-        self.p12 -= k1 * g2
-        self.p22 -= k2 * g2
 
-    @property
-    def position_std(self) -> float:
-        """[m] of each axis."""
-        return sqrt(self.p00)
+def begun(settings: HorizontalSettings, heading_std: float) -> Belief:
+    """At rest at zero, and nothing known but the position, from which counting begins."""
+    std = _steady_std(settings, heading_std)
+    std[POSITION], std[VELOCITY] = START_STD, UNMEASURED
+    return Belief(np.zeros(SIZE), np.diag(std * std))
 
-    @property
-    def velocity_std(self) -> float:
-        """[m/s] of each axis."""
-        return sqrt(self.p11)
 
-    def is_sound(self) -> bool:
-        """False when a number is not finite or a variance is not positive: start anew then."""
-        total = sum((*self.position, *self.velocity, *self.bias, self.p01, self.p02, self.p12))
-        positive = 0.0 < self.p00 < 1e12 and 0.0 < self.p11 < 1e12 and 0.0 < self.p22 < 1e12
-        return total - total == 0.0 and positive  # NaN and infinities fail
+def predicted(belief: Belief, leg: Leg, settings: HorizontalSettings) -> Belief:
+    """The belief one leg later."""
+    dt, push = leg.seconds, np.zeros(SIZE)
+    keep = np.exp(-dt / _times(settings))
+    F = np.diag(keep)
+    F[0, 2] = F[1, 3] = dt
+    if leg.acceleration is None:
+        q = settings.motion_noise**2
+    else:
+        q = settings.acceleration_noise**2
+        F[0, 6] = F[1, 7] = -0.5 * dt * dt
+        F[2, 6] = F[3, 7] = -dt
+        a, b = turned(leg.acceleration, belief.x[HEADING])
+        push[:4] = 0.5 * dt * dt * a, 0.5 * dt * dt * b, dt * a, dt * b
+        F[:4, HEADING] = -push[1], push[0], -push[3], push[2]
+    std = _steady_std(settings, leg.heading_std)
+    Q = np.diag(std * std * (1.0 - keep * keep))
+    for p, v in ((0, 2), (1, 3)):
+        Q[p, p], Q[v, v] = q * dt**3 / 3.0, q * dt
+        Q[p, v] = Q[v, p] = q * dt**2 / 2.0
+    fading = F.copy()
+    fading[:4, HEADING] = 0.0  # the push has it already
+    return Belief(fading @ belief.x + push, F @ belief.P @ F.T + Q)
 
-    def _times(self, h: Row3) -> Row3:
-        """P hᵀ."""
-        a, b, c = h
-        return (
-            self.p00 * a + self.p01 * b + self.p02 * c,
-            self.p01 * a + self.p11 * b + self.p12 * c,
-            self.p02 * a + self.p12 * b + self.p22 * c,
-        )
+
+def corrected(belief: Belief, seen: Innovation) -> Belief:
+    """The belief after a measurement; Joseph's form keeps P symmetric and positive.
+
+    The damping is considered, not learnt (Schmidt 1966): its spread limits what drag tells of the
+    current, but a filter that learns it from a velocity which it does not know well is drawn to
+    too much damping, and sure of it."""
+    K = np.linalg.solve(covariance(belief, seen), seen.H @ belief.P).T
+    K[DAMPING] = 0.0
+    A = np.eye(SIZE) - K @ seen.H
+    return Belief(belief.x + K @ seen.off, A @ belief.P @ A.T + K @ seen.R @ K.T)
+
+
+def covariance(belief: Belief, seen: Innovation) -> Floats:
+    """(n, n) Of the innovation."""
+    return seen.H @ belief.P @ seen.H.T + seen.R
+
+
+def surprise(belief: Belief, seen: Innovation) -> float:
+    """Normalised innovation squared: n on average, if all is as the filter believes."""
+    return float(seen.off @ np.linalg.solve(covariance(belief, seen), seen.off))
+
+
+# What is measured.
+
+
+def fix(belief: Belief, place: Pair, std: float) -> Innovation:
+    """A position [m] with the spread [m] of each component."""
+    H = np.zeros((2, SIZE))
+    H[0, 0] = H[1, 1] = 1.0
+    return Innovation(np.subtract(place, belief.x[POSITION]), H, std * std * np.eye(2))
+
+
+def velocity(belief: Belief, leg: Leg, measured: Vec3, std: float) -> Innovation:
+    """Surge and sway of a velocity [m/s] over the ground in FRD, with the spread of each
+    component, at the end of the leg: the first two rows of R_BN(heading + error, pitch, roll) v_N,
+    where the depth rate is the third of v_N. The third row would measure the depth rate."""
+    R_BN = true_rotation(belief, leg)[:2]
+    north, east = belief.x[VELOCITY]
+    H = np.zeros((2, SIZE))
+    H[:, VELOCITY] = R_BN[:, :2]
+    H[:, HEADING] = R_BN[:, :2] @ (east, -north)
+    down = R_BN[:, 2]
+    R = std * std * np.eye(2) + leg.depth_rate_std**2 * np.outer(down, down)
+    return Innovation(measured[:2] - R_BN @ (north, east, leg.depth_rate), H, R)
+
+
+def balance(belief: Belief, leg: Leg, hull: Hull, settings: HorizontalSettings) -> Innovation:
+    """The accelerometer beside what thrust and drag should do, in surge and sway, over the leg.
+
+    Raises:
+        ValueError: the leg knows no acceleration or no force.
+    """
+    if leg.acceleration is None or leg.force is None:
+        raise ValueError("a leg without acceleration or force has no balance")
+    R_BN = true_rotation(belief, leg)
+    level = R_BN[:2, :2]
+    north, east = belief.x[VELOCITY] - belief.x[CURRENT]
+    surge, sway, _ = (R_BN @ (north, east, leg.depth_rate)).tolist()
+    share, side = belief.x[DAMPING].tolist()
+    expected = hull.expected((surge, sway), leg.yaw_rate, leg.force, (share, side))
+    by_water = np.array(expected.by_velocity) @ level
+    H = np.zeros((2, SIZE))
+    H[:, VELOCITY], H[:, CURRENT], H[:, LEAN] = by_water, -by_water, level
+    lean_north, lean_east = belief.x[LEAN]
+    H[:, HEADING] = by_water @ (east, -north) + level @ (lean_east, -lean_north)
+    H[0, 9], H[1, 10] = expected.by_damping
+    true_acceleration = turned(leg.acceleration, belief.x[HEADING])
+    off = level @ (true_acceleration - belief.x[LEAN]) - expected.acceleration
+    R = settings.model_noise**2 / leg.seconds + _bend(belief, level, expected, (east, -north))
+    return Innovation(off, H, np.diag(R))
+
+
+def _bend(belief: Belief, level: Floats, expected: Expected, aside: Pair) -> Floats:
+    """[m²/s⁴] (2,) Drag is no straight line: what the spreads of velocity and damping bend it by
+    counts as noise (second-order terms, Bar-Shalom, Li and Kirubarajan 2001, section 10.3.2)."""
+    W = np.zeros((2, SIZE))
+    W[:, VELOCITY], W[:, CURRENT], W[:, HEADING] = level, -level, level @ aside
+    water: Floats = np.diag(W @ belief.P @ W.T)  # [m²/s²] variances of surge and sway
+    own = np.multiply(expected.curvature, np.sqrt(water * np.max(water)))
+    slopes = np.diag(expected.by_velocity)
+    return AGAIN * 3.0 * own**2 + slopes**2 * water * np.diag(belief.P)[DAMPING]
+
+
+def true_rotation(belief: Belief, leg: Leg) -> Floats:
+    """(3, 3) R_BN at the end of the leg, the error of heading taken off."""
+    R_BN = np.array([to_body(leg.attitude, axis) for axis in AXES]).T
+    c, s = cos(belief.x[HEADING]), sin(belief.x[HEADING])
+    north, east = R_BN[:, 0].copy(), R_BN[:, 1].copy()
+    R_BN[:, 0], R_BN[:, 1] = c * north - s * east, s * north + c * east
+    return R_BN
+
+
+def turned(v: Pair, angle: float) -> Pair:
+    """A horizontal vector, turned clockwise by an angle [rad]."""
+    c, s = cos(angle), sin(angle)
+    return v[0] * c - v[1] * s, v[0] * s + v[1] * c
+
+
+# Starting anew.
+
+
+def moved_to(belief: Belief, place: Pair, std: float) -> Belief:
+    """Forget the position, believe this one [m]."""
+    return _replaced(belief, POSITION, np.array(place), std)
+
+
+def changed_to(belief: Belief, leg: Leg, measured: Vec3, std: float) -> Belief:
+    """Forget the velocity, believe this one [m/s], FRD, at the end of the leg."""
+    v_N = true_rotation(belief, leg).T @ measured
+    return _replaced(belief, VELOCITY, v_N[:2], std)
+
+
+def is_sound(belief: Belief) -> bool:
+    """False when a number is not finite or a variance is not positive: start anew then."""
+    variances = np.diag(belief.P)
+    return bool(
+        np.isfinite(belief.x).all()
+        and np.isfinite(belief.P).all()
+        and (variances > 0.0).all()
+        and (variances < 1e12).all()
+    )
+
+
+def _replaced(belief: Belief, states: slice, values: Floats, std: float) -> Belief:
+    x, P = belief.x.copy(), belief.P.copy()
+    x[states] = values
+    P[states, :] = P[:, states] = 0.0
+    P[states, states] = std * std * np.eye(2)
+    return Belief(x, P)
+
+
+def _times(settings: HorizontalSettings) -> Floats:
+    """[s] of the Gauss-Markov processes; position and velocity do not fade."""
+    current, lean = settings.current_time, settings.lean_time
+    never = np.inf
+    return np.array(
+        [never] * 4 + [current] * 2 + [lean] * 2 + [settings.heading_time] + [DAMPING_TIME] * 2
+    )
+
+
+def _steady_std(settings: HorizontalSettings, heading_std: float) -> Floats:
+    """In the long run, when nothing is measured; position and velocity have none."""
+    current, lean, damping = settings.current_std, settings.lean_std, settings.damping_share
+    return np.array([0.0] * 4 + [current] * 2 + [lean] * 2 + [heading_std] + [damping] * 2)

@@ -1,210 +1,280 @@
-"""From DVL and USBL samples to position and velocity over the ground, where a vehicle has them.
+"""From DVL, USBL and thrust to position, velocity over the ground and current, where a vehicle has
+them.
 
-Rates as in Fernandes et al. 2015: acoustic fixes once a second or less, DVL once a second; between
-them the accelerometer carries on. Without either nothing is known and nothing is said.
-
-The current is not estimated. It is the difference between velocity over the ground and velocity
-through the water, and nothing on board measures the latter.
+Rates as in Fernandes et al. 2015, appendix B: acoustic fixes once a second or less, DVL once a
+second; between them the accelerometer carries on. Without either nothing is known and nothing is
+said.
 """
 
-from collections import deque
+from collections.abc import Callable
+from functools import partial
 from math import cos, hypot, sin
 from typing import NamedTuple
 
 from messages.message import Estimate
 from messages.sensors import DvlSample, UsblSample
+from messages.vehicle import Actuation
+from services.estimation import horizontal_filter as ekf
 from services.estimation.attitude_filter import Quaternion, Vec3
 from services.estimation.heading import horizontal
-from services.estimation.horizontal_filter import HorizontalFilter, HorizontalSettings, Pair, Row3
+from services.estimation.horizontal_filter import Belief, Innovation, Leg, Pair
+from services.estimation.horizontal_hull import Hull
+from services.estimation.horizontal_leg import OpenLeg
+from services.estimation.horizontal_settings import HorizontalSettings
+from services.estimation.horizontal_trail import Reading, Stone, Trail
+from services.marine.attitude import LEVEL, to_body
 
-KEPT_EVERY_NS = 40_000_000  # [ns] between two entries of the history
+LEG_NS = 95_000_000  # [ns] between two steps of the covariance; the mean goes on in between
 LONGEST_STEP = 0.5  # [s] no prediction over a longer gap
 LEAST_DVL_STD, LEAST_USBL_STD = 0.001, 0.01  # [m/s], [m] nobody measures better
-HEADING_TIME = 10.0  # [s] for which an error of heading stays the same
-UNKNOWN = 1.0  # [m/s] spread of the velocity before anybody has measured it
+MOST_CHANGE = 0.5  # [m/s²] by which the velocity may have changed before the filter ran
+MEASURES = {"dvl": "velocity", "usbl": "position"}
+
+See = Callable[[Belief, Leg], Innovation]
 
 
-class Past(NamedTuple):
-    """Where and how the vehicle was, to go back to a sample's own time."""
+class Motion(NamedTuple):
+    """What the other filters know at one moment."""
 
-    stamp_ns: int
     attitude: Quaternion  # q_NB, yaw is the control heading
-    offset: float  # [rad] north, from where the control heading believes it is
-    moved: Pair  # [m] so far, by prediction
-    gained: Pair  # [m/s] so far, by prediction
+    offset: float | None  # [rad] north, from where the control heading believes it is
+    heading_std: float  # [rad] of the heading from north
+    specific_force: Vec3 | None  # [m/s²] FRD; None: IMU silent
+    yaw_rate: float = 0.0  # [rad/s]
+    depth_rate: float = 0.0  # [m/s]
+    depth_rate_std: float = 0.0  # [m/s]
 
 
 class HorizontalObserver:
-    """Position and velocity in NED.
+    """Position, velocity over the ground and current in NED.
 
-    A sample of age D is compared with where the vehicle was, or how fast, D ago: the prediction
-    made since then is taken off. An innovation beyond the gate is an outlier; `outliers` of them in
-    a row mean that the vehicle, and not the sample, is somewhere else, and the filter starts there.
+    A sample is used at its own time of validity: the recent past is kept and filtered anew from
+    there. An innovation beyond the gate is an outlier; `outliers` of them in a row mean that the
+    vehicle, and not the sample, is somewhere else, and the filter starts there.
 
     With a DVL alone, position is counted from where it first spoke, and its spread grows.
     """
 
-    def __init__(self, settings: HorizontalSettings) -> None:
+    def __init__(self, settings: HorizontalSettings, hull: Hull | None = None) -> None:
+        """Without a hull, the current stays unknown."""
+        self.surprise: dict[str, float] = {}  # newest normalised innovation squared, by sensor
         self._settings = settings
-        self._filter = HorizontalFilter(settings)
-        self._past: deque[Past] = deque(maxlen=round(settings.oldest * 1e9 / KEPT_EVERY_NS) + 2)
-        self._now = Past(0, (1.0, 0.0, 0.0, 0.0), 0.0, (0.0, 0.0), (0.0, 0.0))
+        self._hull = hull
+        self._trail = Trail(self._step, settings.oldest)
+        self._open = OpenLeg()
+        self._at_ns: int | None = None
+        self._motion = Motion(LEVEL, None, 0.0, None)
         self._started = False
         self._fixed = False  # a USBL fix has said where north and east are zero
-        self._dvl_ns: int | None = None  # [ns] last accepted sample
-        self._usbl_ns: int | None = None
-        self._begun_ns: int | None = None
+        self._balanced = False  # thrust and drag have told of the water
+        self._doubted = False  # the last they told was an outlier
+        self._begun_ns = 0
+        self._heard: dict[str, int] = {}  # [ns] stamp of the last accepted sample
         self._outliers = {"dvl": 0, "usbl": 0}  # in a row
+        self._values = self._variances = [0.0] * ekf.SIZE  # of the newest stone
+        self._force: Pair | None = None  # [N] surge and sway of the newest actuation
+        self._force_ns = 0
 
-    def predict(
-        self,
-        attitude: Quaternion,
-        offset: float | None,
-        heading_std: float,
-        force: Vec3 | None,
-        at_ns: int,
-    ) -> str | None:
-        """Move on to `at_ns` with the attitude q_NB, north's offset and its spread [rad] and the
-        specific force [m/s²], FRD, there. Returns what went wrong, for the counters."""
-        dt = (at_ns - self._now.stamp_ns) * 1e-9
-        offset = offset or 0.0
-        if not self._started:
-            self._now = self._now._replace(stamp_ns=at_ns, attitude=attitude, offset=offset)
+    def predict(self, motion: Motion, at_ns: int) -> str | None:
+        """Move on to `at_ns`. Returns what went wrong, for the counters."""
+        before = at_ns if self._at_ns is None else self._at_ns
+        if at_ns < before:
             return None
-        if dt <= 0.0:
+        self._at_ns, self._motion = at_ns, motion
+        if not self._started or at_ns == before:
             return None
+        dt = (at_ns - before) * 1e-9
         if dt > LONGEST_STEP or self._is_lost(at_ns):
             return self._stop("lost:position")
-        measured = None if force is None else to_north(attitude, offset, force)
-        (u, v), (x, y), (g, h) = self._filter.velocity, self._now.moved, self._now.gained
-        a, b = self._filter.predict(measured, dt)
-        # A wrong heading leads astray; it leaves surge and sway as the DVL saw them.
-        self._filter.p00 += (heading_std * hypot(u, v)) ** 2 * HEADING_TIME * dt
-        moved = (x + (u + 0.5 * a * dt) * dt, y + (v + 0.5 * b * dt) * dt)
-        self._now = Past(at_ns, attitude, offset, moved, (g + a * dt, h + b * dt))
-        if not self._past or at_ns - self._past[-1].stamp_ns >= KEPT_EVERY_NS:
-            self._past.append(self._now)
-        return None if self._filter.is_sound() else self._stop("not_finite:position")
+        measured = None
+        if motion.specific_force is not None:
+            measured = to_north(motion.attitude, motion.offset or 0.0, motion.specific_force)
+        self._open.add(dt, measured, motion.yaw_rate, self._thrust(at_ns))
+        return self._close(at_ns) if at_ns - self._trail.last.stamp_ns >= LEG_NS else None
+
+    def actuation(self, sample: Actuation) -> str | None:
+        """What the thrusters really do. Returns what is to be counted."""
+        if self._hull is None:
+            return None
+        if len(sample.thrust) != self._hull.thrusters:
+            return "wrong_length:vehicle/actuation"
+        self._force, self._force_ns = self._hull.force(sample.thrust), sample.stamp_ns
+        return None
 
     def dvl(self, sample: DvlSample) -> str | None:
         """Use a plausible sample. Returns what is to be counted."""
-        past = self._at(sample.stamp_ns)
-        if past is None:
-            return "late:sensor/dvl"
-        measured = to_north(past.attitude, past.offset, sample.velocity)
-        std = max(LEAST_DVL_STD, sample.std)
+        seen, std = sample.velocity, max(LEAST_DVL_STD, sample.std)
+        see, anew = partial(_velocity, seen, std), partial(_change, seen, std)
         if not self._started:
-            self._begin(UNKNOWN)
-        since = _minus(self._now.gained, past.gained)
-        predicted = _minus(self._filter.velocity, since)
-        row = (0.0, 1.0, (self._now.stamp_ns - past.stamp_ns) * 1e-9)
-        event = self._update("dvl", row, _minus(measured, predicted), std)
-        if event == "restart":
-            self._filter.change_to(_plus(measured, since), std)
-            event = "restarted:velocity"
-        if event is None or event.startswith("restarted"):
-            self._dvl_ns = sample.stamp_ns
-        return event
+            std = hypot(std, MOST_CHANGE * self._age(sample.stamp_ns))
+            anew = partial(_change, seen, std)
+        return self._use("dvl", sample.stamp_ns, see, anew)
 
     def usbl(self, sample: UsblSample) -> str | None:
         """Use a plausible fix. Returns what is to be counted."""
-        past = self._at(sample.stamp_ns)
-        if past is None:
-            return "late:sensor/usbl"
-        measured, std = (sample.north, sample.east), max(LEAST_USBL_STD, sample.std)
+        place, std = (sample.north, sample.east), max(LEAST_USBL_STD, sample.std)
+        see, anew = partial(_fix, place, std), partial(_move, place, std)
         if not self._started:
-            self._begin(UNKNOWN)
-        since = _minus(self._now.moved, past.moved)
-        age = (self._now.stamp_ns - past.stamp_ns) * 1e-9
-        event = "restart"
-        if self._fixed:
-            predicted = _minus(self._filter.position, since)
-            row = (1.0, -age, -0.5 * age * age)
-            event = self._update("usbl", row, _minus(measured, predicted), std)
-        if event == "restart":
-            event = "restarted:position" if self._fixed else None
-            self._filter.move_to(_plus(measured, since), std)
-            self._fixed = True
-        if event is None or event.startswith("restarted"):
-            self._usbl_ns = sample.stamp_ns
-        return event
+            std = hypot(std, ekf.UNMEASURED * self._age(sample.stamp_ns))
+            anew = partial(_move, place, std)
+        return self._use("usbl", sample.stamp_ns, see, anew)
+
+    # What is known.
 
     def position(self, now: int) -> tuple[Estimate, Estimate] | None:
         """North and east [m]; None: unknown. Valid as long as velocity is: dead reckoning is a
         position too, with the spread it deserves."""
         if not self._started:
             return None
-        (x, y), std, valid = self._filter.position, self._filter.position_std, self._valid(now)
-        return Estimate(x, std, valid), Estimate(y, std, valid)
+        (x, y, *_), valid = self._mean(), self._valid(now)
+        return Estimate(x, self._std(0), valid), Estimate(y, self._std(1), valid)
 
-    def velocity(self, down_rate: float, now: int) -> tuple[Estimate, Estimate] | None:
-        """Surge and sway [m/s] over the ground, with the depth rate [m/s]; None: unknown."""
+    def velocity(self, now: int) -> tuple[Estimate, Estimate] | None:
+        """Surge and sway [m/s] over the ground; None: unknown."""
         if not self._started:
             return None
-        (w, x, y, z), turn = self._now.attitude, self._now.offset
-        u, v = self._filter.velocity
+        _, _, u, v = self._mean()
+        motion, turn = self._motion, self._offset()
         north, east = u * cos(turn) + v * sin(turn), v * cos(turn) - u * sin(turn)
-        surge = (
-            (1 - 2 * (y * y + z * z)) * north + 2 * (x * y + w * z) * east
-            + 2 * (x * z - w * y) * down_rate
-        )  # fmt: skip
-        sway = (
-            2 * (x * y - w * z) * north + (1 - 2 * (x * x + z * z)) * east
-            + 2 * (y * z + w * x) * down_rate
-        )  # fmt: skip
-        std, valid = self._filter.velocity_std, self._valid(now)
+        surge, sway, _ = to_body(motion.attitude, (north, east, motion.depth_rate))
+        std, valid = max(self._std(2), self._std(3)), self._valid(now)
         return Estimate(surge, std, valid), Estimate(sway, std, valid)
 
-    def _update(self, name: str, row: Row3, off: Pair, std: float) -> str | None:
-        """None: used; "restart": too many outliers; else what is to be counted."""
-        variance = self._filter.variance(row) + std * std
-        if hypot(*off) > self._settings.gate * variance**0.5:
-            self._outliers[name] += 1
-            if self._outliers[name] < self._settings.outliers:
-                return f"outlier:sensor/{name}"
-            self._outliers[name] = 0
-            return "restart"
-        self._outliers[name] = 0
-        self._filter.update(row, off, variance)
-        return None if self._filter.is_sound() else self._stop("not_finite:position")
-
-    def _at(self, stamp_ns: int) -> Past | None:
-        """How it was then, to the nearest entry; None: too long ago."""
-        age = (self._now.stamp_ns - stamp_ns) * 1e-9
-        if age > self._settings.oldest or age < -LONGEST_STEP:
+    def current(self, now: int) -> tuple[Estimate, Estimate] | None:
+        """[m/s] North and east, of the water over the ground; None: unknown, because the thrust is
+        not heard or has not told enough."""
+        if not self._started or not self._balanced:
             return None
-        nearest = self._now
-        for past in reversed(self._past):
-            if abs(past.stamp_ns - stamp_ns) > abs(nearest.stamp_ns - stamp_ns):
-                break
-            nearest = past
-        return nearest
+        stds = self._std(4), self._std(5)
+        if max(stds) > self._settings.current_limit:
+            return None
+        valid = self._valid(now)
+        x, y = self._values[4:6]
+        return Estimate(x, stds[0], valid), Estimate(y, stds[1], valid)
 
-    def _begin(self, velocity_std: float) -> None:
-        self._filter.start(LEAST_USBL_STD, velocity_std)
-        self._started, self._fixed = True, False
-        self._dvl_ns = self._usbl_ns = None
-        self._begun_ns = self._now.stamp_ns
+    # How time goes on.
+
+    def _step(self, belief: Belief, leg: Leg) -> Belief:
+        """One leg, with what thrust and drag say of it."""
+        belief = ekf.predicted(belief, leg, self._settings)
+        if self._hull is None or leg.acceleration is None or leg.force is None:
+            return belief
+        seen = ekf.balance(belief, leg, self._hull, self._settings)
+        self._doubted = ekf.surprise(belief, seen) > self._settings.gate**2
+        return belief if self._doubted else ekf.corrected(belief, seen)
+
+    def _close(self, at_ns: int) -> str | None:
+        """The open leg ends now."""
+        leg = self._leg()
+        self._open, self._doubted = OpenLeg(), False
+        self._trail.extend(at_ns, leg)
+        if leg.force is not None and leg.acceleration is not None:
+            self._balanced = True
+        return self._take() or ("outlier:vehicle/actuation" if self._doubted else None)
+
+    def _take(self) -> str | None:
+        """Keep the newest belief as plain numbers, which is what is read at the IMU's rate."""
+        belief = self._trail.last.belief
+        if not ekf.is_sound(belief):
+            return self._stop("not_finite:position")
+        self._values, self._variances = belief.x.tolist(), belief.P.diagonal().tolist()
+        return None
+
+    def _leg(self) -> Leg:
+        motion, leg = self._motion, self._open
+        return Leg(
+            seconds=leg.seconds,
+            acceleration=leg.acceleration,
+            attitude=from_north(motion.attitude, motion.offset or 0.0),
+            heading_std=motion.heading_std,
+            yaw_rate=leg.yaw_rate,
+            force=leg.force,
+            depth_rate=motion.depth_rate,
+            depth_rate_std=motion.depth_rate_std,
+        )
+
+    def _mean(self) -> tuple[float, float, float, float]:
+        """Position [m] and velocity [m/s], north and east, now."""
+        x, y, u, v, _, _, lean_north, lean_east, error, _, _ = self._values
+        t, a, b = self._open.seconds, 0.0, 0.0
+        if (gained := self._open.gained) is not None:
+            a, b = ekf.turned(gained, error)
+            a, b = a - lean_north * t, b - lean_east * t
+        return x + (u + 0.5 * a) * t, y + (v + 0.5 * b) * t, u + a, v + b
+
+    def _std(self, state: int) -> float:
+        """Of a state at the newest stone."""
+        return self._variances[state] ** 0.5
+
+    def _offset(self) -> float:
+        """[rad] North, from where the control heading believes it is, all that is known used."""
+        return (self._motion.offset or 0.0) + self._values[ekf.HEADING]
+
+    # How samples are used.
+
+    def _use(self, name: str, stamp_ns: int, see: See, anew: Reading) -> str | None:
+        """Believe a sample a little, if it is not an outlier; where there is nothing to compare it
+        with, believe it alone."""
+        if self._at_ns is None or self._age(stamp_ns) < -LONGEST_STEP:
+            return f"ahead:sensor/{name}"
+        if self._age(stamp_ns) > self._settings.oldest:
+            return f"too_old:sensor/{name}"
+        if not self._started:
+            return self._accept(name, stamp_ns, self._begin(self._at_ns), anew)
+        stone = self._stone(stamp_ns, self._at_ns)
+        if stone is None:
+            return f"too_old:sensor/{name}"
+        if name == "usbl" and not self._fixed:
+            return self._accept(name, stamp_ns, stone, anew)
+        self.surprise[name] = ekf.surprise(stone.belief, see(stone.belief, stone.leg))
+        if self.surprise[name] <= self._settings.gate**2:
+            return self._accept(name, stamp_ns, stone, partial(_correct, see))
+        self._outliers[name] += 1
+        if self._outliers[name] < self._settings.outliers:
+            return f"outlier:sensor/{name}"
+        return self._accept(name, stamp_ns, stone, anew) or f"restarted:{MEASURES[name]}"
+
+    def _accept(self, name: str, stamp_ns: int, stone: Stone, reading: Reading) -> str | None:
+        self._outliers[name] = 0
+        self._heard[name] = max(stamp_ns, self._heard.get(name, stamp_ns))
+        self._fixed = self._fixed or name == "usbl"
+        self._trail.read(stone, reading)
+        return self._take()
+
+    def _stone(self, stamp_ns: int, now: int) -> Stone | None:
+        """Of a sample; None: from before the filter began."""
+        if stamp_ns > self._trail.last.stamp_ns and self._open.seconds > 0.0:
+            self._close(now)
+        return self._trail.stone_at(stamp_ns)
+
+    def _begin(self, now: int) -> Stone:
+        self._started, self._fixed, self._balanced = True, False, False
+        self._open = OpenLeg()
+        self._begun_ns = now
+        self._trail.begin(now, self._leg(), ekf.begun(self._settings, self._motion.heading_std))
+        return self._trail.last
+
+    def _age(self, stamp_ns: int) -> float:
+        """[s] Of a sample; 0 before anything else was heard."""
+        return 0.0 if self._at_ns is None else (self._at_ns - stamp_ns) * 1e-9
+
+    def _thrust(self, now: int) -> Pair | None:
+        """[N] Surge and sway; None: unknown."""
+        recent = abs(now - self._force_ns) * 1e-9 <= self._settings.actuation_patience
+        return self._force if recent else None
 
     def _is_lost(self, now: int) -> bool:
-        heard = [ns for ns in (self._dvl_ns, self._usbl_ns, self._begun_ns) if ns is not None]
-        return (now - max(heard)) * 1e-9 > self._settings.lost_after
+        newest = max(self._begun_ns, *self._heard.values())
+        return (now - newest) * 1e-9 > self._settings.lost_after
 
     def _valid(self, now: int) -> bool:
-        limits = self._settings
-        return any(
-            heard is not None and (now - heard) * 1e-9 <= seconds
-            for heard, seconds in (
-                (self._dvl_ns, limits.dvl_valid_for),
-                (self._usbl_ns, limits.usbl_valid_for),
-            )
-        )
+        limits = {"dvl": self._settings.dvl_valid_for, "usbl": self._settings.usbl_valid_for}
+        return any((now - ns) * 1e-9 <= limits[name] for name, ns in self._heard.items())
 
     def _stop(self, why: str) -> str:
         """Nothing is known any more."""
         self._started = self._fixed = False
-        self._past.clear()
-        self._filter = HorizontalFilter(self._settings)
+        self._heard.clear()
         return why
 
 
@@ -216,9 +286,28 @@ def to_north(attitude: Quaternion, offset: float, v: Vec3) -> Pair:
     return n * c - e * s, n * s + e * c
 
 
-def _minus(a: Pair, b: Pair) -> Pair:
-    return a[0] - b[0], a[1] - b[1]
+def from_north(attitude: Quaternion, offset: float) -> Quaternion:
+    """The same attitude with its yaw counted from north."""
+    w, x, y, z = attitude
+    c, s = cos(offset / 2.0), sin(offset / 2.0)
+    return c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w
 
 
-def _plus(a: Pair, b: Pair) -> Pair:
-    return a[0] + b[0], a[1] + b[1]
+def _velocity(seen: Vec3, std: float, belief: Belief, leg: Leg) -> Innovation:
+    return ekf.velocity(belief, leg, seen, std)
+
+
+def _fix(place: Pair, std: float, belief: Belief, _: Leg) -> Innovation:
+    return ekf.fix(belief, place, std)
+
+
+def _change(seen: Vec3, std: float, belief: Belief, leg: Leg) -> Belief:
+    return ekf.changed_to(belief, leg, seen, std)
+
+
+def _move(place: Pair, std: float, belief: Belief, _: Leg) -> Belief:
+    return ekf.moved_to(belief, place, std)
+
+
+def _correct(see: See, belief: Belief, leg: Leg) -> Belief:
+    return ekf.corrected(belief, see(belief, leg))

@@ -4,6 +4,7 @@ Port gates have already refused what is malformed or out of order. Each passage 
 is counted once, not each sample of it.
 """
 
+from math import inf
 from typing import Annotated
 
 import msgspec
@@ -27,6 +28,11 @@ class WatchSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     usbl_frozen: Seconds = 20.0  # [s]
     rate_tolerance: Share = 0.2  # [-] of the topic's rate
 
+    # A sensor that was heard and then says nothing for so long is silent.
+    magnetometer_silent: Seconds = 1.0  # [s]
+    dvl_silent: Seconds = 5.0  # [s]
+    usbl_silent: Seconds = 20.0  # [s]
+
 
 class SensorWatch:
     """Watches one sensor. `usable` is asked for every sample and says no to frozen ones and to
@@ -39,8 +45,10 @@ class SensorWatch:
         noted: list[str],
         hz: float | None = None,
         tolerance: float = 0.2,
+        silent_after: float = inf,
     ) -> None:
-        """Topic, [s] of identical samples, and the rate [1/s] with its tolerance; None: any."""
+        """Topic, [s] of identical samples, the rate [1/s] with its tolerance (None: any), and [s]
+        without samples."""
         self._key = key
         self._frozen_ns = round(frozen_after * 1e9)
         self._noted = noted
@@ -48,7 +56,17 @@ class SensorWatch:
         self._stamp_ns: int | None = None
         self._same_since_ns = 0
         self._frozen = False
+        self._silent_after = silent_after
+        self._silent = False
         self._rate = None if hz is None else _Rate(hz, tolerance)
+
+    def listen(self, now: int) -> None:
+        """Count a silence once; a sensor that was never heard is not silent but absent."""
+        if self._stamp_ns is None or self._silent:
+            return
+        if (now - self._stamp_ns) * 1e-9 > self._silent_after:
+            self._silent = True
+            self._noted.append(f"silent:{self._key}")
 
     def usable(self, content: tuple[float, ...], stamp_ns: int) -> bool:
         before, last_ns = self._content, self._stamp_ns
@@ -56,7 +74,7 @@ class SensorWatch:
             same = stamp_ns == last_ns and content == before
             self._noted.append(f"{'duplicated' if same else 'not_newer'}:{self._key}")
             return False
-        self._content, self._stamp_ns = content, stamp_ns
+        self._content, self._stamp_ns, self._silent = content, stamp_ns, False
         rate = self._rate
         if rate is not None and last_ns is not None and rate.newly_wrong(stamp_ns - last_ns):
             self._noted.append(f"rate:{self._key}")

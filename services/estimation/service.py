@@ -1,13 +1,14 @@
-"""Estimation service: each IMU sample becomes one state; pressure and compass correct it."""
+"""Estimation service: each IMU sample becomes one state; pressure and compass correct it.
+
+It hears the reference only if the vehicle file says `[estimation.depth] observer = "reference"`.
+"""
+
+from collections.abc import Callable
+from typing import TypeVar
 
 from messages import topics
-from messages.sensors import (
-    DvlSample,
-    ImuSample,
-    MagnetometerSample,
-    PressureSample,
-    UsblSample,
-)
+from messages.reference import Reference
+from messages.sensors import ImuSample
 from messages.state import VehicleState
 from services.estimation.core import Estimator, Remembered, Settings
 from services.marine.vehicle import Vehicle
@@ -16,29 +17,20 @@ from services.runtime.stack import Stack
 
 SILENCE_S = 0.05  # [s] five IMU periods
 REMEMBER_HZ = 1.0  # [1/s]
+Sample = TypeVar("Sample")
 
 
 def wire(node: Node, stack: Stack) -> None:
     settings = stack.section("estimation", Settings)
-    floating_depth = stack.section("vehicle", Vehicle).floating_depth
-    estimator = Estimator(settings, floating_depth, node.recall(Remembered))
+    vehicle = stack.section("vehicle", Vehicle)
+    estimator = Estimator(settings, vehicle.floating_depth, node.recall(Remembered), vehicle)
     publisher = node.publisher(topics.STATE)
+    reference = reference_for(node, settings)
 
     def on_imu(sample: ImuSample | None, now: int) -> None:
+        estimator.reference(reference(now))
         state = estimator.silence(now) if sample is None else estimator.imu(sample, now)
         say(state)
-
-    def on_pressure(sample: PressureSample, _: int) -> None:
-        estimator.pressure(sample)
-
-    def on_magnetometer(sample: MagnetometerSample, _: int) -> None:
-        estimator.magnetometer(sample)
-
-    def on_dvl(sample: DvlSample, _: int) -> None:
-        estimator.dvl(sample)
-
-    def on_usbl(sample: UsblSample, _: int) -> None:
-        estimator.usbl(sample)
 
     def say(state: VehicleState | None) -> None:
         if state is not None:
@@ -49,13 +41,26 @@ def wire(node: Node, stack: Stack) -> None:
         if (worth_keeping := estimator.remembered(now)) is not None:
             node.remember(worth_keeping)
 
-    node.each(topics.PRESSURE, on_pressure)
-    node.each(topics.MAGNETOMETER, on_magnetometer)
-    node.each(topics.DVL, on_dvl)
-    node.each(topics.USBL, on_usbl)
+    node.each(topics.PRESSURE, timeless(estimator.pressure))
+    node.each(topics.MAGNETOMETER, timeless(estimator.magnetometer))
+    node.each(topics.DVL, timeless(estimator.dvl))
+    node.each(topics.USBL, timeless(estimator.usbl))
+    node.each(topics.ACTUATION, timeless(estimator.actuation))
     node.trigger(topics.IMU, on_imu, SILENCE_S)
     node.every(REMEMBER_HZ, keep)
     tell(node, estimator)
+
+
+def timeless(use: Callable[[Sample], None]) -> Callable[[Sample, int], None]:
+    """A handler of samples that does not ask what time it is."""
+    return lambda sample, _: use(sample)
+
+
+def reference_for(node: Node, settings: Settings) -> Callable[[int], Reference | None]:
+    """The fresh reference, for the one depth observer that wants it."""
+    if settings.depth.observer != "reference":
+        return lambda _: None
+    return node.latest(topics.REFERENCE).fresh
 
 
 def tell(node: Node, estimator: Estimator) -> None:

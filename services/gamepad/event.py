@@ -1,15 +1,18 @@
-"""An event of a stick log: one word, `goto depth=3 heading=90` or `follow inspection_box`."""
+"""An event of a stick log: one word, `goto depth=3 heading=90`, `follow inspection_box` or
+`mode depth_hold`."""
 
 from typing import Literal, cast, get_args
 
+from messages.pilot import Hold
 from services.gamepad.course import course_of
-from services.gamepad.wish import Follow, Goto, Press, Wish, goto
+from services.gamepad.wish import Follow, Goto, Mode, Press, Wish, goto
 from services.runtime.errors import LindyError
 from services.runtime.settings import deploy_file
 
 Event = Wish | Literal["lost"]
 WORDS: tuple[str, ...] = (*get_args(Press), "lost")
-ALLOWED = f"{', '.join(WORDS)}, goto depth=M heading=DEG, follow PATH"
+ALLOWED = f"{', '.join(WORDS)}, goto depth=M heading=DEG, follow PATH, mode HOLD"
+HOLDS: tuple[str, ...] = get_args(Hold)
 
 
 def event_of(cell: str) -> Event | None:
@@ -23,6 +26,8 @@ def event_of(cell: str) -> Event | None:
         return _goto(rest)
     if word == "follow":
         return _follow(rest.strip())
+    if word == "mode":
+        return _mode(rest.strip())
     if not cell:
         return None
     if cell not in WORDS:
@@ -56,3 +61,9 @@ def _follow(name: str) -> Follow:
         return Follow(course_of(deploy_file("paths", name)))
     except LindyError as error:
         raise ValueError(f"follow: {error}") from None
+
+
+def _mode(hold: str) -> Mode:
+    if hold not in HOLDS:
+        raise ValueError(f"mode: found {short(hold)}, expected one of {', '.join(HOLDS)}")
+    return Mode(cast(Hold, hold))

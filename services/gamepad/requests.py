@@ -3,15 +3,16 @@
 import msgspec
 
 from messages.message import Ns
-from messages.pilot import Course, PilotAnswer, PilotRequest, RequestKind
+from messages.pilot import Course, Hold, PilotAnswer, PilotRequest, RequestKind
 
 REPEAT_NS = 200_000_000  # [ns]
 GIVE_UP_NS = 5_000_000_000  # [ns]
 OVERRULES: dict[RequestKind, tuple[RequestKind, ...]] = {
-    "stop": ("arm", "goto", "follow"),
+    "stop": ("arm", "goto", "follow", "mode"),
     "disarm": ("arm", "goto", "follow"),
-    "goto": ("goto", "follow"),
-    "follow": ("goto", "follow"),
+    "goto": ("goto", "follow", "mode"),
+    "follow": ("goto", "follow", "mode"),
+    "mode": ("goto", "follow", "mode"),
 }  # a newer request → older ones that are not repeated any more
 
 
@@ -39,6 +40,7 @@ class Requests:
         north: float | None = None,
         east: float | None = None,
         course: Course | None = None,
+        hold: Hold | None = None,
     ) -> PilotRequest:
         """A new request, to be sent at once; its fields are those of `PilotRequest`.
 
@@ -57,6 +59,7 @@ class Requests:
             north=north,
             east=east,
             course=course,
+            hold=hold,
         )
         self._asked += 1
         self._pending.append(Pending(request, now + REPEAT_NS))

@@ -9,7 +9,7 @@ from messages.vehicle import VehicleStatus
 from services.gamepad.core import CENTRED, Reading, Source
 from services.gamepad.requests import Requests
 from services.gamepad.sources import open_source
-from services.gamepad.wish import Follow, Goto, Wish
+from services.gamepad.wish import Follow, Goto, Mode, Wish
 from services.runtime.node import Node
 from services.runtime.stack import Stack
 
@@ -21,6 +21,7 @@ class Progress(msgspec.Struct, frozen=True):
 
     began_ns: int | None = None  # [ns] when the sticks were handed over
     played: int = 0  # events of the script that have happened
+    epoch: int | None = None  # authority epoch we were given; None: not asked for yet
     may_arm: bool = True  # False: a stop or a disarm has ended arming by ourselves
 
 
@@ -44,6 +45,7 @@ class Pilot:
         self._arms = arms
         self._arm_after = 0  # [ns]
         self._asked_for_rest = False
+        self._outdone = False  # another pilot has the sticks
         self._reading = Reading(present=False, at_rest=False)
         self._light = False  # as it was last asked for or seen
         self._requests = Requests(node.name)
@@ -60,6 +62,7 @@ class Pilot:
             self._request.put(request)
 
     def on_status(self, status: VehicleStatus, now: int) -> None:
+        self._hold_lease(status.epoch, now)
         if not self._requests.waits_for("light"):
             self._light = status.light > 0.0
         if self._progress.began_ns is not None:
@@ -75,6 +78,8 @@ class Pilot:
             return  # another pilot's, or the answer to a repetition
         if request.kind == "arm":
             self._arm_after = now + PAUSE_NS
+        if answer.epoch is not None:
+            self._remember(replace(self._progress, epoch=answer.epoch))
         if not answer.accepted:
             self._node.count(f"refused:{request.kind}")
             self._node.log("warning", f"the drone refuses to {request.kind}: {answer.reason}")
@@ -102,7 +107,19 @@ class Pilot:
             pilot="present" if reading.present else "lost",
             source=self._source.name,
             device_age_ms=reading.age_ms,
+            epoch=self._progress.epoch or 0,
         )
+
+    def _hold_lease(self, given: int, now: int) -> None:
+        """Ask for the sticks once, and again where the drone has forgotten that it gave them to
+        us. When it has given them to somebody else, that is said and left so."""
+        ours = self._progress.epoch
+        if (ours is None or given < ours) and not self._requests.waits_for("lease"):
+            self._request.put(self._requests.ask("lease", now))
+        elif ours is not None and given > ours and not self._outdone:
+            self._node.count("outdone:lease")
+            self._node.log("warning", "another pilot has taken the sticks")
+        self._outdone = ours is not None and given > ours
 
     def _hand_over(self, now: int) -> None:
         self._node.log("info", f"armed: {self._source.name} has the sticks")
@@ -121,6 +138,8 @@ class Pilot:
 
     def _press(self, wish: Wish, now: int) -> None:
         """What the pilot asked for; a stop or a disarm also ends arming by ourselves."""
+        if wish == "arm" and self._outdone:
+            self._request.put(self._requests.ask("lease", now))
         if wish == "arm" and not self._reading.at_rest:
             self._node.count("refused_here:arm")
             self._node.log("warning", "not arming: let go of the sticks first")
@@ -138,6 +157,8 @@ class Pilot:
                 return self._requests.ask("goto", now, depth=depth, heading=heading)
             case Follow(course):
                 return self._requests.ask("follow", now, course=course)
+            case Mode(hold):
+                return self._requests.ask("mode", now, hold=hold)
             case "light":
                 self._light = not self._light
                 return self._requests.ask("light", now, float(self._light))

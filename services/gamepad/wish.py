@@ -3,7 +3,7 @@
 import math
 from typing import Literal, NamedTuple
 
-from messages.pilot import Course
+from messages.pilot import Course, Hold
 
 DEEPEST = 11_000.0  # [m] no sea is deeper
 TURN = 360.0  # [deg] a heading is given within one turn either way
@@ -22,7 +22,11 @@ class Follow(NamedTuple):
     course: Course
 
 
-Wish = Press | Goto | Follow
+class Mode(NamedTuple):
+    hold: Hold
+
+
+Wish = Press | Goto | Follow | Mode
 
 
 def goto(depth: float | None, heading_deg: float | None) -> Goto:

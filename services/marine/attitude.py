@@ -31,8 +31,13 @@ def to_euler(q_NB: Quaternion) -> Vec3:
     w, x, y, z = q_NB
     roll = atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
     pitch = asin(max(-1.0, min(1.0, 2 * (w * y - x * z))))  # rounding may pass 1 by 1e-16
-    heading = atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    return roll, pitch, heading
+    return roll, pitch, heading_of(q_NB)
+
+
+def heading_of(q_NB: Quaternion) -> float:
+    """[rad] −π … π, not defined at ±90° of pitch."""
+    w, x, y, z = q_NB
+    return atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
 
 def normalised(q_NB: Quaternion) -> Quaternion:

@@ -1,8 +1,13 @@
-"""Thrusters: what each one does to the vehicle, what it can do, and how fast it follows."""
+"""Thrusters: what each one does to the vehicle, what it can do. How fast it follows is
+in thruster_lag.py."""
 
-from math import copysign, exp, sqrt
+from collections.abc import Sequence
+from math import sqrt
+from typing import overload
 
 from services.marine.vehicle import Thruster, Vec6
+
+ComplexVec6 = tuple[complex, complex, complex, complex, complex, complex]
 
 
 def wrench_per_newton(thruster: Thruster) -> Vec6:
@@ -23,25 +28,33 @@ def wrench_per_newton(thruster: Thruster) -> Vec6:
 
 def limited(thruster: Thruster, command: float) -> float:
     """[N] The nearest thrust within the thruster's limits."""
-    if abs(command) > thruster.max_thrust:
-        return copysign(thruster.max_thrust, command)
-    return command
+    reverse, forward = thruster.limits
+    if command > forward:
+        return forward
+    return command if command >= reverse else reverse
 
 
 def driven(thruster: Thruster, command: float) -> float:
     """[N] Thrust the thruster settles at: nothing inside the dead-band, the whole command just
-    outside of it (the aggressive start described in Andrén 2023, §6.2.2)."""
-    return 0.0 if abs(command) < thruster.dead_band else limited(thruster, command)
+    outside of it (the aggressive start described in Andrén 2023, §6.2.2).
+
+    Its driver inverts the thrust curve, so that of the curve only limits and dead-band are left.
+    """
+    return limited(thruster, command) if abs(command) >= thruster.dead_band else 0.0
 
 
-def lagged(thrust: float, settles_at: float, time_constant: float, seconds: float) -> float:
-    """[N] Thrust after `seconds` of first-order lag; the exact solution."""
-    return settles_at + (thrust - settles_at) * exp(-seconds / time_constant)
-
-
-def total_wrench(columns: list[Vec6], thrust: list[float]) -> Vec6:
+@overload
+def total_wrench(columns: Sequence[Vec6], thrust: Sequence[float]) -> Vec6: ...
+@overload
+def total_wrench(columns: Sequence[Vec6], thrust: Sequence[complex]) -> ComplexVec6: ...
+def total_wrench(columns: Sequence[Vec6], thrust: Sequence[complex]) -> ComplexVec6:
     """τ = T f [N, N m] about the origin (Fossen 2011, §12.3)."""
-    surge = sway = heave = roll = pitch = yaw = 0.0
+    surge: complex = 0.0
+    sway: complex = 0.0
+    heave: complex = 0.0
+    roll: complex = 0.0
+    pitch: complex = 0.0
+    yaw: complex = 0.0
     for (a, b, c, d, e, f), newtons in zip(columns, thrust, strict=True):
         surge += a * newtons
         sway += b * newtons

@@ -7,6 +7,9 @@ from typing import Annotated
 
 import msgspec
 
+from services.marine.thrust_curve import CURVES, LINEAR
+from services.marine.thruster_lag import Lag, Mode, first_order, modes_of
+
 # The upper limits are far beyond any vehicle; they keep infinities out.
 Positive = Annotated[float, msgspec.Meta(gt=0.0, le=1e6)]
 NotNegative = Annotated[float, msgspec.Meta(ge=0.0, le=1e6)]
@@ -17,19 +20,57 @@ Diagonal = tuple[NotNegative, NotNegative, NotNegative, NotNegative, NotNegative
 
 
 class Thruster(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A propeller and its driver, which takes commands in newtons.
+
+    Raises:
+        ValueError: an unknown curve, limits or a dead-band that it cannot have, or a dead-band
+            beyond a limit.
+    """
+
     name: str
     position: Vec3  # [m] FRD, of the propeller
     direction: Vec3  # [-] FRD, of the force for a positive command; need not be normalised
     max_thrust: Positive  # [N] of a positive command
     max_reverse: Positive | None = None  # [N] of a negative command; None: the same
     dead_band: NotNegative = 0.0  # [N] commands smaller than this produce nothing
-    time_constant: Positive = 0.08  # [s] first-order lag of the thrust
+    time_constant: Positive = 0.08  # [s] first-order lag of the thrust …
+    lag: Lag | None = None  # … unless a transfer function is given
+    curve: str = LINEAR  # what it gives for its voltage, see thrust_curve.py
+
+    def __post_init__(self) -> None:
+        reverse, forward = self.limits
+        if self.dead_band >= min(-reverse, forward):
+            raise ValueError(
+                f"thruster {self.name}: dead_band must be less than its limits, found "
+                f"{self.dead_band:g} N"
+            )
+        if self.curve not in (LINEAR, *CURVES):
+            raise ValueError(
+                f"thruster {self.name}: unknown curve {self.curve!r}; there are "
+                f"{', '.join((LINEAR, *CURVES))}"
+            )
+        curve = CURVES.get(self.curve)
+        if curve is not None and max(-reverse, forward) > curve.most:
+            raise ValueError(
+                f"thruster {self.name}: {self.curve} gives at most {curve.most:.2f} N, found "
+                f"{max(-reverse, forward):g} N"
+            )
+        if curve is not None and self.dead_band < curve.dead_band:
+            raise ValueError(
+                f"thruster {self.name}: {self.curve} gives nothing below {curve.dead_band:.3f} N, "
+                f"found a dead_band of {self.dead_band:g} N"
+            )
 
     @property
     def limits(self) -> tuple[float, float]:
         """[N] Least (negative) and most thrust."""
         reverse = self.max_thrust if self.max_reverse is None else self.max_reverse
         return -reverse, self.max_thrust
+
+    @property
+    def modes(self) -> list[Mode]:
+        """How its thrust follows a command."""
+        return first_order(self.time_constant) if self.lag is None else modes_of(self.lag)
 
 
 class Vehicle(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

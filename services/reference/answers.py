@@ -32,13 +32,14 @@ def refusal(
             return "no pilot: no fresh stick positions arrive"
         if not centred(command):
             return "the sticks are not centred"
-    if request.kind in ("goto", "follow"):
-        if not armed:
-            return "the drone is not armed"
-        if stopping:
-            return "the drone is stopping"
-        if command is not None and not centred(command):
-            return "the sticks are not centred, and they have priority"
+    if request.kind == "lease" and command is not None and not centred(command):
+        return "another pilot is moving the sticks"
+    if request.kind in ("goto", "follow") and not armed:
+        return "the drone is not armed"
+    if request.kind in ("goto", "follow", "mode") and armed and stopping:
+        return "the drone is stopping"
+    if request.kind in ("goto", "follow") and command is not None and not centred(command):
+        return "the sticks are not centred, and they have priority"
     return ""
 
 
@@ -54,7 +55,7 @@ class AnswerBook:
         return None if answer is None else msgspec.structs.replace(answer, stamp_ns=now)
 
     def write(
-        self, request: PilotRequest, reason: str, stop: StopDistance | None, now: Ns
+        self, request: PilotRequest, reason: str, stop: StopDistance | None, epoch: int, now: Ns
     ) -> PilotAnswer:
         """A new answer: accepted if there is no reason against it."""
         answer = PilotAnswer(
@@ -63,6 +64,7 @@ class AnswerBook:
             accepted=not reason,
             reason=reason,
             stop=stop if request.kind == "stop" else None,
+            epoch=epoch if request.kind == "lease" and not reason else None,
             cause_ns=request.stamp_ns,
         )
         self._answers[request.id] = answer

@@ -11,32 +11,40 @@ SILENCE_S = 0.1  # [s] without a state: stop smoothly and hold
 
 
 def wire(node: Node, stack: Stack) -> None:
-    before = node.recall(Remembered) or Remembered(armed=False, light=0.0)
-    pilotage = Pilotage(
-        stack.section("reference", Settings), armed=before.armed, light=before.light
-    )
+    before = node.recall(Remembered) or Remembered()
+    pilotage = Pilotage(stack.section("reference", Settings), before)
     commands = node.latest(topics.PILOT_COMMAND)
+    authority = commands.authority(before.epoch)
     reference = node.publisher(topics.REFERENCE)
     answers = node.publisher(topics.PILOT_ANSWER)
     status = node.publisher(topics.STATUS)
     said: tuple[object, ...] = ()
+    kept = pilotage.remembered
 
     def on_state(state: VehicleState | None, now: int) -> None:
         if (out := pilotage.step(state, commands.fresh(now), now)) is not None:
             reference.put(out)
         _tell(node, pilotage)
+        keep()
         if said != _gist(pilotage, now):
             say_status(now)
 
     def on_request(request: PilotRequest, now: int) -> None:
         answer, changed = pilotage.answer(request, commands.fresh(now), now)
         answers.put(answer)
+        authority.granted = pilotage.epoch
         if changed:
-            node.remember(Remembered(armed=pilotage.armed, light=pilotage.light))
             node.log("info", f"{request.kind}: done")
         elif not answer.accepted:
             node.log("warning", f"{request.kind} refused: {answer.reason}")
+        keep()
         say_status(now)
+
+    def keep() -> None:
+        nonlocal kept
+        if kept != pilotage.remembered:
+            kept = pilotage.remembered
+            node.remember(kept)
 
     def say_status(now: int) -> None:
         nonlocal said
@@ -60,4 +68,4 @@ def _tell(node: Node, pilotage: Pilotage) -> None:
 def _gist(pilotage: Pilotage, now: int) -> tuple[object, ...]:
     """A status is said at once when this has changed."""
     status = pilotage.status(None, now)
-    return status.mode, status.armed, status.failsafe
+    return status.mode, status.armed, status.hold, status.failsafe

@@ -4,32 +4,70 @@ Pure: `now` is an argument. Everything turned away is counted by reason.
 """
 
 from collections import Counter
+from dataclasses import dataclass
 from typing import Generic
 
 import msgspec
 
 from messages.topic import M, Topic
 from services.runtime.bus import Envelope
+from services.runtime.far_clock import FarClock, moved, stamps_of
 
 FUTURE_NS = 100_000_000  # [ns] a stamp further ahead than this is a lie, not jitter
 
 
+@dataclass(slots=True)
+class Authority:
+    """Whose commands count. Whoever was granted the next epoch has it from the first command on
+    that carries it; until then the one before goes on, so that a hand-over leaves no gap."""
+
+    epoch: int = 0  # in force
+    granted: int = 0  # the newest that was given away
+
+    def admits(self, epoch: int) -> bool:
+        return self.epoch <= epoch <= self.granted
+
+    def heard(self, epoch: int) -> None:
+        self.epoch = epoch
+
+
 class Gate(Generic[M]):
     """Admits the messages of one key. Reasons counted: wrong_type, malformed, from_future,
-    expired, reordered, duplicated; and `lost` for gaps in the sequence, which are let through.
+    expired, reordered, duplicated, wrong_epoch, unsynchronised (from another machine, whose clock
+    is not known yet); and `lost` for gaps in the sequence, which are let through.
+
+    Ages are counted by the worst case of what is known of the clocks, so that nothing too old is
+    ever taken for fresh.
 
     Events may come from several senders, so they are not put in order: whoever acts on one knows
     it by its id.
     """
 
-    def __init__(self, topic: Topic[M], counts: Counter[str], *, onlooker: bool = False) -> None:
-        """An `onlooker` never acts on a command, so it is also shown those that are too old to."""
+    def __init__(
+        self,
+        topic: Topic[M],
+        counts: Counter[str],
+        far: FarClock | None = None,
+        *,
+        onlooker: bool = False,
+    ) -> None:
+        """An `onlooker` never acts on a command, so it is also shown those that are too old to.
+        `far` is the other machine's clock, where there are two."""
+        self.authority: Authority | None = None  # None: anybody's messages are let in
         self._topic = topic
         self._counts = counts
         self._encoding = topic.encoding
         self._decoder = msgspec.msgpack.Decoder(topic.message)
         self._expires = not onlooker and "ttl_ms" in topic.message.__struct_fields__
+        self._far = far if far is not None and far.concerns(topic) else None
+        self._judged = far is None or far.judges(topic)
+        self._stamps = stamps_of(topic.message)
         self._last: tuple[int, int] | None = None  # (stamp_ns, seq) of the newest admitted
+
+    @property
+    def bound_ns(self) -> int:
+        """[ns] What the age of an admitted message may be off by."""
+        return 0 if self._far is None else self._far.bound_ns
 
     @property
     def admitted(self) -> bool:
@@ -44,11 +82,27 @@ class Gate(Generic[M]):
             message = self._decoder.decode(envelope.payload)
         except (msgspec.DecodeError, msgspec.ValidationError, RecursionError):
             return self._refuse("malformed", envelope)
-        if message.stamp_ns > now + FUTURE_NS:
-            return self._refuse("from_future", envelope)
-        if self._expires and age_ns(message, now) > ttl_ns(message):
-            return self._refuse("expired", envelope)
+        if self.authority is not None and not self.authority.admits(epoch_of(message)):
+            return self._refuse("wrong_epoch", envelope)
+        if (reason := self._untimely(message, now)) is not None:
+            return self._refuse(reason, envelope)
+        if self.authority is not None:
+            self.authority.heard(epoch_of(message))
         return self._in_order(message, envelope) if self._topic.hz else self._event(message)
+
+    def _untimely(self, message: M, now: int) -> str | None:
+        """Why a message is not of this moment, once its stamps are in local time."""
+        bound = 0
+        if self._far is not None:
+            if self._far.ahead_ns is None:
+                return "unsynchronised" if self._topic.hz else None
+            moved(message, self._stamps, self._far.ahead_ns)
+            bound = self._far.bound_ns
+        if self._judged and message.stamp_ns > now + FUTURE_NS + bound:
+            return "from_future"
+        if self._expires and age_ns(message, now) + bound > ttl_ns(message):
+            return "expired"
+        return None
 
     def _event(self, message: M) -> M:
         self._last = (message.stamp_ns, message.seq)
@@ -69,6 +123,10 @@ class Gate(Generic[M]):
 
     def _refuse(self, reason: str, envelope: Envelope) -> None:
         self._counts[f"{reason}:{envelope.key}"] += 1
+
+
+def epoch_of(message: msgspec.Struct) -> int:
+    return message.epoch  # type: ignore[attr-defined]
 
 
 def age_ns(message: msgspec.Struct, now: int) -> int:

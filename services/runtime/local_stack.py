@@ -10,15 +10,17 @@ from collections.abc import Callable, Generator, Mapping
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import msgspec
 
+from services.runtime.border import Border
 from services.runtime.child import Task
 from services.runtime.errors import LindyError
+from services.runtime.far_clock import FarClock, Side
 from services.runtime.memory import VolatileMemory
 from services.runtime.node import Node
-from services.runtime.process_host import Launch, usage
+from services.runtime.process_host import HubLaunch, Launch, usage
 from services.runtime.running import RUNNING, Running
 from services.runtime.stack import Row, Stack
 from services.runtime.supervisor import NAME, Supervisor
@@ -32,13 +34,33 @@ HUB_TIMEOUT_S = 20.0
 LONGEST_FOLDER = 60  # [bytes] a socket's path must stay below 107
 
 
+class Far(NamedTuple):
+    """The other side, where it is another machine."""
+
+    side: Side  # the one this machine is
+    listen: tuple[str, ...] = ()  # endpoints at which the other side reaches this hub
+    connect: tuple[str, ...] = ()  # … or at which this hub reaches the other's
+    gateway: str | None = None  # endpoint of the drone's hub, for a tether process between them
+
+
 class LocalStack:
     """Made by `local_stack`, which also ends it."""
 
-    def __init__(self, stack: Stack, rows: Mapping[str, Row], folder: Path, listen: str | None):
+    def __init__(
+        self,
+        stack: Stack,
+        rows: Mapping[str, Row],
+        folder: Path,
+        listen: str | None,
+        far: "Far | None",
+    ) -> None:
+        self._far = far
         self.stack = stack
         self.rows = rows
         self.endpoints = _endpoints(rows, folder, listen)
+        self._reach = {**self.endpoints}  # what services connect to
+        if far is not None and far.gateway is not None:
+            self._reach["drone"] = far.gateway
         self.supervisor = Supervisor(self._tell)
         self.node: Node  # this process's own, where the pilot is; there when the hubs are up
         self.alive: set[tuple[str, str]] = set()  # (realm, service)
@@ -70,7 +92,9 @@ class LocalStack:
                 bus.watch(partial(self._token, realm))
                 self._buses[realm] = bus
         home = HOME if HOME in self._buses else next(iter(self._buses))
-        self.node = Node(NAME, {home: self._buses[home]}, time.monotonic_ns, VolatileMemory())
+        far = None if self._far is None else FarClock(self._far.side)
+        bus = {home: self._buses[home]}
+        self.node = Node(NAME, bus, time.monotonic_ns, VolatileMemory(), far=far)
         self.node.wake, self.node.usage = self._wake.set, usage
         self._speaks = True
 
@@ -83,7 +107,7 @@ class LocalStack:
         return [
             name
             for name, row in self.rows.items()
-            if any((realm, name) not in self.alive for realm in row.realms)
+            if any((realm, name) not in self.alive for realm in row.realms if realm in self._buses)
         ]
 
     def wait_alive(self, timeout_s: float, look: Callable[[], bool]) -> None:
@@ -145,7 +169,16 @@ class LocalStack:
             path.write_bytes(msgspec.json.format(msgspec.json.encode(running)))
 
     def _hub(self, realm: str) -> Task:
-        command = [*PYTHON, "hub", self.endpoints[realm], str(os.getpid())]
+        launch = HubLaunch(listen=[self.endpoints[realm]], parent=os.getpid())
+        if self._far is not None:
+            border = Border(self._far.side, namespace(self.stack.vehicle_name))
+            launch = msgspec.structs.replace(
+                launch,
+                listen=[*launch.listen, *self._far.listen],
+                connect=list(self._far.connect),
+                border=border,
+            )
+        command = [*PYTHON, "hub", msgspec.json.encode(launch).decode()]
         return Task(f"hub_{realm}", command, self._log(f"hub_{realm}"), wave=2)
 
     def _service(self, name: str) -> Task:
@@ -153,7 +186,7 @@ class LocalStack:
         launch = Launch(
             service=name,
             stack=self.stack,
-            endpoints={realm: self.endpoints[realm] for realm in row.realms},
+            endpoints={realm: self._reach[realm] for realm in row.realms},
             gateway=row.gateway,
             memory=str(self._memory),
             parent=os.getpid(),
@@ -171,22 +204,26 @@ class LocalStack:
 
 @contextmanager
 def local_stack(
-    stack: Stack, rows: Mapping[str, Row], listen: str | None = None
+    stack: Stack,
+    rows: Mapping[str, Row],
+    listen: str | None = None,
+    far: Far | None = None,
 ) -> Generator[LocalStack]:
     """Hubs that run, without services yet; everything is ended when the block is left.
 
     Args:
         listen: endpoint on which the pilot's hub listens instead of a private socket, so that
             programs outside the stack can connect.
+        far: the other side, where it is another machine; `rows` are then those of this one.
 
     Raises:
         LindyError: the endpoint is taken or malformed.
     """
-    if listen is not None:
-        with listening(listen):
+    for endpoint in filter(None, (listen, *(far.listen if far is not None else ()))):
+        with listening(endpoint):
             pass  # the hub would say the same, but only after strangers' hubs have answered
     with tempfile.TemporaryDirectory(prefix="lindy-", dir=_socket_folder()) as folder:
-        local = LocalStack(stack, rows, Path(folder), listen)
+        local = LocalStack(stack, rows, Path(folder), listen, far)
         with ExitStack() as exits:
             exits.callback((stack.out_dir / RUNNING).unlink, missing_ok=True)
             exits.callback(local.supervisor.stop)
@@ -198,7 +235,8 @@ def local_stack(
 
 
 def _endpoints(rows: Mapping[str, Row], folder: Path, listen: str | None) -> dict[str, str]:
-    realms = dict.fromkeys(realm for row in rows.values() for realm in row.realms)
+    """A hub for each realm that is somebody's home here."""
+    realms = dict.fromkeys(row.realms[0] for row in rows.values())
     endpoints = {realm: f"unixsock-stream/{folder}/{realm}.sock" for realm in realms}
     if listen is not None:
         endpoints[HOME if HOME in endpoints else next(iter(endpoints))] = listen

@@ -13,11 +13,13 @@ import msgspec
 
 from messages import topics
 from messages.health import LogLine
+from messages.link import Clock
 from messages.topic import M, Topic
 from services.runtime.bus import Bus, Envelope
+from services.runtime.far_clock import FarClock
 from services.runtime.gate import Gate
 from services.runtime.memory import Memory
-from services.runtime.ports import Clock, Inbox, Latest, Publisher
+from services.runtime.ports import Inbox, Latest, Now, Publisher
 from services.runtime.pulse import Pulse, Usage
 from services.runtime.timers import Alarm, Tick
 
@@ -33,10 +35,11 @@ class Node:
         self,
         name: str,
         realms: Mapping[str, Bus],
-        clock: Clock,
+        clock: Now,
         memory: Memory,
         *,
         gateway: bool = False,
+        far: FarClock | None = None,
     ) -> None:
         self.name = name
         self.realms = realms
@@ -49,6 +52,7 @@ class Node:
         self._clock = clock
         self._memory = memory
         self._home = next(iter(realms))
+        self._far = far
         self._gateway = gateway
         self._publishers: list[Publisher[Any]] = []
         self._inboxes: list[Inbox] = []
@@ -58,6 +62,8 @@ class Node:
         self._log = self.publisher(topics.LOG.of(name))
         self._health = self.publisher(topics.HEALTH.of(name))
         self.every(topics.HEALTH.hz, self._report)
+        if far is not None:
+            self.each(topics.CLOCK, lambda clock, _: far.learn(clock))
 
     # What a service says.
 
@@ -84,10 +90,12 @@ class Node:
     def latest(self, topic: Topic[M]) -> Latest[M]:
         """The newest message, read when wanted; arrivals do not wake the service."""
         inbox = self._inbox(topic.key, RING, self._home)
-        return Latest(topic, inbox, Gate(topic, self.counts), self.counts)
+        return Latest(topic, inbox, self.gate(topic), self.counts)
 
-    def each(self, topic: Topic[M], handler: Callable[[M, int], None]) -> None:
-        """Every message, in order of arrival."""
+    def each(
+        self, topic: Topic[M], handler: Callable[[M, int], None], *, onlooker: bool = False
+    ) -> None:
+        """Every message, in order of arrival. An onlooker acts on none, so expired ones count."""
         inbox, gates = self._inbox(topic.key, EVENTS, self._home), dict[str, Gate[M]]()
 
         def drain() -> None:
@@ -95,7 +103,7 @@ class Node:
                 now = self._clock()
                 gate = gates.get(envelope.key)
                 if gate is None:
-                    gate = gates[envelope.key] = Gate(topic, self.counts)
+                    gate = gates[envelope.key] = self.gate(topic, onlooker=onlooker)
                 if (message := gate.admit(envelope, now)) is not None:
                     self.pulse.handled(now - arrival)
                     handler(message, now)
@@ -108,7 +116,7 @@ class Node:
         """The newest message drives the service. After `silence_s` without one, the handler is
         called with None at the topic's own rate until messages return."""
         inbox = self._inbox(topic.key, RING, self._home)
-        gate = Gate(topic, self.counts)
+        gate = self.gate(topic)
         alarm = self.alarm(lambda now: on_silence(now))
 
         def on_silence(now: int) -> None:
@@ -145,6 +153,15 @@ class Node:
                 handler(envelope, arrival)
 
         self._on_arrival(inbox, drain)
+
+    def gate(self, topic: Topic[M], *, onlooker: bool = False) -> Gate[M]:
+        """The door of a port; for those who open envelopes themselves."""
+        return Gate(topic, self.counts, self._far, onlooker=onlooker)
+
+    def learn_clock(self, clock: Clock) -> None:
+        """For the sounder, which does not hear itself."""
+        if self._far is not None:
+            self._far.learn(clock)
 
     # When a service acts by itself.
 

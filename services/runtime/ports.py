@@ -9,9 +9,9 @@ import msgspec
 
 from messages.topic import M, Topic
 from services.runtime.bus import Envelope, Say
-from services.runtime.gate import Gate, age_ns, ttl_ns
+from services.runtime.gate import Authority, Gate, age_ns, ttl_ns
 
-Clock = Callable[[], int]  # [ns]
+Now = Callable[[], int]  # [ns] the clock
 
 
 class Inbox:
@@ -20,7 +20,7 @@ class Inbox:
     `arrived` is called once for each envelope that made the ring longer.
     """
 
-    def __init__(self, name: str, depth: int, clock: Clock, counts: Counter[str]) -> None:
+    def __init__(self, name: str, depth: int, clock: Now, counts: Counter[str]) -> None:
         self._ring: deque[tuple[int, Envelope]] = deque(maxlen=depth)
         self._name = name
         self._clock = clock
@@ -81,6 +81,12 @@ class Latest(Generic[M]):
         self._was_fresh = False
         self._has_ttl = "ttl_ms" in topic.message.__struct_fields__
 
+    def authority(self, epoch: int) -> Authority:
+        """From now on only commands of this authority epoch, and of those granted after it."""
+        if self._gate.authority is None:
+            self._gate.authority = Authority(epoch, epoch)
+        return self._gate.authority
+
     def newest(self, now: int) -> M | None:
         """The newest message ever admitted, however old."""
         for _, envelope in self._inbox.take_all():
@@ -95,8 +101,10 @@ class Latest(Generic[M]):
         message = self.newest(now)
         if message is None:
             return None
+        # A command's life is counted by the worst case of the clocks.
         limit = ttl_ns(message) if self._has_ttl else self._topic.stale_after_ns
-        if limit is None or age_ns(message, now) <= limit:
+        bound = self._gate.bound_ns if self._has_ttl else 0
+        if limit is None or age_ns(message, now) + bound <= limit:
             self._was_fresh = True
             return message
         if self._was_fresh:

@@ -19,7 +19,9 @@ from pathlib import Path
 import msgspec
 
 from messages.health import LogLine
+from services.runtime.border import Border
 from services.runtime.errors import LindyError
+from services.runtime.far_clock import FarClock
 from services.runtime.garbage import rare_collections
 from services.runtime.memory import FileMemory
 from services.runtime.node import Node
@@ -62,7 +64,11 @@ def run_service(launch: Launch) -> int:
             for realm, endpoint in launch.endpoints.items()
         }
         memory = FileMemory(Path(launch.memory) / f"{launch.service}.json")
-        node = Node(launch.service, buses, time.monotonic_ns, memory, gateway=launch.gateway)
+        home = next(iter(launch.endpoints))
+        far = FarClock("topside" if home == "topside" else "drone") if launch.stack.apart else None
+        node = Node(
+            launch.service, buses, time.monotonic_ns, memory, gateway=launch.gateway, far=far
+        )
         node.show, node.usage = _show, usage
         node.wall_offset_ns = time.time_ns() - time.monotonic_ns()
         event = threading.Event()
@@ -80,9 +86,22 @@ def run_service(launch: Launch) -> int:
     return 1
 
 
-def run_hub(endpoint: str, parent: int | None) -> int:
+class HubLaunch(msgspec.Struct, frozen=True, kw_only=True):
+    """All a hub process needs to know, as one JSON argument."""
+
+    listen: list[str]  # endpoints
+    connect: list[str] = []  # endpoints of other machines' hubs
+    border: Border | None = None  # where other machines can reach it
+    parent: int | None = None
+
+
+def run_hub(launch: HubLaunch) -> int:
     """Run a realm's hub until it is asked to stop: a Zenoh router and nothing else."""
-    with _stoppable(parent) as stop, _sentences("hub"), listening(endpoint):
+    with (
+        _stoppable(launch.parent) as stop,
+        _sentences("hub"),
+        listening(*launch.listen, connect=launch.connect, border=launch.border),
+    ):
         while not stop.asked:
             time.sleep(POLL_S)  # the router works on its own threads
         return 0

@@ -23,6 +23,7 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
     out: str = "."  # folder for recordings
     seed: Annotated[int, msgspec.Meta(ge=0)] = 0
     viewer: bool = False  # open a live viewer
+    apart: bool = False  # topside and drone are machines of their own, each with its own clock
     arm: bool = True  # the gamepad arms the drone as soon as it is ready
     overrides: list[str] = []  # key.path=value into the vehicle file
 

@@ -6,8 +6,11 @@ takes no virtual time: latencies here are the link's and the scheduling's.
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from math import ceil
 
 from messages.health import LogLine
+from services.runtime.far_clock import FarClock
 from services.runtime.memory import Memory, VolatileMemory
 from services.runtime.memory_bus import Ear, MemoryBus
 from services.runtime.node import Node
@@ -17,11 +20,31 @@ from services.runtime.table import Wire, wiring
 ROUNDS = 1000  # deliveries at one instant before we call it an endless conversation
 
 
+@dataclass(frozen=True, slots=True)
+class Skew:
+    """A machine's clock beside the host's."""
+
+    ahead_ns: int = 0  # [ns] at the beginning
+    drift: float = 0.0  # [-] seconds gained per second
+
+    def shows(self, host_ns: int) -> int:
+        return host_ns + self.ahead_ns + round(self.drift * host_ns)
+
+    def first_shows(self, local_ns: int) -> int:
+        """[ns] Host time at which the clock has come to `local_ns`."""
+        return ceil((local_ns - self.ahead_ns) / (1.0 + self.drift))
+
+
+SAME = Skew()
+
+
 class VirtualHost:
     """Owns virtual time, the realms and the nodes."""
 
-    def __init__(self) -> None:
+    def __init__(self, clocks: Mapping[str, Skew] | None = None) -> None:
+        """Clocks of realms that are machines of their own; without them there is one clock."""
         self.now = 0  # [ns]
+        self._clocks = clocks
         self.nodes: dict[str, Node] = {}
         self._buses: dict[str, MemoryBus] = {}
         self._memories: dict[str, Memory] = {}
@@ -36,7 +59,9 @@ class VirtualHost:
         """A node without a service; whoever asks for it wires it."""
         ears = {realm: self.realm(realm) for realm in realms}
         memory = self._memories.setdefault(name, VolatileMemory())
-        node = Node(name, ears, lambda: self.now, memory, gateway=gateway)
+        skew, far = self._skew(realms[0]), self._far(realms[0])
+        clock = (lambda: self.now) if skew is SAME else (lambda: skew.shows(self.now))
+        node = Node(name, ears, clock, memory, gateway=gateway, far=far)
         node.wake = lambda: self._woken.setdefault(name)
         self.nodes[name] = node
         return node
@@ -65,7 +90,7 @@ class VirtualHost:
 
     def run(self, until: int, done: Callable[[], bool] = lambda: False) -> None:
         """Advance to `until` [ns], or to the first instant at which `done()` is true."""
-        self._due = {name: node.deadline() for name, node in self.nodes.items()}
+        self._due = {name: self._deadline(node) for name, node in self.nodes.items()}
         while not done():
             due = min(self._due.values())
             if due > until:
@@ -85,8 +110,22 @@ class VirtualHost:
             for name in names:
                 self._woken.pop(name, None)
                 self.nodes[name].step()
-                self._due[name] = self.nodes[name].deadline()
+                self._due[name] = self._deadline(self.nodes[name])
             if not self._woken:
                 return
             names = list(self._woken)
         raise RuntimeError(f"services keep waking each other at {self.now} ns: {names}")
+
+    def _deadline(self, node: Node) -> int:
+        """[ns] By the host's clock."""
+        if self._clocks is None:
+            return node.deadline()
+        return max(self.now, self._skew(next(iter(node.realms))).first_shows(node.deadline()))
+
+    def _skew(self, realm: str) -> Skew:
+        return SAME if self._clocks is None else self._clocks.get(realm, SAME)
+
+    def _far(self, realm: str) -> FarClock | None:
+        if self._clocks is None:
+            return None
+        return FarClock("topside" if realm == "topside" else "drone")

@@ -2,13 +2,14 @@
 
 import json
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from typing import Literal
 
 import zenoh
 
 from messages.topic import AnyTopic
+from services.runtime.border import Border, access_control
 from services.runtime.bus import Envelope, Say, Store
 from services.runtime.errors import LindyError
 from services.runtime.qos import STANCES, Travel
@@ -22,17 +23,17 @@ def namespace(vehicle: str) -> str:
     return f"lindy/{VERSION}/{vehicle}"
 
 
-def config(mode: Mode, endpoint: str, space: str | None = None) -> zenoh.Config:
-    """Explicit endpoint, no discovery, so that many stacks run side by side on one machine."""
+def config(
+    mode: Mode, listen: Sequence[str] = (), connect: Sequence[str] = (), space: str | None = None
+) -> zenoh.Config:
+    """Explicit endpoints, no discovery, so that many stacks run side by side on one machine."""
     settings = zenoh.Config()
-    where = "listen" if mode == "router" else "connect"
-    other = "connect" if mode == "router" else "listen"
     for key, value in {
         "mode": mode,
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
-        f"{where}/endpoints": [endpoint],
-        f"{other}/endpoints": [],
+        "listen/endpoints": list(listen),
+        "connect/endpoints": list(connect),
         "transport/shared_memory/enabled": False,  # it would bypass a shaped link
         "transport/link/tx/lease": 1000,  # [ms] a pulled cable is noticed after this
         "connect/retry": {"period_init_ms": 50, "period_max_ms": 200, "period_increase_factor": 2},
@@ -43,14 +44,24 @@ def config(mode: Mode, endpoint: str, space: str | None = None) -> zenoh.Config:
     return settings
 
 
-def listening(endpoint: str) -> zenoh.Session:
+def listening(
+    *endpoints: str, connect: Sequence[str] = (), border: Border | None = None
+) -> zenoh.Session:
     """A hub's session.
+
+    Args:
+        connect: endpoints of other machines' hubs; tried again and again while they are away.
+        border: what may pass between this machine and another; None: no other machine.
 
     Raises:
         LindyError: the endpoint is taken or malformed.
     """
+    settings = config("router", endpoints, connect)
+    if border is not None:
+        settings.insert_json5("access_control", json.dumps(access_control(border)))
+    endpoint = endpoints[-1]
     try:
-        return zenoh.open(config("router", endpoint))
+        return zenoh.open(settings)
     except zenoh.ZError as error:
         taken = "in use" in str(error)
         reason = str(error).split(" at /")[0]  # what follows is Zenoh's own source line
@@ -69,7 +80,7 @@ def connected(endpoint: str, space: str, patience_s: float = HUB_PATIENCE_S) -> 
     deadline = time.monotonic() + patience_s
     while True:
         try:
-            return zenoh.open(config("client", endpoint, space))
+            return zenoh.open(config("client", connect=[endpoint], space=space))
         except zenoh.ZError:
             if time.monotonic() > deadline:
                 raise LindyError(f"no hub answers at {endpoint} after {patience_s:g} s") from None

@@ -1,7 +1,7 @@
 """The battery: what thrust costs in electricity, and what is left.
 
 Power of a thruster grows with |thrust| to the power 1.5 (momentum theory of a propeller at rest in
-the water: P = T √(T / 2ρA)), scaled to the known power at full thrust.
+the water: P = T √(T / 2ρA)), scaled to the known power at full thrust, each way.
 """
 
 from collections.abc import Sequence
@@ -16,24 +16,30 @@ class Battery:
         self.used_wh = used_wh  # [Wh]
         self.power = settings.hotel_power  # [W] drawn now
         self._settings = settings
-        self._max_thrust = [thruster.max_thrust for thruster in vehicle.thruster]
+        self._limits = [thruster.limits for thruster in vehicle.thruster]  # [N]
 
     def feed(self, thrust: Sequence[float], seconds: float) -> None:
         """Feed the thrusters, which produce this [N] now, for the `seconds` just passed."""
         full = self._settings.thruster_power
-        load = [(abs(t) / most) for t, most in zip(thrust, self._max_thrust, strict=True)]
+        pairs = zip(thrust, self._limits, strict=True)
+        load = [t / forward if t >= 0 else t / reverse for t, (reverse, forward) in pairs]
         self.power = self._settings.hotel_power + full * sum(x * x**0.5 for x in load)
         self.used_wh += self.power * seconds / 3600
 
     @property
+    def left_wh(self) -> float:
+        """[Wh]"""
+        return max(0.0, self._settings.battery_capacity - self.used_wh)
+
+    @property
     def empty(self) -> bool:
         """The vehicle goes on all the same: a dive is not spoilt by our guess of its battery."""
-        return self.used_wh >= self._settings.battery_capacity
+        return self.left_wh == 0.0
 
     def sample(self, now: int) -> BatterySample:
         """Voltage falls linearly with the charge, and with the current."""
         about = self._settings
-        left = max(0.0, 1.0 - self.used_wh / about.battery_capacity)
+        left = self.left_wh / about.battery_capacity
         open_circuit = about.battery_empty + left * (about.battery_full - about.battery_empty)
         current = self.power / open_circuit
         return BatterySample(
@@ -41,4 +47,5 @@ class Battery:
             voltage=max(0.0, open_circuit - about.battery_resistance * current),
             current=current,
             used_wh=self.used_wh,
+            capacity_wh=about.battery_capacity,
         )

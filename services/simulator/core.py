@@ -1,13 +1,14 @@
 """The simulator's thinking: commands in, samples and the truth out, time passed in.
 
 The world moves only when told to what time; in between nothing happens. A thruster command takes
-effect at the very instant it is heard, and ends at the very instant its time-to-live does.
+effect at the very instant it is heard, and ends at the very instant its time-to-live does. What
+is broken is broken between the world and its messages: the truth stays the truth.
 """
 
-import msgspec
+from typing import TypeVar
 
 from messages.control import ThrusterCommand
-from messages.message import Finite, Positive
+from messages.message import Message
 from messages.sensors import (
     BatterySample,
     DvlSample,
@@ -16,50 +17,21 @@ from messages.sensors import (
     PressureSample,
     UsblSample,
 )
+from messages.simulator import FaultRequest
 from messages.vehicle import Actuation, Truth
-from services.marine.attitude import from_euler, to_euler, to_world, wrapped
+from services.marine.attitude import heading_of, to_euler, to_world, wrapped
 from services.marine.vehicle import Vehicle
+from services.simulator import faults
 from services.simulator.battery import Battery
 from services.simulator.sensors import Sensors
 from services.simulator.settings import Dvl, Usbl
 from services.simulator.settings import Settings as Settings
 from services.simulator.vessel import Vessel
+from services.simulator.world import World as World
+from services.simulator.world import at_the_surface as at_the_surface
 
 THRUSTERS = "control/thrusters"  # named in what is counted
-
-
-class World(msgspec.Struct, frozen=True):
-    """All that must survive a restart in mid-dive."""
-
-    state: tuple[Finite, ...]  # 13 numbers, see vessel.State
-    thrust: tuple[Finite, ...]  # [N] per thruster
-    heading: Finite  # [rad] accumulated past ±π
-    used_wh: Positive  # [Wh]
-
-    def fits(self, vehicle: Vehicle) -> bool:
-        return len(self.state) == 13 and len(self.thrust) == len(vehicle.thruster)
-
-
-def at_the_surface(vehicle: Vehicle, settings: Settings) -> World:
-    """At rest, floating, level.
-
-    Raises:
-        ValueError: the sea is too shallow for the vehicle.
-    """
-    depth = vehicle.floating_depth
-    keel = depth + vehicle.size[2] / 2
-    if settings.floor_depth <= keel:
-        raise ValueError(
-            f"simulator.floor_depth: found {settings.floor_depth} m, but the vehicle floats with "
-            f"its bottom at {keel:.2f} m; must be more"
-        )
-    attitude = from_euler(0.0, 0.0, settings.start_heading)
-    return World(
-        state=(0.0, 0.0, depth, *attitude, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-        thrust=(0.0,) * len(vehicle.thruster),
-        heading=settings.start_heading,
-        used_wh=0.0,
-    )
+M = TypeVar("M", bound=Message)
 
 
 class Simulator:
@@ -73,17 +45,19 @@ class Simulator:
         Raises:
             ValueError: a thruster without direction, or a negative seed.
         """
-        self._vessel = Vessel(
-            vehicle, settings.floor_depth, settings.wake_share, world.state, world.thrust
-        )
+        self._vessel = Vessel(vehicle, settings, world.state, world.thrust, seed)
         self._sensors = Sensors(settings, seed)
-        self._floor_depth = settings.floor_depth
+        self._settings = settings
         self._battery = Battery(vehicle, settings, world.used_wh)
         self._heading = world.heading
+        self._faults: faults.Faults = {}
+        self._said: dict[str, Message] = {}  # first sample of each sensor since it has a fault
+        self._suffer(world.faults)
         self._now = 0  # [ns] to which the world has moved
         self._begun = False
         self._command: ThrusterCommand | None = None  # the newest that took effect
         self._actuated_ns: int | None = None
+        self._epoch = 0  # newest authority epoch that was obeyed
         self._ends_ns: int | None = None  # the instant it becomes stale; None: nothing to obey
 
     # Time and commands. Each returns the names of what is to be counted.
@@ -104,10 +78,58 @@ class Simulator:
         counted = self.advance(now)
         if len(command.thrust) != len(self._vessel.thrust):
             return [*counted, f"wrong_length:{THRUSTERS}"]
+        if command.epoch < self._epoch:
+            return [*counted, f"wrong_epoch:{THRUSTERS}"]
+        self._epoch = command.epoch
         limited = self._vessel.drive(command.thrust)
         self._command, self._actuated_ns = command, now
         self._ends_ns = command.stamp_ns + round(command.ttl_ms * 1e6)
         return [*counted, *(f"saturated:{name}" for name in limited)]
+
+    # Faults.
+
+    @property
+    def thrusters(self) -> list[str]:
+        return [thruster.name for thruster in self._vessel.vehicle.thruster]
+
+    @property
+    def sensors(self) -> list[str]:
+        """Keys of those the vehicle has."""
+        missing = {"sensor/dvl": self._settings.dvl, "sensor/usbl": self._settings.usbl}
+        return [key for key in faults.MEASURED if missing.get(key, True) is not None]
+
+    @property
+    def silent(self) -> list[str]:
+        """Keys of the sensors that a fault keeps silent."""
+        return [key for key, fault in self._faults.items() if fault.kind == "silent"]
+
+    def refusal(self, request: FaultRequest) -> str:
+        """Why a request for a part that exists cannot be granted; empty when it can."""
+        return faults.refusal(request, self.thrusters)
+
+    def break_or_mend(self, request: FaultRequest, now: int) -> list[str]:
+        """Grant a request at `now` [ns]; returns the names of what is to be counted."""
+        counted = self.advance(now)
+        names, settles_at = self.thrusters, self._vessel.settles_at
+        newtons = settles_at[names.index(request.part)] if request.part in names else 0.0
+        self._suffer(faults.changed(self._faults, request, newtons))
+        return counted
+
+    def _suffer(self, those: faults.Faults) -> None:
+        old, self._faults = self._faults, those
+        self._vessel.suffer(those)
+        self._sensors.noise_times = {
+            key: fault.value for key, fault in those.items() if fault.kind == "noisy"
+        }
+        for key in [key for key in self._said if those.get(key) != old.get(key)]:
+            del self._said[key]
+
+    def _says(self, key: str, sample: M) -> M | None:
+        """What a sensor says instead of its sample; None when it keeps silent."""
+        if key not in self._faults:
+            return sample
+        first = self._said.setdefault(key, sample)
+        return faults.said(key, sample, self._faults[key], first)
 
     def _move(self, now: int) -> None:
         if not self._begun:
@@ -117,35 +139,39 @@ class Simulator:
         seconds = (now - self._now) / 1e9
         self._vessel.advance(seconds)
         self._battery.feed(self._vessel.produced, seconds)
-        heading = to_euler(self._attitude)[2]
+        heading = heading_of(self._vessel.attitude)
         self._heading += wrapped(heading - self._heading)
         self._now = now
 
-    # What can be measured now.
+    # What can be measured now; None where a sensor keeps silent.
 
-    def imu(self) -> ImuSample:
-        return self._sensors.imu(
-            self._now, self._attitude, self._velocity, self._vessel.acceleration
-        )
+    def imu(self) -> ImuSample | None:
+        """Through the water as over the ground: a steady current accelerates nothing."""
+        ship = self._vessel
+        sample = self._sensors.imu(self._now, ship.attitude, ship.through_water, ship.acceleration)
+        return self._says("sensor/imu", sample)
 
-    def magnetometer(self) -> MagnetometerSample:
-        return self._sensors.magnetometer(self._now, self._attitude)
+    def magnetometer(self) -> MagnetometerSample | None:
+        sample = self._sensors.magnetometer(self._now, self._vessel.attitude)
+        return self._says("sensor/magnetometer", sample)
 
-    def pressure(self) -> PressureSample:
-        return self._sensors.pressure(self._now, self._vessel.state[2])
+    def pressure(self) -> PressureSample | None:
+        sample = self._sensors.pressure(self._now, self._vessel.position[2])
+        return self._says("sensor/pressure", sample)
 
     def dvl(self, device: Dvl) -> DvlSample | None:
-        """None when the bottom is out of reach."""
-        u, v, w, *_ = self._velocity
-        altitude = self._floor_depth - self._vessel.state[2]
-        return self._sensors.dvl(self._now, (u, v, w), altitude, device)
+        """None also when the bottom is out of reach."""
+        u, v, w, *_ = self._vessel.velocity
+        altitude = self._settings.floor_depth - self._vessel.position[2]
+        sample = self._sensors.dvl(self._now, (u, v, w), altitude, device)
+        return None if sample is None else self._says("sensor/dvl", sample)
 
-    def usbl(self, device: Usbl) -> UsblSample:
-        north, east, *_ = self._vessel.state
-        return self._sensors.usbl(self._now, north, east, device)
+    def usbl(self, device: Usbl) -> UsblSample | None:
+        north, east, _ = self._vessel.position
+        return self._says("sensor/usbl", self._sensors.usbl(self._now, north, east, device))
 
-    def battery(self) -> BatterySample:
-        return self._battery.sample(self._now)
+    def battery(self) -> BatterySample | None:
+        return self._says("sensor/battery", self._battery.sample(self._now))
 
     @property
     def battery_empty(self) -> bool:
@@ -164,13 +190,12 @@ class Simulator:
         )
 
     def truth(self) -> Truth:
-        x, y, z, *_ = self._vessel.state
-        u, v, w, p, q, r = self._velocity
-        attitude = self._attitude
+        u, v, w, p, q, r = self._vessel.velocity
+        attitude = self._vessel.attitude
         roll, pitch, _ = to_euler(attitude)
         return Truth(
             stamp_ns=self._now,
-            position=(x, y, z),
+            position=self._vessel.position,
             attitude=attitude,
             velocity=(u, v, w),
             angular_rate=(p, q, r),
@@ -179,6 +204,9 @@ class Simulator:
             pitch=pitch,
             heading=self._heading,
             on_floor=self._vessel.on_floor,
+            current=self._vessel.current,
+            tether_pull=self._vessel.tether_pull,
+            faults=tuple(f"{part}: {fault}" for part, fault in self._faults.items()),
         )
 
     def world(self) -> World:
@@ -188,14 +216,5 @@ class Simulator:
             thrust=tuple(self._vessel.thrust),
             heading=self._heading,
             used_wh=self._battery.used_wh,
+            faults=dict(self._faults),
         )
-
-    @property
-    def _attitude(self) -> tuple[float, float, float, float]:
-        _, _, _, w, x, y, z, *_ = self._vessel.state
-        return w, x, y, z
-
-    @property
-    def _velocity(self) -> tuple[float, float, float, float, float, float]:
-        *_, u, v, w, p, q, r = self._vessel.state
-        return u, v, w, p, q, r

@@ -26,7 +26,9 @@ IMU_HZ = 100.0  # [1/s] also of the magnetometer
 BLOCK = 1024  # samples whose noise is drawn at once, because a single draw is slow
 DRIFT_TIME = 300.0  # [s] correlation time of the bias that wanders
 # Random streams.
-BIASES, IMU_NOISE, FIELD_NOISE, PRESSURE_NOISE, DVL_NOISE, USBL_NOISE, GYRO_DRIFT = range(7)
+BIASES, IMU_NOISE, FIELD_NOISE, PRESSURE_NOISE, DVL_NOISE, USBL_NOISE, GYRO_DRIFT, CURRENT = range(
+    8
+)
 
 
 class Sensors:
@@ -40,6 +42,7 @@ class Sensors:
             [[settings.gyro_bias], [settings.accelerometer_bias], [settings.hard_iron]]
         )
         self.gyro_bias, self.accelerometer_bias, self.hard_iron = (drawn * one_std).tolist()
+        self.noise_times: dict[str, float] = {}  # [-] how much more noise, by key
         self._settings = settings
         # A white sample of a noise density n held for 1/f seconds has the standard deviation n √f.
         root = sqrt(IMU_HZ)
@@ -62,7 +65,7 @@ class Sensors:
         a, b, c, *_ = nu_dot
         gx, gy, gz = to_body(q_NB, (0.0, 0.0, GRAVITY))
         force = (a + q * w - r * v - gx, b + r * u - p * w - gy, c + p * v - q * u - gz)
-        noise, (dp, dq, dr) = next(self._imu_noise), next(self._gyro_drift)
+        noise, (dp, dq, dr) = self._noise("sensor/imu", self._imu_noise), next(self._gyro_drift)
         return ImuSample(
             stamp_ns=now,
             specific_force=_sum(force, self.accelerometer_bias, noise[:3]),
@@ -73,14 +76,19 @@ class Sensors:
         """The place's field in body axes, with the vehicle's own iron and noise."""
         field = to_body(q_NB, self._settings.magnetic_field)
         return MagnetometerSample(
-            stamp_ns=now, field=_sum(field, self.hard_iron, next(self._field_noise))
+            stamp_ns=now,
+            field=_sum(
+                field, self.hard_iron, self._noise("sensor/magnetometer", self._field_noise)
+            ),
         )
 
     def pressure(self, now: int, depth: float) -> PressureSample:
         """Absolute pressure at the origin: air above, a column of water below the surface."""
         place = self._settings
         water = density_of(place.water_density) * GRAVITY * max(0.0, depth)
-        pressure = place.atmosphere + water + next(self._pressure_noise)[0]
+        pressure = (
+            place.atmosphere + water + self._noise("sensor/pressure", self._pressure_noise)[0]
+        )
         if place.pressure_step > 0:
             pressure = round(pressure / place.pressure_step) * place.pressure_step
         return PressureSample(stamp_ns=now, pressure=pressure, temperature=place.water_temperature)
@@ -90,16 +98,23 @@ class Sensors:
         if not 0.0 < altitude <= device.reach:
             return None
         u, v, w = velocity
-        a, b, c = next(self._dvl_noise)
+        a, b, c = self._noise("sensor/dvl", self._dvl_noise)
         s = device.std
         measured = (u + s * a, v + s * b, w + s * c)
         return DvlSample(stamp_ns=now, velocity=measured, std=s, altitude=altitude)
 
     def usbl(self, now: int, north: float, east: float, device: Usbl) -> UsblSample:
         """Where the vehicle is [m], NED."""
-        a, b = next(self._usbl_noise)
+        a, b = self._noise("sensor/usbl", self._usbl_noise)
         s = device.std
         return UsblSample(stamp_ns=now, north=north + s * a, east=east + s * b, std=s)
+
+    def _noise(self, key: str, source: Iterator[list[float]]) -> list[float]:
+        noise = next(source)
+        if key not in self.noise_times:
+            return noise
+        times = self.noise_times[key]
+        return [times * value for value in noise]
 
 
 def wandering(seed: int, stream: int, std: float) -> Iterator[list[float]]:

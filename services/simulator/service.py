@@ -3,16 +3,23 @@
 from collections import deque
 from collections.abc import Callable
 
+import msgspec
+
 from messages import topics
 from messages.control import ThrusterCommand
+from messages.simulator import FaultAnswer, FaultRequest
 from messages.topic import M, Topic
 from services.marine.vehicle import Vehicle
 from services.runtime.errors import LindyError
 from services.runtime.node import Node
+from services.runtime.ports import Publisher
+from services.runtime.settings import nearest
 from services.runtime.stack import Stack
 from services.simulator.core import Settings, Simulator, World, at_the_surface
+from services.simulator.faults import ALL
 
 REMEMBER_HZ = 5.0  # [1/s] a killed simulator resumes from at most this long ago
+ANSWERS_KEPT = 64  # requests known by heart
 
 
 def wire(node: Node, stack: Stack) -> None:
@@ -28,23 +35,29 @@ def wire(node: Node, stack: Stack) -> None:
         for name in names:
             node.count(name)
 
+    def say(publisher: Publisher[M], sample: M | None) -> None:
+        if sample is None:
+            node.count(f"silent_by_fault:{publisher.topic.key}")
+        else:
+            publisher.put(sample)
+
     def obey(command: ThrusterCommand, now: int) -> None:
         count(simulator.obey(command, now))
 
     def measure_motion(now: int) -> None:
         count(simulator.advance(now))
-        magnetometer.put(simulator.magnetometer())
-        imu.put(simulator.imu())  # drives the whole chain, so its companion goes first
+        say(magnetometer, simulator.magnetometer())
+        say(imu, simulator.imu())  # drives the whole chain, so its companion goes first
         actuation.put(simulator.actuation())
         truth.put(simulator.truth())
 
     def measure_pressure(now: int) -> None:
         count(simulator.advance(now))
-        pressure.put(simulator.pressure())
+        say(pressure, simulator.pressure())
 
     def measure_battery(now: int) -> None:
         count(simulator.advance(now))
-        battery.put(simulator.battery())
+        say(battery, simulator.battery())
         if simulator.battery_empty:
             node.count("empty:battery")
 
@@ -52,8 +65,47 @@ def wire(node: Node, stack: Stack) -> None:
     node.every(topics.PRESSURE.hz, measure_pressure)
     node.every(topics.IMU.hz, measure_motion)
     node.every(topics.BATTERY.hz, measure_battery)
+    _faults(node, simulator, count)
     _position_aids(node, simulator, stack.section("simulator", Settings), count)
     node.every(REMEMBER_HZ, lambda _: node.remember(simulator.world()))
+
+
+def _faults(node: Node, simulator: Simulator, count: Callable[[list[str]], None]) -> None:
+    """Break or mend parts by request. A request is repeated until its answer arrives: it is done
+    once and answered each time."""
+    answers = node.publisher(topics.FAULT_ANSWER)
+    book: dict[str, FaultAnswer] = {}
+
+    def on_request(request: FaultRequest, now: int) -> None:
+        answer = book.get(request.id)
+        if answer is None:
+            answer = book[request.id] = grant(request, now)
+            if len(book) > ANSWERS_KEPT:
+                del book[next(iter(book))]
+        answers.put(msgspec.structs.replace(answer, stamp_ns=now))
+
+    def grant(request: FaultRequest, now: int) -> FaultAnswer:
+        parts = [*simulator.thrusters, *simulator.sensors, ALL]
+        if request.part in parts:
+            reason = simulator.refusal(request)
+        else:
+            reason = f"there is no part {request.part!r}{nearest(request.part, parts)}"
+        if reason:
+            node.count("refused:simulator/request")
+        else:
+            count(simulator.break_or_mend(request, now))
+            value = "" if request.value is None else f" {request.value:g}"
+            node.log("warning", f"simulated fault: {request.part} {request.fault}{value}")
+            node.remember(simulator.world())
+        return FaultAnswer(
+            stamp_ns=now,
+            id=request.id,
+            accepted=not reason,
+            reason=reason,
+            cause_ns=request.stamp_ns,
+        )
+
+    node.each(topics.FAULT_REQUEST, on_request)
 
 
 def _position_aids(
@@ -67,7 +119,8 @@ def _position_aids(
             count(simulator.advance(now))
             sample = simulator.dvl(dvl)
             if sample is None:
-                node.count("no_bottom:sensor/dvl")
+                silent = "sensor/dvl" in simulator.silent
+                node.count("silent_by_fault:sensor/dvl" if silent else "no_bottom:sensor/dvl")
             else:
                 say_velocity(sample, now)
 
@@ -77,7 +130,11 @@ def _position_aids(
 
         def measure_place(now: int) -> None:
             count(simulator.advance(now))
-            say_place(simulator.usbl(usbl), now)
+            sample = simulator.usbl(usbl)
+            if sample is None:
+                node.count("silent_by_fault:sensor/usbl")
+            else:
+                say_place(sample, now)
 
         node.every(usbl.rate, measure_place)
 

@@ -1,4 +1,4 @@
-"""What the `[simulator]` table of a vehicle file may say: the place, the sensors, the battery."""
+"""What the table [simulator] of a vehicle file may say: the place, the sensors, the battery."""
 
 from typing import Annotated
 
@@ -12,9 +12,9 @@ FieldNoise = Annotated[float, msgspec.Meta(ge=0.0, le=1e-4)]  # [T]
 Angle = Annotated[float, msgspec.Meta(ge=-6.3, le=6.3)]  # [rad]
 Amount = Annotated[float, msgspec.Meta(gt=0.0, le=1e6)]  # of watts, volts, watt-hours
 Noise = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]  # far beyond any sensor worth the name
-
-
 Seconds = Annotated[float, msgspec.Meta(ge=0.0, le=10.0)]
+Velocity = Annotated[float, msgspec.Meta(ge=-5.0, le=5.0)]  # [m/s]
+Place = Annotated[float, msgspec.Meta(ge=-1e5, le=1e5)]  # [m]
 Rate = Annotated[float, msgspec.Meta(ge=0.01, le=50.0)]  # [1/s]
 
 
@@ -35,6 +35,42 @@ class Usbl(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     latency: Seconds = 0.5  # [s] of sound, and of the way back down to the vehicle
 
 
+class CurrentSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The water's own motion over the ground, the same everywhere."""
+
+    north: Velocity = 0.0  # [m/s] mean, where to
+    east: Velocity = 0.0  # [m/s]
+    std: Annotated[float, msgspec.Meta(ge=0.0, le=2.0)] = 0.0  # [m/s] of each component about it
+    time_constant: Annotated[float, msgspec.Meta(ge=1.0, le=1e5)] = 60.0  # [s] its memory
+
+
+class TetherSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What hangs behind the vehicle, see tether.py."""
+
+    diameter: Annotated[float, msgspec.Meta(gt=0.0, le=0.2)] = 0.0076  # [m] of a thin ROV tether
+    drag_coefficient: Annotated[float, msgspec.Meta(ge=0.0, le=5.0)] = 1.2  # [-] of a cylinder
+    slack: Annotated[float, msgspec.Meta(ge=0.0, le=10_000.0)] = 5.0  # [m] more than the depth
+
+
+class Walls(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Of a basin: the vehicle stays between them. It starts at 0, 0.
+
+    Raises:
+        ValueError: there is no room for a start.
+    """
+
+    north: tuple[Place, Place]  # [m] least and most
+    east: tuple[Place, Place]  # [m]
+
+    def __post_init__(self) -> None:
+        for name, (least, most) in (("north", self.north), ("east", self.east)):
+            if not least < 0.0 < most:
+                raise ValueError(
+                    f"{name}: the vehicle starts at 0, which must lie between the walls, found "
+                    f"{least:g} and {most:g}"
+                )
+
+
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     # The place.
     floor_depth: Annotated[float, msgspec.Meta(gt=0.0, le=11_000.0)] = 20.0  # [m]
@@ -43,6 +79,11 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     water_density: Density = SEA_WATER  # [kg/m³], "fresh", "sea" or { temperature, salinity }
     water_temperature: Annotated[float, msgspec.Meta(ge=-5.0, le=50.0)] = 8.0  # [°C]
     magnetic_field: tuple[Field, Field, Field] = (15e-6, 0.0, 49e-6)  # [T] NED; dip 73°
+
+    # What the vehicle meets only if its file has the table.
+    current: CurrentSettings | None = None
+    tether: TetherSettings | None = None
+    walls: Walls | None = None
 
     # [-] of the Munk moment that the wake takes back (services/marine/wake.py); 0 is ideal flow.
     wake_share: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 1.0

@@ -1,89 +1,97 @@
-"""The link as a model: when does a message that enters now come out at the other end?
+"""The link as a whole: both directions, what is changed about them, what is thinned out and what is
+said of it."""
 
-Pure and seeded; time is an argument. Order is kept, as on any cable or single radio hop: a
-message never overtakes the one before it.
-"""
+from typing import Generic, TypeVar
 
-from collections import deque
-from dataclasses import dataclass, field
-from typing import Annotated, Generic, TypeVar
-
-import msgspec
 import numpy as np
 
-from messages.link import Direction
+from messages.link import Clock, LinkStatus
+from services.tether.link_model import Line
+from services.tether.profile import LinkProfile
+from services.tether.tiers import Thinner, Tiers, limits
 
 T = TypeVar("T")
-Milliseconds = Annotated[float, msgspec.Meta(ge=0.0, le=60_000.0)]
+
+__all__ = ["Link", "LinkProfile"]
 
 
-class Leg(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One direction of the link."""
+class Link(Generic[T]):
+    """Messages of any type, down and up."""
 
-    delay_ms: Milliseconds = 0.0  # [ms] shortest one-way delay
-    jitter_ms: Milliseconds = 0.0  # [ms] mean of the exponential part on top of it
+    def __init__(self, name: str, profile: LinkProfile, seed: int) -> None:
+        self.name = name
+        self.down: Line[T] = Line(profile.down, np.random.default_rng(seed))
+        self.up: Line[T] = Line(profile.up, np.random.default_rng(seed + 1))
+        self.changes = 0  # since start
+        self._profile = profile
+        self._tiers = Tiers()
+        self._thinner = Thinner()
+        self._judged = (0, 0, 0)  # [ns], bytes carried and messages lost in the queue, until then
 
+    # What is asked of it.
 
-class LinkProfile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A file of deploy/links/."""
+    def change(self, name: str, profile: LinkProfile, now: int) -> None:
+        """Another model from now on; what is on the way stays on its way."""
+        self.changes += 1
+        self.name, self._profile = name, profile
+        self.down.change(profile.down, now)
+        self.up.change(profile.up, now)
+        if not profile.thin:
+            self._tiers, self._thinner.rates = Tiers(), {}
 
-    about: str = ""
-    down: Leg = Leg()  # topside to drone
-    up: Leg = Leg()  # drone to topside
+    def cut(self, now: int) -> None:
+        """Everything on the way is lost, and everything that enters until `restore`."""
+        self.changes += 1
+        self.down.cut(now)
+        self.up.cut(now)
 
+    def restore(self, now: int) -> None:
+        self.changes += 1
+        self.down.restore(now)
+        self.up.restore(now)
 
-@dataclass(slots=True)
-class Line(Generic[T]):
-    """One direction: what is on the way, and what has passed since the last report."""
+    # Telemetry fits the link.
 
-    leg: Leg
-    random: np.random.Generator
-    capacity: int = 4096  # messages on the way; more are dropped, newest first to go
-    forwarded: int = 0
-    dropped: int = 0
-    _queue: deque[tuple[int, int, T]] = field(default_factory=deque[tuple[int, int, T]])
-    _delays: list[int] = field(default_factory=list[int])
+    def admits_up(self, key: str, size: int, now: int) -> bool:
+        """May this message of `size` bytes go up, or is its topic thinned out?"""
+        return self._thinner.admits(key, size + self._profile.up.overhead_bytes, now)
 
-    def enter(self, item: T, now: int) -> bool:
-        """A message enters at `now` [ns]. False: the line is full and the message is lost."""
-        if len(self._queue) >= self.capacity:
-            self.dropped += 1
+    def judge(self, now: int) -> bool:
+        """Look at the way up since the last look. True: other topics are thinned out from now on,
+        or to other rates."""
+        before, carried, lost = self._judged
+        seconds = (now - before) / 1e9
+        standing, offered = self.up.standing_bytes(now), self._thinner.offered(now)
+        self._judged = (now, self.up.carried_bytes, self.up.lost_in_queue)
+        if not self._profile.thin or seconds <= 0.0:
             return False
-        out = now + self._delay_ns()
-        if self._queue:
-            out = max(out, self._queue[-1][0])
-        self._queue.append((out, now, item))
+        kilobits = (self.up.carried_bytes - carried) * 8e-3 / seconds
+        new = self.up.lost_in_queue - lost
+        if not self._tiers.judge(standing, new, kilobits, offered, now):
+            return False
+        self._thinner.rates = limits(self._tiers.level)
         return True
 
-    def due(self) -> int | None:
-        """[ns] When the next message comes out."""
-        return self._queue[0][0] if self._queue else None
+    @property
+    def thinned(self) -> dict[str, float]:
+        """[1/s] Topics that are thinned out, and to what rate."""
+        return self._thinner.rates
 
-    def leave(self, now: int) -> T | None:
-        """The next message that has come out by `now`, or None."""
-        if not self._queue or self._queue[0][0] > now:
-            return None
-        _, entered, item = self._queue.popleft()
-        self.forwarded += 1
-        self._delays.append(now - entered)
-        return item
+    # What is said of it.
 
-    def report(self) -> Direction:
-        """What passed since the last report; the period starts anew."""
-        delays = sorted(self._delays)
-        self._delays = []
-        return Direction(
-            delay_p50_ms=_percentile_ms(delays, 50),
-            delay_p99_ms=_percentile_ms(delays, 99),
-            forwarded=self.forwarded,
-            dropped=self.dropped,
-            queued=len(self._queue),
+    def status(self, now: int, clock: Clock | None) -> LinkStatus:
+        """What passed since the last status; None where nothing is known."""
+        down, up = self.down.report(now), self.up.report(now, dict(self.thinned))
+        there = self.down.is_up(now) and self.up.is_up(now)
+        halves = down.delay_p50_ms, up.delay_p50_ms
+        known = there and halves[0] is not None and halves[1] is not None
+        return LinkStatus(
+            stamp_ns=now,
+            profile=self.name,
+            up=there,
+            down_link=down,
+            up_link=up,
+            rtt_ms=(halves[0] or 0.0) + (halves[1] or 0.0) if known else None,
+            changes=self.changes,
+            clock=clock,
         )
-
-    def _delay_ns(self) -> int:
-        jitter = self.random.exponential(self.leg.jitter_ms) if self.leg.jitter_ms > 0 else 0.0
-        return round((self.leg.delay_ms + jitter) * 1e6)
-
-
-def _percentile_ms(ordered: list[int], percent: int) -> float | None:
-    return ordered[len(ordered) * percent // 100] / 1e6 if ordered else None

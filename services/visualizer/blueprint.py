@@ -137,6 +137,7 @@ def _link() -> rrb.Grid:
         _plot("link_rate", "Carried [kbit/s]"),
         _plot("clock", "Clocks [ms]"),
         rrb.Tabs(
+            _plot("shown", "Sensor to each screen [ms]"),
             _plot("foresight", "Depth: predicted now, and delayed [cm off]"),
             _plot("foresight_heading", "Heading: predicted now, and delayed [° off]"),
         ),

@@ -49,6 +49,10 @@ class Collector:
         self._scene.hear(message)
         return None
 
+    def newest_sample(self) -> int | None:
+        """[ns] Sensor sample behind the newest state heard."""
+        return self._scene.newest_sample()
+
     def frame(self) -> Frame | None:
         """The scene, when it has moved since the last frame."""
         return None if self.start is None else self._scene.frame(self.start)

@@ -82,6 +82,7 @@ def _budget() -> list[Curve]:
         Curve("budget/down", topic, DOWN_STAGES, down, lambda m: _medians(m.down, DOWN_STAGES)),
         Curve("budget_up/up", topic, UP_STAGES, AXES[:3], lambda m: _medians(m.up, UP_STAGES)),
         Curve("whole/stick", topic, whole[:1], (REFERENCE,), _stick),
+        Curve("shown", topics.SHOWN, (), (), lambda m: way_ms(m.sensor_ns, m.stamp_ns)),
         Curve("whole/screen", topic, whole[1:], (ESTIMATE,), _screen),
     ]
 

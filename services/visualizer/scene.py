@@ -70,6 +70,10 @@ class Scene:
             now_heading=0.0 if ahead is None else ahead.heading,
         )
 
+    def newest_sample(self) -> int | None:
+        """[ns] Sensor sample behind the newest state."""
+        return None if self._state is None else self._state.sensor_ns
+
     def take_trail(self) -> list[Vec3]:
         """Points flown since the last call, from the last one drawn on; fewer than two: none."""
         if len(self._trail) < 2:

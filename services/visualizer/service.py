@@ -6,6 +6,7 @@ from collections.abc import Callable
 import msgspec
 
 from messages import topics
+from messages.link import Shown
 from messages.message import Message
 from messages.topic import AnyTopic, Way
 from services.marine.vehicle import Vehicle
@@ -41,12 +42,13 @@ def wire(node: Node, stack: Stack) -> None:
     parts.written += 1
     node.remember(parts)
     collector = Collector(vehicle, parts.start)
+    shown = node.publisher(topics.SHOWN.of(node.name))
     write, close = _outputs(node, stack, vehicle, parts.written)
 
     def flush(now: int) -> None:
         write(collector.drain(now))
 
-    def show_scene(_now: int) -> None:
+    def show_scene(now: int) -> None:
         if parts.start != collector.start:
             parts.start = collector.start
             node.remember(parts)
@@ -54,6 +56,8 @@ def wire(node: Node, stack: Stack) -> None:
             collector.keep_frame()
         elif (frame := collector.frame()) is not None:
             write(Batch(frames=[frame]))
+            if (sensor_ns := collector.newest_sample()) is not None:
+                shown.put(Shown(stamp_ns=now, sensor_ns=sensor_ns))
 
     def finish() -> None:
         flush(collector.newest)
@@ -95,7 +99,7 @@ def _gate(
     topic = topics.find(key)
     if topic is None or len(gates) >= KEYS:
         return None
-    return gates.setdefault(key, (topic, Gate(topic, node.counts, onlooker=True)))
+    return gates.setdefault(key, (topic, node.gate(topic, onlooker=True)))
 
 
 def _outputs(

@@ -38,11 +38,11 @@ SCRIPT = """t,surge,sway,heave,yaw
 """
 KEYS = {
     "seconds", "vehicle", "link", "services", "topics", "latency_ms", "stops", "depth_error_rms_m",
-    "heading_error_rms_deg", "peak_jerk_ratio", "energy", "losses", "exit",
+    "budget_ms", "clocks", "heading_error_rms_deg", "peak_jerk_ratio", "energy", "losses", "exit",
 }  # fmt: skip
 SERVICES = {
     "simulator", "estimation", "reference", "control", "tether", "gamepad", "recorder",
-    "visualizer",
+    "visualizer", "sounder", "echo", "predictor",
 }  # fmt: skip
 
 

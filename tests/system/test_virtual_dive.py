@@ -30,7 +30,12 @@ class Dive:
         path = folder / "script.csv"
         path.write_text(HANDS_OFF + script)
         self.rows = services_of("dive")
-        self.stack = Stack(pilot=f"script:{path}", out=str(folder), **choices)  # type: ignore[arg-type]
+        self.stack = Stack(
+            pilot=f"script:{path}",
+            out=str(folder),
+            overrides=["estimation.calibration.still_time=3"],  # [s] less to wait for
+            **choices,  # type: ignore[arg-type]
+        )
         self.host = VirtualHost()
         for name in CHAIN:
             self.host.add(name, self.rows[name], self.stack)
@@ -51,7 +56,7 @@ class Dive:
         return self
 
     def until_armed(self) -> "Dive":
-        self.host.run(20 * SECOND, done=lambda: bool(self.statuses) and self.statuses[-1].armed)
+        self.host.run(60 * SECOND, done=lambda: bool(self.statuses) and self.statuses[-1].armed)
         assert self.statuses[-1].armed
         return self
 

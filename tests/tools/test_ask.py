@@ -10,7 +10,7 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import msgspec
 import pytest
@@ -18,7 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages import topics
-from messages.pilot import PilotAnswer, PilotRequest, StopDistance
+from messages.pilot import Hold, PilotAnswer, PilotRequest, StopDistance
 from services.gamepad.course import PathFile as FollowedFile
 from services.runtime.errors import LindyError
 from services.runtime.running import RUNNING, Running
@@ -27,7 +27,7 @@ from tools.ask import Asking, Wanted, ask, dive_in, in_json, in_words, wanted_of
 from tools.path import PathFile
 
 S = 1_000_000_000  # [ns]
-GIVEN: dict[str, Any] = dict.fromkeys(("depth", "heading", "path", "value"))
+GIVEN: dict[str, Any] = dict.fromkeys(("hold", "depth", "heading", "path", "value"))
 PATIENCE_S = 60.0  # never reached unless something is broken
 
 
@@ -52,6 +52,16 @@ def test_a_followed_path_is_asked_whole():
     assert course.kind == "interpolating"
 
 
+@pytest.mark.parametrize("hold", get_args(Hold))
+def test_every_mode_can_be_asked_for_and_reaches_the_drone(hold: str):
+    host = VirtualHost()
+    drone = Drone(host, 1)
+    wanted = wanted_of("mode", **GIVEN | {"hold": hold})
+    asking = Asking(host.node("ask", ["topside"]), wanted, "ask-1")
+    host.run(10 * S, lambda: asking.answer is not None)
+    assert [(r.kind, r.hold) for r in drone.heard] == [("mode", hold)]
+
+
 def test_a_path_file_may_have_every_key_that_lindy_path_knows():
     assert set(FollowedFile.__struct_fields__) == set(PathFile.__struct_fields__)
 
@@ -73,6 +83,10 @@ def test_a_path_file_may_have_every_key_that_lindy_path_knows():
         ("follow", {}, "follow needs --path"),
         ("follow", {"path": "inspection_bix"}, "did you mean 'inspection_box'?"),
         ("follow", {"path": "fernandes"}, "only a path with model = 'mjvr'"),
+        ("mode", {}, "mode needs what to hold: manual, depth_hold"),
+        ("mode", {"hold": "stabilized"}, "did you mean 'stabilised'?"),
+        ("mode", {"hold": "manual", "depth": 1.0}, "mode takes no --depth"),
+        ("stop", {"hold": "manual"}, "stop takes no second word, found 'manual'"),
     ],
 )
 def test_a_wrong_argument_is_explained_before_anybody_is_asked(

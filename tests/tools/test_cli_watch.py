@@ -92,7 +92,7 @@ def test_a_stream_that_falls_silent_disappears_from_the_screen():
     scene.stack.publisher(topics.REFERENCE).put(reference_at(1.0, 0))
     scene.host.run(SECOND // 20)
     assert scene.view().heading_wanted_deg is not None
-    scene.host.run(SECOND)
+    scene.host.run(4 * SECOND)
     assert scene.view().heading_wanted_deg is None
 
 

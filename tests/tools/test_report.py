@@ -27,7 +27,17 @@ from tools.report.stops import Stop
 MS = 1_000_000  # [ns]
 START = 5_000 * MS
 KEYS = [
-    *("seconds", "vehicle", "link", "services", "topics", "latency_ms", "stops"),
+    *(
+        "seconds",
+        "vehicle",
+        "link",
+        "services",
+        "topics",
+        "latency_ms",
+        "budget_ms",
+        "clocks",
+        "stops",
+    ),
     *("depth_error_rms_m", "heading_error_rms_deg", "peak_jerk_ratio", "energy", "losses", "exit"),
 ]
 Said = list[tuple[str, Message]]

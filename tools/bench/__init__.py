@@ -15,6 +15,10 @@ SECTIONS = {
     "reference": "tools.bench.reference",
     "estimation": "tools.bench.estimation",
     "heading": "tools.bench.heading",
+    "horizontal": "tools.bench.horizontal",
+    "control": "tools.bench.control",
+    "simulator": "tools.bench.simulator",
+    "tether": "tools.bench.tether",
 }
 
 

@@ -1,30 +1,33 @@
-"""One world for all depth observers: a dive of minimum-jerk steps in a swell, and its sensors."""
+"""One world for all depth observers: a flown dive (flights.py) in a swell, and its sensors."""
 
-from math import pi, sqrt
+from math import hypot, pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
 from msgspec.structs import replace
-from numpy.typing import NDArray
 
+from messages.sensors import ImuSample
+from services.estimation.attitude_filter import AttitudeSettings, Vec3
+from services.estimation.attitude_observer import AttitudeObserver
 from services.estimation.depth_filter import DepthSettings
 from services.estimation.depth_observer import Atmosphere, DepthObserver
 from services.estimation.depth_ways import WAYS
-from services.marine.vehicle import ATMOSPHERE, GRAVITY, SEA_WATER
-from services.reference.minimum_jerk import Limits, Ramp
+from services.marine.attitude import to_body
+from services.marine.vehicle import GRAVITY, SEA_WATER
+from services.runtime.stack import Stack
+from services.simulator.sensors import Sensors
+from services.simulator.settings import Settings
+from tools.bench.flights import FULL_HEAVE, HZ, LEAST, Flight, Floats, Script, Stick, flown
 
-RATE = 100.0  # [1/s] of the observers and of the accelerometer
+RATE = HZ  # [1/s] of the observers and of the accelerometer
 PRESSURE_RATE = 42.0  # [1/s] with a phase of its own
-SECONDS = 90.0
+SECONDS = 90.0  # after arming
+DIVES = 5  # different ones
 SETTLED = 15.0  # [s] from here on errors count
-START = 20.0  # [m] deep enough never to come up
-SPEED, JERK = 0.5, 1.0  # [m/s] either way, [m/s³]
 SWELL, SWELL_FREQUENCY = 0.03, 0.25  # [m/s] rms, [Hz] what the reference knows nothing of
-ACCELEROMETER_STD = 0.03  # [m/s²] white, of one sample
-BIAS, BIAS_WALK = 0.15, 0.001  # [m/s²] at the beginning, [m/s²/√s]
+RAMP = 5.0  # [s] over which it comes up
+TYPICAL = Stack().section("simulator", Settings)
 PER_METRE = SEA_WATER * GRAVITY  # [Pa/m]
-Floats = NDArray[np.float64]
-Stick = list[tuple[float, float]]
 
 
 class Sensor(NamedTuple):
@@ -41,6 +44,11 @@ class Sensor(NamedTuple):
         told = DepthSettings(pressure_std=std * PER_METRE, pressure_latency=self.latency)
         return replace(told, **others)
 
+    def simulated(self) -> Settings:
+        """The same for the simulator."""
+        std, step = self.std * PER_METRE, self.step * PER_METRE
+        return replace(TYPICAL, pressure_std=std, pressure_step=step)
+
 
 class World(NamedTuple):
     """The truth at the steps of the observer, and what is measured of it."""
@@ -50,8 +58,12 @@ class World(NamedTuple):
     rate: Floats  # [m/s]
     asked: Floats  # [m/s²] acceleration of the reference
     measured: Floats  # [m/s²] accelerometer along down
+    forward: Floats  # [-] down component of the body's forward axis
     stamps: Floats  # [s] when a pressure sample is handed over
     said: Floats  # [m] depth of each pressure sample
+    rest: float  # [m] mean depth said at rest, before
+    rests: int  # samples in it
+    bias: float  # [m/s²] of the accelerometer along down, as learnt at rest
 
 
 class Estimates(NamedTuple):
@@ -68,68 +80,113 @@ class Score(NamedTuple):
     lag: float  # [ms] by which the rate comes late: the shift that explains its error best
 
 
-def world(sensor: Sensor, seed: int, stick: Stick | None = None) -> World:
-    """Ninety seconds of `sensor` and accelerometer; everything random comes from the seed.
+def world(sensor: Sensor, seed: int, flight: Flight | None = None) -> World:
+    """A dive with the sensors of that seed, from calibration on. A swell lifts water and vehicle
+    alike; the pilot's chain does not answer to it.
 
     Args:
-        stick: from when [s] on which rate [m/s] is asked for; None: steps at random.
+        flight: None: one of the dives in steps, by the seed.
     """
-    rng = np.random.default_rng([seed, 42])
-    stick = _stick(rng) if stick is None else stick
-    phase = float(rng.uniform(0.0, 2.0 * pi))
-    t = np.arange(1.0, SECONDS * RATE + 1.0) / RATE
-    depth, rate, asked, acceleration = _motion(stick, phase, t)
-    taken = np.arange(rng.uniform(0.0, 1.0), SECONDS * PRESSURE_RATE) / PRESSURE_RATE
-    said = _motion(stick, phase, taken)[0] + sensor.std * rng.standard_normal(len(taken))
-    if sensor.step > 0.0:
-        said = np.round(said / sensor.step) * sensor.step
-    bias = BIAS + BIAS_WALK / sqrt(RATE) * np.cumsum(rng.standard_normal(len(t)))
-    measured = acceleration + bias + ACCELEROMETER_STD * rng.standard_normal(len(t))
-    return World(t, depth, rate, asked, measured, taken + sensor.latency, said)
-
-
-def _stick(rng: np.random.Generator) -> Stick:
-    """When [s] the stick goes where [m/s]: up, down or to rest, every 10 to 20 s."""
-    whens = np.cumsum(rng.uniform(10.0, 20.0, 9)).tolist()
-    steps = rng.choice([-SPEED, 0.0, SPEED], len(whens)).tolist()
-    return [(when, step) for when, step in zip(whens, steps, strict=True) if when < SECONDS]
-
-
-def _motion(stick: Stick, phase: float, t: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-    """Depth, its rate, the acceleration asked for and the whole acceleration at the times `t`."""
-    ramp, moves = Ramp(Limits(JERK), START), list(stick)
-    rows = np.empty((len(t), 3))
-    for row, moment in enumerate(t.tolist()):
-        while moves and moves[0][0] <= moment:
-            when, target = moves.pop(0)
-            ramp.aim(target, when)
-        rows[row] = ramp.at(moment)[:3]
-    position, velocity, asked = rows.T
-    w, size = 2.0 * pi * SWELL_FREQUENCY, SWELL * sqrt(2.0)
-    angle = w * t + phase
-    return (
-        position - size / w * np.cos(angle),
-        velocity + size * np.sin(angle),
-        asked,
-        asked + size * w * np.cos(angle),
+    flight = flown(steps(seed % DIVES), SECONDS) if flight is None else flight
+    phase = float(np.random.default_rng([seed, 42]).uniform(0.0, 2.0 * pi))
+    first, n = flight.calibrated, len(flight.depth)
+    t = (np.arange(n) - first) / RATE
+    lift, rise, push = swell(t, phase)
+    depth = flight.depth + lift
+    taken = np.arange(t[0] + phase / 500.0, t[-1], 1.0 / PRESSURE_RATE)
+    device = Sensors(sensor.simulated(), seed)
+    pressures = [device.pressure(0, d).pressure for d in np.interp(taken, t, depth).tolist()]
+    said = (np.array(pressures) - TYPICAL.atmosphere) / PER_METRE
+    resting = taken + sensor.latency < 0.0
+    bias, measured, forward = felt(seed, flight, push)
+    return World(
+        t=t[first:],
+        depth=depth[first:],
+        rate=(flight.depth_rate + rise)[first:],
+        asked=flight.asked[first:],
+        measured=measured,
+        forward=forward,
+        stamps=(taken + sensor.latency)[~resting],
+        said=said[~resting],
+        rest=float(np.mean(said[resting])),
+        rests=int(np.sum(resting)),
+        bias=bias,
     )
+
+
+def swell(t: Floats, phase: float) -> tuple[Floats, Floats, Floats]:
+    """[m], [m/s], [m/s²] down, of the water and of whatever floats in it; it comes up after the
+    calibration, [s] 0."""
+    w, size = 2.0 * pi * SWELL_FREQUENCY, SWELL * sqrt(2.0)
+    share, angle = np.clip(t / RAMP, 0.0, 1.0), w * t + phase
+    position: Floats = -share * size / w * np.cos(angle)
+    rate: Floats = np.gradient(position, t)
+    return position, rate, np.gradient(rate, t)
+
+
+def steps(number: int) -> Script:
+    """Down first; then up, down or rest at full stick for 10 to 20 s each, at random."""
+    rng = np.random.default_rng([number, 7])
+    rows: list[tuple[float, Stick]] = [(2.0, (0.0, 0.0, 1.0, 0.0))]
+    t, depth = 8.0, 3.0
+    while t < SECONDS:
+        wait, heave = float(rng.uniform(10.0, 20.0)), float(rng.choice([-1.0, 0.0, 1.0]))
+        if depth + FULL_HEAVE * heave * wait < LEAST:
+            heave = 1.0
+        rows.append((t, (0.0, 0.0, heave, 0.0)))
+        t, depth = t + wait, depth + FULL_HEAVE * heave * wait
+    return tuple(rows)
+
+
+def felt(seed: int, flight: Flight, push: Floats) -> tuple[float, Floats, Floats]:
+    """The accelerometer's bias along down as calibration learns it [m/s²], and from then on what
+    the service's attitude observer makes of IMU samples: the acceleration along down [m/s²], and
+    the down component of the forward axis [-].
+
+    Args:
+        push: [m/s²] acceleration down besides the flight's.
+    """
+    unit, first = Sensors(TYPICAL, seed), flight.calibrated
+    samples: list[ImuSample] = []
+    rows = zip(*(part.tolist() for part in flight.motion), push.tolist(), strict=True)
+    for q, nu, omega, (x, y, z), down in rows:
+        a, b, c = to_body(q, (0.0, 0.0, down))
+        samples.append(unit.imu(0, q, (*nu, *omega), (x + a, y + b, z + c, 0.0, 0.0, 0.0)))
+    force = _mean([sample.specific_force for sample in samples[:first]])
+    rate = _mean([sample.angular_rate for sample in samples[:first]])
+    observer = AttitudeObserver(AttitudeSettings(), rate, 0.0, 0.0)
+    observer.start(force)
+    found: list[float] = []
+    forward: list[float] = []
+    for sample in samples[first:]:
+        observer.step(sample.angular_rate, sample.specific_force, 1.0 / RATE)
+        found.append(observer.acceleration_down(sample.specific_force))
+        forward.append(observer.forward_down)
+    return GRAVITY - hypot(*force), np.array(found), np.array(forward)
+
+
+def _mean(values: list[Vec3]) -> Vec3:
+    x, y, z = np.mean(np.array(values), axis=0).tolist()
+    return x, y, z
 
 
 def observe(seen: World, way: str, settings: DepthSettings) -> Estimates:
     """Run one of the observers of `depth_ways.py` through a world."""
-    observer = DepthObserver(settings, Atmosphere(ATMOSPHERE, 1.0), SEA_WATER, 0.0, WAYS[way])
+    observer = DepthObserver(
+        settings, Atmosphere(TYPICAL.atmosphere, 1.0), SEA_WATER, 0.0, WAYS[way]
+    )
     inputs = (seen.asked if way == "reference" else seen.measured).tolist()
     stamps = [round(stamp * 1e9) for stamp in seen.stamps.tolist()]
-    pressures = (ATMOSPHERE + seen.said * PER_METRE).tolist()
+    pressures = (TYPICAL.atmosphere + seen.said * PER_METRE).tolist()
     depths, rates, surprises = [0.0] * len(inputs), [0.0] * len(inputs), [0.0] * len(stamps)
     heard = 0
-    for k, acceleration in enumerate(inputs):
-        now = round((k + 1) * 1e9 / RATE)
+    for k, (acceleration, forward) in enumerate(zip(inputs, seen.forward.tolist(), strict=True)):
+        now = round(k * 1e9 / RATE)
         while heard < len(stamps) and stamps[heard] <= now:
             observer.pressure(pressures[heard], stamps[heard])
             surprises[heard] = observer.surprise
             heard += 1
-        observer.predict(acceleration, now)
+        observer.predict(acceleration, now, forward)
         depth, rate, _ = observer.estimates(now)
         depths[k], rates[k] = depth.value, rate.value
     return Estimates(np.array(depths), np.array(rates), np.array(surprises[:heard]))

@@ -14,12 +14,12 @@ from messages.state import VehicleState
 from services.estimation.core import Estimator, Settings
 from services.estimation.depth_filter import DepthSettings
 from services.estimation.depth_ways import WAYS
-from services.marine.vehicle import ATMOSPHERE, GRAVITY
+from services.marine.vehicle import GRAVITY
 from tools.bench.depth_runs import (
     PRESSURE_RATE,
     RATE,
     SETTLED,
-    Floats,
+    TYPICAL,
     Score,
     Sensor,
     World,
@@ -27,6 +27,7 @@ from tools.bench.depth_runs import (
     score,
     world,
 )
+from tools.bench.flights import Floats
 from tools.bench.table import Figure
 from tools.bench.timing import race
 
@@ -166,7 +167,7 @@ class AtRest:
         p, q, r, x, y, z, a, b, c, d = self._noise[self._steps % STEPS]
         field = (15e-6 + 4e-7 * a, 4e-7 * b, 48e-6 + 4e-7 * c)
         self._estimator.magnetometer(MagnetometerSample(stamp_ns=now, field=field))
-        pressure = ATMOSPHERE + 500.0 * d
+        pressure = TYPICAL.atmosphere + 500.0 * d
         self._estimator.pressure(PressureSample(stamp_ns=now, pressure=pressure))
         still = ImuSample(
             stamp_ns=now,

@@ -13,12 +13,12 @@ from messages.sensors import ImuSample, MagnetometerSample, PressureSample
 from services.estimation.core import Estimator, Settings
 from services.marine.vehicle import GRAVITY
 from tools.bench import heading_runs as runs
+from tools.bench.flights import Flight
 from tools.bench.table import Figure
 
 Moment = tuple[ImuSample, MagnetometerSample, PressureSample]
 SEEDS = 20
 MINUTES = 5.0
-REST = 10.0  # [s] the vehicle floats before the pilot dives: 3 s of calibration, then more rest
 FEW = range(5)  # seeds of the runs with a compass
 IRON_AT, IRON_FOR, IRON = 60.0, 20.0, 20e-6  # [s], [s], [T]
 
@@ -28,31 +28,27 @@ def figures() -> list[Figure]:
 
 
 def _drift() -> list[Figure]:
-    """Control heading over 5 min with pitching and turns."""
-    found: list[Figure] = []
-    for rest, judged in ((REST, True), (3.1, False)):
-        truth = runs.moving(60.0 * MINUTES, rest)
-        drifts = [_drift_of(truth, seed, rest) for seed in range(SEEDS)]
-        name = f"control drift, {SEEDS} seeds, {rest:.0f} s of rest"
-        each = (("rms", runs.rms(np.array(drifts)), 0.2), ("worst", max(map(abs, drifts)), 0.5))
-        found += [
-            _figure(f"{name}, {what}", "°/min", value, "limit", limit, 1.0 if judged else None)
-            for what, value, limit in each
-        ]
-    return found
+    """Control heading over 5 min with pitching and turns, after the default calibration alone."""
+    flight = runs.dive(60.0 * MINUTES)
+    drifts = [_drift_of(flight, seed) for seed in range(SEEDS)]
+    name = f"control drift, {SEEDS} seeds, {flight.calibrated / runs.HZ:.0f} s of calibration"
+    each = (("rms", runs.rms(np.array(drifts)), 0.2), ("worst", max(map(abs, drifts)), 0.5))
+    return [
+        _figure(f"{name}, {what}", "°/min", value, "limit", limit, 1.0)
+        for what, value, limit in each
+    ]
 
 
-def _drift_of(truth: runs.Truth, seed: int, rest: float) -> float:
-    """[°/min]"""
-    samples = runs.measured(truth, seed, runs.TYPICAL)
-    error = runs.observed(truth, samples, compass=False).control
-    at_dive = round(rest * runs.HZ)
-    return degrees(float(error[-1] - error[at_dive])) / MINUTES
+def _drift_of(flight: Flight, seed: int) -> float:
+    """[°/min] between arming and the end."""
+    samples = runs.measured(flight, seed, runs.TYPICAL, compass=False)
+    error = runs.observed(flight, samples).control
+    return degrees(float(error[-1] - error[flight.armed])) / MINUTES
 
 
 def _clean() -> list[Figure]:
     """Navigation heading without iron."""
-    truth = runs.moving(120.0, REST)
+    flight = runs.dive(120.0)
     found: list[Figure] = []
     for sensors, name, goal in (
         (runs.CLEAN, "navigation, clean, rms", 2.0),
@@ -61,9 +57,9 @@ def _clean() -> list[Figure]:
         ours: list[float] = []
         theirs: list[float] = []
         for seed in FEW:
-            samples = runs.measured(truth, seed, sensors)
-            ours.append(runs.rms(runs.observed(truth, samples).navigation))
-            theirs.append(runs.rms(runs.plain(truth, samples, REST)))
+            samples = runs.measured(flight, seed, sensors)
+            ours.append(runs.rms(runs.observed(flight, samples).navigation))
+            theirs.append(runs.rms(runs.plain(flight, samples)))
         mean, other = degrees(runs.rms(np.array(ours))), degrees(runs.rms(np.array(theirs)))
         found.append(_figure(name, "°", mean, "plain filter", other))
         if goal is not None:
@@ -73,18 +69,18 @@ def _clean() -> list[Figure]:
 
 def _disturbed() -> list[Figure]:
     """20 µT towards east for 20 s: peak errors while it lasts and 10 s after."""
-    truth = runs.moving(120.0, REST)
-    n = len(truth.heading)
+    flight = runs.dive(120.0)
+    n = len(flight.heading)
     iron = runs.passing_iron(n, IRON_AT, IRON_FOR, IRON)
     window = slice(round(IRON_AT * runs.HZ), round((IRON_AT + IRON_FOR + 10.0) * runs.HZ))
     navigation, control, plain = 0.0, 0.0, 0.0
     for seed in FEW:
-        samples = runs.measured(truth, seed, runs.CLEAN, iron)
-        seen = runs.observed(truth, samples)
+        samples = runs.measured(flight, seed, runs.CLEAN, iron)
+        seen = runs.observed(flight, samples)
         drifted = seen.control[window] - seen.control[window.start]
         navigation = max(navigation, degrees(float(np.max(np.abs(seen.navigation[window])))))
         control = max(control, degrees(float(np.max(np.abs(drifted)))))
-        plain = max(plain, degrees(float(np.max(np.abs(runs.plain(truth, samples, REST)[window])))))
+        plain = max(plain, degrees(float(np.max(np.abs(runs.plain(flight, samples)[window])))))
     name = f"navigation, 20 µT for 20 s, {len(FEW)} seeds, peak"
     return [
         _figure(name, "°", navigation, "plain filter", plain),

@@ -76,8 +76,8 @@ def _cells(figure: Figure) -> tuple[str, ...]:
         _number(figure.ours, f".4g {figure.unit}"),
         figure.baseline_name,
         _number(figure.baseline, f".4g {figure.unit}"),
-        _number(figure.ratio, ".2f"),
-        _number(figure.goal, ".2f"),
+        _number(figure.ratio, ".3g"),
+        _number(figure.goal, ".3g"),
         "; ".join(filter(None, (verdict, figure.note))),
     )
 

@@ -11,6 +11,8 @@ from tools.figures import (
     claims_comparison,
     claims_fernandes,
     claims_rule,
+    claims_simulation,
+    disturbances,
     fernandes_model,
     fernandes_paths,
     fernandes_turns,
@@ -20,6 +22,9 @@ from tools.figures import (
     thesis,
     thesis_clamped,
     thesis_comparison,
+    thesis_simulations,
+    thesis_sweeps,
+    thesis_tables,
 )
 from tools.figures.claims import Claim
 
@@ -39,6 +44,10 @@ def _andren(number: str, title: str, draw: Callable[[Figure], str], height: floa
     return Entry(f"andren-{number}", f"Andrén 2023, figure {number}", title, draw, height=height)
 
 
+def _andren_table(number: str, title: str, draw: Callable[[Figure], str]) -> Entry:
+    return Entry(f"andren-table-{number}", f"Andrén 2023, Table {number}", title, draw, height=5.0)
+
+
 def _fernandes(number: int, title: str, draw: Callable[[Figure], str], height: float) -> Entry:
     source = f"Fernandes et al. 2015, figure {number}"
     return Entry(f"fernandes-{number}", source, title, draw, height=height)
@@ -56,6 +65,12 @@ FIGURES: tuple[Entry, ...] = (
     _andren("5.7", "position from piecewise plans", thesis.position_reference),
     _andren("5.8", "acceleration cut off", thesis_clamped.cut_off),
     _andren("5.9", "acceleration limit planned for", thesis_clamped.planned_for, 8.5),
+    _andren("6.1", "a step of the stick, simulated", thesis_simulations.rectangle, 8.0),
+    _andren("6.2", "shares of the acceleration feed-forward", thesis_sweeps.feed_forward, 8.5),
+    _andren("6.3", "rise times", thesis_sweeps.rise_times, 8.5),
+    _andren("6.4", "a pilot's log, simulated", thesis_simulations.pilots_log, 9.0),
+    _andren_table("6.1", "a step of the stick", thesis_tables.of_the_step),
+    _andren_table("6.2", "a pilot's log", thesis_tables.of_the_log),
     _fernandes(1, "shapes of the reference model", fernandes_model.shapes, 8.5),
     _fernandes(3, "twin clothoids against an arc", fernandes_turns.ratios, 4.6),
     _fernandes(4, "approximating path", fernandes_turns.approximating, 7.4),
@@ -66,6 +81,13 @@ FIGURES: tuple[Entry, ...] = (
     _fernandes(12, "path parameter over time", fernandes_paths.parameter, 6.5),
     _fernandes(13, "the five parts", fernandes_paths.five_parts, 6.0),
     _fernandes(18, "optimal shapes", fernandes_model.optimal_shapes, 6.5),
+    Entry(
+        "observer-disturbance",
+        "Andrén 2023, section 6.1",
+        "a step of the stick, with disturbance observers",
+        disturbances.observed,
+        height=8.5,
+    ),
     Entry(
         "observer-depth",
         "Andrén 2023, section 5.3.1",
@@ -86,6 +108,7 @@ CLAIMS: tuple[Callable[[], list[Claim]], ...] = (
     claims_comparison.comparison_claims,
     claims_rule.rule_claims,
     claims_clamped.clamped_claims,
+    claims_simulation.simulation_claims,
     claims_fernandes.fernandes_claims,
 )
 

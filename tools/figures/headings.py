@@ -10,20 +10,19 @@ from tools.bench import heading_runs as runs
 from tools.bench.heading_runs import Floats
 from tools.figures import style
 
-REST, SECONDS = 10.0, 100.0  # [s]
+SECONDS = 100.0  # [s] after calibration
 AT, FOR, STRENGTH = 50.0, 20.0, 20e-6  # [s], [s], [T]
 SEED = 1
 
 
 def disturbance(figure: Figure) -> str:
     """Heading through a magnetic disturbance of 20 µT for 20 s."""
-    truth = runs.moving(SECONDS, REST)
-    iron = runs.passing_iron(len(truth.heading), AT, FOR, STRENGTH)
-    samples = runs.measured(truth, SEED, runs.TYPICAL, iron)
-    seen, plain = runs.observed(truth, samples), np.degrees(runs.plain(truth, samples, REST))
+    flight = runs.dive(SECONDS)
+    iron = runs.passing_iron(len(flight.heading), AT, FOR, STRENGTH)
+    samples = runs.measured(flight, SEED, runs.TYPICAL, iron)
+    seen, plain = runs.observed(flight, samples), np.degrees(runs.plain(flight, samples))
     control, navigation = np.degrees(seen.control), np.degrees(seen.navigation)
-    true = np.degrees(truth.heading)
-    t = np.arange(1, len(true) + 1) * runs.DT
+    true, t = np.degrees(flight.heading), flight.t
     heading, error, near = style.stacked(
         figure, "heading [°]", "error [°]", "error, ours [°]", x="time [s]"
     )
@@ -58,6 +57,6 @@ def disturbance(figure: Figure) -> str:
         f"magnetometer) is off by up to {peak_plain:.0f}°. The navigation heading sees that "
         f"strength, dip and gyroscope disagree, goes on with the gyroscope and comes back "
         f"{3:.0f} s after the field has; peak error {peak:.1f}°. The control heading has no "
-        f"magnetometer: it moves by {np.max(np.abs(drifted)):.2f}° in the same time. Simulated "
-        f"typical MEMS unit with its accelerometer bias and hard iron, pitching and turning."
+        f"magnetometer: it moves by {np.max(np.abs(drifted)):.2f}° in the same time. The simulated "
+        f"vehicle with a typical MEMS unit, its accelerometer bias and hard iron."
     )

@@ -4,12 +4,15 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from services.estimation.depth_filter import DepthSettings
-from tools.bench.depth_runs import Floats, Sensor, World, observe, world
+from tools.bench.depth_runs import Sensor, World, observe, world
+from tools.bench.flights import Floats, Script, flown
 from tools.figures import style
 
 SENSOR = Sensor("σ 5 cm", 0.05)
 SEED = 3
-STICK = [(0.0, 0.0), (32.0, 0.5), (36.0, 0.0)]  # [s], [m/s] two metres down, long after the start
+DOWN, REST = (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 0.0)
+# Away from the surface, and then two metres down, long after the start.
+STICK: Script = ((2.0, DOWN), (8.0, REST), (32.0, DOWN), (36.0, REST))
 BEGIN, END = 30.0, 42.0  # [s] what is shown
 UNLIMITED = 100.0  # [σ] no gate and no clip: plain Kalman filters
 
@@ -23,12 +26,12 @@ OBSERVERS = (
     ("hold", "thesis: sampled and held", style.PAPER, plain(0.07)),
     ("timed", "timed", style.FILTER, plain(0.1)),
     ("reference", "timed, reference's acceleration", style.DIRECT, plain(0.05)),
-    ("accelerometer", "Lindy: timed, accelerometer with bias", style.LINDY, SENSOR.settings()),
+    ("accelerometer", "Lindy: timed, accelerometer with biases", style.LINDY, SENSOR.settings()),
 )
 
 
 def depth_step(figure: Figure) -> str:
-    seen = world(SENSOR, SEED, STICK)
+    seen = world(SENSOR, SEED, flown(STICK, END + 5.0))
     panels = style.stacked(
         figure, "depth\n[m]", "error of depth\n[mm]", "depth rate\n[m/s]", "error of rate\n[mm/s]"
     )
@@ -63,7 +66,7 @@ def depth_step(figure: Figure) -> str:
         handles, labels, ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0), columnspacing=1.4
     )
     return (
-        "Pressure σ 5 cm at 42 Hz, observers at 100 Hz, minimum-jerk steps of 0.5 m/s with 1 m/s³, "
+        "The simulated vehicle, pressure σ 5 cm at 42 Hz, observers at 100 Hz, steps of 0.5 m/s, "
         "swell of 0.03 m/s rms at 0.25 Hz, which the reference does not know. Process noise tuned "
         f"for each. Errors rms over what is shown: {'; '.join(errors)}. A filter that must guess "
         "the motion from pressure comes late, whatever it knows of the samples' times; the "

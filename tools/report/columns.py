@@ -16,8 +16,10 @@ from numpy.typing import NDArray
 
 from messages import topics
 from messages.control import ThrusterCommand
+from messages.link import DOWN_STAGES, UP_STAGES, Clock, LatencyBudget, Stage
 from messages.pilot import PilotCommand, PilotRequest
 from messages.reference import Reference
+from messages.sensors import BatterySample
 from messages.state import VehicleState
 from messages.topic import AnyTopic
 from messages.vehicle import Actuation, Truth, VehicleStatus
@@ -99,6 +101,34 @@ def _truth(m: Truth) -> Figures:
     return m.stamp_ns, m.position[2], m.heading
 
 
+def _latency(m: LatencyBudget) -> Figures:
+    down = _medians(m.down, len(DOWN_STAGES))
+    up = _medians(m.up, len(UP_STAGES))
+    return m.stamp_ns, *down, *up, m.stick_to_thruster_ms, m.sensor_to_screen_ms
+
+
+def _medians(stages: tuple[Stage, ...] | None, count: int) -> Figures:
+    if stages is None or len(stages) != count:
+        return (None,) * count
+    return tuple(stage.p50_ms for stage in stages)
+
+
+def _clock(m: Clock) -> Figures:
+    return m.stamp_ns, m.offset_ns, m.bound_ns, m.drift_ppm
+
+
+LATENCY = (
+    "stamp",
+    *(f"down {stage}" for stage in DOWN_STAGES),  # [ms]
+    *(f"up {stage}" for stage in UP_STAGES),  # [ms]
+    *("stick", "screen"),  # [ms]
+)
+
+
+def _battery(m: BatterySample) -> Figures:
+    return m.stamp_ns, m.used_wh, m.capacity_wh
+
+
 MOTION = ("position", "velocity", "acceleration", "jerk", "jerk limit")
 REFERENCE = (
     *("valid", "stamp", "sensor", "pilot", "armed"),
@@ -117,5 +147,8 @@ WANTED = (
         ("stamp", "actuated", "sensor", "pilot", "thrust_squared", "power"),  # [ns ×4, N², W]
         _actuation,
     ),
+    Wanted(topics.BATTERY, ("stamp", "used", "capacity"), _battery),  # [ns, Wh, Wh]
+    Wanted(topics.LATENCY, LATENCY, _latency),
+    Wanted(topics.CLOCK, ("stamp", "offset", "bound", "drift"), _clock),  # [ns ×3, ppm]
     Wanted(topics.TRUTH, ("stamp", "heave", "yaw"), _truth),  # [ns, m, rad]
 )

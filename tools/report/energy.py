@@ -10,13 +10,31 @@ from tools.report.dive import Dive
 class Energy(msgspec.Struct, frozen=True):
     thrust_squared_n2s: float  # [N² s] sum of thrust² over all thrusters and time
     wh: float  # [Wh] electrical, of the thrusters alone
+    battery_wh: float | None  # [Wh] all that the battery gave
+    endurance_h: float | None  # [h] a full battery lasts, used as in this dive
 
 
 def energy(dive: Dive) -> Energy:
     """Integrals over the whole recording by the trapezium rule, from `Actuation`."""
     actuation = dive[topics.ACTUATION]
     seconds = (actuation["stamp"] - actuation["stamp"][:1]) / 1e9
+    used, endurance = _battery(dive)
     return Energy(
         thrust_squared_n2s=float(np.trapezoid(actuation["thrust_squared"], seconds)),
         wh=float(np.trapezoid(actuation["power"], seconds)) / 3600.0,
+        battery_wh=used,
+        endurance_h=endurance,
     )
+
+
+def _battery(dive: Dive) -> tuple[float | None, float | None]:
+    """[Wh] used and [h] of endurance, where the battery says so."""
+    battery = dive[topics.BATTERY]
+    if battery.count < 2:
+        return None, None
+    used = float(battery["used"][-1] - battery["used"][0])
+    hours = float(battery["stamp"][-1] - battery["stamp"][0]) / 3.6e12
+    capacity = float(battery["capacity"][-1])
+    if not used > 0.0 or not np.isfinite(capacity):
+        return used, None
+    return used, capacity * hours / used

@@ -7,6 +7,7 @@ import msgspec
 
 from messages.health import Health
 from tools.recording import Recording
+from tools.report.budget import Budget, Clocks, budget, clocks
 from tools.report.dive import Dive, Traffic, read_dive
 from tools.report.energy import Energy, energy
 from tools.report.latency import Latency, latency
@@ -40,6 +41,8 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     services: dict[str, Service]  # by name
     topics: dict[str, Stream]  # by key
     latency_ms: Latency  # [ms]
+    budget_ms: Budget  # [ms] the same by the sounder on the way, stage by stage
+    clocks: Clocks  # topside and drone
     stops: list[Stop]  # one per stick release on heave or yaw
     depth_error_rms_m: float | None  # [m] true depth minus reference, while armed
     heading_error_rms_deg: float | None  # [°] true heading minus reference, while armed
@@ -67,6 +70,8 @@ def report_on(dive: Dive, extras: Extras) -> Report:
         services=services(health, extras.restarts),
         topics={key: _stream(traffic) for key, traffic in sorted(dive.traffic.items())},
         latency_ms=latency(dive),
+        budget_ms=budget(dive),
+        clocks=clocks(dive),
         stops=stops(dive),
         depth_error_rms_m=error_rms(dive, "heave"),
         heading_error_rms_deg=None if heading_error is None else degrees(heading_error),

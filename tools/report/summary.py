@@ -39,6 +39,21 @@ PLAIN = {
     "unanswered": "a request was not answered",
     "refused": "a wish of the pilot's was refused",
     "failsafe": "the drone stopped by itself",
+    "wrong_epoch": "a command came from somebody who has not got the sticks",
+    "unsynchronised": "a message came before the clocks were compared",
+    "distrusted": "a thruster did not do what it was told",
+    "lost_axis": "an axis could not be driven any more",
+    "undriven": "a motion was asked for that the thrusters cannot make",
+    "thinned": "a message was left out because the link is narrow",
+    "queue_full": "a message found the link's queue full",
+    "codel": "a message had waited too long for the link",
+    "too_many": "a message was one too many on the way",
+    "loss": "the link lost a message",
+    "burst": "the link lost a message in a burst",
+    "trace": "the link lost a message, as it was measured",
+    "outage": "a message found no link",
+    "damaged": "the link damaged a message",
+    "alarm": "the link got worse",
     "missed_deadline": "a step was skipped on a busy computer",
     "not_recorded": "a message was not recorded",
     "disk_error": "the disk could not be written",
@@ -62,12 +77,18 @@ def summary(report: Report, max_depth_m: float | None = None, files: Sequence[Pa
         delay = f"{stick.p50:.0f} ms, in 99 of 100 cases below {stick.p99:.0f} ms"
         rows.append(("stick to thruster", delay))
     rows.append(("link", report.link))
-    rows.append(("energy", f"{report.energy.wh:.2f} Wh in the thrusters"))
+    rows.append(("energy", _energy(report)))
     rows += _losses(report.losses)
     if files:
         folder = files[0].parent
         rows.append(("written", f"{', '.join(path.name for path in files)} in {folder}"))
     return "\n".join(f"{label:<{LABEL}}{text}".rstrip() for label, text in rows)
+
+
+def _energy(report: Report) -> str:
+    text = f"{report.energy.wh:.2f} Wh in the thrusters"
+    hours = report.energy.endurance_h
+    return text if hours is None else f"{text}; a full battery lasts {hours:.1f} h like this"
 
 
 def _duration(seconds: float) -> str:

@@ -1,73 +1,237 @@
 """Allocation: what is asked for is what the thrusters add up to, as long as they can."""
 
+from itertools import pairwise
 from typing import cast
 
-import numpy as np
+import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.control.allocation import PILOTED, Allocation
-from services.marine.vehicle import Vehicle
-from services.runtime.stack import Stack
+from services.control.allocation import PRIORITY, Allocation, AllocationSettings
+from services.control.layout import AXES
+from services.marine.thrusters import driven, total_wrench, wrench_per_newton
+from services.marine.vehicle import Vec6, Vehicle
 
-PIONEER = Stack().section("vehicle", Vehicle)
-ALLOCATION = Allocation(PIONEER)
-Wrench4 = tuple[float, float, float, float]
-force = st.floats(-200.0, 200.0)
-wrench = st.tuples(force, force, force, st.floats(-20.0, 20.0))
-many = settings(max_examples=200, deadline=None)
+many = settings(max_examples=150, deadline=None)
+force, moment = st.floats(-200.0, 200.0), st.floats(-40.0, 40.0)
+wrench = st.tuples(force, force, force, moment, moment, moment)
+share = st.floats(-1.0, 1.0)
+EXACT = AllocationSettings(dead_band_compensation=False)
 
 
-def piloted(achieved: tuple[float, ...]) -> Wrench4:
-    return cast(Wrench4, tuple(achieved[i] for i in PILOTED))
+@pytest.fixture(scope="module", params=["pioneer", "heavy"])
+def vehicle(request: pytest.FixtureRequest) -> Vehicle:
+    return cast(Vehicle, request.getfixturevalue(request.param))
+
+
+def without_dead_band(vehicle: Vehicle) -> Vehicle:
+    exact = [msgspec.structs.replace(t, dead_band=0.0) for t in vehicle.thruster]
+    return msgspec.structs.replace(vehicle, thruster=exact)
+
+
+def on_axes(wrench: Vec6, axes: frozenset[str] | tuple[str, ...]) -> list[float]:
+    return [value for axis, value in zip(AXES, wrench, strict=True) if axis in axes]
+
+
+def test_each_layout_drives_what_it_can(pioneer: Vehicle, heavy: Vehicle) -> None:
+    assert Allocation(pioneer).axes == {"surge", "sway", "heave", "yaw"}
+    assert Allocation(heavy).axes == set(AXES)
 
 
 @many
-@given(st.tuples(*[st.floats(-8.0, 8.0)] * 3, st.floats(-0.5, 0.5)))
-def test_inside_the_limits_allocation_then_mixing_is_identity(wanted: Wrench4) -> None:
-    done = ALLOCATION.allocate(wanted)
-    assert piloted(done.achieved) == pytest.approx(wanted, abs=1e-9)
+@given(st.tuples(*[share] * 6), st.floats(0.3, 1.0))
+def test_inside_the_limits_allocation_then_mixing_is_identity(
+    vehicle: Vehicle, shares: Vec6, gain: float
+) -> None:
+    allocation = Allocation(without_dead_band(vehicle))
+    allocation.trust(0, gain)
+    wanted = cast(Vec6, tuple(s * m for s, m in zip(shares, (4, 3, 6, 0.3, 0.3, 0.2), strict=True)))
+    done = allocation.allocate(wanted)
+    assert on_axes(done.achieved, allocation.axes) == pytest.approx(
+        on_axes(wanted, allocation.axes), abs=1e-9
+    )
     assert done.saturated == ()
 
 
 @many
-@given(wrench)
-def test_no_thruster_is_ever_asked_for_more_than_it_has(wanted: Wrench4) -> None:
-    done = ALLOCATION.allocate(wanted)
-    for thrust, thruster in zip(done.thrust, PIONEER.thruster, strict=True):
-        assert abs(thrust) <= thruster.max_thrust
-
-
-@many
-@given(wrench)
-def test_saturation_keeps_the_direction_of_the_horizontal_force(wanted: Wrench4) -> None:
-    surge, sway, _, _ = piloted(ALLOCATION.allocate(wanted).achieved)
-    scale = max(1.0, abs(wanted[0]), abs(wanted[1]))
-    assert (surge * wanted[1] - sway * wanted[0]) / scale == pytest.approx(0.0, abs=1e-6)
-    assert surge * wanted[0] >= -1e-9
-    assert sway * wanted[1] >= -1e-9
-
-
-@many
-@given(st.floats(-30.0, 30.0), st.floats(-5.0, 5.0), force, force)
-def test_heave_and_yaw_are_served_before_surge_and_sway(
-    heave: float, yaw: float, surge: float, sway: float
+@given(wrench, st.integers(0, 3), st.sampled_from([1.0, 0.5, 0.0, -1.0]))
+def test_no_thruster_is_ever_asked_for_more_than_it_has(
+    vehicle: Vehicle, wanted: Vec6, index: int, gain: float
 ) -> None:
-    done = ALLOCATION.allocate((surge, sway, heave, yaw))
-    got = piloted(done.achieved)
-    assert got[2:] == pytest.approx((heave, yaw), abs=1e-6)
+    allocation = Allocation(vehicle)
+    allocation.trust(index, gain)
+    done = allocation.allocate(wanted)
+    for thrust, thruster in zip(done.thrust, vehicle.thruster, strict=True):
+        low, high = thruster.limits
+        assert low <= thrust <= high
 
 
-def test_a_full_vertical_thruster_does_not_cost_any_surge() -> None:
-    done = ALLOCATION.allocate((30.0, 5.0, 500.0, 0.0))
-    assert piloted(done.achieved) == pytest.approx((30.0, 5.0, 35.0, 0.0), abs=1e-6)
+@many
+@given(wrench, st.integers(0, 3), st.sampled_from([1.0, 0.5, 0.0, -1.0]))
+def test_achieved_is_what_the_thrusters_will_really_do(
+    vehicle: Vehicle, wanted: Vec6, index: int, gain: float
+) -> None:
+    allocation = Allocation(vehicle)
+    allocation.trust(index, gain)
+    done = allocation.allocate(wanted)
+    yielded = [driven(t, f) for t, f in zip(vehicle.thruster, done.thrust, strict=True)]
+    yielded[index] *= gain
+    columns = [wrench_per_newton(t) for t in vehicle.thruster]
+    assert done.achieved == pytest.approx(total_wrench(columns, yielded), abs=1e-9)
+
+
+@many
+@given(wrench)
+def test_within_a_group_the_wrench_keeps_its_direction(vehicle: Vehicle, wanted: Vec6) -> None:
+    allocation = Allocation(without_dead_band(vehicle))
+    done = allocation.allocate(wanted)
+    for group in PRIORITY:
+        axes = allocation.axes.intersection(group)
+        asked, got = on_axes(wanted, axes), on_axes(done.achieved, axes)
+        size = sum(a * a for a in asked)
+        along = sum(a * g for a, g in zip(asked, got, strict=True)) / size if size > 1e-9 else 1.0
+        assert -1e-6 <= along <= 1 + 1e-6
+        assert got == pytest.approx([along * a for a in asked], abs=1e-5)
+
+
+@many
+@given(wrench, st.integers(0, len(PRIORITY)))
+def test_a_higher_group_is_never_changed_by_a_lower_one(
+    vehicle: Vehicle, wanted: Vec6, served: int
+) -> None:
+    allocation = Allocation(without_dead_band(vehicle))
+    higher = {axis for group in PRIORITY[:served] for axis in group}
+    alone = cast(Vec6, tuple(w if a in higher else 0.0 for a, w in zip(AXES, wanted, strict=True)))
+    axes = allocation.axes & higher
+    both = on_axes(allocation.allocate(wanted).achieved, axes)
+    assert both == pytest.approx(on_axes(allocation.allocate(alone).achieved, axes), abs=1e-6)
+
+
+@many
+@given(wrench)
+def test_a_shortfall_names_the_thrusters(vehicle: Vehicle, wanted: Vec6) -> None:
+    allocation = Allocation(without_dead_band(vehicle))
+    done = allocation.allocate(wanted)
+    got = on_axes(done.achieved, allocation.axes)
+    short = got != pytest.approx(on_axes(wanted, allocation.axes), abs=1e-6)
+    assert short == bool(done.saturated)
+    assert set(done.saturated) <= {thruster.name for thruster in vehicle.thruster}
+
+
+@many
+@given(st.floats(25.0, 200.0), share, share)
+def test_the_others_take_over_what_a_full_thruster_cannot_give(
+    heavy: Vehicle, forward: float, sway: float, yaw: float
+) -> None:
+    """Never less than by scaling the whole command, and no thruster is left idle needlessly."""
+    exact = without_dead_band(heavy)
+    allocation = Allocation(exact)
+    wanted = (forward, forward * sway, 0.0, 0.0, 0.0, 4.0 * yaw)
+    done = allocation.allocate(wanted)
+    unlimited = msgspec.structs.replace(
+        exact,
+        thruster=[
+            msgspec.structs.replace(t, max_thrust=1000.0, max_reverse=24.0 / 30.4 * 1000.0)
+            for t in exact.thruster
+        ],
+    )
+    plain = Allocation(unlimited).allocate((forward, forward * sway, 0.0, 0.0, 0.0, 0.0)).thrust
+    held = Allocation(exact).allocate((0.0, 0.0, 0.0, 0.0, 0.0, 4.0 * yaw)).thrust
+    fits = 1.0
+    for base, more, thruster in zip(held, plain, exact.thruster, strict=True):
+        low, high = thruster.limits
+        if abs(more) > 1e-9:
+            fits = min(fits, ((high if more > 0 else low) - base) / more)
+    assert done.achieved[0] >= fits * forward - 1e-6
+
+
+def test_redistribution_gives_more_than_scaling(heavy: Vehicle) -> None:
+    """Roll and pitch add up at one corner; scaling would stop all four there."""
+    wanted = (0.0, 0.0, 0.0, 12.0, 6.0, 0.0)
+    done = Allocation(heavy).allocate(wanted)
+    by_scaling = 12.0 / (4 * 0.218) + 6.0 / (4 * 0.12)  # [N] at that corner
+    assert by_scaling > 24.0
+    assert done.achieved == pytest.approx(wanted, abs=1e-9)
+    assert min(done.thrust) == pytest.approx(-24.0)
+    assert done.saturated == ()
+
+
+def test_a_full_vertical_thruster_costs_neither_yaw_nor_surge(pioneer: Vehicle) -> None:
+    done = Allocation(pioneer, EXACT).allocate((30.0, 5.0, 500.0, 0.0, 0.0, 1.0))
+    assert on_axes(done.achieved, frozenset({"surge", "sway", "heave", "yaw"})) == pytest.approx(
+        [30.0, 5.0, 35.0, 1.0], abs=1e-6
+    )
     assert done.saturated == ("vertical",)
 
 
 @many
 @given(wrench)
-def test_a_shortfall_names_the_thruster(wanted: Wrench4) -> None:
-    done = ALLOCATION.allocate(wanted)
-    short = not np.allclose(piloted(done.achieved), wanted, atol=1e-6)
-    assert short == bool(done.saturated)
+def test_what_cannot_be_driven_is_ignored_and_shows_in_achieved(
+    pioneer: Vehicle, wanted: Vec6
+) -> None:
+    x, y, z, _, _, n = wanted
+    allocation = Allocation(pioneer)
+    asked = allocation.allocate(wanted)
+    allocation.forget()
+    assert asked == allocation.allocate((x, y, z, 0.0, 0.0, n))
+    assert asked.achieved[4] == pytest.approx(0.032 * asked.thrust[3])
+
+
+@many
+@given(st.lists(st.floats(-1.0, 1.0), min_size=1, max_size=50))
+def test_a_force_inside_the_dead_band_is_never_off_by_all_of_it(
+    pioneer: Vehicle, forces: list[float]
+) -> None:
+    allocation, plain = Allocation(pioneer), Allocation(pioneer, EXACT)
+    for heave in forces:
+        wanted = (0.0, 0.0, heave, 0.0, 0.0, 0.0)
+        assert abs(allocation.allocate(wanted).achieved[2] - heave) <= 0.75 * 0.8 + 1e-9
+        assert plain.allocate(wanted).achieved[2] in (0.0, pytest.approx(heave))
+
+
+@many
+@given(st.floats(-1.0, 1.0), st.lists(st.floats(-0.199, 0.199), max_size=30))
+def test_noise_does_not_make_a_thruster_chatter(
+    pioneer: Vehicle, level: float, noise: list[float]
+) -> None:
+    """Noise of less than the hysteresis switches a thruster once at most."""
+    allocation = Allocation(pioneer)
+    on = [allocation.allocate((0.0, 0.0, level + n, 0.0, 0.0, 0.0)).thrust[3] != 0.0 for n in noise]
+    assert sum(a != b for a, b in pairwise(on)) <= 1
+
+
+def test_forgetting_is_a_fresh_start(pioneer: Vehicle) -> None:
+    between = (0.0, 0.0, 0.4, 0.0, 0.0, 0.0)  # where only the hysteresis decides
+    allocation = Allocation(pioneer)
+    allocation.allocate((0.0, 0.0, 0.7, 0.0, 0.0, 0.0))
+    assert allocation.allocate(between).thrust[3] == 0.8
+    allocation.forget()
+    assert allocation.allocate(between).thrust[3] == 0.0
+
+
+def test_what_a_failed_thruster_costs(pioneer: Vehicle, heavy: Vehicle) -> None:
+    names = [t.name for t in pioneer.thruster]
+    costs = {"lateral": ("sway",), "vertical": ("heave",), "port": ("sway",)}
+    for name, lost in costs.items():
+        allocation = Allocation(pioneer)
+        allocation.trust(names.index(name), 0.0)
+        assert (allocation.lost, allocation.distrusted) == (lost, (name,))
+        allocation.trust(names.index(name), 1.0)
+        assert (allocation.lost, allocation.distrusted) == ((), ())
+    for index in range(8):
+        allocation = Allocation(heavy)
+        allocation.trust(index, 0.0)
+        assert allocation.lost == ()
+
+
+@many
+@given(st.tuples(*[share] * 6), st.integers(0, 7), st.sampled_from([0.0, -1.0, 0.4]))
+def test_any_one_of_eight_thrusters_may_fail(
+    heavy: Vehicle, shares: Vec6, index: int, gain: float
+) -> None:
+    allocation = Allocation(without_dead_band(heavy))
+    allocation.trust(index, gain)
+    wanted = cast(Vec6, tuple(s * m for s, m in zip(shares, (6, 6, 6, 0.5, 0.5, 0.5), strict=True)))
+    done = allocation.allocate(wanted)
+    assert done.achieved == pytest.approx(wanted, abs=1e-9)

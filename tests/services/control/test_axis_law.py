@@ -1,11 +1,15 @@
 """The law of one axis, with each windup guard alone."""
 
+import math
+
+import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages.reference import Motion
-from services.control.axis_law import AxisLaw, Gains, Plant
+from services.control.axis_law import AxisLaw, Gains
+from services.control.plant import Plant
 
 GAINS = Gains(kp=50.0, kd=40.0, ki=10.0, max_error=0.3, max_integral=8.0)
 PLANT = Plant(inertia=20.0, linear=0.4, quadratic=25.0)
@@ -17,26 +21,51 @@ def hold(position: float) -> Motion:
 
 
 def law(**more: float) -> AxisLaw:
-    base = {"kp": 50.0, "kd": 40.0, "ki": 10.0, "max_error": 0.3, "max_integral": 8.0}
-    return AxisLaw(Gains(**(base | more)), PLANT)
+    return AxisLaw(msgspec.structs.replace(GAINS, **more), PLANT)
 
 
-@given(st.floats(-1, 1), st.floats(-2, 2), st.floats(-1, 1))
-def test_on_the_reference_only_the_feed_forward_acts(x: float, v: float, a: float) -> None:
-    effort = law().step(Motion(x, v, a, 0.0), x, v, DT)
-    expected = PLANT.inertia * a + PLANT.linear * v + PLANT.quadratic * v * abs(v)
-    assert effort.total == pytest.approx(expected)
+@given(st.floats(-1, 1), st.floats(-2, 2))
+def test_on_a_steady_reference_only_the_drag_is_asked_for(x: float, v: float) -> None:
+    effort = law().step(Motion(x, v, 0.0, 0.0), x, v, DT)
+    assert effort.total == pytest.approx(PLANT.linear * v + PLANT.quadratic * v * abs(v))
 
 
-def test_an_undisturbed_plant_follows_the_feed_forward_exactly() -> None:
-    axis, x, v, dt = law(), 0.0, 0.0, 1e-4
-    for k in range(10_000):
-        t = k * dt
-        want = Motion(t**3 / 6, t**2 / 2, t, 1.0)
-        u = axis.step(want, x, v, dt).total
-        x, v = x + v * dt, v + (u - PLANT.linear * v - PLANT.quadratic * v * abs(v)) / 20.0 * dt
-    assert v == pytest.approx(0.5, abs=1e-3)
-    assert x == pytest.approx(1 / 6, abs=1e-3)
+@given(st.floats(-1, 1), st.floats(-2, 2), st.floats(-5, 5), st.floats(0.0, 50.0))
+def test_the_feed_forward_carries_a_sampled_plant_exactly(
+    v: float, a: float, j: float, damping: float
+) -> None:
+    plant = Plant(inertia=20.0, linear=damping)
+    force = AxisLaw(GAINS, plant, period=DT).feed_forward(Motion(0.0, v, a, j))
+    left = math.exp(-damping * DT / 20.0)
+    gain = -math.expm1(-damping * DT / 20.0) / damping if damping > 0.0 else DT / 20.0
+    assert left * v + gain * force == pytest.approx(v + a * DT + j * DT * DT / 2, abs=1e-9)
+
+
+@given(st.floats(0.0, 200.0), st.floats(0.0, 200.0), st.floats(-1, 1), st.floats(-2, 2))
+def test_feed_forward_is_affine_in_its_percentages(
+    acceleration: float, drag: float, v: float, a: float
+) -> None:
+    def force(*percent: float) -> float:
+        shares = {"acceleration_percent": percent[0], "drag_percent": percent[1]}
+        return law(**shares).feed_forward(Motion(0.0, v, a, 0.0))
+
+    mixed = acceleration / 100 * force(100.0, 0.0) + drag / 100 * force(0.0, 100.0)
+    assert force(acceleration, drag) == pytest.approx(mixed, abs=1e-9)
+
+
+def test_the_feed_forward_runs_ahead_of_lagging_thrusters() -> None:
+    """A lagging thruster follows a changing reference with a tenth of the error."""
+    errors: dict[float, float] = {}
+    for percent in (0.0, 100.0):
+        gains = msgspec.structs.replace(GAINS, kp=0.0, kd=0.0, lead_percent=percent)
+        axis, v, f, dt = AxisLaw(gains, PLANT, lag=0.08, period=1e-3), 0.0, 0.0, 1e-3
+        for k in range(1000):
+            t = k * dt
+            command = axis.feed_forward(Motion(0.0, t**2 / 2, t, 1.0))
+            f += (command - f) * dt / 0.08
+            v += (f - PLANT.drag(v)) / PLANT.inertia * dt
+        errors[percent] = abs(v - 0.5)
+    assert errors[100.0] < 0.1 * errors[0.0]
 
 
 def test_a_constant_disturbance_is_learnt() -> None:
@@ -89,3 +118,37 @@ def test_the_integral_never_leaves_its_limits(moves: list[tuple[float, float]]) 
     for target, x in moves:
         axis.step(hold(target), x, 0.0, DT)
         assert abs(axis.integral) <= 8.0
+
+
+def test_two_laws_learn_the_same_but_the_observer_sooner() -> None:
+    """A force of 5 N begins to act on both: the observer lets the vehicle off a third as far."""
+    worst: dict[float, float] = {}
+    for observer in (0.0, 3.0):
+        axis, x, v, u = law(observer=observer, max_integral=20.0), 0.0, 0.0, 0.0
+        worst[observer] = 0.0
+        for k in range(4000):
+            if k:
+                axis.learn(v, u, DT)
+            u = axis.step(hold(0.0), x, v, DT).total
+            v += (u + 5.0 - PLANT.drag(v)) / PLANT.inertia * DT
+            x += v * DT
+            worst[observer] = max(worst[observer], abs(x))
+        assert axis.standing == pytest.approx(-5.0, abs=0.02)
+        assert x == pytest.approx(0.0, abs=1e-3)
+    assert worst[3.0] < worst[0.0] / 3
+
+
+def on_the_floor(**more: float) -> AxisLaw:
+    """Pushed for five seconds against something that does not yield, then released."""
+    axis, u = law(observer=3.0, max_integral=15.0, **more), 0.0
+    for k in range(1000):
+        reference = Motion(0.2, 0.4, 0.0, 0.0) if k < 500 else hold(0.2 * 0.98 ** (k - 500))
+        if k:
+            axis.learn(0.0, u, DT)
+        u = axis.step(reference, 0.0, 0.0, DT).total
+    return axis
+
+
+def test_an_observer_does_not_wind_up_against_the_sea_floor() -> None:
+    assert on_the_floor().standing > 5.0
+    assert on_the_floor(still=0.03, ki=6.0).standing < 1.0

@@ -2,10 +2,18 @@
 
 import math
 
+import msgspec
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from messages.control import Wrench
 from messages.message import Estimate
 from messages.reference import Motion, Reference
 from messages.state import VehicleState
+from services.control.axis_law import Gains
 from services.control.core import Controller, Settings
+from services.control.settings import Level
 from services.marine.vehicle import Vehicle
 from services.runtime.stack import Stack
 
@@ -112,3 +120,152 @@ def test_a_saturation_is_counted_once_per_passage() -> None:
     law.step(reference(surge=1.0), state(), 10**9)
     law.step(reference(surge=100.0), state(), 10**9)
     assert len(law.happened) == 2
+
+
+# Forces of the pilot's, and changes of who decides.
+
+
+def test_an_axis_that_is_not_held_gets_the_pilots_force_and_nothing_else() -> None:
+    asked = msgspec.structs.replace(reference(depth=3.0), heave_force=4.0, yaw_moment=-0.7)
+    wrench, _ = controller().step(asked, state(depth=1.0), 0)
+    assert wrench.wanted[2] == 4.0
+    assert wrench.wanted[5] == -0.7
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.floats(-0.2, 0.2), st.floats(-20.0, 20.0), st.booleans())
+def test_a_change_of_mode_is_not_felt_at_the_change(
+    error: float, force: float, into_hold: bool
+) -> None:
+    law = controller()
+    held = reference(depth=1.0 + error)
+    ways = held, msgspec.structs.replace(held, heave_force=force, yaw_moment=force / 20)
+    first, then = reversed(ways) if into_hold else ways
+    before = [law.step(first, state(), k * 10_000_000)[0].wanted for k in range(20)][-1]
+    at = law.step(then, state(), 200_000_000)[0].wanted
+    assert at[2] == pytest.approx(before[2], abs=1e-9)
+    assert at[5] == pytest.approx(before[5], abs=1e-9)
+    after = [law.step(then, state(), k * 10_000_000)[0].wanted for k in range(21, 60)][-1]
+    if not into_hold:
+        assert after[2] == force  # the old way is forgotten
+
+
+def test_a_silent_reference_does_not_hold_what_was_not_held() -> None:
+    law = controller()
+    asked = msgspec.structs.replace(reference(depth=3.0), heave_force=4.0, yaw_moment=1.0)
+    law.step(asked, state(depth=1.0), 0)
+    wrench, _ = law.step(None, state(depth=1.0), 10_000_000)
+    assert (wrench.wanted[2], wrench.wanted[5]) == (0.0, 0.0)
+
+
+# What was learnt.
+
+
+def sinking(law: Controller, force: float, seconds: float) -> list[Wrench]:
+    """Hold a vehicle of ours, pushed by `force` [N] down; dead-band apart, exact."""
+    z = v = 0.0
+    wrenches: list[Wrench] = []
+    for k in range(round(seconds * 100)):
+        seen = msgspec.structs.replace(state(z), sensor_ns=k, depth_rate=Estimate(v, 0.01))
+        wrench, _ = law.step(reference(0.0), seen, k * 10_000_000)
+        wrenches.append(wrench)
+        v += (wrench.achieved[2] + force - (0.38 + 25.5 * abs(v)) * v) / 19.86 * 0.01
+        z += v * 0.01
+    return wrenches
+
+
+def test_the_disturbance_is_told_and_forgotten_when_disarmed() -> None:
+    law = Controller(Stack().section("control", Settings), PIONEER)
+    learnt = sinking(law, 6.0, 10.0)[-1]
+    assert learnt.disturbance[2] == pytest.approx(6.0, abs=0.5)
+    assert learnt.depth_integral == -learnt.disturbance[2]
+    disarmed, _ = law.step(reference(armed=False), state(), 11 * 10**9)
+    assert disarmed.disturbance == (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def test_what_cannot_be_trusted_teaches_nothing() -> None:
+    law = Controller(Stack().section("control", Settings), PIONEER)
+    before = sinking(law, 6.0, 5.0)[-1].disturbance[2]
+    blind = msgspec.structs.replace(state(), depth_rate=Estimate(5.0, 0.1, False))
+    for k in range(50):
+        wrench, _ = law.step(reference(0.0), blind, 5 * 10**9 + k * 10_000_000)
+        assert wrench.disturbance[2] == before
+    for k in range(50):
+        stale, _ = law.step(reference(0.0), None, 6 * 10**9 + k * 10_000_000)
+        assert stale.disturbance[2] == before
+
+
+def test_a_saturated_axis_does_not_learn() -> None:
+    law = Controller(Stack().section("control", Settings), PIONEER)
+    wrenches = sinking(law, 200.0, 1.0)
+    learnt = {wrench.disturbance[2] for wrench in wrenches if wrench.saturated}
+    assert sum(wrench.saturated for wrench in wrenches) > 50
+    assert len(learnt) == 1  # what it was when the thruster was full
+
+
+def test_gains_that_are_not_stable_do_not_start() -> None:
+    wild = Gains(kp=60.0, kd=4000.0, ki=12.0, max_error=0.3, max_integral=15.0)
+    with pytest.raises(ValueError, match=r"^control.depth: with kp = 60, kd = 4000 and ki = 12"):
+        Controller(Settings(depth=wild), PIONEER)
+
+
+def test_roll_and_pitch_are_held_level_when_told_to() -> None:
+    level = Level(kp=5.0, kd=1.0)
+    law = Controller(Settings(roll=level), PIONEER)
+    rolled = msgspec.structs.replace(state(), roll=Estimate(0.1, 0.01), pitch=Estimate(0.2, 0.01))
+    wrench, _ = law.step(reference(), rolled, 0)
+    assert wrench.wanted[3] == pytest.approx(-0.5)
+    assert wrench.wanted[4] == 0.0
+    later = msgspec.structs.replace(rolled, sensor_ns=7 + 10_000_000, roll=Estimate(0.11, 0.01))
+    wrench, _ = law.step(reference(), later, 10_000_000)
+    assert wrench.wanted[3] == pytest.approx(-0.55 - 1.0)  # falling at 1 rad/s
+
+
+# Whatever messages say, thrust is finite and within its limits.
+
+number = st.one_of(st.floats(-1e9, 1e9), st.sampled_from([0.0, 1e9, -1e9, 1e-300, math.pi, 5e-324]))
+maybe = st.one_of(st.none(), number)
+estimate = st.builds(Estimate, value=number, std=st.just(0.1), valid=st.booleans())
+motion = st.builds(Motion, position=number, velocity=number, acceleration=number, jerk=number)
+rest = st.one_of(st.none(), motion)
+references = st.builds(
+    Reference,
+    stamp_ns=st.just(0),
+    sensor_ns=st.just(7),
+    pilot_ns=st.just(5),
+    armed=st.sampled_from([True, True, True, False]),
+    depth=motion,
+    heading=motion,
+    surge_force=number,
+    sway_force=number,
+    heave_force=maybe,
+    yaw_moment=maybe,
+    surge=rest,
+    north=rest,
+    east=rest,
+)
+MEASURED = ("depth", "depth_rate", "heading", "yaw_rate", "roll", "pitch")
+PERHAPS = ("heading_navigation", "north", "east", "surge_velocity", "sway_velocity")
+FLOWS = ("current_north", "current_east")
+states = st.fixed_dictionaries(
+    {"sensor_ns": st.integers(0, 10**12)}
+    | dict.fromkeys(MEASURED, estimate)
+    | dict.fromkeys((*PERHAPS, *FLOWS), st.one_of(st.none(), estimate))
+).map(lambda parts: msgspec.structs.replace(state(), **parts))
+inputs = st.tuples(st.one_of(st.none(), references), st.one_of(st.none(), states))
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(st.lists(st.tuples(inputs, st.integers(-(10**9), 10**10)), min_size=1, max_size=12))
+def test_no_message_makes_a_wild_thrust(
+    steps: list[tuple[tuple[Reference | None, VehicleState | None], int]],
+) -> None:
+    level = Level(kp=5.0, kd=1.0)
+    ours = msgspec.structs.replace(Stack().section("control", Settings), roll=level, pitch=level)
+    law = Controller(ours, PIONEER)
+    for (asked, seen), now in steps:
+        wrench, command = law.step(asked, seen, now)
+        for thrust, thruster in zip(command.thrust, PIONEER.thruster, strict=True):
+            assert thruster.limits[0] <= thrust <= thruster.limits[1]
+        for message in (wrench, command):  # what we say is what the bus lets through
+            msgspec.convert(msgspec.to_builtins(message), type(message))

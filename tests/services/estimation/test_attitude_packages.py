@@ -26,8 +26,8 @@ BETA = 0.033  # [rad/s]
 
 @pytest.fixture(scope="module")
 def dive() -> runs.Samples:
-    """Half a minute of pitching and turning, from level and north, with noise and bias."""
-    return runs.measured(runs.moving(30.0, 0.0), 3, runs.TYPICAL)
+    """Half a minute of pitching and turning, after rest level and north, with noise and bias."""
+    return runs.measured(runs.dive(30.0), 3, runs.TYPICAL)
 
 
 def package(name: str) -> Any:
@@ -64,7 +64,7 @@ def test_the_heading_drifts_as_that_of_imufusion(dive: runs.Samples) -> None:
     imufusion = package("imufusion")
     theirs = imufusion.Ahrs()
     settings = imufusion.AhrsSettings()
-    for name, value in (("gain", 0.5), ("convention", imufusion.CONVENTION_NED)):
+    for name, value in (("gain", 0.05), ("convention", imufusion.CONVENTION_NED)):
         setattr(settings, name, value)
     theirs.set_settings(settings)
     theirs.set_sample_period(runs.DT)

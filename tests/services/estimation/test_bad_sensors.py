@@ -19,12 +19,14 @@ from messages.sensors import (
     UsblSample,
 )
 from messages.state import VehicleState
+from services.estimation.calibration import CalibrationSettings
 from services.estimation.core import Estimator, Settings
 from services.estimation.sensor_watch import SensorWatch, WatchSettings
 from services.marine.vehicle import GRAVITY, SEA_WATER
 from services.runtime.stack import Row, Stack
 from services.runtime.virtual_host import VirtualHost
 
+QUICK = Settings(calibration=CalibrationSettings(still_time=3.0))  # [s] less to wait for
 FLOATING = 0.168  # [m]
 MS = 1_000_000  # [ns]
 SURFACE = 100_900.0 + SEA_WATER * GRAVITY * FLOATING  # [Pa]
@@ -34,7 +36,7 @@ class Bench:
     """An estimator with a vehicle at rest, whose sensors can be made bad one by one."""
 
     def __init__(self) -> None:
-        self.estimator = Estimator(Settings(), FLOATING)
+        self.estimator = Estimator(QUICK, FLOATING)
         self.rng = np.random.default_rng(0)
         self.ms = 0
         self.imu_every = self.press_every = 10  # [ms]

@@ -1,7 +1,8 @@
 """The family of depth observers: one estimator against batch least squares, what each can know,
 and what the time of a sample is worth."""
 
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterator
 from math import inf, nan, sqrt
 
 import msgspec
@@ -10,10 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.estimation.depth_filter import DepthFilter, DepthSettings
+from services.estimation.depth_filter import LEAST_MOTION_NOISE, DepthFilter, DepthSettings
 from services.estimation.depth_observer import Atmosphere, DepthObserver
 from services.estimation.depth_ways import WAYS
 from services.marine.vehicle import ATMOSPHERE, GRAVITY, SEA_WATER
+from services.reference.minimum_jerk import Limits, Ramp
 
 STEP_NS = 10_000_000
 PER_METRE = SEA_WATER * GRAVITY  # [Pa/m]
@@ -245,19 +247,103 @@ def test_the_surprise_is_the_innovation_over_its_spread():
     assert surprise_of(4.9) == pytest.approx(-surprise_of(5.1), rel=1e-6)
 
 
+class Press:
+    """Pressure of σ 5 cm at 50 Hz on an observer that is told what the reference asks."""
+
+    def __init__(self, way: str, seed: int) -> None:
+        told = ALLOWED if way == "reference" else SHIPPED
+        self.o, self.rng, self.k = observer(way, told), np.random.default_rng(seed), 0
+        self.counts: Counter[str | None] = Counter()
+
+    def run(self, seconds: float, depth: float, asked: Callable[[float], float]) -> Iterator[float]:
+        """Seconds since the start of each step; the vehicle stays at `depth` [m]."""
+        for k in range(round(seconds * 100)):
+            self.k += 1
+            if self.k % 2 == 0:
+                said = pressure(depth + STD * float(self.rng.standard_normal()))
+                self.counts[self.o.pressure(said, self.k * STEP_NS)] += 1
+            self.counts[self.o.predict(asked(k * 0.01), self.k * STEP_NS)] += 1
+            yield k * 0.01
+
+
+SHIPPED = DepthSettings(pressure_std=STD * PER_METRE)
+ALLOWED = DepthSettings(
+    observer="reference", motion_noise=LEAST_MOTION_NOISE, pressure_std=STD * PER_METRE
+)
+
+
+def ask_for_half_a_metre_per_second(t: float) -> float:
+    """[m/s²] The reference's way there, with the Pioneer's jerk."""
+    ramp = Ramp(Limits(1.5, 0.5))
+    ramp.aim(0.5, 0.0)
+    return ramp.at(t)[2]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_blocked_vehicle_that_is_believed_to_move_is_found_out_within_a_second(seed: int):
+    press = Press("reference", seed)
+    for _ in press.run(10.0, 5.0, lambda _: 0.0):
+        pass
+    worst, believed, late = 0.0, 0.0, list[float]()
+    for t in press.run(10.0, 5.0, ask_for_half_a_metre_per_second):
+        depth, rate, acceleration = press.o.estimates(press.k * STEP_NS)
+        assert not acceleration.valid  # it is asked for, not measured
+        assert abs(depth.value - 5.0) < 4.0 * depth.std
+        assert abs(rate.value) < 4.0 * rate.std
+        if t > 2.4:  # the ramp ends after 1.4 s
+            late.append(rate.value)
+        worst, believed = max(worst, abs(depth.value - 5.0)), max(believed, rate.value)
+    assert 0.1 < believed < 0.6  # it does believe, at first
+    assert abs(float(np.mean(late[:100]))) < 0.1
+    assert worst < 0.12
+    assert press.counts["outlier:sensor/pressure"] == 0
+
+
+@pytest.mark.parametrize("way", ["accelerometer", "reference"])
+@pytest.mark.parametrize("seed", range(3))
+def test_sound_pressure_is_never_clipped_on_one_side_for_long(way: str, seed: int):
+    press = Press(way, seed)
+    for _ in press.run(60.0, 5.0, lambda _: 0.0):
+        pass
+    assert press.counts["clipped:sensor/pressure"] == 0
+
+
+def test_a_sensor_that_jumps_within_the_gate_is_counted_and_doubted_while_it_lasts():
+    press = Press("accelerometer", 0)
+    for _ in press.run(10.0, 5.0, lambda _: 0.0):
+        pass
+    calm = press.o.estimates(press.k * STEP_NS)[0].std
+    press.rng = np.random.default_rng(1)
+    doubt = 0.0
+    for t in press.run(20.0, 5.0 + 5.5 * STD, lambda _: 0.0):
+        depth = press.o.estimates(press.k * STEP_NS)[0]
+        doubt = max(doubt, depth.std)
+        if t > 15.0:
+            assert depth.value == pytest.approx(5.0 + 5.5 * STD, abs=0.05)
+    assert press.counts["clipped:sensor/pressure"] == 1
+    assert doubt > 5.0 * calm
+    assert press.o.estimates(press.k * STEP_NS)[0].std == pytest.approx(calm, rel=0.2)
+
+
 decode: Callable[..., DepthSettings] = msgspec.toml.decode
 
 
-@pytest.mark.parametrize("way", ["accelerometer", "timed", "new", "hold"])
+@pytest.mark.parametrize("way", list(WAYS))
 def test_the_vehicle_file_chooses_the_observer(way: str):
-    chosen = decode(f'observer = "{way}"', type=DepthSettings)
+    chosen = decode(f'observer = "{way}"\nmotion_noise = 0.5', type=DepthSettings)
     assert chosen.observer == way
 
 
 @pytest.mark.parametrize(
-    "line", ['observer = "reference"', 'observer = "best"', "pressure_latency = -0.01",
+    "line", ['observer = "best"', "pressure_latency = -0.01",
              "pressure_latency = 0.5", "pressure_latency = nan"],
 )  # fmt: skip
 def test_a_setting_that_makes_no_sense_is_refused(line: str):
     with pytest.raises(msgspec.ValidationError):
         decode(line, type=DepthSettings)
+
+
+def test_the_observer_that_hears_the_reference_may_not_believe_it_too_much():
+    with pytest.raises(msgspec.ValidationError, match=r"needs at least 0\.5"):
+        decode('observer = "reference"\nmotion_noise = 0.2', type=DepthSettings)
+    assert decode('observer = "timed"\nmotion_noise = 0.1', type=DepthSettings).motion_noise == 0.1

@@ -5,6 +5,7 @@ from services.estimation.attitude_filter import Vec3
 from services.estimation.calibration import Calibration, CalibrationSettings
 from services.marine.vehicle import GRAVITY
 
+QUICK = CalibrationSettings(still_time=3.0)  # [s] less to wait for
 BIAS = np.array([0.01, -0.02, 0.03])  # [rad/s]
 DT = 0.01  # [s]
 
@@ -24,7 +25,7 @@ def feed(
 
 
 def test_at_rest_the_bias_is_the_mean_rate():
-    calibration = Calibration(CalibrationSettings())
+    calibration = Calibration(QUICK)
     feed(calibration, 2.9)
     assert calibration.result() is None
     feed(calibration, 0.1)
@@ -36,7 +37,7 @@ def test_at_rest_the_bias_is_the_mean_rate():
 
 
 def test_motion_begins_the_average_anew_and_is_said_once():
-    calibration = Calibration(CalibrationSettings())
+    calibration = Calibration(QUICK)
     feed(calibration, 2.5)
     assert feed(calibration, 5.0, rate=(0.0, 0.0, 0.5)) == 1
     feed(calibration, 2.5)
@@ -48,19 +49,19 @@ def test_motion_begins_the_average_anew_and_is_said_once():
 
 
 def test_a_steady_turn_is_motion_although_nothing_varies():
-    calibration = Calibration(CalibrationSettings())
+    calibration = Calibration(QUICK)
     assert feed(calibration, 10.0, rate=(0.0, 0.0, 0.2)) == 1
     assert calibration.result() is None
 
 
 def test_a_slow_turn_that_begins_after_rest_is_motion():
-    calibration = Calibration(CalibrationSettings())
+    calibration = Calibration(QUICK)
     feed(calibration, 1.0)
     assert feed(calibration, 1.0, rate=(0.0, 0.04, 0.0)) == 1
 
 
 def test_without_pressure_there_is_no_result():
-    calibration = Calibration(CalibrationSettings())
+    calibration = Calibration(QUICK)
     for _ in range(1000):
         calibration.imu((0.0, 0.0, 0.0), (0.0, 0.0, -GRAVITY), DT)
     assert calibration.result() is None
@@ -68,7 +69,7 @@ def test_without_pressure_there_is_no_result():
 
 
 def test_the_first_heading_is_the_mean_of_the_compass():
-    calibration = Calibration(CalibrationSettings())
+    calibration = Calibration(QUICK)
     calibration.magnetometer((0.0, -19e-6, 45e-6))
     calibration.magnetometer((0.0, -21e-6, 45e-6))
     feed(calibration, 3.0)

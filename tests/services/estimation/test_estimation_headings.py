@@ -63,7 +63,7 @@ def test_spreads_grow_with_time_and_with_blindness():
     o = observer()
     for _ in range(6000):
         o.step((0.0, 0.0, 0.0), REST, 0.01)
-    assert o.heading(True).std == pytest.approx(radians(0.24), rel=0.05)
+    assert o.heading(True).std == pytest.approx(SET.heading_std + radians(0.24), rel=0.05)
     o.blind(1.0)
     assert o.heading(True).std == pytest.approx(UNKNOWN_TURN, rel=0.02)
     o.blind(1e6)

@@ -17,6 +17,7 @@ from services.runtime.stack import Row, Stack
 from services.runtime.virtual_host import VirtualHost
 
 ROW = Row(realms=["drone"])
+QUICK = Stack(overrides=["estimation.calibration.still_time=3"])  # [s] less to wait for
 S = 1_000_000_000  # [ns]
 FLOATING = Stack().section("vehicle", Vehicle).floating_depth
 
@@ -34,7 +35,7 @@ class Bench:
     lines: list[LogLine] = field(default_factory=list[LogLine])
 
     def __post_init__(self) -> None:
-        self.service = self.host.add("estimation", ROW, Stack())
+        self.service = self.host.add("estimation", ROW, QUICK)
         vehicle = self.host.node("vehicle", ["drone"])
         self._play(vehicle)
         vehicle.each(topics.STATE, lambda state, _: self.states.append(state))
@@ -42,7 +43,7 @@ class Bench:
 
     def restart(self) -> None:
         self.host.kill("estimation")
-        self.service = self.host.add("estimation", ROW, Stack())
+        self.service = self.host.add("estimation", ROW, QUICK)
 
     def run(self, seconds: float) -> VehicleState:
         self.host.run(self.host.now + round(seconds * S))
@@ -83,11 +84,13 @@ def test_every_imu_sample_becomes_one_state_that_carries_its_stamp():
     assert bench.states[-1].phase == "running"
 
 
-def test_calibration_is_told_in_one_line():
+def test_calibration_counts_down_and_is_told_in_one_line():
     bench = Bench()
     bench.run(6.0)
     assert [line.text for line in bench.lines] == [
-        "calibrated: gyroscope bias +0.000, +0.000, +0.000 deg/s, atmosphere 1000.0 hPa"
+        "calibrating: 3 s at rest to go",
+        "calibrating: 1 s at rest to go",
+        "calibrated: gyroscope bias +0.000, +0.000, +0.000 deg/s, atmosphere 1000.0 hPa",
     ]
 
 

@@ -136,9 +136,9 @@ def test_a_compass_that_boots_late_is_used_after_the_hold_off() -> None:
 
 
 def test_with_sensor_noise_iron_costs_less_than_ten_degrees_and_control_less_than_a_third() -> None:
-    truth = runs.moving(60.0, 6.0)
-    iron = runs.passing_iron(len(truth.heading), 25.0, 20.0, 20e-6)
-    seen = runs.observed(truth, runs.measured(truth, 2, runs.CLEAN, iron))
+    flight = runs.dive(50.0)
+    iron = runs.passing_iron(len(flight.heading), 25.0, 20.0, 20e-6)
+    seen = runs.observed(flight, runs.measured(flight, 2, runs.CLEAN, iron))
     window = slice(2500, 5500)
     assert np.degrees(np.max(np.abs(seen.navigation[window]))) < 10.0
     assert np.degrees(np.max(np.abs(seen.control[window] - seen.control[2500]))) < 0.3
@@ -159,7 +159,7 @@ def rest(bias: RestingBias, seconds: float, rate: Vec3, shake: float = 0.001, se
 
 
 def test_at_rest_the_bias_is_learnt_on() -> None:
-    bias = RestingBias(CalibrationSettings(), (0.010, 0.0, 0.0))
+    bias = RestingBias(CalibrationSettings(still_time=3.0), (0.010, 0.0, 0.0))
     rest(bias, 60.0, (0.011, 0.0005, 0.0))
     assert bias.bias == pytest.approx((0.011, 0.0005, 0.0), abs=1e-4)
 

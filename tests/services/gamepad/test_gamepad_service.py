@@ -40,6 +40,7 @@ class Drone:
         self.commands: list[PilotCommand] = []
         self.requests: list[PilotRequest] = []
         self.lines: list[LogLine] = []
+        self.epoch = 0
         self.answers = True
         self.refuses = ""
         self.armed = False
@@ -63,9 +64,14 @@ class Drone:
 
     def _say_status(self, now: int) -> None:
         mode: Mode = "starting" if now < S // 2 else "piloted" if self.armed else "ready"
-        self._status.put(VehicleStatus(stamp_ns=now, mode=mode, armed=self.armed))
+        self._status.put(VehicleStatus(stamp_ns=now, mode=mode, armed=self.armed, epoch=self.epoch))
 
     def _on_request(self, request: PilotRequest, now: int) -> None:
+        if request.kind == "lease":
+            self.epoch += 1
+            lease = PilotAnswer(stamp_ns=now, id=request.id, accepted=True, epoch=self.epoch)
+            self._answer.put(lease)
+            return
         self.requests.append(request)
         if not self.answers:
             return

@@ -1,18 +1,19 @@
-"""Events of a stick log that have arguments: goto and follow."""
+"""Events of a stick log that have arguments: goto, follow and mode."""
 
 import math
 from pathlib import Path
+from typing import get_args
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from messages.pilot import Course
+from messages.pilot import Course, Hold
 from services.gamepad.core import CENTRED
 from services.gamepad.player import Player
 from services.gamepad.script import parse
 from services.gamepad.sources import read_script
-from services.gamepad.wish import Follow, Goto
+from services.gamepad.wish import Follow, Goto, Mode
 from services.runtime.errors import LindyError
 
 S = 1_000_000_000  # [ns]
@@ -49,6 +50,11 @@ def test_follow_reads_a_shipped_path_by_its_name_or_any_by_its_file(tmp_path: Pa
     assert len(shipped.course.waypoints) == 5
 
 
+@pytest.mark.parametrize("hold", get_args(Hold))
+def test_mode_reads_what_the_drone_is_to_hold(hold: str):
+    assert event(f"mode {hold}") == Mode(hold)  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize(
     ("cell", "says"),
     [
@@ -67,6 +73,8 @@ def test_follow_reads_a_shipped_path_by_its_name_or_any_by_its_file(tmp_path: Pa
         ("gotodepth=3", "event is 'gotodepth=3', expected one of .*goto depth=M heading=DEG"),
         ("stop now", "event is 'stop now', expected one of"),
         ("follow", "follow needs a path"),
+        ("mode", "mode: found '', expected one of manual, depth_hold"),
+        ("mode stabilized", "mode: found 'stabilized', expected one of .*stabilised"),
         ("follow inspection_bix", "did you mean 'inspection_box'"),
         ("follow /nowhere/way.toml", "there is no file /nowhere/way.toml"),
         ("follow fernandes", "fernandes.toml: model is 'fernandes'; only"),

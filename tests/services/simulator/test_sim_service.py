@@ -9,6 +9,7 @@ import pytest
 from messages import topics
 from messages.control import ThrusterCommand
 from messages.sensors import ImuSample
+from messages.simulator import FaultAnswer, FaultRequest
 from messages.vehicle import Actuation, Truth
 from services.runtime.bus import Envelope
 from services.runtime.errors import LindyError
@@ -195,3 +196,72 @@ def test_dvl_and_usbl_come_at_their_rates_and_late_but_stamped_when_measured() -
     fix, there = sea.messages(topics.USBL)[-1], sea.messages(topics.TRUTH)[599]
     assert there.stamp_ns == fix.stamp_ns
     assert (fix.north, fix.east) == pytest.approx(there.position[:2], abs=2.0)
+
+
+def ask_for(sea: Sea, *requests: FaultRequest) -> list[FaultAnswer]:
+    """The answers to these requests."""
+    topside = sea.host.node("topside", ["drone"])
+    say = topside.publisher(topics.FAULT_REQUEST)
+    for request in requests:
+        say.put(msgspec.structs.replace(request, stamp_ns=sea.host.now))
+        sea.run(0.05)
+    return sea.messages(topics.FAULT_ANSWER)
+
+
+def fault(part: str, kind: Any, name: str = "a") -> FaultRequest:
+    return FaultRequest(stamp_ns=0, id=name, part=part, fault=kind)
+
+
+def test_a_request_breaks_a_thruster_and_the_truth_says_so() -> None:
+    sea = Sea(None, *DIVE)
+    sea.run(1)
+    answers = ask_for(sea, fault("vertical", "dead"))
+    sea.run(2)
+    assert [(a.id, a.accepted) for a in answers] == [("a", True)]
+    assert sea.truth().faults == ("vertical: dead",)
+    assert sea.messages(topics.ACTUATION)[-1].thrust[3] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_repeated_request_is_done_once_and_answered_each_time() -> None:
+    sea = Sea(None, *DIVE)
+    sea.run(1)
+    broken, mended = fault("port", "dead", "1"), fault("port", "none", "2")
+    answers = ask_for(sea, broken, mended, broken)
+    assert [(a.id, a.accepted) for a in answers] == [("1", True), ("2", True), ("1", True)]
+    assert answers[2].stamp_ns > answers[0].stamp_ns
+    sea.run(0.1)
+    assert sea.truth().faults == ()
+
+
+def test_an_unknown_part_is_refused_with_the_nearest_name() -> None:
+    sea = Sea()
+    (answer,) = ask_for(sea, fault("verticle", "dead"))
+    assert not answer.accepted
+    assert "there is no part 'verticle'; did you mean 'vertical'?" in answer.reason
+    assert sea.simulator.counts["refused:simulator/request"] == 1
+
+
+def test_a_silent_sensor_is_counted_and_a_broken_one_is_malformed_at_every_receiver() -> None:
+    sea = Sea()
+    heard: list[int] = []
+    receiver = sea.host.node("receiver", ["drone"])
+    receiver.each(topics.PRESSURE, lambda sample, _: heard.append(sample.stamp_ns))
+    ask_for(sea, fault("sensor/imu", "silent", "1"), fault("sensor/pressure", "broken", "2"))
+    sea.heard.clear()
+    heard.clear()
+    sea.run(1)
+    assert topics.IMU.key not in sea.heard
+    assert len(sea.heard[topics.TRUTH.key]) == 100
+    assert sea.simulator.counts["silent_by_fault:sensor/imu"] >= 100
+    assert len(sea.heard[topics.PRESSURE.key]) == pytest.approx(42, abs=1)
+    assert heard == []
+    assert receiver.counts["malformed:sensor/pressure"] >= 41
+
+
+def test_faults_outlive_the_simulator_that_was_killed() -> None:
+    sea = Sea()
+    ask_for(sea, fault("port", "dead"))
+    sea.host.kill("simulator")
+    sea.start()
+    sea.run(0.1)
+    assert sea.truth().faults == ("port: dead",)

@@ -1,7 +1,7 @@
 """The vehicle in the water keeps the laws of physics."""
 
 from itertools import pairwise
-from math import degrees, exp, pi, sqrt
+from math import degrees, dist, exp, pi, sin, sqrt
 
 import msgspec
 import pytest
@@ -11,9 +11,12 @@ from hypothesis import strategies as st
 from services.marine.attitude import Quaternion, from_euler, tilt, to_euler
 from services.marine.hydrodynamics import full_buoyancy
 from services.marine.rigid_body import kinetic_energy, system_inertia
+from services.marine.thrusters import driven
 from services.marine.vehicle import GRAVITY, Vec6, Vehicle
 from services.runtime.stack import Stack
+from services.simulator.settings import Settings
 from services.simulator.vessel import STEP, State, Vessel
+from tools.bench.textbook_vessel import TextbookVessel
 
 PIONEER = Stack().section("vehicle", Vehicle)
 NEUTRAL = msgspec.structs.replace(PIONEER, net_buoyancy=0.0)
@@ -35,7 +38,8 @@ def vessel(
     wake: float = 1.0,
 ) -> Vessel:
     state: State = (0.0, 0.0, depth, *q_NB, *nu)
-    return Vessel(vehicle, floor, wake, state, [0.0] * len(vehicle.thruster))
+    place = Settings(floor_depth=floor, wake_share=wake)
+    return Vessel(vehicle, place, state, [0.0] * len(vehicle.thruster))
 
 
 def sail(ship: Vessel, seconds: float, step: float = STEP) -> list[State]:
@@ -76,8 +80,9 @@ def test_without_drag_energy_is_kept(q_NB: Quaternion, nu: Vec6) -> None:
     ship = vessel(slick, q_NB=q_NB, nu=nu, wake=0.0)
     before = energy(slick, ship.state)
     sail(ship, 0.5)
-    # The integrator's own error: at worst 2.0e-5, and 37 times less with half the step.
-    assert energy(slick, ship.state) == pytest.approx(before, rel=5e-5, abs=1e-7)
+    # The integrator's own error: at worst 2.0e-3, and 5 times less with half the step. Any real
+    # hull's drag takes far more.
+    assert energy(slick, ship.state) == pytest.approx(before, rel=4e-3, abs=1e-7)
 
 
 @law
@@ -190,25 +195,45 @@ def test_a_command_grows_into_thrust_with_the_time_constant() -> None:
 def test_limits_are_named_and_kept_and_the_dead_band_is_silent() -> None:
     ship = vessel()
     assert ship.drive([50.0, -36.0, 0.5, 35.0]) == ["port", "starboard"]
-    assert ship.wanted == [35.0, -35.0, 0.0, 35.0]
+    assert ship.settles_at == [35.0, -35.0, 0.0, 35.0]
 
 
-def test_integration_converges_with_fourth_order() -> None:
+def test_integration_converges_with_second_order() -> None:
     def end(step: float) -> State:
         ship = vessel(nu=(0.8, 0.2, 0.3, 0.5, -0.4, 1.0))
         ship.drive([20.0, 5.0, 10.0, 4.0])
         return sail(ship, 1.28, step)[-1]
 
-    best = end(0.00125)
+    best = end(0.0003125)
     coarse, fine = (
-        max(abs(a - b) for a, b in zip(end(h), best, strict=True)) for h in (0.01, 0.005)
+        max(abs(a - b) for a, b in zip(end(h), best, strict=True)) for h in (0.005, 0.0025)
     )
-    assert coarse < 1e-6
-    assert coarse / fine > 12  # 16 for a smooth right-hand side
+    assert coarse < 2e-5
+    assert 3.5 < coarse / fine < 4.5
+
+
+def test_a_minute_of_hard_driving_ends_within_a_millimetre_of_the_textbook() -> None:
+    """The reference is the classic Runge-Kutta method at a millisecond, on textbook formulas."""
+    vehicle = PIONEER
+    state: State = (0.0, 0.0, 10.0, *LEVEL, *REST)
+    none = [0.0] * len(vehicle.thruster)
+    ours = Vessel(vehicle, Settings(floor_depth=1000.0), state, none)
+    textbook = TextbookVessel(vehicle, 1.0, state, none)
+    for second in range(60):
+        command = [
+            driven(t, 0.5 * t.max_thrust * sin(0.37 * second * (1 + 0.31 * i)))
+            for i, t in enumerate(vehicle.thruster)
+        ]
+        ours.drive(command)
+        textbook.aim(command)
+        ours.advance(1.0)
+        for _ in range(1000):
+            textbook.step(0.001)
+        assert dist(ours.position, textbook.state[:3]) < 1e-3  # [m]; 0.06 mm as measured
 
 
 @law
-@given(st.floats(1e-6, 0.00999), motion)
+@given(st.floats(1e-6, STEP - 1e-6), motion)
 def test_cutting_a_step_in_two_changes_nothing_that_matters(cut: float, nu: Vec6) -> None:
     whole, parts = vessel(nu=nu), vessel(nu=nu)
     for ship in (whole, parts):
@@ -216,7 +241,7 @@ def test_cutting_a_step_in_two_changes_nothing_that_matters(cut: float, nu: Vec6
     whole.advance(STEP)
     parts.advance(cut)
     parts.advance(STEP - cut)
-    assert parts.state == pytest.approx(whole.state, abs=5e-4)
+    assert parts.state == pytest.approx(whole.state, abs=2e-3)  # the step's own error
 
 
 def test_a_motion_that_diverges_ends_the_simulator_with_a_sentence() -> None:

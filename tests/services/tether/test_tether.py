@@ -1,78 +1,24 @@
 """The tether: late by what its profile says, in order, byte for byte, and nothing else."""
 
-import numpy as np
+from pathlib import Path
+from typing import Any
+
+import msgspec
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from messages import topics
-from messages.link import LinkStatus
+from messages.health import LogLine
+from messages.link import LinkAnswer, LinkRequest, LinkStatus
+from messages.pilot import PilotCommand
 from messages.topic import Way
 from services.runtime.bus import Envelope
 from services.runtime.errors import LindyError
 from services.runtime.stack import Row, Stack
 from services.runtime.virtual_host import VirtualHost
-from services.tether.core import Leg, Line
+from services.tether.damage import damaged
 
 MS = 1_000_000
 GATEWAY = Row(realms=["topside", "drone"], gateway=True)
-
-
-def line(delay_ms: float = 5.0, jitter_ms: float = 2.0, seed: int = 1, capacity: int = 4096):
-    return Line[int](Leg(delay_ms, jitter_ms), np.random.default_rng(seed), capacity)
-
-
-def passage(link: Line[int], entries: list[int]) -> list[tuple[int, int]]:
-    """(item, out [ns]) of all that comes out."""
-    for item, entered in enumerate(entries):
-        link.enter(item, entered)
-    out: list[tuple[int, int]] = []
-    while (due := link.due()) is not None:
-        item = link.leave(due)
-        assert item is not None
-        out.append((item, due))
-    return out
-
-
-@settings(max_examples=50, deadline=None)
-@given(
-    st.floats(0, 100),
-    st.floats(0, 50),
-    st.integers(0, 99),
-    st.lists(st.integers(0, 10**9), min_size=1, max_size=40),
-)
-def test_nothing_overtakes_nothing_is_early_and_nothing_is_lost(
-    delay: float, jitter: float, seed: int, entries: list[int]
-) -> None:
-    entries.sort()
-    out = passage(line(delay, jitter, seed), entries)
-    assert [item for item, _ in out] == list(range(len(entries)))
-    times = [at for _, at in out]
-    assert times == sorted(times)
-    assert all(at >= t + round(delay * MS) for t, at in zip(entries, times, strict=True))
-
-
-def test_the_same_seed_gives_every_message_the_same_fate() -> None:
-    entries = list(range(0, 10**9, 10**7))
-    assert passage(line(seed=3), entries) == passage(line(seed=3), entries)
-    assert passage(line(seed=3), entries) != passage(line(seed=4), entries)
-
-
-def test_jitter_has_the_mean_the_profile_states() -> None:
-    link, delays = line(5.0, 2.0), list[int]()
-    for k in range(20_000):
-        entered = k * 10**9  # far apart, so that keeping the order does not shift the statistics
-        link.enter(k, entered)
-        delays.append((link.due() or 0) - entered)
-        link.leave(entered + 10**9)
-    mean = sum(delays) / len(delays) / MS
-    assert mean == pytest.approx(7.0, abs=4 * 2.0 / np.sqrt(len(delays)))
-
-
-def test_a_full_line_drops_what_comes_and_counts_it() -> None:
-    link = line(delay_ms=1000.0, capacity=3)
-    assert [link.enter(k, 0) for k in range(5)] == [True, True, True, False, False]
-    assert link.report().dropped == 2
 
 
 def crossing(row_key: str, source: str, target: str) -> list[tuple[Envelope, int]]:
@@ -95,8 +41,11 @@ def test_each_row_crosses_in_its_own_direction_only(topic: topics.AnyTopic) -> N
     down = crossing(key, "topside", "drone")
     up = crossing(key, "drone", "topside")
     own = topic in (topics.LINK, topics.LINK_ANSWER)  # the tether says it itself, in both realms
-    assert bool(down) == (topic.way in (Way.DOWN, Way.BOTH)) or own
-    assert bool(up) == (topic.way in (Way.UP, Way.BOTH)) or own
+    payload = b"\x00 any bytes \xff"  # what the tether says by itself is another
+    assert any(e.payload == payload for e, _ in down) == (
+        topic.way in (Way.DOWN, Way.BOTH) and not own
+    )
+    assert any(e.payload == payload for e, _ in up) == (topic.way in (Way.UP, Way.BOTH) and not own)
 
 
 def test_an_envelope_arrives_byte_for_byte_and_late() -> None:
@@ -123,3 +72,144 @@ def test_status_is_heard_in_both_realms_and_tells_the_delay() -> None:
 def test_an_unknown_profile_is_refused_with_a_suggestion() -> None:
     with pytest.raises(LindyError, match="unknown link 'tehter'; did you mean 'tether'"):
         VirtualHost().add("tether", GATEWAY, Stack(link="tehter"))
+
+
+# A running link is changed.
+
+
+class Running:
+    """A tether, somebody at each end, and a stream of commands down."""
+
+    def __init__(self, link: str = "tether", rate_hz: float = 50.0) -> None:
+        self.host = VirtualHost()
+        self.tether = self.host.add("tether", GATEWAY, Stack(link=link, seed=5))
+        self.pilot = self.host.node("pilot", ["topside"])
+        self.drone = self.host.node("drone", ["drone"])
+        self.answers: dict[str, list[LinkAnswer]] = {"topside": [], "drone": []}
+        self.statuses: list[LinkStatus] = []
+        self.logs: list[str] = []
+        self.delays: list[int] = []  # [ns] of commands
+        self.pilot.each(topics.LINK_ANSWER, lambda m, _: self.answers["topside"].append(m))
+        self.drone.each(topics.LINK_ANSWER, lambda m, _: self.answers["drone"].append(m))
+        self.pilot.each(topics.LINK, lambda m, _: self.statuses.append(m))
+        self.tether.show = self._keep
+        self.drone.each(topics.PILOT_COMMAND, lambda m, now: self.delays.append(now - m.stamp_ns))
+        self._request = self.pilot.publisher(topics.LINK_REQUEST)
+        command = self.pilot.publisher(topics.PILOT_COMMAND)
+        self.pilot.every(
+            rate_hz,
+            lambda now: command.put(
+                PilotCommand(stamp_ns=now, surge=0.0, sway=0.0, heave=0.0, yaw=0.0)
+            ),
+        )
+
+    def _keep(self, line: LogLine) -> None:
+        self.logs.append(line.text)
+
+    def run(self, seconds: float) -> "Running":
+        self.host.run(self.host.now + round(seconds * 1000 * MS))
+        return self
+
+    def ask(self, kind: str, id_: str = "", **more: Any) -> LinkAnswer:
+        request = LinkRequest(stamp_ns=self.host.now, id=id_ or kind, kind=kind, **more)  # type: ignore[arg-type]
+        self._request.put(request)
+        self.tether.step()
+        self.pilot.step()
+        return self.answers["topside"][-1]
+
+
+def test_a_request_is_carried_out_once_and_answered_in_both_realms_each_time() -> None:
+    running = Running().run(1.0)
+    for _ in range(3):
+        answer = running.ask("set", "same", settings=("down.delay_ms=40",))
+        assert answer.accepted
+        assert answer.change == "down.delay_ms 1.0 → 40"
+    running.run(1.0)
+    assert [a.id for a in running.answers["topside"]] == ["same"] * 3
+    assert [a.id for a in running.answers["drone"]] == ["same"] * 3
+    assert running.statuses[-1].changes == 1
+    assert running.logs == ["link: down.delay_ms 1.0 → 40"]
+
+
+def test_another_profile_is_in_force_at_once_and_named_in_the_status() -> None:
+    running = Running().run(1.0)
+    assert max(running.delays) < 20 * MS
+    running.delays.clear()
+    assert running.ask("profile", profile="remote").accepted
+    running.delays.clear()
+    running.run(2.0)
+    assert min(running.delays[1:]) >= 60 * MS  # the first one was on the way already
+    assert running.statuses[-1].profile == "remote"
+
+
+@pytest.mark.parametrize(
+    ("kind", "more", "says"),
+    [
+        ("profile", {"profile": "remotte"}, "did you mean 'remote'"),
+        ("profile", {}, "no profile is named"),
+        ("set", {"settings": ("down.delay_ms=-1",)}, "down.delay_ms: expected"),
+        ("set", {}, "nothing to set"),
+    ],
+)
+def test_a_request_that_makes_no_sense_is_refused_and_changes_nothing(
+    kind: str, more: dict[str, Any], says: str
+) -> None:
+    running = Running().run(1.0)
+    answer = running.ask(kind, **more)
+    assert not answer.accepted
+    assert says in answer.reason
+    running.run(1.0)
+    assert running.statuses[-1].changes == 0
+    assert max(running.delays) < 20 * MS
+
+
+def test_a_link_that_is_down_carries_nothing_and_says_so_without_old_numbers() -> None:
+    running = Running("remote").run(2.0)
+    assert running.statuses[-1].up
+    assert running.ask("down").accepted
+    heard = len(running.delays)
+    running.run(2.0)
+    status = running.statuses[-1]
+    assert len(running.delays) == heard  # neither what entered nor what was on the way
+    assert not status.up
+    assert status.rtt_ms is None
+    assert status.down_link.delay_p50_ms is None
+    assert status.down_link.loss == 1.0
+    assert status.down_link.lost["outage"] > 100
+    assert running.tether.counts["outage:pilot/command"] > 100
+    assert running.ask("up").accepted
+    running.run(1.0)
+    assert running.statuses[-1].up
+    assert len(running.delays) > heard
+
+
+def test_a_link_on_which_nothing_passes_is_up_and_its_delay_unknown() -> None:
+    host = VirtualHost()
+    host.add("tether", GATEWAY, Stack(link="tether"))
+    heard: list[LinkStatus] = []
+    ear = host.node("ear", ["topside"])
+    ear.each(topics.LINK, lambda m, _: heard.append(m))
+    host.run(900 * MS)  # before anybody says how it is doing
+    assert heard[-1].up
+    assert heard[-1].rtt_ms is None
+    assert heard[-1].down_link.loss is None
+
+
+def test_a_damaged_message_is_turned_away_at_the_door_and_never_acted_on(tmp_path: Path) -> None:
+    profile = tmp_path / "bad.toml"
+    profile.write_text("[down]\ncorrupt = 1.0\n")
+    running = Running(str(profile)).run(2.0)
+    assert running.delays == []
+    arrived = running.tether.counts["damaged:pilot/command"]
+    assert arrived > 90
+    assert running.drone.counts["malformed:pilot/command"] == arrived
+
+
+@pytest.mark.parametrize("topic", topics.ALL, ids=lambda t: t.key)
+def test_no_decoder_accepts_a_damaged_message(topic: topics.AnyTopic) -> None:
+    payload = b"\x81\xa1x\x01"
+    for sound in (payload, b"\x80", b""):
+        with pytest.raises(msgspec.DecodeError):
+            msgspec.msgpack.decode(damaged(sound), type=topic.message)
+        with pytest.raises(msgspec.DecodeError):
+            msgspec.msgpack.decode(damaged(sound))

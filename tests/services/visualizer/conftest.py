@@ -16,6 +16,7 @@ from messages.link import (
     LinkAnswer,
     LinkRequest,
     LinkStatus,
+    Shown,
     Stage,
 )
 from messages.message import Estimate, Message
@@ -133,6 +134,7 @@ def _all(now: int) -> list[Message]:
             sensor_to_screen_ms=1.0,
             bound_ms=0.1,
         ),
+        Shown(stamp_ns=now, sensor_ns=now - 30_000_000),
         Clock(
             stamp_ns=now,
             offset_ns=5_000_000,

@@ -1,0 +1,103 @@
+"""The horizontal plane: what is wanted in the world (NED), as the body's axes see it."""
+
+from math import cos, hypot, sin
+from typing import NamedTuple
+
+from msgspec.structs import replace
+
+from messages.message import Estimate
+from messages.reference import Motion
+from messages.state import VehicleState
+from services.marine.vehicle import Vec6
+
+Place = tuple[float, float]  # [m] north, east
+
+
+class Plane(NamedTuple):
+    """Reference seen from the body: positions are errors, velocities are over the ground."""
+
+    surge: Motion
+    sway: Motion
+
+
+def no_further(north: Motion, east: Motion, place: Place, most: float) -> tuple[Motion, Motion]:
+    """The same reference, brought to within `most` [m] of the place, straight ahead of it: the
+    first windup guard for a plane, where clamping each axis alone would bend the way."""
+    away = north.position - place[0], east.position - place[1]
+    if hypot(*away) <= most:
+        return north, east
+    share = most / hypot(*away)
+    return (
+        replace(north, position=place[0] + share * away[0]),
+        replace(east, position=place[1] + share * away[1]),
+    )
+
+
+class Measured(NamedTuple):
+    """What the horizontal law feeds back, all of it valid."""
+
+    heading: float  # [rad] clockwise from north
+    north: float  # [m] NED
+    east: float  # [m]
+    surge: float  # [m/s] body, over the ground
+    sway: float  # [m/s]
+
+    def through_water(self, state: VehicleState) -> tuple[float, float]:
+        """[m/s] Surge and sway relative to the water."""
+        along, across = water_velocity(state, self.heading)
+        return self.surge - along, self.sway - across
+
+
+def measured(state: VehicleState) -> Measured | None:
+    """None when place, velocity or heading are not known."""
+    heading = state.heading if state.heading_navigation is None else state.heading_navigation
+    parts = heading, state.north, state.east, state.surge_velocity, state.sway_velocity
+    values = [part.value for part in parts if part is not None and part.valid]
+    return Measured(*values) if len(values) == len(parts) else None
+
+
+def water_velocity(state: VehicleState, heading: float) -> tuple[float, float]:
+    """[m/s] Of the water over the ground along surge and sway; zero where it is not known."""
+    north, east = _known(state.current_north), _known(state.current_east)
+    return to_body(heading, north, east) if north is not None and east is not None else (0.0, 0.0)
+
+
+def seen_from_body(north: Motion, east: Motion, heading: float, place: Place) -> Plane:
+    """The reference along body axes at this instant.
+
+    Args:
+        heading: [rad] clockwise from north.
+        place: measured north and east [m].
+    """
+    error = to_body(heading, north.position - place[0], east.position - place[1])
+    velocity = to_body(heading, north.velocity, east.velocity)
+    acceleration = to_body(heading, north.acceleration, east.acceleration)
+    jerk = to_body(heading, north.jerk, east.jerk)
+    surge, sway = zip(error, velocity, acceleration, jerk, strict=True)
+    return Plane(Motion(*surge), Motion(*sway))
+
+
+def turning_force(inertia: Vec6, velocity: tuple[float, float], turn: float) -> tuple[float, float]:
+    """[N] Surge and sway forces that a turning vehicle needs beside M times the acceleration over
+    the ground, because added mass differs along the axes.
+
+    In turning axes u' = a_x + r v, and M ν' + C(ν) ν = τ (Fossen 2011, eq. 3.46) leaves
+    X = m_x (a_x + r v) - m_y r v, and likewise in sway.
+
+    Args:
+        inertia: diagonal of M [kg, kg m²].
+        velocity: surge and sway relative to the water [m/s].
+        turn: r [rad/s].
+    """
+    difference = (inertia[0] - inertia[1]) * turn
+    return difference * velocity[1], difference * velocity[0]
+
+
+def to_body(heading: float, north: float, east: float) -> tuple[float, float]:
+    """Surge and sway components of a horizontal NED vector of a level vehicle."""
+    c, s = cos(heading), sin(heading)
+    return c * north + s * east, c * east - s * north
+
+
+def _known(estimate: Estimate | None) -> float | None:
+    return estimate.value if estimate is not None and estimate.valid else None

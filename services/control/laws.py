@@ -1,0 +1,154 @@
+"""The laws of all axes together: from reference and state to the wrench that is wanted."""
+
+from collections.abc import Callable
+
+from messages.message import Estimate
+from messages.reference import Motion, Reference
+from messages.state import VehicleState
+from services.control import horizontal
+from services.control.axis import Axis
+from services.control.axis_law import AxisLaw, Gains
+from services.control.layout import AXES
+from services.control.level import LevelLaw
+from services.control.plant import plant_of
+from services.control.produced import Produced, lags_of
+from services.control.settings import Settings
+from services.control.transfer import Transfer
+from services.marine.rigid_body import system_inertia
+from services.marine.vehicle import Vec6, Vehicle
+
+
+class Laws:
+    """Surge, sway, heave and yaw, each with its own law, and roll and pitch held level."""
+
+    def __init__(
+        self, settings: Settings, vehicle: Vehicle, period: float, count: Callable[[str], None]
+    ) -> None:
+        """
+        Args:
+            period: [s] for which a wrench is held.
+            count: told what happens, by name, at every step at which it does.
+        """
+        self._inertia = system_inertia(vehicle)
+        self._lags = lags_of(vehicle)
+        self._count = count
+        self._produced = Produced(self._lags)
+        self._short: frozenset[str] = frozenset()
+
+        def axis(name: str, gains: Gains, row: int) -> Axis:
+            law = AxisLaw(gains, plant_of(vehicle, row), self._lags[row], period)
+            return Axis(name, law, Transfer(settings.transfer), count)
+
+        self.surge = axis("surge", settings.surge, 0)
+        self.sway = axis("sway", settings.sway, 1)
+        self.depth = axis("depth", settings.depth, 2)
+        self.heading = axis("heading", settings.heading, 5)
+        self._reach = min(settings.surge.max_error, settings.sway.max_error)  # [m]
+        self._roll, self._pitch = LevelLaw(settings.roll), LevelLaw(settings.pitch)
+
+    def wrench(self, reference: Reference, state: VehicleState, dt: float) -> Vec6:
+        """The wrench [N, N m] that is wanted now, `dt` [s] after the last one."""
+        self._learn(state, dt)
+        surge, sway = self._horizontal(reference, state, dt)
+        r, s = reference, state
+        if r.heave_force is None:
+            heave = self.depth.held(r.depth, s.depth, s.depth_rate, dt)
+        else:
+            heave = self.depth.forced(r.heave_force, dt)
+        if r.yaw_moment is None:
+            yaw = self.heading.held(r.heading, s.heading, s.yaw_rate, dt)
+        else:
+            yaw = self.heading.forced(r.yaw_moment, dt)
+        roll = self._roll.step(s.roll, s.sensor_ns)
+        pitch = self._pitch.step(s.pitch, s.sensor_ns)
+        return surge, sway, heave, roll, pitch, yaw
+
+    def done(self, wanted: Vec6, achieved: Vec6, *, saturated: bool) -> None:
+        """What became of the wrench. An axis that lost force to a full thruster does not learn."""
+        self._produced.ask(achieved)
+        self._short = frozenset(
+            name
+            for name, want, got in zip(AXES, wanted, achieved, strict=True)
+            if saturated and abs(want - got) > 1e-6
+        )
+
+    @property
+    def standing(self) -> Vec6:
+        """[N, N m] What is asked for against lasting disturbances."""
+        axes = self.surge, self.sway, self.depth, self.heading
+        x, y, z, n = [axis.law.standing for axis in axes]
+        return x, y, z, 0.0, 0.0, n
+
+    def stop(self) -> None:
+        """The thrusters are stopped: what was learnt stays, what was going on ends."""
+        self._produced.ask((0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+        for axis in (self.surge, self.sway, self.depth, self.heading):
+            axis.law.pause()
+            axis.transfer.forget()
+        self._roll.forget()
+        self._pitch.forget()
+
+    def forget(self) -> None:
+        for axis in (self.surge, self.sway, self.depth, self.heading):
+            axis.law.forget()
+
+    def _learn(self, state: VehicleState, dt: float) -> None:
+        force = self._produced.mean(dt)
+        place = horizontal.measured(state)
+        along, across = (None, None) if place is None else place.through_water(state)
+        heave, yaw = _known(state.depth_rate), _known(state.yaw_rate)
+        for axis, row, velocity in (
+            (self.surge, 0, along),
+            (self.sway, 1, across),
+            (self.depth, 2, heave),
+            (self.heading, 5, yaw),
+        ):
+            axis.learn(None if AXES[row] in self._short else velocity, force[row], dt)
+
+    def _horizontal(
+        self, reference: Reference, state: VehicleState, dt: float
+    ) -> tuple[float, float]:
+        """Surge and sway [N]: the pilot's own, and what holds or follows a place."""
+        surge, sway = reference.surge_force, reference.sway_force
+        if reference.surge is not None:
+            surge += self.surge.law.feed_forward(reference.surge)
+        if reference.north is None or reference.east is None:
+            return self.surge.forced(surge, dt), self.sway.forced(sway, dt)
+        here = horizontal.measured(state)
+        if here is None:
+            self._count("invalid:state.position")
+            psi = reference.heading.position
+            plane = horizontal.seen_from_body(reference.north, reference.east, psi, (0.0, 0.0))
+            surge = self.surge.blind(plane.surge, dt, surge)
+            return surge, self.sway.blind(plane.sway, dt, sway)
+        place = here.north, here.east
+        north, east = horizontal.no_further(reference.north, reference.east, place, self._reach)
+        if (north, east) != (reference.north, reference.east):
+            self._count("clamped:control.place")
+        plane = horizontal.seen_from_body(north, east, here.heading, place)
+        return self._to_place(plane, here, state, reference.heading, (surge, sway), dt)
+
+    def _to_place(
+        self,
+        plane: horizontal.Plane,
+        here: horizontal.Measured,
+        state: VehicleState,
+        heading: Motion,
+        besides: tuple[float, float],
+        dt: float,
+    ) -> tuple[float, float]:
+        water = horizontal.water_velocity(state, here.heading)
+        through = plane.surge.velocity - water[0], plane.sway.velocity - water[1]
+        turning = horizontal.turning_force(self._inertia, through, heading.velocity)
+        surge, sway = [
+            axis.fed_back(motion, 0.0, velocity, dt, water=current, besides=force + extra)
+            for axis, motion, velocity, current, force, extra in (
+                (self.surge, plane.surge, here.surge, water[0], besides[0], turning[0]),
+                (self.sway, plane.sway, here.sway, water[1], besides[1], turning[1]),
+            )
+        ]
+        return surge, sway
+
+
+def _known(estimate: Estimate) -> float | None:
+    return estimate.value if estimate.valid else None

@@ -1,0 +1,30 @@
+"""Roll or pitch held level by a spring and a damper."""
+
+from dataclasses import dataclass
+
+from messages.message import Estimate, Ns
+from services.control.settings import Level
+
+
+@dataclass(slots=True)
+class LevelLaw:
+    gains: Level
+    _angle: float = 0.0  # [rad] at the last step
+    _at: Ns | None = None  # [ns] of the sensor sample behind it; None: not known
+    _rate: float = 0.0  # [rad/s]
+
+    def step(self, angle: Estimate, sensor_ns: Ns) -> float:
+        """Moment [N m]. The rate is the difference of two angles of the attitude filter, which
+        moves them by the gyroscope and so makes no noise of its own."""
+        if not angle.valid:
+            self.forget()
+            return 0.0
+        if self._at is None:
+            self._rate = 0.0
+        elif sensor_ns > self._at:
+            self._rate = (angle.value - self._angle) / ((sensor_ns - self._at) * 1e-9)
+        self._angle, self._at = angle.value, sensor_ns
+        return -self.gains.kp * angle.value - self.gains.kd * self._rate
+
+    def forget(self) -> None:
+        self._at = None

@@ -1,0 +1,47 @@
+"""What the thrusters really do to the vehicle: they follow their commands with a lag."""
+
+from dataclasses import dataclass
+from math import exp
+
+from services.marine.thrusters import wrench_per_newton
+from services.marine.vehicle import Vec6, Vehicle
+
+REST: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+Lags = tuple[float, ...]
+
+
+@dataclass(slots=True)
+class Produced:
+    """A model of the wrench, axis by axis, with the lag of the axis' slowest thruster."""
+
+    lags: Lags  # [s] of the six axes
+    _now: tuple[float, ...] = REST  # [N, N m]
+    _settles_at: Vec6 = REST  # [N, N m]
+
+    def ask(self, achieved: Vec6) -> None:
+        """The wrench [N, N m] at which the thrusters settle from now on."""
+        self._settles_at = achieved
+
+    def mean(self, dt: float) -> tuple[float, ...]:
+        """Mean wrench [N, N m] of the `dt` seconds since the last call, which it ends."""
+        if dt <= 0.0:
+            return self._now
+        means: list[float] = []
+        after: list[float] = []
+        for force, end, lag in zip(self._now, self._settles_at, self.lags, strict=True):
+            left = exp(-dt / lag)
+            means.append(end + (force - end) * (1 - left) * lag / dt)
+            after.append(end + (force - end) * left)
+        self._now = tuple(after)
+        return tuple(means)
+
+
+def lags_of(vehicle: Vehicle) -> Lags:
+    """[s] Of each axis: the longest of the thrusters that act on it."""
+    columns = [wrench_per_newton(thruster) for thruster in vehicle.thruster]
+    slowest = max(thruster.time_constant for thruster in vehicle.thruster)
+    lags = [
+        [t.time_constant for t, column in zip(vehicle.thruster, columns, strict=True) if column[k]]
+        for k in range(6)
+    ]
+    return tuple(max(acting, default=slowest) for acting in lags)

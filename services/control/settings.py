@@ -1,0 +1,29 @@
+"""The tables [control…] of a vehicle file."""
+
+from typing import Annotated
+
+import msgspec
+
+from services.control.allocation import AllocationSettings
+from services.control.axis_law import Gains
+from services.control.gain_blend import NotNegative
+
+
+class Level(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Roll or pitch held at zero, by vehicles whose thrusters can. 0, 0 leaves it to the hull."""
+
+    kp: NotNegative = 0.0  # [N m/rad]
+    kd: NotNegative = 0.0  # [N m s/rad]
+
+
+class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    depth: Gains = Gains(kp=60.0, kd=65.0, ki=12.0, max_error=0.3, max_integral=15.0)
+    heading: Gains = Gains(
+        kp=8.0, kd=3.0, ki=1.0, max_error=0.6, max_integral=1.0, decay_threshold=0.2
+    )
+    surge: Gains = Gains(kp=20.0, kd=25.0, ki=3.0, max_error=0.5, max_integral=15.0)
+    sway: Gains = Gains(kp=20.0, kd=25.0, ki=3.0, max_error=0.5, max_integral=15.0)
+    roll: Level = Level()
+    pitch: Level = Level()
+    allocation: AllocationSettings = AllocationSettings()
+    transfer: Annotated[float, msgspec.Meta(ge=0.05, le=5.0)] = 0.3  # [s] fade between modes

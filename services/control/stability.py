@@ -1,0 +1,41 @@
+"""Gains with which an axis would shake itself are refused before they reach a thruster."""
+
+from services.control.axis_law import Gains
+from services.control.gain_blend import Static
+from services.control.plant import plant_of
+from services.control.produced import lags_of
+from services.control.sampled_loop import SampledLoop
+from services.control.settings import Settings
+from services.marine.vehicle import Vehicle
+
+ROWS = {"surge": 0, "sway": 1, "depth": 2, "heading": 5}
+ROUNDING = 1e-9  # [-] a loop without spring has an eigenvalue of exactly 1, give or take this
+
+
+def require_stable(settings: Settings, vehicle: Vehicle, period: float) -> None:
+    """
+    Args:
+        period: [s] of the loop.
+
+    Raises:
+        ValueError: names the table, its gains and the largest eigenvalue.
+    """
+    lags = lags_of(vehicle)
+    for name, row in ROWS.items():
+        gains: Gains = getattr(settings, name)
+        loop = SampledLoop(plant_of(vehicle, row), lags[row], period)
+        _require(f"control.{name}", loop, gains, gains)
+        if gains.static is not None:
+            _require(f"control.{name}.static", loop, gains, gains.static)
+
+
+def _require(table: str, loop: SampledLoop, gains: Gains, feedback: Gains | Static) -> None:
+    radius = loop.radius(gains, feedback)
+    if radius <= 1.0 + ROUNDING:
+        return
+    learns = f"observer = {gains.observer:g}" if gains.observer else f"ki = {gains.ki:g}"
+    raise ValueError(
+        f"{table}: with kp = {feedback.kp:g}, kd = {feedback.kd:g} and {learns} the loop at "
+        f"{1 / loop.period:g} Hz is not stable on this vehicle: its largest eigenvalue is "
+        f"{radius:.4f}, allowed is 1"
+    )

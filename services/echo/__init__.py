@@ -1,0 +1,1 @@
+"""Answers the sounder's pings from on board, with the drone's own clock."""

@@ -1,0 +1,53 @@
+"""What a propeller gives for its share of the voltage, and the way back, which its driver goes.
+
+Commands are newtons, so a driver that inverts the curve hides its shape. What remains of the curve
+is what it cannot hide: the most that it can ask for, and the gap in the middle where the motor
+does not turn.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+HALVINGS = 60  # of the interval 0 … 1: more than a float has digits
+
+
+class ThrustCurve(NamedTuple):
+    """Odd in the voltage, and rising up to `top`."""
+
+    thrust: Callable[[float], float]  # [N] for a share of the voltage, -1 … 1
+    top: float  # [-] share of the voltage beyond which thrust no longer grows
+    silent: float  # [-] any smaller share does not turn the motor
+
+    def share(self, newtons: float) -> float:
+        """[-] Of the voltage for this thrust; the nearest it can give beyond its most.
+
+        By halving: the polynomial has no inverse in closed form.
+        """
+        low, high = 0.0, self.top
+        for _ in range(HALVINGS):
+            middle = (low + high) / 2
+            low, high = (middle, high) if self.thrust(middle) < abs(newtons) else (low, middle)
+        return high if newtons >= 0 else -high
+
+    @property
+    def most(self) -> float:
+        """[N]"""
+        return self.thrust(self.top)
+
+    @property
+    def dead_band(self) -> float:
+        """[N] Thrust at the edge of the gap in the middle."""
+        return self.thrust(self.silent)
+
+
+def t200(share: float) -> float:
+    """[N] A Blue Robotics T200 at 16 V, identified by von Benzon et al. 2022 (doi
+    10.3390/jmse10121898): -140.3 V⁹ + 389.9 V⁷ - 404.1 V⁵ + 176 V³ + 8.9 V."""
+    square = share * share
+    return share * (8.9 + square * (176.0 + square * (-404.1 + square * (389.9 - 140.3 * square))))
+
+
+# The polynomial has its top at 97.2 %; what it says beyond, 0.2 N less, is the fit and not the
+# motor. The ESC is silent for pulses of 1464 to 1532 µs of 1100 to 1900 (a public fit).
+CURVES: dict[str, ThrustCurve] = {"t200": ThrustCurve(t200, top=0.9716, silent=0.085)}
+LINEAR = "linear"  # no curve: limits and dead-band are what the vehicle file says

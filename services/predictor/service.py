@@ -1,0 +1,23 @@
+"""Predictor service: what arrives from the drone late leaves as where the drone is by now."""
+
+from messages import topics
+from services.marine.vehicle import Vehicle
+from services.predictor.core import Predictor
+from services.reference.settings import Settings
+from services.runtime.node import Node
+from services.runtime.stack import Stack
+
+
+def wire(node: Node, stack: Stack) -> None:
+    predictor = Predictor(stack.section("reference", Settings), stack.section("vehicle", Vehicle))
+    predictions = node.publisher(topics.PREDICTION)
+
+    def say(now: int) -> None:
+        if (prediction := predictor.predict(now)) is not None:
+            predictions.put(prediction)
+
+    node.each(topics.PILOT_COMMAND, predictor.command, onlooker=True)
+    node.each(topics.STATE, predictor.state)
+    node.each(topics.REFERENCE, predictor.reference)
+    node.each(topics.STATUS, predictor.status)
+    node.every(topics.PREDICTION.hz, say)

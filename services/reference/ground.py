@@ -1,0 +1,48 @@
+"""The vehicle's motion over the ground, as it is measured."""
+
+from math import cos, sin
+from typing import NamedTuple
+
+from messages.state import VehicleState
+from services.reference.paths.heading import wrap
+
+Pair = tuple[float, float]  # north and east, or surge and sway
+
+
+class Ground(NamedTuple):
+    """Where the vehicle is and how it moves, NED."""
+
+    position: Pair  # [m] north, east
+    velocity: Pair  # [m/s] north, east
+    offset: float  # [rad] north heading minus control heading
+
+
+def ground_of(state: VehicleState) -> Ground | None:
+    """None when any part of it is not known or not valid.
+
+    Roll and pitch are taken as level: the horizontal velocity is then wrong by 1 - cos of them.
+    """
+    north, east = state.north, state.east
+    surge, sway = state.surge_velocity, state.sway_velocity
+    if north is None or east is None or surge is None or sway is None:
+        return None
+    if not (north.valid and east.valid and surge.valid and sway.valid):
+        return None
+    offset = north_offset(state)
+    velocity = turned((surge.value, sway.value), state.heading.value + offset)
+    return Ground((north.value, east.value), velocity, offset)
+
+
+def north_offset(state: VehicleState) -> float:
+    """[rad] What to add to the control heading to count it from north; 0 without a compass,
+    where estimation takes the control heading for north as well."""
+    if state.heading_navigation is None:
+        return 0.0
+    return wrap(state.heading_navigation.value - state.heading.value)
+
+
+def turned(vector: Pair, angle: float) -> Pair:
+    """A horizontal vector turned clockwise seen from above: from body to NED by the heading."""
+    x, y = vector
+    c, s = cos(angle), sin(angle)
+    return c * x - s * y, s * x + c * y

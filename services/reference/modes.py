@@ -1,0 +1,53 @@
+"""What the drone holds by itself in each mode, and when a mode cannot be had."""
+
+from typing import NamedTuple
+
+from messages.pilot import Hold
+from messages.state import VehicleState
+
+
+class Held(NamedTuple):
+    """Axes the drone holds. The sticks of these are velocities, those of the others forces."""
+
+    depth: bool
+    heading: bool
+    place: bool
+
+
+HOLDS: dict[Hold, Held] = {
+    "manual": Held(depth=False, heading=False, place=False),
+    "depth_hold": Held(depth=True, heading=False, place=False),
+    "heading_hold": Held(depth=False, heading=True, place=False),
+    "stabilised": Held(depth=True, heading=True, place=False),
+    "station_keeping": Held(depth=True, heading=True, place=True),
+}
+
+
+def safe(hold: Hold) -> Hold:
+    """The mode in which the drone can be left alone: depth and heading are held, and whatever was
+    held besides."""
+    held = HOLDS[hold]
+    return hold if held.depth and held.heading else "stabilised"
+
+
+def lacking(hold: Hold, state: VehicleState | None, *, armed: bool) -> str:
+    """What the drone would have to know for this mode and does not; empty when it knows all.
+
+    A drone that is not armed may be told a mode before it knows depth and heading, because it
+    does not arm without them.
+    """
+    held = HOLDS[hold]
+    if held.place and (state is None or not measures_place(state)):
+        return "this drone does not know its position and velocity over the ground"
+    if armed and state is not None:
+        if held.depth and not state.depth.valid:
+            return "the drone does not know its depth"
+        if held.heading and not state.heading.valid:
+            return "the drone does not know its heading"
+    return ""
+
+
+def measures_place(state: VehicleState) -> bool:
+    """Whether north, east, surge and sway velocity are all there and valid."""
+    parts = (state.north, state.east, state.surge_velocity, state.sway_velocity)
+    return all(part is not None and part.valid for part in parts)

@@ -1,0 +1,92 @@
+"""How sticks become motion: the table [reference] of a vehicle file."""
+
+from typing import Annotated
+
+import msgspec
+
+from services.reference.minimum_jerk import Limits
+
+Above0 = Annotated[float, msgspec.Meta(gt=0.0, le=1e6)]
+Angle = Annotated[float, msgspec.Meta(ge=-1.6, le=1.6)]
+
+
+class VelocityAxis(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A stick that is a velocity, with its position integral."""
+
+    max_velocity: Above0  # per s, at full stick
+    max_acceleration: Above0  # per s²
+    jerk: Above0  # per s³
+    max_error: Above0  # position units; the reference waits for a vehicle that is held back
+    stop_acceleration: Above0  # per s², of an emergency stop
+    stop_jerk: Above0  # per s³, of an emergency stop
+
+    @property
+    def limits(self) -> Limits:
+        return Limits(self.jerk, self.max_acceleration)
+
+    @property
+    def stop(self) -> Limits:
+        return Limits(self.stop_jerk, self.stop_acceleration)
+
+
+class HorizontalForce(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Surge and sway sticks as one force, whose changes run straight. Limits are of its norm."""
+
+    max_surge: Above0 = 30.0  # [N] at full stick
+    max_sway: Above0 = 20.0  # [N] at full stick
+    max_rate: Above0 = 40.0  # [N/s] plays the part of the acceleration
+    max_rate_change: Above0 = 120.0  # [N/s²] plays the part of the jerk
+    stop_rate: Above0 = 80.0  # [N/s] of an emergency stop
+    stop_rate_change: Above0 = 400.0  # [N/s²] of an emergency stop
+
+    @property
+    def limits(self) -> Limits:
+        return Limits(self.max_rate_change, self.max_rate)
+
+    @property
+    def stop(self) -> Limits:
+        return Limits(self.stop_rate_change, self.stop_rate)
+
+
+class StickForce(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The heave or the yaw stick where the drone does not hold that axis."""
+
+    full: Above0  # [N] or [N m] at full stick
+    max_rate: Above0  # per s
+    max_rate_change: Above0  # per s²
+
+    @property
+    def limits(self) -> Limits:
+        return Limits(self.max_rate_change, self.max_rate)
+
+
+class TiltAxis(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The camera, which stops smoothly at the end of its range."""
+
+    max_velocity: Above0 = 0.6  # [rad/s] at full stick
+    max_acceleration: Above0 = 2.0  # [rad/s²]
+    jerk: Above0 = 8.0  # [rad/s³]
+    lowest: Angle = -0.52  # [rad] + upwards
+    highest: Angle = 0.52  # [rad]
+
+    def __post_init__(self) -> None:
+        if not self.lowest <= self.highest:
+            raise ValueError(
+                f"tilt: lowest is {self.lowest:g}, must not be above highest, {self.highest:g} rad"
+            )
+
+    @property
+    def limits(self) -> Limits:
+        return Limits(self.jerk, self.max_acceleration)
+
+
+class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The table [reference] of a vehicle file."""
+
+    heave: VelocityAxis = VelocityAxis(0.5, 0.5, 1.5, 0.2, 1.0, 4.0)  # [m]
+    yaw: VelocityAxis = VelocityAxis(1.05, 1.5, 4.0, 0.5, 3.0, 12.0)  # [rad]
+    place: VelocityAxis = VelocityAxis(0.4, 0.4, 1.0, 1.0, 0.8, 3.0)  # [m] norms of surge, sway
+    horizontal: HorizontalForce = HorizontalForce()
+    heave_force: StickForce = StickForce(15.0, 40.0, 120.0)  # [N]
+    yaw_moment: StickForce = StickForce(3.0, 8.0, 40.0)  # [N m]
+    tilt: TiltAxis = TiltAxis()

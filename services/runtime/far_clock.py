@@ -1,0 +1,58 @@
+"""Two machines, two clocks: what a stamp of the other one means here.
+
+A message's stamps are in the clock of the realm it was said in. Where the drone is a machine of
+its own, every node keeps what the sounder says of the two clocks, and the gates turn the stamps of
+whatever crossed the link into local time. On one machine there is one clock and nothing to do.
+"""
+
+from typing import Literal
+
+import msgspec
+
+from messages.link import Clock, ClockPing, ClockPong
+from messages.message import Message
+from messages.topic import AnyTopic, Way
+
+Side = Literal["topside", "drone"]
+ABOUT_CLOCKS = (Clock, ClockPing, ClockPong)  # they carry each clock's own time, untouched
+
+
+class FarClock:
+    """What is known of the other machine's clock."""
+
+    def __init__(self, side: Side) -> None:
+        """The side this node is on."""
+        self.ahead_ns: int | None = None  # [ns] the other clock minus this one; None: not known
+        self.bound_ns = 0  # [ns] it is no further off than this
+        self._sign = 1 if side == "topside" else -1
+        self._crossing = Way.UP if side == "topside" else Way.DOWN
+
+    def learn(self, clock: Clock) -> None:
+        """Keep the sounder's newest word."""
+        if clock.offset_ns is None or clock.bound_ns is None:
+            self.ahead_ns = None
+            return
+        self.ahead_ns = self._sign * clock.offset_ns
+        self.bound_ns = clock.bound_ns
+
+    def concerns(self, topic: AnyTopic) -> bool:
+        """Does this stream come from the other machine?"""
+        return topic.way is self._crossing and topic.message not in ABOUT_CLOCKS
+
+    def judges(self, topic: AnyTopic) -> bool:
+        """Can its stamps be judged? Rows said on both sides may be of either clock."""
+        return topic.way is not Way.BOTH and topic.message not in ABOUT_CLOCKS
+
+
+def stamps_of(kind: type[Message]) -> tuple[str, ...]:
+    """The fields that are moments of the clock of the machine that said them."""
+    return tuple(name for name in kind.__struct_fields__ if name.endswith("_ns"))
+
+
+def moved(message: Message, stamps: tuple[str, ...], ahead_ns: int) -> None:
+    """Turn the stamps of a message that was just decoded into local time."""
+    for name in stamps:
+        moment = getattr(message, name)
+        if moment is not None:
+            # Frozen for everybody else; nobody else has it yet.
+            msgspec.structs.force_setattr(message, name, moment - ahead_ns)

@@ -1,0 +1,115 @@
+"""What is broken: which part, how, and what that does to commands and samples.
+
+Sensors lie on the wire, as real ones do: a broken one says NaN, which every receiver's gate turns
+away.
+"""
+
+from collections.abc import Iterable, Mapping
+from math import nan
+from typing import TypeVar
+
+import msgspec
+
+from messages.message import Finite, Message
+from messages.simulator import Fault as Kind
+from messages.simulator import FaultRequest
+from services.marine.thrusters import driven
+from services.marine.vehicle import Thruster
+
+OF_THRUSTERS = ("dead", "reversed", "weak", "stuck")
+OF_SENSORS = ("silent", "frozen", "noisy", "biased", "broken")
+ALL = "all"  # the part that stands for all of them, to mend them at once
+# What `value` may be; the others take none.
+LIMITS = {
+    "weak": (0.0, 1.0),  # [-] share of the thrust
+    "noisy": (0.0, 1000.0),  # [-] times the noise
+    "biased": (-1e6, 1e6),  # in the sensor's unit
+}
+MEASURED: dict[str, tuple[str, ...]] = {
+    "sensor/imu": ("angular_rate", "specific_force"),  # [rad/s], [m/s²]
+    "sensor/magnetometer": ("field",),  # [T]
+    "sensor/pressure": ("pressure",),  # [Pa]
+    "sensor/dvl": ("velocity",),  # [m/s]
+    "sensor/usbl": ("north", "east"),  # [m]
+    "sensor/battery": ("voltage",),  # [V]
+}
+# What a bias acts on, and so its unit, where it is not all of that.
+BIASED = {"sensor/imu": ("angular_rate",)}
+S = TypeVar("S", bound=Message)
+
+
+class Fault(msgspec.Struct, frozen=True):
+    kind: Kind
+    value: Finite = 0.0  # see LIMITS; of a stuck thruster [N], what it settles at
+
+    def __str__(self) -> str:
+        return f"{self.kind} {self.value:g}" if self.kind in LIMITS else self.kind
+
+
+Faults = Mapping[str, Fault]  # in force, by part
+
+
+def refusal(request: FaultRequest, thrusters: Iterable[str]) -> str:
+    """Why a request for a part that exists cannot be granted; empty when it can."""
+    part, fault, value = request.part, request.fault, request.value
+    possible = OF_THRUSTERS if part in thrusters else OF_SENSORS
+    if part == ALL:
+        possible = ()
+    if fault not in ("none", *possible):
+        return f"{part} cannot be {fault}; possible: {', '.join(('none', *possible))}"
+    if fault not in LIMITS:
+        return "" if value is None else f"{fault} takes no value"
+    low, high = LIMITS[fault]
+    if value is None or not low <= value <= high:
+        return f"{fault} needs a value from {low:g} to {high:g}"
+    return ""
+
+
+def changed(faults: Faults, request: FaultRequest, settles_at: float) -> dict[str, Fault]:
+    """The faults in force after a request that was granted.
+
+    Args:
+        settles_at: [N] thrust of the part, if it is a thruster, to be stuck at.
+    """
+    if request.fault == "none":
+        return {} if request.part == ALL else {p: f for p, f in faults.items() if p != request.part}
+    value = settles_at if request.fault == "stuck" else request.value or 0.0
+    return {**faults, request.part: Fault(request.fault, value)}
+
+
+def settles_at(thruster: Thruster, command: float, fault: Fault | None) -> float:
+    """[N] What a thruster makes of a command in the end."""
+    if fault is None:
+        return driven(thruster, command)
+    match fault:
+        case Fault(kind="dead"):
+            return 0.0
+        case Fault(kind="reversed"):
+            return driven(thruster, -command)
+        case Fault(kind="weak", value=share):
+            return share * driven(thruster, command)
+        case _:  # stuck
+            return fault.value
+
+
+def said(part: str, sample: S, fault: Fault, first: Message) -> S | None:
+    """What a sensor says instead of a sample; None when it keeps silent.
+
+    Args:
+        first: its first sample since it has this fault.
+    """
+    if fault.kind == "noisy":  # the sensor itself makes the noise
+        return sample
+    if fault.kind == "silent":
+        return None
+    fields = MEASURED[part]
+    if fault.kind == "frozen":
+        return msgspec.structs.replace(sample, **{name: getattr(first, name) for name in fields})
+    off = nan if fault.kind == "broken" else fault.value
+    fields = fields if fault.kind == "broken" else BIASED.get(part, fields)
+    return msgspec.structs.replace(sample, **{n: _off(getattr(sample, n), off) for n in fields})
+
+
+def _off(measured: float | tuple[float, ...], by: float) -> float | tuple[float, ...]:
+    """A number or a tuple of them, each off by so much."""
+    return tuple(x + by for x in measured) if isinstance(measured, tuple) else measured + by

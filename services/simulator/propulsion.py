@@ -1,0 +1,123 @@
+"""The thrusters of a vessel: what each gives now and soon, and what they add up to.
+
+A thruster's thrust is what it settles at less a sum of modes that decay (marine/thruster_lag.py).
+That is solved exactly, so nothing is integrated here: between two commands the wrench of all
+thrusters is a constant less one decaying six-vector per mode.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import TypeVar
+
+from services.marine.thruster_lag import decay
+from services.marine.thrusters import driven, limited, total_wrench, wrench_per_newton
+from services.marine.vehicle import Vec6, Vehicle
+from services.simulator.faults import Fault, settles_at
+
+N = TypeVar("N", float, complex)
+Gaps = list[complex]  # [N] what a mode lacks, per thruster; its real part counts
+
+
+class Propulsion:
+    """Moves on by `pass_time`."""
+
+    def __init__(self, vehicle: Vehicle, thrust: Sequence[float]) -> None:
+        """
+        Args:
+            thrust: [N] per thruster at the beginning; nothing is asked of them yet.
+        """
+        self.settles_at = [0.0] * len(thrust)  # [N] per thruster
+        self._thrusters = vehicle.thruster
+        self._columns = [wrench_per_newton(thruster) for thruster in vehicle.thruster]
+        self._commands: Sequence[float] = self.settles_at  # [N]
+        self._faults: Mapping[str, Fault] = {}
+        self._dry: list[int] = []
+        self._age = 0.0  # [s] since the newest change; the gaps are those of then
+        modes = [{mode.pole: mode.share for mode in t.modes} for t in vehicle.thruster]
+        self._poles = list({pole: None for shares in modes for pole in shares})  # thrusters share
+        self._shares = [[shares.get(pole, 0.0) for shares in modes] for pole in self._poles]
+        self._gaps: list[Gaps] = [
+            [-share * newtons for share, newtons in zip(shares, thrust, strict=True)]
+            for shares in self._shares
+        ]
+        self._add_up()
+
+    def drive(self, thrust: Sequence[float]) -> list[str]:
+        """Ask for this thrust [N] from now on; returns who is at its limit."""
+        self._commands = thrust
+        self._aim()
+        if self.settles_at == list(thrust):
+            return []
+        pairs = zip(self._thrusters, thrust, strict=True)
+        return [t.name for t, command in pairs if limited(t, command) != command]
+
+    def suffer(self, faults: Mapping[str, Fault]) -> None:
+        """The thrusters named in these do as their faults say, all others as they are told."""
+        self._faults = faults
+        self._aim()
+
+    def leave_water(self, dry: list[int]) -> None:
+        """These thrusters, by number, are in the air and produce nothing; all others are in."""
+        if dry != self._dry:
+            self._dry = dry
+            self._add_up()
+
+    def pass_time(self, seconds: float) -> None:
+        self._age += seconds
+
+    @property
+    def thrust(self) -> list[float]:
+        """[N] per thruster now, as if in water."""
+        thrust = self.settles_at
+        for pole, gaps in zip(self._poles, self._gaps, strict=True):
+            left = decay(pole, self._age)
+            thrust = [t - (left * gap).real for t, gap in zip(thrust, gaps, strict=True)]
+        return thrust
+
+    @property
+    def produced(self) -> list[float]:
+        """[N] per thruster now; those out of the water produce none."""
+        return self._in_water(self.thrust)
+
+    def wrench(self, ahead: float) -> Vec6:
+        """τ = T f [N, N m] of all thrusters, `ahead` [s] from now (Fossen 2011, §12.3)."""
+        surge, sway, heave, roll, pitch, yaw = self._settled
+        for pole, (x, y, z, k, m, n) in self._decaying:
+            left = decay(pole, self._age + ahead)
+            surge -= (left * x).real
+            sway -= (left * y).real
+            heave -= (left * z).real
+            roll -= (left * k).real
+            pitch -= (left * m).real
+            yaw -= (left * n).real
+        return surge, sway, heave, roll, pitch, yaw
+
+    def _aim(self) -> None:
+        """Settle at something else from now on. Thrust itself does not jump, for the shares of a
+        thruster's modes add up to one."""
+        pairs = zip(self._thrusters, self._commands, strict=True)
+        if self._faults:
+            wanted = [settles_at(t, command, self._faults.get(t.name)) for t, command in pairs]
+        else:
+            wanted = [driven(t, command) for t, command in pairs]
+        steps = [after - before for after, before in zip(wanted, self.settles_at, strict=True)]
+        for i, (pole, shares) in enumerate(zip(self._poles, self._shares, strict=True)):
+            left = decay(pole, self._age)
+            self._gaps[i] = [
+                left * gap + share * step
+                for gap, share, step in zip(self._gaps[i], shares, steps, strict=True)
+            ]
+        self.settles_at, self._age = wanted, 0.0
+        self._add_up()
+
+    def _add_up(self) -> None:
+        """From thrusters to wrenches."""
+        self._settled = total_wrench(self._columns, self._in_water(self.settles_at))
+        self._decaying = [
+            (pole, total_wrench(self._columns, self._in_water(gaps)))
+            for pole, gaps in zip(self._poles, self._gaps, strict=True)
+        ]
+
+    def _in_water(self, newtons: list[N]) -> list[N]:
+        if not self._dry:
+            return newtons
+        return [value * 0 if i in self._dry else value for i, value in enumerate(newtons)]

@@ -1,0 +1,44 @@
+"""What a simulated world is made of: what must survive a restart, and how it begins."""
+
+import msgspec
+
+from messages.message import Finite, Positive
+from services.marine.attitude import from_euler
+from services.marine.vehicle import Vehicle
+from services.simulator.faults import Fault
+from services.simulator.settings import Settings
+
+
+class World(msgspec.Struct, frozen=True):
+    """All that must survive a restart in mid-dive."""
+
+    state: tuple[Finite, ...]  # 13 numbers, see vessel.State
+    thrust: tuple[Finite, ...]  # [N] per thruster
+    heading: Finite  # [rad] accumulated past ±π
+    used_wh: Positive  # [Wh]
+    faults: dict[str, Fault] = {}  # in force, by part
+
+    def fits(self, vehicle: Vehicle) -> bool:
+        return len(self.state) == 13 and len(self.thrust) == len(vehicle.thruster)
+
+
+def at_the_surface(vehicle: Vehicle, settings: Settings) -> World:
+    """At rest, floating, level.
+
+    Raises:
+        ValueError: the sea is too shallow for the vehicle.
+    """
+    depth = vehicle.floating_depth
+    keel = depth + vehicle.size[2] / 2
+    if settings.floor_depth <= keel:
+        raise ValueError(
+            f"simulator.floor_depth: found {settings.floor_depth} m, but the vehicle floats with "
+            f"its bottom at {keel:.2f} m; must be more"
+        )
+    attitude = from_euler(0.0, 0.0, settings.start_heading)
+    return World(
+        state=(0.0, 0.0, depth, *attitude, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        thrust=(0.0,) * len(vehicle.thruster),
+        heading=settings.start_heading,
+        used_wh=0.0,
+    )

@@ -1,0 +1,52 @@
+"""When the pilot should know about the link, within a second of its getting worse."""
+
+from collections import deque
+from dataclasses import dataclass, field
+from statistics import median
+
+from messages.message import Ns
+
+USUAL = 300  # round trips that say what is usual; a minute at 5 Hz
+IN_A_ROW = 2  # slow answers before the alarm; one may be chance
+RISE_MS = 50.0  # [ms] above the usual round trip, at least
+RISE = 1.0  # [-] and at least this share of the usual one
+SILENT_MS = 500.0  # [ms] without an answer, beyond the usual round trip
+
+
+@dataclass(slots=True)
+class LinkAlarm:
+    """Fed with pings and answers; `text` says what is wrong, or nothing."""
+
+    _usual: deque[float] = field(default_factory=lambda: deque[float](maxlen=USUAL))
+    _slow: int = 0  # answers in a row
+    _newest_ms: float = 0.0
+    _unanswered: Ns | None = None  # [ns] when the oldest ping that still waits was sent
+    _ever: bool = False
+
+    def sent(self, now: Ns) -> None:
+        if self._unanswered is None:
+            self._unanswered = now
+
+    def answered(self, rtt_ms: float) -> None:
+        """A ping came back."""
+        self._ever, self._unanswered, self._newest_ms = True, None, rtt_ms
+        usual = self._usual_ms()
+        if usual is not None and rtt_ms > usual + max(RISE_MS, RISE * usual):
+            self._slow += 1
+        else:
+            self._slow = 0
+        # A link that stays slow becomes the usual one, half a minute later.
+        self._usual.append(rtt_ms)
+
+    def text(self, now: Ns) -> str:
+        usual = self._usual_ms() or 0.0
+        waits_ms = 0.0 if self._unanswered is None else (now - self._unanswered) / 1e6
+        if waits_ms > SILENT_MS + usual:
+            since = f"for {waits_ms / 1e3:.1f} s" if self._ever else "yet"
+            return f"no answer from the drone {since}"
+        if self._slow >= IN_A_ROW:
+            return f"round trip has risen from {usual:.0f} to {self._newest_ms:.0f} ms"
+        return ""
+
+    def _usual_ms(self) -> float | None:
+        return median(self._usual) if self._usual else None

@@ -1,0 +1,164 @@
+"""Where the time goes, from the stick to the thruster and from the sensor to the screen.
+
+Every message carries the stamps of what caused it, so each stage is a difference of two of them.
+Only the moment at which a command comes out of the tether is written nowhere: that stage is what
+the pings measure, and what `reference` waits for the next state is the rest.
+
+The stages shown are those of the median command, the mean over the middle fifth, so that they add
+up to the end-to-end median; medians of stages taken one by one would not.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from messages.control import ThrusterCommand
+from messages.link import DOWN_STAGES, UP_STAGES, LatencyBudget, Shown, Stage
+from messages.message import Ns
+from messages.pilot import PilotCommand
+from messages.reference import Reference
+from messages.state import VehicleState
+from messages.vehicle import Actuation
+
+WINDOW_NS = 2_000_000_000  # [ns] the budget is about the last two seconds
+SAME_NS = 5_000_000  # [ns] a quarter of the time between two commands
+AT_LEAST = 5  # ways that must have come through before anything is said
+
+
+@dataclass(slots=True)
+class Way:
+    """One pilot command on its way, all stamps in the topside's clock."""
+
+    sample_ms: float  # [ms] the pad's own age
+    heard: Ns  # [ns] by the sounder, on the topside's bus
+    reference: Ns | None = None  # [ns]
+    control: Ns | None = None  # [ns]
+
+
+@dataclass(slots=True)
+class Budget:
+    """Fed with what goes by; asked for a `LatencyBudget`."""
+
+    _under_way: dict[Ns, Way] = field(default_factory=dict[int, Way])
+    _down: deque[tuple[Ns, tuple[float, ...]]] = field(
+        default_factory=deque[tuple[int, tuple[float, ...]]]
+    )
+    _estimation: deque[tuple[Ns, float]] = field(default_factory=deque[tuple[int, float]])
+    _up_link: deque[tuple[Ns, float]] = field(default_factory=deque[tuple[int, float]])
+    _shown: deque[tuple[Ns, float]] = field(default_factory=deque[tuple[int, float]])
+    _down_link: deque[tuple[Ns, float]] = field(default_factory=deque[tuple[int, float]])
+
+    # What goes by.
+
+    def command(self, command: PilotCommand, now: Ns) -> None:
+        self._under_way[command.stamp_ns] = Way(command.device_age_ms, now)
+        while next(iter(self._under_way)) < now - WINDOW_NS:
+            del self._under_way[next(iter(self._under_way))]
+
+    def reference(self, reference: Reference, _: Ns) -> None:
+        sent = self._sent(reference.pilot_ns)
+        if sent is not None and self._under_way[sent].reference is None:
+            self._under_way[sent].reference = reference.stamp_ns
+
+    def thrusters(self, command: ThrusterCommand, _: Ns) -> None:
+        sent = self._sent(command.pilot_ns)
+        if sent is not None and self._under_way[sent].control is None:
+            self._under_way[sent].control = command.stamp_ns
+
+    def actuation(self, actuation: Actuation, now: Ns) -> None:
+        sent, done, link = self._sent(actuation.pilot_ns), actuation.actuated_ns, self._link()
+        if sent is None or done is None or link is None:
+            return
+        way = self._under_way.pop(sent)
+        if way.reference is None or way.control is None:
+            return  # a telemetry message of this way was thinned out or lost
+        publish = (way.heard - sent) / 1e6
+        arrived = (way.reference - sent) / 1e6
+        link = min(link, max(0.0, arrived - publish))
+        stages = (
+            way.sample_ms,
+            publish,
+            link,
+            arrived - publish - link,
+            (way.control - way.reference) / 1e6,
+            (done - way.control) / 1e6,
+        )
+        self._down.append((now, stages))
+
+    def ping(self, downward_ms: float, now: Ns) -> None:
+        """What a ping took to the drone [ms]."""
+        self._down_link.append((now, downward_ms))
+
+    def state(self, state: VehicleState, now: Ns) -> None:
+        self._estimation.append((now, (state.stamp_ns - state.sensor_ns) / 1e6))
+        self._up_link.append((now, (now - state.stamp_ns) / 1e6))
+
+    def shown(self, shown: Shown, now: Ns) -> None:
+        self._shown.append((now, (shown.stamp_ns - shown.sensor_ns) / 1e6))
+
+    # What there is to say.
+
+    def report(self, now: Ns, bound_ms: float | None, alarm: str) -> LatencyBudget:
+        for kept in (self._estimation, self._up_link, self._shown, self._down_link, self._down):
+            while kept and kept[0][0] < now - WINDOW_NS:
+                kept.popleft()
+        down = [stages for _, stages in self._down]
+        shown = [ms for _, ms in self._shown]
+        return LatencyBudget(
+            stamp_ns=now,
+            down=_stages(DOWN_STAGES, down),
+            up=self._up(shown),
+            stick_to_thruster_ms=_median([sum(stages) for stages in down]),
+            sensor_to_screen_ms=_median(shown),
+            bound_ms=bound_ms,
+            alarm=alarm,
+        )
+
+    def _up(self, shown: list[float]) -> tuple[Stage, ...] | None:
+        estimation = [ms for _, ms in self._estimation]
+        link = [ms for _, ms in self._up_link]
+        whole, typical_estimation, typical_link = map(_median, (shown, estimation, link))
+        if whole is None or typical_estimation is None or typical_link is None:
+            return None
+        before = typical_estimation + typical_link
+        screen = [max(0.0, ms - before) for ms in shown]
+        columns = (estimation, link, screen)
+        return tuple(
+            Stage(name, max(0.0, _median(column) or 0.0), max(0.0, _high(column)))
+            for name, column in zip(UP_STAGES, columns, strict=True)
+        )
+
+    def _sent(self, pilot_ns: Ns | None) -> Ns | None:
+        """[ns] The stamp of the command this names. A stamp that went to another machine and came
+        back is off by what the clocks were corrected by in between."""
+        if pilot_ns is None or pilot_ns in self._under_way or not self._under_way:
+            return pilot_ns if pilot_ns in self._under_way else None
+        nearest = min(self._under_way, key=lambda sent: abs(sent - pilot_ns))
+        return nearest if abs(nearest - pilot_ns) < SAME_NS else None
+
+    def _link(self) -> float | None:
+        return _median([ms for _, ms in self._down_link])
+
+
+def _stages(names: tuple[str, ...], ways: list[tuple[float, ...]]) -> tuple[Stage, ...] | None:
+    if len(ways) < AT_LEAST:
+        return None
+    ways = sorted(ways, key=sum)
+    half = max(1, len(ways) // 10)
+    middle = ways[len(ways) // 2 - half : len(ways) // 2 + half + 1]
+    return tuple(
+        Stage(
+            name,
+            max(0.0, sum(way[k] for way in middle) / len(middle)),
+            max(0.0, _high([way[k] for way in ways])),
+        )
+        for k, name in enumerate(names)
+    )
+
+
+def _median(values: Sequence[float]) -> float | None:
+    return sorted(values)[len(values) // 2] if len(values) >= AT_LEAST else None
+
+
+def _high(values: Sequence[float]) -> float:
+    return sorted(values)[len(values) * 99 // 100]

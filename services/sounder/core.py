@@ -1,0 +1,48 @@
+"""What the sounder knows of the link, of both clocks and of where the time goes."""
+
+from dataclasses import dataclass, field
+
+from messages.link import Clock, ClockPong, LatencyBudget
+from messages.message import Ns
+from services.sounder.alarm import LinkAlarm
+from services.sounder.budget import Budget
+from services.sounder.clock_sync import ClockSync
+
+
+@dataclass(slots=True)
+class Sounder:
+    """`happened` collects what must be counted."""
+
+    happened: list[str] = field(default_factory=list[str])
+    budget: Budget = field(default_factory=Budget)
+    _sync: ClockSync = field(default_factory=ClockSync)
+    _alarm: LinkAlarm = field(default_factory=LinkAlarm)
+    _said: str = ""  # the alarm as it was last said
+
+    def ping(self, now: Ns) -> Clock:
+        """A ping leaves; what is known of the clocks goes with it."""
+        self._alarm.sent(now)
+        return self._sync.clock(now)
+
+    def pong(self, pong: ClockPong, now: Ns) -> None:
+        self._sync.heard(pong, now)
+        self._alarm.answered((now - pong.ping_ns) / 1e6)
+        if (downward_ms := self._sync.downward_ms(pong, now)) is not None:
+            self.budget.ping(downward_ms, now)
+        self.happened.extend(self._sync.happened)
+        self._sync.happened.clear()
+
+    def news(self, now: Ns) -> str | None:
+        """The alarm, if it is another one than before (empty: it is over); None: nothing new."""
+        text = self._alarm.text(now)
+        if bool(text) == bool(self._said):
+            return None
+        self._said = text
+        if text:
+            self.happened.append("alarm:link")
+        return text
+
+    def report(self, now: Ns) -> LatencyBudget:
+        bound_ns = self._sync.clock(now).bound_ns
+        bound_ms = None if bound_ns is None else bound_ns / 1e6
+        return self.budget.report(now, bound_ms, self._alarm.text(now))

@@ -1,0 +1,156 @@
+"""How long a message is under way: distributions, each given by its quantile function."""
+
+from bisect import bisect_right
+from statistics import NormalDist
+from typing import Annotated
+
+import msgspec
+import numpy as np
+
+from services.tether.chance import BLOCK, Floats, correlated
+
+LONGEST_MS = 60_000.0  # [ms] no message is under way longer than a minute
+TAIL = 1e-9  # [-] a distribution ends at this quantile and its opposite: nothing is infinite
+Milliseconds = Annotated[float, msgspec.Meta(ge=0.0, le=LONGEST_MS)]
+Likeness = Annotated[float, msgspec.Meta(ge=0.0, lt=1.0)]
+
+
+class Spread(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
+    """Base of the distributions."""
+
+    def quantile(self, share: Floats) -> Floats:
+        """[ms] Delay that this share of the messages does not exceed; same shape as `share`."""
+        raise NotImplementedError
+
+
+class Constant(Spread, frozen=True, tag="constant"):
+    ms: Milliseconds = 0.0  # [ms]
+
+    def quantile(self, share: Floats) -> Floats:
+        return np.full_like(share, self.ms)
+
+
+class Uniform(Spread, frozen=True, tag="uniform"):
+    low_ms: Milliseconds  # [ms]
+    high_ms: Milliseconds  # [ms]
+    correlation: Likeness = 0.0  # [-] of neighbouring messages
+
+    def __post_init__(self) -> None:
+        if self.low_ms > self.high_ms:
+            raise ValueError(
+                f"low_ms is {self.low_ms:g}, expected at most high_ms {self.high_ms:g}"
+            )
+
+    def quantile(self, share: Floats) -> Floats:
+        return self.low_ms + (self.high_ms - self.low_ms) * share
+
+
+class Normal(Spread, frozen=True, tag="normal"):
+    """Gaussian. The one in thirty thousand below zero counts as zero."""
+
+    mean_ms: Milliseconds  # [ms]
+    std_ms: Milliseconds  # [ms]
+    correlation: Likeness = 0.0  # [-]
+
+    def __post_init__(self) -> None:
+        if 4.0 * self.std_ms > self.mean_ms:
+            raise ValueError(
+                f"std_ms is {self.std_ms:g}, expected at most a quarter of mean_ms "
+                f"{self.mean_ms:g}, because no delay is negative"
+            )
+
+    def quantile(self, share: Floats) -> Floats:
+        if self.std_ms == 0.0:
+            return np.full_like(share, self.mean_ms)
+        inverse = NormalDist(self.mean_ms, self.std_ms).inv_cdf
+        return np.maximum(0.0, np.array([inverse(u) for u in share.tolist()]))
+
+
+class Exponential(Spread, frozen=True, tag="exponential"):
+    mean_ms: Milliseconds  # [ms]
+    correlation: Likeness = 0.0  # [-]
+
+    def quantile(self, share: Floats) -> Floats:
+        return -self.mean_ms * np.log1p(-share)
+
+
+class Pareto(Spread, frozen=True, tag="pareto"):
+    """Pareto of the second kind (Lomax): from zero, with a tail of rare long delays."""
+
+    mean_ms: Milliseconds  # [ms]
+    shape: Annotated[float, msgspec.Meta(gt=1.0, le=100.0)] = 3.0  # [-] smaller: longer tail
+    correlation: Likeness = 0.0  # [-]
+
+    def quantile(self, share: Floats) -> Floats:
+        scale = self.mean_ms * (self.shape - 1.0)
+        return scale * ((1.0 - share) ** (-1.0 / self.shape) - 1.0)
+
+
+class Table(Spread, frozen=True, tag="table"):
+    """Measured delays: straight lines between their quantiles."""
+
+    ms: Annotated[tuple[Milliseconds, ...], msgspec.Meta(min_length=2, max_length=100_000)]  # [ms]
+    correlation: Likeness = 0.0  # [-]
+
+    def quantile(self, share: Floats) -> Floats:
+        ordered = np.sort(np.array(self.ms))
+        return np.interp(share, np.linspace(0.0, 1.0, len(ordered)), ordered)
+
+
+class Trace(Spread, frozen=True, tag="trace"):
+    """A recorded link, replayed: at every moment the delay or loss it had then; again and again."""
+
+    file: str = (
+        ""  # CSV `sent_s,arrived_s` beside the profile; its rows become the two fields below
+    )
+    sent_s: tuple[float, ...] = ()  # [s] ascending
+    arrived_s: tuple[float | None, ...] = ()  # [s] None: lost
+
+    def __post_init__(self) -> None:
+        if len(self.sent_s) != len(self.arrived_s):
+            raise ValueError("sent_s and arrived_s must be of the same length")
+        if not self.sent_s and not self.file:
+            raise ValueError("a trace needs a file")
+        for before, after in zip(self.sent_s, self.sent_s[1:], strict=False):
+            if not after > before:
+                raise ValueError(
+                    f"sent_s {after:g} comes after {before:g}, expected ascending times"
+                )
+        for sent, arrived in zip(self.sent_s, self.arrived_s, strict=True):
+            if arrived is not None and not 0.0 <= arrived - sent <= LONGEST_MS / 1e3:
+                raise ValueError(
+                    f"arrived_s is {arrived:g} for sent_s {sent:g}, expected 0 to 60 s later"
+                )
+
+    def at(self, seconds: float) -> float | None:
+        """[ms] Delay at a moment [s] since the link began; None: lost."""
+        first, length = self.sent_s[0], self.sent_s[-1] - self.sent_s[0]
+        place = first + (seconds % length if length > 0.0 else 0.0)
+        k = bisect_right(self.sent_s, place) - 1
+        arrived = self.arrived_s[k]
+        return None if arrived is None else 1e3 * (arrived - self.sent_s[k])
+
+
+Drawn = Constant | Uniform | Normal | Exponential | Pareto | Table
+Delay = Drawn | Trace
+
+
+class Delays:
+    """Delays drawn one after the other."""
+
+    def __init__(self, spread: Drawn, random: np.random.Generator) -> None:
+        self._spread = spread
+        self._random = random
+        self._correlation = 0.0 if isinstance(spread, Constant) else spread.correlation
+        self._last = float(random.standard_normal())
+        self._left: list[float] = []
+
+    def next_ms(self) -> float:
+        if not self._left:
+            if self._correlation == 0.0:
+                share = self._random.random(BLOCK)
+            else:
+                share, self._last = correlated(self._random, self._correlation, self._last)
+            drawn = self._spread.quantile(np.clip(share, TAIL, 1.0 - TAIL))
+            self._left = np.minimum(drawn, LONGEST_MS)[::-1].tolist()
+        return self._left.pop()

@@ -1,0 +1,139 @@
+"""Link profiles read from files, and changed key by key."""
+
+import copy
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple, cast
+
+from services.runtime.errors import LindyError
+from services.runtime.settings import convert, deploy_file, nearest, override, read_toml
+from services.tether import delay, loss
+from services.tether.profile import LinkProfile
+
+KINDS: dict[str, dict[str, Any]] = {
+    "delay": {
+        "constant": delay.Constant,
+        "uniform": delay.Uniform,
+        "normal": delay.Normal,
+        "exponential": delay.Exponential,
+        "pareto": delay.Pareto,
+        "table": delay.Table,
+        "trace": delay.Trace,
+    },
+    "loss": {
+        "independent": loss.Independent,
+        "gilbert_elliott": loss.GilbertElliott,
+        "bursts": loss.Bursts,
+    },
+}
+Tree = dict[str, Any]
+
+
+class Named(NamedTuple):
+    """A profile and where it is from."""
+
+    name: str
+    tree: Tree  # as in the file, for those who change single keys
+    path: Path
+    profile: LinkProfile
+
+
+def named(name: str) -> Named:
+    """A profile of deploy/links, or a TOML file.
+
+    Raises:
+        LindyError: there is none of that name, or a mistake in it or in its trace.
+    """
+    path = deploy_file("links", name)
+    tree = read_toml(path)
+    return Named(name, tree, path, _checked(tree, path))
+
+
+def adjusted(before: Named, settings: Sequence[str]) -> tuple[Named, str]:
+    """The profile with `up.delay_ms=80` style settings in it, and in words what has changed.
+
+    Raises:
+        LindyError: a setting is malformed, unknown or outside its limits.
+    """
+    if not settings:
+        raise LindyError("nothing to set; expected key=value, for example up.delay_ms=80")
+    tree = copy.deepcopy(before.tree)
+    try:
+        override(tree, settings)
+    except LindyError as error:
+        raise LindyError(str(error).removeprefix("--set ")) from None
+    after = before._replace(tree=tree, profile=_checked(tree, None, before.path.parent))
+    keys = dict.fromkeys(setting.partition("=")[0].strip() for setting in settings)
+    changes = [f"{key} {_at(before.tree, key)} → {_at(tree, key)}" for key in keys]
+    return after, ", ".join(changes)
+
+
+def _checked(tree: Tree, path: Path | None, folder: Path | None = None) -> LinkProfile:
+    """The tree as a profile, its traces read."""
+    tree = copy.deepcopy(tree)
+    for side in ("down", "up"):
+        leg = tree.get(side)
+        if not isinstance(leg, dict):
+            continue
+        for field, kinds in KINDS.items():
+            table: Any = cast(Tree, leg).get(field)
+            if isinstance(table, dict):
+                _check_kind(cast(Tree, table), kinds, f"{side}.{field}", path)
+        _read_trace(cast(Tree, leg), folder or (path or Path()).parent)
+    return convert(tree, LinkProfile, "", path)
+
+
+def _check_kind(table: Tree, kinds: dict[str, Any], where: str, path: Path | None) -> None:
+    """One kind by itself, so that an error can name the nearest kind or key."""
+    kind = table.get("kind")
+    if not isinstance(kind, str) or kind not in kinds:
+        before = f"{path}: " if path else ""
+        raise LindyError(
+            f"{before}{where}.kind: unknown kind {kind!r}{nearest(str(kind), list(kinds))}"
+        )
+    convert(table, kinds[kind], where, path)
+
+
+def _read_trace(leg: Tree, folder: Path) -> None:
+    table = leg.get("delay")
+    if isinstance(table, dict) and "file" in table:
+        trace = cast(Tree, table)
+        path = folder / str(trace["file"])
+        trace["sent_s"], trace["arrived_s"] = read_trace(path)
+        convert(trace, delay.Trace, "", path)  # a mistake in it is told of that file
+
+
+def read_trace(path: Path) -> tuple[list[float], list[float | None]]:
+    """Columns sent_s and arrived_s of a trace; lines that begin with # are remarks.
+
+    Raises:
+        LindyError: it cannot be read or is not such a file; says where.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        why = error.strerror if isinstance(error, OSError) else "it is not text"
+        raise LindyError(f"cannot read the trace {path}: {why}") from None
+    sent: list[float] = []
+    arrived: list[float | None] = []
+    for number, cells in enumerate(csv.reader(lines), 1):
+        if not cells or cells[0].startswith("#") or cells == ["sent_s", "arrived_s"]:
+            continue
+        try:
+            begin, end = cells
+            sent.append(float(begin))
+            arrived.append(float(end) if end else None)
+        except ValueError:
+            raise LindyError(
+                f"{path}:{number}: expected sent_s,arrived_s, found {','.join(cells)!r}"
+            ) from None
+    if not sent:
+        raise LindyError(f"{path} holds no rows; expected lines sent_s,arrived_s")
+    return sent, arrived
+
+
+def _at(tree: Any, key: str) -> str:
+    for part in key.split("."):
+        tree = cast(Tree, tree).get(part) if isinstance(tree, dict) else None
+    return "unset" if tree is None else str(tree)

@@ -1,0 +1,154 @@
+"""Which telemetry is thinned out when the link cannot carry all of it: state first, truth last.
+
+A pure controller on what the upward direction has been measured to do. Events, and whatever is
+slow by nature, are never touched. Nobody topside acts on the fast streams: on board they keep
+their full rate.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from messages import topics
+
+COLUMNS = (
+    topics.TRUTH, topics.WRENCH, topics.ACTUATION, topics.THRUSTERS, topics.REFERENCE, topics.STATE,
+)  # fmt: skip
+LADDER = (
+    # [1/s] at most, level by level; columns as above, the least missed first
+    (100, 100, 100, 100, 100, 100),
+    (20, 100, 100, 100, 100, 100),
+    (5, 50, 50, 100, 100, 100),
+    (5, 20, 20, 50, 100, 100),
+    (2, 10, 10, 20, 50, 100),
+    (1, 5, 5, 10, 25, 50),
+    (1, 2, 2, 5, 20, 40),
+    (1, 2, 2, 5, 10, 25),
+    (1, 1, 1, 2, 5, 10),
+    (1, 1, 1, 1, 1, 5),
+)
+WORST = len(LADDER) - 1
+LONG_WAIT_S = 0.06  # [s] to empty the queue: the link is overloaded
+SHORT_WAIT_S = 0.02  # [s] to empty the queue: there is room
+SHRINKING = 0.95  # [-] of the queue at the last look: it is being worked off
+ROOM = 0.85  # [-] of the measured capacity that may be asked for
+SETTLE_NS = 1_000_000_000  # [ns] after a change, before its effect is judged
+PATIENCE_NS = 3_000_000_000  # [ns] of room before a better level that should fit is tried
+DOUBT_NS = 15_000_000_000  # [ns] of room before one is tried that did not fit the last time
+MOST_DOUBT_NS = 120_000_000_000  # [ns] the same, after many trials that failed
+
+
+def limits(level: int) -> dict[str, float]:
+    """[1/s] Topics that are thinned out at a level, and to what rate."""
+    rates = zip(COLUMNS, LADDER[level], strict=True)
+    return {topic.key: float(hz) for topic, hz in rates if hz < topic.hz}
+
+
+@dataclass(slots=True)
+class Tiers:
+    """How far down the ladder, and why it may go up again."""
+
+    level: int = 0
+    capacity_kbit: float | None = None  # [kbit/s] carried when it was last overloaded
+    _settled_at: int = 0  # [ns] not judged before
+    _standing: int = 0  # [B] at the last look
+    _roomy_since: int | None = None  # [ns]
+    _doubt: int = DOUBT_NS  # [ns]
+    _was_trial: bool = False  # the last change was to a level that had not fitted
+
+    def judge(
+        self, standing: int, lost: int, carried_kbit: float, offered: Mapping[str, float], now: int
+    ) -> bool:
+        """One look at the last period. Returns whether the level has changed.
+
+        Args:
+            standing: [B] least that was in the queue: a burst alone is no overload.
+            lost: messages lost because the queue was too long.
+            carried_kbit: [kbit/s]
+            offered: [kbit/s] what each topic would take at its full rate; `""` is the sum of all
+                that is never thinned out.
+        """
+        shrinks, self._standing = standing < SHRINKING * self._standing, standing
+        if now < self._settled_at:
+            return False
+        rate = max(carried_kbit, self.capacity_kbit or 0.0)  # an idle link carries less than it can
+        wait = standing * 8e-3 / rate if rate > 0.0 else float(standing)  # [s]
+        if lost > 0 or (wait > LONG_WAIT_S and not shrinks):
+            return self._worse(carried_kbit, offered, now)
+        if wait > SHORT_WAIT_S:
+            self._roomy_since = None
+            return False
+        return self._better(offered, now)
+
+    def _worse(self, carried_kbit: float, offered: Mapping[str, float], now: int) -> bool:
+        """At once as far down as the capacity that was just measured demands."""
+        self._roomy_since = None
+        self.capacity_kbit = carried_kbit
+        if self.level == WORST:
+            return False
+        if self._was_trial:
+            self._doubt = min(2 * self._doubt, MOST_DOUBT_NS)
+        self.level += 1
+        while self.level < WORST and load_kbit(self.level, offered) > ROOM * carried_kbit:
+            self.level += 1
+        self._settled_at, self._was_trial = now + SETTLE_NS, False
+        return True
+
+    def _better(self, offered: Mapping[str, float], now: int) -> bool:
+        """One level up after a long enough time with room."""
+        if self._roomy_since is None:
+            self._roomy_since = now
+        if self.level == 0:
+            return False
+        fits = load_kbit(self.level - 1, offered) <= ROOM * (self.capacity_kbit or 0.0)
+        if now - self._roomy_since < (PATIENCE_NS if fits else self._doubt):
+            return False
+        if self._was_trial and not fits:  # the trial before this one went well: the link is better
+            self._doubt = PATIENCE_NS
+        self.level -= 1
+        self._roomy_since, self._was_trial = now, not fits
+        return True
+
+
+def load_kbit(level: int, offered: Mapping[str, float]) -> float:
+    """[kbit/s] What would be asked of the link at a level."""
+    capped = limits(level)
+    return sum(
+        kilobits * (capped[topic] / FULL[topic] if topic in capped else 1.0)
+        for topic, kilobits in offered.items()
+    )
+
+
+FULL = {topic.key: topic.hz for topic in COLUMNS}
+
+
+@dataclass(slots=True)
+class Thinner:
+    """Lets through every so many messages of a topic, and measures what was offered."""
+
+    rates: dict[str, float] = field(default_factory=dict[str, float])  # [1/s] by key
+    _due: dict[str, int] = field(default_factory=dict[str, int])  # [ns]
+    _bytes: dict[str, int] = field(default_factory=dict[str, int])  # of the period
+    _since: int | None = None  # [ns]
+
+    def admits(self, key: str, size: int, now: int) -> bool:
+        """Does this message of `size` bytes go on?"""
+        if self._since is None:
+            self._since = now
+        name = key if key in FULL else ""
+        self._bytes[name] = self._bytes.get(name, 0) + size
+        if (hz := self.rates.get(key)) is None:
+            return True
+        period = round(1e9 / hz)
+        due = self._due.get(key, now)
+        if now < due:
+            return False
+        self._due[key] = max(due, now - period) + period
+        return True
+
+    def offered(self, now: int) -> dict[str, float]:
+        """[kbit/s] by key since the last call; the period starts anew."""
+        seconds = 0.0 if self._since is None else (now - self._since) / 1e9
+        total, self._bytes, self._since = self._bytes, {}, now
+        if seconds <= 0.0:
+            return {}
+        return {key: count * 8e-3 / seconds for key, count in total.items()}

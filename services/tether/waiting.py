@@ -1,0 +1,78 @@
+"""What waits for a link of limited rate: the most urgent goes first."""
+
+from collections import deque
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+from messages.topic import Qos
+from services.tether.codel import Dropper
+from services.tether.profile import Queue
+
+T = TypeVar("T")
+URGENCY = (Qos.REALTIME, Qos.LIVE, Qos.EVENT, Qos.BULK)  # strict: the first that has something
+GIVES_WAY = (Qos.BULK, Qos.LIVE, Qos.EVENT, Qos.REALTIME)  # when full: the least missed first
+RANK = {stance: rank for rank, stance in enumerate(URGENCY)}
+Lost = list[tuple[T, str]]  # what was lost, and why
+
+
+@dataclass(frozen=True, slots=True)
+class Passenger(Generic[T]):
+    item: T
+    size: int  # [B] with overhead
+    rank: int  # place in URGENCY
+    entered: int  # [ns]
+
+
+class WaitingRoom(Generic[T]):
+    """One queue for each stance, one limit for all of them together."""
+
+    def __init__(self, queue: Queue) -> None:
+        self._queue = queue
+        self._rows: list[deque[Passenger[T]]] = [deque() for _ in URGENCY]
+        self._droppers = [Dropper(queue.codel) for _ in URGENCY]
+        self.bytes = 0
+
+    def __len__(self) -> int:
+        return sum(map(len, self._rows))
+
+    def put(self, passenger: Passenger[T]) -> Lost[T]:
+        """Let one in; returns who had to go for it, perhaps itself."""
+        lost: Lost[T] = []
+        self.admit(passenger)
+        while self.bytes > self._queue.limit_bytes:
+            lost.append((self._push_out().item, "queue_full"))
+        return lost
+
+    def admit(self, passenger: Passenger[T]) -> None:
+        """Let one in whatever the limit says: it was waiting before the limit changed."""
+        self._rows[passenger.rank].append(passenger)
+        self.bytes += passenger.size
+
+    def take(self, now: int) -> tuple[Passenger[T] | None, Lost[T]]:
+        """The next to leave at `now` [ns], and those that CoDel dropped before it."""
+        lost: Lost[T] = []
+        for row, dropper in zip(self._rows, self._droppers, strict=True):
+            while row:
+                passenger = row.popleft()
+                self.bytes -= passenger.size
+                waited = now - passenger.entered
+                if self._queue.policy == "codel" and dropper.drops(waited, not row, now):
+                    lost.append((passenger.item, "codel"))
+                    continue
+                return passenger, lost
+        return None, lost
+
+    def empty(self) -> list[Passenger[T]]:
+        """Everybody out, the most urgent first."""
+        everybody = [passenger for row in self._rows for passenger in row]
+        for row in self._rows:
+            row.clear()
+        self.bytes = 0
+        return everybody
+
+    def _push_out(self) -> Passenger[T]:
+        """One that is missed least: the newest, or the oldest where the policy says so."""
+        row = next(row for stance in GIVES_WAY if (row := self._rows[RANK[stance]]))
+        out = row.popleft() if self._queue.policy == "drop_oldest" else row.pop()
+        self.bytes -= out.size
+        return out

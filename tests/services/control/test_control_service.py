@@ -1,0 +1,132 @@
+"""The wiring, in the virtual host, with a test that plays the pilot and a vehicle of faults."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from messages import topics
+from messages.control import ThrusterCommand, Wrench
+from messages.message import Estimate
+from messages.reference import Motion, Reference
+from messages.state import VehicleState
+from messages.vehicle import Actuation
+from services.marine.vehicle import Vehicle
+from services.runtime.errors import LindyError
+from services.runtime.node import Node
+from services.runtime.stack import Row, Stack
+from services.runtime.virtual_host import VirtualHost
+
+ROW = Row(realms=["drone"])
+S = 1_000_000_000  # [ns]
+LATERAL = 2
+
+
+class Bench:
+    """The control service, and a node that says state and reference, and thrusters without lag of
+    which the lateral one is dead."""
+
+    def __init__(self) -> None:
+        self.host = VirtualHost()
+        self.service = self.host.add("control", ROW, Stack())
+        self.wrenches = list[Wrench]()
+        self.command: ThrusterCommand | None = None
+        self.taken = 0  # [ns]
+        vehicle = self.host.node("vehicle", ["drone"])
+        vehicle.each(topics.WRENCH, lambda wrench, _: self.wrenches.append(wrench))
+        self.play(vehicle)
+
+    def play(self, vehicle: Node) -> None:
+        state, reference = vehicle.publisher(topics.STATE), vehicle.publisher(topics.REFERENCE)
+        actuation = vehicle.publisher(topics.ACTUATION)
+
+        def hear(command: ThrusterCommand, now: int) -> None:
+            self.command, self.taken = command, now
+
+        def move(now: int) -> None:
+            if self.command is not None:
+                actuation.put(produced(self.command, self.taken, now))
+            state.put(still(now))
+            reference.put(sideways(now))
+
+        vehicle.each(topics.THRUSTERS, hear)
+        vehicle.every(100, move)
+
+    def run(self, seconds: float) -> Wrench:
+        self.host.run(self.host.now + round(seconds * S))
+        return self.wrenches[-1]
+
+
+def produced(command: ThrusterCommand, taken: int, now: int) -> Actuation:
+    return Actuation(
+        stamp_ns=now,
+        thrust=tuple(0.0 if i == LATERAL else f for i, f in enumerate(command.thrust)),
+        actuated_ns=taken,
+        sensor_ns=command.sensor_ns,
+        pilot_ns=None,
+        stale=False,
+        power=0.0,
+    )
+
+
+def still(now: int) -> VehicleState:
+    sure = Estimate(0.0, 0.01)
+    return VehicleState(
+        stamp_ns=now,
+        sensor_ns=now,
+        phase="running",
+        depth=Estimate(3.0, 0.01),
+        depth_rate=sure,
+        depth_acceleration=sure,
+        attitude=(1.0, 0.0, 0.0, 0.0),
+        roll=sure,
+        pitch=sure,
+        heading=sure,
+        heading_navigation=None,
+        yaw_rate=sure,
+    )
+
+
+def sideways(now: int) -> Reference:
+    return Reference(
+        stamp_ns=now,
+        sensor_ns=now,
+        pilot_ns=now,
+        armed=True,
+        depth=Motion(3.0, 0.0, 0.0, 0.0),
+        heading=Motion(0.0, 0.0, 0.0, 0.0),
+        surge_force=0.0,
+        sway_force=10.0,
+    )
+
+
+def test_what_the_driver_says_reaches_the_allocation_and_the_counters() -> None:
+    bench = Bench()
+    assert bench.run(0.4).distrusted == ()
+    last = bench.run(1.6)
+    assert last.distrusted == ("lateral",)
+    assert (last.wanted[1], last.achieved[1]) == (pytest.approx(10.0), 0.0)
+    assert bench.service.counts["distrusted:lateral"] == 1
+    assert bench.service.counts["lost_axis:sway"] == 1
+
+
+@pytest.mark.parametrize(
+    ("wrong", "sentence"),
+    [
+        (r'name = "vertical"(.*?)direction = \[0.0, 0.0, 1.0\]', "cannot drive heave"),
+        (r'name = "lateral"(.*?)direction = \[0.0, 1.0, 0.0\]', "direction must not be"),
+    ],
+)
+def test_a_vehicle_that_cannot_be_flown_is_refused_by_the_name_of_its_file(
+    tmp_path: Path, wrong: str, sentence: str
+) -> None:
+    sound = Stack().vehicle_path.read_text()
+    name = wrong.split('"')[1]
+    becomes = "[0.0, 1.0, 0.0]" if name == "vertical" else "[0.0, 0.0, 0.0]"
+    replacement = rf'name = "{name}"\1direction = {becomes}'
+    broken = tmp_path / "broken.toml"
+    broken.write_text(re.sub(wrong, replacement, sound, count=1, flags=re.DOTALL))
+    stack = Stack(vehicle=str(broken))
+    assert stack.section("vehicle", Vehicle).name
+    with pytest.raises(LindyError, match=rf"broken\.toml: .*{sentence}"):
+        VirtualHost().add("control", ROW, stack)

@@ -1,0 +1,151 @@
+"""The horizontal plane: a place is held or followed, whichever way the vehicle looks."""
+
+from math import cos, hypot, sin
+
+import msgspec
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from messages.message import Estimate
+from messages.reference import Motion, Reference
+from messages.state import VehicleState
+from services.control.axis_law import Gains
+from services.control.core import Controller
+from services.control.horizontal import to_body, turning_force
+from services.control.settings import Settings
+from services.marine.attitude import from_euler
+from services.marine.attitude import to_body as rotated
+from services.marine.hydrodynamics import damping
+from services.marine.rigid_body import coriolis, system_inertia
+from services.marine.vehicle import Vehicle
+
+STEP = 10_000_000  # [ns]
+PLACE = Gains(kp=30.0, kd=45.0, ki=6.0, max_error=0.5, max_integral=20.0, observer=1.0)
+OURS = Settings(surge=PLACE, sway=PLACE)
+ZERO = Motion(0.0, 0.0, 0.0, 0.0)
+heading = st.floats(-10.0, 10.0)
+metres = st.floats(-5.0, 5.0)
+
+
+def seen(
+    place: tuple[float, float],
+    psi: float,
+    velocity: tuple[float, float] = (0.0, 0.0),
+    current: tuple[float, float] | None = None,
+) -> VehicleState:
+    def known(value: float) -> Estimate:
+        return Estimate(value, 0.01)
+
+    return VehicleState(
+        stamp_ns=0,
+        sensor_ns=0,
+        phase="running",
+        depth=known(2.0),
+        depth_rate=known(0.0),
+        depth_acceleration=known(0.0),
+        attitude=(1.0, 0.0, 0.0, 0.0),
+        roll=known(0.0),
+        pitch=known(0.0),
+        heading=known(psi),
+        heading_navigation=known(psi),
+        yaw_rate=known(0.0),
+        surge_velocity=known(velocity[0]),
+        sway_velocity=known(velocity[1]),
+        north=known(place[0]),
+        east=known(place[1]),
+        current_north=None if current is None else known(current[0]),
+        current_east=None if current is None else known(current[1]),
+    )
+
+
+def asked(north: Motion, east: Motion, psi: Motion) -> Reference:
+    return Reference(
+        stamp_ns=0,
+        sensor_ns=0,
+        pilot_ns=None,
+        armed=True,
+        depth=Motion(2.0, 0.0, 0.0, 0.0),
+        heading=psi,
+        surge_force=0.0,
+        sway_force=0.0,
+        north=north,
+        east=east,
+    )
+
+
+def at(position: float) -> Motion:
+    return Motion(position, 0.0, 0.0, 0.0)
+
+
+@given(heading, metres, metres)
+def test_the_rotation_is_that_of_the_shared_physics(psi: float, north: float, east: float) -> None:
+    expected = rotated(from_euler(0.0, 0.0, psi), (north, east, 0.0))
+    assert to_body(psi, north, east) == pytest.approx(expected[:2], abs=1e-12)
+
+
+@settings(max_examples=50, deadline=None)
+@given(heading, metres, metres)
+def test_the_force_points_to_the_place(
+    pioneer: Vehicle, psi: float, north: float, east: float
+) -> None:
+    law = Controller(OURS, pioneer)
+    wrench, _ = law.step(asked(at(north), at(east), at(psi)), seen((0.0, 0.0), psi), 0)
+    x, y = wrench.wanted[:2]
+    back = (cos(psi) * x - sin(psi) * y, sin(psi) * x + cos(psi) * y)
+    share = min(1.0, 0.5 / max(0.5, hypot(north, east)))  # guard 1, of the whole way
+    assert back == pytest.approx((30.0 * share * north, 30.0 * share * east), abs=1e-9)
+    assert ("clamped:control.place" in law.happened) == (hypot(north, east) > 0.5)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1))
+def test_the_feed_forward_is_that_of_the_equations_of_motion(
+    pioneer: Vehicle, u: float, v: float, r: float, north: float, east: float
+) -> None:
+    """A turning vehicle on a reference with acceleration: M ν' + C(ν) ν + D(ν) ν of its plane."""
+    inertia = system_inertia(pioneer)
+    along, across = turning_force(inertia, (u, v), r)
+    nu = (u, v, 0.0, 0.0, 0.0, r)
+    changes = north + r * v, east - r * u  # dν/dt in turning axes, for acceleration (north, east)
+    forces = coriolis(inertia, nu)
+    drag = damping(pioneer.linear_damping, pioneer.quadratic_damping, nu)
+    expected = [inertia[k] * changes[k] + forces[k] + drag[k] for k in (0, 1)]
+    ours = inertia[0] * north + along + drag[0], inertia[1] * east + across + drag[1]
+    assert ours == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_place_is_held_in_a_current(pioneer: Vehicle, known: bool) -> None:
+    """Half a knot from the north-east, told or not: it stays within a hand's breadth, and with the
+    current told it hardly moves at all."""
+    psi, flow, inertia = 0.7, (-0.18, -0.18), system_inertia(pioneer)
+    law = Controller(OURS, pioneer)
+    place, velocity = [0.0, 0.0], [0.0, 0.0]  # NED; body over the ground
+    water, worst = to_body(psi, *flow), 0.0
+    for k in range(4000):
+        north, east = place
+        told = flow if known else None
+        state = seen((north, east), psi, (velocity[0], velocity[1]), told)
+        wrench, _ = law.step(asked(ZERO, ZERO, at(psi)), state, k * STEP)
+        nu = velocity[0] - water[0], velocity[1] - water[1], 0.0, 0.0, 0.0, 0.0
+        drag = damping(pioneer.linear_damping, pioneer.quadratic_damping, nu)
+        for axis in (0, 1):
+            velocity[axis] += (wrench.wanted[axis] - drag[axis]) / inertia[axis] * 0.01
+        c, s = cos(psi), sin(psi)
+        place[0] += (c * velocity[0] - s * velocity[1]) * 0.01
+        place[1] += (s * velocity[0] + c * velocity[1]) * 0.01
+        worst = max(worst, hypot(*place))
+    assert hypot(*place) < 0.005
+    assert worst < (0.01 if known else 0.1)
+
+
+def test_without_a_measured_place_the_reference_alone_drives_it(pioneer: Vehicle) -> None:
+    law = Controller(OURS, pioneer)
+    lost = msgspec.structs.replace(seen((0.0, 0.0), 0.0), north=Estimate(0.0, 9.0, False))
+    going = Motion(3.0, 0.4, 0.0, 0.0)
+    wrench, _ = law.step(asked(going, ZERO, at(0.0)), lost, 0)
+    expected = pioneer.linear_damping[0] * 0.4 + pioneer.quadratic_damping[0] * 0.16
+    assert wrench.wanted[0] == pytest.approx(expected)
+    assert wrench.wanted[1] == 0.0
+    assert law.happened == ["invalid:state.position"]

@@ -1,0 +1,78 @@
+"""The stability check says what a simulation of the same loop shows."""
+
+from dataclasses import dataclass
+from math import exp
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from messages.reference import Motion
+from services.control.axis_law import AxisLaw, Gains
+from services.control.core import PERIOD_S
+from services.control.plant import Plant
+from services.control.sampled_loop import SampledLoop, exponential, held
+from services.control.settings import Settings
+from services.control.stability import require_stable
+from services.marine.vehicle import Vehicle
+
+LAG, DT = 0.08, 0.01
+PLANT = Plant(20.0, 2.0)
+LOOP = SampledLoop(PLANT, LAG, DT)
+
+
+def gains(kp: float, kd: float, ki: float = 0.0, observer: float = 0.0) -> Gains:
+    return Gains(kp=kp, kd=kd, ki=ki, max_error=1e6, max_integral=1e6, observer=observer)
+
+
+@dataclass
+class Sea:
+    """The law flown on the exact plant, with a step of delay."""
+
+    law: AxisLaw
+
+    def growth(self, seconds: float) -> float:
+        """[-] Size at the end relative to the size half-way."""
+        move, (x, v, f, coming, mean) = held(PLANT, LAG, DT), (1e-3, 0.0, 0.0, 0.0, 0.0)
+        sizes: list[float] = []
+        for k in range(round(seconds / DT)):
+            if k:
+                self.law.learn(v, mean, DT)
+            command = self.law.step(Motion(0.0, 0.0, 0.0, 0.0), x, v, DT).total
+            x, v, f, mean = (float(part) for part in move @ (x, v, f, coming))
+            coming = command
+            sizes.append(abs(x) + abs(v))
+        half = len(sizes) // 2
+        return max(sizes[half:]) / max(sizes[:half])
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(1.0, 2000.0), st.floats(1.0, 2000.0), st.floats(0.0, 100.0), st.booleans())
+def test_the_eigenvalue_says_whether_the_flown_loop_grows(
+    kp: float, kd: float, learns: float, observer: bool
+) -> None:
+    tried = gains(kp, kd, observer=learns / 10) if observer else gains(kp, kd, learns)
+    radius = LOOP.radius(tried, tried)
+    assume(abs(radius - 1) > 5e-3)
+    growth = Sea(AxisLaw(tried, PLANT, LAG, DT)).growth(10.0)
+    assert (growth > 1) == (radius > 1)
+
+
+@given(st.floats(0.001, 5.0), st.floats(0.01, 50.0))
+def test_the_exponential_of_a_matrix(lag: float, rate: float) -> None:
+    matrix = np.array([[-1 / lag, 1.0], [0.0, -rate]])
+    assume(abs(rate - 1 / lag) > 1e-3 * rate)
+    off = (exp(-rate) - exp(-1 / lag)) / (1 / lag - rate)
+    expected = [[exp(-1 / lag), off], [0.0, exp(-rate)]]
+    assert exponential(matrix) == pytest.approx(np.array(expected), abs=1e-9, rel=1e-6)
+
+
+@pytest.mark.parametrize("table", ["depth", "heading", "surge", "sway"])
+def test_gains_that_shake_the_vehicle_are_refused_by_name(table: str, pioneer: Vehicle) -> None:
+    ours = Settings()
+    require_stable(ours, pioneer, PERIOD_S)
+    wild = msgspec.structs.replace(getattr(ours, table), kd=5000.0)
+    with pytest.raises(ValueError, match=rf"^control.{table}: .* kd = 5000 .* not stable"):
+        require_stable(msgspec.structs.replace(ours, **{table: wild}), pioneer, PERIOD_S)

@@ -1,0 +1,116 @@
+"""Every vehicle file describes a vehicle that can exist, and says so where it cannot."""
+
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from services.marine.hydrodynamics import damping
+from services.marine.rigid_body import system_inertia
+from services.marine.thrust_curve import CURVES
+from services.marine.thrusters import wrench_per_newton
+from services.marine.vehicle import Vehicle
+from services.runtime.errors import LindyError
+from services.runtime.stack import Stack
+
+NAMES = ("pioneer", "bluerov2_heavy", "minerva")
+HEADROOM = 0.7  # [-] of its thrust a vehicle may need for the motion that its sticks ask for
+
+
+def vehicle(name: str) -> Vehicle:
+    return Stack(vehicle=name).section("vehicle", Vehicle)
+
+
+def reach(about: Vehicle, axis: int) -> tuple[float, float]:
+    """[N, N m] Least and most of one axis, with every thruster that helps it."""
+    least = most = 0.0
+    for thruster in about.thruster:
+        per_newton = wrench_per_newton(thruster)[axis]
+        ends = [per_newton * limit for limit in thruster.limits]
+        least, most = least + min(ends), most + max(ends)
+    return least, most
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_table_of_every_vehicle_file_is_right(name: str) -> None:
+    Stack(vehicle=name).check()
+
+
+def test_minerva_has_the_thrust_of_table_5() -> None:
+    """Fernandes et al. 2015. Sway is that of the lateral thruster: the mains turn it as well."""
+    minerva = vehicle("minerva")
+    lateral = next(t for t in minerva.thruster if t.name == "lateral")
+    assert reach(minerva, 0) == pytest.approx((-220.0, 480.0), abs=0.1)
+    assert lateral.limits == (-195.0, 195.0)
+    assert reach(minerva, 2) == (-180.0, 390.0)
+    assert reach(minerva, 5) == pytest.approx((-300.0, 300.0), abs=0.5)
+    assert all(
+        abs(place) <= half
+        for t in minerva.thruster
+        for place, half in zip(t.position, (0.72, 0.41, 0.405), strict=True)
+    )
+
+
+def test_bluerov2_heavy_drives_all_six_axes_with_eight_t200() -> None:
+    heavy = vehicle("bluerov2_heavy")
+    columns = np.array([wrench_per_newton(t) for t in heavy.thruster])
+    assert np.linalg.matrix_rank(columns) == 6
+    for thruster in heavy.thruster:
+        assert thruster.max_thrust == pytest.approx(CURVES["t200"].thrust(1.0), abs=0.01)
+        assert thruster.dead_band == pytest.approx(CURVES["t200"].dead_band, abs=0.01)
+        lag = thruster.lag
+        assert lag is not None
+        mean_delay = (lag.denominator[-2] - lag.numerator[-2]) / lag.denominator[-1]
+        assert thruster.time_constant == pytest.approx(mean_delay, abs=1e-3)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("way", [1, -1])
+def test_the_heave_stick_asks_for_no_more_than_the_thrusters_can(name: str, way: int) -> None:
+    stack = Stack(vehicle=name)
+    about = vehicle(name)
+    heave = _reference(stack).heave
+    drag = damping(
+        about.linear_damping, about.quadratic_damping, (0, 0, heave.max_velocity, 0, 0, 0)
+    )[2]
+    gain = system_inertia(about)[2] * heave.max_acceleration
+    needed = way * (drag + gain) + about.net_buoyancy
+    least, most = reach(about, 2)
+    assert HEADROOM * least <= needed <= HEADROOM * most
+
+
+def _reference(stack: Stack) -> Any:
+    from services.reference.core import Settings
+
+    return stack.section("reference", Settings)
+
+
+@pytest.mark.parametrize(
+    "override",
+    [
+        "vehicle.mass=-1.0", "vehicle.mass=0.0", "vehicle.mass=nan", "vehicle.mass=inf",
+        "vehicle.inertia=[0.1, -0.2, 0.1]", "vehicle.inertia=[0.1, 0.2]",
+        "vehicle.added_mass=[-1.0, 1.0, 1.0, 1.0, 1.0, 1.0]",
+        "vehicle.linear_damping=[1.0, 1.0, 1.0, 1.0, 1.0, -1.0]",
+        "vehicle.quadratic_damping=[1.0, 1.0, 1.0, 1.0, -1.0, 1.0]",
+        "vehicle.metacentric_height=-0.1", "vehicle.size=[1.0, 0.0, 1.0]",
+        "vehicle.thruster=[]", "vehicle.net_buoyancy=nan",
+    ],
+)  # fmt: skip
+def test_a_body_that_cannot_exist_is_refused(override: str) -> None:
+    with pytest.raises(LindyError, match=override.partition("=")[0].replace(".", r"\.")):
+        Stack(overrides=[override]).section("vehicle", Vehicle)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"max_thrust": 0.0}, {"max_thrust": -5.0}, {"max_reverse": -5.0}, {"dead_band": -0.1},
+     {"time_constant": 0.0}, {"position": [0.0, 0.0]}, {"max_thrust": float("nan")},
+     {"lag": {"numerator": [1.0], "denominator": [1.0]}}],
+)  # fmt: skip
+def test_a_thruster_that_cannot_exist_is_refused(change: dict[str, Any]) -> None:
+    tree: dict[str, Any] = msgspec.to_builtins(vehicle("pioneer"))
+    tree["thruster"][0] |= change
+    with pytest.raises(msgspec.ValidationError, match=r"thruster|lag"):
+        msgspec.convert(tree, Vehicle)

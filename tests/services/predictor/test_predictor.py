@@ -1,0 +1,126 @@
+"""Topside, the predicted now is far nearer to the truth than the picture that arrives late."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from messages import topics
+from messages.prediction import Prediction
+from messages.reference import Motion
+from messages.state import VehicleState
+from messages.vehicle import Truth
+from services.predictor.ahead import Change, coasting, joined, reference_ahead
+from services.predictor.drift import Drift
+from services.reference.minimum_jerk import Limits, Ramp
+from services.runtime.stack import Stack, services_of
+from services.runtime.virtual_host import VirtualHost
+
+SECOND = 1_000_000_000
+LIMITS = Limits(1.5, 0.5)
+CHAIN = (
+    *("simulator", "estimation", "reference", "control", "tether", "gamepad"),
+    *("sounder", "echo", "predictor"),
+)
+STICKS = """t,surge,sway,heave,yaw
+0,0,0,0,0
+1,0,0,1,0
+4,0,0,0,0
+6,0.5,0,-0.5,0.6
+9,0,0,0,0
+10,0,0,0.7,-1
+12,0.3,0,0.7,0.2
+14,0,0,0,0
+18,0,0,0,0
+"""
+targets = st.lists(
+    st.tuples(st.floats(0.0, 1.0), st.floats(-0.5, 0.5)), min_size=1, max_size=6
+).map(lambda pairs: sorted(pairs))
+
+
+@given(changes=targets, seen=st.floats(0.0, 1.0), until=st.floats(0.0, 3.0))
+@settings(max_examples=200, deadline=None)
+def test_the_reference_run_ahead_is_the_drones_own(
+    changes: list[tuple[float, float]], seen: float, until: float
+) -> None:
+    """Whoever sees the motion of an instant and all that follows knows the rest of it."""
+    until += seen
+    drone = Ramp(LIMITS)
+    for at, target in [c for c in changes if c[0] <= seen]:
+        drone.aim(target, at)
+    motion = Motion(*drone.at(seen))
+    known = [Change(0.0, drone.target)]
+    known += [Change(at, target) for at, target in changes if at > seen]
+    for change in known[1:]:
+        if change.at < until:
+            drone.aim(change.target, change.at)
+    ahead = reference_ahead(motion, seen, known, LIMITS, until)
+    assert ahead.position == pytest.approx(drone.at(until).position, abs=1e-6)
+    assert ahead.velocity == pytest.approx(drone.at(until).velocity, abs=1e-6)
+
+
+@given(seconds=st.floats(0.0, 2.0), off=st.floats(-1.0, 1.0), faster=st.floats(-1.0, 1.0))
+def test_a_vehicle_on_its_reference_is_predicted_on_it_and_one_beside_stays_beside(
+    seconds: float, off: float, faster: float
+) -> None:
+    motion = Motion(1.0, 0.3, 0.1, 0.0)
+    ahead = coasting(motion, seconds)
+    assert joined(ahead, motion, 1.0, 0.3, seconds) == pytest.approx(ahead[:2])
+    position, rate = joined(ahead, motion, 1.0 + off, 0.3 + faster, seconds)
+    assert abs(position - ahead.position - off) <= abs(faster) * seconds + 1e-12
+    assert abs(rate - ahead.velocity) <= abs(faster) + 1e-12
+
+
+@given(force=st.floats(-70.0, 70.0), start=st.floats(-2.0, 2.0), seconds=st.floats(0.0, 30.0))
+@settings(max_examples=50, deadline=None)
+def test_drift_never_passes_the_speed_at_which_drag_balances_the_force(
+    force: float, start: float, seconds: float
+) -> None:
+    drift = Drift(13.8, 1.84, 25.0, start)
+    drift.go(force, seconds)
+    limit = max(abs(start), (abs(force) / 25.0) ** 0.5)
+    assert abs(drift.velocity) <= limit + 1e-9
+
+
+@pytest.mark.parametrize("one_way_ms", [25, 250])
+def test_the_predicted_now_is_at_most_a_third_as_far_off_as_the_delayed_picture(
+    tmp_path: Path, one_way_ms: int
+) -> None:
+    """Over a dive with stops, turns and reversals. What is judged is the motion in between: the
+    estimate's own error is in the delayed picture and in the prediction alike."""
+    link, script = tmp_path / "slow.toml", tmp_path / "sticks.csv"
+    leg = f"delay_ms = {one_way_ms}.0\n"
+    link.write_text(f"[down]\n{leg}[up]\n{leg}")
+    script.write_text(STICKS)
+    host, rows = VirtualHost(), services_of("dive")
+    stack = Stack(pilot=f"script:{script}", link=str(link), out=str(tmp_path))
+    for name in CHAIN:
+        host.add(name, rows[name], stack)
+    said: list[Prediction] = []
+    truths: list[Truth] = []
+    states: list[VehicleState] = []
+    host.node("pilot", ["topside"]).each(topics.PREDICTION, lambda m, _: said.append(m))
+    judge = host.node("judge", ["drone"])
+    judge.each(topics.TRUTH, lambda m, _: truths.append(m))
+    judge.each(topics.STATE, lambda m, _: states.append(m))
+    host.run(40 * SECOND)
+    true = {m.stamp_ns // 10_000_000: m for m in truths}
+    seen = {m.sensor_ns: m for m in states}
+    errors = {"predicted": [0.0, 0.0], "delayed": [0.0, 0.0]}
+    moving = [m for m in said if abs(m.depth_rate) > 0.1 or abs(m.yaw_rate) > 0.1]
+    assert len(moving) > 100
+    for m in moving:
+        now, then = true.get(m.stamp_ns // 10_000_000), true.get(m.state_ns // 10_000_000)
+        if now is None or then is None:
+            continue
+        picture = seen[m.state_ns]
+        dived, turned = now.position[2] - then.position[2], now.heading - then.heading
+        errors["predicted"][0] += (m.depth - picture.depth.value - dived) ** 2
+        errors["predicted"][1] += (m.heading - picture.heading.value - turned) ** 2
+        errors["delayed"][0] += dived**2
+        errors["delayed"][1] += turned**2
+    for axis in (0, 1):
+        assert errors["predicted"][axis] ** 0.5 <= errors["delayed"][axis] ** 0.5 / 3
+    judged = [m for m in said if m.missed is not None and m.delayed is not None]
+    assert judged, "the running error is shown"

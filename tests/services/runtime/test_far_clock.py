@@ -1,0 +1,114 @@
+"""Two machines, two clocks: stamps are local wherever they are read, and nothing old passes."""
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from messages import topics
+from messages.pilot import PilotCommand
+from messages.vehicle import Actuation
+from services.runtime.stack import Row, Stack
+from services.runtime.virtual_host import Skew, VirtualHost
+
+MS, SECOND = 1_000_000, 1_000_000_000
+DRONE = Row(realms=["drone"])
+TOPSIDE = Row(realms=["topside"])
+GATEWAY = Row(realms=["topside", "drone"], gateway=True)
+
+
+def joined(clocks: dict[str, Skew] | None, link: str = "tether") -> VirtualHost:
+    host, stack = VirtualHost(clocks), Stack(link=link)
+    host.add("tether", GATEWAY, stack)
+    host.add("sounder", TOPSIDE, stack)
+    host.add("echo", DRONE, stack)
+    return host
+
+
+def command(now: int, ttl_ms: float = 300.0) -> PilotCommand:
+    return PilotCommand(stamp_ns=now, surge=0.0, sway=0.0, heave=0.0, yaw=0.0, ttl_ms=ttl_ms)
+
+
+@given(ahead=st.integers(-(10**14), 10**14), drift=st.floats(-9e-5, 9e-5))
+@settings(max_examples=10, deadline=None)
+def test_a_command_arrives_with_its_stamp_in_the_drones_own_time(ahead: int, drift: float) -> None:
+    skew = Skew(ahead, drift)
+    host = joined({"drone": skew})
+    pilot, drone = host.node("pilot", ["topside"]), host.node("drone", ["drone"])
+    heard: list[tuple[int, int]] = []
+    publisher = pilot.publisher(topics.PILOT_COMMAND)
+    pilot.every(50.0, lambda now: publisher.put(command(now)))
+    drone.each(topics.PILOT_COMMAND, lambda m, now: heard.append((m.stamp_ns, now)))
+    host.run(3 * SECOND)
+    assert len(heard) > 100
+    for stamp, now in heard:
+        # The profile takes 1 ms and a bit; what the clocks may be off by is the round trip.
+        assert -3 * MS <= now - stamp <= 8 * MS
+    assert drone.counts["unsynchronised:pilot/command"] > 0  # before the first answer
+
+
+@given(ahead=st.integers(-(10**14), 10**14), lag=st.integers(0, 400))
+@settings(max_examples=20, deadline=None)
+def test_a_command_is_never_older_than_its_time_to_live_when_it_acts(ahead: int, lag: int) -> None:
+    """`lag` [ms] is how old it was when it entered the link."""
+    host = joined({"drone": Skew(ahead)})
+    pilot, drone = host.node("pilot", ["topside"]), host.node("drone", ["drone"])
+    publisher = pilot.publisher(topics.PILOT_COMMAND)
+    acted: list[int] = []
+
+    def speak(now: int) -> None:
+        publisher.put(command(now - lag * MS if now > 2 * SECOND else now))
+
+    pilot.every(50.0, speak)
+    newest = drone.latest(topics.PILOT_COMMAND)
+
+    def act(_: int) -> None:
+        message = newest.fresh(ahead + host.now)
+        if message is not None:
+            acted.append(host.now)
+            spoken = (message.seq + 1) * 20 * MS
+            true_stamp = spoken - lag * MS if spoken > 2 * SECOND else spoken
+            assert host.now - true_stamp <= 300 * MS
+
+    drone.every(100.0, act)
+    host.run(4 * SECOND)
+    assert bool([now for now in acted if now > 3 * SECOND]) == (lag < 290) or 285 <= lag <= 305
+
+
+def test_one_stamp_goes_down_and_comes_back_as_it_was() -> None:
+    host = joined({"drone": Skew(10**13)})
+    pilot, drone = host.node("pilot", ["topside"]), host.node("drone", ["drone"])
+    commands, actuations = pilot.publisher(topics.PILOT_COMMAND), drone.publisher(topics.ACTUATION)
+    sent: list[int] = []
+    back: list[int | None] = []
+
+    def speak(now: int) -> None:
+        sent.append(now)
+        commands.put(command(now))
+
+    def answer(heard: PilotCommand, now: int) -> None:
+        actuations.put(
+            Actuation(
+                stamp_ns=now, thrust=(), actuated_ns=now, sensor_ns=None,
+                pilot_ns=heard.stamp_ns, stale=False, power=0.0,
+            )
+        )  # fmt: skip
+
+    pilot.every(50.0, speak)
+    drone.each(topics.PILOT_COMMAND, answer)
+    pilot.each(topics.ACTUATION, lambda m, _: back.append(m.pilot_ns))
+    host.run(3 * SECOND)
+    assert len(back) > 100
+    for pilot_ns in back:
+        assert pilot_ns is not None
+        assert min(abs(pilot_ns - stamp) for stamp in sent) < MS
+
+
+def test_with_one_clock_nothing_is_moved_or_refused() -> None:
+    host = joined(None)
+    pilot, drone = host.node("pilot", ["topside"]), host.node("drone", ["drone"])
+    publisher = pilot.publisher(topics.PILOT_COMMAND)
+    stamps: list[int] = []
+    pilot.every(50.0, lambda now: publisher.put(command(now)))
+    drone.each(topics.PILOT_COMMAND, lambda m, _: stamps.append(m.stamp_ns))
+    host.run(SECOND)
+    assert stamps[0] == 20 * MS
+    assert not [name for name in drone.counts if name.startswith(("expired", "unsync"))]

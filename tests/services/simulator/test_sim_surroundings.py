@@ -1,0 +1,191 @@
+"""Current, tether and walls keep the laws of physics."""
+
+from itertools import pairwise
+from math import dist, exp, hypot, sqrt
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from services.marine.attitude import Quaternion, from_euler, to_body, to_world
+from services.marine.rigid_body import kinetic_energy, system_inertia
+from services.marine.vehicle import GRAVITY, Vec3, Vec6, Vehicle
+from services.runtime.stack import Stack
+from services.simulator.current import HELD, Current
+from services.simulator.settings import CurrentSettings, Settings, TetherSettings, Walls
+from services.simulator.tether import Tether
+from services.simulator.vessel import STEP, Vessel
+
+PIONEER = Stack().section("vehicle", Vehicle)
+NEUTRAL = msgspec.structs.replace(PIONEER, net_buoyancy=0.0)
+LEVEL: Quaternion = (1.0, 0.0, 0.0, 0.0)
+REST: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+motion = st.tuples(*[st.floats(-1.5, 1.5)] * 6)
+attitude = st.builds(from_euler, st.floats(-3, 3), st.floats(-1.5, 1.5), st.floats(-3, 3))
+flow = st.floats(-1, 1)
+law = settings(max_examples=25, deadline=None)
+
+
+def vessel(place: Settings, q_NB: Quaternion = LEVEL, nu: Vec6 = REST, **changes: Any) -> Vessel:
+    """A neutral one, 50 m deep, at rest over the ground unless said otherwise."""
+    vehicle = msgspec.structs.replace(NEUTRAL, **changes)
+    return Vessel(vehicle, place, (0.0, 0.0, 50.0, *q_NB, *nu), [0.0] * 4)
+
+
+def deep(**changes: Any) -> Settings:
+    return Settings(floor_depth=1000.0, **changes)
+
+
+def velocity_over_ground(ship: Vessel) -> Vec3:
+    u, v, w, *_ = ship.velocity
+    return to_world(ship.attitude, (u, v, w))
+
+
+def energy(ship: Vessel) -> float:
+    """[J] of motion and of tilt."""
+    _, x, y, _ = ship.attitude
+    righting = NEUTRAL.mass * GRAVITY * NEUTRAL.metacentric_height * 2 * (x * x + y * y)
+    return kinetic_energy(system_inertia(NEUTRAL), ship.through_water) + righting
+
+
+@settings(max_examples=8, deadline=None)
+@given(flow, flow, attitude)
+def test_a_free_hull_drifts_to_the_currents_velocity(
+    north: float, east: float, q_NB: Quaternion
+) -> None:
+    ship = vessel(deep(current=CurrentSettings(north, east)), q_NB)
+    behind = [dist(velocity_over_ground(ship), (north, east, 0.0))]
+    for _ in range(60):
+        ship.advance(1.0)
+        behind.append(dist(velocity_over_ground(ship), (north, east, 0.0)))
+    assert behind[-1] < 0.05 * behind[0] + 0.02  # drag fades with speed: the last bit takes long
+    assert ship.current == (north, east, 0.0)
+
+
+@law
+@given(flow, flow, attitude, motion, st.tuples(*[st.floats(-35, 35)] * 4))
+def test_a_steady_current_carries_everything_along_and_changes_nothing_else(
+    north: float, east: float, q_NB: Quaternion, nu: Vec6, thrust: tuple[float, ...]
+) -> None:
+    """Galilei: seen from the water, it moves as in water at rest."""
+    u, v, w, p, q, r = nu
+    a, b, c = to_body(q_NB, (north, east, 0.0))
+    still = vessel(deep(), q_NB, nu)
+    carried = vessel(
+        deep(current=CurrentSettings(north, east)), q_NB, (u + a, v + b, w + c, p, q, r)
+    )
+    for ship in (still, carried):
+        ship.drive(thrust)
+        ship.advance(2.0)
+    x, y, z = still.position
+    assert carried.position == pytest.approx((x + 2 * north, y + 2 * east, z), abs=1e-9)
+    assert carried.attitude == pytest.approx(still.attitude, abs=1e-9)
+    assert carried.acceleration == pytest.approx(still.acceleration, abs=1e-9)
+
+
+def test_where_the_current_changes_the_hull_does_not_jump() -> None:
+    ship = vessel(deep(current=CurrentSettings(0.2, 0.1, std=0.3, time_constant=5.0)))
+    before, currents = velocity_over_ground(ship), {ship.current}
+    for _ in range(400):
+        ship.advance(STEP)
+        after = velocity_over_ground(ship)
+        assert dist(before, after) < 0.02  # at most some m/s² for one step
+        before = after
+        currents.add(ship.current)
+    assert len(currents) == pytest.approx(400 * STEP / HELD, abs=1)
+
+
+def test_the_currents_wandering_has_its_strength_its_memory_and_its_seed() -> None:
+    about = CurrentSettings(0.3, -0.2, std=0.1, time_constant=4.0)
+    current, same, other = (Current(about, seed) for seed in (1, 1, 2))
+    history = np.array([current.at(HELD * k) for k in range(60_000)])
+    assert history.mean(axis=0) == pytest.approx((0.3, -0.2, 0.0), abs=0.02)
+    assert history[:, :2].std(axis=0) == pytest.approx([0.1, 0.1], rel=0.1)
+    lag = round(4.0 / HELD)
+    kept = np.corrcoef(history[lag:, 0], history[:-lag, 0])[0, 1]
+    assert kept == pytest.approx(exp(-1.0), abs=0.08)
+    assert same.at(60.0) == tuple(history[round(60.0 / HELD)]) != other.at(60.0)
+
+
+@law
+@given(attitude, motion, st.floats(0, 100))
+def test_with_a_tether_energy_is_only_lost_and_faster(
+    q_NB: Quaternion, nu: Vec6, slack: float
+) -> None:
+    ship, free = (
+        vessel(deep(tether=TetherSettings(slack=slack)), q_NB, nu),
+        vessel(deep(), q_NB, nu),
+    )
+    history = [energy(ship)]
+    for _ in range(200):
+        ship.advance(STEP)
+        free.advance(STEP)
+        history.append(energy(ship))
+    assert all(b <= a + 1e-9 for a, b in pairwise(history))
+    assert history[-1] <= energy(free) + 0.02 * history[0]
+
+
+@law
+@given(st.floats(0, 200), st.floats(-2, 2), st.floats(-2, 2), st.floats(-2, 2))
+def test_the_tether_pulls_against_the_motion_and_more_the_deeper(
+    depth: float, north: float, east: float, down: float
+) -> None:
+    tether = Tether(TetherSettings(diameter=0.01, slack=10.0), 1025.0)
+    shallow, deeper = (tether.pull(d, (north, east, down)) for d in (depth, 2 * depth + 1.0))
+    pull_along = [pull * way for pull, way in zip(shallow, (north, east, down), strict=True)]
+    assert max(pull_along) <= 0
+    assert hypot(*deeper) >= hypot(*shallow)
+    across = 0.25 * 1025.0 * 1.2 * 0.01 * (depth + 10.0) * (north**2 + east**2)
+    assert hypot(*shallow[:2]) == pytest.approx(across)
+
+
+def test_surge_with_a_tether_ends_where_both_drags_balance_thrust() -> None:
+    ship = vessel(deep(tether=TetherSettings(diameter=0.01, slack=0.0)))
+    ship.drive([35.0, 35.0, 0.0, 0.0])
+    ship.advance(15.0)
+    linear = NEUTRAL.linear_damping[0]
+    quadratic = NEUTRAL.quadratic_damping[0] + 0.25 * 1025.0 * 1.2 * 0.01 * ship.position[2]
+    expected = (sqrt(linear**2 + 4 * quadratic * 70.0) - linear) / (2 * quadratic)
+    assert ship.through_water[0] == pytest.approx(expected, rel=0.01)
+    assert ship.tether_pull[0] == pytest.approx(
+        -quadratic * expected**2 + 25.0 * expected**2, rel=0.02
+    )
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.7, 1.5708, 3.1416, -1.5708])
+def test_full_thrust_ahead_does_not_push_it_through_a_wall(heading: float) -> None:
+    basin = deep(walls=Walls(north=(-3.0, 4.0), east=(-5.0, 2.0)))
+    ship = vessel(basin, from_euler(0.0, 0.0, heading))
+    ship.drive([35.0, 35.0, 0.0, 0.0])
+    half = max(NEUTRAL.size) / 2
+    closest = 10.0
+    for _ in range(120):
+        ship.advance(0.1)
+        north, east, _ = ship.position
+        closest = min(closest, 4.0 - north, north + 3.0, 2.0 - east, east + 5.0)
+    assert 0.05 < closest < half + 0.1
+
+
+@law
+@given(attitude, motion)
+def test_walls_create_no_energy(q_NB: Quaternion, nu: Vec6) -> None:
+    """The stiff wall stores energy while it is pressed in, so compare what is left at the end."""
+    basin = deep(walls=Walls(north=(-0.6, 0.6), east=(-0.6, 0.6)))
+    ship = vessel(basin, q_NB, nu)
+    before = energy(ship)
+    most = before
+    for _ in range(100):
+        ship.advance(0.01)
+        most = max(most, energy(ship))
+    assert most <= before * 1.001 + 1e-6
+
+
+@pytest.mark.parametrize(("north", "east"), [((1.0, 2.0), (-1.0, 1.0)), ((-1.0, 1.0), (0.0, 1.0))])
+def test_walls_without_room_for_the_start_are_refused(
+    north: tuple[float, float], east: tuple[float, float]
+) -> None:
+    with pytest.raises(ValueError, match="starts at 0, which must lie between the walls"):
+        Walls(north=north, east=east)

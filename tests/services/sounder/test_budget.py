@@ -1,0 +1,111 @@
+"""The stages add up to the whole, and nothing is said that is not known."""
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from messages.control import ThrusterCommand
+from messages.link import DOWN_STAGES, Shown
+from messages.message import Estimate
+from messages.pilot import PilotCommand
+from messages.reference import Motion, Reference
+from messages.state import VehicleState
+from messages.vehicle import Actuation
+from services.sounder.budget import Budget
+
+MS = 1_000_000
+PERIOD = 20 * MS
+REST = Motion(0.0, 0.0, 0.0, 0.0)
+ways = st.lists(
+    st.tuples(*(st.integers(0, 80) for _ in range(5))), min_size=10, max_size=60
+)  # [ms] pad, link, reference, control, thruster
+
+
+def fly(budget: Budget, k: int, way: tuple[int, ...]) -> int:
+    """One command from the stick to the thruster. Returns when its telemetry is back."""
+    pad, link, reference, control, thruster = way
+    sent = k * PERIOD
+    budget.command(
+        PilotCommand(stamp_ns=sent, surge=0.0, sway=0.0, heave=0.0, yaw=0.0, device_age_ms=pad),
+        sent + MS,
+    )
+    referred = sent + MS + (link + reference) * MS
+    commanded = referred + control * MS
+    done = commanded + thruster * MS
+    now = done + 10 * MS
+    budget.ping(float(link), now)
+    budget.reference(
+        Reference(
+            stamp_ns=referred, sensor_ns=None, pilot_ns=sent, armed=True, depth=REST,
+            heading=REST, surge_force=0.0, sway_force=0.0,
+        ),
+        now,
+    )  # fmt: skip
+    thrust = ThrusterCommand(stamp_ns=commanded, sensor_ns=None, pilot_ns=sent, thrust=())
+    budget.thrusters(thrust, now)
+    actuation = Actuation(
+        stamp_ns=done, thrust=(), actuated_ns=done, sensor_ns=None, pilot_ns=sent, stale=False,
+        power=0.0,
+    )  # fmt: skip
+    budget.actuation(actuation, now)
+    return now
+
+
+@given(ways=ways)
+@settings(max_examples=100, deadline=None)
+def test_the_stages_add_up_to_the_median_from_end_to_end(ways: list[tuple[int, ...]]) -> None:
+    budget = Budget()
+    for _ in range(5):
+        budget.ping(0.0, 0)  # before the first answers the link's share is not known
+    now = max(fly(budget, k, way) for k, way in enumerate(ways))
+    said = budget.report(now, None, "")
+    assert said.down is not None
+    assert tuple(stage.name for stage in said.down) == DOWN_STAGES
+    totals = sorted(pad + 1 + sum(rest) for pad, *rest in ways)
+    low, high = (
+        totals[len(totals) * 2 // 5 - 1],
+        totals[min(len(totals) - 1, len(totals) * 3 // 5 + 1)],
+    )
+    assert low - 1e-6 <= sum(stage.p50_ms for stage in said.down) <= high + 1e-6
+    assert said.stick_to_thruster_ms == totals[len(totals) // 2]
+
+
+@given(way=st.tuples(*(st.integers(0, 80) for _ in range(5))))
+@settings(max_examples=50, deadline=None)
+def test_a_steady_way_is_told_stage_by_stage(way: tuple[int, ...]) -> None:
+    budget = Budget()
+    now = [fly(budget, k, way) for k in range(20)][-1]
+    said = budget.report(now, 0.1, "")
+    assert said.down is not None
+    pad, link, reference, control, thruster = way
+    wanted = (pad, 1, link, reference, control, thruster)
+    assert all(abs(s.p50_ms - ms) < 1e-6 for s, ms in zip(said.down, wanted, strict=True))
+    assert abs((said.stick_to_thruster_ms or 0.0) - sum(wanted)) <= 0.05 * sum(wanted)
+
+
+def test_what_is_old_is_not_said() -> None:
+    budget = Budget()
+    now = [fly(budget, k, (1, 1, 1, 1, 1)) for k in range(20)][-1]
+    assert budget.report(now, None, "").down is not None
+    later = budget.report(now + 3_000 * MS, None, "")
+    assert later.down is None
+    assert later.stick_to_thruster_ms is None
+
+
+def test_the_way_back_adds_up_too_and_is_unknown_without_a_screen() -> None:
+    budget = Budget()
+    here = Estimate(0.0, 0.1)
+    for k in range(20):
+        sensed = k * 10 * MS
+        state = VehicleState(
+            stamp_ns=sensed + 2 * MS, sensor_ns=sensed, phase="running", depth=here,
+            depth_rate=here, depth_acceleration=here, attitude=(1.0, 0.0, 0.0, 0.0), roll=here,
+            pitch=here, heading=here, heading_navigation=None, yaw_rate=here,
+        )  # fmt: skip
+        budget.state(state, sensed + 32 * MS)
+    assert budget.report(300 * MS, None, "").up is None
+    for k in range(8):
+        budget.shown(Shown(stamp_ns=k * 250 * MS + 50 * MS, sensor_ns=k * 250 * MS), 300 * MS)
+    said = budget.report(300 * MS, None, "")
+    assert said.up is not None
+    assert [round(stage.p50_ms) for stage in said.up] == [2, 30, 18]
+    assert said.sensor_to_screen_ms == 50.0

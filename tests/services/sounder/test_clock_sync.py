@@ -1,0 +1,106 @@
+"""Whatever the link does to the pings, the true offset lies inside the stated bound."""
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from messages.link import ClockPong
+from services.sounder.clock_sync import DRIFT, ClockSync
+
+SECOND = 1_000_000_000
+delays = st.lists(
+    st.tuples(st.integers(0, 2 * SECOND), st.integers(0, 2 * SECOND), st.integers(0, 10_000_000)),
+    min_size=1,
+    max_size=40,
+)
+offsets = st.integers(-(10**15), 10**15)
+drifts = st.floats(-DRIFT, DRIFT)
+
+
+def trip(
+    t1: int, down: int, up: int, turn: int, offset: int, drift: float
+) -> tuple[ClockPong, int]:
+    """The pong of a ping sent at t1 and when it is back, both clocks as they are."""
+
+    def drone(topside_ns: int) -> int:
+        return topside_ns + offset + round(drift * topside_ns)
+
+    heard, said = t1 + down, t1 + down + turn
+    pong = ClockPong(stamp_ns=drone(said), ping_ns=t1, heard_ns=drone(heard))
+    return pong, said + up
+
+
+@given(delays=delays, offset=offsets, drift=drifts)
+@settings(max_examples=200, deadline=None)
+def test_the_true_offset_is_always_inside_the_bound(
+    delays: list[tuple[int, int, int]], offset: int, drift: float
+) -> None:
+    sync, newest = ClockSync(), 0
+    for k, (down, up, turn) in enumerate(delays):
+        pong, back = trip(k * SECOND // 5, down, up, turn, offset, drift)
+        newest = max(newest, back)
+        sync.heard(pong, newest if back < newest else back)
+        clock = sync.clock(newest)
+        true = offset + drift * newest
+        assert clock.offset_ns is not None
+        assert clock.bound_ns is not None
+        assert abs(clock.offset_ns - true) <= clock.bound_ns + 2  # integer stamps
+    assert sync.happened == []
+
+
+@given(offset=offsets, fast=st.integers(0, 1_000_000), slow=st.integers(0, SECOND))
+@settings(max_examples=100, deadline=None)
+def test_one_fast_round_trip_among_slow_ones_sets_the_bound(
+    offset: int, fast: int, slow: int
+) -> None:
+    sync = ClockSync()
+    for k in range(20):
+        delay = fast if k == 10 else fast + slow
+        pong, back = trip(k * SECOND // 5, delay, delay, 0, offset, 0.0)
+        sync.heard(pong, back)
+    clock = sync.clock(5 * SECOND)
+    assert clock.bound_ns is not None
+    assert clock.bound_ns <= fast + DRIFT * 5 * SECOND + 2
+
+
+@given(jump=st.integers(2 * SECOND, 3600 * SECOND), back=st.booleans())
+@settings(max_examples=50, deadline=None)
+def test_a_clock_that_is_set_is_noticed_counted_and_learnt_anew(jump: int, back: bool) -> None:
+    sync, offset = ClockSync(), 10**12
+    for k in range(20):
+        if k == 10:
+            offset += -jump if back else jump
+        pong, arrival = trip(k * SECOND // 5, 5_000_000, 5_000_000, 0, offset, 0.0)
+        sync.heard(pong, arrival)
+    clock = sync.clock(4 * SECOND)
+    assert sync.happened == ["jumped:clock"]
+    assert clock.offset_ns == pytest.approx(offset, abs=6_000_000)
+
+
+def test_a_pong_that_cannot_be_is_not_believed() -> None:
+    sync = ClockSync()
+    sync.heard(ClockPong(stamp_ns=500, ping_ns=0, heard_ns=100), 10)
+    assert sync.happened == ["impossible:clock/pong"]
+    assert sync.clock(20).offset_ns is None
+
+
+def test_drift_is_told_once_it_can_be() -> None:
+    sync, drift = ClockSync(), None
+    for k in range(600):
+        pong, back = trip(k * SECOND // 5, 1_000_000, 1_000_000, 0, 10**9, 40e-6)
+        sync.heard(pong, back)
+        drift = sync.clock(back).drift_ppm
+        assert (drift is None) == (k < 100)
+    assert drift == pytest.approx(40.0, abs=1.0)
+
+
+def test_an_answer_that_stays_away_leaves_no_round_trip_but_the_offset() -> None:
+    sync = ClockSync()
+    pong, back = trip(0, 1_000_000, 1_000_000, 0, 10**9, 0.0)
+    sync.heard(pong, back)
+    assert sync.clock(back).rtt_ms == pytest.approx(2.0)
+    later = sync.clock(back + 5 * SECOND)
+    assert later.rtt_ms is None
+    assert later.offset_ns == pytest.approx(10**9, abs=2)
+    assert later.bound_ns is not None
+    assert later.bound_ns >= 1_000_000 + DRIFT * 5 * SECOND - 2

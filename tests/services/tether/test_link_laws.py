@@ -1,0 +1,342 @@
+"""What holds for every link, whatever its profile: nothing is invented, nothing vanishes."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from messages.topic import Qos
+from services.tether.codel import CoDel
+from services.tether.delay import Constant, Exponential, Normal, Pareto, Table, Trace, Uniform
+from services.tether.link_model import Line
+from services.tether.loss import Bursts, GilbertElliott, Independent
+from services.tether.outage import Outage, Outages
+from services.tether.profile import Late, Leg, Queue
+from services.tether.waiting import RANK
+
+MS = 1_000_000  # [ns]
+S = 1000 * MS
+share = st.floats(0.0, 1.0)
+ms = st.floats(0.0, 200.0)
+alike = st.floats(0.0, 0.95)
+
+
+def uniform(one: float, other: float, correlation: float) -> Uniform:
+    return Uniform(min(one, other), max(one, other), correlation)
+
+
+def normal(mean: float, correlation: float) -> Normal:
+    return Normal(mean, mean / 5.0, correlation)
+
+
+DELAYS = st.one_of(
+    st.builds(Constant, ms),
+    st.builds(uniform, ms, ms, alike),
+    st.builds(normal, ms, alike),
+    st.builds(Exponential, ms, alike),
+    st.builds(Pareto, ms, st.floats(1.1, 5.0), alike),
+    st.builds(Table, st.lists(ms, min_size=2, max_size=9).map(tuple)),
+    st.just(Trace(sent_s=(0.0, 0.1, 0.3), arrived_s=(0.05, None, 0.4))),
+)
+LOSSES = st.one_of(
+    st.none(),
+    st.builds(Independent, share),
+    st.builds(GilbertElliott, share, st.floats(0.05, 1.0), share, share),
+    st.builds(Bursts, st.just(0.5), st.floats(0.0, 0.5), share, st.floats(0.0, 1.0)),
+)
+OUTAGES = st.sampled_from(
+    [
+        Outages(),
+        Outages((Outage(0.2, 0.1),)),
+        Outages((Outage(0.0, 0.05), Outage(0.3, 0.2)), repeat_s=0.6),
+    ]
+)
+QUEUES = st.builds(
+    Queue,
+    st.integers(100, 20_000),
+    st.sampled_from(["drop_tail", "drop_oldest", "codel"]),
+    st.just(CoDel(5.0, 50.0)),
+)
+
+
+@st.composite
+def legs(draw: st.DrawFn) -> Leg:
+    rate = draw(st.sampled_from([0.0, 20.0, 200.0, 5000.0]))
+    return Leg(
+        delay_ms=draw(ms),
+        delay=draw(DELAYS),
+        loss=draw(LOSSES),
+        late=draw(st.one_of(st.none(), st.builds(Late, share, ms))),
+        duplicate=draw(share),
+        corrupt=draw(share),
+        rate_kbit=rate,
+        overhead_bytes=draw(st.integers(0, 100)),
+        queue=draw(QUEUES) if rate else None,
+        outages=draw(OUTAGES),
+    )
+
+
+entries = st.lists(
+    st.tuples(st.integers(0, 30 * MS), st.integers(0, 1500), st.integers(0, 3)),
+    min_size=1,
+    max_size=60,
+)  # time since the one before, size, rank
+Arrived = list[tuple[int, int, bool]]  # item, out [ns], damaged
+
+
+def line_of(leg: Leg, seed: int = 1) -> Line[int]:
+    return Line(leg, np.random.default_rng(seed))
+
+
+def drain(line: Line[int], until: int | None = None) -> Arrived:
+    """Let everything happen at its own time."""
+    out: Arrived = []
+    while (due := line.due()) is not None and (until is None or due <= until):
+        while (arrival := line.leave(due)) is not None:
+            out.append((arrival.item, due, arrival.damaged))
+    return out
+
+
+def passage(line: Line[int], steps: list[tuple[int, int, int]]) -> Arrived:
+    now, out = 0, Arrived()
+    for item, (wait, size, rank) in enumerate(steps):
+        now += wait
+        out += drain(line, now)
+        line.enter(item, now, size, rank)
+    return out + drain(line)
+
+
+def assert_conserved(line: Line[int]) -> None:
+    gone = line.forwarded + line.lost.total()
+    assert line.entered + line.copied == gone + line.on_the_way
+
+
+@settings(max_examples=150, deadline=None)
+@given(legs(), entries, st.integers(0, 5))
+def test_whatever_enters_arrives_is_lost_for_a_reason_or_is_on_the_way(
+    leg: Leg, steps: list[tuple[int, int, int]], seed: int
+) -> None:
+    line = line_of(leg, seed)
+    out = passage(line, steps)
+    lost = line.take_lost()
+    assert_conserved(line)
+    assert line.on_the_way == 0
+    assert Counter(reason for _, reason in lost) == line.lost
+    copies = Counter(item for item, _, _ in out)
+    fates = copies + Counter(item for item, _ in lost)
+    assert fates.keys() == set(range(len(steps)))  # nobody is forgotten, nobody invented
+    assert not copies.keys() & {item for item, _ in lost}
+    assert max(copies.values(), default=0) <= 2
+
+
+@settings(max_examples=100, deadline=None)
+@given(legs(), entries)
+def test_nothing_comes_early_and_only_the_late_are_overtaken_within_a_stance(
+    leg: Leg, steps: list[tuple[int, int, int]]
+) -> None:
+    out = passage(line_of(leg), steps)
+    times = [at for _, at, _ in out]
+    assert times == sorted(times)
+    entered = np.cumsum([wait for wait, _, _ in steps]).tolist()
+    for item, at, _ in out:
+        transmission = 0.0
+        if leg.rate_kbit:
+            transmission = (steps[item][1] + leg.overhead_bytes) * 8e6 / leg.rate_kbit
+        assert at >= entered[item] + leg.delay_ms * MS + transmission - 2
+    if leg.late is None:
+        for rank in range(4):
+            same = [item for item, _, _ in out if steps[item][2] == rank]
+            assert same == sorted(same)
+
+
+@settings(max_examples=100, deadline=None)
+@given(legs(), entries, st.integers(1, 7), st.integers(0, 9))
+def test_the_same_seed_gives_the_same_fates_however_often_one_looks(
+    leg: Leg, steps: list[tuple[int, int, int]], look_ms: int, seed: int
+) -> None:
+    once, often = line_of(leg, seed), line_of(leg, seed)
+    expected = passage(once, steps)
+    now, out, end = 0, Arrived(), 0
+    for item, (wait, size, rank) in enumerate(steps):
+        for moment in range(now, now + wait, look_ms * MS):
+            out += drain(often, moment)
+            often.standing_bytes(moment)  # looking must not change what happens
+            often.report(moment)
+        now += wait
+        out += drain(often, now)
+        often.enter(item, now, size, rank)
+        end = now
+    assert out + drain(often) == expected
+    assert often.take_lost() == once.take_lost()
+    assert end == sum(wait for wait, _, _ in steps)
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    st.lists(legs(), min_size=1, max_size=3),
+    st.lists(
+        st.tuples(st.integers(0, 40 * MS), st.sampled_from("eeeeeelcdu"), st.integers(0, 999)),
+        max_size=80,
+    ),
+)
+def test_conservation_survives_changes_cuts_and_joins(
+    models: list[Leg], steps: list[tuple[int, str, int]]
+) -> None:
+    line, now = line_of(models[0]), 0
+    for number, (wait, what, size) in enumerate(steps):
+        now += wait
+        match what:
+            case "e":
+                line.enter(number, now, size, number % 4)
+            case "l":
+                line.leave(now)
+            case "c":
+                before = line.lost.total(), line.on_the_way
+                forwarded = line.forwarded
+                line.change(models[number % len(models)], now)
+                assert line.forwarded == forwarded
+                assert before[1] > 0 or line.lost.total() == before[0]
+            case "d":
+                line.cut(now)
+                assert line.on_the_way == 0
+                assert not line.is_up(now)
+            case _:
+                line.restore(now)
+        assert_conserved(line)
+    drain(line)
+    assert_conserved(line)
+    assert line.on_the_way == 0
+
+
+def test_a_change_keeps_what_is_on_the_way() -> None:
+    narrow = Leg(delay_ms=50.0, rate_kbit=80.0, queue=Queue())
+    line = line_of(narrow)
+    for item in range(20):
+        line.enter(item, 0, 100)  # 10 ms each
+    line.leave(35 * MS)
+    line.change(Leg(delay_ms=5.0), 35 * MS)
+    out = drain(line)
+    assert [item for item, _, _ in out] == list(range(20))
+    assert line.lost.total() == 0
+    line.change(narrow, 1 * S)  # a limit that is smaller than what waits loses nothing either
+    for item in range(20):
+        line.enter(item, 1 * S, 100)
+    line.change(Leg(rate_kbit=80.0, queue=Queue(limit_bytes=200)), 1 * S)
+    assert len(drain(line)) == 20
+
+
+def test_a_cut_link_loses_everything_with_the_reason_and_reports_no_delay() -> None:
+    line = line_of(Leg(delay_ms=20.0))
+    for k in range(10):
+        line.enter(k, k * MS)
+    assert len(drain(line, 21 * MS)) == 2
+    line.cut(22 * MS)
+    line.enter(10, 23 * MS)
+    assert drain(line) == []
+    report = line.report(30 * MS)
+    assert report.delay_p50_ms is None
+    assert report.lost == {"outage": 9}
+    line.restore(40 * MS)
+    line.enter(11, 41 * MS)
+    assert [item for item, _, _ in drain(line)] == [11]
+
+
+# Rate, queue, urgency.
+
+
+def flood(queue: Queue, seconds: float, load: float) -> tuple[Line[int], list[float]]:
+    """`load` times the capacity of 100 kbit/s in messages of 100 B; the delays in ms."""
+    line, delays = line_of(Leg(rate_kbit=100.0, queue=queue)), list[float]()
+    step = round(8 * MS / load)
+    for k in range(round(seconds * S / step)):
+        for item, at, _ in drain(line, k * step):
+            delays.append((at - item * step) / MS)
+        line.enter(k, k * step, 100)
+    return line, delays
+
+
+def test_a_full_link_carries_its_rate_and_no_more() -> None:
+    line, delays = flood(Queue(limit_bytes=5000), 20.0, 1.5)
+    assert line.carried_bytes * 8 / 20.0 == pytest.approx(100_000.0, rel=1e-3)
+    assert max(delays) <= 51 * 8.0 + 1e-6  # the queue and the one that is leaving
+    assert set(line.lost) == {"queue_full"}
+
+
+def test_drop_oldest_brings_what_is_newer() -> None:
+    tail = flood(Queue(limit_bytes=5000), 20.0, 3.0)[1]
+    oldest = flood(Queue(limit_bytes=5000, policy="drop_oldest"), 20.0, 3.0)[1]
+    assert np.median(oldest) < 0.5 * np.median(tail)
+
+
+def test_codel_keeps_the_wait_short_under_lasting_overload_and_drops_nothing_without() -> None:
+    law = CoDel(target_ms=20.0, interval_ms=100.0)
+    queue = Queue(limit_bytes=50_000, policy="codel", codel=law)
+    line, delays = flood(queue, 60.0, 1.2)
+    _, unmanaged = flood(Queue(limit_bytes=50_000), 60.0, 1.2)
+    assert np.median(delays[-2000:]) < 100.0 < 1000.0 < np.median(unmanaged[-2000:])
+    assert set(line.lost) == {"codel"}
+    calm, _ = flood(queue, 60.0, 0.9)
+    assert calm.lost.total() == 0
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(1, 200), st.integers(0, 30 * MS))
+def test_a_command_waits_for_one_message_at_most(backlog: int, at: int) -> None:
+    line = line_of(Leg(rate_kbit=100.0, queue=Queue()))
+    for item in range(backlog):
+        line.enter(item, 0, 100, RANK[Qos.BULK])
+    out = drain(line, at)
+    line.enter(-1, at, 100, RANK[Qos.REALTIME])
+    out += drain(line)
+    arrived = next(when for item, when, _ in out if item == -1)
+    assert arrived - at <= 2 * 8 * MS
+
+
+@pytest.mark.parametrize("policy", ["drop_tail", "drop_oldest", "codel"])
+def test_a_full_queue_gives_up_bulk_first_and_commands_last(policy: str) -> None:
+    queue = Queue(limit_bytes=1000, policy=policy)  # type: ignore[arg-type]
+    line = line_of(Leg(rate_kbit=1.0, queue=queue))
+    for stance in (Qos.BULK, Qos.LIVE, Qos.EVENT, Qos.REALTIME):
+        for item in range(5):
+            line.enter(10 * RANK[stance] + item, 0, 100, RANK[stance])
+    ranks = [item // 10 for item, _ in line.take_lost()]
+    bulk, live = RANK[Qos.BULK], RANK[Qos.LIVE]
+    assert ranks == [bulk] * 4 + [live] * 5  # one bulk message was leaving already
+
+
+def test_memory_is_bounded_however_much_enters() -> None:
+    line = Line[int](Leg(delay_ms=60_000.0), np.random.default_rng(1), most=100)
+    for k in range(1000):
+        line.enter(k, k)
+    assert line.on_the_way == 100
+    assert line.lost == {"too_many": 900}
+    assert len(line.take_lost()) == 900
+    assert line.take_lost() == []
+
+
+# Outages and traces.
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.floats(0, 20), st.floats(0, 5))
+def test_an_outage_is_seen_by_whoever_is_on_the_way_meanwhile(since: float, length: float) -> None:
+    schedule = Outages((Outage(1.0, 0.5), Outage(2.0, 0.25)), repeat_s=4.0)
+    moments = np.linspace(since, since + length, 4001)
+    places = moments % 4.0
+    away = ((places >= 1.0) & (places < 1.5)) | ((places >= 2.0) & (places < 2.25))
+    if bool(away.any()):
+        assert schedule.touch(since, since + length)
+    elif not schedule.touch(since + 0.01, since + length - 0.01):
+        near = np.min(np.abs(places[:, None] - np.array([1.0, 1.5, 2.0, 2.25])[None, :]))
+        assert not schedule.touch(since, since + length) or near < 0.02
+
+
+def test_a_trace_gives_each_moment_the_delay_and_the_losses_it_had() -> None:
+    trace = Trace(sent_s=(0.0, 1.0, 2.0, 3.0), arrived_s=(0.1, None, 2.3, 3.2))
+    line = line_of(Leg(delay=trace))
+    out = passage(line, [(0, 0, 0)] + [(500 * MS, 0, 0)] * 7)
+    delays = [(item, round((at - item * 500 * MS) / MS)) for item, at, _ in out]
+    assert delays == [(0, 100), (1, 100), (4, 300), (5, 300), (6, 100), (7, 100)]
+    assert line.lost == {"trace": 2}

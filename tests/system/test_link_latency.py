@@ -1,0 +1,219 @@
+"""What the pilot is told of the link while it changes under a flight: where the time goes, alarms,
+and which telemetry is thinned out. On virtual time."""
+
+from pathlib import Path
+from statistics import median
+
+import numpy as np
+import pytest
+
+from messages import topics
+from messages.link import LatencyBudget, LinkRequest, LinkStatus, Shown
+from messages.pilot import PilotCommand
+from messages.state import VehicleState
+from messages.vehicle import Actuation, VehicleStatus
+from services.runtime.settings import DEPLOY
+from services.runtime.stack import Stack, services_of
+from services.runtime.virtual_host import VirtualHost
+
+MS, S = 1_000_000, 1_000_000_000  # [ns]
+SERVICES = (
+    "simulator", "estimation", "reference", "control", "tether", "gamepad", "sounder", "echo",
+)  # fmt: skip
+SCREEN_MS = 12.0  # [ms] what the screen of these tests takes
+
+
+class Flight:
+    """The chain with a sounder and a screen, armed; ears in both realms."""
+
+    def __init__(self, folder: Path, link: str) -> None:
+        script = folder / "script.csv"
+        script.write_text("t,surge,sway,heave,yaw\n0,0.3,0,0.3,0.2\n4,0,0,-0.3,0\n100,0,0,0,0\n")
+        stack = Stack(
+            pilot=f"script:{script}",
+            out=str(folder),
+            link=link,
+            overrides=["estimation.calibration.still_time=1.5"],  # [s] less to wait for
+        )
+        self.host, rows = VirtualHost(), services_of("dive")
+        for name in SERVICES:
+            self.host.add(name, rows[name], stack)
+        self.said: list[tuple[int, LatencyBudget]] = []
+        self.links: list[LinkStatus] = []
+        self.arrivals: dict[str, list[tuple[int, float]]] = {}  # ([ns], age [ms]) by topic
+        self.downward_ms: list[float] = []  # of commands, truly
+        self.upward_ms: list[float] = []  # of what the screen shows, truly
+        statuses: list[VehicleStatus] = []
+        pilot, drone = self.host.node("ears", ["topside"]), self.host.node("eyes", ["drone"])
+        self._requests = self.host.node("hand", ["topside"]).publisher(topics.LINK_REQUEST)
+        self._shown = pilot.publisher(topics.SHOWN.of("screen"))
+        self._newest: VehicleState | None = None
+        self._drawn = pilot.alarm(self._show)
+        self._drawing: VehicleState | None = None
+        pilot.each(topics.LATENCY, lambda m, now: self.said.append((now, m)))
+        pilot.each(topics.LINK, lambda m, _: self.links.append(m))
+        pilot.each(topics.STATE, self._on_state)
+        pilot.each(topics.THRUSTERS, lambda m, now: self._arrived("thrusters", m.stamp_ns, now))
+        pilot.every(topics.SHOWN.hz, self._draw)
+        drone.each(topics.PILOT_COMMAND, self._on_command, onlooker=True)
+        drone.each(topics.ACTUATION, self._on_actuation)
+        drone.each(topics.STATUS, lambda m, _: statuses.append(m))
+        self.host.run(20 * S, done=lambda: bool(statuses) and statuses[-1].armed)
+        assert statuses[-1].armed
+
+    def run(self, seconds: float) -> None:
+        self.host.run(self.host.now + round(seconds * S))
+
+    def ask(self, request: LinkRequest) -> int:
+        """Returns when [ns] the link has changed."""
+        self._requests.put(request)
+        return self.host.now
+
+    def adjust(self, *settings: str) -> int:
+        return self.ask(LinkRequest(stamp_ns=self.host.now, id="", kind="set", settings=settings))
+
+    def since(self, moment: int) -> list[LatencyBudget]:
+        return [budget for at, budget in self.said if at >= moment]
+
+    def first_alarm(self, since: int) -> int:
+        """[ns] after `since`."""
+        return next(at for at, budget in self.said if at >= since and budget.alarm) - since
+
+    def ages(self, name: str, since: int, until: int) -> list[float]:
+        """[ms] of what arrived in that time."""
+        return [age for at, age in self.arrivals.get(name, []) if since <= at < until]
+
+    def _arrived(self, name: str, stamp: int, now: int) -> None:
+        self.arrivals.setdefault(name, []).append((now, (now - stamp) / MS))
+
+    def _on_state(self, state: VehicleState, now: int) -> None:
+        self._newest = state
+        self._arrived("state", state.stamp_ns, now)
+
+    def _on_command(self, command: PilotCommand, now: int) -> None:
+        self._arrived("command", command.stamp_ns, now)
+
+    def _on_actuation(self, actuation: Actuation, _: int) -> None:
+        if actuation.actuated_ns is not None and actuation.pilot_ns is not None:
+            # The same command acts twice, for two references; the first time is what counts.
+            self._acted = getattr(self, "_acted", 0)
+            if actuation.pilot_ns > self._acted:
+                self._acted = actuation.pilot_ns
+                self.downward_ms.append((actuation.actuated_ns - actuation.pilot_ns) / MS)
+
+    def _draw(self, now: int) -> None:
+        self._drawing = self._newest
+        self._drawn.set(now + round(SCREEN_MS * MS))
+
+    def _show(self, now: int) -> None:
+        if self._drawing is not None:
+            self.upward_ms.append((now - self._drawing.sensor_ns) / MS)
+            self._shown.put(Shown(stamp_ns=now, sensor_ns=self._drawing.sensor_ns))
+
+
+@pytest.mark.parametrize("link", ["tether", "wifi_buoy", "remote"])
+def test_the_stages_add_up_to_what_truly_passes(tmp_path: Path, link: str) -> None:
+    flight = Flight(tmp_path, link)
+    flight.run(3.0)  # until the budget's two seconds are all flight
+    flight.downward_ms.clear()
+    flight.upward_ms.clear()
+    begin = flight.host.now + 2 * S
+    flight.run(8.0)
+    told = flight.since(begin)
+    assert len(told) >= 10
+    for budget in told:
+        assert budget.alarm == ""
+        assert budget.down is not None
+        assert budget.up is not None
+        down, up = (sum(stage.p50_ms for stage in way) for way in (budget.down, budget.up))
+        assert down == pytest.approx(budget.stick_to_thruster_ms, rel=0.05)
+        assert up == pytest.approx(budget.sensor_to_screen_ms, rel=0.05)
+    downs = [budget.stick_to_thruster_ms or 0.0 for budget in told]
+    ups = [budget.sensor_to_screen_ms or 0.0 for budget in told]
+    print(link, median(downs), median(flight.downward_ms), median(ups), median(flight.upward_ms))
+    assert median(downs) == pytest.approx(median(flight.downward_ms), rel=0.05)
+    assert median(ups) == pytest.approx(median(flight.upward_ms), rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("settings", "added_ms"),
+    [
+        (("down.delay_ms=300",), 300),
+        (("up.delay_ms=300",), 300),
+        (("down.delay_ms=300", "up.delay_ms=300"), 600),
+    ],
+)
+def test_a_delay_that_grows_is_told_within_a_second(
+    tmp_path: Path, settings: tuple[str, ...], added_ms: int
+) -> None:
+    flight = Flight(tmp_path, "tether")
+    flight.run(4.0)
+    assert not any(budget.alarm for _, budget in flight.said)
+    changed = flight.adjust(*settings)
+    flight.run(5.0)
+    print(settings, flight.first_alarm(changed) / MS)
+    assert flight.first_alarm(changed) <= S + added_ms * MS
+    assert flight.said[-1][1].alarm.startswith("round trip has risen from ")
+    for budget in flight.since(changed + 3 * S):
+        if "down.delay_ms=300" in settings:  # no stick arrives within its life
+            assert (budget.down, budget.stick_to_thruster_ms) == (None, None)
+        if "up.delay_ms=300" in settings:
+            assert (budget.sensor_to_screen_ms or 0.0) >= 300.0
+
+
+def test_a_link_that_is_gone_is_told_within_a_second_and_leaves_no_number(tmp_path: Path) -> None:
+    flight = Flight(tmp_path, "wifi_buoy")
+    flight.run(4.0)
+    cut = flight.ask(LinkRequest(stamp_ns=flight.host.now, id="1", kind="down"))
+    flight.run(6.0)
+    print("cut", flight.first_alarm(cut) / MS)
+    assert flight.first_alarm(cut) <= S
+    silent = flight.since(cut + 2 * S + S // 2)  # the budget is about two seconds
+    assert len(silent) >= 6
+    for budget in silent:
+        assert budget.alarm.startswith("no answer from the drone for")
+        assert budget.down is budget.stick_to_thruster_ms is None
+        assert budget.up is None
+        # What is on the screen grows old, and that is not a number to be proud of.
+        assert budget.sensor_to_screen_ms is None or budget.sensor_to_screen_ms > 400.0
+    status = flight.links[-1]
+    assert (status.up, status.rtt_ms, status.down_link.delay_p50_ms) == (False, None, None)
+    joined = flight.ask(LinkRequest(stamp_ns=flight.host.now, id="2", kind="up"))
+    flight.run(4.0)
+    back = flight.since(joined + S)
+    assert not any(budget.alarm for budget in back)
+    assert 8.0 <= (back[-1].stick_to_thruster_ms or 0.0) <= 60.0
+    assert back[-1].sensor_to_screen_ms is not None
+
+
+def test_thinning_out_keeps_what_matters_fast_and_ends_with_the_cause(tmp_path: Path) -> None:
+    text = (DEPLOY / "links" / "congested.toml").read_text(encoding="utf-8")
+    full = tmp_path / "full.toml"
+    full.write_text(text.replace("[down]", "thin = false\n[down]", 1))
+    p99: dict[str, dict[str, float]] = {}
+    flights: dict[str, Flight] = {}
+    for name, link in (("thinned out", "congested"), ("in full", str(full))):
+        flight = flights[name] = Flight(tmp_path, link)
+        begin = flight.host.now + 5 * S
+        flight.run(15.0)
+        p99[name] = {
+            key: float(np.percentile(flight.ages(key, begin, flight.host.now), 99))
+            for key in ("command", "thrusters", "state")
+        }
+    print(p99)
+    thinned, whole = p99["thinned out"], p99["in full"]
+    assert thinned["command"] <= 1.05 * whole["command"]
+    assert thinned["thrusters"] <= whole["thrusters"]
+    assert thinned["state"] < 150.0 < whole["state"]
+
+    flight = flights["thinned out"]
+    assert flight.links[-1].up_link.tiers["simulator/truth"] < topics.TRUTH.hz
+    assert flights["in full"].links[-1].up_link.tiers == {}
+    asked = flight.ask(
+        LinkRequest(stamp_ns=flight.host.now, id="", kind="profile", profile="tether")
+    )
+    flight.run(3.0)
+    assert flight.links[-1].profile == "tether"
+    assert flight.links[-1].up_link.tiers == {}
+    for name in ("state", "thrusters"):
+        assert len(flight.ages(name, asked + S, asked + 2 * S)) in range(99, 102)

@@ -1,0 +1,361 @@
+"""Freshness in whole dives on virtual time, with one clock and with two: whatever the link does to
+the pilot's commands, on board only those act that are whole, in order and within their life."""
+
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import msgspec
+from hypothesis import HealthCheck, Phase, event, given, settings
+from hypothesis import strategies as st
+
+from messages import topics
+from messages.control import ThrusterCommand
+from messages.link import LinkAnswer, LinkRequest
+from messages.pilot import TTL_MS, PilotCommand
+from messages.reference import Reference
+from messages.topic import M, Topic
+from messages.vehicle import Actuation, VehicleStatus
+from services.reference.minimum_jerk import Ramp
+from services.reference.settings import Settings
+from services.runtime.bus import Envelope
+from services.runtime.gate import Gate
+from services.runtime.node import Node
+from services.runtime.stack import Stack, services_of
+from services.runtime.table import wiring
+from services.runtime.virtual_host import Skew, VirtualHost
+from services.tether.damage import NEVER_USED
+
+Kind = Literal["profile", "set", "down", "up"]
+MS, S = 1_000_000, 1_000_000_000  # [ns]
+TTL = round(TTL_MS * MS)  # [ns]
+AGED = MS // 10  # [ns] what two crystals may gain since the sounder's newest word came through
+SERVICES = (
+    "simulator", "estimation", "reference", "control", "tether", "gamepad", "sounder", "echo",
+)  # fmt: skip
+COMMAND = topics.PILOT_COMMAND.key
+REASONS = ("malformed", "expired", "duplicated", "reordered")
+
+# Link models, as lines of a profile.
+
+DELAYS = (
+    "jitter_ms = 40.0",
+    'delay = { kind = "uniform", low_ms = 0.0, high_ms = 300.0 }',
+    'delay = { kind = "normal", mean_ms = 120.0, std_ms = 30.0, correlation = 0.9 }',
+    'delay = { kind = "exponential", mean_ms = 100.0, correlation = 0.5 }',
+    'delay = { kind = "pareto", mean_ms = 90.0, shape = 2.2, correlation = 0.7 }',
+)
+LOSSES = (
+    "",
+    'loss = { kind = "independent", share = 0.3 }',
+    'loss = { kind = "gilbert_elliott", to_bad = 0.05, to_good = 0.1 }',
+    'loss = { kind = "bursts", every_s = 1.5, seconds = 0.5 }',
+)
+RATES = (
+    "",
+    "rate_kbit = 100.0\noverhead_bytes = 60\nqueue = { limit_bytes = 9000 }",
+    'rate_kbit = 60.0\noverhead_bytes = 60\nqueue = { limit_bytes = 6000, policy = "drop_oldest" }',
+    'rate_kbit = 80.0\nqueue = { limit_bytes = 20000, policy = "codel" }',
+)
+OUTAGES = ("", "outages = { windows = [{ start_s = 1.0, seconds = 0.6 }], repeat_s = 2.5 }")
+
+
+@st.composite
+def legs(draw: st.DrawFn) -> str:
+    lines = (
+        f"delay_ms = {draw(st.integers(0, 250))}",
+        draw(st.sampled_from(DELAYS)),
+        draw(st.sampled_from(LOSSES)),
+        draw(st.sampled_from(RATES)),
+        f"late = {{ share = {draw(st.sampled_from([0.0, 0.1, 0.3]))}, ms = 90.0 }}",
+        f"duplicate = {draw(st.sampled_from([0.0, 0.2]))}",
+        f"corrupt = {draw(st.sampled_from([0.0, 0.2]))}",
+        draw(st.sampled_from(OUTAGES)),
+    )
+    return "\n".join(lines)
+
+
+profiles = st.tuples(legs(), legs()).map(lambda way: f"[down]\n{way[0]}\n\n[up]\n{way[1]}\n")
+changes: st.SearchStrategy[tuple[Kind, *tuple[str, ...]]] = st.sampled_from(
+    [("down",), ("up",), ("set", "down.delay_ms=20", "down.corrupt=0.3")]
+)
+travel = st.sampled_from([-1.0, -0.5, 0.0, 0.3, 1.0])
+sticks = st.lists(st.tuples(travel, travel, travel, travel), min_size=3, max_size=8)
+
+
+class Judged(NamedTuple):
+    """One envelope at the door of `reference`."""
+
+    at: int  # [ns] host's clock
+    payload: bytes
+    admitted: PilotCommand | None  # stamps in the drone's clock
+
+
+class Acted(NamedTuple):
+    """A reference, and when [ns] by the host's clock."""
+
+    at: int
+    reference: Reference
+
+
+class Watched(Gate[M]):
+    """A gate whose every judgement is written down."""
+
+    book: list[Judged]
+    host: VirtualHost
+
+    def admit(self, envelope: Envelope, now: int) -> M | None:
+        message = super().admit(envelope, now)
+        if envelope.key == COMMAND:
+            assert message is None or isinstance(message, PilotCommand)
+            self.book.append(Judged(self.host.now, envelope.payload, message))
+        return message
+
+
+@dataclass
+class Flight:
+    """The chain with a pilot who never rests, and observers in both realms."""
+
+    folder: Path
+    moves: list[tuple[float, float, float, float]]
+    clock: Skew | None = None  # of the drone, where it is a machine of its own
+    judged: list[Judged] = field(default_factory=list[Judged])
+    sent: dict[int, PilotCommand] = field(default_factory=dict[int, PilotCommand])  # by seq
+    acted: list[Acted] = field(default_factory=list[Acted])
+    thrust: list[tuple[int, ThrusterCommand]] = field(
+        default_factory=list[tuple[int, ThrusterCommand]]
+    )
+    moving: list[tuple[int, Actuation]] = field(default_factory=list[tuple[int, Actuation]])
+    answers: list[LinkAnswer] = field(default_factory=list[LinkAnswer])
+    statuses: list[VehicleStatus] = field(default_factory=list[VehicleStatus])
+
+    def __post_init__(self) -> None:
+        apart = self.clock is not None
+        self.host = VirtualHost({"drone": self.clock} if self.clock else None)
+        self.rows = services_of("dive")
+        self.stack = Stack(
+            pilot=f"script:{self._script()}",
+            out=str(self.folder),
+            apart=apart,
+            overrides=["estimation.calibration.still_time=1.5"],  # [s] less to wait for
+        )
+        for name in SERVICES:
+            wire = self._wire_watched if name == "reference" else None
+            self.host.add(name, self.rows[name], self.stack, wire)
+        pilot, drone = self.host.node("ears", ["topside"]), self.host.node("eyes", ["drone"])
+        pilot.each(topics.LINK_ANSWER, lambda m, _: self.answers.append(m))
+        pilot.each(topics.PILOT_COMMAND, lambda m, _: self.sent.update({m.seq: m}))
+        drone.each(topics.REFERENCE, lambda m, _: self.acted.append(Acted(self.host.now, m)))
+        drone.each(topics.THRUSTERS, lambda m, _: self.thrust.append((self.host.now, m)))
+        drone.each(topics.ACTUATION, lambda m, _: self.moving.append((self.host.now, m)))
+        drone.each(topics.STATUS, lambda m, _: self.statuses.append(m))
+        self._requests = self.host.node("hand", ["topside"]).publisher(topics.LINK_REQUEST)
+
+    def _script(self) -> Path:
+        path = self.folder / "script.csv"
+        rows = [self.moves[k % len(self.moves)] for k in range(40)]
+        lines = [f"{k * 0.3:.1f},{','.join(map(str, row))}" for k, row in enumerate(rows)]
+        path.write_text("t,surge,sway,heave,yaw\n" + "\n".join(lines) + "\n100,0,0,0,0\n")
+        return path
+
+    def _wire_watched(self, node: Node, stack: Stack) -> None:
+        def gate(topic: Topic[M], *, onlooker: bool = False) -> Gate[M]:
+            watched = Watched(topic, node.counts, node._far, onlooker=onlooker)  # pyright: ignore[reportPrivateUsage]
+            watched.book, watched.host = self.judged, self.host
+            return watched
+
+        node.gate = gate
+        wiring("reference")(node, stack)
+
+    def until_armed(self) -> "Flight":
+        self.host.run(20 * S, done=lambda: bool(self.statuses) and self.statuses[-1].armed)
+        assert self.statuses[-1].armed
+        return self
+
+    def run(self, seconds: float) -> None:
+        self.host.run(self.host.now + round(seconds * S))
+
+    def ask(self, kind: Kind, *settings: str, profile: str | None = None) -> None:
+        now, id_ = self.host.now, f"{self.host.now} {kind}"
+        self._requests.put(
+            LinkRequest(stamp_ns=now, id=id_, kind=kind, profile=profile, settings=settings)
+        )
+
+    def over(self, profile: str) -> None:
+        """Another link from now on."""
+        path = self.folder / f"link{self.host.now}.toml"
+        path.write_text(profile)
+        self.ask("profile", profile=str(path))
+
+    def through(self, first: str, then: tuple[Kind, *tuple[str, ...]], second: str) -> "Flight":
+        """Fly over one link, change it twice; at the end control dies for most of a second."""
+        self.until_armed()
+        self.over(first)
+        self.run(2.5)
+        self.ask(*then)
+        self.run(0.8)
+        self.ask("up")
+        self.over(second)
+        self.run(2.5)
+        assert [answer.accepted for answer in self.answers] == [True] * 4
+        self.host.kill("control")
+        self.run(0.7)
+        self.host.add("control", self.rows["control"], self.stack)
+        self.run(0.3)
+        return self
+
+    @property
+    def slack(self) -> int:
+        return 0 if self.clock is None else AGED
+
+    @property
+    def counts(self) -> Counter[str]:
+        return self.host.nodes["reference"].counts
+
+
+def raw(payload: bytes) -> PilotCommand | None:
+    """The command as it was said, with the pilot's own stamp; None when it came damaged."""
+    if payload[:1] == bytes([NEVER_USED]):
+        return None
+    return msgspec.msgpack.decode(payload, type=PilotCommand)
+
+
+def by_stamp(flight: Flight) -> dict[int, PilotCommand]:
+    """Commands as they were said, by the stamp they have on board."""
+    known: dict[int, PilotCommand] = {}
+    for judged in flight.judged:
+        said = raw(judged.payload)
+        if judged.admitted is not None and said is not None:
+            known[judged.admitted.stamp_ns] = said
+    return known
+
+
+def reason_of(at: int, said: PilotCommand | None, newest: int, slack: int) -> str:
+    """Why a command must not be let in at `at` [ns], after one that was sent at `newest` [ns]."""
+    if said is None:
+        return "malformed"
+    if at - said.stamp_ns > TTL + slack:
+        return "expired"
+    if said.stamp_ns <= newest:
+        return "duplicated" if said.stamp_ns == newest else "reordered"
+    return ""
+
+
+def check_the_door(flight: Flight) -> None:
+    """Nothing damaged, old, repeated or out of order is let in. With one clock everything else is,
+    and every refusal is counted under its own reason."""
+    newest, reasons = -1, Counter[str]()
+    for at, payload, admitted in flight.judged:
+        said = raw(payload)
+        reason = reason_of(at, said, newest, flight.slack)
+        reasons[reason] += 1
+        assert not (reason and admitted), reason
+        assert admitted or reason or flight.clock, "a good command was refused"
+        if admitted is not None and said is not None:
+            assert said == flight.sent[said.seq]
+            newest = said.stamp_ns
+    for reason in REASONS:
+        event(f"{reason}: {reasons[reason] > 0}")
+        if flight.clock is None:
+            assert flight.counts[f"{reason}:{COMMAND}"] == reasons[reason]
+
+
+def check_what_acts(flight: Flight) -> None:
+    """Behind every reference and every thruster command is a fresh command, or none."""
+    known, before = by_stamp(flight), 0
+    for at, reference in flight.acted:
+        if reference.pilot_ns is not None:
+            sent = known[reference.pilot_ns].stamp_ns
+            assert at - sent <= TTL + flight.slack
+            assert sent >= before, "an older command took over"
+            before = sent
+    for at, command in flight.thrust:
+        if command.pilot_ns is not None:
+            assert at - known[command.pilot_ns].stamp_ns <= TTL + flight.slack
+
+
+def check_the_motion(flight: Flight) -> None:
+    """The reference moves exactly as the fresh commands say, and comes to rest without them."""
+    heave = flight.stack.section("reference", Settings).heave
+    ramp, known = Ramp(heave.limits), by_stamp(flight)
+    for _, reference in flight.acted:
+        assert reference.sensor_ns is not None
+        t = reference.sensor_ns / S
+        if not reference.armed:
+            ramp.rest(0.0, t)
+        assert abs(reference.depth.velocity - ramp.at(t).velocity) < 1e-6
+        command = None if reference.pilot_ns is None else known[reference.pilot_ns]
+        acts = command is not None and command.pilot == "present" and reference.armed
+        ramp.aim(command.heave * heave.max_velocity if acts and command else 0.0, t)
+
+
+def check_the_thrusters(flight: Flight) -> None:
+    """They push only within the life of their command; soon after its end they stand still."""
+    commands, heard, stale = iter(flight.thrust), 0, 0
+    upcoming = next(commands, None)
+    stale_since: int | None = None
+    for at, actuation in flight.moving:
+        while upcoming is not None and upcoming[0] <= at:
+            heard, upcoming = upcoming[0], next(commands, None)
+        if actuation.actuated_ns is None:
+            assert not any(actuation.thrust)
+        elif not actuation.stale:
+            assert at - heard <= 200 * MS + flight.slack
+            stale_since = None
+        else:
+            stale += 1
+            stale_since = at if stale_since is None else stale_since
+            if at - stale_since > 400 * MS:  # five times what a thruster needs to slow down
+                assert all(abs(force) < 0.5 for force in actuation.thrust)
+    assert stale > 0  # control was dead for long enough
+
+
+flights = settings(
+    max_examples=4,
+    deadline=None,
+    derandomize=True,
+    phases=[Phase.generate],  # a flight takes two seconds: a failing one is not made smaller
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
+
+
+@flights
+@given(moves=sticks, first=profiles, then=changes, second=profiles)
+def test_only_fresh_whole_commands_in_order_move_anything(
+    tmp_path: Path,
+    moves: list[tuple[float, float, float, float]],
+    first: str,
+    then: tuple[Kind, *tuple[str, ...]],
+    second: str,
+) -> None:
+    flight = Flight(tmp_path, moves).through(first, then, second)
+    check_the_door(flight)
+    check_what_acts(flight)
+    check_the_motion(flight)
+    check_the_thrusters(flight)
+
+
+@flights
+@given(
+    moves=sticks,
+    first=profiles,
+    then=changes,
+    second=profiles,
+    ahead=st.integers(0, 10**13),  # [ns] a machine's clock counts from when it was started
+    drift=st.sampled_from([-5e-5, 0.0, 5e-5]),
+)
+def test_so_it_is_when_each_machine_has_its_own_clock(
+    tmp_path: Path,
+    moves: list[tuple[float, float, float, float]],
+    first: str,
+    then: tuple[Kind, *tuple[str, ...]],
+    second: str,
+    ahead: int,
+    drift: float,
+) -> None:
+    flight = Flight(tmp_path, moves, Skew(ahead, drift)).through(first, then, second)
+    check_the_door(flight)
+    check_what_acts(flight)
+    check_the_motion(flight)
+    check_the_thrusters(flight)

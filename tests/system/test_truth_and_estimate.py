@@ -1,0 +1,120 @@
+"""Truth beside estimate in whole dives on virtual time: the errors are as small as they should be,
+and no larger than the state itself says."""
+
+from math import degrees, pi, remainder
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from messages import topics
+from messages.message import Estimate
+from messages.state import VehicleState
+from messages.vehicle import Truth
+from services.runtime.stack import Stack, services_of
+from services.runtime.virtual_host import VirtualHost
+
+S = 1_000_000_000  # [ns]
+CHAIN = ("simulator", "estimation", "reference", "control", "tether", "gamepad")
+CALIBRATED, FLOWN = 10.1, 34.0  # [s]
+# Down, turn, ahead in a curve, up, turn back, down again: no axis is spared.
+SCRIPT = """t,surge,sway,heave,yaw
+1,0,0,0.8,0
+8,0,0,0,0.5
+12,0.4,0,0,0.2
+18,0,0,-0.6,0
+22,0,0,0,-0.8
+26,0,0,1,0
+32,0,0,0,0
+40,0,0,0,0
+"""
+
+
+class Errors(NamedTuple):
+    """Of one part of the state, with the standard deviation stated for each."""
+
+    error: np.ndarray
+    std: np.ndarray
+
+    @property
+    def rms(self) -> float:
+        return float(np.sqrt(np.mean(self.error**2)))
+
+    @property
+    def within_four(self) -> float:
+        """[-] share of the samples."""
+        return float(np.mean(np.abs(self.error) <= 4.0 * self.std))
+
+
+def flown(folder: Path, seed: int, *settings: str) -> dict[str, Errors]:
+    """A dive from power-on with the default calibration; what the estimates were worth."""
+    script = folder / "script.csv"
+    script.write_text(SCRIPT)
+    stack = Stack(
+        pilot=f"script:{script}",
+        out=str(folder),
+        link="perfect",
+        seed=seed,
+        overrides=["simulator.floor_depth=20", *settings],
+    )
+    host, rows = VirtualHost(), services_of("dive")
+    for name in CHAIN:
+        host.add(name, rows[name], stack)
+    truth: dict[int, Truth] = {}
+    states: list[VehicleState] = []
+    ear = host.node("observer", ["drone"])
+    ear.each(topics.TRUTH, lambda m, _: truth.update({m.stamp_ns: m}))
+    ear.each(topics.STATE, lambda m, _: states.append(m))
+    host.run(round((CALIBRATED + FLOWN) * S))
+    assert not [name for name in host.nodes["estimation"].counts if name.startswith("clipped")]
+    running = [state for state in states if state.phase == "running" and state.sensor_ns in truth]
+    assert len(running) > 0.99 * FLOWN * topics.IMU.hz
+    return compared(running, truth)
+
+
+def compared(states: list[VehicleState], truth: dict[int, Truth]) -> dict[str, Errors]:
+    # The control heading counts from where it was at the end of calibration.
+    first = states[0]
+    began = first.heading.value - truth[first.sensor_ns].heading
+    rows: dict[str, list[tuple[float, float]]] = {}
+    for state in states:
+        true, north = truth[state.sensor_ns], state.heading_navigation
+        assert north is not None
+        parts: dict[str, tuple[Estimate, float]] = {
+            "depth": (state.depth, true.position[2]),
+            "rate": (state.depth_rate, true.depth_rate),
+            "control": (state.heading, true.heading + began),
+            "navigation": (north, true.heading),
+            "roll": (state.roll, true.roll),
+            "pitch": (state.pitch, true.pitch),
+        }
+        for name, (part, value) in parts.items():
+            assert part.valid
+            error = part.value - value
+            wrapped = error if name in ("depth", "rate") else remainder(error, 2.0 * pi)
+            rows.setdefault(name, []).append((wrapped, part.std))
+    return {name: Errors(*np.array(pairs).T) for name, pairs in rows.items()}
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_errors_are_small_and_no_larger_than_the_state_says(tmp_path: Path, seed: int) -> None:
+    found = flown(tmp_path, seed)
+    for name, errors in found.items():
+        assert errors.within_four >= 0.99, name
+    # Pressure of σ 5 cm, a typical MEMS unit: 10 mg, 0.6 °/s, 0.2 µT of iron.
+    assert found["depth"].rms <= 0.010
+    assert found["rate"].rms <= 0.009
+    assert degrees(found["control"].rms) <= 0.3
+    assert degrees(found["navigation"].rms) <= 4.0
+    # A spread that is far too large would also never be left.
+    assert found["depth"].rms > 0.4 * float(np.mean(found["depth"].std))
+    assert found["rate"].rms > 0.3 * float(np.mean(found["rate"].std))
+
+
+def test_so_they_are_with_the_observer_that_hears_the_reference(tmp_path: Path) -> None:
+    depth = "estimation.depth"
+    found = flown(tmp_path, 0, f'{depth}.observer="reference"', f"{depth}.motion_noise=0.5")
+    for name in ("depth", "rate", "control"):
+        assert found[name].within_four >= 0.99, name
+    assert found["depth"].rms <= 0.03

@@ -1,0 +1,188 @@
+"""Two machines: `lindy up drone` and `lindy up topside` in network namespaces of their own, joined
+by a cable (veth) that is pulled and put back."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from messages import topics
+from messages.reference import Reference
+from messages.vehicle import VehicleStatus
+from services.runtime.running import RUNNING, Running
+from services.runtime.zenoh_bus import connected, namespace
+
+pytestmark = [
+    pytest.mark.system,
+    pytest.mark.skipif(
+        not hasattr(os, "geteuid") or os.geteuid() != 0 or shutil.which("ip") is None,
+        reason="network namespaces need root and the command `ip`",
+    ),
+]
+
+PATIENCE_S = 60.0  # never reached unless something is broken
+CUT_S = 3.0  # [s] longer than Zenoh's lease of 1 s and every time-to-live
+TTL_S = 0.3  # [s] of a pilot command
+HANDS = "t,surge,sway,heave,yaw\n0,0,0,0,0\n1,0,0,0.3,0\n120,0,0,0,0\n"
+
+
+def ip(*words: str) -> None:
+    subprocess.run(["ip", *words], check=True, capture_output=True)
+
+
+class Cable:
+    """Two namespaces of this test's own, with one cable between them."""
+
+    def __init__(self) -> None:
+        self.topside, self.drone = (f"lindy-{side}-{os.getpid()}" for side in ("t", "d"))
+        self.address = "10.77.0.2"
+
+    def lay(self) -> None:
+        for name in (self.topside, self.drone):
+            ip("netns", "add", name)
+            ip("-n", name, "link", "set", "lo", "up")
+        ends = ("top0", "netns", self.topside), ("dro0", "netns", self.drone)
+        ip("link", "add", *ends[0], "type", "veth", "peer", "name", *ends[1])
+        for name, end, host in ((self.topside, "top0", "1"), (self.drone, "dro0", "2")):
+            ip("-n", name, "addr", "add", f"10.77.0.{host}/24", "dev", end)
+            ip("-n", name, "link", "set", end, "up")
+
+    def pull(self) -> None:
+        ip("-n", self.topside, "link", "set", "top0", "down")
+
+    def put_back(self) -> None:
+        ip("-n", self.topside, "link", "set", "top0", "up")
+
+    def remove(self) -> None:
+        for name in (self.topside, self.drone):
+            subprocess.run(["ip", "netns", "del", name], check=False, capture_output=True)
+
+
+class Side:
+    """One `lindy up` in its namespace."""
+
+    def __init__(self, space: str, folder: Path, *words: str) -> None:
+        self.out, self._log = folder, folder.with_suffix(".txt")
+        command = ["ip", "netns", "exec", space, sys.executable, "-P", "-m", "tools", "up"]
+        with self._log.open("w") as log:
+            self.process = subprocess.Popen(
+                [*command, *words, "--out", str(folder)],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+            )
+
+    @property
+    def said(self) -> str:
+        return self._log.read_text()
+
+    def running(self) -> Running:
+        return msgspec.json.decode((self.out / RUNNING).read_bytes(), type=Running)
+
+    def end(self) -> None:
+        self.process.send_signal(signal.SIGINT)
+        try:
+            self.process.wait(20.0)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+
+
+class OnBoard:
+    """An ear on the drone's own hub: a socket file, which no namespace hides."""
+
+    def __init__(self, running: Running) -> None:
+        self.statuses: list[tuple[float, VehicleStatus]] = []
+        self.references: list[Reference] = []
+        self.session = connected(running.endpoints["drone"], namespace(running.vehicle))
+        status = msgspec.msgpack.Decoder(VehicleStatus)
+        reference = msgspec.msgpack.Decoder(Reference)
+        self._ears = [
+            self.session.declare_subscriber(
+                topics.STATUS.key,
+                lambda s: self.statuses.append(
+                    (time.monotonic(), status.decode(s.payload.to_bytes()))
+                ),
+            ),
+            self.session.declare_subscriber(
+                topics.REFERENCE.key,
+                lambda s: self.references.append(reference.decode(s.payload.to_bytes())),
+            ),
+        ]
+
+    def failsafe(self) -> str:
+        return self.statuses[-1][1].failsafe if self.statuses else "no word"
+
+
+def until(happened: Callable[[], bool], what: Callable[[], str]) -> float:
+    """Wait for something real; returns when it happened."""
+    deadline = time.monotonic() + PATIENCE_S
+    while not happened():
+        assert time.monotonic() < deadline, what()
+        time.sleep(0.02)  # other processes do it, and nothing announces it
+    return time.monotonic()
+
+
+@contextmanager
+def two_machines(tmp_path: Path, *way: str) -> Generator[tuple[Cable, OnBoard, Side, Side]]:
+    cable = Cable()
+    sides: list[Side] = []
+    script = tmp_path / "hands.csv"
+    script.write_text(HANDS)
+    try:
+        cable.lay()
+        endpoint = f"tcp/{cable.address}:7447"
+        drone = Side(cable.drone, tmp_path / "drone", "drone", "--listen", endpoint)
+        sides.append(drone)
+        until(lambda: (drone.out / RUNNING).is_file(), lambda: drone.said)
+        topside = Side(
+            cable.topside, tmp_path / "topside", "topside", "--connect", endpoint,
+            "--pilot", f"script:{script}", *way,
+        )  # fmt: skip
+        sides.append(topside)
+        ear = OnBoard(drone.running())
+        try:
+            yield cable, ear, drone, topside
+        finally:
+            ear.session.close()
+    finally:
+        for side in reversed(sides):
+            side.end()
+        cable.remove()
+
+
+@pytest.mark.parametrize("way", [(), ("--gateway", "--link", "perfect")], ids=["plain", "gateway"])
+def test_a_cable_that_is_pulled_and_put_back(tmp_path: Path, way: tuple[str, ...]) -> None:
+    with two_machines(tmp_path, *way) as (cable, ear, drone, topside):
+
+        def said() -> str:
+            return f"{ear.failsafe()}\ndrone:\n{drone.said}\ntopside:\n{topside.said}"
+
+        def armed() -> bool:
+            return bool(ear.statuses) and ear.statuses[-1][1].mode == "piloted"
+
+        until(armed, said)
+        pids = drone.running().pids, topside.running().pids
+        until(lambda: bool(ear.references) and ear.references[-1].depth.velocity > 0.1, said)
+
+        cable.pull()
+        until(lambda: ear.failsafe() == "pilot_lost", said)
+        time.sleep(CUT_S)  # the cut is to outlast the lease, so that the link has to come again
+        assert ear.references[-1].depth.velocity == 0.0, "it came to rest and holds"
+
+        cable.put_back()
+        back = time.monotonic()
+        again = until(lambda: ear.failsafe() == "none", said)
+        assert again - back <= 2.0
+
+        assert (drone.running().pids, topside.running().pids) == pids, "no process was restarted"
+        for reference in ear.references:
+            if reference.pilot_ns is not None:
+                assert reference.stamp_ns - reference.pilot_ns <= TTL_S * 1e9

@@ -1,0 +1,119 @@
+"""`lindy link`: the model without a network, and requests to a running tether."""
+
+import csv
+import io
+from pathlib import Path
+
+import pytest
+
+from messages import topics
+from messages.link import LinkAnswer, LinkRequest
+from services.runtime.errors import LindyError
+from services.runtime.stack import Row, Stack
+from services.runtime.virtual_host import VirtualHost
+from tools.link import link
+from tools.link_ask import Asking
+
+S = 1_000_000_000  # [ns]
+Lines = list[dict[str, str]]
+
+
+def run(capsys: pytest.CaptureFixture[str], *arguments: str) -> Lines:
+    status = link(
+        list(arguments), exit_on_error=False, print_error=False, result_action="return_value"
+    )
+    assert status == 0
+    return list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
+
+
+def test_every_message_has_a_line_and_either_an_arrival_or_a_reason(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    rows = run(capsys, "--profile", "severe", "--rate", "100", "--seconds", "60", "--seed", "1")
+    assert list(rows[0]) == ["seq", "sent_s", "arrived_s", "reason"]
+    assert {int(row["seq"]) for row in rows} == set(range(6000))
+    assert [int(row["seq"]) for row in rows] == sorted(int(row["seq"]) for row in rows)
+    for row in rows:
+        assert float(row["sent_s"]) == pytest.approx(int(row["seq"]) / 100.0)
+        if row["arrived_s"]:
+            assert float(row["arrived_s"]) >= float(row["sent_s"]) + 0.08
+            assert row["reason"] in ("", "damaged")
+        else:
+            assert row["reason"] in ("loss", "burst", "queue_full")
+
+
+def test_the_same_seed_gives_the_same_lines_and_the_directions_differ(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    first = run(capsys, "--profile", "flaky", "--seed", "3")
+    assert run(capsys, "--profile", "flaky", "--seed", "3") == first
+    assert run(capsys, "--profile", "flaky", "--seed", "4") != first
+    assert run(capsys, "--profile", "flaky", "--seed", "3", "--direction", "up") != first
+
+
+def test_video_does_not_go_over_sound(capsys: pytest.CaptureFixture[str]) -> None:
+    rows = run(capsys, "--profile", "acoustic", "--rate", "25", "--bytes", "10000")
+    assert not any(row["arrived_s"] for row in rows)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--rate", "0"], "--rate is 0, expected"),
+        (["--rate", "nan"], "--rate is nan, expected"),
+        (["--seconds", "-1"], "--seconds is -1, expected"),
+        (["--rate", "1e9"], "the most is 5e6"),
+        (["--seed", "-1"], "--bytes and --seed are whole numbers from 0"),
+        (["--profile", "tehter"], "did you mean 'tether'"),
+        (["profile", "remote", "--dive", "nowhere"], "no dive is going on in nowhere"),
+        (["set", "up.delay_ms=3", "--dive", "nowhere"], "no dive is going on in nowhere"),
+        (["down", "--dive", "nowhere"], "no dive is going on in nowhere"),
+        (["up", "--dive", "nowhere"], "no dive is going on in nowhere"),
+        (["trace", "nowhere.mcap"], "cannot read .*nowhere.mcap"),
+    ],
+)
+def test_a_wrong_argument_is_explained(arguments: list[str], says: str) -> None:
+    with pytest.raises(LindyError, match=says):
+        link(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+
+
+def test_a_running_tether_answers_whoever_asks(tmp_path: Path) -> None:
+    host = VirtualHost()
+    row = Row(realms=["topside", "drone"], gateway=True)
+    host.add("tether", row, Stack(link="tether", out=str(tmp_path)))
+    request = LinkRequest(stamp_ns=0, id="", kind="set", settings=("up.delay_ms=9",))
+    asking = Asking(host.node("link", ["topside"]), request, "link-1")
+    host.run(10 * S, lambda: asking.answer is not None)
+    assert asking.answer is not None
+    assert asking.answer.accepted
+    assert asking.answer.change == "up.delay_ms 1.0 → 9"
+
+
+@pytest.mark.parametrize("lost", [0, 1, 7])
+def test_a_request_is_repeated_with_its_id_until_its_own_answer_comes(lost: int) -> None:
+    host, heard = VirtualHost(), list[LinkRequest]()
+    node = host.node("tether", ["topside"])
+    answers = node.publisher(topics.LINK_ANSWER)
+
+    def hear(request: LinkRequest, now: int) -> None:
+        heard.append(request)
+        answers.put(LinkAnswer(stamp_ns=now, id="somebody-else", accepted=False, kind="up"))
+        if len(heard) > lost:
+            answers.put(LinkAnswer(stamp_ns=now, id=request.id, accepted=True, kind="up"))
+
+    node.each(topics.LINK_REQUEST, hear)
+    request = LinkRequest(stamp_ns=0, id="", kind="up")
+    asking = Asking(host.node("link", ["topside"]), request, "link-1")
+    host.run(10 * S, lambda: asking.answer is not None)
+    host.run(20 * S)
+    assert asking.answer is not None
+    assert {request.id for request in heard} == {"link-1"}
+    assert len(heard) == lost + 1
+
+
+def test_after_five_seconds_without_a_word_it_gives_up() -> None:
+    host = VirtualHost()
+    request = LinkRequest(stamp_ns=0, id="", kind="up")
+    asking = Asking(host.node("link", ["topside"]), request, "link-1")
+    host.run(20 * S, lambda: asking.given_up)
+    assert 5 * S <= host.now <= 6 * S

@@ -1,0 +1,135 @@
+"""`lindy link`: the tether's model without a network; change a running link; record a real one."""
+
+import math
+import sys
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import App, Parameter
+
+from messages.link import LinkRequest
+from services.runtime.errors import LindyError
+
+MOST_MESSAGES = 5_000_000
+Dive = Annotated[
+    Path | None, Parameter(help="folder of a dive that is going on; default: the newest")
+]
+
+link = App(
+    name="link",
+    help="The tether: its model offline, a running link, a recorded one.",
+    help_format="plaintext",
+)
+
+
+@link.default
+def offline(
+    *,
+    profile: Annotated[str, Parameter(help="a name in deploy/links, or a TOML file")] = "tether",
+    rate: Annotated[float, Parameter(help="[1/s] messages that enter, evenly")] = 50.0,
+    bytes_: Annotated[int, Parameter(name="--bytes", help="of each message")] = 200,
+    seconds: Annotated[float, Parameter(help="how long messages enter")] = 10.0,
+    seed: Annotated[int, Parameter(help="of everything random; what `dive --seed` means")] = 0,
+    direction: Literal["down", "up"] = "down",
+) -> int:
+    """What the link would do to a stream of messages, as CSV: seq,sent_s,arrived_s,reason.
+
+    A lost message has a reason and no arrival; a copy has the same seq once more; a damaged one
+    arrives, with the reason damaged. The same seed gives the same lines.
+
+    Example: lindy link --profile severe --rate 100 --bytes 200 --seconds 60 --seed 1
+    """
+    for name, value in (("rate", rate), ("seconds", seconds)):
+        if not (math.isfinite(value) and value > 0.0):
+            raise LindyError(f"--{name} is {value:g}, expected a finite number above 0")
+    if rate * seconds > MOST_MESSAGES:
+        raise LindyError(f"{rate * seconds:.3g} messages are too many; the most is 5e6")
+    if bytes_ < 0 or seed < 0:
+        raise LindyError("--bytes and --seed are whole numbers from 0")
+    from services.tether.profile_file import named
+    from tools.link_fates import fates
+
+    found = named(profile).profile
+    leg = found.down if direction == "down" else found.up
+    rows = fates(leg, rate, bytes_, seconds, seed + (direction == "up"))
+    lines = (f"{n},{sent:.6f},{_seconds(at)},{why}\n" for n, sent, at, why in rows)
+    sys.stdout.write("seq,sent_s,arrived_s,reason\n" + "".join(lines))
+    return 0
+
+
+@link.command
+def profile(name: str, *, dive: Dive = None) -> int:
+    """Give the link of a dive that is going on another profile. Nothing on the way is lost.
+
+    Example: lindy link profile congested
+    """
+    return _ask(LinkRequest(stamp_ns=0, id="", kind="profile", profile=name), dive)
+
+
+@link.command(name="set")
+def set_(*settings: str, dive: Dive = None) -> int:
+    """Change single keys of the profile in force, in a dive that is going on.
+
+    Example: lindy link set up.delay_ms=80 down.rate_kbit=256
+    """
+    return _ask(LinkRequest(stamp_ns=0, id="", kind="set", settings=settings), dive)
+
+
+@link.command
+def down(*, dive: Dive = None) -> int:
+    """Cut the link of a dive that is going on: whatever is on the way is lost.
+
+    Example: lindy link down
+    """
+    return _ask(LinkRequest(stamp_ns=0, id="", kind="down"), dive)
+
+
+@link.command
+def up(*, dive: Dive = None) -> int:
+    """Join the link again.
+
+    Example: lindy link up
+    """
+    return _ask(LinkRequest(stamp_ns=0, id="", kind="up"), dive)
+
+
+@link.command
+def trace(
+    recording: Path, *, out: Annotated[Path, Parameter(help="the CSV to write")] = Path("trace.csv")
+) -> int:
+    """Make a trace of a recorded dive's link, for `delay = { kind = "trace", file = … }` in a
+    profile.
+
+    RECORDING is a dive's folder or its MCAP file. The first lines of the trace say how it was
+    measured: one way by the pilot's commands where both ends have one clock, else half the round
+    trips of the clock pings.
+
+    Example: lindy link trace dives/latest --out trace.csv
+    """
+    from tools.link_trace import trace_of
+
+    found = trace_of(recording)
+    lines = (f"{sent:.6f},{_seconds(at)}\n" for sent, at in found.rows)
+    heading = "".join(f"# {line}\n" for line in found.remarks)
+    try:
+        out.write_text(heading + "sent_s,arrived_s\n" + "".join(lines), encoding="utf-8")
+    except OSError as error:
+        raise LindyError(f"cannot write {out}: {error.strerror}") from None
+    lost = sum(at is None for _, at in found.rows)
+    print(f"{out}: {len(found.rows)} messages, {lost} lost; {found.remarks[0]}")
+    return 0
+
+
+def _ask(request: LinkRequest, dive: Path | None) -> int:
+    from tools.ask import dive_in
+    from tools.link_ask import answer_to
+
+    answer = answer_to(request, dive_in(dive))
+    if not answer.accepted:
+        raise LindyError(f"the tether refuses: {answer.reason}")
+    print(answer.change)
+    return 0
+
+
+def _seconds(at: float | None) -> str:
+    return "" if at is None else f"{at:.6f}"

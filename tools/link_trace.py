@@ -1,0 +1,118 @@
+"""A link as it was during a recorded dive: when messages were sent, and when they arrived.
+
+The recorder is on board. Where both ends have one clock, the pilot's commands show the way down:
+arrival − stamp, and what is missing in the count was lost. Where clocks differ, only whole round
+trips can be measured, and half of each is the best guess of either way.
+"""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import NamedTuple
+
+from messages import topics
+from messages.link import Clock
+from messages.pilot import PilotCommand
+from services.runtime.errors import LindyError
+from services.tether.delay import LONGEST_MS
+from tools.recording import open_recording
+
+ONE_CLOCK_NS = 1_000_000  # [ns] clocks that differ by less, or by less than is known, are one
+MOST_MISSING = 1000  # a larger gap in the count is another publisher, not a loss
+Row = tuple[float, float | None]  # sent [s], arrived [s] or lost
+
+
+class Traced(NamedTuple):
+    rows: list[Row]  # ascending; the first is sent at 0
+    remarks: list[str]  # how it was measured
+
+
+class Heard(NamedTuple):
+    """A pilot command on board."""
+
+    seq: int
+    sent: int  # [ns] pilot's clock
+    arrived: int  # [ns] recorder's clock
+
+
+def trace_of(path: Path) -> Traced:
+    """
+    Raises:
+        LindyError: there is no recording, or nothing in it from which delays can be told.
+    """
+    commands: list[Heard] = []
+    clocks: list[Clock] = []
+    recording = open_recording(path)
+    for raw in recording.raw():
+        if raw.key == topics.PILOT_COMMAND.key:
+            message = recording.decode(raw)
+            if isinstance(message, PilotCommand):
+                commands.append(Heard(message.seq, raw.publish_ns, raw.log_ns))
+        elif raw.key == topics.CLOCK.key:
+            message = recording.decode(raw)
+            if isinstance(message, Clock):
+                clocks.append(message)
+    if one_clock(clocks) and len(commands) > 1:
+        said = "known to be one" if clocks else "taken to be one: the sounder says nothing of them"
+        how = "one way, down: arrival of pilot/command on board minus its stamp"
+        return Traced(
+            _checked(one_way(commands), path), [how, f"the clocks of both ends are {said}"]
+        )
+    rows = half_trips(clocks)
+    if not rows:
+        raise LindyError(f"{path} holds neither pilot commands on one clock nor clock round trips")
+    how = "half of each round trip of clock/ping, so the same either way"
+    return Traced(_checked(rows, path), [how, "the clocks of both ends differ"])
+
+
+def one_clock(clocks: Iterable[Clock]) -> bool:
+    """Do both ends have one clock, as far as the sounder knows?"""
+    return all(
+        abs(clock.offset_ns) <= max(ONE_CLOCK_NS, clock.bound_ns or 0)
+        for clock in clocks
+        if clock.offset_ns is not None
+    )
+
+
+def one_way(commands: list[Heard]) -> list[Row]:
+    """Rows in seconds since the first command was sent. A lost one was sent evenly between its
+    neighbours."""
+    ordered = sorted(set(commands), key=lambda heard: (heard.sent, heard.seq))
+    start = ordered[0].sent
+    rows: list[Row] = []
+    before: Heard | None = None
+    for here in ordered:
+        if before is not None and before.sent == here.sent:
+            continue  # a copy
+        if before is not None and 1 < here.seq - before.seq <= MOST_MISSING:
+            step = (here.sent - before.sent) / (here.seq - before.seq)
+            missing = range(1, here.seq - before.seq)
+            rows += [((before.sent + k * step - start) / 1e9, None) for k in missing]
+        rows.append(((here.sent - start) / 1e9, (here.arrived - start) / 1e9))
+        before = here
+    return rows
+
+
+def half_trips(clocks: list[Clock]) -> list[Row]:
+    """Rows in seconds since the first trip; a ping without an answer was lost."""
+    rows: list[Row] = []
+    first: int | None = None
+    for clock in sorted(clocks, key=lambda clock: clock.stamp_ns):
+        first = clock.stamp_ns if first is None else first
+        sent = (clock.stamp_ns - first) / 1e9
+        if not rows or sent > rows[-1][0]:
+            rows.append((sent, None if clock.rtt_ms is None else sent + clock.rtt_ms / 2e3))
+    return rows
+
+
+def _checked(rows: list[Row], path: Path) -> list[Row]:
+    """
+    Raises:
+        LindyError: a message arrived before it was sent, or later than any link model knows.
+    """
+    for sent, arrived in rows:
+        if arrived is not None and not 0.0 <= arrived - sent <= LONGEST_MS / 1e3:
+            raise LindyError(
+                f"{path}: a message sent at {sent:.3f} s arrived {arrived - sent:.3f} s later; "
+                "the clocks of both ends differ and no clock messages tell by how much"
+            )
+    return rows
