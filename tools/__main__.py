@@ -218,6 +218,31 @@ def ask(
     )
 
 
+@app.command
+def fault(
+    part: str,
+    kind: str,
+    *,
+    value: Annotated[
+        float | None,
+        Parameter(help="weak: share of the thrust; noisy: times; biased: sensor's unit"),
+    ] = None,
+    dive: Annotated[
+        Path | None, Parameter(help="folder of a dive that is going on; default: the newest")
+    ] = None,
+) -> int:
+    """Break a part of the simulated vehicle while it dives, or mend it.
+
+    PART is a thruster's name, a sensor's key such as sensor/pressure, or all. KIND is none (mend);
+    dead, reversed, weak or stuck (a thruster); silent, frozen, noisy, biased or broken (a sensor).
+
+    Example: lindy fault port dead
+    """
+    from tools.fault import fault
+
+    return fault(part, kind, value, dive)
+
+
 log = App(name="log", help="Look into recordings.")
 app.command(log)
 

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from cyclopts import App, Parameter
 
+from messages import topics
 from messages.link import LinkRequest
 from services.runtime.errors import LindyError
 
@@ -122,9 +123,9 @@ def trace(
 
 def _ask(request: LinkRequest, dive: Path | None) -> int:
     from tools.ask import dive_in
-    from tools.link_ask import answer_to
+    from tools.asking import answer_to
 
-    answer = answer_to(request, dive_in(dive))
+    answer = answer_to(request, topics.LINK_REQUEST, topics.LINK_ANSWER, dive_in(dive), "tether")
     if not answer.accepted:
         raise LindyError(f"the tether refuses: {answer.reason}")
     print(answer.change)

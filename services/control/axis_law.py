@@ -139,6 +139,17 @@ class AxisLaw:
             most = self._slow * dt if abs(velocity) < self._still else inf
             self._observer.learn(velocity, force, dt, most)
 
+    def give_up(self, force: float) -> None:
+        """The feed-forward gives `force` [N] or [N m] more from now on: as much of it as was
+        learnt is learnt no longer."""
+        learnt = self.standing
+        low, high = min(0.0, learnt), max(0.0, learnt)
+        self._stand(learnt - max(low, min(high, force)))
+
+    def take_over(self, force: float) -> None:
+        """The feed-forward gives `force` [N] or [N m] less from now on: that counts as learnt."""
+        self._stand(clamped(self.standing + force, self.gains.max_integral))
+
     def idle(self) -> None:
         """The axis is not held: there is no error to learn from."""
         self._slow, self._still = 0.0, self.gains.still
@@ -152,6 +163,13 @@ class AxisLaw:
         self.integral = 0.0
         if self._observer is not None:
             self._observer.forget()
+
+    def _stand(self, force: float) -> None:
+        if self._observer is None:
+            self.integral = force
+        else:
+            self._observer.estimate = -force
+            self._observer.pause()
 
     def _integrate(self, error: float, feedback: Feedback, moves: bool, dt: float) -> bool:
         """(5.28) to (5.31). Paused during requested motion: the integral is there for buoyancy,

@@ -11,6 +11,7 @@ from messages.state import VehicleState
 from services.marine.vehicle import Vec6
 
 Place = tuple[float, float]  # [m] north, east
+STILL_WATER = (0.0, 0.0)  # [m/s]
 
 
 class Plane(NamedTuple):
@@ -58,8 +59,13 @@ def measured(state: VehicleState) -> Measured | None:
 
 def water_velocity(state: VehicleState, heading: float) -> tuple[float, float]:
     """[m/s] Of the water over the ground along surge and sway; zero where it is not known."""
+    return known_water(state, heading) or STILL_WATER
+
+
+def known_water(state: VehicleState, heading: float) -> tuple[float, float] | None:
+    """[m/s] Of the water over the ground along surge and sway."""
     north, east = _known(state.current_north), _known(state.current_east)
-    return to_body(heading, north, east) if north is not None and east is not None else (0.0, 0.0)
+    return None if north is None or east is None else to_body(heading, north, east)
 
 
 def seen_from_body(north: Motion, east: Motion, heading: float, place: Place) -> Plane:

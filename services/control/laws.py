@@ -34,6 +34,7 @@ class Laws:
         self._count = count
         self._produced = Produced(self._lags)
         self._short: frozenset[str] = frozenset()
+        self._water: tuple[float, float] | None = None  # [m/s] along surge and sway, if known
 
         def axis(name: str, gains: Gains, row: int) -> Axis:
             law = AxisLaw(gains, plant_of(vehicle, row), self._lags[row], period)
@@ -89,12 +90,15 @@ class Laws:
         self._pitch.forget()
 
     def forget(self) -> None:
+        self._water = None
         for axis in (self.surge, self.sway, self.depth, self.heading):
             axis.law.forget()
 
     def _learn(self, state: VehicleState, dt: float) -> None:
         force = self._produced.mean(dt)
         place = horizontal.measured(state)
+        if place is not None:
+            self._see_water(place, horizontal.known_water(state, place.heading))
         along, across = (None, None) if place is None else place.through_water(state)
         heave, yaw = _known(state.depth_rate), _known(state.yaw_rate)
         for axis, row, velocity in (
@@ -104,6 +108,25 @@ class Laws:
             (self.heading, 5, yaw),
         ):
             axis.learn(None if AXES[row] in self._short else velocity, force[row], dt)
+
+    def _see_water(self, place: horizontal.Measured, water: tuple[float, float] | None) -> None:
+        """A current that is not known is learnt as a force. When it becomes known the feed-forward
+        counts with it, so that what was learnt has to give way, and the other way round: else it
+        would be fought twice, or for a while by nobody."""
+        before, self._water = self._water, water
+        if (before is None) == (water is None):
+            return
+        velocities = place.surge, place.sway
+        moving = before or water or horizontal.STILL_WATER
+        for axis, velocity, current in zip(
+            (self.surge, self.sway), velocities, moving, strict=True
+        ):
+            plant = axis.law.plant
+            force = plant.drag(velocity - current) - plant.drag(velocity)
+            if water is None:
+                axis.law.take_over(force)
+            else:
+                axis.law.give_up(force)
 
     def _horizontal(
         self, reference: Reference, state: VehicleState, dt: float

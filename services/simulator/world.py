@@ -3,7 +3,7 @@
 import msgspec
 
 from messages.message import Finite, Positive
-from services.marine.attitude import from_euler
+from services.marine.attitude import from_euler, to_body
 from services.marine.vehicle import Vehicle
 from services.simulator.faults import Fault
 from services.simulator.settings import Settings
@@ -23,7 +23,7 @@ class World(msgspec.Struct, frozen=True):
 
 
 def at_the_surface(vehicle: Vehicle, settings: Settings) -> World:
-    """At rest, floating, level.
+    """At rest in the water, floating, level, carried along by the mean current.
 
     Raises:
         ValueError: the sea is too shallow for the vehicle.
@@ -36,8 +36,12 @@ def at_the_surface(vehicle: Vehicle, settings: Settings) -> World:
             f"its bottom at {keel:.2f} m; must be more"
         )
     attitude = from_euler(0.0, 0.0, settings.start_heading)
+    flow = settings.current
+    carried = (0.0, 0.0, 0.0)
+    if flow is not None:
+        carried = to_body(attitude, (flow.north, flow.east, 0.0))
     return World(
-        state=(0.0, 0.0, depth, *attitude, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        state=(0.0, 0.0, depth, *attitude, *carried, 0.0, 0.0, 0.0),
         thrust=(0.0,) * len(vehicle.thruster),
         heading=settings.start_heading,
         used_wh=0.0,

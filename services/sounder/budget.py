@@ -4,8 +4,8 @@ Every message carries the stamps of what caused it, so each stage is a differenc
 Only the moment at which a command comes out of the tether is written nowhere: that stage is what
 the pings measure, and what `reference` waits for the next state is the rest.
 
-The stages shown are those of the median command, the mean over the middle fifth, so that they add
-up to the end-to-end median; medians of stages taken one by one would not.
+The stages shown are those of the median command, the mean over those of the middle fifth that took
+as long, so that they add up to the end-to-end median; medians of stages taken one by one would not.
 """
 
 from collections import deque
@@ -23,6 +23,7 @@ from messages.vehicle import Actuation
 WINDOW_NS = 2_000_000_000  # [ns] the budget is about the last two seconds
 SAME_NS = 5_000_000  # [ns] a quarter of the time between two commands
 AT_LEAST = 5  # ways that must have come through before anything is said
+ALIKE = 0.02  # [-] ways that took as long as the median one, within this share of it
 
 
 @dataclass(slots=True)
@@ -52,8 +53,10 @@ class Budget:
 
     def command(self, command: PilotCommand, now: Ns) -> None:
         self._under_way[command.stamp_ns] = Way(command.device_age_ms, now)
-        while next(iter(self._under_way)) < now - WINDOW_NS:
-            del self._under_way[next(iter(self._under_way))]
+        for sent in list(self._under_way):
+            if sent >= now - WINDOW_NS:
+                break
+            del self._under_way[sent]
 
     def reference(self, reference: Reference, _: Ns) -> None:
         sent = self._sent(reference.pilot_ns)
@@ -145,7 +148,12 @@ def _stages(names: tuple[str, ...], ways: list[tuple[float, ...]]) -> tuple[Stag
         return None
     ways = sorted(ways, key=sum)
     half = max(1, len(ways) // 10)
-    middle = ways[len(ways) // 2 - half : len(ways) // 2 + half + 1]
+    whole = sum(ways[len(ways) // 2])
+    middle = [
+        way
+        for way in ways[len(ways) // 2 - half : len(ways) // 2 + half + 1]
+        if abs(sum(way) - whole) <= ALIKE * abs(whole)
+    ]
     return tuple(
         Stage(
             name,
@@ -157,7 +165,9 @@ def _stages(names: tuple[str, ...], ways: list[tuple[float, ...]]) -> tuple[Stag
 
 
 def _median(values: Sequence[float]) -> float | None:
-    return sorted(values)[len(values) // 2] if len(values) >= AT_LEAST else None
+    """[ms] Below zero, by the error of two clocks, counts as zero; `bound_ms` says how large it
+    may be."""
+    return max(0.0, sorted(values)[len(values) // 2]) if len(values) >= AT_LEAST else None
 
 
 def _high(values: Sequence[float]) -> float:

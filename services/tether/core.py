@@ -33,11 +33,14 @@ class Link(Generic[T]):
     def change(self, name: str, profile: LinkProfile, now: int) -> None:
         """Another model from now on; what is on the way stays on its way."""
         self.changes += 1
+        roomier = _carries_more(profile.up.rate_kbit, self._profile.up.rate_kbit)
         self.name, self._profile = name, profile
         self.down.change(profile.down, now)
         self.up.change(profile.up, now)
-        if not profile.thin:
+        if roomier or not profile.thin:
+            # What the link before could carry, and lost, says nothing about this one.
             self._tiers, self._thinner.rates = Tiers(), {}
+            self._judged = (now, self.up.carried_bytes, self.up.lost_in_queue)
 
     def cut(self, now: int) -> None:
         """Everything on the way is lost, and everything that enters until `restore`."""
@@ -95,3 +98,8 @@ class Link(Generic[T]):
             changes=self.changes,
             clock=clock,
         )
+
+
+def _carries_more(rate_kbit: float, before_kbit: float) -> bool:
+    """[kbit/s] 0 is no limit."""
+    return rate_kbit == 0.0 or rate_kbit > before_kbit > 0.0

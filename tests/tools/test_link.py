@@ -11,8 +11,8 @@ from messages.link import LinkAnswer, LinkRequest
 from services.runtime.errors import LindyError
 from services.runtime.stack import Row, Stack
 from services.runtime.virtual_host import VirtualHost
+from tools.asking import Asking
 from tools.link import link
-from tools.link_ask import Asking
 
 S = 1_000_000_000  # [ns]
 Lines = list[dict[str, str]]
@@ -82,7 +82,9 @@ def test_a_running_tether_answers_whoever_asks(tmp_path: Path) -> None:
     row = Row(realms=["topside", "drone"], gateway=True)
     host.add("tether", row, Stack(link="tether", out=str(tmp_path)))
     request = LinkRequest(stamp_ns=0, id="", kind="set", settings=("up.delay_ms=9",))
-    asking = Asking(host.node("link", ["topside"]), request, "link-1")
+    asking = Asking(
+        host.node("link", ["topside"]), request, topics.LINK_REQUEST, topics.LINK_ANSWER, "link-1"
+    )
     host.run(10 * S, lambda: asking.answer is not None)
     assert asking.answer is not None
     assert asking.answer.accepted
@@ -103,7 +105,9 @@ def test_a_request_is_repeated_with_its_id_until_its_own_answer_comes(lost: int)
 
     node.each(topics.LINK_REQUEST, hear)
     request = LinkRequest(stamp_ns=0, id="", kind="up")
-    asking = Asking(host.node("link", ["topside"]), request, "link-1")
+    asking = Asking(
+        host.node("link", ["topside"]), request, topics.LINK_REQUEST, topics.LINK_ANSWER, "link-1"
+    )
     host.run(10 * S, lambda: asking.answer is not None)
     host.run(20 * S)
     assert asking.answer is not None
@@ -114,6 +118,8 @@ def test_a_request_is_repeated_with_its_id_until_its_own_answer_comes(lost: int)
 def test_after_five_seconds_without_a_word_it_gives_up() -> None:
     host = VirtualHost()
     request = LinkRequest(stamp_ns=0, id="", kind="up")
-    asking = Asking(host.node("link", ["topside"]), request, "link-1")
+    asking = Asking(
+        host.node("link", ["topside"]), request, topics.LINK_REQUEST, topics.LINK_ANSWER, "link-1"
+    )
     host.run(20 * S, lambda: asking.given_up)
     assert 5 * S <= host.now <= 6 * S

@@ -74,12 +74,13 @@ class Chain:
         """What a topic said, at times `t`."""
         said: list[Any] = self._said[topic.key]
         stamps = [(message.stamp_ns - self._armed_at) / SECOND for message in said]
-        return np.interp(self.t, stamps, [value(message) for message in said])
+        values = [value(message) for message in said]
+        return np.asarray(np.interp(self.t, stamps, values), np.float64)
 
     @property
     def t(self) -> Floats:
         """[s]"""
-        return np.arange(round(self.seconds / DT)) * DT
+        return np.arange(0.0, round(self.seconds / DT)) * DT
 
     def _stack(self, folder: str, more: Sequence[str] = ()) -> Stack:
         path = Path(folder) / "sticks.csv"

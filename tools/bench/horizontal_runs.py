@@ -22,11 +22,10 @@ from messages.vehicle import Actuation, Truth
 from services.estimation.calibration import CalibrationSettings
 from services.estimation.core import Estimator, Settings
 from services.estimation.horizontal_settings import HorizontalSettings
-from services.marine.attitude import to_body, wrapped
+from services.marine.attitude import wrapped
 from services.marine.vehicle import Vehicle
 from services.runtime.stack import Stack
 from services.simulator.core import Simulator, at_the_surface
-from services.simulator.core import World as Start
 from services.simulator.settings import CurrentSettings, Dvl, Usbl
 from services.simulator.settings import Settings as Place
 
@@ -35,7 +34,7 @@ Aid = DvlSample | UsblSample
 HZ = 100  # [1/s]
 DVL, USBL = Dvl(), Usbl()  # 1 Hz, 1 cm/s; 0.5 Hz, 0.5 m
 REST = 5.0  # [s] before it moves
-LEG, STRAIGHT = 12.0, 50.0  # [s] of one manoeuvre
+LEG, STRAIGHT = 12.0, 50.0  # [s] of one manoeuvre, short and long
 DEPTH = 3.0  # [m] it stays at
 FLOW = 0.3  # [m/s] mean speed of the current
 STILL = 3.0  # [s] of it to calibrate
@@ -101,7 +100,7 @@ def world(seed: int, where: Place, seconds: float, leg: float = LEG) -> World:
     """The vehicle turns to a new heading and pushes anew every `leg` [s]."""
     rng = np.random.default_rng([seed, 77])
     vehicle = Stack().section("vehicle", Vehicle)
-    simulator = Simulator(vehicle, where, seed, adrift(vehicle, where))
+    simulator = Simulator(vehicle, where, seed, at_the_surface(vehicle, where))
     told = 1.0 + MISPUSHED * rng.uniform(-1.0, 1.0, len(vehicle.thruster))
     moments: list[Moment] = []
     heading = surge = sway = 0.0
@@ -116,18 +115,6 @@ def world(seed: int, where: Place, seconds: float, leg: float = LEG) -> World:
         simulator.advance(now)
         moments.append(_measured(simulator, k, told))
     return World(moments, misjudged(vehicle, rng))
-
-
-def adrift(vehicle: Vehicle, where: Place) -> Start:
-    """Floating, at rest in the water: one that has to be carried along first turns a little, which
-    spoils its calibration."""
-    start = at_the_surface(vehicle, where)
-    if where.current is None:
-        return start
-    flow = where.current.north, where.current.east, 0.0
-    _, _, _, qw, qx, qy, qz, *_ = start.state
-    pose, (u, v, w) = start.state[:7], to_body((qw, qx, qy, qz), flow)
-    return msgspec.structs.replace(start, state=(*pose, u, v, w, 0.0, 0.0, 0.0))
 
 
 def steered(truth: Truth, heading: float, surge: float, sway: float) -> tuple[float, ...]:
@@ -188,15 +175,14 @@ def observe(
             latency = dvl_latency if isinstance(aid, DvlSample) else usbl_latency
             late.append((now + round(latency * 1e9), aid))
         for aid in [aid for due, aid in late if due <= now]:
+            tell(estimator, aid)
             if isinstance(aid, DvlSample):
-                estimator.dvl(aid)
                 held = aid.velocity[:2]
             else:
-                estimator.usbl(aid)
                 fix = aid.north, aid.east
             _collect(found, estimator)
         late = [pair for pair in late if pair[0] > now]
-        state = _step(estimator, moment, thrust_heard)
+        state = step(estimator, moment, thrust_heard)
         if k / HZ - REST >= SETTLED and state is not None:
             _note(found, moment.truth, state)
             found.held.append([*fix, *held])
@@ -204,7 +190,14 @@ def observe(
     return found
 
 
-def _step(estimator: Estimator, moment: Moment, thrust_heard: bool) -> VehicleState | None:
+def tell(estimator: Estimator, aid: Aid) -> None:
+    if isinstance(aid, DvlSample):
+        estimator.dvl(aid)
+    else:
+        estimator.usbl(aid)
+
+
+def step(estimator: Estimator, moment: Moment, thrust_heard: bool) -> VehicleState | None:
     if moment.pressure is not None:
         estimator.pressure(moment.pressure)
     estimator.magnetometer(moment.field)

@@ -17,7 +17,7 @@ def figures(
         tuple[str, ...], Parameter(negative=(), consume_multiple=True, show_default=False)
     ] = (),
 ) -> int:
-    """Draw every figure of the two papers that concerns references and control, and check their numbers.
+    """Draw the two papers' figures on references and control, and check their numbers.
 
     Example: lindy figures --out figures --only andren-4.2 fernandes-10
 

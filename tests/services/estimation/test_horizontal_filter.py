@@ -17,7 +17,7 @@ from services.runtime.stack import Stack
 Floats = NDArray[np.float64]
 CHOICE = HorizontalSettings()
 HULL = Hull(Stack().section("vehicle", Vehicle), CHOICE.wake_share)
-SEEDS, SECONDS = 20, 40.0
+SEEDS, SECONDS = 20, 30.0
 SETTLED = 5.0  # [s] before, the current is so unknown that the drag is no straight line over it
 LEARNT = slice(0, 9)  # states; the damping is only considered
 # The bands that hold 95 % of the mean over 20 seeds of χ² with 9 and with 2 degrees of freedom.

@@ -1,0 +1,30 @@
+"""`lindy fault`: break a thruster or a sensor of the simulated vehicle, or mend it."""
+
+from pathlib import Path
+from typing import get_args
+
+from messages import topics
+from messages.simulator import Fault, FaultRequest
+from services.runtime.errors import LindyError
+from services.runtime.settings import nearest
+from tools.ask import dive_in
+from tools.asking import answer_to
+
+
+def fault(part: str, kind: str, value: float | None, dive: Path | None) -> int:
+    """Returns the exit status.
+
+    Raises:
+        LindyError: no such fault, or the simulator refuses or does not answer.
+    """
+    kinds: dict[str, Fault] = {name: name for name in get_args(Fault)}
+    if kind not in kinds:
+        raise LindyError(f"unknown fault {kind!r}{nearest(kind, list(kinds))}")
+    request = FaultRequest(stamp_ns=0, id="", part=part, fault=kinds[kind], value=value)
+    answer = answer_to(
+        request, topics.FAULT_REQUEST, topics.FAULT_ANSWER, dive_in(dive), "simulator"
+    )
+    if not answer.accepted:
+        raise LindyError(f"the simulator refuses: {answer.reason}")
+    print(f"{part}: {'mended' if kind == 'none' else kind}")
+    return 0

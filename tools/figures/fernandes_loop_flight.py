@@ -1,0 +1,320 @@
+"""Minerva flown along the routes of Fernandes et al. 2015, 4.1 and 4.3, on virtual time.
+
+Simulator, estimation, control and the route, each as a service of its own; the simulated hull is
+not quite the one of the vehicle file. The dive to 80 m is left out: the drone calibrates at the
+surface in still water, and goes on at depth as after a restart.
+"""
+
+import tempfile
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Literal, NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from messages import topics
+from messages.control import ThrusterCommand, Wrench
+from messages.sensors import DvlSample
+from messages.state import VehicleState
+from messages.vehicle import Truth
+from services.marine.vehicle import Vehicle
+from services.reference.fernandes.reference_model import plan
+from services.reference.paths.path import Path
+from services.reference.paths.route import Route
+from services.reference.paths.stretch import stretch
+from services.reference.profile import Profile
+from services.reference.profile_sequence import sequence
+from services.runtime.node import Node
+from services.runtime.stack import Stack, services_of
+from services.runtime.table import Wire, wiring
+from services.runtime.virtual_host import VirtualHost
+from services.simulator.core import Settings, at_the_surface
+from tools.figures import fernandes_loop_law
+from tools.figures.fernandes_loop_guide import Guide
+from tools.figures.fernandes_model import peak_limits
+from tools.figures.setups import MIN_RADIUS, SEA_TRIAL, paper_path, paper_route, table_3
+
+Floats = NDArray[np.float64]
+Way = Literal["paper", "lindy"]
+
+DEPTH = 80.0  # [m] printed for 4.3
+BEGIN = 50.0  # [s] of station keeping before the route, as in 4.3
+AFTER = 20.0  # [s] of station keeping after it
+EVERY_NS = 100_000_000  # [ns] between two rows of what is kept
+LONGEST_START = 60.0  # [s] until it is calibrated, or something is wrong
+SEED = 0  # [-] as everywhere
+
+# What the drone meets: not printed but for the rates of the sensors.
+PLACE = (
+    "simulator.current={north=0.08, east=-0.06, std=0.03, time_constant=120}",  # [m/s], [s]
+    "simulator.usbl.rate=1",  # [1/s] "at most 1 Hz"
+)
+UNTETHERED = ("simulator.tether.drag_coefficient=0",)  # 4.3 was no sea trial
+DRAG_MORE = 1.15  # [-] the hull's damping and added mass beside those of the file
+ADDED_MORE = 1.1  # [-]
+
+
+class Track(NamedTuple):
+    """Rows of one kind of message. NED and body FRD, SI units."""
+
+    t: Floats  # [s] since the drone was armed
+    place: Floats  # n × 3 [m]
+    velocity: Floats  # n × 4: surge, sway, heave [m/s], yaw rate [rad/s]
+    heading: Floats  # [rad] from north, accumulated
+
+
+@dataclass(frozen=True, eq=False)
+class Flight:
+    """A flight from arming on."""
+
+    begin: float  # [s] of the route
+    end: float  # [s] of the route
+    truth: Track
+    wanted: Track  # at the times of the truth
+    estimate: Track
+    measured: tuple[Floats, Floats]  # DVL: time [s], n × 3 [m/s] body
+    commanded: tuple[Floats, Floats]  # time [s], n × 4 [N, N m] surge, sway, heave, yaw
+    thrust: Floats  # [N] n × 5 at the same times, in the order of the vehicle file
+
+    @property
+    def under_way(self) -> NDArray[np.bool_]:
+        """Rows of the truth that are judged."""
+        return (self.truth.t >= self.begin) & (self.truth.t <= self.end)
+
+    @property
+    def path_error(self) -> Floats:
+        """[m] Distance in space from where it should be at that moment."""
+        return np.linalg.norm(self.truth.place - self.wanted.place, axis=1)
+
+    @property
+    def depth_error(self) -> Floats:
+        """[m] Positive: too deep."""
+        return self.truth.place[:, 2] - self.wanted.place[:, 2]
+
+    @property
+    def heading_error(self) -> Floats:
+        """[rad]"""
+        off = self.truth.heading - self.wanted.heading
+        return np.arctan2(np.sin(off), np.cos(off))
+
+    def worst(self) -> tuple[float, float, float]:
+        """Largest errors under way: path [m], depth [m], heading [rad]."""
+        errors = self.path_error, self.depth_error, self.heading_error
+        path, depth, heading = (float(np.max(np.abs(e[self.under_way]))) for e in errors)
+        return path, depth, heading
+
+
+def trial_route(way: Way) -> Route:
+    """50 m straight north (4.1)."""
+    path, model = Path.through(((0.0, 0.0), (SEA_TRIAL.length, 0.0)), MIN_RADIUS), plan(SEA_TRIAL)
+    if way == "paper":
+        return Route(path, model)
+    return Route(path, stretch(SEA_TRIAL.length, peak_limits(model), SEA_TRIAL.cruise))
+
+
+def survey_route(way: Way) -> Route:
+    """The path of Table 4 with the speeds of Table 3 (4.3); ours with the greatest jerk and
+    acceleration of the paper's, and turns whose yaw is C2."""
+    if way == "paper":
+        return paper_route()
+    path = paper_path(smooth_yaw=True)
+    parts: list[Profile] = []
+    for request in table_3(path):
+        model = plan(request)
+        moves = model.phases[0].duration + model.phases[3].duration > 0
+        if moves:
+            limits, v = peak_limits(model), (request.cruise, request.initial, request.final)
+            parts.append(stretch(request.length, limits, *v))
+        else:
+            parts.append(model)
+    return Route(path, sequence(parts))
+
+
+@lru_cache(maxsize=8)
+def trial(way: Way) -> Flight:
+    """Flown once in a process."""
+    return flown(trial_route(way), way)
+
+
+@lru_cache(maxsize=8)
+def survey(way: Way) -> Flight:
+    """Flown once in a process."""
+    return flown(survey_route(way), way, UNTETHERED)
+
+
+def flown(
+    route: Route, way: Way, place: tuple[str, ...] = (), begin: float = BEGIN, after: float = AFTER
+) -> Flight:
+    """A flight along a route. The same arguments give the same flight.
+
+    Args:
+        place: more of what the drone meets, as assignments into the vehicle file.
+        begin, after: [s] of station keeping before and after the route.
+
+    Raises:
+        RuntimeError: the drone is not ready to go.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        stack = Stack(vehicle="minerva", out=folder, seed=SEED, overrides=[*PLACE, *place])
+        host = _at_depth(stack)
+    guide = Guide(route, DEPTH, begin)
+    notes = Notes(guide)
+    rows = services_of("dive")
+    host.add("reference", rows["reference"], stack, guide.wire)
+    law: Wire = fernandes_loop_law.wire if way == "paper" else wiring("control")
+    host.add("control", rows["control"], stack, law)
+    notes.listen(host.node("observer", ["drone"]))
+    host.run(host.now + round(LONGEST_START * 1e9), done=lambda: guide.armed_ns is not None)
+    if guide.armed_ns is None:
+        raise RuntimeError(f"the drone does not know its place after {LONGEST_START:.0f} s")
+    host.run(guide.armed_ns + round((begin + route.duration + after) * 1e9))
+    return notes.flight()
+
+
+def _at_depth(stack: Stack) -> VirtualHost:
+    """Simulator and estimator, calibrated, at rest at DEPTH."""
+    host, rows = VirtualHost(), services_of("dive")
+    ready: list[int] = []
+
+    def hear(state: VehicleState, now: int) -> None:
+        if state.phase == "running" and not ready:
+            ready.append(now)
+
+    in_harbour = msgspec.structs.replace(
+        stack, overrides=["simulator.current={}", "simulator.magnetometer_noise=0.2e-6"]
+    )
+    host.add("simulator", rows["simulator"], in_harbour)
+    host.add("estimation", rows["estimation"], stack)
+    host.node("ear", ["drone"]).each(topics.STATE, hear)
+    host.run(round(LONGEST_START * 1e9), done=lambda: bool(ready))
+    if not ready:
+        raise RuntimeError(f"the drone is not calibrated after {LONGEST_START:.0f} s")
+    host.run(host.now + 2_000_000_000)  # until it has written down what it has learnt
+    for name in ("ear", "simulator", "estimation"):
+        host.kill(name)
+    real = msgspec.structs.replace(stack, overrides=[*stack.overrides, *_real_hull(stack)])
+    host.add("simulator", rows["simulator"], real, _submerged)
+    host.add("estimation", rows["estimation"], stack)
+    return host
+
+
+def _submerged(node: Node, stack: Stack) -> None:
+    """The simulator, resumed at rest at DEPTH."""
+    vehicle, settings = stack.section("vehicle", Vehicle), stack.section("simulator", Settings)
+    start = at_the_surface(vehicle, settings)
+    state = (0.0, 0.0, DEPTH, *start.state[3:])
+    node.remember(msgspec.structs.replace(start, state=state))
+    wiring("simulator")(node, stack)
+
+
+def _real_hull(stack: Stack) -> list[str]:
+    vehicle = stack.section("vehicle", Vehicle)
+    linear = [DRAG_MORE * d for d in vehicle.linear_damping]
+    quadratic = [DRAG_MORE * d for d in vehicle.quadratic_damping]
+    added = [ADDED_MORE * m for m in vehicle.added_mass]
+    return [
+        f"vehicle.linear_damping={linear}",
+        f"vehicle.quadratic_damping={quadratic}",
+        f"vehicle.added_mass={added}",
+    ]
+
+
+@dataclass(slots=True)
+class Notes:
+    """What is heard during a flight, ten times a second."""
+
+    guide: Guide
+    truth: list[Truth] = field(default_factory=list[Truth])
+    states: list[VehicleState] = field(default_factory=list[VehicleState])
+    dvl: list[DvlSample] = field(default_factory=list[DvlSample])
+    wrenches: list[Wrench] = field(default_factory=list[Wrench])
+    commands: list[ThrusterCommand] = field(default_factory=list[ThrusterCommand])
+
+    def listen(self, node: Node) -> None:
+        def keep(message: object, stamp_ns: int) -> bool:
+            return self.guide.armed_ns is not None and stamp_ns % EVERY_NS == 0
+
+        def hear_truth(m: Truth, _: int) -> None:
+            if keep(m, m.stamp_ns):
+                self.truth.append(m)
+
+        def hear_state(m: VehicleState, _: int) -> None:
+            if keep(m, m.sensor_ns):
+                self.states.append(m)
+
+        def hear_wrench(m: Wrench, _: int) -> None:
+            if keep(m, m.stamp_ns):
+                self.wrenches.append(m)
+
+        def hear_command(m: ThrusterCommand, _: int) -> None:
+            if keep(m, m.stamp_ns):
+                self.commands.append(m)
+
+        node.each(topics.TRUTH, hear_truth)
+        node.each(topics.STATE, hear_state)
+        node.each(topics.WRENCH, hear_wrench)
+        node.each(topics.THRUSTERS, hear_command)
+        node.each(topics.DVL, lambda m, _: self.dvl.append(m))
+
+    def flight(self) -> Flight:
+        guide = self.guide
+        truth = _of_truth(self.truth, guide)
+        wrenches = np.array([w.wanted for w in self.wrenches])
+        dvl = [m for m in self.dvl if guide.seconds(m.stamp_ns) > 0.0]
+        return Flight(
+            begin=guide.begin,
+            end=guide.begin + guide.route.duration,
+            truth=truth,
+            wanted=_of_route(truth.t, guide),
+            estimate=_of_states(self.states, guide),
+            measured=(
+                np.array([guide.seconds(m.stamp_ns) for m in dvl]),
+                np.array([m.velocity for m in dvl]),
+            ),
+            commanded=(
+                np.array([guide.seconds(w.stamp_ns) for w in self.wrenches]),
+                wrenches[:, (0, 1, 2, 5)],
+            ),
+            thrust=np.array([c.thrust for c in self.commands]),
+        )
+
+
+def _of_truth(rows: list[Truth], guide: Guide) -> Track:
+    return Track(
+        np.array([guide.seconds(m.stamp_ns) for m in rows]),
+        np.array([m.position for m in rows]),
+        np.array([(*m.velocity, m.angular_rate[2]) for m in rows]),
+        np.array([m.heading for m in rows]),
+    )
+
+
+def _of_states(rows: list[VehicleState], guide: Guide) -> Track:
+    found = [
+        (m.north.value, m.east.value, m.surge_velocity.value, m.sway_velocity.value)
+        if m.north and m.east and m.surge_velocity and m.sway_velocity
+        else (np.nan,) * 4
+        for m in rows
+    ]
+    return Track(
+        np.array([guide.seconds(m.sensor_ns) for m in rows]),
+        np.array([(f[0], f[1], m.depth.value) for f, m in zip(found, rows, strict=True)]),
+        np.array(
+            [
+                (f[2], f[3], m.depth_rate.value, m.yaw_rate.value)
+                for f, m in zip(found, rows, strict=True)
+            ]
+        ),
+        np.array([m.heading_navigation.value if m.heading_navigation else np.nan for m in rows]),
+    )
+
+
+def _of_route(t: Floats, guide: Guide) -> Track:
+    points = [guide.route.at(float(x) - guide.begin) for x in t]
+    return Track(
+        t,
+        np.array([(p.north, p.east, guide.depth) for p in points]),
+        np.array([(p.surge_velocity, p.sway_velocity, 0.0, p.yaw_rate) for p in points]),
+        np.array([p.heading for p in points]),
+    )
