@@ -342,7 +342,7 @@ class Estimator:
             limits.magnetometer_silent,
         )
         self._pressure_watch = SensorWatch(
-            pressure.key, limits.pressure_frozen, noted, pressure.hz, like
+            pressure.key, limits.pressure_frozen, noted, limits.pressure_rate, like
         )
         self._dvl_watch = SensorWatch(
             topics.DVL.key, limits.dvl_frozen, noted, silent_after=limits.dvl_silent

@@ -9,7 +9,10 @@ from typing import Annotated
 
 import msgspec
 
+from messages import topics
+
 Seconds = Annotated[float, msgspec.Meta(gt=0.0, le=3600.0)]
+Rate = Annotated[float, msgspec.Meta(ge=1.0, le=100.0)]
 Share = Annotated[float, msgspec.Meta(gt=0.0, lt=1.0)]
 WINDOW = 2.0  # [s] over which a rate is judged
 GAP = 5.0  # [periods] a longer break is a drop-out and says nothing about the rate
@@ -24,6 +27,7 @@ class WatchSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     imu_frozen: Seconds = 0.2  # [s]
     magnetometer_frozen: Seconds = 1.0  # [s]
     pressure_frozen: Seconds = 10.0  # [s]
+    pressure_rate: Rate = topics.PRESSURE.hz  # [1/s] of this vehicle's sensor
     dvl_frozen: Seconds = 10.0  # [s]
     usbl_frozen: Seconds = 20.0  # [s]
     rate_tolerance: Share = 0.2  # [-] of the topic's rate

@@ -14,6 +14,7 @@ from messages.message import Message
 from messages.topic import AnyTopic, Way
 
 Side = Literal["topside", "drone"]
+DRIFT = 100e-6  # [-] at most, between two crystals of 50 ppm
 ABOUT_CLOCKS = (Clock, ClockPing, ClockPong)  # they carry each clock's own time, untouched
 
 
@@ -23,17 +24,23 @@ class FarClock:
     def __init__(self, side: Side) -> None:
         """The side this node is on."""
         self.ahead_ns: int | None = None  # [ns] the other clock minus this one; None: not known
-        self.bound_ns = 0  # [ns] it is no further off than this
+        self._bound_ns = 0  # [ns] it was no further off than this …
+        self._learnt_ns = 0  # [ns] … when this was learnt
         self._sign = 1 if side == "topside" else -1
         self._crossing = Way.UP if side == "topside" else Way.DOWN
 
-    def learn(self, clock: Clock) -> None:
+    def bound_ns(self, now: int) -> int:
+        """[ns] The other clock is no further off than this; it grows while the sounder is silent,
+        because two crystals drift apart."""
+        return self._bound_ns + round(DRIFT * max(0, now - self._learnt_ns))
+
+    def learn(self, clock: Clock, now: int) -> None:
         """Keep the sounder's newest word."""
         if clock.offset_ns is None or clock.bound_ns is None:
             self.ahead_ns = None
             return
         self.ahead_ns = self._sign * clock.offset_ns
-        self.bound_ns = clock.bound_ns
+        self._bound_ns, self._learnt_ns = clock.bound_ns, now
 
     def concerns(self, topic: AnyTopic) -> bool:
         """Does this stream come from the other machine?"""

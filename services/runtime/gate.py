@@ -62,12 +62,11 @@ class Gate(Generic[M]):
         self._far = far if far is not None and far.concerns(topic) else None
         self._judged = far is None or far.judges(topic)
         self._stamps = stamps_of(topic.message)
-        self._last: tuple[int, int] | None = None  # (stamp_ns, seq) of the newest admitted
+        self._last: tuple[int, int] | None = None  # (stamp, seq) of the newest admitted, as said
 
-    @property
-    def bound_ns(self) -> int:
-        """[ns] What the age of an admitted message may be off by."""
-        return 0 if self._far is None else self._far.bound_ns
+    def bound_ns(self, now: int) -> int:
+        """[ns] What the age of a message admitted now may be off by."""
+        return 0 if self._far is None else self._far.bound_ns(now)
 
     @property
     def admitted(self) -> bool:
@@ -84,11 +83,15 @@ class Gate(Generic[M]):
             return self._refuse("malformed", envelope)
         if self.authority is not None and not self.authority.admits(epoch_of(message)):
             return self._refuse("wrong_epoch", envelope)
+        said = (message.stamp_ns, message.seq)  # by the clock of who said it
         if (reason := self._untimely(message, now)) is not None:
+            return self._refuse(reason, envelope)
+        if self._topic.hz and (reason := self._out_of_order(said, envelope.key, now)) is not None:
             return self._refuse(reason, envelope)
         if self.authority is not None:
             self.authority.heard(epoch_of(message))
-        return self._in_order(message, envelope) if self._topic.hz else self._event(message)
+        self._last = said
+        return message
 
     def _untimely(self, message: M, now: int) -> str | None:
         """Why a message is not of this moment, once its stamps are in local time."""
@@ -97,29 +100,33 @@ class Gate(Generic[M]):
             if self._far.ahead_ns is None:
                 return "unsynchronised" if self._topic.hz else None
             moved(message, self._stamps, self._far.ahead_ns)
-            bound = self._far.bound_ns
+            bound = self._far.bound_ns(now)
         if self._judged and message.stamp_ns > now + FUTURE_NS + bound:
             return "from_future"
         if self._expires and age_ns(message, now) + bound > ttl_ns(message):
             return "expired"
         return None
 
-    def _event(self, message: M) -> M:
-        self._last = (message.stamp_ns, message.seq)
-        return message
+    def _out_of_order(self, said: tuple[int, int], key: str, now: int) -> str | None:
+        """Order is judged by the clock of who said it: what is known of that clock changes, and
+        must not make an old message look newer than the one before."""
+        if self._last is None or self._is_of_another_clock(self._last[0], now):
+            return None
+        if said == self._last:
+            return "duplicated"
+        if said[0] < self._last[0]:
+            return "reordered"
+        missed = said[1] - self._last[1] - 1
+        if missed > 0:  # negative: the publisher was restarted and counts anew
+            self._counts[f"lost:{key}"] += missed
+        return None
 
-    def _in_order(self, message: M, envelope: Envelope) -> M | None:
-        here = (message.stamp_ns, message.seq)
-        if self._last is not None:
-            if here == self._last:
-                return self._refuse("duplicated", envelope)
-            if message.stamp_ns < self._last[0]:
-                return self._refuse("reordered", envelope)
-            missed = message.seq - self._last[1] - 1
-            if missed > 0:  # negative: the publisher was restarted and counts anew
-                self._counts[f"lost:{envelope.key}"] += missed
-        self._last = here
-        return message
+    def _is_of_another_clock(self, said_ns: int, now: int) -> bool:
+        """Was it said before the other machine's clock began anew, as after a power cut?"""
+        far = self._far
+        if far is None or far.ahead_ns is None:
+            return False
+        return said_ns - far.ahead_ns > now + FUTURE_NS + far.bound_ns(now)
 
     def _refuse(self, reason: str, envelope: Envelope) -> None:
         self._counts[f"{reason}:{envelope.key}"] += 1

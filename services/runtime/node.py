@@ -63,7 +63,7 @@ class Node:
         self._health = self.publisher(topics.HEALTH.of(name))
         self.every(topics.HEALTH.hz, self._report)
         if far is not None:
-            self.each(topics.CLOCK, lambda clock, _: far.learn(clock))
+            self.each(topics.CLOCK, far.learn)
 
     # What a service says.
 
@@ -161,7 +161,7 @@ class Node:
     def learn_clock(self, clock: Clock) -> None:
         """For the sounder, which does not hear itself."""
         if self._far is not None:
-            self._far.learn(clock)
+            self._far.learn(clock, clock.stamp_ns)
 
     # When a service acts by itself.
 

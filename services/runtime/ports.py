@@ -78,6 +78,7 @@ class Latest(Generic[M]):
         self._gate = gate
         self._counts = counts
         self._newest: M | None = None
+        self._bound_ns = 0  # [ns] what its age may be off by
         self._was_fresh = False
         self._has_ttl = "ttl_ms" in topic.message.__struct_fields__
 
@@ -92,7 +93,7 @@ class Latest(Generic[M]):
         for _, envelope in self._inbox.take_all():
             message = self._gate.admit(envelope, now)
             if message is not None:
-                self._newest = message
+                self._newest, self._bound_ns = message, self._gate.bound_ns(now)
         return self._newest
 
     def fresh(self, now: int) -> M | None:
@@ -101,9 +102,10 @@ class Latest(Generic[M]):
         message = self.newest(now)
         if message is None:
             return None
-        # A command's life is counted by the worst case of the clocks.
+        # A command's life is counted by the worst case of the clocks, as they were known when its
+        # stamp was turned into local time; what is learnt later does not move that stamp.
         limit = ttl_ns(message) if self._has_ttl else self._topic.stale_after_ns
-        bound = self._gate.bound_ns if self._has_ttl else 0
+        bound = self._bound_ns if self._has_ttl else 0
         if limit is None or age_ns(message, now) + bound <= limit:
             self._was_fresh = True
             return message

@@ -62,7 +62,7 @@ def wire(node: Node, stack: Stack) -> None:
             node.count("empty:battery")
 
     node.each(topics.THRUSTERS, obey)
-    node.every(topics.PRESSURE.hz, measure_pressure)
+    node.every(stack.section("simulator", Settings).pressure_rate, measure_pressure)
     node.every(topics.IMU.hz, measure_motion)
     node.every(topics.BATTERY.hz, measure_battery)
     _faults(node, simulator, count)

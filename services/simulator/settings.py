@@ -4,6 +4,7 @@ from typing import Annotated
 
 import msgspec
 
+from messages import topics
 from services.marine.vehicle import ATMOSPHERE, SEA_WATER
 from services.marine.water import Density
 
@@ -97,6 +98,7 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     hard_iron: FieldNoise = 0.2e-6  # [T] 1σ per axis
     magnetometer_noise: FieldNoise = 0.2e-6  # [T] 1σ per axis and sample
     pressure_std: Annotated[float, msgspec.Meta(ge=0.0, le=5000.0)] = 500.0  # [Pa] 5 mbar
+    pressure_rate: Annotated[float, msgspec.Meta(ge=1.0, le=100.0)] = topics.PRESSURE.hz  # [1/s]
     pressure_step: Annotated[float, msgspec.Meta(ge=0.0, le=5000.0)] = 0.0  # [Pa] 0: unrounded
 
     # Sensors that the vehicle has only if its file has the table.

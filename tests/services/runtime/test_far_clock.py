@@ -1,11 +1,19 @@
 """Two machines, two clocks: stamps are local wherever they are read, and nothing old passes."""
 
+from collections import Counter
+
+import msgspec
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages import topics
+from messages.link import Clock
 from messages.pilot import PilotCommand
 from messages.vehicle import Actuation
+from services.runtime.bus import Envelope
+from services.runtime.far_clock import FarClock
+from services.runtime.gate import Gate
+from services.runtime.ports import Inbox, Latest
 from services.runtime.stack import Row, Stack
 from services.runtime.virtual_host import Skew, VirtualHost
 
@@ -21,6 +29,67 @@ def joined(clocks: dict[str, Skew] | None, link: str = "tether") -> VirtualHost:
     host.add("sounder", TOPSIDE, stack)
     host.add("echo", DRONE, stack)
     return host
+
+
+def told(far: FarClock, ahead: int, bound: int, now: int = 0) -> None:
+    """The sounder's word on the drone's clock, heard on board."""
+    clock = Clock(
+        stamp_ns=0, offset_ns=ahead, bound_ns=bound, drift_ppm=None, rtt_ms=None,
+        rtt_min_ms=None, answered_ms=None,
+    )  # fmt: skip
+    far.learn(clock, now)
+
+
+def test_while_the_sounder_is_silent_the_clocks_are_known_less_and_less() -> None:
+    far = FarClock("drone")
+    told(far, 0, MS, now=SECOND)
+    assert far.bound_ns(SECOND) == MS
+    assert far.bound_ns(61 * SECOND) == MS + 6 * MS
+
+
+def envelope(message: PilotCommand) -> Envelope:
+    topic = topics.PILOT_COMMAND
+    return Envelope(topic.key, msgspec.msgpack.encode(message), topic.encoding)
+
+
+@given(error=st.integers(-200, 200), better=st.integers(-200, 200), earlier=st.integers(0, 100))
+@settings(max_examples=100, deadline=None)
+def test_better_knowledge_of_the_clock_lets_no_older_message_pass_a_newer_one(
+    error: int, better: int, earlier: int
+) -> None:
+    """`error` and `better` [ms] are what the clock is taken to be wrong by, before and after."""
+    far, counts = FarClock("drone"), Counter[str]()
+    gate = Gate(topics.PILOT_COMMAND, counts, far)
+    told(far, error * MS, abs(error) * MS, SECOND)
+    newest = gate.admit(envelope(command(SECOND)), SECOND + 20 * MS)
+    told(far, better * MS, abs(better) * MS, SECOND)
+    older = gate.admit(envelope(command(SECOND - earlier * MS)), SECOND + 40 * MS)
+    assert newest is None or older is None
+    assert counts["lost:pilot/command"] == 0
+    assert gate.admit(envelope(command(SECOND + 20 * MS, 1000.0)), SECOND + 40 * MS) is not None
+
+
+@given(error=st.integers(-300, 300), better=st.integers(-300, 300), age=st.integers(0, 1000))
+@settings(max_examples=200, deadline=None)
+def test_better_knowledge_of_the_clock_lengthens_no_life(error: int, better: int, age: int) -> None:
+    far, counts = FarClock("drone"), Counter[str]()
+    gate = Gate(topics.PILOT_COMMAND, counts, far)
+    inbox = Inbox("pilot/command", 8, lambda: 0, counts)
+    newest = Latest(topics.PILOT_COMMAND, inbox, gate, counts)
+    told(far, error * MS, abs(error) * MS, SECOND)
+    inbox.store(envelope(command(SECOND)))
+    newest.newest(SECOND)
+    told(far, better * MS, abs(better) * MS, SECOND)
+    assert newest.fresh(SECOND + age * MS) is None or age <= 300
+
+
+def test_a_machine_that_was_started_anew_is_heard_again() -> None:
+    far, counts = FarClock("drone"), Counter[str]()
+    gate = Gate(topics.PILOT_COMMAND, counts, far)
+    told(far, -3600 * SECOND, MS, 10 * SECOND)  # the pilot's machine has run for an hour more
+    assert gate.admit(envelope(command(3610 * SECOND)), 10 * SECOND) is not None
+    told(far, 11 * SECOND, MS, 12 * SECOND)
+    assert gate.admit(envelope(command(SECOND)), 12 * SECOND) is not None
 
 
 def command(now: int, ttl_ms: float = 300.0) -> PilotCommand:
