@@ -9,7 +9,8 @@ from services.tether.codel import Dropper
 from services.tether.profile import Queue
 
 T = TypeVar("T")
-URGENCY = (Qos.REALTIME, Qos.LIVE, Qos.EVENT, Qos.BULK)  # strict: the first that has something
+# Strict: the first that has something. Events are few, and telemetry would starve them.
+URGENCY = (Qos.REALTIME, Qos.EVENT, Qos.LIVE, Qos.BULK)
 GIVES_WAY = (Qos.BULK, Qos.LIVE, Qos.EVENT, Qos.REALTIME)  # when full: the least missed first
 RANK = {stance: rank for rank, stance in enumerate(URGENCY)}
 Lost = list[tuple[T, str]]  # what was lost, and why

@@ -38,15 +38,16 @@ class Limits(NamedTuple):
 TRIAL_LIMITS = Limits(0.5, 0.1, 4.0)  # 4.1
 SURVEY_LIMITS = Limits(0.5, 0.15, 2.5)  # 4.3
 
-THEIRS: style.Look = {"color": style.PAPER, "linewidth": 1.3}
-OURS: style.Look = {"color": style.LINDY, "linewidth": 1.1}
+THEIRS: style.Look = {"color": style.PAPER, "linewidth": 1.2}
+OURS: style.Look = {"color": style.LINDY, "linewidth": 1.0}
 WANTED: style.Look = {"color": style.TARGET, "linewidth": 3.2, "alpha": 0.7}
 SAID: style.Look = {"color": style.LIMIT, "marker": ".", "linestyle": "", "markersize": 2.5}
 LAW, STACK = "paper's law", "Lindy"
-SHOWN_BEFORE = 20.0  # [s] of station keeping that is drawn
+DASHED = "Dashed: where parts of the paper's route begin and end."
 
 THRUSTERS = ("port", "starboard", "lateral", "vertical")
 COLUMNS = (0, 1, 2, 4)  # of these in a thruster command; both verticals are asked for the same
+PATCH_ROWS = 200  # 20 s
 FULL = ((111.7, 243.7), (111.7, 243.7), (195.0, 195.0), (90.0, 195.0))  # [N] astern, ahead
 
 
@@ -83,20 +84,21 @@ def figure_14(figure: Figure) -> str:
     draw_map(figure, surveys())
     return (
         "Patches: where Lindy's Minerva is every 20 s and where it points, four times as large as "
-        f"life. Enlarged: the middle of the first turn, 4 m wide. {said_of_errors(surveys())}"
+        "life. Enlarged: 6 m in the first turn. Lindy's turns, whose yaw is C2, are not the "
+        f"paper's, whose yaw is C1. {said_of_errors(surveys())}"
     )
 
 
 def figure_15(figure: Figure) -> str:
     draw_errors(figure, surveys(), SURVEY_LIMITS)
     _parts(figure.axes)
-    return said_of_errors(surveys())
+    return f"{DASHED} {said_of_errors(surveys())}"
 
 
 def figure_16(figure: Figure) -> str:
     draw_velocities(figure, surveys())
     _parts(figure.axes)
-    return said_of_velocities(surveys())
+    return f"{said_of_velocities(surveys())} {DASHED}"
 
 
 def figure_17(figure: Figure) -> str:
@@ -104,7 +106,7 @@ def figure_17(figure: Figure) -> str:
     _parts(figure.axes)
     return (
         "What the laws ask for. Heave holds the drone down against its buoyancy of 100 N. Lindy "
-        "asks a hundred times a second, the paper's law 6.7 times."
+        f"asks a hundred times a second, the paper's law 6.7 times. {DASHED}"
     )
 
 
@@ -119,7 +121,7 @@ def draw_errors(figure: Figure, flights: Pair, limits: Limits) -> None:
     wanted, t = flights.paper.wanted, flights.paper.truth.t
     for column in (0, 1):
         panels[0].plot(t, wanted.place[:, column], **WANTED)
-    panels[1].plot(t, np.degrees(wanted.heading), label="reference", **WANTED)
+    panels[1].plot(t, np.degrees(wanted.heading), label="paper's reference", **WANTED)
     for flight, name, look in _both(flights):
         truth = flight.truth
         for column in (0, 1):
@@ -133,7 +135,7 @@ def draw_errors(figure: Figure, flights: Pair, limits: Limits) -> None:
             panel.axhline(sign * limit, **style.EDGE)
     handles, names = panels[1].get_legend_handles_labels()
     panels[0].legend(handles, names, ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0))
-    _from_station_keeping(panels, flights)
+    _as_long_as(panels, flights)
 
 
 def draw_velocities(figure: Figure, flights: Pair) -> None:
@@ -151,18 +153,16 @@ def draw_velocities(figure: Figure, flights: Pair) -> None:
         panel.plot(wanted.t, scale * wanted.velocity[:, k], label="paper's reference",
                    color=style.TARGET, lw=1.2, ls="--")  # fmt: skip
     style.legend(panels[0], 4)
-    _from_station_keeping(panels, flights)
+    _as_long_as(panels, flights)
 
 
 def draw_rotations(figure: Figure, flights: Pair) -> None:
     """Commanded rotations of the propellers."""
-    panels = style.stacked(figure, *(f"{name}\n[% of full]" for name in THRUSTERS))
-    for panel, column, full in zip(panels, COLUMNS, FULL, strict=True):
-        for flight, name, look in _both(flights):
+    rows = _side_by_side(figure, flights, [f"{name}\n[% of full]" for name in THRUSTERS])
+    for panels, column, full in zip(rows, COLUMNS, FULL, strict=True):
+        for panel, (flight, _, look) in zip(panels, _both(flights), strict=True):
             share = rotation(flight.thrust[:, column], full)
-            panel.plot(flight.commanded[0], 100.0 * share, label=name, **look)
-    style.legend(panels[0], 2)
-    _from_station_keeping(panels, flights)
+            panel.plot(flight.commanded[0], 100.0 * share, **look)
 
 
 def rotation(thrust: Floats, full: tuple[float, float]) -> Floats:
@@ -174,34 +174,32 @@ def rotation(thrust: Floats, full: tuple[float, float]) -> Floats:
 def draw_forces(figure: Figure, flights: Pair) -> None:
     """Commanded forces and moment."""
     labels = ("surge [N]", "sway [N]", "heave [N]", "yaw [N m]")
-    panels = style.stacked(figure, *labels)
-    for k, panel in enumerate(panels):
-        for flight, name, look in _both(flights):
+    for k, panels in enumerate(_side_by_side(figure, flights, labels)):
+        for panel, (flight, _, look) in zip(panels, _both(flights), strict=True):
             t, wrench = flight.commanded
-            panel.plot(t, wrench[:, k], label=name, **look)
-    style.legend(panels[0], 2)
-    _from_station_keeping(panels, flights)
+            panel.plot(t, wrench[:, k], **look)
 
 
 def draw_map(figure: Figure, flights: Pair) -> None:
     """The plane, north up."""
     panel = figure.subplots()
     map_of(panel, WAYPOINTS)
-    near = panel.inset_axes((0.40, 0.03, 0.22, 0.40))
-    wanted = flights.lindy.wanted.place
+    near = panel.inset_axes((0.36, 0.60, 0.34, 0.38))
+    lindy, paper = flights.lindy, flights.paper
     for axes in (panel, near):
+        wanted = lindy.wanted.place
         axes.plot(wanted[:, 1], wanted[:, 0], label="Lindy's path", **WANTED)
         for flight, name, look in _both(flights):
             place = flight.truth.place
             axes.plot(place[:, 1], place[:, 0], label=name, **look)
-    for row in range(0, len(flights.lindy.truth.t), 200):
-        panel.add_patch(_patch(flights.lindy, row))
-    middle = wanted[int(np.argmin(np.abs(flights.lindy.truth.t - 220.0)))]
-    near.set(
-        xlim=(middle[1] - 2.0, middle[1] + 2.0), ylim=(middle[0] - 2.0, middle[0] + 2.0),
-        aspect="equal", xticks=[], yticks=[],
-    )  # fmt: skip
-    near.grid(visible=False)
+    printed = paper.wanted.place
+    near.plot(printed[:, 1], printed[:, 0], color=style.PAPER, lw=3.2, alpha=0.35)
+    for row in range(0, len(lindy.truth.t), PATCH_ROWS):
+        panel.add_patch(_patch(lindy, row))
+    turn = lindy.wanted.velocity[:, 3]
+    north, east, _ = lindy.wanted.place[int(np.argmax(turn))]
+    near.set(xlim=(east - 3.0, east + 3.0), ylim=(north - 3.0, north + 1.0), aspect="equal")
+    near.set(xticks=[], yticks=[])
     panel.indicate_inset_zoom(near, edgecolor=style.LIMIT)
     panel.set(xlim=(-8, 112), ylim=(-5, 65))
     style.legend(panel, 4)
@@ -240,9 +238,23 @@ def _both(flights: Pair) -> Sequence[tuple[Flight, str, style.Look]]:
     return (flights.paper, LAW, THEIRS), (flights.lindy, STACK, OURS)
 
 
-def _from_station_keeping(panels: Sequence[Axes], flights: Pair) -> None:
-    begin = flights.paper.begin - SHOWN_BEFORE
-    panels[0].set_xlim(max(0.0, begin), max(f.truth.t[-1] for f in flights))
+def _side_by_side(figure: Figure, flights: Pair, labels: Sequence[str]) -> list[list[Axes]]:
+    """A row of panels for each label, with a column for each flight."""
+    grid = figure.subplots(len(labels), 2, sharex=True, sharey="row", squeeze=False)
+    rows = [list(row) for row in grid]
+    for panels, label in zip(rows, labels, strict=True):
+        panels[0].set_ylabel(label)
+    for panel, last, name in zip(rows[0], rows[-1], (LAW, STACK), strict=True):
+        panel.set_title(name)
+        last.set_xlabel("time [s]")
+    figure.align_ylabels()
+    _as_long_as(rows[0], flights)
+    return rows
+
+
+def _as_long_as(panels: Sequence[Axes], flights: Pair) -> None:
+    t = flights.paper.truth.t
+    panels[0].set_xlim(t[0], t[-1])
 
 
 def _parts(panels: Sequence[Axes]) -> None:

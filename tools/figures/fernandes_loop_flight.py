@@ -6,6 +6,7 @@ surface in still water, and goes on at depth as after a restart.
 """
 
 import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Literal, NamedTuple
@@ -18,6 +19,7 @@ from messages import topics
 from messages.control import ThrusterCommand, Wrench
 from messages.sensors import DvlSample
 from messages.state import VehicleState
+from messages.topic import M
 from messages.vehicle import Truth
 from services.marine.vehicle import Vehicle
 from services.reference.fernandes.reference_model import plan
@@ -41,7 +43,7 @@ Way = Literal["paper", "lindy"]
 
 DEPTH = 80.0  # [m] printed for 4.3
 BEGIN = 50.0  # [s] of station keeping before the route, as in 4.3
-AFTER = 20.0  # [s] of station keeping after it
+KEPT = 20.0  # [s] of that which is kept, when the start has settled, and as much after the route
 EVERY_NS = 100_000_000  # [ns] between two rows of what is kept
 LONGEST_START = 60.0  # [s] until it is calibrated, or something is wrong
 SEED = 0  # [-] as everywhere
@@ -59,7 +61,7 @@ ADDED_MORE = 1.1  # [-]
 class Track(NamedTuple):
     """Rows of one kind of message. NED and body FRD, SI units."""
 
-    t: Floats  # [s] since the drone was armed
+    t: Floats  # [s]
     place: Floats  # n × 3 [m]
     velocity: Floats  # n × 4: surge, sway, heave [m/s], yaw rate [rad/s]
     heading: Floats  # [rad] from north, accumulated
@@ -67,7 +69,7 @@ class Track(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """A flight from arming on."""
+    """What is kept of a flight. Times count from arming."""
 
     begin: float  # [s] of the route
     end: float  # [s] of the route
@@ -135,41 +137,41 @@ def survey_route(way: Way) -> Route:
 @lru_cache(maxsize=8)
 def trial(way: Way) -> Flight:
     """Flown once in a process."""
-    return flown(trial_route(way), way)
+    return flown(trial_route(way), way, trial_route("paper").duration + KEPT)
 
 
 @lru_cache(maxsize=8)
 def survey(way: Way) -> Flight:
     """Flown once in a process."""
-    return flown(survey_route(way), way, UNTETHERED)
+    return flown(survey_route(way), way, survey_route("paper").duration + KEPT, UNTETHERED)
 
 
 def flown(
-    route: Route, way: Way, place: tuple[str, ...] = (), begin: float = BEGIN, after: float = AFTER
+    route: Route, way: Way, seconds: float, place: tuple[str, ...] = (), begin: float = BEGIN
 ) -> Flight:
     """A flight along a route. The same arguments give the same flight.
 
     Args:
+        seconds: [s] from the begin of the route to the end of the flight.
         place: more of what the drone meets, as assignments into the vehicle file.
-        begin, after: [s] of station keeping before and after the route.
+        begin: [s] of station keeping before the route.
 
     Raises:
         RuntimeError: the drone is not ready to go.
     """
+    guide = Guide(route, DEPTH, begin)
+    notes, rows = Notes(guide), services_of("dive")
     with tempfile.TemporaryDirectory() as folder:
         stack = Stack(vehicle="minerva", out=folder, seed=SEED, overrides=[*PLACE, *place])
         host = _at_depth(stack)
-    guide = Guide(route, DEPTH, begin)
-    notes = Notes(guide)
-    rows = services_of("dive")
-    host.add("reference", rows["reference"], stack, guide.wire)
-    law: Wire = fernandes_loop_law.wire if way == "paper" else wiring("control")
-    host.add("control", rows["control"], stack, law)
-    notes.listen(host.node("observer", ["drone"]))
-    host.run(host.now + round(LONGEST_START * 1e9), done=lambda: guide.armed_ns is not None)
-    if guide.armed_ns is None:
-        raise RuntimeError(f"the drone does not know its place after {LONGEST_START:.0f} s")
-    host.run(guide.armed_ns + round((begin + route.duration + after) * 1e9))
+        host.add("reference", rows["reference"], stack, guide.wire)
+        law: Wire = fernandes_loop_law.wire if way == "paper" else wiring("control")
+        host.add("control", rows["control"], stack, law)
+        notes.listen(host.node("observer", ["drone"]))
+        host.run(host.now + round(LONGEST_START * 1e9), done=lambda: guide.armed_ns is not None)
+        if guide.armed_ns is None:
+            raise RuntimeError(f"the drone does not know its place after {LONGEST_START:.0f} s")
+        host.run(guide.armed_ns + round((begin + seconds) * 1e9))
     return notes.flight()
 
 
@@ -182,9 +184,7 @@ def _at_depth(stack: Stack) -> VirtualHost:
         if state.phase == "running" and not ready:
             ready.append(now)
 
-    in_harbour = msgspec.structs.replace(
-        stack, overrides=["simulator.current={}", "simulator.magnetometer_noise=0.2e-6"]
-    )
+    in_harbour = msgspec.structs.replace(stack, overrides=["simulator.current={}"])
     host.add("simulator", rows["simulator"], in_harbour)
     host.add("estimation", rows["estimation"], stack)
     host.node("ear", ["drone"]).each(topics.STATE, hear)
@@ -233,36 +233,29 @@ class Notes:
     commands: list[ThrusterCommand] = field(default_factory=list[ThrusterCommand])
 
     def listen(self, node: Node) -> None:
-        def keep(message: object, stamp_ns: int) -> bool:
-            return self.guide.armed_ns is not None and stamp_ns % EVERY_NS == 0
+        """Hear it all with `node`."""
 
-        def hear_truth(m: Truth, _: int) -> None:
-            if keep(m, m.stamp_ns):
-                self.truth.append(m)
+        def into(rows: list[M]) -> Callable[[M, int], None]:
+            return lambda message, now: rows.append(message) if self._keeps(now) else None
 
-        def hear_state(m: VehicleState, _: int) -> None:
-            if keep(m, m.sensor_ns):
-                self.states.append(m)
+        node.each(topics.TRUTH, into(self.truth))
+        node.each(topics.STATE, into(self.states))
+        node.each(topics.WRENCH, into(self.wrenches))
+        node.each(topics.THRUSTERS, into(self.commands))
+        node.each(topics.DVL, self._hear_dvl)
 
-        def hear_wrench(m: Wrench, _: int) -> None:
-            if keep(m, m.stamp_ns):
-                self.wrenches.append(m)
+    def _keeps(self, now: int) -> bool:
+        early = self.guide.seconds(now) < self.guide.begin - KEPT
+        return now % EVERY_NS == 0 and not early
 
-        def hear_command(m: ThrusterCommand, _: int) -> None:
-            if keep(m, m.stamp_ns):
-                self.commands.append(m)
-
-        node.each(topics.TRUTH, hear_truth)
-        node.each(topics.STATE, hear_state)
-        node.each(topics.WRENCH, hear_wrench)
-        node.each(topics.THRUSTERS, hear_command)
-        node.each(topics.DVL, lambda m, _: self.dvl.append(m))
+    def _hear_dvl(self, sample: DvlSample, _: int) -> None:
+        if self.guide.seconds(sample.stamp_ns) >= self.guide.begin - KEPT:
+            self.dvl.append(sample)
 
     def flight(self) -> Flight:
         guide = self.guide
         truth = _of_truth(self.truth, guide)
         wrenches = np.array([w.wanted for w in self.wrenches])
-        dvl = [m for m in self.dvl if guide.seconds(m.stamp_ns) > 0.0]
         return Flight(
             begin=guide.begin,
             end=guide.begin + guide.route.duration,
@@ -270,8 +263,8 @@ class Notes:
             wanted=_of_route(truth.t, guide),
             estimate=_of_states(self.states, guide),
             measured=(
-                np.array([guide.seconds(m.stamp_ns) for m in dvl]),
-                np.array([m.velocity for m in dvl]),
+                np.array([guide.seconds(m.stamp_ns) for m in self.dvl]),
+                np.array([m.velocity for m in self.dvl]),
             ),
             commanded=(
                 np.array([guide.seconds(w.stamp_ns) for w in self.wrenches]),

@@ -131,7 +131,7 @@ class Overload:
 NARROW = "thin = {thin}\n[up]\ndelay_ms = 10.0\nrate_kbit = 300.0\n"
 
 
-def test_thinning_out_keeps_state_and_events_fresh_where_they_would_be_seconds_old(
+def test_thinning_out_keeps_the_state_fresh_where_it_would_be_seconds_old(
     tmp_path: Path,
 ) -> None:
     with_tiers = Overload(tmp_path, NARROW.format(thin="true")).run(3.0)
@@ -142,9 +142,10 @@ def test_thinning_out_keeps_state_and_events_fresh_where_they_would_be_seconds_o
         run.run(10.0)
     state, event = topics.STATE.key, topics.STATUS.key
     assert with_tiers.p99_ms(state) < 100.0
-    assert with_tiers.p99_ms(event) < 100.0
-    assert not without.delays[event] or without.p99_ms(event) > 1000.0
-    assert len(with_tiers.delays[event]) == 50  # not one event is lost
+    assert without.p99_ms(state) > 1000.0
+    for run in (with_tiers, without):  # events go before telemetry, however much of it there is
+        assert run.p99_ms(event) < 100.0
+        assert len(run.delays[event]) == 50
     status = with_tiers.statuses[-1]
     assert status.up_link.tiers[topics.TRUTH.key] <= 5.0
     assert without.statuses[-1].up_link.tiers == {}
