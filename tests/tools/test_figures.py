@@ -15,10 +15,13 @@ from services.runtime.errors import LindyError
 from tools.figures import command
 from tools.figures.catalogue import FIGURES, Entry, drawn
 from tools.figures.claims import Claim
+from tools.figures.claims_fernandes_loop import FLOWN
 from tools.figures.command import figures
 
 ANDREN = ("4.2", "4.3", "5.1", "5.2", "5.3", "5.4", "5.5", "5.6", "5.7", "5.8", "5.9")
 FERNANDES = (1, 3, 4, 5, 9, 10, 11, 12, 13, 18)
+# Those of flights take a minute to fly and have tests of their own.
+UNFLOWN = [each for each in FIGURES if not any(each.id in what.figures for what in FLOWN)]
 PNG = b"\x89PNG\r\n\x1a\n"
 
 
@@ -32,8 +35,8 @@ def test_every_figure_about_references_is_in_the_catalogue() -> None:
     assert len({each.id for each in FIGURES}) == len(FIGURES)
 
 
-@pytest.mark.parametrize("each", FIGURES, ids=lambda each: each.id)
-def test_a_figure_names_its_source_its_axes_and_their_units(each: Entry) -> None:
+@pytest.mark.parametrize("each", UNFLOWN, ids=lambda each: each.id)
+def test_a_figure_names_its_source_axes_and_units_and_every_curve_is_finite(each: Entry) -> None:
     figure = drawn(each)
     assert figure.get_suptitle().startswith(each.source)
     assert len(figure.get_supxlabel()) > 60  # the caption
@@ -42,11 +45,7 @@ def test_a_figure_names_its_source_its_axes_and_their_units(each: Entry) -> None
     for panel in panels:
         assert re.search(r"\[.+\]|h_i|functions", panel.get_ylabel()), each.id
     assert any(panel.get_legend() for panel in panels) or each.id == "fernandes-9"
-
-
-@pytest.mark.parametrize("each", FIGURES, ids=lambda each: each.id)
-def test_no_curve_is_empty_or_holds_a_number_that_is_none(each: Entry) -> None:
-    for panel in drawn(each).axes:
+    for panel in panels:
         assert panel.lines
         for line in panel.lines:
             x, y = np.asarray(line.get_xdata(), float), np.asarray(line.get_ydata(), float)
@@ -116,7 +115,9 @@ def test_the_verb_draws_what_is_asked_for_and_checks_every_claim(
     claims = json.loads((out / "claims.json").read_text(encoding="utf-8"))
     shown = capsys.readouterr().out
     holding = sum(claim["verdict"] == "holds" for claim in claims)
-    assert f"claims: {holding} hold, {len(claims) - holding} differ" in shown
+    differing = sum(claim["verdict"] == "differs" for claim in claims)
+    assert f"claims: {holding} hold, {differing} differ" in shown
+    assert f"{len(claims) - holding - differing} of flights not computed" in shown
     assert shown.index("[1/2]") < shown.index("[2/2]") < shown.index("claims:")
     for claim in claims:
         assert set(claim) == set(Claim.__struct_fields__)

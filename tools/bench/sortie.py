@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from messages import topics
-from messages.control import ThrusterCommand
+from messages.control import ThrusterCommand, Wrench
 from messages.pilot import Hold, PilotAnswer, PilotRequest
 from messages.reference import Reference
 from messages.simulator import Fault, FaultAnswer, FaultRequest
@@ -26,6 +26,7 @@ from tools.bench.flights import CHAIN
 
 Floats = NDArray[np.float64]
 Sticks = tuple[float, float, float, float]  # surge, sway, heave, yaw; -1 … 1
+HANDS_OFF: Sticks = (0.0, 0.0, 0.0, 0.0)
 Row = tuple[float, Sticks]  # from when [s after arming] on which sticks
 SECOND = 1_000_000_000  # [ns]
 LONGEST_START = 60.0  # [s]
@@ -63,26 +64,23 @@ class Sortie:
         self.truth: list[Truth] = []
         self.references: list[Reference] = []
         self.commands: list[ThrusterCommand] = []
+        self.wrenches: list[Wrench] = []
         self.states: list[VehicleState] = []
         self.answers: list[PilotAnswer | FaultAnswer] = []
         self.status: VehicleStatus | None = None
         self._asked = 0
-        self._folder = tempfile.TemporaryDirectory()
-        path = Path(self._folder.name) / "sticks.csv"
-        rows = [(0.0, (0.0, 0.0, 0.0, 0.0)), *sticks, (3600.0, (0.0, 0.0, 0.0, 0.0))]
-        lines = [f"{t:.2f},{','.join(map(str, wish))}" for t, wish in rows]
-        path.write_text("\n".join(["t,surge,sway,heave,yaw", *lines]))
-        self._stack = Stack(
-            pilot=f"script:{path}",
-            out=self._folder.name,
-            vehicle=vehicle,
-            seed=seed,
-            overrides=[QUICK_START, *overrides],
-        )
         self._rows = services_of("dive")
         self._host = VirtualHost()
-        for name in CHAIN:
-            self._host.add(name, self._rows[name], self._stack)
+        with tempfile.TemporaryDirectory() as folder:  # the script is read at once
+            self._stack = Stack(
+                pilot=f"script:{_script(Path(folder), sticks)}",
+                out=folder,
+                vehicle=vehicle,
+                seed=seed,
+                overrides=[QUICK_START, *overrides],
+            )
+            for name in CHAIN:
+                self._host.add(name, self._rows[name], self._stack)
         self._listen()
         self._armed_ns = 0
         self._host.run(round(LONGEST_START * SECOND), done=self._is_armed)
@@ -103,6 +101,7 @@ class Sortie:
         observer.each(topics.TRUTH, lambda m, _: self.truth.append(m))
         observer.each(topics.REFERENCE, lambda m, _: self.references.append(m))
         observer.each(topics.THRUSTERS, lambda m, _: self.commands.append(m))
+        observer.each(topics.WRENCH, lambda m, _: self.wrenches.append(m))
         observer.each(topics.STATE, lambda m, _: self.states.append(m))
         observer.each(topics.STATUS, lambda m, _: self._see(m))
 
@@ -115,6 +114,11 @@ class Sortie:
     def t(self) -> float:
         """[s] after arming."""
         return (self._host.now - self._armed_ns) / SECOND
+
+    @property
+    def hold_in_force(self) -> Hold:
+        assert self.status is not None
+        return self.status.hold
 
     def until(self, t: float) -> "Sortie":
         self._host.run(self._armed_ns + round(t * SECOND))
@@ -170,7 +174,10 @@ class Sortie:
         at_truth = np.array([m.stamp_ns / SECOND for m in self.truth])
         at_reference = np.array([m.stamp_ns / SECOND for m in self.references])
         at_command = np.array([m.stamp_ns / SECOND for m in self.commands])
-        thrust = np.array([m.thrust for m in self.commands])
+        count = len(self.commands[0].thrust)
+        thrust: list[Floats] = [
+            np.interp(t, at_command, [m.thrust[k] for m in self.commands]) for k in range(count)
+        ]
 
         def true(values: list[float]) -> Floats:
             return np.interp(t, at_truth, values)
@@ -185,5 +192,13 @@ class Sortie:
             true([m.heading for m in self.truth]),
             wanted([m.depth.position for m in self.references]),
             wanted([m.heading.position for m in self.references]),
-            np.column_stack([np.interp(t, at_command, column) for column in thrust.T]),
+            np.stack(thrust, axis=1),
         )
+
+
+def _script(folder: Path, sticks: Sequence[Row]) -> Path:
+    path = folder / "sticks.csv"
+    rows = [(0.0, HANDS_OFF), *sticks, (3600.0, HANDS_OFF)]
+    lines = [f"{t:.2f},{','.join(map(str, wish))}" for t, wish in rows]
+    path.write_text("\n".join(["t,surge,sway,heave,yaw", *lines]))
+    return path

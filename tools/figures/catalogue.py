@@ -1,7 +1,7 @@
 """The list of figures and of what is claimed about them. A new figure is a row here and a function
 that draws it; new claims are a function that returns them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import NamedTuple
 
 from matplotlib.figure import Figure
@@ -10,10 +10,12 @@ from tools.figures import (
     claims_clamped,
     claims_comparison,
     claims_fernandes,
+    claims_fernandes_loop,
     claims_full_stack,
     claims_rule,
     claims_simulation,
     disturbances,
+    fernandes_loop,
     fernandes_model,
     fernandes_paths,
     fernandes_turns,
@@ -90,11 +92,18 @@ FIGURES: tuple[Entry, ...] = (
     _fernandes(3, "twin clothoids against an arc", fernandes_turns.ratios, 4.6),
     _fernandes(4, "approximating path", fernandes_turns.approximating, 7.4),
     _fernandes(5, "interpolating path, two lane changes", fernandes_turns.interpolating, 5.6),
+    _fernandes(6, "50 m north, where it was", fernandes_loop.figure_6, 9.0),
+    _fernandes(7, "50 m north, velocities", fernandes_loop.figure_7, 8.0),
+    _fernandes(8, "50 m north, commanded rotations", fernandes_loop.figure_8, 8.0),
     _fernandes(9, "three runs in a row", fernandes_model.three_runs, 6.5),
     _fernandes(10, "path of Table 4", fernandes_paths.plan_view, 5.8),
     _fernandes(11, "curvature of the path", fernandes_paths.curvature, 6.5),
     _fernandes(12, "path parameter over time", fernandes_paths.parameter, 6.5),
     _fernandes(13, "the five parts", fernandes_paths.five_parts, 6.0),
+    _fernandes(14, "the path, flown", fernandes_loop.figure_14, 6.0),
+    _fernandes(15, "the path, where it was", fernandes_loop.figure_15, 9.0),
+    _fernandes(16, "the path, velocities", fernandes_loop.figure_16, 8.0),
+    _fernandes(17, "the path, commanded forces", fernandes_loop.figure_17, 8.0),
     _fernandes(18, "optimal shapes", fernandes_model.optimal_shapes, 6.5),
     Entry(
         "observer-disturbance",
@@ -138,8 +147,21 @@ CLAIMS: tuple[Callable[[], list[Claim]], ...] = (
 
 
 def checked_claims() -> list[Claim]:
-    """Every claim, computed now."""
+    """Every claim that needs no flight, computed now."""
     return [claim for claims in CLAIMS for claim in claims()]
+
+
+def flight_claims(drawn: Collection[str]) -> list[Claim]:
+    """The claims about flights, computed for those of which a figure is drawn (by its id)."""
+    return [
+        claim
+        for what in claims_fernandes_loop.FLOWN
+        for claim in (
+            claims_fernandes_loop.flown_claims(what)
+            if any(id_ in drawn for id_ in what.figures)
+            else claims_fernandes_loop.claims_not_flown(what)
+        )
+    ]
 
 
 def drawn(entry: Entry) -> Figure:

@@ -8,7 +8,7 @@ from typing import Literal
 import msgspec
 
 Comparison = Literal["equal", "at most", "more than"]
-Verdict = Literal["holds", "differs"]
+Verdict = Literal["holds", "differs", "not computed"]
 Value = float | Sequence[float]
 UNEXPECTED = "not expected: our value is outside the stated tolerance"
 
@@ -20,7 +20,7 @@ class Claim(msgspec.Struct, frozen=True):
     source: str  # paper, section or equation or figure
     claim: str
     paper: list[float]  # as printed
-    ours: list[float]  # computed here
+    ours: list[float]  # computed here; empty where it was not
     unit: str
     comparison: Comparison  # ours is this to the paper's
     tolerance: float  # in the unit, for each value
@@ -49,6 +49,11 @@ def judged(
     )
 
 
+def not_computed(id_: str, source: str, claim: str, paper: float, unit: str, note: str) -> Claim:
+    """An upper limit that takes too long to look at on every run; `note` says when it is."""
+    return Claim(id_, source, claim, [paper], [], unit, "at most", 0.0, "not computed", "", note)
+
+
 def agree(paper: float, ours: float, comparison: Comparison, tolerance: float) -> bool:
     """Whether one value bears the other out."""
     if comparison == "equal":
@@ -68,13 +73,16 @@ def write(claims: Sequence[Claim], path: Path) -> None:
 
 
 def table(claims: Sequence[Claim]) -> list[str]:
-    """How many hold, and which differ and why."""
+    """How many hold, which differ and why, and how many were not looked at."""
     differing = [claim for claim in claims if claim.verdict == "differs"]
-    lines = [f"claims: {len(claims) - len(differing)} hold, {len(differing)} differ"]
+    holding = sum(claim.verdict == "holds" for claim in claims)
+    lines = [f"claims: {holding} hold, {len(differing)} differ"]
     width = max((len(claim.id) for claim in differing), default=0)
     for claim in differing:
         values = f"paper {_shown(claim.paper)}, ours {_shown(claim.ours)} {claim.unit}"
         lines.append(f"  {claim.id:{width}}  {values}: {claim.why}")
+    if left := len(claims) - holding - len(differing):
+        lines.append(f"{left} of flights not computed, since no figure of theirs is drawn")
     return lines
 
 

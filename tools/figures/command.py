@@ -26,7 +26,8 @@ def figures(
 
     Args:
         out: folder, made if it is not there.
-        only: ids of figures to draw, instead of all; claims.json is written in any case.
+        only: ids of figures to draw, instead of all; claims.json is written in any case, with
+            claims about flights (fernandes-6 to 8, 14 to 17) only where one of these is drawn.
     """
     if find_spec("matplotlib") is None:
         raise LindyError(
@@ -45,7 +46,8 @@ def figures(
         for number, entry in enumerate(entries, start=1):
             style.save(catalogue.drawn(entry), out / entry.id)
             print(f"[{number}/{len(entries)}] {out / entry.id}.png, .svg", flush=True)
-        checked = catalogue.checked_claims()
+        drawn = [entry.id for entry in entries]
+        checked = [*catalogue.checked_claims(), *catalogue.flight_claims(drawn)]
         claims.write(checked, out / "claims.json")
     except OSError as error:
         raise LindyError(f"cannot write to {out}: {error.strerror or error}") from None

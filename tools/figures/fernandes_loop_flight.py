@@ -6,9 +6,7 @@ surface in still water, and goes on at depth as after a restart.
 """
 
 import tempfile
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import lru_cache
 from typing import Literal, NamedTuple
 
 import msgspec
@@ -19,7 +17,7 @@ from messages import topics
 from messages.control import ThrusterCommand, Wrench
 from messages.sensors import DvlSample
 from messages.state import VehicleState
-from messages.topic import M
+from messages.topic import M, Topic
 from messages.vehicle import Truth
 from services.marine.vehicle import Vehicle
 from services.reference.fernandes.reference_model import plan
@@ -28,6 +26,7 @@ from services.reference.paths.route import Route
 from services.reference.paths.stretch import stretch
 from services.reference.profile import Profile
 from services.reference.profile_sequence import sequence
+from services.runtime.bus import Envelope
 from services.runtime.node import Node
 from services.runtime.stack import Stack, services_of
 from services.runtime.table import Wire, wiring
@@ -53,7 +52,9 @@ PLACE = (
     "simulator.current={north=0.08, east=-0.06, std=0.03, time_constant=120}",  # [m/s], [s]
     "simulator.usbl.rate=1",  # [1/s] "at most 1 Hz"
 )
-UNTETHERED = ("simulator.tether.drag_coefficient=0",)  # 4.3 was no sea trial
+# 4.3 was a simulation, and says nothing of an umbilical. It decides: with that of the vehicle file,
+# 98 N of drag at 0.4 m/s, the largest path error is 1.05 m with the paper's law, 0.33 m with ours.
+UNTETHERED = ("simulator.tether.drag_coefficient=0",)
 DRAG_MORE = 1.15  # [-] the hull's damping and added mass beside those of the file
 ADDED_MORE = 1.1  # [-]
 
@@ -134,15 +135,13 @@ def survey_route(way: Way) -> Route:
     return Route(path, sequence(parts))
 
 
-@lru_cache(maxsize=8)
 def trial(way: Way) -> Flight:
-    """Flown once in a process."""
+    """4.1, a sea trial: with an umbilical."""
     return flown(trial_route(way), way, trial_route("paper").duration + KEPT)
 
 
-@lru_cache(maxsize=8)
 def survey(way: Way) -> Flight:
-    """Flown once in a process."""
+    """4.3, a simulation: without one."""
     return flown(survey_route(way), way, survey_route("paper").duration + KEPT, UNTETHERED)
 
 
@@ -167,7 +166,7 @@ def flown(
         host.add("reference", rows["reference"], stack, guide.wire)
         law: Wire = fernandes_loop_law.wire if way == "paper" else wiring("control")
         host.add("control", rows["control"], stack, law)
-        notes.listen(host.node("observer", ["drone"]))
+        notes.listen(host)
         host.run(host.now + round(LONGEST_START * 1e9), done=lambda: guide.armed_ns is not None)
         if guide.armed_ns is None:
             raise RuntimeError(f"the drone does not know its place after {LONGEST_START:.0f} s")
@@ -232,25 +231,25 @@ class Notes:
     wrenches: list[Wrench] = field(default_factory=list[Wrench])
     commands: list[ThrusterCommand] = field(default_factory=list[ThrusterCommand])
 
-    def listen(self, node: Node) -> None:
-        """Hear it all with `node`."""
+    def listen(self, host: VirtualHost) -> None:
+        """Hear it all. What is not kept is not decoded, which saves a quarter of the time."""
+        ear = host.realm("drone")
 
-        def into(rows: list[M]) -> Callable[[M, int], None]:
-            return lambda message, now: rows.append(message) if self._keeps(now) else None
+        def keep(topic: Topic[M], rows: list[M], every_ns: int = EVERY_NS) -> None:
+            decode = msgspec.msgpack.Decoder(topic.message).decode
 
-        node.each(topics.TRUTH, into(self.truth))
-        node.each(topics.STATE, into(self.states))
-        node.each(topics.WRENCH, into(self.wrenches))
-        node.each(topics.THRUSTERS, into(self.commands))
-        node.each(topics.DVL, self._hear_dvl)
+            def hear(envelope: Envelope) -> None:
+                early = self.guide.seconds(host.now) < self.guide.begin - KEPT
+                if host.now % every_ns == 0 and not early:
+                    rows.append(decode(envelope.payload))
 
-    def _keeps(self, now: int) -> bool:
-        early = self.guide.seconds(now) < self.guide.begin - KEPT
-        return now % EVERY_NS == 0 and not early
+            ear.hear(topic.key, hear)
 
-    def _hear_dvl(self, sample: DvlSample, _: int) -> None:
-        if self.guide.seconds(sample.stamp_ns) >= self.guide.begin - KEPT:
-            self.dvl.append(sample)
+        keep(topics.TRUTH, self.truth)
+        keep(topics.STATE, self.states)
+        keep(topics.WRENCH, self.wrenches)
+        keep(topics.THRUSTERS, self.commands)
+        keep(topics.DVL, self.dvl, every_ns=1)
 
     def flight(self) -> Flight:
         guide = self.guide
