@@ -5,7 +5,7 @@ READY := .venv/.ready
 # Installed packages wait in the environment; nothing is looked up on the network at run time.
 UV := $(BIN)/python -m uv
 
-.PHONY: dive test check format laws picture docs clean
+.PHONY: dive test check format laws stops picture docs clean
 
 dive: $(READY) ## fly the demo dive: every service, one command
 	$(BIN)/lindy dive --out dives/latest
@@ -31,6 +31,9 @@ picture: $(READY) ## the pictures in the README; Debian: mesa-vulkan-drivers lib
 
 laws: $(READY) ## the laws of the reference over millions of states, into docs/laws.md
 	$(BIN)/python tests/long/laws.py
+
+stops: $(READY) ## a hundred dives with random sticks: bounce-back and overshoot at every stop
+	$(BIN)/python tests/long/stops.py
 
 docs: $(READY) ## pages written from the code
 	$(BIN)/python -m tools.topics_page

@@ -28,6 +28,7 @@ from tools.recording import open_recording
 pytestmark = pytest.mark.system
 
 PATIENCE_S = 60.0  # never reached unless something is broken
+QUICK = ("--set", "estimation.calibration.still_time=3")  # [s] less to wait for
 SCRIPT = """t,surge,sway,heave,yaw
 0,0,0,0,0
 0.5,0,0,0.8,0
@@ -58,7 +59,7 @@ class Dive:
         command = [sys.executable, "-P", "-m", "tools", "dive", "--pilot", f"script:{script}"]
         with self._log.open("w") as log:
             self.process = subprocess.Popen(
-                [*command, "--headless", "--out", str(self.out), *options],
+                [*command, *QUICK, "--headless", "--out", str(self.out), *options],
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,

@@ -31,6 +31,7 @@ pytestmark = [
 PATIENCE_S = 60.0  # never reached unless something is broken
 CUT_S = 3.0  # [s] longer than Zenoh's lease of 1 s and every time-to-live
 TTL_S = 0.3  # [s] of a pilot command
+QUICK = ("--set", "estimation.calibration.still_time=3")  # [s] less to wait for
 HANDS = "t,surge,sway,heave,yaw\n0,0,0,0,0\n1,0,0,0.3,0\n120,0,0,0,0\n"
 
 
@@ -74,7 +75,7 @@ class Side:
         command = ["ip", "netns", "exec", space, sys.executable, "-P", "-m", "tools", "up"]
         with self._log.open("w") as log:
             self.process = subprocess.Popen(
-                [*command, *words, "--out", str(folder)],
+                [*command, *words, *QUICK, "--out", str(folder)],
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,

@@ -56,13 +56,13 @@ def test_from_the_sea_floor_it_does_not_jump(vehicle: str) -> None:
 
 @pytest.mark.parametrize("vehicle", ["pioneer", "minerva"])
 def test_modes_change_without_a_bump(vehicle: str) -> None:
-    bump = mode_changes(vehicle, seed=0, changes=5)
+    bump = mode_changes(vehicle, seed=0, changes=3)
     assert bump.depth < 0.03  # with the noise of the depth sensor
     assert bump.heading < radians(0.5)
 
 
 def test_minerva_keeps_her_place_in_a_current_of_1_metre_per_second() -> None:
-    held = place_held("minerva", north=-1.0, seed=0, after=60.0)
+    held = place_held("minerva", north=-1.0, seed=0, after=45.0, seconds=15.0)
     assert held.place < 0.3
 
 

@@ -224,6 +224,7 @@ def dive(folder: Path) -> Generator[Path]:
     script, log, out = folder / "wait.csv", folder / "screen.txt", folder / "out"
     script.write_text("t,surge,sway,heave,yaw\n0,0,0,0,0\n60,0,0,0,0\n")
     command = [sys.executable, "-P", "-m", "tools", "dive", "--headless", "--out", str(out)]
+    command += ["--set", "estimation.calibration.still_time=3"]  # [s] less to wait for
     with log.open("w") as screen:
         process = subprocess.Popen(
             [*command, "--pilot", f"script:{script}"],

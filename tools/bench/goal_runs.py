@@ -128,20 +128,21 @@ def place_held(
     seed: int,
     *,
     after: float = 60.0,
+    seconds: float = 40.0,
     overrides: Sequence[str] = (NEAR_FLOOR,),
 ) -> Held:
-    """Station keeping in a current `north` [m/s]; measured for 40 s, `after` seconds of it."""
+    """Station keeping in a current `north` [m/s]; measured from `after` [s] on."""
     rows: list[Row] = [(1.0, (0.0, 0.0, 0.8, 0.0)), (6.0, HANDS_OFF)]
     current = f"simulator.current.north={north}"
     sortie = Sortie(rows, vehicle=vehicle, seed=seed, overrides=(current, *overrides))
     sortie.until(15.0).hold("station_keeping")
-    sortie.until(15.0 + after + 40.0)
+    sortie.until(15.0 + after + seconds)
     seen = sortie.columns(15.0 + after)
     held = sortie.references[-1].north is not None
     away = np.hypot(seen.north - seen.north.mean(), seen.east - seen.east.mean())
     return Held(
         place=float(away.max()) if held else float("inf"),
-        saturated=any(m.saturated for m in sortie.wrenches[-4000:]),
+        saturated=any(m.saturated for m in sortie.wrenches[-round(100 * seconds) :]),
     )
 
 
@@ -153,8 +154,8 @@ class Still(NamedTuple):
 
 
 def still(vehicle: str, seed: int, seconds: float = 60.0, overrides: Sequence[str] = ()) -> Still:
-    """Depth and heading held, hands off."""
-    rows: list[Row] = [(1.0, (0.0, 0.0, 1.0, 0.0)), (8.0, HANDS_OFF)]
+    """Depth and heading held, hands off, after a dive and a turn."""
+    rows: list[Row] = [(1.0, (0.0, 0.0, 1.0, 0.5)), (8.0, HANDS_OFF)]
     sortie = Sortie(rows, vehicle=vehicle, seed=seed, overrides=(DEEP, *overrides))
     sortie.until(20.0 + seconds)
     seen = sortie.columns(20.0)
