@@ -18,13 +18,18 @@ class Axis:
     transfer: Transfer
     count: Count
 
-    def held(self, motion: Motion, position: Estimate, rate: Estimate, dt: float) -> float:
+    def held(
+        self, motion: Motion, position: Estimate, rate: Estimate, dt: float, *, late: bool = False
+    ) -> float:
         """Effort [N] or [N m] that brings the axis to its reference. An estimate that is not valid
-        is not fed back: the feed-forward and what was learnt remain."""
+        is not fed back: the feed-forward and what was learnt remain. A late rate is trusted less.
+        """
         if not (position.valid and rate.valid):
             self.count(f"invalid:state.{self.name}")
             return self.blind(motion, dt)
-        return self.fed_back(motion, position.value, rate.value, dt)
+        if late:
+            self.count(f"late:state.{self.name}")
+        return self.fed_back(motion, position.value, rate.value, dt, late=late)
 
     def fed_back(
         self,
@@ -35,9 +40,10 @@ class Axis:
         *,
         water: float = 0.0,
         besides: float = 0.0,
+        late: bool = False,
     ) -> float:
         """As `held`, in water that moves, with a force that is asked for besides."""
-        effort = self.law.step(motion, position, rate, dt, water)
+        effort = self.law.step(motion, position, rate, dt, water, late=late)
         if effort.clamped:
             self.count(f"clamped:control.{self.name}")
         return self.transfer.step("held", effort.total + besides, dt)

@@ -23,6 +23,7 @@ Percent = Annotated[float, msgspec.Meta(ge=0.0, le=200.0)]
 Bandwidth = Annotated[float, msgspec.Meta(ge=0.0, le=50.0)]
 Share = Annotated[float, msgspec.Meta(gt=0.0, lt=1.0)]
 HELD_BACK = 0.2  # [-] of the velocity asked for; a vehicle that is slower does not move freely
+LATE_SPRING, LATE_DAMPER = 0.15, 0.4  # [-] of kp and kd while the rate comes late
 MOVING = 1e-6  # any smaller reference velocity or acceleration is rest
 
 
@@ -81,7 +82,14 @@ class AxisLaw:
         self._blend = GainBlend(Feedback(g.kp, g.kd, 0.0), g.static)
 
     def step(
-        self, reference: Motion, position: float, rate: float, dt: float, water: float = 0.0
+        self,
+        reference: Motion,
+        position: float,
+        rate: float,
+        dt: float,
+        water: float = 0.0,
+        *,
+        late: bool = False,
     ) -> Effort:
         """Effort for a reference and an estimate at the same instant.
 
@@ -89,6 +97,8 @@ class AxisLaw:
             position, rate: estimate, same units as the reference.
             dt: [s] since the last step.
             water: velocity of the water along the axis, in the frame of `rate`.
+            late: the rate is a third of a second old, as from pressure alone: gains that suit a
+                prompt one would shake the vehicle.
         """
         error = reference.position - position
         near = clamped(error, self.gains.max_error)
@@ -103,7 +113,9 @@ class AxisLaw:
             self._still = self.gains.still + HELD_BACK * abs(reference.velocity)
             if abs(error) > self.gains.decay_threshold:
                 self._still = inf
-        total = feedback.spring(near) + feedback.kd * (reference.velocity - rate)
+        spring, damper = (LATE_SPRING, LATE_DAMPER) if late else (1.0, 1.0)
+        total = spring * feedback.spring(near)
+        total += damper * feedback.kd * (reference.velocity - rate)
         total += self.feed_forward(reference, water) + self.standing
         return Effort(total, self.standing, clamped=near != error or at_limit)
 

@@ -53,7 +53,8 @@ class Laws:
         surge, sway = self._horizontal(reference, state, dt)
         r, s = reference, state
         if r.heave_force is None:
-            heave = self.depth.held(r.depth, s.depth, s.depth_rate, dt)
+            late = not s.depth_acceleration.valid
+            heave = self.depth.held(r.depth, s.depth, s.depth_rate, dt, late=late)
         else:
             heave = self.depth.forced(r.heave_force, dt)
         if r.yaw_moment is None:
@@ -100,7 +101,10 @@ class Laws:
         if place is not None:
             self._see_water(place, horizontal.known_water(state, place.heading))
         along, across = (None, None) if place is None else place.through_water(state)
-        heave, yaw = _known(state.depth_rate), _known(state.yaw_rate)
+        # Without the accelerometer the depth rate comes a third of a second late, and a fast
+        # observer would learn its own echo.
+        heave = _known(state.depth_rate) if state.depth_acceleration.valid else None
+        yaw = _known(state.yaw_rate)
         for axis, row, velocity in (
             (self.surge, 0, along),
             (self.sway, 1, across),

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from tools.bench import control, control_cost, control_loop, control_plant
+from tools.bench import control, control_cost, control_goals, control_loop, control_plant
 from tools.bench.control_loop import NAMES, SEEDS, Scores
 from tools.bench.drag_runs import worst_errors
 from tools.bench.table import Figure
@@ -84,7 +84,7 @@ def test_known_quadratic_drag_is_what_the_error_was() -> None:
     assert known < 0.01 * linearised
 
 
-def test_the_section_joins_the_plant_and_the_loop(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_section_joins_plant_goals_and_loop(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[tuple[str, ...]] = []
 
     def scores(overrides: tuple[str, ...]) -> Scores:
@@ -92,10 +92,13 @@ def test_the_section_joins_the_plant_and_the_loop(monkeypatch: pytest.MonkeyPatc
         return Scores(*(1.0 + len(asked),) * len(NAMES))
 
     monkeypatch.setattr(control_loop, "scores", scores)
+    goal = Figure(section="control", name="a goal", unit="mm", ours=1.0, baseline=2.0)
     monkeypatch.setattr(control_plant, "figures", found)
+    monkeypatch.setattr(control_goals, "figures", lambda: [goal])
     figures = control.figures()
     assert figures[: len(found())] == found()
-    loop = figures[len(found()) :]
+    assert figures[len(found())] == goal
+    loop = figures[len(found()) + 1 :]
     assert asked == [(), control_loop.INTEGRAL]
     assert {(each.ours, each.baseline) for each in loop} == {(2.0, 3.0)}
     assert [each.unit for each in loop] == [unit for _, unit in NAMES.values()]

@@ -26,10 +26,11 @@ SEEDS = range(3)
 FINE = ("simulator.pressure_std=100", "estimation.depth.pressure_std=100")  # [Pa]
 MINERVA_CURRENT = -1.0  # [m/s] from ahead; 455 of her 480 N with the umbilical's share
 BLUEROV_CURRENT = -0.6  # [m/s] from ahead; 59 of 86 N
-LOST: tuple[tuple[str, str, Fault], ...] = (
-    ("pressure sensor silent", "sensor/pressure", "silent"),
-    ("pressure sensor frozen", "sensor/pressure", "frozen"),
-    ("compass frozen", "sensor/magnetometer", "frozen"),
+LOST: tuple[tuple[str, str, Fault, float], ...] = (  # the last is the limit [N]
+    ("pressure sensor silent", "sensor/pressure", "silent", 3.5),
+    ("pressure sensor frozen", "sensor/pressure", "frozen", 3.5),
+    ("compass frozen", "sensor/magnetometer", "frozen", 3.5),
+    ("IMU frozen", "sensor/imu", "frozen", 12.0),
 )
 BY_HEAD, BY_SIDE = "front_starboard", "vertical_front_port"  # thrusters that die
 
@@ -122,8 +123,8 @@ def _broken() -> Iterable[Figure]:
             note=note,
         )  # fmt: skip
     note = "largest change of any thruster in 15 s, hands off; a tenth of its strength"
-    for name, part, fault in LOST:
-        yield _figure(name, lost_sensor(part, fault, 0), 3.5, "N", note)
+    for name, part, fault, limit in LOST:
+        yield _figure(name, lost_sensor(part, fault, 0), limit, "N", note)
 
 
 def _mm(name: str, metres: float, limit: float, note: str, *, judged: bool = True) -> Figure:
