@@ -10,6 +10,7 @@ USUAL = 300  # round trips that say what is usual; a minute at 5 Hz
 IN_A_ROW = 2  # slow answers before the alarm; one may be chance
 RISE_MS = 50.0  # [ms] above the usual round trip, at least
 RISE = 1.0  # [-] and at least this share of the usual one
+START_MS = 3000.0  # [ms] for the drone's first answer: the other side may still be starting
 SILENT_MS = 500.0  # [ms] without an answer, beyond the usual round trip
 
 
@@ -41,7 +42,7 @@ class LinkAlarm:
     def text(self, now: Ns) -> str:
         usual = self._usual_ms() or 0.0
         waits_ms = 0.0 if self._unanswered is None else (now - self._unanswered) / 1e6
-        if waits_ms > SILENT_MS + usual:
+        if waits_ms > (SILENT_MS + usual if self._ever else START_MS):
             since = f"for {waits_ms / 1e3:.1f} s" if self._ever else "yet"
             return f"no answer from the drone {since}"
         if self._slow >= IN_A_ROW:

@@ -1,4 +1,4 @@
-"""What the thrusters used."""
+"""What thrusters, computer, camera and sensors used."""
 
 import msgspec
 import numpy as np
@@ -9,7 +9,7 @@ from tools.report.dive import Dive
 
 class Energy(msgspec.Struct, frozen=True):
     thrust_squared_n2s: float  # [N² s] sum of thrust² over all thrusters and time
-    wh: float  # [Wh] electrical, of the thrusters alone
+    wh: float  # [Wh] electrical, thrusters and all the rest, from `Actuation`
     battery_wh: float | None  # [Wh] all that the battery gave
     endurance_h: float | None  # [h] a full battery lasts, used as in this dive
 

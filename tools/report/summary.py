@@ -86,7 +86,7 @@ def summary(report: Report, max_depth_m: float | None = None, files: Sequence[Pa
 
 
 def _energy(report: Report) -> str:
-    text = f"{report.energy.wh:.2f} Wh in the thrusters"
+    text = f"{report.energy.wh:.2f} Wh"
     hours = report.energy.endurance_h
     return text if hours is None else f"{text}; a full battery lasts {hours:.1f} h like this"
 
