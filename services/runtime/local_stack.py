@@ -57,7 +57,7 @@ class LocalStack:
         self._far = far
         self.stack = stack
         self.rows = rows
-        self.endpoints = _endpoints(rows, folder, listen)
+        self.endpoints = _endpoints(rows, folder, listen, only_homes=far is not None)
         self._reach = {**self.endpoints}  # what services connect to
         if far is not None and far.gateway is not None:
             self._reach["drone"] = far.gateway
@@ -234,9 +234,13 @@ def local_stack(
                 local.supervisor.stop()  # the bus is still open: the last events are said
 
 
-def _endpoints(rows: Mapping[str, Row], folder: Path, listen: str | None) -> dict[str, str]:
-    """A hub for each realm that is somebody's home here."""
-    realms = dict.fromkeys(row.realms[0] for row in rows.values())
+def _endpoints(
+    rows: Mapping[str, Row], folder: Path, listen: str | None, *, only_homes: bool
+) -> dict[str, str]:
+    """A hub for each realm; where the other side is another machine, for somebody's home here."""
+    realms = dict.fromkeys(
+        realm for row in rows.values() for realm in row.realms[: 1 if only_homes else None]
+    )
     endpoints = {realm: f"unixsock-stream/{folder}/{realm}.sock" for realm in realms}
     if listen is not None:
         endpoints[HOME if HOME in endpoints else next(iter(endpoints))] = listen
