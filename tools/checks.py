@@ -7,8 +7,10 @@ from pathlib import Path
 
 import msgspec
 
+from services.control.core import Controller, Settings
 from services.gamepad import script
 from services.gamepad.wish import Follow
+from services.marine.vehicle import Vehicle
 from services.reference.following import Planned
 from services.runtime.errors import LindyError
 from services.runtime.running import RUNNING, Running
@@ -75,7 +77,16 @@ def checked(choices: Choices, pilot: Pilot) -> Stack:
     )
     stack.check()
     named(choices.link)  # reads it
+    _controllable(stack)
     return stack
+
+
+def _controllable(stack: Stack) -> None:
+    """Would the controller fly this vehicle with these gains?"""
+    try:
+        Controller(stack.section("control", Settings), stack.section("vehicle", Vehicle))
+    except ValueError as error:
+        raise LindyError(f"{stack.vehicle_path}: {error}") from None
 
 
 def out_folder(out: Path | None) -> Path:

@@ -22,7 +22,7 @@ from services.predictor.judge import Guess, Judge, Pose
 from services.reference.minimum_jerk import Sample
 from services.reference.settings import Settings, VelocityAxis
 
-COMMANDS = 200  # stick positions kept; four seconds
+COMMANDS = 200  # changes of the sticks kept; at least four seconds
 DELAYS = 50  # commands that tell how long one takes to act
 LONGEST_S = 2.0  # [s] further ahead is no prediction any more
 
@@ -49,7 +49,9 @@ class Predictor:
         self._surge, self._sway = Drift.of(self.vehicle, 0), Drift.of(self.vehicle, 1)
 
     def command(self, command: PilotCommand, _: Ns) -> None:
-        self._commands.append(command)
+        """A stick position that is the same as the one before changes nothing."""
+        if not self._commands or _sticks(command) != _sticks(self._commands[-1]):
+            self._commands.append(command)
 
     def status(self, status: VehicleStatus, _: Ns) -> None:
         self._piloted = status.mode == "piloted" and status.failsafe == "none"
@@ -153,6 +155,10 @@ class Predictor:
         sway = Drift.of(self.vehicle, 1)
         surge.velocity, sway.velocity = self._surge.velocity, self._sway.velocity
         return surge.go(reference.surge_force, seconds), sway.go(reference.sway_force, seconds)
+
+
+def _sticks(command: PilotCommand) -> tuple[float, float]:
+    return command.heave, command.yaw
 
 
 def _pose(state: VehicleState) -> Pose:

@@ -10,7 +10,10 @@ from tools.report.stops import Axis, Stop
 
 LABEL = 18  # columns before the values
 KINDS = 4  # lines for losses; the rest is in report.json
-ROUTINE = {"accelerating"}  # counted, and part of any good dive: not worth a pilot's line
+ROUTINE = {
+    "accelerating",
+    "resting",
+}  # counted, and part of any good dive: not worth a pilot's line
 # First word of a count → what happened that many times. Others are shown as they are.
 PLAIN = {
     "lost": "a message never arrived",
@@ -54,6 +57,7 @@ PLAIN = {
     "outage": "a message found no link",
     "damaged": "the link damaged a message",
     "alarm": "the link got worse",
+    "no_bottom": "the Doppler log did not reach the bottom",
     "missed_deadline": "a step was skipped on a busy computer",
     "not_recorded": "a message was not recorded",
     "disk_error": "the disk could not be written",
