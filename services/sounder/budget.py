@@ -49,6 +49,8 @@ class Budget:
     _shown: deque[tuple[Ns, float]] = field(default_factory=deque[tuple[int, float]])
     _down_link: deque[tuple[Ns, float]] = field(default_factory=deque[tuple[int, float]])
 
+    _answered: Ns = 0  # [ns] stamp of the newest command whose way is told
+
     # What goes by.
 
     def command(self, command: PilotCommand, now: Ns) -> None:
@@ -72,7 +74,7 @@ class Budget:
         sent, done, link = self._sent(actuation.pilot_ns), actuation.actuated_ns, self._link()
         if sent is None or done is None or link is None:
             return
-        way = self._under_way.pop(sent)
+        way, self._answered = self._under_way.pop(sent), sent
         if way.reference is None or way.control is None:
             return  # a telemetry message of this way was thinned out or lost
         publish = (way.heard - sent) / 1e6
@@ -134,8 +136,10 @@ class Budget:
     def _sent(self, pilot_ns: Ns | None) -> Ns | None:
         """[ns] The stamp of the command this names. A stamp that went to another machine and came
         back is off by what the clocks were corrected by in between."""
-        if pilot_ns is None or pilot_ns in self._under_way or not self._under_way:
-            return pilot_ns if pilot_ns in self._under_way else None
+        if pilot_ns is None or pilot_ns in self._under_way:
+            return pilot_ns
+        if pilot_ns < self._answered + SAME_NS or not self._under_way:
+            return None  # a later message of a way that is told already: every second one
         nearest = min(self._under_way, key=lambda sent: abs(sent - pilot_ns))
         return nearest if abs(nearest - pilot_ns) < SAME_NS else None
 
