@@ -14,7 +14,8 @@ from math import copysign
 import msgspec
 import numpy as np
 
-from services.control.layout import AXES, drivable, effect_matrix, independent
+from services.control.layout import AXES, AxisName, drivable, effect_matrix, independent
+from services.control.thrust_bias import ThrustBias
 from services.marine.thrusters import total_wrench
 from services.marine.vehicle import Thruster, Vec6, Vehicle
 
@@ -25,6 +26,7 @@ COMES_ON, GOES_OFF = 0.75, 0.25  # [-] of the dead-band: half of it, with hyster
 
 class AllocationSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     dead_band_compensation: bool = True  # ask for the dead-band's edge instead of nothing
+    biased: tuple[AxisName, ...] = ()  # thrusters of these axes turn against each other at rest
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +46,8 @@ class Allocation:
     def __init__(self, vehicle: Vehicle, settings: AllocationSettings | None = None) -> None:
         """
         Raises:
-            ValueError: a thruster's direction has no length.
+            ValueError: a thruster's direction has no length, or a bias is asked for that the
+                layout does not have.
         """
         self._thrusters = vehicle.thruster
         self._settings = settings or AllocationSettings()
@@ -54,6 +57,12 @@ class Allocation:
         self._on = [False] * len(vehicle.thruster)  # commanded although inside the dead-band
         self._learn_layout()
         self._axes_when_healthy = self.axes
+        if self._settings.biased and not self._bias.sets:
+            raise ValueError(
+                f"control.allocation.biased: no thrusters that act on "
+                f"{' or '.join(self._settings.biased)} can push against each other without "
+                "moving the vehicle"
+            )
 
     # What the layout can do.
 
@@ -88,6 +97,8 @@ class Allocation:
         """
         full = set[int]()
         yields = self._at_once(wrench) or self._in_turn(wrench, full)
+        if any(wrench):
+            yields = self._bias.added(yields, self._limits)
         thrust, yields = self._commands(yields)
         names = tuple([self._thrusters[index].name for index in sorted(full)])
         return Allocated(tuple(thrust), total_wrench(self._columns, yields), names)
@@ -183,6 +194,9 @@ class Allocation:
             for gain, (low, high, _) in zip(self._gains, self._bounds, strict=True)
         ]
         self._strength = [min(-low, high) for low, high in self._limits]  # [N]
+        obeys = np.array(self._gains) == 1.0
+        dead_bands = [thruster.dead_band for thruster in self._thrusters]
+        self._bias = ThrustBias(self._effect * obeys, dead_bands, self._settings.biased)
         driven_axes = drivable(self._effect, self._strength)
         self.axes = frozenset(driven_axes)
         self._rows = [AXES.index(axis) for axis in driven_axes]

@@ -6,6 +6,7 @@ on the same line count once; a lever arm of a few millimetres counts for nothing
 """
 
 from collections.abc import Iterable, Sequence
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,8 @@ from services.marine.thrusters import wrench_per_newton
 from services.marine.vehicle import Vehicle
 
 Matrix = NDArray[np.float64]
-AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")  # rows of a wrench
+AxisName = Literal["surge", "sway", "heave", "roll", "pitch", "yaw"]
+AXES: tuple[AxisName, ...] = get_args(AxisName)  # rows of a wrench
 GRANTED = ("heave", "yaw", "surge", "sway", "roll", "pitch")  # who goes first if not all can
 PILOTING = ("surge", "heave", "yaw")  # without these nobody can fly the vehicle
 MOST_COST = 10.0  # [-] newtons of thrust per newton, or per newton metre over the longest arm

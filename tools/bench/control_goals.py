@@ -100,7 +100,10 @@ def _at_rest() -> Iterable[Figure]:
         yield Figure(section="control", name=name, unit="1/min", ours=held.starts, note=note)
         yield _mm(f"{vehicle}: depth at rest, furthest", held.depth, 50.0, "noise of the sensor")
         yield _deg(
-            f"{vehicle}: heading at rest, range", held.heading, 1.0, "swings between the dead-bands"
+            f"{vehicle}: heading at rest, range",
+            held.heading,
+            1.0,
+            "what dead-bands and sensors leave",
         )
 
 

@@ -37,7 +37,7 @@ def test_the_feed_forward_carries_a_sampled_plant_exactly(
     plant = Plant(inertia=20.0, linear=damping)
     force = AxisLaw(GAINS, plant, period=DT).feed_forward(Motion(0.0, v, a, j))
     left = math.exp(-damping * DT / 20.0)
-    gain = -math.expm1(-damping * DT / 20.0) / damping if damping > 0.0 else DT / 20.0
+    gain = -math.expm1(-damping * DT / 20.0) / damping if damping > 1e-9 else DT / 20.0
     assert left * v + gain * force == pytest.approx(v + a * DT + j * DT * DT / 2, abs=1e-9)
 
 
