@@ -12,7 +12,7 @@ from messages.pilot import Hold, StopDistance
 from messages.state import VehicleState
 from services.reference.axes import Axes
 from services.reference.ground import Ground, ground_of, north_offset
-from services.reference.guard import Guard
+from services.reference.guard import Guard, is_let_go
 from services.reference.journey import Journey
 from services.reference.minimum_jerk import Ramp
 from services.reference.modes import HOLDS, Held, safe
@@ -88,8 +88,7 @@ class Flight:
             self._keep("heading", axes.yaw, state.heading)
         if axes.place.held and self.ground is not None:
             (north, east), size = axes.place.error(self.ground)
-            still = all(s.velocity == 0.0 == s.acceleration for s in axes.place.now)
-            by = self._share("place", size, resting=still) - 1.0
+            by = self._share("place", size, let_go=is_let_go(*axes.place.now)) - 1.0
             if by != 0.0:
                 axes.place.shift(north * by, east * by)
 
@@ -141,15 +140,14 @@ class Flight:
         if estimate.valid:
             here = ramp.at(self.t)
             error = here.position - estimate.value
-            resting = here.velocity == 0.0 == here.acceleration
-            by = self._share(name, abs(error), resting=resting) - 1.0
+            by = self._share(name, abs(error), let_go=is_let_go(here)) - 1.0
             if by != 0.0:
                 ramp.shift(error * by)
 
-    def _share(self, name: str, size: float, *, resting: bool) -> float:
+    def _share(self, name: str, size: float, *, let_go: bool) -> float:
         guard = self._guards[name]
         before = guard.held_back
-        share = guard.keep(size, self.t - self._stepped, resting=resting)
+        share = guard.keep(size, self.t - self._stepped, let_go=let_go)
         if guard.held_back and not before:
             self.happened.append(f"clamped:reference.{name}")
         return share

@@ -3,7 +3,8 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.reference.guard import GIVE_IN_S, Guard
+from services.reference.guard import GIVE_IN_S, Guard, is_let_go
+from services.reference.minimum_jerk import Sample
 
 size = st.floats(0.0, 1e6)
 most = st.floats(1e-3, 1e3)
@@ -14,8 +15,8 @@ def test_never_more_than_the_most_remains_and_never_more_than_there_was(
     most: float, steps: list[tuple[float, float, bool]]
 ) -> None:
     guard = Guard(most)
-    for error, dt, resting in steps:
-        share = guard.keep(error, dt, resting=resting)
+    for error, dt, let_go in steps:
+        share = guard.keep(error, dt, let_go=let_go)
         assert 0.0 <= share <= 1.0
         assert share * error <= most * (1 + 1e-12)
 
@@ -23,16 +24,39 @@ def test_never_more_than_the_most_remains_and_never_more_than_there_was(
 @given(most, st.lists(st.floats(0.0, 1.0)))
 def test_an_error_within_the_limit_is_left_alone(most: float, shares: list[float]) -> None:
     guard = Guard(most)
-    assert all(guard.keep(most * x, 0.01, resting=True) == 1.0 for x in shares)
+    assert all(guard.keep(most * x, 0.01, let_go=True) == 1.0 for x in shares)
 
 
 @given(most)
 def test_held_back_and_let_go_it_comes_to_the_vehicle_and_is_done(most: float) -> None:
     guard, error, seconds = Guard(most), 2 * most, 0.0
-    error *= guard.keep(error, 0.01, resting=False)
+    error *= guard.keep(error, 0.01, let_go=False)
     while guard.held_back and seconds < 10 * GIVE_IN_S:
-        error *= guard.keep(error, 0.01, resting=True)
+        error *= guard.keep(error, 0.01, let_go=True)
         seconds += 0.01
     assert not guard.held_back
     assert error <= most / 10
-    assert guard.keep(error, 0.01, resting=True) == 1.0
+    assert guard.keep(error, 0.01, let_go=True) == 1.0
+
+
+speed = st.floats(0.01, 2.0)
+
+
+@given(speed, speed, st.booleans())
+def test_a_stick_is_let_go_when_the_reference_slows_down_or_rests(
+    velocity: float, acceleration: float, down: bool
+) -> None:
+    v, a = (velocity, acceleration) if down else (-velocity, -acceleration)
+    assert is_let_go(Sample(1.0, v, -a, 0.0))
+    assert is_let_go(Sample(1.0, 0.0, 0.0, 0.0))
+    assert not is_let_go(Sample(1.0, v, a, 0.0))
+    assert not is_let_go(Sample(1.0, v, 0.0, 0.0))  # the stick is kept
+    assert not is_let_go(Sample(1.0, 0.0, a, 0.0))  # it begins
+
+
+@given(speed, speed, speed)
+def test_a_place_is_let_go_by_all_of_its_motion(north: float, east: float, slower: float) -> None:
+    """Slowing down north while speeding up east is a turn unless the speed falls."""
+    motions = Sample(0.0, north, -slower, 0.0), Sample(0.0, east, slower, 0.0)
+    assert is_let_go(*motions) == (east * slower < north * slower)
+    assert not is_let_go(Sample(0.0, 0.0, 0.0, 0.0), Sample(0.0, east, 0.0, 0.0))
