@@ -26,10 +26,18 @@ class Guess(NamedTuple):
     delayed: Pose
 
 
+class Off(NamedTuple):
+    """Squares of what a guess was off by."""
+
+    depth: float  # [m²]
+    heading: float  # [rad²]
+    place: float | None  # [m²]
+
+
 @dataclass(slots=True)
 class Judge:
     _open: deque[Guess] = field(default_factory=deque[Guess])
-    _judged: deque[tuple[Ns, Guess, Pose]] = field(default_factory=deque[tuple[int, Guess, Pose]])
+    _judged: deque[tuple[Ns, Off, Off]] = field(default_factory=deque[tuple[int, Off, Off]])
     _before: tuple[Ns, Pose] | None = None  # the state before
 
     def guessed(self, guess: Guess) -> None:
@@ -41,7 +49,9 @@ class Judge:
         while self._open and self._open[0].at <= at:
             guess = self._open.popleft()
             if before is not None and before[0] <= guess.at:
-                self._judged.append((at, guess, _between(before, (at, pose), guess.at)))
+                true = _between(before, (at, pose), guess.at)
+                judged = _off(guess.predicted, true), _off(guess.delayed, true)
+                self._judged.append((at, *judged))
         while self._judged and self._judged[0][0] < at - WINDOW_NS:
             self._judged.popleft()
 
@@ -50,8 +60,8 @@ class Judge:
         if not self._judged:
             return None, None
         return (
-            _miss([(guess.predicted, true) for _, guess, true in self._judged]),
-            _miss([(guess.delayed, true) for _, guess, true in self._judged]),
+            _miss([predicted for _, predicted, _ in self._judged]),
+            _miss([delayed for _, _, delayed in self._judged]),
         )
 
 
@@ -70,25 +80,26 @@ def _mix(a: float | None, b: float | None, share: float) -> float | None:
     return None if a is None or b is None else a + share * (b - a)
 
 
-def _miss(pairs: list[tuple[Pose, Pose]]) -> Miss:
+def _off(guess: Pose, true: Pose) -> Off:
+    depth, heading = guess.depth - true.depth, guess.heading - true.heading
+    return Off(depth * depth, heading * heading, _place(guess, true))
+
+
+def _place(guess: Pose, true: Pose) -> float | None:
+    if guess.north is None or guess.east is None or true.north is None or true.east is None:
+        return None
+    away = hypot(guess.north - true.north, guess.east - true.east)
+    return away * away
+
+
+def _miss(those: list[Off]) -> Miss:
+    places = [off.place for off in those if off.place is not None]
     return Miss(
-        depth=_rms([guess.depth - true.depth for guess, true in pairs]),
-        heading=_rms([guess.heading - true.heading for guess, true in pairs]),
-        place=_place(pairs),
+        depth=_root_mean([off.depth for off in those]),
+        heading=_root_mean([off.heading for off in those]),
+        place=_root_mean(places) if places else None,
     )
 
 
-def _place(pairs: list[tuple[Pose, Pose]]) -> float | None:
-    off = [
-        hypot(guess.north - true.north, guess.east - true.east)
-        for guess, true in pairs
-        if guess.north is not None
-        and guess.east is not None
-        and true.north is not None
-        and true.east is not None
-    ]
-    return _rms(off) if off else None
-
-
-def _rms(values: list[float]) -> float:
-    return sqrt(sum(value * value for value in values) / len(values))
+def _root_mean(squares: list[float]) -> float:
+    return sqrt(sum(squares) / len(squares))

@@ -24,6 +24,6 @@ def wire(node: Node, stack: Stack) -> None:
         else:
             scribe.write(row)
 
-    node.tap(home, "**", hear, depth=DEPTH)
+    node.collect(home, "**", hear, depth=DEPTH)
     node.every(FLUSH_HZ, scribe.flush)
     node.on_close(lambda: scribe.close(intake.log_hash()))

@@ -57,6 +57,7 @@ class Node:
         self._publishers: list[Publisher[Any]] = []
         self._inboxes: list[Inbox] = []
         self._pending: deque[Callable[[], None]] = deque()  # rings that something arrived in
+        self._collected: list[Callable[[], None]] = []  # rings that wait for the next step
         self._timers: list[Tick | Alarm] = []
         self._closers: list[Callable[[], None]] = []
         self._log = self.publisher(topics.LOG.of(name))
@@ -144,7 +145,7 @@ class Node:
         self, realm: str, key: str, handler: Callable[[Envelope, int], None], depth: int = EVENTS
     ) -> None:
         """Every envelope on a key expression of one realm, unopened, with its arrival time [ns].
-        For the tether, the recorder and the visualizer."""
+        For the tether."""
         inbox = self._inbox(key, depth, realm)
 
         def drain() -> None:
@@ -153,6 +154,21 @@ class Node:
                 handler(envelope, arrival)
 
         self._on_arrival(inbox, drain)
+
+    def collect(
+        self, realm: str, key: str, handler: Callable[[Envelope, int], None], depth: int
+    ) -> None:
+        """As `tap`, but arrivals do not wake the service: they wait until something else does, at
+        the latest its next timer. For the recorder and the visualizer."""
+        inbox = self._inbox(key, depth, realm)
+
+        def drain() -> None:
+            late = max(0, self._clock() - self.deadline())  # as late as the timer that wakes us
+            for arrival, envelope in inbox.take_all():
+                self.pulse.handled(late)
+                handler(envelope, arrival)
+
+        self._collected.append(drain)
 
     def gate(self, topic: Topic[M], *, onlooker: bool = False) -> Gate[M]:
         """The door of a port; for those who open envelopes themselves."""
@@ -203,6 +219,8 @@ class Node:
     def step(self) -> None:
         """Handle all that arrived and all that is due."""
         while True:
+            for drain in self._collected:
+                drain()
             # Bounded, so that a flood of messages cannot starve the timers.
             for _ in range(min(len(self._pending), EVENTS)):
                 self._pending.popleft()()
@@ -223,6 +241,8 @@ class Node:
         return min([t.due for t in self._timers if t.due is not None])
 
     def close(self) -> None:
+        for drain in self._collected:
+            drain()
         for closer in self._closers:
             closer()
 

@@ -20,10 +20,11 @@ class Battery:
 
     def feed(self, thrust: Sequence[float], seconds: float) -> None:
         """Feed the thrusters, which produce this [N] now, for the `seconds` just passed."""
-        full = self._settings.thruster_power
-        pairs = zip(thrust, self._limits, strict=True)
-        load = [t / forward if t >= 0 else t / reverse for t, (reverse, forward) in pairs]
-        self.power = self._settings.hotel_power + full * sum(x * x**0.5 for x in load)
+        load = 0.0  # [-] one for each thruster at its limit
+        for newtons, (reverse, forward) in zip(thrust, self._limits, strict=True):
+            share = newtons / forward if newtons >= 0 else newtons / reverse
+            load += share * share**0.5
+        self.power = self._settings.hotel_power + self._settings.thruster_power * load
         self.used_wh += self.power * seconds / 3600
 
     @property

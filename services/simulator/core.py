@@ -117,6 +117,7 @@ class Simulator:
 
     def _suffer(self, those: faults.Faults) -> None:
         old, self._faults = self._faults, those
+        self._told = tuple(f"{part}: {fault}" for part, fault in those.items())
         self._vessel.suffer(those)
         self._sensors.noise_times = {
             key: fault.value for key, fault in those.items() if fault.kind == "noisy"
@@ -206,7 +207,7 @@ class Simulator:
             on_floor=self._vessel.on_floor,
             current=self._vessel.current,
             tether_pull=self._vessel.tether_pull,
-            faults=tuple(f"{part}: {fault}" for part, fault in self._faults.items()),
+            faults=self._told,
         )
 
     def world(self) -> World:

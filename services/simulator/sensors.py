@@ -121,10 +121,10 @@ def wandering(seed: int, stream: int, std: float) -> Iterator[list[float]]:
     """Endless samples of three independent first-order Gauss-Markov processes at the IMU's rate,
     zero at first, with the standard deviation `std` in the long run."""
     keep = exp(-1.0 / (IMU_HZ * DRIFT_TIME))
-    now = [0.0, 0.0, 0.0]
-    for push in white_noise(seed, stream, [std * sqrt(1.0 - keep * keep)] * 3):
-        now = [keep * value + change for value, change in zip(now, push, strict=True)]
-        yield now
+    p = q = r = 0.0
+    for a, b, c in white_noise(seed, stream, [std * sqrt(1.0 - keep * keep)] * 3):
+        p, q, r = keep * p + a, keep * q + b, keep * r + c
+        yield [p, q, r]
 
 
 def white_noise(seed: int, stream: int, std: Sequence[float]) -> Iterator[list[float]]:

@@ -52,13 +52,14 @@ class Surroundings:
 
     def pull(self, depth: float, q_NB: Quaternion, nu: Vec6) -> Vec6:
         """Wrench [N, N m] of the tether, for a velocity through the water in body axes."""
-        u, v, w, *_ = nu
-        force = self.tether_pull(depth, to_world(q_NB, (u, v, w)))
-        return *to_body(q_NB, force), 0.0, 0.0, 0.0
+        return *to_body(q_NB, self.tether_pull(depth, q_NB, nu)), 0.0, 0.0, 0.0
 
-    def tether_pull(self, depth: float, velocity_N: Vec3) -> Vec3:
-        """[N] NED, for a velocity through the water; none without a tether."""
-        return (0.0, 0.0, 0.0) if self.tether is None else self.tether.pull(depth, velocity_N)
+    def tether_pull(self, depth: float, q_NB: Quaternion, nu: Vec6) -> Vec3:
+        """[N] NED, for a velocity through the water in body axes; none without a tether."""
+        if self.tether is None:
+            return (0.0, 0.0, 0.0)
+        u, v, w, *_ = nu
+        return self.tether.pull(depth, to_world(q_NB, (u, v, w)))
 
 
 def _along(way: Vec3, position: Vec3) -> float:

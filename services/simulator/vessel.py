@@ -118,8 +118,7 @@ class Vessel:
     @property
     def tether_pull(self) -> Vec3:
         """[N] NED."""
-        u, v, w, *_ = self.through_water
-        return self._around.tether_pull(self.position[2], to_world(self.attitude, (u, v, w)))
+        return self._around.tether_pull(self.position[2], self.attitude, self.through_water)
 
     @property
     def on_floor(self) -> bool:

@@ -10,7 +10,6 @@ is the minimum filter of NTP (RFC 5905, section 10) for each side by itself.
 Crystals differ, so an old band is widened by `DRIFT` for every second of its age.
 """
 
-from collections import deque
 from dataclasses import dataclass, field
 
 from messages.link import Clock, ClockPong
@@ -25,11 +24,16 @@ SILENT_NS = 1_000_000_000  # [ns] without an answer the round trip is not known 
 class Trip:
     """One round trip."""
 
+    number: int  # of the round trips heard
     sent: int  # [ns] t1, topside
     back: int  # [ns] t4, topside
     least: int  # [ns] t3 - t4: the drone's clock is ahead by no less
     most: int  # [ns] t2 - t1: … and by no more
     rtt: int  # [ns] without the drone's own time
+
+    def tells_more_than(self, newer: "Trip") -> bool:
+        """Is its band narrower anywhere than that of a newer trip? If not, it never will be."""
+        return self.sent > newer.sent or self.least > newer.least or self.most < newer.most
 
 
 @dataclass(slots=True)
@@ -37,12 +41,14 @@ class ClockSync:
     """Fed with pongs; asked for a `Clock`. `happened` collects what must be counted."""
 
     happened: list[str] = field(default_factory=list[str])
-    _trips: deque[Trip] = field(default_factory=lambda: deque[Trip](maxlen=KEPT))
+    _heard: int = 0  # round trips
+    _trips: list[Trip] = field(default_factory=list[Trip])  # of the last KEPT those that tell most
     _first: tuple[int, float] | None = None  # ([ns] when, [ns] ahead) to measure the drift from
 
     def heard(self, pong: ClockPong, now: int) -> None:
         """A pong arrived at `now` [ns], topside."""
         trip = Trip(
+            number=self._heard,
             sent=pong.ping_ns,
             back=now,
             least=pong.stamp_ns - now,
@@ -52,13 +58,14 @@ class ClockSync:
         if trip.least > trip.most + DRIFT * (now - trip.sent) + 2:  # stamps are whole nanoseconds
             self.happened.append("impossible:clock/pong")
             return
-        self._trips.append(trip)
+        self._heard += 1
+        recent = [old for old in self._trips if old.number > trip.number - KEPT]
+        self._trips = [*(old for old in recent if old.tells_more_than(trip)), trip]
         least, most = self._band(now)
         if least > most + 2:
             # No two clocks that run on agree with both: one of them was set.
             self.happened.append("jumped:clock")
-            self._trips.clear()
-            self._trips.append(trip)
+            self._trips = [trip]
             self._first = None
 
     def clock(self, now: int) -> Clock:

@@ -17,6 +17,7 @@ from services.visualizer.curves import Curve, curves
 from services.visualizer.scene import Scene
 from services.visualizer.status import NOTED, Status
 
+WITH_THRUST = (Actuation, ThrusterCommand)
 OLDEST_NS = 60_000_000_000  # [ns] a stamp further back than this is wrong, not late
 
 
@@ -30,7 +31,8 @@ class Collector:
         self._curves: dict[str, list[Curve]] = defaultdict(list)
         for curve in curves(vehicle):
             self._curves[curve.topic.key].append(curve)
-        self._heard: dict[tuple[AnyTopic, str], list[Message]] = defaultdict(list)
+        self._heard: dict[str, list[Message]] = defaultdict(list)  # by key
+        self._topics: dict[str, AnyTopic] = {}  # by key
         self._scene = Scene(vehicle)
         self._frames: list[Frame] = []
         self._status = Status()
@@ -39,13 +41,13 @@ class Collector:
         """Keep a message that arrived at `now` [ns]. Returns why not, or None."""
         if now - message.stamp_ns > OLDEST_NS:
             return "too_old"
-        thrusts = isinstance(message, Actuation | ThrusterCommand)
-        if thrusts and len(message.thrust) != self._thrusters:
+        if isinstance(message, WITH_THRUST) and len(message.thrust) != self._thrusters:
             return "wrong_length"
         if self.start is None:
             self.start = now
         self.newest = now
-        self._heard[topic, key].append(message)
+        self._heard[key].append(message)
+        self._topics[key] = topic
         self._scene.hear(message)
         return None
 
@@ -73,7 +75,8 @@ class Collector:
             trail_time=now - start,
             floor=self._scene.take_floor(),
         )
-        for (topic, key), messages in heard.items():
+        for key, messages in heard.items():
+            topic = self._topics[key]
             times = [message.stamp_ns - start for message in messages]
             for curve in self._curves[topic.key]:
                 columns = _columns(curve, key, messages, times)

@@ -86,11 +86,11 @@ def _listen(node: Node, collector: Collector) -> None:
             node.count(f"{reason}:{topic.key}")
 
     home, *others = node.realms
-    node.tap(home, "**", hear, RING)
+    node.collect(home, "**", hear, RING)
     for realm in others:
         for topic in topics.ALL:
             if topic.way is Way.STAY:
-                node.tap(realm, topic.key, hear, RING)
+                node.collect(realm, topic.key, hear, RING)
 
 
 def _gate(

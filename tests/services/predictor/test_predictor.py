@@ -1,5 +1,6 @@
 """Topside, the predicted now is far nearer to the truth than the picture that arrives late."""
 
+from math import sqrt
 from pathlib import Path
 
 import pytest
@@ -7,12 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages import topics
-from messages.prediction import Prediction
+from messages.prediction import Miss, Prediction
 from messages.reference import Motion
 from messages.state import VehicleState
 from messages.vehicle import Truth
 from services.predictor.ahead import Change, coasting, joined, reference_ahead
 from services.predictor.drift import Drift
+from services.predictor.judge import Guess, Judge, Pose
 from services.reference.minimum_jerk import Limits, Ramp
 from services.runtime.stack import Stack, services_of
 from services.runtime.virtual_host import VirtualHost
@@ -81,6 +83,30 @@ def test_drift_never_passes_the_speed_at_which_drag_balances_the_force(
     drift.go(force, seconds)
     limit = max(abs(start), (abs(force) / 25.0) ** 0.5)
     assert abs(drift.velocity) <= limit + 1e-9
+
+
+@given(
+    depths=st.lists(st.floats(-10.0, 10.0), min_size=1, max_size=30),
+    place=st.tuples(st.floats(-9.0, 9.0), st.floats(-9.0, 9.0)) | st.none(),
+)
+@settings(max_examples=50, deadline=None)
+def test_the_misses_are_the_root_mean_squares_of_what_the_guesses_were_off_by(
+    depths: list[float], place: tuple[float, float] | None
+) -> None:
+    judge, here = Judge(), Pose(3.0, 0.5, *(place or (None, None)))
+    judge.truth(0, here)
+    for k, off in enumerate(depths, 1):
+        north, east = (None, None) if place is None else (place[0] + off, place[1] - off)
+        predicted = Pose(3.0 + off, 0.5 - 2.0 * off, north, east)
+        judge.guessed(Guess(k * SECOND // 25, predicted, here))
+    for k in range(1, len(depths) + 1):
+        judge.truth(k * SECOND // 25, here)
+    missed, delayed = judge.misses()
+    size = sqrt(sum(off * off for off in depths) / len(depths))
+    assert missed is not None
+    assert (missed.depth, missed.heading) == pytest.approx((size, 2.0 * size), abs=1e-6)
+    assert missed.place == (None if place is None else pytest.approx(sqrt(2.0) * size, abs=1e-6))
+    assert delayed == Miss(depth=0.0, heading=0.0, place=None if place is None else 0.0)
 
 
 @pytest.mark.parametrize("one_way_ms", [25, 250])

@@ -10,7 +10,7 @@ from messages.health import Health, LogLine
 from messages.pilot import PilotCommand
 from messages.sensors import ImuSample
 from services.runtime.bus import Envelope
-from services.runtime.memory import FileMemory
+from services.runtime.memory import FileMemory, VolatileMemory
 from services.runtime.node import Node
 from services.runtime.virtual_host import VirtualHost
 
@@ -201,3 +201,40 @@ def test_a_disk_that_cannot_be_written_costs_the_memory_and_is_counted(tmp_path:
     node.remember(Note(1.0))
     assert node.counts == {"not_remembered:disk": 1}
     assert node.recall(Note) is None
+
+
+def test_what_is_collected_waits_for_the_next_timer_and_for_the_end() -> None:
+    host = VirtualHost()
+    talker(host)
+    listener = host.node("listener", DRONE)
+    collected: list[tuple[int, int]] = []  # arrival, and the moment it was handed over
+    listener.collect("drone", "**", lambda _, at: collected.append((at, host.now)), 100)
+    listener.every(10.0, lambda _: None)
+    host.run(250 * MS)
+    # Said at the very instant of a timer: before it or after it, as the nodes were started.
+    assert collected == [(k * 10 * MS, 100 * MS) for k in range(1, 11)] + [
+        (k * 10 * MS, 200 * MS) for k in range(11, 21)
+    ]
+    host.close()
+    assert collected[20:] == [(k * 10 * MS, 250 * MS) for k in range(21, 26)]
+
+
+def test_what_is_collected_is_as_late_as_the_timer_that_takes_it() -> None:
+    host, now = VirtualHost(), 0
+    listener = Node("listener", {"drone": host.realm("drone")}, lambda: now, VolatileMemory())
+    listener.collect("drone", topics.IMU.key, lambda _, __: None, 100)
+    listener.every(2.0, lambda _: None)
+    host.node("talker", DRONE).publisher(topics.IMU).put(imu(0))
+    now = 700 * MS  # the timer was due at 500 ms
+    listener.step()
+    health = listener.pulse.report("listener", now, 0, 0, listener.counts, None)
+    assert (health.lateness_p50_ms, health.lateness_p99_ms, health.loop_hz) == (200.0, 200.0, 2.0)
+
+
+def test_more_than_can_be_collected_is_counted() -> None:
+    host = VirtualHost()
+    talker(host)
+    listener = host.node("listener", DRONE)
+    listener.collect("drone", topics.IMU.key, lambda _, __: None, 60)
+    host.run(999 * MS)
+    assert listener.counts == {"overflowed:sensor/imu": 39}

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages.link import ClockPong
-from services.sounder.clock_sync import DRIFT, ClockSync
+from services.sounder.clock_sync import DRIFT, KEPT, ClockSync
 
 SECOND = 1_000_000_000
 delays = st.lists(
@@ -104,3 +104,33 @@ def test_an_answer_that_stays_away_leaves_no_round_trip_but_the_offset() -> None
     assert later.offset_ns == pytest.approx(10**9, abs=2)
     assert later.bound_ns is not None
     assert later.bound_ns >= 1_000_000 + DRIFT * 5 * SECOND - 2
+
+
+@given(delays=delays, offset=offsets, drift=drifts)
+@settings(max_examples=100, deadline=None)
+def test_round_trips_that_are_forgotten_would_have_told_nothing(
+    delays: list[tuple[int, int, int]], offset: int, drift: float
+) -> None:
+    sync, bands, now = ClockSync(), list[tuple[int, int, int]](), 0
+    for k, (down, up, turn) in enumerate(delays):
+        pong, back = trip(k * SECOND // 5, down, up, turn, offset, drift)
+        now = max(now, back)
+        sync.heard(pong, now)
+        bands.append((pong.ping_ns, pong.stamp_ns - now, pong.heard_ns - pong.ping_ns))
+        least = max(low - DRIFT * (now - sent) for sent, low, _ in bands)
+        most = min(high + DRIFT * (now - sent) for sent, _, high in bands)
+        clock = sync.clock(now)
+        assert clock.offset_ns == round((least + most) / 2)
+        assert clock.bound_ns == max(0, round((most - least) / 2)) + 2
+        assert clock.rtt_min_ms == min(high - low for _, low, high in bands) / 1e6
+
+
+def test_a_fast_round_trip_counts_for_so_many_round_trips_and_no_longer() -> None:
+    sync, fast, slow = ClockSync(), 1_000_000, 50_000_000
+    least = list[float | None]()
+    for k in range(KEPT + 1):
+        delay = fast if k == 0 else slow
+        pong, back = trip(k * SECOND // 5, delay, delay, 0, 0, 0.0)
+        sync.heard(pong, back)
+        least.append(sync.clock(back).rtt_min_ms)
+    assert least == [2.0] * KEPT + [100.0]
