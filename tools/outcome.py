@@ -1,6 +1,6 @@
 """What is left when a dive is over: files, a report, a summary and an exit status."""
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -14,7 +14,19 @@ from services.runtime.errors import LindyError
 from services.runtime.node import Node
 from services.runtime.stack import Stack
 from tools.recording import log_hash, merge_parts, open_recording
-from tools.report import Dive, Extras, Report, encode, read_dive, report_on, summary
+from tools.report import (
+    Dive,
+    Elsewhere,
+    Extras,
+    Report,
+    elsewhere,
+    encode,
+    ending,
+    read_dive,
+    report_on,
+    summary,
+    unrecorded,
+)
 
 CLEAN, DATA_LOST = 0, 3  # exit statuses
 RECORDER, HUB = "recorder", "hub_"
@@ -29,6 +41,7 @@ class Outcome:
     def __init__(self, stack: Stack) -> None:
         self.exit = "clean"  # or why it ended otherwise
         self.restarts: Callable[[], dict[str, int]] = dict
+        self.gone: list[str] = []  # services that were not alive at the end
         self.speedup: float | None = None  # [-] virtual over real time
         self._stack = stack
         self._health: list[Health] = []
@@ -47,26 +60,58 @@ class Outcome:
             self._error = error
             self.exit = str(error)
 
-    def sum_up(self) -> int:
-        """Write `report.json` and print the summary. Returns the exit status.
+    def sum_up(self, other: Elsewhere | None = None) -> int:
+        """Write `report.json` and print the summary, and what is with the other machine, if there
+        is one. Returns the exit status.
 
         Raises:
-            LindyError: why the dive broke off.
+            LindyError: why the dive broke off, or why there is no report.
         """
         folder = self._stack.out_dir
         if not parts_in(folder):
             raise self._error or LindyError(
                 f"the dive ended before anything was recorded in {folder}"
             )
+        try:
+            lost = self._report(folder, other)
+        except Exception as error:  # whatever it is: the recording is worth more than its report
+            raise LindyError(self._kept(folder, error)) from error
+        self._complain()
+        return DATA_LOST if lost else CLEAN
+
+    def sum_up_unrecorded(self, side: str, other: str) -> int:
+        """Print what is known on the side without a recorder. Returns the exit status.
+
+        Raises:
+            LindyError: why the dive broke off.
+        """
+        restarts, folder = self.restarts(), self._stack.out_dir
+        how = f"{side} of {self._stack.vehicle_name}, {ending(self.exit)}"
+        print(unrecorded(how, restarts, self.gone, other, written(folder)), flush=True)
+        self._complain()
+        return DATA_LOST if was_deaf(restarts) else CLEAN
+
+    def _report(self, folder: Path, other: Elsewhere | None) -> bool:
+        """Was something lost?"""
         merge_parts(folder)
-        dive = read_dive(open_recording(folder))
+        dive = read_dive(open_recording(folder), apart=self._stack.apart)
         report = report_on(dive, self._extras())
         write(folder / "report.json", encode(report))
-        files = [path for name in WRITTEN if (path := folder / name).is_file()]
-        print(summary(report, dive.max_depth_m, files), flush=True)
+        print(summary(report, dive.max_depth_m, written(folder)), flush=True)
+        if other is not None:
+            print(elsewhere(report, other), flush=True)
+        return data_was_lost(dive, report)
+
+    def _kept(self, folder: Path, error: Exception) -> str:
+        """In one sentence: there is no report, but nothing else is lost."""
+        why = str(error) if isinstance(error, LindyError) else f"{type(error).__name__}: {error}"
+        before = "" if self.exit == "clean" else f"{self.exit}; "
+        names = ", ".join(path.name for path in parts_in(folder))
+        return f"{before}the report failed ({why}), but the recording is kept: {names} in {folder}"
+
+    def _complain(self) -> None:
         if self.exit != "clean":
             raise self._error or LindyError(self.exit)
-        return DATA_LOST if data_was_lost(dive, report) else CLEAN
 
     def _extras(self) -> Extras:
         extras = Extras(
@@ -81,14 +126,21 @@ class Outcome:
 
 
 def data_was_lost(dive: Dive, report: Report) -> bool:
-    """Is there something that was said in this dive and that the recording does not have? A
-    recorder or a hub that had to be started again was deaf for a while."""
+    """Is there something that was said in this dive and that the recording does not have?"""
     kinds = {name.partition(":")[0] for name in dive.losses}
-    return bool(kinds & NOT_IN_FILE) or any(
-        service.restarts
-        for name, service in report.services.items()
-        if name == RECORDER or name.startswith(HUB)
+    restarts = {name: service.restarts for name, service in report.services.items()}
+    return bool(kinds & NOT_IN_FILE) or was_deaf(restarts)
+
+
+def was_deaf(restarts: Mapping[str, int]) -> bool:
+    """A recorder or a hub that had to be started again heard nothing for a while."""
+    return any(
+        count > 0 and (name == RECORDER or name.startswith(HUB)) for name, count in restarts.items()
     )
+
+
+def written(folder: Path) -> list[Path]:
+    return [path for name in WRITTEN if (path := folder / name).is_file()]
 
 
 def write(path: Path, data: bytes) -> None:

@@ -1,71 +1,87 @@
 """`lindy up`: one side of a dive on this machine, the other side on another one."""
 
-import time
+from collections.abc import Callable, Mapping
 
 import msgspec
 
-from messages import topics
 from services.runtime.errors import LindyError
 from services.runtime.local_stack import Far, LocalStack, local_stack
 from services.runtime.settings import nearest
-from services.runtime.stack import Row, services_of
+from services.runtime.stack import Row, Stack, services_of
 from tools.checks import DEFAULT_PILOT, checked, out_folder, pilot_of
 from tools.choices import Choices
 from tools.course import Course
 from tools.display import Display, display
-from tools.dive import ALIVE_S, Flight
-from tools.outcome import title
-from tools.pads import pad_is_there
-from tools.screen import View
+from tools.flight import Flight, tell_who_flies, who_flies
+from tools.lookout import Lookout, told
+from tools.outcome import RECORDER, Outcome
+from tools.report import Elsewhere
 from tools.stop import Stop
-from tools.watch import Watch
 
-SIDES = ("topside", "drone")
+OTHER = {"topside": "drone", "drone": "topside"}
 GATEWAY = "tether"  # the service that may stand between the two
+
+Go = Callable[[LocalStack, Stop, Display], str]
 
 
 def up(side: str, choices: Choices, *, listen: str, connect: str, gateway: bool) -> int:
-    """Returns the exit status.
+    """Returns the exit status: 0 clean, 3 done but data was lost.
 
     Raises:
-        LindyError: something is set wrongly, or a service cannot start.
+        LindyError: something is set wrongly, a service cannot start, or the dive ended before its
+            time.
     """
-    if side not in SIDES:
-        raise LindyError(f"unknown side {side!r}{nearest(side, list(SIDES))}")
+    if side not in OTHER:
+        raise LindyError(f"unknown side {side!r}{nearest(side, list(OTHER))}")
     return drone(choices, listen) if side == "drone" else topside(choices, connect, gateway)
 
 
 def drone(choices: Choices, listen: str) -> int:
     """Until Ctrl-C: on board everything goes on, whether or not the topside is there."""
     stack = checked(choices, pilot_of(choices.pilot or DEFAULT_PILOT))
-    stack = msgspec.structs.replace(stack, apart=True, out=str(out_folder(choices.out)))
-    rows = rows_of("drone", gateway=False)
+    # Who has the sticks, and what the link is like, is the topside's affair.
+    stack = msgspec.structs.replace(stack, apart=True, pilot=OTHER["drone"], link=listen)
+    stack = msgspec.structs.replace(stack, out=str(out_folder(choices.out)))
     print(f"drone {stack.vehicle}, for the topside at {listen} → {stack.out_dir}", flush=True)
-    with (
-        Stop() as stop,
-        display() as shown,
-        local_stack(stack, rows, far=Far("drone", listen=(listen,))) as local,
-    ):
-        OnBoard(local, choices.seconds, stop, shown).go_on()
-    return 0
+
+    def go(local: LocalStack, stop: Stop, shown: Display) -> str:
+        return Lookout(local, Course(None, choices.seconds), stop, shown).keep()
+
+    return run(stack, rows_of("drone", gateway=False), Far("drone", listen=(listen,)), go)
 
 
 def topside(choices: Choices, connect: str, gateway: bool) -> int:
     """A dive as `lindy dive` flies it; what is recorded is recorded on board."""
-    by_default = choices.pilot is None and not pad_is_there()
-    pilot = pilot_of(choices.pilot or (DEFAULT_PILOT if by_default else "gamepad"))
+    pilot = who_flies(choices)
     stack = checked(choices, pilot)
     stack = msgspec.structs.replace(stack, apart=True, out=str(out_folder(choices.out)))
     # Either the two hubs are joined, or the tether process stands between them.
     far = Far("topside", gateway=connect) if gateway else Far("topside", connect=(connect,))
     way = f"{stack.link} at {connect}" if gateway else connect
+    tell_who_flies(choices, pilot)
     print(f"topside of {stack.vehicle}, drone by way of {way} → {stack.out_dir}", flush=True)
-    rows = rows_of("topside", gateway=gateway)
-    with Stop() as stop, display() as shown, local_stack(stack, rows, far=far) as local:
-        end = Flight(local, pilot, choices.seconds, stop, shown).fly()
-    if end != "clean":
-        raise LindyError(end)
-    return 0
+
+    def go(local: LocalStack, stop: Stop, shown: Display) -> str:
+        return Flight(local, pilot, choices.seconds, stop, shown).fly()
+
+    return run(stack, rows_of("topside", gateway=gateway), far, go)
+
+
+def run(stack: Stack, rows: Mapping[str, Row], far: Far, go: Go) -> int:
+    """One side from its start to its last words. Returns the exit status."""
+    outcome = Outcome(stack)
+    with (
+        Stop() as stop,
+        display() as shown,
+        outcome.of_the_dive(),
+        local_stack(stack, rows, far=far) as local,
+        told(outcome, local),
+    ):
+        outcome.exit = go(local, stop, shown)
+    other = OTHER[far.side]
+    if RECORDER in rows:
+        return outcome.sum_up(Elsewhere(other, tuple(rows_of(other, gateway=False))))
+    return outcome.sum_up_unrecorded(far.side, other)
 
 
 def rows_of(side: str, *, gateway: bool) -> dict[str, Row]:
@@ -78,42 +94,3 @@ def rows_of(side: str, *, gateway: bool) -> dict[str, Row]:
         elif row.realms[0] == side:
             rows[name] = msgspec.structs.replace(row, realms=[side])
     return rows
-
-
-class OnBoard:
-    """The drone's side between the start of its services and their end."""
-
-    def __init__(
-        self, local: LocalStack, seconds: float | None, stop: Stop, shown: Display
-    ) -> None:
-        self._local, self._stop, self._shown = local, stop, shown
-        self._course = Course(None, seconds)
-        self._watch = Watch(local.node, list(local.rows), shown.line)
-        local.node.each(topics.STATUS, self._course.see)
-
-    def go_on(self) -> None:
-        """Until the user has had enough.
-
-        Raises:
-            LindyError: a service cannot start.
-        """
-        self._local.start_services()
-        self._local.wait_alive(ALIVE_S, self._look)
-        self._course.began_ns = time.monotonic_ns()
-        while self._look() and self._course.over(time.monotonic_ns()) is None:
-            pass
-
-    def _look(self) -> bool:
-        self._local.pump()
-        self._shown.show(self._view)
-        return not self._stop.asked
-
-    def _view(self) -> View:
-        local = self._local
-        return self._watch.view(
-            title(local.stack),
-            self._course,
-            time.monotonic_ns(),
-            local.missing(),
-            local.supervisor.restarts,
-        )

@@ -94,7 +94,9 @@ class LocalStack:
         home = HOME if HOME in self._buses else next(iter(self._buses))
         far = None if self._far is None else FarClock(self._far.side)
         bus = {home: self._buses[home]}
-        self.node = Node(NAME, bus, time.monotonic_ns, VolatileMemory(), far=far)
+        # Two machines have two of them, and each hears the other's health.
+        name = NAME if self._far is None else f"{NAME}_{self._far.side}"
+        self.node = Node(name, bus, time.monotonic_ns, VolatileMemory(), far=far)
         self.node.wake, self.node.usage = self._wake.set, usage
         self._speaks = True
 

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages import topics
+from messages.link import Clock
 from messages.message import Estimate, Message
 from messages.pilot import PilotCommand, PilotRequest
 from messages.reference import Motion, Reference
@@ -280,6 +281,28 @@ def test_after_a_stop_request_only_centred_sticks_count_as_deflected_again():
 def test_other_requests_stop_nothing():
     said = sticks("heave", held) + request(RELEASE, "arm")
     assert stops(dive_of(moving("heave", lambda _: 0.0) + said)) == []
+
+
+@given(ahead=st.integers(-START, 10**16))
+@settings(max_examples=10, deadline=None)
+def test_stops_do_not_depend_on_how_far_the_clock_of_the_topside_is_ahead(ahead: int):
+    said = moving("heave", bump(0.1, 6.0))
+    hands = sticks("heave", held) + request(RELEASE, "stop")
+    clock = Clock(
+        stamp_ns=0, offset_ns=-ahead, bound_ns=0, drift_ppm=0.0,
+        rtt_ms=1.0, rtt_min_ms=1.0, answered_ms=0.0,
+    )  # fmt: skip
+    there = [
+        (topic, msgspec.structs.replace(message, stamp_ns=message.stamp_ns + ahead))
+        for topic, message in hands
+    ]
+    apart = read_dive(Memory([*said, (topics.CLOCK, clock), *there]), apart=True)
+    assert stops(apart) == stops(dive_of(said + hands)) != []
+
+
+def test_sticks_of_a_topside_whose_clock_is_not_known_stopped_nothing():
+    said = moving("heave", bump(0.1, 6.0)) + sticks("heave", held_until_release)
+    assert stops(read_dive(Memory(said), apart=True)) == []
 
 
 def test_without_truth_there_is_nothing_to_measure():

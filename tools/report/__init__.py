@@ -1,16 +1,22 @@
 """What a dive was like, in figures: `report.json`, and the summary a pilot reads."""
 
 from tools.report.dive import Dive, read_dive
+from tools.report.elsewhere import Elsewhere, elsewhere
 from tools.report.report import Extras, Report, encode, make_report, report_on
-from tools.report.summary import summary
+from tools.report.summary import ending, summary
+from tools.report.unrecorded import unrecorded
 
 __all__ = [
     "Dive",
+    "Elsewhere",
     "Extras",
     "Report",
+    "elsewhere",
     "encode",
+    "ending",
     "make_report",
     "read_dive",
     "report_on",
     "summary",
+    "unrecorded",
 ]

@@ -7,8 +7,11 @@ import numpy as np
 
 from messages import topics
 from messages.health import Health
+from messages.link import Clock
+from messages.message import Message
 from messages.topic import AnyTopic
-from tools.recording import Recording
+from services.runtime.far_clock import FarClock, moved, stamps_of
+from tools.recording import Raw, Recording
 from tools.report.columns import WANTED, Array, Columns, Gathering
 
 
@@ -80,8 +83,14 @@ class Dive:
         return truth["stamp"], truth["yaw"] - true + estimated
 
 
-def read_dive(recording: Recording) -> Dive:
-    """Read a recording once, opening only what the report needs."""
+def read_dive(recording: Recording, *, apart: bool = False) -> Dive:
+    """Read a recording once, opening only what the report needs.
+
+    Args:
+        apart: it was made on a drone that was a machine of its own: what came from the topside
+            has stamps of the topside's clock.
+    """
+    far = _TopsideClock() if apart else None
     traffic: dict[str, Traffic] = {}
     gathering = {wanted.topic.key: Gathering(wanted.names, wanted.figures) for wanted in WANTED}
     health: dict[str, list[Health]] = {}
@@ -91,7 +100,8 @@ def read_dive(recording: Recording) -> Dive:
         seen.count += 1
         seen.last_ns = raw.log_ns
         if raw.key in gathering:
-            if (message := recording.decode(raw)) is not None:
+            message = recording.decode(raw)
+            if message is not None and (far is None or far.turn(raw, message)):
                 gathering[raw.key].add(message)
         elif topics.HEALTH.covers(raw.key):
             message = recording.decode(raw)
@@ -104,6 +114,25 @@ def read_dive(recording: Recording) -> Dive:
         health=health,
         losses=recording.losses() + _unreadable(recording),
     )
+
+
+class _TopsideClock:
+    """Turns stamps into the drone's time, by what the drone knew of the two clocks just then."""
+
+    def __init__(self) -> None:
+        self._clock = FarClock("drone")
+
+    def turn(self, raw: Raw, message: Message) -> bool:
+        """False: no stamp of the topside meant anything yet, and nobody on board went by it."""
+        if isinstance(message, Clock):
+            self._clock.learn(message, raw.log_ns)
+        topic = topics.find(raw.key)
+        if topic is None or not self._clock.concerns(topic):
+            return True
+        if self._clock.ahead_ns is None:
+            return False
+        moved(message, stamps_of(type(message)), self._clock.ahead_ns)
+        return True
 
 
 def _unreadable(recording: Recording) -> Counter[str]:

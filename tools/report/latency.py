@@ -1,7 +1,8 @@
 """How long things took, from the stamps the messages carry.
 
 Every message derived from a sensor sample and a pilot command carries both stamps, so each latency
-is a subtraction. Topside and drone are taken to share one clock, as they do on one machine.
+is a subtraction. Where topside and drone are two machines, the drone has turned the stamps of pilot
+commands into its own time before it passed them on; they are as exact as it knew the two clocks.
 
 From end to end, over `Actuation`:
   stick_to_thruster   actuated − stamp of the pilot command, once per pilot command

@@ -1,7 +1,7 @@
 """The end of a dive in a few lines a pilot cares about."""
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from math import degrees
 from pathlib import Path
 
@@ -78,7 +78,7 @@ def summary(report: Report, max_depth_m: float | None = None, files: Sequence[Pa
         files: what was written.
     """
     stick = report.latency_ms.stick_to_thruster
-    rows = [("Dive", f"{report.vehicle}, {_duration(report.seconds)}, {_ending(report.exit)}")]
+    rows = [("Dive", f"{report.vehicle}, {_duration(report.seconds)}, {ending(report.exit)}")]
     if max_depth_m is not None:
         rows.append(("deepest", f"{max_depth_m:.1f} m"))
     rows += [*_stops(report, "heave"), *_stops(report, "yaw")]
@@ -88,10 +88,19 @@ def summary(report: Report, max_depth_m: float | None = None, files: Sequence[Pa
     rows.append(("link", report.link))
     rows.append(("energy", _energy(report)))
     rows += _losses(report.losses)
-    if files:
-        folder = files[0].parent
-        rows.append(("written", f"{', '.join(path.name for path in files)} in {folder}"))
+    return lined_up([*rows, *written(files)])
+
+
+def lined_up(rows: Iterable[tuple[str, str]]) -> str:
+    """Label and text, one pair a line."""
     return "\n".join(f"{label:<{LABEL}}{text}".rstrip() for label, text in rows)
+
+
+def written(files: Sequence[Path]) -> list[tuple[str, str]]:
+    """The row that names the files, which are in one folder; none without files."""
+    if not files:
+        return []
+    return [("written", f"{', '.join(path.name for path in files)} in {files[0].parent}")]
 
 
 def _energy(report: Report) -> str:
@@ -105,7 +114,8 @@ def _duration(seconds: float) -> str:
     return f"{minutes} min {rest:02d} s" if minutes else f"{rest} s"
 
 
-def _ending(exit_reason: str) -> str:
+def ending(exit_reason: str) -> str:
+    """`clean`, or why not, in words."""
     return "ended cleanly" if exit_reason == "clean" else f"broke off: {exit_reason}"
 
 

@@ -1,0 +1,167 @@
+"""How each side of `lindy up` ends: the drone with a report, the topside with what only it saw."""
+
+import json
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Generator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+from messages import topics
+from services.runtime.running import RUNNING, Running
+from tools.recording import is_whole, open_recording
+
+pytestmark = pytest.mark.system
+
+PATIENCE_S = 60.0  # never reached unless something is broken
+QUICK = ("--set", "estimation.calibration.still_time=3")  # [s] less to wait for
+SCRIPT = "t,surge,sway,heave,yaw\n0,0,0,0,0\n0.5,0,0,0.8,0\n2,0,0,0,0\n4,0,0,0,0\n"
+A_DAY_AHEAD = ("unshare", "--time", "--monotonic", "86400")  # [s] as another machine's clock is
+
+
+def another_clock() -> tuple[str, ...]:
+    """What gives a process a clock of its own, where Linux and our rights allow it."""
+    if shutil.which("unshare") is None:
+        return ()
+    tried = subprocess.run([*A_DAY_AHEAD, "true"], check=False, capture_output=True)
+    return A_DAY_AHEAD if tried.returncode == 0 else ()
+
+
+class Side:
+    """`lindy up` as a user starts it."""
+
+    def __init__(self, folder: Path, *words: str, clock: tuple[str, ...] = ()) -> None:
+        self.out, self._log = folder, folder.with_suffix(".txt")
+        command = [*clock, sys.executable, "-P", "-m", "tools", "up"]
+        with self._log.open("w") as log:
+            self.process = subprocess.Popen(
+                [*command, *words, *QUICK, "--out", str(folder)],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+            )
+
+    @property
+    def said(self) -> str:
+        return self._log.read_text()
+
+    def pid(self, name: str) -> int | None:
+        try:
+            running = msgspec.json.decode((self.out / RUNNING).read_bytes(), type=Running)
+        except (FileNotFoundError, msgspec.DecodeError):
+            return None
+        return running.pids.get(name)
+
+    def until(self, happened: Callable[[], bool]) -> None:
+        deadline = time.monotonic() + PATIENCE_S
+        while not happened():
+            assert self.process.poll() is None, self.said
+            assert time.monotonic() < deadline, self.said
+            time.sleep(0.05)  # other processes do it, and nothing announces it
+
+    def kill(self, name: str) -> None:
+        """… and wait until it is there again."""
+        pid = self.pid(name)
+        assert pid is not None
+        os.kill(pid, signal.SIGKILL)
+        self.until(lambda: self.pid(name) not in (None, pid))
+
+    def end(self, how: signal.Signals) -> int:
+        self.process.send_signal(how)
+        return self.process.wait(PATIENCE_S)
+
+    def report(self) -> dict[str, Any]:
+        return json.loads((self.out / "report.json").read_text())
+
+
+@contextmanager
+def side(folder: Path, *words: str, clock: tuple[str, ...] = ()) -> Generator[Side]:
+    started = Side(folder, *words, clock=clock)
+    try:
+        yield started
+    finally:
+        if started.process.poll() is None:
+            started.process.terminate()
+            started.process.wait(PATIENCE_S)
+
+
+def free_endpoint() -> str:
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        return f"tcp/127.0.0.1:{free.getsockname()[1]}"
+
+
+@contextmanager
+def drone_alone(folder: Path) -> Generator[Side]:
+    with side(folder, "drone", "--listen", free_endpoint()) as drone:
+        drone.until(lambda: "calibrating" in drone.said)
+        yield drone
+
+
+def test_the_drone_reports_on_a_dive_whose_pilot_has_another_clock(tmp_path: Path):
+    script = tmp_path / "script.csv"
+    script.write_text(SCRIPT)
+    endpoint = free_endpoint()
+    hands = "--connect", endpoint, "--pilot", f"script:{script}"
+    with ExitStack() as sides:
+        drone = sides.enter_context(side(tmp_path / "drone", "drone", "--listen", endpoint))
+        drone.until(lambda: drone.pid("recorder") is not None)
+        topside = sides.enter_context(
+            side(tmp_path / "topside", "topside", *hands, clock=another_clock())
+        )
+        assert topside.process.wait(PATIENCE_S) == 0, topside.said
+        assert drone.end(signal.SIGTERM) == 0, drone.said
+    report = drone.report()
+    assert report["exit"] == "clean"
+    assert [stop["axis"] for stop in report["stops"]] == ["heave"]
+    assert abs(report["stops"][0]["t"] - 2.0) < 0.5
+    assert report["latency_ms"]["stick_to_thruster"]["p50"] > 0.0
+    assert report["link"] == endpoint
+    for line in ("ended cleanly", "report.json in", "elsewhere         only the topside knows"):
+        assert line in drone.said
+    assert "on the drone" in topside.said
+    assert not (topside.out / "report.json").exists()
+
+
+def test_a_drone_whose_recorder_died_says_that_its_recording_has_a_gap(tmp_path: Path):
+    with drone_alone(tmp_path / "drone") as drone:
+        drone.kill("recorder")
+        drone.until(lambda: (drone.out / "dive.part2.mcap").exists())
+        assert drone.end(signal.SIGINT) == 3, drone.said
+    assert drone.report()["services"]["recorder"]["restarts"] == 1
+    assert [path.name for path in drone.out.glob("*.mcap")] == ["dive.mcap"]
+    assert "the topside was never heard" in drone.said
+
+
+def test_a_report_that_fails_costs_the_exit_status_but_not_the_recording(tmp_path: Path):
+    with drone_alone(tmp_path / "drone") as drone:
+        (drone.out / "report.json").mkdir()
+        assert drone.end(signal.SIGTERM) == 1, drone.said
+    last = drone.said.strip().splitlines()[-1]
+    assert last.startswith("lindy: the report failed (cannot write ")
+    assert last.endswith(f"but the recording is kept: dive.mcap in {drone.out}")
+    assert "Traceback" not in drone.said
+    assert is_whole(drone.out / "dive.mcap")
+    assert topics.IMU.key in {entry.key for entry in open_recording(drone.out)}
+
+
+def test_the_topside_says_what_was_restarted_and_that_nothing_was_recorded(tmp_path: Path):
+    with side(
+        tmp_path / "topside", "topside", "--connect", free_endpoint(), "--pilot", "keyboard"
+    ) as topside:
+        topside.until(lambda: topside.pid("sounder") is not None)
+        topside.kill("sounder")
+        topside.kill("hub_topside")
+        assert topside.end(signal.SIGINT) == 3, topside.said  # the hub heard nothing for a while
+    lines = topside.said.splitlines()
+    assert "restarted         hub_topside 1 × and sounder 1 ×" in lines
+    assert "recorded          nothing here: recording and report.json are on the drone" in lines
+    assert [path.name for path in topside.out.glob("*.mcap")] == []

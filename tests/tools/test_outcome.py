@@ -1,0 +1,90 @@
+"""A report that fails is one sentence, and never costs the recording."""
+
+from pathlib import Path
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import tools.outcome
+from messages import topics
+from messages.vehicle import Actuation
+from services.recorder.foxglove_schema import foxglove_schema
+from services.recorder.mcap_file import McapFile
+from services.runtime.errors import LindyError
+from services.runtime.stack import Stack
+from tools.outcome import Outcome, was_deaf
+from tools.recording import open_recording
+
+
+def record(path: Path, stamps: range) -> None:
+    file = McapFile(path)
+    file.metadata("dive", {"vehicle": "pioneer", "link": "tether"})
+    file.open_channel(topics.ACTUATION.key, "Actuation", foxglove_schema(Actuation))
+    for stamp in stamps:
+        message = Actuation(
+            stamp_ns=stamp, thrust=(1.0,), actuated_ns=None, sensor_ns=None, pilot_ns=None,
+            stale=False, power=1.0,
+        )  # fmt: skip
+        file.write(topics.ACTUATION.key, msgspec.json.encode(message), stamp, stamp, stamp)
+    file.finish()
+
+
+def seen(folder: Path) -> list[int]:
+    return [entry.log_ns for entry in open_recording(folder)]
+
+
+@pytest.mark.parametrize("exit_reason", ["clean", "the drone did not arm"])
+def test_a_report_that_cannot_be_written_is_said_and_the_recording_kept(
+    tmp_path: Path, exit_reason: str
+):
+    record(tmp_path / "dive.mcap", range(1, 40))
+    (tmp_path / "report.json").mkdir()
+    outcome = Outcome(Stack(out=str(tmp_path)))
+    outcome.exit = exit_reason
+    with pytest.raises(LindyError) as failure:
+        outcome.sum_up()
+    said = str(failure.value)
+    assert f"cannot write {tmp_path / 'report.json'}" in said
+    assert f"the recording is kept: dive.mcap in {tmp_path}" in said
+    assert (exit_reason in said) == (exit_reason != "clean")
+    assert seen(tmp_path) == list(range(1, 40))
+
+
+@pytest.mark.parametrize("step", ["merge_parts", "read_dive", "report_on", "summary"])
+def test_a_mistake_of_ours_in_any_step_of_the_report_costs_no_message(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: str
+):
+    record(tmp_path / "dive.mcap", range(1, 20))
+    record(tmp_path / "dive.part2.mcap", range(20, 40))
+
+    def mistaken(*_: object, **__: object) -> None:
+        raise ZeroDivisionError("division by zero")
+
+    monkeypatch.setattr(tools.outcome, step, mistaken)
+    with pytest.raises(
+        LindyError, match=r"ZeroDivisionError: division by zero.*is kept: dive\.mcap"
+    ):
+        Outcome(Stack(out=str(tmp_path))).sum_up()
+    assert seen(tmp_path) == list(range(1, 40))
+
+
+def test_a_dive_that_broke_off_is_summed_up_and_then_says_why(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    record(tmp_path / "dive.mcap", range(1, 40))
+    outcome = Outcome(Stack(out=str(tmp_path)))
+    with outcome.of_the_dive():
+        raise LindyError("control kept crashing")
+    with pytest.raises(LindyError, match=r"^control kept crashing$"):
+        outcome.sum_up()
+    assert "broke off: control kept crashing" in capsys.readouterr().out
+    assert (tmp_path / "report.json").is_file()
+
+
+@given(st.dictionaries(st.sampled_from(["control", "gamepad"]), st.integers(0, 9)))
+def test_only_a_recorder_or_a_hub_that_was_away_leaves_a_gap(others: dict[str, int]):
+    assert not was_deaf({**others, "recorder": 0, "hub_drone": 0})
+    assert was_deaf({**others, "recorder": 1})
+    assert was_deaf({**others, "hub_topside": 1})

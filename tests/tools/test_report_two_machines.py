@@ -1,0 +1,59 @@
+"""What each of two machines says at the end of a dive of what the other one has."""
+
+from pathlib import Path
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from messages.health import Health
+from tools.recording import Recording
+from tools.report import Elsewhere, Extras, elsewhere, make_report, unrecorded
+
+TOPSIDE = ("gamepad", "visualizer", "sounder", "predictor")
+PROCESSES = st.sampled_from(["gamepad", "sounder", "predictor", "hub_topside"])
+
+
+def health(service: str) -> Health:
+    return Health(
+        stamp_ns=1, service=service, loop_hz=1.0, lateness_p50_ms=None, lateness_p99_ms=None,
+        cpu_percent=None, rss_mb=None, sent=1, received=1, counts={},
+    )  # fmt: skip
+
+
+@given(heard=st.sets(st.sampled_from(TOPSIDE), min_size=1))
+def test_services_of_the_other_machine_that_nobody_heard_are_named(heard: set[str]):
+    report = make_report(Recording([]), Extras(health=[health(name) for name in sorted(heard)]))
+    said = elsewhere(report, Elsewhere("topside", TOPSIDE))
+    assert "\n" not in said
+    assert said.startswith("elsewhere ")
+    assert "not known here: stick to thruster, sensor to screen and the difference" in said
+    _, _, silent = said.partition("; never heard: ")
+    assert {name for name in TOPSIDE if name in silent} == set(TOPSIDE) - heard
+
+
+def test_a_machine_that_was_never_there_is_said_in_one_sentence():
+    said = elsewhere(make_report(Recording([]), Extras()), Elsewhere("topside", TOPSIDE))
+    assert (
+        said.split(maxsplit=1)[1] == "the topside was never heard: nothing of it is in this report"
+    )
+
+
+@given(
+    restarts=st.dictionaries(PROCESSES, st.integers(0, 99)),
+    gone=st.lists(PROCESSES, unique=True),
+    files=st.sampled_from([[], [Path("out/dive.rrd")]]),
+)
+def test_the_side_without_recorder_names_every_restart_and_every_loss(
+    restarts: dict[str, int], gone: list[str], files: list[Path]
+):
+    text = unrecorded("topside of pioneer, ended cleanly", restarts, gone, "drone", files)
+    lines = dict(line.split(maxsplit=1) for line in text.splitlines())
+    assert list(lines) == ["Dive", "restarted", "lost", "recorded", *(["written"] if files else [])]
+    again = {name: count for name, count in restarts.items() if count}
+    for name, count in again.items():
+        assert f"{name} {count} ×" in lines["restarted"]
+    assert lines["restarted"].count("×") == len(again)
+    assert (lines["restarted"] == "nothing") == (not again)
+    assert all(name in lines["lost"] for name in gone)
+    assert (lines["lost"] == "no service") == (not gone)
+    assert "recording and report.json are on the drone" in lines["recorded"]

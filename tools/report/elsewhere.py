@@ -1,0 +1,43 @@
+"""What the report of one of two machines cannot have, because only the other machine has it."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from tools.report.report import Report
+from tools.report.summary import lined_up
+
+
+class Elsewhere(NamedTuple):
+    """The other machine."""
+
+    side: str  # topside or drone
+    services: tuple[str, ...]  # whose home is there
+
+
+def elsewhere(report: Report, other: Elsewhere) -> str:
+    """One sentence, as a row of the summary."""
+    silent = [name for name in other.services if name not in report.services]
+    if len(silent) == len(other.services):
+        text = f"the {other.side} was never heard: nothing of it is in this report"
+        return lined_up([("elsewhere", text)])
+    text = f"only the {other.side} knows its own restarts and what it said that never came here"
+    if unknown := _unknown(report):
+        text += f"; not known here: {in_a_row(unknown)}"
+    if silent:
+        text += f"; never heard: {in_a_row(silent)}"
+    return lined_up([("elsewhere", text)])
+
+
+def in_a_row(names: Sequence[str]) -> str:
+    """a, b and c"""
+    return " and ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))
+
+
+def _unknown(report: Report) -> list[str]:
+    """Figures that rest on the topside's word and that nobody gave."""
+    figures = {
+        "stick to thruster": report.latency_ms.stick_to_thruster.p50,
+        "sensor to screen": report.budget_ms.sensor_to_screen,
+        "the difference of the clocks": report.clocks.offset_ms,
+    }
+    return [name for name, value in figures.items() if value is None]

@@ -1,0 +1,30 @@
+"""The end of a dive on the one of two machines that has no recorder: there is no report to make,
+but what its own supervisor saw is nowhere else."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from tools.report.elsewhere import in_a_row
+from tools.report.summary import lined_up, written
+
+
+def unrecorded(
+    how: str, restarts: Mapping[str, int], gone: Sequence[str], other: str, files: Sequence[Path]
+) -> str:
+    """At most six lines.
+
+    Args:
+        how: the side, the vehicle and how the dive ended.
+        restarts: times each process here was started again.
+        gone: services that were not alive at the end.
+        other: the side that has the recorder.
+        files: what was written here all the same, such as the viewer's.
+    """
+    again = [f"{name} {count} ×" for name, count in sorted(restarts.items()) if count]
+    rows = [
+        ("Dive", how),
+        ("restarted", in_a_row(again) or "nothing"),
+        ("lost", f"{in_a_row(gone)} not alive at the end" if gone else "no service"),
+        ("recorded", f"nothing here: recording and report.json are on the {other}"),
+    ]
+    return lined_up([*rows, *written(files)])
