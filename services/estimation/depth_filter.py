@@ -21,7 +21,7 @@ from services.estimation.depth_ways import Observer
 Positive = Annotated[float, msgspec.Meta(gt=0.0, le=1e6)]
 Latency = Annotated[float, msgspec.Meta(ge=0.0, le=0.3)]
 
-
+MOST = 1e12  # a variance beyond it is no number any more
 LEAST_MOTION_NOISE = 0.5  # [m/s²/√Hz] with 0.2 the simulated vehicle swings, with 0.1 it is lost
 
 
@@ -181,5 +181,10 @@ class DepthFilter:
         total = self.depth + self.rate + self.bias + self.forward_bias
         total += self.p01 + self.p02 + self.p03 + self.p12 + self.p13 + self.p23
         sound = total - total == 0.0  # NaN and infinities fail
-        variances = (self.p00, self.p11, self.p22, self.p33)
-        return sound and all(0.0 < variance < 1e12 for variance in variances)
+        return (
+            sound
+            and 0.0 < self.p00 < MOST
+            and 0.0 < self.p11 < MOST
+            and 0.0 < self.p22 < MOST
+            and 0.0 < self.p33 < MOST
+        )

@@ -140,6 +140,11 @@ class DepthObserver:
         return None if self._accepted_ns is None else max(0, now - self._accepted_ns) * 1e-6
 
     @property
+    def rate(self) -> tuple[float, float]:
+        """[m/s] Down, and its spread."""
+        return self._filter.rate, self._filter.rate_std
+
+    @property
     def bias(self) -> float:
         """[m/s²] of the vertical accelerometer."""
         return self._filter.bias

@@ -7,8 +7,9 @@ Coriolis terms:
      2, 3   velocity over the ground [m/s]
      4, 5   current: velocity of the water over the ground [m/s]
      6, 7   lean [m/s²]: what the error of tilt lets gravity add to the accelerometer
-     8      error of the heading from north [rad]: true minus measured
+     8      deviation A [rad]: what of the heading's error is the same at every heading
      9, 10  share by which the damping in surge and sway is larger than the vehicle file says [-]
+    11, 12  deviation B and C [rad]: the error of heading is A + B sin ψ + C cos ψ (deviation.py)
 
 All but position and velocity are first-order Gauss-Markov processes. The accelerometer moves the
 velocity. What the vehicle's model expects of thrust and drag is one more measurement of the same
@@ -18,7 +19,8 @@ water.
 Pure functions from belief to belief (Bar-Shalom, Li and Kirubarajan 2001, section 10.3).
 """
 
-from math import cos, sin
+from functools import cache
+from math import cos, hypot, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -31,9 +33,12 @@ from services.marine.attitude import to_body
 
 Floats = NDArray[np.float64]
 Pair = tuple[float, float]  # north and east, or surge and sway where it says so
-SIZE = 11
+SIZE = 13
+EYE = np.eye(SIZE)
 POSITION, VELOCITY, CURRENT, LEAN = slice(0, 2), slice(2, 4), slice(4, 6), slice(6, 8)
-HEADING, DAMPING = 8, slice(9, 11)
+DAMPING, DEVIATION = slice(9, 11), [8, 11, 12]  # A, B, C
+DEVIATIONS = np.ix_(DEVIATION, DEVIATION)
+MOST_IRON = 0.98  # [-] of the spread of the heading, at most
 DAMPING_TIME = 600.0  # [s] drag is not quite quadratic: at another speed it is another share
 UNMEASURED = 1.0  # [m/s] spread of the velocity before anybody has measured it
 AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))  # north, east, down
@@ -42,8 +47,8 @@ START_STD = 0.01  # [m] of the position from which it is counted
 
 
 class Belief(NamedTuple):
-    x: Floats  # (11,) mean of the states
-    P: Floats  # (11, 11) their covariance
+    x: Floats  # (13,) mean of the states
+    P: Floats  # (13, 13) their covariance
 
 
 class Leg(NamedTuple):
@@ -63,7 +68,7 @@ class Innovation(NamedTuple):
     """A measurement of n numbers beside what was expected."""
 
     off: Floats  # (n,) measured minus expected
-    H: Floats  # (n, 11) Jacobian of the measurement
+    H: Floats  # (n, 13) Jacobian of the measurement
     R: Floats  # (n, n) covariance of its noise
 
 
@@ -86,29 +91,38 @@ def predicted(belief: Belief, leg: Leg, settings: HorizontalSettings) -> Belief:
         q = settings.acceleration_noise**2
         F[0, 6] = F[1, 7] = -0.5 * dt * dt
         F[2, 6] = F[3, 7] = -dt
-        a, b = turned(leg.acceleration, belief.x[HEADING])
+        a, b = turned(leg.acceleration, heading_error(belief, leg))
         push[:4] = 0.5 * dt * dt * a, 0.5 * dt * dt * b, dt * a, dt * b
-        F[:4, HEADING] = -push[1], push[0], -push[3], push[2]
+        _turn(F[:4], np.array((-push[1], push[0], -push[3], push[2])), leg)
     std = _steady_std(settings, leg.heading_std)
     Q = np.diag(std * std * (1.0 - keep * keep))
     for p, v in ((0, 2), (1, 3)):
         Q[p, p], Q[v, v] = q * dt**3 / 3.0, q * dt
         Q[p, v] = Q[v, p] = q * dt**2 / 2.0
     fading = F.copy()
-    fading[:4, HEADING] = 0.0  # the push has it already
+    fading[:4, DEVIATION] = 0.0  # the push has it already
     return Belief(fading @ belief.x + push, F @ belief.P @ F.T + Q)
 
 
 def corrected(belief: Belief, seen: Innovation) -> Belief:
-    """The belief after a measurement; Joseph's form keeps P symmetric and positive.
+    """The belief after a measurement."""
+    return weighed(belief, seen)[1]
+
+
+def weighed(belief: Belief, seen: Innovation) -> tuple[float, Belief]:
+    """How surprising a measurement is, and the belief after it; Joseph's form keeps P symmetric and
+    positive.
 
     The damping is considered, not learnt (Schmidt 1966): its spread limits what drag tells of the
     current, but a filter that learns it from a velocity which it does not know well is drawn to
     too much damping, and sure of it."""
-    K = np.linalg.solve(covariance(belief, seen), seen.H @ belief.P).T
+    HP = seen.H @ belief.P
+    both = np.linalg.solve(HP @ seen.H.T + seen.R, np.column_stack((seen.off, HP)))
+    K = both[:, 1:].T
     K[DAMPING] = 0.0
-    A = np.eye(SIZE) - K @ seen.H
-    return Belief(belief.x + K @ seen.off, A @ belief.P @ A.T + K @ seen.R @ K.T)
+    A = EYE - K @ seen.H
+    after = Belief(belief.x + K @ seen.off, A @ belief.P @ A.T + K @ seen.R @ K.T)
+    return float(seen.off @ both[:, 0]), after
 
 
 def covariance(belief: Belief, seen: Innovation) -> Floats:
@@ -139,7 +153,7 @@ def velocity(belief: Belief, leg: Leg, measured: Vec3, std: float) -> Innovation
     north, east = belief.x[VELOCITY]
     H = np.zeros((2, SIZE))
     H[:, VELOCITY] = R_BN[:, :2]
-    H[:, HEADING] = R_BN[:, :2] @ (east, -north)
+    _turn(H, R_BN[:, :2] @ (east, -north), leg)
     down = R_BN[:, 2]
     R = std * std * np.eye(2) + leg.depth_rate_std**2 * np.outer(down, down)
     return Innovation(measured[:2] - R_BN @ (north, east, leg.depth_rate), H, R)
@@ -163,19 +177,21 @@ def balance(belief: Belief, leg: Leg, hull: Hull, settings: HorizontalSettings) 
     H = np.zeros((2, SIZE))
     H[:, VELOCITY], H[:, CURRENT], H[:, LEAN] = by_water, -by_water, level
     lean_north, lean_east = belief.x[LEAN]
-    H[:, HEADING] = by_water @ (east, -north) + level @ (lean_east, -lean_north)
+    aside = by_water @ (east, -north) + level @ (lean_east, -lean_north)
+    _turn(H, aside, leg)
     H[0, 9], H[1, 10] = expected.by_damping
-    true_acceleration = turned(leg.acceleration, belief.x[HEADING])
+    true_acceleration = turned(leg.acceleration, heading_error(belief, leg))
     off = level @ (true_acceleration - belief.x[LEAN]) - expected.acceleration
-    R = settings.model_noise**2 / leg.seconds + _bend(belief, level, expected, (east, -north))
+    R = settings.model_noise**2 / leg.seconds + _bend(belief, leg, level, expected, (east, -north))
     return Innovation(off, H, np.diag(R))
 
 
-def _bend(belief: Belief, level: Floats, expected: Expected, aside: Pair) -> Floats:
+def _bend(belief: Belief, leg: Leg, level: Floats, expected: Expected, aside: Pair) -> Floats:
     """[m²/s⁴] (2,) Drag is no straight line: what the spreads of velocity and damping bend it by
     counts as noise (second-order terms, Bar-Shalom, Li and Kirubarajan 2001, section 10.3.2)."""
     W = np.zeros((2, SIZE))
-    W[:, VELOCITY], W[:, CURRENT], W[:, HEADING] = level, -level, level @ aside
+    W[:, VELOCITY], W[:, CURRENT] = level, -level
+    _turn(W, level @ aside, leg)
     water: Floats = np.diag(W @ belief.P @ W.T)  # [m²/s²] variances of surge and sway
     own = np.multiply(expected.curvature, np.sqrt(water * np.max(water)))
     slopes = np.diag(expected.by_velocity)
@@ -185,10 +201,38 @@ def _bend(belief: Belief, level: Floats, expected: Expected, aside: Pair) -> Flo
 def true_rotation(belief: Belief, leg: Leg) -> Floats:
     """(3, 3) R_BN at the end of the leg, the error of heading taken off."""
     R_BN = np.array([to_body(leg.attitude, axis) for axis in AXES]).T
-    c, s = cos(belief.x[HEADING]), sin(belief.x[HEADING])
+    error = heading_error(belief, leg)
+    c, s = cos(error), sin(error)
     north, east = R_BN[:, 0].copy(), R_BN[:, 1].copy()
     R_BN[:, 0], R_BN[:, 1] = c * north - s * east, s * north + c * east
     return R_BN
+
+
+def card(leg: Leg) -> tuple[float, float]:
+    """What deviation B and C count for at the end of the leg: sin ψ and cos ψ. A counts for 1."""
+    w, x, y, z = leg.attitude
+    east, north = 2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)  # of the forward axis
+    level = max(hypot(north, east), 1e-9)
+    return east / level, north / level
+
+
+def heading_error(belief: Belief, leg: Leg) -> float:
+    """[rad] True minus measured, at the end of the leg."""
+    a, b, c = belief.x[DEVIATION].tolist()
+    sine, cosine = card(leg)
+    return a + b * sine + c * cosine
+
+
+def heading_spread(belief: Belief, leg: Leg) -> float:
+    """[rad] Of the same."""
+    here = np.array((1.0, *card(leg)))
+    return sqrt(here @ belief.P[DEVIATIONS] @ here)
+
+
+def _turn(J: Floats, aside: Floats, leg: Leg) -> None:
+    """Fill the columns of the deviation, from the slope by the heading's error."""
+    sine, cosine = card(leg)
+    J[:, DEVIATION[0]], J[:, DEVIATION[1]], J[:, DEVIATION[2]] = aside, sine * aside, cosine * aside
 
 
 def turned(v: Pair, angle: float) -> Pair:
@@ -206,9 +250,15 @@ def moved_to(belief: Belief, place: Pair, std: float) -> Belief:
 
 
 def changed_to(belief: Belief, leg: Leg, measured: Vec3, std: float) -> Belief:
-    """Forget the velocity, believe this one [m/s], FRD, at the end of the leg."""
-    v_N = true_rotation(belief, leg).T @ measured
-    return _replaced(belief, VELOCITY, v_N[:2], std)
+    """Forget the velocity, believe this one [m/s], FRD, at the end of the leg. Its direction is as
+    wrong as the heading."""
+    north, east, _ = (true_rotation(belief, leg).T @ measured).tolist()
+    x, P = _replaced(belief, VELOCITY, np.array((north, east)), std)
+    aside = np.outer((-east, north), (1.0, *card(leg)))
+    with_others = aside @ P[DEVIATION]
+    P[VELOCITY, :], P[:, VELOCITY] = with_others, with_others.T
+    P[VELOCITY, VELOCITY] = std * std * np.eye(2) + with_others[:, DEVIATION] @ aside.T
+    return Belief(x, P)
 
 
 def is_sound(belief: Belief) -> bool:
@@ -230,16 +280,24 @@ def _replaced(belief: Belief, states: slice, values: Floats, std: float) -> Beli
     return Belief(x, P)
 
 
+@cache
 def _times(settings: HorizontalSettings) -> Floats:
     """[s] of the Gauss-Markov processes; position and velocity do not fade."""
     current, lean = settings.current_time, settings.lean_time
     never = np.inf
     return np.array(
-        [never] * 4 + [current] * 2 + [lean] * 2 + [settings.heading_time] + [DAMPING_TIME] * 2
+        [never] * 4
+        + [current] * 2
+        + [lean] * 2
+        + [settings.heading_time]
+        + [DAMPING_TIME] * 2
+        + [settings.iron_time] * 2
     )
 
 
 def _steady_std(settings: HorizontalSettings, heading_std: float) -> Floats:
     """In the long run, when nothing is measured; position and velocity have none."""
     current, lean, damping = settings.current_std, settings.lean_std, settings.damping_share
-    return np.array([0.0] * 4 + [current] * 2 + [lean] * 2 + [heading_std] + [damping] * 2)
+    iron = min(settings.iron_std, MOST_IRON * heading_std)
+    rest = sqrt(heading_std**2 - iron**2)
+    return np.array([0.0] * 4 + [current] * 2 + [lean] * 2 + [rest] + [damping] * 2 + [iron] * 2)

@@ -14,7 +14,7 @@ services/marine/wake.py.
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from services.marine.thrusters import total_wrench, wrench_per_newton
+from services.marine.thrusters import wrench_per_newton
 from services.marine.vehicle import Vehicle
 from services.marine.wake import wake_fins
 
@@ -49,7 +49,10 @@ class Hull:
 
     def force(self, thrust: Sequence[float]) -> Pair:
         """[N] In surge and sway, of the thrust [N] of each thruster."""
-        surge, sway, *_ = total_wrench(self._columns, list(thrust))
+        surge = sway = 0.0
+        for (ahead, aside, *_), newtons in zip(self._columns, thrust, strict=True):
+            surge += ahead * newtons
+            sway += aside * newtons
         return surge, sway
 
     def expected(self, velocity: Pair, yaw_rate: float, force: Pair, damping: Pair) -> Expected:

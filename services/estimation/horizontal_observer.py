@@ -16,13 +16,14 @@ from messages.sensors import DvlSample, UsblSample
 from messages.vehicle import Actuation
 from services.estimation import horizontal_filter as ekf
 from services.estimation.attitude_filter import Quaternion, Vec3
-from services.estimation.heading import horizontal
+from services.estimation.deviation import Coefficients, Deviation
+from services.estimation.heading import horizontal, wrapped
 from services.estimation.horizontal_filter import Belief, Innovation, Leg, Pair
 from services.estimation.horizontal_hull import Hull
 from services.estimation.horizontal_leg import OpenLeg
 from services.estimation.horizontal_settings import HorizontalSettings
 from services.estimation.horizontal_trail import Reading, Stone, Trail
-from services.marine.attitude import LEVEL, to_body
+from services.marine.attitude import LEVEL, heading_of, to_body
 
 LEG_NS = 95_000_000  # [ns] between two steps of the covariance; the mean goes on in between
 LONGEST_STEP = 0.5  # [s] no prediction over a longer gap
@@ -70,8 +71,12 @@ class HorizontalObserver:
         self._doubted = False  # the last they told was an outlier
         self._begun_ns = 0
         self._heard: dict[str, int] = {}  # [ns] stamp of the last accepted sample
+        self._valid_for = {"dvl": settings.dvl_valid_for, "usbl": settings.usbl_valid_for}  # [s]
         self._outliers = {"dvl": 0, "usbl": 0}  # in a row
         self._values = self._variances = [0.0] * ekf.SIZE  # of the newest stone
+        self._error = 0.0  # [rad] of the compass there
+        self._now: tuple[float, float, float, float] | None = None  # what `_mean` has found
+        self._deviation = Deviation()
         self._force: Pair | None = None  # [N] surge and sway of the newest actuation
         self._force_ns = 0
 
@@ -81,14 +86,18 @@ class HorizontalObserver:
         if at_ns < before:
             return None
         self._at_ns, self._motion = at_ns, motion
-        if not self._started or at_ns == before:
-            return None
         dt = (at_ns - before) * 1e-9
+        if not self._started:
+            self._deviation.forget(dt)
+            return None
+        if at_ns == before:
+            return None
         if dt > LONGEST_STEP or self._is_lost(at_ns):
             return self._stop("lost:position")
         measured = None
         if motion.specific_force is not None:
             measured = to_north(motion.attitude, motion.offset or 0.0, motion.specific_force)
+        self._now = None
         self._open.add(dt, measured, motion.yaw_rate, self._thrust(at_ns))
         return self._close(at_ns) if at_ns - self._trail.last.stamp_ns >= LEG_NS else None
 
@@ -135,7 +144,8 @@ class HorizontalObserver:
             return None
         _, _, u, v = self._mean()
         motion, turn = self._motion, self._offset()
-        north, east = u * cos(turn) + v * sin(turn), v * cos(turn) - u * sin(turn)
+        c, s = cos(turn), sin(turn)
+        north, east = u * c + v * s, v * c - u * s
         surge, sway, _ = to_body(motion.attitude, (north, east, motion.depth_rate))
         std, valid = max(self._std(2), self._std(3)), self._valid(now)
         return Estimate(surge, std, valid), Estimate(sway, std, valid)
@@ -152,6 +162,12 @@ class HorizontalObserver:
         x, y = self._values[4:6]
         return Estimate(x, stds[0], valid), Estimate(y, stds[1], valid)
 
+    def heading(self, compass: Estimate) -> Estimate:
+        """The compass' heading [rad], with its deviation corrected as far as it is known."""
+        value = compass.value + self._deviation.told.at(compass.value)
+        std = self._deviation.corrected_std(compass.std)
+        return Estimate(wrapped(value), std, compass.valid)
+
     # How time goes on.
 
     def _step(self, belief: Belief, leg: Leg) -> Belief:
@@ -160,8 +176,9 @@ class HorizontalObserver:
         if self._hull is None or leg.acceleration is None or leg.force is None:
             return belief
         seen = ekf.balance(belief, leg, self._hull, self._settings)
-        self._doubted = ekf.surprise(belief, seen) > self._settings.gate**2
-        return belief if self._doubted else ekf.corrected(belief, seen)
+        surprise, better = ekf.weighed(belief, seen)
+        self._doubted = surprise > self._settings.gate**2
+        return belief if self._doubted else better
 
     def _close(self, at_ns: int) -> str | None:
         """The open leg ends now."""
@@ -170,14 +187,28 @@ class HorizontalObserver:
         self._trail.extend(at_ns, leg)
         if leg.force is not None and leg.acceleration is not None:
             self._balanced = True
-        return self._take() or ("outlier:vehicle/actuation" if self._doubted else None)
+        doubted = "outlier:vehicle/actuation" if self._doubted else None
+        return self._take() or self._learn_deviation(at_ns, leg) or doubted
+
+    def _learn_deviation(self, now: int, leg: Leg) -> str | None:
+        """From a newest leg that both aids tell of; one of them alone says nothing of north."""
+        if self._motion.offset is None or not (
+            self._hears("usbl", now) and self._hears("dvl", now)
+        ):
+            self._deviation.hold()
+            return None
+        a, b, c = (self._values[each] for each in ekf.DEVIATION)
+        std = ekf.heading_spread(self._trail.last.belief, leg)
+        heading = heading_of(leg.attitude)
+        return self._deviation.follow(Coefficients(a, b, c), std, heading, leg.seconds)
 
     def _take(self) -> str | None:
         """Keep the newest belief as plain numbers, which is what is read at the IMU's rate."""
-        belief = self._trail.last.belief
+        belief, leg = self._trail.last.belief, self._trail.last.leg
         if not ekf.is_sound(belief):
             return self._stop("not_finite:position")
         self._values, self._variances = belief.x.tolist(), belief.P.diagonal().tolist()
+        self._error, self._now = ekf.heading_error(belief, leg), None
         return None
 
     def _leg(self) -> Leg:
@@ -195,12 +226,15 @@ class HorizontalObserver:
 
     def _mean(self) -> tuple[float, float, float, float]:
         """Position [m] and velocity [m/s], north and east, now."""
-        x, y, u, v, _, _, lean_north, lean_east, error, _, _ = self._values
+        if self._now is not None:
+            return self._now
+        x, y, u, v, _, _, lean_north, lean_east, *_ = self._values
         t, a, b = self._open.seconds, 0.0, 0.0
         if (gained := self._open.gained) is not None:
-            a, b = ekf.turned(gained, error)
+            a, b = ekf.turned(gained, self._error)
             a, b = a - lean_north * t, b - lean_east * t
-        return x + (u + 0.5 * a) * t, y + (v + 0.5 * b) * t, u + a, v + b
+        self._now = x + (u + 0.5 * a) * t, y + (v + 0.5 * b) * t, u + a, v + b
+        return self._now
 
     def _std(self, state: int) -> float:
         """Of a state at the newest stone."""
@@ -208,7 +242,7 @@ class HorizontalObserver:
 
     def _offset(self) -> float:
         """[rad] North, from where the control heading believes it is, all that is known used."""
-        return (self._motion.offset or 0.0) + self._values[ekf.HEADING]
+        return (self._motion.offset or 0.0) + self._error
 
     # How samples are used.
 
@@ -268,8 +302,11 @@ class HorizontalObserver:
         return (now - newest) * 1e-9 > self._settings.lost_after
 
     def _valid(self, now: int) -> bool:
-        limits = {"dvl": self._settings.dvl_valid_for, "usbl": self._settings.usbl_valid_for}
-        return any((now - ns) * 1e-9 <= limits[name] for name, ns in self._heard.items())
+        return self._hears("usbl", now) or self._hears("dvl", now)
+
+    def _hears(self, name: str, now: int) -> bool:
+        heard = self._heard.get(name)
+        return heard is not None and (now - heard) * 1e-9 <= self._valid_for[name]
 
     def _stop(self, why: str) -> str:
         """Nothing is known any more."""

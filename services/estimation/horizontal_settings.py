@@ -30,7 +30,9 @@ class HorizontalSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True
     current_limit: Positive = 0.15  # [m/s] a current known less well than this is not told
 
     # When to believe and for how long.
-    heading_time: Positive = 100.0  # [s] for which an error of heading stays about the same
+    heading_time: Positive = 100.0  # [s] for which the rest of the heading's error stays the same
+    iron_std: Positive = 0.0685  # [rad] of the deviation's B and C each: own iron, error of tilt
+    iron_time: Positive = 7200.0  # [s] for which those stay about the same: a dive
     gate: Annotated[float, msgspec.Meta(ge=3.0, le=100.0)] = 6.0  # [σ] innovations beyond: outlier
     outliers: Annotated[int, msgspec.Meta(ge=2, le=100)] = 5  # in a row: the world has changed
     dvl_valid_for: Positive = 3.0  # [s] after the last accepted sample

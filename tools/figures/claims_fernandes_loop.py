@@ -29,7 +29,7 @@ NAMES = ("path", "depth", "heading")
 WHY = (
     "the umbilical, or what the law does not learn of it in time",
     "the law does not hold the depth",
-    "the compass: its hard iron is not calibrated away, and no law can know better",
+    "the compass: its deviation shows only under way, and no law can know better",
 )
 
 

@@ -225,7 +225,7 @@ def said_of_errors(flights: Pair) -> str:
     return (
         f"Largest errors against the truth under way: path {p:.2f} m with the paper's law, "
         f"{ours_p:.2f} m with Lindy's; depth {1e3 * d:.0f} mm and {1e3 * ours_d:.0f} mm; heading "
-        f"{degrees(h):.1f}° and {degrees(ours_h):.1f}°, nearly all of it the compass's own."
+        f"{degrees(h):.1f}° and {degrees(ours_h):.1f}°, nearly all of it the estimate's own."
     )
 
 

@@ -1,0 +1,23 @@
+"""What happened: by name for the counters, and in words for people."""
+
+from typing import Literal
+
+Level = Literal["info", "warning"]
+
+
+class Journal:
+    """Whoever reads it empties it."""
+
+    def __init__(self) -> None:
+        self.noted: list[str] = []
+        self.lines: list[tuple[Level, str]] = []
+
+    def note(self, what: str | None) -> None:
+        if what is not None:
+            self.noted.append(what)
+
+    def say(self, text: str) -> None:
+        self.lines.append(("info", text))
+
+    def warn(self, text: str) -> None:
+        self.lines.append(("warning", text))
