@@ -21,7 +21,7 @@ from services.marine.vehicle import Thruster, Vec6, Vehicle
 
 PRIORITY = (("roll", "pitch"), ("heave",), ("yaw",), ("surge", "sway"))
 ROUNDING = 1e-9  # [N] a thruster with this little of a demand has no part in it
-COMES_ON, GOES_OFF = 0.75, 0.25  # [-] of the dead-band: half of it, with hysteresis
+COMES_ON, GOES_OFF = 0.65, 0.35  # [-] of the dead-band: half of it, with hysteresis
 
 
 class AllocationSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -50,7 +50,7 @@ class Axis:
 
     def blind(self, motion: Motion, dt: float, besides: float = 0.0) -> float:
         """Effort from the reference alone."""
-        total = self.law.feed_forward(motion) + self.law.standing + besides
+        total = self.law.blind(motion) + besides
         return self.transfer.step("blind", total, dt)
 
     def forced(self, force: float, dt: float) -> float:

@@ -36,6 +36,9 @@ class Gains(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     max_error: Above0  # position units; guard 1
     max_integral: NotNegative  # [N] or [N m]; guard 2, well below a saturated thruster
     observer: Bandwidth = 0.0  # [rad/s] of the disturbance observer; 0: the integral instead
+    drag_speed: NotNegative = (
+        0.0  # position units per second; near and above, what is learnt is drag
+    )
     still: NotNegative = 0.0  # position units per second; slower, it learns no faster than ki
     decay: Share = 0.98  # [-] per step; guard 3
     decay_threshold: Above0 = 0.1  # position units; guard 3 acts on errors larger than this
@@ -71,6 +74,7 @@ class AxisLaw:
     _observer: DisturbanceObserver | None = field(init=False)
     _blend: GainBlend = field(init=False)
     _still: float = 0.0  # position units per second; slower is without motion
+    _asked: float = 0.0  # position units per second, of the newest reference
     _slow: float = 0.0  # [N/s] or [N m/s] at most learnt without motion
     _feedback: Feedback | None = None  # gains of the step before
 
@@ -78,7 +82,9 @@ class AxisLaw:
         g = self.gains
         self._observer = None
         if g.observer > 0.0:
-            self._observer = DisturbanceObserver(self.plant, g.observer, g.max_integral)
+            self._observer = DisturbanceObserver(
+                self.plant, g.observer, g.max_integral, g.drag_speed or inf
+            )
         self._blend = GainBlend(Feedback(g.kp, g.kd, 0.0), g.static)
 
     def step(
@@ -100,6 +106,7 @@ class AxisLaw:
             late: the rate is a third of a second old, as from pressure alone: gains that suit a
                 prompt one would shake the vehicle.
         """
+        self._asked = reference.velocity
         error = reference.position - position
         near = clamped(error, self.gains.max_error)
         moves = abs(reference.velocity) > MOVING or abs(reference.acceleration) > MOVING
@@ -134,10 +141,15 @@ class AxisLaw:
         drag = plant.linear * (v + ahead * a) + plant.quadratic * soon * abs(soon)
         return (g.acceleration_percent * inertia + g.drag_percent * drag) / 100
 
+    def blind(self, reference: Motion) -> float:
+        """Effort from the reference and from what was learnt, nothing fed back."""
+        self._asked = reference.velocity
+        return self.feed_forward(reference) + self.standing
+
     @property
     def standing(self) -> float:
         """[N] or [N m] against what the water does lastingly."""
-        return self.integral if self._observer is None else -self._observer.estimate
+        return self.integral if self._observer is None else -self._observer.expected(self._asked)
 
     def learn(self, velocity: float, force: float, dt: float) -> None:
         """Show the observer a step: velocity relative to the water now, and the mean force that
@@ -149,7 +161,7 @@ class AxisLaw:
         """
         if self._observer is not None:
             most = self._slow * dt if abs(velocity) < self._still else inf
-            self._observer.learn(velocity, force, dt, most)
+            self._observer.learn(velocity, force, dt, most, self._asked)
 
     def give_up(self, force: float) -> None:
         """The feed-forward gives `force` [N] or [N m] more from now on: as much of it as was
@@ -164,7 +176,7 @@ class AxisLaw:
 
     def idle(self) -> None:
         """The axis is not held: there is no error to learn from."""
-        self._slow, self._still = 0.0, self.gains.still
+        self._asked, self._slow, self._still = 0.0, 0.0, self.gains.still
 
     def pause(self) -> None:
         """Nothing can be learnt from this step."""
@@ -180,7 +192,7 @@ class AxisLaw:
         if self._observer is None:
             self.integral = force
         else:
-            self._observer.estimate = -force
+            self._observer.estimate = -force - self._observer.drag * self._asked
             self._observer.pause()
 
     def _integrate(self, error: float, feedback: Feedback, moves: bool, dt: float) -> bool:

@@ -106,9 +106,10 @@ class AttitudeObserver:
         return down_along(self._filter.q, specific_force) + GRAVITY
 
     @property
-    def forward_down(self) -> float:
-        """[-] Down component of the body's forward axis: -sin(pitch)."""
-        return down_in_body(self._filter.q)[0]
+    def lean(self) -> tuple[float, float]:
+        """[-] Down components of the body's forward and starboard axes."""
+        forward, starboard, _ = down_in_body(self._filter.q)
+        return forward, starboard
 
     def tilt(self, valid: bool) -> tuple[Estimate, Estimate]:
         """Roll and pitch [rad]."""

@@ -177,7 +177,7 @@ class Estimator:
         self._attitude.gyro_bias = self._resting.bias
         follows = self._settings.depth.observer == "reference"
         input_ = self._asked if follows else self._attitude.acceleration_down(force)
-        note(self._depth.predict(input_, at_ns, self._attitude.forward_down))
+        note(self._depth.predict(input_, at_ns, self._attitude.lean))
         note(self._predict_horizontal(force, at_ns))
 
     def _predict_horizontal(self, force: Vec3 | None, at_ns: int) -> str | None:

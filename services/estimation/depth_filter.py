@@ -6,7 +6,8 @@ down. With 10 mg and 10° that share is 0.017 m/s², far more than the sensor's 
 The thesis' filter (Andrén 2023, eq. 5.21 to 5.23) is the case without accelerometer: it must guess
 the motion from pressure alone and so lags. Feeding the measured acceleration in removes the lag;
 its bias (sensor, local gravity, tilt) is one more state. A vehicle that hardly rolls needs no state
-for the accelerometer to starboard.
+for the accelerometer to starboard: what that adds while it rolls counts as noise, as does what the
+attitude is wrong by.
 
 Written out in plain floats, because NumPy costs more than it saves on 4 × 4.
 """
@@ -21,6 +22,8 @@ from services.estimation.depth_ways import Observer
 Positive = Annotated[float, msgspec.Meta(gt=0.0, le=1e6)]
 Latency = Annotated[float, msgspec.Meta(ge=0.0, le=0.3)]
 
+Lean = tuple[float, float]  # [-] sines: how far the forward and starboard axes point down
+LEVEL: Lean = (0.0, 0.0)
 MOST = 1e12  # a variance beyond it is no number any more
 LEAST_MOTION_NOISE = 0.5  # [m/s²/√Hz] with 0.2 the simulated vehicle swings, with 0.1 it is lost
 
@@ -33,8 +36,10 @@ class DepthSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     )
     pressure_std: Positive = 500.0  # [Pa] noise of one pressure sample; 5 mbar
     pressure_latency: Latency = 0.0  # [s] a sample is true this long before its stamp
-    acceleration_noise: Positive = 0.005  # [m/s²/√Hz] accelerometer noise, with what tilt adds
-    bias_walk: Positive = 0.001  # [m/s²/√s] how fast the accelerometer's bias wanders
+    acceleration_noise: Positive = 0.0025  # [m/s²/√Hz] of the accelerometer, while level
+    pitch_noise: Positive = 0.02  # [m/s²/√Hz] more, times the sine of pitch: errors of attitude
+    roll_noise: Positive = 0.1  # [m/s²/√Hz] … of roll: and the starboard accelerometer's bias
+    bias_walk: Positive = 0.0003  # [m/s²/√s] how fast the accelerometer's bias wanders
     forward_bias_std: Positive = 0.1  # [m/s²] forward accelerometer; 10 mg, not seen at rest
     motion_noise: Positive = 0.2  # [m/s²/√Hz] unknown motion without accelerometer
     gate: Annotated[float, msgspec.Meta(ge=3.0, le=100.0)] = 6.0  # [σ] innovations beyond: outlier
@@ -72,6 +77,7 @@ class DepthFilter:
 
     def __init__(self, settings: DepthSettings) -> None:
         self._qa = settings.acceleration_noise**2
+        self._q_pitch, self._q_roll = settings.pitch_noise**2, settings.roll_noise**2
         self._qb = settings.bias_walk**2
         self._qm = settings.motion_noise**2
         self.forward_bias, self.p33 = 0.0, settings.forward_bias_std**2
@@ -92,7 +98,7 @@ class DepthFilter:
         self.p01 = self.p02 = self.p03 = self.p12 = self.p13 = self.p23 = 0.0
 
     def predict(
-        self, acceleration: float | None, dt: float, measured: bool = True, forward: float = 0.0
+        self, acceleration: float | None, dt: float, measured: bool = True, lean: Lean = LEVEL
     ) -> None:
         """Move the estimate on by `dt` [s].
 
@@ -101,11 +107,12 @@ class DepthFilter:
                 rate with `motion_noise`, as in the thesis.
             measured: by the accelerometer, bias included. False: the motion that is asked for;
                 `motion_noise` is then what the vehicle does besides.
-            forward: [-] down component of the body's forward axis, -sin(pitch).
+            lean: down components of the body's forward and starboard axes.
         """
+        forward, _ = lean
         if acceleration is not None and measured:
-            a = acceleration - self.bias - forward * self.forward_bias
-            db, hb, q = dt, 0.5 * dt * dt, self._qa * dt
+            a = self.unbiased(acceleration, lean)
+            db, hb, q = dt, 0.5 * dt * dt, self.noise(lean) * dt
         else:  # the bias plays no part
             a, db, hb, q = acceleration or 0.0, 0.0, 0.0, self._qm * dt
         self.depth += (self.rate + 0.5 * a * dt) * dt
@@ -127,6 +134,16 @@ class DepthFilter:
         self.p12, self.p13 = a12, a13
         self.p22 += self._qb * dt
         self.p33 += self._qb * dt
+
+    def unbiased(self, acceleration: float, lean: Lean) -> float:
+        """[m/s²] What of a measured acceleration [m/s²] is true, as far as is known."""
+        forward, _ = lean
+        return acceleration - self.bias - forward * self.forward_bias
+
+    def noise(self, lean: Lean) -> float:
+        """[m²/s³] Spectral density of the measured acceleration's noise."""
+        forward, starboard = lean
+        return self._qa + self._q_pitch * forward**2 + self._q_roll * starboard**2
 
     def innovation(self, depth: float, std: float, age: float) -> tuple[float, float]:
         """What a sample would tell: (surprise [m], its variance [m²]).

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from math import hypot, sqrt
 
 from messages.message import Estimate
-from services.estimation.depth_filter import DepthFilter, DepthSettings
+from services.estimation.depth_filter import LEVEL, DepthFilter, DepthSettings, Lean
 from services.estimation.depth_ways import WAYS, Way
 from services.marine.vehicle import GRAVITY
 
@@ -66,6 +66,7 @@ class DepthObserver:
         self._filter.bias = bias
         self._at_ns = 0  # [ns] the filter stands here
         self._input: float | None = None  # [m/s²] newest acceleration, bias included
+        self._lean = LEVEL
         self._started = False
         self._accepted_ns: int | None = None  # [ns] time of validity of the last accepted sample
         self._outliers_since: int | None = None
@@ -82,16 +83,16 @@ class DepthObserver:
         """[m]"""
         return (pressure - self.atmosphere.pressure) / self._per_metre
 
-    def predict(self, acceleration: float | None, at_ns: int, forward: float = 0.0) -> str | None:
+    def predict(self, acceleration: float | None, at_ns: int, lean: Lean = LEVEL) -> str | None:
         """Move on to `at_ns`. The acceleration [m/s²] along down is the one there, measured or,
-        for the way "reference", asked for; None: unknown. `forward` is the down component of the
-        body's forward axis. Returns what went wrong, for the counters."""
+        for the way "reference", asked for; None: unknown. `lean` are the down components of the
+        body's forward and starboard axes. Returns what went wrong, for the counters."""
         dt = (at_ns - self._at_ns) * 1e-9
         if dt <= 0.0:
             return None
         if not self._way.driven:
             acceleration = None
-        before, self._input, self._at_ns = self._input, acceleration, at_ns
+        before, self._input, self._lean, self._at_ns = self._input, acceleration, lean, at_ns
         if not self._started:
             return None
         if dt > LONGEST_STEP or not self._heard_within(self._settings.lost_after, at_ns):
@@ -99,7 +100,7 @@ class DepthObserver:
         # The mean of both ends: the newest sample alone would be half a step early.
         if before is not None and acceleration is not None:
             acceleration = (before + acceleration) / 2.0
-        self._filter.predict(acceleration, dt, self._way.measured, forward)
+        self._filter.predict(acceleration, dt, self._way.measured, lean)
         if not self._filter.is_sound():
             return self._reset()
         return None if self._unread is None else self._read(self._unread)
@@ -126,9 +127,12 @@ class DepthObserver:
         the depth includes the atmosphere's, which stays the same all dive."""
         f, valid = self._filter, self._heard_within(self._settings.valid_for, now)
         measured = self._input is not None and self._way.measured
-        acceleration = (self._input or 0.0) - (f.bias if measured else 0.0)
-        noise = self._settings.acceleration_noise if measured else self._settings.motion_noise
-        acceleration_std = sqrt(f.p22 + noise * noise * BANDWIDTH)
+        if measured:
+            acceleration = f.unbiased(self._input or 0.0, self._lean)
+            acceleration_std = sqrt(f.p22 + f.noise(self._lean) * BANDWIDTH)
+        else:
+            acceleration = self._input or 0.0
+            acceleration_std = sqrt(f.p22 + self._settings.motion_noise**2 * BANDWIDTH)
         return (
             Estimate(f.depth, hypot(f.depth_std, self._datum_std, self._clipped.distance), valid),
             Estimate(f.rate, f.rate_std, valid),

@@ -109,8 +109,8 @@ def _at_rest() -> Iterable[Figure]:
 
 def _modes() -> Iterable[Figure]:
     for vehicle in ("pioneer", "minerva"):
-        bumps = [mode_changes(vehicle, seed) for seed in SEEDS[:2]]
-        note = "2 random sequences of 8, noise in it"
+        bumps = [mode_changes(vehicle, seed) for seed in SEEDS]
+        note = "3 random sequences of 8, noise in it"
         yield _mm(f"{vehicle}: mode change, depth", max(b.depth for b in bumps), 20.0, note)
         yield _deg(f"{vehicle}: mode change, heading", max(b.heading for b in bumps), 0.5, note)
 

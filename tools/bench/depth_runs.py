@@ -58,7 +58,7 @@ class World(NamedTuple):
     rate: Floats  # [m/s]
     asked: Floats  # [m/s²] acceleration of the reference
     measured: Floats  # [m/s²] accelerometer along down
-    forward: Floats  # [-] down component of the body's forward axis
+    lean: Floats  # [-] n × 2: down components of the body's forward and starboard axes
     stamps: Floats  # [s] when a pressure sample is handed over
     said: Floats  # [m] depth of each pressure sample
     rest: float  # [m] mean depth said at rest, before
@@ -98,14 +98,14 @@ def world(sensor: Sensor, seed: int, flight: Flight | None = None) -> World:
     pressures = [device.pressure(0, d).pressure for d in np.interp(taken, t, depth).tolist()]
     said = (np.array(pressures) - TYPICAL.atmosphere) / PER_METRE
     resting = taken + sensor.latency < 0.0
-    bias, measured, forward = felt(seed, flight, push)
+    bias, measured, lean = felt(seed, flight, push)
     return World(
         t=t[first:],
         depth=depth[first:],
         rate=(flight.depth_rate + rise)[first:],
         asked=flight.asked[first:],
         measured=measured,
-        forward=forward,
+        lean=lean,
         stamps=(taken + sensor.latency)[~resting],
         said=said[~resting],
         rest=float(np.mean(said[resting])),
@@ -141,7 +141,7 @@ def steps(number: int) -> Script:
 def felt(seed: int, flight: Flight, push: Floats) -> tuple[float, Floats, Floats]:
     """The accelerometer's bias along down as calibration learns it [m/s²], and from then on what
     the service's attitude observer makes of IMU samples: the acceleration along down [m/s²], and
-    the down component of the forward axis [-].
+    the down components of the forward and starboard axes [-] n × 2.
 
     Args:
         push: [m/s²] acceleration down besides the flight's.
@@ -157,12 +157,12 @@ def felt(seed: int, flight: Flight, push: Floats) -> tuple[float, Floats, Floats
     observer = AttitudeObserver(AttitudeSettings(), rate, 0.0, 0.0)
     observer.start(force)
     found: list[float] = []
-    forward: list[float] = []
+    leans: list[tuple[float, float]] = []
     for sample in samples[first:]:
         observer.step(sample.angular_rate, sample.specific_force, 1.0 / RATE)
         found.append(observer.acceleration_down(sample.specific_force))
-        forward.append(observer.forward_down)
-    return GRAVITY - hypot(*force), np.array(found), np.array(forward)
+        leans.append(observer.lean)
+    return GRAVITY - hypot(*force), np.array(found), np.array(leans)
 
 
 def _mean(values: list[Vec3]) -> Vec3:
@@ -180,13 +180,14 @@ def observe(seen: World, way: str, settings: DepthSettings) -> Estimates:
     pressures = (TYPICAL.atmosphere + seen.said * PER_METRE).tolist()
     depths, rates, surprises = [0.0] * len(inputs), [0.0] * len(inputs), [0.0] * len(stamps)
     heard = 0
-    for k, (acceleration, forward) in enumerate(zip(inputs, seen.forward.tolist(), strict=True)):
+    leans: list[tuple[float, float]] = [(a, b) for a, b in seen.lean.tolist()]
+    for k, (acceleration, lean) in enumerate(zip(inputs, leans, strict=True)):
         now = round(k * 1e9 / RATE)
         while heard < len(stamps) and stamps[heard] <= now:
             observer.pressure(pressures[heard], stamps[heard])
             surprises[heard] = observer.surprise
             heard += 1
-        observer.predict(acceleration, now, forward)
+        observer.predict(acceleration, now, lean)
         depth, rate, _ = observer.estimates(now)
         depths[k], rates[k] = depth.value, rate.value
     return Estimates(np.array(depths), np.array(rates), np.array(surprises[:heard]))

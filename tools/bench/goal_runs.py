@@ -178,8 +178,7 @@ def mode_changes(
     vehicle: str, seed: int, changes: int = 8, overrides: Sequence[str] = (NEAR_FLOOR,)
 ) -> Bump:
     """The worst that a random sequence of modes does, hands off, to an axis held afterwards: how
-    far its error is, two seconds long, from what it was at the change. The error is of what the
-    drone knows: that its estimate lags while an axis drifts is not the change's doing."""
+    far its true error is, two seconds long, from what it was at the change."""
     rng = np.random.default_rng([seed, 11])
     down = ROOM / FULL[vehicle]
     rows: list[Row] = [(1.0, (0.0, 0.0, 1.0, 0.0)), (1.0 + down, HANDS_OFF)]
@@ -198,10 +197,10 @@ def mode_changes(
 
 def _bump(sortie: Sortie, begin: int) -> Bump:
     """Of the two seconds from this reference on."""
-    known = {m.sensor_ns: m for m in sortie.states}
+    known = {m.stamp_ns: m for m in sortie.truth}
     pairs = [(r, known[r.sensor_ns]) for r in sortie.references[begin:] if r.sensor_ns in known]
-    depth = [r.depth.position - s.depth.value for r, s in pairs[:200] if r.heave_force is None]
-    heading = [r.heading.position - s.heading.value for r, s in pairs[:200] if r.yaw_moment is None]
+    depth = [r.depth.position - t.position[2] for r, t in pairs[:200] if r.heave_force is None]
+    heading = [r.heading.position - t.heading for r, t in pairs[:200] if r.yaw_moment is None]
     return Bump(_spread(depth), _spread(heading))
 
 

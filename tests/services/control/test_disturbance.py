@@ -46,6 +46,59 @@ def test_it_never_believes_in_more_than_its_limit(steps: list[tuple[float, float
         assert abs(observer.estimate) <= 15.0
 
 
+speed = st.floats(-1.0, 1.0)
+
+
+@many
+@given(st.floats(0.1, 40.0), speed, st.floats(0.02, 1.0), st.floats(-10, 10), forces)
+def test_at_a_steady_speed_it_is_learnt_as_fast_whatever_of_it_counts_as_drag(
+    bandwidth: float, asked: float, drag_speed: float, w: float, pushes: list[float]
+) -> None:
+    plant = Plant(13.3, 5.0)
+    observer, v, left = (
+        DisturbanceObserver(plant, bandwidth, 1e3, drag_speed),
+        0.0,
+        exp(-0.05 / 13.3),
+    )
+    observer.learn(v, 0.0, DT)
+    for k, force in enumerate(pushes, 1):
+        v = left * v + (1 - left) / plant.linear * (force + w)
+        observer.learn(v, force, DT, asked=asked)
+        learnt = w * (1 - exp(-bandwidth * DT * k))
+        assert observer.expected(asked) == pytest.approx(learnt, abs=1e-6)
+
+
+@many
+@given(st.floats(0.2, 1.0), st.booleans(), st.floats(-5.0, 5.0), st.floats(-20.0, 20.0))
+def test_drag_goes_with_the_motion_and_a_constant_stays(
+    fast: float, down: bool, constant: float, drag: float
+) -> None:
+    """At rest, then at speed, as a plant without inertia shows it: what is believed in at rest is
+    near the constant again as soon as the motion ends, not a second later."""
+    observer = DisturbanceObserver(Plant(1e-6, 0.0), 4.0, 1e3, 0.1)
+    asked = fast if down else -fast
+    for k in range(1000):
+        at = asked if k >= 500 else 0.0
+        observer.learn(0.0, -(constant + drag * at), DT, asked=at)
+    assert observer.expected(asked) == pytest.approx(constant + drag * asked, abs=1e-3)
+    left = abs(observer.expected(0.0) - constant)
+    assert left <= abs(drag * asked) * 0.1**2 / (0.1**2 + asked**2) + 1e-3
+    for _ in range(1000):
+        observer.learn(0.0, -constant, DT)
+    assert observer.expected(asked) == pytest.approx(constant, abs=1e-2)  # forgotten by then
+
+
+@many
+@given(st.lists(st.tuples(st.floats(-1e6, 1e6), st.floats(-1e4, 1e4), speed), max_size=50), speed)
+def test_drag_does_not_lift_the_limit(
+    steps: list[tuple[float, float, float]], asked: float
+) -> None:
+    observer = DisturbanceObserver(Plant(20.0, 0.4, 25.0), 3.0, 15.0, 0.1)
+    for velocity, force, at in steps:
+        observer.learn(velocity, force, DT, asked=at)
+        assert abs(observer.expected(asked)) <= 15.0
+
+
 def test_a_collision_teaches_little() -> None:
     """Half a metre per second lost at once is a hundred times the limit's force."""
     observer = DisturbanceObserver(Plant(20.0), 3.0, 15.0)

@@ -18,7 +18,7 @@ from services.runtime.stack import Stack
 PLANT = Plant(0.375, 0.87, 1.53)  # the Pioneer's yaw
 LAG, DT = 0.08, 0.01
 EDGE = 0.1376  # [N m] two thrusters at 0.8 N, 0.086 m off the middle
-ON, OFF = 0.6, 0.4  # [-] of the edge: where a thruster is stepped over its dead-band, and back
+ON, OFF = 0.65, 0.35  # [-] of the edge: where a thruster is stepped over its dead-band, and back
 HELD = Motion(0.0, 0.0, 0.0, 0.0)
 PIONEER = Stack().section("control", Settings).heading
 HUNTING = Gains(kp=8.0, kd=3.0, ki=1.0, max_error=0.6, max_integral=1.0)  # one set, an integral
