@@ -36,9 +36,7 @@ class Gains(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     max_error: Above0  # position units; guard 1
     max_integral: NotNegative  # [N] or [N m]; guard 2, well below a saturated thruster
     observer: Bandwidth = 0.0  # [rad/s] of the disturbance observer; 0: the integral instead
-    drag_speed: NotNegative = (
-        0.0  # position units per second; near and above, what is learnt is drag
-    )
+    drag_speed: NotNegative = 0.0  # position units per second; faster, it learns drag; 0: never
     still: NotNegative = 0.0  # position units per second; slower, it learns no faster than ki
     decay: Share = 0.98  # [-] per step; guard 3
     decay_threshold: Above0 = 0.1  # position units; guard 3 acts on errors larger than this

@@ -29,8 +29,8 @@ class Controller:
     into a clamp, a saturation or a missing input, not each step of it.
 
     Raises:
-        ValueError: gains with which the sampled loop of an axis is not stable, or thrusters that
-            cannot drive what a pilot needs.
+        ValueError: gains with which the sampled loop of an axis is not stable, gains of an axis
+            that is not driven, or thrusters that cannot drive what a pilot needs.
     """
 
     settings: Settings
@@ -47,6 +47,7 @@ class Controller:
         require_stable(self.settings, self.vehicle, PERIOD_S)
         self._laws = Laws(self.settings, self.vehicle, PERIOD_S, self._note)
         self._propulsion = Propulsion(self.vehicle, self.settings.allocation)
+        _require_driven(self.settings, self._propulsion.axes)
 
     def step(
         self, reference: Reference | None, state: VehicleState | None, now: Ns
@@ -151,6 +152,15 @@ class Controller:
             thrust=done.thrust,
         )
         return wrench, command
+
+
+def _require_driven(settings: Settings, axes: frozenset[str]) -> None:
+    for name, gains in (("roll", settings.roll), ("pitch", settings.pitch)):
+        if (gains.kp or gains.kd) and name not in axes:
+            raise ValueError(
+                f"control.{name}: kp = {gains.kp:g} and kd = {gains.kd:g}, but the thrusters of "
+                f"this vehicle cannot drive {name}; allowed are 0 and 0"
+            )
 
 
 def _at_rest(motion: Motion) -> Motion:

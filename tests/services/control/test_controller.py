@@ -18,6 +18,7 @@ from services.marine.vehicle import Vehicle
 from services.runtime.stack import Stack
 
 PIONEER = Stack().section("vehicle", Vehicle)
+HEAVY = Stack(vehicle="bluerov2_heavy").section("vehicle", Vehicle)
 
 
 def controller() -> Controller:
@@ -211,7 +212,7 @@ def test_gains_that_are_not_stable_do_not_start() -> None:
 
 def test_roll_and_pitch_are_held_level_when_told_to() -> None:
     level = Level(kp=5.0, kd=1.0)
-    law = Controller(Settings(roll=level), PIONEER)
+    law = Controller(Settings(roll=level), HEAVY)
     rolled = msgspec.structs.replace(state(), roll=Estimate(0.1, 0.01), pitch=Estimate(0.2, 0.01))
     wrench, _ = law.step(reference(), rolled, 0)
     assert wrench.wanted[3] == pytest.approx(-0.5)
@@ -256,16 +257,26 @@ inputs = st.tuples(st.one_of(st.none(), references), st.one_of(st.none(), states
 
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-@given(st.lists(st.tuples(inputs, st.integers(-(10**9), 10**10)), min_size=1, max_size=12))
+@given(
+    st.sampled_from([Stack(), Stack(vehicle="bluerov2_heavy")]),
+    st.lists(st.tuples(inputs, st.integers(-(10**9), 10**10)), min_size=1, max_size=12),
+)
 def test_no_message_makes_a_wild_thrust(
+    stack: Stack,
     steps: list[tuple[tuple[Reference | None, VehicleState | None], int]],
 ) -> None:
-    level = Level(kp=5.0, kd=1.0)
-    ours = msgspec.structs.replace(Stack().section("control", Settings), roll=level, pitch=level)
-    law = Controller(ours, PIONEER)
+    vehicle = stack.section("vehicle", Vehicle)
+    law = Controller(stack.section("control", Settings), vehicle)
     for (asked, seen), now in steps:
         wrench, command = law.step(asked, seen, now)
-        for thrust, thruster in zip(command.thrust, PIONEER.thruster, strict=True):
+        for thrust, thruster in zip(command.thrust, vehicle.thruster, strict=True):
             assert thruster.limits[0] <= thrust <= thruster.limits[1]
         for message in (wrench, command):  # what we say is what the bus lets through
             msgspec.convert(msgspec.to_builtins(message), type(message))
+
+
+@pytest.mark.parametrize("axis", ["roll", "pitch"])
+def test_gains_of_an_axis_that_no_thruster_drives_are_refused(axis: str) -> None:
+    settings = msgspec.structs.replace(Settings(), **{axis: Level(kp=1.0)})
+    with pytest.raises(ValueError, match=rf"control.{axis}: kp = 1 and kd = 0, but the thrusters"):
+        Controller(settings, PIONEER)
