@@ -25,7 +25,7 @@ format: $(READY) ## put the code in shape
 
 picture: $(READY) ## the pictures in the README; Debian: mesa-vulkan-drivers libvulkan1
 	$(BIN)/lindy simulate --out dives/picture
-	$(BIN)/lindy picture dives/picture/dive.rrd --at 30 --out docs/dive.png
+	$(BIN)/lindy picture dives/picture/dive.rrd --at 60 --out docs/dive.png
 	$(BIN)/lindy figures --only andren-5.6 link-profiles --out dives/picture
 	cp dives/picture/andren-5.6.png docs/retargeting.png
 	cp dives/picture/link-profiles.png docs/link-profiles.png

@@ -1,5 +1,6 @@
-"""How a dive is laid out: what a pilot looks at first, and four pages behind it."""
+"""How a dive is laid out: what a pilot looks at first, and five pages behind it."""
 
+import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint.encodings import TimelineColumn
 
@@ -7,6 +8,7 @@ from services.marine.vehicle import Vehicle
 
 TIMELINE = "dive"  # [s] since the dive began
 WATER = 0x0A1E2BFF
+BEFORE_S, AFTER_S = 60.0, 3.0  # [s] shown before and after the cursor
 
 
 def blueprint(vehicle: Vehicle) -> rrb.Blueprint:
@@ -23,19 +25,19 @@ def blueprint(vehicle: Vehicle) -> rrb.Blueprint:
 
 
 def _dive(vehicle: Vehicle) -> rrb.Horizontal:
-    left = rrb.Vertical(_scene(vehicle), _states(), row_shares=[2, 1])
+    left = rrb.Vertical(_scene(vehicle), _states(), row_shares=[1.6, 1])
+    ways = ["$origin/link_down", "$origin/link_up", "$origin/stick", "/whole/screen"]
     middle = rrb.Vertical(
         _plot("depth", "Depth [m], positive down"),
         _plot("heading", "Heading [°], clockwise"),
         _plot("thrust", "Thrust [N]"),
-        _plot("latency", "Latency [ms]"),
-        row_shares=[1, 1, 1, 1.25],
+        _plot("latency", "Latency [ms]", contents=ways),
     )
     right = rrb.Vertical(
-        _plot("sticks", "Sticks, full = 1", (-1.1, 1.1)),
         rrb.TextDocumentView(origin="/status", name="Status"),
-        _log(),
-        row_shares=[0.9, 2.5, 1.0],
+        _plot("sticks", "Sticks, full = 1", limits=(-1.1, 1.1)),
+        _log("Log"),
+        row_shares=[1.6, 1, 1.4],
     )
     return rrb.Horizontal(left, middle, right, column_shares=[3, 2.4, 2], name="Dive")
 
@@ -50,7 +52,7 @@ def _scene(vehicle: Vehicle) -> rrb.Spatial3DView:
     return rrb.Spatial3DView(
         origin="/world/chase",  # travels with the vehicle but does not turn with it
         contents="/world/**",
-        name=vehicle.name,
+        name=f"{vehicle.name} · orange: reference · pink: predicted now",
         background=WATER,
         line_grid=False,
         eye_controls=rrb.EyeControls3D(
@@ -66,15 +68,20 @@ def _scene(vehicle: Vehicle) -> rrb.Spatial3DView:
 def _states() -> rrb.StateTimelineView:
     lanes = ("mode", "hold", "armed", "failsafe", "link", "pilot")
     return rrb.StateTimelineView(
-        origin="/state", contents=[f"$origin/{lane}" for lane in lanes], name="States"
+        origin="/state",
+        contents=[f"$origin/{lane}" for lane in lanes],
+        name="States",
+        time_view=_window(),
     )
 
 
-def _log() -> rrb.TextLogView:
+def _log(name: str, contents: list[str] | None = None) -> rrb.TextLogView:
     # Each line begins with its time; the viewer's own column is too narrow to be read.
     hidden = TimelineColumn(TIMELINE, visible=False)
     columns = rrb.TextLogColumns(timeline_columns=[hidden], text_log_columns=["LogLevel", "Body"])
-    return rrb.TextLogView(origin="/log", name="Log", columns=columns)
+    return rrb.TextLogView(
+        origin="/log", contents=contents or "$origin/**", name=name, columns=columns
+    )
 
 
 def _motion() -> rrb.Grid:
@@ -85,11 +92,15 @@ def _motion() -> rrb.Grid:
         _plot("depth_acceleration", "Depth acceleration [m/s²]"),
         _plot("yaw_acceleration", "Yaw acceleration of the reference [°/s²]"),
         _plot("velocity", "Velocity, body [m/s]"),
-        _plot("jerk", "Jerk of the reference [m/s³, °/s³]"),
-        _plot("tilt", "Camera tilt [°], up"),
+        rrb.Tabs(
+            _plot("jerk", "Jerk of the reference [m/s³, °/s³]"),
+            _plot("tilt", "Camera tilt [°], up"),
+        ),
         _plot("track", "Place [m], NED"),
-        _plot("current", "Current of the water [m/s], NED"),
-        _plot("uncertainty", "One standard deviation"),
+        rrb.Tabs(
+            _plot("current", "Current of the water [m/s], NED"),
+            _plot("uncertainty", "One standard deviation"),
+        ),
         grid_columns=3,
         name="Motion",
     )
@@ -104,10 +115,14 @@ def _control() -> rrb.Grid:
         _plot("moment_achieved", "Moment achieved [N m]"),
         _plot("force_reference", "Force reference [N]"),
         _plot("disturbance", "Disturbance learnt [N, N m]"),
-        _plot("tether_pull", "Pull of the tether [N], NED"),
-        _plot("integral", "Integrators"),
-        _plot("drive_power", "Electrical power [W]"),
-        _plot("device_age", "Age of the pad's answer [ms]"),
+        rrb.Tabs(
+            _plot("integral", "Integrators [N, N m]"),
+            _plot("tether_pull", "Pull of the tether [N], NED"),
+        ),
+        rrb.Tabs(
+            _plot("drive_power", "Electrical power [W]"),
+            _plot("device_age", "Age of the pad's answer [ms]"),
+        ),
         grid_columns=3,
         name="Control",
     )
@@ -118,7 +133,10 @@ def _sensors() -> rrb.Grid:
         _plot("specific_force", "Specific force [m/s²]"),
         _plot("angular_rate", "Angular rate [°/s]"),
         _plot("magnetic_field", "Magnetic field [µT]"),
-        _plot("pressure", "Pressure [kPa]"),
+        rrb.Tabs(
+            _plot("pressure", "Pressure [kPa]"),
+            _plot("pressure_age", "Age of the pressure sample [ms]"),
+        ),
         _plot("compass", "Heading with magnetometer [°]"),
         _plot("power", "Battery and water"),
         grid_columns=3,
@@ -127,20 +145,29 @@ def _sensors() -> rrb.Grid:
 
 
 def _link() -> rrb.Grid:
+    """The whole first, then what the link does to the messages, then what is made of it."""
+    ends = ["$origin/**", "/latency/stick", "/latency/sensor"]
+    said = [f"$origin/{name}" for name in ("sounder", "tether", "echo", "predictor")]
     return rrb.Grid(
-        _plot("budget", "Stick to thruster, by stage [ms]"),
-        _plot("budget_up", "Sensor to screen, by stage [ms]"),
-        _plot("whole", "End to end [ms]"),
-        _plot("link_p99", "Link delay p99, round trip [ms]"),
-        _plot("link_queue", "Messages on the way and dropped"),
-        _plot("link_loss", "Lost [%]"),
-        _plot("link_rate", "Carried [kbit/s]"),
-        _plot("clock", "Clocks [ms]"),
+        _plot("whole", "End to end [ms]", contents=ends),
         rrb.Tabs(
-            _plot("shown", "Sensor to each screen [ms]"),
-            _plot("foresight", "Depth: predicted now, and delayed [cm off]"),
-            _plot("foresight_heading", "Heading: predicted now, and delayed [° off]"),
+            _plot("budget", "Stick to thruster [ms]"),
+            _plot("budget_up", "Sensor to screen [ms]"),
+            _plot("shown", "Screens [ms]"),
         ),
+        _plot("link_p99", "Link delay p99, round trip [ms]"),
+        _plot("link_loss", "Lost [%]"),
+        _plot("link_queue", "Messages on the way"),
+        _plot("link_rate", "Carried [kbit/s]"),
+        rrb.Tabs(
+            _plot("foresight", "Depth, off by [cm]"),
+            _plot("foresight_heading", "Heading, off by [°]"),
+        ),
+        rrb.Tabs(
+            _plot("clock", "Clocks: drone less topside [ms]"),
+            _plot("pings", "Pings sent"),
+        ),
+        _log("Alarms of the link", said),
         grid_columns=3,
         name="Link",
     )
@@ -148,27 +175,43 @@ def _link() -> rrb.Grid:
 
 def _health() -> rrb.Grid:
     return rrb.Grid(
-        _plot("health/processor", "Processor [% of a core]"),
-        _plot("health/late_p99", "Lateness p99 [ms]"),
-        _plot("health/late_p50", "Lateness p50 [ms]"),
-        _plot("health/calls", "Handler calls [1/s]"),
-        _plot("health/memory", "Memory [MB]"),
-        _plot("health/counted", "Dropped, stale, refused … since start"),
+        rrb.TextDocumentView(origin="/services", name="Services"),
         rrb.Tabs(
-            _plot("pressure_age", "Age of the pressure sample [ms]"),
-            _plot("health/sent", "Messages sent"),
-            _plot("health/received", "Messages received"),
+            _plot("health/counted", "Dropped, stale, refused …"),
+            _plot("health/sent", "Sent"),
+            _plot("health/received", "Received"),
         ),
+        _plot("health/calls", "Handler calls [1/s]"),
+        rrb.Tabs(
+            _plot("health/late_p99", "Lateness p99 [ms]"),
+            _plot("health/late_p50", "Lateness p50 [ms]"),
+        ),
+        _plot("health/processor", "Processor [% of a core]"),
+        _plot("health/memory", "Memory [MB]"),
         grid_columns=3,
         name="Health",
     )
 
 
-def _plot(path: str, name: str, limits: tuple[float, float] | None = None) -> rrb.TimeSeriesView:
+def _plot(
+    path: str,
+    name: str,
+    *,
+    limits: tuple[float, float] | None = None,
+    contents: list[str] | None = None,
+) -> rrb.TimeSeriesView:
     return rrb.TimeSeriesView(
         origin=f"/{path}",
+        contents=contents or "$origin/**",
         name=name,
-        axis_x=rrb.TimeAxis(link=rrb.components.LinkAxis.LinkToGlobal),
+        axis_x=_window(),
         axis_y=None if limits is None else rrb.ScalarAxis(range=limits),
-        plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop),
+        plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop),  # over what is oldest
     )
+
+
+def _window() -> rrb.TimeAxis:
+    """The last minute and a little room: of itself rerun has the cursor in the middle, and half of
+    every plot of a dive that goes on would be empty."""
+    edge = rr.TimeRangeBoundary.cursor_relative
+    return rrb.TimeAxis(view_range=rr.TimeRange(edge(seconds=-BEFORE_S), edge(seconds=AFTER_S)))

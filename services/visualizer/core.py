@@ -4,21 +4,33 @@ A message costs one append when it comes. Half a second of them become columns a
 writing a thousand samples costs little more than writing one.
 """
 
-import re
 from collections import defaultdict
+from math import nan
 
+from messages import topics
 from messages.control import ThrusterCommand
+from messages.link import ClockPong
 from messages.message import Message
-from messages.topic import AnyTopic
+from messages.topic import AnyTopic, Way
 from messages.vehicle import Actuation
 from services.marine.vehicle import Vehicle
 from services.visualizer.batch import Batch, Columns, Frame
+from services.visualizer.curve import Row
 from services.visualizer.curves import Curve, curves
 from services.visualizer.scene import Scene
-from services.visualizer.status import NOTED, Status
+from services.visualizer.status import NOTED, Status, part_of_path
 
 WITH_THRUST = (Actuation, ThrusterCommand)
 OLDEST_NS = 60_000_000_000  # [ns] a stamp further back than this is wrong, not late
+
+# Streams whose stamps may be of another machine's clock, and that nobody translates: rows said on
+# either side, the answer to a ping, and events, which are let in before the clocks are known. They
+# are shown at the moment they came.
+BY_ARRIVAL = frozenset(
+    topic.key
+    for topic in topics.ALL
+    if topic.hz == 0 or topic.way is Way.BOTH or topic.message is ClockPong
+)
 
 
 class Collector:
@@ -32,14 +44,17 @@ class Collector:
         for curve in curves(vehicle):
             self._curves[curve.topic.key].append(curve)
         self._heard: dict[str, list[Message]] = defaultdict(list)  # by key
+        self._arrivals: dict[str, list[int]] = defaultdict(list)  # [ns] by key, of BY_ARRIVAL
         self._topics: dict[str, AnyTopic] = {}  # by key
+        self._widths: dict[str, int] = {}  # of the last row by path; 0: not known at the time
         self._scene = Scene(vehicle)
         self._frames: list[Frame] = []
         self._status = Status()
 
     def hear(self, topic: AnyTopic, key: str, message: Message, now: int) -> str | None:
         """Keep a message that arrived at `now` [ns]. Returns why not, or None."""
-        if now - message.stamp_ns > OLDEST_NS:
+        by_arrival = topic.key in BY_ARRIVAL
+        if not by_arrival and now - message.stamp_ns > OLDEST_NS:
             return "too_old"
         if isinstance(message, WITH_THRUST) and len(message.thrust) != self._thrusters:
             return "wrong_length"
@@ -47,6 +62,8 @@ class Collector:
             self.start = now
         self.newest = now
         self._heard[key].append(message)
+        if by_arrival:
+            self._arrivals[key].append(now)
         self._topics[key] = topic
         self._scene.hear(message)
         return None
@@ -67,6 +84,7 @@ class Collector:
     def drain(self, now: int) -> Batch:
         """Everything since the last call."""
         heard, self._heard = self._heard, defaultdict(list)
+        arrivals, self._arrivals = self._arrivals, defaultdict(list)
         frames, self._frames = self._frames, []
         start = now if self.start is None else self.start
         batch = Batch(
@@ -77,28 +95,44 @@ class Collector:
         )
         for key, messages in heard.items():
             topic = self._topics[key]
-            times = [message.stamp_ns - start for message in messages]
+            stamps = arrivals.get(key) or [message.stamp_ns for message in messages]
+            times = [stamp - start for stamp in stamps]
             for curve in self._curves[topic.key]:
-                columns = _columns(curve, key, messages, times)
+                columns = self._columns(curve, key, messages, times)
                 if columns.rows:
                     batch.columns.append(columns)
             # Of streams that give rise to no notes, the status page wants the newest alone.
-            telling = messages if topic.message in NOTED else messages[-1:]
-            for message in telling:
-                batch.notes.extend(self._status.hear(key, message, message.stamp_ns - start))
-        page = self._status.page(now - start)
-        if page is not None:
-            batch.notes.append(page)
+            telling = 0 if topic.message in NOTED else -1
+            for message, time in zip(messages[telling:], times[telling:], strict=True):
+                batch.notes.extend(self._status.hear(key, message, time))
+        batch.notes.extend(self._status.pages(now - start))
         return batch
 
+    def _columns(
+        self, curve: Curve, key: str, messages: list[Message], times: list[int]
+    ) -> Columns:
+        """What one curve draws of these messages."""
+        path = curve.path
+        if curve.topic.is_family:
+            path += "/" + part_of_path(key.rpartition("/")[2])
+        rows = [curve.read(message) for message in messages]
+        known = [row for row in rows if row is not None]
+        width = self._widths.get(path, 0)
+        if len(known) < len(rows):
+            times, known = _broken(times, rows, width)
+        self._widths[path] = 0 if rows[-1] is None else len(rows[-1])
+        return Columns(path, times, known)
 
-def _columns(curve: Curve, key: str, messages: list[Message], times: list[int]) -> Columns:
-    """What one curve draws of these messages; nothing of those that do not know its value."""
-    read = curve.read
-    rows = [row for message in messages if (row := read(message)) is not None]
-    if len(rows) < len(times):
-        times = [t for t, message in zip(times, messages, strict=True) if read(message) is not None]
-    path = curve.path
-    if curve.topic.is_family:
-        path += "/" + re.sub(r"[^a-z0-9_]", "_", key.rpartition("/")[2])
-    return Columns(path, times, rows)
+
+def _broken(times: list[int], rows: list[Row | None], width: int) -> tuple[list[int], list[Row]]:
+    """What is known, and where it ceases to be known, one row of NaN: there the line breaks off,
+    and is not drawn straight on to when it is known again. `width` is of the row before."""
+    kept_times: list[int] = []
+    kept: list[Row] = []
+    for time, row in zip(times, rows, strict=True):
+        if row is None and width == 0:
+            continue
+        kept_times.append(time)
+        kept.append((nan,) * width if row is None else row)
+        width = 0 if row is None else len(row)
+    return kept_times, kept

@@ -16,9 +16,11 @@ from services.marine.vehicle import Vehicle
 from services.visualizer.curve import (
     AXES,
     ESTIMATE,
+    MANY,
     REFERENCE,
     STICK,
     TRUTH,
+    TRUTHS,
     Curve,
     Read,
     Row,
@@ -53,7 +55,7 @@ def _sensors() -> list[Curve]:
         Curve("pressure", topics.PRESSURE, ("water",), (ESTIMATE,), lambda m: (m.pressure / 1e3,)),
         Curve("power/temperature", topics.PRESSURE, ("water [°C]",), (AXES[0],), _temperature),
         Curve("velocity/dvl", topics.DVL, ("surge, DVL", "sway, DVL"), AXES[4:], _dvl),
-        Curve("track/usbl", topics.USBL, ("north, USBL", "east, USBL"), AXES[1:3], _usbl),
+        Curve("track/usbl", topics.USBL, ("north, USBL", "east, USBL"), AXES[4:], _usbl),
         Curve("power/voltage", battery, ("battery [V]",), (AXES[1],), lambda m: (m.voltage,)),
         Curve("power/current", battery, ("battery [A]",), (AXES[3],), lambda m: (m.current,)),
         Curve("power/used", battery, ("used [Wh]",), (AXES[4],), lambda m: (m.used_wh,)),
@@ -85,7 +87,6 @@ def _references() -> list[Curve]:
         Curve("force_reference", topic, ("surge", "sway"), AXES[:2], _reference_force),
         Curve("track/north_reference", topic, ("north, reference",), (REFERENCE,), _north),
         Curve("track/east_reference", topic, ("east, reference",), (STICK,), _east),
-        Curve("latency/stick_reference", topic, ("stick → reference",), (STICK,), _stick_reference),
     ]
 
 
@@ -109,21 +110,21 @@ def _estimates() -> list[Curve]:
 
 
 def _truths() -> list[Curve]:
-    topic, grey = topics.TRUTH, (TRUTH, 0xC8CCD0, 0x6E747A)
+    topic = topics.TRUTH
     speed, place = ("surge, truth", "sway, truth", "heave, truth"), ("north, truth", "east, truth")
     tilt = ("roll, truth", "pitch, truth")
     return [
-        Curve("velocity/truth", topic, speed, AXES[3:], lambda m: m.velocity),
-        Curve("track/truth", topic, place, AXES[3:5], lambda m: m.position[:2]),
-        Curve("current/truth", topic, ("north, truth", "east, truth"), AXES[3:5], _current),
+        Curve("velocity/truth", topic, speed, TRUTHS, lambda m: m.velocity),
+        Curve("track/truth", topic, place, TRUTHS[:2], lambda m: m.position[:2]),
+        Curve("current/truth", topic, place, TRUTHS[:2], _current),
         Curve("tether_pull", topic, ("north", "east", "down"), AXES[:3], lambda m: m.tether_pull),
-        Curve("attitude/truth", topic, tilt, grey[:2], lambda m: in_degrees((m.roll, m.pitch))),
+        Curve("attitude/truth", topic, tilt, TRUTHS[:2], lambda m: in_degrees((m.roll, m.pitch))),
     ]
 
 
 def _control(thrusters: tuple[str, ...]) -> list[Curve]:
     wrench, force, moment = topics.WRENCH, ("X", "Y", "Z"), ("K", "M", "N")
-    colours = tuple(AXES[i % len(AXES)] for i in range(len(thrusters)))
+    colours = tuple(MANY[i % len(MANY)] for i in range(len(thrusters)))
     return [
         Curve("force/wanted", wrench, force, AXES[:3], lambda m: m.wanted[:3]),
         Curve("force_achieved", wrench, force, AXES[:3], lambda m: m.achieved[:3]),
@@ -136,8 +137,8 @@ def _control(thrusters: tuple[str, ...]) -> list[Curve]:
         Curve("thrust_command", topics.THRUSTERS, thrusters, colours, lambda m: m.thrust),
         Curve("thrust", topics.ACTUATION, thrusters, colours, lambda m: m.thrust),
         Curve("drive_power", topics.ACTUATION, ("thrusters",), (AXES[3],), lambda m: (m.power,)),
-        Curve("latency/sensor", topics.ACTUATION, ("sensor → thruster",), (ESTIMATE,), _sensor_way),
-        Curve("latency/stick", topics.ACTUATION, ("stick → thruster",), (REFERENCE,), _stick_way),
+        Curve("latency/sensor", topics.ACTUATION, ("sensor → thruster",), (AXES[1],), _sensor_way),
+        Curve("latency/stick", topics.ACTUATION, ("age of stick",), (STICK,), _stick_way),
     ]
 
 
@@ -228,15 +229,12 @@ def _reference_force(m: Reference) -> Row:
     return (m.surge_force, m.sway_force)
 
 
-def _stick_reference(m: Reference) -> Row | None:
-    return way_ms(m.pilot_ns, m.stamp_ns)
-
-
 def _sensor_way(m: Actuation) -> Row | None:
     return way_ms(m.sensor_ns, m.actuated_ns)
 
 
 def _stick_way(m: Actuation) -> Row | None:
+    """How old the stick is that the thrusters obey: rises where commands do not arrive."""
     return way_ms(m.pilot_ns, m.actuated_ns)
 
 

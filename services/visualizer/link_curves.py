@@ -11,9 +11,11 @@ from services.visualizer.curve import (
     AXES,
     DOWN,
     ESTIMATE,
+    PREDICTED,
     REFERENCE,
     STICK,
     TRUTH,
+    TRUTHS,
     UP,
     Curve,
     Row,
@@ -44,7 +46,7 @@ def _way(name: str, side: str, rgb: int) -> list[Curve]:
         return number(getattr(m, side).delay_p99_ms)
 
     def queue(m: LinkStatus) -> Row | None:
-        return (float(getattr(m, side).queued), float(getattr(m, side).dropped))
+        return (float(getattr(m, side).queued),)
 
     def loss(m: LinkStatus) -> Row | None:
         share = getattr(m, side).loss
@@ -53,11 +55,10 @@ def _way(name: str, side: str, rgb: int) -> list[Curve]:
     def rate(m: LinkStatus) -> Row | None:
         return (getattr(m, side).rate_kbit,)
 
-    both = (f"{name} on the way", f"{name} dropped")
     return [
         Curve(f"latency/link_{name}", topic, (f"link {name}",), (rgb,), median),
         Curve(f"link_p99/{name}", topic, (f"{name} p99",), (rgb,), slowest),
-        Curve(f"link_queue/{name}", topic, both, (rgb, TRUTH), queue),
+        Curve(f"link_queue/{name}", topic, (name,), (rgb,), queue),
         Curve(f"link_loss/{name}", topic, (name,), (rgb,), loss),
         Curve(f"link_rate/{name}", topic, (name,), (rgb,), rate),
     ]
@@ -67,10 +68,10 @@ def _clocks() -> list[Curve]:
     clock, pong = topics.CLOCK, topics.CLOCK_PONG
     return [
         Curve("clock/offset", clock, ("drone - topside",), (ESTIMATE,), _offset),
-        Curve("clock/bound", clock, ("± bound",), (TRUTH,), _bound),
+        Curve("clock/bound", clock, ("at least", "at most"), TRUTHS[:2], _bounds),
         Curve("link_p99/ping", clock, ("rtt, ping",), (STICK,), lambda m: number(m.rtt_ms)),
         Curve("clock/turnaround", pong, ("ping → pong on board",), (AXES[3],), _turnaround),
-        Curve("clock/pings", topics.CLOCK_PING, ("pings sent",), (AXES[4],), _ping),
+        Curve("pings", topics.CLOCK_PING, ("sent",), (AXES[4],), _ping),
     ]
 
 
@@ -90,10 +91,10 @@ def _budget() -> list[Curve]:
 def _prediction() -> list[Curve]:
     topic, both = topics.PREDICTION, ("predicted", "delayed")
     return [
-        Curve("depth/predicted", topic, ("predicted now",), (STICK,), lambda m: (m.depth,)),
-        Curve("heading/predicted", topic, ("predicted now",), (STICK,), _heading),
-        Curve("foresight/depth", topic, both, (STICK, TRUTH), _depth_miss),
-        Curve("foresight_heading/heading", topic, both, (STICK, TRUTH), _turn_miss),
+        Curve("depth/predicted", topic, ("predicted now",), (PREDICTED,), lambda m: (m.depth,)),
+        Curve("heading/predicted", topic, ("predicted now",), (PREDICTED,), _heading),
+        Curve("foresight/depth", topic, both, (PREDICTED, ESTIMATE), _depth_miss),
+        Curve("foresight_heading/heading", topic, both, (PREDICTED, ESTIMATE), _turn_miss),
     ]
 
 
@@ -107,8 +108,10 @@ def _offset(m: Clock) -> Row | None:
     return None if m.offset_ns is None else (m.offset_ns / 1e6,)
 
 
-def _bound(m: Clock) -> Row | None:
-    return None if m.bound_ns is None else (m.bound_ns / 1e6,)
+def _bounds(m: Clock) -> Row | None:
+    if m.offset_ns is None or m.bound_ns is None:
+        return None
+    return ((m.offset_ns - m.bound_ns) / 1e6, (m.offset_ns + m.bound_ns) / 1e6)
 
 
 def _turnaround(m: ClockPong) -> Row | None:

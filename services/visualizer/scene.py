@@ -100,9 +100,8 @@ class Scene:
 
 
 def _ahead(here: Vec3, ahead: Prediction) -> Vec3:
-    """Where a vehicle drawn at `here` is predicted to be by now."""
-    if ahead.north is not None and ahead.east is not None:
-        return (ahead.north, ahead.east, ahead.depth)
+    """Where a vehicle drawn at `here` is predicted to be by now: only the way it has moved since is
+    asked for, because what is drawn may be the truth, and the estimate elsewhere."""
     c, s = cos(ahead.heading), sin(ahead.heading)
     north = here[0] + c * ahead.forward - s * ahead.starboard
     east = here[1] + s * ahead.forward + c * ahead.starboard

@@ -12,7 +12,7 @@ import rerun as rr
 from services.marine.vehicle import Vehicle
 from services.visualizer.batch import Batch, Columns, Frame, Note, Quaternion, Vec3
 from services.visualizer.blueprint import TIMELINE, blueprint
-from services.visualizer.curve import REFERENCE, STICK, Curve
+from services.visualizer.curve import MANY, PREDICTED, REFERENCE, Curve
 from services.visualizer.curves import curves
 
 METRES_PER_NEWTON = 0.04  # length of a thruster's arrow in the scene
@@ -23,9 +23,12 @@ GRID_HALF = 30  # [m] half the side of surface and floor around the vehicle
 LEVELS = {"info": rr.TextLogLevel.INFO, "warning": "WARN", "error": rr.TextLogLevel.ERROR}
 
 QUIET, GOOD, ACTIVE, CAUTION, ALARM = 0x4A5560FF, 0x2E7D5BFF, 0x2F6DB5FF, 0xC77F1AFF, 0xC23B3BFF
+BY_ITSELF = 0x7A55B8FF
+HOLDS = ("depth hold", "heading hold", "stabilised", "station keeping")
 STATES: dict[str, dict[str, int]] = {
-    "mode": {"starting": QUIET, "ready": GOOD, "piloted": ACTIVE, "stopping": CAUTION},
-    "hold": {"stabilised": ACTIVE, "station keeping": ACTIVE, "manual": CAUTION},
+    "mode": {"starting": QUIET, "ready": GOOD, "piloted": ACTIVE, "stopping": CAUTION}
+    | {"goto": BY_ITSELF, "follow": BY_ITSELF},
+    "hold": dict.fromkeys(HOLDS, ACTIVE) | {"manual": CAUTION},
     "armed": {"disarmed": QUIET, "armed": CAUTION},
     "failsafe": {"no failsafe": GOOD, "pilot_lost": ALARM, "state_lost": ALARM},
     "pilot": {"pilot present": GOOD, "pilot lost": ALARM},
@@ -44,6 +47,8 @@ class Sink:
         self._vehicle = vehicle
         self._times: list[int] = []  # [ns] of the columns written last …
         self._when = _index([])  # … and as rerun wants them
+        self._styled = {curve.path for curve in curves(vehicle) if curve.names}
+        self._services: dict[str, int] = {}  # colour of each, in every panel
 
     def save(self, path: Path) -> None:
         """Write into a file from here on.
@@ -84,6 +89,8 @@ class Sink:
     def _columns(self, columns: Columns) -> None:
         # A third of the time of np.array(rows), which must look at every row for its shape.
         values = np.fromiter(chain.from_iterable(columns.rows), np.float64)
+        if columns.path not in self._styled:
+            self._style_service(columns.path)
         if columns.times != self._times:  # most curves of one message share theirs
             self._times, self._when = columns.times, _index(columns.times)
         self._rec.send_columns(
@@ -91,6 +98,14 @@ class Sink:
             indexes=[self._when],
             columns=rr.Scalars.columns(scalars=values.reshape(len(columns.rows), -1)),
         )
+
+    def _style_service(self, path: str) -> None:
+        """One of a family of curves, heard for the first time."""
+        self._styled.add(path)
+        name = path.rpartition("/")[2]
+        rgb = self._services.setdefault(name, MANY[len(self._services) % len(MANY)])
+        colours = _colours([_rgba(rgb)])
+        self._static(path, rr.SeriesLines(names=[name], colors=colours, widths=[1.5]))
 
     def _note(self, note: Note) -> None:
         self._at(note.time)
@@ -181,7 +196,7 @@ class Sink:
 
     def _prepare_scene(self) -> None:
         size = self._vehicle.size
-        half = [(side / 2) for side in size]
+        half = (size[0] / 2, size[1] / 2, size[2] / 2)
         nose_half = (0.02, half[1] * 0.6, half[2] * 0.35)
         hull = rr.Boxes3D(half_sizes=[half], colors=[HULL], fill_mode=FILL)
         nose = rr.Boxes3D(
@@ -190,8 +205,7 @@ class Sink:
             colors=[NOSE],
             fill_mode="solid",
         )
-        ghost = rr.Boxes3D(half_sizes=[half], colors=[_rgba(REFERENCE)], radii=[_on_screen(1.25)])
-        now = rr.Boxes3D(half_sizes=[half], colors=[_rgba(STICK)], radii=[_on_screen(1.0)])
+        ghost, now = _frame(half, REFERENCE, 1.25), _frame(half, PREDICTED, 1.5)
         ahead = rr.Arrows3D(
             vectors=[(1.2 * size[0], 0.0, 0.0)], colors=[_rgba(REFERENCE)], radii=[0.008]
         )
@@ -247,6 +261,16 @@ def _grid(depth: float, colour: int) -> rr.LineStrips3D:
     along = [[(x, y, depth) for x in sides] for y in sides]
     across = [[(x, y, depth) for y in sides] for x in sides]
     return rr.LineStrips3D([*along, *across], colors=[colour], radii=[_on_screen(0.5)])
+
+
+def _frame(half: Vec3, rgb: int, points: float) -> rr.Boxes3D:
+    """A ghost: edges only, so that the hull is seen through it."""
+    return rr.Boxes3D(
+        half_sizes=[half],
+        colors=[_rgba(rgb)],
+        radii=[_on_screen(points)],
+        fill_mode="majorwireframe",
+    )
 
 
 def _on_screen(points: float) -> float:

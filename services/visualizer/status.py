@@ -1,5 +1,6 @@
-"""What is said rather than measured: states, log lines and the status page."""
+"""What is said rather than measured: states, log lines, the status page and the services'."""
 
+import re
 from collections.abc import Callable
 from math import degrees
 from typing import Any
@@ -38,7 +39,6 @@ ANSWERS = PilotAnswer | LinkAnswer | FaultAnswer
 NOTED = {
     *(*LANES, Health, LogLine),
     *(PilotRequest, PilotAnswer, LinkRequest, LinkAnswer, FaultRequest, FaultAnswer),
-    LatencyBudget,
 }  # may give rise to notes
 
 
@@ -51,8 +51,7 @@ class Status:
         self._health: dict[str, Health] = {}
         self._last_request = ""
         self._last_note = ""
-        self._last_alarm = ""
-        self._page = ""
+        self._pages: dict[str, str] = {}  # by path, as last shown
 
     def hear(self, key: str, message: Message, time: int) -> list[Note]:
         """Notes this message gives rise to. `time` is [ns] since the dive began."""
@@ -61,15 +60,16 @@ class Status:
             if key in self._health or len(self._health) < SERVICES:
                 self._health[key] = message
             return []
-        return [*self._changes(message, time), *self._lines(message, time)]
+        return [*self._changes(message, time), *self._lines(key, message, time)]
 
-    def page(self, time: int) -> Note | None:
-        """The status page, when it reads differently from the last one."""
-        text = self._write()
-        if text == self._page:
-            return None
-        self._page = text
-        return Note("status", time, "document", text)
+    def pages(self, time: int) -> list[Note]:
+        """The pages that read differently from when they were last shown."""
+        notes: list[Note] = []
+        for path, text in (("status", self._status()), ("services", self._services())):
+            if self._pages.get(path) != text:
+                self._pages[path] = text
+                notes.append(Note(path, time, "document", text))
+        return notes
 
     def _changes(self, message: Message, time: int) -> list[Note]:
         notes: list[Note] = []
@@ -80,10 +80,10 @@ class Status:
                 notes.append(Note(f"state/{lane}", time, "state", text))
         return notes
 
-    def _lines(self, message: Message, time: int) -> list[Note]:
+    def _lines(self, key: str, message: Message, time: int) -> list[Note]:
         if isinstance(message, LogLine):
             text = f"{message.service}: {message.text}"
-            return [_line("services", time, text, message.level)]
+            return [_line(part_of_path(key.rpartition("/")[2]), time, text, message.level)]
         if isinstance(message, REQUESTS) and message.id != self._last_request:
             self._last_request = message.id  # a request is repeated until it is answered
             return [_line("pilot", time, f"pilot asks: {_asked(message)}")]
@@ -92,27 +92,23 @@ class Status:
             word = change or "granted" if message.accepted else f"refused: {message.reason}"
             level = "info" if message.accepted else "warning"
             return [_line("pilot", time, f"answer: {word}", level)]
-        if isinstance(message, LatencyBudget) and message.alarm != self._last_alarm:
-            self._last_alarm = message.alarm
-            return [_line("link", time, message.alarm, "warning")] if message.alarm else []
         if isinstance(message, VehicleStatus) and message.note != self._last_note:
             self._last_note = message.note
             return [_line("vehicle", time, message.note)] if message.note else []
         return []
 
-    def _write(self) -> str:
-        rows = [row for row in (self._vehicle(), self._motion(), self._link()) if row]
-        text = "\n".join(rows)
-        return f"{text}\n\n{self._services()}" if self._health else text
+    def _status(self) -> str:
+        return "\n".join(row for row in (self._vehicle(), self._motion(), self._link()) if row)
 
     def _vehicle(self) -> str:
         status = self._newest.get(VehicleStatus)
         if not isinstance(status, VehicleStatus):
             return "| mode | unknown |\n|---|---|"
         armed = "**ARMED**" if status.armed else "disarmed"
+        hold = status.hold.replace("_", " ")
         failsafe = "" if status.failsafe == "none" else f" · **FAILSAFE {status.failsafe}**"
         rows = [
-            f"| mode | **{status.mode}**, {status.hold} · {armed}{failsafe} |\n|---|---|",
+            f"| mode | **{status.mode}**, {hold} · {armed}{failsafe} |\n|---|---|",
             f"| pilot | {status.pilot or '–'} · light {status.light:.0%} |",
         ]
         return "\n".join([*rows, *([f"| note | {status.note} |"] if status.note else [])])
@@ -121,14 +117,14 @@ class Status:
         rows: list[str] = []
         state, wanted = self._newest.get(VehicleState), self._newest.get(Reference)
         if isinstance(state, VehicleState):
-            depth, heading = state.depth.value, degrees(state.heading.value)
+            depth, heading = state.depth.value, _bearing(state.heading.value)
             goal = ("", "")
             if isinstance(wanted, Reference):
-                turn = degrees(wanted.heading.position)
-                goal = (f" → {wanted.depth.position:.1f} m", f" → {turn:.0f}°")
+                turn = _bearing(wanted.heading.position)
+                goal = (f" → {wanted.depth.position:.1f} m", f" → {turn}")
             rows += [
                 f"| depth | {depth:.1f} m{goal[0]} |",
-                f"| heading | {heading:.0f}°{goal[1]} |",
+                f"| heading | {heading}{goal[1]} |",
             ]
         battery = self._newest.get(BatterySample)
         if isinstance(battery, BatterySample):
@@ -153,8 +149,9 @@ class Status:
         budget, clock = self._newest.get(LatencyBudget), self._newest.get(Clock)
         if isinstance(budget, LatencyBudget):
             stick, screen = _ms(budget.stick_to_thruster_ms), _ms(budget.sensor_to_screen_ms)
-            alarm = f" · **{budget.alarm}**" if budget.alarm else ""
-            rows.append(f"| latency | stick to thruster {stick} · to screen {screen}{alarm} |")
+            if budget.alarm:
+                rows.append(f"| alarm | **{budget.alarm}** |")
+            rows.append(f"| latency | stick to thruster {stick} · to screen {screen} |")
         if isinstance(clock, Clock) and clock.offset_ns is not None and clock.bound_ns is not None:
             offset, bound = clock.offset_ns / 1e6, clock.bound_ns / 1e6
             rows.append(f"| clocks | {offset:+.1f} ± {bound:.1f} ms apart |")
@@ -171,6 +168,16 @@ class Status:
             for key, h in sorted(self._health.items())
         ]
         return "\n".join([*head, *rows])
+
+
+def part_of_path(name: str) -> str:
+    """A name somebody gave himself, as one part of an entity's path."""
+    return re.sub(r"[^a-z0-9_]", "_", name)
+
+
+def _bearing(radians: float) -> str:
+    """As on a compass, whatever turns were made before."""
+    return f"{round(degrees(radians)) % 360}°"
 
 
 def _asked(message: REQUESTS) -> str:

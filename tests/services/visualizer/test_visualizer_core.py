@@ -1,6 +1,6 @@
 from collections.abc import Callable
 from itertools import pairwise
-from math import degrees, dist
+from math import degrees, dist, isnan, radians
 
 import msgspec
 import pytest
@@ -8,18 +8,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages import topics
-from messages.message import Message
+from messages.message import Estimate, Message
+from messages.prediction import Miss, Prediction
+from messages.state import VehicleState
 from messages.topic import AnyTopic
 from messages.vehicle import Actuation, Truth
 from services.marine.vehicle import Vehicle
 from services.runtime.stack import Stack
 from services.visualizer.batch import Batch
-from services.visualizer.core import OLDEST_NS, Collector
+from services.visualizer.core import BY_ARRIVAL, OLDEST_NS, Collector
 from services.visualizer.curves import curves
 from services.visualizer.scene import STEP_M, TRAIL_POINTS
 
 Sample = Callable[[str, int], Message]
 SECOND = 1_000_000_000
+DAY = 86_400 * SECOND
 VEHICLE = Stack().section("vehicle", Vehicle)
 
 
@@ -160,7 +163,110 @@ def test_the_status_page_says_what_a_pilot_asks_first(sample: Sample) -> None:
     collector = Collector(VEHICLE)
     for topic in topics.ALL:
         collector.hear(topic, key_of(topic), sample(topic.key, 0), 0)
-    [page] = [n.text for n in collector.drain(0).notes if n.kind == "document"]
-    for word in ("piloted", "ARMED", "1.0 m", "57°", "16.0 V", "rtt 20.0 ms", "| control |"):
-        assert word in page
+    pages = {n.path: n.text for n in collector.drain(0).notes if n.kind == "document"}
+    for word in ("piloted", "ARMED", "1.0 m", "57°", "16.0 V", "rtt 20.0 ms"):
+        assert word in pages["status"]
+    assert "| control |" in pages["services"]
     assert not [n for n in collector.drain(0).notes if n.kind == "document"]
+
+
+@given(turns=st.integers(-5, 5), degree=st.integers(0, 359))
+@settings(max_examples=30, deadline=None)
+def test_the_status_page_says_headings_as_a_compass_does(turns: int, degree: int) -> None:
+    here = Estimate(1.0, 0.1)
+    state = VehicleState(
+        stamp_ns=0,
+        sensor_ns=0,
+        phase="running",
+        depth=here,
+        depth_rate=here,
+        depth_acceleration=here,
+        attitude=(1.0, 0.0, 0.0, 0.0),
+        roll=here,
+        pitch=here,
+        heading=Estimate(radians(360 * turns + degree), 0.1),
+        heading_navigation=None,
+        yaw_rate=here,
+    )
+    collector = Collector(VEHICLE)
+    collector.hear(topics.STATE, "state", state, 0)
+    [page] = [n.text for n in collector.drain(0).notes if n.path == "status"]
+    assert f"| {degree}° |" in page
+
+
+@pytest.mark.parametrize("ahead", [-DAY, DAY])
+@pytest.mark.parametrize("key", sorted(BY_ARRIVAL))
+def test_what_is_of_either_clock_is_shown_when_it_came(
+    key: str, ahead: int, sample: Sample
+) -> None:
+    """As said on a machine whose clock is elsewhere; the gates have translated the rest."""
+    [topic] = [topic for topic in topics.ALL if topic.key == key]
+    collector = Collector(VEHICLE, start=0)
+    message = sample(topic.key, SECOND + ahead)
+    assert collector.hear(topic, key_of(topic), message, SECOND) is None
+    batch = collector.drain(SECOND)
+    assert {time for columns in batch.columns for time in columns.times} <= {SECOND}
+    assert {note.time for note in batch.notes} == {SECOND}
+
+
+def test_health_logs_and_pongs_may_be_of_either_clock() -> None:
+    keys = {topics.HEALTH.key, topics.LOG.key, topics.CLOCK_PONG.key, topics.PILOT_ANSWER.key}
+    assert keys <= BY_ARRIVAL
+    assert not {topics.STATE.key, topics.TRUTH.key, topics.PILOT_COMMAND.key} & BY_ARRIVAL
+
+
+@given(known=st.lists(st.booleans(), max_size=30), cuts=st.sets(st.integers(0, 30)))
+@settings(max_examples=80, deadline=None)
+def test_what_is_not_known_breaks_the_line_once(known: list[bool], cuts: set[int]) -> None:
+    """Wherever the batches are cut: every known value, and one NaN where each gap begins."""
+    collector = Collector(VEHICLE, start=0)
+    drawn: list[tuple[int, float]] = []
+
+    def draw() -> None:
+        for columns in collector.drain(0).columns:
+            if columns.path == "foresight/depth":
+                values = [row[0] for row in columns.rows]
+                drawn.extend(zip(columns.times, values, strict=True))
+
+    for time, is_known in enumerate(known):
+        collector.hear(topics.PREDICTION, "prediction", prediction(time, is_known), time)
+        if time in cuts:
+            draw()
+    draw()
+    gaps = [time for time, value in drawn if isnan(value)]
+    assert [time for time, value in drawn if not isnan(value)] == [
+        time for time, is_known in enumerate(known) if is_known
+    ]
+    assert gaps == [t for t in range(1, len(known)) if known[t - 1] and not known[t]]
+
+
+def prediction(time: int, judged: bool = False, forward: float = 0.0) -> Prediction:
+    miss = Miss(0.01, 0.01) if judged else None
+    return Prediction(
+        stamp_ns=time,
+        state_ns=time,
+        ahead_ms=100.0,
+        depth=1.0,
+        heading=0.0,
+        depth_rate=0.0,
+        yaw_rate=0.0,
+        forward=forward,
+        starboard=0.0,
+        north=7.0,  # the estimate's, which may be away from the truth that is drawn
+        east=7.0,
+        missed=miss,
+        delayed=miss,
+    )
+
+
+@given(north=st.floats(-1e3, 1e3), forward=st.floats(-10.0, 10.0))
+@settings(max_examples=30, deadline=None)
+def test_the_predicted_ghost_is_as_far_ahead_as_the_vehicle_has_moved_since(
+    north: float, forward: float
+) -> None:
+    collector = Collector(VEHICLE)
+    collector.hear(topics.TRUTH, "simulator/truth", truth(0, north=north), 0)
+    collector.hear(topics.PREDICTION, "prediction", prediction(0, forward=forward), 0)
+    frame = collector.frame()
+    assert frame is not None
+    assert frame.now == pytest.approx((north + forward, 0.0, 1.0))

@@ -1,4 +1,5 @@
 import sys
+from collections import defaultdict
 from collections.abc import Callable
 from pathlib import Path
 
@@ -95,8 +96,14 @@ def test_every_stream_of_both_realms_is_in_the_file(tmp_path: Path, sample: Samp
     found = entities(tmp_path / "dive.rrd")
     shown = {"/sticks", "/specific_force", "/magnetic_field", "/pressure", "/power/voltage"}
     shown |= {"/depth/estimate", "/depth/reference", "/depth/truth", "/force/wanted", "/thrust"}
-    shown |= {"/thrust_command", "/latency/link_up", "/health/processor/control", "/status"}
-    shown |= {"/log/services", "/log/pilot", "/state/mode", "/state/link", "/world/vehicle"}
+    shown |= {
+        "/thrust_command",
+        "/latency/link_up",
+        "/health/processor/control",
+        "/status",
+        "/services",
+    }
+    shown |= {"/log/control", "/log/pilot", "/state/mode", "/state/link", "/world/vehicle"}
     shown |= {"/world/path", "/world/reference", "/world/vehicle/thrust"}
     assert shown <= found
 
@@ -107,6 +114,19 @@ def test_each_sample_comes_back_with_its_own_time(tmp_path: Path, sample: Sample
     # The first message begins the dive at 0.2 s.
     np.testing.assert_allclose(times, np.arange(11) * 0.2, atol=1e-9)
     assert values == [1.0] * 11
+
+
+def test_a_service_has_one_colour_in_every_panel(tmp_path: Path, sample: Sample) -> None:
+    dive(tmp_path, sample, 2.0).close()
+    colours: dict[str, set[int]] = defaultdict(set)  # by service
+    for part in chunk.RrdReader(str(tmp_path / "dive.rrd")).stream():
+        path = str(part.entity_path)
+        if part.is_static and path.startswith("/health/"):
+            rgba = part.to_record_batch()["SeriesLines:colors"][0].as_py()
+            colours[path.rpartition("/")[2]].update(rgba)
+    assert set(colours) == {"control", "topside"}
+    assert all(len(one) == 1 for one in colours.values())
+    assert colours["control"] != colours["topside"]
 
 
 def test_a_restart_in_mid_dive_writes_a_second_part_on_the_same_clock(
