@@ -112,7 +112,7 @@ class AxisLaw:
         if self._observer is None:
             at_limit = self._integrate(near, feedback, moves, dt)
         else:
-            at_limit = self._observer.limited
+            at_limit = self._observer.is_limited(reference.velocity)
             outside = near - clamped(near, feedback.zone)
             self._slow = 0.0 if moves else self.gains.ki * abs(outside)
             self._still = self.gains.still + HELD_BACK * abs(reference.velocity)

@@ -71,10 +71,9 @@ class DisturbanceObserver:
         self.drag += change / self.drag_speed * size / (1.0 + size * size)
         self.estimate += change / (1.0 + size * size)
 
-    @property
-    def limited(self) -> bool:
-        """There may be more than it believes in."""
-        return abs(self.estimate) > NEARLY * self.limit
+    def is_limited(self, asked: float) -> bool:
+        """At this velocity asked for there may be more than it believes in."""
+        return abs(self.expected(asked)) > NEARLY * self.limit
 
     def pause(self) -> None:
         """Keep what is learnt over a step that teaches nothing."""

@@ -99,13 +99,21 @@ def test_drag_does_not_lift_the_limit(
         assert abs(observer.expected(asked)) <= 15.0
 
 
+def test_a_limit_reached_by_drag_shows_as_well() -> None:
+    observer = DisturbanceObserver(Plant(20.0), 4.0, 15.0, 0.1)
+    for _ in range(500):
+        observer.learn(0.0, -100.0, DT, asked=0.5)
+    assert observer.is_limited(0.5)
+    assert not observer.is_limited(0.0)
+
+
 def test_a_collision_teaches_little() -> None:
     """Half a metre per second lost at once is a hundred times the limit's force."""
     observer = DisturbanceObserver(Plant(20.0), 3.0, 15.0)
     observer.learn(0.5, 0.0, DT)
     observer.learn(0.0, 0.0, DT)
     assert 0.0 < abs(observer.estimate) < 0.5
-    assert not observer.limited
+    assert not observer.is_limited(0.0)
 
 
 @many
