@@ -24,6 +24,7 @@ Bandwidth = Annotated[float, msgspec.Meta(ge=0.0, le=50.0)]
 Share = Annotated[float, msgspec.Meta(gt=0.0, lt=1.0)]
 HELD_BACK = 0.2  # [-] of the velocity asked for; a vehicle that is slower does not move freely
 LATE_SPRING, LATE_DAMPER = 0.15, 0.4  # [-] of kp and kd while the rate comes late
+LEAST_DRAG_SPEED = 1e-3  # position units per second
 MOVING = 1e-6  # any smaller reference velocity or acceleration is rest
 
 
@@ -44,6 +45,13 @@ class Gains(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     drag_percent: Percent = 100.0  # [%] of the drag feed-forward
     lead_percent: Percent = 100.0  # [%] of the thrusters' lag that the feed-forward runs ahead
     static: Static | None = None  # other gains while the reference rests
+
+    def __post_init__(self) -> None:
+        # Squares of speeds over it must stay numbers.
+        if 0.0 < self.drag_speed < LEAST_DRAG_SPEED:
+            raise ValueError(
+                f"drag_speed is {self.drag_speed:g}, allowed are 0 and {LEAST_DRAG_SPEED:g} or more"
+            )
 
 
 class Effort(msgspec.Struct, frozen=True, gc=False):

@@ -62,6 +62,7 @@ PLAIN = {
     "too_old": "a measurement came too late to be used",
     "clipped": "a measurement was off to one side for too long",
     "jumped": "a clock was set",
+    "limited": "the compass deviates by more than can be corrected",
     "outdone": "another pilot took the sticks",
     "missed_deadline": "a step was skipped on a busy computer",
     "not_recorded": "a message was not recorded",

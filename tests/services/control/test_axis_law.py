@@ -152,3 +152,9 @@ def on_the_floor(**more: float) -> AxisLaw:
 def test_an_observer_does_not_wind_up_against_the_sea_floor() -> None:
     assert on_the_floor().standing > 5.0
     assert on_the_floor(still=0.03, ki=6.0).standing < 1.0
+
+
+@pytest.mark.parametrize("speed", [5e-324, 9e-4])
+def test_a_drag_speed_too_small_to_divide_by_is_refused(speed: float) -> None:
+    with pytest.raises(ValueError, match=r"drag_speed is .*, allowed are 0 and 0.001 or more"):
+        msgspec.structs.replace(GAINS, drag_speed=speed)
