@@ -147,6 +147,11 @@ def sentence(name: str) -> str:
     return words if name in NAMES or kind not in KINDS or not subject else f"{words} ({subject})"
 
 
+def short(name: str) -> str:
+    """A failsafe in two or three words."""
+    return SHORT.get(name, name.partition(":")[2].replace("_", " "))
+
+
 def in_words(text: str) -> str:
     """A log line that is the name of a count, as its sentence; any other text as it is."""
     return sentence(text) if ":" in text and " " not in text and known(text) else text

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from math import degrees
 from pathlib import Path
 
-from messages.counts import SHORT, Meaning, Rank, meaning, sentence
+from messages.counts import Meaning, Rank, meaning, sentence, short
 from tools.report.report import Report
 from tools.report.stops import Axis, Stop
 
@@ -68,16 +68,12 @@ def ending(exit_reason: str, counts: Mapping[str, int]) -> str:
     """
     if exit_reason != "clean":
         return f"broke off: {exit_reason}"
-    acted = [f"{_short(name)} {_times(n)}" for name, n in counts.items() if n and _acts(name)]
+    acted = [f"{short(name)} {_times(n)}" for name, n in counts.items() if n and _acts(name)]
     return f"ended; {', '.join(acted)}" if acted else "ended cleanly"
 
 
 def _acts(name: str) -> bool:
     return meaning(name).rank is Rank.FAILSAFE
-
-
-def _short(name: str) -> str:
-    return SHORT.get(name, name.partition(":")[2].replace("_", " "))
 
 
 def _times(count: int) -> str:
