@@ -258,8 +258,12 @@ def noise(
     """Noise, rate and drift of the sensors, from a recording of a drone that lies still.
 
     RECORDING is a dive's folder or its MCAP file. Prints the lines to paste into the vehicle file.
+    Used is the longest time in which the drone was neither armed nor moved, 20 s at least. To make
+    a recording, start the drone's side alone, so that nobody arms it; Ctrl-C after a minute or
+    longer.
 
-    Example: lindy log noise dives/on_the_bench
+    Example: lindy up drone --out dives/on_the_bench
+             lindy log noise dives/on_the_bench
     """
     from tools.noise import noise
 

@@ -16,14 +16,28 @@ from tools.__main__ import main
 from tools.link_fit import COMMAND_BYTES, flyable, profiles, shortest_ms
 
 MS = st.floats(0.0, 500.0)
+
+
+def uniform(low: float, more: float) -> Uniform:
+    return Uniform(low_ms=low, high_ms=low + more)
+
+
+def normal(std: float) -> Normal:
+    return Normal(mean_ms=5.0 * std, std_ms=std)
+
+
+def table(delays: list[float]) -> Table:
+    return Table(ms=tuple(delays))
+
+
 DELAYS: st.SearchStrategy[Delay | None] = st.one_of(
     st.none(),
     st.builds(Constant, ms=MS),
-    st.builds(lambda low, more: Uniform(low_ms=low, high_ms=low + more), MS, MS),
-    st.builds(lambda std: Normal(mean_ms=5.0 * std, std_ms=std), MS),
+    st.builds(uniform, MS, MS),
+    st.builds(normal, MS),
     st.builds(Exponential, mean_ms=MS),
     st.builds(Pareto, mean_ms=MS),
-    st.builds(lambda ms: Table(ms=tuple(ms)), st.lists(MS, min_size=2, max_size=5)),
+    st.builds(table, st.lists(MS, min_size=2, max_size=5)),
 )
 LEGS = st.builds(
     Leg, delay_ms=MS, delay=DELAYS, rate_kbit=st.sampled_from([0.0, 5.0, 500.0]),
