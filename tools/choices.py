@@ -6,6 +6,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from tools.whole import Whole
+
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
@@ -27,7 +29,7 @@ class Choices:
     out: Annotated[
         Path | None, Parameter(help="folder for the recording; default: dives/ and the time (UTC)")
     ] = None
-    seed: Annotated[int, Parameter(help="of everything random in simulator and link")] = 0
+    seed: Annotated[Whole, Parameter(help="of everything random in simulator and link")] = 0
     set_: Annotated[
         tuple[str, ...],
         Parameter(
