@@ -139,14 +139,18 @@ def picture(
     at: Annotated[
         float | None, Parameter(help="seconds since the dive began; default: its end")
     ] = None,
+    page: Annotated[str, Parameter(help="dive, motion, control, sensors, link or health")] = "dive",
 ) -> int:
     """A picture of a recorded dive as the viewer shows it, made without a display.
 
-    Example: lindy picture dives/latest/dive.rrd --at 40 --out dive.png
+    RECORDING is a dive's folder, or the dive.rrd in it. It needs Vulkan, in software at least; on
+    Debian: apt install mesa-vulkan-drivers libvulkan1
+
+    Example: lindy picture dives/latest --at 40 --page link --out link.png
     """
     from tools.picture import picture
 
-    picture(recording, out, at)
+    picture(recording, out, at, page)
     return 0
 
 
