@@ -141,14 +141,18 @@ def picture(
     at: Annotated[
         float | None, Parameter(help="seconds since the dive began; default: its end")
     ] = None,
+    page: Annotated[str, Parameter(help="dive, motion, control, sensors, link or health")] = "dive",
 ) -> int:
     """A picture of a recorded dive as the viewer shows it, made without a display.
 
-    Example: lindy picture dives/latest/dive.rrd --at 40 --out dive.png
+    RECORDING is a dive's folder, or the dive.rrd in it. It needs Vulkan, in software at least; on
+    Debian: apt install mesa-vulkan-drivers libvulkan1
+
+    Example: lindy picture dives/latest --at 40 --page link --out link.png
     """
     from tools.picture import picture
 
-    picture(recording, out, at)
+    picture(recording, out, at, page)
     return 0
 
 
@@ -260,8 +264,12 @@ def noise(
     """Noise, rate and drift of the sensors, from a recording of a drone that lies still.
 
     RECORDING is a dive's folder or its MCAP file. Prints the lines to paste into the vehicle file.
+    Used is the longest time in which the drone was neither armed nor moved, 20 s at least. To make
+    a recording, start the drone's side alone, so that nobody arms it; Ctrl-C after a minute or
+    longer.
 
-    Example: lindy log noise dives/on_the_bench
+    Example: lindy up drone --out dives/on_the_bench
+             lindy log noise dives/on_the_bench
     """
     from tools.noise import noise
 

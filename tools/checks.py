@@ -17,6 +17,7 @@ from services.runtime.settings import deploy_file, nearest
 from services.runtime.stack import Stack
 from services.tether.profile_file import named
 from tools.choices import Choices
+from tools.link_fit import check_can_be_flown
 
 DEFAULT_PILOT = "script:first_dive"
 LONGEST_S = 86_400.0  # [s] a day
@@ -74,7 +75,7 @@ def checked(choices: Choices, pilot: Pilot) -> Stack:
         overrides=list(choices.set_),
     )
     stack.check()
-    named(choices.link)  # reads it
+    check_can_be_flown(named(choices.link))
     _controllable(stack)
     return stack
 

@@ -7,6 +7,8 @@ from typing import Annotated
 
 from cyclopts import Parameter, Token
 
+from tools.whole import Whole
+
 
 def named(_: object, tokens: Sequence[Token]) -> Path:
     """A path that was given. An empty one, such as from an unset variable of a shell, would mean
@@ -41,7 +43,7 @@ class Choices:
             "default: dives/ and the time (UTC). dives/latest is the newest dive in dives/",
         ),
     ] = None
-    seed: Annotated[int, Parameter(help="of everything random in simulator and link")] = 0
+    seed: Annotated[Whole, Parameter(help="of everything random in simulator and link")] = 0
     set_: Annotated[
         tuple[str, ...],
         Parameter(

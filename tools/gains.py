@@ -44,7 +44,7 @@ def gains(
     patience
         [s] for which such an error may last; smaller makes ki larger
     observer
-        [rad/s] of a disturbance observer, checked with the rest
+        [rad/s] of a disturbance observer, at most 50, checked with the rest
     speed
         [m/s] or [rad/s] at which drag is made linear, and of the trial manoeuvre
     jerk
@@ -52,6 +52,7 @@ def gains(
     set_
         key.path=value into the vehicle file; repeatable
     """
+    from services.control.axis_law import WIDEST
     from services.marine.vehicle import Vehicle
     from services.runtime.stack import Stack
     from tools.gain_design import design, lines
@@ -66,6 +67,8 @@ def gains(
     for name, value in zip(("error", "rate", "force", "speed", "jerk"), numbers, strict=True):
         _positive(name, value)
     _positive("patience", patience)
+    if not 0.0 <= observer <= WIDEST:
+        raise LindyError(f"--observer is {observer:g}, expected 0 to {WIDEST:g} rad/s")
     position, velocity, effort, fast, sharp = numbers
     stack = Stack(vehicle=vehicle, overrides=list(set_))
     worth = Worth(position, velocity, effort, patience)

@@ -12,6 +12,7 @@ from messages.link import LinkRequest
 from services.runtime.errors import LindyError
 from tools.choices import named as path_named
 from tools.fresh import refuse_existing, write_fresh
+from tools.whole import Whole
 
 MOST_MESSAGES = 5_000_000
 Dive = Annotated[
@@ -30,9 +31,9 @@ def offline(
     *,
     profile: Annotated[str, Parameter(help="a name in deploy/links, or a TOML file")] = "tether",
     rate: Annotated[float, Parameter(help="[1/s] messages that enter, evenly")] = 50.0,
-    bytes_: Annotated[int, Parameter(name="--bytes", help="of each message")] = 200,
+    bytes_: Annotated[Whole, Parameter(name="--bytes", help="of each message")] = 200,
     seconds: Annotated[float, Parameter(help="how long messages enter")] = 10.0,
-    seed: Annotated[int, Parameter(help="of everything random; what `dive --seed` means")] = 0,
+    seed: Annotated[Whole, Parameter(help="of everything random; what `dive --seed` means")] = 0,
     direction: Literal["down", "up"] = "down",
 ) -> int:
     """What the link would do to a stream of messages, as CSV: seq,sent_s,arrived_s,reason.

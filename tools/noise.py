@@ -15,7 +15,7 @@ from services.estimation.attitude_filter import AttitudeSettings
 from services.estimation.calibration import CalibrationSettings
 from tools.allan import Floats, Noise
 from tools.allan import noise as noise_of
-from tools.at_rest import Samples, check, rate, read
+from tools.at_rest import Rest, Samples, rate, read, resting
 from tools.recording import open_recording
 
 
@@ -51,7 +51,8 @@ def noise(
     Example: lindy log noise dives/on_the_bench
 
     Let the drone lie still, in air or water, for a minute or longer: the longer, the slower the
-    drift that can be seen.
+    drift that can be seen. Of a longer recording the longest time at rest is used, in which the
+    drone was neither armed nor moved.
 
     Parameters
     ----------
@@ -60,11 +61,9 @@ def noise(
     json
         print JSON instead of TOML
     """
-    heard = read(open_recording(recording))
-    check(heard, recording)
-    axes = list(measured(heard))
-    seconds = float(heard[topics.IMU.key].t[-1] - heard[topics.IMU.key].t[0])
-    print(as_json(axes, seconds) if json else as_toml(axes, seconds))
+    rest = resting(read(open_recording(recording)), recording)
+    axes = list(measured(rest.samples))
+    print(as_json(axes, rest) if json else as_toml(axes, rest))
     return 0
 
 
@@ -132,11 +131,12 @@ def _line(section: str, key: str, value: float, why: str) -> Line:
     return Line(section, key, None, told)
 
 
-def as_toml(axes: list[Axis], seconds: float) -> str:
+def as_toml(axes: list[Axis], rest: Rest) -> str:
     """Figures as comments, then the lines to paste."""
     text = [
-        f"# Noise at rest over {seconds:.0f} s. Each axis: rate, std of a sample, white noise,",
-        "# bias instability, random walk; <: not seen, and below this.",
+        f"# Noise at rest; used {rest.seconds:.1f} s at rest, from {rest.begin:.1f} s.",
+        "# Each axis: rate, std of a sample, white noise, bias instability, random walk;",
+        "# <: not seen, and below this.",
     ]
     text += [f"# {_figures(axis)}" for axis in axes]
     section = ""
@@ -159,14 +159,15 @@ def _figures(axis: Axis) -> str:
     )
 
 
-def as_json(axes: list[Axis], seconds: float) -> str:
+def as_json(axes: list[Axis], rest: Rest) -> str:
     """Every figure, and the settings by section and key."""
     settings: dict[str, dict[str, float]] = {}
     for line in lines(axes):
         if line.value is not None:
             settings.setdefault(line.section, {})[line.key] = line.value
     found: dict[str, Any] = {
-        "seconds": seconds,
+        "seconds": rest.seconds,
+        "from": rest.begin,
         "axes": [axis._asdict() | {"noise": axis.noise._asdict()} for axis in axes],
         "settings": settings,
     }

@@ -1,5 +1,6 @@
 """What is left when a dive is over: files, a report, a summary and an exit status."""
 
+from collections import Counter, defaultdict
 from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,9 +21,11 @@ from tools.report import (
     Elsewhere,
     Extras,
     Report,
+    by_service,
     elsewhere,
     encode,
     ending,
+    losses,
     read_dive,
     report_on,
     summary,
@@ -87,7 +90,7 @@ class Outcome:
             LindyError: why the dive broke off.
         """
         restarts, folder = self.restarts(), self._stack.out_dir
-        how = f"{side} of {self._stack.vehicle_name}, {ending(self.exit)}"
+        how = f"{side} of {self._stack.vehicle_name}, {ending(self.exit, self._counted())}"
         print(unrecorded(how, restarts, self.gone, other, written(folder)), flush=True)
         self._complain()
         return DATA_LOST if was_deaf(restarts) else CLEAN
@@ -109,6 +112,13 @@ class Outcome:
         before = "" if self.exit == "clean" else f"{self.exit}; "
         names = ", ".join(path.name for path in parts_in(folder))
         return f"{before}the report failed ({why}), but the recording is kept: {names} in {folder}"
+
+    def _counted(self) -> Counter[str]:
+        """What services said they counted, as far as it was heard here."""
+        heard: defaultdict[str, list[Health]] = defaultdict(list)
+        for health in self._health:
+            heard[health.service].append(health)
+        return losses(by_service(heard))
 
     def _complain(self) -> None:
         if self.exit != "clean":

@@ -1,4 +1,4 @@
-"""Is a gamepad plugged in?"""
+"""Is a gamepad plugged in that the pilot could fly with?"""
 
 import os
 import subprocess
@@ -9,7 +9,9 @@ QUESTION = """
 import pygame
 pygame.display.init()
 pygame.joystick.init()
-print(pygame.joystick.get_count())
+from pygame._sdl2 import controller
+controller.init()
+print(sum(controller.is_controller(n) for n in range(pygame.joystick.get_count())))
 """
 QUIET = {
     "SDL_VIDEODRIVER": "dummy",
@@ -19,7 +21,8 @@ QUIET = {
 
 
 def pad_is_there() -> bool:
-    """Ask SDL in a short process of its own. Without pygame there is no pad."""
+    """Ask SDL in a short process of its own. A joystick that SDL has no mapping for, such as an
+    accelerometer or a wheel, flies nothing and is none. Without pygame there is no pad."""
     try:
         answer = subprocess.run(
             [sys.executable, "-P", "-c", QUESTION],

@@ -4,6 +4,7 @@ import contextlib
 import os
 import socket
 import subprocess
+import tempfile
 import time
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
@@ -12,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from services.runtime.errors import LindyError
+from services.runtime.settings import nearest
 from tools.fresh import refuse_existing, write_fresh
 
 if TYPE_CHECKING:
@@ -19,8 +21,12 @@ if TYPE_CHECKING:
 
 SIZE = "1600x900"  # [px]
 TIMELINE = "dive"
+FIRST = "dive"  # the page that is shown first
+NAME = "dive.rrd"
+MAGIC = b"RRF2"  # first bytes of a recording of the visualizer
 START_S = 20.0  # for the viewer to answer
 LOAD_S = 60.0  # for the recording to be read
+IDLE_S = 5.0  # for the dive to be there once the viewer reads nothing more
 DRAW_S = 1.0  # for the panels to settle after the time is set
 DIE_S = 2.0  # for a crashing viewer to be gone
 POLL_S = 0.1
@@ -31,26 +37,32 @@ NO_VULKAN = (
 T = TypeVar("T")
 
 
-def picture(rrd: Path, out: Path, at_s: float | None = None) -> None:
-    """Write the first page of a recorded dive as a PNG.
+def picture(recording: Path, out: Path, at_s: float | None = None, page: str = FIRST) -> None:
+    """Write a page of a recorded dive as a PNG, and tell how far it is meanwhile.
 
     Args:
-        rrd: a recording of the visualizer.
+        recording: a dive's folder, or what the visualizer recorded.
         out: the picture.
         at_s: [s] time cursor, since the dive began; None: the end.
+        page: as the viewer's tabs are called.
 
     Raises:
-        LindyError: no such recording, no rerun, no Vulkan, nowhere to write, a file of that name,
-            or no answer in time.
+        LindyError: no such recording or page, no rerun, no Vulkan, nowhere to write, a file of that
+            name, or no answer in time.
     """
-    if not rrd.is_file():
-        raise LindyError(f"there is no recording {rrd}")
     refuse_existing(out)
-    with _viewer(rrd) as client:
-        begin, end = _loaded(client, rrd)
+    rrd = rrd_of(recording)
+    program, page = _program(), _page(page)
+    print("starting the viewer …", flush=True)
+    with _viewer(program, rrd) as client:
+        print(f"reading {rrd} ({rrd.stat().st_size / 1e6:.1f} MB) …", flush=True)
+        begin, end = loaded(client, rrd)
         at = end if at_s is None else at_s
         if not begin <= at <= end:
             raise LindyError(f"--at {at:g}: the dive in {rrd} is from {begin:.1f} to {end:.1f} s")
+        print(f"drawing the page {page} at {at:.1f} s …", flush=True)
+        if page != FIRST:
+            _turn_to(client, page)
         client.set_time(TIMELINE, duration=at, play_state="paused")
         time.sleep(DRAW_S)
         client.take_screenshot()  # the first one may show panels that are still being drawn
@@ -60,12 +72,57 @@ def picture(rrd: Path, out: Path, at_s: float | None = None) -> None:
     except OSError as error:
         raise LindyError(f"cannot write {out}: {error.strerror}") from None
     write_fresh(out, png)
+    print(f"written {out}", flush=True)
+
+
+def rrd_of(recording: Path) -> Path:
+    """The visualizer's recording in a dive's folder, or beside the recorder's, or this file.
+
+    Raises:
+        LindyError: there is none, or it is something else.
+    """
+    rrd = recording
+    if recording.is_dir():
+        rrd = recording / NAME
+    elif recording.suffix == ".mcap":
+        rrd = recording.with_suffix(".rrd")
+    if not rrd.is_file():
+        beside = "" if rrd == recording else f" (for {recording})"
+        raise LindyError(f"there is no recording of the visualizer {rrd}{beside}")
+    try:
+        with rrd.open("rb") as file:
+            beginning = file.read(len(MAGIC))
+    except OSError as error:
+        raise LindyError(f"cannot read {rrd}: {error.strerror}") from None
+    if beginning != MAGIC:
+        raise LindyError(
+            f"{rrd} shows no dive: it does not begin as a recording of the visualizer ({NAME}) does"
+        )
+    return rrd
+
+
+def _page(name: str) -> str:
+    from services.visualizer.blueprint import PAGES
+
+    if name.lower() not in (known := [FIRST, *PAGES]):
+        raise LindyError(f"--page: unknown page {name!r}{nearest(name.lower(), known)}")
+    return name.lower()
+
+
+def _turn_to(client: "ViewerClient", page: str) -> None:
+    """Show one page instead of the layout that the recording brought along."""
+    from services.visualizer.blueprint import page_alone
+
+    with tempfile.TemporaryDirectory(prefix="lindy-") as folder:
+        path = Path(folder) / "page.rbl"
+        page_alone(page).save("lindy", str(path))
+        client.open(str(path))
 
 
 @contextmanager
-def _viewer(rrd: Path) -> "Generator[ViewerClient]":
+def _viewer(program: Path, rrd: Path) -> "Generator[ViewerClient]":
     """A viewer without a window that has been told to open the recording."""
-    program, port = _program(), _free_port()
+    port = _free_port()
     command = [str(program), "--headless", "--bind", "127.0.0.1", "--port", str(port)]
     command += ["--window-size", SIZE, "--hide-welcome-screen", str(rrd)]
     process = subprocess.Popen(
@@ -118,12 +175,21 @@ def _why(process: "subprocess.Popen[bytes]") -> str:
     return "the viewer stopped answering" if process.poll() is None else NO_VULKAN
 
 
-def _loaded(client: "ViewerClient", rrd: Path) -> tuple[float, float]:
+def loaded(client: "ViewerClient", rrd: Path) -> tuple[float, float]:
     """First and last time [s] of the dive, once all of it is there."""
+    failure = f"{rrd} shows no dive: is it a recording of the visualizer?"
+    idle_since: float | None = None  # [s] nothing more is read
 
     def attempt() -> tuple[float, float] | None:
+        nonlocal idle_since
         state = client.get_state()
-        if state.loading or not state.views:
+        if state.loading:
+            idle_since = None
+            return None
+        idle_since = time.monotonic() if idle_since is None else idle_since
+        if time.monotonic() - idle_since > IDLE_S:
+            raise LindyError(failure)
+        if not state.views:
             return None
         for recording in state.recordings:
             for line in recording.timelines:
@@ -131,7 +197,7 @@ def _loaded(client: "ViewerClient", rrd: Path) -> tuple[float, float]:
                     return line.start / 1e9, line.end / 1e9
         return None
 
-    return _until(attempt, LOAD_S, f"{rrd} shows no dive: is it a recording of the visualizer?")
+    return _until(attempt, LOAD_S, failure)
 
 
 def _until(attempt: Callable[[], T | None], seconds: float, failure: str) -> T:

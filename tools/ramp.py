@@ -25,6 +25,7 @@ Row = tuple[float, float]  # t [s], target
 MOST_SAMPLES = 5_000_000
 SAME = 1e-9  # of dt: an input closer than this to a sample is at the sample
 HEADER = ["t", "target"]
+BYTE_ORDER_MARK = "\ufeff"  # spreadsheets like to begin with one
 TOO_LARGE = "the numbers are too large or too small to calculate with"
 
 
@@ -104,7 +105,7 @@ def read(source: TextIO) -> list[Row]:
     lines = csv.reader(source)
     try:
         for cells in lines:
-            cells = [cell.strip() for cell in cells]
+            cells = [cell.strip(BYTE_ORDER_MARK).strip() for cell in cells]
             if not any(cells) or (not rows and cells == HEADER):
                 continue
             rows.append(_row(cells, lines.line_num))

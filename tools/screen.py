@@ -6,7 +6,8 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from messages.health import LogLine
+from messages.counts import short
+from tools.log_lines import Told, brief
 
 STICKS = ("surge", "sway", "heave", "yaw")
 HALF = 6  # [characters] of a stick's bar on either side of its centre
@@ -52,7 +53,7 @@ class View:
     alarm: str = ""  # what is wrong with the link
     lost: int = 0  # messages the link has dropped
     services: list[ServiceView] = field(default_factory=list[ServiceView])
-    lines: list[LogLine] = field(default_factory=list[LogLine])
+    lines: list[Told] = field(default_factory=list[Told])
 
 
 def render(view: View) -> RenderableType:
@@ -70,8 +71,8 @@ def plain(view: View) -> str:
         f"{_clock(view.elapsed_s)}  {'armed' if view.armed else 'disarmed'} {view.mode}",
         f"depth {depth} m  heading {heading}°  rtt {_number(view.rtt_ms, '.1f')} ms",
     ]
-    if view.failsafe != "none":
-        parts.append(f"FAILSAFE {view.failsafe}")
+    if failsafe := _failsafe(view):
+        parts.append(failsafe)
     if view.alarm:
         parts.append(f"LINK {view.alarm}")
     if view.note:
@@ -81,9 +82,8 @@ def plain(view: View) -> str:
     return "  ".join(parts)
 
 
-def line_of(line: LogLine) -> str:
-    """A log line where there is no screen."""
-    return f"{line.level}  {line.service}: {line.text}"
+def _failsafe(view: View) -> str:
+    return "" if view.failsafe == "none" else f"FAILSAFE {short(f'failsafe:{view.failsafe}')}"
 
 
 def _head(view: View) -> Table:
@@ -97,7 +97,7 @@ def _head(view: View) -> Table:
     state = Text.assemble(
         (" ARMED " if view.armed else " DISARMED ", "bold white on red" if view.armed else "dim"),
         f"  {view.mode}",
-        (f"  FAILSAFE {view.failsafe}" if view.failsafe != "none" else "", "bold red"),
+        (f"  {_failsafe(view)}", "bold red"),
         (f"  {view.note}" if view.note else "", "yellow"),
     )
     head.add_row(state, "")
@@ -172,8 +172,8 @@ def _services(view: View) -> Table:
 
 def _lines(view: View) -> list[Text]:
     lines = [
-        Text(f"{line.service}: {line.text}", LEVELS[line.level], overflow="ellipsis", no_wrap=True)
-        for line in view.lines[-LINES:]
+        Text(brief(told), LEVELS[told.line.level], overflow="ellipsis", no_wrap=True)
+        for told in view.lines[-LINES:]
     ]
     return lines + [Text()] * (LINES - len(lines))
 

@@ -9,6 +9,7 @@ import msgspec
 from rich.progress import BarColumn, Progress, TextColumn
 
 from messages import topics
+from messages.health import LogLine
 from services.runtime.errors import LindyError
 from services.runtime.garbage import rare_collections
 from services.runtime.stack import services_of
@@ -17,9 +18,10 @@ from services.runtime.virtual_host import VirtualHost
 from tools.checks import DEFAULT_PILOT, checked, pilot_of
 from tools.choices import Choices
 from tools.course import Course
+from tools.display import LineDisplay
 from tools.dive_folder import out_folder, point_latest
+from tools.log_lines import when
 from tools.outcome import Outcome, title
-from tools.screen import line_of
 from tools.stop import Stop
 
 STRIDE_NS = 100_000_000  # [ns] of virtual time between two looks at the dive
@@ -41,7 +43,11 @@ def simulate(choices: Choices) -> int:
     stack = msgspec.structs.replace(stack, out=str(out_folder(choices.out)))
     outcome = Outcome(stack)
     course = Course(pilot.script_s, choices.seconds)
-    host = VirtualHost()
+    host, shown = VirtualHost(), LineDisplay()
+
+    def show(line: LogLine) -> None:
+        shown.line(line, course.elapsed_s(line.stamp_ns))
+
     print(f"{title(stack)} → {stack.out_dir}", flush=True)
     with Stop() as stop, outcome.of_the_dive(), progress() as advance, closing(host):
         node = host.node(NAME, ["topside"])
@@ -49,11 +55,12 @@ def simulate(choices: Choices) -> int:
         outcome.listen(node)
         host.add_all(services_of("dive"), stack)
         point_latest(stack.out_dir)
-        host.show(lambda line: None if line.level == "info" else print(line_of(line)))
+        host.show(lambda line: None if line.level == "info" else show(line))
         began = time.perf_counter()
         with rare_collections():
             outcome.exit = run(host, course, stop, advance)
         outcome.speedup = host.now / 1e9 / (time.perf_counter() - began)
+    shown.finish()
     return outcome.sum_up()
 
 
@@ -95,6 +102,8 @@ def _lines() -> Advance:
         nonlocal last_s
         if now / 1e9 - last_s >= LINE_S:
             last_s = now / 1e9
-            print(f"{last_s:6.0f} s  {'armed' if course.armed else course.note}", flush=True)
+            elapsed = course.elapsed_s(now)
+            state = "armed" if course.armed else course.note
+            print(f"{'':<7} {when(elapsed):>8}  {state}", flush=True)
 
     return advance

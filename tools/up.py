@@ -13,6 +13,7 @@ from tools.choices import Choices
 from tools.course import Course
 from tools.display import Display, display
 from tools.dive_folder import out_folder, point_latest
+from tools.endpoint import checked_endpoint
 from tools.flight import Flight, tell_who_flies, who_flies
 from tools.lookout import Lookout, told
 from tools.outcome import RECORDER, Outcome
@@ -39,6 +40,7 @@ def up(side: str, choices: Choices, *, listen: str, connect: str, gateway: bool)
 
 def drone(choices: Choices, listen: str) -> int:
     """Until Ctrl-C: on board everything goes on, whether or not the topside is there."""
+    checked_endpoint("--listen", listen)
     stack = checked(choices, pilot_of(choices.pilot or DEFAULT_PILOT))
     # Who has the sticks, and what the link is like, is the topside's affair.
     stack = msgspec.structs.replace(stack, apart=True, pilot=OTHER["drone"], link=listen)
@@ -53,6 +55,7 @@ def drone(choices: Choices, listen: str) -> int:
 
 def topside(choices: Choices, connect: str, gateway: bool) -> int:
     """A dive as `lindy dive` flies it; what is recorded is recorded on board."""
+    checked_endpoint("--connect", connect)
     pilot = who_flies(choices)
     stack = checked(choices, pilot)
     stack = msgspec.structs.replace(stack, apart=True, out=str(out_folder(choices.out)))

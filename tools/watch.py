@@ -1,7 +1,6 @@
 """What is to be seen of a dive from topside, gathered for the screen."""
 
 import math
-from collections import deque
 from collections.abc import Callable
 
 from messages import topics
@@ -11,6 +10,7 @@ from messages.topic import M
 from services.runtime.node import Node
 from services.runtime.ports import Latest
 from tools.course import Course
+from tools.log_lines import LogLines
 from tools.screen import LINES, ServiceView, View
 
 RECENT_NS = 3_000_000_000  # [ns] an older picture is not shown
@@ -20,8 +20,15 @@ LOOK_HZ = 25.0  # [1/s] often enough that ports that keep the newest 8 do not ov
 class Watch:
     """Ears for everything that the screen shows."""
 
-    def __init__(self, node: Node, services: list[str], show: Callable[[LogLine], None]) -> None:
-        self.lines: deque[LogLine] = deque(maxlen=LINES)
+    def __init__(
+        self,
+        node: Node,
+        services: list[str],
+        course: Course,
+        show: Callable[[LogLine, float | None], None],
+    ) -> None:
+        self.lines = LogLines()
+        self._course = course
         self._services = services
         self._show = show
         self._health: dict[str, Health] = {}
@@ -32,22 +39,17 @@ class Watch:
         self._pilot = node.latest(topics.PILOT_COMMAND)
         self._link = node.latest(topics.LINK)
         node.each(topics.HEALTH, self._hear_health)
-        node.each(topics.LOG, lambda line, _: self.add(line))
+        node.each(topics.LOG, self._add)
         self._budget = node.latest(topics.LATENCY)
         self._clock = node.latest(topics.CLOCK)
         self._shown = node.publisher(topics.SHOWN.of("screen"))
-        node.show = self.add  # nobody hears themselves on the bus
+        # Nobody hears themselves on the bus.
+        node.show = lambda line: self._add(line, line.stamp_ns)
         node.every(LOOK_HZ, self._look)
 
-    def add(self, line: LogLine) -> None:
-        """Show a log line."""
-        self.lines.append(line)
-        self._show(line)
-
-    def view(
-        self, title: str, course: Course, now: int, missing: list[str], restarts: dict[str, int]
-    ) -> View:
+    def view(self, title: str, now: int, missing: list[str], restarts: dict[str, int]) -> View:
         """The screen at `now` [ns]."""
+        course = self._course
         state, reference = _recent(self._state, now), _recent(self._reference, now)
         status, pilot = self._status.newest(now), self._pilot.fresh(now)
         link, budget, clock = self._link.fresh(now), self._budget.fresh(now), self._clock.fresh(now)
@@ -77,7 +79,7 @@ class Watch:
             services=[
                 self._service(name, name not in missing, restarts) for name in self._services
             ],
-            lines=list(self.lines),
+            lines=self.lines.newest(LINES),
         )
 
     def _service(self, name: str, alive: bool, restarts: dict[str, int]) -> ServiceView:
@@ -91,6 +93,12 @@ class Watch:
             restarts=restarts.get(name, 0),
             troubles=sum(health.counts.values()) if health else 0,
         )
+
+    def _add(self, line: LogLine, now: int) -> None:
+        """A log line that came, or was said here, at `now` [ns]."""
+        at_s = self._course.elapsed_s(now)
+        self.lines.add(line, at_s)
+        self._show(line, at_s)
 
     def _hear_health(self, health: Health, _: int) -> None:
         before = self._health.get(health.service)

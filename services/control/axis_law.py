@@ -20,7 +20,8 @@ from services.control.gain_blend import Above0, Feedback, GainBlend, NotNegative
 from services.control.plant import Plant
 
 Percent = Annotated[float, msgspec.Meta(ge=0.0, le=200.0)]
-Bandwidth = Annotated[float, msgspec.Meta(ge=0.0, le=50.0)]
+WIDEST = 50.0  # [rad/s]
+Bandwidth = Annotated[float, msgspec.Meta(ge=0.0, le=WIDEST)]
 Share = Annotated[float, msgspec.Meta(gt=0.0, lt=1.0)]
 HELD_BACK = 0.2  # [-] of the velocity asked for; a vehicle that is slower does not move freely
 LATE_SPRING, LATE_DAMPER = 0.15, 0.4  # [-] of kp and kd while the rate comes late

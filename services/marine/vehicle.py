@@ -74,7 +74,11 @@ class Thruster(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Vehicle(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Mass properties, hydrodynamics and thrusters (Fossen 2011, ch. 6 to 8; SI units)."""
+    """Mass properties, hydrodynamics and thrusters (Fossen 2011, ch. 6 to 8; SI units).
+
+    Raises:
+        ValueError: two thrusters of the same name.
+    """
 
     name: str
     mass: Positive  # [kg] in air
@@ -86,6 +90,15 @@ class Vehicle(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     metacentric_height: NotNegative  # [m] centre of buoyancy above centre of gravity
     size: tuple[Positive, Positive, Positive]  # [m] length, width, height; origin in the middle
     thruster: Annotated[list[Thruster], msgspec.Meta(min_length=1)]
+
+    def __post_init__(self) -> None:
+        names = [thruster.name for thruster in self.thruster]
+        for number, name in enumerate(names, 1):
+            if (first := names.index(name) + 1) < number:
+                raise ValueError(
+                    f"thruster number {first} and thruster number {number} are both called "
+                    f"{name!r}, expected a name of its own for each"
+                )
 
     @property
     def floating_depth(self) -> float:

@@ -1,6 +1,7 @@
 """What every service of one dive shares: the vehicle, the link, the pilot, where files go."""
 
 import importlib
+import re
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -8,7 +9,15 @@ from typing import Annotated, Any, TypeVar
 import msgspec
 
 from services.runtime.errors import LindyError
-from services.runtime.settings import convert, deploy_file, nearest, override, read, read_toml
+from services.runtime.settings import (
+    convert,
+    deploy_file,
+    line_of,
+    nearest,
+    override,
+    read,
+    read_toml,
+)
 
 S = TypeVar("S")
 BODY = "vehicle"  # the table of the vehicle file that describes the vehicle itself
@@ -63,18 +72,28 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         known = settings_types()
         for name in tree:
             if name not in known:
-                where = f"{self.vehicle_path}: {name}"
-                raise LindyError(f"{where}: unknown table{nearest(name, sorted(known))}")
+                where = f"{self.vehicle_path}{line_of(self.vehicle_path, (name,))}: {name}"
+                raise self._blamed(
+                    f"{where}: unknown table of a vehicle file{nearest(name, sorted(known))}"
+                )
         for name, kind in known.items():
             self.section(name, kind)
 
     def _blamed(self, sentence: str) -> LindyError:
         """An error about a key that `--set` brought in is not the file's fault."""
+        about = re.fullmatch(
+            rf"{re.escape(str(self.vehicle_path))}(:\d+)?: ([^:]+): (.*)", sentence
+        )
+        if about is None:
+            return LindyError(sentence)
+        in_file, wrong, why = about.groups()
         for assignment in self.overrides:
             key = assignment.partition("=")[0].strip()
-            before, found, after = sentence.partition(f"{key}: ")
-            if found and before.startswith(str(self.vehicle_path)):
-                return LindyError(f"--set {assignment}: {after}")
+            if key == wrong:
+                return LindyError(f"--set {assignment}: {why}")
+            inside = wrong.startswith((f"{key}.", f"{key} "))  # of the table or array it sets
+            if inside or (key.startswith(f"{wrong}.") and not in_file and "unknown" in why):
+                return LindyError(f"--set {assignment}: {wrong}: {why}")
         return LindyError(sentence)
 
 

@@ -1,5 +1,7 @@
 """How a dive is laid out: what a pilot looks at first, and five pages behind it."""
 
+from collections.abc import Callable
+
 import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint.encodings import TimelineColumn
@@ -13,9 +15,18 @@ BEFORE_S, AFTER_S = 60.0, 3.0  # [s] shown before and after the cursor
 
 def blueprint(vehicle: Vehicle) -> rrb.Blueprint:
     """The layout for this vehicle."""
-    pages = [_dive(vehicle), _motion(), _control(), _sensors(), _link(), _health()]
+    pages = [_dive(vehicle), *(page() for page in PAGES.values())]
+    return _laid_out(rrb.Tabs(contents=pages, active_tab=0))
+
+
+def page_alone(name: str) -> rrb.Blueprint:
+    """One of PAGES by itself."""
+    return _laid_out(PAGES[name]())
+
+
+def _laid_out(contents: rrb.Tabs | rrb.Grid) -> rrb.Blueprint:
     return rrb.Blueprint(
-        rrb.Tabs(contents=pages, active_tab=0),
+        contents,
         rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following"),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
@@ -215,3 +226,13 @@ def _window() -> rrb.TimeAxis:
     every plot of a dive that goes on would be empty."""
     edge = rr.TimeRangeBoundary.cursor_relative
     return rrb.TimeAxis(view_range=rr.TimeRange(edge(seconds=-BEFORE_S), edge(seconds=AFTER_S)))
+
+
+# The pages behind the first one, which alone depends on the vehicle.
+PAGES: dict[str, Callable[[], rrb.Grid]] = {
+    "motion": _motion,
+    "control": _control,
+    "sensors": _sensors,
+    "link": _link,
+    "health": _health,
+}

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from math import degrees
 from typing import Any
 
+from messages.counts import in_words
 from messages.health import Health, LogLine
 from messages.link import Clock, LatencyBudget, LinkAnswer, LinkRequest, LinkStatus
 from messages.message import Message
@@ -82,7 +83,7 @@ class Status:
 
     def _lines(self, key: str, message: Message, time: int) -> list[Note]:
         if isinstance(message, LogLine):
-            text = f"{message.service}: {message.text}"
+            text = f"{message.service}: {in_words(message.text)}"
             return [_line(part_of_path(key.rpartition("/")[2]), time, text, message.level)]
         if isinstance(message, REQUESTS) and message.id != self._last_request:
             self._last_request = message.id  # a request is repeated until it is answered

@@ -6,10 +6,17 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from messages.health import LogLine
+from tools.log_lines import Told
 from tools.screen import HALF, LINES, ServiceView, View, bar, plain, render
 
 NAMES = ["simulator", "estimation", "reference", "control", "tether", "gamepad", "recorder"]
 WIDTHS = pytest.mark.parametrize("width", [80, 120])
+
+
+def text_of_line(n: int) -> str:
+    return f"line {n} [ms] " + "long " * 40
+
+
 FULL = View(
     title="pioneer · wifi_buoy · script first_dive",
     elapsed_s=83.0,
@@ -32,7 +39,7 @@ FULL = View(
         ServiceView("visualizer", False, 1.0, 10.0, 20.0, 3, 0),
     ],
     lines=[
-        LogLine(stamp_ns=n, service="control", level="error", text=f"line {n} [ms] " + "long " * 40)
+        Told(LogLine(stamp_ns=n, service="control", level="error", text=text_of_line(n)), 1, n, n)
         for n in range(LINES + 3)
     ],
 )
@@ -57,7 +64,7 @@ def test_every_value_is_shown_whole(width: int):
     text = "\n".join(text_of(FULL, width))
     for value in (
         "12.35 m", "12.40 m", "359.9°", "0.1°", "112.3 ms", "108.9 ms", "221.2 ms", "lost 123456",
-        "01:23 of 01:35", "ARMED", "piloted", "FAILSAFE pilot_lost", "+0.50", "-1.00", "-0.25",
+        "01:23 of 01:35", "ARMED", "piloted", "FAILSAFE pilot lost", "+0.50", "-1.00", "-0.25",
         "visualizer gone", "1234567", "late p99 [ms]", "CPU [%]",
     ):  # fmt: skip
         assert value in text

@@ -12,6 +12,7 @@ import pytest
 from services.runtime.running import RUNNING, Running
 from tools import pads
 from tools.__main__ import main
+from tools.endpoint import checked_endpoint
 
 GOOD = "t,surge,sway,heave,yaw\n0,0,0,0,0\n1,0,0,0.5,0\n2,0,0,0,0\n"
 BOTH = pytest.mark.parametrize("verb", ["dive", "simulate"])
@@ -186,3 +187,60 @@ def test_a_simulated_dive_writes_its_files_and_the_same_seed_gives_the_same_byte
         hashes.append(report["log_hash"])
     assert hashes[0] == hashes[1] != hashes[2]
     assert "report.json" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("seed", ["1.5", "1e3", "one", ""])
+def test_a_seed_that_is_not_whole_is_refused(
+    capsys: pytest.CaptureFixture[str], script: str, seed: str
+):
+    for arguments in (["simulate", "--pilot", script], ["link"]):
+        said = complaint(capsys, *arguments, "--seed", seed)
+        assert f"--seed is {seed!r}, expected a whole number" in said
+
+
+@pytest.mark.parametrize(
+    ("side", "option", "endpoint"),
+    [
+        ("drone", "--listen", "udp//x"),
+        ("drone", "--listen", "foo"),
+        ("drone", "--listen", "tcp/127.0.0.1"),
+        ("drone", "--listen", "carrier/127.0.0.1:7447"),
+        ("topside", "--connect", "tcp/:7447"),
+    ],
+)
+def test_an_endpoint_that_is_none_leaves_no_folder_behind(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, side: str, option: str, endpoint: str
+):
+    out = tmp_path / "out"
+    pilot = ("--pilot", "script:first_dive")
+    said = complaint(capsys, "up", side, *pilot, option, endpoint, "--out", str(out))
+    assert f"{option} is {endpoint!r}, expected PROTOCOL/ADDRESS:PORT" in said
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    "endpoint",
+    ["tcp/192.168.2.2:7447", "tcp/[fe80::1]:7447", "udp/drone.local:1", "tcp/0.0.0.0:7#iface=eth0"],
+)
+def test_endpoints_of_every_kind_are_accepted(endpoint: str):
+    checked_endpoint("--listen", endpoint)
+
+
+@pytest.mark.parametrize(("mapped", "there"), [(True, True), (False, False)])
+def test_only_a_pad_that_sdl_has_a_mapping_for_counts(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, mapped: bool, there: bool
+):
+    """With a pygame that has one joystick, mapped or not."""
+    folder = tmp_path / "pygame"
+    folder.mkdir()
+    (folder / "__init__.py").write_text(
+        "class display:\n    init = staticmethod(lambda: None)\n"
+        "class joystick:\n    init = staticmethod(lambda: None)\n"
+        "    get_count = staticmethod(lambda: 1)\n"
+    )
+    (folder / "_sdl2.py").write_text(
+        "class controller:\n    init = staticmethod(lambda: None)\n"
+        f"    is_controller = staticmethod(lambda n: {mapped})\n"
+    )
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    assert pads.pad_is_there() is there

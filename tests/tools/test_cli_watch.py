@@ -28,12 +28,13 @@ class Scene:
         self.host = VirtualHost()
         self.shown: list[LogLine] = []
         node = self.host.node("supervisor", ["topside"])
-        self.watch = Watch(node, ["toy"], self.shown.append)
+        self.course = Course(None)
+        self.watch = Watch(node, ["toy"], self.course, lambda line, _: self.shown.append(line))
         self.stack = self.host.node("drone", ["topside"])
         self.node = node
 
     def view(self) -> View:
-        return self.watch.view("x", Course(None), self.host.now, [], {"toy": 2})
+        return self.watch.view("x", self.host.now, [], {"toy": 2})
 
 
 def reference_at(heading: float, now: int) -> Reference:
@@ -122,7 +123,7 @@ def test_link_status_and_log_lines_of_others_and_of_our_own_are_shown():
     view = scene.view()
     assert (view.down_ms, view.up_ms, view.rtt_ms, view.lost) == (2.0, 5.0, 7.0, 3)
     assert (view.mode, view.note) == ("ready", "sea too wet")
-    assert sorted(line.text for line in view.lines) == ["ours", "theirs"]
+    assert sorted(told.line.text for told in view.lines) == ["ours", "theirs"]
     assert sorted(line.text for line in scene.shown) == ["ours", "theirs"]
 
 

@@ -85,3 +85,9 @@ def test_a_wish_that_no_thruster_can_fulfil_is_refused() -> None:
         gains("depth", error=1e-4, force=1e3)
     with pytest.raises(LindyError, match=r"--error is -1, expected more than 0"):
         gains("depth", error=-1.0)
+
+
+@pytest.mark.parametrize("observer", [1e9, 50.1, -1.0, inf, float("nan")])
+def test_an_observer_that_a_vehicle_file_refuses_is_refused_here(observer: float) -> None:
+    with pytest.raises(LindyError, match=r"--observer is .*, expected 0 to 50 rad/s"):
+        gains("depth", observer=observer)

@@ -8,18 +8,30 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from messages import topics
 from messages.message import Message
 from messages.sensors import ImuSample, MagnetometerSample, PressureSample
+from messages.topic import AnyTopic
+from messages.vehicle import VehicleStatus
 from services.estimation.core import Settings
 from services.recorder.foxglove_schema import foxglove_schema
 from services.recorder.mcap_file import McapFile
 from services.runtime.errors import LindyError
+from services.runtime.stack import Stack
+from services.runtime.virtual_host import VirtualHost
+from services.simulator.core import Settings as Simulator
 from tools.allan import deviation
 from tools.allan import noise as noise_of
+from tools.at_rest import Heard, Samples, resting
 from tools.noise import noise
+from tools.up import rows_of
 
+STREAMS: tuple[AnyTopic, ...] = (
+    topics.IMU, topics.MAGNETOMETER, topics.PRESSURE, topics.STATUS,
+)  # fmt: skip
 GYRO, FORCE, FIELD, PASCAL = 1.2e-3, 0.03, 0.4e-6, 480.0  # one sample's std
 decode: Callable[..., Any] = msgspec.toml.decode
 
@@ -65,12 +77,9 @@ def fields(seconds: float) -> list[Message]:
 
 
 def write(folder: Path, *streams: Iterable[Message]) -> Path:
-    keys = {
-        topic.message.__name__: topic.key
-        for topic in (topics.IMU, topics.MAGNETOMETER, topics.PRESSURE)
-    }
+    keys = {topic.message.__name__: topic.key for topic in STREAMS}
     file = McapFile(folder / "dive.mcap")
-    for topic in (topics.IMU, topics.MAGNETOMETER, topics.PRESSURE):
+    for topic in STREAMS:
         file.open_channel(topic.key, topic.message.__name__, foxglove_schema(topic.message))
     for stream in streams:
         for n, sample in enumerate(stream):
@@ -176,6 +185,80 @@ def test_a_recording_that_cannot_tell_is_refused_in_one_sentence(
 ):
     with pytest.raises(LindyError, match=sentence):
         noise(write(tmp_path, *streams))
+
+
+STILL_40 = imu(40)  # at rest for 40 s
+
+
+def status(seconds: float, *, armed: bool) -> VehicleStatus:
+    return VehicleStatus(stamp_ns=round(seconds * 1e9), mode="ready", armed=armed)
+
+
+@pytest.mark.parametrize("sentence", ["was armed after 5.0 s", "up drone --out", "5.0 s, noise"])
+def test_an_armed_drone_is_not_at_rest_however_still_it_lies(tmp_path: Path, sentence: str):
+    said = [status(1.0, armed=False), status(5.2, armed=True)]
+    with pytest.raises(LindyError, match=sentence):
+        noise(write(tmp_path, STILL_40, said))
+
+
+def test_of_a_recording_with_motion_in_it_the_longest_rest_is_used_and_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    turn = np.zeros(7000)
+    turn[200:300] = 0.5
+    folder = write(tmp_path, imu(70, rate=turn), pressures(70), [
+        status(0.0, armed=False), status(30.0, armed=True), status(31.0, armed=False),
+    ])  # fmt: skip
+    found = told(folder, capsys)
+    assert found["from"] == pytest.approx(36.0, abs=0.51)
+    assert found["seconds"] == pytest.approx(34.0, abs=0.51)
+    stds = {axis["name"]: axis["std"] for axis in found["axes"]}
+    assert stds["gyroscope z"] == pytest.approx(GYRO, rel=0.06)
+    assert stds["pressure"] == pytest.approx(PASCAL, rel=0.06)
+    noise(folder)
+    assert f"used {found['seconds']:.1f} s at rest, from {found['from']:.1f} s" in (
+        capsys.readouterr().out
+    )
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 590), st.floats(0.1, 2.0))
+def test_motion_is_never_inside_the_rest_that_is_used(at: int, size: float):
+    turn = np.zeros(6000)
+    turn[10 * at : 10 * at + 100] = size
+    heard = Heard({topics.IMU.key: samples_of(imu(60, rate=turn))}, [])
+    rest = resting(heard, Path("x"))
+    begin, end = rest.begin, rest.begin + rest.seconds
+    assert end <= at / 10 + 0.51 or begin >= at / 10 + 0.99
+    assert np.all(np.abs(rest.samples[topics.IMU.key].values[:, 2]) < 0.02 + 5 * GYRO)
+
+
+def samples_of(messages: list[Message]) -> Samples:
+    rows = [
+        (m.stamp_ns * 1e-9, *m.angular_rate, *m.specific_force)
+        for m in messages
+        if isinstance(m, ImuSample)
+    ]
+    found = np.array(rows)
+    return Samples(found[:, 0], found[:, 1:])
+
+
+def test_the_drone_s_side_alone_makes_such_a_recording(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    """What `--help` and the errors say: `lindy up drone`, which nobody arms."""
+    host = VirtualHost()
+    stack = Stack(out=str(tmp_path), pilot="topside", seed=3)
+    host.add_all(rows_of("drone", gateway=False), stack)
+    host.run(45_000_000_000)
+    host.close()
+    found = told(tmp_path, capsys)
+    assert found["from"] == pytest.approx(0.0, abs=0.01)
+    assert found["seconds"] > 40.0
+    densities = {axis["name"]: axis["noise"]["density"] for axis in found["axes"]}
+    put_in = stack.section("simulator", Simulator)
+    assert densities["gyroscope z"] == pytest.approx(put_in.gyro_noise, rel=0.1)
+    assert densities["accelerometer x"] == pytest.approx(put_in.accelerometer_noise, rel=0.1)
 
 
 def test_a_missing_recording_is_refused(tmp_path: Path):

@@ -98,7 +98,10 @@ def test_a_price_that_cannot_be_told_is_null(
         (CORNER + "cruise = -0.3", "cruise"),
         (CORNER + "jerk = 0", "jerk"),
         (CORNER + "speeds = [0.3, 0.2]", "speeds: found 2, must be one, or one for each of the 3"),
-        (CORNER + "speeds = [0.3, nan, 0.3]", "speeds.1: expected float >= 1e-06, found nan"),
+        (
+            CORNER + "speeds = [0.3, nan, 0.3]",
+            "speeds number 2: expected float >= 1e-06, found nan",
+        ),
         (CORNER + "model = 'rm'", "model"),
         (CORNER + "model = 'fernandes'\nxi = 3", "xi"),
         ("waypoints = 3", "waypoints"),

@@ -1,12 +1,17 @@
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from services.runtime.errors import LindyError
-from tools.picture import picture
+from tools.__main__ import main
+from tools.picture import IDLE_S, MAGIC, loaded, picture, rrd_of
 
 rr = pytest.importorskip("rerun", reason="the viewer extra is not installed")
+
+from services.visualizer.blueprint import PAGES, page_alone  # noqa: E402 - needs rerun
 
 DRIVERS = [Path("/usr/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d")]
 needs_vulkan = pytest.mark.skipif(
@@ -51,11 +56,25 @@ def test_a_time_outside_the_dive_is_refused_with_its_limits(tmp_path: Path) -> N
 def test_a_file_that_is_no_dive_is_one_sentence(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("tools.picture.LOAD_S", 0.5)
+    monkeypatch.setattr("tools.picture.IDLE_S", 0.5)
     other = tmp_path / "other.rrd"
-    other.write_bytes(b"not a recording")
+    stream = rr.RecordingStream("lindy", recording_id="other")
+    stream.save(other)
+    stream.log("text", rr.TextDocument("no dive"), static=True)
+    stream.flush()
+    stream.disconnect()
     with pytest.raises(LindyError, match=r"other\.rrd shows no dive"):
         picture(other, tmp_path / "other.png", None)
+
+
+@needs_vulkan
+def test_pages_differ(tmp_path: Path) -> None:
+    rrd, pictures = recording(tmp_path / "dive.rrd"), set[bytes]()
+    for page in ("dive", "link", "motion"):
+        out = tmp_path / f"{page}.png"
+        picture(rrd, out, 1.5, page)
+        pictures.add(out.read_bytes())
+    assert len(pictures) == 3
 
 
 def test_without_vulkan_the_sentence_names_the_packages(
@@ -65,6 +84,70 @@ def test_without_vulkan_the_sentence_names_the_packages(
         monkeypatch.setenv(name, str(tmp_path / "none.json"))
     with pytest.raises(LindyError, match="mesa-vulkan-drivers and libvulkan1"):
         picture(recording(tmp_path / "dive.rrd"), tmp_path / "dive.png", None)
+
+
+@pytest.mark.parametrize("name", [".", "dive.rrd", "dive.mcap"])
+def test_a_folder_and_the_other_recording_stand_for_the_visualizer_s(
+    tmp_path: Path, name: str
+) -> None:
+    recording(tmp_path / "dive.rrd")
+    assert rrd_of(tmp_path / name) == tmp_path / "dive.rrd"
+
+
+def test_what_is_no_recording_of_the_visualizer_is_said_at_once(tmp_path: Path) -> None:
+    (tmp_path / "dive.rrd").write_bytes(b"not a recording")
+    with pytest.raises(LindyError, match=r"dive\.rrd shows no dive: it does not begin"):
+        picture(tmp_path, tmp_path / "dive.png")
+    with pytest.raises(LindyError, match=r"no recording .*other\.rrd \(for .*other\.mcap\)"):
+        picture(tmp_path / "other.mcap", tmp_path / "dive.png")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(LindyError, match=r"no recording .*dive\.rrd \(for .*empty\)"):
+        picture(tmp_path / "empty", tmp_path / "dive.png")
+
+
+def test_an_unknown_page_is_refused_with_the_names(tmp_path: Path) -> None:
+    recording(tmp_path / "dive.rrd")
+    with pytest.raises(LindyError, match=r"unknown page 'lnk'; did you mean 'link'.* dive, motion"):
+        picture(tmp_path, tmp_path / "dive.png", page="lnk")
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_every_page_can_be_saved_for_the_viewer(tmp_path: Path, name: str) -> None:
+    page_alone(name).save("lindy", str(tmp_path / "page.rbl"))
+    assert (tmp_path / "page.rbl").read_bytes().startswith(MAGIC)
+
+
+def test_the_pages_of_the_help_are_those_there_are(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["picture", "--help"]) == 0
+    assert f"dive, {', '.join([*PAGES][:-1])} or {[*PAGES][-1]}" in " ".join(
+        capsys.readouterr().out.split()
+    )
+
+
+class Viewer:
+    """Reads for a while and then shows no dive."""
+
+    def __init__(self, reading: int) -> None:
+        self.left = reading
+
+    def get_state(self) -> SimpleNamespace:
+        self.left -= 1
+        return SimpleNamespace(loading=self.left > 0, views=[], recordings=[])
+
+
+def test_a_viewer_that_has_read_everything_and_has_no_dive_is_not_waited_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    now = [0.0]
+
+    def sleep(seconds: float) -> None:
+        now[0] += seconds
+
+    monkeypatch.setattr("tools.picture.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("tools.picture.time.sleep", sleep)
+    with pytest.raises(LindyError, match="shows no dive"):
+        loaded(cast(Any, Viewer(200)), Path("x.rrd"))
+    assert 20.0 < now[0] < 20.0 + IDLE_S + 1.0
 
 
 def test_a_recording_that_is_not_there_is_one_sentence(tmp_path: Path) -> None:

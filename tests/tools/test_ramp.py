@@ -147,3 +147,11 @@ def test_a_limit_that_a_rule_does_not_know_is_not_ignored_in_silence(
     monkeypatch.setattr("sys.stderr", said)
     run(LOG, rule="thesis", jerk=3.0, accel=0.5, dt=0.1)
     assert "--accel has no effect" in said.getvalue()
+
+
+def test_a_byte_order_mark_before_the_header_or_the_first_number_changes_nothing(run: Any) -> None:
+    mark = "\ufeff"
+    without = run(LOG, jerk=3.0, accel=0.5, dt=0.1)
+    assert run(mark + LOG, jerk=3.0, accel=0.5, dt=0.1) == without
+    bare = LOG.removeprefix("t,target\n")
+    assert run(mark + bare, jerk=3.0, accel=0.5, dt=0.1) == without

@@ -2,7 +2,9 @@
 
 from tools.report.dive import Dive, read_dive
 from tools.report.elsewhere import Elsewhere, elsewhere
+from tools.report.losses import losses
 from tools.report.report import Extras, Report, encode, make_report, report_on
+from tools.report.services import by_service
 from tools.report.summary import ending, summary
 from tools.report.unrecorded import unrecorded
 
@@ -11,9 +13,11 @@ __all__ = [
     "Elsewhere",
     "Extras",
     "Report",
+    "by_service",
     "elsewhere",
     "encode",
     "ending",
+    "losses",
     "make_report",
     "read_dive",
     "report_on",

@@ -11,7 +11,8 @@ from tools.report.budget import Budget, Clocks, budget, clocks
 from tools.report.dive import Dive, Traffic, read_dive
 from tools.report.energy import Energy, energy
 from tools.report.latency import Latency, latency
-from tools.report.services import Service, counted, services
+from tools.report.losses import losses
+from tools.report.services import Service, by_service, services
 from tools.report.stops import Stop, stops
 from tools.report.tracking import error_rms, peak_jerk_ratio
 
@@ -101,12 +102,12 @@ def _all_health(dive: Dive, others: list[Health]) -> dict[str, list[Health]]:
 def _losses(
     dive: Dive, health: dict[str, list[Health]], supervisor: dict[str, int]
 ) -> dict[str, int]:
-    """Summed by name. Of the recorder's own, its file has the last word of its last life, and
-    `Health` what it said before a crash; the larger of both is kept."""
-    heard = {name: reports for name, reports in health.items() if name != "recorder"}
-    recorder = Counter(dive.losses) | counted({"recorder": health.get("recorder", [])})
-    total = counted(heard) + recorder + Counter(supervisor)
-    return dict(sorted(total.items()))
+    """By name, each message once. Of the recorder's own, its file has the last word of its last
+    life, and `Health` what it said before a crash; the larger of both is kept."""
+    counts = by_service(health)
+    counts["recorder"] = Counter(dive.losses) | counts.get("recorder", Counter())
+    counts["supervisor"] = counts.get("supervisor", Counter()) + Counter(supervisor)
+    return dict(sorted(losses(counts).items()))
 
 
 def _stream(traffic: Traffic) -> Stream:

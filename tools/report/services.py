@@ -5,7 +5,7 @@ what it counted in its earlier life still counts.
 """
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from itertools import pairwise
 
 import msgspec
@@ -35,13 +35,14 @@ def services(health: dict[str, list[Health]], restarts: dict[str, int]) -> dict[
     return {name: _service(health.get(name, []), restarts.get(name, 0)) for name in names}
 
 
-def counted(health: dict[str, list[Health]]) -> Counter[str]:
-    """Every loss counted by the services, summed by name over services and their lives."""
-    total: Counter[str] = Counter()
-    for reports in health.values():
+def by_service(health: Mapping[str, list[Health]]) -> dict[str, Counter[str]]:
+    """What each service counted, summed by name over its lives."""
+    counts: dict[str, Counter[str]] = {}
+    for name, reports in health.items():
+        counts[name] = Counter()
         for last in _lives(reports):
-            total.update(last.counts)
-    return total
+            counts[name].update(last.counts)
+    return counts
 
 
 def _service(reports: list[Health], restarts: int) -> Service:

@@ -1,85 +1,29 @@
 """The end of a dive in a few lines a pilot cares about."""
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from math import degrees
 from pathlib import Path
 
+from messages.counts import Meaning, Rank, meaning, sentence, short
 from tools.report.report import Report
 from tools.report.stops import Axis, Stop
 
 LABEL = 18  # columns before the values
 KINDS = 4  # lines for losses; the rest is in report.json
-ROUTINE = {
-    "accelerating",
-    "resting",
-}  # counted, and part of any good dive: not worth a pilot's line
-# First word of a count → what happened that many times. Others are shown as they are.
-PLAIN = {
-    "lost": "a message never arrived",
-    "dropped": "a message was dropped on a full link",
-    "expired": "a command came too late to be used",
-    "reordered": "a message came out of order and was left out",
-    "duplicated": "a message came twice",
-    "malformed": "a message could not be read",
-    "wrong_type": "a message was of the wrong type",
-    "unknown": "a message came on a key nobody knows",
-    "from_future": "a message claimed to come from the future",
-    "overflowed": "a message came faster than it could be handled",
-    "stale": "a stream fell silent for too long",
-    "silent": "a step was made without news",
-    "clamped": "a value was held at its limit",
-    "saturated": "a thruster reached its limit",
-    "implausible": "a measurement that cannot be true was left out",
-    "outlier": "a measurement far from all others was left out",
-    "predicted": "the drone's state was guessed because its IMU was silent",
-    "gap": "a sensor left a gap",
-    "invalid": "control had to do without an estimate",
-    "frozen": "a sensor kept saying the same",
-    "disturbed": "the compass was disturbed and left out",
-    "rate": "a sensor came at the wrong rate",
-    "not_newer": "a sample was not newer than the one before",
-    "unanswered": "a request was not answered",
-    "refused": "a wish of the pilot's was refused",
-    "failsafe": "the drone stopped by itself",
-    "wrong_epoch": "a command came from somebody who has not got the sticks",
-    "unsynchronised": "a message came before the clocks were compared",
-    "distrusted": "a thruster did not do what it was told",
-    "lost_axis": "an axis could not be driven any more",
-    "undriven": "a motion was asked for that the thrusters cannot make",
-    "thinned": "a message was left out because the link is narrow",
-    "queue_full": "a message found the link's queue full",
-    "codel": "a message had waited too long for the link",
-    "too_many": "a message was one too many on the way",
-    "loss": "the link lost a message",
-    "burst": "the link lost a message in a burst",
-    "trace": "the link lost a message, as it was measured",
-    "outage": "a message found no link",
-    "damaged": "the link damaged a message",
-    "alarm": "the link got worse",
-    "no_bottom": "the Doppler log did not reach the bottom",
-    "late": "depth was held by a late estimate, with gentle gains",
-    "too_old": "a measurement came too late to be used",
-    "clipped": "a measurement was off to one side for too long",
-    "jumped": "a clock was set",
-    "limited": "the compass deviates by more than can be corrected",
-    "outdone": "another pilot took the sticks",
-    "missed_deadline": "a step was skipped on a busy computer",
-    "not_recorded": "a message was not recorded",
-    "disk_error": "the disk could not be written",
-    "unreadable": "a recorded message could not be read back",
-}
 
 
 def summary(report: Report, max_depth_m: float | None = None, files: Sequence[Path] = ()) -> str:
-    """At most 15 lines.
+    """At most 15 lines, and one more for each kind of failsafe.
 
     Args:
         max_depth_m: as `Dive.max_depth_m` knows it; left out when None.
         files: what was written.
     """
     stick = report.latency_ms.stick_to_thruster
-    rows = [("Dive", f"{report.vehicle}, {_duration(report.seconds)}, {ending(report.exit)}")]
+    how = ending(report.exit, report.losses)
+    rows = [("Dive", f"{report.vehicle}, {_duration(report.seconds)}, {how}")]
+    rows += _failsafes(report.losses)
     if max_depth_m is not None:
         rows.append(("deepest", f"{max_depth_m:.1f} m"))
     rows += [*_stops(report, "heave"), *_stops(report, "yaw")]
@@ -115,9 +59,31 @@ def _duration(seconds: float) -> str:
     return f"{minutes} min {rest:02d} s" if minutes else f"{rest} s"
 
 
-def ending(exit_reason: str) -> str:
-    """`clean`, or why not, in words."""
-    return "ended cleanly" if exit_reason == "clean" else f"broke off: {exit_reason}"
+def ending(exit_reason: str, counts: Mapping[str, int]) -> str:
+    """How a dive ended, in words: `clean` only where no failsafe acted.
+
+    Args:
+        exit_reason: `clean`, or why it broke off.
+        counts: name → times, as in a report's losses.
+    """
+    if exit_reason != "clean":
+        return f"broke off: {exit_reason}"
+    acted = [f"{short(name)} {_times(n)}" for name, n in counts.items() if n and _acts(name)]
+    return f"ended; {', '.join(acted)}" if acted else "ended cleanly"
+
+
+def _acts(name: str) -> bool:
+    return meaning(name).rank is Rank.FAILSAFE
+
+
+def _times(count: int) -> str:
+    return "once" if count == 1 else f"{count} times"
+
+
+def _failsafes(losses: Mapping[str, int]) -> list[tuple[str, str]]:
+    """One row each: they are never left out."""
+    acted = sorted(((n, name) for name, n in losses.items() if n and _acts(name)), reverse=True)
+    return [("failsafe", f"{count} × {sentence(name)}") for count, name in acted]
 
 
 def _stops(report: Report, axis: Axis) -> list[tuple[str, str]]:
@@ -136,17 +102,16 @@ def _past(stop: Stop) -> str:
     return f"{degrees(stop.overshoot):.1f}°"
 
 
-def _losses(losses: dict[str, int]) -> list[tuple[str, str]]:
-    """Counts grouped by what happened, largest first."""
-    kinds: defaultdict[str, int] = defaultdict(int)
+def _losses(losses: Mapping[str, int]) -> list[tuple[str, str]]:
+    """Counts with the same words together; the most important first, of those the largest."""
+    times: defaultdict[Meaning, int] = defaultdict(int)
     for name, count in losses.items():
-        kind = name.partition(":")[0]
-        if kind not in ROUTINE:
-            kinds[kind] += count
-    ordered = sorted(((n, kind) for kind, n in kinds.items() if n), reverse=True)
+        if count and Rank.FAILSAFE < meaning(name).rank < Rank.ROUTINE:
+            times[meaning(name)] += count
+    ordered = sorted(times.items(), key=lambda found: (found[0].rank, -found[1], found[0].words))
     if not ordered:
         return [("losses", "none")]
-    rows = [f"{count} × {PLAIN.get(kind, kind)}" for count, kind in ordered[:KINDS]]
+    rows = [f"{count} × {what.words}" for what, count in ordered[:KINDS]]
     if len(ordered) > KINDS:
-        rows.append(f"and {len(ordered) - KINDS} other kinds, see report.json")
+        rows.append(f"and {len(ordered) - KINDS} less important kinds, see report.json")
     return [("losses" if n == 0 else "", row) for n, row in enumerate(rows)]

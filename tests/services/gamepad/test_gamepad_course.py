@@ -44,8 +44,8 @@ def test_the_papers_path_is_refused_because_of_its_model():
     [
         ("cruise = 0.3\n", "waypoints"),
         ("waypoints = [[0, 0]]\n", "way.toml:1: waypoints: expected array of length >= 2"),
-        ("waypoints = [[0, 0], [1]]\n", "waypoints.1: expected array of length >= 2"),
-        ("waypoints = [[0, 0], [1, nan]]\n", "waypoints.1.1: expected float"),
+        ("waypoints = [[0, 0], [1]]\n", "waypoints number 2: expected array of length >= 2"),
+        ("waypoints = [[0, 0], [1, nan]]\n", "waypoints number 2, number 2: expected float"),
         (WAY + "cruse = 0.3\n", "way.toml:2: cruse: unknown key; did you mean 'cruise'"),
         (WAY + "cruise = -0.3\n", "way.toml:2: cruise: expected float >= 1e-06, found -0.3"),
         (WAY + "jerk = nan\n", "jerk: expected float"),

@@ -16,9 +16,23 @@ class Depth(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     kd: float = 0.0
 
 
+class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    name: str
+    size: float = 1.0
+
+
 class Some(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     depth: Depth = Depth()
     name: str = ""
+    part: list[Part] = []
+    places: list[tuple[float, float]] = []
+
+    def __post_init__(self) -> None:
+        if len({part.name for part in self.part}) < len(self.part):
+            raise ValueError("part number 1 and part number 2 are the same")
+
+
+TWO_PARTS = "[[part]]\nname = 'a'\n[[part]]  # another\nname = 'b'"
 
 
 def file(folder: Path, text: str) -> Path:
@@ -34,7 +48,25 @@ def file(folder: Path, text: str) -> Path:
         ("[depth]\nkp = -2.0", r"some.toml:2: depth.kp: expected float > 0.0, found -2.0"),
         ("name = 3", r"some.toml:1: name: expected str, got int, found 3"),
         ("[depth\nkp = 1", r"some.toml: not valid TOML: .*line 1"),
-        ("[deep]\nkp = 1.0", r"some.toml: deep: unknown key; did you mean 'depth'\? known: depth"),
+        (
+            "[deep]\nkp = 1.0",
+            r"some.toml:1: deep: unknown key; did you mean 'depth'\? known: depth",
+        ),
+        (
+            "name = 'a'\n\n[[part]]\nsize = 2.0",
+            r"toml:3: part number 1: object missing .*field name",
+        ),
+        (f"{TWO_PARTS}\nsize = 'x'", r"toml:5: part number 2, size: expected float, got str"),
+        (f"{TWO_PARTS}\nsizes = 1.0", r"toml:5: part number 2, sizes: unknown key"),
+        (f"{TWO_PARTS}\n[depth.kp]", r"toml:5: depth.kp: expected float"),
+        (
+            "places = [\n  [0, 1],\n  [0],\n]",
+            r"toml:1: places number 2: expected array of length 2",
+        ),
+        (
+            "[[part]]\nname='a'\n[[part]]\nname='a'",
+            r"this file: part number 1 \(line 1\) and part number 2 \(line 3\) are the same",
+        ),
         ("depth = 3", r"some.toml:1: depth: expected object, got int, found 3"),
     ],
 )
@@ -71,8 +103,48 @@ def test_every_shipped_vehicle_is_valid(vehicle: str) -> None:
 
 
 def test_an_unknown_table_is_refused() -> None:
-    with pytest.raises(LindyError, match=r"contol: unknown table; did you mean 'control'"):
+    with pytest.raises(
+        LindyError,
+        match=r"^--set contol\.depth\.kp=3: contol: unknown table .* did you mean 'control'",
+    ):
         Stack(overrides=["contol.depth.kp=3"]).check()
+
+
+def test_a_table_that_is_no_vehicle_s_is_not_the_vehicle_file_s_fault() -> None:
+    with pytest.raises(LindyError, match=r"^--set link\.down\.delay_ms=5: link: unknown table"):
+        Stack(overrides=["link.down.delay_ms=5"]).check()
+
+
+def test_an_unknown_table_or_key_in_the_file_has_its_line(tmp_path: Path) -> None:
+    pioneer = deploy_file("vehicles", "pioneer").read_text()
+    last = len(pioneer.splitlines())
+    path = file(tmp_path, f"{pioneer}\n[contol]\nx = 1\n")
+    with pytest.raises(LindyError, match=rf"some.toml:{last + 2}: contol: unknown table"):
+        Stack(vehicle=str(path), overrides=["contol.y=3"]).check()
+
+
+def test_two_thrusters_of_one_name_are_refused_with_both_lines(tmp_path: Path) -> None:
+    pioneer = deploy_file("vehicles", "pioneer").read_text()
+    path = file(tmp_path, pioneer.replace('name = "starboard"', 'name = "port"'))
+    lines = [n for n, line in enumerate(pioneer.splitlines(), 1) if line == "[[vehicle.thruster]]"]
+    sentence = rf"number 1 \(line {lines[0]}\) and .* 2 \(line {lines[1]}\) are both called 'port'"
+    with pytest.raises(LindyError, match=sentence):
+        Stack(vehicle=str(path)).check()
+
+
+@pytest.mark.parametrize(
+    "assignment", ["vehicle.size=[1.0,.38,1.0]", "vehicle.mass=.38", "vehicle.size=[1.0", 'name="x']
+)
+def test_what_is_meant_as_a_value_and_is_no_toml_is_said_so(assignment: str) -> None:
+    with pytest.raises(LindyError, match=r"^--set .*: not valid TOML"):
+        Stack(overrides=[assignment]).check()
+
+
+@pytest.mark.parametrize("word", ["deep water", "-righty", "3rd", "a.b"])
+def test_a_bare_word_is_a_string(word: str) -> None:
+    tree: dict[str, str] = {}
+    override(tree, [f"name={word}"])
+    assert tree == {"name": word}
 
 
 def test_a_value_out_of_limits_stops_the_dive_before_it_starts() -> None:

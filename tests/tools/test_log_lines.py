@@ -1,0 +1,86 @@
+"""What a pilot reads of the log: plain words, a time, and no flood."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from messages.health import LogLine
+from tools.display import LineDisplay
+from tools.log_lines import MOST, LogLines, brief, full
+
+
+def said(text: str, service: str = "reference") -> LogLine:
+    return LogLine(stamp_ns=0, service=service, level="warning", text=text)
+
+
+@given(st.integers(1, 3000))
+def test_however_often_a_line_comes_it_is_said_a_few_times_and_its_count_is_right(times: int):
+    lines = LogLines()
+    at_once = [lines.add(said("failsafe:pilot_lost"), n / 10) for n in range(times)]
+    told = [one for one in at_once if one is not None] + lines.unsaid()
+    assert len(told) <= 5
+    assert told[0].times == 1
+    assert told[-1].times == times
+    assert told[-1].first_s == 0.0
+    assert told[-1].last_s == (times - 1) / 10
+
+
+@given(st.lists(st.sampled_from("abc"), max_size=60))
+def test_no_line_is_ever_left_unsaid(texts: list[str]):
+    lines = LogLines()
+    said_last: dict[str, int] = {}
+    for text in texts:
+        if (told := lines.add(said(text), 1.0)) is not None:
+            said_last[text] = told.times
+    said_last |= {told.line.text: told.times for told in lines.unsaid()}
+    assert said_last == {text: texts.count(text) for text in texts}
+
+
+def test_lines_that_differ_in_numbers_alone_are_one_and_the_newest_numbers_are_shown():
+    lines = LogLines()
+    lines.add(said("round trip has risen from 381 to 2190.5 ms"), 2.0)
+    lines.add(said("round trip has risen from 40 to 99 ms"), 41.34)
+    (told,) = lines.newest(6)
+    assert full(told) == (
+        "warning    2.0 s  reference: round trip has risen from 40 to 99 ms"
+        " (2 times, last at 41.3 s)"
+    )
+    assert brief(told) == "  41.3 s  2 × reference: round trip has risen from 40 to 99 ms"
+
+
+def test_the_same_words_of_two_services_are_two_lines():
+    lines = LogLines()
+    lines.add(said("x"), 1.0)
+    assert lines.add(said("x", "control"), 1.0) is not None
+
+
+@pytest.mark.parametrize("at", [None, -0.5])
+def test_before_arming_there_is_no_time(at: float | None):
+    told = LogLines().add(said("clamped:reference.depth"), at)
+    assert told is not None
+    words = "reference: the wanted depth was held back because the drone could not follow"
+    assert full(told) == f"warning    start  {words}"
+
+
+def test_the_line_that_came_last_is_the_newest_and_a_flood_of_different_ones_is_bounded():
+    lines = LogLines()
+    lines.add(said("old"), 0.0)
+    for n in range(2 * MOST):
+        lines.add(said("x" * (n + 1)), 1.0)
+        lines.add(said("old"), 2.0)
+    assert lines.newest(1)[0].line.text == "old"
+    assert lines.newest(1)[0].times == 2 * MOST + 1
+    assert len(lines.newest(10 * MOST)) == MOST
+
+
+def test_a_pipe_gets_the_first_line_at_once_and_the_count_at_the_end(
+    capsys: pytest.CaptureFixture[str],
+):
+    shown = LineDisplay()
+    for second in range(12):
+        shown.line(said("failsafe:pilot_lost"), float(second))
+    shown.finish()
+    printed = capsys.readouterr().out.splitlines()
+    assert [line.partition("(")[2] for line in printed] == [
+        "", "10 times, last at 9.0 s)", "12 times, last at 11.0 s)",
+    ]  # fmt: skip

@@ -1,0 +1,119 @@
+"""A message that is lost is lost once, however many services miss it."""
+
+from collections import Counter
+from pathlib import Path
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tools.__main__ import main
+from tools.recording import open_recording
+from tools.report.losses import HAD, NOT_CARRIED, losses
+from tools.report.report import Extras, make_report
+from tools.report.summary import ending, summary
+
+FATES = {"lost", *NOT_CARRIED, *(kind for kind in HAD if kind != "overflowed")}
+STATE = "state"  # goes up
+COMMAND = "pilot/command"  # goes down
+
+
+def seen(**by_service: dict[str, int]) -> dict[str, int]:
+    return dict(losses({name: Counter(counts) for name, counts in by_service.items()}))
+
+
+@given(
+    thinned=st.integers(0, 100),
+    burst=st.integers(0, 100),
+    damaged=st.integers(0, 20),
+    elsewhere=st.integers(0, 20),
+)
+def test_what_the_link_counts_is_not_counted_by_those_who_miss_it(
+    thinned: int, burst: int, damaged: int, elsewhere: int
+):
+    gaps = thinned + burst + damaged + elsewhere
+    missing = {f"lost:{STATE}": gaps, f"malformed:{STATE}": damaged}
+    link = {f"thinned:{STATE}": thinned, f"burst:{STATE}": burst, f"damaged:{STATE}": damaged}
+    found = seen(tether=link, sounder=missing, visualizer=missing)
+    assert found.get(f"lost:{STATE}", 0) == elsewhere
+    assert f"malformed:{STATE}" not in found
+    assert sum(found.values()) == gaps
+
+
+def test_a_gap_on_board_is_not_explained_by_the_link():
+    found = seen(tether={f"burst:{STATE}": 50}, control={f"lost:{STATE}": 3})
+    assert found == {f"burst:{STATE}": 50, f"lost:{STATE}": 3}
+
+
+def test_what_a_service_had_and_did_not_use_leaves_no_second_trace():
+    counts = {f"lost:{COMMAND}": 9, f"expired:{COMMAND}": 4, f"overflowed:{COMMAND}": 3}
+    assert seen(reference=counts)[f"lost:{COMMAND}"] == 2
+
+
+def test_of_those_who_missed_the_same_messages_the_one_that_missed_most_is_believed():
+    few, many = {f"lost:{STATE}": 2}, {f"lost:{STATE}": 7}
+    assert seen(control=few, reference=many) == many
+
+
+def test_what_happens_to_each_service_by_itself_is_added_up():
+    assert seen(control={"stale:state": 2}, reference={"stale:state": 3}) == {"stale:state": 5}
+
+
+@pytest.fixture(scope="module")
+def severe(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("severe")
+    assert main(["simulate", "--link", "severe", "--seconds", "12", "--out", str(out)]) == 0
+    return out
+
+
+def test_no_more_is_lost_over_a_bad_link_than_was_sent(severe: Path):
+    recording = open_recording(severe)
+    sent: dict[str, int] = {}
+    for entry in recording:
+        sent[entry.key] = max(sent.get(entry.key, 0), entry.message.seq + 1)
+    lost: Counter[str] = Counter()
+    for name, count in make_report(recording, Extras()).losses.items():
+        kind, _, key = name.partition(":")
+        if kind in FATES:
+            lost[key] += count
+    assert lost["control/thrusters"] > 100
+    for key in ("control/thrusters", "state", "reference", "pilot/command", "clock/ping"):
+        assert lost[key] <= sent[key]
+
+
+def test_a_dive_in_which_a_failsafe_acted_does_not_end_cleanly(severe: Path):
+    report = make_report(open_recording(severe), Extras())
+    times = report.losses["failsafe:pilot_lost"]
+    first, second, *rest = summary(report).splitlines()
+    assert first.endswith(f"ended; pilot lost {times} times" if times > 1 else "pilot lost once")
+    assert second.split(maxsplit=1) == [
+        "failsafe", f"{times} × pilot lost: the drone came to rest and held",
+    ]  # fmt: skip
+    assert not any("failsafe" in line for line in rest)
+
+
+def test_failsafes_are_never_pushed_out_and_what_is_left_out_is_the_least_important(severe: Path):
+    report = make_report(open_recording(severe), Extras())
+    counts = dict.fromkeys(("thinned:state", "burst:state", "lost:state", "loss:state"), 99_999)
+    counts |= {"failsafe:state_lost": 1, "failsafe:pilot_lost": 1, "empty:battery": 1}
+    counts |= {"distrusted:port": 1, "saturated:port": 500}
+    text = summary(msgspec.structs.replace(report, losses=counts))
+    for words in ("drone's state lost", "pilot lost", "battery was empty", "thruster did not do"):
+        assert words in text
+    assert "reached its limit" in text
+    assert "and 3 less important kinds" in text
+
+
+@pytest.mark.parametrize(
+    ("reason", "counts", "words"),
+    [
+        ("clean", {}, "ended cleanly"),
+        ("clean", {"thinned:state": 5, "failsafe:pilot_lost": 0}, "ended cleanly"),
+        ("clean", {"failsafe:pilot_lost": 106}, "ended; pilot lost 106 times"),
+        ("clean", {"failsafe:leak": 1}, "ended; leak once"),
+        ("interrupted", {"failsafe:pilot_lost": 1}, "broke off: interrupted"),
+    ],
+)
+def test_how_a_dive_ended(reason: str, counts: dict[str, int], words: str):
+    assert ending(reason, counts) == words

@@ -1,0 +1,62 @@
+"""Can a drone be piloted over a link at all? Where even the fastest command comes too late to be
+obeyed, it never arms."""
+
+import msgspec
+import numpy as np
+
+from messages.pilot import TTL_MS, PilotCommand
+from services.runtime.errors import LindyError
+from services.runtime.settings import DEPLOY
+from services.tether.delay import TAIL, Delay, Trace
+from services.tether.profile import Leg
+from services.tether.profile_file import Named, named
+
+COMMAND = PilotCommand(stamp_ns=10**15, surge=0.0, sway=0.0, heave=0.0, yaw=0.0)  # a short one
+COMMAND_BYTES = len(msgspec.msgpack.encode(COMMAND))
+
+
+def shortest_ms(leg: Leg) -> float:
+    """[ms] One-way delay that no pilot command over this direction of a link can be faster than:
+    of a command that waits for nothing, from a pad that has answered just now."""
+    sending = 0.0
+    if leg.rate_kbit > 0.0:
+        sending = (COMMAND_BYTES + leg.overhead_bytes) * 8.0 / leg.rate_kbit
+    return leg.delay_ms + sending + _least_ms(leg.delay)
+
+
+def _least_ms(delay: Delay | None) -> float:
+    """[ms] Least that a delay adds; infinite where everything is lost."""
+    if delay is None:
+        return 0.0
+    if isinstance(delay, Trace):
+        passed = zip(delay.sent_s, delay.arrived_s, strict=True)
+        return min((1e3 * (at - sent) for sent, at in passed if at is not None), default=np.inf)
+    return float(delay.quantile(np.array([TAIL]))[0])
+
+
+def can_be_flown(link: Named) -> bool:
+    return shortest_ms(link.profile.down) <= TTL_MS
+
+
+def check_can_be_flown(link: Named) -> None:
+    """
+    Raises:
+        LindyError: no command can arrive in time over this link.
+    """
+    if can_be_flown(link):
+        return
+    raise LindyError(
+        f"--link {link.name} cannot be flown: a command takes {shortest_ms(link.profile.down):.0f}"
+        f" ms down to the drone at best, and one older than {TTL_MS:g} ms moves nothing, so the"
+        f" drone would never arm; links that can be flown: {', '.join(flyable())}"
+        f" (`lindy link --profile {link.name}` shows what this one does to messages)"
+    )
+
+
+def flyable() -> list[str]:
+    """Profiles of deploy/links that can be flown."""
+    return [name for name in profiles() if can_be_flown(named(name))]
+
+
+def profiles() -> list[str]:
+    return sorted(file.stem for file in (DEPLOY / "links").glob("*.toml"))
