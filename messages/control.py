@@ -1,6 +1,7 @@
 """What the thrusters are asked for. From `control`; heard by `simulator` or a vehicle driver."""
 
-from messages.message import Finite, Message, Ns, Ttl, Vec6
+from messages.message import Message
+from messages.units import Finite, Ns, Ttl, Vec6
 
 THRUST_TTL_MS = 200.0  # [ms] older thruster commands are zero thrust
 

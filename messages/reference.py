@@ -2,7 +2,8 @@
 
 import msgspec
 
-from messages.message import Finite, Message, Ns, Positive
+from messages.message import Message
+from messages.units import Finite, NotNegative, Ns
 
 
 class Motion(msgspec.Struct, frozen=True):
@@ -12,7 +13,7 @@ class Motion(msgspec.Struct, frozen=True):
     velocity: Finite  # per second
     acceleration: Finite  # per second²
     jerk: Finite  # per second³
-    jerk_limit: Positive | None = None  # per second³, in force now; None where a path sets the pace
+    jerk_limit: NotNegative | None = None  # per second³, in force; None where a path sets the pace
 
 
 class Reference(Message, frozen=True, kw_only=True):

@@ -2,7 +2,8 @@
 
 from typing import Literal
 
-from messages.message import Finite, Message, Ns
+from messages.message import Message
+from messages.units import Finite, Ns
 
 # Thrusters: dead gives nothing, reversed the opposite, weak `value` of the thrust, stuck what was
 # asked for last. Sensors: silent says nothing, frozen repeats itself, noisy has `value` times the

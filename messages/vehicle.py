@@ -2,8 +2,9 @@
 
 from typing import Literal
 
-from messages.message import Finite, Message, Ns, Positive, Quaternion, Stick, Vec3
+from messages.message import Message
 from messages.pilot import Hold, StopDistance
+from messages.units import Finite, NotNegative, Ns, Quaternion, Stick, Vec3
 
 Mode = Literal["starting", "ready", "piloted", "stopping", "goto", "follow"]
 Failsafe = Literal["none", "pilot_lost", "state_lost"]
@@ -32,7 +33,7 @@ class Actuation(Message, frozen=True, kw_only=True):
     sensor_ns: Ns | None  # [ns] sensor sample behind that command
     pilot_ns: Ns | None  # [ns] pilot command behind that command
     stale: bool  # True: no valid command, thrusters are stopped
-    power: Positive  # [W] electrical
+    power: NotNegative  # [W] electrical
 
 
 class Truth(Message, frozen=True, kw_only=True):
