@@ -5,7 +5,7 @@ from typing import Literal
 import msgspec
 
 from messages.message import Message
-from messages.units import Finite, NotNegative, Ns, Share
+from messages.units import DurationNs, Finite, NotNegative, Share, Stamp
 
 
 class Direction(msgspec.Struct, frozen=True):
@@ -25,8 +25,8 @@ class Direction(msgspec.Struct, frozen=True):
 class Clock(Message, frozen=True, kw_only=True):
     """The drone's clock seen from the topside. From `sounder`."""
 
-    offset_ns: Ns | None  # [ns] drone's clock minus topside's; None: not known (yet)
-    bound_ns: Ns | None  # [ns] the true offset is no further off than this
+    offset_ns: DurationNs | None  # [ns] drone's clock minus topside's; None: not known (yet)
+    bound_ns: DurationNs | None  # [ns] the true offset is no further off than this
     drift_ppm: Finite | None  # [ppm] how fast the offset grows
     rtt_ms: NotNegative | None  # [ms] newest round trip; None when pings are not answered
     rtt_min_ms: NotNegative | None  # [ms] shortest of those the offset rests on
@@ -62,7 +62,7 @@ class LinkAnswer(Message, frozen=True, kw_only=True):
     kind: str
     change: str = ""  # what has changed, in words
     reason: str = ""  # why not
-    cause_ns: Ns | None = None  # [ns] stamp of the request
+    cause_ns: Stamp | None = None  # [ns] stamp of the request
 
 
 class ClockPing(Message, frozen=True, kw_only=True):
@@ -72,8 +72,8 @@ class ClockPing(Message, frozen=True, kw_only=True):
 class ClockPong(Message, frozen=True, kw_only=True):
     """From `echo`, on board; `stamp_ns` is the moment it leaves, by the drone's clock."""
 
-    ping_ns: Ns  # [ns] stamp of the ping, topside's clock
-    heard_ns: Ns  # [ns] when the ping arrived, drone's clock
+    ping_ns: Stamp  # [ns] stamp of the ping, topside's clock
+    heard_ns: Stamp  # [ns] when the ping arrived, drone's clock
 
 
 # The ways a latency budget is made of: from the stick to the thruster, from the sensor to the
@@ -107,4 +107,4 @@ class LatencyBudget(Message, frozen=True, kw_only=True):
 class Shown(Message, frozen=True, kw_only=True):
     """Somebody looks at a screen. From whoever draws one, at the moment it is drawn."""
 
-    sensor_ns: Ns  # [ns] sensor sample of the newest state in the picture
+    sensor_ns: Stamp  # [ns] sensor sample of the newest state in the picture

@@ -2,7 +2,7 @@
 
 import msgspec
 
-from messages.units import Finite, NotNegative, Ns
+from messages.units import Finite, NotNegative, Stamp
 
 
 class Message(msgspec.Struct, frozen=True, kw_only=True):
@@ -14,7 +14,7 @@ class Message(msgspec.Struct, frozen=True, kw_only=True):
     """
 
     seq: int = 0
-    stamp_ns: Ns
+    stamp_ns: Stamp
 
 
 class Estimate(msgspec.Struct, frozen=True):

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 import msgspec
 
 from messages.message import Message
-from messages.units import Finite, NotNegative, Ns, Stick, Ttl
+from messages.units import Finite, NotNegative, Stamp, Stick, Ttl
 
 Place = Annotated[tuple[Finite, ...], msgspec.Meta(min_length=2, max_length=3)]  # n, e(, down)
 TTL_MS = 300.0  # [ms] a stick position older than this moves nothing
@@ -76,4 +76,4 @@ class PilotAnswer(Message, frozen=True, kw_only=True):
     reason: str = ""  # why not, in words for the pilot
     stop: StopDistance | None = None  # stop: how far the drone still goes
     epoch: int | None = None  # lease: the authority epoch that commands have to carry from now on
-    cause_ns: Ns | None = None  # [ns] stamp of the request
+    cause_ns: Stamp | None = None  # [ns] stamp of the request

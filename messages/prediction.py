@@ -3,7 +3,7 @@
 import msgspec
 
 from messages.message import Message
-from messages.units import Finite, NotNegative, Ns
+from messages.units import Finite, NotNegative, Stamp
 
 
 class Miss(msgspec.Struct, frozen=True):
@@ -20,7 +20,7 @@ class Prediction(Message, frozen=True, kw_only=True):
     Judged later, when the state of that moment has arrived.
     """
 
-    state_ns: Ns  # [ns] drone's clock; the state it starts from
+    state_ns: Stamp  # [ns] drone's clock; the state it starts from
     ahead_ms: NotNegative  # [ms] from there to now
     depth: Finite  # [m] positive down
     heading: Finite  # [rad] accumulates past ±π

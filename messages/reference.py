@@ -3,7 +3,7 @@
 import msgspec
 
 from messages.message import Message
-from messages.units import Finite, NotNegative, Ns
+from messages.units import Finite, NotNegative, Stamp
 
 
 class Motion(msgspec.Struct, frozen=True):
@@ -19,8 +19,8 @@ class Motion(msgspec.Struct, frozen=True):
 class Reference(Message, frozen=True, kw_only=True):
     """All axes at one instant."""
 
-    sensor_ns: Ns | None  # [ns] sensor sample that caused this reference
-    pilot_ns: Ns | None  # [ns] pilot command that shaped it
+    sensor_ns: Stamp | None  # [ns] sensor sample that caused this reference
+    pilot_ns: Stamp | None  # [ns] pilot command that shaped it
     epoch: int = 0  # authority epoch of the pilot behind it
     armed: bool  # False: thrusters stay off, the rest follows the vehicle
     depth: Motion  # NED, positive down

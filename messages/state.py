@@ -3,13 +3,13 @@
 from typing import Literal
 
 from messages.message import Estimate, Message
-from messages.units import NotNegative, Ns, Quaternion
+from messages.units import NotNegative, Quaternion, Stamp
 
 
 class VehicleState(Message, frozen=True, kw_only=True):
     """Every part carries value, standard deviation and validity. Unknown is None, never zero."""
 
-    sensor_ns: Ns  # [ns] the IMU sample this state belongs to
+    sensor_ns: Stamp  # [ns] the IMU sample this state belongs to
     phase: Literal["calibrating", "running"]
     calibration_left: NotNegative | None = None  # [s] at rest still to go; None: done, or not known
     depth: Estimate  # [m] positive down, of the vehicle's origin below the surface

@@ -30,7 +30,12 @@ WithinAnHour = Annotated[float, msgspec.Meta(gt=0.0, le=3600.0)]  # [s]
 Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]  # [-] from nothing to all
 OpenShare = Annotated[float, msgspec.Meta(gt=0.0, lt=1.0)]  # [-] neither nothing nor all
 
-Ns = int  # [ns] of the vehicle's monotonic clock
+# A moment of the clock of the machine that says it: one that hears it on another machine turns it
+# into its own time, wherever in a message it stands. A duration is the same everywhere.
+STAMP, DURATION = {"ns": "stamp"}, {"ns": "duration"}  # by which the types are told apart
+Stamp = Annotated[int, msgspec.Meta(extra=STAMP)]  # [ns]
+DurationNs = Annotated[int, msgspec.Meta(extra=DURATION)]  # [ns]
+Ns = int  # [ns] in code: of the process's own clock
 
 Vec3 = tuple[Finite, Finite, Finite]
 Vec6 = tuple[Finite, Finite, Finite, Finite, Finite, Finite]

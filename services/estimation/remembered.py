@@ -2,7 +2,7 @@
 
 import msgspec
 
-from messages.units import Finite, NotNegative, Ns
+from messages.units import Finite, NotNegative, Stamp
 from services.estimation.attitude_observer import AttitudeObserver
 from services.estimation.depth_observer import DepthObserver
 
@@ -10,7 +10,7 @@ from services.estimation.depth_observer import DepthObserver
 class Remembered(msgspec.Struct, frozen=True, kw_only=True):
     """Of the newest moment that was written down."""
 
-    stamp_ns: Ns  # [ns] when this was true
+    stamp_ns: Stamp  # [ns] when this was true
     atmosphere: NotNegative  # [Pa]
     atmosphere_std: NotNegative  # [Pa]
     gyro_bias: tuple[Finite, Finite, Finite]  # [rad/s] FRD

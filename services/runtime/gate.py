@@ -11,7 +11,8 @@ import msgspec
 
 from messages.topic import M, Topic
 from services.runtime.bus import Envelope
-from services.runtime.far_clock import FarClock, moved, stamps_of
+from services.runtime.far_clock import FarClock
+from services.runtime.stamps import mover
 
 FUTURE_NS = 100_000_000  # [ns] a stamp further ahead than this is a lie, not jitter
 
@@ -61,7 +62,7 @@ class Gate(Generic[M]):
         self._expires = not onlooker and "ttl_ms" in topic.message.__struct_fields__
         self._far = far if far is not None and far.concerns(topic) else None
         self._judged = far is None or far.judges(topic)
-        self._stamps = stamps_of(topic.message)
+        self._move = mover(topic.message)
         self._last: tuple[int, int] | None = None  # (stamp, seq) of the newest admitted, as said
 
     def bound_ns(self, now: int) -> int:
@@ -99,7 +100,7 @@ class Gate(Generic[M]):
         if self._far is not None:
             if self._far.ahead_ns is None:
                 return "unsynchronised" if self._topic.hz else None
-            moved(message, self._stamps, self._far.ahead_ns)
+            self._move(message, self._far.ahead_ns)
             bound = self._far.bound_ns(now)
         if self._judged and message.stamp_ns > now + FUTURE_NS + bound:
             return "from_future"
