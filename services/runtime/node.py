@@ -17,7 +17,7 @@ from messages.link import Clock
 from messages.topic import M, Topic
 from services.runtime.bus import Bus, Envelope
 from services.runtime.far_clock import FarClock
-from services.runtime.gate import Gate
+from services.runtime.gate import Gate, Gates
 from services.runtime.memory import Memory
 from services.runtime.ports import Inbox, Latest, Now, Publisher
 from services.runtime.pulse import Pulse, Usage
@@ -97,15 +97,13 @@ class Node:
         self, topic: Topic[M], handler: Callable[[M, int], None], *, onlooker: bool = False
     ) -> None:
         """Every message, in order of arrival. An onlooker acts on none, so expired ones count."""
-        inbox, gates = self._inbox(topic.key, EVENTS, self._home), dict[str, Gate[M]]()
+        inbox = self._inbox(topic.key, EVENTS, self._home)
+        gates = Gates(topic, self.counts, self._far, onlooker=onlooker)
 
         def drain() -> None:
             for arrival, envelope in inbox.take_all():
                 now = self._clock()
-                gate = gates.get(envelope.key)
-                if gate is None:
-                    gate = gates[envelope.key] = self.gate(topic, onlooker=onlooker)
-                if (message := gate.admit(envelope, now)) is not None:
+                if (message := gates.admit(envelope, now)) is not None:
                     self.pulse.handled(now - arrival)
                     handler(message, now)
 
