@@ -20,7 +20,7 @@ class Prediction(Message, frozen=True, kw_only=True):
     Judged later, when the state of that moment has arrived.
     """
 
-    state_ns: Stamp  # [ns] drone's clock; the state it starts from
+    state_ns: Stamp  # [ns] sensor sample of the state it starts from
     ahead_ms: NotNegative  # [ms] from there to now
     depth: Finite  # [m] positive down
     heading: Finite  # [rad] accumulates past ±π
