@@ -44,6 +44,15 @@ class FarClock:
         """Does this stream come from the other machine?"""
         return topic.way is self._crossing and topic.message not in ABOUT_CLOCKS
 
+    def local_ns(self, topic: AnyTopic, stamp_ns: int) -> int | None:
+        """[ns] A stamp of this stream by the clock of this side; None where that is not known: not
+        yet, or because the row is said on both sides."""
+        if topic.way is Way.BOTH:
+            return None
+        if topic.way is not self._crossing:
+            return stamp_ns
+        return None if self.ahead_ns is None else stamp_ns - self.ahead_ns
+
     def judges(self, topic: AnyTopic) -> bool:
         """Can its stamps be judged? Rows said on both sides may be of either clock."""
         return topic.way is not Way.BOTH and topic.message not in ABOUT_CLOCKS

@@ -14,7 +14,7 @@ import msgspec
 from messages import topics
 from messages.health import LogLine
 from messages.link import Clock
-from messages.topic import M, Topic
+from messages.topic import AnyTopic, M, Topic
 from services.runtime.bus import Bus, Envelope
 from services.runtime.far_clock import FarClock
 from services.runtime.gate import Gate, Gates
@@ -171,6 +171,10 @@ class Node:
     def gate(self, topic: Topic[M], *, onlooker: bool = False) -> Gate[M]:
         """The door of a port; for those who open envelopes themselves."""
         return Gate(topic, self.counts, self._far, onlooker=onlooker)
+
+    def local_ns(self, topic: AnyTopic, stamp_ns: int) -> int | None:
+        """[ns] A stamp of an unopened envelope by this node's clock; None where not known."""
+        return stamp_ns if self._far is None else self._far.local_ns(topic, stamp_ns)
 
     def learn_clock(self, clock: Clock) -> None:
         """For the sounder, which does not hear itself."""
