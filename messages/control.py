@@ -1,6 +1,7 @@
 """What the thrusters are asked for. From `control`; heard by `simulator` or a vehicle driver."""
 
-from messages.message import Finite, Message, Ns, Ttl, Vec6
+from messages.message import Message
+from messages.units import Finite, Stamp, Ttl, Vec6
 
 THRUST_TTL_MS = 200.0  # [ms] older thruster commands are zero thrust
 
@@ -8,7 +9,7 @@ THRUST_TTL_MS = 200.0  # [ms] older thruster commands are zero thrust
 class Wrench(Message, frozen=True, kw_only=True):
     """Force and moment about the vehicle's origin, body frame FRD."""
 
-    sensor_ns: Ns | None  # [ns] sensor sample behind this wrench
+    sensor_ns: Stamp | None  # [ns] sensor sample behind this wrench
     wanted: Vec6  # [N, N m] X, Y, Z, K, M, N the law asked for
     achieved: Vec6  # [N, N m] what the thruster commands add up to
     depth_integral: Finite  # [N] integrator's share of Z
@@ -21,8 +22,8 @@ class Wrench(Message, frozen=True, kw_only=True):
 class ThrusterCommand(Message, frozen=True, kw_only=True):
     """A force for each thruster."""
 
-    sensor_ns: Ns | None  # [ns] sensor sample that caused it
-    pilot_ns: Ns | None  # [ns] pilot command that caused it
+    sensor_ns: Stamp | None  # [ns] sensor sample that caused it
+    pilot_ns: Stamp | None  # [ns] pilot command that caused it
     thrust: tuple[Finite, ...]  # [N] per thruster, in the order of the vehicle file
     ttl_ms: Ttl = THRUST_TTL_MS  # [ms] after stamp_ns the driver stops the thrusters
     epoch: int = 0

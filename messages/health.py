@@ -2,18 +2,19 @@
 
 from typing import Literal
 
-from messages.message import Message, Positive
+from messages.message import Message
+from messages.units import NotNegative
 
 
 class Health(Message, frozen=True, kw_only=True):
     """The last second of a service, and its counts since start."""
 
     service: str
-    loop_hz: Positive  # [1/s] handler calls over the last period
-    lateness_p50_ms: Positive | None  # [ms] handled after it was due or arrived
-    lateness_p99_ms: Positive | None  # [ms]
-    cpu_percent: Positive | None  # [%] of one core; None on virtual time
-    rss_mb: Positive | None  # [MB] resident memory; None on virtual time
+    loop_hz: NotNegative  # [1/s] handler calls over the last period
+    lateness_p50_ms: NotNegative | None  # [ms] handled after it was due or arrived
+    lateness_p99_ms: NotNegative | None  # [ms]
+    cpu_percent: NotNegative | None  # [%] of one core; None on virtual time
+    rss_mb: NotNegative | None  # [MB] resident memory; None on virtual time
     sent: int  # messages since start
     received: int  # messages since start
     counts: dict[str, int]  # every dropped, stale, malformed, saturated … thing since start

@@ -4,7 +4,8 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from messages.message import Finite, Message, Ns, Positive, Stick, Ttl
+from messages.message import Message
+from messages.units import Finite, NotNegative, Stamp, Stick, Ttl
 
 Place = Annotated[tuple[Finite, ...], msgspec.Meta(min_length=2, max_length=3)]  # n, e(, down)
 TTL_MS = 300.0  # [ms] a stick position older than this moves nothing
@@ -20,7 +21,7 @@ class PilotCommand(Message, frozen=True, kw_only=True):
     tilt: Stick = 0.0  # [-] camera, + upwards
     pilot: Literal["present", "lost"] = "present"  # lost: the pad is gone, which is not "centred"
     source: str = ""  # which pad, keyboard or script
-    device_age_ms: Positive = 0.0  # [ms] since the device itself last answered
+    device_age_ms: NotNegative = 0.0  # [ms] since the device itself last answered
     ttl_ms: Ttl = TTL_MS  # [ms] after stamp_ns this command must not move anything
     epoch: int = 0  # authority epoch; a command of another epoch is refused
 
@@ -64,7 +65,7 @@ class StopDistance(msgspec.Struct, frozen=True):
 
     depth: Finite  # [m] positive down
     heading: Finite  # [rad] positive clockwise
-    seconds: Positive  # [s]
+    seconds: NotNegative  # [s]
 
 
 class PilotAnswer(Message, frozen=True, kw_only=True):
@@ -75,4 +76,4 @@ class PilotAnswer(Message, frozen=True, kw_only=True):
     reason: str = ""  # why not, in words for the pilot
     stop: StopDistance | None = None  # stop: how far the drone still goes
     epoch: int | None = None  # lease: the authority epoch that commands have to carry from now on
-    cause_ns: Ns | None = None  # [ns] stamp of the request
+    cause_ns: Stamp | None = None  # [ns] stamp of the request

@@ -2,15 +2,16 @@
 
 import msgspec
 
-from messages.message import Finite, Message, Ns, Positive
+from messages.message import Message
+from messages.units import Finite, NotNegative, Stamp
 
 
 class Miss(msgspec.Struct, frozen=True):
     """How far off a picture of the drone was, rms over the last seconds."""
 
-    depth: Positive  # [m]
-    heading: Positive  # [rad]
-    place: Positive | None = None  # [m] horizontal; None: the drone does not measure its place
+    depth: NotNegative  # [m]
+    heading: NotNegative  # [rad]
+    place: NotNegative | None = None  # [m] horizontal; None: the drone does not measure its place
 
 
 class Prediction(Message, frozen=True, kw_only=True):
@@ -19,8 +20,8 @@ class Prediction(Message, frozen=True, kw_only=True):
     Judged later, when the state of that moment has arrived.
     """
 
-    state_ns: Ns  # [ns] drone's clock; the state it starts from
-    ahead_ms: Positive  # [ms] from there to now
+    state_ns: Stamp  # [ns] sensor sample of the state it starts from
+    ahead_ms: NotNegative  # [ms] from there to now
     depth: Finite  # [m] positive down
     heading: Finite  # [rad] accumulates past ±π
     depth_rate: Finite  # [m/s]

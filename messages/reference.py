@@ -2,7 +2,8 @@
 
 import msgspec
 
-from messages.message import Finite, Message, Ns, Positive
+from messages.message import Message
+from messages.units import Finite, NotNegative, Stamp
 
 
 class Motion(msgspec.Struct, frozen=True):
@@ -12,14 +13,14 @@ class Motion(msgspec.Struct, frozen=True):
     velocity: Finite  # per second
     acceleration: Finite  # per second²
     jerk: Finite  # per second³
-    jerk_limit: Positive | None = None  # per second³, in force now; None where a path sets the pace
+    jerk_limit: NotNegative | None = None  # per second³, in force; None where a path sets the pace
 
 
 class Reference(Message, frozen=True, kw_only=True):
     """All axes at one instant."""
 
-    sensor_ns: Ns | None  # [ns] sensor sample that caused this reference
-    pilot_ns: Ns | None  # [ns] pilot command that shaped it
+    sensor_ns: Stamp | None  # [ns] sensor sample that caused this reference
+    pilot_ns: Stamp | None  # [ns] pilot command that shaped it
     epoch: int = 0  # authority epoch of the pilot behind it
     armed: bool  # False: thrusters stay off, the rest follows the vehicle
     depth: Motion  # NED, positive down

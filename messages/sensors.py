@@ -3,7 +3,8 @@
 `stamp_ns` is the sample's time of validity. Body frame is FRD (forward, starboard, down).
 """
 
-from messages.message import Finite, Message, Positive, Vec3
+from messages.message import Message
+from messages.units import Finite, NotNegative, Vec3
 
 
 class ImuSample(Message, frozen=True, kw_only=True):
@@ -22,7 +23,7 @@ class MagnetometerSample(Message, frozen=True, kw_only=True):
 class PressureSample(Message, frozen=True, kw_only=True):
     """Absolute pressure at the vehicle's origin."""
 
-    pressure: Positive  # [Pa] absolute
+    pressure: NotNegative  # [Pa] absolute
     temperature: Finite | None = None  # [°C] of the water
 
 
@@ -30,8 +31,8 @@ class DvlSample(Message, frozen=True, kw_only=True):
     """Doppler velocity log: velocity over the ground."""
 
     velocity: Vec3  # [m/s] FRD, of the vehicle's origin
-    std: Positive  # [m/s] one standard deviation of each component, as the device states it
-    altitude: Positive | None = None  # [m] above the bottom
+    std: NotNegative  # [m/s] one standard deviation of each component, as the device states it
+    altitude: NotNegative | None = None  # [m] above the bottom
 
 
 class UsblSample(Message, frozen=True, kw_only=True):
@@ -39,13 +40,13 @@ class UsblSample(Message, frozen=True, kw_only=True):
 
     north: Finite  # [m] NED
     east: Finite  # [m] NED
-    std: Positive  # [m] one standard deviation of each component
+    std: NotNegative  # [m] one standard deviation of each component
 
 
 class BatterySample(Message, frozen=True, kw_only=True):
     """What the battery gives and has given."""
 
-    voltage: Positive  # [V]
+    voltage: NotNegative  # [V]
     current: Finite  # [A] + out of the battery
-    used_wh: Positive  # [Wh] since power-on
-    capacity_wh: Positive | None = None  # [Wh] when full; None: the driver does not know
+    used_wh: NotNegative  # [Wh] since power-on
+    capacity_wh: NotNegative | None = None  # [Wh] when full; None: the driver does not know

@@ -2,7 +2,8 @@
 
 from typing import Literal
 
-from messages.message import Finite, Message, Ns
+from messages.message import Message
+from messages.units import Finite, Stamp
 
 # Thrusters: dead gives nothing, reversed the opposite, weak `value` of the thrust, stuck what was
 # asked for last. Sensors: silent says nothing, frozen repeats itself, noisy has `value` times the
@@ -28,4 +29,4 @@ class FaultAnswer(Message, frozen=True, kw_only=True):
     id: str
     accepted: bool
     reason: str = ""  # why not
-    cause_ns: Ns | None = None  # [ns] stamp of the request
+    cause_ns: Stamp | None = None  # [ns] stamp of the request

@@ -2,15 +2,16 @@
 
 from typing import Literal
 
-from messages.message import Estimate, Message, Ns, Positive, Quaternion
+from messages.message import Estimate, Message
+from messages.units import NotNegative, Quaternion, Stamp
 
 
 class VehicleState(Message, frozen=True, kw_only=True):
     """Every part carries value, standard deviation and validity. Unknown is None, never zero."""
 
-    sensor_ns: Ns  # [ns] the IMU sample this state belongs to
+    sensor_ns: Stamp  # [ns] the IMU sample this state belongs to
     phase: Literal["calibrating", "running"]
-    calibration_left: Positive | None = None  # [s] at rest still to go; None: done, or not known
+    calibration_left: NotNegative | None = None  # [s] at rest still to go; None: done, or not known
     depth: Estimate  # [m] positive down, of the vehicle's origin below the surface
     depth_rate: Estimate  # [m/s] positive down
     depth_acceleration: Estimate  # [m/s²] positive down
@@ -26,4 +27,4 @@ class VehicleState(Message, frozen=True, kw_only=True):
     east: Estimate | None = None  # [m] NED
     current_north: Estimate | None = None  # [m/s] of the water over the ground, NED
     current_east: Estimate | None = None  # [m/s]
-    pressure_age_ms: Positive | None = None  # [ms] since the last accepted pressure sample
+    pressure_age_ms: NotNegative | None = None  # [ms] since the last accepted pressure sample

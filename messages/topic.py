@@ -1,5 +1,6 @@
 """One stream: its key, what it carries, how often, how it travels and which way it crosses."""
 
+import re
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any, Generic, TypeVar, cast
@@ -8,6 +9,7 @@ from messages.message import Message
 
 M = TypeVar("M", bound=Message)
 
+MEMBER = re.compile(r"[a-z0-9_]{1,64}")  # what a member of a family may be called
 STALE_PERIODS = 5  # a stream is stale after this many nominal periods without a message
 STALE_AT_LEAST_NS = 100_000_000  # [ns] a busy computer may be this late without being broken
 
@@ -65,7 +67,7 @@ class Topic(Generic[M]):
         if not self.is_family:
             return key == self.key
         prefix = self.key[:-1]
-        return key.startswith(prefix) and "/" not in key[len(prefix) :]
+        return key.startswith(prefix) and MEMBER.fullmatch(key, len(prefix)) is not None
 
 
 AnyTopic = Topic[Any]

@@ -2,8 +2,9 @@
 
 from typing import Literal
 
-from messages.message import Finite, Message, Ns, Positive, Quaternion, Stick, Vec3
+from messages.message import Message
 from messages.pilot import Hold, StopDistance
+from messages.units import Finite, NotNegative, Quaternion, Stamp, Stick, Vec3
 
 Mode = Literal["starting", "ready", "piloted", "stopping", "goto", "follow"]
 Failsafe = Literal["none", "pilot_lost", "state_lost"]
@@ -28,11 +29,11 @@ class Actuation(Message, frozen=True, kw_only=True):
 
     # [N] per thruster, as its driver sees it turn: 0 when dead, of the other sign when reversed.
     thrust: tuple[Finite, ...]
-    actuated_ns: Ns | None  # [ns] when the newest command took effect
-    sensor_ns: Ns | None  # [ns] sensor sample behind that command
-    pilot_ns: Ns | None  # [ns] pilot command behind that command
+    actuated_ns: Stamp | None  # [ns] when the newest command took effect
+    sensor_ns: Stamp | None  # [ns] sensor sample behind that command
+    pilot_ns: Stamp | None  # [ns] pilot command behind that command
     stale: bool  # True: no valid command, thrusters are stopped
-    power: Positive  # [W] electrical
+    power: NotNegative  # [W] electrical
 
 
 class Truth(Message, frozen=True, kw_only=True):

@@ -30,8 +30,8 @@ class Heard(NamedTuple):
     """A pilot command on board."""
 
     seq: int
-    sent: int  # [ns] pilot's clock
-    arrived: int  # [ns] recorder's clock
+    sent: int  # [ns] by the recorder's clock
+    arrived: int  # [ns]
 
 
 def trace_of(path: Path) -> Traced:
@@ -51,6 +51,8 @@ def trace_of(path: Path) -> Traced:
             message = recording.decode(raw)
             if isinstance(message, Clock):
                 clocks.append(message)
+    # Before the clocks were known, the recorder took a command's arrival for its stamp.
+    commands = [command for command in commands if command.sent != command.arrived] or commands
     if one_clock(clocks) and len(commands) > 1:
         said = "known to be one" if clocks else "taken to be one: the sounder says nothing of them"
         how = "one way, down: arrival of pilot/command on board minus its stamp"

@@ -3,10 +3,11 @@
 import json
 from collections.abc import Iterator
 from math import ceil, exp, isfinite
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import msgspec
 
+from messages.units import PathQuantity
 from services.reference.fernandes.model_request import Request
 from services.reference.fernandes.reference_model import plan
 from services.reference.minimum_jerk import Limits
@@ -19,23 +20,21 @@ from services.runtime.settings import deploy_file, read
 
 MOST_ROWS = 10_000_000
 
-Above0 = Annotated[float, msgspec.Meta(ge=1e-6, le=1e6)]  # no drone is slower, faster or larger
-
 
 class PathFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What a path file says. Only the way-points must be there."""
 
     waypoints: list[list[float]]  # [m] [north, east] or [north, east, down]
-    min_radius: Above0 = 5.0  # [m] of every turn
+    min_radius: PathQuantity = 5.0  # [m] of every turn
     kind: Kind = "approximating"  # or "interpolating": visit every way-point
     smooth_yaw: bool = False  # turns with a continuous yaw acceleration instead of clothoids
-    cruise: Above0 = 0.3  # [m/s]
-    speeds: list[Above0] = []  # [m/s] of each part, instead of `cruise`
+    cruise: PathQuantity = 0.3  # [m/s]
+    speeds: list[PathQuantity] = []  # [m/s] of each part, instead of `cruise`
     model: Literal["mjvr", "fernandes"] = "mjvr"  # how the speed changes
-    acceleration: Above0 = 0.15  # [m/s²] mjvr: at most
-    jerk: Above0 = 0.3  # [m/s³] mjvr: at most
-    accel_time: Above0 = 20.0  # [s] fernandes: T_a
-    decel_time: Above0 = 20.0  # [s] fernandes: T_d
+    acceleration: PathQuantity = 0.15  # [m/s²] mjvr: at most
+    jerk: PathQuantity = 0.3  # [m/s³] mjvr: at most
+    accel_time: PathQuantity = 20.0  # [s] fernandes: T_a
+    decel_time: PathQuantity = 20.0  # [s] fernandes: T_d
     epsilon: float = 0.05  # [-] fernandes: ε_L
     theta_a: float = 0.8  # [-] fernandes
     theta_d: float = 0.2  # [-] fernandes

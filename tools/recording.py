@@ -36,7 +36,7 @@ class Raw(NamedTuple):
     key: str
     data: bytes  # JSON
     log_ns: int  # [ns] UTC of arrival
-    publish_ns: int  # [ns] UTC of the message's own stamp
+    publish_ns: int  # [ns] UTC of the message's own stamp; of arrival if of an unknown clock
 
 
 class Entry(NamedTuple):
@@ -45,7 +45,7 @@ class Entry(NamedTuple):
     key: str
     message: Message
     log_ns: int  # [ns] UTC of arrival
-    publish_ns: int  # [ns] UTC of the message's own stamp
+    publish_ns: int  # [ns] UTC of the message's own stamp; of arrival if of an unknown clock
 
 
 class Recording:

@@ -14,10 +14,11 @@ from math import copysign
 import msgspec
 import numpy as np
 
+from messages.units import Vec6
 from services.control.layout import AXES, AxisName, drivable, effect_matrix, independent
 from services.control.thrust_bias import ThrustBias
 from services.marine.thrusters import total_wrench
-from services.marine.vehicle import Thruster, Vec6, Vehicle
+from services.marine.vehicle import Thruster, Vehicle
 
 PRIORITY = (("roll", "pitch"), ("heave",), ("yaw",), ("surge", "sway"))
 ROUNDING = 1e-9  # [N] a thruster with this little of a demand has no part in it

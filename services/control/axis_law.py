@@ -15,14 +15,14 @@ from typing import Annotated
 import msgspec
 
 from messages.reference import Motion
+from messages.units import NotNegativeSetting, OpenShare, Positive
 from services.control.disturbance import DisturbanceObserver, clamped
-from services.control.gain_blend import Above0, Feedback, GainBlend, NotNegative, Static
+from services.control.gain_blend import Feedback, GainBlend, Static
 from services.control.plant import Plant
 
 Percent = Annotated[float, msgspec.Meta(ge=0.0, le=200.0)]
 WIDEST = 50.0  # [rad/s]
 Bandwidth = Annotated[float, msgspec.Meta(ge=0.0, le=WIDEST)]
-Share = Annotated[float, msgspec.Meta(gt=0.0, lt=1.0)]
 HELD_BACK = 0.2  # [-] of the velocity asked for; a vehicle that is slower does not move freely
 LATE_SPRING, LATE_DAMPER = 0.15, 0.4  # [-] of kp and kd while the rate comes late
 LEAST_DRAG_SPEED = 1e-3  # position units per second
@@ -32,16 +32,16 @@ MOVING = 1e-6  # any smaller reference velocity or acceleration is rest
 class Gains(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Units: force or moment (N, N m) per position unit (m, rad)."""
 
-    kp: NotNegative  # per position unit
-    kd: NotNegative  # per position unit per second
-    ki: NotNegative  # per position unit second
-    max_error: Above0  # position units; guard 1
-    max_integral: NotNegative  # [N] or [N m]; guard 2, well below a saturated thruster
+    kp: NotNegativeSetting  # per position unit
+    kd: NotNegativeSetting  # per position unit per second
+    ki: NotNegativeSetting  # per position unit second
+    max_error: Positive  # position units; guard 1
+    max_integral: NotNegativeSetting  # [N] or [N m]; guard 2, well below a saturated thruster
     observer: Bandwidth = 0.0  # [rad/s] of the disturbance observer; 0: the integral instead
-    drag_speed: NotNegative = 0.0  # position units per second; faster, it learns drag; 0: never
-    still: NotNegative = 0.0  # position units per second; slower, it learns no faster than ki
-    decay: Share = 0.98  # [-] per step; guard 3
-    decay_threshold: Above0 = 0.1  # position units; guard 3 acts on errors larger than this
+    drag_speed: NotNegativeSetting = 0.0  # position units per second; faster, it learns drag; 0: no
+    still: NotNegativeSetting = 0.0  # position units per second; slower, it learns as slowly as ki
+    decay: OpenShare = 0.98  # [-] per step; guard 3
+    decay_threshold: Positive = 0.1  # position units; guard 3 acts on errors larger than this
     acceleration_percent: Percent = 100.0  # [%] of the acceleration feed-forward; 100 is exact
     drag_percent: Percent = 100.0  # [%] of the drag feed-forward
     lead_percent: Percent = 100.0  # [%] of the thrusters' lag that the feed-forward runs ahead

@@ -7,15 +7,15 @@ import msgspec
 
 from messages import topics
 from messages.control import ThrusterCommand, Wrench
-from messages.message import Ns
 from messages.reference import Motion, Reference
 from messages.state import VehicleState
+from messages.units import Ns, Vec6
 from messages.vehicle import Actuation
 from services.control.laws import Laws
 from services.control.propulsion import Propulsion
 from services.control.settings import Settings as Settings
 from services.control.stability import require_stable
-from services.marine.vehicle import Vec6, Vehicle
+from services.marine.vehicle import Vehicle
 
 PERIOD_S = 1 / topics.REFERENCE.hz  # [s] for which a wrench is held
 LONGEST_STEP_S = 0.05  # [s] after a pause the integrators go on as if it had been this long

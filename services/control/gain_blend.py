@@ -10,17 +10,16 @@ from typing import Annotated
 
 import msgspec
 
-NotNegative = Annotated[float, msgspec.Meta(ge=0.0, le=1e6)]
-Above0 = Annotated[float, msgspec.Meta(gt=0.0, le=1e6)]
+from messages.units import NotNegativeSetting, Positive
 
 
 class Static(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Gains while the reference rests. Units: N or N m per position unit, m or rad."""
 
-    kp: NotNegative  # per position unit
-    kd: NotNegative  # per position unit per second
-    zone: NotNegative = 0.0  # position units; an error this small is left alone
-    leave: Above0 = 0.1  # position units; a larger error calls for the moving gains
+    kp: NotNegativeSetting  # per position unit
+    kd: NotNegativeSetting  # per position unit per second
+    zone: NotNegativeSetting = 0.0  # position units; an error this small is left alone
+    leave: Positive = 0.1  # position units; a larger error calls for the moving gains
     blend: Annotated[float, msgspec.Meta(ge=0.01, le=10.0)] = 0.5  # [s] from one set to the other
 
     def __post_init__(self) -> None:

@@ -8,7 +8,7 @@ from msgspec.structs import replace
 from messages.message import Estimate
 from messages.reference import Motion
 from messages.state import VehicleState
-from services.marine.vehicle import Vec6
+from messages.units import Vec6
 
 Place = tuple[float, float]  # [m] north, east
 STILL_WATER = (0.0, 0.0)  # [m/s]

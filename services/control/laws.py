@@ -5,6 +5,7 @@ from collections.abc import Callable
 from messages.message import Estimate
 from messages.reference import Motion, Reference
 from messages.state import VehicleState
+from messages.units import Vec6
 from services.control import horizontal
 from services.control.axis import Axis
 from services.control.axis_law import AxisLaw, Gains
@@ -15,7 +16,7 @@ from services.control.produced import Produced, lags_of
 from services.control.settings import Settings
 from services.control.transfer import Transfer
 from services.marine.rigid_body import system_inertia
-from services.marine.vehicle import Vec6, Vehicle
+from services.marine.vehicle import Vehicle
 
 
 class Laws:

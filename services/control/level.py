@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass
 
-from messages.message import Estimate, Ns
+from messages.message import Estimate
+from messages.units import Ns
 from services.control.settings import Level
 
 

@@ -3,8 +3,9 @@
 from dataclasses import dataclass
 from math import exp
 
+from messages.units import Vec6
 from services.marine.thrusters import wrench_per_newton
-from services.marine.vehicle import Vec6, Vehicle
+from services.marine.vehicle import Vehicle
 
 REST: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 Lags = tuple[float, ...]

@@ -2,12 +2,12 @@
 
 from dataclasses import dataclass, field
 
-from messages.message import Ns
+from messages.units import Ns, Vec6
 from messages.vehicle import Actuation
 from services.control.allocation import Allocated, Allocation, AllocationSettings
 from services.control.layout import AXES, require_pilotable
 from services.control.thruster_watch import ThrusterWatch
-from services.marine.vehicle import Vec6, Vehicle
+from services.marine.vehicle import Vehicle
 
 
 @dataclass(slots=True)

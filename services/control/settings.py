@@ -4,16 +4,16 @@ from typing import Annotated
 
 import msgspec
 
+from messages.units import NotNegativeSetting
 from services.control.allocation import AllocationSettings
 from services.control.axis_law import Gains
-from services.control.gain_blend import NotNegative
 
 
 class Level(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Roll or pitch held at zero, by vehicles whose thrusters can. 0, 0 leaves it to the hull."""
 
-    kp: NotNegative = 0.0  # [N m/rad]
-    kd: NotNegative = 0.0  # [N m s/rad]
+    kp: NotNegativeSetting = 0.0  # [N m/rad]
+    kd: NotNegativeSetting = 0.0  # [N m s/rad]
 
 
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -7,7 +7,7 @@ judged; a dead one is tried again now and then.
 
 from collections import deque
 
-from messages.message import Ns
+from messages.units import Ns
 from messages.vehicle import Actuation
 from services.control.watched_thruster import Pace, Verdict, WatchedThruster
 from services.marine.vehicle import Vehicle

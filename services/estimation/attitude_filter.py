@@ -14,14 +14,12 @@ from typing import Annotated
 
 import msgspec
 
+from messages.units import Quaternion, Vec3, WithinAnHour
 from services.marine.attitude import down_in_body, from_euler
 from services.marine.vehicle import GRAVITY
 
-Vec3 = tuple[float, float, float]
-Quaternion = tuple[float, float, float, float]
-Gain = Annotated[float, msgspec.Meta(gt=0.0, le=1.0)]
-Positive = Annotated[float, msgspec.Meta(gt=0.0, le=10.0)]
-Seconds = Annotated[float, msgspec.Meta(gt=0.0, le=3600.0)]
+CorrectionRate = Annotated[float, msgspec.Meta(gt=0.0, le=1.0)]
+UpToTen = Annotated[float, msgspec.Meta(gt=0.0, le=10.0)]
 
 
 class AttitudeSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -31,22 +29,22 @@ class AttitudeSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     # points up to 5° beside down, and what it drags the tilt along then turns the heading too: in
     # simulated dives 0.02 rad/s costs 1.4° of tilt and 0.2 °/min of heading, 0.002 a third and
     # nothing. A gyroscope's bias needs no more than ten times itself, which is 0.0005 rad/s.
-    correction: Gain = 0.002  # [rad/s]
-    recovery: Gain = 0.02  # [rad/s] the same while the tilt is known half as well as `tilt_std`
-    gravity_tolerance: Positive = 0.5  # [m/s²] | |f| - g | beyond it: accelerating, no correction
-    tilt_std: Positive = 0.02  # [rad] of roll and pitch while corrected
-    tilt_drift: Positive = 0.001  # [rad/s] growth of that while not corrected
-    heading_std: Positive = 0.002  # [rad] of the control heading while pitching, besides its drift
-    heading_drift: Positive = 7e-5  # [rad/s] growth of the control heading's spread; 0.25 deg/min
-    yaw_rate_std: Positive = 0.005  # [rad/s]
-    yaw_rate_cutoff: Positive = 8.0  # [Hz] of the exponential low-pass
+    correction: CorrectionRate = 0.002  # [rad/s]
+    recovery: CorrectionRate = 0.02  # [rad/s] while the tilt is known half as well as `tilt_std`
+    gravity_tolerance: UpToTen = 0.5  # [m/s²] | |f| - g | beyond it: accelerating, no correction
+    tilt_std: UpToTen = 0.02  # [rad] of roll and pitch while corrected
+    tilt_drift: UpToTen = 0.001  # [rad/s] growth of that while not corrected
+    heading_std: UpToTen = 0.002  # [rad] of the control heading while pitching, besides its drift
+    heading_drift: UpToTen = 7e-5  # [rad/s] growth of the control heading's spread; 0.25 deg/min
+    yaw_rate_std: UpToTen = 0.005  # [rad/s]
+    yaw_rate_cutoff: UpToTen = 8.0  # [Hz] of the exponential low-pass
     compass_time: Annotated[float, msgspec.Meta(gt=0.0, le=1e3)] = 10.0  # [s] blend with gyroscope
-    compass_std: Positive = 0.07  # [rad] of the navigation heading, with soft and hard iron
+    compass_std: UpToTen = 0.07  # [rad] of the navigation heading, with soft and hard iron
     compass_gate: Annotated[float, msgspec.Meta(ge=2.0, le=180.0)] = 10.0  # [deg] from gyroscope
-    compass_hold_off: Seconds = 3.0  # [s] normal field before the compass is used again
+    compass_hold_off: WithinAnHour = 3.0  # [s] normal field before the compass is used again
     field_tolerance: Annotated[float, msgspec.Meta(gt=0.0, le=50.0)] = 4.0  # [µT] of strength
     dip_tolerance: Annotated[float, msgspec.Meta(gt=0.0, le=90.0)] = 5.0  # [deg]
-    field_relearn: Seconds = 120.0  # [s] a field that has changed for good is the new normal
+    field_relearn: WithinAnHour = 120.0  # [s] a field that has changed for good is the new normal
     earth_field: Annotated[float, msgspec.Meta(ge=20.0, le=70.0)] | None = None  # [µT] None: learn
     earth_dip: Annotated[float, msgspec.Meta(ge=-90.0, le=90.0)] | None = None  # [deg] + is down
 

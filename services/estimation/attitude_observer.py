@@ -3,7 +3,8 @@
 from math import isfinite, pi
 
 from messages.message import Estimate
-from services.estimation.attitude_filter import AttitudeFilter, AttitudeSettings, Quaternion, Vec3
+from messages.units import Quaternion, Vec3
+from services.estimation.attitude_filter import AttitudeFilter, AttitudeSettings
 from services.estimation.heading import (
     Compass,
     ControlHeading,

@@ -1,7 +1,7 @@
 """The time before the dive: the vehicle floats at rest, and the pilot is told how long it takes."""
 
 from messages.sensors import ImuSample
-from services.estimation.attitude_filter import Vec3
+from messages.units import Vec3
 from services.estimation.calibration import (
     Calibrated,
     Calibration,

@@ -16,12 +16,13 @@ from typing import Annotated
 
 import msgspec
 
-from services.estimation.attitude_filter import Vec3, tilt_of
+from messages.units import Vec3
+from services.estimation.attitude_filter import tilt_of
 from services.estimation.heading import bearing
 from services.marine.attitude import from_euler
 from services.marine.vehicle import GRAVITY
 
-Positive = Annotated[float, msgspec.Meta(gt=0.0, le=600.0)]
+UpTo600 = Annotated[float, msgspec.Meta(gt=0.0, le=600.0)]
 TOLD_EVERY = 2.0  # [s] of rest between two words to the pilot
 BLOCK = 50  # IMU samples judged together; half a second
 ENOUGH_PRESSURES = 20  # samples; fewer do not average 5 mbar away
@@ -30,17 +31,17 @@ ENOUGH_PRESSURES = 20  # samples; fewer do not average 5 mbar away
 class CalibrationSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What counts as still."""
 
-    still_time: Positive = 10.0  # [s] at rest without a break; 0.17 deg/min of drift, see above
-    rate_std: Positive = 0.02  # [rad/s] more spread than this within half a second is motion
-    force_std: Positive = 0.2  # [m/s²] likewise, of the specific force
-    largest_bias: Positive = 0.1  # [rad/s] a mean rate beyond this is a turn, not a bias
+    still_time: UpTo600 = 10.0  # [s] at rest without a break; 0.17 deg/min of drift, see above
+    rate_std: UpTo600 = 0.02  # [rad/s] more spread than this within half a second is motion
+    force_std: UpTo600 = 0.2  # [m/s²] likewise, of the specific force
+    largest_bias: UpTo600 = 0.1  # [rad/s] a mean rate beyond this is a turn, not a bias
 
     # While running, the bias is learnt on at rest; rest must be stiller than at the start.
-    rest_time: Positive = 3.0  # [s] still without a break before it counts
-    rest_rate_std: Positive = 0.004  # [rad/s] within half a second, sensor noise included
-    rest_force_std: Positive = 0.06  # [m/s²] likewise
-    rest_change: Positive = 0.0017  # [rad/s] 0.1 deg/s; a bias does not change by more at once
-    rest_memory: Positive = 60.0  # [s] of rest that the running mean weighs at most
+    rest_time: UpTo600 = 3.0  # [s] still without a break before it counts
+    rest_rate_std: UpTo600 = 0.004  # [rad/s] within half a second, sensor noise included
+    rest_force_std: UpTo600 = 0.06  # [m/s²] likewise
+    rest_change: UpTo600 = 0.0017  # [rad/s] 0.1 deg/s; a bias does not change by more at once
+    rest_memory: UpTo600 = 60.0  # [s] of rest that the running mean weighs at most
 
 
 @dataclass(frozen=True, slots=True)

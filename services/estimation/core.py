@@ -19,11 +19,11 @@ from messages.sensors import (
     UsblSample,
 )
 from messages.state import VehicleState
+from messages.units import Vec3
 from messages.vehicle import Actuation
 from services.estimation import beginning, status
 from services.estimation.admission import Admission
 from services.estimation.asked_motion import asked_acceleration
-from services.estimation.attitude_filter import Vec3
 from services.estimation.beginning import Observers
 from services.estimation.calibrating import Calibrating
 from services.estimation.horizontal_hull import Hull

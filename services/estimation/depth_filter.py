@@ -17,9 +17,9 @@ from typing import Annotated
 
 import msgspec
 
+from messages.units import Positive
 from services.estimation.depth_ways import Observer
 
-Positive = Annotated[float, msgspec.Meta(gt=0.0, le=1e6)]
 Latency = Annotated[float, msgspec.Meta(ge=0.0, le=0.3)]
 
 Lean = tuple[float, float]  # [-] sines: how far the forward and starboard axes point down

@@ -7,7 +7,8 @@ control loop it turns the vehicle (Andrén 2023, section 5.3.2).
 from math import atan2, exp, hypot, pi, radians, remainder
 
 from messages import topics
-from services.estimation.attitude_filter import AttitudeSettings, Quaternion, Vec3
+from messages.units import Quaternion, Vec3
+from services.estimation.attitude_filter import AttitudeSettings
 from services.estimation.magnetic_field import MagneticField
 from services.marine.attitude import down_in_body
 

@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from services.estimation.attitude_filter import Quaternion, Vec3
+from messages.units import Quaternion, Vec3
 from services.estimation.horizontal_hull import Expected, Hull
 from services.estimation.horizontal_settings import HorizontalSettings
 from services.marine.attitude import to_body

@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 from messages.message import Estimate
 from messages.sensors import DvlSample, UsblSample
+from messages.units import Quaternion, Vec3
 from messages.vehicle import Actuation
 from services.estimation import horizontal_filter as ekf
-from services.estimation.attitude_filter import Quaternion, Vec3
 from services.estimation.deviation import Coefficients, Deviation
 from services.estimation.heading import horizontal, wrapped
 from services.estimation.horizontal_filter import Belief, Innovation, Leg, Pair

@@ -4,8 +4,7 @@ from typing import Annotated
 
 import msgspec
 
-Positive = Annotated[float, msgspec.Meta(gt=0.0, le=1e6)]
-Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
+from messages.units import Positive, Share
 
 
 class HorizontalSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

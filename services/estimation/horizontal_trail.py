@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from services.estimation.attitude_filter import Quaternion
+from messages.units import Quaternion
 from services.estimation.horizontal_filter import Belief, Leg
 from services.marine.attitude import normalised
 

@@ -2,7 +2,7 @@
 
 import msgspec
 
-from messages.message import Finite, Ns, Positive
+from messages.units import Finite, NotNegative, Stamp
 from services.estimation.attitude_observer import AttitudeObserver
 from services.estimation.depth_observer import DepthObserver
 
@@ -10,15 +10,15 @@ from services.estimation.depth_observer import DepthObserver
 class Remembered(msgspec.Struct, frozen=True, kw_only=True):
     """Of the newest moment that was written down."""
 
-    stamp_ns: Ns  # [ns] when this was true
-    atmosphere: Positive  # [Pa]
-    atmosphere_std: Positive  # [Pa]
+    stamp_ns: Stamp  # [ns] when this was true
+    atmosphere: NotNegative  # [Pa]
+    atmosphere_std: NotNegative  # [Pa]
     gyro_bias: tuple[Finite, Finite, Finite]  # [rad/s] FRD
     accelerometer_bias: Finite  # [m/s²] along down
     heading: Finite  # [rad] control heading, accumulated
-    heading_std: Positive  # [rad] drift since calibration
+    heading_std: NotNegative  # [rad] drift since calibration
     north: Finite | None = None  # [rad] navigation minus control heading
-    field_strength: Positive | None = None  # [µT] normal
+    field_strength: NotNegative | None = None  # [µT] normal
     field_dip: Finite | None = None  # [rad] normal
 
 

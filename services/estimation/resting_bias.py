@@ -7,7 +7,7 @@ moving water shake it more than the sensor's own noise, so what is averaged is s
 A steady turn slower than `rest_change` cannot be told from a bias; that is why the average is slow.
 """
 
-from services.estimation.attitude_filter import Vec3
+from messages.units import Vec3
 from services.estimation.calibration import BLOCK, CalibrationSettings, Mean
 
 

@@ -10,10 +10,9 @@ from typing import Annotated
 import msgspec
 
 from messages import topics
+from messages.units import OpenShare, WithinAnHour
 
-Seconds = Annotated[float, msgspec.Meta(gt=0.0, le=3600.0)]
-Rate = Annotated[float, msgspec.Meta(ge=1.0, le=100.0)]
-Share = Annotated[float, msgspec.Meta(gt=0.0, lt=1.0)]
+PressureRate = Annotated[float, msgspec.Meta(ge=1.0, le=100.0)]
 WINDOW = 2.0  # [s] over which a rate is judged
 GAP = 5.0  # [periods] a longer break is a drop-out and says nothing about the rate
 
@@ -24,18 +23,18 @@ class WatchSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     A noisy sensor never repeats itself. One that rounds coarsely does, at rest: give it longer.
     """
 
-    imu_frozen: Seconds = 0.2  # [s]
-    magnetometer_frozen: Seconds = 1.0  # [s]
-    pressure_frozen: Seconds = 10.0  # [s]
-    pressure_rate: Rate = topics.PRESSURE.hz  # [1/s] of this vehicle's sensor
-    dvl_frozen: Seconds = 10.0  # [s]
-    usbl_frozen: Seconds = 20.0  # [s]
-    rate_tolerance: Share = 0.2  # [-] of the topic's rate
+    imu_frozen: WithinAnHour = 0.2  # [s]
+    magnetometer_frozen: WithinAnHour = 1.0  # [s]
+    pressure_frozen: WithinAnHour = 10.0  # [s]
+    pressure_rate: PressureRate = topics.PRESSURE.hz  # [1/s] of this vehicle's sensor
+    dvl_frozen: WithinAnHour = 10.0  # [s]
+    usbl_frozen: WithinAnHour = 20.0  # [s]
+    rate_tolerance: OpenShare = 0.2  # [-] of the topic's rate
 
     # A sensor that was heard and then says nothing for so long is silent.
-    magnetometer_silent: Seconds = 1.0  # [s]
-    dvl_silent: Seconds = 5.0  # [s]
-    usbl_silent: Seconds = 20.0  # [s]
+    magnetometer_silent: WithinAnHour = 1.0  # [s]
+    dvl_silent: WithinAnHour = 5.0  # [s]
+    usbl_silent: WithinAnHour = 20.0  # [s]
 
 
 class SensorWatch:

@@ -10,11 +10,11 @@ from typing import Annotated, Literal, NamedTuple, Protocol
 
 import msgspec
 
+from messages.units import Share
 from services.gamepad.wish import Press, Wish
 
-Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 DeadBand = Annotated[float, msgspec.Meta(ge=0.0, le=0.9)]
-Stick = Literal["leftx", "lefty", "rightx", "righty", "-leftx", "-lefty", "-rightx", "-righty"]
+StickName = Literal["leftx", "lefty", "rightx", "righty", "-leftx", "-lefty", "-rightx", "-righty"]
 Trigger = Literal["lefttrigger", "righttrigger", "leftshoulder", "rightshoulder"]
 Button = Literal[
     "a", "b", "x", "y", "back", "guide", "start", "leftstick", "rightstick",
@@ -48,10 +48,10 @@ class Gain(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class Axes(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Which stick is which axis. SDL counts up as negative; a leading `-` turns a stick round."""
 
-    surge: Stick = "-righty"  # stick up is forward
-    sway: Stick = "rightx"
-    heave: Stick = "lefty"  # stick up is up, which is negative in NED
-    yaw: Stick = "leftx"
+    surge: StickName = "-righty"  # stick up is forward
+    sway: StickName = "rightx"
+    heave: StickName = "lefty"  # stick up is up, which is negative in NED
+    yaw: StickName = "leftx"
 
 
 class Triggers(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

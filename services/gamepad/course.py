@@ -7,10 +7,10 @@ from typing import Annotated, Literal
 import msgspec
 
 from messages.pilot import Course, Place
+from messages.units import PathQuantity
 from services.runtime.errors import LindyError
 from services.runtime.settings import read
 
-Above0 = Annotated[float, msgspec.Meta(ge=1e-6, le=1e6)]
 Waypoints = Annotated[tuple[Place, ...], msgspec.Meta(min_length=2, max_length=1000)]
 
 
@@ -18,18 +18,18 @@ class PathFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The keys of a file in deploy/paths; the same that `lindy path` knows."""
 
     waypoints: Waypoints  # [m] [north, east] or [north, east, down]
-    min_radius: Above0 = 5.0  # [m] of every turn
+    min_radius: PathQuantity = 5.0  # [m] of every turn
     kind: Literal["approximating", "interpolating"] = "approximating"
-    cruise: Above0 = 0.3  # [m/s]
-    acceleration: Above0 = 0.15  # [m/s²] at most
-    jerk: Above0 = 0.3  # [m/s³] at most
+    cruise: PathQuantity = 0.3  # [m/s]
+    acceleration: PathQuantity = 0.15  # [m/s²] at most
+    jerk: PathQuantity = 0.3  # [m/s³] at most
     model: Literal["mjvr", "fernandes"] = "mjvr"  # how the speed changes
-    speeds: list[Above0] = []  # [m/s] of each part, instead of `cruise`
+    speeds: list[PathQuantity] = []  # [m/s] of each part, instead of `cruise`
     # What follows means nothing to a course: its turns are always smooth in yaw, and the rest
     # belongs to the other model.
     smooth_yaw: bool = False
-    accel_time: Above0 = 20.0  # [s]
-    decel_time: Above0 = 20.0  # [s]
+    accel_time: PathQuantity = 20.0  # [s]
+    decel_time: PathQuantity = 20.0  # [s]
     epsilon: float = 0.05  # [-]
     theta_a: float = 0.8  # [-]
     theta_d: float = 0.2  # [-]

@@ -2,8 +2,8 @@
 
 import msgspec
 
-from messages.message import Ns
 from messages.pilot import Course, Hold, PilotAnswer, PilotRequest, RequestKind
+from messages.units import Ns
 
 REPEAT_NS = 200_000_000  # [ns]
 GIVE_UP_NS = 5_000_000_000  # [ns]

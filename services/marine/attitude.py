@@ -6,9 +6,7 @@ Source of all: Fossen 2011, §2.2.
 
 from math import asin, atan2, cos, hypot, pi, sin, sqrt
 
-from services.marine.vehicle import Vec3
-
-Quaternion = tuple[float, float, float, float]  # [-] w, x, y, z
+from messages.units import Quaternion, Vec3
 
 LEVEL: Quaternion = (1.0, 0.0, 0.0, 0.0)
 

@@ -5,7 +5,8 @@ Buoyancy acts there also when part of the hull is out of the water: the shift of
 volume's centre, which matters for a boat, is left out.
 """
 
-from services.marine.vehicle import GRAVITY, Vec3, Vec6, Vehicle
+from messages.units import Vec3, Vec6
+from services.marine.vehicle import GRAVITY, Vehicle
 
 
 def damping(linear: Vec6, quadratic: Vec6, nu: Vec6) -> Vec6:

@@ -4,7 +4,8 @@ The centre of gravity is the vehicle's origin and added mass is diagonal, so the
 matrix M = M_RB + M_A is diagonal and is kept as six numbers.
 """
 
-from services.marine.vehicle import Vec6, Vehicle
+from messages.units import Vec6
+from services.marine.vehicle import Vehicle
 
 
 def system_inertia(vehicle: Vehicle) -> Vec6:

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 from math import sqrt
 from typing import overload
 
-from services.marine.vehicle import Thruster, Vec6
+from messages.units import Vec6
+from services.marine.vehicle import Thruster
 
 ComplexVec6 = tuple[complex, complex, complex, complex, complex, complex]
 

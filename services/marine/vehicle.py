@@ -7,16 +7,19 @@ from typing import Annotated
 
 import msgspec
 
+from messages.units import FiniteSetting, NotNegativeSetting, Positive
 from services.marine.thrust_curve import CURVES, LINEAR
 from services.marine.thruster_lag import Lag, Mode, first_order, modes_of
 
-# The upper limits are far beyond any vehicle; they keep infinities out.
-Positive = Annotated[float, msgspec.Meta(gt=0.0, le=1e6)]
-NotNegative = Annotated[float, msgspec.Meta(ge=0.0, le=1e6)]
-Finite = Annotated[float, msgspec.Meta(ge=-1e6, le=1e6)]
-Vec3 = tuple[Finite, Finite, Finite]
-Vec6 = tuple[Finite, Finite, Finite, Finite, Finite, Finite]
-Diagonal = tuple[NotNegative, NotNegative, NotNegative, NotNegative, NotNegative, NotNegative]
+SettingVec3 = tuple[FiniteSetting, FiniteSetting, FiniteSetting]
+Diagonal = tuple[
+    NotNegativeSetting,
+    NotNegativeSetting,
+    NotNegativeSetting,
+    NotNegativeSetting,
+    NotNegativeSetting,
+    NotNegativeSetting,
+]
 
 
 class Thruster(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -28,11 +31,11 @@ class Thruster(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """
 
     name: str
-    position: Vec3  # [m] FRD, of the propeller
-    direction: Vec3  # [-] FRD, of the force for a positive command; need not be normalised
+    position: SettingVec3  # [m] FRD, of the propeller
+    direction: SettingVec3  # [-] FRD, of the force for a positive command; need not be normalised
     max_thrust: Positive  # [N] of a positive command
     max_reverse: Positive | None = None  # [N] of a negative command; None: the same
-    dead_band: NotNegative = 0.0  # [N] commands smaller than this produce nothing
+    dead_band: NotNegativeSetting = 0.0  # [N] commands smaller than this produce nothing
     time_constant: Positive = 0.08  # [s] first-order lag of the thrust …
     lag: Lag | None = None  # … unless a transfer function is given
     curve: str = LINEAR  # what it gives for its voltage, see thrust_curve.py
@@ -82,12 +85,12 @@ class Vehicle(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     name: str
     mass: Positive  # [kg] in air
-    net_buoyancy: Finite  # [N] buoyancy minus weight when submerged; + floats
+    net_buoyancy: FiniteSetting  # [N] buoyancy minus weight when submerged; + floats
     inertia: tuple[Positive, Positive, Positive]  # [kg m²] about roll, pitch, yaw, without water
     added_mass: Diagonal  # [kg, kg m²]
     linear_damping: Diagonal  # [N s/m, N m s/rad]
     quadratic_damping: Diagonal  # [N s²/m², N m s²/rad²]
-    metacentric_height: NotNegative  # [m] centre of buoyancy above centre of gravity
+    metacentric_height: NotNegativeSetting  # [m] centre of buoyancy above centre of gravity
     size: tuple[Positive, Positive, Positive]  # [m] length, width, height; origin in the middle
     thruster: Annotated[list[Thruster], msgspec.Meta(min_length=1)]
 

@@ -9,7 +9,8 @@ after the body-lift terms of Prestero 2001. A fin only ever brakes.
 
 from typing import NamedTuple
 
-from services.marine.vehicle import Vec6, Vehicle
+from messages.units import Vec6
+from services.marine.vehicle import Vehicle
 
 ARM_SHARE = 0.4  # [-] the fin's place, as a share of the hull's length along the flow; assumed
 PAIRS = ((0, 1, 2, 1), (0, 2, 1, -1), (1, 2, 0, 1))  # axes i, j, the third axis k, sign of i j k

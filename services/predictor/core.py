@@ -9,11 +9,12 @@ from dataclasses import dataclass, field
 from math import cos, sin
 from statistics import median
 
-from messages.message import Estimate, Ns
+from messages.message import Estimate
 from messages.pilot import PilotCommand
 from messages.prediction import Prediction
 from messages.reference import Motion, Reference
 from messages.state import VehicleState
+from messages.units import Ns
 from messages.vehicle import VehicleStatus
 from services.marine.vehicle import Vehicle
 from services.predictor.ahead import Change, coasting, joined, reference_ahead

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from math import hypot, sqrt
 from typing import NamedTuple
 
-from messages.message import Ns
 from messages.prediction import Miss
+from messages.units import Ns
 
 WINDOW_NS = 5_000_000_000  # [ns] of judged predictions
 

@@ -5,7 +5,7 @@ channels grow without end: a flood of invented keys ends up under one shared nam
 """
 
 import hashlib
-import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -18,7 +18,6 @@ from messages.topic import AnyTopic
 MEMBERS = 64  # recorded members of one family, such as health/*
 UNKNOWN = 32  # unknown keys that are counted under their own name
 NAME_LENGTH = 80  # characters of an unknown key that are kept in its count
-KEY = re.compile(r"[a-z0-9_]+(/[a-z0-9_]+)*")  # what a key of ours is made of
 LATEST_NS = 2**63 - 1  # [ns] MCAP tools read times as signed or unsigned 64 bit; this fits both
 
 
@@ -29,7 +28,7 @@ class Row(NamedTuple):
     key: str
     data: bytes  # JSON
     log_ns: int  # [ns] UTC of arrival
-    publish_ns: int  # [ns] UTC of the message's own stamp
+    publish_ns: int  # [ns] UTC of the message's own stamp, or of arrival: see `Intake`
     sequence: int  # the publisher's count, modulo 2³²
 
 
@@ -40,15 +39,24 @@ class _Stream:
     decoder: msgspec.msgpack.Decoder[Message]
 
 
+def _as_said(_: AnyTopic, stamp_ns: int) -> int | None:
+    return stamp_ns
+
+
 class Intake:
     """Checks, converts, counts and hashes every envelope of a vehicle.
 
     Args:
-        wall_offset_ns: [ns] UTC minus the clock of arrivals and stamps.
+        wall_offset_ns: [ns] UTC minus the recorder's clock, which is that of arrivals.
+        local_ns: a stamp [ns] of a stream by the recorder's clock; None where that is not known,
+            and the arrival then stands for it. By default there is one clock.
     """
 
-    def __init__(self, wall_offset_ns: int) -> None:
+    def __init__(
+        self, wall_offset_ns: int, local_ns: Callable[[AnyTopic, int], int | None] = _as_said
+    ) -> None:
         self._offset = wall_offset_ns
+        self._local_ns = local_ns
         self._streams: dict[str, _Stream] = {}  # every topic of the table, and members met
         self._members: dict[str, int] = {}  # family → how many members are recorded
         self._unknown: set[str] = set()
@@ -63,7 +71,7 @@ class Intake:
         """The row to be written, or the name under which the refusal is to be counted.
 
         Args:
-            arrival: [ns] on the clock of the vehicle's stamps.
+            arrival: [ns] by the recorder's clock.
         """
         stream = self._streams.get(key) or self._family_of(key)
         if stream is None:
@@ -75,7 +83,9 @@ class Intake:
         message = _open(stream, payload)
         if message is None:
             return f"malformed:{name}"
-        log_ns, publish_ns = arrival + self._offset, message.stamp_ns + self._offset
+        stamp_ns = self._local_ns(stream.topic, message.stamp_ns)
+        log_ns = arrival + self._offset
+        publish_ns = log_ns if stamp_ns is None else stamp_ns + self._offset
         if not (0 <= log_ns <= LATEST_NS and 0 <= publish_ns <= LATEST_NS):
             return f"malformed:{name}"
         if key not in self._streams and not self._admit(key, stream):
@@ -91,7 +101,7 @@ class Intake:
 
     def _family_of(self, key: str) -> _Stream | None:
         topic = topics.find(key)
-        return self._streams[topic.key] if topic and KEY.fullmatch(key) else None
+        return None if topic is None else self._streams[topic.key]
 
     def _admit(self, key: str, family: _Stream) -> bool:
         """A member of a family, heard for the first time."""

@@ -122,7 +122,12 @@ class Scribe:
             "overrides": json.dumps(stack.overrides),
         }
         file.metadata("dive", about)
-        file.metadata("clock", {"utc_minus_stamp_ns": str(self._node.wall_offset_ns)})
+        clock = {
+            "utc_minus_stamp_ns": str(self._node.wall_offset_ns),
+            "publish_time": "the stamp by this clock; the arrival where the stamp is of another "
+            "machine's clock and the difference is not known",
+        }
+        file.metadata("clock", clock)
         file.attach(stack.vehicle_path.name, "application/toml", self._vehicle_file)
         file.attach("topics.json", "application/json", _topic_table())
 

@@ -13,7 +13,7 @@ DEPTH = 20_000  # envelopes held while the disk is slow: some ten seconds of a d
 
 
 def wire(node: Node, stack: Stack) -> None:
-    intake = Intake(node.wall_offset_ns)
+    intake = Intake(node.wall_offset_ns, node.local_ns)
     scribe = Scribe(node, stack)
     home = next(iter(node.realms))
 

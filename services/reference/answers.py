@@ -4,8 +4,8 @@ from dataclasses import dataclass, field
 
 import msgspec
 
-from messages.message import Ns
 from messages.pilot import PilotAnswer, PilotCommand, PilotRequest, StopDistance
+from messages.units import Ns
 
 KEPT = 64  # answers known by heart
 CENTRED = 0.05  # [-] a stick this close to the middle counts as let go

@@ -37,7 +37,7 @@ class Axes:
             Ramp(settings.yaw.limits),
             Place(settings.place.limits),
             Ramp(settings.tilt.limits),
-            Ramp(settings.heave.limits),
+            Ramp(settings.place.limits),
             VectorRamp(settings.horizontal.limits, STILL, STILL),
             Ramp(settings.heave_force.limits),
             Ramp(settings.yaw_moment.limits),

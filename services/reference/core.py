@@ -11,10 +11,10 @@ from dataclasses import dataclass, field
 
 import msgspec
 
-from messages.message import Ns
 from messages.pilot import Hold, PilotAnswer, PilotCommand, PilotRequest, StopDistance
 from messages.reference import Reference
 from messages.state import VehicleState
+from messages.units import Ns
 from messages.vehicle import Failsafe, Mode, VehicleStatus
 from services.reference import requests
 from services.reference.answers import AnswerBook, centred, refusal

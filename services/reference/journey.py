@@ -107,7 +107,7 @@ class Journey:
             self.axes.brake(t)
         self._forget()
         if following is not None:
-            self.following, _ = following.stop(self.axes.settings.heave.limits, t)
+            self.following, _ = following.stop(self.axes.settings.place.limits, t)
 
     def stop(self, t: float) -> StopDistance:
         """Emergency stop, along the path if there is one. Says how far it still goes."""
@@ -116,7 +116,7 @@ class Journey:
         self._forget()
         if following is not None:
             here = following.point(t)
-            self.following, end = following.stop(axes.settings.heave.stop, t)
+            self.following, end = following.stop(axes.settings.place.stop, t)
             there = self.following.point(end)
             return StopDistance(there.down - here.down, there.heading - here.heading, end - t)
         axes.stop(t)

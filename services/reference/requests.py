@@ -1,7 +1,7 @@
 """Requests that move the drone or say what it holds. Each is done, or says why it is not."""
 
-from messages.message import Finite
 from messages.pilot import Course, Hold, PilotRequest
+from messages.units import Finite
 from services.reference.flight import Flight
 from services.reference.following import Planned
 from services.reference.ground import Pair, north_offset

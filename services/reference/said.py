@@ -1,9 +1,9 @@
 """The reference as it is said: every axis of a flight at one instant."""
 
-from messages.message import Ns
 from messages.pilot import PilotCommand
 from messages.reference import Motion, Reference
 from messages.state import VehicleState
+from messages.units import Ns
 from services.reference.flight import Flight
 from services.reference.minimum_jerk import Ramp, Sample
 

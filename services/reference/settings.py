@@ -4,21 +4,21 @@ from typing import Annotated
 
 import msgspec
 
+from messages.units import Positive
 from services.reference.minimum_jerk import Limits
 
-Above0 = Annotated[float, msgspec.Meta(gt=0.0, le=1e6)]
-Angle = Annotated[float, msgspec.Meta(ge=-1.6, le=1.6)]
+TiltAngle = Annotated[float, msgspec.Meta(ge=-1.6, le=1.6)]
 
 
 class VelocityAxis(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A stick that is a velocity, with its position integral."""
 
-    max_velocity: Above0  # per s, at full stick
-    max_acceleration: Above0  # per s²
-    jerk: Above0  # per s³
-    max_error: Above0  # position units; the reference waits for a vehicle that is held back
-    stop_acceleration: Above0  # per s², of an emergency stop
-    stop_jerk: Above0  # per s³, of an emergency stop
+    max_velocity: Positive  # per s, at full stick
+    max_acceleration: Positive  # per s²
+    jerk: Positive  # per s³
+    max_error: Positive  # position units; the reference waits for a vehicle that is held back
+    stop_acceleration: Positive  # per s², of an emergency stop
+    stop_jerk: Positive  # per s³, of an emergency stop
 
     @property
     def limits(self) -> Limits:
@@ -32,12 +32,12 @@ class VelocityAxis(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class HorizontalForce(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Surge and sway sticks as one force, whose changes run straight. Limits are of its norm."""
 
-    max_surge: Above0 = 30.0  # [N] at full stick
-    max_sway: Above0 = 20.0  # [N] at full stick
-    max_rate: Above0 = 40.0  # [N/s] plays the part of the acceleration
-    max_rate_change: Above0 = 120.0  # [N/s²] plays the part of the jerk
-    stop_rate: Above0 = 80.0  # [N/s] of an emergency stop
-    stop_rate_change: Above0 = 400.0  # [N/s²] of an emergency stop
+    max_surge: Positive = 30.0  # [N] at full stick
+    max_sway: Positive = 20.0  # [N] at full stick
+    max_rate: Positive = 40.0  # [N/s] plays the part of the acceleration
+    max_rate_change: Positive = 120.0  # [N/s²] plays the part of the jerk
+    stop_rate: Positive = 80.0  # [N/s] of an emergency stop
+    stop_rate_change: Positive = 400.0  # [N/s²] of an emergency stop
 
     @property
     def limits(self) -> Limits:
@@ -51,9 +51,9 @@ class HorizontalForce(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class StickForce(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The heave or the yaw stick where the drone does not hold that axis."""
 
-    full: Above0  # [N] or [N m] at full stick
-    max_rate: Above0  # per s
-    max_rate_change: Above0  # per s²
+    full: Positive  # [N] or [N m] at full stick
+    max_rate: Positive  # per s
+    max_rate_change: Positive  # per s²
 
     @property
     def limits(self) -> Limits:
@@ -63,11 +63,11 @@ class StickForce(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class TiltAxis(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The camera, which stops smoothly at the end of its range."""
 
-    max_velocity: Above0 = 0.6  # [rad/s] at full stick
-    max_acceleration: Above0 = 2.0  # [rad/s²]
-    jerk: Above0 = 8.0  # [rad/s³]
-    lowest: Angle = -0.52  # [rad] + upwards
-    highest: Angle = 0.52  # [rad]
+    max_velocity: Positive = 0.6  # [rad/s] at full stick
+    max_acceleration: Positive = 2.0  # [rad/s²]
+    jerk: Positive = 8.0  # [rad/s³]
+    lowest: TiltAngle = -0.52  # [rad] + upwards
+    highest: TiltAngle = 0.52  # [rad]
 
     def __post_init__(self) -> None:
         if not self.lowest <= self.highest:

@@ -2,15 +2,13 @@
 
 A message's stamps are in the clock of the realm it was said in. Where the drone is a machine of
 its own, every node keeps what the sounder says of the two clocks, and the gates turn the stamps of
-whatever crossed the link into local time. On one machine there is one clock and nothing to do.
+whatever crossed the link into local time (stamps.py). On one machine there is one clock and
+nothing to do.
 """
 
 from typing import Literal
 
-import msgspec
-
 from messages.link import Clock, ClockPing, ClockPong
-from messages.message import Message
 from messages.topic import AnyTopic, Way
 
 Side = Literal["topside", "drone"]
@@ -46,20 +44,15 @@ class FarClock:
         """Does this stream come from the other machine?"""
         return topic.way is self._crossing and topic.message not in ABOUT_CLOCKS
 
+    def local_ns(self, topic: AnyTopic, stamp_ns: int) -> int | None:
+        """[ns] A stamp of this stream by the clock of this side; None where that is not known: not
+        yet, or because the row is said on both sides."""
+        if topic.way is Way.BOTH:
+            return None
+        if topic.way is not self._crossing:
+            return stamp_ns
+        return None if self.ahead_ns is None else stamp_ns - self.ahead_ns
+
     def judges(self, topic: AnyTopic) -> bool:
         """Can its stamps be judged? Rows said on both sides may be of either clock."""
         return topic.way is not Way.BOTH and topic.message not in ABOUT_CLOCKS
-
-
-def stamps_of(kind: type[Message]) -> tuple[str, ...]:
-    """The fields that are moments of the clock of the machine that said them."""
-    return tuple(name for name in kind.__struct_fields__ if name.endswith("_ns"))
-
-
-def moved(message: Message, stamps: tuple[str, ...], ahead_ns: int) -> None:
-    """Turn the stamps of a message that was just decoded into local time."""
-    for name in stamps:
-        moment = getattr(message, name)
-        if moment is not None:
-            # Frozen for everybody else; nobody else has it yet.
-            msgspec.structs.force_setattr(message, name, moment - ahead_ns)

@@ -11,8 +11,10 @@ import msgspec
 
 from messages.topic import M, Topic
 from services.runtime.bus import Envelope
-from services.runtime.far_clock import FarClock, moved, stamps_of
+from services.runtime.far_clock import FarClock
+from services.runtime.stamps import mover
 
+MEMBERS = 64  # of one family, such as health/*, that one port hears
 FUTURE_NS = 100_000_000  # [ns] a stamp further ahead than this is a lie, not jitter
 
 
@@ -61,7 +63,7 @@ class Gate(Generic[M]):
         self._expires = not onlooker and "ttl_ms" in topic.message.__struct_fields__
         self._far = far if far is not None and far.concerns(topic) else None
         self._judged = far is None or far.judges(topic)
-        self._stamps = stamps_of(topic.message)
+        self._move = mover(topic.message)
         self._last: tuple[int, int] | None = None  # (stamp, seq) of the newest admitted, as said
 
     def bound_ns(self, now: int) -> int:
@@ -99,7 +101,7 @@ class Gate(Generic[M]):
         if self._far is not None:
             if self._far.ahead_ns is None:
                 return "unsynchronised" if self._topic.hz else None
-            moved(message, self._stamps, self._far.ahead_ns)
+            self._move(message, self._far.ahead_ns)
             bound = self._far.bound_ns(now)
         if self._judged and message.stamp_ns > now + FUTURE_NS + bound:
             return "from_future"
@@ -129,7 +131,48 @@ class Gate(Generic[M]):
         return said_ns - far.ahead_ns > now + FUTURE_NS + far.bound_ns(now)
 
     def _refuse(self, reason: str, envelope: Envelope) -> None:
-        self._counts[f"{reason}:{envelope.key}"] += 1
+        # Anybody can invent members of a family: one that was never admitted has no name here.
+        name = envelope.key if self.admitted else self._topic.key
+        self._counts[f"{reason}:{name}"] += 1
+
+
+class Gates(Generic[M]):
+    """A gate for each member of a family; or the one gate of a topic. Members beyond the first
+    `MEMBERS`, and keys that no member may have, are counted under the family's name:
+    too_many_keys, unknown_key."""
+
+    def __init__(
+        self,
+        topic: Topic[M],
+        counts: Counter[str],
+        far: FarClock | None = None,
+        *,
+        onlooker: bool = False,
+    ) -> None:
+        """As of a `Gate`."""
+        self._topic = topic
+        self._counts = counts
+        self._new = lambda: Gate(topic, counts, far, onlooker=onlooker)
+        self._next = self._new()  # for a member of which nothing was admitted yet
+        self._gates: dict[str, Gate[M]] = {}  # by key
+
+    def admit(self, envelope: Envelope, now: int) -> M | None:
+        """The message inside, or None with the reason counted."""
+        gate = self._gates.get(envelope.key)
+        return self._first(envelope, now) if gate is None else gate.admit(envelope, now)
+
+    def _first(self, envelope: Envelope, now: int) -> M | None:
+        """Perhaps the first message of a member: only what is admitted takes up a place."""
+        if not self._topic.covers(envelope.key):
+            self._counts[f"unknown_key:{self._topic.key}"] += 1
+            return None
+        if len(self._gates) >= MEMBERS:
+            self._counts[f"too_many_keys:{self._topic.key}"] += 1
+            return None
+        message = self._next.admit(envelope, now)
+        if message is not None:
+            self._gates[envelope.key], self._next = self._next, self._new()
+        return message
 
 
 def epoch_of(message: msgspec.Struct) -> int:

@@ -14,10 +14,10 @@ import msgspec
 from messages import topics
 from messages.health import LogLine
 from messages.link import Clock
-from messages.topic import M, Topic
+from messages.topic import AnyTopic, M, Topic
 from services.runtime.bus import Bus, Envelope
 from services.runtime.far_clock import FarClock
-from services.runtime.gate import Gate
+from services.runtime.gate import Gate, Gates
 from services.runtime.memory import Memory
 from services.runtime.ports import Inbox, Latest, Now, Publisher
 from services.runtime.pulse import Pulse, Usage
@@ -97,15 +97,13 @@ class Node:
         self, topic: Topic[M], handler: Callable[[M, int], None], *, onlooker: bool = False
     ) -> None:
         """Every message, in order of arrival. An onlooker acts on none, so expired ones count."""
-        inbox, gates = self._inbox(topic.key, EVENTS, self._home), dict[str, Gate[M]]()
+        inbox = self._inbox(topic.key, EVENTS, self._home)
+        gates = Gates(topic, self.counts, self._far, onlooker=onlooker)
 
         def drain() -> None:
             for arrival, envelope in inbox.take_all():
                 now = self._clock()
-                gate = gates.get(envelope.key)
-                if gate is None:
-                    gate = gates[envelope.key] = self.gate(topic, onlooker=onlooker)
-                if (message := gate.admit(envelope, now)) is not None:
+                if (message := gates.admit(envelope, now)) is not None:
                     self.pulse.handled(now - arrival)
                     handler(message, now)
 
@@ -173,6 +171,10 @@ class Node:
     def gate(self, topic: Topic[M], *, onlooker: bool = False) -> Gate[M]:
         """The door of a port; for those who open envelopes themselves."""
         return Gate(topic, self.counts, self._far, onlooker=onlooker)
+
+    def local_ns(self, topic: AnyTopic, stamp_ns: int) -> int | None:
+        """[ns] A stamp of an unopened envelope by this node's clock; None where not known."""
+        return stamp_ns if self._far is None else self._far.local_ns(topic, stamp_ns)
 
     def learn_clock(self, clock: Clock) -> None:
         """For the sounder, which does not hear itself."""

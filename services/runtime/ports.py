@@ -15,13 +15,23 @@ Now = Callable[[], int]  # [ns] the clock
 
 
 class Inbox:
-    """The ring between the bus's thread (`store`) and the service's thread (`take`).
+    """The ring between the bus's thread (`store`) and the service's thread (`take_all`).
 
-    `arrived` is called once for each envelope that made the ring longer.
+    `arrived` is called when something is in the ring that the service has not been told of: once,
+    however much comes before the service takes it.
+
+    Why this needs no lock, with one thread on each side: CPython appends to and pops from a deque
+    in one step that no other thread can see half done, and the steps of both threads have one
+    order. `store` appends and then reads `_told`; `take_all` clears `_told` and then takes. So
+    when `store` finds it set, the service is still to clear it and will then find the envelope;
+    otherwise `store` tells the service. And every envelope is popped by one side only: taken by the
+    service, or counted as overflowed by the bus's thread.
     """
 
     def __init__(self, name: str, depth: int, clock: Now, counts: Counter[str]) -> None:
-        self._ring: deque[tuple[int, Envelope]] = deque(maxlen=depth)
+        self._ring: deque[tuple[int, Envelope]] = deque()
+        self._depth = depth
+        self._told = False  # the service knows that something is here
         self._name = name
         self._clock = clock
         self._counts = counts
@@ -30,25 +40,31 @@ class Inbox:
 
     def store(self, envelope: Envelope) -> None:
         """Keep the envelope with its arrival time; the oldest falls out of a full ring."""
-        full = len(self._ring) == self._ring.maxlen
         self._ring.append((self._clock(), envelope))
         self.stored += 1
-        if full:
+        if len(self._ring) > self._depth and self._pop() is not None:
             self._counts[f"overflowed:{self._name}"] += 1
-        elif self.arrived is not None:
+        if self.arrived is not None and not self._told:
+            self._told = True
             self.arrived()
 
     def take_all(self) -> Iterator[tuple[int, Envelope]]:
         """(arrival [ns], envelope), oldest first.
 
-        Bounded, however fast they come; twice the ring, because a full ring may be refilled
-        without a call of `arrived` while it is emptied.
+        Bounded, however fast they come: of what is left after a whole ring, `arrived` has told.
         """
-        ring = self._ring
-        for _ in range(2 * (ring.maxlen or 0)):
-            if not ring:
+        self._told = False
+        for _ in range(self._depth):
+            oldest = self._pop()
+            if oldest is None:
                 return
-            yield ring.popleft()
+            yield oldest
+
+    def _pop(self) -> tuple[int, Envelope] | None:
+        try:
+            return self._ring.popleft()
+        except IndexError:  # the other thread was here in between
+            return None
 
 
 class Publisher(Generic[M]):

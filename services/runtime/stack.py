@@ -42,8 +42,19 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
 
     @property
     def vehicle_name(self) -> str:
-        """Name of the vehicle in keys: [a-z0-9_]."""
-        return self.vehicle_path.stem.lower().replace("-", "_")
+        """Name of the vehicle in keys: [a-z0-9_].
+
+        Raises:
+            LindyError: its file has a name that no key may have.
+        """
+        name = self.vehicle_path.stem.lower().replace("-", "_")
+        if re.fullmatch(r"[a-z0-9_]+", name) is None:
+            raise LindyError(
+                f"{self.vehicle_path}: the file's name is the vehicle's name in every key, so it "
+                f"may have letters a to z, digits, '_' and '-' only, found "
+                f"{self.vehicle_path.stem!r}; rename the file"
+            )
+        return name
 
     @property
     def out_dir(self) -> Path:
@@ -66,8 +77,9 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         starts.
 
         Raises:
-            LindyError: an unknown table, or a mistake in one.
+            LindyError: an unknown table, a mistake in one, or a name that no key may have.
         """
+        _ = self.vehicle_name
         tree = _vehicle_tree(self.vehicle_path, tuple(self.overrides))
         known = settings_types()
         for name in tree:

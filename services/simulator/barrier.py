@@ -8,7 +8,7 @@ the hull on its corners is an oscillator of about ANSWER rad/s.
 from itertools import product
 from math import sqrt
 
-from services.marine.vehicle import Vec3, Vec6
+from messages.units import Vec3, Vec6
 
 ANSWER = 40.0  # [rad/s] at 1.2 m/s the hull then sinks in about 2 cm
 DAMPING_RATIO = 0.7  # [-] it lands with hardly a bounce

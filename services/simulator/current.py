@@ -2,7 +2,7 @@
 
 from math import exp, sqrt
 
-from services.marine.vehicle import Vec3
+from messages.units import Vec3
 from services.simulator.sensors import CURRENT, white_noise
 from services.simulator.settings import CurrentSettings
 

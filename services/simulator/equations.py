@@ -14,10 +14,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from services.marine.attitude import Quaternion
+from messages.units import Quaternion, Vec6
 from services.marine.hydrodynamics import full_buoyancy
 from services.marine.rigid_body import system_inertia
-from services.marine.vehicle import GRAVITY, Vec6, Vehicle
+from services.marine.vehicle import GRAVITY, Vehicle
 from services.marine.wake import wake_fins
 
 # (depth [m], q_NB, νᵣ, τ) → ν̇ᵣ [m/s², rad/s²]

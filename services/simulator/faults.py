@@ -10,9 +10,10 @@ from typing import TypeVar
 
 import msgspec
 
-from messages.message import Finite, Message
+from messages.message import Message
 from messages.simulator import Fault as Kind
 from messages.simulator import FaultRequest
+from messages.units import Finite
 from services.marine.thrusters import driven
 from services.marine.vehicle import Thruster
 

@@ -8,9 +8,10 @@ thrusters is a constant less one decaying six-vector per mode.
 from collections.abc import Mapping, Sequence
 from typing import TypeVar
 
+from messages.units import Vec6
 from services.marine.thruster_lag import decay
 from services.marine.thrusters import driven, limited, total_wrench, wrench_per_newton
-from services.marine.vehicle import Vec6, Vehicle
+from services.marine.vehicle import Vehicle
 from services.simulator.faults import Fault, settles_at
 
 N = TypeVar("N", float, complex)

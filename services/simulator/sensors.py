@@ -9,7 +9,6 @@ from math import exp, sqrt
 
 import numpy as np
 
-from messages.message import Vec3
 from messages.sensors import (
     DvlSample,
     ImuSample,
@@ -17,8 +16,9 @@ from messages.sensors import (
     PressureSample,
     UsblSample,
 )
-from services.marine.attitude import Quaternion, to_body
-from services.marine.vehicle import GRAVITY, Vec6
+from messages.units import Quaternion, Vec3, Vec6
+from services.marine.attitude import to_body
+from services.marine.vehicle import GRAVITY
 from services.marine.water import density_of
 from services.simulator.settings import Dvl, Settings, Usbl
 

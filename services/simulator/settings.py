@@ -5,35 +5,35 @@ from typing import Annotated
 import msgspec
 
 from messages import topics
+from messages.units import Positive
 from services.marine.vehicle import ATMOSPHERE, SEA_WATER
 from services.marine.water import Density
 
 Field = Annotated[float, msgspec.Meta(ge=-1e-4, le=1e-4)]  # [T] the Earth's is 25 to 65 µT
 FieldNoise = Annotated[float, msgspec.Meta(ge=0.0, le=1e-4)]  # [T]
-Angle = Annotated[float, msgspec.Meta(ge=-6.3, le=6.3)]  # [rad]
-Amount = Annotated[float, msgspec.Meta(gt=0.0, le=1e6)]  # of watts, volts, watt-hours
-Noise = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]  # far beyond any sensor worth the name
-Seconds = Annotated[float, msgspec.Meta(ge=0.0, le=10.0)]
+StartHeading = Annotated[float, msgspec.Meta(ge=-6.3, le=6.3)]  # [rad]
+ImuNoise = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]  # far beyond any sensor worth the name
+SensorLatency = Annotated[float, msgspec.Meta(ge=0.0, le=10.0)]
 Velocity = Annotated[float, msgspec.Meta(ge=-5.0, le=5.0)]  # [m/s]
-Place = Annotated[float, msgspec.Meta(ge=-1e5, le=1e5)]  # [m]
-Rate = Annotated[float, msgspec.Meta(ge=0.01, le=50.0)]  # [1/s]
+WallPlace = Annotated[float, msgspec.Meta(ge=-1e5, le=1e5)]  # [m]
+FixRate = Annotated[float, msgspec.Meta(ge=0.01, le=50.0)]  # [1/s]
 
 
 class Dvl(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A Doppler velocity log; rate as in Fernandes et al. 2015."""
 
-    rate: Rate = 1.0  # [1/s]
+    rate: FixRate = 1.0  # [1/s]
     std: Annotated[float, msgspec.Meta(gt=0.0, le=1.0)] = 0.01  # [m/s] of each component
-    latency: Seconds = 0.1  # [s] from the measurement to its message
+    latency: SensorLatency = 0.1  # [s] from the measurement to its message
     reach: Annotated[float, msgspec.Meta(gt=0.0, le=1000.0)] = 30.0  # [m] of altitude
 
 
 class Usbl(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Acoustic positioning from a ship; rate below that of Fernandes et al. 2015."""
 
-    rate: Rate = 0.5  # [1/s]
+    rate: FixRate = 0.5  # [1/s]
     std: Annotated[float, msgspec.Meta(gt=0.0, le=100.0)] = 0.5  # [m] of each component
-    latency: Seconds = 0.5  # [s] of sound, and of the way back down to the vehicle
+    latency: SensorLatency = 0.5  # [s] of sound, and of the way back down to the vehicle
 
 
 class CurrentSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -60,8 +60,8 @@ class Walls(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         ValueError: there is no room for a start.
     """
 
-    north: tuple[Place, Place]  # [m] least and most
-    east: tuple[Place, Place]  # [m]
+    north: tuple[WallPlace, WallPlace]  # [m] least and most
+    east: tuple[WallPlace, WallPlace]  # [m]
 
     def __post_init__(self) -> None:
         for name, (least, most) in (("north", self.north), ("east", self.east)):
@@ -75,7 +75,7 @@ class Walls(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     # The place.
     floor_depth: Annotated[float, msgspec.Meta(gt=0.0, le=11_000.0)] = 20.0  # [m]
-    start_heading: Angle = 0.0  # [rad] clockwise from north
+    start_heading: StartHeading = 0.0  # [rad] clockwise from north
     atmosphere: Annotated[float, msgspec.Meta(ge=50_000.0, le=120_000.0)] = ATMOSPHERE  # [Pa]
     water_density: Density = SEA_WATER  # [kg/m³], "fresh", "sea" or { temperature, salinity }
     water_temperature: Annotated[float, msgspec.Meta(ge=-5.0, le=50.0)] = 8.0  # [°C]
@@ -90,11 +90,11 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     wake_share: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 1.0
 
     # The sensors: a typical small MEMS unit. Biases are drawn once per seed.
-    gyro_bias: Noise = 0.0105  # [rad/s] 1σ per axis, 0.6 °/s
-    gyro_drift: Noise = 4.8e-5  # [rad/s] 1σ per axis, 10 °/h: the part of the bias that wanders
-    gyro_noise: Noise = 1.22e-4  # [rad/s/√Hz] 0.007 °/s/√Hz
-    accelerometer_bias: Noise = 0.098  # [m/s²] 1σ per axis, 10 mg
-    accelerometer_noise: Noise = 1.5e-3  # [m/s²/√Hz] 150 µg/√Hz
+    gyro_bias: ImuNoise = 0.0105  # [rad/s] 1σ per axis, 0.6 °/s
+    gyro_drift: ImuNoise = 4.8e-5  # [rad/s] 1σ per axis, 10 °/h: the part of the bias that wanders
+    gyro_noise: ImuNoise = 1.22e-4  # [rad/s/√Hz] 0.007 °/s/√Hz
+    accelerometer_bias: ImuNoise = 0.098  # [m/s²] 1σ per axis, 10 mg
+    accelerometer_noise: ImuNoise = 1.5e-3  # [m/s²/√Hz] 150 µg/√Hz
     hard_iron: FieldNoise = 0.2e-6  # [T] 1σ per axis
     magnetometer_noise: FieldNoise = 0.2e-6  # [T] 1σ per axis and sample
     pressure_std: Annotated[float, msgspec.Meta(ge=0.0, le=5000.0)] = 500.0  # [Pa] 5 mbar
@@ -106,9 +106,9 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     usbl: Usbl | None = None
 
     # The battery and what it feeds.
-    battery_capacity: Amount = 96.0  # [Wh] Blueye Pioneer (Andrén 2023, §2.1)
-    battery_full: Amount = 16.8  # [V] open circuit; four lithium cells, assumed
-    battery_empty: Amount = 12.8  # [V] open circuit, assumed
+    battery_capacity: Positive = 96.0  # [Wh] Blueye Pioneer (Andrén 2023, §2.1)
+    battery_full: Positive = 16.8  # [V] open circuit; four lithium cells, assumed
+    battery_empty: Positive = 12.8  # [V] open circuit, assumed
     battery_resistance: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 0.03  # [Ω] assumed
-    thruster_power: Amount = 350.0  # [W] of one thruster at its full thrust (Andrén 2023, §2.1)
-    hotel_power: Amount = 25.0  # [W] computer, camera, sensors; assumed
+    thruster_power: Positive = 350.0  # [W] of one thruster at its full thrust (Andrén 2023, §2.1)
+    hotel_power: Positive = 25.0  # [W] computer, camera, sensors; assumed

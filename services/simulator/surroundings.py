@@ -1,7 +1,7 @@
 """What else acts on the vessel besides open water: sea floor, walls, tether."""
 
-from services.marine.attitude import Quaternion, to_body, to_world
-from services.marine.vehicle import Vec3, Vec6
+from messages.units import Quaternion, Vec3, Vec6
+from services.marine.attitude import to_body, to_world
 from services.marine.water import density_of
 from services.simulator.barrier import Barrier
 from services.simulator.settings import Settings

@@ -12,7 +12,7 @@ velocity through the water. Its mass, its weight in water (about none) and its s
 
 from math import hypot
 
-from services.marine.vehicle import Vec3
+from messages.units import Vec3
 from services.simulator.settings import TetherSettings
 
 LENGTHWISE = 0.02  # [-] drag along a cable as a share of that across it; typical, assumed

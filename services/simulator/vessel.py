@@ -7,16 +7,10 @@ it. Plain floats throughout: at this size that is several times faster than NumP
 
 from collections.abc import Sequence
 
-from services.marine.attitude import (
-    Quaternion,
-    attitude_rate,
-    down_in_body,
-    normalised,
-    to_body,
-    to_world,
-)
+from messages.units import Quaternion, Vec3, Vec6
+from services.marine.attitude import attitude_rate, down_in_body, normalised, to_body, to_world
 from services.marine.rigid_body import system_inertia
-from services.marine.vehicle import Vec3, Vec6, Vehicle
+from services.marine.vehicle import Vehicle
 from services.simulator.current import Current
 from services.simulator.equations import equations_of_motion
 from services.simulator.faults import Faults

@@ -2,7 +2,7 @@
 
 import msgspec
 
-from messages.message import Finite, Positive
+from messages.units import Finite, NotNegative
 from services.marine.attitude import from_euler, to_body
 from services.marine.vehicle import Vehicle
 from services.simulator.faults import Fault
@@ -15,7 +15,7 @@ class World(msgspec.Struct, frozen=True):
     state: tuple[Finite, ...]  # 13 numbers, see vessel.State
     thrust: tuple[Finite, ...]  # [N] per thruster
     heading: Finite  # [rad] accumulated past ±π
-    used_wh: Positive  # [Wh]
+    used_wh: NotNegative  # [Wh]
     faults: dict[str, Fault] = {}  # in force, by part
 
     def fits(self, vehicle: Vehicle) -> bool:

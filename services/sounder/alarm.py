@@ -4,7 +4,7 @@ from collections import deque
 from dataclasses import dataclass, field
 from statistics import median
 
-from messages.message import Ns
+from messages.units import Ns
 
 USUAL = 300  # round trips that say what is usual; a minute at 5 Hz
 IN_A_ROW = 2  # slow answers before the alarm; one may be chance

@@ -14,10 +14,10 @@ from dataclasses import dataclass, field
 
 from messages.control import ThrusterCommand
 from messages.link import DOWN_STAGES, UP_STAGES, LatencyBudget, Shown, Stage
-from messages.message import Ns
 from messages.pilot import PilotCommand
 from messages.reference import Reference
 from messages.state import VehicleState
+from messages.units import Ns
 from messages.vehicle import Actuation
 
 WINDOW_NS = 2_000_000_000  # [ns] the budget is about the last two seconds

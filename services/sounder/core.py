@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 from messages.link import Clock, ClockPong, LatencyBudget
-from messages.message import Ns
+from messages.units import Ns
 from services.sounder.alarm import LinkAlarm
 from services.sounder.budget import Budget
 from services.sounder.clock_sync import ClockSync

@@ -4,10 +4,10 @@ from typing import Annotated
 
 import msgspec
 
-from messages.link import Share
+from messages.units import Share
 from services.tether.chance import Uniform
 
-Seconds = Annotated[float, msgspec.Meta(ge=0.0, le=86_400.0)]
+UpToADay = Annotated[float, msgspec.Meta(ge=0.0, le=86_400.0)]
 Period = Annotated[float, msgspec.Meta(gt=0.0, le=86_400.0)]
 
 
@@ -52,9 +52,9 @@ class Bursts(
     """At fixed times, as from a thruster that starts or a radar that turns."""
 
     every_s: Period  # [s] from the beginning of one burst to that of the next
-    seconds: Seconds  # [s] each
+    seconds: UpToADay  # [s] each
     share: Share = 1.0  # [-] of the messages within a burst
-    first_s: Seconds = 0.0  # [s] when the first one begins
+    first_s: UpToADay = 0.0  # [s] when the first one begins
 
     def __post_init__(self) -> None:
         if self.seconds > self.every_s:

@@ -4,11 +4,11 @@ from itertools import pairwise
 
 import msgspec
 
-from services.tether.loss import Period, Seconds
+from services.tether.loss import Period, UpToADay
 
 
 class Outage(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    start_s: Seconds  # [s] since the link began
+    start_s: UpToADay  # [s] since the link began
     seconds: Period  # [s]
 
     @property
@@ -20,7 +20,7 @@ class Outages(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A schedule. It begins anew every `repeat_s`."""
 
     windows: tuple[Outage, ...] = ()  # ascending
-    repeat_s: Seconds = 0.0  # [s] 0: once only
+    repeat_s: UpToADay = 0.0  # [s] 0: once only
 
     def __post_init__(self) -> None:
         for before, after in pairwise(self.windows):

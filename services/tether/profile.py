@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from messages.link import Share
+from messages.units import Share
 from services.tether.codel import CoDel
 from services.tether.delay import Delay, Milliseconds
 from services.tether.loss import Loss

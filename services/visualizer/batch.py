@@ -8,8 +8,7 @@ from typing import Literal
 
 import msgspec
 
-Vec3 = tuple[float, float, float]
-Quaternion = tuple[float, float, float, float]  # [-] w, x, y, z
+Point = tuple[float, float, float]  # without limits: nothing computed is refused by the pipe
 
 
 class Columns(msgspec.Struct, frozen=True, array_like=True):
@@ -34,12 +33,12 @@ class Frame(msgspec.Struct, frozen=True, array_like=True):
     """The 3-D scene at one moment. World NED, body FRD."""
 
     time: int  # [ns]
-    position: Vec3  # [m] NED; north and east are 0 where nobody knows them
-    attitude: Quaternion  # [-] q_NB as w, x, y, z
+    position: Point  # [m] NED; north and east are 0 where nobody knows them
+    attitude: tuple[float, float, float, float]  # [-] q_NB as w, x, y, z
     thrust: list[float]  # [N] per thruster; empty where unknown
     wanted_depth: float | None  # [m] reference
     wanted_heading: float | None  # [rad] reference
-    now: Vec3 | None = None  # [m] NED, where it is predicted to be by now …
+    now: Point | None = None  # [m] NED, where it is predicted to be by now …
     now_heading: float = 0.0  # [rad] … and how it points
 
 
@@ -49,6 +48,6 @@ class Batch(msgspec.Struct, frozen=True, array_like=True):
     columns: list[Columns] = []
     notes: list[Note] = []
     frames: list[Frame] = []
-    trail: list[Vec3] = []  # [m] NED points newly flown, from the last one drawn; none or ≥ 2
+    trail: list[Point] = []  # [m] NED points newly flown, from the last one drawn; none or ≥ 2
     trail_time: int = 0  # [ns] of its last point
-    floor: Vec3 | None = None  # [m] NED, where the vehicle has just found the sea floor
+    floor: Point | None = None  # [m] NED, where the vehicle has just found the sea floor

@@ -10,9 +10,10 @@ from messages.message import Message
 from messages.prediction import Prediction
 from messages.reference import Reference
 from messages.state import VehicleState
+from messages.units import Quaternion, Vec3
 from messages.vehicle import Actuation, Truth
 from services.marine.vehicle import Vehicle
-from services.visualizer.batch import Frame, Quaternion, Vec3
+from services.visualizer.batch import Frame
 
 STEP_M = 0.05  # [m] points of the path are at least this far apart
 TRAIL_POINTS = 5_000  # points waiting to be drawn; a viewer that is not asked loses the oldest

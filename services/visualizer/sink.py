@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 import rerun as rr
 
+from messages.units import Quaternion, Vec3
 from services.marine.vehicle import Vehicle
-from services.visualizer.batch import Batch, Columns, Frame, Note, Quaternion, Vec3
+from services.visualizer.batch import Batch, Columns, Frame, Note
 from services.visualizer.blueprint import TIMELINE, blueprint
 from services.visualizer.curve import MANY, PREDICTED, REFERENCE, Curve
 from services.visualizer.curves import curves

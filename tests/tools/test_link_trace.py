@@ -69,6 +69,13 @@ def test_delays_and_losses_of_commands_are_found_and_replayed_exactly(
             assert (arrived, reason) == (None, "trace")
 
 
+def test_a_command_whose_stamp_the_recorder_did_not_know_tells_no_delay(tmp_path: Path) -> None:
+    write(tmp_path / "dive.mcap", [command(seq, 0.0 if seq < 5 else 8.0) for seq in range(9)])
+    assert [arrived - sent for sent, arrived in trace_of(tmp_path).rows if arrived] == (
+        pytest.approx([8e-3] * 4)
+    )
+
+
 def test_a_command_recorded_twice_counts_once_and_a_restart_is_no_loss(tmp_path: Path) -> None:
     said = [command(seq, 8.0) for seq in (0, 1, 1, 2)]
     later = [

@@ -4,9 +4,10 @@ from collections.abc import Callable
 from itertools import product
 from math import pi, sin
 
-from messages.message import Estimate, Ns
+from messages.message import Estimate
 from messages.reference import Motion, Reference
 from messages.state import VehicleState
+from messages.units import Ns
 from services.control.core import Controller, Settings
 from services.marine.vehicle import Vehicle
 from services.runtime.stack import Stack

@@ -7,7 +7,8 @@ import numpy as np
 from msgspec.structs import replace
 
 from messages.sensors import ImuSample
-from services.estimation.attitude_filter import AttitudeSettings, Vec3
+from messages.units import Vec3
+from services.estimation.attitude_filter import AttitudeSettings
 from services.estimation.attitude_observer import AttitudeObserver
 from services.estimation.depth_filter import DepthSettings
 from services.estimation.depth_observer import Atmosphere, DepthObserver

@@ -7,7 +7,8 @@ from math import pi
 import numpy as np
 from msgspec.structs import replace
 
-from services.estimation.attitude_filter import AttitudeSettings, Quaternion, Vec3
+from messages.units import Quaternion, Vec3
+from services.estimation.attitude_filter import AttitudeSettings
 from services.estimation.attitude_observer import AttitudeObserver
 from services.estimation.calibration import Calibration, CalibrationSettings
 from services.estimation.resting_bias import RestingBias

@@ -4,12 +4,8 @@ says. Body FRD, world NED."""
 
 from math import sqrt
 
-from services.estimation.attitude_filter import (
-    Quaternion,
-    Vec3,
-    down_in_body,
-    unit,
-)
+from messages.units import Quaternion, Vec3
+from services.estimation.attitude_filter import down_in_body, unit
 from services.estimation.heading import horizontal
 
 

@@ -6,11 +6,12 @@ water, thrusters of first order that are always wet.
 
 from math import exp
 
+from messages.units import Vec6
 from services.marine.attitude import attitude_rate, down_in_body, normalised, to_world
 from services.marine.hydrodynamics import damping, full_buoyancy, restoring, submerged_share
 from services.marine.rigid_body import coriolis, system_inertia
 from services.marine.thrusters import total_wrench, wrench_per_newton
-from services.marine.vehicle import GRAVITY, Vec6, Vehicle
+from services.marine.vehicle import GRAVITY, Vehicle
 from services.marine.wake import wake_fins, wake_lift
 
 # Position NED [m], attitude q_NB (w, x, y, z), velocity FRD [m/s], angular rate FRD [rad/s].

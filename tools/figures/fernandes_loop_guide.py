@@ -8,9 +8,9 @@ by the same generators and published as `Reference` messages, as `reference` wou
 from dataclasses import dataclass
 
 from messages import topics
-from messages.message import Ns
 from messages.reference import Motion, Reference
 from messages.state import VehicleState
+from messages.units import Ns
 from services.reference.ground import ground_of, north_offset
 from services.reference.paths.route import Route, RoutePoint
 from services.runtime.node import Node

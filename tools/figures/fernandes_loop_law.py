@@ -11,14 +11,14 @@ from typing import NamedTuple
 
 from messages import topics
 from messages.control import ThrusterCommand, Wrench
-from messages.message import Ns
 from messages.reference import Motion, Reference
 from messages.state import VehicleState
+from messages.units import Ns, Vec6
 from services.control import horizontal
 from services.control.plant import plant_of
 from services.control.propulsion import Propulsion
 from services.marine.rigid_body import system_inertia
-from services.marine.vehicle import Vec6, Vehicle
+from services.marine.vehicle import Vehicle
 from services.runtime.node import Node
 from services.runtime.stack import Stack
 

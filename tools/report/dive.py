@@ -10,7 +10,8 @@ from messages.health import Health
 from messages.link import Clock
 from messages.message import Message
 from messages.topic import AnyTopic
-from services.runtime.far_clock import FarClock, moved, stamps_of
+from services.runtime.far_clock import FarClock
+from services.runtime.stamps import mover
 from tools.recording import Raw, Recording
 from tools.report.columns import WANTED, Array, Columns, Gathering
 
@@ -131,7 +132,7 @@ class _TopsideClock:
             return True
         if self._clock.ahead_ns is None:
             return False
-        moved(message, stamps_of(type(message)), self._clock.ahead_ns)
+        mover(type(message))(message, self._clock.ahead_ns)
         return True
 
 

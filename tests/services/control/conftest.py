@@ -2,7 +2,8 @@
 
 import pytest
 
-from services.marine.vehicle import Thruster, Vec3, Vehicle
+from messages.units import Vec3
+from services.marine.vehicle import Thruster, Vehicle
 from services.runtime.stack import Stack
 
 SLANT = 0.5**0.5

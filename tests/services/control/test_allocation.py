@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from messages.units import Vec6
 from services.control.allocation import (
     COMES_ON,
     GOES_OFF,
@@ -17,7 +18,7 @@ from services.control.allocation import (
 )
 from services.control.layout import AXES
 from services.marine.thrusters import driven, total_wrench, wrench_per_newton
-from services.marine.vehicle import Vec6, Vehicle
+from services.marine.vehicle import Vehicle
 
 many = settings(max_examples=150, deadline=None)
 force, moment = st.floats(-200.0, 200.0), st.floats(-40.0, 40.0)

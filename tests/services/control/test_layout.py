@@ -6,8 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from messages.units import Vec3
 from services.control.layout import AXES, drivable, effect_matrix, require_pilotable
-from services.marine.vehicle import Thruster, Vec3, Vehicle
+from services.marine.vehicle import Thruster, Vehicle
 
 some = settings(max_examples=80, deadline=None)
 coordinate = st.floats(-0.5, 0.5)

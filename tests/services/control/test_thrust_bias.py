@@ -8,10 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from messages.units import Vec6
 from services.control.allocation import Allocation, AllocationSettings
 from services.control.layout import Matrix, effect_matrix
 from services.control.thrust_bias import biases
-from services.marine.vehicle import Vec6, Vehicle
+from services.marine.vehicle import Vehicle
 
 BIASED = AllocationSettings(biased=("heave", "yaw"))
 share = st.floats(-1.0, 1.0)

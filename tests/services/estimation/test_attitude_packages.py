@@ -9,13 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.estimation.attitude_filter import (
-    AttitudeFilter,
-    AttitudeSettings,
-    Quaternion,
-    Vec3,
-    unit,
-)
+from messages.units import Quaternion, Vec3
+from services.estimation.attitude_filter import AttitudeFilter, AttitudeSettings, unit
 from services.estimation.heading import wrapped
 from services.marine.attitude import LEVEL, attitude_rate, from_euler, to_body, to_euler, to_world
 from tools.bench import heading_runs as runs

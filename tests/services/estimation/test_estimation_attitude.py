@@ -5,11 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from messages.units import Quaternion, Vec3
 from services.estimation.attitude_filter import (
     AttitudeFilter,
     AttitudeSettings,
-    Quaternion,
-    Vec3,
     corrected,
     tilt_of,
     turned,

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from services.estimation.attitude_filter import Vec3
+from messages.units import Vec3
 from services.estimation.calibration import Calibration, CalibrationSettings
 from services.marine.vehicle import GRAVITY
 

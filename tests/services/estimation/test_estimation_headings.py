@@ -2,7 +2,8 @@ from math import exp, pi, radians
 
 import pytest
 
-from services.estimation.attitude_filter import AttitudeSettings, Vec3
+from messages.units import Vec3
+from services.estimation.attitude_filter import AttitudeSettings
 from services.estimation.attitude_observer import AttitudeObserver
 from services.estimation.heading import UNKNOWN_TURN
 from services.marine.vehicle import GRAVITY

@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.estimation.attitude_filter import AttitudeSettings, Vec3
+from messages.units import Vec3
+from services.estimation.attitude_filter import AttitudeSettings
 from services.estimation.attitude_observer import AttitudeObserver
 from services.estimation.calibration import CalibrationSettings
 from services.estimation.heading import wrapped

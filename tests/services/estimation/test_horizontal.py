@@ -11,8 +11,8 @@ import pytest
 from messages import topics
 from messages.sensors import DvlSample, UsblSample
 from messages.state import VehicleState
+from messages.units import Quaternion
 from messages.vehicle import Truth
-from services.estimation.attitude_filter import Quaternion
 from services.estimation.horizontal_observer import HorizontalObserver, Motion
 from services.estimation.horizontal_settings import HorizontalSettings
 from services.marine.attitude import from_euler

@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from messages.sensors import DvlSample, UsblSample
+from messages.units import Quaternion
 from messages.vehicle import Actuation
-from services.estimation.attitude_filter import Quaternion
 from services.estimation.horizontal_hull import Hull
 from services.estimation.horizontal_observer import HorizontalObserver, Motion
 from services.estimation.horizontal_settings import HorizontalSettings

@@ -6,9 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from messages.units import Vec6
 from services.marine.attitude import down_in_body, from_euler
 from services.marine.hydrodynamics import damping, full_buoyancy, restoring, submerged_share
-from services.marine.vehicle import GRAVITY, Vec6, Vehicle
+from services.marine.vehicle import GRAVITY, Vehicle
 from services.marine.wake import wake_fins, wake_lift
 from services.runtime.stack import Stack
 

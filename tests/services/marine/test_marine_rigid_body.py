@@ -5,8 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from messages.units import Vec6
 from services.marine.rigid_body import coriolis, kinetic_energy, system_inertia
-from services.marine.vehicle import Vec6, Vehicle
+from services.marine.vehicle import Vehicle
 from services.runtime.stack import Stack
 
 PIONEER = Stack().section("vehicle", Vehicle)

@@ -5,8 +5,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from messages.units import Vec3
 from services.marine.thrusters import driven, limited, total_wrench, wrench_per_newton
-from services.marine.vehicle import Thruster, Vec3
+from services.marine.vehicle import Thruster
 
 LATERAL = Thruster(
     name="lateral",

@@ -17,7 +17,7 @@ from services.predictor.drift import Drift
 from services.predictor.judge import Guess, Judge, Pose
 from services.reference.minimum_jerk import Limits, Ramp
 from services.runtime.stack import Stack, services_of
-from services.runtime.virtual_host import VirtualHost
+from services.runtime.virtual_host import Skew, VirtualHost
 
 SECOND = 1_000_000_000
 LIMITS = Limits(1.5, 0.5)
@@ -150,3 +150,25 @@ def test_the_predicted_now_is_at_most_a_third_as_far_off_as_the_delayed_picture(
         assert errors["predicted"][axis] ** 0.5 <= errors["delayed"][axis] ** 0.5 / 3
     judged = [m for m in said if m.missed is not None and m.delayed is not None]
     assert judged, "the running error is shown"
+
+
+def test_a_prediction_has_one_clock_whoever_reads_it(tmp_path: Path) -> None:
+    """The topside's, in which it is made and said; on board the gate has turned all of it."""
+    ahead = 10**13
+    host, rows = VirtualHost({"drone": Skew(ahead)}), services_of("dive")
+    for name in CHAIN:
+        host.add(name, rows[name], Stack(out=str(tmp_path)))
+    above, below = list[Prediction](), list[Prediction]()
+    sampled = set[int]()
+    host.node("pilot", ["topside"]).each(topics.PREDICTION, lambda m, _: above.append(m))
+    drone = host.node("ear", ["drone"])
+    drone.each(topics.PREDICTION, lambda m, _: below.append(m))
+    drone.each(topics.STATE, lambda m, _: sampled.add(m.sensor_ns))
+    host.run(20 * SECOND)
+    assert len(above) > 100
+    assert len(below) > 100
+    for m in above + below:
+        assert m.stamp_ns - m.state_ns == pytest.approx(m.ahead_ms * 1e6, abs=2)
+    assert all(0 < m.stamp_ns <= host.now for m in above)
+    for m in below:  # what is known of the other clock is good for a few milliseconds
+        assert min(abs(m.state_ns - sample) for sample in sampled) < 5_000_000

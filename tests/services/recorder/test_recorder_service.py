@@ -2,6 +2,7 @@
 
 import errno
 import json
+from collections import defaultdict
 from pathlib import Path
 
 import pytest
@@ -9,13 +10,14 @@ from mcap.reader import make_reader
 
 from messages import topics
 from messages.health import LogLine
-from messages.sensors import PressureSample
+from messages.pilot import PilotCommand
+from messages.sensors import BatterySample, PressureSample
 from services.recorder.mcap_file import McapFile
 from services.recorder.service import wire
 from services.runtime.bus import Envelope
 from services.runtime.errors import LindyError
 from services.runtime.stack import Row, Stack
-from services.runtime.virtual_host import VirtualHost
+from services.runtime.virtual_host import Skew, VirtualHost
 from tools.recording import log_hash, open_recording
 
 SECOND = 1_000_000_000
@@ -87,7 +89,8 @@ def test_a_foreign_reader_opens_the_file_and_finds_every_stream(tmp_path: Path):
     ]
     assert about["dive"]["vehicle"] == "pioneer"
     assert json.loads(about["dive"]["overrides"]) == ["control.depth.kp=3"]
-    assert about["clock"] == {"utc_minus_stamp_ns": "0"}
+    assert about["clock"]["utc_minus_stamp_ns"] == "0"
+    assert "arrival where" in about["clock"]["publish_time"]
 
 
 def test_log_time_is_utc(tmp_path: Path):
@@ -103,6 +106,36 @@ def test_log_time_is_utc(tmp_path: Path):
     (entry,) = [e for e in open_recording(tmp_path) if e.key == topics.PRESSURE.key]
     assert entry.log_ns == 1_700_000_001 * SECOND
     assert entry.publish_ns == 1_700_000_000 * SECOND + 7
+
+
+@pytest.mark.parametrize("side", ["drone", "topside"])
+def test_with_two_clocks_every_publish_time_is_by_the_recorders(tmp_path: Path, side: str):
+    """Before the two clocks are known, and for rows said on both sides, it is the arrival."""
+    host, stack = VirtualHost({"drone": Skew(10**13)}), Stack(out=str(tmp_path))
+    host.add("tether", Row(["topside", "drone"], gateway=True), stack)
+    host.add("sounder", Row(["topside"]), stack)
+    host.add("echo", HOME, stack)
+    host.add("recorder", Row([side]), stack)
+    pilot, drone = host.node("pilot", ["topside"]), host.node("driver", ["drone"])
+    down, up = pilot.publisher(topics.PILOT_COMMAND), drone.publisher(topics.BATTERY)
+    pilot.every(
+        50.0, lambda now: down.put(PilotCommand(stamp_ns=now, surge=0, sway=0, heave=0, yaw=0))
+    )
+    drone.every(
+        10.0, lambda now: up.put(BatterySample(stamp_ns=now, voltage=1, current=1, used_wh=1))
+    )
+    host.run(3 * SECOND)
+    host.close()
+    late = defaultdict[str, list[int]](list)
+    for entry in open_recording(tmp_path):
+        late[entry.key].append(entry.log_ns - entry.publish_ns)
+    crossed = {"pilot/command", "link/clock", "clock/ping", "clock/pong", "sensor/battery"}
+    assert crossed <= set(late)
+    for key, delays in late.items():  # the link takes 1 ms and a bit
+        assert all(-3_000_000 <= delay <= 8_000_000 for delay in delays), key
+    assert set(late["health/pilot"]) == {0}
+    there = "sensor/battery" if side == "topside" else "pilot/command"
+    assert 0 < sum(delay == 0 for delay in late[there]) < len(late[there]) / 2
 
 
 def test_a_killed_recorder_has_lost_at_most_a_quarter_of_a_second(tmp_path: Path):

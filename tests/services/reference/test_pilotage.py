@@ -3,6 +3,7 @@
 from itertools import pairwise
 from math import dist, pi
 
+import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
@@ -12,6 +13,7 @@ from messages.reference import Reference
 from messages.state import VehicleState
 from services.reference.core import Pilotage, Settings
 from services.reference.paths.heading import wrap
+from services.runtime.stack import Stack
 
 DT = 10_000_000  # [ns]
 stick = st.floats(-1.0, 1.0)
@@ -55,8 +57,8 @@ def sticks(
 class Flight:
     """An ideal drone that is always where the reference wants it."""
 
-    def __init__(self) -> None:
-        self.pilotage = Pilotage(Settings())
+    def __init__(self, settings: Settings | None = None) -> None:
+        self.pilotage = Pilotage(settings or Settings())
         self.now = 0
         self.depth: float = 1.0
         self.heading: float = 0.0
@@ -87,8 +89,8 @@ class Flight:
         return self.flown[-1]
 
 
-def armed() -> Flight:
-    flight = Flight()
+def armed(settings: Settings | None = None) -> Flight:
+    flight = Flight(settings)
     flight.fly(0.1, sticks(0))
     assert flight.ask("arm") == ""
     flight.fly(0.1, sticks(0))
@@ -241,7 +243,7 @@ def continuous(flown: list[Reference]) -> None:
             assert abs(b.velocity - a.velocity) <= axis.stop_acceleration * DT * 1e-9 + 1e-9
             assert abs(b.acceleration - a.acceleration) <= axis.stop_jerk * DT * 1e-9 + 1e-6
         pace_a, pace_b = (r.surge.velocity if r.surge else 0.0 for r in (before, after))
-        assert abs(pace_b - pace_a) <= s.heave.stop_acceleration * DT * 1e-9 + 1e-9
+        assert abs(pace_b - pace_a) <= s.place.stop_acceleration * DT * 1e-9 + 1e-9
 
 
 def test_goto_arrives_exactly_at_depth_and_heading_the_shortest_way() -> None:
@@ -318,6 +320,27 @@ def test_a_lost_pilot_stops_on_the_path() -> None:
     assert end.surge is None
     assert end.depth.velocity == 0.0
     continuous(flight.flown)
+
+
+@pytest.mark.parametrize("ending", ["stop", "pilot_lost", "sticks"])
+@pytest.mark.parametrize("vehicle", ["bluerov2_heavy", "minerva", "pioneer"])
+def test_a_path_ends_by_the_limits_of_the_place(vehicle: str, ending: str) -> None:
+    """Along a path the drone moves as it moves in the plane, whatever it can do up and down."""
+    s = Stack(vehicle=vehicle).section("reference", Settings)
+    flight = armed(s)
+    flight.ask("follow", course=course(acceleration=0.05, jerk=0.05))
+    flight.fly(30.0, sticks(0))
+    begun = len(flight.flown)
+    if ending == "stop":
+        flight.ask("stop")
+    flight.fly(8.0, None if ending == "pilot_lost" else sticks(0, heave=0.5))
+    limits = s.place.stop if ending == "stop" else s.place.limits
+    paces = [r.surge for r in flight.flown[begun:] if r.surge is not None]
+    assert paces[0].velocity > 0.25
+    assert flight.flown[-1].surge is None
+    braking = max(-pace.acceleration for pace in paces)
+    assert 0.5 * limits.acceleration < braking <= limits.acceleration * (1 + 1e-9)
+    assert max(abs(pace.jerk) for pace in paces) <= limits.jerk * (1 + 1e-9)
 
 
 def test_a_path_that_cannot_be_is_refused_with_the_reason() -> None:

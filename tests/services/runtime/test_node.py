@@ -1,15 +1,19 @@
 """A node's ports and timers, on virtual time."""
 
+import re
 from pathlib import Path
 
 import msgspec
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from messages import topics
 from messages.health import Health, LogLine
 from messages.pilot import PilotCommand
 from messages.sensors import ImuSample
 from services.runtime.bus import Envelope
+from services.runtime.gate import MEMBERS
 from services.runtime.memory import FileMemory, VolatileMemory
 from services.runtime.node import Node
 from services.runtime.virtual_host import VirtualHost
@@ -238,3 +242,58 @@ def test_more_than_can_be_collected_is_counted() -> None:
     listener.collect("drone", topics.IMU.key, lambda _, __: None, 60)
     host.run(999 * MS)
     assert listener.counts == {"overflowed:sensor/imu": 39}
+
+
+def invented(host: VirtualHost, names: list[str], payload: bytes) -> None:
+    """Somebody says health under these names."""
+    stranger, encoding = host.realm("drone"), topics.HEALTH.encoding
+    for name in names:
+        stranger.forward(Envelope(f"health/{name}", payload, encoding))
+        host.nodes["listener"].step()
+
+
+HEALTHY = msgspec.msgpack.encode(
+    Health(
+        stamp_ns=0, service="x", loop_hz=1.0, lateness_p50_ms=None, lateness_p99_ms=None,
+        cpu_percent=None, rss_mb=None, sent=0, received=0, counts={},
+    )
+)  # fmt: skip
+
+
+@given(
+    st.lists(
+        st.tuples(
+            st.lists(st.text(st.characters(exclude_characters="/"), min_size=1), max_size=5),
+            st.sampled_from([HEALTHY, b"", b"garbage"]),
+        ),
+        max_size=5,
+    )
+)
+@settings(max_examples=50, deadline=None)
+def test_what_is_counted_never_carries_a_name_that_no_member_may_have(
+    said: list[tuple[list[str], bytes]],
+) -> None:
+    host = VirtualHost()
+    listener = host.node("listener", DRONE)
+    listener.each(topics.HEALTH, lambda _, __: None)
+    for names, payload in said:
+        invented(host, names, payload)
+    for name in listener.counts:
+        assert re.fullmatch(r"[a-z_]+:health/(\*|[a-z0-9_]{1,64})", name)
+
+
+def test_a_flood_of_invented_members_is_heard_up_to_a_limit_and_counted_under_one_name() -> None:
+    host = VirtualHost()
+    listener, heard = host.node("listener", DRONE), list[Health]()
+    listener.each(topics.HEALTH, lambda m, _: heard.append(m))
+    names = [f"s{k}" for k in range(3 * MEMBERS)]
+    invented(host, names, b"garbage")  # takes up no place
+    assert listener.counts == {"malformed:health/*": 3 * MEMBERS}
+    listener.counts.clear()
+    invented(host, names, HEALTHY)
+    assert len(heard) == MEMBERS
+    assert listener.counts == {"too_many_keys:health/*": 2 * MEMBERS}
+    invented(host, ["s0"], b"garbage")
+    assert listener.counts["malformed:health/s0"] == 1
+    invented(host, ["My ROV!", "x" * 65], HEALTHY)
+    assert listener.counts["unknown_key:health/*"] == 2

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.marine.attitude import Quaternion, from_euler
-from services.marine.vehicle import Vec6, Vehicle
+from messages.units import Quaternion, Vec6
+from services.marine.attitude import from_euler
+from services.marine.vehicle import Vehicle
 from services.runtime.stack import Stack
 from services.simulator.equations import equations_of_motion
 from tools.bench.textbook_vessel import TextbookVessel

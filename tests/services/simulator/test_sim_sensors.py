@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.marine.attitude import Quaternion, from_euler, to_world
-from services.marine.vehicle import GRAVITY, Vec6
+from messages.units import Quaternion, Vec6
+from services.marine.attitude import from_euler, to_world
+from services.marine.vehicle import GRAVITY
 from services.simulator.sensors import IMU_HZ, Sensors
 from services.simulator.settings import Dvl, Settings, Usbl
 

@@ -8,11 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.marine.attitude import Quaternion, from_euler, tilt, to_euler
+from messages.units import Quaternion, Vec6
+from services.marine.attitude import from_euler, tilt, to_euler
 from services.marine.hydrodynamics import full_buoyancy
 from services.marine.rigid_body import kinetic_energy, system_inertia
 from services.marine.thrusters import driven
-from services.marine.vehicle import GRAVITY, Vec6, Vehicle
+from services.marine.vehicle import GRAVITY, Vehicle
 from services.runtime.stack import Stack
 from services.simulator.settings import Settings
 from services.simulator.vessel import STEP, State, Vessel

@@ -205,6 +205,20 @@ def test_a_damaged_message_is_turned_away_at_the_door_and_never_acted_on(tmp_pat
     assert running.drone.counts["malformed:pilot/command"] == arrived
 
 
+def test_what_befalls_invented_members_is_counted_under_their_family(tmp_path: Path) -> None:
+    profile = tmp_path / "bad.toml"
+    profile.write_text("[up]\ncorrupt = 1.0\n")
+    host = VirtualHost()
+    tether = host.add("tether", GATEWAY, Stack(link=str(profile)))
+    stranger = host.realm("drone")
+    for name in [*(f"s{k}" for k in range(100)), "My ROV!"]:
+        stranger.forward(Envelope(f"health/{name}", b"\x80", "any"))
+    tether.step()
+    host.run(100 * MS)
+    assert tether.counts["damaged:health/*"] == 100
+    assert set(tether.counts) == {"damaged:health/*", "damaged:unknown"}
+
+
 @pytest.mark.parametrize("topic", topics.ALL, ids=lambda t: t.key)
 def test_no_decoder_accepts_a_damaged_message(topic: topics.AnyTopic) -> None:
     payload = b"\x81\xa1x\x01"

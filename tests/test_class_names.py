@@ -1,0 +1,36 @@
+"""A class name stands for one thing. Those that still stand for several are listed here, so that
+the list can only become shorter."""
+
+import ast
+from collections import Counter
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+KNOWN = {
+    "Asking", "Axes", "Axis", "Budget", "Clock", "Columns", "Course", "Entry", "Feedback",
+    "Flight", "Flown", "Held", "Leg", "Limits", "Line", "Mode", "Motion", "Notes", "Pair",
+    "PathFile", "Pilot", "Place", "Planned", "Profile", "Propulsion", "Reference", "Release",
+    "Remembered", "Row", "Run", "Samples", "Scores", "Settings", "Spread", "Stop", "Uniform",
+    "Wanted", "Water", "Way", "World",
+}  # fmt: skip
+
+
+def several() -> set[str]:
+    """Names of public classes that more than one file defines."""
+    names = Counter(
+        node.name
+        for folder in ("messages", "services", "tools")
+        for file in (ROOT / folder).rglob("*.py")
+        for node in ast.parse(file.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
+    )
+    assert names["Message"] == 1, "the search finds classes"
+    return {name for name, count in names.items() if count > 1}
+
+
+def test_no_class_name_is_used_twice_that_was_not_before() -> None:
+    assert several() - KNOWN == set()
+
+
+def test_a_name_that_is_unique_by_now_is_taken_off_the_list() -> None:
+    assert KNOWN - several() == set()
