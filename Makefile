@@ -5,13 +5,20 @@ READY := .venv/.ready
 # Installed packages wait in the environment; nothing is looked up on the network at run time.
 UV := $(BIN)/python -m uv
 
-.PHONY: dive test check format laws stops picture docs clean
+.PHONY: dive test explore mutants check format laws stops picture docs clean
 
 dive: $(READY) ## fly the demo dive: every service, one command
 	$(BIN)/lindy dive --out dives/latest
 
-test: $(READY) ## all tests
-	$(BIN)/pytest -n 2
+test: $(READY) ## all tests; every run draws the same cases
+	PYTHONHASHSEED=0 $(BIN)/pytest -n 2
+
+explore: $(READY) ## search for minutes for new cases that break a law; prints what to keep
+	$(BIN)/python -m pytest -n 2 -p tests.long.explore --hypothesis-profile explore \
+		-m "hypothesis and not system"
+
+mutants: $(READY) ## how many small faults, put into a copy of the laws, the tests notice
+	$(BIN)/python tests/long/mutants.py
 
 check: $(READY) ## format, lint, types, import contracts
 	$(BIN)/ruff format --check .
