@@ -1,18 +1,23 @@
 """The door of every port: whatever arrives, only whole, ordered, timely messages get in."""
 
 from collections import Counter
+from typing import get_args
 
 import msgspec
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages import topics
-from messages.pilot import PilotCommand, PilotRequest
+from messages.link import Clock
+from messages.pilot import PilotCommand, PilotRequest, RequestKind
 from services.runtime.bus import Envelope
+from services.runtime.far_clock import FarClock
 from services.runtime.gate import Gate
 
 NOW = 10**12
+MS = 1_000_000
 TYPE = topics.PILOT_COMMAND.encoding
+JITTER = 100 * MS  # [ns] the most that a stamp may lie ahead; it adds to the life of a command
 
 
 def command(stamp_ns: int = NOW, seq: int = 0, ttl_ms: float = 300.0) -> Envelope:
@@ -68,6 +73,40 @@ def test_a_stamp_from_the_future_cannot_shut_the_door_for_the_rest() -> None:
     assert door.admit(command(NOW + 10**9), NOW) is None
     assert door.admit(command(NOW), NOW) is not None
     assert counts == {"from_future:pilot/command": 1}
+
+
+@given(st.integers(0, 300 * MS), st.none() | st.integers(0, 100 * MS))
+def test_no_command_lives_longer_by_a_stamp_from_the_future_than_jitter_explains(
+    ahead: int, bound: int | None
+) -> None:
+    """`bound` [ns] is what the other machine's clock is known to; None: there is one clock."""
+    counts: Counter[str] = Counter()
+    far = None if bound is None else FarClock("drone")
+    if far is not None:
+        told = Clock(
+            stamp_ns=0, offset_ns=0, bound_ns=bound, drift_ppm=None, rtt_ms=None,
+            rtt_min_ms=None, answered_ms=None,
+        )  # fmt: skip
+        far.learn(told, NOW)
+    admitted = Gate(topics.PILOT_COMMAND, counts, far).admit(command(NOW + ahead), NOW)
+    assert (admitted is not None) == (ahead <= JITTER + (bound or 0))
+    assert counts["from_future:pilot/command"] == (admitted is None)
+
+
+@given(st.integers(0, 2 * NOW), st.sampled_from(get_args(RequestKind)))
+def test_before_the_clocks_are_known_events_are_heard_and_commands_are_not(
+    stamp: int, kind: RequestKind
+) -> None:
+    """Nothing but the age of a message hangs on the clocks, and an event has none: a stop is a stop
+    whenever it was pressed. What the age of a command is, nobody can say."""
+    far, counts = FarClock("drone"), Counter[str]()
+    events = Gate(topics.PILOT_REQUEST, counts, far)
+    request = PilotRequest(stamp_ns=stamp, id="stop-1", kind=kind)
+    encoded = msgspec.msgpack.encode(request)
+    heard = events.admit(Envelope("pilot/request", encoded, topics.PILOT_REQUEST.encoding), NOW)
+    assert heard == request
+    assert Gate(topics.PILOT_COMMAND, counts, far).admit(command(stamp), NOW) is None
+    assert counts == {"unsynchronised:pilot/command": 1}
 
 
 def test_what_was_overtaken_or_doubled_is_refused_and_a_gap_is_counted() -> None:
