@@ -25,7 +25,7 @@ from queue import SimpleQueue
 from random import Random
 from typing import cast
 
-EACH = 20  # faults in each law
+EACH = 15  # faults in each law
 GOAL = 0.9  # of the faults are to be noticed
 WORKERS = 2
 PATIENCE = (
@@ -59,7 +59,7 @@ LAWS: dict[str, tuple[str, ...]] = {
         "tests/services/control/test_layout.py",
     ),
     "services/control/disturbance.py": ("tests/services/control/test_disturbance.py",),
-    "services/control/gain_blend.py": ("tests/services/control/test_static_hold.py",),
+    "services/control/gain_blend.py": ("tests/services/control/test_gain_blend.py",),
     "services/estimation/depth_filter.py": (
         "tests/services/estimation/test_estimation_depth_filter.py",
     ),
@@ -86,7 +86,7 @@ LAWS: dict[str, tuple[str, ...]] = {
         "tests/services/tether/test_link_laws.py",
         "tests/services/tether/test_link_statistics.py",
     ),
-    "services/tether/codel.py": ("tests/services/tether/test_link_laws.py",),
+    "services/tether/codel.py": ("tests/services/tether/test_codel.py",),
     "services/runtime/gate.py": (
         "tests/services/runtime/test_gate.py",
         "tests/services/runtime/test_far_clock.py",
