@@ -8,9 +8,13 @@ from hypothesis import strategies as st
 from services.tether.codel import CoDel, Dropper
 
 MS = 1_000_000  # [ns]
-laws = st.builds(
-    lambda target, more: CoDel(target, target + more), st.floats(1.0, 20.0), st.floats(0.0, 200.0)
-)
+
+
+def codel(target_ms: float, more_ms: float) -> CoDel:
+    return CoDel(target_ms, target_ms + more_ms)
+
+
+laws = st.builds(codel, st.floats(1.0, 20.0), st.floats(0.0, 200.0))
 leaving = st.tuples(
     st.integers(0, 30 * MS),  # [ns] since the message before
     st.sampled_from([0.0, 0.99, 1.0, 3.0]),  # [-] of the target that it waited
