@@ -6,13 +6,20 @@ READY := .venv/.ready
 UV := $(BIN)/python -m uv
 PICTURES := .pictures
 
-.PHONY: dive test check format laws stops picture docs clean
+.PHONY: dive test explore mutants check format laws stops picture docs clean
 
 dive: $(READY) ## fly the demo dive: every service, one command
 	$(BIN)/lindy dive
 
-test: $(READY) ## all tests
-	$(BIN)/pytest -n 2
+test: $(READY) ## all tests; every run draws the same cases
+	PYTHONHASHSEED=0 $(BIN)/pytest -n 2
+
+explore: $(READY) ## search for minutes for new cases that break a law; prints what to keep
+	$(BIN)/python -m pytest -n 2 -p tests.long.explore --hypothesis-profile explore \
+		-m "hypothesis and not system"
+
+mutants: $(READY) ## how many small faults, put into a copy of the laws, the tests notice
+	$(BIN)/python tests/long/mutants.py
 
 check: $(READY) ## format, lint, types, import contracts
 	$(BIN)/ruff format --check .

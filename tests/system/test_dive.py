@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from pathlib import Path
+from random import Random
 from typing import Any
 
 import msgspec
@@ -199,11 +200,12 @@ def spoil(running: Running) -> None:
             stamp_ns=0, sensor_ns=None, pilot_ns=None, thrust=(math.nan,) * 4
         ),
     }
+    garbage = Random(1)
     for endpoint in running.endpoints.values():
         with connected(endpoint, namespace(running.vehicle)) as session:
             for _ in range(10):
                 for topic in (topics.PILOT_COMMAND, topics.THRUSTERS, topics.STATE):
-                    session.put(topic.key, os.urandom(64), encoding=topic.encoding)
+                    session.put(topic.key, garbage.randbytes(64), encoding=topic.encoding)
                     session.put(topic.key, b"\xc1" * 9, encoding="text/plain")
                     if (message := not_a_number.get(topic.key)) is not None:
                         payload = msgspec.msgpack.encode(message)

@@ -24,6 +24,8 @@ many = settings(max_examples=150, deadline=None)
 force, moment = st.floats(-200.0, 200.0), st.floats(-40.0, 40.0)
 wrench = st.tuples(force, force, force, moment, moment, moment)
 share = st.floats(-1.0, 1.0)
+# Losing the attitude, depth or heading disorients the pilot, losing speed does not.
+ORDER = (("roll", "pitch"), ("heave",), ("yaw",), ("surge", "sway"))
 EXACT = AllocationSettings(dead_band_compensation=False)
 EDGE = 0.8  # [N] dead-band of the Pioneer's thrusters
 NOISE = 0.49 * (COMES_ON - GOES_OFF) * EDGE  # [N] up and down, less than the hysteresis
@@ -32,6 +34,18 @@ NOISE = 0.49 * (COMES_ON - GOES_OFF) * EDGE  # [N] up and down, less than the hy
 @pytest.fixture(scope="module", params=["pioneer", "heavy"])
 def vehicle(request: pytest.FixtureRequest) -> Vehicle:
     return cast(Vehicle, request.getfixturevalue(request.param))
+
+
+@pytest.fixture(scope="module")
+def slanted(heavy: Vehicle) -> Vehicle:
+    """Four thrusters, each of which every axis needs: whoever gets more costs all the others."""
+    down = [t.name.startswith("vertical") for t in heavy.thruster]
+    tilted = [
+        msgspec.structs.replace(t, direction=(*t.direction[:2], 0.7), dead_band=0.0)
+        for t, vertical in zip(heavy.thruster, down, strict=True)
+        if not vertical
+    ]
+    return msgspec.structs.replace(heavy, thruster=tilted)
 
 
 def without_dead_band(vehicle: Vehicle) -> Vehicle:
@@ -115,6 +129,33 @@ def test_a_higher_group_is_never_changed_by_a_lower_one(
     axes = allocation.axes & higher
     both = on_axes(allocation.allocate(wanted).achieved, axes)
     assert both == pytest.approx(on_axes(allocation.allocate(alone).achieved, axes), abs=1e-6)
+
+
+@many
+@given(wrench, st.integers(1, 3))
+def test_attitude_comes_before_depth_depth_before_heading_and_heading_before_speed(
+    slanted: Vehicle, heavy: Vehicle, wanted: Vec6, served: int
+) -> None:
+    for vehicle in (slanted, without_dead_band(heavy)):
+        allocation = Allocation(vehicle)
+        first = {axis for group in ORDER[:served] for axis in group}
+        alone = [w if axis in first else 0.0 for axis, w in zip(AXES, wanted, strict=True)]
+        both = allocation.allocate(wanted).achieved
+        before = allocation.allocate(cast(Vec6, tuple(alone))).achieved
+        axes = allocation.axes & first
+        assert on_axes(both, axes) == pytest.approx(on_axes(before, axes), abs=1e-6)
+
+
+@many
+@given(wrench, st.integers(0, 3), st.floats(-1.0, -0.1))
+def test_a_reversed_thruster_is_asked_for_no_more_than_it_gives_both_ways(
+    vehicle: Vehicle, wanted: Vec6, index: int, gain: float
+) -> None:
+    """Forward it answers with its reverse thrust, so its weaker side counts for both."""
+    allocation = Allocation(vehicle)
+    allocation.trust(index, gain)
+    low, high = vehicle.thruster[index].limits
+    assert abs(allocation.allocate(wanted).thrust[index]) <= min(-low, high)
 
 
 @many

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from messages.reference import Motion
 from services.control.axis_law import AxisLaw, Gains
+from services.control.gain_blend import Static
 from services.control.plant import Plant
 
 GAINS = Gains(kp=50.0, kd=40.0, ki=10.0, max_error=0.3, max_integral=8.0)
@@ -152,6 +153,60 @@ def on_the_floor(**more: float) -> AxisLaw:
 def test_an_observer_does_not_wind_up_against_the_sea_floor() -> None:
     assert on_the_floor().standing > 5.0
     assert on_the_floor(still=0.03, ki=6.0).standing < 1.0
+
+
+@given(st.floats(0.05, 2.0) | st.floats(-2.0, -0.05), st.floats(0.0, 1.0), st.floats(2.0, 10.0))
+def test_only_a_vehicle_that_follows_what_is_asked_of_it_teaches_in_motion(
+    asked: float, share: float, force: float
+) -> None:
+    """One that is held back, at less than a tenth of the speed, may lie on something. One at a
+    third of it moves freely: what it needs more force for is the water's."""
+    axis, speed = law(observer=3.0), share * asked
+    for _ in range(2):
+        axis.step(Motion(0.0, asked, 0.0, 0.0), 0.0, speed, DT)
+        axis.learn(speed, force + PLANT.drag(speed), DT)
+    if share < 0.1:
+        assert axis.standing == 0.0
+    if share > 1 / 3:
+        assert axis.standing > 0.0
+
+
+@pytest.mark.parametrize("observer", [0.0, 3.0])
+@given(error=st.floats(-0.09, 0.09), force=st.floats(-20.0, 20.0), zone=st.floats(0.0, 0.05))
+def test_at_rest_nothing_is_learnt_faster_than_the_error_outside_the_static_zone_says(
+    observer: float, error: float, force: float, zone: float
+) -> None:
+    static = Static(kp=50.0, kd=40.0, zone=zone, leave=0.1)
+    gains = msgspec.structs.replace(GAINS, observer=observer, still=0.03, static=static)
+    axis = AxisLaw(gains, PLANT)
+    axis.learn(0.0, 0.0, DT)
+    axis.step(hold(error), 0.0, 0.0, DT)
+    axis.learn(0.0, force, DT)
+    wanted = GAINS.ki * outside(error, zone) * DT
+    if observer == 0.0:
+        assert axis.standing == pytest.approx(wanted, abs=1e-12)
+    else:
+        assert abs(axis.standing) <= abs(wanted) + 1e-12
+    if observer > 0.0 and abs(force) > 10.0:  # more than enough to learn from
+        assert abs(axis.standing) == pytest.approx(abs(wanted), abs=1e-12)
+
+
+def outside(error: float, zone: float) -> float:
+    return math.copysign(max(0.0, abs(error) - zone), error)
+
+
+@given(st.floats(0.001, 0.3), st.floats(0.01, 2.0))
+def test_gains_for_a_late_rate_are_weaker_and_damp_no_less(error: float, rate: float) -> None:
+    """The damping ratio is that of a mass on spring and damper, kd / (2 √(kp m))."""
+
+    def effort(error: float, rate: float, *, late: bool) -> float:
+        return law(ki=0.0).step(hold(error), 0.0, rate, DT, late=late).total
+
+    spring = effort(error, 0.0, late=True) / effort(error, 0.0, late=False)
+    damper = effort(0.0, rate, late=True) / effort(0.0, rate, late=False)
+    assert 0.0 < spring < 1.0
+    assert 0.0 < damper < 1.0
+    assert damper >= math.sqrt(spring)
 
 
 @pytest.mark.parametrize("speed", [5e-324, 9e-4])

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.estimation.depth_filter import DepthFilter, DepthSettings
+from services.estimation.depth_filter import LEVEL, DepthFilter, DepthSettings, Lean
 from services.estimation.depth_observer import Atmosphere, DepthObserver
 
 DT = 0.01  # [s]
@@ -31,33 +31,73 @@ def covariance(f: DepthFilter) -> np.ndarray:
     return np.array([[f.p00, f.p01, f.p02], [f.p01, f.p11, f.p12], [f.p02, f.p12, f.p22]])
 
 
-step = st.tuples(
-    st.floats(-2.0, 2.0),  # [m/s²]
+class Matrices:
+    """The filter's equations as they are printed, with all four states."""
+
+    def __init__(self, f: DepthFilter) -> None:
+        self.x = np.array([f.depth, f.rate, f.bias, f.forward_bias])
+        self.p = whole_covariance(f)
+
+    def predict(self, acceleration: float | None, dt: float, measured: bool, lean: Lean) -> None:
+        forward, starboard = lean
+        f, q = np.eye(4), np.zeros((4, 4))
+        f[0, 1] = dt
+        density = SET.motion_noise**2
+        if acceleration is not None and measured:
+            f[:2, 2:] = -np.outer([dt * dt / 2, dt], [1.0, forward])
+            density = SET.acceleration_noise**2
+            density += (SET.pitch_noise * forward) ** 2 + (SET.roll_noise * starboard) ** 2
+        q[:2, :2] = density * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
+        q[2, 2] = q[3, 3] = SET.bias_walk**2 * dt
+        self.x = f @ self.x + np.array([dt * dt / 2, dt, 0, 0]) * (acceleration or 0.0)
+        self.p = f @ self.p @ f.T + q
+
+    def update(self, depth: float, age: float) -> None:
+        h = np.array([1, -age, 0, 0])
+        gain = self.p @ h / (h @ self.p @ h + STD**2)
+        self.x = self.x + gain * (depth - h @ self.x)
+        self.p = self.p - np.outer(gain, h @ self.p)
+
+
+def whole_covariance(f: DepthFilter) -> np.ndarray:
+    return np.array(
+        [
+            [f.p00, f.p01, f.p02, f.p03],
+            [f.p01, f.p11, f.p12, f.p13],
+            [f.p02, f.p12, f.p22, f.p23],
+            [f.p03, f.p13, f.p23, f.p33],
+        ]
+    )
+
+
+sine = st.floats(-0.7, 0.7) | st.just(0.0)
+motion = st.tuples(
+    st.none() | st.floats(-2.0, 2.0),  # [m/s²]
     st.floats(0.001, 0.1),  # [s]
-    st.none() | st.tuples(st.floats(-5.0, 5.0), st.floats(-0.01, 0.2)),  # depth [m], age [s]
+    st.booleans(),  # measured
+    st.tuples(sine, sine) | st.just(LEVEL),
 )
+sample = st.none() | st.tuples(st.floats(-5.0, 5.0), st.floats(-0.01, 0.2))  # depth [m], age [s]
 
 
-@settings(max_examples=60, deadline=None)
-@given(st.lists(step, min_size=1, max_size=60))
+@settings(max_examples=100, deadline=None)
+@given(st.lists(st.tuples(motion, sample), min_size=1, max_size=60))
 def test_plain_floats_give_what_matrices_give(
-    steps: list[tuple[float, float, tuple[float, float] | None]],
+    steps: list[tuple[tuple[float | None, float, bool, Lean], tuple[float, float] | None]],
 ):
     f = DepthFilter(SET)
     f.start(1.0, 0.3)
-    x, p = np.array([f.depth, f.rate, f.bias]), covariance(f)
-    for acceleration, dt, sample in steps:
-        f.predict(acceleration, dt)
-        x = transition(dt) @ x + np.array([dt * dt / 2, dt, 0]) * acceleration
-        p = transition(dt) @ p @ transition(dt).T + disturbance(dt)
-        if sample is not None:
-            depth, age = sample
+    printed = Matrices(f)
+    for moved, told in steps:
+        f.predict(*moved)
+        printed.predict(*moved)
+        if told is not None:
+            depth, age = told
             f.update(*f.innovation(depth, STD, age), age)
-            h = np.array([1, -age, 0])
-            gain = p @ h / (h @ p @ h + STD**2)
-            x, p = x + gain * (depth - h @ x), p - np.outer(gain, h @ p)
-    assert [f.depth, f.rate, f.bias] == pytest.approx(x.tolist(), rel=1e-7, abs=1e-9)
-    assert covariance(f) == pytest.approx(p, rel=1e-6, abs=1e-12)
+            printed.update(depth, age)
+    states = [f.depth, f.rate, f.bias, f.forward_bias]
+    assert states == pytest.approx(printed.x.tolist(), rel=1e-7, abs=1e-9)
+    assert whole_covariance(f) == pytest.approx(printed.p, rel=1e-6, abs=1e-12)
 
 
 def test_without_noise_on_the_way_it_is_the_least_squares_line_through_all_samples():

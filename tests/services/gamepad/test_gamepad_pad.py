@@ -14,6 +14,7 @@ from services.gamepad.core import CENTRED, Profile, Reading, Sticks
 sdl.load()
 
 import pygame  # noqa: E402
+from pygame._sdl2 import controller  # noqa: E402
 
 from services.gamepad.pad import Pad  # noqa: E402
 
@@ -205,11 +206,14 @@ def test_a_second_pad_is_named_and_left_alone(pilot: Pilot):
     pilot.read()
     second = VirtualPad()
     assert "ignored" in pilot.read().notes[0][1]
+    other = controller.Controller(1)  # somebody listens to it: only so does SDL tell its buttons
     second.axis(LEFT_Y, 1.0)
-    second.button(START)
+    for button in (START, B, BACK):
+        second.button(button)
     reading = pilot.read()
     assert reading.sticks == CENTRED
     assert reading.presses == ()
+    other.quit()
     second.pull()
     assert pilot.read().present
     first.pull()

@@ -39,6 +39,18 @@ def test_held_back_and_let_go_it_comes_to_the_vehicle_and_is_done(most: float) -
     assert guard.keep(error, 0.01, let_go=True) == 1.0
 
 
+@given(most, st.floats(0.0, 0.99), st.booleans())
+def test_it_holds_back_until_half_the_limit_and_once_let_go_until_a_tenth(
+    most: float, share: float, let_go: bool
+) -> None:
+    guard = Guard(most)
+    guard.keep(2 * most, 0.01, let_go=False)
+    assert guard.held_back
+    guard.keep(share * most, 0.01, let_go=let_go)
+    end = 0.1 if let_go else 0.5
+    assert guard.held_back == (share >= end) or abs(share - end) < 1e-9
+
+
 speed = st.floats(0.01, 2.0)
 
 

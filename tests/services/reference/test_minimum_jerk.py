@@ -171,6 +171,39 @@ def test_position_velocity_and_acceleration_fit_together(
     assert isclose(bend, here.acceleration, abs_tol=1e-2 * lim.jerk)
 
 
+@many
+@given(
+    limits,
+    limits,
+    st.lists(
+        st.tuples(st.sampled_from(["aim", "brake", "brake so", "limit"]), velocity),
+        min_size=1,
+        max_size=6,
+    ),
+    st.floats(0.05, 2.0),
+)
+def test_the_limits_in_force_are_those_that_the_plan_respects(
+    own: Limits, other: Limits, orders: list[tuple[str, float]], wait: float
+) -> None:
+    """Every transition arrives with the jerk in force, and no jerk in it is higher."""
+    ramp, now = Ramp(own), 0.0
+    ramp.aim(1.0, now)
+    for order, target in orders:
+        now += wait
+        if order == "aim":
+            ramp.aim(target, now)
+        elif order == "limit":
+            ramp.limit(other, now)
+        else:
+            ramp.brake(now, other if order == "brake so" else None)
+        for part in ramp.segments:
+            for jerk in (part.at(0.0).jerk, part.at(part.duration).jerk):
+                assert abs(jerk) <= ramp.in_force.jerk * (1 + 1e-9)
+        if sum(part.duration for part in ramp.segments) > 1e-3:
+            last = ramp.segments[-1]
+            assert abs(last.at(last.duration).jerk) == pytest.approx(ramp.in_force.jerk)
+
+
 def test_a_lower_limit_in_mid_transition_is_reached_without_a_step() -> None:
     ramp = Ramp(Limits(1.0, 0.5))
     ramp.aim(2.0, 0.0)

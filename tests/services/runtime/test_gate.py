@@ -1,24 +1,30 @@
 """The door of every port: whatever arrives, only whole, ordered, timely messages get in."""
 
 from collections import Counter
+from typing import get_args
 
 import msgspec
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages import topics
-from messages.pilot import PilotCommand, PilotRequest
+from messages.link import Clock
+from messages.pilot import PilotCommand, PilotRequest, RequestKind
 from services.runtime.bus import Envelope
-from services.runtime.gate import Gate
+from services.runtime.far_clock import FarClock
+from services.runtime.gate import Authority, Gate
 
 NOW = 10**12
+MS = 1_000_000
 TYPE = topics.PILOT_COMMAND.encoding
+JITTER = 100 * MS  # [ns] the most that a stamp may lie ahead; it adds to the life of a command
 
 
-def command(stamp_ns: int = NOW, seq: int = 0, ttl_ms: float = 300.0) -> Envelope:
+def command(stamp_ns: int = NOW, seq: int = 0, ttl_ms: float = 300.0, epoch: int = 0) -> Envelope:
     message = PilotCommand(
-        stamp_ns=stamp_ns, seq=seq, surge=0.0, sway=0.0, heave=0.0, yaw=0.0, ttl_ms=ttl_ms
-    )
+        stamp_ns=stamp_ns, seq=seq, surge=0.0, sway=0.0, heave=0.0, yaw=0.0, ttl_ms=ttl_ms,
+        epoch=epoch,
+    )  # fmt: skip
     return Envelope("pilot/command", msgspec.msgpack.encode(message), TYPE)
 
 
@@ -70,6 +76,40 @@ def test_a_stamp_from_the_future_cannot_shut_the_door_for_the_rest() -> None:
     assert counts == {"from_future:pilot/command": 1}
 
 
+@given(st.integers(-JITTER, JITTER) | st.integers(-2, 2), st.none() | st.integers(0, 100 * MS))
+def test_no_command_lives_longer_by_a_stamp_from_the_future_than_jitter_explains(
+    more: int, bound: int | None
+) -> None:
+    """`bound` [ns] is what the other machine's clock is known to; None: there is one clock."""
+    counts, ahead = Counter[str](), JITTER + (bound or 0) + more
+    far = None if bound is None else FarClock("drone")
+    if far is not None:
+        told = Clock(
+            stamp_ns=0, offset_ns=0, bound_ns=bound, drift_ppm=None, rtt_ms=None,
+            rtt_min_ms=None, answered_ms=None,
+        )  # fmt: skip
+        far.learn(told, NOW)
+    admitted = Gate(topics.PILOT_COMMAND, counts, far).admit(command(NOW + ahead), NOW)
+    assert (admitted is not None) == (more <= 0)
+    assert counts["from_future:pilot/command"] == (admitted is None)
+
+
+@given(st.integers(0, 2 * NOW), st.sampled_from(get_args(RequestKind)))
+def test_before_the_clocks_are_known_events_are_heard_and_commands_are_not(
+    stamp: int, kind: RequestKind
+) -> None:
+    """Nothing but the age of a message hangs on the clocks, and an event has none: a stop is a stop
+    whenever it was pressed. What the age of a command is, nobody can say."""
+    far, counts = FarClock("drone"), Counter[str]()
+    events = Gate(topics.PILOT_REQUEST, counts, far)
+    request = PilotRequest(stamp_ns=stamp, id="stop-1", kind=kind)
+    encoded = msgspec.msgpack.encode(request)
+    heard = events.admit(Envelope("pilot/request", encoded, topics.PILOT_REQUEST.encoding), NOW)
+    assert heard == request
+    assert Gate(topics.PILOT_COMMAND, counts, far).admit(command(stamp), NOW) is None
+    assert counts == {"unsynchronised:pilot/command": 1}
+
+
 def test_what_was_overtaken_or_doubled_is_refused_and_a_gap_is_counted() -> None:
     door, counts = gate()
     for stamp, seq in ((0, 0), (20, 1), (10, 7), (20, 1), (50, 5)):
@@ -105,6 +145,31 @@ def test_events_of_two_senders_do_not_shut_each_other_out() -> None:
         payload = msgspec.msgpack.encode(message)
         assert door.admit(Envelope("pilot/request", payload, topics.PILOT_REQUEST.encoding), NOW)
     assert counts == {}
+
+
+@given(st.lists(st.tuples(st.booleans(), st.integers(0, 6)), max_size=40))
+def test_only_epochs_from_the_one_in_force_to_the_one_granted_are_obeyed(
+    happened: list[tuple[bool, int]],
+) -> None:
+    """Grants and commands in any order; a grant counts from the first command of its epoch on."""
+    door, counts = gate()
+    door.authority = authority = Authority(1, 1)
+    in_force, granted, refused = 1, 1, 0
+    for k, (is_grant, epoch) in enumerate(happened):
+        if is_grant:
+            authority.granted = granted = max(granted, epoch)
+            continue
+        admitted = door.admit(command(NOW + k, k, epoch=epoch), NOW + k)
+        assert (admitted is not None) == (in_force <= epoch <= granted)
+        if admitted is None:
+            refused += 1
+        else:
+            in_force = epoch
+    assert counts["wrong_epoch:pilot/command"] == refused
+
+
+def test_with_one_clock_an_age_is_exact() -> None:
+    assert gate()[0].bound_ns(NOW) == 0
 
 
 def test_an_onlooker_sees_commands_that_are_too_old_to_act_on() -> None:

@@ -14,7 +14,7 @@ from services.runtime import supervisor as module
 from services.runtime.child import Child, Task
 from services.runtime.supervisor import Supervisor
 
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0  # never reached unless something is broken
 SLEEP = "import time\nprint('here', flush=True)\ntime.sleep(600)"
 DEAF = "import signal\nsignal.signal(signal.SIGTERM, signal.SIG_IGN)\n" + SLEEP
 MISTAKEN = "import sys\nsys.exit('lindy toy: depth is 7, expected at most 3')"

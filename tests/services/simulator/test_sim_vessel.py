@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages.units import Quaternion, Vec6
-from services.marine.attitude import from_euler, tilt, to_euler
+from services.marine.attitude import from_euler, tilt, to_euler, to_world
 from services.marine.hydrodynamics import full_buoyancy
 from services.marine.rigid_body import kinetic_energy, system_inertia
 from services.marine.thrusters import driven
@@ -184,6 +184,18 @@ def test_a_thruster_in_the_air_produces_nothing() -> None:
     sunk.drive([10.0, 10.0, 0.0, 10.0])
     sunk.advance(STEP)
     assert sunk.produced[3] > 0.0
+
+
+@law
+@given(attitude, st.floats(-0.4, 0.4))
+def test_a_thruster_produces_when_it_is_below_the_surface_and_only_then(
+    q_NB: Quaternion, depth: float
+) -> None:
+    thrust, state = [10.0] * len(PIONEER.thruster), (0.0, 0.0, depth, *q_NB, *REST)
+    ship = Vessel(PIONEER, Settings(), state, thrust)
+    for thruster, newtons in zip(PIONEER.thruster, ship.produced, strict=True):
+        deep = depth + to_world(q_NB, thruster.position)[2]
+        assert newtons == (10.0 if deep >= 0.0 else 0.0) or abs(deep) < 1e-9
 
 
 def test_a_command_grows_into_thrust_with_the_time_constant() -> None:

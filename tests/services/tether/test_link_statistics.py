@@ -103,11 +103,13 @@ def test_gilbert_elliott_loses_in_the_good_state_too_when_told_to() -> None:
     assert reasons.count("burst") > 0
 
 
-def test_bursts_take_place_at_their_times_and_nowhere_else() -> None:
-    reasons = losses(Bursts(every_s=10.0, seconds=0.5, share=0.4, first_s=3.0))
+@pytest.mark.parametrize("first_s", [3.0, 33.0])
+def test_bursts_take_place_at_their_times_and_nowhere_else(first_s: float) -> None:
+    reasons = losses(Bursts(every_s=10.0, seconds=0.5, share=0.4, first_s=first_s))
     when = np.array([k * 0.01 for k, reason in enumerate(reasons) if reason == "burst"])
-    inside = (np.arange(N) * 0.01 - 3.0) % 10.0 < 0.5
-    assert np.all((when >= 3.0) & ((when - 3.0) % 10.0 < 0.5))
+    since = np.arange(N) * 0.01 - first_s
+    inside = (since >= 0.0) & (since % 10.0 < 0.5)
+    assert np.all((when >= first_s) & ((when - first_s) % 10.0 < 0.5))
     count = int(inside.sum())
     assert abs(len(when) / count - 0.4) < NORMAL_99 * sqrt(0.24 / count)
 

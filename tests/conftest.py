@@ -1,0 +1,29 @@
+"""Every run of the tests is the same run, on any machine: the property tests draw the same cases.
+
+New cases are searched for by `make explore` alone (tests/long/explore.py). A case found there is
+kept as an `@example` of its test.
+"""
+
+import pytest
+from hypothesis import HealthCheck, settings
+from hypothesis.internal.constants_ast import Constants
+
+settings.register_profile(
+    "same",
+    derandomize=True,  # cases follow from the text of the test alone
+    database=None,  # nor from what failed here before
+    deadline=None,  # nor does the verdict follow from the speed of the machine
+    suppress_health_check=[HealthCheck.too_slow],
+    print_blob=True,
+)
+settings.load_profile("same")
+
+
+@pytest.hookimpl(trylast=True)  # after `--hypothesis-profile` was obeyed
+def pytest_configure() -> None:
+    """Hypothesis also draws constants that it finds in the modules imported so far, which depends
+    on who ran before in the same process, and on the constants. Not in the runs that are equal."""
+    if settings.get_current_profile_name() == "same":
+        pytest.MonkeyPatch().setattr(
+            "hypothesis.internal.conjecture.providers._get_local_constants", Constants
+        )

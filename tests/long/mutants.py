@@ -1,0 +1,314 @@
+"""Do the tests notice a fault in a law? Run it for minutes: `make mutants`.
+
+Puts one small fault after the other into a copy of the code (a comparison the other way round, a
+sign, a constant times 1.5, two arguments exchanged, a statement left out), runs the tests of that
+law on it, and prints the share of faults that made a test fail, and those that did not. The faults
+are drawn with a fixed seed, so two runs of the same code try the same ones.
+
+`python tests/long/mutants.py [--each N] [LAW ...]` with another number of faults in each law, or
+for these laws only, by the names of their files without `.py`.
+"""
+
+import argparse
+import ast
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from queue import SimpleQueue
+from random import Random
+from typing import cast
+
+EACH = 15  # faults in each law
+GOAL = 0.9  # of the faults are to be noticed
+WORKERS = 2
+PATIENCE = (
+    4.0  # times as long as without a fault, and LEAST_PATIENCE [s]; then it counts as noticed
+)
+LEAST_PATIENCE = 15.0
+MEMORY = 8_000_000  # [KiB] address space; a fault may make a list that never ends
+PARTS = ("messages", "services", "tools", "tests", "deploy", "pyproject.toml")  # of the copy
+
+# law → its tests
+LAWS: dict[str, tuple[str, ...]] = {
+    "services/reference/minimum_jerk.py": (
+        "tests/services/reference/test_minimum_jerk.py",
+        "tests/services/reference/test_stepping.py",
+    ),
+    "services/reference/vector.py": ("tests/services/reference/test_vector.py",),
+    "services/reference/position.py": ("tests/services/reference/test_position.py",),
+    "services/reference/time_scaling.py": (
+        "tests/services/reference/test_time_scaling.py",
+        "tests/services/reference/test_time_scaling_stop.py",
+    ),
+    "services/reference/emergency_stop.py": ("tests/services/reference/test_time_scaling_stop.py",),
+    "services/reference/guard.py": ("tests/services/reference/test_guard.py",),
+    "services/control/axis_law.py": (
+        "tests/services/control/test_axis_law.py",
+        "tests/services/control/test_static_hold.py",
+        "tests/services/control/test_sampled_loop.py",
+    ),
+    "services/control/allocation.py": (
+        "tests/services/control/test_allocation.py",
+        "tests/services/control/test_layout.py",
+    ),
+    "services/control/disturbance.py": ("tests/services/control/test_disturbance.py",),
+    "services/control/gain_blend.py": ("tests/services/control/test_gain_blend.py",),
+    "services/estimation/depth_filter.py": (
+        "tests/services/estimation/test_estimation_depth_filter.py",
+    ),
+    "services/estimation/attitude_filter.py": (
+        "tests/services/estimation/test_estimation_attitude.py",
+    ),
+    "services/estimation/heading.py": (
+        "tests/services/estimation/test_estimation_headings.py",
+        "tests/services/estimation/test_heading_disturbance.py",
+    ),
+    "services/estimation/horizontal_filter.py": (
+        "tests/services/estimation/test_horizontal_filter.py",
+        "tests/services/estimation/test_horizontal.py",
+    ),
+    "services/tether/loss.py": (
+        "tests/services/tether/test_link_statistics.py",
+        "tests/services/tether/test_link_laws.py",
+    ),
+    "services/tether/delay.py": (
+        "tests/services/tether/test_link_statistics.py",
+        "tests/services/tether/test_link_laws.py",
+    ),
+    "services/tether/link_model.py": (
+        "tests/services/tether/test_link_laws.py",
+        "tests/services/tether/test_link_statistics.py",
+    ),
+    "services/tether/codel.py": ("tests/services/tether/test_codel.py",),
+    "services/runtime/gate.py": (
+        "tests/services/runtime/test_gate.py",
+        "tests/services/runtime/test_far_clock.py",
+    ),
+    "services/simulator/vessel.py": (
+        "tests/services/simulator/test_sim_vessel.py",
+        "tests/services/simulator/test_sim_equations.py",
+    ),
+}
+# (law, fault) → why nobody could notice
+EQUIVALENT: dict[tuple[str, str], str] = {}
+
+COMPARED: dict[type[ast.cmpop], type[ast.cmpop]] = {
+    ast.Lt: ast.GtE, ast.LtE: ast.Gt, ast.Gt: ast.LtE, ast.GtE: ast.Lt, ast.Eq: ast.NotEq,
+    ast.NotEq: ast.Eq, ast.Is: ast.IsNot, ast.IsNot: ast.Is, ast.In: ast.NotIn, ast.NotIn: ast.In,
+}  # fmt: skip
+COUNTED: dict[type[ast.operator], type[ast.operator]] = {
+    ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult,
+}  # fmt: skip
+EXTREME = {"min": "max", "max": "min"}
+SYMMETRIC = {"hypot", "min", "max", "add"}
+
+
+@dataclass(frozen=True)
+class Fault:
+    law: str
+    what: str  # where, and what is written there instead of what
+    source: str  # of the whole file
+
+    @property
+    def reason(self) -> str | None:
+        return EQUIVALENT.get((self.law, self.what))
+
+
+def faults(law: str, count: int) -> list[Fault]:
+    """`count` of all the faults that could be made, always the same, without the known ones."""
+    text = Path(law).read_text(encoding="utf-8")
+    every = [fault for fault in _every(law, text) if fault.reason is None]
+    return Random(Path(law).stem).sample(every, min(count, len(every)))
+
+
+def _every(law: str, text: str) -> Iterator[Fault]:
+    tree = ast.parse(text)
+    for place, parent, field, index, node in _places(tree):
+        for other in _instead(node):
+            _put(parent, field, index, other)
+            line = f"{place}: {_short(node)}  →  {_short(other)}"
+            yield Fault(law, line, ast.unparse(ast.fix_missing_locations(tree)))
+            _put(parent, field, index, node)
+
+
+Place = tuple[str, ast.AST, str, int | None, ast.AST]
+
+
+def _places(parent: ast.AST, place: str = "") -> Iterator[Place]:
+    """Every node that runs, with where it stands: not annotations and defaults of settings."""
+    if isinstance(parent, ast.ClassDef | ast.FunctionDef):
+        place = f"{place}.{parent.name}".strip(".")
+    for field, value in ast.iter_fields(parent):
+        if field in {"annotation", "returns", "decorator_list", "bases"}:
+            continue
+        several = cast("list[object]", value if isinstance(value, list) else [value])
+        for k, node in enumerate(several):
+            if not isinstance(node, ast.AST) or _is_said_only(parent, node, place):
+                continue
+            yield place, parent, field, k if isinstance(value, list) else None, node
+            yield from _places(node, place)
+
+
+def _is_said_only(parent: ast.AST, node: ast.AST, place: str) -> bool:
+    """Of types, fields, the beginning of an object, or the words of an error: not what is done."""
+    if isinstance(node, ast.Raise | ast.ExceptHandler):
+        return True
+    if isinstance(node, ast.Assign) and place.endswith("__init__"):
+        return isinstance(node.value, ast.Name | ast.Attribute)
+    if isinstance(parent, ast.ClassDef) and isinstance(node, ast.AnnAssign | ast.Assign):
+        return True
+    return isinstance(node, ast.Subscript) and ast.unparse(node.value) in {
+        "Annotated", "Callable", "dict", "list", "set", "tuple", "frozenset",
+    }  # fmt: skip
+
+
+def _put(parent: ast.AST, field: str, index: int | None, node: ast.AST) -> None:
+    if index is None:
+        setattr(parent, field, node)
+    else:
+        getattr(parent, field)[index] = node
+
+
+def _short(node: ast.AST) -> str:
+    return " ".join(ast.unparse(node).split())
+
+
+def _instead(node: ast.AST) -> Iterator[ast.AST]:  # noqa: C901 - one line for each kind of fault
+    match node:
+        case ast.Compare(left, ops, right):
+            for k, op in enumerate(ops):
+                yield ast.Compare(left, [*ops[:k], COMPARED[type(op)](), *ops[k + 1 :]], right)
+        case ast.BinOp(left, op, right) if type(op) in COUNTED:
+            yield ast.BinOp(left, COUNTED[type(op)](), right)
+        case ast.AugAssign(target, op, value) if type(op) in COUNTED:
+            yield ast.AugAssign(target, COUNTED[type(op)](), value)
+        case ast.UnaryOp(ast.USub() | ast.Not(), operand):
+            yield operand
+        case ast.BoolOp(op, values):
+            yield ast.BoolOp(ast.Or() if isinstance(op, ast.And) else ast.And(), values)
+        case ast.IfExp(test, body, orelse):
+            yield ast.IfExp(test, orelse, body)
+        case ast.Call(ast.Name(name), args, keywords) if name in EXTREME:
+            yield ast.Call(ast.Name(EXTREME[name]), args, keywords)
+        case ast.Call(func, [one, other, *rest], keywords):
+            if ast.unparse(func) not in SYMMETRIC:
+                yield ast.Call(func, [other, one, *rest], keywords)
+        case ast.Tuple([one, other, *rest], context):
+            yield ast.Tuple([other, one, *rest], context)
+        case ast.Constant(bool(value)):
+            yield ast.Constant(not value)
+        case ast.Constant(int(value)):
+            yield ast.Constant(value + 1)
+        case ast.Constant(float(value)):
+            yield ast.Constant(1.5 * value if value else 1.0)
+        case ast.Expr(ast.Call()) | ast.Assign([ast.Attribute()]):
+            yield ast.Pass()
+        case _:
+            pass
+
+
+class Copy:
+    """The code in a folder of its own, where faults may be put in."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        for part in PARTS:
+            ignored = shutil.ignore_patterns("__pycache__")
+            if Path(part).is_dir():
+                shutil.copytree(part, folder / part, ignore=ignored)
+            else:
+                shutil.copy2(part, folder / part)
+
+    def passes(self, law: str, patience: float | None) -> bool:
+        """Whether all its tests do, within `patience` [s]."""
+        tests = " ".join(LAWS[law])
+        # As a module, so that the folder it runs in comes before the installed code.
+        run = f'ulimit -v {MEMORY}; exec "{sys.executable}" -m pytest -x -n 0 -q {tests}'
+        run += ' -p no:cacheprovider -m "not system"'
+        environment = os.environ | {"PYTHONHASHSEED": "0"}
+        if patience is not None:  # what was compiled without a fault is used, nothing is added
+            environment["PYTHONDONTWRITEBYTECODE"] = "1"
+        try:
+            done = subprocess.run(
+                ["sh", "-c", run],
+                cwd=self.folder,
+                env=environment,
+                timeout=patience,
+                capture_output=True,
+                check=False,
+            )
+        except subprocess.TimeoutExpired:
+            return False
+        return done.returncode == 0
+
+    def notices(self, fault: Fault, patience: float) -> bool:
+        path = self.folder / fault.law
+        path.write_text(fault.source, encoding="utf-8")
+        try:
+            return not self.passes(fault.law, patience)
+        finally:
+            shutil.copy2(fault.law, path)
+
+
+def main(laws: list[str], each: int) -> int:
+    with tempfile.TemporaryDirectory() as root, ThreadPoolExecutor(WORKERS) as pool:
+        copies = SimpleQueue[Copy]()
+        for k in range(WORKERS):
+            copies.put(Copy(Path(root) / str(k)))
+
+        def without(law: str) -> float:
+            copy, began = copies.get(), time.monotonic()
+            try:
+                if not copy.passes(law, None):
+                    raise SystemExit(f"the tests of {law} fail without a fault: {LAWS[law]}")
+                return max(LEAST_PATIENCE, PATIENCE * (time.monotonic() - began))
+            finally:
+                copies.put(copy)
+
+        def noticed(fault: Fault) -> bool:
+            copy = copies.get()
+            try:
+                return copy.notices(fault, patience[fault.law])
+            finally:
+                copies.put(copy)
+
+        patience = dict(zip(laws, pool.map(without, laws), strict=True))
+        tried = [fault for law in laws for fault in faults(law, each)]
+        found = dict(zip(tried, pool.map(noticed, tried), strict=True))
+    return _say(found)
+
+
+def _say(found: dict[Fault, bool]) -> int:
+    """Exit status: 0 when the goal is met."""
+    for law in dict.fromkeys(fault.law for fault in found):
+        here = [noticed for fault, noticed in found.items() if fault.law == law]
+        print(f"{sum(here):4d} of {len(here):3d} noticed in {law}")
+        for fault, noticed in found.items():
+            if fault.law == law and not noticed:
+                print(f"         not: {fault.what}")
+    share = sum(found.values()) / len(found)
+    print(f"{share:.1%} of {len(found)} faults noticed; the goal is {GOAL:.0%}.")
+    print(f"Not tried, because nobody could notice: {len(EQUIVALENT)}")
+    return int(share < GOAL)
+
+
+def _chosen(names: list[str]) -> list[str]:
+    by_name = {Path(law).stem: law for law in LAWS}
+    if unknown := sorted(set(names) - set(by_name)):
+        raise SystemExit(f"no law is called {unknown[0]!r}; there are {', '.join(by_name)}")
+    return [by_name[name] for name in names] or list(LAWS)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("laws", nargs="*", metavar="LAW")
+    parser.add_argument("--each", type=int, default=EACH, metavar="N")
+    chosen = parser.parse_args()
+    sys.exit(main(_chosen(chosen.laws), chosen.each))

@@ -1,0 +1,43 @@
+"""The search for new cases ends with lines that can be pasted."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+BROKEN = """
+from typing import NamedTuple
+import pytest
+from hypothesis import given, settings, strategies as st
+
+class Limits(NamedTuple):
+    jerk: float
+    peak: float
+
+@pytest.mark.parametrize("side", ["left"])
+@settings(max_examples=5)
+@given(v=st.floats(0.0, 9.0), lim=st.builds(Limits, st.just(1.0), st.just(2.0)))
+def test_slow(side, v, lim):
+    assert v < 4.0
+
+@given(st.data())
+def test_drawn(data):
+    assert data.draw(st.integers()) < 10
+
+@given(st.integers())
+def test_that_holds(n):
+    assert n == n
+"""
+
+
+def test_each_find_is_printed_as_the_line_that_brings_it_back(tmp_path: Path) -> None:
+    (tmp_path / "test_broken.py").write_text(BROKEN)
+    run = [sys.executable, "-m", "pytest", "-p", "tests.long.explore", "--tb=no", "-n", "0"]
+    run += ["--hypothesis-profile", "explore", "-c", "pyproject.toml", str(tmp_path)]
+    done = subprocess.run(run, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    _, _, finds = done.stdout.partition("cases to keep")
+    lines = [line.strip() for line in finds.splitlines()]
+    assert "@example(v=4.0, lim=Limits(1.0, 2.0))" in lines
+    assert any(line.startswith("@reproduce_failure(") for line in lines)
+    assert "test_that_holds" not in finds
