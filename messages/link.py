@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from messages.message import Finite, Message, Ns, Positive
+from messages.message import Answer, Finite, Message, Ns, Positive, Request
 
 Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 
@@ -46,20 +46,17 @@ class LinkStatus(Message, frozen=True, kw_only=True):
     clock: Clock | None = None  # newest word of the sounder
 
 
-class LinkRequest(Message, frozen=True, kw_only=True):
+class LinkRequest(Request, frozen=True, kw_only=True):
     """Change the emulated link. Repeated with the same id until a `LinkAnswer` names that id."""
 
-    id: str
     kind: Literal["profile", "set", "down", "up"]
     profile: str | None = None  # profile: a name in deploy/links
     settings: tuple[str, ...] = ()  # set: key=value into the profile in force, `up.delay_ms=80`
 
 
-class LinkAnswer(Message, frozen=True, kw_only=True):
+class LinkAnswer(Answer, frozen=True, kw_only=True):
     """The tether's word on it, said in both realms, so that every change is recorded."""
 
-    id: str
-    accepted: bool
     kind: str
     change: str = ""  # what has changed, in words
     reason: str = ""  # why not

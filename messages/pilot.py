@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from messages.message import Finite, Message, Ns, Positive, Stick, Ttl
+from messages.message import Answer, Finite, Message, Ns, Positive, Request, Stick, Ttl
 
 Place = Annotated[tuple[Finite, ...], msgspec.Meta(min_length=2, max_length=3)]  # n, e(, down)
 TTL_MS = 300.0  # [ms] a stick position older than this moves nothing
@@ -44,10 +44,9 @@ class Course(msgspec.Struct, frozen=True):
     jerk: Finite = 0.3  # [m/s³] at most
 
 
-class PilotRequest(Message, frozen=True, kw_only=True):
+class PilotRequest(Request, frozen=True, kw_only=True):
     """Something to be done once. Repeated with the same id until a `PilotAnswer` names that id."""
 
-    id: str
     kind: RequestKind
     value: Stick | None = None  # light: brightness 0 … 1
     depth: Finite | None = None  # [m] goto: positive down
@@ -67,11 +66,9 @@ class StopDistance(msgspec.Struct, frozen=True):
     seconds: Positive  # [s]
 
 
-class PilotAnswer(Message, frozen=True, kw_only=True):
+class PilotAnswer(Answer, frozen=True, kw_only=True):
     """The drone's word on a request."""
 
-    id: str
-    accepted: bool
     reason: str = ""  # why not, in words for the pilot
     stop: StopDistance | None = None  # stop: how far the drone still goes
     epoch: int | None = None  # lease: the authority epoch that commands have to carry from now on

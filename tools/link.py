@@ -123,9 +123,13 @@ def trace(
 
 def _ask(request: LinkRequest, dive: Path | None) -> int:
     from tools.ask import dive_in
-    from tools.asking import answer_to
+    from tools.asking import answer_to, at_once
 
-    answer = answer_to(request, topics.LINK_REQUEST, topics.LINK_ANSWER, dive_in(dive), "tether")
+    answer = answer_to(
+        lambda node: at_once(node, request, topics.LINK_REQUEST, topics.LINK_ANSWER),
+        dive_in(dive),
+        "tether",
+    )
     if not answer.accepted:
         raise LindyError(f"the tether refuses: {answer.reason}")
     print(answer.change)

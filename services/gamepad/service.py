@@ -1,13 +1,15 @@
 """Wires the pilot: sticks at 50 Hz, requests until they are answered, arming and the hand-over."""
 
+from typing import Any
+
 import msgspec
 from msgspec.structs import replace
 
 from messages import topics
-from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
+from messages.pilot import PilotAnswer, PilotCommand, PilotRequest, RequestKind
 from messages.vehicle import VehicleStatus
 from services.gamepad.core import CENTRED, Reading, Source
-from services.gamepad.requests import Requests
+from services.gamepad.overruling import overrules
 from services.gamepad.sources import open_source
 from services.gamepad.wish import Follow, Goto, Mode, Wish
 from services.runtime.node import Node
@@ -31,7 +33,6 @@ def wire(node: Node, stack: Stack) -> None:
     by_itself = stack.arm or stack.pilot.startswith("script:")
     pilot = Pilot(node, source, progress, arms=by_itself)
     node.each(topics.STATUS, pilot.on_status)
-    node.each(topics.PILOT_ANSWER, pilot.on_answer)
     node.every(topics.PILOT_COMMAND.hz, pilot.tick)
 
 
@@ -48,22 +49,22 @@ class Pilot:
         self._outdone = False  # another pilot has the sticks
         self._reading = Reading(present=False, at_rest=False)
         self._light = False  # as it was last asked for or seen
-        self._requests = Requests(node.name)
         self._command = node.publisher(topics.PILOT_COMMAND)
-        self._request = node.publisher(topics.PILOT_REQUEST)
+        self._asking = node.request(
+            topics.PILOT_REQUEST,
+            topics.PILOT_ANSWER,
+            on_answer=self._on_answer,
+            on_given_up=self._on_given_up,
+            overrules=overrules,
+        )
         self._change = node.alarm(self._speak)
 
     def tick(self, now: int) -> None:
         self._speak(now)
-        for request in self._requests.given_up(now):
-            self._node.count(f"unanswered:{request.kind}")
-            self._node.log("warning", f"the drone did not answer to {request.kind!r}")
-        for request in self._requests.repeats(now):
-            self._request.put(request)
 
     def on_status(self, status: VehicleStatus, now: int) -> None:
         self._hold_lease(status.epoch, now)
-        if not self._requests.waits_for("light"):
+        if not self._waits_for("light"):
             self._light = status.light > 0.0
         if self._progress.began_ns is not None:
             return
@@ -72,10 +73,11 @@ class Pilot:
         elif self._arms and self._progress.may_arm and status.mode == "ready":
             self._arm(now)
 
-    def on_answer(self, answer: PilotAnswer, now: int) -> None:
-        request = self._requests.answered(answer)
-        if request is None:
-            return  # another pilot's, or the answer to a repetition
+    def _on_given_up(self, request: PilotRequest, _: int) -> None:
+        self._node.count(f"unanswered:{request.kind}")
+        self._node.log("warning", f"the drone did not answer to {request.kind!r}")
+
+    def _on_answer(self, request: PilotRequest, answer: PilotAnswer, now: int) -> None:
         if request.kind == "arm":
             self._arm_after = now + PAUSE_NS
         if answer.epoch is not None:
@@ -114,8 +116,8 @@ class Pilot:
         """Ask for the sticks once, and again where the drone has forgotten that it gave them to
         us. When it has given them to somebody else, that is said and left so."""
         ours = self._progress.epoch
-        if (ours is None or given < ours) and not self._requests.waits_for("lease"):
-            self._request.put(self._requests.ask("lease", now))
+        if (ours is None or given < ours) and not self._waits_for("lease"):
+            self._ask_for(now, "lease")
         elif ours is not None and given > ours and not self._outdone:
             self._node.count("outdone:lease")
             self._node.log("warning", "another pilot has taken the sticks")
@@ -128,7 +130,7 @@ class Pilot:
 
     def _arm(self, now: int) -> None:
         """Arm by ourselves, at most once every `PAUSE_NS`, and never with a stick deflected."""
-        if self._requests.waits_for("arm") or now < self._arm_after:
+        if self._waits_for("arm") or now < self._arm_after:
             return
         if self._reading.at_rest:
             self._ask("arm", now)
@@ -139,7 +141,7 @@ class Pilot:
     def _press(self, wish: Wish, now: int) -> None:
         """What the pilot asked for; a stop or a disarm also ends arming by ourselves."""
         if wish == "arm" and self._outdone:
-            self._request.put(self._requests.ask("lease", now))
+            self._ask_for(now, "lease")
         if wish == "arm" and not self._reading.at_rest:
             self._node.count("refused_here:arm")
             self._node.log("warning", "not arming: let go of the sticks first")
@@ -149,21 +151,24 @@ class Pilot:
         self._ask(wish, now)
 
     def _ask(self, wish: Wish, now: int) -> None:
-        self._request.put(self._request_for(wish, now))
-
-    def _request_for(self, wish: Wish, now: int) -> PilotRequest:
         match wish:
             case Goto(depth, heading):
-                return self._requests.ask("goto", now, depth=depth, heading=heading)
+                self._ask_for(now, "goto", depth=depth, heading=heading)
             case Follow(course):
-                return self._requests.ask("follow", now, course=course)
+                self._ask_for(now, "follow", course=course)
             case Mode(hold):
-                return self._requests.ask("mode", now, hold=hold)
+                self._ask_for(now, "mode", hold=hold)
             case "light":
                 self._light = not self._light
-                return self._requests.ask("light", now, float(self._light))
+                self._ask_for(now, "light", value=float(self._light))
             case _:
-                return self._requests.ask(wish, now)
+                self._ask_for(now, wish)
+
+    def _ask_for(self, now: int, kind: RequestKind, **more: Any) -> None:
+        self._asking.ask(PilotRequest(stamp_ns=now, id="", kind=kind, **more), now)
+
+    def _waits_for(self, kind: RequestKind) -> bool:
+        return any(request.kind == kind for request in self._asking.pending)
 
     def _remember(self, progress: Progress) -> None:
         if progress != self._progress:

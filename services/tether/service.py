@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from messages import topics
-from messages.link import LinkRequest
+from messages.link import LinkAnswer, LinkRequest
 from messages.topic import AnyTopic, Way
 from services.runtime.bus import Envelope
 from services.runtime.node import Node
@@ -12,7 +12,7 @@ from services.tether.change import Changer
 from services.tether.core import Link
 from services.tether.damage import damaged
 from services.tether.link_model import Line
-from services.tether.profile_file import named
+from services.tether.profile_file import asked_for, named
 from services.tether.waiting import RANK
 
 TOPSIDE, DRONE = "topside", "drone"
@@ -26,15 +26,12 @@ def wire(node: Node, stack: Stack) -> None:
     link: Link[Envelope] = Link(in_force.name, in_force.profile, stack.seed)
     let_out_below = _carry(node, link.down, TOPSIDE, DRONE, DOWN, _everything)
     let_out_above = _carry(node, link.up, DRONE, TOPSIDE, UP, link.admits_up)
-    changer, answers = Changer(link, in_force), node.publisher(topics.LINK_ANSWER)
+    changer = Changer(link, in_force, asked_for)
     status, clock = node.publisher(topics.LINK), node.latest(topics.CLOCK)
 
-    def change(request: LinkRequest, now: int) -> None:
-        answer, is_new = changer.answer(request, now)
-        answers.put(answer)
-        if is_new:
-            level = "info" if answer.accepted else "warning"
-            node.log(level, f"link: {answer.change or answer.reason}")
+    def tell(_: LinkRequest, answer: LinkAnswer, now: int) -> None:
+        level = "info" if answer.accepted else "warning"
+        node.log(level, f"link: {answer.change or answer.reason}")
         let_out_below(now)
         let_out_above(now)
 
@@ -46,7 +43,7 @@ def wire(node: Node, stack: Stack) -> None:
                 f"link: telemetry thinned out to {rates}" if rates else "link: full telemetry",
             )
 
-    node.each(topics.LINK_REQUEST, change)
+    node.answers(topics.LINK_REQUEST, topics.LINK_ANSWER, changer.answer, tell)
     node.every(JUDGE_HZ, judge)
     node.every(topics.LINK.hz, lambda now: status.put(link.status(now, clock.fresh(now))))
 

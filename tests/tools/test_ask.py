@@ -23,7 +23,8 @@ from services.gamepad.course import PathFile as FollowedFile
 from services.runtime.errors import LindyError
 from services.runtime.running import RUNNING, Running
 from services.runtime.virtual_host import VirtualHost
-from tools.ask import Asking, Wanted, ask, dive_in, in_json, in_words, wanted_of
+from tools.ask import ask, dive_in, in_json, in_words, wanted_of
+from tools.asking import Asking, at_once
 from tools.path import PathFile
 
 S = 1_000_000_000  # [ns]
@@ -31,9 +32,18 @@ GIVEN: dict[str, Any] = dict.fromkeys(("hold", "depth", "heading", "path", "valu
 PATIENCE_S = 60.0  # never reached unless something is broken
 
 
+def wanted(kind: Any, **more: Any) -> PilotRequest:
+    return PilotRequest(stamp_ns=0, id="", kind=kind, **more)
+
+
+def asking_for(host: VirtualHost, request: PilotRequest) -> Asking[PilotRequest, PilotAnswer]:
+    node = host.node("ask", ["topside"])
+    return at_once(node, request, topics.PILOT_REQUEST, topics.PILOT_ANSWER)
+
+
 @pytest.mark.parametrize("kind", ["arm", "disarm", "stop"])
 def test_a_word_alone_asks_for_nothing_else(kind: str):
-    assert wanted_of(kind, **GIVEN) == Wanted(kind=kind)  # type: ignore[arg-type]
+    assert wanted_of(kind, **GIVEN) == wanted(kind)
 
 
 @settings(max_examples=50, deadline=None)
@@ -57,7 +67,7 @@ def test_every_mode_can_be_asked_for_and_reaches_the_drone(hold: str):
     host = VirtualHost()
     drone = Drone(host, 1)
     wanted = wanted_of("mode", **GIVEN | {"hold": hold})
-    asking = Asking(host.node("ask", ["topside"]), wanted, "ask-1")
+    asking = asking_for(host, wanted)
     host.run(10 * S, lambda: asking.answer is not None)
     assert [(r.kind, r.hold) for r in drone.heard] == [("mode", hold)]
 
@@ -171,8 +181,8 @@ class Drone:
 def test_a_request_is_repeated_with_its_id_until_its_own_answer_comes(lost: int):
     host = VirtualHost()
     drone = Drone(host, lost + 1)
-    wanted = Wanted(kind="goto", depth=2.0, heading=-1.0)
-    asking = Asking(host.node("ask", ["topside"]), wanted, "ask-1")
+    request = wanted("goto", depth=2.0, heading=-1.0)
+    asking = asking_for(host, request)
     host.run(10 * S, lambda: asking.answer is not None)
     assert asking.answer is not None
     assert asking.answer.accepted
@@ -187,7 +197,7 @@ def test_a_request_is_repeated_with_its_id_until_its_own_answer_comes(lost: int)
 def test_after_five_seconds_without_a_word_it_gives_up():
     host = VirtualHost()
     drone = Drone(host, 10**6)
-    asking = Asking(host.node("ask", ["topside"]), Wanted(kind="stop"), "ask-1")
+    asking = asking_for(host, wanted("stop"))
     host.run(20 * S, lambda: asking.given_up)
     assert asking.given_up
     assert host.now == drone.heard[0].stamp_ns + 5 * S
