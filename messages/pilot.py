@@ -27,6 +27,9 @@ class PilotCommand(Message, frozen=True, kw_only=True):
 
 RequestKind = Literal["arm", "disarm", "stop", "light", "goto", "follow", "mode", "lease"]
 
+# Granted whoever asks: anybody may stop the drone, and a lease is how one gets an epoch.
+FOR_ANYBODY: tuple[RequestKind, ...] = ("stop", "disarm", "lease")
+
 # What the drone holds by itself; the sticks of what it does not hold are forces.
 #   manual nothing, depth_hold depth, heading_hold heading, stabilised depth and heading,
 #   station_keeping depth, heading and place (for vehicles that measure where they are)
@@ -55,7 +58,7 @@ class PilotRequest(Request, frozen=True, kw_only=True):
     east: Finite | None = None  # [m] goto
     course: Course | None = None  # follow
     hold: Hold | None = None  # mode
-    epoch: int = 0
+    epoch: int = 0  # authority epoch; of another one only FOR_ANYBODY is granted
 
 
 class StopDistance(msgspec.Struct, frozen=True):

@@ -8,14 +8,24 @@ from typing import Any, cast, get_args
 import msgspec
 
 from messages import topics
-from messages.pilot import Course, Hold, PilotAnswer, PilotRequest, RequestKind, StopDistance
+from messages.pilot import (
+    FOR_ANYBODY,
+    Course,
+    Hold,
+    PilotAnswer,
+    PilotRequest,
+    RequestKind,
+    StopDistance,
+)
+from messages.vehicle import VehicleStatus
 from services.gamepad.course import course_of
 from services.gamepad.wish import goto
 from services.reference.following import Planned
 from services.runtime.errors import LindyError
+from services.runtime.node import Node
 from services.runtime.running import RUNNING, Running
 from services.runtime.settings import deploy_file, nearest
-from tools.asking import answer_to, at_once
+from tools.asking import Asking, answer_to, at_once
 from tools.checks import running_in
 
 OPTIONS: dict[str, tuple[str, ...]] = {
@@ -70,7 +80,7 @@ def ask(
         value=value,
     )
     answer = answer_to(
-        lambda node: at_once(node, wanted, topics.PILOT_REQUEST, topics.PILOT_ANSWER),
+        lambda node: for_the_pilot(node, wanted),
         dive_in(dive),
         "drone",
     )
@@ -127,6 +137,20 @@ def dive_in(folder: Path | None) -> Running:
         raise LindyError(f"no dive is going on {where}; start one with `lindy dive`")
     newest = max(files, key=lambda file: file.stat().st_mtime)
     return msgspec.json.decode(newest.read_bytes(), type=Running)
+
+
+def for_the_pilot(node: Node, wanted: PilotRequest) -> Asking[PilotRequest, PilotAnswer]:
+    """Ask in the name of whoever has the sticks, once the drone has said which epoch that is. What
+    anybody may ask for waits for nothing."""
+    if wanted.kind in FOR_ANYBODY:
+        return at_once(node, wanted, topics.PILOT_REQUEST, topics.PILOT_ANSWER)
+    asking = Asking(node, topics.PILOT_REQUEST, topics.PILOT_ANSWER)
+
+    def on_status(status: VehicleStatus, now: int) -> None:
+        asking.ask(msgspec.structs.replace(wanted, epoch=status.epoch), now)
+
+    node.each(topics.STATUS, on_status)
+    return asking
 
 
 def in_words(kind: str, stop: StopDistance | None) -> str:

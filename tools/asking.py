@@ -11,7 +11,7 @@ from services.runtime.errors import LindyError
 from services.runtime.local_stack import HOME
 from services.runtime.memory import VolatileMemory
 from services.runtime.node import Node
-from services.runtime.requests import A, Q
+from services.runtime.requests import GIVE_UP_NS, A, Q
 from services.runtime.running import Running
 from services.runtime.zenoh_bus import open_bus
 
@@ -22,6 +22,7 @@ class Asking(Generic[Q, A]):
     def __init__(self, node: Node, asks: Topic[Q], answers: Topic[A]) -> None:
         self.answer: A | None = None
         self.given_up = False
+        self._asked = False
         self._asking = node.request(
             asks,
             answers,
@@ -29,12 +30,20 @@ class Asking(Generic[Q, A]):
             on_given_up=self._give_up,
             who=f"{node.name}-{os.getpid()}",
         )
+        node.every(1e9 / GIVE_UP_NS, self._look)
 
     def ask(self, request: Q, now: int) -> None:
-        self._asking.ask(request, now)
+        """Only the first time; the request is repeated by itself."""
+        if not self._asked:
+            self._asked = True
+            self._asking.ask(request, now)
 
     def _keep(self, _request: Q, answer: A, _now: int) -> None:
         self.answer = answer
+
+    def _look(self, _: int) -> None:
+        """What had to be known before anything could be asked has not come either."""
+        self.given_up = self.given_up or not self._asked
 
     def _give_up(self, _request: Q, _now: int) -> None:
         self.given_up = True

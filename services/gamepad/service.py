@@ -46,6 +46,7 @@ class Pilot:
         self._arms = arms
         self._arm_after = 0  # [ns]
         self._asked_for_rest = False
+        self._arms_next = False  # as soon as the sticks are ours
         self._outdone = False  # another pilot has the sticks
         self._reading = Reading(present=False, at_rest=False)
         self._light = False  # as it was last asked for or seen
@@ -74,6 +75,7 @@ class Pilot:
             self._arm(now)
 
     def _on_given_up(self, request: PilotRequest, _: int) -> None:
+        self._arms_next = self._arms_next and request.kind != "lease"
         self._node.count(f"unanswered:{request.kind}")
         self._node.log("warning", f"the drone did not answer to {request.kind!r}")
 
@@ -82,6 +84,10 @@ class Pilot:
             self._arm_after = now + PAUSE_NS
         if answer.epoch is not None:
             self._remember(replace(self._progress, epoch=answer.epoch))
+        if request.kind == "lease":
+            arms, self._arms_next = self._arms_next and answer.accepted, False
+            if arms:
+                self._ask("arm", now)
         if not answer.accepted:
             self._node.count(f"refused:{request.kind}")
             self._node.log("warning", f"the drone refuses to {request.kind}: {answer.reason}")
@@ -130,7 +136,7 @@ class Pilot:
 
     def _arm(self, now: int) -> None:
         """Arm by ourselves, at most once every `PAUSE_NS`, and never with a stick deflected."""
-        if self._waits_for("arm") or now < self._arm_after:
+        if self._waits_for("arm") or now < self._arm_after or not self._has_sticks:
             return
         if self._reading.at_rest:
             self._ask("arm", now)
@@ -140,13 +146,17 @@ class Pilot:
 
     def _press(self, wish: Wish, now: int) -> None:
         """What the pilot asked for; a stop or a disarm also ends arming by ourselves."""
-        if wish == "arm" and self._outdone:
-            self._ask_for(now, "lease")
         if wish == "arm" and not self._reading.at_rest:
             self._node.count("refused_here:arm")
             self._node.log("warning", "not arming: let go of the sticks first")
             return
+        if wish == "arm" and not self._has_sticks:
+            self._arms_next = True
+            if not self._waits_for("lease"):
+                self._ask_for(now, "lease")
+            return
         if wish in ("stop", "disarm"):
+            self._arms_next = False
             self._remember(replace(self._progress, may_arm=False))
         self._ask(wish, now)
 
@@ -165,7 +175,12 @@ class Pilot:
                 self._ask_for(now, wish)
 
     def _ask_for(self, now: int, kind: RequestKind, **more: Any) -> None:
-        self._asking.ask(PilotRequest(stamp_ns=now, id="", kind=kind, **more), now)
+        epoch = self._progress.epoch or 0
+        self._asking.ask(PilotRequest(stamp_ns=now, id="", kind=kind, epoch=epoch, **more), now)
+
+    @property
+    def _has_sticks(self) -> bool:
+        return self._progress.epoch is not None and not self._outdone
 
     def _waits_for(self, kind: RequestKind) -> bool:
         return any(request.kind == kind for request in self._asking.pending)

@@ -1,12 +1,26 @@
 """Why the drone refuses a request."""
 
-from messages.pilot import PilotCommand, PilotRequest
+from messages.pilot import FOR_ANYBODY, PilotCommand, PilotRequest
 
 CENTRED = 0.05  # [-] a stick this close to the middle counts as let go
 
 
 def centred(command: PilotCommand) -> bool:
     return max(map(abs, (command.surge, command.sway, command.heave, command.yaw))) < CENTRED
+
+
+def usurped(request: PilotRequest, in_force: int, granted: int) -> str:
+    """Why whoever asks has no say; empty when he has.
+
+    Args:
+        in_force: authority epoch of the newest command.
+        granted: the newest epoch that was given away; its owner has not moved a stick yet.
+    """
+    if request.kind in FOR_ANYBODY or in_force <= request.epoch <= granted:
+        return ""
+    if request.epoch < in_force:
+        return "another pilot has the sticks; ask for them first (lease)"
+    return "the drone has not given you the sticks; ask for them first (lease)"
 
 
 def refusal(

@@ -17,7 +17,7 @@ from messages.reference import Reference
 from messages.state import VehicleState
 from messages.vehicle import Failsafe, Mode, VehicleStatus
 from services.reference import requests
-from services.reference.answers import centred, refusal
+from services.reference.answers import centred, refusal, usurped
 from services.reference.flight import Flight
 from services.reference.modes import lacking
 from services.reference.said import reference_of
@@ -132,9 +132,11 @@ class Pilotage:
 
     # Requests.
 
-    def answer(self, request: PilotRequest, command: PilotCommand | None, now: Ns) -> PilotAnswer:
-        """Do what is asked or say why not."""
-        reason = refusal(
+    def answer(
+        self, request: PilotRequest, command: PilotCommand | None, in_force: int, now: Ns
+    ) -> PilotAnswer:
+        """Do what is asked or say why not. `in_force` is the newest command's authority epoch."""
+        reason = usurped(request, in_force, self.epoch) or refusal(
             request,
             command,
             armed=self.armed,

@@ -29,7 +29,7 @@ def wire(node: Node, stack: Stack) -> None:
             say_status(now)
 
     def decide(request: PilotRequest, now: int) -> PilotAnswer:
-        answer = pilotage.answer(request, commands.fresh(now), now)
+        answer = pilotage.answer(request, commands.fresh(now), authority.epoch, now)
         authority.granted = pilotage.epoch
         return answer
 

@@ -19,12 +19,13 @@ from hypothesis import strategies as st
 
 from messages import topics
 from messages.pilot import Hold, PilotAnswer, PilotRequest, StopDistance
+from messages.vehicle import VehicleStatus
 from services.gamepad.course import PathFile as FollowedFile
 from services.runtime.errors import LindyError
 from services.runtime.running import RUNNING, Running
 from services.runtime.virtual_host import VirtualHost
-from tools.ask import ask, dive_in, in_json, in_words, wanted_of
-from tools.asking import Asking, at_once
+from tools.ask import ask, dive_in, for_the_pilot, in_json, in_words, wanted_of
+from tools.asking import Asking
 from tools.path import PathFile
 
 S = 1_000_000_000  # [ns]
@@ -37,8 +38,7 @@ def wanted(kind: Any, **more: Any) -> PilotRequest:
 
 
 def asking_for(host: VirtualHost, request: PilotRequest) -> Asking[PilotRequest, PilotAnswer]:
-    node = host.node("ask", ["topside"])
-    return at_once(node, request, topics.PILOT_REQUEST, topics.PILOT_ANSWER)
+    return for_the_pilot(host.node("ask", ["topside"]), request)
 
 
 @pytest.mark.parametrize("kind", ["arm", "disarm", "stop"])
@@ -163,12 +163,19 @@ def test_where_nobody_dives_one_sentence_says_so(
 class Drone:
     """Answers from a certain repetition on."""
 
-    def __init__(self, host: VirtualHost, answers_from: int) -> None:
+    def __init__(self, host: VirtualHost, answers_from: int, epoch: int = 0) -> None:
         self.heard: list[PilotRequest] = []
         self._from = answers_from
         node = host.node("drone", ["topside"])
         self._answer = node.publisher(topics.PILOT_ANSWER)
         node.each(topics.PILOT_REQUEST, self._hear)
+        status = node.publisher(topics.STATUS)
+        node.every(
+            topics.STATUS.hz,
+            lambda now: status.put(
+                VehicleStatus(stamp_ns=now, mode="piloted", armed=True, epoch=epoch)
+            ),
+        )
 
     def _hear(self, request: PilotRequest, now: int) -> None:
         self.heard.append(request)
@@ -203,6 +210,30 @@ def test_after_five_seconds_without_a_word_it_gives_up():
     assert host.now == drone.heard[0].stamp_ns + 5 * S
     host.run(host.now + 5 * S)
     assert len(drone.heard) == 25
+
+
+@pytest.mark.parametrize("kind", ["arm", "light"])
+def test_it_asks_in_the_name_of_whoever_has_the_sticks(kind: str):
+    host = VirtualHost()
+    drone = Drone(host, 3, epoch=5)
+    asking = asking_for(host, wanted(kind))
+    host.run(5 * S, lambda: asking.answer is not None)
+    assert [(r.kind, r.epoch) for r in drone.heard] == [(kind, 5)] * 3
+
+
+def test_a_stop_waits_for_nobodys_name():
+    host = VirtualHost()
+    drone = Drone(host, 1, epoch=5)
+    asking = asking_for(host, wanted("stop"))
+    host.run(S, lambda: asking.answer is not None)
+    assert drone.heard[0].stamp_ns == 0
+
+
+def test_a_drone_that_never_says_who_has_the_sticks_does_not_answer():
+    host = VirtualHost()
+    asking = asking_for(host, wanted("arm"))
+    host.run(20 * S, lambda: asking.given_up)
+    assert host.now == 5 * S
 
 
 # How it reads.

@@ -70,7 +70,7 @@ class Flight:
     def request(self, kind: str, **more: object) -> PilotAnswer:
         self.asked += 1
         request = PilotRequest(stamp_ns=self.now, id=f"{self.asked}", kind=kind, **more)  # type: ignore[arg-type]
-        return self.pilotage.answer(request, sticks(self.now), self.now)
+        return self.pilotage.answer(request, sticks(self.now), 0, self.now)
 
     def fly(self, seconds: float, command: PilotCommand | None) -> Reference:
         for _ in range(round(seconds * 100)):
@@ -106,7 +106,7 @@ def test_it_does_not_arm_with_a_deflected_stick() -> None:
     flight = Flight()
     flight.fly(0.1, sticks(0))
     request = PilotRequest(stamp_ns=0, id="1", kind="arm")
-    answer = flight.pilotage.answer(request, sticks(0, heave=0.5), 0)
+    answer = flight.pilotage.answer(request, sticks(0, heave=0.5), 0, 0)
     assert not answer.accepted
     assert "not centred" in answer.reason
     assert not flight.pilotage.armed
