@@ -13,8 +13,9 @@ from messages.pilot import Course, PilotAnswer, PilotCommand, PilotRequest
 from messages.vehicle import Mode, VehicleStatus
 from services.gamepad import sdl
 from services.gamepad.core import CENTRED, Reading, Sticks
+from services.gamepad.pilot import Pilot, Progress
 from services.gamepad.script import parse
-from services.gamepad.service import Pilot, Progress, wire
+from services.gamepad.service import Connected, wire
 from services.gamepad.wish import Press, Wish
 from services.runtime.errors import LindyError
 from services.runtime.node import Node
@@ -126,9 +127,7 @@ def hold(hands: Hands, *, arms: bool) -> Callable[[Node, Stack], None]:
     """A wire function like the real one, with `hands` for a source."""
 
     def wired(node: Node, stack: Stack) -> None:  # noqa: ARG001
-        pilot = Pilot(node, hands, node.recall(Progress) or Progress(), arms=arms)
-        node.each(topics.STATUS, pilot.on_status)
-        node.every(topics.PILOT_COMMAND.hz, pilot.tick)
+        Connected(node, hands, Pilot(node.recall(Progress) or Progress(), arms))
 
     return wired
 
