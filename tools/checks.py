@@ -16,7 +16,7 @@ from services.runtime.errors import LindyError
 from services.runtime.running import RUNNING, Running
 from services.runtime.settings import deploy_file, nearest
 from services.runtime.stack import Stack
-from services.tether.profile_file import named
+from services.tether.io.profile_file import named
 from tools.choices import Choices
 
 DEFAULT_PILOT = "script:first_dive"

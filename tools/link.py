@@ -47,7 +47,7 @@ def offline(
         raise LindyError(f"{rate * seconds:.3g} messages are too many; the most is 5e6")
     if bytes_ < 0 or seed < 0:
         raise LindyError("--bytes and --seed are whole numbers from 0")
-    from services.tether.profile_file import named
+    from services.tether.io.profile_file import named
     from tools.link_fates import fates
 
     found = named(profile).profile

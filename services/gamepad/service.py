@@ -4,9 +4,9 @@ from messages import topics
 from messages.pilot import PilotAnswer, PilotRequest, RequestKind
 from messages.vehicle import VehicleStatus
 from services.gamepad.core import Source
+from services.gamepad.io.sources import open_source
 from services.gamepad.overruling import overrules
 from services.gamepad.pilot import Effects, Pilot, Progress
-from services.gamepad.sources import open_source
 from services.runtime.node import Node
 from services.runtime.stack import Stack
 

@@ -13,8 +13,8 @@ import msgspec
 from messages import topics
 from services.recorder.core import Row
 from services.recorder.foxglove_schema import foxglove_schema
-from services.recorder.mcap_file import McapFile
-from services.recorder.parts import part_path, remove_later_parts
+from services.recorder.io.mcap_file import McapFile
+from services.recorder.io.parts import part_path, remove_later_parts
 from services.runtime.errors import LindyError
 from services.runtime.node import Node
 from services.runtime.stack import Stack

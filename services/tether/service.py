@@ -12,7 +12,7 @@ from services.tether.change import Changer
 from services.tether.core import Link
 from services.tether.crossing import Crossing
 from services.tether.damage import damaged
-from services.tether.profile_file import asked_for, named
+from services.tether.io.profile_file import asked_for, named
 from services.tether.waiting import RANK
 
 TOPSIDE, DRONE = "topside", "drone"

@@ -14,7 +14,7 @@ from messages.message import Message
 from messages.sensors import ImuSample, MagnetometerSample, PressureSample
 from services.estimation.core import Settings
 from services.recorder.foxglove_schema import foxglove_schema
-from services.recorder.mcap_file import McapFile
+from services.recorder.io.mcap_file import McapFile
 from services.runtime.errors import LindyError
 from tools.allan import deviation
 from tools.allan import noise as noise_of

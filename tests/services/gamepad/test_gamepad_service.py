@@ -11,8 +11,8 @@ from messages import topics
 from messages.health import LogLine
 from messages.pilot import Course, PilotAnswer, PilotCommand, PilotRequest
 from messages.vehicle import Mode, VehicleStatus
-from services.gamepad import sdl
 from services.gamepad.core import CENTRED, Reading, Sticks
+from services.gamepad.io import sdl
 from services.gamepad.pilot import Pilot, Progress
 from services.gamepad.script import parse
 from services.gamepad.service import Connected, wire

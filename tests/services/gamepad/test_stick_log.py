@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from services.gamepad.core import CENTRED, Sticks
+from services.gamepad.io.sources import read_script
 from services.gamepad.player import QUIET_NS, Player
 from services.gamepad.script import Row, Script, parse
-from services.gamepad.sources import read_script
 from services.runtime.errors import LindyError
 
 S = 1_000_000_000  # [ns]

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from messages.pilot import Course, Hold
 from services.gamepad.core import CENTRED
+from services.gamepad.io.sources import read_script
 from services.gamepad.player import Player
 from services.gamepad.script import parse
-from services.gamepad.sources import read_script
 from services.gamepad.wish import Follow, Goto, Mode
 from services.runtime.errors import LindyError
 

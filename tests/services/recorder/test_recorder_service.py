@@ -10,7 +10,7 @@ from mcap.reader import make_reader
 from messages import topics
 from messages.health import LogLine
 from messages.sensors import PressureSample
-from services.recorder.mcap_file import McapFile
+from services.recorder.io.mcap_file import McapFile
 from services.recorder.service import wire
 from services.runtime.bus import Envelope
 from services.runtime.errors import LindyError

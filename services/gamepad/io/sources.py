@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from services.gamepad import sdl
 from services.gamepad.core import CENTRED, Profile, Settings, Source
+from services.gamepad.io import sdl
 from services.gamepad.player import Player
 from services.gamepad.script import Script, parse
 from services.runtime.errors import LindyError
@@ -53,7 +53,7 @@ def _open_script(node: Node, name: str, played: int) -> Player:
 
 def _open_pad(node: Node, stack: Stack) -> Source:
     sdl.load()
-    from services.gamepad.pad import Pad  # here, because a script needs no pygame
+    from services.gamepad.io.pad import Pad  # here, because a script needs no pygame
 
     pad = Pad(_profile(stack))
     node.on_close(pad.close)
@@ -62,7 +62,7 @@ def _open_pad(node: Node, stack: Stack) -> Source:
 
 def _open_keyboard(node: Node, stack: Stack) -> Source:
     sdl.load()
-    from services.gamepad.keyboard import Keyboard
+    from services.gamepad.io.keyboard import Keyboard
 
     keyboard = Keyboard(_profile(stack).gain)
     node.on_close(keyboard.close)
