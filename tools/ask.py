@@ -18,7 +18,7 @@ from messages.pilot import (
     StopDistance,
 )
 from messages.vehicle import VehicleStatus
-from services.gamepad.course import course_of
+from services.gamepad.io.path_file import course_of
 from services.gamepad.wish import goto
 from services.reference.following import Planned
 from services.runtime.errors import LindyError

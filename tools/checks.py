@@ -9,6 +9,7 @@ import msgspec
 
 from services.control.core import Controller, Settings
 from services.gamepad import script
+from services.gamepad.io.path_file import course_named
 from services.gamepad.wish import Follow
 from services.marine.vehicle import Vehicle
 from services.reference.following import Planned
@@ -46,7 +47,7 @@ def pilot_of(choice: str) -> Pilot:
         raise LindyError(f"unknown pilot {choice!r}{nearest(choice, known)}")
     path = deploy_file("dives", name, ".csv")
     try:
-        log = script.parse(path.read_bytes())
+        log = script.parse(path.read_bytes(), course_named)
         for row in log.rows:
             if isinstance(row.event, Follow):
                 Planned(row.event.course)  # do the turns fit?

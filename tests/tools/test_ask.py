@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from messages import topics
 from messages.pilot import Hold, PilotAnswer, PilotRequest, StopDistance
 from messages.vehicle import VehicleStatus
-from services.gamepad.course import PathFile as FollowedFile
+from services.gamepad.io.path_file import PathFile as FollowedFile
 from services.runtime.errors import LindyError
 from services.runtime.running import RUNNING, Running
 from services.runtime.virtual_host import VirtualHost

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from services.gamepad.core import CENTRED, Profile, Settings, Source
 from services.gamepad.io import sdl
+from services.gamepad.io.path_file import course_named
 from services.gamepad.player import Player
 from services.gamepad.script import Script, parse
 from services.runtime.errors import LindyError
@@ -36,7 +37,7 @@ def read_script(name: str) -> Script:
     """
     path = deploy_file("dives", name, ".csv")
     try:
-        return parse(path.read_bytes())
+        return parse(path.read_bytes(), course_named)
     except OSError as error:
         raise LindyError(f"cannot read {path}: {error.strerror}") from None
     except ValueError as error:

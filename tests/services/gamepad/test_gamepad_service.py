@@ -13,6 +13,7 @@ from messages.pilot import Course, PilotAnswer, PilotCommand, PilotRequest
 from messages.vehicle import Mode, VehicleStatus
 from services.gamepad.core import CENTRED, Reading, Sticks
 from services.gamepad.io import sdl
+from services.gamepad.io.path_file import course_named
 from services.gamepad.pilot import Pilot, Progress
 from services.gamepad.script import parse
 from services.gamepad.service import Connected, wire
@@ -231,7 +232,7 @@ def test_a_restart_in_mid_dive_goes_on_with_the_script_as_if_nothing_had_happene
 ):
     host.add("gamepad", HOME, script, wire)
     host.run(S)
-    began, log = drone.armed_at, parse(LOG.encode())
+    began, log = drone.armed_at, parse(LOG.encode(), course_named)
     assert began is not None
     host.run(began + crash_after)
     host.kill("gamepad")
