@@ -1,4 +1,4 @@
-"""The tether as it is, not as it is hoped to be. From `tether` and `sounder`."""
+"""The tether as it is, not as it is hoped to be. From `tether` and `link_monitor`."""
 
 from typing import Annotated, Literal
 
@@ -24,7 +24,7 @@ class Direction(msgspec.Struct, frozen=True):
 
 
 class Clock(Message, frozen=True, kw_only=True):
-    """The drone's clock seen from the topside. From `sounder`."""
+    """The drone's clock seen from the topside. From `link_monitor`."""
 
     offset_ns: Ns | None  # [ns] drone's clock minus topside's; None: not known (yet)
     bound_ns: Ns | None  # [ns] the true offset is no further off than this
@@ -43,7 +43,7 @@ class LinkStatus(Message, frozen=True, kw_only=True):
     up_link: Direction  # drone to topside
     rtt_ms: Positive | None  # [ms] sum of both medians
     changes: int = 0  # of the link's model since start
-    clock: Clock | None = None  # newest word of the sounder
+    clock: Clock | None = None  # newest word of the link monitor
 
 
 class LinkRequest(Request, frozen=True, kw_only=True):
@@ -64,11 +64,11 @@ class LinkAnswer(Answer, frozen=True, kw_only=True):
 
 
 class ClockPing(Message, frozen=True, kw_only=True):
-    """From `sounder`; `stamp_ns` is the moment it leaves, by the topside's clock."""
+    """From `link_monitor`, topside; `stamp_ns` is the moment it leaves, by the topside's clock."""
 
 
 class ClockPong(Message, frozen=True, kw_only=True):
-    """From `echo`, on board; `stamp_ns` is the moment it leaves, by the drone's clock."""
+    """From `link_monitor`, on board; `stamp_ns` is the moment it leaves, by the drone's clock."""
 
     ping_ns: Ns  # [ns] stamp of the ping, topside's clock
     heard_ns: Ns  # [ns] when the ping arrived, drone's clock
@@ -91,7 +91,7 @@ class Stage(msgspec.Struct, frozen=True):
 class LatencyBudget(Message, frozen=True, kw_only=True):
     """Where the time goes, from the stick to the thruster and from the sensor to the screen.
 
-    From `sounder`. None instead of a number that would be old or guessed.
+    From `link_monitor`. None instead of a number that would be old or guessed.
     """
 
     down: tuple[Stage, ...] | None  # DOWN_STAGES, in their order

@@ -70,10 +70,11 @@ class Node:
 
     # What a service says.
 
-    def publisher(self, topic: Topic[M]) -> Publisher[M]:
-        """Say a topic at home. A gateway says BOTH rows in each realm: nobody carries its own."""
+    def publisher(self, topic: Topic[M], *, realm: str | None = None) -> Publisher[M]:
+        """Say a topic at home, or in another realm. A gateway says BOTH rows in each realm: nobody
+        carries its own."""
         everywhere = self._gateway and topic.way is topics.BOTH
-        buses = self.realms.values() if everywhere else [self.realms[self._home]]
+        buses = self.realms.values() if everywhere else [self.realms[realm or self._home]]
         publisher = Publisher(topic, [bus.say(topic) for bus in buses])
         self._publishers.append(publisher)
         return publisher
@@ -96,10 +97,16 @@ class Node:
         return Latest(topic, inbox, self.gate(topic), self.counts)
 
     def each(
-        self, topic: Topic[M], handler: Callable[[M, int], None], *, onlooker: bool = False
+        self,
+        topic: Topic[M],
+        handler: Callable[[M, int], None],
+        *,
+        onlooker: bool = False,
+        realm: str | None = None,
     ) -> None:
-        """Every message, in order of arrival. An onlooker acts on none, so expired ones count."""
-        inbox, gates = self._inbox(topic.key, EVENTS, self._home), dict[str, Gate[M]]()
+        """Every message said at home, or in another realm, in order of arrival. An onlooker acts on
+        none, so expired ones count."""
+        inbox, gates = self._inbox(topic.key, EVENTS, realm or self._home), dict[str, Gate[M]]()
 
         def drain() -> None:
             for arrival, envelope in inbox.take_all():
@@ -177,7 +184,7 @@ class Node:
         return Gate(topic, self.counts, self._far, onlooker=onlooker)
 
     def learn_clock(self, clock: Clock) -> None:
-        """For the sounder, which does not hear itself."""
+        """For the link monitor, which does not hear itself."""
         if self._far is not None:
             self._far.learn(clock, clock.stamp_ns)
 
