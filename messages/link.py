@@ -1,10 +1,10 @@
-"""The tether as it is, not as it is hoped to be. From `tether` and `sounder`."""
+"""The tether as it is, not as it is hoped to be. From `tether` and `link_monitor`."""
 
 from typing import Literal
 
 import msgspec
 
-from messages.message import Message
+from messages.message import Answer, Message, Request
 from messages.units import DurationNs, Finite, NotNegative, Share, Stamp
 
 
@@ -23,7 +23,7 @@ class Direction(msgspec.Struct, frozen=True):
 
 
 class Clock(Message, frozen=True, kw_only=True):
-    """The drone's clock seen from the topside. From `sounder`."""
+    """The drone's clock seen from the topside. From `link_monitor`."""
 
     offset_ns: DurationNs | None  # [ns] drone's clock minus topside's; None: not known (yet)
     bound_ns: DurationNs | None  # [ns] the true offset is no further off than this
@@ -42,23 +42,20 @@ class LinkStatus(Message, frozen=True, kw_only=True):
     up_link: Direction  # drone to topside
     rtt_ms: NotNegative | None  # [ms] sum of both medians
     changes: int = 0  # of the link's model since start
-    clock: Clock | None = None  # newest word of the sounder
+    clock: Clock | None = None  # newest word of the link monitor
 
 
-class LinkRequest(Message, frozen=True, kw_only=True):
+class LinkRequest(Request, frozen=True, kw_only=True):
     """Change the emulated link. Repeated with the same id until a `LinkAnswer` names that id."""
 
-    id: str
     kind: Literal["profile", "set", "down", "up"]
     profile: str | None = None  # profile: a name in deploy/links
     settings: tuple[str, ...] = ()  # set: key=value into the profile in force, `up.delay_ms=80`
 
 
-class LinkAnswer(Message, frozen=True, kw_only=True):
+class LinkAnswer(Answer, frozen=True, kw_only=True):
     """The tether's word on it, said in both realms, so that every change is recorded."""
 
-    id: str
-    accepted: bool
     kind: str
     change: str = ""  # what has changed, in words
     reason: str = ""  # why not
@@ -66,11 +63,11 @@ class LinkAnswer(Message, frozen=True, kw_only=True):
 
 
 class ClockPing(Message, frozen=True, kw_only=True):
-    """From `sounder`; `stamp_ns` is the moment it leaves, by the topside's clock."""
+    """From `link_monitor`, topside; `stamp_ns` is the moment it leaves, by the topside's clock."""
 
 
 class ClockPong(Message, frozen=True, kw_only=True):
-    """From `echo`, on board; `stamp_ns` is the moment it leaves, by the drone's clock."""
+    """From `link_monitor`, on board; `stamp_ns` is the moment it leaves, by the drone's clock."""
 
     ping_ns: Stamp  # [ns] stamp of the ping, topside's clock
     heard_ns: Stamp  # [ns] when the ping arrived, drone's clock
@@ -93,7 +90,7 @@ class Stage(msgspec.Struct, frozen=True):
 class LatencyBudget(Message, frozen=True, kw_only=True):
     """Where the time goes, from the stick to the thruster and from the sensor to the screen.
 
-    From `sounder`. None instead of a number that would be old or guessed.
+    From `link_monitor`. None instead of a number that would be old or guessed.
     """
 
     down: tuple[Stage, ...] | None  # DOWN_STAGES, in their order

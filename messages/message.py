@@ -17,6 +17,19 @@ class Message(msgspec.Struct, frozen=True, kw_only=True):
     stamp_ns: Stamp
 
 
+class Request(Message, frozen=True, kw_only=True):
+    """Something to be done once. Repeated with the same `id` until an `Answer` names that id."""
+
+    id: str
+
+
+class Answer(Message, frozen=True, kw_only=True):
+    """What came of the request with this `id`."""
+
+    id: str
+    accepted: bool
+
+
 class Estimate(msgspec.Struct, frozen=True):
     """A value with what is known about it."""
 

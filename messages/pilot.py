@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from messages.message import Message
+from messages.message import Answer, Message, Request
 from messages.units import Finite, NotNegative, Stamp, Stick, Ttl
 
 Place = Annotated[tuple[Finite, ...], msgspec.Meta(min_length=2, max_length=3)]  # n, e(, down)
@@ -28,6 +28,9 @@ class PilotCommand(Message, frozen=True, kw_only=True):
 
 RequestKind = Literal["arm", "disarm", "stop", "light", "goto", "follow", "mode", "lease"]
 
+# Granted whoever asks: anybody may stop the drone, and a lease is how one gets an epoch.
+FOR_ANYBODY: tuple[RequestKind, ...] = ("stop", "disarm", "lease")
+
 # What the drone holds by itself; the sticks of what it does not hold are forces.
 #   manual nothing, depth_hold depth, heading_hold heading, stabilised depth and heading,
 #   station_keeping depth, heading and place (for vehicles that measure where they are)
@@ -45,10 +48,9 @@ class Course(msgspec.Struct, frozen=True):
     jerk: Finite = 0.3  # [m/s³] at most
 
 
-class PilotRequest(Message, frozen=True, kw_only=True):
+class PilotRequest(Request, frozen=True, kw_only=True):
     """Something to be done once. Repeated with the same id until a `PilotAnswer` names that id."""
 
-    id: str
     kind: RequestKind
     value: Stick | None = None  # light: brightness 0 … 1
     depth: Finite | None = None  # [m] goto: positive down
@@ -57,7 +59,7 @@ class PilotRequest(Message, frozen=True, kw_only=True):
     east: Finite | None = None  # [m] goto
     course: Course | None = None  # follow
     hold: Hold | None = None  # mode
-    epoch: int = 0
+    epoch: int = 0  # authority epoch; of another one only FOR_ANYBODY is granted
 
 
 class StopDistance(msgspec.Struct, frozen=True):
@@ -68,11 +70,9 @@ class StopDistance(msgspec.Struct, frozen=True):
     seconds: NotNegative  # [s]
 
 
-class PilotAnswer(Message, frozen=True, kw_only=True):
+class PilotAnswer(Answer, frozen=True, kw_only=True):
     """The drone's word on a request."""
 
-    id: str
-    accepted: bool
     reason: str = ""  # why not, in words for the pilot
     stop: StopDistance | None = None  # stop: how far the drone still goes
     epoch: int | None = None  # lease: the authority epoch that commands have to carry from now on

@@ -2,7 +2,7 @@
 
 from typing import Literal
 
-from messages.message import Message
+from messages.message import Answer, Request
 from messages.units import Finite, Stamp
 
 # Thrusters: dead gives nothing, reversed the opposite, weak `value` of the thrust, stuck what was
@@ -14,19 +14,16 @@ Fault = Literal[
 ]
 
 
-class FaultRequest(Message, frozen=True, kw_only=True):
+class FaultRequest(Request, frozen=True, kw_only=True):
     """Break or mend a part. Repeated with the same id until a `FaultAnswer` names that id."""
 
-    id: str
     part: str  # a thruster's name, a sensor's key such as sensor/pressure, or "all" to mend
     fault: Fault
     value: Finite | None = None
 
 
-class FaultAnswer(Message, frozen=True, kw_only=True):
+class FaultAnswer(Answer, frozen=True, kw_only=True):
     """The simulator's word on it."""
 
-    id: str
-    accepted: bool
     reason: str = ""  # why not
     cause_ns: Stamp | None = None  # [ns] stamp of the request

@@ -2,31 +2,32 @@
 
 import json
 import math
-import os
-import threading
-import time
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast, get_args
 
 import msgspec
 
 from messages import topics
-from messages.pilot import Course, Hold, PilotAnswer, RequestKind, StopDistance
-from services.gamepad.course import course_of
-from services.gamepad.requests import Requests
+from messages.pilot import (
+    FOR_ANYBODY,
+    Course,
+    Hold,
+    PilotAnswer,
+    PilotRequest,
+    RequestKind,
+    StopDistance,
+)
+from messages.vehicle import VehicleStatus
+from services.gamepad.io.path_file import course_of
 from services.gamepad.wish import goto
 from services.reference.following import Planned
 from services.runtime.errors import LindyError
-from services.runtime.local_stack import HOME
-from services.runtime.memory import VolatileMemory
 from services.runtime.node import Node
 from services.runtime.running import RUNNING, Running
 from services.runtime.settings import deploy_file, nearest
-from services.runtime.zenoh_bus import open_bus
+from tools.asking import Asking, answer_to, at_once
 from tools.checks import running_in
 
-LOOK_HZ = 50.0  # [1/s] to see whether a repetition is due
 OPTIONS: dict[str, tuple[str, ...]] = {
     "arm": (),
     "disarm": (),
@@ -38,20 +39,6 @@ OPTIONS: dict[str, tuple[str, ...]] = {
 }  # what a kind of request may be told
 HOLDS: tuple[str, ...] = get_args(Hold)
 FARTHEST = 100_000.0  # [m] no drone goes that far
-
-
-@dataclass(frozen=True, kw_only=True)
-class Wanted:
-    """A request without its id; the fields are those of `PilotRequest`."""
-
-    kind: RequestKind
-    value: float | None = None
-    depth: float | None = None  # [m]
-    heading: float | None = None  # [rad]
-    north: float | None = None  # [m]
-    east: float | None = None  # [m]
-    course: Course | None = None
-    hold: Hold | None = None
 
 
 def ask(
@@ -92,7 +79,11 @@ def ask(
         path=path,
         value=value,
     )
-    answer = answer_to(wanted, dive_in(dive))
+    answer = answer_to(
+        lambda node: for_the_pilot(node, wanted),
+        dive_in(dive),
+        "drone",
+    )
     if as_json:
         print(in_json(wanted.kind, answer))
     if not answer.accepted:
@@ -102,7 +93,7 @@ def ask(
     return 0
 
 
-def wanted_of(kind: str, **given: Any) -> Wanted:
+def wanted_of(kind: str, **given: Any) -> PilotRequest:
     """
     Raises:
         LindyError: an unknown kind, or options that make no sense with it.
@@ -116,7 +107,7 @@ def wanted_of(kind: str, **given: Any) -> Wanted:
             raise LindyError(f"{kind} takes no {what}")
     match known:
         case "light":
-            return Wanted(kind=known, value=_brightness(given["value"]))
+            return _wanted(known, value=_brightness(given["value"]))
         case "goto" if given.get("north") is not None or given.get("east") is not None:
             return _place(given)
         case "goto":
@@ -124,13 +115,13 @@ def wanted_of(kind: str, **given: Any) -> Wanted:
                 wish = goto(given["depth"], given["heading"])
             except ValueError as error:
                 raise LindyError(str(error)) from None
-            return Wanted(kind=known, depth=wish.depth, heading=wish.heading)
+            return _wanted(known, depth=wish.depth, heading=wish.heading)
         case "follow":
-            return Wanted(kind=known, course=_course(given["path"]))
+            return _wanted(known, course=_course(given["path"]))
         case "mode":
-            return Wanted(kind=known, hold=_hold(given["hold"]))
+            return _wanted(known, hold=_hold(given["hold"]))
         case _:
-            return Wanted(kind=known)
+            return _wanted(known)
 
 
 def dive_in(folder: Path | None) -> Running:
@@ -148,62 +139,18 @@ def dive_in(folder: Path | None) -> Running:
     return msgspec.json.decode(newest.read_bytes(), type=Running)
 
 
-def answer_to(wanted: Wanted, running: Running) -> PilotAnswer:
-    """
-    Raises:
-        LindyError: the drone does not answer.
-    """
-    endpoints = running.endpoints
-    endpoint = endpoints.get(HOME) or next(iter(endpoints.values()))
-    woken = threading.Event()
-    with open_bus(endpoint, running.vehicle) as bus:
-        node = Node("ask", {HOME: bus}, time.monotonic_ns, VolatileMemory())
-        node.wake = woken.set
-        asking = Asking(node, wanted, f"ask-{os.getpid()}")
-        while asking.answer is None and not asking.given_up:
-            woken.wait(max(0.0, (node.deadline() - time.monotonic_ns()) / 1e9))
-            woken.clear()
-            node.step()
-    if asking.answer is None:
-        raise LindyError("the drone does not answer")
-    return asking.answer
+def for_the_pilot(node: Node, wanted: PilotRequest) -> Asking[PilotRequest, PilotAnswer]:
+    """Ask in the name of whoever has the sticks, once the drone has said which epoch that is. What
+    anybody may ask for waits for nothing."""
+    if wanted.kind in FOR_ANYBODY:
+        return at_once(node, wanted, topics.PILOT_REQUEST, topics.PILOT_ANSWER)
+    asking = Asking(node, topics.PILOT_REQUEST, topics.PILOT_ANSWER)
 
+    def on_status(status: VehicleStatus, now: int) -> None:
+        asking.ask(msgspec.structs.replace(wanted, epoch=status.epoch), now)
 
-class Asking:
-    """One request, repeated with the same id until it is answered or has waited too long."""
-
-    def __init__(self, node: Node, wanted: Wanted, who: str) -> None:
-        self.answer: PilotAnswer | None = None
-        self.given_up = False
-        self._wanted: Wanted | None = wanted  # until it was sent
-        self._requests = Requests(who)
-        self._publisher = node.publisher(topics.PILOT_REQUEST)
-        node.each(topics.PILOT_ANSWER, self._hear)
-        node.every(LOOK_HZ, self._look)
-
-    def _look(self, now: int) -> None:
-        if (w := self._wanted) is not None:
-            self._wanted = None
-            self._publisher.put(
-                self._requests.ask(
-                    w.kind,
-                    now,
-                    w.value,
-                    depth=w.depth,
-                    heading=w.heading,
-                    north=w.north,
-                    east=w.east,
-                    course=w.course,
-                    hold=w.hold,
-                )
-            )
-        self.given_up = self.given_up or bool(self._requests.given_up(now))
-        for request in self._requests.repeats(now):
-            self._publisher.put(request)
-
-    def _hear(self, answer: PilotAnswer, _: int) -> None:
-        if self._requests.answered(answer) is not None:
-            self.answer = answer
+    node.each(topics.STATUS, on_status)
+    return asking
 
 
 def in_words(kind: str, stop: StopDistance | None) -> str:
@@ -237,7 +184,12 @@ def in_json(kind: str, answer: PilotAnswer) -> str:
     )
 
 
-def _place(given: dict[str, Any]) -> Wanted:
+def _wanted(kind: RequestKind, **more: Any) -> PilotRequest:
+    """A request that has neither its stamp nor its id yet."""
+    return PilotRequest(stamp_ns=0, id="", kind=kind, **more)
+
+
+def _place(given: dict[str, Any]) -> PilotRequest:
     """
     Raises:
         LindyError: half a place, a heading too, or not a number.
@@ -248,7 +200,7 @@ def _place(given: dict[str, Any]) -> Wanted:
     numbers = [x for x in (*place, given["depth"]) if x is not None]
     if not all(abs(x) <= FARTHEST for x in numbers):  # NaN is in no range
         raise LindyError(f"goto: expected numbers of at most {FARTHEST:g} m")
-    return Wanted(kind="goto", depth=given["depth"], north=place[0], east=place[1])
+    return _wanted("goto", depth=given["depth"], north=place[0], east=place[1])
 
 
 def _brightness(value: float | None) -> float:

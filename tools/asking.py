@@ -3,28 +3,63 @@
 import os
 import threading
 import time
-from typing import Any, Generic
+from collections.abc import Callable
+from typing import Generic
 
-import msgspec
-
-from messages.topic import AnyTopic, M, Topic
+from messages.topic import Topic
 from services.runtime.errors import LindyError
 from services.runtime.local_stack import HOME
 from services.runtime.memory import VolatileMemory
 from services.runtime.node import Node
+from services.runtime.requests import GIVE_UP_NS, A, Q
 from services.runtime.running import Running
 from services.runtime.zenoh_bus import open_bus
 
-REPEAT_HZ = 5.0  # [1/s] until it is answered
-PATIENCE_NS = 5_000_000_000  # [ns] how long it may take
+
+class Asking(Generic[Q, A]):
+    """A request and what has come of it."""
+
+    def __init__(self, node: Node, asks: Topic[Q], answers: Topic[A]) -> None:
+        self.answer: A | None = None
+        self.given_up = False
+        self._asked = False
+        self._asking = node.request(
+            asks,
+            answers,
+            on_answer=self._keep,
+            on_given_up=self._give_up,
+            who=f"{node.name}-{os.getpid()}",
+        )
+        node.every(1e9 / GIVE_UP_NS, self._look)
+
+    def ask(self, request: Q, now: int) -> None:
+        """Only the first time; the request is repeated by itself."""
+        if not self._asked:
+            self._asked = True
+            self._asking.ask(request, now)
+
+    def _keep(self, _request: Q, answer: A, _now: int) -> None:
+        self.answer = answer
+
+    def _look(self, _: int) -> None:
+        """What had to be known before anything could be asked has not come either."""
+        self.given_up = self.given_up or not self._asked
+
+    def _give_up(self, _request: Q, _now: int) -> None:
+        self.given_up = True
 
 
-def answer_to(
-    request: msgspec.Struct, asks: AnyTopic, answers: Topic[M], running: Running, who: str
-) -> M:
+def at_once(node: Node, request: Q, asks: Topic[Q], answers: Topic[A]) -> Asking[Q, A]:
+    """Ask as soon as the node runs."""
+    asking = Asking(node, asks, answers)
+    node.alarm(lambda now: asking.ask(request, now)).set(0)
+    return asking
+
+
+def answer_to(ask: Callable[[Node], Asking[Q, A]], running: Running, who: str) -> A:
     """
     Args:
-        request: without id and stamp; asks, answers: the two streams.
+        ask: asks something through the node it is given.
         who: answers, for the error message.
 
     Raises:
@@ -33,9 +68,9 @@ def answer_to(
     endpoint = running.endpoints.get(HOME) or next(iter(running.endpoints.values()))
     woken = threading.Event()
     with open_bus(endpoint, running.vehicle) as bus:
-        node = Node("asking", {HOME: bus}, time.monotonic_ns, VolatileMemory())
+        node = Node("ask", {HOME: bus}, time.monotonic_ns, VolatileMemory())
         node.wake = woken.set
-        asking = Asking(node, request, asks, answers, f"ask-{os.getpid()}-{time.monotonic_ns()}")
+        asking = ask(node)
         while asking.answer is None and not asking.given_up:
             woken.wait(max(0.0, (node.deadline() - time.monotonic_ns()) / 1e9))
             woken.clear()
@@ -43,29 +78,3 @@ def answer_to(
     if asking.answer is None:
         raise LindyError(f"the {who} does not answer")
     return asking.answer
-
-
-class Asking(Generic[M]):
-    """One request, repeated with the same id until it is answered or has waited too long."""
-
-    def __init__(
-        self, node: Node, request: Any, asks: AnyTopic, answers: Topic[M], id_: str
-    ) -> None:
-        self.answer: M | None = None
-        self.given_up = False
-        self._request = msgspec.structs.replace(request, id=id_)
-        self._asked_at: int | None = None  # [ns]
-        self._publisher = node.publisher(asks)
-        node.each(answers, self._hear)
-        node.every(REPEAT_HZ, self._look)
-
-    def _look(self, now: int) -> None:
-        if self._asked_at is None:
-            self._asked_at = now
-        self.given_up = now - self._asked_at >= PATIENCE_NS
-        if self.answer is None and not self.given_up:
-            self._publisher.put(msgspec.structs.replace(self._request, stamp_ns=now))
-
-    def _hear(self, answer: Any, _: int) -> None:
-        if answer.id == self._request.id:
-            self.answer = answer

@@ -8,6 +8,7 @@ import msgspec
 
 from services.control.core import Controller, Settings
 from services.gamepad import script
+from services.gamepad.io.path_file import course_named
 from services.gamepad.wish import Follow
 from services.marine.vehicle import Vehicle
 from services.reference.following import Planned
@@ -15,7 +16,7 @@ from services.runtime.errors import LindyError
 from services.runtime.running import RUNNING, Running
 from services.runtime.settings import deploy_file, nearest
 from services.runtime.stack import Stack
-from services.tether.profile_file import named
+from services.tether.io.profile_file import named
 from tools.choices import Choices
 from tools.link_fit import check_can_be_flown
 
@@ -45,7 +46,7 @@ def pilot_of(choice: str) -> Pilot:
         raise LindyError(f"unknown pilot {choice!r}{nearest(choice, known)}")
     path = deploy_file("dives", name, ".csv")
     try:
-        log = script.parse(path.read_bytes())
+        log = script.parse(path.read_bytes(), course_named)
         for row in log.rows:
             if isinstance(row.event, Follow):
                 Planned(row.event.course)  # do the turns fit?

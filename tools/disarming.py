@@ -4,26 +4,20 @@ from messages import topics
 from messages.pilot import PilotAnswer, PilotRequest
 from services.runtime.node import Node
 
-REPEAT_NS = 100_000_000  # [ns] the request may be lost on the way
+WHO = "end-of-dive"
 
 
 class Disarming:
-    """Repeated with the same id until it is answered, as every request."""
-
     def __init__(self, node: Node) -> None:
         self.done = False  # the drone has answered
-        self._id = ""
-        self._next = 0  # [ns]
-        self._requests = node.publisher(topics.PILOT_REQUEST)
-        node.each(topics.PILOT_ANSWER, self._hear)
+        self._asking = node.request(
+            topics.PILOT_REQUEST, topics.PILOT_ANSWER, on_answer=self._hear, who=WHO
+        )
 
     def ask(self, now: int) -> None:
-        """Call as often as you like from `now` [ns] on."""
-        if now < self._next:
-            return
-        self._next = now + REPEAT_NS
-        self._id = self._id or f"end-of-dive-{now}"
-        self._requests.put(PilotRequest(stamp_ns=now, id=self._id, kind="disarm"))
+        """Call as often as you like from `now` [ns] on; it is asked once, until it is answered."""
+        if not self.done and not self._asking.pending:
+            self._asking.ask(PilotRequest(stamp_ns=now, id="", kind="disarm"), now)
 
-    def _hear(self, answer: PilotAnswer, _: int) -> None:
-        self.done = self.done or answer.id == self._id
+    def _hear(self, _request: PilotRequest, _answer: PilotAnswer, _now: int) -> None:
+        self.done = True

@@ -8,7 +8,7 @@ from messages.simulator import Fault, FaultRequest
 from services.runtime.errors import LindyError
 from services.runtime.settings import nearest
 from tools.ask import dive_in
-from tools.asking import answer_to
+from tools.asking import answer_to, at_once
 
 
 def fault(part: str, kind: str, value: float | None, dive: Path | None) -> int:
@@ -22,7 +22,9 @@ def fault(part: str, kind: str, value: float | None, dive: Path | None) -> int:
         raise LindyError(f"unknown fault {kind!r}{nearest(kind, list(kinds))}")
     request = FaultRequest(stamp_ns=0, id="", part=part, fault=kinds[kind], value=value)
     answer = answer_to(
-        request, topics.FAULT_REQUEST, topics.FAULT_ANSWER, dive_in(dive), "simulator"
+        lambda node: at_once(node, request, topics.FAULT_REQUEST, topics.FAULT_ANSWER),
+        dive_in(dive),
+        "simulator",
     )
     if not answer.accepted:
         raise LindyError(f"the simulator refuses: {answer.reason}")

@@ -50,7 +50,7 @@ def offline(
         raise LindyError(f"{rate * seconds:.3g} messages are too many; the most is 5e6")
     if bytes_ < 0 or seed < 0:
         raise LindyError("--bytes and --seed are whole numbers from 0")
-    from services.tether.profile_file import named
+    from services.tether.io.profile_file import named
     from tools.link_fates import fates
 
     found = named(profile).profile
@@ -128,9 +128,13 @@ def trace(
 
 def _ask(request: LinkRequest, dive: Path | None) -> int:
     from tools.ask import dive_in
-    from tools.asking import answer_to
+    from tools.asking import answer_to, at_once
 
-    answer = answer_to(request, topics.LINK_REQUEST, topics.LINK_ANSWER, dive_in(dive), "tether")
+    answer = answer_to(
+        lambda node: at_once(node, request, topics.LINK_REQUEST, topics.LINK_ANSWER),
+        dive_in(dive),
+        "tether",
+    )
     if not answer.accepted:
         raise LindyError(f"the tether refuses: {answer.reason}")
     print(answer.change)

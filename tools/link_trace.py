@@ -54,7 +54,11 @@ def trace_of(path: Path) -> Traced:
     # Before the clocks were known, the recorder took a command's arrival for its stamp.
     commands = [command for command in commands if command.sent != command.arrived] or commands
     if one_clock(clocks) and len(commands) > 1:
-        said = "known to be one" if clocks else "taken to be one: the sounder says nothing of them"
+        said = (
+            "known to be one"
+            if clocks
+            else "taken to be one: the link monitor says nothing of them"
+        )
         how = "one way, down: arrival of pilot/command on board minus its stamp"
         return Traced(
             _checked(one_way(commands), path), [how, f"the clocks of both ends are {said}"]
@@ -67,7 +71,7 @@ def trace_of(path: Path) -> Traced:
 
 
 def one_clock(clocks: Iterable[Clock]) -> bool:
-    """Do both ends have one clock, as far as the sounder knows?"""
+    """Do both ends have one clock, as far as the link monitor knows?"""
     return all(
         abs(clock.offset_ns) <= max(ONE_CLOCK_NS, clock.bound_ns or 0)
         for clock in clocks

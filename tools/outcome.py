@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from messages import topics
 from messages.health import Health
-from services.recorder.parts import parts_in
+from services.recorder.io.parts import parts_in
 from services.runtime.errors import LindyError
 from services.runtime.node import Node
 from services.runtime.stack import Stack

@@ -21,8 +21,8 @@ from mcap.stream_reader import StreamReader
 
 from messages import topics
 from messages.message import Message
-from services.recorder.mcap_file import McapFile
-from services.recorder.parts import FIRST, parts_in
+from services.recorder.io.mcap_file import McapFile
+from services.recorder.io.parts import FIRST, parts_in
 from services.runtime.errors import LindyError
 
 MAGIC = b"\x89MCAP0\r\n"  # first and last bytes of a whole file

@@ -7,7 +7,7 @@ import msgspec
 from services.runtime.errors import LindyError
 from services.runtime.local_stack import Far, LocalStack, local_stack
 from services.runtime.settings import nearest
-from services.runtime.stack import Row, Stack, services_of
+from services.runtime.stack import Row, Stack, apart, services_of
 from tools.checks import DEFAULT_PILOT, checked, pilot_of
 from tools.choices import Choices
 from tools.course import Course
@@ -92,7 +92,7 @@ def run(stack: Stack, rows: Mapping[str, Row], far: Far, go: Go) -> int:
 def rows_of(side: str, *, gateway: bool) -> dict[str, Row]:
     """The services whose home is on this side; they hear no other realm but through the link."""
     rows: dict[str, Row] = {}
-    for name, row in services_of("dive").items():
+    for name, row in apart(services_of("dive")).items():
         if name == GATEWAY:
             if gateway:
                 rows[name] = row

@@ -1,21 +1,20 @@
 """An event of a stick log: one word, `goto depth=3 heading=90`, `follow inspection_box` or
 `mode depth_hold`."""
 
+from collections.abc import Callable
 from typing import Literal, cast, get_args
 
-from messages.pilot import Hold
-from services.gamepad.course import course_of
+from messages.pilot import Course, Hold
 from services.gamepad.wish import Follow, Goto, Mode, Press, Wish, goto
-from services.runtime.errors import LindyError
-from services.runtime.settings import deploy_file
 
 Event = Wish | Literal["lost"]
+Courses = Callable[[str], Course]  # reads the path of a name; ValueError: why it cannot
 WORDS: tuple[str, ...] = (*get_args(Press), "lost")
 ALLOWED = f"{', '.join(WORDS)}, goto depth=M heading=DEG, follow PATH, mode HOLD"
 HOLDS: tuple[str, ...] = get_args(Hold)
 
 
-def event_of(cell: str) -> Event | None:
+def event_of(cell: str, courses: Courses) -> Event | None:
     """What a cell of the column `event` means; nothing when it is empty.
 
     Raises:
@@ -25,7 +24,7 @@ def event_of(cell: str) -> Event | None:
     if word == "goto":
         return _goto(rest)
     if word == "follow":
-        return _follow(rest.strip())
+        return _follow(rest.strip(), courses)
     if word == "mode":
         return _mode(rest.strip())
     if not cell:
@@ -53,13 +52,13 @@ def _goto(rest: str) -> Goto:
     return goto(given.get("depth"), given.get("heading"))
 
 
-def _follow(name: str) -> Follow:
+def _follow(name: str, courses: Courses) -> Follow:
     """The path is read now, so that a mistake in it is named before the dive."""
     if not name:
         raise ValueError("follow needs a path: a name in deploy/paths or a .toml file")
     try:
-        return Follow(course_of(deploy_file("paths", name)))
-    except LindyError as error:
+        return Follow(courses(name))
+    except ValueError as error:
         raise ValueError(f"follow: {error}") from None
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from services.gamepad.core import CENTRED, Sticks
-from services.gamepad.event import Event, event_of, short
+from services.gamepad.event import Courses, Event, event_of, short
 
 COLUMNS = ("t", "surge", "sway", "heave", "yaw")
 OPTIONAL = ("tilt", "event")  # after the others, in any order
@@ -56,8 +56,8 @@ class Script:
         return row._replace(sticks=CENTRED) if row.event == "lost" else row
 
 
-def parse(data: bytes) -> Script:
-    """The script in a CSV file.
+def parse(data: bytes, courses: Courses) -> Script:
+    """The script in a CSV file; `courses` reads the paths it names.
 
     Raises:
         ValueError: names the line, what was found there and what is allowed.
@@ -68,7 +68,7 @@ def parse(data: bytes) -> Script:
     names = _heading(*lines[0])
     rows: list[Row] = []
     for number, line in lines[1:]:
-        row = _row(number, _cells(line), names)
+        row = _row(number, _cells(line), names, courses)
         if rows and row.at_ns <= rows[-1].at_ns:
             last = rows[-1].at_ns / 1e9
             raise ValueError(
@@ -108,7 +108,7 @@ def _heading(number: int, line: str) -> list[str]:
     return names
 
 
-def _row(number: int, cells: list[str], names: list[str]) -> Row:
+def _row(number: int, cells: list[str], names: list[str], courses: Courses) -> Row:
     """Optional columns may be empty, or left out at the end of a row."""
     if not len(COLUMNS) <= len(cells) <= len(names):
         expected = " or ".join(str(n) for n in range(len(COLUMNS), len(names) + 1))
@@ -119,7 +119,7 @@ def _row(number: int, cells: list[str], names: list[str]) -> Row:
         *(_number(number, name, cell[name], -1.0, 1.0) for name in COLUMNS[1:]),
         tilt=_number(number, "tilt", cell.get("tilt") or "0", -1.0, 1.0),
     )
-    return Row(round(seconds * 1e9), sticks, _event(number, cell.get("event", "")))
+    return Row(round(seconds * 1e9), sticks, _event(number, cell.get("event", ""), courses))
 
 
 def _number(number: int, name: str, cell: str, low: float, high: float) -> float:
@@ -134,8 +134,8 @@ def _number(number: int, name: str, cell: str, low: float, high: float) -> float
     return value
 
 
-def _event(number: int, cell: str) -> Event | None:
+def _event(number: int, cell: str, courses: Courses) -> Event | None:
     try:
-        return event_of(cell)
+        return event_of(cell, courses)
     except ValueError as error:
         raise ValueError(f"line {number}: {error}") from None

@@ -1,171 +1,73 @@
-"""Wires the pilot: sticks at 50 Hz, requests until they are answered, arming and the hand-over."""
-
-import msgspec
-from msgspec.structs import replace
+"""Gamepad service: sticks at 50 Hz, requests until they are answered."""
 
 from messages import topics
-from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
+from messages.pilot import PilotAnswer, PilotRequest, RequestKind
 from messages.vehicle import VehicleStatus
-from services.gamepad.core import CENTRED, Reading, Source
-from services.gamepad.requests import Requests
-from services.gamepad.sources import open_source
-from services.gamepad.wish import Follow, Goto, Mode, Wish
+from services.gamepad.core import Source
+from services.gamepad.io.sources import open_source
+from services.gamepad.overruling import overrules
+from services.gamepad.pilot import Effects, Pilot, Progress
 from services.runtime.node import Node
 from services.runtime.stack import Stack
-
-PAUSE_NS = 2_000_000_000  # [ns] between two attempts to arm by ourselves
-
-
-class Progress(msgspec.Struct, frozen=True):
-    """How far the dive has come; a restart goes on from here."""
-
-    began_ns: int | None = None  # [ns] when the sticks were handed over
-    played: int = 0  # events of the script that have happened
-    epoch: int | None = None  # authority epoch we were given; None: not asked for yet
-    may_arm: bool = True  # False: a stop or a disarm has ended arming by ourselves
 
 
 def wire(node: Node, stack: Stack) -> None:
     progress = node.recall(Progress) or Progress()
     source = open_source(node, stack, progress.played)
     by_itself = stack.arm or stack.pilot.startswith("script:")
-    pilot = Pilot(node, source, progress, arms=by_itself)
-    node.each(topics.STATUS, pilot.on_status)
-    node.each(topics.PILOT_ANSWER, pilot.on_answer)
-    node.every(topics.PILOT_COMMAND.hz, pilot.tick)
+    Connected(node, source, Pilot(progress, by_itself))
 
 
-class Pilot:
-    """Says what a source of sticks says, once the drone is armed."""
+class Connected:
+    """A pilot whose sticks are a source's and whose voice is a node's."""
 
-    def __init__(self, node: Node, source: Source, progress: Progress, *, arms: bool) -> None:
-        self._node = node
-        self._source = source
-        self._progress = progress
-        self._arms = arms
-        self._arm_after = 0  # [ns]
-        self._asked_for_rest = False
-        self._outdone = False  # another pilot has the sticks
-        self._reading = Reading(present=False, at_rest=False)
-        self._light = False  # as it was last asked for or seen
-        self._requests = Requests(node.name)
-        self._command = node.publisher(topics.PILOT_COMMAND)
-        self._request = node.publisher(topics.PILOT_REQUEST)
+    def __init__(self, node: Node, source: Source, pilot: Pilot) -> None:
+        self._node, self._source, self._pilot = node, source, pilot
+        self._kept = pilot.progress
+        self._commands = node.publisher(topics.PILOT_COMMAND)
         self._change = node.alarm(self._speak)
-
-    def tick(self, now: int) -> None:
-        self._speak(now)
-        for request in self._requests.given_up(now):
-            self._node.count(f"unanswered:{request.kind}")
-            self._node.log("warning", f"the drone did not answer to {request.kind!r}")
-        for request in self._requests.repeats(now):
-            self._request.put(request)
-
-    def on_status(self, status: VehicleStatus, now: int) -> None:
-        self._hold_lease(status.epoch, now)
-        if not self._requests.waits_for("light"):
-            self._light = status.light > 0.0
-        if self._progress.began_ns is not None:
-            return
-        if status.armed:
-            self._hand_over(now)
-        elif self._arms and self._progress.may_arm and status.mode == "ready":
-            self._arm(now)
-
-    def on_answer(self, answer: PilotAnswer, now: int) -> None:
-        request = self._requests.answered(answer)
-        if request is None:
-            return  # another pilot's, or the answer to a repetition
-        if request.kind == "arm":
-            self._arm_after = now + PAUSE_NS
-        if answer.epoch is not None:
-            self._remember(replace(self._progress, epoch=answer.epoch))
-        if not answer.accepted:
-            self._node.count(f"refused:{request.kind}")
-            self._node.log("warning", f"the drone refuses to {request.kind}: {answer.reason}")
+        self._asking = node.request(
+            topics.PILOT_REQUEST,
+            topics.PILOT_ANSWER,
+            on_answer=self._on_answer,
+            on_given_up=self._on_given_up,
+            overrules=overrules,
+        )
+        node.each(topics.STATUS, self._on_status)
+        node.every(topics.PILOT_COMMAND.hz, self._speak)
 
     def _speak(self, now: int) -> None:
         """Read the source and say it. Also called at the very instant a script's row begins."""
-        began = self._progress.began_ns
-        self._reading = reading = self._source.read(now, began)
-        for name in reading.lost:
-            self._node.count(name)
-        for level, text in reading.notes:
-            self._node.log(level, text)
-        self._command.put(self._command_of(reading, now))
-        for wish in reading.presses:
-            self._press(wish, now)
-        self._remember(replace(self._progress, played=self._source.played))
+        began, source = self._pilot.progress.began_ns, self._source
+        reading = source.read(now, began)
+        self._do(self._pilot.read(reading, source.name, source.played, self._waiting, now), now)
         if began is not None:
-            self._change.set(self._source.next_ns(now, began))
+            self._change.set(source.next_ns(now, began))
 
-    def _command_of(self, reading: Reading, now: int) -> PilotCommand:
-        acts = reading.present and self._progress.began_ns is not None
-        return PilotCommand(
-            **(reading.sticks if acts else CENTRED)._asdict(),
-            stamp_ns=now,
-            pilot="present" if reading.present else "lost",
-            source=self._source.name,
-            device_age_ms=reading.age_ms,
-            epoch=self._progress.epoch or 0,
-        )
+    def _on_status(self, status: VehicleStatus, now: int) -> None:
+        self._do(self._pilot.status(status, self._waiting, now), now)
 
-    def _hold_lease(self, given: int, now: int) -> None:
-        """Ask for the sticks once, and again where the drone has forgotten that it gave them to
-        us. When it has given them to somebody else, that is said and left so."""
-        ours = self._progress.epoch
-        if (ours is None or given < ours) and not self._requests.waits_for("lease"):
-            self._request.put(self._requests.ask("lease", now))
-        elif ours is not None and given > ours and not self._outdone:
-            self._node.count("outdone:lease")
-            self._node.log("warning", "another pilot has taken the sticks")
-        self._outdone = ours is not None and given > ours
+    def _on_answer(self, request: PilotRequest, answer: PilotAnswer, now: int) -> None:
+        self._do(self._pilot.answered(request, answer, now), now)
 
-    def _hand_over(self, now: int) -> None:
-        self._node.log("info", f"armed: {self._source.name} has the sticks")
-        self._remember(replace(self._progress, began_ns=now))
-        self._speak(now)
+    def _on_given_up(self, request: PilotRequest, now: int) -> None:
+        self._do(self._pilot.given_up(request), now)
 
-    def _arm(self, now: int) -> None:
-        """Arm by ourselves, at most once every `PAUSE_NS`, and never with a stick deflected."""
-        if self._requests.waits_for("arm") or now < self._arm_after:
-            return
-        if self._reading.at_rest:
-            self._ask("arm", now)
-        elif self._reading.present and not self._asked_for_rest:
-            self._asked_for_rest = True
-            self._node.log("info", "ready: let go of the sticks to arm")
+    @property
+    def _waiting(self) -> set[RequestKind]:
+        return {request.kind for request in self._asking.pending}
 
-    def _press(self, wish: Wish, now: int) -> None:
-        """What the pilot asked for; a stop or a disarm also ends arming by ourselves."""
-        if wish == "arm" and self._outdone:
-            self._request.put(self._requests.ask("lease", now))
-        if wish == "arm" and not self._reading.at_rest:
-            self._node.count("refused_here:arm")
-            self._node.log("warning", "not arming: let go of the sticks first")
-            return
-        if wish in ("stop", "disarm"):
-            self._remember(replace(self._progress, may_arm=False))
-        self._ask(wish, now)
-
-    def _ask(self, wish: Wish, now: int) -> None:
-        self._request.put(self._request_for(wish, now))
-
-    def _request_for(self, wish: Wish, now: int) -> PilotRequest:
-        match wish:
-            case Goto(depth, heading):
-                return self._requests.ask("goto", now, depth=depth, heading=heading)
-            case Follow(course):
-                return self._requests.ask("follow", now, course=course)
-            case Mode(hold):
-                return self._requests.ask("mode", now, hold=hold)
-            case "light":
-                self._light = not self._light
-                return self._requests.ask("light", now, float(self._light))
-            case _:
-                return self._requests.ask(wish, now)
-
-    def _remember(self, progress: Progress) -> None:
-        if progress != self._progress:
-            self._progress = progress
-            self._node.remember(progress)
+    def _do(self, effects: Effects, now: int) -> None:
+        for name in effects.counts:
+            self._node.count(name)
+        for level, text in effects.notes:
+            self._node.log(level, text)
+        if effects.command is not None:
+            self._commands.put(effects.command)
+        for request in effects.requests:
+            self._asking.ask(request, now)
+        if self._kept != self._pilot.progress:
+            self._kept = self._pilot.progress
+            self._node.remember(self._kept)
+        if effects.hand_over:
+            self._speak(now)

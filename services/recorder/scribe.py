@@ -9,16 +9,17 @@ No file that is there already is written to, whoever made it.
 """
 
 import json
+from collections import Counter
+from typing import Literal, Protocol
 
 import msgspec
 
 from messages import topics
 from services.recorder.core import Row
 from services.recorder.foxglove_schema import foxglove_schema
-from services.recorder.mcap_file import McapFile
-from services.recorder.parts import free_part, part_path
+from services.recorder.io.mcap_file import McapFile
+from services.recorder.io.parts import free_part, part_path
 from services.runtime.errors import LindyError
-from services.runtime.node import Node
 from services.runtime.stack import Stack
 
 RETRY_NS = 5_000_000_000  # [ns] between two attempts to record again
@@ -30,10 +31,22 @@ class Opened(msgspec.Struct):
     parts: int = 0
 
 
+class Teller(Protocol):
+    """Whom the scribe tells what becomes of the recording; in a dive the service's node."""
+
+    counts: Counter[str]
+    wall_offset_ns: int  # [ns] UTC minus the clock of stamps
+
+    def count(self, name: str, times: int = 1) -> None: ...
+    def log(self, level: Literal["info", "warning", "error"], text: str) -> None: ...
+    def recall(self, kind: type[Opened]) -> Opened | None: ...
+    def remember(self, what: Opened) -> None: ...
+
+
 class Scribe:
     """Writes the rows of one dive, part after part."""
 
-    def __init__(self, node: Node, stack: Stack) -> None:
+    def __init__(self, node: Teller, stack: Stack) -> None:
         """Open the next part of this dive.
 
         Raises:

@@ -1,18 +1,26 @@
-"""What the drone answers to a request, and why it refuses one."""
+"""Why the drone refuses a request."""
 
-from dataclasses import dataclass, field
+from messages.pilot import FOR_ANYBODY, PilotCommand, PilotRequest
 
-import msgspec
-
-from messages.pilot import PilotAnswer, PilotCommand, PilotRequest, StopDistance
-from messages.units import Ns
-
-KEPT = 64  # answers known by heart
 CENTRED = 0.05  # [-] a stick this close to the middle counts as let go
 
 
 def centred(command: PilotCommand) -> bool:
     return max(map(abs, (command.surge, command.sway, command.heave, command.yaw))) < CENTRED
+
+
+def usurped(request: PilotRequest, in_force: int, granted: int) -> str:
+    """Why whoever asks has no say; empty when he has.
+
+    Args:
+        in_force: authority epoch of the newest command.
+        granted: the newest epoch that was given away; its owner has not moved a stick yet.
+    """
+    if request.kind in FOR_ANYBODY or in_force <= request.epoch <= granted:
+        return ""
+    if request.epoch < in_force:
+        return "another pilot has the sticks; ask for them first (lease)"
+    return "the drone has not given you the sticks; ask for them first (lease)"
 
 
 def refusal(
@@ -41,33 +49,3 @@ def refusal(
     if request.kind in ("goto", "follow") and command is not None and not centred(command):
         return "the sticks are not centred, and they have priority"
     return ""
-
-
-@dataclass(slots=True)
-class AnswerBook:
-    """A request is repeated until its answer arrives: it is done once and answered each time."""
-
-    _answers: dict[str, PilotAnswer] = field(default_factory=dict[str, PilotAnswer])
-
-    def known(self, request: PilotRequest, now: Ns) -> PilotAnswer | None:
-        """The answer already given to this request, to be said again."""
-        answer = self._answers.get(request.id)
-        return None if answer is None else msgspec.structs.replace(answer, stamp_ns=now)
-
-    def write(
-        self, request: PilotRequest, reason: str, stop: StopDistance | None, epoch: int, now: Ns
-    ) -> PilotAnswer:
-        """A new answer: accepted if there is no reason against it."""
-        answer = PilotAnswer(
-            stamp_ns=now,
-            id=request.id,
-            accepted=not reason,
-            reason=reason,
-            stop=stop if request.kind == "stop" else None,
-            epoch=epoch if request.kind == "lease" and not reason else None,
-            cause_ns=request.stamp_ns,
-        )
-        self._answers[request.id] = answer
-        if len(self._answers) > KEPT:
-            del self._answers[next(iter(self._answers))]
-        return answer

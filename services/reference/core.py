@@ -17,7 +17,7 @@ from messages.state import VehicleState
 from messages.units import Ns
 from messages.vehicle import Failsafe, Mode, VehicleStatus
 from services.reference import requests
-from services.reference.answers import AnswerBook, centred, refusal
+from services.reference.answers import centred, refusal, usurped
 from services.reference.flight import Flight
 from services.reference.modes import lacking
 from services.reference.said import reference_of
@@ -56,7 +56,6 @@ class Pilotage:
     _running: bool = False  # the estimator has finished its calibration
     _begun: bool = False
     _stop: StopDistance | None = None
-    _answers: AnswerBook = field(default_factory=AnswerBook)
 
     def __post_init__(self) -> None:
         self.armed, self.light, hold, self.asked, self.epoch = msgspec.structs.astuple(self.before)
@@ -134,15 +133,10 @@ class Pilotage:
     # Requests.
 
     def answer(
-        self, request: PilotRequest, command: PilotCommand | None, now: Ns
-    ) -> tuple[PilotAnswer, bool]:
-        """Do what is asked or say why not. The bool: something changed.
-
-        A request is repeated until its answer arrives; it is done once and answered each time.
-        """
-        if (known := self._answers.known(request, now)) is not None:
-            return known, False
-        reason = refusal(
+        self, request: PilotRequest, command: PilotCommand | None, in_force: int, now: Ns
+    ) -> PilotAnswer:
+        """Do what is asked or say why not. `in_force` is the newest command's authority epoch."""
+        reason = usurped(request, in_force, self.epoch) or refusal(
             request,
             command,
             armed=self.armed,
@@ -150,7 +144,15 @@ class Pilotage:
             stopping=self.stopping or self._failsafe != "none",
         )
         reason = reason or self._do(request)
-        return self._answers.write(request, reason, self._stop, self.epoch, now), not reason
+        return PilotAnswer(
+            stamp_ns=now,
+            id=request.id,
+            accepted=not reason,
+            reason=reason,
+            stop=self._stop if request.kind == "stop" else None,
+            epoch=self.epoch if request.kind == "lease" and not reason else None,
+            cause_ns=request.stamp_ns,
+        )
 
     def _do(self, request: PilotRequest) -> str:
         """Do what is asked. Returns why it makes no sense, or nothing."""

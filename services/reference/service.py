@@ -1,7 +1,7 @@
 """Reference service: sticks and requests arrive, a smooth reference leaves with every state."""
 
 from messages import topics
-from messages.pilot import PilotRequest
+from messages.pilot import PilotAnswer, PilotRequest
 from messages.state import VehicleState
 from services.reference.core import Pilotage, Remembered, Settings
 from services.runtime.node import Node
@@ -16,7 +16,6 @@ def wire(node: Node, stack: Stack) -> None:
     commands = node.latest(topics.PILOT_COMMAND)
     authority = commands.authority(before.epoch)
     reference = node.publisher(topics.REFERENCE)
-    answers = node.publisher(topics.PILOT_ANSWER)
     status = node.publisher(topics.STATUS)
     said: tuple[object, ...] = ()
     kept = pilotage.remembered
@@ -29,13 +28,15 @@ def wire(node: Node, stack: Stack) -> None:
         if said != _gist(pilotage, now):
             say_status(now)
 
-    def on_request(request: PilotRequest, now: int) -> None:
-        answer, changed = pilotage.answer(request, commands.fresh(now), now)
-        answers.put(answer)
+    def decide(request: PilotRequest, now: int) -> PilotAnswer:
+        answer = pilotage.answer(request, commands.fresh(now), authority.epoch, now)
         authority.granted = pilotage.epoch
-        if changed:
+        return answer
+
+    def tell(request: PilotRequest, answer: PilotAnswer, now: int) -> None:
+        if answer.accepted:
             node.log("info", f"{request.kind}: done")
-        elif not answer.accepted:
+        else:
             node.log("warning", f"{request.kind} refused: {answer.reason}")
         keep()
         say_status(now)
@@ -52,7 +53,7 @@ def wire(node: Node, stack: Stack) -> None:
         status.put(pilotage.status(commands.newest(now), now))
 
     node.trigger(topics.STATE, on_state, SILENCE_S)
-    node.each(topics.PILOT_REQUEST, on_request)
+    node.answers(topics.PILOT_REQUEST, topics.PILOT_ANSWER, decide, tell)
     node.every(topics.STATUS.hz, say_status)
 
 

@@ -1,9 +1,9 @@
 """Two machines, two clocks: what a stamp of the other one means here.
 
 A message's stamps are in the clock of the realm it was said in. Where the drone is a machine of
-its own, every node keeps what the sounder says of the two clocks, and the gates turn the stamps of
-whatever crossed the link into local time (stamps.py). On one machine there is one clock and
-nothing to do.
+its own, every node keeps what the link monitor says of the two clocks, and the gates turn the
+stamps of whatever crossed the link into local time. On one machine there is one clock and nothing
+to do.
 """
 
 from typing import Literal
@@ -28,12 +28,13 @@ class FarClock:
         self._crossing = Way.UP if side == "topside" else Way.DOWN
 
     def bound_ns(self, now: int) -> int:
-        """[ns] The other clock is no further off than this; it grows while the sounder is silent,
+        """[ns] The other clock is no further off than this; it grows while the link monitor is
+        silent,
         because two crystals drift apart."""
         return self._bound_ns + round(DRIFT * max(0, now - self._learnt_ns))
 
     def learn(self, clock: Clock, now: int) -> None:
-        """Keep the sounder's newest word."""
+        """Keep the link monitor's newest word."""
         if clock.offset_ns is None or clock.bound_ns is None:
             self.ahead_ns = None
             return

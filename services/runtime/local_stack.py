@@ -187,6 +187,7 @@ class LocalStack:
         row = self.rows[name]
         launch = Launch(
             service=name,
+            code=row.service,
             stack=self.stack,
             endpoints={realm: self._reach[realm] for realm in row.realms},
             gateway=row.gateway,

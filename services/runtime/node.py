@@ -15,12 +15,14 @@ from messages import topics
 from messages.health import LogLine
 from messages.link import Clock
 from messages.topic import AnyTopic, M, Topic
+from services.runtime.answers import AnswerBook
 from services.runtime.bus import Bus, Envelope
 from services.runtime.far_clock import FarClock
 from services.runtime.gate import Gate, Gates
 from services.runtime.memory import Memory
 from services.runtime.ports import Inbox, Latest, Now, Publisher
 from services.runtime.pulse import Pulse, Usage
+from services.runtime.requests import A, Asking, Overrules, Q, Requests
 from services.runtime.timers import Alarm, Tick
 
 RING = 8  # envelopes kept between two steps of a latest-wins port
@@ -68,10 +70,11 @@ class Node:
 
     # What a service says.
 
-    def publisher(self, topic: Topic[M]) -> Publisher[M]:
-        """Say a topic at home. A gateway says BOTH rows in each realm: nobody carries its own."""
+    def publisher(self, topic: Topic[M], *, realm: str | None = None) -> Publisher[M]:
+        """Say a topic at home, or in another realm. A gateway says BOTH rows in each realm: nobody
+        carries its own."""
         everywhere = self._gateway and topic.way is topics.BOTH
-        buses = self.realms.values() if everywhere else [self.realms[self._home]]
+        buses = self.realms.values() if everywhere else [self.realms[realm or self._home]]
         publisher = Publisher(topic, [bus.say(topic) for bus in buses])
         self._publishers.append(publisher)
         return publisher
@@ -94,10 +97,16 @@ class Node:
         return Latest(topic, inbox, self.gate(topic), self.counts)
 
     def each(
-        self, topic: Topic[M], handler: Callable[[M, int], None], *, onlooker: bool = False
+        self,
+        topic: Topic[M],
+        handler: Callable[[M, int], None],
+        *,
+        onlooker: bool = False,
+        realm: str | None = None,
     ) -> None:
-        """Every message, in order of arrival. An onlooker acts on none, so expired ones count."""
-        inbox = self._inbox(topic.key, EVENTS, self._home)
+        """Every message said at home, or in another realm, in order of arrival. An onlooker acts on
+        none, so expired ones count."""
+        inbox = self._inbox(topic.key, EVENTS, realm or self._home)
         gates = Gates(topic, self.counts, self._far, onlooker=onlooker)
 
         def drain() -> None:
@@ -177,9 +186,57 @@ class Node:
         return stamp_ns if self._far is None else self._far.local_ns(topic, stamp_ns)
 
     def learn_clock(self, clock: Clock) -> None:
-        """For the sounder, which does not hear itself."""
+        """For the link monitor, which does not hear itself."""
         if self._far is not None:
             self._far.learn(clock, clock.stamp_ns)
+
+    # What a service asks of another one.
+
+    def request(
+        self,
+        asks: Topic[Q],
+        answers: Topic[A],
+        *,
+        on_answer: Callable[[Q, A, int], None],
+        on_given_up: Callable[[Q, int], None] = lambda _request, _now: None,
+        overrules: Overrules[Q] = lambda _newer, _older: False,
+        who: str | None = None,
+    ) -> Asking[Q, A]:
+        """Ask for things to be done once. Each request is repeated until it is answered or, after
+        five seconds, given up.
+
+        Args:
+            on_answer: called with (request, answer, now), once per request.
+            overrules: (newer, older): is the older one withdrawn by asking the newer one?
+            who: what ids begin with, if not with the node's name.
+        """
+        requests = Requests(who or self.name, overrules)
+        asking = Asking(requests, self.publisher(asks), self.alarm, on_answer, on_given_up)
+        self.each(answers, asking.hear)
+        return asking
+
+    def answers(
+        self,
+        asks: Topic[Q],
+        answers: Topic[A],
+        decide: Callable[[Q, int], A],
+        then: Callable[[Q, A, int], None] = lambda _request, _answer, _now: None,
+    ) -> None:
+        """Do what is asked, once, and say the answer to every repetition.
+
+        Args:
+            decide: called with (request, now), once per id.
+            then: called with (request, answer, now), once per id, when the answer has been said.
+        """
+        publisher, book = self.publisher(answers), AnswerBook(decide)
+
+        def hear(request: Q, now: int) -> None:
+            answer, is_new = book.answer(request, now)
+            publisher.put(answer)
+            if is_new:
+                then(request, answer, now)
+
+        self.each(asks, hear)
 
     # When a service acts by itself.
 

@@ -38,6 +38,7 @@ class Launch(msgspec.Struct, frozen=True, kw_only=True):
     """All a service process needs to know, as one JSON argument."""
 
     service: str
+    code: str | None = None  # of which service, if not of its name
     stack: Stack
     endpoints: dict[str, str]  # realm → hub's endpoint; the first realm is home
     gateway: bool = False
@@ -73,7 +74,7 @@ def run_service(launch: Launch) -> int:
         node.wall_offset_ns = time.time_ns() - time.monotonic_ns()
         event = threading.Event()
         node.wake = event.set
-        wiring(launch.service)(node, launch.stack)
+        wiring(launch.code or launch.service)(node, launch.stack)
         exits.callback(node.close)
         for bus in buses.values():
             bus.announce(launch.service)

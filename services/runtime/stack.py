@@ -2,6 +2,7 @@
 
 import importlib
 import re
+from collections.abc import Mapping
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -114,6 +115,8 @@ class Row(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     realms: list[str]  # the first is its home
     gateway: bool = False  # says what both realms hear in each of them itself
+    each_machine: bool = False  # runs on each machine, where its realms are machines of their own
+    service: str | None = None  # whose code it runs; None: that of its name
 
 
 class StackFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -123,6 +126,20 @@ class StackFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 def services_of(stack_file: str) -> dict[str, Row]:
     """Which services a stack is made of and where they live."""
     return read(deploy_file("stacks", stack_file), StackFile).services
+
+
+def apart(rows: Mapping[str, Row]) -> dict[str, Row]:
+    """The same rows where topside and drone are machines of their own: what runs on each of them
+    has a name of its own away from home, because each hears the other's health."""
+    split: dict[str, Row] = {}
+    for name, row in rows.items():
+        if not row.each_machine:
+            split[name] = row
+            continue
+        for realm in row.realms:
+            instance = name if realm == row.realms[0] else f"{name}_{realm}"
+            split[instance] = Row(realms=[realm], service=name)
+    return split
 
 
 def settings_types() -> dict[str, Any]:

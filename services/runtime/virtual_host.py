@@ -69,7 +69,7 @@ class VirtualHost:
     def add(self, name: str, row: Row, stack: Stack, wire: Wire | None = None) -> Node:
         """Start a service now."""
         node = self.node(name, row.realms, gateway=row.gateway)
-        (wire or wiring(name))(node, stack)
+        (wire or wiring(row.service or name))(node, stack)
         return node
 
     def add_all(self, services: Mapping[str, Row], stack: Stack) -> None:

@@ -3,8 +3,6 @@
 from collections import deque
 from collections.abc import Callable
 
-import msgspec
-
 from messages import topics
 from messages.control import ThrusterCommand
 from messages.simulator import FaultAnswer, FaultRequest
@@ -15,11 +13,10 @@ from services.runtime.node import Node
 from services.runtime.ports import Publisher
 from services.runtime.settings import nearest
 from services.runtime.stack import Stack
+from services.simulator import fault_requests
 from services.simulator.core import Settings, Simulator, World, at_the_surface
-from services.simulator.faults import ALL
 
 REMEMBER_HZ = 5.0  # [1/s] a killed simulator resumes from at most this long ago
-ANSWERS_KEPT = 64  # requests known by heart
 
 
 def wire(node: Node, stack: Stack) -> None:
@@ -71,41 +68,19 @@ def wire(node: Node, stack: Stack) -> None:
 
 
 def _faults(node: Node, simulator: Simulator, count: Callable[[list[str]], None]) -> None:
-    """Break or mend parts by request. A request is repeated until its answer arrives: it is done
-    once and answered each time."""
-    answers = node.publisher(topics.FAULT_ANSWER)
-    book: dict[str, FaultAnswer] = {}
+    """Break or mend parts by request."""
 
-    def on_request(request: FaultRequest, now: int) -> None:
-        answer = book.get(request.id)
-        if answer is None:
-            answer = book[request.id] = grant(request, now)
-            if len(book) > ANSWERS_KEPT:
-                del book[next(iter(book))]
-        answers.put(msgspec.structs.replace(answer, stamp_ns=now))
+    def decide(request: FaultRequest, now: int) -> FaultAnswer:
+        answer, counts = fault_requests.decide(simulator, request, now, nearest)
+        count(counts)
+        return answer
 
-    def grant(request: FaultRequest, now: int) -> FaultAnswer:
-        parts = [*simulator.thrusters, *simulator.sensors, ALL]
-        if request.part in parts:
-            reason = simulator.refusal(request)
-        else:
-            reason = f"there is no part {request.part!r}{nearest(request.part, parts)}"
-        if reason:
-            node.count("refused:simulator/request")
-        else:
-            count(simulator.break_or_mend(request, now))
-            value = "" if request.value is None else f" {request.value:g}"
-            node.log("warning", f"simulated fault: {request.part} {request.fault}{value}")
+    def tell(request: FaultRequest, answer: FaultAnswer, _: int) -> None:
+        if answer.accepted:
+            node.log("warning", fault_requests.in_words(request))
             node.remember(simulator.world())
-        return FaultAnswer(
-            stamp_ns=now,
-            id=request.id,
-            accepted=not reason,
-            reason=reason,
-            cause_ns=request.stamp_ns,
-        )
 
-    node.each(topics.FAULT_REQUEST, on_request)
+    node.answers(topics.FAULT_REQUEST, topics.FAULT_ANSWER, decide, tell)
 
 
 def _position_aids(

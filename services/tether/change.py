@@ -1,36 +1,30 @@
-"""What is asked of the running link, and the answer; each request is carried out once."""
+"""What is asked of the running link, and the answer."""
 
-from collections import OrderedDict
-
-from msgspec.structs import replace
+from collections.abc import Callable
+from typing import Any
 
 from messages.link import LinkAnswer, LinkRequest
-from services.runtime.bus import Envelope
-from services.runtime.errors import LindyError
+from messages.units import Ns
 from services.tether.core import Link
-from services.tether.profile_file import Named, adjusted, named
+from services.tether.profile import Named
 
-REMEMBERED = 64  # newest answers, for requests that are repeated
+# The profile that a request asks for, beside the one in force, and in words what changes; or why
+# it cannot be had.
+Read = Callable[[LinkRequest, Named], tuple[Named, str] | str]
 
 
 class Changer:
-    """Knows the profile in force."""
+    """Knows the profile in force; `read` reads files."""
 
-    def __init__(self, link: Link[Envelope], in_force: Named) -> None:
+    def __init__(self, link: Link[Any], in_force: Named, read: Read) -> None:
         self._link = link
         self._in_force = in_force
-        self._answers: OrderedDict[str, LinkAnswer] = OrderedDict()
+        self._read = read
 
-    def answer(self, request: LinkRequest, now: int) -> tuple[LinkAnswer, bool]:
-        """The answer, and whether it is the first to this request."""
-        if (known := self._answers.get(request.id)) is not None:
-            return replace(known, stamp_ns=now), False
-        change, reason = "", ""
-        try:
-            change = self._carry_out(request, now)
-        except LindyError as error:
-            reason = str(error)
-        answer = LinkAnswer(
+    def answer(self, request: LinkRequest, now: Ns) -> LinkAnswer:
+        """Change the link, or say why not; nothing has changed then."""
+        change, reason = self._carry_out(request, now)
+        return LinkAnswer(
             stamp_ns=now,
             id=request.id,
             accepted=not reason,
@@ -39,31 +33,18 @@ class Changer:
             reason=reason,
             cause_ns=request.stamp_ns,
         )
-        self._answers[request.id] = answer
-        if len(self._answers) > REMEMBERED:
-            self._answers.popitem(last=False)
-        return answer, True
 
-    def _carry_out(self, request: LinkRequest, now: int) -> str:
-        """In words, what has changed.
-
-        Raises:
-            LindyError: why it cannot be done; nothing has changed then.
-        """
-        match request.kind:
-            case "down":
-                self._link.cut(now)
-                return "the link is cut"
-            case "up":
-                self._link.restore(now)
-                return "the link is there again"
-            case "profile":
-                if request.profile is None:
-                    raise LindyError("no profile is named")
-                before, after = self._in_force, named(request.profile)
-                words = f"profile {before.name} → {after.name}"
-            case "set":
-                after, words = adjusted(self._in_force, request.settings)
-        self._in_force = after
-        self._link.change(after.name, after.profile, now)
-        return words
+    def _carry_out(self, request: LinkRequest, now: Ns) -> tuple[str, str]:
+        """In words: what has changed, or why nothing has."""
+        if request.kind == "down":
+            self._link.cut(now)
+            return "the link is cut", ""
+        if request.kind == "up":
+            self._link.restore(now)
+            return "the link is there again", ""
+        found = self._read(request, self._in_force)
+        if isinstance(found, str):
+            return "", found
+        self._in_force, words = found
+        self._link.change(self._in_force.name, self._in_force.profile, now)
+        return words, ""

@@ -80,6 +80,12 @@ class Link(Generic[T]):
         """[1/s] Topics that are thinned out, and to what rate."""
         return self._thinner.rates
 
+    @property
+    def telemetry(self) -> str:
+        """The same in words."""
+        rates = ", ".join(f"{key} {hz:g}/s" for key, hz in self.thinned.items())
+        return f"telemetry thinned out to {rates}" if rates else "full telemetry"
+
     # What is said of it.
 
     def status(self, now: int, clock: Clock | None) -> LinkStatus:

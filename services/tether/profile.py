@@ -1,6 +1,7 @@
 """A file of deploy/links/: what one link is like, each direction by itself."""
 
-from typing import Annotated, Literal
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple
 
 import msgspec
 
@@ -59,3 +60,12 @@ class LinkProfile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     thin: bool = True  # thin out telemetry upwards when the link cannot carry all of it
     down: Leg = Leg()  # topside to drone
     up: Leg = Leg()  # drone to topside
+
+
+class Named(NamedTuple):
+    """A profile and where it is from."""
+
+    name: str
+    tree: dict[str, Any]  # as in the file, for those who change single keys
+    path: Path
+    profile: LinkProfile

@@ -158,7 +158,7 @@ def _sensors() -> rrb.Grid:
 def _link() -> rrb.Grid:
     """The whole first, then what the link does to the messages, then what is made of it."""
     ends = ["$origin/**", "/latency/stick", "/latency/sensor"]
-    said = [f"$origin/{name}" for name in ("sounder", "tether", "echo", "predictor")]
+    said = [f"$origin/{name}" for name in ("link_monitor", "tether", "predictor")]
     return rrb.Grid(
         _plot("whole", "End to end [ms]", contents=ends),
         rrb.Tabs(

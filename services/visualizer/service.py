@@ -18,7 +18,7 @@ from services.runtime.node import Node
 from services.runtime.stack import Stack
 from services.visualizer.batch import Batch
 from services.visualizer.core import Collector
-from services.visualizer.live import Live, viewer_command
+from services.visualizer.io.live import Live, viewer_command
 
 # Curves, states and log; every sample is kept, this is only how often they are handed over.
 # Somebody who watches wants them soon, a file does not care, and fewer, longer batches are cheap.
@@ -109,7 +109,7 @@ def _outputs(
     """How to write to, and how to end, the file and the live viewer where one is wanted."""
     os.environ.setdefault("RUST_LOG", RERUN_SAYS)  # read when rerun is imported
     try:
-        from services.visualizer.sink import Sink
+        from services.visualizer.io.sink import Sink
     except ImportError:
         raise LindyError(
             "the visualizer needs rerun, which is not installed; install the extra with "

@@ -1,12 +1,15 @@
 """Who has the sticks: commands of another authority epoch never move the drone."""
 
 from pathlib import Path
+from typing import Any
 
+import msgspec
+import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from messages import topics
-from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
+from messages.pilot import Course, PilotAnswer, PilotCommand, PilotRequest
 from messages.reference import Reference
 from messages.vehicle import VehicleStatus
 from services.runtime.stack import Stack, services_of
@@ -29,9 +32,9 @@ class Rival:
         node.every(topics.PILOT_COMMAND.hz, self._speak)
         node.each(topics.PILOT_ANSWER, self._hear)
 
-    def ask(self, kind: str, now: int) -> None:
+    def ask(self, kind: str, now: int, **more: Any) -> None:
         request = PilotRequest(stamp_ns=now, id=f"{self._name}-{kind}-{now}", kind=kind)  # type: ignore[arg-type]
-        self._requests.put(request)
+        self._requests.put(msgspec.structs.replace(request, epoch=self.epoch, **more))
 
     def _hear(self, answer: PilotAnswer, _: int) -> None:
         if answer.id.startswith(self._name):
@@ -114,3 +117,76 @@ def test_no_epoch_that_was_not_given_is_ever_obeyed(tmp_path: Path, epochs: list
         thief.epoch = epoch
         host.run(host.now + SECOND // 2)
     assert all(r.depth.velocity == 0.0 for r in references)
+
+
+WISHES: dict[str, dict[str, Any]] = {
+    "arm": {},
+    "goto": {"depth": 2.0},
+    "follow": {"course": Course(waypoints=((0.0, 0.0), (30.0, 0.0)))},
+    "mode": {"hold": "depth_hold"},
+    "light": {"value": 1.0},
+}
+
+
+@pytest.fixture
+def hand_over(tmp_path: Path) -> tuple[VirtualHost, list[VehicleStatus], Rival, Rival]:
+    """The first pilot has armed, the second one has taken the sticks; both still talk."""
+    host, _, statuses = on_board(tmp_path)
+    first, second = Rival(host, "first", 0.0), Rival(host, "second", 0.0)
+    second.speaks = False
+    for pilot in (first, second):
+        host.run(max(host.now, 12 * SECOND))
+        pilot.ask("lease", host.now)
+        host.run(host.now + SECOND // 5)
+        pilot.speaks = True
+        pilot.ask("arm", host.now)
+        host.run(host.now + SECOND)
+    assert [len(first.answers), len(second.answers)] == [2, 2]
+    assert all(answer.accepted for answer in first.answers + second.answers)
+    assert statuses[-1].epoch == 2
+    return host, statuses, first, second
+
+
+Scene = tuple[VirtualHost, list[VehicleStatus], Rival, Rival]
+
+
+@pytest.mark.parametrize("kind", WISHES)
+def test_an_ousted_pilot_is_told_that_another_one_has_the_sticks(
+    hand_over: Scene, kind: str
+) -> None:
+    host, statuses, first, second = hand_over
+    if kind == "arm":
+        second.ask("disarm", host.now)
+        host.run(host.now + SECOND // 5)
+    before = statuses[-1]
+    first.ask(kind, host.now, **WISHES[kind])
+    host.run(host.now + SECOND // 2)
+    assert not first.answers[-1].accepted
+    assert first.answers[-1].reason == "another pilot has the sticks; ask for them first (lease)"
+    after = statuses[-1]
+    assert (after.mode, after.armed, after.hold, after.light) == (
+        (before.mode, before.armed, before.hold, before.light)
+    )
+    second.ask(kind, host.now, **WISHES[kind])
+    host.run(host.now + SECOND // 5)
+    assert second.answers[-1].accepted
+
+
+@pytest.mark.parametrize("kind", ["stop", "disarm"])
+def test_an_ousted_pilot_can_still_stop_the_drone(hand_over: Scene, kind: str) -> None:
+    host, statuses, first, second = hand_over
+    second.heave = 0.5
+    host.run(host.now + SECOND)
+    first.ask(kind, host.now)
+    host.run(host.now + SECOND // 5)
+    assert first.answers[-1].accepted
+    assert statuses[-1].mode == ("stopping" if kind == "stop" else "ready")
+
+
+def test_an_epoch_that_was_never_given_opens_no_door(hand_over: Scene) -> None:
+    host, _, first, _ = hand_over
+    first.epoch = 7
+    first.ask("light", host.now, value=1.0)
+    host.run(host.now + SECOND // 5)
+    assert not first.answers[-1].accepted
+    assert "has not given you the sticks" in first.answers[-1].reason

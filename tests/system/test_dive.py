@@ -44,7 +44,7 @@ KEYS = {
 }  # fmt: skip
 SERVICES = {
     "simulator", "estimation", "reference", "control", "tether", "gamepad", "recorder",
-    "visualizer", "sounder", "echo", "predictor",
+    "visualizer", "link_monitor", "predictor",
 }  # fmt: skip
 
 

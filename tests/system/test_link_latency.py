@@ -18,14 +18,14 @@ from services.runtime.virtual_host import VirtualHost
 
 MS, S = 1_000_000, 1_000_000_000  # [ns]
 SERVICES = (
-    "simulator", "estimation", "reference", "control", "tether", "gamepad", "sounder", "echo",
+    "simulator", "estimation", "reference", "control", "tether", "gamepad", "link_monitor",
 )  # fmt: skip
 SCREEN_MS = 12.0  # [ms] what the screen of these tests takes
 DRAWN_HZ = 4.3  # [1/s] pictures, out of step with the drone
 
 
 class Flight:
-    """The chain with a sounder and a screen, armed; ears in both realms."""
+    """The chain with a link monitor and a screen, armed; ears in both realms."""
 
     def __init__(self, folder: Path, link: str) -> None:
         script = folder / "script.csv"

@@ -23,6 +23,7 @@ from services.runtime.bus import Envelope
 from services.runtime.gate import Gate
 from services.runtime.node import Node
 from services.runtime.stack import Stack, services_of
+from services.runtime.stack import apart as split
 from services.runtime.table import wiring
 from services.runtime.virtual_host import Skew, VirtualHost
 from services.tether.damage import NEVER_USED
@@ -30,9 +31,9 @@ from services.tether.damage import NEVER_USED
 Kind = Literal["profile", "set", "down", "up"]
 MS, S = 1_000_000, 1_000_000_000  # [ns]
 TTL = round(TTL_MS * MS)  # [ns]
-AGED = MS // 10  # [ns] what two crystals may gain since the sounder's newest word came through
+AGED = MS // 10  # [ns] what two crystals may gain since the link monitor's newest word came through
 SERVICES = (
-    "simulator", "estimation", "reference", "control", "tether", "gamepad", "sounder", "echo",
+    "simulator", "estimation", "reference", "control", "tether", "gamepad", "link_monitor",
 )  # fmt: skip
 COMMAND = topics.PILOT_COMMAND.key
 REASONS = ("malformed", "expired", "duplicated", "reordered")
@@ -134,15 +135,16 @@ class Flight:
         apart = self.clock is not None
         self.host = VirtualHost({"drone": self.clock} if self.clock else None)
         self.rows = services_of("dive")
+        rows = {name: self.rows[name] for name in SERVICES}
         self.stack = Stack(
             pilot=f"script:{self._script()}",
             out=str(self.folder),
             apart=apart,
             overrides=["estimation.calibration.still_time=1.5"],  # [s] less to wait for
         )
-        for name in SERVICES:
+        for name, row in (split(rows) if apart else rows).items():
             wire = self._wire_watched if name == "reference" else None
-            self.host.add(name, self.rows[name], self.stack, wire)
+            self.host.add(name, row, self.stack, wire)
         pilot, drone = self.host.node("ears", ["topside"]), self.host.node("eyes", ["drone"])
         pilot.each(topics.LINK_ANSWER, lambda m, _: self.answers.append(m))
         pilot.each(topics.PILOT_COMMAND, lambda m, _: self.sent.update({m.seq: m}))

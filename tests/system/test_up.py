@@ -157,11 +157,11 @@ def test_the_topside_says_what_was_restarted_and_that_nothing_was_recorded(tmp_p
     with side(
         tmp_path / "topside", "topside", "--connect", free_endpoint(), "--pilot", "keyboard"
     ) as topside:
-        topside.until(lambda: topside.pid("sounder") is not None)
-        topside.kill("sounder")
+        topside.until(lambda: topside.pid("link_monitor") is not None)
+        topside.kill("link_monitor")
         topside.kill("hub_topside")
         assert topside.end(signal.SIGINT) == 3, topside.said  # the hub heard nothing for a while
     lines = topside.said.splitlines()
-    assert "restarted         hub_topside 1 × and sounder 1 ×" in lines
+    assert "restarted         hub_topside 1 × and link_monitor 1 ×" in lines
     assert "recorded          nothing here: recording and report.json are on the drone" in lines
     assert [path.name for path in topside.out.glob("*.mcap")] == []

@@ -19,11 +19,13 @@ from hypothesis import strategies as st
 
 from messages import topics
 from messages.pilot import Hold, PilotAnswer, PilotRequest, StopDistance
-from services.gamepad.course import PathFile as FollowedFile
+from messages.vehicle import VehicleStatus
+from services.gamepad.io.path_file import PathFile as FollowedFile
 from services.runtime.errors import LindyError
 from services.runtime.running import RUNNING, Running
 from services.runtime.virtual_host import VirtualHost
-from tools.ask import Asking, Wanted, ask, dive_in, in_json, in_words, wanted_of
+from tools.ask import ask, dive_in, for_the_pilot, in_json, in_words, wanted_of
+from tools.asking import Asking
 from tools.path import PathFile
 
 S = 1_000_000_000  # [ns]
@@ -31,9 +33,17 @@ GIVEN: dict[str, Any] = dict.fromkeys(("hold", "depth", "heading", "path", "valu
 PATIENCE_S = 60.0  # never reached unless something is broken
 
 
+def wanted(kind: Any, **more: Any) -> PilotRequest:
+    return PilotRequest(stamp_ns=0, id="", kind=kind, **more)
+
+
+def asking_for(host: VirtualHost, request: PilotRequest) -> Asking[PilotRequest, PilotAnswer]:
+    return for_the_pilot(host.node("ask", ["topside"]), request)
+
+
 @pytest.mark.parametrize("kind", ["arm", "disarm", "stop"])
 def test_a_word_alone_asks_for_nothing_else(kind: str):
-    assert wanted_of(kind, **GIVEN) == Wanted(kind=kind)  # type: ignore[arg-type]
+    assert wanted_of(kind, **GIVEN) == wanted(kind)
 
 
 @settings(max_examples=50, deadline=None)
@@ -57,7 +67,7 @@ def test_every_mode_can_be_asked_for_and_reaches_the_drone(hold: str):
     host = VirtualHost()
     drone = Drone(host, 1)
     wanted = wanted_of("mode", **GIVEN | {"hold": hold})
-    asking = Asking(host.node("ask", ["topside"]), wanted, "ask-1")
+    asking = asking_for(host, wanted)
     host.run(10 * S, lambda: asking.answer is not None)
     assert [(r.kind, r.hold) for r in drone.heard] == [("mode", hold)]
 
@@ -153,12 +163,19 @@ def test_where_nobody_dives_one_sentence_says_so(
 class Drone:
     """Answers from a certain repetition on."""
 
-    def __init__(self, host: VirtualHost, answers_from: int) -> None:
+    def __init__(self, host: VirtualHost, answers_from: int, epoch: int = 0) -> None:
         self.heard: list[PilotRequest] = []
         self._from = answers_from
         node = host.node("drone", ["topside"])
         self._answer = node.publisher(topics.PILOT_ANSWER)
         node.each(topics.PILOT_REQUEST, self._hear)
+        status = node.publisher(topics.STATUS)
+        node.every(
+            topics.STATUS.hz,
+            lambda now: status.put(
+                VehicleStatus(stamp_ns=now, mode="piloted", armed=True, epoch=epoch)
+            ),
+        )
 
     def _hear(self, request: PilotRequest, now: int) -> None:
         self.heard.append(request)
@@ -171,8 +188,8 @@ class Drone:
 def test_a_request_is_repeated_with_its_id_until_its_own_answer_comes(lost: int):
     host = VirtualHost()
     drone = Drone(host, lost + 1)
-    wanted = Wanted(kind="goto", depth=2.0, heading=-1.0)
-    asking = Asking(host.node("ask", ["topside"]), wanted, "ask-1")
+    request = wanted("goto", depth=2.0, heading=-1.0)
+    asking = asking_for(host, request)
     host.run(10 * S, lambda: asking.answer is not None)
     assert asking.answer is not None
     assert asking.answer.accepted
@@ -187,12 +204,36 @@ def test_a_request_is_repeated_with_its_id_until_its_own_answer_comes(lost: int)
 def test_after_five_seconds_without_a_word_it_gives_up():
     host = VirtualHost()
     drone = Drone(host, 10**6)
-    asking = Asking(host.node("ask", ["topside"]), Wanted(kind="stop"), "ask-1")
+    asking = asking_for(host, wanted("stop"))
     host.run(20 * S, lambda: asking.given_up)
     assert asking.given_up
     assert host.now == drone.heard[0].stamp_ns + 5 * S
     host.run(host.now + 5 * S)
     assert len(drone.heard) == 25
+
+
+@pytest.mark.parametrize("kind", ["arm", "light"])
+def test_it_asks_in_the_name_of_whoever_has_the_sticks(kind: str):
+    host = VirtualHost()
+    drone = Drone(host, 3, epoch=5)
+    asking = asking_for(host, wanted(kind))
+    host.run(5 * S, lambda: asking.answer is not None)
+    assert [(r.kind, r.epoch) for r in drone.heard] == [(kind, 5)] * 3
+
+
+def test_a_stop_waits_for_nobodys_name():
+    host = VirtualHost()
+    drone = Drone(host, 1, epoch=5)
+    asking = asking_for(host, wanted("stop"))
+    host.run(S, lambda: asking.answer is not None)
+    assert drone.heard[0].stamp_ns == 0
+
+
+def test_a_drone_that_never_says_who_has_the_sticks_does_not_answer():
+    host = VirtualHost()
+    asking = asking_for(host, wanted("arm"))
+    host.run(20 * S, lambda: asking.given_up)
+    assert host.now == 5 * S
 
 
 # How it reads.

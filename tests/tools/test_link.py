@@ -11,7 +11,7 @@ from messages.link import LinkAnswer, LinkRequest
 from services.runtime.errors import LindyError
 from services.runtime.stack import Row, Stack
 from services.runtime.virtual_host import VirtualHost
-from tools.asking import Asking
+from tools.asking import Asking, at_once
 from tools.link import link
 
 S = 1_000_000_000  # [ns]
@@ -77,14 +77,17 @@ def test_a_wrong_argument_is_explained(arguments: list[str], says: str) -> None:
         link(arguments, exit_on_error=False, print_error=False, result_action="return_value")
 
 
+def ask(host: VirtualHost, request: LinkRequest) -> Asking[LinkRequest, LinkAnswer]:
+    node = host.node("link", ["topside"])
+    return at_once(node, request, topics.LINK_REQUEST, topics.LINK_ANSWER)
+
+
 def test_a_running_tether_answers_whoever_asks(tmp_path: Path) -> None:
     host = VirtualHost()
     row = Row(realms=["topside", "drone"], gateway=True)
     host.add("tether", row, Stack(link="tether", out=str(tmp_path)))
     request = LinkRequest(stamp_ns=0, id="", kind="set", settings=("up.delay_ms=9",))
-    asking = Asking(
-        host.node("link", ["topside"]), request, topics.LINK_REQUEST, topics.LINK_ANSWER, "link-1"
-    )
+    asking = ask(host, request)
     host.run(10 * S, lambda: asking.answer is not None)
     assert asking.answer is not None
     assert asking.answer.accepted
@@ -105,21 +108,17 @@ def test_a_request_is_repeated_with_its_id_until_its_own_answer_comes(lost: int)
 
     node.each(topics.LINK_REQUEST, hear)
     request = LinkRequest(stamp_ns=0, id="", kind="up")
-    asking = Asking(
-        host.node("link", ["topside"]), request, topics.LINK_REQUEST, topics.LINK_ANSWER, "link-1"
-    )
+    asking = ask(host, request)
     host.run(10 * S, lambda: asking.answer is not None)
     host.run(20 * S)
     assert asking.answer is not None
-    assert {request.id for request in heard} == {"link-1"}
+    assert {request.id for request in heard} == {asking.answer.id}
     assert len(heard) == lost + 1
 
 
 def test_after_five_seconds_without_a_word_it_gives_up() -> None:
     host = VirtualHost()
     request = LinkRequest(stamp_ns=0, id="", kind="up")
-    asking = Asking(
-        host.node("link", ["topside"]), request, topics.LINK_REQUEST, topics.LINK_ANSWER, "link-1"
-    )
+    asking = ask(host, request)
     host.run(20 * S, lambda: asking.given_up)
     assert 5 * S <= host.now <= 6 * S

@@ -11,7 +11,7 @@ from messages.pilot import TTL_MS
 from services.tether.delay import Constant, Delay, Exponential, Normal, Pareto, Table, Uniform
 from services.tether.link_model import Line
 from services.tether.profile import Leg
-from services.tether.profile_file import named
+from services.tether.io.profile_file import named
 from tools.__main__ import main
 from tools.link_fit import COMMAND_BYTES, flyable, profiles, shortest_ms
 

@@ -10,9 +10,9 @@ from messages import topics
 from messages.link import Clock
 from messages.message import Message
 from messages.pilot import PilotCommand
-from services.recorder.mcap_file import McapFile
+from services.recorder.io.mcap_file import McapFile
 from services.runtime.errors import LindyError
-from services.tether.profile_file import named
+from services.tether.io.profile_file import named
 from tools.link import link
 from tools.link_fates import fates
 from tools.link_trace import trace_of

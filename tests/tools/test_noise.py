@@ -18,7 +18,7 @@ from messages.topic import AnyTopic
 from messages.vehicle import VehicleStatus
 from services.estimation.core import Settings
 from services.recorder.foxglove_schema import foxglove_schema
-from services.recorder.mcap_file import McapFile
+from services.recorder.io.mcap_file import McapFile
 from services.runtime.errors import LindyError
 from services.runtime.stack import Stack
 from services.runtime.virtual_host import VirtualHost

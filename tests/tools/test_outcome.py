@@ -11,7 +11,7 @@ import tools.outcome
 from messages import topics
 from messages.vehicle import Actuation
 from services.recorder.foxglove_schema import foxglove_schema
-from services.recorder.mcap_file import McapFile
+from services.recorder.io.mcap_file import McapFile
 from services.runtime.errors import LindyError
 from services.runtime.stack import Stack
 from tools.outcome import Outcome, was_deaf

@@ -13,7 +13,7 @@ from mcap.reader import make_reader
 from messages import topics
 from messages.sensors import PressureSample
 from services.recorder.foxglove_schema import foxglove_schema
-from services.recorder.mcap_file import McapFile
+from services.recorder.io.mcap_file import McapFile
 from services.runtime.errors import LindyError
 from tools.recording import is_whole, log_hash, merge_parts, open_recording
 

@@ -9,8 +9,8 @@ from messages.health import Health
 from tools.recording import Recording
 from tools.report import Elsewhere, Extras, elsewhere, make_report, unrecorded
 
-TOPSIDE = ("gamepad", "visualizer", "sounder", "predictor")
-PROCESSES = st.sampled_from(["gamepad", "sounder", "predictor", "hub_topside"])
+TOPSIDE = ("gamepad", "visualizer", "link_monitor", "predictor")
+PROCESSES = st.sampled_from(["gamepad", "link_monitor", "predictor", "hub_topside"])
 
 
 def health(service: str) -> Health:

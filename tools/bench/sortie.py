@@ -134,7 +134,13 @@ class Sortie:
 
     def _wish(self, **wish: object) -> None:
         self._asked += 1
-        request = PilotRequest(stamp_ns=self._host.now, id=f"voice-{self._asked}", **wish)  # type: ignore[arg-type]
+        assert self.status is not None
+        request = PilotRequest(
+            stamp_ns=self._host.now,
+            id=f"voice-{self._asked}",
+            epoch=self.status.epoch,
+            **wish,  # type: ignore[arg-type]
+        )
         self._wishes.put(request)
 
     def suffer(self, part: str, fault: Fault, value: float | None = None) -> None:

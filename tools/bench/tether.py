@@ -27,10 +27,10 @@ from services.runtime.zenoh_bus import open_bus
 from services.tether.chance import Uniform
 from services.tether.core import Link
 from services.tether.delay import Delays, Drawn, Exponential, Normal, Pareto
+from services.tether.io.profile_file import named
 from services.tether.link_model import Line
 from services.tether.loss import GilbertElliott, Losses
 from services.tether.profile import Leg, Queue
-from services.tether.profile_file import named
 from services.tether.waiting import RANK
 from tools.bench.table import Figure
 from tools.bench.timing import race

@@ -10,9 +10,9 @@ import numpy as np
 from services.reference.minimum_jerk import Ramp
 from services.reference.settings import Settings
 from services.runtime.stack import Stack
+from services.tether.io.profile_file import named
 from services.tether.link_model import Line
 from services.tether.profile import Leg, Queue
-from services.tether.profile_file import named
 from tools.figures.link_flights import SEED, Flight, Followed, newest_seen
 
 T = TypeVar("T")

@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from messages.pilot import TTL_MS
-from services.tether.profile_file import named
+from services.tether.io.profile_file import named
 from tools.figures import style
 from tools.figures.link_flights import Floats, Followed, Stick, flown
 from tools.figures.link_naive import followed

@@ -1,4 +1,4 @@
-"""Where the time went, by the sounder's own account, and how far the two clocks were apart."""
+"""Where the time went, by the link monitor's own account, and how far the two clocks were apart."""
 
 import msgspec
 import numpy as np

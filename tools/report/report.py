@@ -42,7 +42,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     services: dict[str, Service]  # by name
     topics: dict[str, Stream]  # by key
     latency_ms: Latency  # [ms]
-    budget_ms: Budget  # [ms] the same by the sounder on the way, stage by stage
+    budget_ms: Budget  # [ms] the same by the link monitor on the way, stage by stage
     clocks: Clocks  # topside and drone
     stops: list[Stop]  # one per stick release on heave or yaw
     depth_error_rms_m: float | None  # [m] true depth minus reference, while armed

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from messages.pilot import Course
-from services.gamepad.course import course_of
+from services.gamepad.io.path_file import course_of
 from services.runtime.errors import LindyError
 from services.runtime.settings import DEPLOY
 

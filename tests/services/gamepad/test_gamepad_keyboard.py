@@ -4,15 +4,15 @@ from collections.abc import Iterator
 
 import pytest
 
-from services.gamepad import sdl
 from services.gamepad.core import CENTRED, Gain, Reading, Sticks
+from services.gamepad.io import sdl
 from services.runtime.errors import LindyError
 
 sdl.load()
 
 import pygame  # noqa: E402
 
-from services.gamepad.keyboard import Keyboard  # noqa: E402
+from services.gamepad.io.keyboard import Keyboard  # noqa: E402
 
 MS = 1_000_000  # [ns]
 

@@ -8,15 +8,15 @@ from pathlib import Path
 
 import pytest
 
-from services.gamepad import sdl
 from services.gamepad.core import CENTRED, Profile, Reading, Sticks
+from services.gamepad.io import sdl
 
 sdl.load()
 
 import pygame  # noqa: E402
 from pygame._sdl2 import controller  # noqa: E402
 
-from services.gamepad.pad import Pad  # noqa: E402
+from services.gamepad.io.pad import Pad  # noqa: E402
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="finds SDL through /proc")
 

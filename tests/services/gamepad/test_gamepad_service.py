@@ -11,10 +11,12 @@ from messages import topics
 from messages.health import LogLine
 from messages.pilot import Course, PilotAnswer, PilotCommand, PilotRequest
 from messages.vehicle import Mode, VehicleStatus
-from services.gamepad import sdl
 from services.gamepad.core import CENTRED, Reading, Sticks
+from services.gamepad.io import sdl
+from services.gamepad.io.path_file import course_named
+from services.gamepad.pilot import Pilot, Progress
 from services.gamepad.script import parse
-from services.gamepad.service import Pilot, Progress, wire
+from services.gamepad.service import Connected, wire
 from services.gamepad.wish import Press, Wish
 from services.runtime.errors import LindyError
 from services.runtime.node import Node
@@ -126,10 +128,7 @@ def hold(hands: Hands, *, arms: bool) -> Callable[[Node, Stack], None]:
     """A wire function like the real one, with `hands` for a source."""
 
     def wired(node: Node, stack: Stack) -> None:  # noqa: ARG001
-        pilot = Pilot(node, hands, node.recall(Progress) or Progress(), arms=arms)
-        node.each(topics.STATUS, pilot.on_status)
-        node.each(topics.PILOT_ANSWER, pilot.on_answer)
-        node.every(topics.PILOT_COMMAND.hz, pilot.tick)
+        Connected(node, hands, Pilot(node.recall(Progress) or Progress(), arms))
 
     return wired
 
@@ -233,7 +232,7 @@ def test_a_restart_in_mid_dive_goes_on_with_the_script_as_if_nothing_had_happene
 ):
     host.add("gamepad", HOME, script, wire)
     host.run(S)
-    began, log = drone.armed_at, parse(LOG.encode())
+    began, log = drone.armed_at, parse(LOG.encode(), course_named)
     assert began is not None
     host.run(began + crash_after)
     host.kill("gamepad")
@@ -392,7 +391,7 @@ def test_a_goto_is_repeated_whole_and_with_its_id_until_a_stop_overrules_it(
     path = tmp_path / "trip.csv"
     path.write_text(
         "t,surge,sway,heave,yaw,event\n0,0,0,0,0\n"
-        "1,0,0,0,0,goto depth=3 heading=90\n2,0,0,0,0,stop\n4,0,0,0,0\n"
+        "1,0,0,0,0,goto depth=3 heading=90\n1.9,0,0,0,0,stop\n4,0,0,0,0\n"
     )
     host.add("gamepad", HOME, Stack(pilot=f"script:{path}"), wire)
     host.run(S)

@@ -8,9 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from services.gamepad.core import CENTRED, Sticks
+from services.gamepad.io.path_file import course_named
+from services.gamepad.io.sources import read_script
 from services.gamepad.player import QUIET_NS, Player
 from services.gamepad.script import Row, Script, parse
-from services.gamepad.sources import read_script
 from services.runtime.errors import LindyError
 
 S = 1_000_000_000  # [ns]
@@ -38,7 +39,7 @@ def csv(rows: list[tuple[int, Sticks, str]]) -> bytes:
 def test_each_row_holds_until_the_next_and_the_last_one_ends_it(
     rows: list[tuple[int, Sticks, str]], ms: int
 ):
-    script = parse(csv(rows))
+    script = parse(csv(rows), course_named)
     begun = [row for row in rows if row[0] <= ms]
     silent = not begun or ms >= rows[-1][0] or begun[-1][2] == "lost"
     expected = CENTRED if silent else begun[-1][1]
@@ -51,7 +52,7 @@ def test_each_row_holds_until_the_next_and_the_last_one_ends_it(
 def test_every_event_happens_once_whenever_the_player_is_asked(
     rows: list[tuple[int, Sticks, str]], moments: list[int]
 ):
-    player = Player("x", parse(csv(rows)))
+    player = Player("x", parse(csv(rows), course_named))
     heard = Counter[object]()
     for ms in [*moments, 90_000]:
         heard.update(player.read(ms * 1_000_000, 0).presses)
@@ -62,7 +63,7 @@ def test_every_event_happens_once_whenever_the_player_is_asked(
 @settings(max_examples=50, deadline=None)
 @given(logs())
 def test_the_player_names_every_instant_at_which_it_changes(rows: list[tuple[int, Sticks, str]]):
-    player, began = Player("x", parse(csv(rows))), 5 * S
+    player, began = Player("x", parse(csv(rows), course_named)), 5 * S
     named, now = list[int](), began - 1
     while (following := player.next_ns(now, began)) is not None:
         assert following > now
@@ -76,13 +77,13 @@ def test_the_player_names_every_instant_at_which_it_changes(rows: list[tuple[int
 def test_the_hands_are_at_rest_while_the_script_moves_nothing_but_the_camera(
     rows: list[tuple[int, Sticks, str]], ms: int
 ):
-    reading = Player("x", parse(csv(rows))).read(ms * 1_000_000, 0)
+    reading = Player("x", parse(csv(rows), course_named)).read(ms * 1_000_000, 0)
     assert reading.at_rest == (reading.sticks._replace(tilt=0.0) == CENTRED)
 
 
 def parsed_or_error(data: bytes) -> Script | ValueError:
     try:
-        return parse(data)
+        return parse(data, course_named)
     except ValueError as error:
         return error
 
@@ -104,11 +105,13 @@ def test_comments_blank_lines_spaces_and_a_spreadsheets_mark_are_allowed():
         "0, 0, 0, 0.5, 0 # down\r\n\r\n1.5, 0, 0, 0, 0, stop\r\n"
     )
     down, end = Row(0, Sticks(heave=0.5)), Row(3 * S // 2, CENTRED, "stop")
-    assert parse(text.encode()) == Script((down, end))
+    assert parse(text.encode(), course_named) == Script((down, end))
 
 
 def test_the_column_of_events_may_be_left_out():
-    assert parse(b"t,surge,sway,heave,yaw\n2,0,0,0,1\n").rows == (Row(2 * S, Sticks(yaw=1.0)),)
+    assert parse(b"t,surge,sway,heave,yaw\n2,0,0,0,1\n", course_named).rows == (
+        Row(2 * S, Sticks(yaw=1.0)),
+    )
 
 
 @pytest.mark.parametrize(
@@ -122,7 +125,7 @@ def test_the_column_of_events_may_be_left_out():
     ],
 )
 def test_tilt_and_event_come_in_any_order_and_may_be_left_empty(text: bytes, row: Row):
-    assert parse(text).rows == (row,)
+    assert parse(text, course_named).rows == (row,)
 
 
 @pytest.mark.parametrize(
@@ -157,7 +160,7 @@ def test_a_mistake_is_named_with_its_line_what_was_found_and_what_is_allowed(
     text: bytes, line: int, found: str, allowed: str
 ):
     with pytest.raises(ValueError, match=f"^line {line}: ") as caught:
-        parse(text)
+        parse(text, course_named)
     assert found in str(caught.value)
     assert allowed in str(caught.value)
 

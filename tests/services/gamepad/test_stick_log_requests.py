@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 
 from messages.pilot import Course, Hold
 from services.gamepad.core import CENTRED
+from services.gamepad.io.path_file import course_named
+from services.gamepad.io.sources import read_script
 from services.gamepad.player import Player
 from services.gamepad.script import parse
-from services.gamepad.sources import read_script
 from services.gamepad.wish import Follow, Goto, Mode
 from services.runtime.errors import LindyError
 
@@ -22,7 +23,7 @@ WAY = "waypoints = [[0, 0], [9, 0]]\n"
 
 
 def event(cell: str) -> object:
-    return parse(f"{HEAD}0,0,0,0,0\n1,0,0,0,0,{cell}\n".encode()).rows[1].event
+    return parse(f"{HEAD}0,0,0,0,0\n1,0,0,0,0,{cell}\n".encode(), course_named).rows[1].event
 
 
 @settings(max_examples=100, deadline=None)
@@ -95,7 +96,7 @@ def test_a_mistake_inside_the_path_is_found_when_the_script_is_read(tmp_path: Pa
 
 def test_the_player_hands_them_over_once_in_the_order_of_the_rows():
     text = f"{HEAD}0,0,0,0,0\n1,0,0,0,0,goto depth=2\n2,0,0,0,0,light\n3,0,0,0,0,goto heading=0\n"
-    player = Player("x", parse(text.encode()))
+    player = Player("x", parse(text.encode(), course_named))
     assert player.read(S, 0).presses == (Goto(2.0),)
     assert player.read(3 * S, 0).presses == ("light", Goto(heading=0.0))
     assert player.read(4 * S, 0).presses == ()

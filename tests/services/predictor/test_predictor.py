@@ -23,7 +23,7 @@ SECOND = 1_000_000_000
 LIMITS = Limits(1.5, 0.5)
 CHAIN = (
     *("simulator", "estimation", "reference", "control", "tether", "gamepad"),
-    *("sounder", "echo", "predictor"),
+    *("link_monitor", "predictor"),
 )
 STICKS = """t,surge,sway,heave,yaw
 0,0,0,0,0

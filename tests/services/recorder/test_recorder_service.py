@@ -12,7 +12,7 @@ from messages import topics
 from messages.health import LogLine
 from messages.pilot import PilotCommand
 from messages.sensors import BatterySample, PressureSample
-from services.recorder.mcap_file import McapFile
+from services.recorder.io.mcap_file import McapFile
 from services.recorder.service import wire
 from services.runtime.bus import Envelope
 from services.runtime.errors import LindyError

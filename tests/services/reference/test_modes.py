@@ -87,7 +87,7 @@ class Sea:
     def request(self, kind: str, command: PilotCommand, **more: object) -> PilotAnswer:
         self.asked += 1
         request = PilotRequest(stamp_ns=self.ns, id=f"{self.asked}", kind=kind, **more)  # type: ignore[arg-type]
-        return self.pilotage.answer(request, command, self.ns)[0]
+        return self.pilotage.answer(request, command, 0, self.ns)
 
     def fly(
         self, seconds: float, command: PilotCommand | None = None, *, lost: str = ""

@@ -72,7 +72,7 @@ class Flight:
     def request(self, kind: str, **more: object) -> PilotAnswer:
         self.asked += 1
         request = PilotRequest(stamp_ns=self.now, id=f"{self.asked}", kind=kind, **more)  # type: ignore[arg-type]
-        return self.pilotage.answer(request, sticks(self.now), self.now)[0]
+        return self.pilotage.answer(request, sticks(self.now), 0, self.now)
 
     def fly(self, seconds: float, command: PilotCommand | None) -> Reference:
         for _ in range(round(seconds * 100)):
@@ -108,10 +108,10 @@ def test_it_does_not_arm_with_a_deflected_stick() -> None:
     flight = Flight()
     flight.fly(0.1, sticks(0))
     request = PilotRequest(stamp_ns=0, id="1", kind="arm")
-    answer, changed = flight.pilotage.answer(request, sticks(0, heave=0.5), 0)
+    answer = flight.pilotage.answer(request, sticks(0, heave=0.5), 0, 0)
     assert not answer.accepted
     assert "not centred" in answer.reason
-    assert not changed
+    assert not flight.pilotage.armed
 
 
 def test_disarmed_the_reference_follows_the_vehicle_so_that_arming_has_no_jump() -> None:
@@ -218,18 +218,6 @@ def test_light_wants_a_brightness() -> None:
     assert "brightness" in flight.ask("light")
     assert flight.ask("light", value=0.7) == ""
     assert flight.pilotage.status(None, 0).light == 0.7
-
-
-def test_a_repeated_request_is_answered_again_but_done_once() -> None:
-    flight = armed()
-    stop = PilotRequest(stamp_ns=flight.now, id="stop-7", kind="stop")
-    first, changed = flight.pilotage.answer(stop, sticks(0), flight.now)
-    assert changed
-    flight.fly(0.1, sticks(0))  # centred: the stop is over
-    again, changed = flight.pilotage.answer(stop, sticks(0), flight.now)
-    assert again.accepted == first.accepted
-    assert not changed
-    assert flight.pilotage.mode == "piloted"
 
 
 def continuous(flown: list[Reference]) -> None:

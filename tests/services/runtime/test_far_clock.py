@@ -14,25 +14,23 @@ from services.runtime.bus import Envelope
 from services.runtime.far_clock import FarClock
 from services.runtime.gate import Gate
 from services.runtime.ports import Inbox, Latest
-from services.runtime.stack import Row, Stack
+from services.runtime.stack import Row, Stack, apart
 from services.runtime.virtual_host import Skew, VirtualHost
 
 MS, SECOND = 1_000_000, 1_000_000_000
-DRONE = Row(realms=["drone"])
-TOPSIDE = Row(realms=["topside"])
 GATEWAY = Row(realms=["topside", "drone"], gateway=True)
 
 
 def joined(clocks: dict[str, Skew] | None, link: str = "tether") -> VirtualHost:
     host, stack = VirtualHost(clocks), Stack(link=link)
     host.add("tether", GATEWAY, stack)
-    host.add("sounder", TOPSIDE, stack)
-    host.add("echo", DRONE, stack)
+    rows = {"link_monitor": Row(realms=["topside", "drone"], each_machine=True)}
+    host.add_all(rows if clocks is None else apart(rows), stack)
     return host
 
 
 def told(far: FarClock, ahead: int, bound: int, now: int = 0) -> None:
-    """The sounder's word on the drone's clock, heard on board."""
+    """The link monitor's word on the drone's clock, heard on board."""
     clock = Clock(
         stamp_ns=0, offset_ns=ahead, bound_ns=bound, drift_ppm=None, rtt_ms=None,
         rtt_min_ms=None, answered_ms=None,
@@ -40,7 +38,7 @@ def told(far: FarClock, ahead: int, bound: int, now: int = 0) -> None:
     far.learn(clock, now)
 
 
-def test_while_the_sounder_is_silent_the_clocks_are_known_less_and_less() -> None:
+def test_while_the_link_monitor_is_silent_the_clocks_are_known_less_and_less() -> None:
     far = FarClock("drone")
     told(far, 0, MS, now=SECOND)
     assert far.bound_ns(SECOND) == MS

@@ -7,7 +7,7 @@ import pytest
 from services.runtime.errors import LindyError
 from services.runtime.settings import DEPLOY
 from services.tether.delay import Trace
-from services.tether.profile_file import adjusted, named
+from services.tether.io.profile_file import adjusted, named
 
 PROFILES = sorted(path.stem for path in (DEPLOY / "links").glob("*.toml"))
 

@@ -17,9 +17,9 @@ from services.runtime.node import Node
 from services.runtime.ports import Publisher
 from services.runtime.stack import Row, Stack
 from services.runtime.virtual_host import VirtualHost
-from services.visualizer import live
 from services.visualizer.batch import Batch, Note
-from services.visualizer.live import Live
+from services.visualizer.io import live
+from services.visualizer.io.live import Live
 from services.visualizer.service import wire
 
 chunk = pytest.importorskip("rerun.chunk", reason="the viewer extra is not installed")
@@ -169,7 +169,7 @@ def test_a_folder_that_cannot_be_written_is_one_sentence(tmp_path: Path) -> None
 def test_without_rerun_the_sentence_says_how_to_get_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.delitem(sys.modules, "services.visualizer.sink", raising=False)
+    monkeypatch.delitem(sys.modules, "services.visualizer.io.sink", raising=False)
     monkeypatch.setitem(sys.modules, "rerun", None)
     with pytest.raises(LindyError, match=r"lindy\[viewer\]"):
         VirtualHost().add("visualizer", BOTH_REALMS, Stack(out=str(tmp_path)), wire)

@@ -31,7 +31,7 @@ class Way:
     """One pilot command on its way, all stamps in the topside's clock."""
 
     sample_ms: float  # [ms] the pad's own age
-    heard: Ns  # [ns] by the sounder, on the topside's bus
+    heard: Ns  # [ns] by the link monitor, on the topside's bus
     reference: Ns | None = None  # [ns]
     control: Ns | None = None  # [ns]
 

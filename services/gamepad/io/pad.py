@@ -13,8 +13,8 @@ the age of its last event would tell a steady hand from a broken cable no better
 import pygame
 from pygame._sdl2 import controller
 
-from services.gamepad import sdl
 from services.gamepad.core import CENTRED, Level, Profile, Reading, presses_of, sticks_of
+from services.gamepad.io import sdl
 from services.gamepad.wish import Press
 
 # In the order of SDL_GameControllerAxis and SDL_GameControllerButton.

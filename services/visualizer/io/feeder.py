@@ -15,8 +15,8 @@ from typing import BinaryIO
 import msgspec
 
 from services.visualizer.batch import Batch
-from services.visualizer.live import LENGTH_BYTES, Hello
-from services.visualizer.sink import Sink
+from services.visualizer.io.live import LENGTH_BYTES, Hello
+from services.visualizer.io.sink import Sink
 
 OPEN_S = 20.0  # for the viewer to listen
 STALL_S = 10  # a viewer that takes nothing for this long is given up

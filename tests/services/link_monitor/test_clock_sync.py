@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages.link import ClockPong
-from services.sounder.clock_sync import DRIFT, KEPT, ClockSync
+from services.link_monitor.clock_sync import DRIFT, KEPT, ClockSync
 
 SECOND = 1_000_000_000
 delays = st.lists(

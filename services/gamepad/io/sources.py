@@ -2,8 +2,9 @@
 
 from pathlib import Path
 
-from services.gamepad import sdl
 from services.gamepad.core import CENTRED, Profile, Settings, Source
+from services.gamepad.io import sdl
+from services.gamepad.io.path_file import course_named
 from services.gamepad.player import Player
 from services.gamepad.script import Script, parse
 from services.runtime.errors import LindyError
@@ -36,7 +37,7 @@ def read_script(name: str) -> Script:
     """
     path = deploy_file("dives", name, ".csv")
     try:
-        return parse(path.read_bytes())
+        return parse(path.read_bytes(), course_named)
     except OSError as error:
         raise LindyError(f"cannot read {path}: {error.strerror}") from None
     except ValueError as error:
@@ -53,7 +54,7 @@ def _open_script(node: Node, name: str, played: int) -> Player:
 
 def _open_pad(node: Node, stack: Stack) -> Source:
     sdl.load()
-    from services.gamepad.pad import Pad  # here, because a script needs no pygame
+    from services.gamepad.io.pad import Pad  # here, because a script needs no pygame
 
     pad = Pad(_profile(stack))
     node.on_close(pad.close)
@@ -62,7 +63,7 @@ def _open_pad(node: Node, stack: Stack) -> Source:
 
 def _open_keyboard(node: Node, stack: Stack) -> Source:
     sdl.load()
-    from services.gamepad.keyboard import Keyboard
+    from services.gamepad.io.keyboard import Keyboard
 
     keyboard = Keyboard(_profile(stack).gain)
     node.on_close(keyboard.close)

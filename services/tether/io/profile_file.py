@@ -4,12 +4,13 @@ import copy
 import csv
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
+from messages.link import LinkRequest
 from services.runtime.errors import LindyError
 from services.runtime.settings import convert, deploy_file, nearest, override, read_toml
 from services.tether import delay, loss
-from services.tether.profile import LinkProfile
+from services.tether.profile import LinkProfile, Named
 
 KINDS: dict[str, dict[str, Any]] = {
     "delay": {
@@ -30,15 +31,6 @@ KINDS: dict[str, dict[str, Any]] = {
 Tree = dict[str, Any]
 
 
-class Named(NamedTuple):
-    """A profile and where it is from."""
-
-    name: str
-    tree: Tree  # as in the file, for those who change single keys
-    path: Path
-    profile: LinkProfile
-
-
 def named(name: str) -> Named:
     """A profile of deploy/links, or a TOML file.
 
@@ -48,6 +40,19 @@ def named(name: str) -> Named:
     path = deploy_file("links", name)
     tree = read_toml(path)
     return Named(name, tree, path, _checked(tree, path))
+
+
+def asked_for(request: LinkRequest, in_force: Named) -> tuple[Named, str] | str:
+    """The profile that is to be in force instead, and in words what changes; or why it cannot."""
+    try:
+        if request.kind == "set":
+            return adjusted(in_force, request.settings)
+        if request.profile is None:
+            return "no profile is named"
+        after = named(request.profile)
+    except LindyError as error:
+        return str(error)
+    return after, f"profile {in_force.name} → {after.name}"
 
 
 def adjusted(before: Named, settings: Sequence[str]) -> tuple[Named, str]:

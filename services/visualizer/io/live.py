@@ -47,7 +47,7 @@ class Live:
         self._encode = msgspec.msgpack.Encoder().encode
         hello = msgspec.json.encode(Hello(recording_id, vehicle, viewer)).decode()
         self.process: subprocess.Popen[bytes] | None = subprocess.Popen(
-            [sys.executable, "-m", "services.visualizer.feeder", hello],
+            [sys.executable, "-m", "services.visualizer.io.feeder", hello],
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,

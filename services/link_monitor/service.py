@@ -1,41 +1,56 @@
-"""Sounder service: pings go down the tether; clocks, latencies and alarms come of the answers."""
+"""Link monitor: pings go down the tether and are answered on board; clocks, latencies and alarms
+come of the answers.
+
+Where topside and drone are machines of their own it runs on both: topside it measures, on board it
+answers.
+"""
 
 from messages import topics
 from messages.link import ClockPing, ClockPong
+from services.link_monitor.core import LinkMonitor
+from services.link_monitor.ping_responder import pong
 from services.runtime.node import Node
 from services.runtime.stack import Stack
-from services.sounder.core import Sounder
+
+TOPSIDE, DRONE = "topside", "drone"
 
 
 def wire(node: Node, _: Stack) -> None:
-    sounder = Sounder()
-    budget = sounder.budget
+    if TOPSIDE in node.realms:
+        _measure(node)
+    if DRONE in node.realms:
+        _answer(node)
+
+
+def _measure(node: Node) -> None:
+    monitor = LinkMonitor()
+    budget = monitor.budget
     pings = node.publisher(topics.CLOCK_PING)
     clocks = node.publisher(topics.CLOCK)
     budgets = node.publisher(topics.LATENCY)
 
     def ping(now: int) -> None:
         pings.put(ClockPing(stamp_ns=now))
-        clock = sounder.ping(now)
+        clock = monitor.ping(now)
         node.learn_clock(clock)
         clocks.put(clock)
         watch(now)
 
     def on_pong(pong: ClockPong, now: int) -> None:
-        sounder.pong(pong, now)
+        monitor.pong(pong, now)
         watch(now)
 
     def watch(now: int) -> None:
         """An alarm is said at once, and its end too."""
-        for name in sounder.happened:
+        for name in monitor.happened:
             node.count(name)
-        sounder.happened.clear()
-        if (news := sounder.news(now)) is not None:
+        monitor.happened.clear()
+        if (news := monitor.news(now)) is not None:
             node.log("warning" if news else "info", news or "the link is as usual again")
             say(now)
 
     def say(now: int) -> None:
-        budgets.put(sounder.report(now))
+        budgets.put(monitor.report(now))
 
     node.each(topics.CLOCK_PONG, on_pong)
     node.each(topics.PILOT_COMMAND, budget.command, onlooker=True)
@@ -46,3 +61,12 @@ def wire(node: Node, _: Stack) -> None:
     node.each(topics.SHOWN, budget.shown, onlooker=True)
     node.every(topics.CLOCK_PING.hz, ping)
     node.every(topics.LATENCY.hz, say)
+
+
+def _answer(node: Node) -> None:
+    pongs = node.publisher(topics.CLOCK_PONG, realm=DRONE)
+
+    def on_ping(ping: ClockPing, now: int) -> None:
+        pongs.put(pong(ping, now))
+
+    node.each(topics.CLOCK_PING, on_ping, realm=DRONE)

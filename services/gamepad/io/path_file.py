@@ -9,7 +9,7 @@ import msgspec
 from messages.pilot import Course, Place
 from messages.units import PathQuantity
 from services.runtime.errors import LindyError
-from services.runtime.settings import read
+from services.runtime.settings import deploy_file, read
 
 Waypoints = Annotated[tuple[Place, ...], msgspec.Meta(min_length=2, max_length=1000)]
 
@@ -62,3 +62,15 @@ def course_of(path: Path) -> Course:
         acceleration=file.acceleration,
         jerk=file.jerk,
     )
+
+
+def course_named(name: str) -> Course:
+    """The course in a file of deploy/paths, or in any TOML file, as an event of a script names it.
+
+    Raises:
+        ValueError: as `course_of`, or there is no such file.
+    """
+    try:
+        return course_of(deploy_file("paths", name))
+    except LindyError as error:
+        raise ValueError(str(error)) from None

@@ -6,10 +6,10 @@ import pytest
 
 from messages import topics
 from messages.link import Clock
+from services.link_monitor.clock_sync import DRIFT as WIDENING
 from services.runtime.settings import DEPLOY
-from services.runtime.stack import Row, Stack
+from services.runtime.stack import Row, Stack, apart
 from services.runtime.virtual_host import Skew, VirtualHost
-from services.sounder.clock_sync import DRIFT as WIDENING
 
 S = 1_000_000_000  # [ns]
 PROFILES = sorted(path.stem for path in (DEPLOY / "links").glob("*.toml"))
@@ -18,13 +18,12 @@ AHEAD = 3_600 * S  # [ns] the drone was started an hour earlier
 DRIFT = 50e-6  # [-] what a plain crystal is off by
 ROWS = {
     "tether": Row(realms=["topside", "drone"], gateway=True),
-    "sounder": Row(realms=["topside"]),
-    "echo": Row(realms=["drone"]),
+    "link_monitor": Row(realms=["topside", "drone"], each_machine=True),
 }
 
 
 class Told(NamedTuple):
-    """A word of the sounder."""
+    """A word of the link monitor."""
 
     error: int  # [ns] from the true offset
     bound: int  # [ns]
@@ -32,10 +31,10 @@ class Told(NamedTuple):
 
 
 def told(profile: str, drift: float, seed: int) -> list[Told]:
-    """What the sounder says five times a second, from its first answer on."""
+    """What the link monitor says five times a second, from its first answer on."""
     skew = Skew(AHEAD, drift)
     host, stack = VirtualHost({"drone": skew}), Stack(link=profile, apart=True, seed=seed)
-    host.add_all(ROWS, stack)
+    host.add_all(apart(ROWS), stack)
     said: list[Told] = []
 
     def hear(clock: Clock, now: int) -> None:

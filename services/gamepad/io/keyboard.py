@@ -7,8 +7,8 @@ window has: then the pilot is lost.
 
 import pygame
 
-from services.gamepad import sdl
 from services.gamepad.core import Gain, Level, Reading, Sticks
+from services.gamepad.io import sdl
 from services.gamepad.wish import Press
 from services.runtime.errors import LindyError
 

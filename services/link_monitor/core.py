@@ -1,16 +1,16 @@
-"""What the sounder knows of the link, of both clocks and of where the time goes."""
+"""What the link monitor knows of the link, of both clocks and of where the time goes."""
 
 from dataclasses import dataclass, field
 
 from messages.link import Clock, ClockPong, LatencyBudget
 from messages.units import Ns
-from services.sounder.alarm import LinkAlarm
-from services.sounder.budget import Budget
-from services.sounder.clock_sync import ClockSync
+from services.link_monitor.alarm import LinkAlarm
+from services.link_monitor.budget import Budget
+from services.link_monitor.clock_sync import ClockSync
 
 
 @dataclass(slots=True)
-class Sounder:
+class LinkMonitor:
     """`happened` collects what must be counted."""
 
     happened: list[str] = field(default_factory=list[str])

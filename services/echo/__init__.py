@@ -1,1 +1,0 @@
-"""Answers the sounder's pings from on board, with the drone's own clock."""

@@ -1,0 +1,1 @@
+"""Pads, the keyboard and the files a pilot names."""

@@ -1,0 +1,176 @@
+"""The pilot as a state machine: who has the sticks, arming, the hand-over, and what is asked for.
+
+Pure: readings of the sticks and the drone's messages come in, what is to be said comes out.
+"""
+
+from collections.abc import Set
+from dataclasses import dataclass, field
+from typing import Any
+
+import msgspec
+from msgspec.structs import replace
+
+from messages.pilot import PilotAnswer, PilotCommand, PilotRequest, RequestKind
+from messages.units import Ns
+from messages.vehicle import VehicleStatus
+from services.gamepad.core import CENTRED, Level, Reading
+from services.gamepad.wish import Follow, Goto, Mode, Wish
+
+PAUSE_NS = 2_000_000_000  # [ns] between two attempts to arm by ourselves
+ABSENT = Reading(present=False, at_rest=False)  # until the source was read
+Waiting = Set[RequestKind]  # kinds of the requests that have not been answered yet
+
+
+class Progress(msgspec.Struct, frozen=True):
+    """How far the dive has come; a restart goes on from here."""
+
+    began_ns: int | None = None  # [ns] when the sticks were handed over
+    played: int = 0  # events of the script that have happened
+    epoch: int | None = None  # authority epoch we were given; None: not asked for yet
+    may_arm: bool = True  # False: a stop or a disarm has ended arming by ourselves
+
+
+@dataclass(slots=True)
+class Effects:
+    """What comes of one event, in the order in which it is to be done."""
+
+    counts: list[str] = field(default_factory=list[str])
+    notes: list[tuple[Level, str]] = field(default_factory=list[tuple[Level, str]])
+    command: PilotCommand | None = None  # to be said
+    requests: list[PilotRequest] = field(default_factory=list[PilotRequest])
+    hand_over: bool = False  # the sticks have just been handed over: read and say them at once
+
+
+@dataclass(slots=True)
+class Pilot:
+    """Says what a source of sticks says, once the drone is armed."""
+
+    progress: Progress
+    arms: bool  # by itself, as soon as the drone is ready
+    _arm_after: Ns = 0  # [ns]
+    _arms_next: bool = False  # as soon as the sticks are ours
+    _asked_for_rest: bool = False
+    _outdone: bool = False  # another pilot has the sticks
+    _light: bool = False  # as it was last asked for or seen
+    _source: str = ""
+    _reading: Reading = ABSENT
+
+    def read(
+        self, reading: Reading, source: str, played: int, waiting: Waiting, now: Ns
+    ) -> Effects:
+        """The source was read.
+
+        Args:
+            source: its name; played: events of its script that have happened.
+        """
+        self._reading, self._source = reading, source
+        out = Effects(list(reading.lost), list(reading.notes), self._command(now))
+        for wish in reading.presses:
+            self._press(wish, waiting, out)
+        self.progress = replace(self.progress, played=played)
+        return out
+
+    def status(self, status: VehicleStatus, waiting: Waiting, now: Ns) -> Effects:
+        out = Effects()
+        self._hold_lease(status.epoch, waiting, out)
+        if "light" not in waiting:
+            self._light = status.light > 0.0
+        if self.progress.began_ns is not None:
+            return out
+        if status.armed:
+            self.progress = replace(self.progress, began_ns=now)
+            out.notes.append(("info", f"armed: {self._source} has the sticks"))
+            out.hand_over = True
+        elif self.arms and self.progress.may_arm and status.mode == "ready":
+            self._arm(waiting, now, out)
+        return out
+
+    def answered(self, request: PilotRequest, answer: PilotAnswer, now: Ns) -> Effects:
+        out = Effects()
+        if request.kind == "arm":
+            self._arm_after = now + PAUSE_NS
+        if answer.epoch is not None:
+            self.progress = replace(self.progress, epoch=answer.epoch)
+        if request.kind == "lease":
+            arms, self._arms_next = self._arms_next and answer.accepted, False
+            if arms:
+                out.requests.append(self._request("arm"))
+        if not answer.accepted:
+            out.counts.append(f"refused:{request.kind}")
+            out.notes.append(("warning", f"the drone refuses to {request.kind}: {answer.reason}"))
+        return out
+
+    def given_up(self, request: PilotRequest) -> Effects:
+        self._arms_next = self._arms_next and request.kind != "lease"
+        what = f"the drone did not answer to {request.kind!r}"
+        return Effects([f"unanswered:{request.kind}"], [("warning", what)])
+
+    def _command(self, now: Ns) -> PilotCommand:
+        reading = self._reading
+        acts = reading.present and self.progress.began_ns is not None
+        return PilotCommand(
+            **(reading.sticks if acts else CENTRED)._asdict(),
+            stamp_ns=now,
+            pilot="present" if reading.present else "lost",
+            source=self._source,
+            device_age_ms=reading.age_ms,
+            epoch=self.progress.epoch or 0,
+        )
+
+    @property
+    def _has_sticks(self) -> bool:
+        return self.progress.epoch is not None and not self._outdone
+
+    def _hold_lease(self, given: int, waiting: Waiting, out: Effects) -> None:
+        """Ask for the sticks once, and again where the drone has forgotten that it gave them to
+        us. When it has given them to somebody else, that is said and left so."""
+        ours = self.progress.epoch
+        if (ours is None or given < ours) and "lease" not in waiting:
+            out.requests.append(self._request("lease"))
+        elif ours is not None and given > ours and not self._outdone:
+            out.counts.append("outdone:lease")
+            out.notes.append(("warning", "another pilot has taken the sticks"))
+        self._outdone = ours is not None and given > ours
+
+    def _arm(self, waiting: Waiting, now: Ns, out: Effects) -> None:
+        """Arm by ourselves, at most once every `PAUSE_NS`, and never with a stick deflected."""
+        if "arm" in waiting or now < self._arm_after or not self._has_sticks:
+            return
+        if self._reading.at_rest:
+            out.requests.append(self._request("arm"))
+        elif self._reading.present and not self._asked_for_rest:
+            self._asked_for_rest = True
+            out.notes.append(("info", "ready: let go of the sticks to arm"))
+
+    def _press(self, wish: Wish, waiting: Waiting, out: Effects) -> None:
+        """What the pilot asked for; a stop or a disarm also ends arming by ourselves."""
+        if wish == "arm" and not self._reading.at_rest:
+            out.counts.append("refused_here:arm")
+            out.notes.append(("warning", "not arming: let go of the sticks first"))
+        elif wish == "arm" and not self._has_sticks:
+            if not self._arms_next and "lease" not in waiting:
+                out.requests.append(self._request("lease"))
+            self._arms_next = True
+        else:
+            if wish in ("stop", "disarm"):
+                self._arms_next = False
+                self.progress = replace(self.progress, may_arm=False)
+            out.requests.append(self._wished(wish))
+
+    def _wished(self, wish: Wish) -> PilotRequest:
+        match wish:
+            case Goto(depth, heading):
+                return self._request("goto", depth=depth, heading=heading)
+            case Follow(course):
+                return self._request("follow", course=course)
+            case Mode(hold):
+                return self._request("mode", hold=hold)
+            case "light":
+                self._light = not self._light
+                return self._request("light", value=float(self._light))
+            case _:
+                return self._request(wish)
+
+    def _request(self, kind: RequestKind, **more: Any) -> PilotRequest:
+        """Without a stamp and an id: whoever sends it fills them in."""
+        return PilotRequest(stamp_ns=0, id="", kind=kind, epoch=self.progress.epoch or 0, **more)

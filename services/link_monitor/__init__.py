@@ -1,0 +1,1 @@
+"""Watches the link from both its ends: the two clocks, the latency budget, the alarm."""

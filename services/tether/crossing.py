@@ -1,0 +1,46 @@
+"""One direction of the link as its gateway uses it: what enters, comes out and is counted."""
+
+from collections.abc import Callable
+from typing import Generic, TypeVar
+
+from messages.units import Ns
+from services.tether.link_model import Line
+
+T = TypeVar("T")
+Admits = Callable[[str, int, Ns], bool]  # (key, size [B], now): not thinned out?
+
+
+def everything(_key: str, _size: int, _now: Ns) -> bool:
+    """Nothing is thinned out."""
+    return True
+
+
+class Crossing(Generic[T]):
+    """`counts` collects what must be counted."""
+
+    def __init__(self, line: Line[tuple[str, T]], admits: Admits = everything) -> None:
+        self.counts: list[str] = []
+        self._line = line
+        self._admits = admits
+
+    def enter(self, key: str, item: T, size: int, rank: int, now: Ns) -> None:
+        """`size` [B] of a message on a key; `rank` as in `waiting.RANK`."""
+        if self._admits(key, size, now):
+            self._line.enter((key, item), now, size, rank)
+        else:
+            self.counts.append(f"thinned:{key}")
+
+    def leave(self, now: Ns) -> list[tuple[T, bool]]:
+        """Whatever has arrived, and whether it was damaged on the way."""
+        arrived: list[tuple[T, bool]] = []
+        while (arrival := self._line.leave(now)) is not None:
+            key, item = arrival.item
+            if arrival.damaged:
+                self.counts.append(f"damaged:{key}")
+            arrived.append((item, arrival.damaged))
+        self.counts += [f"{reason}:{key}" for (key, _), reason in self._line.take_lost()]
+        return arrived
+
+    def due(self) -> Ns | None:
+        """[ns] When something comes out or is lost; None: nothing is on the way."""
+        return self._line.due()

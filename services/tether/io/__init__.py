@@ -1,0 +1,1 @@
+"""Link profiles and traces on disk."""

@@ -1,0 +1,1 @@
+"""The rerun recording on disk, and the live viewer."""

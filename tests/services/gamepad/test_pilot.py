@@ -1,0 +1,149 @@
+"""The pilot's state machine: arming, the hand-over and the sticks that another pilot has taken."""
+
+from typing import get_args
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
+
+from messages.pilot import PilotAnswer, PilotRequest, RequestKind
+from messages.vehicle import Mode, VehicleStatus
+from services.gamepad.core import CENTRED, Reading, Sticks
+from services.gamepad.pilot import Effects, Pilot, Progress
+from services.gamepad.wish import Goto, Press
+
+NOBODY: frozenset[RequestKind] = frozenset()
+
+
+def status(epoch: int, *, armed: bool = False, mode: Mode = "ready") -> VehicleStatus:
+    return VehicleStatus(stamp_ns=0, mode=mode, armed=armed, epoch=epoch)
+
+
+def answer(accepted: bool, epoch: int | None = None) -> PilotAnswer:
+    return PilotAnswer(stamp_ns=0, id="", accepted=accepted, epoch=epoch)
+
+
+def press(pilot: Pilot, wish: Press, now: int = 0) -> Effects:
+    return pilot.read(Reading(presses=(wish,)), "hands", 0, NOBODY, now)
+
+
+def kinds(effects: Effects) -> list[str]:
+    return [request.kind for request in effects.requests]
+
+
+def outdone() -> Pilot:
+    """Had the sticks with epoch 1, until another one took them with epoch 2."""
+    pilot = Pilot(Progress(epoch=1), arms=False)
+    effects = pilot.status(status(2), NOBODY, 0)
+    assert effects.counts == ["outdone:lease"]
+    return pilot
+
+
+def test_whoever_was_outdone_and_wants_to_arm_takes_the_sticks_first():
+    pilot = outdone()
+    (lease,) = press(pilot, "arm").requests
+    assert (lease.kind, lease.epoch) == ("lease", 1)
+    (arm,) = pilot.answered(lease, answer(True, epoch=3), 1).requests
+    assert (arm.kind, arm.epoch) == ("arm", 3)
+    assert kinds(pilot.status(status(3), NOBODY, 2)) == []
+
+
+@pytest.mark.parametrize("then", ["refused", "given up", "stop", "disarm"])
+def test_sticks_that_were_not_given_arm_nothing_later_on(then: str):
+    pilot = outdone()
+    (lease,) = press(pilot, "arm").requests
+    if then == "refused":
+        assert kinds(pilot.answered(lease, answer(False), 1)) == []
+    elif then == "given up":
+        pilot.given_up(lease)
+    else:
+        press(pilot, "stop" if then == "stop" else "disarm")
+    assert kinds(pilot.answered(lease, answer(True, epoch=3), 2)) == []
+
+
+@pytest.mark.parametrize("wish", ["stop", "disarm", "light"])
+def test_whoever_was_outdone_still_asks_and_leaves_the_answer_to_the_drone(wish: Press):
+    (asked,) = press(outdone(), wish).requests
+    assert (asked.kind, asked.epoch) == (wish, 1)
+
+
+def test_a_restarted_drone_that_has_forgotten_the_epoch_is_asked_again():
+    pilot = Pilot(Progress(epoch=3), arms=False)
+    assert kinds(pilot.status(status(0), NOBODY, 0)) == ["lease"]
+    assert kinds(pilot.status(status(0), {"lease"}, 1)) == []
+
+
+@settings(max_examples=50, deadline=None)
+@given(
+    sticks=st.builds(Sticks, *[st.floats(-1.0, 1.0)] * 5),
+    present=st.booleans(),
+    began=st.none() | st.just(0),
+)
+def test_before_the_hand_over_and_without_a_pilot_the_sticks_say_nothing(
+    sticks: Sticks, present: bool, began: int | None
+):
+    pilot = Pilot(Progress(began_ns=began), arms=False)
+    command = pilot.read(Reading(sticks, present), "hands", 0, NOBODY, 5).command
+    assert command is not None
+    said = Sticks(command.surge, command.sway, command.heave, command.yaw, command.tilt)
+    assert said == (sticks if present and began is not None else CENTRED)
+    assert command.pilot == ("present" if present else "lost")
+
+
+class AnyOrder(RuleBasedStateMachine):
+    """Whatever happens in whatever order."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.pilot = Pilot(Progress(), arms=True)
+        self.pending: list[PilotRequest] = []
+        self.new: list[PilotRequest] = []
+        self.at_rest = False
+        self.ended = False  # by the pilot's own stop or disarm
+
+    def take(self, effects: Effects) -> None:
+        self.new = effects.requests
+        self.pending += effects.requests
+
+    @property
+    def waiting(self) -> set[RequestKind]:
+        return {request.kind for request in self.pending}
+
+    @rule(
+        heave=st.sampled_from([0.0, 0.5]),
+        wish=st.none() | st.sampled_from([*get_args(Press), Goto(depth=1.0)]),
+    )
+    def reads(self, heave: float, wish: Press | Goto | None) -> None:
+        self.at_rest = heave == 0.0
+        presses = () if wish is None else (wish,)
+        self.ended = self.ended or wish in ("stop", "disarm")
+        reading = Reading(Sticks(heave=heave), at_rest=self.at_rest, presses=presses)
+        self.take(self.pilot.read(reading, "hands", 0, self.waiting, 0))
+
+    @rule(epoch=st.integers(0, 4), armed=st.booleans())
+    def hears_a_status(self, epoch: int, armed: bool) -> None:
+        by_itself = self.pilot.status(status(epoch, armed=armed), self.waiting, 10**12)
+        assert not (self.ended and "arm" in kinds(by_itself))
+        self.take(by_itself)
+
+    @rule(data=st.data(), accepted=st.booleans(), epoch=st.integers(1, 4))
+    def hears_an_answer(self, data: st.DataObject, accepted: bool, epoch: int) -> None:
+        if self.pending:
+            request = data.draw(st.sampled_from(self.pending))
+            self.pending.remove(request)
+            given = epoch if request.kind == "lease" and accepted else None
+            self.take(self.pilot.answered(request, answer(accepted, given), 0))
+
+    @invariant()
+    def every_request_carries_the_epoch_we_have(self) -> None:
+        assert all(r.epoch == (self.pilot.progress.epoch or 0) for r in self.new)
+
+    @invariant()
+    def nothing_arms_without_the_sticks(self) -> None:
+        asked = [r.kind for r in self.new]
+        assert "arm" not in asked or self.pilot.progress.epoch is not None
+
+
+AnyOrder.TestCase.settings = settings(max_examples=60, stateful_step_count=30, deadline=None)
+test_whatever_happens_in_whatever_order = AnyOrder.TestCase

@@ -1,0 +1,40 @@
+"""One service at both ends of the link: one process on one machine, one on each of two."""
+
+import pytest
+
+from messages import topics
+from messages.health import Health
+from messages.link import Clock
+from services.runtime.stack import Row, Stack, apart, services_of
+from services.runtime.virtual_host import Skew, VirtualHost
+from tools.up import rows_of
+
+S = 1_000_000_000  # [ns]
+ROWS = {name: services_of("dive")[name] for name in ("tether", "link_monitor")}
+
+
+@pytest.mark.parametrize("ahead", [None, 0, 3_600 * S])
+def test_pings_are_answered_from_the_other_realm_on_one_machine_and_on_two(
+    ahead: int | None,
+) -> None:
+    host = VirtualHost(None if ahead is None else {"drone": Skew(ahead)})
+    rows = ROWS if ahead is None else apart(ROWS)
+    host.add_all(rows, Stack(link="remote", apart=ahead is not None))
+    clocks, health = list[Clock](), dict[str, Health]()
+    ears = host.node("ears", ["topside"])
+    ears.each(topics.CLOCK, lambda m, _: clocks.append(m))
+    ears.each(topics.HEALTH, lambda m, _: health.update({m.service: m}))
+    host.run(3 * S)
+    assert clocks[-1].rtt_ms is not None
+    assert clocks[-1].rtt_ms >= 100.0  # over the link and back, not from neighbour to neighbour
+    assert clocks[-1].offset_ns is not None
+    assert clocks[-1].bound_ns is not None
+    assert abs(clocks[-1].offset_ns - (ahead or 0)) <= clocks[-1].bound_ns
+    assert set(rows) <= set(health)
+
+
+def test_on_two_machines_no_name_is_there_twice() -> None:
+    topside, drone = (rows_of(side, gateway=False) for side in ("topside", "drone"))
+    assert set(topside) & set(drone) == set()
+    assert topside["link_monitor"] == Row(realms=["topside"], service="link_monitor")
+    assert drone["link_monitor_drone"] == Row(realms=["drone"], service="link_monitor")

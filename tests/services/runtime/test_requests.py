@@ -1,0 +1,213 @@
+"""Requests: repeated with the same id until answered, then never again; decided once."""
+
+from collections.abc import Iterator
+from itertools import count
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from messages import topics
+from messages.pilot import Course, PilotAnswer, PilotRequest, RequestKind
+from services.gamepad.overruling import overrules
+from services.runtime.answers import KEPT, AnswerBook
+from services.runtime.requests import GIVE_UP_NS, REPEAT_NS, Requests
+from services.runtime.virtual_host import VirtualHost
+
+TICK = 20_000_000  # [ns]
+S = 1_000_000_000  # [ns]
+
+
+def request(kind: RequestKind, id_: str = "") -> PilotRequest:
+    return PilotRequest(stamp_ns=0, id=id_, kind=kind)
+
+
+def gamepad() -> Requests[PilotRequest]:
+    return Requests("gamepad", overrules)
+
+
+def test_an_unanswered_request_is_repeated_every_200_ms_with_its_id_and_a_new_stamp():
+    requests = gamepad()
+    first = requests.ask(request("stop"), 0)
+    sent = [r for now in range(TICK, 1_000_000_001, TICK) for r in requests.repeats(now)]
+    assert [r.stamp_ns for r in sent] == [n * REPEAT_NS for n in range(1, 6)]
+    assert {(r.id, r.kind) for r in sent} == {(first.id, "stop")}
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(1, 240))
+def test_an_answer_ends_the_repetition_and_a_second_answer_means_nothing(ticks: int):
+    requests = gamepad()
+    asked = requests.ask(request("arm"), 0)
+    for n in range(1, ticks):
+        requests.repeats(n * TICK)
+    answer = PilotAnswer(stamp_ns=ticks * TICK, id=asked.id, accepted=True)
+    assert requests.answered(answer) == asked
+    assert requests.answered(answer) is None
+    assert requests.pending == []
+    assert requests.due() is None
+    assert requests.repeats(10**12) == requests.given_up(10**12) == []
+
+
+def test_another_ones_answer_changes_nothing():
+    requests = gamepad()
+    asked = requests.ask(request("arm"), 0)
+    stranger = PilotAnswer(stamp_ns=1, id="console-0-0", accepted=True)
+    assert requests.answered(stranger) is None
+    assert requests.pending == [asked]
+
+
+def test_after_five_seconds_a_request_is_given_up_once():
+    requests = gamepad()
+    asked = requests.ask(request("light"), 7)
+    assert requests.given_up(7 + GIVE_UP_NS - 1) == []
+    assert requests.given_up(7 + GIVE_UP_NS) == [asked]
+    assert requests.given_up(8 + GIVE_UP_NS) == requests.repeats(8 + GIVE_UP_NS) == []
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.lists(st.integers(0, 3 * REPEAT_NS), min_size=1, max_size=6))
+def test_whoever_looks_when_something_is_due_misses_nothing(waits: list[int]):
+    """As often as one who looks all the time, and five seconds after the last word it is quiet."""
+    requests, now, repeated = gamepad(), 0, 0
+    for wait in waits:
+        now += wait
+        requests.ask(request("light"), now)
+    while (due := requests.due()) is not None:
+        assert due >= now - sum(waits)
+        now = max(now, due)
+        given_up = requests.given_up(now)
+        repeats = requests.repeats(now)
+        repeated += len(repeats)
+        assert given_up or repeats
+    assert repeated <= len(waits) * (GIVE_UP_NS // REPEAT_NS - 1)
+    assert now <= sum(waits) + GIVE_UP_NS
+
+
+@pytest.mark.parametrize("kind", ["stop", "disarm"])
+def test_a_stop_or_a_disarm_withdraws_an_arm_that_is_still_being_repeated(kind: RequestKind):
+    requests = gamepad()
+    requests.ask(request("light"), 0)
+    requests.ask(request("arm"), 0)
+    requests.ask(request(kind), 1)
+    assert [r.kind for r in requests.repeats(1 + REPEAT_NS)] == ["light", kind]
+
+
+@pytest.mark.parametrize("later", ["stop", "disarm", "goto", "follow"])
+@pytest.mark.parametrize("earlier", ["goto", "follow"])
+def test_where_to_go_is_not_repeated_after_a_newer_word(earlier: RequestKind, later: RequestKind):
+    requests = gamepad()
+    requests.ask(request("stop"), 0)
+    requests.ask(request(earlier), 1)
+    newer = requests.ask(request(later), 2)
+    assert [r.id for r in requests.repeats(2 + REPEAT_NS)][1:] == [newer.id]
+
+
+@pytest.mark.parametrize("later", ["arm", "light"])
+def test_a_light_or_an_arm_overrules_nothing(later: RequestKind):
+    requests = gamepad()
+    kinds: list[RequestKind] = ["stop", "goto", later]
+    for now, kind in enumerate(kinds):
+        requests.ask(request(kind), now)
+    assert [r.kind for r in requests.repeats(2 + REPEAT_NS)] == kinds
+
+
+def test_a_repetition_says_all_that_was_asked():
+    requests = gamepad()
+    course = Course(waypoints=((0.0, 0.0), (9.0, 0.0)))
+    light = PilotRequest(stamp_ns=0, id="", kind="light", value=0.5, epoch=3)
+    follow = PilotRequest(stamp_ns=0, id="", kind="follow", course=course)
+    asked = [requests.ask(light, 0), requests.ask(follow, 0)]
+    again = requests.repeats(REPEAT_NS)
+    assert [(r.id, r.value, r.course, r.epoch) for r in again] == [
+        (asked[0].id, 0.5, None, 3),
+        (asked[1].id, None, course, 0),
+    ]
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.lists(st.integers(0, 5), max_size=20), st.integers(0, 10**12))
+def test_no_two_requests_share_an_id_within_a_run_or_across_a_restart(
+    waits: list[int], restart_after: int
+):
+    now, ids = 0, list[str]()
+    for run in range(2):
+        requests = gamepad()
+        for wait in waits:
+            now += wait
+            ids.append(requests.ask(request("light"), now).id)
+        now += run + 1 + restart_after
+    assert len(set(ids)) == len(ids)
+
+
+# The answering end.
+
+
+def counting_book(counter: Iterator[int]) -> AnswerBook[PilotRequest, PilotAnswer]:
+    """The n-th decision is told in the reason."""
+
+    def decide(asked: PilotRequest, now: int) -> PilotAnswer:
+        return PilotAnswer(stamp_ns=now, id=asked.id, accepted=False, reason=str(next(counter)))
+
+    return AnswerBook(decide)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.lists(st.integers(0, KEPT - 1), max_size=200))
+def test_each_id_is_decided_once_and_answered_every_time_with_a_new_stamp(asked: list[int]):
+    book, first = counting_book(count()), dict[int, str]()
+    for now, number in enumerate(asked):
+        answer, is_new = book.answer(request("stop", str(number)), now)
+        assert is_new == (number not in first)
+        assert answer.reason == first.setdefault(number, answer.reason)
+        assert (answer.id, answer.stamp_ns) == (str(number), now)
+    assert sorted(map(int, first.values())) == list(range(len(first)))
+
+
+def test_only_the_newest_answers_are_kept():
+    book = counting_book(count())
+    for number in range(KEPT + 1):
+        book.answer(request("stop", str(number)), 0)
+    assert book.answer(request("stop", "1"), 0)[1] is False
+    assert book.answer(request("stop", "0"), 0)[1] is True
+
+
+# Both ends on a bus that loses messages.
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 30), st.integers(0, 30))
+def test_what_is_asked_is_done_at_most_once_whatever_is_lost_and_answered_once_or_given_up_once(
+    lost_asks: int, lost_answers: int
+):
+    host, done, told = VirtualHost(), list[str](), list[str]()
+    drone, pilot = host.node("drone", ["drone"]), host.node("pilot", ["topside"])
+    left = {"asks": lost_asks, "answers": lost_answers}
+
+    def decide(asked: PilotRequest, now: int) -> PilotAnswer:
+        done.append(asked.id)
+        return PilotAnswer(stamp_ns=now, id=asked.id, accepted=True)
+
+    def carry(source: str, target: str, key: str, name: str) -> None:
+        def hand_over(envelope: object) -> None:
+            if left[name] > 0:
+                left[name] -= 1
+            else:
+                host.realm(target).forward(envelope)  # type: ignore[arg-type]
+
+        host.realm(source).hear(key, hand_over)
+
+    carry("topside", "drone", topics.PILOT_REQUEST.key, "asks")
+    carry("drone", "topside", topics.PILOT_ANSWER.key, "answers")
+    drone.answers(topics.PILOT_REQUEST, topics.PILOT_ANSWER, decide)
+    asking = pilot.request(
+        topics.PILOT_REQUEST,
+        topics.PILOT_ANSWER,
+        on_answer=lambda asked, answer, _: told.append(f"{asked.kind} {answer.accepted}"),
+        on_given_up=lambda asked, _: told.append(f"{asked.kind} given up"),
+    )
+    asking.ask(request("arm"), host.now)
+    host.run(20 * S)
+    assert len(done) == (1 if lost_asks < 25 else 0)
+    assert told == ["arm True" if lost_asks + lost_answers < 25 else "arm given up"]
+    assert asking.pending == []
