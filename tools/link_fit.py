@@ -8,8 +8,8 @@ from messages.pilot import TTL_MS, PilotCommand
 from services.runtime.errors import LindyError
 from services.runtime.settings import DEPLOY
 from services.tether.delay import TAIL, Delay, Trace
-from services.tether.profile import Leg
 from services.tether.io.profile_file import Named, named
+from services.tether.profile import Leg
 
 COMMAND = PilotCommand(stamp_ns=10**15, surge=0.0, sway=0.0, heave=0.0, yaw=0.0)  # a short one
 COMMAND_BYTES = len(msgspec.msgpack.encode(COMMAND))

@@ -20,7 +20,7 @@ GATE = {
 LINE = {"outage", "too_many", "trace", "loss", "burst", "queue_full", "codel"}
 VARIABLE = {
     "runtime/gate.py": GATE,
-    "tether/service.py": LINE,
+    "tether/crossing.py": LINE,
     "visualizer/service.py": {"too_old", "wrong_length"},
     "estimation/sensor_watch.py": {"duplicated", "not_newer"},
 }

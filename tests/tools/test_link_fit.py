@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from messages.pilot import TTL_MS
 from services.tether.delay import Constant, Delay, Exponential, Normal, Pareto, Table, Uniform
+from services.tether.io.profile_file import named
 from services.tether.link_model import Line
 from services.tether.profile import Leg
-from services.tether.io.profile_file import named
 from tools.__main__ import main
 from tools.link_fit import COMMAND_BYTES, flyable, profiles, shortest_ms
 
