@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Callable, Generator, Mapping
 from contextlib import ExitStack, contextmanager
 from functools import partial
+from itertools import count
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -26,6 +27,7 @@ from services.runtime.stack import Row, Stack
 from services.runtime.supervisor import NAME, Supervisor
 from services.runtime.zenoh_bus import ZenohBus, connected, listening, namespace
 
+CHECKPOINTS = "checkpoints"  # folder in that of the dive; DIVE/checkpoints/<service>.json
 HOME = "topside"  # where it listens: it sees what the pilot sees
 LAST = ("recorder", "visualizer")  # stopped after the others, so that they get everything
 PYTHON = [sys.executable, "-P", "-m", "services"]  # -P: nothing in the user's folder is imported
@@ -64,7 +66,7 @@ class LocalStack:
         self.supervisor = Supervisor(self._tell)
         self.node: Node  # this process's own, where the pilot is; there when the hubs are up
         self.alive: set[tuple[str, str]] = set()  # (realm, service)
-        self._memory = folder / "memory"
+        self._checkpoints = stack.out_dir / CHECKPOINTS  # until there is one of our own
         self._tokens: deque[tuple[str, str, bool]] = deque()  # filled on the bus's thread
         self._buses: dict[str, ZenohBus] = {}
         self._wake = threading.Event()
@@ -101,7 +103,7 @@ class LocalStack:
         self._speaks = True
 
     def start_services(self) -> None:
-        self._memory.mkdir(exist_ok=True)
+        self._checkpoints = _unused_folder(self._checkpoints)
         self.supervisor.add(self._service(name) for name in self.rows)
 
     def missing(self) -> list[str]:
@@ -191,7 +193,7 @@ class LocalStack:
             stack=self.stack,
             endpoints={realm: self._reach[realm] for realm in row.realms},
             gateway=row.gateway,
-            memory=str(self._memory),
+            memory=str(self._checkpoints),
             parent=os.getpid(),
         )
         command = [*PYTHON, msgspec.json.encode(launch).decode()]
@@ -248,6 +250,25 @@ def _endpoints(
     if listen is not None:
         endpoints[HOME if HOME in endpoints else next(iter(endpoints))] = listen
     return endpoints
+
+
+def _unused_folder(wanted: Path) -> Path:
+    """A new folder of this name, or with a number where an earlier dive has left one: what was
+    known in another dive must neither be taken for this one's nor be overwritten.
+
+    Raises:
+        LindyError: it cannot be made.
+    """
+    for number in count(1):
+        folder = wanted if number == 1 else wanted.with_name(f"{wanted.name}-{number}")
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise LindyError(f"cannot make the folder {folder}: {error.strerror}") from None
+        return folder
+    raise AssertionError("numbers do not end")
 
 
 def _socket_folder() -> str:

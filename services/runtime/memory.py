@@ -1,17 +1,34 @@
-"""What a service may remember across a crash, so that a restart in mid-dive goes on with the dive.
+"""Checkpoints: what a service knows again after a crash, so that a restart in mid-dive goes on with
+the dive.
 
 An atmosphere measured at the surface, the moment a stick log began: small things that cannot be
 learnt again under water. One Struct per service, written whole.
 """
 
+import os
+import threading
 from pathlib import Path
 from typing import Protocol
 
+CLOSE_S = 1.0  # [s] at most, for the last checkpoint to reach a slow disk
+
 
 class Memory(Protocol):
-    def recall(self) -> bytes | None: ...
+    def recall(self) -> bytes | None:
+        """The newest checkpoint of an earlier run, or None.
 
-    def remember(self, data: bytes) -> None: ...
+        Raises:
+            OSError: there is one that cannot be read.
+        """
+        ...
+
+    def remember(self, data: bytes) -> None:
+        """Keep this instead. Never waits for a disk."""
+        ...
+
+    def failures(self) -> int:
+        """How many checkpoints could not be written since this was last asked."""
+        ...
 
 
 class VolatileMemory:
@@ -26,12 +43,22 @@ class VolatileMemory:
     def remember(self, data: bytes) -> None:
         self._data = data
 
+    def failures(self) -> int:
+        return 0
+
 
 class FileMemory:
-    """For the process host: one small file in the dive's run folder, replaced in one move."""
+    """For the process host: one small file, written by a thread of its own, because a disk may take
+    its time. While one checkpoint is being written only the newest of those that follow waits."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
+        self._newest: bytes | None = None  # waits to be written
+        self._failed = 0
+        self._ends = False
+        self._news = threading.Condition()
+        self._writer = threading.Thread(target=self._write_all, daemon=True)
+        self._writer.start()
 
     def recall(self) -> bytes | None:
         try:
@@ -40,6 +67,52 @@ class FileMemory:
             return None
 
     def remember(self, data: bytes) -> None:
-        fresh = self._path.with_suffix(".new")
-        fresh.write_bytes(data)
-        fresh.replace(self._path)
+        with self._news:
+            self._newest = data
+            self._news.notify()
+
+    def failures(self) -> int:
+        with self._news:
+            failed, self._failed = self._failed, 0
+            return failed
+
+    def close(self) -> None:
+        """Write what waits, if the disk is quick enough, and end the thread."""
+        with self._news:
+            self._ends = True
+            self._news.notify()
+        self._writer.join(CLOSE_S)
+
+    def _write_all(self) -> None:
+        while (data := self._next()) is not None:
+            try:
+                write_safely(self._path, data)
+            except OSError:
+                with self._news:
+                    self._failed += 1
+
+    def _next(self) -> bytes | None:
+        """Waits for the newest checkpoint; None: there is none and the end has come."""
+        with self._news:
+            self._news.wait_for(lambda: self._newest is not None or self._ends)
+            data, self._newest = self._newest, None
+            return data
+
+
+def write_safely(path: Path, data: bytes) -> None:
+    """Replace a file in one move that also a power cut finds either not done or done.
+
+    Raises:
+        OSError: the disk does not take it; the file is as it was.
+    """
+    fresh = path.with_suffix(".new")
+    with fresh.open("wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+    fresh.replace(path)
+    folder = os.open(path.parent, os.O_RDONLY)
+    try:
+        os.fsync(folder)  # the move itself
+    finally:
+        os.close(folder)

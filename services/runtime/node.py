@@ -254,21 +254,17 @@ class Node:
 
     def recall(self, kind: type[S]) -> S | None:
         """What this service remembered before a crash in the same dive, or None."""
-        data = self._memory.recall()
-        if data is None:
-            return None
         try:
-            return msgspec.json.decode(data, type=kind)
-        except (msgspec.DecodeError, msgspec.ValidationError):
+            data = self._memory.recall()
+            return None if data is None else msgspec.json.decode(data, type=kind)
+        except (OSError, msgspec.DecodeError, msgspec.ValidationError):
             self.count("malformed:memory")
             return None
 
     def remember(self, what: msgspec.Struct) -> None:
-        """Keep this instead of what was remembered before. A full disk costs the memory only."""
-        try:
-            self._memory.remember(msgspec.json.encode(what))
-        except OSError:
-            self.count("not_remembered:disk")
+        """Keep this instead of what was remembered before. Does not wait for the disk; what it
+        could not take is counted with the next health report."""
+        self._memory.remember(msgspec.json.encode(what))
 
     def on_close(self, closer: Callable[[], None]) -> None:
         self._closers.append(closer)
@@ -321,6 +317,8 @@ class Node:
         inbox.arrived = arrived
 
     def _report(self, now: int) -> None:
+        if failures := self._memory.failures():
+            self.count("not_remembered:disk", failures)
         sent = sum(publisher.sent for publisher in self._publishers)
         received = sum(inbox.stored for inbox in self._inboxes)
         self._health.put(

@@ -42,7 +42,7 @@ class Launch(msgspec.Struct, frozen=True, kw_only=True):
     stack: Stack
     endpoints: dict[str, str]  # realm → hub's endpoint; the first realm is home
     gateway: bool = False
-    memory: str  # folder for what a service remembers across a crash
+    memory: str  # folder of the checkpoints, for a restart after a crash
     parent: int | None = None  # pid; the process ends when this is no longer its parent
 
 
@@ -65,6 +65,7 @@ def run_service(launch: Launch) -> int:
             for realm, endpoint in launch.endpoints.items()
         }
         memory = FileMemory(Path(launch.memory) / f"{launch.service}.json")
+        exits.callback(memory.close)
         home = next(iter(launch.endpoints))
         far = FarClock("topside" if home == "topside" else "drone") if launch.stack.apart else None
         node = Node(

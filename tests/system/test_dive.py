@@ -124,7 +124,7 @@ def test_a_dive_ends_cleanly_with_all_its_files_and_leaves_no_process_behind(tmp
     assert set(running.pids) == SERVICES | {"hub_topside", "hub_drone"}
     assert not [name for name, pid in running.pids.items() if exists(pid)]
     files = {path.name for path in flown.out.iterdir()}
-    assert files == {"dive.mcap", "dive.rrd", "report.json", "logs"}
+    assert files == {"dive.mcap", "dive.rrd", "report.json", "logs", "checkpoints"}
     assert set(report) >= KEYS
     assert report["exit"] == "clean"
     assert set(report["services"]) >= SERVICES

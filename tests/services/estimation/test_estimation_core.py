@@ -181,11 +181,12 @@ def test_calibration_waits_for_stillness():
     assert counts(d)["moved:calibration"] == 1
 
 
-def test_a_vehicle_that_does_not_float_uses_the_standard_atmosphere_and_says_so():
+@pytest.mark.parametrize("depth", [0.95, 20.0])
+def test_a_vehicle_that_does_not_float_uses_the_standard_atmosphere_and_says_so(depth: float):
     d = dive()
-    d.depth = lambda _: 20.0
+    d.depth = lambda _: depth
     _, state = d.run(8.0)[-1]
-    assert state.depth.value == pytest.approx(20.0, abs=0.1)
+    assert state.depth.value == pytest.approx(depth, abs=0.1)
     assert state.depth.std > 0.15
     assert counts(d)["implausible:atmosphere"] == 1
 

@@ -1,7 +1,6 @@
 """A node's ports and timers, on virtual time."""
 
 import re
-from pathlib import Path
 
 import msgspec
 import pytest
@@ -14,7 +13,7 @@ from messages.pilot import PilotCommand
 from messages.sensors import ImuSample
 from services.runtime.bus import Envelope
 from services.runtime.gate import MEMBERS
-from services.runtime.memory import FileMemory, VolatileMemory
+from services.runtime.memory import VolatileMemory
 from services.runtime.node import Node
 from services.runtime.virtual_host import VirtualHost
 
@@ -197,14 +196,6 @@ def test_two_services_that_answer_each_other_for_ever_are_found_out() -> None:
     ping.alarm(lambda now: serve.put(imu(now))).set(1 * MS)
     with pytest.raises(RuntimeError, match="keep waking each other"):
         host.run(2 * MS)
-
-
-def test_a_disk_that_cannot_be_written_costs_the_memory_and_is_counted(tmp_path: Path) -> None:
-    memory = FileMemory(tmp_path / "missing" / "worker.json")
-    node = Node("worker", {"drone": VirtualHost().realm("drone")}, lambda: 0, memory)
-    node.remember(Note(1.0))
-    assert node.counts == {"not_remembered:disk": 1}
-    assert node.recall(Note) is None
 
 
 def test_what_is_collected_waits_for_the_next_timer_and_for_the_end() -> None:
