@@ -79,7 +79,7 @@ KINDS: dict[str, Meaning] = {
     "frozen": Meaning(SENSOR, "a sensor kept saying the same"),
     "silent": Meaning(SENSOR, "a stream fell silent"),
     "stale": Meaning(SENSOR, "a stream was too old to be used"),
-    "gap": Meaning(SENSOR, "a sensor left a gap"),
+    "gap": Meaning(SENSOR, "a sensor or the state left a gap"),
     "rate": Meaning(SENSOR, "a sensor came at the wrong rate"),
     "implausible": Meaning(SENSOR, "a measurement that cannot be true was left out"),
     "outlier": Meaning(SENSOR, "a measurement far from all others was left out"),
@@ -122,6 +122,7 @@ KINDS: dict[str, Meaning] = {
     "from_future": Meaning(MESSAGE, "a message claimed to come from the future"),
     "unsynchronised": Meaning(MESSAGE, "a message came before the clocks were compared"),
     "overflowed": Meaning(MESSAGE, "a message came faster than it could be handled"),
+    "skipped": Meaning(MESSAGE, "a message was passed over for a newer one"),
     "accelerating": Meaning(ROUTINE, "the drone was too fast to see which way is down"),
     "resting": Meaning(ROUTINE, "the gyroscope was calibrated at rest"),
 }

@@ -13,8 +13,10 @@ from messages.units import Ns, Vec6
 from messages.vehicle import Actuation
 from services.control.laws import Laws
 from services.control.propulsion import Propulsion
+from services.control.same_instant import at_sample
 from services.control.settings import Settings as Settings
 from services.control.stability import require_stable
+from services.marine.sensor_time import SensorTime
 from services.marine.vehicle import Vehicle
 
 PERIOD_S = 1 / topics.REFERENCE.hz  # [s] for which a wrench is held
@@ -25,8 +27,9 @@ NOTHING: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 @dataclass(slots=True)
 class Controller:
-    """Steps at the rate of the reference. `happened` collects what must be counted: each passage
-    into a clamp, a saturation or a missing input, not each step of it.
+    """Steps at the rate of the reference, in the time of the sensors: it does not matter how late
+    a step is handled. `happened` collects what must be counted: each passage into a clamp, a
+    saturation or a missing input, not each step of it.
 
     Raises:
         ValueError: gains with which the sampled loop of an axis is not stable, gains of an axis
@@ -38,7 +41,8 @@ class Controller:
     happened: list[str] = field(default_factory=list[str])
     _laws: Laws = field(init=False)
     _propulsion: Propulsion = field(init=False)
-    _last: Ns | None = None
+    _time: SensorTime = field(default_factory=SensorTime)
+    _last: Ns | None = None  # sensor time of the step before
     _held: Reference | None = None
     _now_true: set[str] = field(default_factory=set[str])  # conditions of this step …
     _was_true: set[str] = field(default_factory=set[str])  # … and of the one before
@@ -58,8 +62,7 @@ class Controller:
             reference: None when none has come for too long: the last position is held.
             state: None when it is stale: then nothing can be held and the thrusters stop.
         """
-        dt = 0.0 if self._last is None else (now - self._last) / 1e9
-        dt, self._last = max(0.0, min(dt, LONGEST_STEP_S)), now
+        dt = self._elapsed(state, now)
         if reference is None:
             reference = self._hold()
         self._held = reference
@@ -73,6 +76,15 @@ class Controller:
         if actuation is not None and state is not None and state.depth.valid:
             self._propulsion.heard(actuation, state.depth.value)
 
+    def _elapsed(self, state: VehicleState | None, now: Ns) -> float:
+        """[s] Between the measurements behind this step and the one before."""
+        at = self._time.step(None if state is None else state.sensor_ns, now)
+        dt, self._last = 0.0 if self._last is None else (at - self._last) / 1e9, at
+        if dt > LONGEST_STEP_S:
+            self._note("gap:state")
+            self._laws.pause()
+        return min(dt, LONGEST_STEP_S)
+
     def _note(self, what: str) -> None:
         self._now_true.add(what)
 
@@ -81,7 +93,7 @@ class Controller:
     ) -> tuple[Wrench, ThrusterCommand]:
         if reference is None or not reference.armed or state is None:
             return self._off(reference, state, now)
-        wanted = self._laws.wrench(reference, state, dt)
+        wanted = self._laws.wrench(at_sample(reference, state.sensor_ns), state, dt)
         if not all(map(isfinite, wanted)):
             self._note("not_finite:wrench")
             return self._off(reference, state, now)

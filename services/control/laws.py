@@ -82,11 +82,16 @@ class Laws:
         x, y, z, n = [axis.law.standing for axis in axes]
         return x, y, z, 0.0, 0.0, n
 
+    def pause(self) -> None:
+        """Nobody knows what happened since the last step: nothing is learnt from it."""
+        for axis in (self.surge, self.sway, self.depth, self.heading):
+            axis.law.pause()
+
     def stop(self) -> None:
         """The thrusters are stopped: what was learnt stays, what was going on ends."""
         self._produced.ask((0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+        self.pause()
         for axis in (self.surge, self.sway, self.depth, self.heading):
-            axis.law.pause()
             axis.transfer.forget()
         self._roll.forget()
         self._pitch.forget()

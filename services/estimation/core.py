@@ -1,4 +1,5 @@
-"""Sensor samples in, `VehicleState` out: one state for each IMU sample.
+"""Sensor samples in, `VehicleState` out: one state for each IMU sample, or for the newest of
+several that come at once.
 
     IMU            attitude and headings, depth between pressure samples, place between fixes
     pressure       depth
@@ -75,14 +76,19 @@ class Estimator:
 
     def imu(self, sample: ImuSample, now: int) -> VehicleState | None:
         """The state at this sample. A sample that cannot be used is as good as none."""
+        return self._state(now, sample.stamp_ns) if self.follow(sample) else self.silence(now)
+
+    def follow(self, sample: ImuSample) -> bool:
+        """Move on to this sample, as `imu` does, without a state; for a sample that newer ones
+        have overtaken already. False: it cannot be used."""
         if not self._admission.imu(sample):
-            return self.silence(now)
+            return False
         dt = self._step_to(sample.stamp_ns)
         if self._calibrating is not None:
             self._calibrate(self._calibrating, sample, dt)
         else:
             self._run(sample, dt)
-        return self._state(now, sample.stamp_ns)
+        return True
 
     def silence(self, now: int) -> VehicleState | None:
         """No IMU sample has come in time: a prediction, or None while it is too early for one."""

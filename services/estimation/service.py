@@ -1,5 +1,8 @@
 """Estimation service: each IMU sample becomes one state; pressure and compass correct it.
 
+Of samples that have piled up every one is used and the newest becomes a state: control has no use
+for the others.
+
 It hears the reference only if the vehicle file says `[estimation.depth] observer = "reference"`.
 """
 
@@ -32,6 +35,10 @@ def wire(node: Node, stack: Stack) -> None:
         state = estimator.silence(now) if sample is None else estimator.imu(sample, now)
         say(state)
 
+    def on_earlier(sample: ImuSample, now: int) -> None:
+        estimator.reference(reference(now))
+        estimator.follow(sample)
+
     def say(state: VehicleState | None) -> None:
         if state is not None:
             publisher.put(state)
@@ -46,7 +53,7 @@ def wire(node: Node, stack: Stack) -> None:
     node.each(topics.DVL, timeless(estimator.dvl))
     node.each(topics.USBL, timeless(estimator.usbl))
     node.each(topics.ACTUATION, timeless(estimator.actuation))
-    node.trigger(topics.IMU, on_imu, SILENCE_S)
+    node.trigger(topics.IMU, on_imu, SILENCE_S, earlier=on_earlier)
     node.every(REMEMBER_HZ, keep)
     tell(node, estimator)
 

@@ -16,6 +16,7 @@ from messages.reference import Reference
 from messages.state import VehicleState
 from messages.units import Ns
 from messages.vehicle import Failsafe, Mode, VehicleStatus
+from services.marine.sensor_time import SensorTime
 from services.reference import requests
 from services.reference.answers import centred, refusal, usurped
 from services.reference.flight import Flight
@@ -52,6 +53,7 @@ class Pilotage:
     epoch: int = field(init=False)
     stopping: bool = False  # until it stands still with the sticks centred
     _flight: Flight = field(init=False)
+    _time: SensorTime = field(default_factory=SensorTime)  # of the reference
     _failsafe: Failsafe = "none"
     _running: bool = False  # the estimator has finished its calibration
     _begun: bool = False
@@ -85,7 +87,7 @@ class Pilotage:
         flight = self._flight
         if state is not None:
             self._running = state.phase == "running"
-        flight.see(state, (now if state is None else state.sensor_ns) / 1e9)
+        flight.see(state, self._time.step(None if state is None else state.sensor_ns, now) / 1e9)
         if flight.state is None:
             return None
         self._watch(state, command)

@@ -119,11 +119,20 @@ class Node:
         self._on_arrival(inbox, drain)
 
     def trigger(
-        self, topic: Topic[M], handler: Callable[[M | None, int], None], silence_s: float
+        self,
+        topic: Topic[M],
+        handler: Callable[[M | None, int], None],
+        silence_s: float,
+        *,
+        earlier: Callable[[M, int], None] | None = None,
     ) -> None:
         """The newest message drives the service. After `silence_s` without one, the handler is
-        called with None at the topic's own rate until messages return."""
-        inbox = self._inbox(topic.key, RING, self._home)
+        called with None at the topic's own rate until messages return.
+
+        Messages that are passed over, because newer ones have arrived before the service came to
+        them, go to `earlier`, in order; without it they are counted as skipped.
+        """
+        inbox = self._inbox(topic.key, RING if earlier is None else EVENTS, self._home)
         gate = self.gate(topic)
         alarm = self.alarm(lambda now: on_silence(now))
 
@@ -133,10 +142,20 @@ class Node:
             alarm.set(now + round(1e9 / topic.hz))
             handler(None, now)
 
+        def pass_over(message: M, arrival: int) -> None:
+            if earlier is None:
+                self.count(f"skipped:{topic.key}")
+                return
+            now = self._clock()
+            self.pulse.handled(now - arrival)
+            earlier(message, now)
+
         def drain() -> None:
             newest, since = None, 0
             for arrival, envelope in inbox.take_all():
                 if (message := gate.admit(envelope, self._clock())) is not None:
+                    if newest is not None:
+                        pass_over(newest, since)
                     newest, since = message, arrival
             if newest is None:
                 return

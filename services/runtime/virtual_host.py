@@ -2,7 +2,8 @@
 
 Messages are encoded, carried over an in-memory bus and decoded, as on the wire. Nothing depends
 on wall time or on the order of threads, so the same stack and seed give the same bytes. Compute
-takes no virtual time: latencies here are the link's and the scheduling's.
+takes no virtual time: latencies here are the link's and the scheduling's. A node with a `Lateness`
+is stepped late, as on a busy computer; until then what arrives piles up in its ports.
 """
 
 from collections.abc import Callable, Mapping
@@ -11,6 +12,7 @@ from math import ceil
 
 from messages.health import LogLine
 from services.runtime.far_clock import FarClock
+from services.runtime.jitter import Lateness
 from services.runtime.memory import Memory, VolatileMemory
 from services.runtime.memory_bus import Ear, MemoryBus
 from services.runtime.node import Node
@@ -41,10 +43,16 @@ SAME = Skew()
 class VirtualHost:
     """Owns virtual time, the realms and the nodes."""
 
-    def __init__(self, clocks: Mapping[str, Skew] | None = None) -> None:
-        """Clocks of realms that are machines of their own; without them there is one clock."""
+    def __init__(
+        self,
+        clocks: Mapping[str, Skew] | None = None,
+        lateness: Mapping[str, Lateness] | None = None,
+    ) -> None:
+        """Clocks of realms that are machines of their own; without them there is one clock.
+        Lateness of nodes by name; the others are punctual."""
         self.now = 0  # [ns]
         self._clocks = clocks
+        self._lateness = lateness or {}
         self.nodes: dict[str, Node] = {}
         self._buses: dict[str, MemoryBus] = {}
         self._memories: dict[str, Memory] = {}
@@ -62,7 +70,7 @@ class VirtualHost:
         skew, far = self._skew(realms[0]), self._far(realms[0])
         clock = (lambda: self.now) if skew is SAME else (lambda: skew.shows(self.now))
         node = Node(name, ears, clock, memory, gateway=gateway, far=far)
-        node.wake = lambda: self._woken.setdefault(name)
+        node.wake = lambda: self._wake(name)
         self.nodes[name] = node
         return node
 
@@ -90,7 +98,7 @@ class VirtualHost:
 
     def run(self, until: int, done: Callable[[], bool] = lambda: False) -> None:
         """Advance to `until` [ns], or to the first instant at which `done()` is true."""
-        self._due = {name: self._deadline(node) for name, node in self.nodes.items()}
+        self._due = {name: self._deadline(name) for name in self.nodes}
         while not done():
             due = min(self._due.values())
             if due > until:
@@ -109,15 +117,33 @@ class VirtualHost:
         for _ in range(ROUNDS):
             for name in names:
                 self._woken.pop(name, None)
+                if (late := self._lateness.get(name)) is not None:
+                    late.stepped()
                 self.nodes[name].step()
-                self._due[name] = self._deadline(self.nodes[name])
+                self._due[name] = self._deadline(name)
             if not self._woken:
                 return
             names = list(self._woken)
         raise RuntimeError(f"services keep waking each other at {self.now} ns: {names}")
 
-    def _deadline(self, node: Node) -> int:
-        """[ns] By the host's clock."""
+    def _wake(self, name: str) -> None:
+        """Something arrived for a node: step it in this instant, or when it is late."""
+        late = self._lateness.get(name)
+        if late is None:
+            self._woken.setdefault(name)
+            return
+        late.arrived(self.now)
+        self._due[name] = self._deadline(name)
+        if self._due[name] <= self.now:
+            self._woken.setdefault(name)
+
+    def _deadline(self, name: str) -> int:
+        """[ns] When a node is stepped next if nothing else wakes it, by the host's clock."""
+        due, late = self._timer(self.nodes[name]), self._lateness.get(name)
+        return due if late is None else late.next_step(due)
+
+    def _timer(self, node: Node) -> int:
+        """[ns] When a node's next timer falls due, by the host's clock."""
         if self._clocks is None:
             return node.deadline()
         return max(self.now, self._skew(next(iter(node.realms))).first_shows(node.deadline()))

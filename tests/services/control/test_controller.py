@@ -114,12 +114,17 @@ def test_disarming_forgets_what_the_integrators_learnt() -> None:
 
 def test_a_saturation_is_counted_once_per_passage() -> None:
     law = controller()
+
+    def ask(surge: float, k: int) -> None:
+        now = k * 10_000_000
+        law.step(reference(surge=surge), msgspec.structs.replace(state(), sensor_ns=now), now)
+
     for k in range(10):
-        law.step(reference(surge=100.0), state(), k * 10_000_000)
+        ask(100.0, k)
     assert len(law.happened) == 1
     assert law.happened[0].startswith("saturated:")
-    law.step(reference(surge=1.0), state(), 10**9)
-    law.step(reference(surge=100.0), state(), 10**9)
+    ask(1.0, 10)
+    ask(100.0, 11)
     assert len(law.happened) == 2
 
 
@@ -167,7 +172,9 @@ def sinking(law: Controller, force: float, seconds: float) -> list[Wrench]:
     z = v = 0.0
     wrenches: list[Wrench] = []
     for k in range(round(seconds * 100)):
-        seen = msgspec.structs.replace(state(z), sensor_ns=k, depth_rate=Estimate(v, 0.01))
+        seen = msgspec.structs.replace(
+            state(z), sensor_ns=k * 10_000_000, depth_rate=Estimate(v, 0.01)
+        )
         wrench, _ = law.step(reference(0.0), seen, k * 10_000_000)
         wrenches.append(wrench)
         v += (wrench.achieved[2] + force - (0.38 + 25.5 * abs(v)) * v) / 19.86 * 0.01

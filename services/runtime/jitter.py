@@ -1,0 +1,60 @@
+"""How late a busy computer steps a node, for the virtual host: every wake-up is handled after a
+random delay, and now and then the process stalls and handles nothing at all."""
+
+from bisect import bisect_right
+from dataclasses import dataclass
+
+from numpy.random import Generator
+
+
+@dataclass(frozen=True, slots=True)
+class Jitter:
+    """What a node suffers. All zero: it is stepped at the very instant that it is woken."""
+
+    delay: float = 0.0  # [s] of a wake-up, uniform between 0 and this
+    stall: float = 0.0  # [s] for which a stalled node is not stepped
+    stall_every: float = 1.0  # [s] mean time from the end of a stall to the next, exponential
+
+
+class Lateness:
+    """When one node is stepped. All draws are from `generator`, in the order of the wake-ups."""
+
+    def __init__(self, jitter: Jitter, generator: Generator) -> None:
+        self._jitter = jitter
+        self._generator = generator
+        self._stalls: list[int] = []  # [ns] when each begins, drawn as far as was asked
+        self._drawn_ns = 0  # [ns] no stall before this is still to be drawn
+        self._arrival_ns: int | None = None  # [ns] when what arrived is handled
+        self._deadline = -1  # [ns] timer for which a delay was drawn …
+        self._timer_ns = 0  # [ns] … and when it is handled
+
+    def arrived(self, now: int) -> None:
+        """Something arrived at `now` [ns]. What arrives until the step is handled with it."""
+        if self._arrival_ns is None:
+            self._arrival_ns = self._handled(now)
+
+    def next_step(self, deadline: int) -> int:
+        """[ns] When the node is stepped next, whose next timer falls due at `deadline` [ns]."""
+        if deadline != self._deadline:
+            self._deadline, self._timer_ns = deadline, self._handled(deadline)
+        return self._timer_ns if self._arrival_ns is None else min(self._timer_ns, self._arrival_ns)
+
+    def stepped(self) -> None:
+        """All that had arrived is handled."""
+        self._arrival_ns = None
+
+    def _handled(self, woken: int) -> int:
+        """[ns] When a wake-up at `woken` [ns] is handled."""
+        delay = self._jitter.delay
+        late = woken + round(1e9 * delay * self._generator.random()) if delay > 0.0 else woken
+        return self._after_stall(late) if self._jitter.stall > 0.0 else late
+
+    def _after_stall(self, at: int) -> int:
+        """[ns] `at`, or the end of the stall that it falls into."""
+        stall = round(1e9 * self._jitter.stall)
+        while self._drawn_ns <= at:
+            pause = 1e9 * self._jitter.stall_every * self._generator.standard_exponential()
+            self._stalls.append(self._drawn_ns + round(pause))
+            self._drawn_ns = self._stalls[-1] + stall
+        before = bisect_right(self._stalls, at)
+        return at if before == 0 else max(at, self._stalls[before - 1] + stall)
