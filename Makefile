@@ -4,11 +4,12 @@ BIN := .venv/bin
 READY := .venv/.ready
 # Installed packages wait in the environment; nothing is looked up on the network at run time.
 UV := $(BIN)/python -m uv
+PICTURES := .pictures
 
 .PHONY: dive test check format laws stops picture docs clean
 
 dive: $(READY) ## fly the demo dive: every service, one command
-	$(BIN)/lindy dive --out dives/latest
+	$(BIN)/lindy dive
 
 test: $(READY) ## all tests
 	$(BIN)/pytest -n 2
@@ -24,11 +25,13 @@ format: $(READY) ## put the code in shape
 	$(BIN)/ruff check --fix .
 
 picture: $(READY) ## the pictures in the README; Debian: mesa-vulkan-drivers libvulkan1
-	$(BIN)/lindy simulate --out dives/picture
-	$(BIN)/lindy picture dives/picture/dive.rrd --at 60 --out docs/dive.png
-	$(BIN)/lindy figures --only andren-5.6 link-profiles --out dives/picture
-	cp dives/picture/andren-5.6.png docs/retargeting.png
-	cp dives/picture/link-profiles.png docs/link-profiles.png
+	rm -rf $(PICTURES)
+	$(BIN)/lindy simulate --out $(PICTURES)/dive
+	$(BIN)/lindy picture $(PICTURES)/dive/dive.rrd --at 60 --out $(PICTURES)/dive.png
+	$(BIN)/lindy figures --only andren-5.6 link-profiles --out $(PICTURES)
+	cp $(PICTURES)/dive.png docs/dive.png
+	cp $(PICTURES)/andren-5.6.png docs/retargeting.png
+	cp $(PICTURES)/link-profiles.png docs/link-profiles.png
 
 laws: $(READY) ## the laws of the reference over millions of states, into docs/laws.md
 	$(BIN)/python tests/long/laws.py

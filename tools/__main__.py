@@ -11,7 +11,7 @@ from typing import Annotated
 from cyclopts import App, CycloptsError, Parameter
 
 from services.runtime.errors import LindyError
-from tools.choices import Choices
+from tools.choices import Choices, named
 from tools.figures.command import figures
 from tools.gains import gains
 from tools.link import link
@@ -135,7 +135,9 @@ def hub(endpoint: str) -> int:
 def picture(
     recording: Path,
     *,
-    out: Annotated[Path, Parameter(help="the PNG to write")] = Path("dive.png"),
+    out: Annotated[Path, Parameter(converter=named, help="the PNG to write, a new file")] = Path(
+        "dive.png"
+    ),
     at: Annotated[
         float | None, Parameter(help="seconds since the dive began; default: its end")
     ] = None,

@@ -2,7 +2,6 @@
 
 import os
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 
 import msgspec
@@ -20,7 +19,6 @@ from services.tether.profile_file import named
 from tools.choices import Choices
 
 DEFAULT_PILOT = "script:first_dive"
-LEFT_BEHIND = ("dive*.mcap", "dive*.rrd", "report.json", "run.json", "logs/*.log")
 LONGEST_S = 86_400.0  # [s] a day
 
 
@@ -89,31 +87,6 @@ def _controllable(stack: Stack) -> None:
         raise LindyError(f"{stack.vehicle_path}: {error}") from None
 
 
-def out_folder(out: Path | None) -> Path:
-    """An existing, writable folder in which nobody dives now. What an earlier dive left in it is
-    removed, so that its files cannot be taken for those of the new one.
-
-    Raises:
-        LindyError: it cannot be made or written to, or a dive is going on in it.
-    """
-    folder = (out or Path("dives") / f"{datetime.now(UTC):%Y-%m-%dT%H-%M-%SZ}").resolve()
-    if out is None:
-        folder = _unused(folder)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if (pid := running_in(folder)) is not None:
-            raise LindyError(f"a dive (process {pid}) is going on in --out {folder}")
-        for pattern in LEFT_BEHIND:
-            for path in folder.glob(pattern):
-                path.unlink()
-        probe = folder / ".lindy"
-        probe.touch()
-        probe.unlink()
-    except OSError as error:
-        raise LindyError(f"cannot write into --out {folder}: {error.strerror}") from None
-    return folder
-
-
 def running_in(folder: Path) -> int | None:
     """Process id of the dive that is going on in a folder."""
     try:
@@ -127,9 +100,3 @@ def running_in(folder: Path) -> int | None:
     except PermissionError:
         pass  # it exists, and is somebody else's
     return pid
-
-
-def _unused(folder: Path) -> Path:
-    """Two dives may begin in the same second."""
-    names = [folder, *(folder.with_name(f"{folder.name}-{n}") for n in range(2, 100))]
-    return next(name for name in names if not name.exists())

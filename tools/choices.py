@@ -1,10 +1,19 @@
 """What `dive` and `simulate` are told on the command line."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import Parameter
+from cyclopts import Parameter, Token
+
+
+def named(_: object, tokens: Sequence[Token]) -> Path:
+    """A path that was given. An empty one, such as from an unset variable of a shell, would mean
+    the current folder."""
+    if not tokens[0].value:
+        raise ValueError("it is empty; name one, such as dives/mine, or . for this folder")
+    return Path(tokens[0].value)
 
 
 @Parameter(name="*")
@@ -25,7 +34,12 @@ class Choices:
         float | None, Parameter(help="end this long after arming, whatever the pilot does")
     ] = None
     out: Annotated[
-        Path | None, Parameter(help="folder for the recording; default: dives/ and the time (UTC)")
+        Path | None,
+        Parameter(
+            converter=named,
+            help="folder for the recording; where it holds a dive already, a new one beside it; "
+            "default: dives/ and the time (UTC). dives/latest is the newest dive in dives/",
+        ),
     ] = None
     seed: Annotated[int, Parameter(help="of everything random in simulator and link")] = 0
     set_: Annotated[

@@ -6,9 +6,10 @@ import msgspec
 
 from services.runtime.local_stack import local_stack
 from services.runtime.stack import services_of
-from tools.checks import checked, out_folder
+from tools.checks import checked
 from tools.choices import Choices
 from tools.display import display
+from tools.dive_folder import out_folder, point_latest
 from tools.flight import Flight, tell_who_flies, who_flies
 from tools.lookout import told
 from tools.outcome import Outcome, title
@@ -35,5 +36,6 @@ def dive(choices: Choices, *, headless: bool, listen: str | None) -> int:
         local_stack(stack, services_of("dive"), listen) as local,
         told(outcome, local),
     ):
+        point_latest(stack.out_dir)
         outcome.exit = Flight(local, pilot, choices.seconds, stop, shown).fly()
     return outcome.sum_up()

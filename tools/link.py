@@ -10,6 +10,8 @@ from cyclopts import App, Parameter
 from messages import topics
 from messages.link import LinkRequest
 from services.runtime.errors import LindyError
+from tools.choices import named as path_named
+from tools.fresh import refuse_existing, write_fresh
 
 MOST_MESSAGES = 5_000_000
 Dive = Annotated[
@@ -96,7 +98,11 @@ def up(*, dive: Dive = None) -> int:
 
 @link.command
 def trace(
-    recording: Path, *, out: Annotated[Path, Parameter(help="the CSV to write")] = Path("trace.csv")
+    recording: Path,
+    *,
+    out: Annotated[
+        Path, Parameter(converter=path_named, help="the CSV to write, a new file")
+    ] = Path("trace.csv"),
 ) -> int:
     """Make a trace of a recorded dive's link, for `delay = { kind = "trace", file = … }` in a
     profile.
@@ -109,13 +115,11 @@ def trace(
     """
     from tools.link_trace import trace_of
 
+    refuse_existing(out)
     found = trace_of(recording)
     lines = (f"{sent:.6f},{_seconds(at)}\n" for sent, at in found.rows)
     heading = "".join(f"# {line}\n" for line in found.remarks)
-    try:
-        out.write_text(heading + "sent_s,arrived_s\n" + "".join(lines), encoding="utf-8")
-    except OSError as error:
-        raise LindyError(f"cannot write {out}: {error.strerror}") from None
+    write_fresh(out, (heading + "sent_s,arrived_s\n" + "".join(lines)).encode())
     lost = sum(at is None for _, at in found.rows)
     print(f"{out}: {len(found.rows)} messages, {lost} lost; {found.remarks[0]}")
     return 0

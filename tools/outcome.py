@@ -13,6 +13,7 @@ from services.recorder.parts import parts_in
 from services.runtime.errors import LindyError
 from services.runtime.node import Node
 from services.runtime.stack import Stack
+from tools.fresh import write_fresh
 from tools.recording import log_hash, merge_parts, open_recording
 from tools.report import (
     Dive,
@@ -96,7 +97,7 @@ class Outcome:
         merge_parts(folder)
         dive = read_dive(open_recording(folder), apart=self._stack.apart)
         report = report_on(dive, self._extras())
-        write(folder / "report.json", encode(report))
+        write_fresh(folder / "report.json", encode(report))
         print(summary(report, dive.max_depth_m, written(folder)), flush=True)
         if other is not None:
             print(elsewhere(report, other), flush=True)
@@ -141,13 +142,6 @@ def was_deaf(restarts: Mapping[str, int]) -> bool:
 
 def written(folder: Path) -> list[Path]:
     return [path for name in WRITTEN if (path := folder / name).is_file()]
-
-
-def write(path: Path, data: bytes) -> None:
-    try:
-        path.write_bytes(data)
-    except OSError as error:
-        raise LindyError(f"cannot write {path}: {error.strerror}") from None
 
 
 def title(stack: Stack) -> str:

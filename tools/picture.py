@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from services.runtime.errors import LindyError
+from tools.fresh import refuse_existing, write_fresh
 
 if TYPE_CHECKING:
     from rerun.experimental import ViewerClient
@@ -39,10 +40,12 @@ def picture(rrd: Path, out: Path, at_s: float | None = None) -> None:
         at_s: [s] time cursor, since the dive began; None: the end.
 
     Raises:
-        LindyError: no such recording, no rerun, no Vulkan, nowhere to write, or no answer in time.
+        LindyError: no such recording, no rerun, no Vulkan, nowhere to write, a file of that name,
+            or no answer in time.
     """
     if not rrd.is_file():
         raise LindyError(f"there is no recording {rrd}")
+    refuse_existing(out)
     with _viewer(rrd) as client:
         begin, end = _loaded(client, rrd)
         at = end if at_s is None else at_s
@@ -54,9 +57,9 @@ def picture(rrd: Path, out: Path, at_s: float | None = None) -> None:
         png = client.take_screenshot()
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
-        out.write_bytes(png)
     except OSError as error:
         raise LindyError(f"cannot write {out}: {error.strerror}") from None
+    write_fresh(out, png)
 
 
 @contextmanager

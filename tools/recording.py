@@ -22,7 +22,7 @@ from mcap.stream_reader import StreamReader
 from messages import topics
 from messages.message import Message
 from services.recorder.mcap_file import McapFile
-from services.recorder.parts import FIRST, parts_in, remove_later_parts
+from services.recorder.parts import FIRST, parts_in
 from services.runtime.errors import LindyError
 
 MAGIC = b"\x89MCAP0\r\n"  # first and last bytes of a whole file
@@ -150,6 +150,7 @@ def merge_parts(folder: Path) -> bool:
 
     Whole chunks are kept; what the dive's files said of themselves is kept too, except the hash,
     which no longer fits. A metadata record `merged` says how many messages came from which part.
+    The parts are all this dive's: it began in a folder without a dive.
 
     Returns:
         False when there was nothing to mend.
@@ -160,14 +161,19 @@ def merge_parts(folder: Path) -> bool:
     parts = open_recording(folder).files
     if len(parts) == 1 and is_whole(parts[0]):
         return False
-    merging = folder / "merging.mcap"
     try:
-        file = McapFile(merging)
-        merged = {path.name: str(_copy(path, file, path == parts[0])) for path in parts}
-        file.metadata("merged", merged)
-        file.finish()
-        merging.replace(folder / FIRST)
-        remove_later_parts(folder)
+        file = McapFile(folder / "merging.mcap")
+        try:
+            merged = {path.name: str(_copy(path, file, path == parts[0])) for path in parts}
+            file.metadata("merged", merged)
+            file.finish()
+        except BaseException:
+            file.discard()
+            raise
+        file.path.replace(folder / FIRST)
+        for part in parts:
+            if part.name != FIRST:
+                part.unlink()
     except OSError as error:
         raise LindyError(f"cannot merge the recording in {folder}: {error.strerror}") from None
     return True

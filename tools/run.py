@@ -11,6 +11,9 @@ from services.runtime.settings import nearest
 from services.runtime.stack import Row, services_of
 from tools.checks import checked, pilot_of
 from tools.choices import Choices
+from tools.dive_folder import dive_files
+
+FILE = {"recorder": "mcap", "visualizer": "rrd"}  # of one dive only
 
 
 def run(service: str, connect: tuple[str, ...], choices: Choices) -> int:
@@ -25,7 +28,10 @@ def run(service: str, connect: tuple[str, ...], choices: Choices) -> int:
     row = rows[service]
     endpoints = endpoints_of(service, row, connect)
     stack = checked(choices, pilot_of(choices.pilot or "gamepad"))
-    stack = msgspec.structs.replace(stack, out=str((choices.out or Path()).resolve()))
+    out = (choices.out or Path()).resolve()
+    if (kind := FILE.get(service)) and (earlier := dive_files(out, kind)):
+        raise LindyError(f"{earlier[0]} is there already; choose another --out for the {service}")
+    stack = msgspec.structs.replace(stack, out=str(out))
     with tempfile.TemporaryDirectory(prefix="lindy-") as memory:
         return run_service(
             Launch(

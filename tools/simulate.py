@@ -14,9 +14,10 @@ from services.runtime.garbage import rare_collections
 from services.runtime.stack import services_of
 from services.runtime.supervisor import NAME
 from services.runtime.virtual_host import VirtualHost
-from tools.checks import DEFAULT_PILOT, checked, out_folder, pilot_of
+from tools.checks import DEFAULT_PILOT, checked, pilot_of
 from tools.choices import Choices
 from tools.course import Course
+from tools.dive_folder import out_folder, point_latest
 from tools.outcome import Outcome, title
 from tools.screen import line_of
 from tools.stop import Stop
@@ -47,6 +48,7 @@ def simulate(choices: Choices) -> int:
         node.each(topics.STATUS, course.see)
         outcome.listen(node)
         host.add_all(services_of("dive"), stack)
+        point_latest(stack.out_dir)
         host.show(lambda line: None if line.level == "info" else print(line_of(line)))
         began = time.perf_counter()
         with rare_collections():

@@ -8,10 +8,11 @@ from services.runtime.errors import LindyError
 from services.runtime.local_stack import Far, LocalStack, local_stack
 from services.runtime.settings import nearest
 from services.runtime.stack import Row, Stack, services_of
-from tools.checks import DEFAULT_PILOT, checked, out_folder, pilot_of
+from tools.checks import DEFAULT_PILOT, checked, pilot_of
 from tools.choices import Choices
 from tools.course import Course
 from tools.display import Display, display
+from tools.dive_folder import out_folder, point_latest
 from tools.flight import Flight, tell_who_flies, who_flies
 from tools.lookout import Lookout, told
 from tools.outcome import RECORDER, Outcome
@@ -77,6 +78,7 @@ def run(stack: Stack, rows: Mapping[str, Row], far: Far, go: Go) -> int:
         local_stack(stack, rows, far=far) as local,
         told(outcome, local),
     ):
+        point_latest(stack.out_dir)
         outcome.exit = go(local, stop, shown)
     other = OTHER[far.side]
     if RECORDER in rows:

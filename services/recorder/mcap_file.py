@@ -14,8 +14,12 @@ class McapFile:
     """JSON messages, one channel per key, in zstd chunks."""
 
     def __init__(self, path: Path) -> None:
+        """
+        Raises:
+            FileExistsError: there is such a file already.
+        """
         self.path = path
-        self._stream = path.open("wb")
+        self._stream = path.open("xb")
         self._writer = Writer(
             self._stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD
         )
@@ -62,3 +66,9 @@ class McapFile:
         """Close the file as it is, after an error."""
         with contextlib.suppress(OSError):
             self._stream.close()
+
+    def discard(self) -> None:
+        """Close the file and remove it: nothing in it is worth keeping."""
+        self.abandon()
+        with contextlib.suppress(OSError):
+            self.path.unlink()

@@ -13,15 +13,15 @@ def part_path(folder: Path, number: int) -> Path:
     return folder / (FIRST if number == 1 else f"dive.part{number}.mcap")
 
 
+def free_part(folder: Path, number: int) -> int:
+    """The first number from this one whose file is not there yet."""
+    while part_path(folder, number).exists():
+        number += 1
+    return number
+
+
 def parts_in(folder: Path) -> list[Path]:
     """The parts there are, in the order they were recorded."""
     first = folder / FIRST
     later = {int(m[1]): path for path in folder.iterdir() if (m := LATER.fullmatch(path.name))}
     return [*([first] if first.is_file() else []), *(later[number] for number in sorted(later))]
-
-
-def remove_later_parts(folder: Path) -> None:
-    """Remove what an earlier dive left besides its `dive.mcap`."""
-    for path in parts_in(folder):
-        if path.name != FIRST:
-            path.unlink()

@@ -4,6 +4,8 @@ At the start of a dive a disk that cannot be written is a mistake the user can m
 service with a sentence. In mid-dive it must not disturb anybody: the recording stops with one
 log line, everything not written is counted, and every few seconds a fresh part is tried. A fresh
 one, because nobody knows how the old one ends; its whole chunks stay readable.
+
+No file that is there already is written to, whoever made it.
 """
 
 import json
@@ -14,7 +16,7 @@ from messages import topics
 from services.recorder.core import Row
 from services.recorder.foxglove_schema import foxglove_schema
 from services.recorder.mcap_file import McapFile
-from services.recorder.parts import part_path, remove_later_parts
+from services.recorder.parts import free_part, part_path
 from services.runtime.errors import LindyError
 from services.runtime.node import Node
 from services.runtime.stack import Stack
@@ -23,7 +25,7 @@ RETRY_NS = 5_000_000_000  # [ns] between two attempts to record again
 
 
 class Opened(msgspec.Struct):
-    """What must be remembered across a crash: which parts of this dive may not be overwritten."""
+    """What must be remembered across a crash: how many parts this dive has."""
 
     parts: int = 0
 
@@ -45,13 +47,10 @@ class Scribe:
         self._proven = False  # this part has taken rows
         self._interrupted = False  # people were told that recording stopped
         self._retry_at = 0  # [ns]
-        remembered = node.recall(Opened)
-        self._opened = remembered or Opened()
+        self._opened = node.recall(Opened) or Opened()
         path = part_path(stack.out_dir, self._opened.parts + 1)
         try:
             stack.out_dir.mkdir(parents=True, exist_ok=True)
-            if remembered is None:
-                remove_later_parts(stack.out_dir)
             self._open()
         except OSError as error:
             raise LindyError(f"cannot write the recording {path}: {_reason(error)}") from None
@@ -99,14 +98,14 @@ class Scribe:
             self._fail(self._file, error)
 
     def _open(self) -> None:
-        number = self._opened.parts + 1
+        number = free_part(self._stack.out_dir, self._opened.parts + 1)
         file = McapFile(part_path(self._stack.out_dir, number))
         try:
             self._preface(file)
             file.flush()
             self._node.remember(Opened(number))
         except OSError:
-            file.abandon()
+            file.discard()
             raise
         self._opened = Opened(number)
         self._file = file
@@ -135,13 +134,15 @@ class Scribe:
             self._node.log("info", f"recording goes on in {file.path}")
 
     def _fail(self, file: McapFile, error: OSError) -> None:
-        file.abandon()
+        if self._proven:
+            file.abandon()
+        else:  # nothing in it: the next attempt may have its name
+            file.discard()
+            self._opened = Opened(self._opened.parts - 1)
         self._file = None
         self._node.count("disk_error")
         self._node.count("not_recorded", self._unflushed)
         self._unflushed = 0
-        if not self._proven:  # nothing in it: the next attempt may have its name
-            self._opened = Opened(self._opened.parts - 1)
         if not self._interrupted:
             self._interrupted = True
             self._node.log(

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable
+from pathlib import Path
 
 import msgspec
 
@@ -114,8 +115,7 @@ def _outputs(
             "the visualizer needs rerun, which is not installed; install the extra with "
             "`pip install 'lindy[viewer]'` or `uv sync --extra viewer`"
         ) from None
-    name = "dive.rrd" if part == 1 else f"dive.part{part}.rrd"
-    path = stack.out_dir / name
+    path = _free(stack.out_dir, part)
     # One id for file and viewer: who opens both sees one dive.
     identity = f"{stack.out_dir.resolve().name}-{part}"
     sink = Sink(identity, vehicle)
@@ -136,3 +136,9 @@ def _outputs(
         live.close()
 
     return write, close
+
+
+def _free(folder: Path, part: int) -> Path:
+    """The file of this part of the dive, or of the first later one that is not there yet."""
+    path = folder / ("dive.rrd" if part == 1 else f"dive.part{part}.rrd")
+    return _free(folder, part + 1) if path.exists() else path

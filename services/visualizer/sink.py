@@ -57,7 +57,7 @@ class Sink:
             OSError: the file cannot be written.
         """
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.open("wb").close()  # rerun itself would only warn
+        path.open("xb").close()  # rerun itself would only warn, and write over what is there
         # The footer is an index of every chunk, kept in memory until the end: 0.4 MB per second
         # of dive, and as much again to write it. Viewers and readers do without.
         self._rec.save(path, write_footer=False)

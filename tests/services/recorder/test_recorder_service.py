@@ -44,16 +44,16 @@ class Dive:
     def run(self, until_s: float) -> None:
         self.host.run(round(until_s * SECOND))
 
-    def crash(self) -> None:
+    def crash(self, name: str = "dive.mcap") -> None:
         """End the recorder as kill −9 does: the file keeps what had reached the disk by now."""
-        path = self.folder / "dive.mcap"
+        path = self.folder / name
         on_disk = path.read_bytes()
         self.host.kill("recorder")
         self.recorder.close()  # so that the file object writes nothing later
         path.write_bytes(on_disk)
 
-    def stamps(self) -> list[int]:
-        recorded = open_recording(self.folder)
+    def stamps(self, name: str = "") -> list[int]:
+        recorded = open_recording(self.folder / name)
         return [e.message.stamp_ns for e in recorded if e.key == topics.PRESSURE.key]
 
 
@@ -125,15 +125,20 @@ def test_a_restart_in_the_same_dive_goes_on_in_a_second_part(tmp_path: Path):
     assert log_hash(tmp_path) is None
 
 
-def test_a_new_dive_leaves_nothing_of_an_old_one(tmp_path: Path):
-    (tmp_path / "dive.part2.mcap").write_bytes(b"old")
-    (tmp_path / "dive.mcap").write_bytes(b"old" * 100_000)
-    (tmp_path / "notes.txt").write_text("the pilot's own")
+def test_no_file_that_is_there_is_written_to_or_removed(tmp_path: Path):
+    theirs = {"dive.mcap": b"old" * 100_000, "dive.part3.mcap": b"old", "merging.mcap": b"x"}
+    for name, data in theirs.items():
+        (tmp_path / name).write_bytes(data)
     dive = Dive(tmp_path)
     dive.run(1.0)
+    dive.crash("dive.part2.mcap")
+    dive.start()
+    dive.run(2.0)
     dive.host.close()
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["dive.mcap", "notes.txt"]
-    assert dive.stamps() == ticks(1.0)
+    assert {name: (tmp_path / name).read_bytes() for name in theirs} == theirs
+    mine = {"dive.part2.mcap", "dive.part4.mcap"}
+    assert {path.name for path in tmp_path.iterdir()} == mine | set(theirs)
+    assert [t for name in sorted(mine) for t in dive.stamps(name)] == ticks(2.0)
 
 
 def test_a_folder_that_cannot_be_written_is_one_sentence_that_names_the_file(tmp_path: Path):

@@ -1,0 +1,71 @@
+"""Places for new files. Nothing that is there already is ever deleted or overwritten."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import BinaryIO
+
+from services.runtime.errors import LindyError
+
+EXISTS = "it exists already; choose another --out, or remove it first"
+
+
+def fresh_folder(wanted: Path, taken: Callable[[Path], bool]) -> Path:
+    """The folder `wanted`, made if it is not there; where it is taken, a new one beside it:
+    `wanted-2`, `wanted-3` …
+
+    Raises:
+        OSError: it cannot be made, or is a file.
+    """
+    try:
+        wanted.mkdir(parents=True)
+    except FileExistsError:
+        if not wanted.is_dir():
+            raise
+        return _beside(wanted) if taken(wanted) else wanted
+    return wanted
+
+
+def _beside(folder: Path) -> Path:
+    number = 2
+    while True:
+        beside = folder.with_name(f"{folder.name}-{number}")
+        try:
+            beside.mkdir()  # two programs may want it at the same time: only one can make it
+        except FileExistsError:
+            number += 1
+        else:
+            return beside
+
+
+def refuse_existing(path: Path) -> None:
+    """Before the work of making a file is begun.
+
+    Raises:
+        LindyError: there is such a file.
+    """
+    if path.exists():
+        raise LindyError(f"cannot write {path}: {EXISTS}")
+
+
+def write_fresh(path: Path, data: bytes) -> None:
+    """Write a new file, whole or not at all.
+
+    Raises:
+        LindyError: there is such a file already, or it cannot be written.
+    """
+    try:
+        with path.open("xb") as file:
+            _fill(file, data, path)
+    except FileExistsError:
+        raise LindyError(f"cannot write {path}: {EXISTS}") from None
+    except OSError as error:
+        raise LindyError(f"cannot write {path}: {error.strerror}") from None
+
+
+def _fill(file: BinaryIO, data: bytes, path: Path) -> None:
+    try:
+        file.write(data)
+        file.flush()
+    except OSError:
+        path.unlink()  # half a file of ours would be in the way of the next attempt
+        raise
