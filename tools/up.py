@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 
 import msgspec
 
+from services.runtime.endpoint import checked_endpoint
 from services.runtime.errors import LindyError
 from services.runtime.local_stack import Far, LocalStack, local_stack
 from services.runtime.settings import nearest
@@ -18,6 +19,7 @@ from tools.lookout import Lookout, told
 from tools.outcome import RECORDER, Outcome
 from tools.report import Elsewhere
 from tools.stop import Stop
+from tools.viewer import runnable
 
 OTHER = {"topside": "drone", "drone": "topside"}
 GATEWAY = "tether"  # the service that may stand between the two
@@ -34,7 +36,9 @@ def up(side: str, choices: Choices, *, listen: str, connect: str, gateway: bool)
     """
     if side not in OTHER:
         raise LindyError(f"unknown side {side!r}{nearest(side, list(OTHER))}")
-    return drone(choices, listen) if side == "drone" else topside(choices, connect, gateway)
+    if side == "drone":
+        return drone(choices, checked_endpoint(listen, "--listen"))
+    return topside(choices, checked_endpoint(connect, "--connect"), gateway)
 
 
 def drone(choices: Choices, listen: str) -> int:
@@ -71,6 +75,7 @@ def topside(choices: Choices, connect: str, gateway: bool) -> int:
 def run(stack: Stack, rows: Mapping[str, Row], far: Far, go: Go) -> int:
     """One side from its start to its last words. Returns the exit status."""
     outcome = Outcome(stack)
+    rows = runnable(rows)
     with (
         Stop() as stop,
         display() as shown,

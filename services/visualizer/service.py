@@ -14,6 +14,7 @@ from services.marine.vehicle import Vehicle
 from services.runtime.bus import Envelope
 from services.runtime.disk import reason
 from services.runtime.errors import LindyError
+from services.runtime.extras import how_to_install
 from services.runtime.gate import Gate
 from services.runtime.node import Node
 from services.runtime.stack import Stack
@@ -113,8 +114,7 @@ def _outputs(
         from services.visualizer.sink import Sink
     except ImportError:
         raise LindyError(
-            "the visualizer needs rerun, which is not installed; install the extra with "
-            "`pip install 'lindy[viewer]'` or `uv sync --extra viewer`"
+            f"the visualizer needs rerun, which is not installed; {how_to_install('viewer')}"
         ) from None
     path = _free(stack.out_dir, part)
     # One id for file and viewer: who opens both sees one dive.
