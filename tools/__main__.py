@@ -3,7 +3,7 @@ and a typing error answer at once."""
 
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated
@@ -19,11 +19,13 @@ from tools.profile import profile
 from tools.ramp import ramp
 
 ERROR = 1  # exit status
+DEBUG = "--debug"
 
 
 app = App(
     name="lindy",
     help="Pilot an underwater drone: the pilot leads, the drone follows, without a jerk.",
+    help_epilogue="With --debug before or after any verb, an error shows where it came from.",
     help_format="plaintext",
     version=lambda: version("lindy"),
 )
@@ -304,20 +306,32 @@ app.command(link)
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a verb. Returns the exit status: 0 clean, 1 error, 3 done but data was lost."""
+    words = [*(sys.argv[1:] if arguments is None else arguments)]
+    if DEBUG not in words:
+        return _run(words)
+    return _run([word for word in words if word != DEBUG], explain=traceback.print_exc)
+
+
+def _run(words: Sequence[str], explain: Callable[[], None] = lambda: None) -> int:
+    """`explain` is called for every error but a mistyped command line."""
     try:
-        status = app(
-            arguments, exit_on_error=False, print_error=False, result_action="return_value"
-        )
-    except (CycloptsError, LindyError) as error:
+        status = app(words, exit_on_error=False, print_error=False, result_action="return_value")
+    except CycloptsError as error:
+        return complain(str(error))
+    except LindyError as error:
+        explain()
         return complain(str(error))
     except KeyboardInterrupt:
         return complain("interrupted")
     except OSError as error:
+        explain()
         return complain(f"{error.filename or 'operating system'}: {error.strerror or error}")
     except Exception as error:
+        explain()
         where = traceback.extract_tb(error.__traceback__)[-1]
         name = f"{Path(where.filename).name}:{where.lineno}"
-        return complain(f"a mistake in Lindy itself, at {name}: {type(error).__name__}: {error}")
+        what = f"{type(error).__name__}: {error}"
+        return complain(f"a mistake in Lindy itself ({DEBUG} shows more), at {name}: {what}")
     return status or 0
 
 

@@ -4,6 +4,7 @@ import os
 
 import msgspec
 
+from services.runtime.endpoint import checked_endpoint
 from services.runtime.local_stack import local_stack
 from services.runtime.stack import services_of
 from tools.checks import checked
@@ -14,6 +15,7 @@ from tools.flight import Flight, tell_who_flies, who_flies
 from tools.lookout import told
 from tools.outcome import Outcome, title
 from tools.stop import Stop
+from tools.viewer import runnable
 
 
 def dive(choices: Choices, *, headless: bool, listen: str | None) -> int:
@@ -22,18 +24,21 @@ def dive(choices: Choices, *, headless: bool, listen: str | None) -> int:
     Raises:
         LindyError: something is set wrongly, or the dive ended before its time.
     """
+    if listen is not None:
+        checked_endpoint(listen, "--listen")
     pilot = who_flies(choices)
     viewer = not headless and bool({"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys())
     stack = checked(choices, pilot)
     stack = msgspec.structs.replace(stack, viewer=viewer, out=str(out_folder(choices.out)))
     outcome = Outcome(stack)
+    rows = runnable(services_of("dive"))
     tell_who_flies(choices, pilot)
     print(f"{title(stack)} → {stack.out_dir}", flush=True)
     with (
         Stop() as stop,
         display() as shown,
         outcome.of_the_dive(),
-        local_stack(stack, services_of("dive"), listen) as local,
+        local_stack(stack, rows, listen) as local,
         told(outcome, local),
     ):
         point_latest(stack.out_dir)

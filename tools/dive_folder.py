@@ -8,6 +8,7 @@ import tempfile
 from datetime import UTC, datetime
 from pathlib import Path
 
+from services.runtime.disk import reason
 from services.runtime.errors import LindyError
 from tools.checks import running_in
 from tools.fresh import fresh_folder
@@ -35,7 +36,7 @@ def out_folder(out: Path | None) -> Path:
         with tempfile.TemporaryFile(dir=folder):
             pass  # it can be written to
     except OSError as error:
-        raise LindyError(f"cannot write into --out {wanted}: {error.strerror}") from None
+        raise LindyError(f"cannot write into --out {wanted}: {reason(error)}") from None
     if folder != wanted:
         missing = [folder]
         if out is not None:
@@ -71,7 +72,7 @@ def point_latest(folder: Path) -> None:
         fresh.symlink_to(folder.name, target_is_directory=True)
         fresh.replace(pointer)  # at once: it always points somewhere
     except OSError as error:
-        print(f"cannot let {pointer} point to this dive: {error.strerror}", flush=True)
+        print(f"cannot let {pointer} point to this dive: {reason(error)}", flush=True)
 
 
 def _is_ours(pointer: Path) -> bool:

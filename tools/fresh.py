@@ -4,6 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import BinaryIO
 
+from services.runtime.disk import reason
 from services.runtime.errors import LindyError
 
 EXISTS = "it exists already; choose another --out, or remove it first"
@@ -59,7 +60,7 @@ def write_fresh(path: Path, data: bytes) -> None:
     except FileExistsError:
         raise LindyError(f"cannot write {path}: {EXISTS}") from None
     except OSError as error:
-        raise LindyError(f"cannot write {path}: {error.strerror}") from None
+        raise LindyError(f"cannot write {path}: {reason(error)}") from None
 
 
 def _fill(file: BinaryIO, data: bytes, path: Path) -> None:

@@ -1,5 +1,6 @@
 """What is left when a dive is over: files, a report, a summary and an exit status."""
 
+import sys
 from collections import Counter, defaultdict
 from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
@@ -97,14 +98,19 @@ class Outcome:
 
     def _report(self, folder: Path, other: Elsewhere | None) -> bool:
         """Was something lost?"""
-        merge_parts(folder)
+        merged = merge(folder)
         dive = read_dive(open_recording(folder), apart=self._stack.apart)
         report = report_on(dive, self._extras())
         write_fresh(folder / "report.json", encode(report))
         print(summary(report, dive.max_depth_m, written(folder)), flush=True)
         if other is not None:
             print(elsewhere(report, other), flush=True)
-        return data_was_lost(dive, report)
+        # The recorder's last word is the hash; merged parts have none.
+        ended = merged or log_hash(folder) is not None
+        if "disk_error" in report.losses or not ended:
+            why = "the disk was full or failed" if "disk_error" in report.losses else "it was cut"
+            print(f"lindy: the recording in {folder} is not whole: {why}", file=sys.stderr)
+        return data_was_lost(dive, report) or not ended
 
     def _kept(self, folder: Path, error: Exception) -> str:
         """In one sentence: there is no report, but nothing else is lost."""
@@ -134,6 +140,16 @@ class Outcome:
             return extras
         hashed = log_hash(self._stack.out_dir)
         return replace(extras, speedup=self.speedup, log_hash=hashed or UNSET)
+
+
+def merge(folder: Path) -> bool:
+    """Make one file of the parts of the recording, or leave them as they are where they cannot be
+    copied, which is said."""
+    try:
+        return merge_parts(folder)
+    except LindyError as error:
+        print(f"{error}; its parts stay as they are", flush=True)
+        return False
 
 
 def data_was_lost(dive: Dive, report: Report) -> bool:

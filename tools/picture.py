@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from services.runtime.errors import LindyError
+from services.runtime.extras import how_to_install
 from services.runtime.settings import nearest
 from tools.fresh import refuse_existing, write_fresh
 
@@ -143,8 +144,7 @@ def _program() -> Path:
     spec = find_spec("rerun_cli")
     if spec is None or spec.origin is None:
         raise LindyError(
-            "a picture needs rerun, which is not installed; install the extra with "
-            "`pip install 'lindy[viewer]'` or `uv sync --extra viewer`"
+            f"a picture needs rerun, which is not installed; {how_to_install('viewer')}"
         )
     return Path(spec.origin).parent / ("rerun.exe" if os.name == "nt" else "rerun")
 

@@ -21,11 +21,12 @@ from mcap.stream_reader import StreamReader
 
 from messages import topics
 from messages.message import Message
-from services.recorder.io.mcap_file import McapFile
+from services.recorder.io.mcap_file import MAGIC, McapFile
 from services.recorder.io.parts import FIRST, parts_in
+from services.runtime.disk import reason, require_room
 from services.runtime.errors import LindyError
 
-MAGIC = b"\x89MCAP0\r\n"  # first and last bytes of a whole file
+RESERVE = 256_000  # [bytes] left free by merging, for the report
 # What the reader raises where a file is cut or damaged; a damaged length asks for all memory.
 DAMAGE = (McapError, struct.error, zstandard.ZstdError, ValueError, OverflowError, MemoryError)
 
@@ -162,6 +163,7 @@ def merge_parts(folder: Path) -> bool:
     if len(parts) == 1 and is_whole(parts[0]):
         return False
     try:
+        require_room(folder, sum(part.stat().st_size for part in parts) + RESERVE)
         file = McapFile(folder / "merging.mcap")
         try:
             merged = {path.name: str(_copy(path, file, path == parts[0])) for path in parts}
@@ -175,7 +177,7 @@ def merge_parts(folder: Path) -> bool:
             if part.name != FIRST:
                 part.unlink()
     except OSError as error:
-        raise LindyError(f"cannot merge the recording in {folder}: {error.strerror}") from None
+        raise LindyError(f"cannot merge the recording in {folder}: {reason(error)}") from None
     return True
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import msgspec
 
+from services.runtime.endpoint import checked_endpoint
 from services.runtime.errors import LindyError
 from services.runtime.process_host import HubLaunch, Launch, run_hub, run_service
 from services.runtime.settings import nearest
@@ -46,7 +47,7 @@ def run(service: str, connect: tuple[str, ...], choices: Choices) -> int:
 
 def hub(endpoint: str) -> int:
     """A realm's hub until Ctrl-C. Returns its exit status."""
-    return run_hub(HubLaunch(listen=[endpoint]))
+    return run_hub(HubLaunch(listen=[checked_endpoint(endpoint, "endpoint")]))
 
 
 def endpoints_of(service: str, row: Row, connect: tuple[str, ...]) -> dict[str, str]:
@@ -62,7 +63,7 @@ def endpoints_of(service: str, row: Row, connect: tuple[str, ...]) -> dict[str, 
             raise LindyError(f"--connect {text}: expected REALM=ENDPOINT")
         if realm not in row.realms:
             raise LindyError(f"--connect {text}: unknown realm{nearest(realm, row.realms)}")
-        given[realm] = endpoint
+        given[realm] = checked_endpoint(endpoint, f"--connect {realm} =")
     if missing := [realm for realm in row.realms if realm not in given]:
         example = f"--connect {missing[0]}=tcp/127.0.0.1:7447"
         raise LindyError(f"{service} lives in {', '.join(row.realms)}; add {example}")

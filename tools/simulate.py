@@ -23,6 +23,7 @@ from tools.dive_folder import out_folder, point_latest
 from tools.log_lines import when
 from tools.outcome import Outcome, title
 from tools.stop import Stop
+from tools.viewer import runnable
 
 STRIDE_NS = 100_000_000  # [ns] of virtual time between two looks at the dive
 LINE_S = 10.0  # [s] of virtual time between two lines
@@ -48,12 +49,13 @@ def simulate(choices: Choices) -> int:
     def show(line: LogLine) -> None:
         shown.line(line, course.elapsed_s(line.stamp_ns))
 
+    rows = runnable(services_of("dive"))
     print(f"{title(stack)} → {stack.out_dir}", flush=True)
     with Stop() as stop, outcome.of_the_dive(), progress() as advance, closing(host):
         node = host.node(NAME, ["topside"])
         node.each(topics.STATUS, course.see)
         outcome.listen(node)
-        host.add_all(services_of("dive"), stack)
+        host.add_all(rows, stack)
         point_latest(stack.out_dir)
         host.show(lambda line: None if line.level == "info" else show(line))
         began = time.perf_counter()

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 
 import msgspec
 
+from services.runtime.endpoint import checked_endpoint
 from services.runtime.errors import LindyError
 from services.runtime.local_stack import Far, LocalStack, local_stack
 from services.runtime.settings import nearest
@@ -13,12 +14,12 @@ from tools.choices import Choices
 from tools.course import Course
 from tools.display import Display, display
 from tools.dive_folder import out_folder, point_latest
-from tools.endpoint import checked_endpoint
 from tools.flight import Flight, tell_who_flies, who_flies
 from tools.lookout import Lookout, told
 from tools.outcome import RECORDER, Outcome
 from tools.report import Elsewhere
 from tools.stop import Stop
+from tools.viewer import runnable
 
 OTHER = {"topside": "drone", "drone": "topside"}
 GATEWAY = "tether"  # the service that may stand between the two
@@ -35,12 +36,13 @@ def up(side: str, choices: Choices, *, listen: str, connect: str, gateway: bool)
     """
     if side not in OTHER:
         raise LindyError(f"unknown side {side!r}{nearest(side, list(OTHER))}")
-    return drone(choices, listen) if side == "drone" else topside(choices, connect, gateway)
+    if side == "drone":
+        return drone(choices, checked_endpoint(listen, "--listen"))
+    return topside(choices, checked_endpoint(connect, "--connect"), gateway)
 
 
 def drone(choices: Choices, listen: str) -> int:
     """Until Ctrl-C: on board everything goes on, whether or not the topside is there."""
-    checked_endpoint("--listen", listen)
     stack = checked(choices, pilot_of(choices.pilot or DEFAULT_PILOT))
     # Who has the sticks, and what the link is like, is the topside's affair.
     stack = msgspec.structs.replace(stack, apart=True, pilot=OTHER["drone"], link=listen)
@@ -55,7 +57,6 @@ def drone(choices: Choices, listen: str) -> int:
 
 def topside(choices: Choices, connect: str, gateway: bool) -> int:
     """A dive as `lindy dive` flies it; what is recorded is recorded on board."""
-    checked_endpoint("--connect", connect)
     pilot = who_flies(choices)
     stack = checked(choices, pilot)
     stack = msgspec.structs.replace(stack, apart=True, out=str(out_folder(choices.out)))
@@ -74,6 +75,7 @@ def topside(choices: Choices, connect: str, gateway: bool) -> int:
 def run(stack: Stack, rows: Mapping[str, Row], far: Far, go: Go) -> int:
     """One side from its start to its last words. Returns the exit status."""
     outcome = Outcome(stack)
+    rows = runnable(rows)
     with (
         Stop() as stop,
         display() as shown,

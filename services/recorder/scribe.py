@@ -3,7 +3,7 @@
 At the start of a dive a disk that cannot be written is a mistake the user can mend, and stops the
 service with a sentence. In mid-dive it must not disturb anybody: the recording stops with one
 log line, everything not written is counted, and every few seconds a fresh part is tried. A fresh
-one, because nobody knows how the old one ends; its whole chunks stay readable.
+one, because the old one was ended where it was sure.
 
 No file that is there already is written to, whoever made it.
 """
@@ -19,9 +19,11 @@ from services.recorder.core import Row
 from services.recorder.foxglove_schema import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
 from services.recorder.io.parts import free_part, part_path
+from services.runtime.disk import reason, require_room
 from services.runtime.errors import LindyError
 from services.runtime.stack import Stack
 
+RESERVE = 256_000  # [bytes] left free for the report and for the end of the file
 RETRY_NS = 5_000_000_000  # [ns] between two attempts to record again
 
 
@@ -66,7 +68,7 @@ class Scribe:
             stack.out_dir.mkdir(parents=True, exist_ok=True)
             self._open()
         except OSError as error:
-            raise LindyError(f"cannot write the recording {path}: {_reason(error)}") from None
+            raise LindyError(f"cannot write the recording {path}: {reason(error)}") from None
 
     def write(self, row: Row) -> None:
         """Add a row, or count it as not recorded while there is no file."""
@@ -90,6 +92,7 @@ class Scribe:
                 self._try_again()
             return
         try:
+            require_room(self._stack.out_dir, RESERVE)
             self._file.flush()
         except OSError as error:
             self._retry_at = now + RETRY_NS
@@ -103,6 +106,8 @@ class Scribe:
         if self._file is None:
             return
         try:
+            self._file.flush()
+            self._unflushed = 0
             losses = {name: str(count) for name, count in sorted(self._node.counts.items())}
             self._file.metadata("losses", losses)
             self._file.metadata("hash", {"sha256": log_hash})
@@ -111,6 +116,7 @@ class Scribe:
             self._fail(self._file, error)
 
     def _open(self) -> None:
+        require_room(self._stack.out_dir, RESERVE)
         number = free_part(self._stack.out_dir, self._opened.parts + 1)
         file = McapFile(part_path(self._stack.out_dir, number))
         try:
@@ -165,7 +171,7 @@ class Scribe:
             self._interrupted = True
             self._node.log(
                 "error",
-                f"recording stopped: cannot write {file.path}: {_reason(error)}; "
+                f"recording stopped: cannot write {file.path}: {reason(error)}; "
                 f"trying again every {RETRY_NS // 10**9} s",
             )
 
@@ -188,7 +194,3 @@ def _topic_table() -> bytes:
         for topic in topics.ALL
     ]
     return json.dumps(rows, indent=1).encode()
-
-
-def _reason(error: OSError) -> str:
-    return (error.strerror or str(error)).lower()

@@ -17,6 +17,7 @@ import msgspec
 
 from services.runtime.border import Border
 from services.runtime.child import Task
+from services.runtime.disk import reason
 from services.runtime.errors import LindyError
 from services.runtime.far_clock import FarClock, Side
 from services.runtime.memory import VolatileMemory
@@ -169,8 +170,18 @@ class LocalStack:
         if (pids := self.supervisor.pids) != self._pids:
             self._pids = pids
             running = Running(self.stack.vehicle_name, self.endpoints, os.getpid(), pids)
-            path = self.stack.out_dir / RUNNING
-            path.write_bytes(msgspec.json.format(msgspec.json.encode(running)))
+            self._publish(msgspec.json.format(msgspec.json.encode(running)))
+
+    def _publish(self, data: bytes) -> None:
+        """Write `run.json` at once or not at all: on a full disk the older one still helps."""
+        path = self.stack.out_dir / RUNNING
+        fresh = path.with_name(f".{RUNNING}-{os.getpid()}")
+        try:
+            fresh.write_bytes(data)
+            fresh.replace(path)
+        except OSError as error:
+            fresh.unlink(missing_ok=True)
+            self._tell("warning", f"cannot write {path}: {reason(error)}")
 
     def _hub(self, realm: str) -> Task:
         launch = HubLaunch(listen=[self.endpoints[realm]], parent=os.getpid())

@@ -154,7 +154,8 @@ def _exact_timers() -> None:
 
 
 def _show(line: LogLine) -> None:
-    print(f"{line.level} {line.service}: {line.text}", file=sys.stderr, flush=True)
+    with contextlib.suppress(OSError):  # a full disk under the log; the bus has the line as well
+        print(f"{line.level} {line.service}: {line.text}", file=sys.stderr, flush=True)
 
 
 def usage() -> Usage:

@@ -12,21 +12,23 @@ from messages.message import Message
 from messages.topic import AnyTopic, Way
 from services.marine.vehicle import Vehicle
 from services.runtime.bus import Envelope
+from services.runtime.disk import reason
 from services.runtime.errors import LindyError
+from services.runtime.extras import how_to_install
 from services.runtime.gate import Gate
 from services.runtime.node import Node
 from services.runtime.stack import Stack
 from services.visualizer.batch import Batch
 from services.visualizer.core import Collector
 from services.visualizer.io.live import Live, viewer_command
+from services.visualizer.io.rrd_file import RrdFile
 
 # Curves, states and log; every sample is kept, this is only how often they are handed over.
 # Somebody who watches wants them soon, a file does not care, and fewer, longer batches are cheap.
 FLUSH_HZ, FILE_FLUSH_HZ = 4.0, 0.25
 SCENE_HZ, FILE_SCENE_HZ = 20.0, 10.0
 RING = 4096  # envelopes; seconds of a whole dive's traffic
-# Of all that rerun tells on stderr: warnings, but not that our files have no index by choice.
-RERUN_SAYS = "warn,re_log_encoding::rrd::file_sink=error"
+RERUN_SAYS = "warn"  # and worse, of all that rerun tells on stderr
 KEYS = 256  # different keys; a stranger may invent more, we do not draw them
 
 
@@ -112,17 +114,18 @@ def _outputs(
         from services.visualizer.io.sink import Sink
     except ImportError:
         raise LindyError(
-            "the visualizer needs rerun, which is not installed; install the extra with "
-            "`pip install 'lindy[viewer]'` or `uv sync --extra viewer`"
+            f"the visualizer needs rerun, which is not installed; {how_to_install('viewer')}"
         ) from None
     path = _free(stack.out_dir, part)
     # One id for file and viewer: who opens both sees one dive.
     identity = f"{stack.out_dir.resolve().name}-{part}"
     sink = Sink(identity, vehicle)
     try:
-        sink.save(path)
+        sink.save(RrdFile(path, node.count, node.log))
     except OSError as error:
-        raise LindyError(f"cannot write {path}: {error.strerror}; choose another --out") from None
+        raise LindyError(f"cannot write {path}: {reason(error)}; choose another --out") from None
+    except ValueError as error:
+        raise LindyError(f"{error}; install the rerun-sdk that `uv sync` installs") from None
     if not stack.viewer:
         return sink.write, sink.close
     live = Live(identity, vehicle, viewer_command(), node.count, node.log)

@@ -9,10 +9,10 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from services.runtime.endpoint import checked_endpoint
 from services.runtime.running import RUNNING, Running
 from tools import pads
 from tools.__main__ import main
-from tools.endpoint import checked_endpoint
 
 GOOD = "t,surge,sway,heave,yaw\n0,0,0,0,0\n1,0,0,0.5,0\n2,0,0,0,0\n"
 BOTH = pytest.mark.parametrize("verb", ["dive", "simulate"])
@@ -117,12 +117,60 @@ def test_an_unknown_verb_is_met_with_the_nearest_one(capsys: pytest.CaptureFixtu
         (["run", "control", "--connect", "tcp/127.0.0.1:7447"], "expected REALM=ENDPOINT"),
         (["run", "control", "--connect", "dron=tcp/127.0.0.1:7447"], "did you mean 'drone'?"),
         (["simulate", "--pilot", "gamepad"], "needs real time"),
+        (["run", "control", "--connect", "drone=foo"], "'foo': expected PROTOCOL/ADDRESS"),
+        (["hub", "foo"], "endpoint 'foo': expected PROTOCOL/ADDRESS:PORT, such as tcp/127.0.0.1"),
+        (["hub", "udp//x"], "endpoint 'udp//x': expected PROTOCOL/ADDRESS"),
+        (["hub", "tcp/127.0.0.1"], "endpoint 'tcp/127.0.0.1': expected PROTOCOL/ADDRESS:PORT"),
+        (["dive", "--listen", "foo"], "--listen 'foo': expected PROTOCOL/ADDRESS"),
+        (["up", "topside", "--connect", "foo"], "--connect 'foo': expected PROTOCOL/ADDRESS"),
+        (["up", "drone", "--listen", "foo"], "--listen 'foo': expected PROTOCOL/ADDRESS"),
     ],
 )
 def test_other_verbs_explain_as_well(
     capsys: pytest.CaptureFixture[str], arguments: list[str], says: str
 ):
     assert says in complaint(capsys, *arguments)
+
+
+@pytest.mark.parametrize("arguments", [("--debug", "hub", "foo"), ("hub", "foo", "--debug")])
+def test_debug_shows_where_an_error_came_from(
+    capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...]
+):
+    assert main(arguments) == 1
+    err = capsys.readouterr().err
+    assert err.startswith("Traceback")
+    assert "in checked_endpoint" in err
+    assert err.splitlines()[-1].startswith("lindy: endpoint 'foo'")
+
+
+def test_a_mistake_of_ours_is_one_sentence_that_names_the_switch(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    def mistaken(_: str) -> int:
+        raise ZeroDivisionError("division by zero")
+
+    monkeypatch.setattr("tools.run.hub", mistaken)
+    assert main(["hub", "tcp/127.0.0.1:7447"]) == 1
+    said = capsys.readouterr().err
+    assert "(--debug shows more)" in said
+    assert said.count("\n") == 1
+    assert main(["--debug", "hub", "tcp/127.0.0.1:7447"]) == 1
+    assert "Traceback" in capsys.readouterr().err
+
+
+def test_without_rerun_a_dive_has_no_viewer_and_says_so(
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    script: str,
+):
+    monkeypatch.setattr("tools.viewer.find_spec", lambda _: None)  # type: ignore[misc]
+    out = tmp_path / "out"
+    assert main(["simulate", "--pilot", script, "--seconds", "1", "--out", str(out)]) == 0
+    assert {path.name for path in out.iterdir()} == {"dive.mcap", "report.json"}
+    said = capsys.readouterr().out
+    assert "rerun is not installed, so this dive has no viewer and no dive.rrd" in said
+    assert "uv sync --extra viewer" in said
 
 
 def test_a_mistake_leaves_no_folder_behind(
@@ -214,7 +262,7 @@ def test_an_endpoint_that_is_none_leaves_no_folder_behind(
     out = tmp_path / "out"
     pilot = ("--pilot", "script:first_dive")
     said = complaint(capsys, "up", side, *pilot, option, endpoint, "--out", str(out))
-    assert f"{option} is {endpoint!r}, expected PROTOCOL/ADDRESS:PORT" in said
+    assert f"{option} {endpoint!r}: expected PROTOCOL/ADDRESS:PORT" in said
     assert not out.exists()
 
 
@@ -223,7 +271,7 @@ def test_an_endpoint_that_is_none_leaves_no_folder_behind(
     ["tcp/192.168.2.2:7447", "tcp/[fe80::1]:7447", "udp/drone.local:1", "tcp/0.0.0.0:7#iface=eth0"],
 )
 def test_endpoints_of_every_kind_are_accepted(endpoint: str):
-    checked_endpoint("--listen", endpoint)
+    checked_endpoint(endpoint, "--listen")
 
 
 @pytest.mark.parametrize(("mapped", "there"), [(True, True), (False, False)])

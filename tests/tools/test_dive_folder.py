@@ -1,6 +1,7 @@
 """Nothing of the user's is ever deleted or overwritten, whatever a dive is told to do."""
 
 import os
+import socket
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -81,10 +82,16 @@ def test_a_second_dive_into_the_same_folder_leaves_the_first(
 
 
 @pytest.mark.parametrize("verb", [("dive", "--headless"), ("up", "drone")])
-@pytest.mark.parametrize("endpoint", ["foo", "udp//x"])
+@pytest.mark.parametrize("taken", [True, False])
 def test_a_dive_that_cannot_start_costs_nothing_and_leaves_nothing(
-    tmp_path: Path, verb: tuple[str, ...], endpoint: str
+    tmp_path: Path, verb: tuple[str, ...], taken: bool
 ):
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        endpoint = f"tcp/127.0.0.1:{server.getsockname()[1]}" if taken else "foo"
+        check_that_nothing_changes(tmp_path, verb, endpoint)
+
+
+def check_that_nothing_changes(tmp_path: Path, verb: tuple[str, ...], endpoint: str) -> None:
     fill(tmp_path / "old", (*THEIRS, *OF_A_DIVE[:-1]))
     (tmp_path / "empty").mkdir()
     before = hashes(tmp_path)
@@ -99,6 +106,7 @@ def test_a_dive_that_cannot_start_costs_nothing_and_leaves_nothing(
             check=False,
         )
         assert ran.returncode == 1
+        assert endpoint in ran.stderr
         assert ran.stderr.startswith("lindy: ")
         assert ran.stderr.count("\n") == 1
     assert hashes(tmp_path) == before

@@ -143,6 +143,6 @@ def test_without_matplotlib_the_extra_is_named(
         return None
 
     monkeypatch.setattr(command, "find_spec", missing)
-    with pytest.raises(LindyError, match=r"install the extra 'figures'"):
+    with pytest.raises(LindyError, match=r"not installed; .*`uv sync --extra figures`"):
         figures(out=tmp_path / "out")
     assert not (tmp_path / "out").exists()

@@ -7,6 +7,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from services.runtime.errors import LindyError
+from services.runtime.extras import how_to_install
 from services.runtime.settings import nearest
 from tools.choices import named
 from tools.fresh import fresh_folder
@@ -36,8 +37,7 @@ def figures(
     """
     if find_spec("matplotlib") is None:
         raise LindyError(
-            "figures need matplotlib, which is not installed; install the extra 'figures',"
-            " e.g. pip install 'lindy[figures]'"
+            f"figures need matplotlib, which is not installed; {how_to_install('figures')}"
         )
     from tools.figures import catalogue, claims, style
 

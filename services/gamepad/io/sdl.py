@@ -6,6 +6,7 @@ import sys
 import warnings
 
 from services.runtime.errors import LindyError
+from services.runtime.extras import how_to_install
 
 QUIETLY = {
     "PYGAME_HIDE_SUPPORT_PROMPT": "1",
@@ -36,8 +37,8 @@ def load() -> None:
             importlib.import_module("pygame")
     except ImportError:
         raise LindyError(
-            "pads and the keyboard need pygame: install the extra with "
-            "`pip install -e '.[pilot]'` or `uv sync --extra pilot`, or use --pilot script:FILE"
+            f"pads and the keyboard need pygame: {how_to_install('pilot')}; "
+            "or use --pilot script:FILE"
         ) from None
 
 

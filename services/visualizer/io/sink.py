@@ -3,7 +3,6 @@
 from collections.abc import Iterable
 from itertools import chain
 from math import cos, sin
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +14,7 @@ from services.visualizer.batch import Batch, Columns, Frame, Note
 from services.visualizer.blueprint import TIMELINE, blueprint
 from services.visualizer.curve import MANY, PREDICTED, REFERENCE, Curve
 from services.visualizer.curves import curves
+from services.visualizer.io.rrd_file import RrdFile
 
 METRES_PER_NEWTON = 0.04  # length of a thruster's arrow in the scene
 HULL, NOSE, FORCE, PATH, PLUMB = 0x4CA6FFFF, 0xF4F7FAFF, 0xFF5A4EFF, 0x38D6C0FF, 0x7FA8C4FF
@@ -46,23 +46,24 @@ class Sink:
     def __init__(self, recording_id: str, vehicle: Vehicle) -> None:
         self._rec = rr.RecordingStream("lindy", recording_id=recording_id)
         self._vehicle = vehicle
+        self._bytes: rr.BinaryStream | None = None  # on their way …
+        self._file: RrdFile | None = None  # … into this file, if there is one
         self._times: list[int] = []  # [ns] of the columns written last …
         self._when = _index([])  # … and as rerun wants them
         self._styled = {curve.path for curve in curves(vehicle) if curve.names}
         self._services: dict[str, int] = {}  # colour of each, in every panel
 
-    def save(self, path: Path) -> None:
+    def save(self, file: RrdFile) -> None:
         """Write into a file from here on.
 
         Raises:
-            OSError: the file cannot be written.
+            OSError: its beginning cannot be written.
         """
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.open("xb").close()  # rerun itself would only warn, and write over what is there
-        # The footer is an index of every chunk, kept in memory until the end: 0.4 MB per second
-        # of dive, and as much again to write it. Viewers and readers do without.
-        self._rec.save(path, write_footer=False)
+        # A stream of bytes has no index; its makers would keep one in memory until the end.
+        self._bytes = self._rec.binary_stream()
         self._prepare()
+        file.begin(self._bytes.read() or b"")
+        self._file = file
 
     def connect(self, url: str) -> None:
         """Show it in the viewer that listens at `url` from here on."""
@@ -81,11 +82,19 @@ class Sink:
             self._rec.log("world/path", rr.LineStrips3D.from_fields(strips=[batch.trail]))
         if batch.floor is not None:
             self._floor(batch.floor)
+        self._hand_over()
 
     def close(self) -> None:
         """Write everything out and end the recording."""
         self._rec.flush(timeout_sec=5.0)
+        self._hand_over()
         self._rec.disconnect()
+        if self._file is not None:
+            self._file.close()
+
+    def _hand_over(self) -> None:
+        if self._bytes is not None and self._file is not None and (data := self._bytes.read()):
+            self._file.append(data)
 
     def _columns(self, columns: Columns) -> None:
         # A third of the time of np.array(rows), which must look at every row for its shape.

@@ -196,7 +196,7 @@ def test_a_full_disk_in_mid_dive_is_counted_and_recording_goes_on_when_there_is_
     dive.host.close()
     errors = [line.text for line in dive.lines if line.level == "error"]
     assert len(errors) == 1
-    assert "no space left on device" in errors[0]
+    assert "the disk is full" in errors[0]
     stamps = dive.stamps()
     lost = dive.recorder.counts["not_recorded"]
     assert set(stamps) <= set(ticks(20.0))

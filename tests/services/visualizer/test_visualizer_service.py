@@ -69,7 +69,9 @@ def dive(out: Path, sample: Sample, seconds: float, *, restart: bool = False) ->
     speak(others, sample)
     host.run(round(seconds * SECOND))
     if restart:
+        killed = host.nodes["visualizer"]
         host.kill("visualizer")
+        killed.close()  # so that its file does not stay open here
         host.add("visualizer", BOTH_REALMS, stack, wire)
         host.run(round(2 * seconds * SECOND))
     return host
