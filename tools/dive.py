@@ -5,7 +5,7 @@ import os
 import msgspec
 
 from services.runtime.local_stack import local_stack
-from services.runtime.stack import services_of
+from services.runtime.registry import Registry
 from tools.checks import checked, out_folder
 from tools.choices import Choices
 from tools.display import display
@@ -21,9 +21,10 @@ def dive(choices: Choices, *, headless: bool, listen: str | None) -> int:
     Raises:
         LindyError: something is set wrongly, or the dive ended before its time.
     """
+    services = Registry.read(choices.stack)
     pilot = who_flies(choices)
     viewer = not headless and bool({"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys())
-    stack = checked(choices, pilot)
+    stack = checked(choices, pilot, services)
     stack = msgspec.structs.replace(stack, viewer=viewer, out=str(out_folder(choices.out)))
     outcome = Outcome(stack)
     tell_who_flies(choices, pilot)
@@ -32,7 +33,7 @@ def dive(choices: Choices, *, headless: bool, listen: str | None) -> int:
         Stop() as stop,
         display() as shown,
         outcome.of_the_dive(),
-        local_stack(stack, services_of("dive"), listen) as local,
+        local_stack(stack, services, listen) as local,
         told(outcome, local),
     ):
         outcome.exit = Flight(local, pilot, choices.seconds, stop, shown).fly()

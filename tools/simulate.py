@@ -11,7 +11,7 @@ from rich.progress import BarColumn, Progress, TextColumn
 from messages import topics
 from services.runtime.errors import LindyError
 from services.runtime.garbage import rare_collections
-from services.runtime.stack import services_of
+from services.runtime.registry import Registry
 from services.runtime.supervisor import NAME
 from services.runtime.virtual_host import VirtualHost
 from tools.checks import DEFAULT_PILOT, checked, out_folder, pilot_of
@@ -36,8 +36,9 @@ def simulate(choices: Choices) -> int:
     pilot = pilot_of(choices.pilot or DEFAULT_PILOT)
     if pilot.script_s is None:
         raise LindyError(f"--pilot {pilot.name} needs real time; simulate flies script:FILE only")
-    stack = checked(choices, pilot)
-    stack = msgspec.structs.replace(stack, out=str(out_folder(choices.out)))
+    services = Registry.read(choices.stack)
+    stack = checked(choices, pilot, services)
+    stack = msgspec.structs.replace(stack, virtual=True, out=str(out_folder(choices.out)))
     outcome = Outcome(stack)
     course = Course(pilot.script_s, choices.seconds)
     host = VirtualHost()
@@ -46,7 +47,7 @@ def simulate(choices: Choices) -> int:
         node = host.node(NAME, ["topside"])
         node.each(topics.STATUS, course.see)
         outcome.listen(node)
-        host.add_all(services_of("dive"), stack)
+        host.add_all(services, stack)
         host.show(lambda line: None if line.level == "info" else print(line_of(line)))
         began = time.perf_counter()
         with rare_collections():

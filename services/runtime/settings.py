@@ -108,7 +108,7 @@ def _explain(error: str, tree: Any, kind: type, where: str, path: Path | None) -
     parts = [name or int(index) for name, index in steps]
     unknown = re.search(r"unknown field `(\w+)`", what)
     key = ".".join([*filter(None, [where]), *map(str, parts), *([unknown[1]] if unknown else [])])
-    text = [f"{path}{_line(path, key)}: " if path else "", f"{key or 'this file'}: "]
+    text = [f"{path}{line_of(path, key)}: " if path else "", f"{key or 'this file'}: "]
     if unknown:
         text.append(f"unknown key{nearest(unknown[1], _fields(kind, parts))}")
     else:
@@ -119,7 +119,7 @@ def _explain(error: str, tree: Any, kind: type, where: str, path: Path | None) -
     return "".join(text)
 
 
-def _line(path: Path, key: str) -> str:
+def line_of(path: Path, key: str) -> str:
     """`:12` when the last part of the key stands on exactly one line under its table."""
     table, _, leaf = key.rpartition(".")
     inside = table == ""

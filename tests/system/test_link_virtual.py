@@ -22,8 +22,8 @@ from services.reference.settings import Settings
 from services.runtime.bus import Envelope
 from services.runtime.gate import Gate
 from services.runtime.node import Node
-from services.runtime.stack import Stack, services_of
-from services.runtime.table import wiring
+from services.runtime.registry import Registry, wire_of
+from services.runtime.stack import Stack
 from services.runtime.virtual_host import Skew, VirtualHost
 from services.tether.damage import NEVER_USED
 
@@ -133,7 +133,7 @@ class Flight:
     def __post_init__(self) -> None:
         apart = self.clock is not None
         self.host = VirtualHost({"drone": self.clock} if self.clock else None)
-        self.rows = services_of("dive")
+        self.rows = Registry.read()
         self.stack = Stack(
             pilot=f"script:{self._script()}",
             out=str(self.folder),
@@ -166,7 +166,7 @@ class Flight:
             return watched
 
         node.gate = gate
-        wiring("reference")(node, stack)
+        wire_of("reference")(node, stack)
 
     def until_armed(self) -> "Flight":
         self.host.run(20 * S, done=lambda: bool(self.statuses) and self.statuses[-1].armed)

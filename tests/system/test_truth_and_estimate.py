@@ -12,7 +12,8 @@ from messages import topics
 from messages.message import Estimate
 from messages.state import VehicleState
 from messages.vehicle import Truth
-from services.runtime.stack import Stack, services_of
+from services.runtime.registry import Registry
+from services.runtime.stack import Stack
 from services.runtime.virtual_host import VirtualHost
 
 S = 1_000_000_000  # [ns]
@@ -58,7 +59,7 @@ def flown(folder: Path, seed: int, *settings: str) -> dict[str, Errors]:
         seed=seed,
         overrides=["simulator.floor_depth=20", *settings],
     )
-    host, rows = VirtualHost(), services_of("dive")
+    host, rows = VirtualHost(), Registry.read()
     for name in CHAIN:
         host.add(name, rows[name], stack)
     truth: dict[int, Truth] = {}

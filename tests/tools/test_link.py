@@ -9,7 +9,8 @@ import pytest
 from messages import topics
 from messages.link import LinkAnswer, LinkRequest
 from services.runtime.errors import LindyError
-from services.runtime.stack import Row, Stack
+from services.runtime.registry import ServiceSpec
+from services.runtime.stack import Stack
 from services.runtime.virtual_host import VirtualHost
 from tools.asking import Asking
 from tools.link import link
@@ -79,7 +80,7 @@ def test_a_wrong_argument_is_explained(arguments: list[str], says: str) -> None:
 
 def test_a_running_tether_answers_whoever_asks(tmp_path: Path) -> None:
     host = VirtualHost()
-    row = Row(realms=["topside", "drone"], gateway=True)
+    row = ServiceSpec(sides=["topside", "drone"], gateway=True)
     host.add("tether", row, Stack(link="tether", out=str(tmp_path)))
     request = LinkRequest(stamp_ns=0, id="", kind="set", settings=("up.delay_ms=9",))
     asking = Asking(

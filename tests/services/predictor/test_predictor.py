@@ -16,7 +16,8 @@ from services.predictor.ahead import Change, coasting, joined, reference_ahead
 from services.predictor.drift import Drift
 from services.predictor.judge import Guess, Judge, Pose
 from services.reference.minimum_jerk import Limits, Ramp
-from services.runtime.stack import Stack, services_of
+from services.runtime.registry import Registry
+from services.runtime.stack import Stack
 from services.runtime.virtual_host import VirtualHost
 
 SECOND = 1_000_000_000
@@ -119,7 +120,7 @@ def test_the_predicted_now_is_at_most_a_third_as_far_off_as_the_delayed_picture(
     leg = f"delay_ms = {one_way_ms}.0\n"
     link.write_text(f"[down]\n{leg}[up]\n{leg}")
     script.write_text(STICKS)
-    host, rows = VirtualHost(), services_of("dive")
+    host, rows = VirtualHost(), Registry.read()
     stack = Stack(pilot=f"script:{script}", link=str(link), out=str(tmp_path))
     for name in CHAIN:
         host.add(name, rows[name], stack)

@@ -14,12 +14,13 @@ from services.recorder.mcap_file import McapFile
 from services.recorder.service import wire
 from services.runtime.bus import Envelope
 from services.runtime.errors import LindyError
-from services.runtime.stack import Row, Stack
+from services.runtime.registry import ServiceSpec
+from services.runtime.stack import Stack
 from services.runtime.virtual_host import VirtualHost
 from tools.recording import log_hash, open_recording
 
 SECOND = 1_000_000_000
-HOME = Row(["drone"])
+HOME = ServiceSpec(["drone"])
 
 
 class Dive:

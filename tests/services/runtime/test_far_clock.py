@@ -14,13 +14,14 @@ from services.runtime.bus import Envelope
 from services.runtime.far_clock import FarClock
 from services.runtime.gate import Gate
 from services.runtime.ports import Inbox, Latest
-from services.runtime.stack import Row, Stack
+from services.runtime.registry import ServiceSpec
+from services.runtime.stack import Stack
 from services.runtime.virtual_host import Skew, VirtualHost
 
 MS, SECOND = 1_000_000, 1_000_000_000
-DRONE = Row(realms=["drone"])
-TOPSIDE = Row(realms=["topside"])
-GATEWAY = Row(realms=["topside", "drone"], gateway=True)
+DRONE = ServiceSpec(sides=["drone"])
+TOPSIDE = ServiceSpec(sides=["topside"])
+GATEWAY = ServiceSpec(sides=["topside", "drone"], gateway=True)
 
 
 def joined(clocks: dict[str, Skew] | None, link: str = "tether") -> VirtualHost:

@@ -7,8 +7,10 @@ import msgspec
 import pytest
 
 from services.runtime.errors import LindyError
+from services.runtime.registry import Registry
 from services.runtime.settings import convert, deploy_file, override, read
-from services.runtime.stack import Stack, services_of, settings_types
+from services.runtime.stack import Stack
+from tools.checks import known_tables
 
 
 class Depth(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -67,18 +69,14 @@ def test_an_unknown_vehicle_suggests_the_nearest() -> None:
 
 @pytest.mark.parametrize("vehicle", ["pioneer"])
 def test_every_shipped_vehicle_is_valid(vehicle: str) -> None:
-    Stack(vehicle=vehicle).check()
+    Stack(vehicle=vehicle).check(known_tables(Registry.read()))
 
 
 def test_an_unknown_table_is_refused() -> None:
     with pytest.raises(LindyError, match=r"contol: unknown table; did you mean 'control'"):
-        Stack(overrides=["contol.depth.kp=3"]).check()
+        Stack(overrides=["contol.depth.kp=3"]).check(known_tables(Registry.read()))
 
 
 def test_a_value_out_of_limits_stops_the_dive_before_it_starts() -> None:
     with pytest.raises(LindyError, match=r"^--set vehicle.mass=-1: expected float > 0.0, found -1"):
-        Stack(overrides=["vehicle.mass=-1"]).check()
-
-
-def test_the_stack_file_names_services_that_exist() -> None:
-    assert set(settings_types()) - {"vehicle"} <= set(services_of("dive"))
+        Stack(overrides=["vehicle.mass=-1"]).check(known_tables(Registry.read()))

@@ -14,13 +14,14 @@ from messages.vehicle import Actuation, Truth
 from services.runtime.bus import Envelope
 from services.runtime.errors import LindyError
 from services.runtime.node import Node
-from services.runtime.stack import Row, Stack
+from services.runtime.registry import ServiceSpec
+from services.runtime.stack import Stack
 from services.runtime.virtual_host import VirtualHost
 from services.simulator.core import World
 from services.simulator.service import wire
 
 SECOND = 1_000_000_000  # [ns]
-ROW = Row(realms=["drone"])
+ROW = ServiceSpec(sides=["drone"])
 DIVE = (2.0, 6.0, 0.0, 20.0)  # [N]
 
 
