@@ -29,8 +29,8 @@ from services.simulator.settings import Settings as Settings
 from services.simulator.vessel import Vessel
 from services.simulator.world import World as World
 from services.simulator.world import at_the_surface as at_the_surface
+from services.vehicle.actuator_gate import ActuatorGate
 
-THRUSTERS = "control/thrusters"  # named in what is counted
 M = TypeVar("M", bound=Message)
 
 
@@ -55,36 +55,28 @@ class Simulator:
         self._suffer(world.faults)
         self._now = 0  # [ns] to which the world has moved
         self._begun = False
-        self._command: ThrusterCommand | None = None  # the newest that took effect
-        self._actuated_ns: int | None = None
-        self._epoch = 0  # newest authority epoch that was obeyed
-        self._ends_ns: int | None = None  # the instant it becomes stale; None: nothing to obey
+        self._gate = ActuatorGate(vehicle.thruster)
 
     # Time and commands. Each returns the names of what is to be counted.
 
     def advance(self, now: int) -> list[str]:
         """Move the world to `now` [ns]."""
-        if self._ends_ns is None or now <= self._ends_ns:
+        ends = self._gate.ends_ns
+        if ends is None or now <= ends:
             self._move(now)
             return []
-        self._move(max(self._now, self._ends_ns))
-        self._ends_ns = None
-        self._vessel.drive([0.0] * len(self._vessel.thrust))
+        self._move(max(self._now, ends))
+        counted = self._gate.lapse(now)
+        self._vessel.drive(self._gate.output(now))
         self._move(now)
-        return [f"stale:{THRUSTERS}"]
+        return counted
 
     def obey(self, command: ThrusterCommand, now: int) -> list[str]:
         """Let a command take effect at `now` [ns], until then the old one holds."""
-        counted = self.advance(now)
-        if len(command.thrust) != len(self._vessel.thrust):
-            return [*counted, f"wrong_length:{THRUSTERS}"]
-        if command.epoch < self._epoch:
-            return [*counted, f"wrong_epoch:{THRUSTERS}"]
-        self._epoch = command.epoch
-        limited = self._vessel.drive(command.thrust)
-        self._command, self._actuated_ns = command, now
-        self._ends_ns = command.stamp_ns + round(command.ttl_ms * 1e6)
-        return [*counted, *(f"saturated:{name}" for name in limited)]
+        counted = [*self.advance(now), *self._gate.obey(command, now)]
+        if self._gate.command is command:
+            self._vessel.drive(self._gate.output(now))
+        return counted
 
     # Faults.
 
@@ -179,14 +171,15 @@ class Simulator:
         return self._battery.empty
 
     def actuation(self) -> Actuation:
-        cause = self._command
+        cause = self._gate.command
         return Actuation(
             stamp_ns=self._now,
             thrust=tuple(self._vessel.produced),
-            actuated_ns=self._actuated_ns,
+            measured=True,
+            actuated_ns=self._gate.obeyed_ns,
             sensor_ns=cause.sensor_ns if cause else None,
             pilot_ns=cause.pilot_ns if cause else None,
-            stale=self._ends_ns is None,
+            stale=self._gate.ends_ns is None,
             power=self._battery.power,
         )
 

@@ -1,4 +1,4 @@
-"""Stacks: a mistake in a stack file, or in somebody else's module, is one sentence that names it."""
+"""A mistake in a stack file, or in a module that it names, is one sentence that says where."""
 
 from itertools import count
 from pathlib import Path

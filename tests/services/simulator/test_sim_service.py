@@ -42,7 +42,11 @@ class Sea:
                 cause = sample.stamp_ns
                 commands.put(
                     ThrusterCommand(
-                        stamp_ns=now, sensor_ns=cause, pilot_ns=None, thrust=self.thrust
+                        stamp_ns=now,
+                        sensor_ns=cause,
+                        pilot_ns=None,
+                        thrust=self.thrust,
+                        armed=True,
                     )
                 )
 
