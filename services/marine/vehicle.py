@@ -7,6 +7,7 @@ from typing import Annotated
 
 import msgspec
 
+from services.marine.mount import Mounting
 from services.marine.thrust_curve import CURVES, LINEAR
 from services.marine.thruster_lag import Lag, Mode, first_order, modes_of
 
@@ -86,6 +87,7 @@ class Vehicle(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     metacentric_height: NotNegative  # [m] centre of buoyancy above centre of gravity
     size: tuple[Positive, Positive, Positive]  # [m] length, width, height; origin in the middle
     thruster: Annotated[list[Thruster], msgspec.Meta(min_length=1)]
+    mounting: Mounting = Mounting()  # where the sensors sit
 
     @property
     def floating_depth(self) -> float:

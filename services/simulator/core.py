@@ -20,7 +20,8 @@ from messages.sensors import (
 from messages.simulator import FaultRequest
 from messages.vehicle import Actuation, Truth
 from services.marine.attitude import heading_of, to_euler, to_world, wrapped
-from services.marine.vehicle import Vehicle
+from services.marine.mount import Mount, Placed
+from services.marine.vehicle import Vec3, Vehicle
 from services.simulator import faults
 from services.simulator.battery import Battery
 from services.simulator.sensors import Sensors
@@ -30,6 +31,7 @@ from services.simulator.vessel import Vessel
 from services.simulator.world import World as World
 from services.simulator.world import at_the_surface as at_the_surface
 from services.vehicle.actuator_gate import ActuatorGate
+from services.vehicle.mounting import place_of
 
 M = TypeVar("M", bound=Message)
 
@@ -46,7 +48,8 @@ class Simulator:
             ValueError: a thruster without direction, or a negative seed.
         """
         self._vessel = Vessel(vehicle, settings, world.state, world.thrust, seed)
-        self._sensors = Sensors(settings, seed)
+        self._sensors = Sensors(settings, seed, vehicle.mounting)
+        self._mounting = vehicle.mounting
         self._settings = settings
         self._battery = Battery(vehicle, settings, world.used_wh)
         self._heading = world.heading
@@ -149,19 +152,22 @@ class Simulator:
         return self._says("sensor/magnetometer", sample)
 
     def pressure(self) -> PressureSample | None:
-        sample = self._sensors.pressure(self._now, self._vessel.position[2])
+        sample = self._sensors.pressure(self._now, self._place(self._mounting.pressure)[2])
         return self._says("sensor/pressure", sample)
 
     def dvl(self, device: Dvl) -> DvlSample | None:
         """None also when the bottom is out of reach."""
-        u, v, w, *_ = self._vessel.velocity
-        altitude = self._settings.floor_depth - self._vessel.position[2]
-        sample = self._sensors.dvl(self._now, (u, v, w), altitude, device)
+        altitude = self._settings.floor_depth - self._place(self._mounting.dvl)[2]
+        sample = self._sensors.dvl(self._now, self._vessel.velocity, altitude, device)
         return None if sample is None else self._says("sensor/dvl", sample)
 
     def usbl(self, device: Usbl) -> UsblSample | None:
-        north, east, _ = self._vessel.position
+        north, east, _ = self._place(self._mounting.usbl)
         return self._says("sensor/usbl", self._sensors.usbl(self._now, north, east, device))
+
+    def _place(self, mount: Placed | Mount) -> Vec3:
+        """[m] NED, where a sensor is."""
+        return place_of(mount.position, self._vessel.position, self._vessel.attitude)
 
     def battery(self) -> BatterySample | None:
         return self._says("sensor/battery", self._battery.sample(self._now))

@@ -1,7 +1,7 @@
 """Truth beside estimate in whole dives on virtual time: the errors are as small as they should be,
 and no larger than the state itself says."""
 
-from math import degrees, pi, remainder
+from math import cos, degrees, pi, radians, remainder, sin
 from pathlib import Path
 from typing import NamedTuple
 
@@ -119,3 +119,23 @@ def test_so_they_are_with_the_observer_that_hears_the_reference(tmp_path: Path) 
     for name in ("depth", "rate", "control"):
         assert found[name].within_four >= 0.99, name
     assert found["depth"].rms <= 0.03
+
+
+def rolled_and_pitched(roll: float, pitch: float) -> list[list[float]]:
+    """R_BS of a sensor turned by pitch, then by roll [rad], as a person writes it: three digits."""
+    cr, sr, cp, sp = cos(roll), sin(roll), cos(pitch), sin(pitch)
+    matrix = [[cp, sp * sr, sp * cr], [0.0, cr, -sr], [-sp, cp * sr, cp * cr]]
+    return [[round(part, 4) for part in row] for row in matrix]
+
+
+def test_a_mounted_imu_is_as_good_as_one_at_the_origin(tmp_path: Path) -> None:
+    at_origin = flown(tmp_path, 0)
+    mounted = flown(
+        tmp_path,
+        0,
+        f"vehicle.mounting.imu.rotation={rolled_and_pitched(radians(5.0), radians(3.0))}",
+        "vehicle.mounting.imu.position=[0.2, 0.05, 0.1]",
+    )
+    for name, errors in mounted.items():
+        assert errors.within_four >= 0.99, name
+        assert errors.rms <= 1.2 * at_origin[name].rms, name
