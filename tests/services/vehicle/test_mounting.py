@@ -70,12 +70,13 @@ def test_a_mounted_imu_that_turns_steadily_is_put_right(
 def test_the_angular_acceleration_is_felt_and_taken_off() -> None:
     """A point on an arm ahead is pushed sideways when the vehicle begins to turn."""
     mount = Mount(position=(0.5, 0.0, 0.0))
-    door = AtOrigin(Mounting(imu=mount), DENSITY)
+    door, felt, heard = AtOrigin(Mounting(imu=mount), DENSITY), (0.0, 0.0, 0.0), None
     for i in range(100):
         rate, acceleration = (0.0, 0.0, 0.02 * i), (0.0, 0.0, 2.0)
         felt, turned = measured_there(mount, Axes(mount), (0.0, 0.0, -GRAVITY), rate, acceleration)
         heard = door.imu(ImuSample(stamp_ns=i * S // 100, specific_force=felt, angular_rate=turned))
     assert felt == pytest.approx((-0.5 * 1.98**2, 1.0, -GRAVITY))
+    assert heard is not None
     assert heard.specific_force == pytest.approx((0.0, 0.0, -GRAVITY), abs=1e-6)
 
 
