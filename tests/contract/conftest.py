@@ -30,7 +30,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
             # Options are not there when pytest is told of this folder only by its settings.
             stack: str | None = metafunc.config.getoption("--stack", None)
             if stack is not None:
-                sides = ((stack, metafunc.config.getoption("--vehicle")),)
+                sides = ((stack, str(metafunc.config.getoption("--vehicle"))),)
             names = [f"{Path(s).parent.name or s}-{Path(v).stem}" for s, v in sides]
             metafunc.parametrize(fixture, sides, ids=names)
 

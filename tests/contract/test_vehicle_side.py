@@ -29,7 +29,7 @@ from services.marine.attitude import wrapped
 from services.marine.thrusters import wrench_per_newton
 from services.marine.vehicle import Vehicle
 from services.runtime.bus import Say
-from services.runtime.errors import LindyError
+from services.runtime.errors import NeedsRealTimeError
 from services.runtime.local_stack import local_stack
 from services.runtime.memory import VolatileMemory
 from services.runtime.node import Node
@@ -221,9 +221,7 @@ def real_bench(side: Side, folder: Path) -> Generator[Bench]:
 def bench(side: Side, tmp_path: Path) -> Generator[Bench]:
     try:
         made = virtual_bench(side, tmp_path)
-    except LindyError as refused:
-        if "real time" not in str(refused):
-            raise
+    except NeedsRealTimeError:
         with real_bench(side, tmp_path) as made:
             made.settle()
             yield made
