@@ -84,7 +84,8 @@ def checked(
     )
     stack.check(known_tables(services, here))
     named(choices.link)  # reads it
-    _controllable(stack)
+    if (control := services.get("control")) is not None and control.module is None:
+        _controllable(stack)
     return stack
 
 

@@ -62,6 +62,7 @@ def produced(command: ThrusterCommand, taken: int, now: int) -> Actuation:
     return Actuation(
         stamp_ns=now,
         thrust=tuple(0.0 if i == LATERAL else f for i, f in enumerate(command.thrust)),
+        measured=True,
         actuated_ns=taken,
         sensor_ns=command.sensor_ns,
         pilot_ns=None,
