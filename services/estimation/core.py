@@ -7,8 +7,8 @@
     actuation      with the hull's drag, the current
     reference      depth, for the one observer that asks for it
 
-Samples are of the sensors' own axes and places; behind the door of this class they are of the
-vehicle's origin (services/vehicle/mounting.py).
+Samples are of the sensors' own axes and places; inside this class they are of the
+vehicle's origin, in body axes (services/vehicle/mounting.py).
 
 While calibrating, the first three are only averaged. What is valid when: status.py.
 """
@@ -91,7 +91,7 @@ class Estimator:
             self._calibrate(self._calibrating, sample, dt)
         else:
             self._run(sample, dt)
-        self._tell_the_door(sample)
+        self._note_motion(sample)
         return self._state(now, sample.stamp_ns)
 
     def silence(self, now: int) -> VehicleState | None:
@@ -192,7 +192,7 @@ class Estimator:
         note(self._depth.predict(input_, at_ns, self._attitude.lean))
         note(self._predict_horizontal(force, at_ns))
 
-    def _tell_the_door(self, sample: ImuSample) -> None:
+    def _note_motion(self, sample: ImuSample) -> None:
         """How the vehicle lies and turns, for sensors that sit on an arm."""
         if not self._at_origin.curious:
             return

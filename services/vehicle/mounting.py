@@ -29,7 +29,7 @@ from services.marine.vehicle import GRAVITY, Vec3
 
 SMOOTHING = 0.02  # [s] of the gyroscope before it is differenced; two samples of most
 LONGEST_STEP = 0.1  # [s] a rate that was heard longer ago says nothing about acceleration
-REMEMBERED_NS = 3_000_000_000  # [ns] the age of the oldest sample that is still put right
+REMEMBERED_NS = 10_000_000_000  # [ns] no sample may be older: the limit of "oldest" in estimation
 AT_REST: Vec3 = (0.0, 0.0, 0.0)
 
 
