@@ -1,8 +1,7 @@
 """What a vehicle driver measures. From `simulator` (or real hardware); heard by `estimation`.
 
-`stamp_ns` is the sample's time of validity. What is said is in the sensor's own axes and of its own
-place: those of the vehicle, FRD (forward, starboard, down), unless [vehicle.mounting] of the vehicle
-file says otherwise.
+`stamp_ns` is the sample's time of validity. What is said is of the sensor's own axes and place:
+those of the vehicle, FRD (forward, starboard, down), unless its file has a [vehicle.mounting].
 """
 
 from messages.message import Finite, Message, Positive, Vec3
@@ -37,7 +36,8 @@ class DvlSample(Message, frozen=True, kw_only=True):
 
 
 class UsblSample(Message, frozen=True, kw_only=True):
-    """Acoustic position fix of the transponder. `stamp_ns` is when the vehicle was there, not when it was told."""
+    """Acoustic position fix of the transponder. `stamp_ns` is when it was there, not when that was
+    told."""
 
     north: Finite  # [m] NED
     east: Finite  # [m] NED
