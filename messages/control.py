@@ -27,3 +27,4 @@ class ThrusterCommand(Message, frozen=True, kw_only=True):
     thrust: tuple[Finite, ...]  # [N] per thruster, in the order of the vehicle file
     ttl_ms: Ttl = THRUST_TTL_MS  # [ms] after stamp_ns the driver stops the thrusters
     epoch: int = 0
+    armed: bool = False  # False: the thrusters must not turn, and their ESCs may be off

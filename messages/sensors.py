@@ -1,6 +1,7 @@
 """What a vehicle driver measures. From `simulator` (or real hardware); heard by `estimation`.
 
-`stamp_ns` is the sample's time of validity. Body frame is FRD (forward, starboard, down).
+`stamp_ns` is the sample's time of validity. What is said is of the sensor's own axes and place:
+those of the vehicle, FRD (forward, starboard, down), unless its file has a [vehicle.mounting].
 """
 
 from messages.message import Message
@@ -10,18 +11,18 @@ from messages.units import Finite, NotNegative, Vec3
 class ImuSample(Message, frozen=True, kw_only=True):
     """Accelerometer and gyroscope."""
 
-    specific_force: Vec3  # [m/s²] FRD; at rest (0, 0, -g)
-    angular_rate: Vec3  # [rad/s] FRD
+    specific_force: Vec3  # [m/s²]; in body axes at rest (0, 0, -g)
+    angular_rate: Vec3  # [rad/s]
 
 
 class MagnetometerSample(Message, frozen=True, kw_only=True):
     """Magnetic field, the vehicle's own disturbance included."""
 
-    field: Vec3  # [T] FRD
+    field: Vec3  # [T]
 
 
 class PressureSample(Message, frozen=True, kw_only=True):
-    """Absolute pressure at the vehicle's origin."""
+    """Absolute pressure at the sensor."""
 
     pressure: NotNegative  # [Pa] absolute
     temperature: Finite | None = None  # [°C] of the water
@@ -30,13 +31,14 @@ class PressureSample(Message, frozen=True, kw_only=True):
 class DvlSample(Message, frozen=True, kw_only=True):
     """Doppler velocity log: velocity over the ground."""
 
-    velocity: Vec3  # [m/s] FRD, of the vehicle's origin
+    velocity: Vec3  # [m/s] of the sensor
     std: NotNegative  # [m/s] one standard deviation of each component, as the device states it
     altitude: NotNegative | None = None  # [m] above the bottom
 
 
 class UsblSample(Message, frozen=True, kw_only=True):
-    """Acoustic position fix. `stamp_ns` is when the vehicle was there, not when it was told."""
+    """Acoustic position fix of the transponder. `stamp_ns` is when it was there, not when that was
+    told."""
 
     north: Finite  # [m] NED
     east: Finite  # [m] NED

@@ -27,8 +27,10 @@ class VehicleStatus(Message, frozen=True, kw_only=True):
 class Actuation(Message, frozen=True, kw_only=True):
     """What the thruster driver did with the newest command, and when."""
 
-    # [N] per thruster, as its driver sees it turn: 0 when dead, of the other sign when reversed.
+    # [N] per thruster: where it can be measured, as its driver sees it turn (0 when dead, of the
+    # other sign when reversed); else what the driver believes of its commands.
     thrust: tuple[Finite, ...]
+    measured: bool = False  # thrust is what was measured; False: what the driver believes
     actuated_ns: Stamp | None  # [ns] when the newest command took effect
     sensor_ns: Stamp | None  # [ns] sensor sample behind that command
     pilot_ns: Stamp | None  # [ns] pilot command behind that command

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from services.runtime.stack import services_of
-from services.runtime.table import wiring
+from services.runtime.registry import Registry, wire_of
 
 ROOT = Path(__file__).parents[1]
 PUBLIC = {"https://pypi.org", "https://files.pythonhosted.org"}
@@ -27,5 +26,5 @@ def test_the_lock_file_names_only_the_public_index() -> None:
 
 
 def test_every_service_of_the_dive_can_be_wired() -> None:
-    for service in services_of("dive"):
-        assert callable(wiring(service))
+    for service in Registry.read():
+        assert callable(wire_of(service))

@@ -49,6 +49,7 @@ def dive(
     """Start every service on this machine, pilot the drone, record it, show it, sum it up.
 
     Example: lindy dive --pilot script:first_dive --link remote --out dives/first
+             lindy dive --stack real --set driver.port=/dev/ttyACM0
     """
     from tools.dive import dive
 
@@ -108,7 +109,7 @@ def run(
         Parameter(
             negative=(),
             show_default=False,
-            help="REALM=ENDPOINT of a hub, once for each realm of the service",
+            help="SIDE=ENDPOINT of a hub, once for each side of the service",
         ),
     ] = (),
     choices: Choices | None = None,
@@ -124,7 +125,7 @@ def run(
 
 @app.command
 def hub(endpoint: str) -> int:
-    """Run a realm's hub in the foreground.
+    """Run a side's hub in the foreground.
 
     Example: lindy hub tcp/127.0.0.1:7448
     """

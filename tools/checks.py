@@ -1,6 +1,7 @@
 """Everything that can be checked before a dive starts, so that a mistake costs no waiting."""
 
 import os
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,9 +14,10 @@ from services.gamepad.wish import Follow
 from services.marine.vehicle import Vehicle
 from services.reference.following import Planned
 from services.runtime.errors import LindyError
+from services.runtime.registry import Registry
 from services.runtime.running import RUNNING, Running
 from services.runtime.settings import deploy_file, nearest
-from services.runtime.stack import Stack
+from services.runtime.stack import BODY, Stack
 from services.tether.io.profile_file import named
 from tools.choices import Choices
 from tools.link_fit import check_can_be_flown
@@ -57,8 +59,13 @@ def pilot_of(choice: str) -> Pilot:
     return Pilot(f"script:{path if name.endswith('.csv') else name}", log.duration)
 
 
-def checked(choices: Choices, pilot: Pilot) -> Stack:
+def checked(
+    choices: Choices, pilot: Pilot, services: Registry, here: Collection[str] | None = None
+) -> Stack:
     """The choices as services take them, after everything that can be checked has been.
+
+    Args:
+        here: names of the services that run on this machine; None: all.
 
     Raises:
         LindyError: the first mistake found, in one sentence.
@@ -75,10 +82,20 @@ def checked(choices: Choices, pilot: Pilot) -> Stack:
         seed=choices.seed,
         overrides=list(choices.set_),
     )
-    stack.check()
+    stack.check(known_tables(services, here))
     check_can_be_flown(named(choices.link))
-    _controllable(stack)
+    if (control := services.get("control")) is not None and control.module is None:
+        _controllable(stack)
     return stack
+
+
+def known_tables(services: Registry, here: Collection[str] | None = None) -> dict[str, type]:
+    """What a vehicle file may say: the vehicle itself, and a table for each service.
+
+    Raises:
+        LindyError: a module of the stack cannot be used.
+    """
+    return {BODY: Vehicle, **services.tables(here)}
 
 
 def _controllable(stack: Stack) -> None:

@@ -29,6 +29,10 @@ class Choices:
     vehicle: Annotated[
         str, Parameter(help="a name in deploy/vehicles, or the path of a TOML file")
     ] = "pioneer"
+    stack: Annotated[
+        str,
+        Parameter(help="which services: a name in deploy/stacks, or the path of a TOML file"),
+    ] = "simulated"
     link: Annotated[str, Parameter(help="a name in deploy/links, or the path of a TOML file")] = (
         "tether"
     )

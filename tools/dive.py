@@ -6,7 +6,7 @@ import msgspec
 
 from services.runtime.endpoint import checked_endpoint
 from services.runtime.local_stack import local_stack
-from services.runtime.stack import services_of
+from services.runtime.registry import Registry
 from tools.checks import checked
 from tools.choices import Choices
 from tools.display import display
@@ -26,19 +26,19 @@ def dive(choices: Choices, *, headless: bool, listen: str | None) -> int:
     """
     if listen is not None:
         checked_endpoint(listen, "--listen")
+    services = runnable(Registry.read(choices.stack))
     pilot = who_flies(choices)
     viewer = not headless and bool({"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys())
-    stack = checked(choices, pilot)
+    stack = checked(choices, pilot, services)
     stack = msgspec.structs.replace(stack, viewer=viewer, out=str(out_folder(choices.out)))
     outcome = Outcome(stack)
-    rows = runnable(services_of("dive"))
     tell_who_flies(choices, pilot)
     print(f"{title(stack)} → {stack.out_dir}", flush=True)
     with (
         Stop() as stop,
         display() as shown,
         outcome.of_the_dive(),
-        local_stack(stack, rows, listen) as local,
+        local_stack(stack, services, listen) as local,
         told(outcome, local),
     ):
         point_latest(stack.out_dir)

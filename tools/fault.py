@@ -6,9 +6,12 @@ from typing import get_args
 from messages import topics
 from messages.simulator import Fault, FaultRequest
 from services.runtime.errors import LindyError
+from services.runtime.registry import Registry
 from services.runtime.settings import nearest
 from tools.ask import dive_in
 from tools.asking import answer_to, at_once
+
+SIMULATOR = "simulator"
 
 
 def fault(part: str, kind: str, value: float | None, dive: Path | None) -> int:
@@ -20,11 +23,17 @@ def fault(part: str, kind: str, value: float | None, dive: Path | None) -> int:
     kinds: dict[str, Fault] = {name: name for name in get_args(Fault)}
     if kind not in kinds:
         raise LindyError(f"unknown fault {kind!r}{nearest(kind, list(kinds))}")
+    running = dive_in(dive)
+    if running.stack_file and SIMULATOR not in Registry.read(running.stack_file):
+        raise LindyError(
+            f"only a simulated vehicle can be broken on purpose, and this dive has none: its stack "
+            f"is {running.stack_file}"
+        )
     request = FaultRequest(stamp_ns=0, id="", part=part, fault=kinds[kind], value=value)
     answer = answer_to(
         lambda node: at_once(node, request, topics.FAULT_REQUEST, topics.FAULT_ANSWER),
-        dive_in(dive),
-        "simulator",
+        running,
+        SIMULATOR,
     )
     if not answer.accepted:
         raise LindyError(f"the simulator refuses: {answer.reason}")

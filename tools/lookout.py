@@ -22,7 +22,7 @@ class Lookout:
 
     def __init__(self, local: LocalStack, course: Course, stop: Stop, shown: Display) -> None:
         self._local, self._course, self._stop, self._shown = local, course, stop, shown
-        self._watch = Watch(local.node, list(local.rows), course, shown.line)
+        self._watch = Watch(local.node, list(local.services), course, shown.line)
         local.node.each(topics.STATUS, course.see)
 
     def keep(self) -> str:

@@ -8,8 +8,8 @@ import msgspec
 from services.runtime.endpoint import checked_endpoint
 from services.runtime.errors import LindyError
 from services.runtime.process_host import HubLaunch, Launch, run_hub, run_service
+from services.runtime.registry import Registry, ServiceSpec
 from services.runtime.settings import nearest
-from services.runtime.stack import Row, services_of
 from tools.checks import checked, pilot_of
 from tools.choices import Choices
 from tools.dive_folder import dive_files
@@ -21,14 +21,14 @@ def run(service: str, connect: tuple[str, ...], choices: Choices) -> int:
     """One service until Ctrl-C. Returns its exit status.
 
     Raises:
-        LindyError: an unknown service, or a realm that is missing or has no endpoint.
+        LindyError: an unknown service, or a side that is missing or has no endpoint.
     """
-    rows = services_of("dive")
-    if service not in rows:
-        raise LindyError(f"unknown service {service!r}{nearest(service, sorted(rows))}")
-    row = rows[service]
-    endpoints = endpoints_of(service, row, connect)
-    stack = checked(choices, pilot_of(choices.pilot or "gamepad"))
+    services = Registry.read(choices.stack)
+    if service not in services:
+        raise LindyError(f"unknown service {service!r}{nearest(service, sorted(services))}")
+    spec = services[service]
+    endpoints = endpoints_of(service, spec, connect)
+    stack = checked(choices, pilot_of(choices.pilot or "gamepad"), services, {service})
     out = (choices.out or Path()).resolve()
     if (kind := FILE.get(service)) and (earlier := dive_files(out, kind)):
         raise LindyError(f"{earlier[0]} is there already; choose another --out for the {service}")
@@ -38,33 +38,34 @@ def run(service: str, connect: tuple[str, ...], choices: Choices) -> int:
             Launch(
                 service=service,
                 stack=stack,
+                spec=spec,
+                stack_file=str(services.file),
                 endpoints=endpoints,
-                gateway=row.gateway,
                 memory=memory,
             )
         )
 
 
 def hub(endpoint: str) -> int:
-    """A realm's hub until Ctrl-C. Returns its exit status."""
+    """A side's hub until Ctrl-C. Returns its exit status."""
     return run_hub(HubLaunch(listen=[checked_endpoint(endpoint, "endpoint")]))
 
 
-def endpoints_of(service: str, row: Row, connect: tuple[str, ...]) -> dict[str, str]:
-    """Realm → endpoint, the service's home first.
+def endpoints_of(service: str, spec: ServiceSpec, connect: tuple[str, ...]) -> dict[str, str]:
+    """Side → endpoint, the service's home first.
 
     Raises:
-        LindyError: not REALM=ENDPOINT, an unknown realm, or one is missing.
+        LindyError: not SIDE=ENDPOINT, an unknown side, or one is missing.
     """
     given: dict[str, str] = {}
     for text in connect:
-        realm, equals, endpoint = text.partition("=")
+        side, equals, endpoint = text.partition("=")
         if not equals or not endpoint:
-            raise LindyError(f"--connect {text}: expected REALM=ENDPOINT")
-        if realm not in row.realms:
-            raise LindyError(f"--connect {text}: unknown realm{nearest(realm, row.realms)}")
-        given[realm] = checked_endpoint(endpoint, f"--connect {realm} =")
-    if missing := [realm for realm in row.realms if realm not in given]:
+            raise LindyError(f"--connect {text}: expected SIDE=ENDPOINT")
+        if side not in spec.sides:
+            raise LindyError(f"--connect {text}: unknown side{nearest(side, spec.sides)}")
+        given[side] = checked_endpoint(endpoint, f"--connect {side} =")
+    if missing := [side for side in spec.sides if side not in given]:
         example = f"--connect {missing[0]}=tcp/127.0.0.1:7447"
-        raise LindyError(f"{service} lives in {', '.join(row.realms)}; add {example}")
-    return {realm: given[realm] for realm in row.realms}
+        raise LindyError(f"{service} lives in {', '.join(spec.sides)}; add {example}")
+    return {side: given[side] for side in spec.sides}

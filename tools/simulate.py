@@ -12,7 +12,7 @@ from messages import topics
 from messages.health import LogLine
 from services.runtime.errors import LindyError
 from services.runtime.garbage import rare_collections
-from services.runtime.stack import services_of
+from services.runtime.registry import Registry
 from services.runtime.supervisor import NAME
 from services.runtime.virtual_host import VirtualHost
 from tools.checks import DEFAULT_PILOT, checked, pilot_of
@@ -40,8 +40,9 @@ def simulate(choices: Choices) -> int:
     pilot = pilot_of(choices.pilot or DEFAULT_PILOT)
     if pilot.script_s is None:
         raise LindyError(f"--pilot {pilot.name} needs real time; simulate flies script:FILE only")
-    stack = checked(choices, pilot)
-    stack = msgspec.structs.replace(stack, out=str(out_folder(choices.out)))
+    services = runnable(Registry.read(choices.stack))
+    stack = checked(choices, pilot, services)
+    stack = msgspec.structs.replace(stack, virtual=True, out=str(out_folder(choices.out)))
     outcome = Outcome(stack)
     course = Course(pilot.script_s, choices.seconds)
     host, shown = VirtualHost(), LineDisplay()
@@ -49,13 +50,12 @@ def simulate(choices: Choices) -> int:
     def show(line: LogLine) -> None:
         shown.line(line, course.elapsed_s(line.stamp_ns))
 
-    rows = runnable(services_of("dive"))
     print(f"{title(stack)} → {stack.out_dir}", flush=True)
     with Stop() as stop, outcome.of_the_dive(), progress() as advance, closing(host):
         node = host.node(NAME, ["topside"])
         node.each(topics.STATUS, course.see)
         outcome.listen(node)
-        host.add_all(rows, stack)
+        host.add_all(services, stack)
         point_latest(stack.out_dir)
         host.show(lambda line: None if line.level == "info" else show(line))
         began = time.perf_counter()

@@ -7,8 +7,9 @@ import msgspec
 from services.runtime.endpoint import checked_endpoint
 from services.runtime.errors import LindyError
 from services.runtime.local_stack import Far, LocalStack, local_stack
+from services.runtime.registry import Registry, ServiceSpec
 from services.runtime.settings import nearest
-from services.runtime.stack import Row, Stack, apart, services_of
+from services.runtime.stack import Stack
 from tools.checks import DEFAULT_PILOT, checked, pilot_of
 from tools.choices import Choices
 from tools.course import Course
@@ -43,22 +44,27 @@ def up(side: str, choices: Choices, *, listen: str, connect: str, gateway: bool)
 
 def drone(choices: Choices, listen: str) -> int:
     """Until Ctrl-C: on board everything goes on, whether or not the topside is there."""
-    stack = checked(choices, pilot_of(choices.pilot or DEFAULT_PILOT))
+    every = Registry.read(choices.stack)
+    here = on_side(every, "drone", gateway=False)
+    stack = checked(choices, pilot_of(choices.pilot or DEFAULT_PILOT), every, here)
     # Who has the sticks, and what the link is like, is the topside's affair.
     stack = msgspec.structs.replace(stack, apart=True, pilot=OTHER["drone"], link=listen)
     stack = msgspec.structs.replace(stack, out=str(out_folder(choices.out)))
     print(f"drone {stack.vehicle}, for the topside at {listen} → {stack.out_dir}", flush=True)
+    print(f"vehicle side: {in_words(here.vehicle_side)}", flush=True)
 
     def go(local: LocalStack, stop: Stop, shown: Display) -> str:
         return Lookout(local, Course(None, choices.seconds), stop, shown).keep()
 
-    return run(stack, rows_of("drone", gateway=False), Far("drone", listen=(listen,)), go)
+    return run(stack, every, here, Far("drone", listen=(listen,)), go)
 
 
 def topside(choices: Choices, connect: str, gateway: bool) -> int:
     """A dive as `lindy dive` flies it; what is recorded is recorded on board."""
+    every = Registry.read(choices.stack)
+    here = runnable(on_side(every, "topside", gateway=gateway))
     pilot = who_flies(choices)
-    stack = checked(choices, pilot)
+    stack = checked(choices, pilot, every, here)
     stack = msgspec.structs.replace(stack, apart=True, out=str(out_folder(choices.out)))
     # Either the two hubs are joined, or the tether process stands between them.
     far = Far("topside", gateway=connect) if gateway else Far("topside", connect=(connect,))
@@ -69,35 +75,39 @@ def topside(choices: Choices, connect: str, gateway: bool) -> int:
     def go(local: LocalStack, stop: Stop, shown: Display) -> str:
         return Flight(local, pilot, choices.seconds, stop, shown).fly()
 
-    return run(stack, rows_of("topside", gateway=gateway), far, go)
+    return run(stack, every, here, far, go)
 
 
-def run(stack: Stack, rows: Mapping[str, Row], far: Far, go: Go) -> int:
-    """One side from its start to its last words. Returns the exit status."""
+def run(stack: Stack, every: Registry, here: Registry, far: Far, go: Go) -> int:
+    """One side of a stack from its start to its last words. Returns the exit status."""
     outcome = Outcome(stack)
-    rows = runnable(rows)
     with (
         Stop() as stop,
         display() as shown,
         outcome.of_the_dive(),
-        local_stack(stack, rows, far=far) as local,
+        local_stack(stack, here, far=far) as local,
         told(outcome, local),
     ):
         point_latest(stack.out_dir)
         outcome.exit = go(local, stop, shown)
     other = OTHER[far.side]
-    if RECORDER in rows:
-        return outcome.sum_up(Elsewhere(other, tuple(rows_of(other, gateway=False))))
+    if RECORDER in here:
+        return outcome.sum_up(Elsewhere(other, tuple(on_side(every, other, gateway=False))))
     return outcome.sum_up_unrecorded(far.side, other)
 
 
-def rows_of(side: str, *, gateway: bool) -> dict[str, Row]:
-    """The services whose home is on this side; they hear no other realm but through the link."""
-    rows: dict[str, Row] = {}
-    for name, row in apart(services_of("dive")).items():
+def on_side(every: Registry, side: str, *, gateway: bool) -> Registry:
+    """The services whose home is on this side; they hear no other side but through the link."""
+    specs: dict[str, ServiceSpec] = {}
+    for name, spec in every.apart().items():
         if name == GATEWAY:
             if gateway:
-                rows[name] = row
-        elif row.realms[0] == side:
-            rows[name] = msgspec.structs.replace(row, realms=[side])
-    return rows
+                specs[name] = spec
+        elif spec.sides[0] == side:
+            specs[name] = msgspec.structs.replace(spec, sides=[side])
+    return every.only(specs)
+
+
+def in_words(modules: Mapping[str, str]) -> str:
+    """Services with their modules: `driver (my_lab.my_driver)`."""
+    return ", ".join(f"{name} ({module})" for name, module in modules.items())

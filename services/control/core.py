@@ -162,6 +162,7 @@ class Controller:
             pilot_ns=None if reference is None else reference.pilot_ns,
             epoch=0 if reference is None else reference.epoch,
             thrust=done.thrust,
+            armed=reference is not None and reference.armed,
         )
         return wrench, command
 

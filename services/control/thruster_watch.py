@@ -2,7 +2,8 @@
 
 Each report of the driver is held against the command that, so the driver says, was in effect. A
 thruster that does not work for a reason we know (it is out of the water, commands are stale) is not
-judged; a dead one is tried again now and then.
+judged, nor is one of which the driver only believes what it does; a dead one is tried again now and
+then.
 """
 
 from collections import deque
@@ -78,8 +79,9 @@ class ThrusterWatch:
         return tuple([PROBE * w.excited if w.verdict == "dead" else force for w, force in pairs])
 
     def _taken(self, actuation: Actuation) -> tuple[float, ...] | None:
-        """[N] The command that this report is about; None when it is not one of ours."""
-        if actuation.stale or actuation.actuated_ns is None:
+        """[N] The command that this report is about; None when it is not one of ours, or tells
+        nothing."""
+        if actuation.stale or actuation.actuated_ns is None or not actuation.measured:
             return None
         for sensor_ns, thrust in reversed(self._commands):
             if sensor_ns == actuation.sensor_ns:

@@ -8,6 +8,9 @@ several that come at once.
     actuation      with the hull's drag, the current
     reference      depth, for the one observer that asks for it
 
+Samples are of the sensors' own axes and places; inside this class they are of the
+vehicle's origin, in body axes (services/vehicle/mounting.py).
+
 While calibrating, the first three are only averaged. What is valid when: status.py.
 """
 
@@ -28,11 +31,14 @@ from services.estimation.asked_motion import asked_acceleration
 from services.estimation.beginning import Observers
 from services.estimation.calibrating import Calibrating
 from services.estimation.horizontal_hull import Hull
-from services.estimation.horizontal_observer import HorizontalObserver, Motion
+from services.estimation.horizontal_observer import HorizontalObserver, Motion, from_north
 from services.estimation.journal import Journal
 from services.estimation.remembered import Remembered, worth_keeping
 from services.estimation.settings import Settings
+from services.marine.mount import Mounting
 from services.marine.vehicle import Vehicle
+from services.marine.water import density_of
+from services.vehicle.mounting import AtOrigin, Moment
 
 LONGEST_STEP = 0.1  # [s] the newest angular rate says nothing about a longer gap
 
@@ -59,6 +65,8 @@ class Estimator:
         self._settings = settings
         self._floating_depth = floating_depth
         self._admission = Admission(settings.watch, self.noted)
+        mounting = Mounting() if vehicle is None else vehicle.mounting
+        self._at_origin = AtOrigin(mounting, density_of(settings.water_density))
         self._asked: float | None = None  # [m/s²] acceleration down that the reference asks for
         self._imu_ns: int | None = None  # [ns] newest IMU sample used
         self._kept_ns: int | None = None  # [ns] when what was remembered was true
@@ -83,11 +91,13 @@ class Estimator:
         have overtaken already. False: it cannot be used."""
         if not self._admission.imu(sample):
             return False
+        sample = self._at_origin.imu(sample)
         dt = self._step_to(sample.stamp_ns)
         if self._calibrating is not None:
             self._calibrate(self._calibrating, sample, dt)
         else:
             self._run(sample, dt)
+        self._note_motion(sample)
         return True
 
     def silence(self, now: int) -> VehicleState | None:
@@ -105,6 +115,7 @@ class Estimator:
     def pressure(self, sample: PressureSample) -> None:
         if not self._admission.pressure(sample):
             return
+        sample = self._at_origin.pressure(sample)
         if self._calibrating is not None:
             self._calibrating.pressure(sample.pressure)
         else:
@@ -113,6 +124,7 @@ class Estimator:
     def magnetometer(self, sample: MagnetometerSample) -> None:
         if not self._admission.magnetometer(sample):
             return
+        sample = self._at_origin.magnetometer(sample)
         if self._calibrating is not None:
             self._calibrating.magnetometer(sample.field)
         else:
@@ -120,11 +132,11 @@ class Estimator:
 
     def dvl(self, sample: DvlSample) -> None:
         if self._admission.dvl(sample) and self._calibrating is None:
-            self._journal.note(self._horizontal.dvl(sample))
+            self._journal.note(self._horizontal.dvl(self._at_origin.dvl(sample)))
 
     def usbl(self, sample: UsblSample) -> None:
         if self._admission.usbl(sample) and self._calibrating is None:
-            self._journal.note(self._horizontal.usbl(sample))
+            self._journal.note(self._horizontal.usbl(self._at_origin.usbl(sample)))
 
     def actuation(self, sample: Actuation) -> None:
         """What the thrusters really do: with the hull's drag, the only thing that tells the
@@ -185,6 +197,15 @@ class Estimator:
         input_ = self._asked if follows else self._attitude.acceleration_down(force)
         note(self._depth.predict(input_, at_ns, self._attitude.lean))
         note(self._predict_horizontal(force, at_ns))
+
+    def _note_motion(self, sample: ImuSample) -> None:
+        """How the vehicle lies and turns, for sensors that sit on an arm."""
+        if not self._at_origin.curious:
+            return
+        seen, (p, q, r) = self._attitude, sample.angular_rate
+        a, b, c = seen.gyro_bias
+        attitude = from_north(seen.attitude, seen.compass.offset or 0.0)
+        self._at_origin.moved(Moment(sample.stamp_ns, (p - a, q - b, r - c), attitude))
 
     def _predict_horizontal(self, force: Vec3 | None, at_ns: int) -> str | None:
         seen, (depth_rate, depth_rate_std) = self._attitude, self._depth.rate

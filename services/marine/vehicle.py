@@ -8,6 +8,7 @@ from typing import Annotated
 import msgspec
 
 from messages.units import FiniteSetting, NotNegativeSetting, Positive
+from services.marine.mount import Mounting
 from services.marine.thrust_curve import CURVES, LINEAR
 from services.marine.thruster_lag import Lag, Mode, first_order, modes_of
 
@@ -93,6 +94,7 @@ class Vehicle(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     metacentric_height: NotNegativeSetting  # [m] centre of buoyancy above centre of gravity
     size: tuple[Positive, Positive, Positive]  # [m] length, width, height; origin in the middle
     thruster: Annotated[list[Thruster], msgspec.Meta(min_length=1)]
+    mounting: Mounting = Mounting()  # where the sensors sit
 
     def __post_init__(self) -> None:
         names = [thruster.name for thruster in self.thruster]

@@ -6,7 +6,7 @@ from services.runtime.errors import LindyError
 
 EXAMPLE = "tcp/127.0.0.1:7447"
 ENDPOINT = re.compile(
-    X(unixsock-stream|unixpipe|vsock|serial)/.+"
+    r"(tcp|udp|tls|quic|ws)/(\[[^\]/\s]+\]|[^:/?#\s]+):\d{1,5}([?#].*)?|(unixsock-stream|unixpipe|vsock|serial)/.+"
 )
 
 

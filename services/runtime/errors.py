@@ -6,3 +6,13 @@ class LindyError(Exception):
 
     Every entry point prints it to stderr without a traceback and exits with status 1.
     """
+
+
+class NeedsRealTimeError(LindyError):
+    """Raised by the `wire` of a driver that cannot run on virtual time, when `stack.virtual`."""
+
+    def __init__(self, who: str) -> None:
+        super().__init__(
+            f"{who} needs real time: fly it with `lindy dive` or `lindy up drone`, or simulate "
+            f"another stack"
+        )

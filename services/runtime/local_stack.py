@@ -23,8 +23,9 @@ from services.runtime.far_clock import FarClock, Side
 from services.runtime.memory import VolatileMemory
 from services.runtime.node import Node
 from services.runtime.process_host import HubLaunch, Launch, usage
+from services.runtime.registry import Registry, ServiceSpec
 from services.runtime.running import RUNNING, Running
-from services.runtime.stack import Row, Stack
+from services.runtime.stack import Stack
 from services.runtime.supervisor import NAME, Supervisor
 from services.runtime.zenoh_bus import ZenohBus, connected, listening, namespace
 
@@ -52,15 +53,15 @@ class LocalStack:
     def __init__(
         self,
         stack: Stack,
-        rows: Mapping[str, Row],
+        services: Registry,
         folder: Path,
         listen: str | None,
         far: "Far | None",
     ) -> None:
         self._far = far
         self.stack = stack
-        self.rows = rows
-        self.endpoints = _endpoints(rows, folder, listen, only_homes=far is not None)
+        self.services = services
+        self.endpoints = _endpoints(services, folder, listen, only_homes=far is not None)
         self._reach = {**self.endpoints}  # what services connect to
         if far is not None and far.gateway is not None:
             self._reach["drone"] = far.gateway
@@ -105,14 +106,14 @@ class LocalStack:
 
     def start_services(self) -> None:
         self._checkpoints = _unused_folder(self._checkpoints)
-        self.supervisor.add(self._service(name) for name in self.rows)
+        self.supervisor.add(self._service(name) for name in self.services)
 
     def missing(self) -> list[str]:
         """Services that are not alive in all of their realms."""
         return [
             name
-            for name, row in self.rows.items()
-            if any((realm, name) not in self.alive for realm in row.realms if realm in self._buses)
+            for name, spec in self.services.items()
+            if any((realm, name) not in self.alive for realm in spec.sides if realm in self._buses)
         ]
 
     def wait_alive(self, timeout_s: float, look: Callable[[], bool]) -> None:
@@ -197,13 +198,13 @@ class LocalStack:
         return Task(f"hub_{realm}", command, self._log(f"hub_{realm}"), wave=2)
 
     def _service(self, name: str) -> Task:
-        row = self.rows[name]
+        spec = self.services[name]
         launch = Launch(
             service=name,
-            code=row.service,
             stack=self.stack,
-            endpoints={realm: self._reach[realm] for realm in row.realms},
-            gateway=row.gateway,
+            spec=spec,
+            stack_file=str(self.services.file),
+            endpoints={realm: self._reach[realm] for realm in spec.sides},
             memory=str(self._checkpoints),
             parent=os.getpid(),
         )
@@ -221,7 +222,7 @@ class LocalStack:
 @contextmanager
 def local_stack(
     stack: Stack,
-    rows: Mapping[str, Row],
+    services: Registry,
     listen: str | None = None,
     far: Far | None = None,
 ) -> Generator[LocalStack]:
@@ -230,7 +231,7 @@ def local_stack(
     Args:
         listen: endpoint on which the pilot's hub listens instead of a private socket, so that
             programs outside the stack can connect.
-        far: the other side, where it is another machine; `rows` are then those of this one.
+        far: the other side, where it is another machine; `services` are then those of this one.
 
     Raises:
         LindyError: the endpoint is taken or malformed.
@@ -239,7 +240,7 @@ def local_stack(
         with listening(endpoint):
             pass  # the hub would say the same, but only after strangers' hubs have answered
     with tempfile.TemporaryDirectory(prefix="lindy-", dir=_socket_folder()) as folder:
-        local = LocalStack(stack, rows, Path(folder), listen, far)
+        local = LocalStack(stack, services, Path(folder), listen, far)
         with ExitStack() as exits:
             exits.callback((stack.out_dir / RUNNING).unlink, missing_ok=True)
             exits.callback(local.supervisor.stop)
@@ -251,11 +252,11 @@ def local_stack(
 
 
 def _endpoints(
-    rows: Mapping[str, Row], folder: Path, listen: str | None, *, only_homes: bool
+    services: Mapping[str, ServiceSpec], folder: Path, listen: str | None, *, only_homes: bool
 ) -> dict[str, str]:
     """A hub for each realm; where the other side is another machine, for somebody's home here."""
     realms = dict.fromkeys(
-        realm for row in rows.values() for realm in row.realms[: 1 if only_homes else None]
+        realm for spec in services.values() for realm in spec.sides[: 1 if only_homes else None]
     )
     endpoints = {realm: f"unixsock-stream/{folder}/{realm}.sock" for realm in realms}
     if listen is not None:

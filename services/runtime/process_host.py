@@ -12,6 +12,7 @@ import signal
 import sys
 import threading
 import time
+import traceback
 from collections.abc import Generator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -26,8 +27,8 @@ from services.runtime.garbage import rare_collections
 from services.runtime.memory import FileMemory
 from services.runtime.node import Node
 from services.runtime.pulse import Usage
+from services.runtime.registry import Registry, ServiceSpec
 from services.runtime.stack import Stack
-from services.runtime.table import wiring
 from services.runtime.zenoh_bus import listening, open_bus
 
 POLL_S = 0.1  # longest wait between two looks at the stop flag
@@ -38,10 +39,10 @@ class Launch(msgspec.Struct, frozen=True, kw_only=True):
     """All a service process needs to know, as one JSON argument."""
 
     service: str
-    code: str | None = None  # of which service, if not of its name
     stack: Stack
-    endpoints: dict[str, str]  # realm → hub's endpoint; the first realm is home
-    gateway: bool = False
+    spec: ServiceSpec  # its row in …
+    stack_file: str  # … this file
+    endpoints: dict[str, str]  # side → hub's endpoint; the first side is home
     memory: str  # folder of the checkpoints, for a restart after a crash
     parent: int | None = None  # pid; the process ends when this is no longer its parent
 
@@ -69,13 +70,14 @@ def run_service(launch: Launch) -> int:
         home = next(iter(launch.endpoints))
         far = FarClock("topside" if home == "topside" else "drone") if launch.stack.apart else None
         node = Node(
-            launch.service, buses, time.monotonic_ns, memory, gateway=launch.gateway, far=far
+            launch.service, buses, time.monotonic_ns, memory, gateway=launch.spec.gateway, far=far
         )
         node.show, node.usage = _show, usage
         node.wall_offset_ns = time.time_ns() - time.monotonic_ns()
         event = threading.Event()
         node.wake = event.set
-        wiring(launch.code or launch.service)(node, launch.stack)
+        registry = Registry(Path(launch.stack_file), {launch.service: launch.spec})
+        registry.wire(launch.service)(node, launch.stack)
         exits.callback(node.close)
         for bus in buses.values():
             bus.announce(launch.service)
@@ -135,6 +137,8 @@ def _sentences(who: str) -> Generator[None]:
     try:
         yield
     except LindyError as error:
+        if error.__cause__ is not None:  # a module that is not ours: details for the log
+            traceback.print_exception(error.__cause__)
         print(f"lindy {who}: {error}", file=sys.stderr, flush=True)
 
 

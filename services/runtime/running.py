@@ -7,6 +7,7 @@ RUNNING = "run.json"
 
 class Running(msgspec.Struct, frozen=True):
     vehicle: str  # its name in keys
-    endpoints: dict[str, str]  # realm → hub's endpoint
+    endpoints: dict[str, str]  # side → hub's endpoint
     supervisor: int  # process id
     pids: dict[str, int]  # process id of every hub and service
+    stack_file: str = ""  # path of the stack file

@@ -1,6 +1,5 @@
 """What every service of one dive shares: the vehicle, the link, the pilot, where files go."""
 
-import importlib
 import re
 from collections.abc import Mapping
 from functools import cached_property, lru_cache
@@ -10,15 +9,7 @@ from typing import Annotated, Any, TypeVar
 import msgspec
 
 from services.runtime.errors import LindyError
-from services.runtime.settings import (
-    convert,
-    deploy_file,
-    line_of,
-    nearest,
-    override,
-    read,
-    read_toml,
-)
+from services.runtime.settings import convert, deploy_file, line_of, nearest, override, read_toml
 
 S = TypeVar("S")
 BODY = "vehicle"  # the table of the vehicle file that describes the vehicle itself
@@ -35,6 +26,7 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
     viewer: bool = False  # open a live viewer
     apart: bool = False  # topside and drone are machines of their own, each with its own clock
     arm: bool = True  # the gamepad arms the drone as soon as it is ready
+    virtual: bool = False  # on virtual time: a driver that needs real time refuses to start
     overrides: list[str] = []  # key.path=value into the vehicle file
 
     @cached_property
@@ -73,16 +65,18 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         except LindyError as error:
             raise self._blamed(str(error)) from None
 
-    def check(self) -> None:
+    def check(self, known: Mapping[str, type]) -> None:
         """Read every table of the vehicle file once, so that a mistake stops a dive before it
         starts.
+
+        Args:
+            known: the tables that there may be, and what each is read into.
 
         Raises:
             LindyError: an unknown table, a mistake in one, or a name that no key may have.
         """
         _ = self.vehicle_name
         tree = _vehicle_tree(self.vehicle_path, tuple(self.overrides))
-        known = settings_types()
         for name in tree:
             if name not in known:
                 where = f"{self.vehicle_path}{line_of(self.vehicle_path, (name,))}: {name}"
@@ -108,48 +102,6 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
             if inside or (key.startswith(f"{wrong}.") and not in_file and "unknown" in why):
                 return LindyError(f"--set {assignment}: {wrong}: {why}")
         return LindyError(sentence)
-
-
-class Row(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A service of a stack file."""
-
-    realms: list[str]  # the first is its home
-    gateway: bool = False  # says what both realms hear in each of them itself
-    each_machine: bool = False  # runs on each machine, where its realms are machines of their own
-    service: str | None = None  # whose code it runs; None: that of its name
-
-
-class StackFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    services: dict[str, Row]
-
-
-def services_of(stack_file: str) -> dict[str, Row]:
-    """Which services a stack is made of and where they live."""
-    return read(deploy_file("stacks", stack_file), StackFile).services
-
-
-def apart(rows: Mapping[str, Row]) -> dict[str, Row]:
-    """The same rows where topside and drone are machines of their own: what runs on each of them
-    has a name of its own away from home, because each hears the other's health."""
-    split: dict[str, Row] = {}
-    for name, row in rows.items():
-        if not row.each_machine:
-            split[name] = row
-            continue
-        for realm in row.realms:
-            instance = name if realm == row.realms[0] else f"{name}_{realm}"
-            split[instance] = Row(realms=[realm], service=name)
-    return split
-
-
-def settings_types() -> dict[str, Any]:
-    """Tables a vehicle file may have: the vehicle itself, and one per service with settings."""
-    types: dict[str, Any] = {BODY: importlib.import_module("services.marine.vehicle").Vehicle}
-    for name in services_of("dive"):
-        core = importlib.import_module(f"services.{name}.core")
-        if hasattr(core, "Settings"):
-            types[name] = core.Settings
-    return types
 
 
 @lru_cache

@@ -122,7 +122,7 @@ def how(status: int) -> str:
 
 def in_words(name: str, words: str, task: Task) -> str:
     """The sentence for the user. A child that prints `lindy <name>: …` has found it itself."""
-    told = f"lindy {name.partition('_')[0]}: "
-    if words.startswith(told):
-        return words.removeprefix(told)
+    for told in (f"lindy {name}: ", f"lindy {name.partition('_')[0]}: "):  # hub_drone is a hub
+        if words.startswith(told):
+            return words.removeprefix(told)
     return f"{name} cannot start: {words or 'it says nothing'} (see {task.log})"

@@ -16,8 +16,8 @@ from services.runtime.jitter import Lateness
 from services.runtime.memory import Memory, VolatileMemory
 from services.runtime.memory_bus import Ear, MemoryBus
 from services.runtime.node import Node
-from services.runtime.stack import Row, Stack
-from services.runtime.table import Wire, wiring
+from services.runtime.registry import Registry, ServiceSpec, Wire, wire_of
+from services.runtime.stack import Stack
 
 ROUNDS = 1000  # deliveries at one instant before we call it an endless conversation
 
@@ -74,15 +74,20 @@ class VirtualHost:
         self.nodes[name] = node
         return node
 
-    def add(self, name: str, row: Row, stack: Stack, wire: Wire | None = None) -> Node:
-        """Start a service now."""
-        node = self.node(name, row.realms, gateway=row.gateway)
-        (wire or wiring(row.service or name))(node, stack)
+    def add(self, name: str, spec: ServiceSpec, stack: Stack, wire: Wire | None = None) -> Node:
+        """Start a service now: one of Lindy's own, unless its `wire` is given."""
+        node = self.node(name, spec.sides, gateway=spec.gateway)
+        (wire or wire_of(spec.service or name))(node, stack)
         return node
 
-    def add_all(self, services: Mapping[str, Row], stack: Stack) -> None:
-        for name, row in services.items():
-            self.add(name, row, stack)
+    def add_all(self, services: Registry, stack: Stack) -> None:
+        """Start a whole stack now.
+
+        Raises:
+            LindyError: a service cannot start.
+        """
+        for name, spec in services.items():
+            self.add(name, spec, stack, services.wire(name))
 
     def kill(self, name: str) -> None:
         """End a service as a crash would: it says nothing more and closes nothing."""

@@ -18,8 +18,10 @@ from messages.sensors import (
     UsblSample,
 )
 from messages.simulator import FaultRequest
+from messages.units import Vec3
 from messages.vehicle import Actuation, Truth
 from services.marine.attitude import heading_of, to_euler, to_world, wrapped
+from services.marine.mount import Mount, Placed
 from services.marine.vehicle import Vehicle
 from services.simulator import faults
 from services.simulator.battery import Battery
@@ -29,8 +31,9 @@ from services.simulator.settings import Settings as Settings
 from services.simulator.vessel import Vessel
 from services.simulator.world import World as World
 from services.simulator.world import at_the_surface as at_the_surface
+from services.vehicle.actuator_gate import ActuatorGate
+from services.vehicle.mounting import place_of
 
-THRUSTERS = "control/thrusters"  # named in what is counted
 M = TypeVar("M", bound=Message)
 
 
@@ -46,7 +49,8 @@ class Simulator:
             ValueError: a thruster without direction, or a negative seed.
         """
         self._vessel = Vessel(vehicle, settings, world.state, world.thrust, seed)
-        self._sensors = Sensors(settings, seed)
+        self._sensors = Sensors(settings, seed, vehicle.mounting)
+        self._mounting = vehicle.mounting
         self._settings = settings
         self._battery = Battery(vehicle, settings, world.used_wh)
         self._heading = world.heading
@@ -55,36 +59,28 @@ class Simulator:
         self._suffer(world.faults)
         self._now = 0  # [ns] to which the world has moved
         self._begun = False
-        self._command: ThrusterCommand | None = None  # the newest that took effect
-        self._actuated_ns: int | None = None
-        self._epoch = 0  # newest authority epoch that was obeyed
-        self._ends_ns: int | None = None  # the instant it becomes stale; None: nothing to obey
+        self._gate = ActuatorGate(vehicle.thruster)
 
     # Time and commands. Each returns the names of what is to be counted.
 
     def advance(self, now: int) -> list[str]:
         """Move the world to `now` [ns]."""
-        if self._ends_ns is None or now <= self._ends_ns:
+        ends = self._gate.ends_ns
+        if ends is None or now <= ends:
             self._move(now)
             return []
-        self._move(max(self._now, self._ends_ns))
-        self._ends_ns = None
-        self._vessel.drive([0.0] * len(self._vessel.thrust))
+        self._move(max(self._now, ends))
+        counted = self._gate.lapse(now)
+        self._vessel.drive(self._gate.output(now))
         self._move(now)
-        return [f"stale:{THRUSTERS}"]
+        return counted
 
     def obey(self, command: ThrusterCommand, now: int) -> list[str]:
         """Let a command take effect at `now` [ns], until then the old one holds."""
-        counted = self.advance(now)
-        if len(command.thrust) != len(self._vessel.thrust):
-            return [*counted, f"wrong_length:{THRUSTERS}"]
-        if command.epoch < self._epoch:
-            return [*counted, f"wrong_epoch:{THRUSTERS}"]
-        self._epoch = command.epoch
-        limited = self._vessel.drive(command.thrust)
-        self._command, self._actuated_ns = command, now
-        self._ends_ns = command.stamp_ns + round(command.ttl_ms * 1e6)
-        return [*counted, *(f"saturated:{name}" for name in limited)]
+        counted = [*self.advance(now), *self._gate.obey(command, now)]
+        if self._gate.command is command:
+            self._vessel.drive(self._gate.output(now))
+        return counted
 
     # Faults.
 
@@ -157,19 +153,22 @@ class Simulator:
         return self._says("sensor/magnetometer", sample)
 
     def pressure(self) -> PressureSample | None:
-        sample = self._sensors.pressure(self._now, self._vessel.position[2])
+        sample = self._sensors.pressure(self._now, self._place(self._mounting.pressure)[2])
         return self._says("sensor/pressure", sample)
 
     def dvl(self, device: Dvl) -> DvlSample | None:
         """None also when the bottom is out of reach."""
-        u, v, w, *_ = self._vessel.velocity
-        altitude = self._settings.floor_depth - self._vessel.position[2]
-        sample = self._sensors.dvl(self._now, (u, v, w), altitude, device)
+        altitude = self._settings.floor_depth - self._place(self._mounting.dvl)[2]
+        sample = self._sensors.dvl(self._now, self._vessel.velocity, altitude, device)
         return None if sample is None else self._says("sensor/dvl", sample)
 
     def usbl(self, device: Usbl) -> UsblSample | None:
-        north, east, _ = self._vessel.position
+        north, east, _ = self._place(self._mounting.usbl)
         return self._says("sensor/usbl", self._sensors.usbl(self._now, north, east, device))
+
+    def _place(self, mount: Placed | Mount) -> Vec3:
+        """[m] NED, where a sensor is."""
+        return place_of(mount.position, self._vessel.position, self._vessel.attitude)
 
     def battery(self) -> BatterySample | None:
         return self._says("sensor/battery", self._battery.sample(self._now))
@@ -179,14 +178,15 @@ class Simulator:
         return self._battery.empty
 
     def actuation(self) -> Actuation:
-        cause = self._command
+        cause = self._gate.command
         return Actuation(
             stamp_ns=self._now,
             thrust=tuple(self._vessel.produced),
-            actuated_ns=self._actuated_ns,
+            measured=True,
+            actuated_ns=self._gate.obeyed_ns,
             sensor_ns=cause.sensor_ns if cause else None,
             pilot_ns=cause.pilot_ns if cause else None,
-            stale=self._ends_ns is None,
+            stale=self._gate.ends_ns is None,
             power=self._battery.power,
         )
 

@@ -10,7 +10,7 @@ from typing import TypeVar
 
 from messages.units import Vec6
 from services.marine.thruster_lag import decay
-from services.marine.thrusters import driven, limited, total_wrench, wrench_per_newton
+from services.marine.thrusters import driven, total_wrench, wrench_per_newton
 from services.marine.vehicle import Vehicle
 from services.simulator.faults import Fault, settles_at
 
@@ -42,14 +42,10 @@ class Propulsion:
         ]
         self._add_up()
 
-    def drive(self, thrust: Sequence[float]) -> list[str]:
-        """Ask for this thrust [N] from now on; returns who is at its limit."""
+    def drive(self, thrust: Sequence[float]) -> None:
+        """Ask for this thrust [N] from now on."""
         self._commands = thrust
         self._aim()
-        if self.settles_at == list(thrust):
-            return []
-        pairs = zip(self._thrusters, thrust, strict=True)
-        return [t.name for t, command in pairs if limited(t, command) != command]
 
     def suffer(self, faults: Mapping[str, Fault]) -> None:
         """The thrusters named in these do as their faults say, all others as they are told."""

@@ -18,10 +18,13 @@ from messages.sensors import (
 )
 from messages.units import Quaternion, Vec3, Vec6
 from services.marine.attitude import to_body
+from services.marine.mount import Mounting
 from services.marine.vehicle import GRAVITY
 from services.marine.water import density_of
 from services.simulator.settings import Dvl, Settings, Usbl
+from services.vehicle.mounting import Axes, measured_there, seen_there
 
+AT_THE_ORIGIN = Mounting()
 IMU_HZ = 100.0  # [1/s] also of the magnetometer
 BLOCK = 1024  # samples whose noise is drawn at once, because a single draw is slow
 DRIFT_TIME = 300.0  # [s] correlation time of the bias that wanders
@@ -32,11 +35,15 @@ BIASES, IMU_NOISE, FIELD_NOISE, PRESSURE_NOISE, DVL_NOISE, USBL_NOISE, GYRO_DRIF
 
 
 class Sensors:
-    def __init__(self, settings: Settings, seed: int) -> None:
+    def __init__(self, settings: Settings, seed: int, mounting: Mounting = AT_THE_ORIGIN) -> None:
         """
         Args:
             seed: [-] 0 or more; the same seed gives the same biases and noise.
+            mounting: samples are of the sensors' own places and axes, as those of real ones are.
         """
+        self._mounting = mounting
+        self._imu_axes, self._dvl_axes = Axes(mounting.imu), Axes(mounting.dvl)
+        self._field_axes = Axes(mounting.magnetometer)
         drawn = np.random.default_rng([seed, BIASES]).standard_normal((3, 3))
         one_std = np.array(
             [[settings.gyro_bias], [settings.accelerometer_bias], [settings.hard_iron]]
@@ -55,8 +62,8 @@ class Sensors:
         self._pressure_noise = white_noise(seed, PRESSURE_NOISE, [settings.pressure_std])
 
     def imu(self, now: int, q_NB: Quaternion, nu: Vec6, nu_dot: Vec6) -> ImuSample:
-        """Specific force f = dv/dt + ω × v − R_BN g and angular rate at the origin (Fossen 2011,
-        §11.5), with bias and noise.
+        """Specific force f = dv/dt + ω × v − R_BN g and angular rate (Fossen 2011, §11.5), with
+        bias and noise.
 
         Args:
             nu, nu_dot: velocity and its derivative in the turning body frame, FRD.
@@ -65,6 +72,9 @@ class Sensors:
         a, b, c, *_ = nu_dot
         gx, gy, gz = to_body(q_NB, (0.0, 0.0, GRAVITY))
         force = (a + q * w - r * v - gx, b + r * u - p * w - gy, c + p * v - q * u - gz)
+        force, (p, q, r) = measured_there(
+            self._mounting.imu, self._imu_axes, force, (p, q, r), nu_dot[3:]
+        )
         noise, (dp, dq, dr) = self._noise("sensor/imu", self._imu_noise), next(self._gyro_drift)
         return ImuSample(
             stamp_ns=now,
@@ -73,8 +83,8 @@ class Sensors:
         )
 
     def magnetometer(self, now: int, q_NB: Quaternion) -> MagnetometerSample:
-        """The place's field in body axes, with the vehicle's own iron and noise."""
-        field = to_body(q_NB, self._settings.magnetic_field)
+        """The place's field, with the vehicle's own iron and noise."""
+        field = self._field_axes.to_sensor(to_body(q_NB, self._settings.magnetic_field))
         return MagnetometerSample(
             stamp_ns=now,
             field=_sum(
@@ -83,7 +93,7 @@ class Sensors:
         )
 
     def pressure(self, now: int, depth: float) -> PressureSample:
-        """Absolute pressure at the origin: air above, a column of water below the surface."""
+        """Absolute pressure at a depth [m]: air above, a column of water below the surface."""
         place = self._settings
         water = density_of(place.water_density) * GRAVITY * max(0.0, depth)
         pressure = (
@@ -93,11 +103,13 @@ class Sensors:
             pressure = round(pressure / place.pressure_step) * place.pressure_step
         return PressureSample(stamp_ns=now, pressure=pressure, temperature=place.water_temperature)
 
-    def dvl(self, now: int, velocity: Vec3, altitude: float, device: Dvl) -> DvlSample | None:
-        """Velocity over the ground [m/s], FRD; None when the bottom [m] is out of reach."""
+    def dvl(self, now: int, nu: Vec6, altitude: float, device: Dvl) -> DvlSample | None:
+        """Of the vehicle's velocity over the ground [m/s, rad/s], FRD; None when the bottom [m] is
+        out of reach."""
         if not 0.0 < altitude <= device.reach:
             return None
-        u, v, w = velocity
+        u, v, w, p, q, r = nu
+        u, v, w = seen_there(self._mounting.dvl, self._dvl_axes, (u, v, w), (p, q, r))
         a, b, c = self._noise("sensor/dvl", self._dvl_noise)
         s = device.std
         measured = (u + s * a, v + s * b, w + s * c)

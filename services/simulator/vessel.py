@@ -58,9 +58,9 @@ class Vessel:
         self._flow(0.0)
         self._look_around()
 
-    def drive(self, thrust: Sequence[float]) -> list[str]:
-        """Ask the thrusters for this thrust [N] from now on; returns who is at its limit."""
-        return self._propulsion.drive(thrust)
+    def drive(self, thrust: Sequence[float]) -> None:
+        """Ask the thrusters for this thrust [N] from now on."""
+        self._propulsion.drive(thrust)
 
     def suffer(self, faults: Faults) -> None:
         """From now on these thrusters, by name, are broken and all others are not."""

@@ -12,7 +12,8 @@ from messages import topics
 from messages.pilot import Course, PilotAnswer, PilotCommand, PilotRequest
 from messages.reference import Reference
 from messages.vehicle import VehicleStatus
-from services.runtime.stack import Stack, services_of
+from services.runtime.registry import Registry
+from services.runtime.stack import Stack
 from services.runtime.virtual_host import VirtualHost
 
 SECOND = 1_000_000_000
@@ -53,7 +54,7 @@ class Rival:
 
 
 def on_board(folder: Path) -> tuple[VirtualHost, list[Reference], list[VehicleStatus]]:
-    host, rows, stack = VirtualHost(), services_of("dive"), Stack(out=str(folder), arm=False)
+    host, rows, stack = VirtualHost(), Registry.read(), Stack(out=str(folder), arm=False)
     for name in ON_BOARD:
         host.add(name, rows[name], stack)
     references: list[Reference] = []

@@ -197,7 +197,7 @@ def spoil(running: Running) -> None:
             stamp_ns=0, surge=math.nan, sway=0.0, heave=0.0, yaw=0.0
         ),
         topics.THRUSTERS.key: ThrusterCommand(
-            stamp_ns=0, sensor_ns=None, pilot_ns=None, thrust=(math.nan,) * 4
+            stamp_ns=0, sensor_ns=None, pilot_ns=None, thrust=(math.nan,) * 4, armed=True
         ),
     }
     garbage = Random(1)

@@ -13,7 +13,8 @@ from messages.reference import Reference
 from messages.state import VehicleState
 from messages.vehicle import Truth
 from services.runtime.jitter import Jitter, Lateness
-from services.runtime.stack import Stack, services_of
+from services.runtime.registry import Registry
+from services.runtime.stack import Stack
 from services.runtime.virtual_host import VirtualHost
 
 S = 1_000_000_000  # [ns]
@@ -58,7 +59,7 @@ class Dive:
             for k, name in enumerate(BUSY)
             if jitter is not None
         }
-        self.host, rows = VirtualHost(lateness=late), services_of("dive")
+        self.host, rows = VirtualHost(lateness=late), Registry.read()
         for name in CHAIN:
             self.host.add(name, rows[name], stack)
         self.truth: dict[int, Truth] = {}

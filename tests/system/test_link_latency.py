@@ -12,8 +12,9 @@ from messages.link import LatencyBudget, LinkRequest, LinkStatus, Shown
 from messages.pilot import PilotCommand
 from messages.state import VehicleState
 from messages.vehicle import Actuation, VehicleStatus
+from services.runtime.registry import Registry
 from services.runtime.settings import DEPLOY
-from services.runtime.stack import Stack, services_of
+from services.runtime.stack import Stack
 from services.runtime.virtual_host import VirtualHost
 
 MS, S = 1_000_000, 1_000_000_000  # [ns]
@@ -36,7 +37,7 @@ class Flight:
             link=link,
             overrides=["estimation.calibration.still_time=1.5"],  # [s] less to wait for
         )
-        self.host, rows = VirtualHost(), services_of("dive")
+        self.host, rows = VirtualHost(), Registry.read()
         for name in SERVICES:
             self.host.add(name, rows[name], stack)
         self.said: list[tuple[int, LatencyBudget]] = []

@@ -22,9 +22,8 @@ from services.reference.settings import Settings
 from services.runtime.bus import Envelope
 from services.runtime.gate import Gate
 from services.runtime.node import Node
-from services.runtime.stack import Stack, services_of
-from services.runtime.stack import apart as split
-from services.runtime.table import wiring
+from services.runtime.registry import Registry, wire_of
+from services.runtime.stack import Stack
 from services.runtime.virtual_host import Skew, VirtualHost
 from services.tether.damage import NEVER_USED
 
@@ -134,15 +133,15 @@ class Flight:
     def __post_init__(self) -> None:
         apart = self.clock is not None
         self.host = VirtualHost({"drone": self.clock} if self.clock else None)
-        self.rows = services_of("dive")
-        rows = {name: self.rows[name] for name in SERVICES}
+        self.rows = Registry.read()
+        rows = self.rows.only({name: self.rows[name] for name in SERVICES})
         self.stack = Stack(
             pilot=f"script:{self._script()}",
             out=str(self.folder),
             apart=apart,
             overrides=["estimation.calibration.still_time=1.5"],  # [s] less to wait for
         )
-        for name, row in (split(rows) if apart else rows).items():
+        for name, row in (rows.apart() if apart else rows).items():
             wire = self._wire_watched if name == "reference" else None
             self.host.add(name, row, self.stack, wire)
         pilot, drone = self.host.node("ears", ["topside"]), self.host.node("eyes", ["drone"])
@@ -168,7 +167,7 @@ class Flight:
             return watched
 
         node.gate = gate
-        wiring("reference")(node, stack)
+        wire_of("reference")(node, stack)
 
     def until_armed(self) -> "Flight":
         self.host.run(20 * S, done=lambda: bool(self.statuses) and self.statuses[-1].armed)

@@ -14,7 +14,8 @@ from messages.reference import Reference
 from messages.state import VehicleState
 from messages.vehicle import Truth, VehicleStatus
 from services.runtime.bus import Envelope
-from services.runtime.stack import Stack, services_of
+from services.runtime.registry import Registry
+from services.runtime.stack import Stack
 from services.runtime.virtual_host import VirtualHost
 
 SECOND = 1_000_000_000
@@ -29,7 +30,7 @@ class Dive:
     def __init__(self, folder: Path, script: str, **choices: object) -> None:
         path = folder / "script.csv"
         path.write_text(HANDS_OFF + script)
-        self.rows = services_of("dive")
+        self.rows = Registry.read()
         self.stack = Stack(
             pilot=f"script:{path}",
             out=str(folder),

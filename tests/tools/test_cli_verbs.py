@@ -114,7 +114,7 @@ def test_an_unknown_verb_is_met_with_the_nearest_one(capsys: pytest.CaptureFixtu
     [
         (["run", "contrl"], "did you mean 'control'?"),
         (["run", "control"], "add --connect drone="),
-        (["run", "control", "--connect", "tcp/127.0.0.1:7447"], "expected REALM=ENDPOINT"),
+        (["run", "control", "--connect", "tcp/127.0.0.1:7447"], "expected SIDE=ENDPOINT"),
         (["run", "control", "--connect", "dron=tcp/127.0.0.1:7447"], "did you mean 'drone'?"),
         (["simulate", "--pilot", "gamepad"], "needs real time"),
         (["run", "control", "--connect", "drone=foo"], "'foo': expected PROTOCOL/ADDRESS"),

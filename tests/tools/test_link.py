@@ -9,7 +9,8 @@ import pytest
 from messages import topics
 from messages.link import LinkAnswer, LinkRequest
 from services.runtime.errors import LindyError
-from services.runtime.stack import Row, Stack
+from services.runtime.registry import ServiceSpec
+from services.runtime.stack import Stack
 from services.runtime.virtual_host import VirtualHost
 from tools.asking import Asking, at_once
 from tools.link import link
@@ -84,7 +85,7 @@ def ask(host: VirtualHost, request: LinkRequest) -> Asking[LinkRequest, LinkAnsw
 
 def test_a_running_tether_answers_whoever_asks(tmp_path: Path) -> None:
     host = VirtualHost()
-    row = Row(realms=["topside", "drone"], gateway=True)
+    row = ServiceSpec(sides=["topside", "drone"], gateway=True)
     host.add("tether", row, Stack(link="tether", out=str(tmp_path)))
     request = LinkRequest(stamp_ns=0, id="", kind="set", settings=("up.delay_ms=9",))
     asking = ask(host, request)

@@ -20,6 +20,7 @@ from services.estimation.core import Settings
 from services.recorder.foxglove_schema import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
 from services.runtime.errors import LindyError
+from services.runtime.registry import Registry
 from services.runtime.stack import Stack
 from services.runtime.virtual_host import VirtualHost
 from services.simulator.core import Settings as Simulator
@@ -27,7 +28,7 @@ from tools.allan import deviation
 from tools.allan import noise as noise_of
 from tools.at_rest import Heard, Samples, resting
 from tools.noise import noise
-from tools.up import rows_of
+from tools.up import on_side
 
 STREAMS: tuple[AnyTopic, ...] = (
     topics.IMU, topics.MAGNETOMETER, topics.PRESSURE, topics.STATUS,
@@ -249,7 +250,7 @@ def test_the_drone_s_side_alone_makes_such_a_recording(
     """What `--help` and the errors say: `lindy up drone`, which nobody arms."""
     host = VirtualHost()
     stack = Stack(out=str(tmp_path), pilot="topside", seed=3)
-    host.add_all(rows_of("drone", gateway=False), stack)
+    host.add_all(on_side(Registry.read(), "drone", gateway=False), stack)
     host.run(45_000_000_000)
     host.close()
     found = told(tmp_path, capsys)

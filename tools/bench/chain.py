@@ -15,7 +15,8 @@ from messages.message import Message
 from messages.topic import M, Topic
 from messages.vehicle import VehicleStatus
 from services.runtime.garbage import rare_collections
-from services.runtime.stack import Stack, services_of
+from services.runtime.registry import Registry
+from services.runtime.stack import Stack
 from services.runtime.virtual_host import VirtualHost
 from tools.bench.flights import CHAIN, LONGEST_START
 
@@ -39,7 +40,7 @@ class Chain:
         """
         self.seconds = 0.0  # [s] flown
         self._script, self._overrides, self._seed = script, overrides, seed
-        self._host, self._rows = VirtualHost(), services_of("dive")
+        self._host, self._rows = VirtualHost(), Registry.read()
         self._said: defaultdict[str, list[Message]] = defaultdict(list)
         self._armed_at = 0  # [ns]
 

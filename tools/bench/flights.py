@@ -16,7 +16,8 @@ from messages import topics
 from messages.reference import Reference
 from messages.state import VehicleState
 from messages.vehicle import Truth
-from services.runtime.stack import Stack, services_of
+from services.runtime.registry import Registry
+from services.runtime.stack import Stack
 from services.runtime.virtual_host import VirtualHost
 
 Floats = NDArray[np.float64]
@@ -76,7 +77,7 @@ def flown(script: Script, seconds: float) -> Flight:
 
 
 def _fly(stack: Stack, seconds: float) -> Flight:
-    host, rows = VirtualHost(), services_of("dive")
+    host, rows = VirtualHost(), Registry.read()
     for name in CHAIN:
         host.add(name, rows[name], stack)
     truth: list[Truth] = []

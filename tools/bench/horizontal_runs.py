@@ -110,7 +110,9 @@ def world(seed: int, where: Place, seconds: float, leg: float = LEG) -> World:
             if round(t * HZ) % round(leg * HZ) == 1:
                 heading, surge, sway = rng.uniform((-pi, 0.0, -6.0), (pi, 20.0, 6.0)).tolist()
             thrust = steered(simulator.truth(), heading, surge, sway)
-            command = ThrusterCommand(stamp_ns=now, sensor_ns=None, pilot_ns=None, thrust=thrust)
+            command = ThrusterCommand(
+                stamp_ns=now, sensor_ns=None, pilot_ns=None, thrust=thrust, armed=True
+            )
             simulator.obey(command, now)
         simulator.advance(now)
         moments.append(_measured(simulator, k, told))

@@ -93,7 +93,9 @@ def _simulator(vehicle: Vehicle, *, measured: bool) -> Turn:
             now += STEP_NS
             sim.advance(now)
             now += STEP_NS
-            command = ThrusterCommand(stamp_ns=now, sensor_ns=now, pilot_ns=None, thrust=thrust)
+            command = ThrusterCommand(
+                stamp_ns=now, sensor_ns=now, pilot_ns=None, thrust=thrust, armed=True
+            )
             sim.obey(command, now)
             if measured:
                 sim.magnetometer()

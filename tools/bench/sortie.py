@@ -20,7 +20,8 @@ from messages.reference import Reference
 from messages.simulator import Fault, FaultAnswer, FaultRequest
 from messages.state import VehicleState
 from messages.vehicle import Truth, VehicleStatus
-from services.runtime.stack import Stack, services_of
+from services.runtime.registry import Registry
+from services.runtime.stack import Stack
 from services.runtime.virtual_host import VirtualHost
 from tools.bench.flights import CHAIN
 
@@ -69,7 +70,7 @@ class Sortie:
         self.answers: list[PilotAnswer | FaultAnswer] = []
         self.status: VehicleStatus | None = None
         self._asked = 0
-        self._rows = services_of("dive")
+        self._rows = Registry.read()
         self._host = VirtualHost()
         with tempfile.TemporaryDirectory() as folder:  # the script is read at once
             self._stack = Stack(

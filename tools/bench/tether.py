@@ -21,7 +21,8 @@ from messages.pilot import PilotCommand
 from messages.topic import Qos
 from services.runtime.bus import Envelope
 from services.runtime.local_stack import local_stack
-from services.runtime.stack import Row, Stack
+from services.runtime.registry import Registry, ServiceSpec
+from services.runtime.stack import Stack
 from services.runtime.virtual_host import VirtualHost
 from services.runtime.zenoh_bus import open_bus
 from services.tether.chance import Uniform
@@ -36,7 +37,7 @@ from tools.bench.table import Figure
 from tools.bench.timing import race
 
 S, MS = 1_000_000_000, 1_000_000  # [ns]
-GATEWAY = Row(realms=["topside", "drone"], gateway=True)
+GATEWAY = ServiceSpec(sides=["topside", "drone"], gateway=True)
 WANTED_HZ = 5000.0  # [1/s] messages through one core
 BYTES = 200
 DRAWS = 100_000
@@ -239,7 +240,7 @@ def _run(link: str) -> tuple[list[float], list[float], list[LinkStatus]]:
     """
     with TemporaryDirectory() as folder:
         stack = Stack(link=link, out=folder)
-        with local_stack(stack, {"tether": GATEWAY}) as local:
+        with local_stack(stack, Registry.read().only({"tether": GATEWAY})) as local:
             local.start_services()
 
             def look() -> bool:

@@ -28,8 +28,8 @@ from services.reference.profile import Profile
 from services.reference.profile_sequence import sequence
 from services.runtime.bus import Envelope
 from services.runtime.node import Node
-from services.runtime.stack import Stack, services_of
-from services.runtime.table import Wire, wiring
+from services.runtime.registry import Registry, Wire, wire_of
+from services.runtime.stack import Stack
 from services.runtime.virtual_host import VirtualHost
 from services.simulator.core import Settings, at_the_surface
 from tools.figures import fernandes_loop_law
@@ -159,12 +159,12 @@ def flown(
         RuntimeError: the drone is not ready to go.
     """
     guide = Guide(route, DEPTH, begin)
-    notes, rows = Notes(guide), services_of("dive")
+    notes, rows = Notes(guide), Registry.read()
     with tempfile.TemporaryDirectory() as folder:
         stack = Stack(vehicle="minerva", out=folder, seed=SEED, overrides=[*PLACE, *place])
         host = _at_depth(stack)
         host.add("reference", rows["reference"], stack, guide.wire)
-        law: Wire = fernandes_loop_law.wire if way == "paper" else wiring("control")
+        law: Wire = fernandes_loop_law.wire if way == "paper" else wire_of("control")
         host.add("control", rows["control"], stack, law)
         notes.listen(host)
         host.run(host.now + round(LONGEST_START * 1e9), done=lambda: guide.armed_ns is not None)
@@ -176,7 +176,7 @@ def flown(
 
 def _at_depth(stack: Stack) -> VirtualHost:
     """Simulator and estimator, calibrated, at rest at DEPTH."""
-    host, rows = VirtualHost(), services_of("dive")
+    host, rows = VirtualHost(), Registry.read()
     ready: list[int] = []
 
     def hear(state: VehicleState, now: int) -> None:
@@ -205,7 +205,7 @@ def _submerged(node: Node, stack: Stack) -> None:
     start = at_the_surface(vehicle, settings)
     state = (0.0, 0.0, DEPTH, *start.state[3:])
     node.remember(msgspec.structs.replace(start, state=state))
-    wiring("simulator")(node, stack)
+    wire_of("simulator")(node, stack)
 
 
 def _real_hull(stack: Stack) -> list[str]:

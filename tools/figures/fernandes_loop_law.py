@@ -67,7 +67,11 @@ class PrintedLaw:
             saturated=bool(done.saturated),
         )  # fmt: skip
         return wrench, ThrusterCommand(
-            stamp_ns=now, sensor_ns=state.sensor_ns, pilot_ns=None, thrust=done.thrust
+            stamp_ns=now,
+            sensor_ns=state.sensor_ns,
+            pilot_ns=None,
+            thrust=done.thrust,
+            armed=reference.armed,
         )
 
     def _wrench(self, reference: Reference, state: VehicleState) -> Vec6:

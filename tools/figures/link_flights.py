@@ -17,7 +17,8 @@ from messages.reference import Reference
 from messages.topic import Way
 from messages.vehicle import VehicleStatus
 from services.runtime.bus import Envelope
-from services.runtime.stack import Stack, services_of
+from services.runtime.registry import Registry
+from services.runtime.stack import Stack
 from services.runtime.virtual_host import VirtualHost
 
 Floats = NDArray[np.float64]
@@ -90,7 +91,7 @@ def _notes(folder: Path, link: str, stick: Stick, seconds: float) -> tuple[Notes
     rows = "".join(f"{t:g},0,0,{heave:g},0\n" for t, heave in stick)
     script.write_text(f"t,surge,sway,heave,yaw\n{rows}{seconds:g},0,0,0,0\n", encoding="utf-8")
     stack = Stack(pilot=f"script:{script}", out=str(folder), seed=SEED, overrides=[SHORT])
-    host, services, notes = VirtualHost(), services_of("dive"), Notes()
+    host, services, notes = VirtualHost(), Registry.read(), Notes()
     for name in SERVICES:
         host.add(name, services[name], stack)
     drone, pilot = host.node("eyes", ["drone"]), host.node("ears", ["topside"])

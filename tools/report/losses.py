@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 from messages import topics
 from messages.topic import Way
-from services.runtime.stack import services_of
+from services.runtime.registry import Registry
 
 LINK = "tether"
 # What the link counts of each message that it does not carry.
@@ -64,6 +64,6 @@ def _crosses(key: str, service: str) -> bool:
     topic = topics.find(key)
     if topic is None:
         return False
-    row = services_of("dive").get(service)
-    home = "topside" if row is None else row.realms[0]  # whoever looks on does so from the topside
+    spec = Registry.read().get(service)
+    home = "topside" if spec is None else spec.sides[0]  # whoever looks on does so from the topside
     return topic.way is Way.BOTH or topic.way is (Way.DOWN if home == "drone" else Way.UP)

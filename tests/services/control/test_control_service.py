@@ -14,10 +14,11 @@ from messages.vehicle import Actuation
 from services.marine.vehicle import Vehicle
 from services.runtime.errors import LindyError
 from services.runtime.node import Node
-from services.runtime.stack import Row, Stack
+from services.runtime.registry import ServiceSpec
+from services.runtime.stack import Stack
 from services.runtime.virtual_host import VirtualHost
 
-ROW = Row(realms=["drone"])
+ROW = ServiceSpec(sides=["drone"])
 S = 1_000_000_000  # [ns]
 LATERAL = 2
 
@@ -61,6 +62,7 @@ def produced(command: ThrusterCommand, taken: int, now: int) -> Actuation:
     return Actuation(
         stamp_ns=now,
         thrust=tuple(0.0 if i == LATERAL else f for i, f in enumerate(command.thrust)),
+        measured=True,
         actuated_ns=taken,
         sensor_ns=command.sensor_ns,
         pilot_ns=None,

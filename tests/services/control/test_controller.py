@@ -62,6 +62,16 @@ def test_too_shallow_means_thrust_downwards() -> None:
     assert (command.sensor_ns, command.pilot_ns) == (7, 5)
 
 
+def test_the_command_says_whether_thrusters_may_turn_at_all() -> None:
+    for armed in (True, False):
+        _, command = controller().step(reference(armed=armed), state(), 0)
+        assert command.armed == armed
+        _, blind = controller().step(reference(armed=armed), None, 0)
+        assert (blind.armed, set(blind.thrust)) == (armed, {0.0})  # a state may come back
+    _, nothing_heard = controller().step(None, state(), 0)
+    assert not nothing_heard.armed
+
+
 def test_disarmed_means_no_thrust_whatever_else_is_said() -> None:
     _, command = controller().step(reference(depth=5.0, surge=30.0, armed=False), state(), 0)
     assert set(command.thrust) == {0.0}

@@ -78,6 +78,7 @@ class Dive:
         return Actuation(
             stamp_ns=now,
             thrust=tuple(self.vessel.produced),
+            measured=True,
             actuated_ns=now - 10_000_000,
             sensor_ns=now - 10_000_000,
             pilot_ns=None,

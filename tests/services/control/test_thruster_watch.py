@@ -39,6 +39,7 @@ class Driver:
         self.thrust = [0.0] * len(vehicle.thruster)
         self.command = (0.0,) * len(vehicle.thruster)
         self.cause: tuple[int, int] | None = None
+        self.measured = True
 
     def take(self, now: int, command: tuple[float, ...]) -> None:
         self.on_the_way.append((now + self.delay, now, command))
@@ -63,6 +64,7 @@ class Driver:
         return Actuation(
             stamp_ns=now,
             thrust=tuple(produced),
+            measured=self.measured,
             actuated_ns=self.cause[0] if self.cause else None,
             sensor_ns=self.cause[1] if self.cause else None,
             pilot_ns=None,
@@ -201,6 +203,13 @@ def test_stopped_by_the_driver_is_not_dead(pioneer: Vehicle) -> None:
         watch.sent(now, (20.0, 20.0, 20.0, 20.0))
         watch.heard(driver.report(now + TICK_NS, stale=True), DEEP)
     assert set(watch.verdicts) == {"fine"}
+
+
+def test_what_is_only_believed_is_not_judged(pioneer: Vehicle) -> None:
+    watch, driver = ThrusterWatch(pioneer), Driver(pioneer, 0, 0.0, 0)
+    driver.measured, driver.faults[0] = False, FAULTS["dead"][0]
+    for _ in run(watch, driver, histories(pioneer, "steps", 0), 300):
+        assert set(watch.verdicts) == {"fine"}
 
 
 @some

@@ -23,7 +23,8 @@ from services.estimation.calibration import CalibrationSettings
 from services.estimation.core import Estimator, Settings
 from services.estimation.sensor_watch import SensorWatch, WatchSettings
 from services.marine.vehicle import GRAVITY, SEA_WATER
-from services.runtime.stack import Row, Stack
+from services.runtime.registry import ServiceSpec
+from services.runtime.stack import Stack
 from services.runtime.virtual_host import VirtualHost
 
 QUICK = Settings(calibration=CalibrationSettings(still_time=3.0))  # [s] less to wait for
@@ -230,7 +231,7 @@ def test_a_frozen_position_aid_is_counted_once(frozen: str) -> None:
 @pytest.mark.parametrize("bad", [nan, inf, -inf, None])
 def test_what_is_not_a_number_stops_at_the_gate(bad: float | None) -> None:
     host = VirtualHost()
-    service = host.add("estimation", Row(realms=["drone"]), Stack())
+    service = host.add("estimation", ServiceSpec(sides=["drone"]), Stack())
     raw = host.realm("drone").say(topics.IMU)
     sample = {"stamp_ns": 0, "specific_force": [0.0, 0.0, bad], "angular_rate": [0.0, 0.0, 0.0]}
     if bad is None:

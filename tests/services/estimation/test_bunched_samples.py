@@ -13,10 +13,11 @@ from messages.sensors import ImuSample, PressureSample
 from messages.state import VehicleState
 from services.marine.vehicle import GRAVITY
 from services.runtime.node import Node
-from services.runtime.stack import Row, Stack
+from services.runtime.registry import ServiceSpec
+from services.runtime.stack import Stack
 from services.runtime.virtual_host import VirtualHost
 
-ROW = Row(realms=["drone"])
+ROW = ServiceSpec(sides=["drone"])
 QUICK = Stack(overrides=["estimation.calibration.still_time=3"])  # [s] less to wait for
 PERIOD = 10_000_000  # [ns]
 CALIBRATED, TURNED = 320, 520  # IMU samples until it is calibrated, and until the end

@@ -13,10 +13,11 @@ from services.estimation.core import Settings
 from services.marine.vehicle import GRAVITY, SEA_WATER, Vehicle
 from services.runtime.errors import LindyError
 from services.runtime.node import Node
-from services.runtime.stack import Row, Stack
+from services.runtime.registry import ServiceSpec
+from services.runtime.stack import Stack
 from services.runtime.virtual_host import VirtualHost
 
-ROW = Row(realms=["drone"])
+ROW = ServiceSpec(sides=["drone"])
 QUICK = Stack(overrides=["estimation.calibration.still_time=3"])  # [s] less to wait for
 S = 1_000_000_000  # [ns]
 FLOATING = Stack().section("vehicle", Vehicle).floating_depth

@@ -17,7 +17,8 @@ from services.estimation.horizontal_observer import HorizontalObserver, Motion
 from services.estimation.horizontal_settings import HorizontalSettings
 from services.marine.attitude import from_euler
 from services.marine.vehicle import GRAVITY
-from services.runtime.stack import Stack, services_of
+from services.runtime.registry import Registry
+from services.runtime.stack import Stack
 from services.runtime.virtual_host import VirtualHost
 
 S = 1_000_000_000  # [ns]
@@ -199,7 +200,7 @@ def test_a_simulated_vehicle_with_dvl_and_usbl_knows_where_it_is(tmp_path: Path)
     script.write_text("\n".join(("t,surge,sway,heave,yaw", *legs, "")))
     tables = ["simulator.dvl.std=0.01", "simulator.usbl.std=0.3", "simulator.usbl.latency=1.0"]
     stack = Stack(pilot=f"script:{script}", out=str(tmp_path), overrides=tables)
-    host, every = VirtualHost(), services_of("dive")
+    host, every = VirtualHost(), Registry.read()
     for name in ("simulator", "estimation", "reference", "control", "tether", "gamepad"):
         host.add(name, every[name], stack)
     states: list[VehicleState] = []

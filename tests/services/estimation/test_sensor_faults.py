@@ -18,7 +18,8 @@ from messages.sensors import ImuSample, MagnetometerSample, PressureSample
 from messages.state import VehicleState
 from messages.topic import Topic
 from services.marine.vehicle import GRAVITY, SEA_WATER, Vehicle
-from services.runtime.stack import Row, Stack
+from services.runtime.registry import ServiceSpec
+from services.runtime.stack import Stack
 from services.runtime.virtual_host import VirtualHost
 
 QUICK = Stack(overrides=["estimation.calibration.still_time=3"])  # [s] less to wait for
@@ -152,7 +153,7 @@ class Bench:
 
     def __init__(self) -> None:
         self.host, self.rng = VirtualHost(), np.random.default_rng(0)
-        self.service = self.host.add("estimation", Row(realms=["drone"]), QUICK)
+        self.service = self.host.add("estimation", ServiceSpec(sides=["drone"]), QUICK)
         self.fault: dict[str, Fault] = {}
         self.first: dict[str, Fields] = {}
         self.states: list[VehicleState] = []

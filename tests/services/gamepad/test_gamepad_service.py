@@ -20,12 +20,13 @@ from services.gamepad.service import Connected, wire
 from services.gamepad.wish import Press, Wish
 from services.runtime.errors import LindyError
 from services.runtime.node import Node
-from services.runtime.stack import Row, Stack
+from services.runtime.registry import ServiceSpec
+from services.runtime.stack import Stack
 from services.runtime.virtual_host import VirtualHost
 
 MS = 1_000_000  # [ns]
 S = 1000 * MS
-HOME = Row(realms=["topside"])
+HOME = ServiceSpec(sides=["topside"])
 LOG = """t,surge,sway,heave,yaw,event
 0,0,0,0,0
 1.003,0,0,0.5,0

@@ -5,12 +5,14 @@ import pytest
 from messages import topics
 from messages.health import Health
 from messages.link import Clock
-from services.runtime.stack import Row, Stack, apart, services_of
+from services.runtime.registry import Registry, ServiceSpec
+from services.runtime.stack import Stack
 from services.runtime.virtual_host import Skew, VirtualHost
-from tools.up import rows_of
+from tools.up import on_side
 
 S = 1_000_000_000  # [ns]
-ROWS = {name: services_of("dive")[name] for name in ("tether", "link_monitor")}
+EVERY = Registry.read()
+ROWS = EVERY.only({name: EVERY[name] for name in ("tether", "link_monitor")})
 
 
 @pytest.mark.parametrize("ahead", [None, 0, 3_600 * S])
@@ -18,7 +20,7 @@ def test_pings_are_answered_from_the_other_realm_on_one_machine_and_on_two(
     ahead: int | None,
 ) -> None:
     host = VirtualHost(None if ahead is None else {"drone": Skew(ahead)})
-    rows = ROWS if ahead is None else apart(ROWS)
+    rows = ROWS if ahead is None else ROWS.apart()
     host.add_all(rows, Stack(link="remote", apart=ahead is not None))
     clocks, health = list[Clock](), dict[str, Health]()
     ears = host.node("ears", ["topside"])
@@ -34,7 +36,7 @@ def test_pings_are_answered_from_the_other_realm_on_one_machine_and_on_two(
 
 
 def test_on_two_machines_no_name_is_there_twice() -> None:
-    topside, drone = (rows_of(side, gateway=False) for side in ("topside", "drone"))
+    topside, drone = (on_side(EVERY, side, gateway=False) for side in ("topside", "drone"))
     assert set(topside) & set(drone) == set()
-    assert topside["link_monitor"] == Row(realms=["topside"], service="link_monitor")
-    assert drone["link_monitor_drone"] == Row(realms=["drone"], service="link_monitor")
+    assert topside["link_monitor"] == ServiceSpec(sides=["topside"], service="link_monitor")
+    assert drone["link_monitor_drone"] == ServiceSpec(sides=["drone"], service="link_monitor")

@@ -7,8 +7,9 @@ import pytest
 from messages import topics
 from messages.link import Clock
 from services.link_monitor.clock_sync import DRIFT as WIDENING
+from services.runtime.registry import Registry
 from services.runtime.settings import DEPLOY
-from services.runtime.stack import Row, Stack, apart
+from services.runtime.stack import Stack
 from services.runtime.virtual_host import Skew, VirtualHost
 
 S = 1_000_000_000  # [ns]
@@ -16,10 +17,7 @@ PROFILES = sorted(path.stem for path in (DEPLOY / "links").glob("*.toml"))
 SECONDS = 60
 AHEAD = 3_600 * S  # [ns] the drone was started an hour earlier
 DRIFT = 50e-6  # [-] what a plain crystal is off by
-ROWS = {
-    "tether": Row(realms=["topside", "drone"], gateway=True),
-    "link_monitor": Row(realms=["topside", "drone"], each_machine=True),
-}
+NAMES = ("tether", "link_monitor")
 
 
 class Told(NamedTuple):
@@ -34,7 +32,8 @@ def told(profile: str, drift: float, seed: int) -> list[Told]:
     """What the link monitor says five times a second, from its first answer on."""
     skew = Skew(AHEAD, drift)
     host, stack = VirtualHost({"drone": skew}), Stack(link=profile, apart=True, seed=seed)
-    host.add_all(apart(ROWS), stack)
+    every = Registry.read()
+    host.add_all(every.only({name: every[name] for name in NAMES}).apart(), stack)
     said: list[Told] = []
 
     def hear(clock: Clock, now: int) -> None:

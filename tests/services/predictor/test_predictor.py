@@ -16,7 +16,8 @@ from services.predictor.ahead import Change, coasting, joined, reference_ahead
 from services.predictor.drift import Drift
 from services.predictor.judge import Guess, Judge, Pose
 from services.reference.minimum_jerk import Limits, Ramp
-from services.runtime.stack import Stack, services_of
+from services.runtime.registry import Registry
+from services.runtime.stack import Stack
 from services.runtime.virtual_host import Skew, VirtualHost
 
 SECOND = 1_000_000_000
@@ -119,7 +120,7 @@ def test_the_predicted_now_is_at_most_a_third_as_far_off_as_the_delayed_picture(
     leg = f"delay_ms = {one_way_ms}.0\n"
     link.write_text(f"[down]\n{leg}[up]\n{leg}")
     script.write_text(STICKS)
-    host, rows = VirtualHost(), services_of("dive")
+    host, rows = VirtualHost(), Registry.read()
     stack = Stack(pilot=f"script:{script}", link=str(link), out=str(tmp_path))
     for name in CHAIN:
         host.add(name, rows[name], stack)
@@ -155,7 +156,7 @@ def test_the_predicted_now_is_at_most_a_third_as_far_off_as_the_delayed_picture(
 def test_a_prediction_has_one_clock_whoever_reads_it(tmp_path: Path) -> None:
     """The topside's, in which it is made and said; on board the gate has turned all of it."""
     ahead = 10**13
-    host, rows = VirtualHost({"drone": Skew(ahead)}), services_of("dive")
+    host, rows = VirtualHost({"drone": Skew(ahead)}), Registry.read().apart()
     for name in CHAIN:
         host.add(name, rows[name], Stack(out=str(tmp_path)))
     above, below = list[Prediction](), list[Prediction]()

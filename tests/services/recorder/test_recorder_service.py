@@ -16,12 +16,13 @@ from services.recorder.io.mcap_file import McapFile
 from services.recorder.service import wire
 from services.runtime.bus import Envelope
 from services.runtime.errors import LindyError
-from services.runtime.stack import Row, Stack
+from services.runtime.registry import ServiceSpec
+from services.runtime.stack import Stack
 from services.runtime.virtual_host import Skew, VirtualHost
 from tools.recording import log_hash, open_recording
 
 SECOND = 1_000_000_000
-HOME = Row(["drone"])
+HOME = ServiceSpec(["drone"])
 
 
 class Dive:
@@ -112,10 +113,10 @@ def test_log_time_is_utc(tmp_path: Path):
 def test_with_two_clocks_every_publish_time_is_by_the_recorders(tmp_path: Path, side: str):
     """Before the two clocks are known, and for rows said on both sides, it is the arrival."""
     host, stack = VirtualHost({"drone": Skew(10**13)}), Stack(out=str(tmp_path))
-    host.add("tether", Row(["topside", "drone"], gateway=True), stack)
-    host.add("sounder", Row(["topside"]), stack)
+    host.add("tether", ServiceSpec(["topside", "drone"], gateway=True), stack)
+    host.add("link_monitor", ServiceSpec(["topside"]), stack)
     host.add("echo", HOME, stack)
-    host.add("recorder", Row([side]), stack)
+    host.add("recorder", ServiceSpec([side]), stack)
     pilot, drone = host.node("pilot", ["topside"]), host.node("driver", ["drone"])
     down, up = pilot.publisher(topics.PILOT_COMMAND), drone.publisher(topics.BATTERY)
     pilot.every(

@@ -14,18 +14,22 @@ from services.runtime.bus import Envelope
 from services.runtime.far_clock import FarClock
 from services.runtime.gate import Gate
 from services.runtime.ports import Inbox, Latest
-from services.runtime.stack import Row, Stack, apart
+from services.runtime.registry import Registry, ServiceSpec
+from services.runtime.stack import Stack
 from services.runtime.virtual_host import Skew, VirtualHost
 
 MS, SECOND = 1_000_000, 1_000_000_000
-GATEWAY = Row(realms=["topside", "drone"], gateway=True)
+DRONE = ServiceSpec(sides=["drone"])
+TOPSIDE = ServiceSpec(sides=["topside"])
+GATEWAY = ServiceSpec(sides=["topside", "drone"], gateway=True)
 
 
 def joined(clocks: dict[str, Skew] | None, link: str = "tether") -> VirtualHost:
     host, stack = VirtualHost(clocks), Stack(link=link)
     host.add("tether", GATEWAY, stack)
-    rows = {"link_monitor": Row(realms=["topside", "drone"], each_machine=True)}
-    host.add_all(rows if clocks is None else apart(rows), stack)
+    every = Registry.read()
+    monitor = every.only({"link_monitor": every["link_monitor"]})
+    host.add_all(monitor if clocks is None else monitor.apart(), stack)
     return host
 
 

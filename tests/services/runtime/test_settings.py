@@ -7,8 +7,10 @@ import msgspec
 import pytest
 
 from services.runtime.errors import LindyError
+from services.runtime.registry import Registry
 from services.runtime.settings import convert, deploy_file, override, read
-from services.runtime.stack import Stack, services_of, settings_types
+from services.runtime.stack import Stack
+from tools.checks import known_tables
 
 
 class Depth(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -99,7 +101,7 @@ def test_an_unknown_vehicle_suggests_the_nearest() -> None:
 
 @pytest.mark.parametrize("vehicle", ["pioneer"])
 def test_every_shipped_vehicle_is_valid(vehicle: str) -> None:
-    Stack(vehicle=vehicle).check()
+    Stack(vehicle=vehicle).check(known_tables(Registry.read()))
 
 
 def test_an_unknown_table_is_refused() -> None:
@@ -107,12 +109,12 @@ def test_an_unknown_table_is_refused() -> None:
         LindyError,
         match=r"^--set contol\.depth\.kp=3: contol: unknown table .* did you mean 'control'",
     ):
-        Stack(overrides=["contol.depth.kp=3"]).check()
+        Stack(overrides=["contol.depth.kp=3"]).check(known_tables(Registry.read()))
 
 
 def test_a_table_that_is_no_vehicle_s_is_not_the_vehicle_file_s_fault() -> None:
     with pytest.raises(LindyError, match=r"^--set link\.down\.delay_ms=5: link: unknown table"):
-        Stack(overrides=["link.down.delay_ms=5"]).check()
+        Stack(overrides=["link.down.delay_ms=5"]).check(known_tables(Registry.read()))
 
 
 def test_an_unknown_table_or_key_in_the_file_has_its_line(tmp_path: Path) -> None:
@@ -120,7 +122,7 @@ def test_an_unknown_table_or_key_in_the_file_has_its_line(tmp_path: Path) -> Non
     last = len(pioneer.splitlines())
     path = file(tmp_path, f"{pioneer}\n[contol]\nx = 1\n")
     with pytest.raises(LindyError, match=rf"some.toml:{last + 2}: contol: unknown table"):
-        Stack(vehicle=str(path), overrides=["contol.y=3"]).check()
+        Stack(vehicle=str(path), overrides=["contol.y=3"]).check(known_tables(Registry.read()))
 
 
 def test_two_thrusters_of_one_name_are_refused_with_both_lines(tmp_path: Path) -> None:
@@ -129,7 +131,7 @@ def test_two_thrusters_of_one_name_are_refused_with_both_lines(tmp_path: Path) -
     lines = [n for n, line in enumerate(pioneer.splitlines(), 1) if line == "[[vehicle.thruster]]"]
     sentence = rf"number 1 \(line {lines[0]}\) and .* 2 \(line {lines[1]}\) are both called 'port'"
     with pytest.raises(LindyError, match=sentence):
-        Stack(vehicle=str(path)).check()
+        Stack(vehicle=str(path)).check(known_tables(Registry.read()))
 
 
 @pytest.mark.parametrize(
@@ -137,7 +139,7 @@ def test_two_thrusters_of_one_name_are_refused_with_both_lines(tmp_path: Path) -
 )
 def test_what_is_meant_as_a_value_and_is_no_toml_is_said_so(assignment: str) -> None:
     with pytest.raises(LindyError, match=r"^--set .*: not valid TOML"):
-        Stack(overrides=[assignment]).check()
+        Stack(overrides=[assignment]).check(known_tables(Registry.read()))
 
 
 @pytest.mark.parametrize("word", ["deep water", "-righty", "3rd", "a.b"])
@@ -149,8 +151,4 @@ def test_a_bare_word_is_a_string(word: str) -> None:
 
 def test_a_value_out_of_limits_stops_the_dive_before_it_starts() -> None:
     with pytest.raises(LindyError, match=r"^--set vehicle.mass=-1: expected float > 0.0, found -1"):
-        Stack(overrides=["vehicle.mass=-1"]).check()
-
-
-def test_the_stack_file_names_services_that_exist() -> None:
-    assert set(settings_types()) - {"vehicle"} <= set(services_of("dive"))
+        Stack(overrides=["vehicle.mass=-1"]).check(known_tables(Registry.read()))

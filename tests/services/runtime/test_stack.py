@@ -9,8 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from services.runtime.errors import LindyError
+from services.runtime.registry import Registry
 from services.runtime.settings import deploy_file
 from services.runtime.stack import Stack
+from tools.checks import known_tables
 
 
 @pytest.mark.parametrize("name", ["My ROV!", "rov.v2", "blåhaj", "a*", " "])
@@ -18,7 +20,7 @@ def test_a_vehicle_file_whose_name_no_key_may_have_is_refused(tmp_path: Path, na
     path = tmp_path / f"{name}.toml"
     shutil.copy(deploy_file("vehicles", "pioneer"), path)
     with pytest.raises(LindyError) as refused:
-        Stack(vehicle=str(path)).check()
+        Stack(vehicle=str(path)).check(known_tables(Registry.read()))
     (sentence,) = str(refused.value).splitlines()
     assert sentence.startswith(f"{path}: ")
     assert "letters a to z, digits, '_' and '-'" in sentence
@@ -29,7 +31,7 @@ def test_capitals_and_hyphens_become_what_keys_are_made_of(tmp_path: Path) -> No
     path = tmp_path / "BlueROV2-Heavy.toml"
     shutil.copy(deploy_file("vehicles", "bluerov2_heavy"), path)
     stack = Stack(vehicle=str(path))
-    stack.check()
+    stack.check(known_tables(Registry.read()))
     assert stack.vehicle_name == "bluerov2_heavy"
 
 

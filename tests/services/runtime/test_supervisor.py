@@ -88,6 +88,12 @@ def test_a_mistake_of_the_users_is_shown_in_the_services_own_words(toys: Toys):
     assert toys.supervisor.restarts == {"toy": 0}
 
 
+def test_a_name_of_two_words_keeps_its_words(toys: Toys):
+    toys.add("my_toy", MISTAKEN.replace("lindy toy", "lindy my_toy"))
+    toys.until(lambda: toys.supervisor.failure is not None)
+    assert toys.supervisor.failure == "depth is 7, expected at most 3"
+
+
 def test_a_service_that_cannot_start_is_named_with_its_last_line_and_its_log(
     toys: Toys, tmp_path: Path
 ):

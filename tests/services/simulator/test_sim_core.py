@@ -35,7 +35,12 @@ def simulator(world: World | None = None, seed: int = 0) -> Simulator:
 
 def command(now: int, *thrust: float, ttl_ms: float = 200.0) -> ThrusterCommand:
     return ThrusterCommand(
-        stamp_ns=now, sensor_ns=now - 1, pilot_ns=now - 2, thrust=thrust, ttl_ms=ttl_ms
+        stamp_ns=now,
+        sensor_ns=now - 1,
+        pilot_ns=now - 2,
+        thrust=thrust,
+        ttl_ms=ttl_ms,
+        armed=True,
     )
 
 

@@ -34,7 +34,9 @@ def request(part: str, fault: Any, value: float | None = None) -> FaultRequest:
 def drive(sim: Simulator, *thrust: float, since: int = 0, ms: int = 2000) -> int:
     """Command this for so long; returns the time [ns]."""
     for now in range(since, since + ms * MS, 50 * MS):
-        command = ThrusterCommand(stamp_ns=now, sensor_ns=None, pilot_ns=None, thrust=thrust)
+        command = ThrusterCommand(
+            stamp_ns=now, sensor_ns=None, pilot_ns=None, thrust=thrust, armed=True
+        )
         sim.obey(command, now)
     sim.advance(since + ms * MS)
     return since + ms * MS

@@ -14,13 +14,14 @@ from messages.vehicle import Actuation, Truth
 from services.runtime.bus import Envelope
 from services.runtime.errors import LindyError
 from services.runtime.node import Node
-from services.runtime.stack import Row, Stack
+from services.runtime.registry import ServiceSpec
+from services.runtime.stack import Stack
 from services.runtime.virtual_host import VirtualHost
 from services.simulator.core import World
 from services.simulator.service import wire
 
 SECOND = 1_000_000_000  # [ns]
-ROW = Row(realms=["drone"])
+ROW = ServiceSpec(sides=["drone"])
 DIVE = (2.0, 6.0, 0.0, 20.0)  # [N]
 
 
@@ -41,7 +42,11 @@ class Sea:
                 cause = sample.stamp_ns
                 commands.put(
                     ThrusterCommand(
-                        stamp_ns=now, sensor_ns=cause, pilot_ns=None, thrust=self.thrust
+                        stamp_ns=now,
+                        sensor_ns=cause,
+                        pilot_ns=None,
+                        thrust=self.thrust,
+                        armed=True,
                     )
                 )
 

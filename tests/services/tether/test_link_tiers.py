@@ -11,7 +11,8 @@ from messages import topics
 from messages.link import LinkRequest, LinkStatus
 from messages.topic import Qos
 from services.runtime.bus import Envelope
-from services.runtime.stack import Row, Stack
+from services.runtime.registry import ServiceSpec
+from services.runtime.stack import Stack
 from services.runtime.virtual_host import VirtualHost
 from services.tether.tiers import LADDER, WORST, Thinner, Tiers, limits, load_kbit
 
@@ -96,7 +97,7 @@ class Overload:
         path = folder / "narrow.toml"
         path.write_text(profile)
         self.host = VirtualHost()
-        row = Row(realms=["topside", "drone"], gateway=True)
+        row = ServiceSpec(sides=["topside", "drone"], gateway=True)
         self.tether = self.host.add("tether", row, Stack(link=str(path)))
         self.statuses: list[LinkStatus] = []
         self.delays: dict[str, list[int]] = {}

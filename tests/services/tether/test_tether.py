@@ -13,12 +13,13 @@ from messages.pilot import PilotCommand
 from messages.topic import Way
 from services.runtime.bus import Envelope
 from services.runtime.errors import LindyError
-from services.runtime.stack import Row, Stack
+from services.runtime.registry import ServiceSpec
+from services.runtime.stack import Stack
 from services.runtime.virtual_host import VirtualHost
 from services.tether.damage import damaged
 
 MS = 1_000_000
-GATEWAY = Row(realms=["topside", "drone"], gateway=True)
+GATEWAY = ServiceSpec(sides=["topside", "drone"], gateway=True)
 
 
 def crossing(row_key: str, source: str, target: str) -> list[tuple[Envelope, int]]:

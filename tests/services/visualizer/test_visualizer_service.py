@@ -15,7 +15,8 @@ from services.runtime.bus import Envelope
 from services.runtime.errors import LindyError
 from services.runtime.node import Node
 from services.runtime.ports import Publisher
-from services.runtime.stack import Row, Stack
+from services.runtime.registry import ServiceSpec
+from services.runtime.stack import Stack
 from services.runtime.virtual_host import VirtualHost
 from services.visualizer.batch import Batch, Note
 from services.visualizer.io import live
@@ -29,7 +30,7 @@ pytestmark = pytest.mark.filterwarnings("ignore:RRD file has no footer")
 
 Sample = Callable[[str, int], Message]
 SECOND = 1_000_000_000
-BOTH_REALMS = Row(["topside", "drone"])
+BOTH_REALMS = ServiceSpec(["topside", "drone"])
 
 # Listens, lets the client in, never reads; ends with whoever started it.
 STALLED_VIEWER = """
@@ -64,7 +65,7 @@ def speak(realms: dict[str, Node], sample: Sample) -> None:
 
 def dive(out: Path, sample: Sample, seconds: float, *, restart: bool = False) -> VirtualHost:
     host, stack = VirtualHost(), Stack(out=str(out))
-    others = {realm: host.node(realm, [realm]) for realm in BOTH_REALMS.realms}
+    others = {realm: host.node(realm, [realm]) for realm in BOTH_REALMS.sides}
     host.add("visualizer", BOTH_REALMS, stack, wire)
     speak(others, sample)
     host.run(round(seconds * SECOND))
@@ -142,7 +143,7 @@ def test_a_restart_in_mid_dive_writes_a_second_part_on_the_same_clock(
 
 def test_garbage_is_counted_and_the_rest_still_shown(tmp_path: Path, sample: Sample) -> None:
     host, stack = VirtualHost(), Stack(out=str(tmp_path))
-    others = {realm: host.node(realm, [realm]) for realm in BOTH_REALMS.realms}
+    others = {realm: host.node(realm, [realm]) for realm in BOTH_REALMS.sides}
     node = host.add("visualizer", BOTH_REALMS, stack, wire)
     speak(others, sample)
     stranger = host.realm("topside")
@@ -204,7 +205,7 @@ def test_a_viewer_that_never_reads_costs_batches_but_no_time(
     stalled = [sys.executable, "-c", STALLED_VIEWER]
     monkeypatch.setattr("services.visualizer.service.viewer_command", lambda: stalled)
     host, stack = VirtualHost(), Stack(out=str(tmp_path), viewer=True)
-    others = {realm: host.node(realm, [realm]) for realm in BOTH_REALMS.realms}
+    others = {realm: host.node(realm, [realm]) for realm in BOTH_REALMS.sides}
     node = host.add("visualizer", BOTH_REALMS, stack, wire)
     speak(others, sample)
     host.run(30 * SECOND)

@@ -1,0 +1,74 @@
+"""Where the sensors sit in the vehicle and how they are turned: the tables [vehicle.mounting…].
+
+A sensor that is not named sits at the vehicle's origin, along its axes. What is made of this stands
+in services/vehicle/mounting.py.
+"""
+
+from math import isclose
+from typing import Annotated
+
+import msgspec
+
+Component = Annotated[float, msgspec.Meta(ge=-1.01, le=1.01)]  # [-] of a direction
+Metres = Annotated[float, msgspec.Meta(ge=-100.0, le=100.0)]  # [m] no vehicle is larger
+Row = tuple[Component, Component, Component]
+Rotation = tuple[Row, Row, Row]  # R_BS, see Mount
+Arm = tuple[Metres, Metres, Metres]
+
+ALONG: Rotation = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+ORIGIN: Arm = (0.0, 0.0, 0.0)
+TOLERANCE = 1e-3  # [-] of lengths, angles and the determinant; what is written has three digits
+
+
+def _dot(a: Row, b: Row) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def _cross(a: Row, b: Row) -> Row:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+class Turned(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """How a sensor is turned.
+
+    Raises:
+        ValueError: the matrix is no rotation.
+    """
+
+    # [-] R_BS, from the sensor's axes to the body's: v_B = R_BS v_S. Its columns are the sensor's
+    # axes as the body (forward, starboard, down) sees them.
+    rotation: Rotation = ALONG
+
+    def __post_init__(self) -> None:
+        a, b, c = self.rotation
+        unit = all(isclose(_dot(row, row), 1.0, abs_tol=TOLERANCE) for row in (a, b, c))
+        square = all(abs(_dot(p, q)) <= TOLERANCE for p, q in ((a, b), (b, c), (c, a)))
+        determinant = _dot(a, _cross(b, c))
+        if not unit or not square or abs(determinant - 1.0) > 2 * TOLERANCE:
+            raise ValueError(
+                f"rotation is no rotation: its rows must have length 1 and be at right angles, to "
+                f"within {TOLERANCE:g}, and its determinant must be +1, found {determinant:.3f}"
+            )
+
+
+class Placed(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Where a sensor sits."""
+
+    position: Arm = ORIGIN  # [m] FRD, from the vehicle's origin
+
+
+class Mount(Turned, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Where a sensor sits and how it is turned."""
+
+    position: Arm = ORIGIN  # [m] FRD, from the vehicle's origin
+
+
+class Mounting(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """All sensors. A magnetic field is the same everywhere in the vehicle; pressure and an acoustic
+    fix have no axes."""
+
+    imu: Mount = Mount()
+    magnetometer: Turned = Turned()
+    pressure: Placed = Placed()  # it must be under water when the vehicle floats
+    dvl: Mount = Mount()
+    usbl: Placed = Placed()

@@ -1,0 +1,73 @@
+"""Between newtons and an ESC: what to ask of it, and what an open-loop thruster is believed to do.
+
+An ESC without feedback does not say what its motor does. What is believed of it is the command
+through the thrust curve (its dead-band and limits; the driver inverts the rest) and the thruster's
+lag, and `Actuation.measured` says that it is only believed.
+"""
+
+from collections.abc import Sequence
+
+from services.marine.thrust_curve import CURVES
+from services.marine.thruster_lag import decay
+from services.marine.thrusters import driven
+from services.marine.vehicle import Thruster
+
+
+def share_of_voltage(thruster: Thruster, newtons: float) -> float:
+    """[-] −1 … 1: what to ask of the ESC for a thrust, by the thruster's curve; without one, a
+    share of its limit. Zero inside the dead-band."""
+    settles_at = driven(thruster, newtons)
+    if settles_at == 0.0:
+        return 0.0
+    if (curve := CURVES.get(thruster.curve)) is not None:
+        return curve.share(settles_at)
+    reverse, forward = thruster.limits
+    return settles_at / forward if settles_at > 0 else -settles_at / reverse
+
+
+class OpenLoopThrust:
+    """What thrusters without feedback are believed to produce, from rest."""
+
+    def __init__(self, thrusters: Sequence[Thruster]) -> None:
+        self._lags = [_Lagging(thruster) for thruster in thrusters]
+
+    def drive(self, thrust: Sequence[float], now: int) -> None:
+        """From `now` [ns] on they are asked for this thrust [N]."""
+        for lagging, newtons in zip(self._lags, thrust, strict=True):
+            lagging.drive(newtons, now)
+
+    def believed(self, now: int) -> tuple[float, ...]:
+        """[N] Per thruster at `now` [ns]."""
+        return tuple([lagging.at(now) for lagging in self._lags])
+
+
+class _Lagging:
+    """One thruster: what it settles at, less modes that decay (services/marine/thruster_lag.py)."""
+
+    def __init__(self, thruster: Thruster) -> None:
+        self._thruster = thruster
+        self._modes = thruster.modes
+        self._gaps: list[complex] = [0.0] * len(self._modes)  # [N] what each mode lacked at `since`
+        self._settles_at = 0.0  # [N]
+        self._since = 0  # [ns]
+
+    def drive(self, newtons: float, now: int) -> None:
+        settles_at = driven(self._thruster, newtons)
+        if settles_at == self._settles_at:
+            return
+        step = settles_at - self._settles_at
+        self._gaps = [
+            gap + mode.share * step for gap, mode in zip(self._left(now), self._modes, strict=True)
+        ]
+        self._settles_at, self._since = settles_at, now
+
+    def at(self, now: int) -> float:
+        return self._settles_at - sum(gap.real for gap in self._left(now))
+
+    def _left(self, now: int) -> list[complex]:
+        """[N] What each mode lacks at `now`."""
+        seconds = max(0, now - self._since) / 1e9
+        return [
+            decay(mode.pole, seconds) * gap
+            for mode, gap in zip(self._modes, self._gaps, strict=True)
+        ]

@@ -1,0 +1,215 @@
+"""From where a sensor sits to the vehicle's origin, and back.
+
+A driver says what its sensor says: in the sensor's own axes, at the sensor's own place. Estimation
+puts it right at its door (`AtOrigin`); the simulator measures there with the inverse. A sensor
+that sits at the origin along the body's axes passes untouched.
+
+Rigid-body kinematics (Fossen 2011, §2.2 and eq. 7.8): a point at r has the velocity v + ω × r and
+the specific force f + ω × (ω × r) + ω̇ × r.
+"""
+
+from bisect import bisect_right
+from collections import deque
+from math import exp
+from typing import NamedTuple
+
+import numpy as np
+from msgspec.structs import replace
+
+from messages.sensors import (
+    DvlSample,
+    ImuSample,
+    MagnetometerSample,
+    PressureSample,
+    UsblSample,
+)
+from messages.units import Vec3
+from services.marine.attitude import LEVEL, Quaternion, to_world
+from services.marine.mount import ALONG, ORIGIN, Mount, Mounting, Rotation, Turned
+from services.marine.vehicle import GRAVITY
+
+SMOOTHING = 0.02  # [s] of the gyroscope before it is differenced; two samples of most
+LONGEST_STEP = 0.1  # [s] a rate that was heard longer ago says nothing about acceleration
+REMEMBERED_NS = 10_000_000_000  # [ns] no sample may be older: the limit of "oldest" in estimation
+AT_REST: Vec3 = (0.0, 0.0, 0.0)
+
+
+class Axes:
+    """R_BS of a sensor, made exactly orthonormal."""
+
+    def __init__(self, turned: Turned) -> None:
+        self.along = turned.rotation == ALONG
+        self._R: Rotation = ALONG if self.along else _nearest_rotation(turned.rotation)
+
+    def to_body(self, v_S: Vec3) -> Vec3:
+        """v_B = R_BS v_S."""
+        if self.along:
+            return v_S
+        (a, b, c), (d, e, f), (g, h, i) = self._R
+        x, y, z = v_S
+        return a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z
+
+    def to_sensor(self, v_B: Vec3) -> Vec3:
+        """v_S = R_SB v_B."""
+        if self.along:
+            return v_B
+        (a, b, c), (d, e, f), (g, h, i) = self._R
+        x, y, z = v_B
+        return a * x + d * y + g * z, b * x + e * y + h * z, c * x + f * y + i * z
+
+
+def force_at(r: Vec3, rate: Vec3, acceleration: Vec3) -> Vec3:
+    """[m/s²] By how much the specific force at r [m] differs from that at the origin, for an
+    angular rate [rad/s] and its derivative [rad/s²]; all in body axes."""
+    return _plus(cross(rate, cross(rate, r)), cross(acceleration, r))
+
+
+def velocity_at(r: Vec3, rate: Vec3) -> Vec3:
+    """[m/s] By how much the velocity at r [m] differs from that at the origin."""
+    return cross(rate, r)
+
+
+class Moment(NamedTuple):
+    """How the vehicle lay and turned."""
+
+    stamp_ns: int
+    rate: Vec3 = AT_REST  # [rad/s] body
+    attitude: Quaternion = LEVEL  # q_NB
+
+
+class AtOrigin:
+    """Samples of mounted sensors into samples of the vehicle's origin, in body axes.
+
+    Pressure and fixes of an arm need the attitude, and a DVL's the angular rate, at the time of the
+    sample: they are told with `moved` after each IMU sample, if `curious`.
+    """
+
+    def __init__(self, mounting: Mounting, density: float) -> None:
+        """Water density [kg/m³]."""
+        self._imu, self._arm = Axes(mounting.imu), mounting.imu.position
+        self._field = Axes(mounting.magnetometer)
+        self._dvl, self._dvl_arm = Axes(mounting.dvl), mounting.dvl.position
+        self._pressure_arm, self._usbl_arm = mounting.pressure.position, mounting.usbl.position
+        self._per_metre = density * GRAVITY  # [Pa/m]
+        self._turning = Turning()
+        self._moments = deque[Moment]()
+        arms = self._dvl_arm, self._pressure_arm, self._usbl_arm
+        self.curious = any(arm != ORIGIN for arm in arms)
+
+    def moved(self, moment: Moment) -> None:
+        """What is known of the newest instant."""
+        if self._moments and moment.stamp_ns <= self._moments[-1].stamp_ns:
+            self._moments.clear()
+        self._moments.append(moment)
+        while moment.stamp_ns - self._moments[0].stamp_ns > REMEMBERED_NS:
+            self._moments.popleft()
+
+    def imu(self, sample: ImuSample) -> ImuSample:
+        if self._imu.along and self._arm == ORIGIN:
+            return sample
+        rate, force = (
+            self._imu.to_body(sample.angular_rate),
+            self._imu.to_body(sample.specific_force),
+        )
+        if self._arm != ORIGIN:
+            acceleration = self._turning.acceleration(rate, sample.stamp_ns)
+            force = _minus(force, force_at(self._arm, rate, acceleration))
+        return replace(sample, angular_rate=rate, specific_force=force)
+
+    def magnetometer(self, sample: MagnetometerSample) -> MagnetometerSample:
+        if self._field.along:
+            return sample
+        return replace(sample, field=self._field.to_body(sample.field))
+
+    def pressure(self, sample: PressureSample) -> PressureSample:
+        if self._pressure_arm == ORIGIN:
+            return sample
+        deeper = to_world(self._at(sample.stamp_ns).attitude, self._pressure_arm)[2]  # [m]
+        return replace(sample, pressure=sample.pressure - self._per_metre * deeper)
+
+    def dvl(self, sample: DvlSample) -> DvlSample:
+        if self._dvl.along and self._dvl_arm == ORIGIN:
+            return sample
+        moment, velocity = self._at(sample.stamp_ns), self._dvl.to_body(sample.velocity)
+        velocity = _minus(velocity, velocity_at(self._dvl_arm, moment.rate))
+        deeper = to_world(moment.attitude, self._dvl_arm)[2]
+        altitude = None if sample.altitude is None else max(0.0, sample.altitude + deeper)
+        return replace(sample, velocity=velocity, altitude=altitude)
+
+    def usbl(self, sample: UsblSample) -> UsblSample:
+        if self._usbl_arm == ORIGIN:
+            return sample
+        north, east, _ = to_world(self._at(sample.stamp_ns).attitude, self._usbl_arm)
+        return replace(sample, north=sample.north - north, east=sample.east - east)
+
+    def _at(self, stamp_ns: int) -> Moment:
+        """The newest moment not after this time; else the oldest there is."""
+        if not self._moments:
+            return Moment(stamp_ns)
+        after = bisect_right(self._moments, stamp_ns, key=lambda moment: moment.stamp_ns)
+        return self._moments[max(0, after - 1)]
+
+
+class Turning:
+    """ω̇ by differencing a lightly smoothed angular rate."""
+
+    def __init__(self) -> None:
+        self._smooth: Vec3 | None = None  # [rad/s]
+        self._stamp_ns = 0
+
+    def acceleration(self, rate: Vec3, stamp_ns: int) -> Vec3:
+        """[rad/s²] At the newest sample; zero for the first, and after a gap."""
+        before, dt = self._smooth, (stamp_ns - self._stamp_ns) / 1e9
+        self._stamp_ns = stamp_ns
+        if before is None or not 0.0 < dt <= LONGEST_STEP:
+            self._smooth = rate
+            return AT_REST
+        share = 1.0 - exp(-dt / SMOOTHING)
+        step = _minus(rate, before)
+        step = (share * step[0], share * step[1], share * step[2])
+        self._smooth = _plus(before, step)
+        return step[0] / dt, step[1] / dt, step[2] / dt
+
+
+def place_of(arm: Vec3, position: Vec3, q_NB: Quaternion) -> Vec3:
+    """[m] NED, where something mounted at `arm` [m] is."""
+    return position if arm == ORIGIN else _plus(position, to_world(q_NB, arm))
+
+
+def measured_there(
+    mount: Mount, axes: Axes, force: Vec3, rate: Vec3, acceleration: Vec3
+) -> tuple[Vec3, Vec3]:
+    """Specific force [m/s²] and angular rate [rad/s] at the origin, as a mounted IMU feels them.
+
+    Args:
+        acceleration: [rad/s²] derivative of the angular rate, in body axes.
+    """
+    if mount.position != ORIGIN:
+        force = _plus(force, force_at(mount.position, rate, acceleration))
+    return axes.to_sensor(force), axes.to_sensor(rate)
+
+
+def seen_there(mount: Mount, axes: Axes, velocity: Vec3, rate: Vec3) -> Vec3:
+    """Velocity [m/s] of the origin, as a mounted DVL measures it."""
+    if mount.position != ORIGIN:
+        velocity = _plus(velocity, velocity_at(mount.position, rate))
+    return axes.to_sensor(velocity)
+
+
+def cross(a: Vec3, b: Vec3) -> Vec3:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def _nearest_rotation(R: Rotation) -> Rotation:
+    """By the polar decomposition; what is written in a file has a few digits."""
+    u, _, vt = np.linalg.svd(np.array(R))
+    a, b, c = (u @ vt).tolist()
+    return (a[0], a[1], a[2]), (b[0], b[1], b[2]), (c[0], c[1], c[2])
+
+
+def _plus(a: Vec3, b: Vec3) -> Vec3:
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+def _minus(a: Vec3, b: Vec3) -> Vec3:
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]

@@ -1,0 +1,40 @@
+"""Which vehicle side is held to the contract. Without options: the simulator and the example.
+
+pytest tests/contract --stack my_stack.toml --vehicle my_vehicle.toml [--still]
+"""
+
+from pathlib import Path
+
+import pytest
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "point_vehicle"
+KNOWN = (
+    ("simulated", "pioneer"),
+    ("simulated", "bluerov2_heavy"),
+    (f"{EXAMPLE}/stack.toml", f"{EXAMPLE}/vehicle.toml"),
+)
+REAL = KNOWN[-1]  # the one that is also run as a process
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--stack", help="a name in deploy/stacks, or the path of a TOML file")
+    parser.addoption("--vehicle", default="pioneer", help="a name, or the path of a TOML file")
+    parser.addoption(
+        "--still", action="store_true", help="on the bench, out of the water: nothing moves"
+    )
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    for fixture, sides in (("side", KNOWN), ("real_side", (REAL,))):
+        if fixture in metafunc.fixturenames:
+            # Options are not there when pytest is told of this folder only by its settings.
+            stack: str | None = metafunc.config.getoption("--stack", None)
+            if stack is not None:
+                sides = ((stack, str(metafunc.config.getoption("--vehicle"))),)
+            names = [f"{Path(s).parent.name or s}-{Path(v).stem}" for s, v in sides]
+            metafunc.parametrize(fixture, sides, ids=names)
+
+
+@pytest.fixture
+def still(request: pytest.FixtureRequest) -> bool:
+    return bool(request.config.getoption("--still", False))

@@ -1,0 +1,129 @@
+"""A mistake in a stack file, or in a module that it names, is one sentence that says where."""
+
+from itertools import count
+from pathlib import Path
+
+import pytest
+
+from messages import topics
+from services.runtime.errors import LindyError
+from services.runtime.registry import Registry, own_services
+from services.runtime.stack import Stack
+from services.runtime.virtual_host import VirtualHost
+from tools.checks import known_tables
+
+NUMBERS = count()
+WIRE = "def wire(node, stack):\n    "
+STRICT = """
+import msgspec
+class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    port: str = "/dev/ttyACM0"
+    baud: int = 115200
+"""
+
+
+def stack_file(folder: Path, text: str) -> Registry:
+    path = folder / "mine.toml"
+    path.write_text(text)
+    return Registry.read(str(path))
+
+
+def with_driver(folder: Path, code: str | None, more: str = "") -> Registry:
+    """A stack of a driver, whose module has a name of its own in this process."""
+    name = f"driver_{next(NUMBERS)}"
+    if code is not None:
+        (folder / f"{name}.py").write_text(code)
+    text = f'[services.driver]\nsides = ["drone"]\nvehicle_side = true\nmodule = "{name}"\n{more}'
+    return stack_file(folder, text)
+
+
+def test_the_shipped_stacks_differ_in_the_vehicle_side_alone() -> None:
+    simulated, real = Registry.read("simulated"), Registry.read("real")
+    assert simulated.vehicle_side == {"simulator": "services.simulator"}
+    assert real.vehicle_side == {"driver": "my_lab.my_driver"}
+    assert {n: s for n, s in simulated.items() if not s.vehicle_side} == {
+        n: s for n, s in real.items() if not s.vehicle_side
+    }
+    assert set(simulated) == set(own_services())
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("", r"mine.toml: no service is the vehicle; one of them must say vehicle_side = true"),
+        ("[service.x]", r"mine.toml: service: unknown key; did you mean 'services'"),
+        ("[services.contrl]\nsides = ['drone']", r"no service 'contrl', .* did you mean 'control'"),
+        (
+            "[services.control]\nsides = ['dron']",
+            r"services.control.sides.0: expected str matching",
+        ),
+        ("[services.control]\nsides = []", r"mine.toml:2: services.control.sides: expected array"),
+        ("[services.control]\nside = ['drone']", r"mine.toml:2: .*did you mean 'sides'"),
+        ("[services.vehicle]\nsides = ['drone']\nmodule = 'x'", "cannot be called 'vehicle'"),
+        ("[services.Driver]\nsides = ['drone']\nmodule = 'x'", "cannot be called 'Driver'"),
+    ],
+)
+def test_a_mistake_in_a_stack_file_is_named(tmp_path: Path, text: str, sentence: str) -> None:
+    with pytest.raises(LindyError, match=sentence):
+        stack_file(tmp_path, text)
+
+
+@pytest.mark.parametrize(
+    ("code", "sentence"),
+    [
+        (None, r"there is no module 'driver_\d+'; allowed: an installed module, or a file beside"),
+        ("x = 1", r"module 'driver_\d+' \(.*driver_\d+.py\) has no function wire\(node, stack\)"),
+        ("wire = 3", r"has no function wire"),
+        ("1 / 0", r"module 'driver_\d+' cannot be imported: ZeroDivisionError: division by zero"),
+        ("import no_such_port", r"cannot be imported: ModuleNotFoundError: No module named 'no_s"),
+        ("raise SystemExit('bye')", r"cannot be imported: SystemExit: bye"),
+        ("class Settings: ...\n" + WIRE + "pass", r"Settings of module .* forbid_unknown_fields"),
+    ],
+)
+def test_a_module_that_cannot_be_used_is_named_with_its_line(
+    tmp_path: Path, code: str | None, sentence: str
+) -> None:
+    services = with_driver(tmp_path, code)
+    with pytest.raises(LindyError, match=rf"mine.toml:4: services.driver.module: .*{sentence}"):
+        known_tables(services)
+
+
+@pytest.mark.parametrize(
+    ("line", "sentence"),
+    [
+        ("raise OSError(2, 'No such file', '/dev/ttyACM0')", r"module driver_\d+: FileNotFoundErr"),
+        ("raise ValueError('two\\nlines')", r"module driver_\d+: ValueError: two lines$"),
+        (
+            "from services.runtime.errors import LindyError; raise LindyError('port is taken')",
+            r"^port is taken$",
+        ),
+    ],
+)
+def test_a_driver_that_cannot_start_says_why(tmp_path: Path, line: str, sentence: str) -> None:
+    services = with_driver(tmp_path, WIRE + line)
+    with pytest.raises(LindyError, match=sentence):
+        VirtualHost().add_all(services, Stack())
+
+
+def test_a_drivers_settings_are_checked_like_lindys_own(tmp_path: Path) -> None:
+    known = known_tables(with_driver(tmp_path, STRICT + WIRE + "pass"))
+    Stack(overrides=["driver.port=/dev/ttyUSB1"]).check(known)
+    Stack(overrides=["simulator.floor_depth=9.0"]).check(known)  # the file suits other stacks too
+    with pytest.raises(LindyError, match=r"--set driver.prot=1: unknown key; did you mean 'port'"):
+        Stack(overrides=["driver.prot=1"]).check(known)
+    with pytest.raises(LindyError, match=r"--set driver.baud=fast: expected int, got str"):
+        Stack(overrides=["driver.baud=fast"]).check(known)
+
+
+def test_the_other_machine_needs_no_driver(tmp_path: Path) -> None:
+    services = with_driver(tmp_path, None)
+    Stack(overrides=["driver.port=x"]).check(known_tables(services, here={"gamepad"}))
+
+
+def test_a_driver_is_started_like_any_service(tmp_path: Path) -> None:
+    code = STRICT + WIRE + "node.log('info', stack.section(node.name, Settings).port)\n"
+    host, said = VirtualHost(), list[str]()
+    host.node("ear", ["drone"]).each(topics.LOG, lambda line, _: said.append(line.text))
+    host.add_all(with_driver(tmp_path, code), Stack(overrides=["driver.port=/dev/x"]))
+    host.run(1_100_000_000)  # past the first health report
+    assert said == ["/dev/x"]

@@ -1,0 +1,75 @@
+"""What an ESC is asked for, and what an open-loop thruster is believed to do."""
+
+from math import exp
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from msgspec.structs import replace
+
+from services.marine.thrust_curve import CURVES
+from services.marine.thruster_lag import Lag
+from services.marine.thrusters import driven
+from services.marine.vehicle import Thruster, Vehicle
+from services.runtime.stack import Stack
+from services.simulator.propulsion import Propulsion
+from services.vehicle.actuation import OpenLoopThrust, share_of_voltage
+
+S = 1_000_000_000  # [ns]
+T200 = Thruster(
+    "t200", (0, 0, 0), (1, 0, 0), max_thrust=30.0, max_reverse=25.0, dead_band=1.0, curve="t200"
+)
+LINEAR = Thruster("linear", (0, 0, 0), (1, 0, 0), max_thrust=40.0, max_reverse=20.0, dead_band=1.0)
+SLOW = Thruster(
+    "slow", (0, 0, 0), (1, 0, 0), max_thrust=40.0, lag=Lag([1.0, 25.0], [1.0, 6.0, 25.0])
+)
+COMMANDS = st.lists(st.tuples(st.floats(0.0, 0.5), st.floats(-60, 60)), min_size=1, max_size=12)
+
+
+@given(st.floats(-60, 60))
+def test_the_share_gives_the_thrust_back_through_the_curve(newtons: float) -> None:
+    share = share_of_voltage(T200, newtons)
+    assert -1.0 <= share <= 1.0
+    assert CURVES["t200"].thrust(share) == pytest.approx(driven(T200, newtons), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("newtons", "share"),
+    [(40.0, 1.0), (90.0, 1.0), (20.0, 0.5), (-20.0, -1.0), (-5.0, -0.25), (0.9, 0.0), (0.0, 0.0)],
+)
+def test_without_a_curve_it_is_a_share_of_the_limit(newtons: float, share: float) -> None:
+    assert share_of_voltage(LINEAR, newtons) == pytest.approx(share)
+
+
+@given(COMMANDS)
+def test_what_is_believed_stays_within_the_limits_and_settles_at_the_command(
+    commands: list[tuple[float, float]],
+) -> None:
+    thrust, now = OpenLoopThrust([LINEAR]), 0
+    for later, newtons in commands:
+        now += round(later * S)
+        before = thrust.believed(now)
+        thrust.drive([newtons], now)
+        assert thrust.believed(now) == pytest.approx(before, abs=1e-9)  # no jump
+        assert -20.0 - 1e-9 <= thrust.believed(now)[0] <= 40.0 + 1e-9
+    assert thrust.believed(now + 10 * S)[0] == pytest.approx(driven(LINEAR, commands[-1][1]))
+
+
+def test_it_follows_with_the_thrusters_lag() -> None:
+    thrust = OpenLoopThrust([LINEAR])
+    thrust.drive([20.0], S)
+    assert thrust.believed(S + 80_000_000)[0] == pytest.approx(20.0 * (1 - exp(-1.0)))
+
+
+@given(COMMANDS)
+def test_it_is_what_the_simulated_thrusters_do(commands: list[tuple[float, float]]) -> None:
+    pioneer = Stack().section("vehicle", Vehicle)
+    lags = [SLOW, *pioneer.thruster[1:]]
+    believed, now = OpenLoopThrust(lags), 0
+    simulated = Propulsion(replace(pioneer, thruster=lags), [0.0] * len(lags))
+    for later, newtons in commands:
+        now += round(later * S)
+        simulated.pass_time(round(later * S) / S)
+        assert believed.believed(now) == pytest.approx(simulated.thrust, abs=1e-6)
+        believed.drive([newtons] * len(lags), now)
+        simulated.drive([newtons] * len(lags))

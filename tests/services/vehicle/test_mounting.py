@@ -1,0 +1,182 @@
+"""Where a sensor sits and how it is turned: mounted and put right again is as if at the origin."""
+
+from math import cos, pi, sin
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from messages.sensors import (
+    DvlSample,
+    ImuSample,
+    MagnetometerSample,
+    PressureSample,
+    UsblSample,
+)
+from messages.units import Vec3
+from services.marine.attitude import from_euler, normalised, to_world
+from services.marine.mount import ALONG, Mount, Mounting, Placed, Rotation, Turned
+from services.marine.vehicle import GRAVITY
+from services.runtime.errors import LindyError
+from services.runtime.registry import Registry
+from services.runtime.stack import Stack
+from services.vehicle.mounting import (
+    AtOrigin,
+    Axes,
+    Moment,
+    Turning,
+    measured_there,
+    place_of,
+    seen_there,
+)
+from tools.checks import known_tables
+
+S = 1_000_000_000  # [ns]
+DENSITY = 1025.0  # [kg/m³]
+ARM: Vec3 = (0.2, 0.05, 0.1)
+VECTORS = st.tuples(*[st.floats(-5, 5)] * 3)
+ARMS = st.tuples(*[st.floats(-1, 1)] * 3)
+ANGLES = st.tuples(*[st.floats(-pi, pi)] * 3)
+
+
+def rotation(angles: Vec3) -> Rotation:
+    q = from_euler(*angles)
+    x, y, z = (to_world(q, axis) for axis in ALONG)
+    return (x[0], y[0], z[0]), (x[1], y[1], z[1]), (x[2], y[2], z[2])
+
+
+@given(ANGLES, VECTORS)
+def test_to_the_sensors_axes_and_back_is_nothing(angles: Vec3, vector: Vec3) -> None:
+    axes = Axes(Turned(rotation=rotation(angles)))
+    assert axes.to_body(axes.to_sensor(vector)) == pytest.approx(vector, abs=1e-12)
+    assert axes.to_body(vector) == pytest.approx(to_world(from_euler(*angles), vector), abs=1e-9)
+
+
+@given(ANGLES, ARMS, VECTORS, VECTORS)
+def test_a_mounted_imu_that_turns_steadily_is_put_right(
+    angles: Vec3, arm: Vec3, force: Vec3, rate: Vec3
+) -> None:
+    mount = Mount(rotation=rotation(angles), position=arm)
+    felt, turned = measured_there(mount, Axes(mount), force, rate, (0.0, 0.0, 0.0))
+    door = AtOrigin(Mounting(imu=mount), DENSITY)
+    for i in range(3):
+        said = ImuSample(stamp_ns=i * S // 100, specific_force=felt, angular_rate=turned)
+        heard = door.imu(said)
+        assert heard.specific_force == pytest.approx(force, abs=1e-9)
+        assert heard.angular_rate == pytest.approx(rate, abs=1e-9)
+
+
+def test_the_angular_acceleration_is_felt_and_taken_off() -> None:
+    """A point on an arm ahead is pushed sideways when the vehicle begins to turn."""
+    mount = Mount(position=(0.5, 0.0, 0.0))
+    door, felt, heard = AtOrigin(Mounting(imu=mount), DENSITY), (0.0, 0.0, 0.0), None
+    for i in range(100):
+        rate, acceleration = (0.0, 0.0, 0.02 * i), (0.0, 0.0, 2.0)
+        felt, turned = measured_there(mount, Axes(mount), (0.0, 0.0, -GRAVITY), rate, acceleration)
+        heard = door.imu(ImuSample(stamp_ns=i * S // 100, specific_force=felt, angular_rate=turned))
+    assert felt == pytest.approx((-0.5 * 1.98**2, 1.0, -GRAVITY))
+    assert heard is not None
+    assert heard.specific_force == pytest.approx((0.0, 0.0, -GRAVITY), abs=1e-6)
+
+
+@given(ANGLES, ARMS, ANGLES, VECTORS, VECTORS)
+def test_a_mounted_dvl_is_put_right(
+    angles: Vec3, arm: Vec3, lies: Vec3, velocity: Vec3, rate: Vec3
+) -> None:
+    mount, q = Mount(rotation=rotation(angles), position=arm), from_euler(*lies)
+    door = AtOrigin(Mounting(dvl=mount), DENSITY)
+    door.moved(Moment(0, rate, q))
+    height = 9.0 - place_of(arm, (0.0, 0.0, 4.0), q)[2]
+    seen = seen_there(mount, Axes(mount), velocity, rate)
+    heard = door.dvl(DvlSample(stamp_ns=1, velocity=seen, std=0.01, altitude=height))
+    assert heard.velocity == pytest.approx(velocity, abs=1e-9)
+    assert heard.altitude == pytest.approx(5.0)
+
+
+@given(ARMS, ANGLES, VECTORS)
+def test_depth_and_fix_are_of_the_origin(arm: Vec3, lies: Vec3, position: Vec3) -> None:
+    q, mount = normalised(from_euler(*lies)), Placed(position=arm)
+    door = AtOrigin(Mounting(pressure=mount, usbl=mount), DENSITY)
+    door.moved(Moment(0, (0.0, 0.0, 0.0), q))
+    north, east, down = place_of(arm, position, q)
+    pascal = DENSITY * GRAVITY
+    said = PressureSample(stamp_ns=1, pressure=2e5 + pascal * down)
+    assert door.pressure(said).pressure == pytest.approx(2e5 + pascal * position[2])
+    fix = door.usbl(UsblSample(stamp_ns=1, north=north, east=east, std=1.0))
+    assert (fix.north, fix.east) == pytest.approx(position[:2], abs=1e-9)
+
+
+def test_a_late_sample_is_put_right_by_how_the_vehicle_lay_then() -> None:
+    door = AtOrigin(Mounting(dvl=Mount(position=(1.0, 0.0, 0.0))), DENSITY)
+    for i in range(100):
+        door.moved(Moment(i * S // 100, (0.0, 0.0, 0.01 * i)))
+    heard = door.dvl(DvlSample(stamp_ns=S // 2 + 1, velocity=(0.0, 0.5, 0.0), std=0.01))
+    assert heard.velocity == pytest.approx((0.0, 0.0, 0.0))
+
+
+def test_a_sensor_at_the_origin_passes_untouched() -> None:
+    door = AtOrigin(Mounting(), DENSITY)
+    samples = (
+        ImuSample(stamp_ns=0, specific_force=(0.1, 0.2, -9.8), angular_rate=(0.1, 0.2, 0.3)),
+        MagnetometerSample(stamp_ns=0, field=(1e-5, 2e-5, 3e-5)),
+        PressureSample(stamp_ns=0, pressure=1e5),
+        DvlSample(stamp_ns=0, velocity=(1.0, 2.0, 3.0), std=0.01),
+        UsblSample(stamp_ns=0, north=1.0, east=2.0, std=0.5),
+    )
+    imu, field, pressure, dvl, usbl = samples
+    assert not door.curious
+    assert door.imu(imu) is imu
+    assert door.magnetometer(field) is field
+    assert door.pressure(pressure) is pressure
+    assert door.dvl(dvl) is dvl
+    assert door.usbl(usbl) is usbl
+
+
+def test_a_gap_says_nothing_about_acceleration() -> None:
+    turning = Turning()
+    assert turning.acceleration((0.0, 0.0, 1.0), 0) == (0.0, 0.0, 0.0)
+    assert turning.acceleration((0.0, 0.0, 2.0), S) == (0.0, 0.0, 0.0)
+    assert turning.acceleration((0.0, 0.0, 2.1), S + S // 100)[2] > 0.0
+
+
+def test_a_matrix_of_few_digits_is_made_a_rotation() -> None:
+    c, s = round(cos(0.3), 4), round(sin(0.3), 4)
+    axes = Axes(Turned(rotation=((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0))))
+    columns = np.array([axes.to_body(axis) for axis in ALONG])
+    assert columns @ columns.T == pytest.approx(np.eye(3), abs=1e-14)
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        "[[1,0,0],[0,1,0],[0,0,-1]]",  # a mirror
+        "[[1,0,0],[0,1,0],[0,0,0]]",
+        "[[1,0,0],[0,1,0],[0,0.01,1]]",
+        "[[0.99,0,0],[0,1,0],[0,0,1]]",
+        "[[0,1,0],[1,0,0],[0,0,1]]",
+    ],
+)
+def test_a_mounting_that_is_no_rotation_is_refused(rows: str) -> None:
+    setting = f"vehicle.mounting.imu.rotation={rows}"
+    with pytest.raises(LindyError, match=r"vehicle.mounting.imu: rotation is no rotation: .* \+1"):
+        Stack(overrides=[setting]).check(known_tables(Registry.read()))
+
+
+@pytest.mark.parametrize(
+    ("setting", "sentence"),
+    [
+        ("vehicle.mounting.pressure.rotation=[]", "unknown key; did you mean 'position'"),
+        ("vehicle.mounting.imu.position=[0.1, 0.2]", "expected array of length 3"),
+        ("vehicle.mounting.imu.position=[0.1, 0.2, nan]", "mounting.imu.position.2: expected fl"),
+        ("vehicle.mounting.lidar.position=[0, 0, 0]", "lidar: unknown key"),
+    ],
+)
+def test_other_mistakes_are_named(setting: str, sentence: str) -> None:
+    with pytest.raises(LindyError, match=sentence):
+        Stack(overrides=[setting]).check(known_tables(Registry.read()))
+
+
+def test_a_vehicle_file_without_the_table_has_all_sensors_at_the_origin() -> None:
+    assert msgspec.convert({}, Mounting) == Mounting()

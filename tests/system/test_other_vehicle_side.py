@@ -1,0 +1,121 @@
+"""Another vehicle side than the simulator: the example outside of the packages, as a user flies it,
+and drivers that cannot start."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from services.runtime.running import RUNNING, Running
+from tools.__main__ import main
+from tools.recording import open_recording
+from tools.report import read_dive
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "point_vehicle"
+SIDE = ("--stack", f"{EXAMPLE}/stack.toml", "--vehicle", f"{EXAMPLE}/vehicle.toml")
+QUICK = ("--set", "estimation.calibration.still_time=1")  # [s] at rest instead of ten
+SCRIPT = "t,surge,sway,heave,yaw\n0,0,0,0,0\n1,0,0,0.8,0\n4,0,0,0,0.5\n6,0,0,0,0\n8,0,0,0,0\n"
+PATIENCE_S = 60.0  # for a slow and busy computer
+
+
+@pytest.fixture
+def pilot(tmp_path: Path) -> tuple[str, str]:
+    path = tmp_path / "script.csv"
+    path.write_text(SCRIPT)
+    return "--pilot", f"script:{path}"
+
+
+def stack_with(folder: Path, name: str, code: str) -> tuple[str, str]:
+    """The example's stack with this driver instead of its own."""
+    (folder / f"{name}.py").write_text(code)
+    stack = (EXAMPLE / "stack.toml").read_text()
+    path = folder / "stack.toml"
+    path.write_text(stack.replace('module = "driver"', f'module = "{name}"'))
+    return "--stack", str(path)
+
+
+def lindy(*arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-P", "-m", "tools", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+
+
+def test_the_example_dives_on_virtual_time_and_ends_cleanly(
+    tmp_path: Path, pilot: tuple[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    assert main(["simulate", *SIDE, *QUICK, *pilot, "--out", str(out)]) == 0
+    report = json.loads((out / "report.json").read_text())
+    assert report["exit"] == "clean"
+    assert report["services"].keys() >= {"driver", "control", "estimation"}
+    assert (read_dive(open_recording(out)).max_depth_m or 0.0) > 0.8
+    assert "ended cleanly" in capsys.readouterr().out
+
+
+@pytest.mark.system
+def test_the_example_dives_as_processes_and_ends_cleanly(
+    tmp_path: Path, pilot: tuple[str, str]
+) -> None:
+    out = tmp_path / "out"
+    said = lindy("dive", *SIDE, *QUICK, *pilot, "--headless", "--seconds", "3", "--out", str(out))
+    assert said.returncode == 0, said.stdout + said.stderr
+    report = json.loads((out / "report.json").read_text())
+    assert report["exit"] == "clean"
+    assert report["services"]["driver"]["restarts"] == 0
+    assert (read_dive(open_recording(out)).max_depth_m or 0.0) > 0.3
+
+
+@pytest.mark.system
+def test_a_driver_that_cannot_open_its_port_ends_the_dive_with_its_own_words(
+    tmp_path: Path, pilot: tuple[str, str]
+) -> None:
+    code = "def wire(node, stack):\n    open('/dev/no_such_port')\n"
+    stack = stack_with(tmp_path, "broken_driver", code)
+    out = tmp_path / "out"
+    said = lindy("dive", *stack, *pilot, "--headless", "--out", str(out))
+    assert said.returncode == 1
+    why = "module broken_driver: FileNotFoundError: [Errno 2] No such file or directory"
+    assert said.stderr.startswith(f"lindy: {why}: '/dev/no_such_port'")
+    assert said.stderr.count("\n") == 1
+    log = (out / "logs" / "driver.log").read_text()
+    assert "open('/dev/no_such_port')" in log  # the details, for whoever wrote the driver
+
+
+@pytest.mark.parametrize("verb", ["dive", "simulate", "run"])
+def test_a_stack_that_cannot_be_started_leaves_no_folder(
+    tmp_path: Path, verb: str, pilot: tuple[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    stack = stack_with(tmp_path, "wireless_driver", "wire = None\n")
+    out = tmp_path / "out"
+    more = ["driver", "--connect", "drone=tcp/127.0.0.1:7447"] if verb == "run" else []
+    assert main([verb, *more, *stack, *pilot, "--out", str(out)]) == 1
+    said = capsys.readouterr().err
+    assert "stack.toml:6: services.driver.module: module 'wireless_driver'" in said
+    assert not out.exists()
+
+
+def test_a_driver_that_needs_real_time_says_so(
+    tmp_path: Path, pilot: tuple[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    code = (
+        "from services.runtime.errors import NeedsRealTimeError\n"
+        "def wire(node, stack):\n"
+        "    if stack.virtual:\n"
+        "        raise NeedsRealTimeError(node.name)\n"
+    )
+    stack = stack_with(tmp_path, "real_time_driver", code)
+    assert main(["simulate", *stack, *pilot, "--out", str(tmp_path / "out")]) == 1
+    assert "driver needs real time: fly it with `lindy dive`" in capsys.readouterr().err
+
+
+def test_a_fault_is_for_simulated_vehicles_only(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    running = Running("vehicle", {}, os.getpid(), {}, f"{EXAMPLE}/stack.toml")
+    (tmp_path / RUNNING).write_bytes(msgspec.json.encode(running))
+    assert main(["fault", "port", "dead", "--dive", str(tmp_path)]) == 1
+    said = capsys.readouterr().err
+    assert "only a simulated vehicle can be broken on purpose, and this dive has none" in said
