@@ -23,7 +23,7 @@ settings.load_profile("same")
 def pytest_configure() -> None:
     """Hypothesis also draws constants that it finds in the modules imported so far, which depends
     on who ran before in the same process, and on the constants. Not in the runs that are equal."""
-    if settings.get_current_profile_name() == "same":
+    if settings().derandomize:
         pytest.MonkeyPatch().setattr(
             "hypothesis.internal.conjecture.providers._get_local_constants", Constants
         )
