@@ -11,19 +11,21 @@ for these laws only, by the names of their files without `.py`.
 
 import argparse
 import ast
+import compileall
 import os
 import shutil
 import subprocess
 import sys
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
 from random import Random
-from typing import cast
+from typing import Literal, cast
 
 EACH = 15  # faults in each law
 GOAL = 0.9  # of the faults are to be noticed
@@ -108,6 +110,9 @@ COUNTED: dict[type[ast.operator], type[ast.operator]] = {
 }  # fmt: skip
 EXTREME = {"min": "max", "max": "min"}
 SYMMETRIC = {"hypot", "min", "max", "add"}
+
+
+Outcome = Literal["passed", "failed", "no end"]
 
 
 @dataclass(frozen=True)
@@ -225,16 +230,15 @@ class Copy:
                 shutil.copytree(part, folder / part, ignore=ignored)
             else:
                 shutil.copy2(part, folder / part)
+        compileall.compile_dir(folder / "services", quiet=1)
 
-    def passes(self, law: str, patience: float | None) -> bool:
-        """Whether all its tests do, within `patience` [s]."""
-        tests = " ".join(LAWS[law])
+    def outcome(self, law: str, patience: float | None) -> Outcome:
+        """Of all the tests of a law; they may take this long [s]."""
         # As a module, so that the folder it runs in comes before the installed code.
-        run = f'ulimit -v {MEMORY}; exec "{sys.executable}" -m pytest -x -n 0 -q {tests}'
-        run += ' -p no:cacheprovider -m "not system"'
-        environment = os.environ | {"PYTHONHASHSEED": "0"}
-        if patience is not None:  # what was compiled without a fault is used, nothing is added
-            environment["PYTHONDONTWRITEBYTECODE"] = "1"
+        run = f'ulimit -v {MEMORY}; exec "{sys.executable}" -m pytest -x -n 0 -q '
+        run += f'{" ".join(LAWS[law])} -p no:cacheprovider -m "not system"'
+        # What was compiled without a fault is used, nothing is added.
+        environment = os.environ | {"PYTHONHASHSEED": "0", "PYTHONDONTWRITEBYTECODE": "1"}
         try:
             done = subprocess.run(
                 ["sh", "-c", run],
@@ -245,58 +249,62 @@ class Copy:
                 check=False,
             )
         except subprocess.TimeoutExpired:
-            return False
-        return done.returncode == 0
+            return "no end"
+        return "failed" if done.returncode else "passed"
 
-    def notices(self, fault: Fault, patience: float) -> bool:
+    def outcome_with(self, fault: Fault, patience: float) -> Outcome:
         path = self.folder / fault.law
         path.write_text(fault.source, encoding="utf-8")
         try:
-            return not self.passes(fault.law, patience)
+            return self.outcome(fault.law, patience)
         finally:
             shutil.copy2(fault.law, path)
 
 
 def main(laws: list[str], each: int) -> int:
+    found: dict[str, Counter[Outcome]] = {}
     with tempfile.TemporaryDirectory() as root, ThreadPoolExecutor(WORKERS) as pool:
         copies = SimpleQueue[Copy]()
         for k in range(WORKERS):
             copies.put(Copy(Path(root) / str(k)))
-
-        def without(law: str) -> float:
-            copy, began = copies.get(), time.monotonic()
-            try:
-                if not copy.passes(law, None):
-                    raise SystemExit(f"the tests of {law} fail without a fault: {LAWS[law]}")
-                return max(LEAST_PATIENCE, PATIENCE * (time.monotonic() - began))
-            finally:
-                copies.put(copy)
-
-        def noticed(fault: Fault) -> bool:
-            copy = copies.get()
-            try:
-                return copy.notices(fault, patience[fault.law])
-            finally:
-                copies.put(copy)
-
-        patience = dict(zip(laws, pool.map(without, laws), strict=True))
-        tried = [fault for law in laws for fault in faults(law, each)]
-        found = dict(zip(tried, pool.map(noticed, tried), strict=True))
-    return _say(found)
-
-
-def _say(found: dict[Fault, bool]) -> int:
-    """Exit status: 0 when the goal is met."""
-    for law in dict.fromkeys(fault.law for fault in found):
-        here = [noticed for fault, noticed in found.items() if fault.law == law]
-        print(f"{sum(here):4d} of {len(here):3d} noticed in {law}")
-        for fault, noticed in found.items():
-            if fault.law == law and not noticed:
-                print(f"         not: {fault.what}")
-    share = sum(found.values()) / len(found)
-    print(f"{share:.1%} of {len(found)} faults noticed; the goal is {GOAL:.0%}.")
-    print(f"Not tried, because nobody could notice: {len(EQUIVALENT)}")
+        for law in laws:
+            found[law] = _tried(law, each, pool, copies)
+            print(f"{_noticed(found[law])} in {law}", flush=True)
+    total = sum(found.values(), Counter[Outcome]())
+    share = 1.0 - total["passed"] / total.total()
+    print(f"{_noticed(total)}: {share:.1%}. The goal is {GOAL:.0%}.")
+    print(f"Not tried, because nobody could notice: {len(EQUIVALENT)}.")
     return int(share < GOAL)
+
+
+def _tried(
+    law: str, each: int, pool: ThreadPoolExecutor, copies: SimpleQueue[Copy]
+) -> Counter[Outcome]:
+    """How the tests of a law ended with one fault after the other. Prints those not noticed."""
+
+    def ended(fault: Fault) -> Outcome:
+        copy = copies.get()
+        try:
+            return copy.outcome_with(fault, patience)
+        finally:
+            copies.put(copy)
+
+    tried, copy, began = faults(law, each), copies.get(), time.monotonic()
+    if copy.outcome(law, None) != "passed":
+        raise SystemExit(f"the tests of {law} fail without a fault: {' '.join(LAWS[law])}")
+    copies.put(copy)
+    patience = max(LEAST_PATIENCE, PATIENCE * (time.monotonic() - began))
+    outcomes = Counter[Outcome]()
+    for fault, outcome in zip(tried, pool.map(ended, tried), strict=True):
+        outcomes[outcome] += 1
+        if outcome == "passed":
+            print(f"    not noticed: {fault.what}", flush=True)
+    return outcomes
+
+
+def _noticed(outcomes: Counter[Outcome]) -> str:
+    endless = f" ({outcomes['no end']} by a test that came to no end)" if outcomes["no end"] else ""
+    return f"{outcomes['failed'] + outcomes['no end']} of {outcomes.total()} noticed{endless}"
 
 
 def _chosen(names: list[str]) -> list[str]:
