@@ -5,7 +5,7 @@ kept as an `@example` of its test.
 """
 
 import pytest
-from hypothesis import HealthCheck, settings
+from hypothesis import HealthCheck, Phase, settings
 from hypothesis.internal.constants_ast import Constants
 
 settings.register_profile(
@@ -15,6 +15,10 @@ settings.register_profile(
     deadline=None,  # nor does the verdict follow from the speed of the machine
     suppress_health_check=[HealthCheck.too_slow],
     print_blob=True,
+)
+# The same cases, and no time spent on making one that fails small: tests/long/mutants.py.
+settings.register_profile(
+    "verdict", settings.get_profile("same"), phases=[Phase.explicit, Phase.generate]
 )
 settings.load_profile("same")
 
