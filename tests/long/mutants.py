@@ -174,6 +174,8 @@ def _is_said_only(parent: ast.AST, node: ast.AST, place: str) -> bool:
     """Of types, fields, the beginning of an object, or the words of an error: not what is done."""
     if isinstance(node, ast.Raise | ast.ExceptHandler):
         return True
+    if isinstance(node, ast.keyword) and node.arg == "strict":
+        return True
     if isinstance(node, ast.Assign) and place.endswith("__init__"):
         return isinstance(node.value, ast.Name | ast.Attribute)
     if isinstance(parent, ast.ClassDef) and isinstance(node, ast.AnnAssign | ast.Assign):
