@@ -5,7 +5,7 @@ kept as an `@example` of its test.
 """
 
 import pytest
-from hypothesis import HealthCheck, settings
+from hypothesis import HealthCheck, Phase, settings
 from hypothesis.internal.constants_ast import Constants
 
 settings.register_profile(
@@ -16,6 +16,10 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.too_slow],
     print_blob=True,
 )
+# The same cases, and no time spent on making one that fails small: tests/long/mutants.py.
+settings.register_profile(
+    "verdict", settings.get_profile("same"), phases=[Phase.explicit, Phase.generate]
+)
 settings.load_profile("same")
 
 
@@ -23,7 +27,7 @@ settings.load_profile("same")
 def pytest_configure() -> None:
     """Hypothesis also draws constants that it finds in the modules imported so far, which depends
     on who ran before in the same process, and on the constants. Not in the runs that are equal."""
-    if settings.get_current_profile_name() == "same":
+    if settings().derandomize:
         pytest.MonkeyPatch().setattr(
             "hypothesis.internal.conjecture.providers._get_local_constants", Constants
         )

@@ -195,6 +195,57 @@ def outside(error: float, zone: float) -> float:
     return math.copysign(max(0.0, abs(error) - zone), error)
 
 
+learnt = st.floats(-8.0, 8.0)
+either = pytest.mark.parametrize("observer", [0.0, 3.0])
+
+
+def that_learnt(force: float, observer: float) -> AxisLaw:
+    axis = law(observer=observer)
+    axis.take_over(force)
+    assert axis.standing == pytest.approx(force)
+    return axis
+
+
+@either
+@given(learnt, st.floats(-20.0, 20.0))
+def test_what_the_feed_forward_gives_more_is_learnt_no_longer_as_far_as_it_was_learnt(
+    observer: float, before: float, force: float
+) -> None:
+    axis = that_learnt(before, observer)
+    axis.give_up(force)
+    same_way = before * force > 0.0
+    gone = math.copysign(min(abs(before), abs(force)), before) if same_way else 0.0
+    assert axis.standing == pytest.approx(before - gone, abs=1e-12)
+
+
+@either
+@given(learnt, st.floats(-20.0, 20.0))
+def test_what_the_feed_forward_gives_less_is_learnt_up_to_the_limit(
+    observer: float, before: float, force: float
+) -> None:
+    axis = that_learnt(before, observer)
+    axis.take_over(force)
+    assert axis.standing == pytest.approx(max(-8.0, min(8.0, before + force)))
+
+
+@either
+@given(learnt, st.floats(-1, 1), st.floats(-2, 2), st.floats(-2, 2), st.floats(-5, 5))
+def test_without_an_error_the_feedback_adds_nothing_to_what_a_blind_axis_does(
+    observer: float, force: float, x: float, v: float, a: float, j: float
+) -> None:
+    axis, motion = that_learnt(force, observer), Motion(x, v, a, j)
+    assert axis.blind(motion) == pytest.approx(axis.step(motion, x, v, DT).total)
+    assert axis.blind(hold(x)) == pytest.approx(force)
+
+
+@either
+@given(learnt)
+def test_what_is_forgotten_is_gone(observer: float, force: float) -> None:
+    axis = that_learnt(force, observer)
+    axis.forget()
+    assert axis.standing == 0.0
+
+
 @given(st.floats(0.001, 0.3), st.floats(0.01, 2.0))
 def test_gains_for_a_late_rate_are_weaker_and_damp_no_less(error: float, rate: float) -> None:
     """The damping ratio is that of a mass on spring and damper, kd / (2 √(kp m))."""

@@ -38,6 +38,18 @@ def test_a_constant_disturbance_is_learnt_exactly_whatever_the_thrusters_do(
 
 
 @many
+@given(st.floats(-3.0, 3.0), st.floats(0.0, 50.0), st.floats(0.0, 50.0))
+def test_at_a_steady_speed_against_its_drag_alone_nothing_is_learnt(
+    v: float, linear: float, quadratic: float
+) -> None:
+    plant = Plant(13.3, linear, quadratic)
+    observer = DisturbanceObserver(plant, 3.0, 1e3)
+    for _ in range(3):
+        observer.learn(v, plant.drag(v), DT)
+    assert observer.estimate == pytest.approx(0.0, abs=1e-9)
+
+
+@many
 @given(st.lists(st.tuples(st.floats(-1e9, 1e9), st.floats(-1e6, 1e6)), min_size=1, max_size=50))
 def test_it_never_believes_in_more_than_its_limit(steps: list[tuple[float, float]]) -> None:
     observer = DisturbanceObserver(Plant(20.0, 0.4, 25.0), 3.0, 15.0)

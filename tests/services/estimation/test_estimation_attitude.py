@@ -51,6 +51,16 @@ def test_euler_angles_come_back_from_their_quaternion(roll: float, pitch: float,
         assert wrapped(angle - expected) == pytest.approx(0.0, abs=1e-7)
 
 
+@given(angles, steep, angles, st.tuples(rates, rates, rates))
+def test_a_turn_is_about_the_axes_of_the_body(roll: float, pitch: float, yaw: float, rate: Vec3):
+    """The body's axes move with ω × axis, ω in the body (dR/dt = R [ω]×)."""
+    q, dt = from_euler(roll, pitch, yaw), 1e-5
+    p, r, s = rate
+    cross = np.array([[0, -s, r], [s, 0, -p], [-r, p, 0]])
+    change = (rotation(turned(q, rate, dt)) - rotation(q)) / dt
+    assert change == pytest.approx(rotation(q) @ cross, abs=1e-3)
+
+
 @given(angles, steep, angles)
 def test_the_rotation_is_yaw_then_pitch_then_roll(roll: float, pitch: float, yaw: float):
     cr, sr, cp, sp, cy, sy = cos(roll), sin(roll), cos(pitch), sin(pitch), cos(yaw), sin(yaw)

@@ -100,6 +100,21 @@ def test_plain_floats_give_what_matrices_give(
     assert whole_covariance(f) == pytest.approx(printed.p, rel=1e-6, abs=1e-12)
 
 
+spread = st.floats(0.01, 10.0)
+
+
+@given(st.floats(-5.0, 5.0), spread, spread, spread, st.floats(-0.1, 0.1))
+def test_it_begins_at_rest_with_the_spreads_it_is_given(
+    depth: float, depth_std: float, rate_std: float, bias_std: float, bias: float
+):
+    f = DepthFilter(SET)
+    f.predict(0.3, 0.1, True, (0.2, 0.1))
+    f.start(depth, depth_std, rate_std, bias, bias_std)
+    assert (f.depth, f.rate, f.bias) == (depth, 0.0, bias)
+    assert (f.depth_std, f.rate_std, f.bias_std) == pytest.approx((depth_std, rate_std, bias_std))
+    assert np.array_equal(whole_covariance(f), np.diag(np.diag(whole_covariance(f))))
+
+
 def test_without_noise_on_the_way_it_is_the_least_squares_line_through_all_samples():
     tiny = DepthSettings(acceleration_noise=1e-9, bias_walk=1e-9)
     f = DepthFilter(tiny)

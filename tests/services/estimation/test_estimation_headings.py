@@ -1,11 +1,22 @@
 from math import exp, pi, radians
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from messages.units import Vec3
 from services.estimation.attitude_filter import AttitudeSettings
 from services.estimation.attitude_observer import AttitudeObserver
-from services.estimation.heading import UNKNOWN_TURN
+from services.estimation.heading import (
+    PERIOD,
+    UNKNOWN_TURN,
+    Compass,
+    ControlHeading,
+    down_along,
+    horizontal,
+    wrapped,
+)
+from services.marine.attitude import from_euler, to_world
 from services.marine.vehicle import GRAVITY
 
 REST: Vec3 = (0.0, 0.0, -GRAVITY)
@@ -69,6 +80,47 @@ def test_spreads_grow_with_time_and_with_blindness():
     assert o.heading(True).std == pytest.approx(UNKNOWN_TURN, rel=0.02)
     o.blind(1e6)
     assert o.heading(True).std == pi
+
+
+components = st.tuples(*[st.floats(-1.0, 1.0)] * 3)
+angle = st.floats(-3.0, 3.0)
+
+
+@given(angle, st.floats(-1.5, 1.5), angle, components)
+def test_a_field_is_split_as_the_attitude_turns_it(
+    roll: float, pitch: float, yaw: float, field: Vec3
+):
+    q = from_euler(roll, pitch, yaw)
+    assert (*horizontal(q, field), down_along(q, field)) == pytest.approx(to_world(q, field))
+
+
+@given(st.floats(0.1, 20.0))
+def test_heard_half_as_often_a_heading_drifts_twice_as_fast(periods: float):
+    """Both headings, in each second of time; heard more often than due it drifts no slower."""
+    dt = periods * PERIOD
+    control, compass = ControlHeading(SET, 0.0, 0.0), Compass(SET)
+    before = compass.std
+    control.step(0.0, 0.0, dt)
+    compass.drift(dt)
+    expected = SET.heading_drift * dt * max(1.0, periods)
+    assert control.std == pytest.approx(expected)
+    assert compass.std - before == pytest.approx(expected)
+
+
+@given(st.floats(0.0, 20.0))
+def test_blind_nothing_is_known_but_how_fast_it_may_have_turned(seconds: float):
+    control, compass = ControlHeading(SET, 0.0, 0.1), Compass(SET)
+    for heading in (control, compass):
+        before = heading.std
+        heading.blind(seconds)
+        assert heading.std == pytest.approx(min(pi, before + UNKNOWN_TURN * seconds))
+
+
+@given(st.floats(-10.0, 10.0))
+def test_after_a_restart_north_is_where_it_was(offset: float):
+    compass = Compass(SET)
+    compass.go_on(offset, 50.0, 1.0)
+    assert compass.offset == pytest.approx(wrapped(offset))
 
 
 def test_nose_straight_up_has_no_valid_heading():

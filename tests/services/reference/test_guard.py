@@ -39,7 +39,7 @@ def test_held_back_and_let_go_it_comes_to_the_vehicle_and_is_done(most: float) -
     assert guard.keep(error, 0.01, let_go=True) == 1.0
 
 
-@given(most, st.floats(0.0, 0.99), st.booleans())
+@given(most, st.floats(0.0, 0.99) | st.floats(0.09, 0.11), st.booleans())
 def test_it_holds_back_until_half_the_limit_and_once_let_go_until_a_tenth(
     most: float, share: float, let_go: bool
 ) -> None:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from services.reference.minimum_jerk import Limits, Ramp, Segment, solve
+from services.reference.minimum_jerk import Limits, Ramp, Segment, along, reader, solve
 
 velocity = st.floats(-3.0, 3.0)
 acceleration = st.floats(-4.0, 4.0)
@@ -202,6 +202,32 @@ def test_the_limits_in_force_are_those_that_the_plan_respects(
         if sum(part.duration for part in ramp.segments) > 1e-3:
             last = ramp.segments[-1]
             assert abs(last.at(last.duration).jerk) == pytest.approx(ramp.in_force.jerk)
+
+
+@many
+@given(velocity, acceleration, velocity, limits, st.floats(0.0, 1.5))
+def test_a_plan_read_in_any_way_is_the_same_motion(
+    v: float, a: float, target: float, lim: Limits, share: float
+) -> None:
+    segments = solve(v, a, target, lim)
+    t = share * (1.0 + duration(segments))
+    read, found = reader(segments, target)(t), along(segments, t, target)
+    assert found[:3] == pytest.approx(read[:3], rel=1e-9, abs=1e-9)
+
+
+@many
+@given(velocity, limits, st.floats(0.0, 2.0), st.floats(0.0, 5.0))
+def test_segments_from_elsewhere_are_run_from_where_it_is_and_end_at_rest(
+    target: float, other: Limits, when: float, later: float
+) -> None:
+    ramp = Ramp(Limits(1.0, 0.5))
+    ramp.aim(target, 0.0)
+    here = ramp.at(when)
+    segments = solve(here.velocity, here.acceleration, 0.0, other)
+    ramp.run(segments, when)
+    x, v, a, _ = along(segments, later, 0.0)
+    assert ramp.at(when + later)[:3] == pytest.approx((here.position + x, v, a), abs=1e-6)
+    assert ramp.at(ramp.settles() + 1.0).velocity == 0.0
 
 
 def test_a_lower_limit_in_mid_transition_is_reached_without_a_step() -> None:

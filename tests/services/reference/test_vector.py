@@ -8,7 +8,7 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from services.reference import thesis_rule
-from services.reference.minimum_jerk import Limits, solve
+from services.reference.minimum_jerk import Limits, Sample, solve
 from services.reference.vector import Stage, Vector, VectorRamp, bounded_plan, duration, plan
 
 number = st.floats(-2.0, 2.0)
@@ -179,6 +179,17 @@ def test_a_ramp_aimed_anew_has_no_step(moves: list[tuple[float, Vector]], lim: L
         assert norm(ramp, now) <= lim.acceleration * (1 + 1e-9)
     end = ramp.at(now + 1e4)
     assert (end[0].velocity, end[1].velocity) == moves[-1][1]
+
+
+@many
+@given(pair, limits, st.floats(0.0, 2.0), st.floats(0.0, 10.0))
+def test_put_to_rest_it_stands_still_whatever_was_before(
+    target: Vector, lim: Limits, when: float, later: float
+) -> None:
+    ramp = VectorRamp(lim, (0.0, 0.0), (0.0, 0.0))
+    ramp.aim(target, 0.0)
+    ramp.rest(when)
+    assert ramp.at(when + later) == (Sample(0.0, 0.0, 0.0, 0.0),) * 2
 
 
 def norm(ramp: VectorRamp, t: float) -> float:

@@ -110,6 +110,8 @@ def test_bursts_take_place_at_their_times_and_nowhere_else(first_s: float) -> No
     since = np.arange(N) * 0.01 - first_s
     inside = (since >= 0.0) & (since % 10.0 < 0.5)
     assert np.all((when >= first_s) & ((when - first_s) % 10.0 < 0.5))
+    every = np.unique(since[inside] // 10.0)
+    assert np.array_equal(np.unique((when - first_s) // 10.0), every)  # none is left out
     count = int(inside.sum())
     assert abs(len(when) / count - 0.4) < NORMAL_99 * sqrt(0.24 / count)
 

@@ -1,0 +1,94 @@
+"""What a line says of itself: of each period, its own; and a recorded link, again and again."""
+
+from itertools import accumulate
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from services.tether.delay import Trace
+from services.tether.link_model import Line
+from services.tether.loss import Independent
+from services.tether.profile import Leg
+
+MS, SECOND = 1_000_000, 1_000_000_000
+period = st.tuples(st.integers(0, 50), st.integers(0, 900))  # messages, bytes of each
+
+
+def flown(line: Line[int], begin: int, messages: int, size: int) -> None:
+    """One message each 10 ms from `begin` [ns] on; each leaves as soon as it has arrived."""
+    for k in range(messages):
+        now = begin + k * 10 * MS
+        while (due := line.due()) is not None and due <= now:
+            line.leave(due)
+        line.enter(k, now, size)
+    while (due := line.due()) is not None:
+        line.leave(due)
+
+
+@given(st.floats(0.0, 50.0), st.lists(period, min_size=1, max_size=6))
+def test_a_report_tells_of_its_own_period(delay_ms: float, periods: list[tuple[int, int]]) -> None:
+    line = Line[int](Leg(delay_ms=delay_ms), np.random.default_rng(1))
+    assert line.report(0).rate_kbit == 0.0
+    for k, (messages, size) in enumerate(periods):
+        flown(line, k * SECOND, messages, size)
+        said = line.report((k + 1) * SECOND)
+        assert said.forwarded == sum(count for count, _ in periods[: k + 1])
+        assert said.rate_kbit == pytest.approx(messages * size * 8e-3)
+        assert (said.loss, said.queued, said.lost) == (0.0 if messages else None, 0, {})
+        for percentile in (said.delay_p50_ms, said.delay_p99_ms):
+            assert (percentile is None) == (messages == 0)
+            assert percentile is None or abs(percentile - delay_ms) <= 1e-6
+
+
+def test_half_of_the_messages_are_no_slower_than_the_median_and_99_of_100_than_the_other() -> None:
+    line = Line[int](Leg(jitter_ms=20.0), np.random.default_rng(2))
+    for k in range(1000):
+        line.enter(k, k * SECOND)
+        while (due := line.due()) is not None:
+            line.leave(due)
+    said = line.report(1000 * SECOND)
+    assert said.delay_p50_ms == pytest.approx(20.0 * np.log(2.0), rel=0.1)
+    assert said.delay_p99_ms == pytest.approx(20.0 * np.log(100.0), rel=0.2)
+
+
+@given(st.floats(0.05, 0.9), st.integers(1, 5))
+def test_the_loss_of_a_period_is_the_share_of_what_was_settled_in_it(
+    share: float, periods: int
+) -> None:
+    line, lost, before = Line[int](Leg(loss=Independent(share)), np.random.default_rng(3)), 0, 0
+    for k in range(periods):
+        flown(line, k * SECOND, 50, 100)
+        said = line.report((k + 1) * SECOND)
+        lost, before = line.lost.total() - before, line.lost.total()
+        assert said.loss == pytest.approx(lost / 50)
+        assert said.dropped == line.lost.total() == sum(said.lost.values())
+
+
+def test_a_line_that_is_cut_has_no_delay() -> None:
+    line = Line[int](Leg(delay_ms=5.0), np.random.default_rng(1))
+    flown(line, 0, 10, 100)
+    line.cut(SECOND)
+    assert line.report(SECOND).delay_p50_ms is None
+    assert line.report(SECOND).delay_p99_ms is None
+
+
+@given(
+    st.floats(0.0, 100.0),
+    st.lists(st.tuples(st.floats(0.01, 0.5), st.none() | st.floats(0.0, 2.0)), min_size=2),
+    st.integers(0, 5),
+    st.floats(0.01, 0.99),
+)
+def test_a_trace_is_the_recorded_delays_again_and_again(
+    first: float, rows: list[tuple[float, float | None]], round_: int, share: float
+) -> None:
+    """At each moment that of the row before it; the last row is where it begins anew."""
+    sent = tuple(accumulate((step for step, _ in rows), initial=first))
+    delays = [*(delay for _, delay in rows), None]
+    arrived = tuple(None if d is None else s + d for s, d in zip(sent, delays, strict=True))
+    trace = Trace(sent_s=sent, arrived_s=arrived)
+    for k, (step, delay) in enumerate(rows):
+        moment = sent[k] - first + share * step + round_ * (sent[-1] - first)
+        found = trace.at(moment)
+        assert found == (None if delay is None else pytest.approx(1e3 * delay, abs=1e-6))
