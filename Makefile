@@ -47,7 +47,7 @@ stops: $(READY) ## a hundred dives with random sticks: bounce-back and overshoot
 	$(BIN)/python tests/long/stops.py
 
 docs: $(READY) ## pages written from the code
-	$(BIN)/python -m tools.topics_page
+	$(BIN)/python -m tools.docs.topics_page
 
 $(READY): pyproject.toml uv.lock
 	test -d .venv || $(PYTHON) -m venv .venv

@@ -15,7 +15,7 @@ STALE_AT_LEAST_NS = 100_000_000  # [ns] a busy computer may be this late without
 
 
 class Qos(Enum):
-    """How a stream travels: a stance. `services/runtime/qos.py` says it in Zenoh's words."""
+    """How a stream travels: a stance. `services/runtime/bus/qos.py` says it in Zenoh's words."""
 
     REALTIME = "realtime"  # commands: first through every queue, newest wins
     LIVE = "live"  # the control chain: fresh or worthless

@@ -7,7 +7,7 @@ import sys
 
 import msgspec
 
-from services.runtime.process_host import HubLaunch, Launch, run_hub, run_service
+from services.runtime.hosts.process_host import HubLaunch, Launch, run_hub, run_service
 
 
 def main(arguments: list[str]) -> int:

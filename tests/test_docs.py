@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from services.marine.mount import Mounting
+from services.marine.mounting import Mounting
 
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs" / "your-own-vehicle.md").read_text(encoding="utf-8")

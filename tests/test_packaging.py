@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from services.runtime.registry import Registry, wire_of
+from services.runtime.hosts.registry import Registry, wire_of
 
 ROOT = Path(__file__).parents[1]
 PUBLIC = {"https://pypi.org", "https://files.pythonhosted.org"}

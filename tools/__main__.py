@@ -10,13 +10,13 @@ from typing import Annotated
 
 from cyclopts import App, CycloptsError, Parameter
 
-from services.runtime.errors import LindyError
+from services.runtime.config.errors import LindyError
 from tools.choices import Choices, named
-from tools.figures.command import figures
 from tools.gains import gains
 from tools.link import link
 from tools.profile import profile
 from tools.ramp import ramp
+from tools.research.papers.command import figures
 
 ERROR = 1  # exit status
 DEBUG = "--debug"
@@ -293,7 +293,7 @@ def bench(
 
     Example: lindy bench --only reference --json
     """
-    from tools.bench import bench
+    from tools.research.bench import bench
 
     return bench(only=only, json=json)
 

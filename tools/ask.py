@@ -19,14 +19,14 @@ from messages.pilot import (
 )
 from messages.vehicle import VehicleStatus
 from services.gamepad.io.path_file import course_of
-from services.gamepad.wish import goto
-from services.reference.following import Planned
-from services.runtime.errors import LindyError
-from services.runtime.node import Node
-from services.runtime.running import RUNNING, Running
-from services.runtime.settings import deploy_file, nearest
-from tools.asking import Asking, answer_to, at_once
+from services.gamepad.pilot_intents import goto
+from services.reference.guidance.path_following import Planned
+from services.runtime.config.errors import LindyError
+from services.runtime.config.running import RUNNING, Running
+from services.runtime.config.settings import deploy_file, nearest
+from services.runtime.node.node import Node
 from tools.checks import running_in
+from tools.live.asking import Asking, answer_to, at_once
 
 OPTIONS: dict[str, tuple[str, ...]] = {
     "arm": (),

@@ -8,16 +8,16 @@ from pathlib import Path
 import msgspec
 
 from services.control.core import Controller, Settings
-from services.gamepad import script
+from services.gamepad import stick_log
 from services.gamepad.io.path_file import course_named
-from services.gamepad.wish import Follow
+from services.gamepad.pilot_intents import Follow
 from services.marine.vehicle import Vehicle
-from services.reference.following import Planned
-from services.runtime.errors import LindyError
-from services.runtime.registry import Registry
-from services.runtime.running import RUNNING, Running
-from services.runtime.settings import deploy_file, nearest
-from services.runtime.stack import BODY, Stack
+from services.reference.guidance.path_following import Planned
+from services.runtime.config.errors import LindyError
+from services.runtime.config.running import RUNNING, Running
+from services.runtime.config.settings import deploy_file, nearest
+from services.runtime.config.stack import BODY, Stack
+from services.runtime.hosts.registry import Registry
 from services.tether.io.profile_file import named
 from tools.choices import Choices
 from tools.link_fit import check_can_be_flown
@@ -48,7 +48,7 @@ def pilot_of(choice: str) -> Pilot:
         raise LindyError(f"unknown pilot {choice!r}{nearest(choice, known)}")
     path = deploy_file("dives", name, ".csv")
     try:
-        log = script.parse(path.read_bytes(), course_named)
+        log = stick_log.parse(path.read_bytes(), course_named)
         for row in log.rows:
             if isinstance(row.event, Follow):
                 Planned(row.event.course)  # do the turns fit?

@@ -4,18 +4,18 @@ import os
 
 import msgspec
 
-from services.runtime.endpoint import checked_endpoint
-from services.runtime.local_stack import local_stack
-from services.runtime.registry import Registry
+from services.runtime.bus.endpoint import checked_endpoint
+from services.runtime.hosts.registry import Registry
+from services.runtime.launch.local_stack import local_stack
 from tools.checks import checked
 from tools.choices import Choices
-from tools.display import display
-from tools.dive_folder import out_folder, point_latest
-from tools.flight import Flight, tell_who_flies, who_flies
-from tools.lookout import told
-from tools.outcome import Outcome, title
-from tools.stop import Stop
-from tools.viewer import runnable
+from tools.live.display import display
+from tools.live.dive_folder import out_folder, point_latest
+from tools.live.monitor_loop import told
+from tools.live.outcome import Outcome, title
+from tools.live.piloted_dive import Flight, tell_who_flies, who_flies
+from tools.live.stop_signals import Stop
+from tools.live.viewer import runnable
 
 
 def dive(choices: Choices, *, headless: bool, listen: str | None) -> int:

@@ -5,11 +5,11 @@ from typing import get_args
 
 from messages import topics
 from messages.simulator import Fault, FaultRequest
-from services.runtime.errors import LindyError
-from services.runtime.registry import Registry
-from services.runtime.settings import nearest
+from services.runtime.config.errors import LindyError
+from services.runtime.config.settings import nearest
+from services.runtime.hosts.registry import Registry
 from tools.ask import dive_in
-from tools.asking import answer_to, at_once
+from tools.live.asking import answer_to, at_once
 
 SIMULATOR = "simulator"
 

@@ -4,8 +4,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import BinaryIO
 
-from services.runtime.disk import reason
-from services.runtime.errors import LindyError
+from services.runtime.config.disk import reason
+from services.runtime.config.errors import LindyError
 
 EXISTS = "it exists already; choose another --out, or remove it first"
 

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from services.runtime.errors import LindyError
+from services.runtime.config.errors import LindyError
 
 
 def gains(
@@ -52,11 +52,11 @@ def gains(
     set_
         key.path=value into the vehicle file; repeatable
     """
-    from services.control.axis_law import WIDEST
+    from services.control.axis.axis_law import WIDEST
     from services.marine.vehicle import Vehicle
-    from services.runtime.stack import Stack
-    from tools.gain_design import design, lines
-    from tools.lq import Worth
+    from services.runtime.config.stack import Stack
+    from tools.tuning.gain_design import design, lines
+    from tools.tuning.lq import Worth
 
     turns = axis == "heading"
     usual = (0.052, 0.175, 0.4, 0.5, 4.0) if turns else (0.05, 0.1, 5.0, 0.3, 1.5)

@@ -9,7 +9,7 @@ from cyclopts import App, Parameter
 
 from messages import topics
 from messages.link import LinkRequest
-from services.runtime.errors import LindyError
+from services.runtime.config.errors import LindyError
 from tools.choices import named as path_named
 from tools.fresh import refuse_existing, write_fresh
 from tools.whole import Whole
@@ -50,8 +50,8 @@ def offline(
         raise LindyError(f"{rate * seconds:.3g} messages are too many; the most is 5e6")
     if bytes_ < 0 or seed < 0:
         raise LindyError("--bytes and --seed are whole numbers from 0")
+    from services.tether.fates import fates
     from services.tether.io.profile_file import named
-    from tools.link_fates import fates
 
     found = named(profile).profile
     leg = found.down if direction == "down" else found.up
@@ -128,7 +128,7 @@ def trace(
 
 def _ask(request: LinkRequest, dive: Path | None) -> int:
     from tools.ask import dive_in
-    from tools.asking import answer_to, at_once
+    from tools.live.asking import answer_to, at_once
 
     answer = answer_to(
         lambda node: at_once(node, request, topics.LINK_REQUEST, topics.LINK_ANSWER),

@@ -5,8 +5,8 @@ import msgspec
 import numpy as np
 
 from messages.pilot import TTL_MS, PilotCommand
-from services.runtime.errors import LindyError
-from services.runtime.settings import DEPLOY
+from services.runtime.config.errors import LindyError
+from services.runtime.config.settings import DEPLOY
 from services.tether.delay import TAIL, Delay, Trace
 from services.tether.io.profile_file import Named, named
 from services.tether.profile import Leg

@@ -12,9 +12,9 @@ from typing import NamedTuple
 from messages import topics
 from messages.link import Clock
 from messages.pilot import PilotCommand
-from services.runtime.errors import LindyError
+from services.runtime.config.errors import LindyError
 from services.tether.delay import LONGEST_MS
-from tools.recording import open_recording
+from tools.recordings.recording import open_recording
 
 ONE_CLOCK_NS = 1_000_000  # [ns] clocks that differ by less, or by less than is known, are one
 MOST_MISSING = 1000  # a larger gap in the count is another publisher, not a loss

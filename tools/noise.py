@@ -11,12 +11,12 @@ import numpy as np
 from cyclopts import Parameter
 
 from messages import topics
-from services.estimation.attitude_filter import AttitudeSettings
-from services.estimation.calibration import CalibrationSettings
-from tools.allan import Floats, Noise
-from tools.allan import noise as noise_of
-from tools.at_rest import Rest, Samples, rate, read, resting
-from tools.recording import open_recording
+from services.estimation.attitude.attitude_filter import AttitudeSettings
+from services.estimation.startup.calibration import CalibrationSettings
+from tools.recordings.allan import Floats, Noise
+from tools.recordings.allan import noise as noise_of
+from tools.recordings.at_rest import Rest, Samples, rate, read, resting
+from tools.recordings.recording import open_recording
 
 
 class Axis(NamedTuple):

@@ -8,15 +8,15 @@ from typing import Any, Literal
 import msgspec
 
 from messages.units import PathQuantity
-from services.reference.fernandes.model_request import Request
-from services.reference.fernandes.reference_model import plan
-from services.reference.minimum_jerk import Limits
 from services.reference.paths.path import Kind, Path, furthest
 from services.reference.paths.route import Motion, Route, RoutePoint, route
 from services.reference.paths.stretch import stretch
-from services.reference.profile import Profile
-from services.runtime.errors import LindyError
-from services.runtime.settings import deploy_file, read
+from services.reference.trajectory.minimum_jerk import Limits
+from services.reference.trajectory.profile import Profile
+from services.runtime.config.errors import LindyError
+from services.runtime.config.settings import deploy_file, read
+from tools.research.laws.fernandes.model_request import Request
+from tools.research.laws.fernandes.reference_model import plan
 
 MOST_ROWS = 10_000_000
 

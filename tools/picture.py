@@ -12,9 +12,9 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from services.runtime.errors import LindyError
-from services.runtime.extras import how_to_install
-from services.runtime.settings import nearest
+from services.runtime.config.errors import LindyError
+from services.runtime.config.extras import how_to_install
+from services.runtime.config.settings import nearest
 from tools.fresh import refuse_existing, write_fresh
 
 if TYPE_CHECKING:

@@ -4,9 +4,9 @@ import json
 from collections.abc import Iterator
 from math import ceil, exp, isfinite
 
-from services.reference.fernandes.model_request import Request
-from services.reference.fernandes.reference_model import ReferenceModel, plan
-from services.runtime.errors import LindyError
+from services.runtime.config.errors import LindyError
+from tools.research.laws.fernandes.model_request import Request
+from tools.research.laws.fernandes.reference_model import ReferenceModel, plan
 
 MOST_ROWS = 10_000_000
 

@@ -7,8 +7,10 @@ from collections.abc import Iterable, Iterator
 from math import floor, inf, isfinite
 from typing import Literal, TextIO
 
-from services.reference import thesis_rule
-from services.reference.baselines import (
+from services.reference.trajectory.minimum_jerk import Limits, Sample, Segment, solve
+from services.runtime.config.errors import LindyError
+from tools.research.laws import thesis_rule
+from tools.research.laws.baselines import (
     Direct,
     Filter,
     Planned,
@@ -16,8 +18,6 @@ from services.reference.baselines import (
     Reference,
     minimum_time,
 )
-from services.reference.minimum_jerk import Limits, Sample, Segment, solve
-from services.runtime.errors import LindyError
 
 Rule = Literal["bounded", "thesis", "direct", "filter", "minimum-time"]
 Row = tuple[float, float]  # t [s], target

@@ -5,14 +5,14 @@ from pathlib import Path
 
 import msgspec
 
-from services.runtime.endpoint import checked_endpoint
-from services.runtime.errors import LindyError
-from services.runtime.process_host import HubLaunch, Launch, run_hub, run_service
-from services.runtime.registry import Registry, ServiceSpec
-from services.runtime.settings import nearest
+from services.runtime.bus.endpoint import checked_endpoint
+from services.runtime.config.errors import LindyError
+from services.runtime.config.settings import nearest
+from services.runtime.hosts.process_host import HubLaunch, Launch, run_hub, run_service
+from services.runtime.hosts.registry import Registry, ServiceSpec
 from tools.checks import checked, pilot_of
 from tools.choices import Choices
-from tools.dive_folder import dive_files
+from tools.live.dive_folder import dive_files
 
 FILE = {"recorder": "mcap", "visualizer": "rrd"}  # of one dive only
 

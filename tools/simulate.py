@@ -10,20 +10,20 @@ from rich.progress import BarColumn, Progress, TextColumn
 
 from messages import topics
 from messages.health import LogLine
-from services.runtime.errors import LindyError
-from services.runtime.garbage import rare_collections
-from services.runtime.registry import Registry
-from services.runtime.supervisor import NAME
-from services.runtime.virtual_host import VirtualHost
+from services.runtime.config.errors import LindyError
+from services.runtime.hosts.garbage_collection import rare_collections
+from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.virtual_host import VirtualHost
+from services.runtime.launch.supervisor import NAME
 from tools.checks import DEFAULT_PILOT, checked, pilot_of
 from tools.choices import Choices
-from tools.course import Course
-from tools.display import LineDisplay
-from tools.dive_folder import out_folder, point_latest
-from tools.log_lines import when
-from tools.outcome import Outcome, title
-from tools.stop import Stop
-from tools.viewer import runnable
+from tools.live.display import LineDisplay
+from tools.live.dive_folder import out_folder, point_latest
+from tools.live.dive_timeline import Course
+from tools.live.log_lines import when
+from tools.live.outcome import Outcome, title
+from tools.live.stop_signals import Stop
+from tools.live.viewer import runnable
 
 STRIDE_NS = 100_000_000  # [ns] of virtual time between two looks at the dive
 LINE_S = 10.0  # [s] of virtual time between two lines

@@ -4,23 +4,23 @@ from collections.abc import Callable, Mapping
 
 import msgspec
 
-from services.runtime.endpoint import checked_endpoint
-from services.runtime.errors import LindyError
-from services.runtime.local_stack import Far, LocalStack, local_stack
-from services.runtime.registry import Registry, ServiceSpec
-from services.runtime.settings import nearest
-from services.runtime.stack import Stack
+from services.runtime.bus.endpoint import checked_endpoint
+from services.runtime.config.errors import LindyError
+from services.runtime.config.settings import nearest
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import Registry, ServiceSpec
+from services.runtime.launch.local_stack import Far, LocalStack, local_stack
 from tools.checks import DEFAULT_PILOT, checked, pilot_of
 from tools.choices import Choices
-from tools.course import Course
-from tools.display import Display, display
-from tools.dive_folder import out_folder, point_latest
-from tools.flight import Flight, tell_who_flies, who_flies
-from tools.lookout import Lookout, told
-from tools.outcome import RECORDER, Outcome
+from tools.live.display import Display, display
+from tools.live.dive_folder import out_folder, point_latest
+from tools.live.dive_timeline import Course
+from tools.live.monitor_loop import Lookout, told
+from tools.live.outcome import RECORDER, Outcome
+from tools.live.piloted_dive import Flight, tell_who_flies, who_flies
+from tools.live.stop_signals import Stop
+from tools.live.viewer import runnable
 from tools.report import Elsewhere
-from tools.stop import Stop
-from tools.viewer import runnable
 
 OTHER = {"topside": "drone", "drone": "topside"}
 GATEWAY = "tether"  # the service that may stand between the two

@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter, Token
 
-from services.runtime.errors import LindyError
+from services.runtime.config.errors import LindyError
 
 
 def whole(_: Any, tokens: Sequence[Token]) -> int:

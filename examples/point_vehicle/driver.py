@@ -8,8 +8,8 @@ from messages.control import ThrusterCommand
 from messages.sensors import BatterySample, ImuSample, MagnetometerSample, PressureSample
 from messages.vehicle import Actuation
 from services.marine.vehicle import Vehicle
-from services.runtime.node import Node
-from services.runtime.stack import Stack
+from services.runtime.config.stack import Stack
+from services.runtime.node.node import Node
 from services.vehicle.actuation import OpenLoopThrust
 from services.vehicle.actuator_gate import ActuatorGate
 

@@ -11,8 +11,8 @@ from messages.reference import Motion, Reference
 from messages.state import VehicleState
 from messages.units import Ns, Vec6
 from messages.vehicle import Actuation
+from services.control.allocation.propulsion import Propulsion
 from services.control.laws import Laws
-from services.control.propulsion import Propulsion
 from services.control.same_instant import at_sample
 from services.control.settings import Settings as Settings
 from services.control.stability import require_stable

@@ -6,15 +6,15 @@ from messages.message import Estimate
 from messages.reference import Motion, Reference
 from messages.state import VehicleState
 from messages.units import Vec6
-from services.control import horizontal
-from services.control.axis import Axis
-from services.control.axis_law import AxisLaw, Gains
-from services.control.layout import AXES
-from services.control.level import LevelLaw
-from services.control.plant import plant_of
-from services.control.produced import Produced, lags_of
+from services.control import horizontal_plane
+from services.control.allocation.actuator_model import Produced, lags_of
+from services.control.allocation.layout import AXES
+from services.control.axis.axis import Axis
+from services.control.axis.axis_law import AxisLaw, Gains
+from services.control.axis.bumpless_transfer import Transfer
+from services.control.axis.plant import plant_of
+from services.control.axis.roll_pitch_hold import LevelLaw
 from services.control.settings import Settings
-from services.control.transfer import Transfer
 from services.marine.rigid_body import system_inertia
 from services.marine.vehicle import Vehicle
 
@@ -103,9 +103,9 @@ class Laws:
 
     def _learn(self, state: VehicleState, dt: float) -> None:
         force = self._produced.mean(dt)
-        place = horizontal.measured(state)
+        place = horizontal_plane.measured(state)
         if place is not None:
-            self._see_water(place, horizontal.known_water(state, place.heading))
+            self._see_water(place, horizontal_plane.known_water(state, place.heading))
         along, across = (None, None) if place is None else place.through_water(state)
         # Without the accelerometer the depth rate comes a third of a second late, and a fast
         # observer would learn its own echo.
@@ -119,7 +119,9 @@ class Laws:
         ):
             axis.learn(None if AXES[row] in self._short else velocity, force[row], dt)
 
-    def _see_water(self, place: horizontal.Measured, water: tuple[float, float] | None) -> None:
+    def _see_water(
+        self, place: horizontal_plane.Measured, water: tuple[float, float] | None
+    ) -> None:
         """A current that is not known is learnt as a force. When it becomes known the feed-forward
         counts with it, so that what was learnt has to give way, and the other way round: else it
         would be fought twice, or for a while by nobody."""
@@ -127,7 +129,7 @@ class Laws:
         if (before is None) == (water is None):
             return
         velocities = place.surge, place.sway
-        moving = before or water or horizontal.STILL_WATER
+        moving = before or water or horizontal_plane.STILL_WATER
         for axis, velocity, current in zip(
             (self.surge, self.sway), velocities, moving, strict=True
         ):
@@ -147,32 +149,36 @@ class Laws:
             surge += self.surge.law.feed_forward(reference.surge)
         if reference.north is None or reference.east is None:
             return self.surge.forced(surge, dt), self.sway.forced(sway, dt)
-        here = horizontal.measured(state)
+        here = horizontal_plane.measured(state)
         if here is None:
             self._count("invalid:state.position")
             psi = reference.heading.position
-            plane = horizontal.seen_from_body(reference.north, reference.east, psi, (0.0, 0.0))
+            plane = horizontal_plane.seen_from_body(
+                reference.north, reference.east, psi, (0.0, 0.0)
+            )
             surge = self.surge.blind(plane.surge, dt, surge)
             return surge, self.sway.blind(plane.sway, dt, sway)
         place = here.north, here.east
-        north, east = horizontal.no_further(reference.north, reference.east, place, self._reach)
+        north, east = horizontal_plane.no_further(
+            reference.north, reference.east, place, self._reach
+        )
         if (north, east) != (reference.north, reference.east):
             self._count("clamped:control.place")
-        plane = horizontal.seen_from_body(north, east, here.heading, place)
+        plane = horizontal_plane.seen_from_body(north, east, here.heading, place)
         return self._to_place(plane, here, state, reference.heading, (surge, sway), dt)
 
     def _to_place(
         self,
-        plane: horizontal.Plane,
-        here: horizontal.Measured,
+        plane: horizontal_plane.Plane,
+        here: horizontal_plane.Measured,
         state: VehicleState,
         heading: Motion,
         besides: tuple[float, float],
         dt: float,
     ) -> tuple[float, float]:
-        water = horizontal.water_velocity(state, here.heading)
+        water = horizontal_plane.water_velocity(state, here.heading)
         through = plane.surge.velocity - water[0], plane.sway.velocity - water[1]
-        turning = horizontal.turning_force(self._inertia, through, heading.velocity)
+        turning = horizontal_plane.turning_force(self._inertia, through, heading.velocity)
         surge, sway = [
             axis.fed_back(motion, 0.0, velocity, dt, water=current, besides=force + extra)
             for axis, motion, velocity, current, force, extra in (

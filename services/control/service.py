@@ -4,9 +4,9 @@ from messages import topics
 from messages.reference import Reference
 from services.control.core import Controller, Settings
 from services.marine.vehicle import Vehicle
-from services.runtime.errors import LindyError
-from services.runtime.node import Node
-from services.runtime.stack import Stack
+from services.runtime.config.errors import LindyError
+from services.runtime.config.stack import Stack
+from services.runtime.node.node import Node
 
 SILENCE_S = 0.1  # [s] without a reference: hold the last position
 

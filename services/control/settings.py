@@ -5,8 +5,8 @@ from typing import Annotated
 import msgspec
 
 from messages.units import NotNegativeSetting
-from services.control.allocation import AllocationSettings
-from services.control.axis_law import Gains
+from services.control.allocation.allocation import AllocationSettings
+from services.control.axis.axis_law import Gains
 
 
 class Level(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -1,10 +1,10 @@
 """Gains with which an axis would shake itself are refused before they reach a thruster."""
 
-from services.control.axis_law import Gains
-from services.control.gain_blend import Static
-from services.control.plant import plant_of
-from services.control.produced import lags_of
-from services.control.sampled_loop import SampledLoop
+from services.control.allocation.actuator_model import lags_of
+from services.control.axis.axis_law import Gains
+from services.control.axis.gain_blend import Static
+from services.control.axis.plant import plant_of
+from services.control.axis.sampled_loop import SampledLoop
 from services.control.settings import Settings
 from services.marine.vehicle import Vehicle
 

@@ -25,17 +25,21 @@ from messages.sensors import (
 from messages.state import VehicleState
 from messages.units import Vec3
 from messages.vehicle import Actuation
-from services.estimation import beginning, status
-from services.estimation.admission import Admission
-from services.estimation.asked_motion import asked_acceleration
-from services.estimation.beginning import Observers
-from services.estimation.calibrating import Calibrating
-from services.estimation.horizontal_hull import Hull
-from services.estimation.horizontal_observer import HorizontalObserver, Motion, from_north
-from services.estimation.journal import Journal
-from services.estimation.remembered import Remembered, worth_keeping
+from services.estimation import initialisation, state_message
+from services.estimation.checkpoint import Remembered, worth_keeping
+from services.estimation.checks.sample_validation import Admission
+from services.estimation.depth.reference_input import asked_acceleration
+from services.estimation.events import Journal
+from services.estimation.horizontal.horizontal_observer import (
+    HorizontalObserver,
+    Motion,
+    from_north,
+)
+from services.estimation.horizontal.hull_model import Hull
+from services.estimation.initialisation import Observers
 from services.estimation.settings import Settings
-from services.marine.mount import Mounting
+from services.estimation.startup.calibration_phase import Calibrating
+from services.marine.mounting import Mounting
 from services.marine.vehicle import Vehicle
 from services.marine.water import density_of
 from services.vehicle.mounting import AtOrigin, Moment
@@ -75,10 +79,10 @@ class Estimator:
         self._calibrating: Calibrating | None = None
         if remembered is None:
             self._calibrating = Calibrating(settings.calibration, self._journal)
-            self._take(beginning.unknown(settings))
+            self._take(initialisation.unknown(settings))
         else:
             self._kept_ns = remembered.stamp_ns
-            self._take(beginning.going_on(settings, remembered, self._journal))
+            self._take(initialisation.going_on(settings, remembered, self._journal))
 
     # What the sensors say.
 
@@ -186,7 +190,9 @@ class Estimator:
         if learnt is not None:
             self._calibrating = None
             depth, at_ns = self._floating_depth, sample.stamp_ns
-            self._take(beginning.calibrated(self._settings, learnt, depth, at_ns, self._journal))
+            self._take(
+                initialisation.calibrated(self._settings, learnt, depth, at_ns, self._journal)
+            )
 
     def _run(self, sample: ImuSample, dt: float) -> None:
         force, at_ns, note = sample.specific_force, sample.stamp_ns, self._journal.note
@@ -226,8 +232,10 @@ class Estimator:
         self._admission.listen(now)
         if self._calibrating is not None:
             left = self._calibrating.seconds_left
-            return status.calibrating(now, sensor_ns, self._attitude, self._floating_depth, left)
-        return status.running(
+            return state_message.calibrating(
+                now, sensor_ns, self._attitude, self._floating_depth, left
+            )
+        return state_message.running(
             now, sensor_ns, self._hears_imu(now), self._attitude, self._depth, self._horizontal
         )
 

@@ -15,8 +15,8 @@ from messages.sensors import ImuSample
 from messages.state import VehicleState
 from services.estimation.core import Estimator, Remembered, Settings
 from services.marine.vehicle import Vehicle
-from services.runtime.node import Node
-from services.runtime.stack import Stack
+from services.runtime.config.stack import Stack
+from services.runtime.node.node import Node
 
 SILENCE_S = 0.05  # [s] five IMU periods
 REMEMBER_HZ = 1.0  # [1/s]

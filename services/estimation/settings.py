@@ -4,11 +4,11 @@ from typing import Annotated
 
 import msgspec
 
-from services.estimation.attitude_filter import AttitudeSettings
-from services.estimation.calibration import CalibrationSettings
-from services.estimation.depth_filter import DepthSettings
-from services.estimation.horizontal_settings import HorizontalSettings
-from services.estimation.sensor_watch import WatchSettings
+from services.estimation.attitude.attitude_filter import AttitudeSettings
+from services.estimation.checks.sensor_watch import WatchSettings
+from services.estimation.depth.depth_filter import DepthSettings
+from services.estimation.horizontal.horizontal_settings import HorizontalSettings
+from services.estimation.startup.calibration import CalibrationSettings
 from services.marine.vehicle import SEA_WATER
 from services.marine.water import Density
 

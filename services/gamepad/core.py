@@ -11,7 +11,7 @@ from typing import Annotated, Literal, NamedTuple, Protocol
 import msgspec
 
 from messages.units import Share
-from services.gamepad.wish import Press, Wish
+from services.gamepad.pilot_intents import Press, Wish
 
 DeadBand = Annotated[float, msgspec.Meta(ge=0.0, le=0.9)]
 StickName = Literal["leftx", "lefty", "rightx", "righty", "-leftx", "-lefty", "-rightx", "-righty"]

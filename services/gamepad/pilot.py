@@ -14,7 +14,7 @@ from messages.pilot import PilotAnswer, PilotCommand, PilotRequest, RequestKind
 from messages.units import Ns
 from messages.vehicle import VehicleStatus
 from services.gamepad.core import CENTRED, Level, Reading
-from services.gamepad.wish import Follow, Goto, Mode, Wish
+from services.gamepad.pilot_intents import Follow, Goto, Mode, Wish
 
 PAUSE_NS = 2_000_000_000  # [ns] between two attempts to arm by ourselves
 ABSENT = Reading(present=False, at_rest=False)  # until the source was read

@@ -7,8 +7,8 @@ from services.gamepad.core import Source
 from services.gamepad.io.sources import open_source
 from services.gamepad.overruling import overrules
 from services.gamepad.pilot import Effects, Pilot, Progress
-from services.runtime.node import Node
-from services.runtime.stack import Stack
+from services.runtime.config.stack import Stack
+from services.runtime.node.node import Node
 
 
 def wire(node: Node, stack: Stack) -> None:

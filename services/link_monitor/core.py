@@ -4,9 +4,9 @@ from dataclasses import dataclass, field
 
 from messages.link import Clock, ClockPong, LatencyBudget
 from messages.units import Ns
-from services.link_monitor.alarm import LinkAlarm
-from services.link_monitor.budget import Budget
 from services.link_monitor.clock_sync import ClockSync
+from services.link_monitor.latency_account import Budget
+from services.link_monitor.link_alarm import LinkAlarm
 
 
 @dataclass(slots=True)

@@ -9,8 +9,8 @@ from messages import topics
 from messages.link import ClockPing, ClockPong
 from services.link_monitor.core import LinkMonitor
 from services.link_monitor.ping_responder import pong
-from services.runtime.node import Node
-from services.runtime.stack import Stack
+from services.runtime.config.stack import Stack
+from services.runtime.node.node import Node
 
 TOPSIDE, DRONE = "topside", "drone"
 

@@ -8,7 +8,7 @@ from typing import Annotated
 import msgspec
 
 from messages.units import FiniteSetting, NotNegativeSetting, Positive
-from services.marine.mount import Mounting
+from services.marine.mounting import Mounting
 from services.marine.thrust_curve import CURVES, LINEAR
 from services.marine.thruster_lag import Lag, Mode, first_order, modes_of
 

@@ -17,11 +17,11 @@ from messages.state import VehicleState
 from messages.units import Ns
 from messages.vehicle import VehicleStatus
 from services.marine.vehicle import Vehicle
-from services.predictor.ahead import Change, coasting, joined, reference_ahead
 from services.predictor.drift import Drift
-from services.predictor.judge import Guess, Judge, Pose
-from services.reference.minimum_jerk import Sample
+from services.predictor.prediction_quality import Guess, Judge, Pose
+from services.predictor.reference_ahead import Change, coasting, joined, reference_ahead
 from services.reference.settings import Settings, VelocityAxis
+from services.reference.trajectory.minimum_jerk import Sample
 
 COMMANDS = 200  # changes of the sticks kept; at least four seconds
 DELAYS = 50  # commands that tell how long one takes to act

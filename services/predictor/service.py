@@ -4,8 +4,8 @@ from messages import topics
 from services.marine.vehicle import Vehicle
 from services.predictor.core import Predictor
 from services.reference.settings import Settings
-from services.runtime.node import Node
-from services.runtime.stack import Stack
+from services.runtime.config.stack import Stack
+from services.runtime.node.node import Node
 
 
 def wire(node: Node, stack: Stack) -> None:

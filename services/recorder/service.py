@@ -3,10 +3,10 @@ safely. Its own health and log lines are not in the file, because nobody hears t
 lost is in the file's `losses` record."""
 
 from services.recorder.core import Intake
-from services.recorder.scribe import Scribe
-from services.runtime.bus import Envelope
-from services.runtime.node import Node
-from services.runtime.stack import Stack
+from services.recorder.mcap_session import Scribe
+from services.runtime.bus.envelope import Envelope
+from services.runtime.config.stack import Stack
+from services.runtime.node.node import Node
 
 FLUSH_HZ = 5.0  # [1/s] at most 0.2 s of a dive is lost when the process is killed
 DEPTH = 20_000  # envelopes held while the disk is slow: some ten seconds of a dive

@@ -17,11 +17,11 @@ from messages.state import VehicleState
 from messages.units import Ns
 from messages.vehicle import Failsafe, Mode, VehicleStatus
 from services.marine.sensor_time import SensorTime
-from services.reference import requests
-from services.reference.answers import centred, refusal, usurped
-from services.reference.flight import Flight
-from services.reference.modes import lacking
-from services.reference.said import reference_of
+from services.reference.guidance import requests
+from services.reference.guidance.guidance import Flight
+from services.reference.guidance.modes import lacking
+from services.reference.guidance.reference_message import reference_of
+from services.reference.guidance.refusals import centred, refusal, usurped
 from services.reference.settings import Settings as Settings
 
 AT_REST = PilotCommand(stamp_ns=0, surge=0.0, sway=0.0, heave=0.0, yaw=0.0)

@@ -4,8 +4,8 @@ from messages import topics
 from messages.pilot import PilotAnswer, PilotRequest
 from messages.state import VehicleState
 from services.reference.core import Pilotage, Remembered, Settings
-from services.runtime.node import Node
-from services.runtime.stack import Stack
+from services.runtime.config.stack import Stack
+from services.runtime.node.node import Node
 
 SILENCE_S = 0.1  # [s] without a state: stop smoothly and hold
 

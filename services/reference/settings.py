@@ -5,7 +5,7 @@ from typing import Annotated
 import msgspec
 
 from messages.units import Positive
-from services.reference.minimum_jerk import Limits
+from services.reference.trajectory.minimum_jerk import Limits
 
 TiltAngle = Annotated[float, msgspec.Meta(ge=-1.6, le=1.6)]
 

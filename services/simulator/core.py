@@ -21,7 +21,7 @@ from messages.simulator import FaultRequest
 from messages.units import Vec3
 from messages.vehicle import Actuation, Truth
 from services.marine.attitude import heading_of, to_euler, to_world, wrapped
-from services.marine.mount import Mount, Placed
+from services.marine.mounting import Mount, Placed
 from services.marine.vehicle import Vehicle
 from services.simulator import faults
 from services.simulator.battery import Battery

@@ -18,7 +18,7 @@ from messages.sensors import (
 )
 from messages.units import Quaternion, Vec3, Vec6
 from services.marine.attitude import to_body
-from services.marine.mount import Mounting
+from services.marine.mounting import Mounting
 from services.marine.vehicle import GRAVITY
 from services.marine.water import density_of
 from services.simulator.settings import Dvl, Settings, Usbl

@@ -8,11 +8,11 @@ from messages.control import ThrusterCommand
 from messages.simulator import FaultAnswer, FaultRequest
 from messages.topic import M, Topic
 from services.marine.vehicle import Vehicle
-from services.runtime.errors import LindyError
-from services.runtime.node import Node
-from services.runtime.ports import Publisher
-from services.runtime.settings import nearest
-from services.runtime.stack import Stack
+from services.runtime.config.errors import LindyError
+from services.runtime.config.settings import nearest
+from services.runtime.config.stack import Stack
+from services.runtime.node.node import Node
+from services.runtime.node.ports import Publisher
 from services.simulator import fault_requests
 from services.simulator.core import Settings, Simulator, World, at_the_surface
 

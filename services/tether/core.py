@@ -8,7 +8,7 @@ import numpy as np
 from messages.link import Clock, LinkStatus
 from services.tether.link_model import Line
 from services.tether.profile import LinkProfile
-from services.tether.tiers import Thinner, Tiers, limits
+from services.tether.telemetry_rate_control import Thinner, Tiers, limits
 
 T = TypeVar("T")
 

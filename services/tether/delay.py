@@ -7,7 +7,7 @@ from typing import Annotated
 import msgspec
 import numpy as np
 
-from services.tether.chance import BLOCK, Floats, correlated
+from services.tether.random_streams import BLOCK, Floats, correlated
 
 LONGEST_MS = 60_000.0  # [ms] no message is under way longer than a minute
 TAIL = 1e-9  # [-] a distribution ends at this quantile and its opposite: nothing is infinite

@@ -14,11 +14,11 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from messages.link import Direction
-from services.tether.chance import streams
 from services.tether.delay import Constant, Delays, Exponential, Trace
 from services.tether.loss import Losses
+from services.tether.priority_queue import Passenger, WaitingRoom
 from services.tether.profile import Leg, Queue
-from services.tether.waiting import Passenger, WaitingRoom
+from services.tether.random_streams import streams
 
 T = TypeVar("T")
 MOST = 16_384  # messages on the way; more are lost, whatever the profile says

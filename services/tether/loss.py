@@ -5,7 +5,7 @@ from typing import Annotated
 import msgspec
 
 from messages.units import Share
-from services.tether.chance import Uniform
+from services.tether.random_streams import Uniform
 
 UpToADay = Annotated[float, msgspec.Meta(ge=0.0, le=86_400.0)]
 Period = Annotated[float, msgspec.Meta(gt=0.0, le=86_400.0)]

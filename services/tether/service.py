@@ -5,15 +5,15 @@ from collections.abc import Callable
 from messages import topics
 from messages.link import LinkAnswer, LinkRequest
 from messages.topic import AnyTopic, Way
-from services.runtime.bus import Envelope
-from services.runtime.node import Node
-from services.runtime.stack import Stack
+from services.runtime.bus.envelope import Envelope
+from services.runtime.config.stack import Stack
+from services.runtime.node.node import Node
 from services.tether.change import Changer
 from services.tether.core import Link
 from services.tether.crossing import Crossing
 from services.tether.damage import damaged
 from services.tether.io.profile_file import asked_for, named
-from services.tether.waiting import RANK
+from services.tether.priority_queue import RANK
 
 TOPSIDE, DRONE = "topside", "drone"
 SELF_SAID = (topics.LINK, topics.LINK_ANSWER)  # said by the tether itself, in both realms

@@ -25,7 +25,7 @@ from messages.sensors import (
 )
 from messages.units import Vec3
 from services.marine.attitude import LEVEL, Quaternion, to_world
-from services.marine.mount import ALONG, ORIGIN, Mount, Mounting, Rotation, Turned
+from services.marine.mounting import ALONG, ORIGIN, Mount, Mounting, Rotation, Turned
 from services.marine.vehicle import GRAVITY
 
 SMOOTHING = 0.02  # [s] of the gyroscope before it is differenced; two samples of most

@@ -11,16 +11,16 @@ from messages.link import Shown
 from messages.message import Message
 from messages.topic import AnyTopic, Way
 from services.marine.vehicle import Vehicle
-from services.runtime.bus import Envelope
-from services.runtime.disk import reason
-from services.runtime.errors import LindyError
-from services.runtime.extras import how_to_install
-from services.runtime.gate import Gate
-from services.runtime.node import Node
-from services.runtime.stack import Stack
+from services.runtime.bus.envelope import Envelope
+from services.runtime.config.disk import reason
+from services.runtime.config.errors import LindyError
+from services.runtime.config.extras import how_to_install
+from services.runtime.config.stack import Stack
+from services.runtime.node.gate import Gate
+from services.runtime.node.node import Node
 from services.visualizer.batch import Batch
 from services.visualizer.core import Collector
-from services.visualizer.io.live import Live, viewer_command
+from services.visualizer.io.live_viewer import Live, viewer_command
 from services.visualizer.io.rrd_file import RrdFile
 
 # Curves, states and log; every sample is kept, this is only how often they are handed over.
@@ -111,7 +111,7 @@ def _outputs(
     """How to write to, and how to end, the file and the live viewer where one is wanted."""
     os.environ.setdefault("RUST_LOG", RERUN_SAYS)  # read when rerun is imported
     try:
-        from services.visualizer.io.sink import Sink
+        from services.visualizer.io.rerun_writer import Sink
     except ImportError:
         raise LindyError(
             f"the visualizer needs rerun, which is not installed; {how_to_install('viewer')}"

@@ -28,15 +28,15 @@ from services.estimation.core import Settings as EstimationSettings
 from services.marine.attitude import wrapped
 from services.marine.thrusters import wrench_per_newton
 from services.marine.vehicle import Vehicle
-from services.runtime.bus import Say
-from services.runtime.errors import NeedsRealTimeError
-from services.runtime.local_stack import local_stack
-from services.runtime.memory import VolatileMemory
-from services.runtime.node import Node
-from services.runtime.registry import Registry
-from services.runtime.stack import Stack
-from services.runtime.virtual_host import VirtualHost
-from services.runtime.zenoh_bus import open_bus
+from services.runtime.bus.envelope import Say
+from services.runtime.bus.zenoh_bus import open_bus
+from services.runtime.config.errors import NeedsRealTimeError
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.virtual_host import VirtualHost
+from services.runtime.launch.local_stack import local_stack
+from services.runtime.node.checkpoint import VolatileMemory
+from services.runtime.node.node import Node
 from services.vehicle.mounting import Axes
 from tools.checks import known_tables
 

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from services.reference import batch
-from services.reference.batch import Floats, Plans
+from tools.research.laws import batch
+from tools.research.laws.batch import Floats, Plans
 
 STATES = 5_000_000
 CHUNK = 50_000

@@ -39,40 +39,46 @@ PARTS = ("messages", "services", "tools", "tests", "deploy", "pyproject.toml")  
 
 # law → its tests
 LAWS: dict[str, tuple[str, ...]] = {
-    "services/reference/minimum_jerk.py": (
+    "services/reference/trajectory/minimum_jerk.py": (
         "tests/services/reference/test_minimum_jerk.py",
         "tests/services/reference/test_stepping.py",
     ),
-    "services/reference/vector.py": ("tests/services/reference/test_vector.py",),
-    "services/reference/position.py": ("tests/services/reference/test_position.py",),
-    "services/reference/time_scaling.py": (
+    "services/reference/trajectory/vector.py": ("tests/services/reference/test_vector.py",),
+    "services/reference/trajectory/position.py": ("tests/services/reference/test_position.py",),
+    "services/reference/trajectory/time_scaling.py": (
         "tests/services/reference/test_time_scaling.py",
         "tests/services/reference/test_time_scaling_stop.py",
     ),
-    "services/reference/emergency_stop.py": ("tests/services/reference/test_time_scaling_stop.py",),
-    "services/reference/guard.py": ("tests/services/reference/test_guard.py",),
-    "services/control/axis_law.py": (
+    "services/reference/trajectory/emergency_stop.py": (
+        "tests/services/reference/test_time_scaling_stop.py",
+    ),
+    "services/reference/guidance/reference_governor.py": (
+        "tests/services/reference/test_guard.py",
+    ),
+    "services/control/axis/axis_law.py": (
         "tests/services/control/test_axis_law.py",
         "tests/services/control/test_static_hold.py",
         "tests/services/control/test_sampled_loop.py",
     ),
-    "services/control/allocation.py": (
+    "services/control/allocation/allocation.py": (
         "tests/services/control/test_allocation.py",
         "tests/services/control/test_layout.py",
     ),
-    "services/control/disturbance.py": ("tests/services/control/test_disturbance.py",),
-    "services/control/gain_blend.py": ("tests/services/control/test_gain_blend.py",),
-    "services/estimation/depth_filter.py": (
+    "services/control/axis/disturbance_observer.py": (
+        "tests/services/control/test_disturbance.py",
+    ),
+    "services/control/axis/gain_blend.py": ("tests/services/control/test_gain_blend.py",),
+    "services/estimation/depth/depth_filter.py": (
         "tests/services/estimation/test_estimation_depth_filter.py",
     ),
-    "services/estimation/attitude_filter.py": (
+    "services/estimation/attitude/attitude_filter.py": (
         "tests/services/estimation/test_estimation_attitude.py",
     ),
-    "services/estimation/heading.py": (
+    "services/estimation/attitude/heading.py": (
         "tests/services/estimation/test_estimation_headings.py",
         "tests/services/estimation/test_heading_disturbance.py",
     ),
-    "services/estimation/horizontal_filter.py": (
+    "services/estimation/horizontal/horizontal_filter.py": (
         "tests/services/estimation/test_horizontal_filter.py",
         "tests/services/estimation/test_horizontal.py",
     ),
@@ -91,7 +97,7 @@ LAWS: dict[str, tuple[str, ...]] = {
         "tests/services/tether/test_link_statistics.py",
     ),
     "services/tether/codel.py": ("tests/services/tether/test_codel.py",),
-    "services/runtime/gate.py": (
+    "services/runtime/node/gate.py": (
         "tests/services/runtime/test_gate.py",
         "tests/services/runtime/test_far_clock.py",
     ),
@@ -103,28 +109,34 @@ LAWS: dict[str, tuple[str, ...]] = {
 }
 # (law, fault) → why nobody could notice
 EQUIVALENT: dict[tuple[str, str], str] = {
-    ("services/reference/minimum_jerk.py", "solve: e * sign  →  e / sign"): "the sign is ±1",
-    ("services/reference/vector.py", "_newton: 1.0  →  1.5"): "falls from any start above the root",
     (
-        "services/reference/vector.py",
+        "services/reference/trajectory/minimum_jerk.py",
+        "solve: e * sign  →  e / sign",
+    ): "the sign is ±1",
+    (
+        "services/reference/trajectory/vector.py",
+        "_newton: 1.0  →  1.5",
+    ): "falls from any start above the root",
+    (
+        "services/reference/trajectory/vector.py",
         "_best_turning: longest - shortest <= 1e-12 * longest or _runs_on(a, e, shortest, "
         "limits.jerk)  →  longest - shortest <= 1e-12 * longest and _runs_on(a, e, shortest, "
         "limits.jerk)",
     ): "the search finds what the shortcut finds",
-    ("services/reference/position.py", "_peaks: (low, high)  →  (high, low)"): (
+    ("services/reference/trajectory/position.py", "_peaks: (low, high)  →  (high, low)"): (
         "a bisection has no direction"
     ),
     (
-        "services/control/allocation.py",
+        "services/control/allocation/allocation.py",
         "Allocation._at_once: yields.append(ax + by + cz + dk + em + fn)  →  pass",
     ): "one after the other comes to the same as all at once",
     (
-        "services/estimation/depth_filter.py",
+        "services/estimation/depth/depth_filter.py",
         "DepthFilter.is_sound: self.p01 + self.p02 + self.p03 + self.p12 + self.p13 + self.p23  →  "
         "self.p01 + self.p02 + self.p03 + self.p12 + self.p13 - self.p23",
     ): "asked is only whether the sum is a number",
     ("services/tether/delay.py", "Delays.next_ms: 1.0  →  1.5"): "one in a thousand million",
-    ("services/reference/emergency_stop.py", "Stop.stop_distance: 0.0  →  1.0"): (
+    ("services/reference/trajectory/emergency_stop.py", "Stop.stop_distance: 0.0  →  1.0"): (
         "a velocity held for the time that is left at the end, which is none"
     ),
     ("services/tether/codel.py", "Dropper.__init__: 0  →  1"): "counts only once dropping began",

@@ -14,8 +14,8 @@ from math import degrees
 
 import numpy as np
 
-from tools.bench.control_goals import FINE
-from tools.bench.goal_runs import Release, releases
+from tools.research.bench.control_goals import FINE
+from tools.research.bench.goal_runs import Release, releases
 
 SEEDS = 100
 SIDES = ("centred", "released", "kept")

@@ -10,7 +10,7 @@ import pytest
 from messages import topics
 from messages.pilot import PilotCommand
 from messages.topic import Topic, Way
-from tools.topics_page import page
+from tools.docs.topics_page import page
 
 ROOT = Path(__file__).parents[2]
 

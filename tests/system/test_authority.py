@@ -12,9 +12,9 @@ from messages import topics
 from messages.pilot import Course, PilotAnswer, PilotCommand, PilotRequest
 from messages.reference import Reference
 from messages.vehicle import VehicleStatus
-from services.runtime.registry import Registry
-from services.runtime.stack import Stack
-from services.runtime.virtual_host import VirtualHost
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.virtual_host import VirtualHost
 
 SECOND = 1_000_000_000
 ON_BOARD = ("simulator", "estimation", "reference", "control")

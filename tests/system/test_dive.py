@@ -22,9 +22,9 @@ from messages import topics
 from messages.control import ThrusterCommand
 from messages.pilot import PilotCommand
 from messages.vehicle import VehicleStatus
-from services.runtime.running import RUNNING, Running
-from services.runtime.zenoh_bus import connected, namespace
-from tools.recording import open_recording
+from services.runtime.bus.zenoh_bus import connected, namespace
+from services.runtime.config.running import RUNNING, Running
+from tools.recordings.recording import open_recording
 
 pytestmark = pytest.mark.system
 

@@ -12,10 +12,10 @@ from messages import topics
 from messages.reference import Reference
 from messages.state import VehicleState
 from messages.vehicle import Truth
-from services.runtime.jitter import Jitter, Lateness
-from services.runtime.registry import Registry
-from services.runtime.stack import Stack
-from services.runtime.virtual_host import VirtualHost
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.jitter import Jitter, Lateness
+from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.virtual_host import VirtualHost
 
 S = 1_000_000_000  # [ns]
 # The simulator is not among them: it plays the sensors and the thrusters, whose clockwork does

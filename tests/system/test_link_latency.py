@@ -12,10 +12,10 @@ from messages.link import LatencyBudget, LinkRequest, LinkStatus, Shown
 from messages.pilot import PilotCommand
 from messages.state import VehicleState
 from messages.vehicle import Actuation, VehicleStatus
-from services.runtime.registry import Registry
-from services.runtime.settings import DEPLOY
-from services.runtime.stack import Stack
-from services.runtime.virtual_host import VirtualHost
+from services.runtime.config.settings import DEPLOY
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.virtual_host import VirtualHost
 
 MS, S = 1_000_000, 1_000_000_000  # [ns]
 SERVICES = (

@@ -15,7 +15,7 @@ from messages.pilot import TTL_MS
 from messages.reference import Reference
 from messages.vehicle import Actuation, VehicleStatus
 from tools import link
-from tools.recording import open_recording
+from tools.recordings.recording import open_recording
 
 pytestmark = pytest.mark.system
 

@@ -17,14 +17,14 @@ from messages.pilot import TTL_MS, PilotCommand
 from messages.reference import Reference
 from messages.topic import M, Topic
 from messages.vehicle import Actuation, VehicleStatus
-from services.reference.minimum_jerk import Ramp
 from services.reference.settings import Settings
-from services.runtime.bus import Envelope
-from services.runtime.gate import Gate
-from services.runtime.node import Node
-from services.runtime.registry import Registry, wire_of
-from services.runtime.stack import Stack
-from services.runtime.virtual_host import Skew, VirtualHost
+from services.reference.trajectory.minimum_jerk import Ramp
+from services.runtime.bus.envelope import Envelope
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import Registry, wire_of
+from services.runtime.hosts.virtual_host import Skew, VirtualHost
+from services.runtime.node.gate import Gate
+from services.runtime.node.node import Node
 from services.tether.damage import NEVER_USED
 
 Kind = Literal["profile", "set", "down", "up"]

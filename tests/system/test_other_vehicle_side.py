@@ -10,9 +10,9 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from services.runtime.running import RUNNING, Running
+from services.runtime.config.running import RUNNING, Running
 from tools.__main__ import main
-from tools.recording import open_recording
+from tools.recordings.recording import open_recording
 from tools.report import read_dive
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "point_vehicle"
@@ -101,7 +101,7 @@ def test_a_driver_that_needs_real_time_says_so(
     tmp_path: Path, pilot: tuple[str, str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     code = (
-        "from services.runtime.errors import NeedsRealTimeError\n"
+        "from services.runtime.config.errors import NeedsRealTimeError\n"
         "def wire(node, stack):\n"
         "    if stack.virtual:\n"
         "        raise NeedsRealTimeError(node.name)\n"

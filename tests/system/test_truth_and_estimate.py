@@ -12,9 +12,9 @@ from messages import topics
 from messages.message import Estimate
 from messages.state import VehicleState
 from messages.vehicle import Truth
-from services.runtime.registry import Registry
-from services.runtime.stack import Stack
-from services.runtime.virtual_host import VirtualHost
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.virtual_host import VirtualHost
 
 S = 1_000_000_000  # [ns]
 CHAIN = ("simulator", "estimation", "reference", "control", "tether", "gamepad")

@@ -17,8 +17,8 @@ import pytest
 from messages import topics
 from messages.reference import Reference
 from messages.vehicle import VehicleStatus
-from services.runtime.running import RUNNING, Running
-from services.runtime.zenoh_bus import connected, namespace
+from services.runtime.bus.zenoh_bus import connected, namespace
+from services.runtime.config.running import RUNNING, Running
 
 pytestmark = [
     pytest.mark.system,

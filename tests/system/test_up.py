@@ -17,8 +17,8 @@ import msgspec
 import pytest
 
 from messages import topics
-from services.runtime.running import RUNNING, Running
-from tools.recording import is_whole, open_recording
+from services.runtime.config.running import RUNNING, Running
+from tools.recordings.recording import is_whole, open_recording
 
 pytestmark = pytest.mark.system
 

@@ -13,10 +13,10 @@ from messages.control import ThrusterCommand
 from messages.reference import Reference
 from messages.state import VehicleState
 from messages.vehicle import Truth, VehicleStatus
-from services.runtime.bus import Envelope
-from services.runtime.registry import Registry
-from services.runtime.stack import Stack
-from services.runtime.virtual_host import VirtualHost
+from services.runtime.bus.envelope import Envelope
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.virtual_host import VirtualHost
 
 SECOND = 1_000_000_000
 CHAIN = ("simulator", "estimation", "reference", "control", "tether", "gamepad")

@@ -5,7 +5,7 @@ from math import radians
 import pytest
 
 from messages.simulator import Fault
-from tools.bench.goal_runs import (
+from tools.research.bench.goal_runs import (
     DVL,
     NEAR_FLOOR,
     buoyancy_step,
@@ -16,7 +16,7 @@ from tools.bench.goal_runs import (
     place_held,
     releases,
 )
-from tools.bench.sortie import HANDS_OFF, Sortie
+from tools.research.bench.sortie import HANDS_OFF, Sortie
 
 VEHICLES = ("pioneer", "bluerov2_heavy", "minerva")
 

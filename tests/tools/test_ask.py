@@ -21,11 +21,11 @@ from messages import topics
 from messages.pilot import Hold, PilotAnswer, PilotRequest, StopDistance
 from messages.vehicle import VehicleStatus
 from services.gamepad.io.path_file import PathFile as FollowedFile
-from services.runtime.errors import LindyError
-from services.runtime.running import RUNNING, Running
-from services.runtime.virtual_host import VirtualHost
+from services.runtime.config.errors import LindyError
+from services.runtime.config.running import RUNNING, Running
+from services.runtime.hosts.virtual_host import VirtualHost
 from tools.ask import ask, dive_in, for_the_pilot, in_json, in_words, wanted_of
-from tools.asking import Asking
+from tools.live.asking import Asking
 from tools.path import PathFile
 
 S = 1_000_000_000  # [ns]

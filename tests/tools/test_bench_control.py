@@ -6,10 +6,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from tools.bench import control, control_cost, control_goals, control_loop, control_plant
-from tools.bench.control_loop import NAMES, SEEDS, Scores
-from tools.bench.drag_runs import worst_errors
-from tools.bench.table import Figure
+from tools.research.bench import control, control_cost, control_goals, control_loop, control_plant
+from tools.research.bench.control_loop import NAMES, SEEDS, Scores
+from tools.research.bench.drag_runs import worst_errors
+from tools.research.bench.table import Figure
 
 # As fast as naive to the last digit, the jerk is 18.9 times smaller, and the goal is 19.
 MISSED = "squared jerk of thrust, equal rise, end jerk 3.024 m/s³"

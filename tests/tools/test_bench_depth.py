@@ -3,7 +3,15 @@
 import numpy as np
 import pytest
 
-from tools.bench.depth_runs import PER_METRE, TYPICAL, Estimates, Sensor, observe, score, world
+from tools.research.bench.depth_runs import (
+    PER_METRE,
+    TYPICAL,
+    Estimates,
+    Sensor,
+    observe,
+    score,
+    world,
+)
 
 COARSE, LATE = Sensor("coarse", 0.05), Sensor("late", 0.005, latency=0.03)
 

@@ -5,8 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages.vehicle import VehicleStatus
-from services.runtime.errors import LindyError
-from tools.course import ARMING_S, PATIENCE_S, Course
+from services.runtime.config.errors import LindyError
+from tools.live.dive_timeline import ARMING_S, PATIENCE_S, Course
 
 LENGTHS = st.floats(0.5, 600.0)
 WAITS = st.floats(0.0, 0.9 * ARMING_S)

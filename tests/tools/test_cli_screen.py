@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from messages.health import LogLine
-from tools.log_lines import Told
-from tools.screen import HALF, LINES, ServiceView, View, bar, plain, render
+from tools.live.log_lines import Told
+from tools.live.screen import HALF, LINES, ServiceView, View, bar, plain, render
 
 NAMES = ["simulator", "estimation", "reference", "control", "tether", "gamepad", "recorder"]
 WIDTHS = pytest.mark.parametrize("width", [80, 120])

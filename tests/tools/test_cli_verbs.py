@@ -9,10 +9,10 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from services.runtime.endpoint import checked_endpoint
-from services.runtime.running import RUNNING, Running
-from tools import pads
+from services.runtime.bus.endpoint import checked_endpoint
+from services.runtime.config.running import RUNNING, Running
 from tools.__main__ import main
+from tools.live import pads
 
 GOOD = "t,surge,sway,heave,yaw\n0,0,0,0,0\n1,0,0,0.5,0\n2,0,0,0,0\n"
 BOTH = pytest.mark.parametrize("verb", ["dive", "simulate"])
@@ -164,7 +164,7 @@ def test_without_rerun_a_dive_has_no_viewer_and_says_so(
     tmp_path: Path,
     script: str,
 ):
-    monkeypatch.setattr("tools.viewer.find_spec", lambda _: None)  # type: ignore[misc]
+    monkeypatch.setattr("tools.live.viewer.find_spec", lambda _: None)  # type: ignore[misc]
     out = tmp_path / "out"
     assert main(["simulate", "--pilot", script, "--seconds", "1", "--out", str(out)]) == 0
     assert {path.name for path in out.iterdir()} == {"dive.mcap", "report.json"}

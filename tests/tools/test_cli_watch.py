@@ -11,12 +11,12 @@ from messages.link import Direction, LinkStatus
 from messages.pilot import PilotAnswer, PilotRequest
 from messages.reference import Motion, Reference
 from messages.vehicle import VehicleStatus
-from services.runtime.node import Node
-from services.runtime.virtual_host import VirtualHost
-from tools.course import Course
-from tools.disarming import Disarming
-from tools.screen import ServiceView, View
-from tools.watch import Watch
+from services.runtime.hosts.virtual_host import VirtualHost
+from services.runtime.node.node import Node
+from tools.live.disarming import Disarming
+from tools.live.dive_timeline import Course
+from tools.live.screen import ServiceView, View
+from tools.live.watch import Watch
 
 SECOND = 1_000_000_000  # [ns]
 

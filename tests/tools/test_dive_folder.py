@@ -10,11 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from services.runtime.errors import LindyError
+from services.runtime.config.errors import LindyError
 from tools.__main__ import main
-from tools.dive_folder import holds_dive, out_folder, point_latest
-from tools.figures.command import figures
 from tools.fresh import write_fresh
+from tools.live.dive_folder import holds_dive, out_folder, point_latest
+from tools.research.papers.command import figures
 
 SCRIPT = "t,surge,sway,heave,yaw\n0,0,0,0,0\n1,0,0,0.5,0\n2,0,0,0,0\n"
 THEIRS = ("dive_fjord_2025.mcap", "diver_photos.rrd", "report.json.bak", ".lindy", "notes/a.log")

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 
-from services.runtime.errors import LindyError
-from tools.figures import command
-from tools.figures.catalogue import FIGURES, Entry, drawn
-from tools.figures.claims import Claim
-from tools.figures.claims_fernandes_loop import FLOWN
-from tools.figures.command import figures
+from services.runtime.config.errors import LindyError
+from tools.research.papers import command
+from tools.research.papers.catalogue import FIGURES, Entry, drawn
+from tools.research.papers.claims import Claim
+from tools.research.papers.claims_fernandes_loop import FLOWN
+from tools.research.papers.command import figures
 
 ANDREN = ("4.2", "4.3", "5.1", "5.2", "5.3", "5.4", "5.5", "5.6", "5.7", "5.8", "5.9")
 FERNANDES = (1, 3, 4, 5, 9, 10, 11, 12, 13, 18)
@@ -90,7 +90,7 @@ def test_figure_1_shows_what_the_misprinted_times_do() -> None:
 
 def test_two_processes_draw_the_same_bytes(tmp_path: Path) -> None:
     code = (
-        "import sys; from pathlib import Path; from tools.figures import catalogue, style;"
+        "import sys; from pathlib import Path; from tools.research.papers import catalogue, style;"
         "each = next(e for e in catalogue.FIGURES if e.id == 'andren-5.9');"
         "style.save(catalogue.drawn(each), Path(sys.argv[1]))"
     )

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tools.figures.catalogue import checked_claims
-from tools.figures.claims import UNEXPECTED, Claim, agree, judged, table
+from tools.research.papers.catalogue import checked_claims
+from tools.research.papers.claims import UNEXPECTED, Claim, agree, judged, table
 
 values = st.floats(-1e6, 1e6)
 
@@ -114,5 +114,5 @@ def test_more_than_excludes_the_number_itself() -> None:
 
 
 def test_the_verb_does_not_import_matplotlib_until_it_draws() -> None:
-    code = "import sys, tools.figures.command; sys.exit('matplotlib' in sys.modules)"
+    code = "import sys, tools.research.papers.command; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

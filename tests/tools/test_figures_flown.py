@@ -13,18 +13,18 @@ from matplotlib.figure import Figure
 
 from messages.message import Estimate
 from messages.state import VehicleState
-from services.reference.minimum_jerk import Limits
 from services.reference.paths.path import Path
 from services.reference.paths.route import Route
 from services.reference.paths.stretch import stretch
-from tools.figures import fernandes_loop, style
-from tools.figures.catalogue import FIGURES, flight_claims
-from tools.figures.claims import table
-from tools.figures.claims_fernandes_loop import FLOWN, Flown, claims_not_flown, flown_claims
-from tools.figures.fernandes_loop import Limits as Errors
-from tools.figures.fernandes_loop import Pair, rotation
-from tools.figures.fernandes_loop_flight import Way, flown, survey_route, trial_route
-from tools.figures.fernandes_loop_guide import Guide
+from services.reference.trajectory.minimum_jerk import Limits
+from tools.research.papers import fernandes_loop, style
+from tools.research.papers.catalogue import FIGURES, flight_claims
+from tools.research.papers.claims import table
+from tools.research.papers.claims_fernandes_loop import FLOWN, Flown, claims_not_flown, flown_claims
+from tools.research.papers.fernandes_loop import Limits as Errors
+from tools.research.papers.fernandes_loop import Pair, rotation
+from tools.research.papers.fernandes_loop_flight import Way, flown, survey_route, trial_route
+from tools.research.papers.fernandes_loop_guide import Guide
 
 LENGTH = 1.0  # [m]
 SHORT = Route(

@@ -15,20 +15,20 @@ import msgspec
 import pytest
 from mcap.reader import make_reader
 
-import services.recorder.scribe
+import services.recorder.mcap_session
 import services.visualizer.io.rrd_file
-import tools.recording
+import tools.recordings.recording
 from messages import topics
 from messages.link import LinkRequest
 from services.recorder.foxglove_schema import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
-from services.runtime.disk import require_room
-from services.runtime.errors import LindyError
-from services.runtime.stack import Stack
+from services.runtime.config.disk import require_room
+from services.runtime.config.errors import LindyError
+from services.runtime.config.stack import Stack
 from services.visualizer.io.rrd_file import RrdFile
 from tools.__main__ import main
-from tools.outcome import Outcome
-from tools.recording import is_whole, open_recording
+from tools.live.outcome import Outcome
+from tools.recordings.recording import is_whole, open_recording
 
 SCRIPT = "t,surge,sway,heave,yaw\n0,0,0,0,0\n1,0,0,0.5,0\n20,0,0,0,0\n"
 
@@ -87,7 +87,7 @@ def test_a_disk_that_fills_during_a_simulated_dive(
         def see_nothing(_: Path, __: int) -> None:
             pass
 
-        monkeypatch.setattr(services.recorder.scribe, "require_room", see_nothing)
+        monkeypatch.setattr(services.recorder.mcap_session, "require_room", see_nothing)
         monkeypatch.setattr(services.visualizer.io.rrd_file, "require_room", see_nothing)
     (small_disk / "theirs.mcap").write_bytes(b"theirs")
     out = small_disk / "dive"
@@ -143,7 +143,7 @@ def test_parts_for_whose_copy_there_is_no_room_stay_and_are_reported_on(
     record(tmp_path / "dive.mcap", range(1, 20))
     record(tmp_path / "dive.part2.mcap", range(20, 40))
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    monkeypatch.setattr(tools.recording, "require_room", no_room)
+    monkeypatch.setattr(tools.recordings.recording, "require_room", no_room)
     assert Outcome(Stack(out=str(tmp_path))).sum_up() == 3
     out, err = capsys.readouterr()
     assert f"cannot merge the recording in {tmp_path}: the disk is full; its parts stay" in out

@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages import topics
-from tools.bench.chain import DT, Chain, Floats
-from tools.figures.full_stack_energy import PUSHING, Used
-from tools.figures.full_stack_runs import NAIVE, Axis, Step, scores
-from tools.figures.identified_battery import hotel_power
+from tools.research.bench.chain import DT, Chain, Floats
+from tools.research.papers.full_stack_energy import PUSHING, Used
+from tools.research.papers.full_stack_runs import NAIVE, Axis, Step, scores
+from tools.research.papers.identified_battery import hotel_power
 
 few = settings(max_examples=25, deadline=None)
 STICKS = "t,surge,sway,heave,yaw\n0,0,0,0,0\n1,0.5,0,0.6,0.5\n3,0,0,0,0\n60,0,0,0,0\n"

@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.control.plant import Plant
-from services.reference.baselines import Direct
-from tools.bench.drag_runs import QuadraticWater
-from tools.figures.identified_battery import hotel_power, longer, speed_for, thruster_energy
-from tools.figures.identified_inputs import (
+from services.control.axis.plant import Plant
+from tools.research.bench.drag_runs import QuadraticWater
+from tools.research.laws.baselines import Direct
+from tools.research.papers.identified_battery import hotel_power, longer, speed_for, thruster_energy
+from tools.research.papers.identified_inputs import (
     LOG_EVERY,
     LOG_FULL,
     STEP_ON,
@@ -19,7 +19,7 @@ from tools.figures.identified_inputs import (
     step_stick,
     thesis_rule_reference,
 )
-from tools.figures.identified_plant import (
+from tools.research.papers.identified_plant import (
     DRAG,
     DT,
     END_JERK,
@@ -31,7 +31,7 @@ from tools.figures.identified_plant import (
     rise_time,
     sums,
 )
-from tools.figures.identified_runs import (
+from tools.research.papers.identified_runs import (
     NAIVE,
     best_share,
     equal_rise_jerk,
@@ -39,7 +39,7 @@ from tools.figures.identified_runs import (
     improved,
     run,
 )
-from tools.figures.thesis_tables import PRINTED
+from tools.research.papers.thesis_tables import PRINTED
 
 few = settings(max_examples=15, deadline=None)
 many = settings(max_examples=100, deadline=None)

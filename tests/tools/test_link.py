@@ -8,12 +8,12 @@ import pytest
 
 from messages import topics
 from messages.link import LinkAnswer, LinkRequest
-from services.runtime.errors import LindyError
-from services.runtime.registry import ServiceSpec
-from services.runtime.stack import Stack
-from services.runtime.virtual_host import VirtualHost
-from tools.asking import Asking, at_once
+from services.runtime.config.errors import LindyError
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import ServiceSpec
+from services.runtime.hosts.virtual_host import VirtualHost
 from tools.link import link
+from tools.live.asking import Asking, at_once
 
 S = 1_000_000_000  # [ns]
 Lines = list[dict[str, str]]

@@ -11,10 +11,10 @@ from messages.link import Clock
 from messages.message import Message
 from messages.pilot import PilotCommand
 from services.recorder.io.mcap_file import McapFile
-from services.runtime.errors import LindyError
+from services.runtime.config.errors import LindyError
+from services.tether.fates import fates
 from services.tether.io.profile_file import named
 from tools.link import link
-from tools.link_fates import fates
 from tools.link_trace import trace_of
 
 MS = 1_000_000  # [ns]

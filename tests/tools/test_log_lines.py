@@ -5,8 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from messages.health import LogLine
-from tools.display import LineDisplay
-from tools.log_lines import MOST, LogLines, brief, full
+from tools.live.display import LineDisplay
+from tools.live.log_lines import MOST, LogLines, brief, full
 
 
 def said(text: str, service: str = "reference") -> LogLine:

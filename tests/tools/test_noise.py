@@ -19,15 +19,15 @@ from messages.vehicle import VehicleStatus
 from services.estimation.core import Settings
 from services.recorder.foxglove_schema import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
-from services.runtime.errors import LindyError
-from services.runtime.registry import Registry
-from services.runtime.stack import Stack
-from services.runtime.virtual_host import VirtualHost
+from services.runtime.config.errors import LindyError
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.virtual_host import VirtualHost
 from services.simulator.core import Settings as Simulator
-from tools.allan import deviation
-from tools.allan import noise as noise_of
-from tools.at_rest import Heard, Samples, resting
 from tools.noise import noise
+from tools.recordings.allan import deviation
+from tools.recordings.allan import noise as noise_of
+from tools.recordings.at_rest import Heard, Samples, resting
 from tools.up import on_side
 
 STREAMS: tuple[AnyTopic, ...] = (

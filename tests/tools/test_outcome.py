@@ -7,15 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import tools.outcome
+import tools.live.outcome
 from messages import topics
 from messages.vehicle import Actuation
 from services.recorder.foxglove_schema import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
-from services.runtime.errors import LindyError
-from services.runtime.stack import Stack
-from tools.outcome import Outcome, was_deaf
-from tools.recording import open_recording
+from services.runtime.config.errors import LindyError
+from services.runtime.config.stack import Stack
+from tools.live.outcome import Outcome, was_deaf
+from tools.recordings.recording import open_recording
 
 
 def record(path: Path, stamps: range) -> None:
@@ -62,7 +62,7 @@ def test_a_mistake_of_ours_in_any_step_of_the_report_costs_no_message(
     def mistaken(*_: object, **__: object) -> None:
         raise ZeroDivisionError("division by zero")
 
-    monkeypatch.setattr(tools.outcome, step, mistaken)
+    monkeypatch.setattr(tools.live.outcome, step, mistaken)
     with pytest.raises(
         LindyError, match=r"ZeroDivisionError: division by zero.*is kept: dive\.mcap"
     ):

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from services.runtime.errors import LindyError
+from services.runtime.config.errors import LindyError
 from tools.path import path
 
 CORNER = "waypoints = [[0, 0], [30, 0], [30, 30]]\n"

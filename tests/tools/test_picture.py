@@ -5,7 +5,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from services.runtime.errors import LindyError
+from services.runtime.config.errors import LindyError
 from tools.__main__ import main
 from tools.picture import IDLE_S, MAGIC, loaded, picture, rrd_of
 

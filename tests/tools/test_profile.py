@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from services.runtime.errors import LindyError
+from services.runtime.config.errors import LindyError
 from tools import profile as verb
 from tools.profile import profile
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from services.reference.minimum_jerk import Limits, Ramp
-from services.runtime.errors import LindyError
+from services.reference.trajectory.minimum_jerk import Limits, Ramp
+from services.runtime.config.errors import LindyError
 from tools.ramp import Rule, ramp
 
 LOG = "t,target\n0,0.3\n0.25,0\n1,0\n"

@@ -14,8 +14,8 @@ from messages import topics
 from messages.sensors import PressureSample
 from services.recorder.foxglove_schema import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
-from services.runtime.errors import LindyError
-from tools.recording import is_whole, log_hash, merge_parts, open_recording
+from services.runtime.config.errors import LindyError
+from tools.recordings.recording import is_whole, log_hash, merge_parts, open_recording
 
 PER_CHUNK, CHUNKS = 7, 5
 KEY = topics.PRESSURE.key

@@ -19,7 +19,7 @@ from messages.state import VehicleState
 from messages.vehicle import Actuation, Truth
 from services.recorder.foxglove_schema import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
-from tools.recording import open_recording
+from tools.recordings.recording import open_recording
 from tools.report import Extras, encode, make_report, read_dive, summary
 from tools.report.report import Report
 from tools.report.stops import Stop

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tools.__main__ import main
-from tools.recording import open_recording
+from tools.recordings.recording import open_recording
 from tools.report.losses import HAD, NOT_CARRIED, losses
 from tools.report.report import Extras, make_report
 from tools.report.summary import ending, summary

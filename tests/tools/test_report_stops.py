@@ -17,7 +17,7 @@ from messages.reference import Motion, Reference
 from messages.state import VehicleState
 from messages.topic import AnyTopic
 from messages.vehicle import Truth, VehicleStatus
-from tools.recording import Raw, Recording
+from tools.recordings.recording import Raw, Recording
 from tools.report.dive import Dive, read_dive
 from tools.report.stops import stops
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from messages.health import Health
-from tools.recording import Recording
+from tools.recordings.recording import Recording
 from tools.report import Elsewhere, Extras, elsewhere, make_report, unrecorded
 
 TOPSIDE = ("gamepad", "visualizer", "link_monitor", "predictor")

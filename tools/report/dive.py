@@ -10,9 +10,9 @@ from messages.health import Health
 from messages.link import Clock
 from messages.message import Message
 from messages.topic import AnyTopic
-from services.runtime.far_clock import FarClock
-from services.runtime.stamps import mover
-from tools.recording import Raw, Recording
+from services.runtime.node.clock_offset import FarClock
+from services.runtime.node.stamps import mover
+from tools.recordings.recording import Raw, Recording
 from tools.report.columns import WANTED, Array, Columns, Gathering
 
 

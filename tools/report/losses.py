@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 from messages import topics
 from messages.topic import Way
-from services.runtime.registry import Registry
+from services.runtime.hosts.registry import Registry
 
 LINK = "tether"
 # What the link counts of each message that it does not carry.

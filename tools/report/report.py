@@ -6,7 +6,7 @@ from math import degrees
 import msgspec
 
 from messages.health import Health
-from tools.recording import Recording
+from tools.recordings.recording import Recording
 from tools.report.budget import Budget, Clocks, budget, clocks
 from tools.report.dive import Dive, Traffic, read_dive
 from tools.report.energy import Energy, energy

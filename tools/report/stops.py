@@ -16,7 +16,7 @@ import msgspec
 import numpy as np
 
 from messages import topics
-from services.reference.answers import CENTRED
+from services.reference.guidance.refusals import CENTRED
 from tools.report.columns import Array
 from tools.report.dive import Dive
 

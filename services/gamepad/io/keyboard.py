@@ -9,8 +9,8 @@ import pygame
 
 from services.gamepad.core import Gain, Level, Reading, Sticks
 from services.gamepad.io import sdl
-from services.gamepad.wish import Press
-from services.runtime.errors import LindyError
+from services.gamepad.pilot_intents import Press
+from services.runtime.config.errors import LindyError
 
 HELP = (
     ("W  S", "forward, back"),

@@ -15,7 +15,7 @@ from pygame._sdl2 import controller
 
 from services.gamepad.core import CENTRED, Level, Profile, Reading, presses_of, sticks_of
 from services.gamepad.io import sdl
-from services.gamepad.wish import Press
+from services.gamepad.pilot_intents import Press
 
 # In the order of SDL_GameControllerAxis and SDL_GameControllerButton.
 AXES = ("leftx", "lefty", "rightx", "righty", "lefttrigger", "righttrigger")

@@ -8,8 +8,8 @@ import msgspec
 
 from messages.pilot import Course, Place
 from messages.units import PathQuantity
-from services.runtime.errors import LindyError
-from services.runtime.settings import deploy_file, read
+from services.runtime.config.errors import LindyError
+from services.runtime.config.settings import deploy_file, read
 
 Waypoints = Annotated[tuple[Place, ...], msgspec.Meta(min_length=2, max_length=1000)]
 

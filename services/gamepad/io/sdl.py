@@ -5,8 +5,8 @@ import os
 import sys
 import warnings
 
-from services.runtime.errors import LindyError
-from services.runtime.extras import how_to_install
+from services.runtime.config.errors import LindyError
+from services.runtime.config.extras import how_to_install
 
 QUIETLY = {
     "PYGAME_HIDE_SUPPORT_PROMPT": "1",

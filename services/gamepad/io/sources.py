@@ -5,12 +5,12 @@ from pathlib import Path
 from services.gamepad.core import CENTRED, Profile, Settings, Source
 from services.gamepad.io import sdl
 from services.gamepad.io.path_file import course_named
-from services.gamepad.player import Player
-from services.gamepad.script import Script, parse
-from services.runtime.errors import LindyError
-from services.runtime.node import Node
-from services.runtime.settings import deploy_file, read
-from services.runtime.stack import Stack
+from services.gamepad.stick_log import Script, parse
+from services.gamepad.stick_log_player import Player
+from services.runtime.config.errors import LindyError
+from services.runtime.config.settings import deploy_file, read
+from services.runtime.config.stack import Stack
+from services.runtime.node.node import Node
 
 
 def open_source(node: Node, stack: Stack, played: int) -> Source:

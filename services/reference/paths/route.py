@@ -12,10 +12,10 @@ from itertools import pairwise
 from math import cos, sin
 from typing import NamedTuple, Protocol
 
-from services.reference.minimum_jerk import Sample
 from services.reference.paths.path import Path
-from services.reference.profile import Profile
-from services.reference.profile_sequence import sequence
+from services.reference.trajectory.minimum_jerk import Sample
+from services.reference.trajectory.profile import Profile
+from services.reference.trajectory.profile_sequence import sequence
 
 ARRIVED = 1e-6  # [m] the profile may miss the end of the path by this much, [m/s] be this fast
 

@@ -3,7 +3,7 @@ bounded in `minimum_jerk.py`): up to a peak, a cruise when the peak is the limit
 
 from typing import NamedTuple
 
-from services.reference.minimum_jerk import Limits, Sample, Segment, along, solve
+from services.reference.trajectory.minimum_jerk import Limits, Sample, Segment, along, solve
 
 HALVINGS = 80  # enough to reach the last bit of a float
 

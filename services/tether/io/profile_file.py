@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any, cast
 
 from messages.link import LinkRequest
-from services.runtime.errors import LindyError
-from services.runtime.settings import convert, deploy_file, nearest, override, read_toml
+from services.runtime.config.errors import LindyError
+from services.runtime.config.settings import convert, deploy_file, nearest, override, read_toml
 from services.tether import delay, loss
 from services.tether.profile import LinkProfile, Named
 

@@ -10,8 +10,8 @@ its kind and its length as unsigned 64 bit; the last is of kind 0 and holds the 
 import struct
 from pathlib import Path
 
-from services.runtime.disk import reason, require_room
-from services.visualizer.io.live import Count, Log
+from services.runtime.config.disk import reason, require_room
+from services.visualizer.io.live_viewer import Count, Log
 
 MAGIC, HEADER_BYTES, INDEX = b"RRF2", 12, 0
 MESSAGE = struct.Struct("<QQ")  # kind, length

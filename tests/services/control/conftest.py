@@ -4,7 +4,7 @@ import pytest
 
 from messages.units import Vec3
 from services.marine.vehicle import Thruster, Vehicle
-from services.runtime.stack import Stack
+from services.runtime.config.stack import Stack
 
 SLANT = 0.5**0.5
 

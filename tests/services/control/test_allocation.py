@@ -9,14 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages.units import Vec6
-from services.control.allocation import (
+from services.control.allocation.allocation import (
     COMES_ON,
     GOES_OFF,
     PRIORITY,
     Allocation,
     AllocationSettings,
 )
-from services.control.layout import AXES
+from services.control.allocation.layout import AXES
 from services.marine.thrusters import driven, total_wrench, wrench_per_newton
 from services.marine.vehicle import Vehicle
 

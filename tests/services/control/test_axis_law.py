@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages.reference import Motion
-from services.control.axis_law import AxisLaw, Gains
-from services.control.gain_blend import Static
-from services.control.plant import Plant
+from services.control.axis.axis_law import AxisLaw, Gains
+from services.control.axis.gain_blend import Static
+from services.control.axis.plant import Plant
 
 GAINS = Gains(kp=50.0, kd=40.0, ki=10.0, max_error=0.3, max_integral=8.0)
 PLANT = Plant(inertia=20.0, linear=0.4, quadratic=25.0)

@@ -12,11 +12,11 @@ from messages.reference import Motion, Reference
 from messages.state import VehicleState
 from messages.vehicle import Actuation
 from services.marine.vehicle import Vehicle
-from services.runtime.errors import LindyError
-from services.runtime.node import Node
-from services.runtime.registry import ServiceSpec
-from services.runtime.stack import Stack
-from services.runtime.virtual_host import VirtualHost
+from services.runtime.config.errors import LindyError
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import ServiceSpec
+from services.runtime.hosts.virtual_host import VirtualHost
+from services.runtime.node.node import Node
 
 ROW = ServiceSpec(sides=["drone"])
 S = 1_000_000_000  # [ns]

@@ -11,11 +11,11 @@ from messages.control import Wrench
 from messages.message import Estimate
 from messages.reference import Motion, Reference
 from messages.state import VehicleState
-from services.control.axis_law import Gains
+from services.control.axis.axis_law import Gains
 from services.control.core import Controller, Settings
 from services.control.settings import Level
 from services.marine.vehicle import Vehicle
-from services.runtime.stack import Stack
+from services.runtime.config.stack import Stack
 
 PIONEER = Stack().section("vehicle", Vehicle)
 HEAVY = Stack(vehicle="bluerov2_heavy").section("vehicle", Vehicle)

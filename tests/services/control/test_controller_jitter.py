@@ -14,7 +14,7 @@ from messages.state import VehicleState
 from services.control.core import Controller, Settings
 from services.control.same_instant import LONGEST_NS, at_sample
 from services.marine.vehicle import Vehicle
-from services.runtime.stack import Stack
+from services.runtime.config.stack import Stack
 
 MS = 1_000_000  # [ns]
 PIONEER = Stack().section("vehicle", Vehicle)

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.control.disturbance import DisturbanceObserver
-from services.control.plant import Plant
+from services.control.axis.disturbance_observer import DisturbanceObserver
+from services.control.axis.plant import Plant
 
 DT = 0.01
 many = settings(max_examples=100, deadline=None)

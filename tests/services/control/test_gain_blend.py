@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.control.gain_blend import Feedback, GainBlend, Static
+from services.control.axis.gain_blend import Feedback, GainBlend, Static
 
 MOVING = Feedback(50.0, 40.0, 0.0)
 RESTING = Static(kp=20.0, kd=90.0, zone=0.02, leave=0.1, blend=0.5)

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from messages.message import Estimate
 from messages.reference import Motion, Reference
 from messages.state import VehicleState
-from services.control.axis_law import Gains
+from services.control.axis.axis_law import Gains
 from services.control.core import Controller
-from services.control.horizontal import to_body, turning_force
+from services.control.horizontal_plane import to_body, turning_force
 from services.control.settings import Settings
 from services.marine.attitude import from_euler
 from services.marine.attitude import to_body as rotated

@@ -7,9 +7,9 @@ from math import exp, sin, tau
 import pytest
 
 from messages.reference import Motion
-from services.control.axis_law import AxisLaw, Gains
-from services.control.plant import Plant
-from services.reference.minimum_jerk import Limits, Ramp
+from services.control.axis.axis_law import AxisLaw, Gains
+from services.control.axis.plant import Plant
+from services.reference.trajectory.minimum_jerk import Limits, Ramp
 
 MASS, DAMPING, KP, KD, JERK = 13.3, 6.5, 25.5, 23.6, 0.78  # fitted to all eight figures at once
 DT, STEPS, SPEED = 0.01, 800, 0.3  # [s], [-], [m/s] from step 100 to step 400

@@ -10,10 +10,10 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from messages.reference import Motion
-from services.control.axis_law import AxisLaw, Gains
+from services.control.axis.axis_law import AxisLaw, Gains
+from services.control.axis.plant import Plant
+from services.control.axis.sampled_loop import SampledLoop, exponential, held
 from services.control.core import PERIOD_S
-from services.control.plant import Plant
-from services.control.sampled_loop import SampledLoop, exponential, held
 from services.control.settings import Settings
 from services.control.stability import require_stable
 from services.marine.vehicle import Vehicle

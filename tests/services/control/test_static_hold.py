@@ -8,12 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages.reference import Motion
-from services.control.axis_law import AxisLaw, Gains
+from services.control.allocation.actuator_model import Produced
+from services.control.axis.axis_law import AxisLaw, Gains
+from services.control.axis.gain_blend import Feedback, GainBlend, Static
+from services.control.axis.plant import Plant
 from services.control.core import Settings
-from services.control.gain_blend import Feedback, GainBlend, Static
-from services.control.plant import Plant
-from services.control.produced import Produced
-from services.runtime.stack import Stack
+from services.runtime.config.stack import Stack
 
 PLANT = Plant(0.375, 0.87, 1.53)  # the Pioneer's yaw
 LAG, DT = 0.08, 0.01

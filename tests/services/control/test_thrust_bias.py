@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages.units import Vec6
-from services.control.allocation import Allocation, AllocationSettings
-from services.control.layout import Matrix, effect_matrix
-from services.control.thrust_bias import biases
+from services.control.allocation.allocation import Allocation, AllocationSettings
+from services.control.allocation.layout import Matrix, effect_matrix
+from services.control.allocation.thrust_bias import biases
 from services.marine.vehicle import Vehicle
 
 BIASED = AllocationSettings(biased=("heave", "yaw"))

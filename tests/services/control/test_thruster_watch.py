@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages.vehicle import Actuation
-from services.control.thruster_watch import ThrusterWatch
+from services.control.allocation.thruster_watch import ThrusterWatch
 from services.marine.thrusters import driven
 from services.marine.vehicle import Vehicle
 

@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages.units import Quaternion, Vec3
-from services.estimation.attitude_filter import AttitudeFilter, AttitudeSettings, unit
-from services.estimation.heading import wrapped
+from services.estimation.attitude.attitude_filter import AttitudeFilter, AttitudeSettings, unit
+from services.estimation.attitude.heading import wrapped
 from services.marine.attitude import LEVEL, attitude_rate, from_euler, to_body, to_euler, to_world
-from tools.bench import heading_runs as runs
-from tools.bench import marg
+from tools.research.bench import heading_runs as runs
+from tools.research.bench import marg
 
 BETA = 0.033  # [rad/s]
 

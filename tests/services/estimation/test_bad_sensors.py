@@ -19,13 +19,13 @@ from messages.sensors import (
     UsblSample,
 )
 from messages.state import VehicleState
-from services.estimation.calibration import CalibrationSettings
+from services.estimation.checks.sensor_watch import SensorWatch, WatchSettings
 from services.estimation.core import Estimator, Settings
-from services.estimation.sensor_watch import SensorWatch, WatchSettings
+from services.estimation.startup.calibration import CalibrationSettings
 from services.marine.vehicle import GRAVITY, SEA_WATER
-from services.runtime.registry import ServiceSpec
-from services.runtime.stack import Stack
-from services.runtime.virtual_host import VirtualHost
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import ServiceSpec
+from services.runtime.hosts.virtual_host import VirtualHost
 
 QUICK = Settings(calibration=CalibrationSettings(still_time=3.0))  # [s] less to wait for
 FLOATING = 0.168  # [m]

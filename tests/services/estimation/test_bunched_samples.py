@@ -12,10 +12,10 @@ from messages import topics
 from messages.sensors import ImuSample, PressureSample
 from messages.state import VehicleState
 from services.marine.vehicle import GRAVITY
-from services.runtime.node import Node
-from services.runtime.registry import ServiceSpec
-from services.runtime.stack import Stack
-from services.runtime.virtual_host import VirtualHost
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import ServiceSpec
+from services.runtime.hosts.virtual_host import VirtualHost
+from services.runtime.node.node import Node
 
 ROW = ServiceSpec(sides=["drone"])
 QUICK = Stack(overrides=["estimation.calibration.still_time=3"])  # [s] less to wait for

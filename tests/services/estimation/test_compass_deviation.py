@@ -9,10 +9,10 @@ import pytest
 
 from messages.message import Estimate
 from messages.sensors import DvlSample, UsblSample
-from services.estimation.deviation import MOST, NONE, Coefficients, Deviation
-from services.estimation.heading import wrapped
-from services.estimation.horizontal_observer import HorizontalObserver, Motion
-from services.estimation.horizontal_settings import HorizontalSettings
+from services.estimation.attitude.heading import wrapped
+from services.estimation.horizontal.compass_deviation import MOST, NONE, Coefficients, Deviation
+from services.estimation.horizontal.horizontal_observer import HorizontalObserver, Motion
+from services.estimation.horizontal.horizontal_settings import HorizontalSettings
 from services.marine.attitude import from_euler
 from services.marine.vehicle import GRAVITY
 

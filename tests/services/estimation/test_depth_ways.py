@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.estimation.depth_filter import LEAST_MOTION_NOISE, DepthFilter, DepthSettings
-from services.estimation.depth_observer import Atmosphere, DepthObserver
-from services.estimation.depth_ways import WAYS
+from services.estimation.depth.depth_filter import LEAST_MOTION_NOISE, DepthFilter, DepthSettings
+from services.estimation.depth.depth_observer import Atmosphere, DepthObserver
+from services.estimation.depth.depth_variants import WAYS
 from services.marine.vehicle import ATMOSPHERE, GRAVITY, SEA_WATER
-from services.reference.minimum_jerk import Limits, Ramp
+from services.reference.trajectory.minimum_jerk import Limits, Ramp
 
 STEP_NS = 10_000_000
 PER_METRE = SEA_WATER * GRAVITY  # [Pa/m]

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages.units import Quaternion, Vec3
-from services.estimation.attitude_filter import (
+from services.estimation.attitude.attitude_filter import (
     AttitudeFilter,
     AttitudeSettings,
     corrected,
@@ -14,8 +14,8 @@ from services.estimation.attitude_filter import (
     turned,
     unit,
 )
-from services.estimation.attitude_observer import AttitudeObserver
-from services.estimation.heading import bearing, wrapped
+from services.estimation.attitude.attitude_observer import AttitudeObserver
+from services.estimation.attitude.heading import bearing, wrapped
 from services.marine.attitude import down_in_body, from_euler, to_euler
 from services.marine.vehicle import GRAVITY
 

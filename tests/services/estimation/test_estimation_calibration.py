@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from messages.units import Vec3
-from services.estimation.calibration import Calibration, CalibrationSettings
+from services.estimation.startup.calibration import Calibration, CalibrationSettings
 from services.marine.vehicle import GRAVITY
 
 QUICK = CalibrationSettings(still_time=3.0)  # [s] less to wait for

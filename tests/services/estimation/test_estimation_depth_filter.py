@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.estimation.depth_filter import LEVEL, DepthFilter, DepthSettings, Lean
-from services.estimation.depth_observer import Atmosphere, DepthObserver
+from services.estimation.depth.depth_filter import LEVEL, DepthFilter, DepthSettings, Lean
+from services.estimation.depth.depth_observer import Atmosphere, DepthObserver
 
 DT = 0.01  # [s]
 STD = 0.05  # [m]

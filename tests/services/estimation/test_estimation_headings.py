@@ -5,9 +5,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from messages.units import Vec3
-from services.estimation.attitude_filter import AttitudeSettings
-from services.estimation.attitude_observer import AttitudeObserver
-from services.estimation.heading import (
+from services.estimation.attitude.attitude_filter import AttitudeSettings
+from services.estimation.attitude.attitude_observer import AttitudeObserver
+from services.estimation.attitude.heading import (
     PERIOD,
     UNKNOWN_TURN,
     Compass,

@@ -11,11 +11,11 @@ from messages.sensors import ImuSample, MagnetometerSample, PressureSample
 from messages.state import VehicleState
 from services.estimation.core import Settings
 from services.marine.vehicle import GRAVITY, SEA_WATER, Vehicle
-from services.runtime.errors import LindyError
-from services.runtime.node import Node
-from services.runtime.registry import ServiceSpec
-from services.runtime.stack import Stack
-from services.runtime.virtual_host import VirtualHost
+from services.runtime.config.errors import LindyError
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import ServiceSpec
+from services.runtime.hosts.virtual_host import VirtualHost
+from services.runtime.node.node import Node
 
 ROW = ServiceSpec(sides=["drone"])
 QUICK = Stack(overrides=["estimation.calibration.still_time=3"])  # [s] less to wait for

@@ -9,13 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages.units import Vec3
-from services.estimation.attitude_filter import AttitudeSettings
-from services.estimation.attitude_observer import AttitudeObserver
-from services.estimation.calibration import CalibrationSettings
-from services.estimation.heading import wrapped
-from services.estimation.resting_bias import RestingBias
+from services.estimation.attitude.attitude_filter import AttitudeSettings
+from services.estimation.attitude.attitude_observer import AttitudeObserver
+from services.estimation.attitude.heading import wrapped
+from services.estimation.startup.calibration import CalibrationSettings
+from services.estimation.startup.resting_bias import RestingBias
 from services.marine.vehicle import GRAVITY
-from tools.bench import heading_runs as runs
+from tools.research.bench import heading_runs as runs
 
 REST: Vec3 = (0.0, 0.0, -GRAVITY)
 EARTH: Vec3 = (15e-6, 0.0, 49e-6)  # [T] NED; 51 µT, dip 73°

@@ -13,13 +13,13 @@ from messages.sensors import DvlSample, UsblSample
 from messages.state import VehicleState
 from messages.units import Quaternion
 from messages.vehicle import Truth
-from services.estimation.horizontal_observer import HorizontalObserver, Motion
-from services.estimation.horizontal_settings import HorizontalSettings
+from services.estimation.horizontal.horizontal_observer import HorizontalObserver, Motion
+from services.estimation.horizontal.horizontal_settings import HorizontalSettings
 from services.marine.attitude import from_euler
 from services.marine.vehicle import GRAVITY
-from services.runtime.registry import Registry
-from services.runtime.stack import Stack
-from services.runtime.virtual_host import VirtualHost
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.virtual_host import VirtualHost
 
 S = 1_000_000_000  # [ns]
 

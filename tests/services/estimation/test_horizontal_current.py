@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from messages.sensors import DvlSample, UsblSample
 from messages.units import Quaternion
 from messages.vehicle import Actuation
-from services.estimation.horizontal_hull import Hull
-from services.estimation.horizontal_observer import HorizontalObserver, Motion
-from services.estimation.horizontal_settings import HorizontalSettings
-from services.estimation.horizontal_trail import between
+from services.estimation.horizontal.horizontal_observer import HorizontalObserver, Motion
+from services.estimation.horizontal.horizontal_settings import HorizontalSettings
+from services.estimation.horizontal.hull_model import Hull
+from services.estimation.horizontal.measurement_buffer import between
 from services.marine.attitude import from_euler
 from services.marine.vehicle import GRAVITY, Vehicle
-from services.runtime.stack import Stack
+from services.runtime.config.stack import Stack
 
 S = 1_000_000_000  # [ns]
 DT = 0.02  # [s]

@@ -6,13 +6,13 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from services.estimation import horizontal_filter as ekf
-from services.estimation.horizontal_filter import SIZE, Belief, Innovation, Leg
-from services.estimation.horizontal_hull import Hull
-from services.estimation.horizontal_settings import HorizontalSettings
+from services.estimation.horizontal import horizontal_filter as ekf
+from services.estimation.horizontal.horizontal_filter import SIZE, Belief, Innovation, Leg
+from services.estimation.horizontal.horizontal_settings import HorizontalSettings
+from services.estimation.horizontal.hull_model import Hull
 from services.marine.attitude import from_euler
 from services.marine.vehicle import Vehicle
-from services.runtime.stack import Stack
+from services.runtime.config.stack import Stack
 
 Floats = NDArray[np.float64]
 CHOICE = HorizontalSettings()

@@ -9,12 +9,12 @@ import pytest
 from messages.sensors import ImuSample, PressureSample
 from messages.state import VehicleState
 from messages.units import Vec3
-from services.estimation.calibration import CalibrationSettings
 from services.estimation.core import Estimator, Settings
+from services.estimation.startup.calibration import CalibrationSettings
 from services.marine.attitude import from_euler, to_body, to_world
-from services.marine.mount import Mounting, Placed
+from services.marine.mounting import Mounting, Placed
 from services.marine.vehicle import ATMOSPHERE, GRAVITY, SEA_WATER, Vehicle
-from services.runtime.stack import Stack
+from services.runtime.config.stack import Stack
 
 MS = 1_000_000  # [ns]
 ARM: Vec3 = (0.6, 0.0, 0.4)  # [m]

@@ -18,9 +18,9 @@ from messages.sensors import ImuSample, MagnetometerSample, PressureSample
 from messages.state import VehicleState
 from messages.topic import Topic
 from services.marine.vehicle import GRAVITY, SEA_WATER, Vehicle
-from services.runtime.registry import ServiceSpec
-from services.runtime.stack import Stack
-from services.runtime.virtual_host import VirtualHost
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import ServiceSpec
+from services.runtime.hosts.virtual_host import VirtualHost
 
 QUICK = Stack(overrides=["estimation.calibration.still_time=3"])  # [s] less to wait for
 S = 1_000_000_000  # [ns]

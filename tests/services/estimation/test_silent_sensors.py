@@ -4,9 +4,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages.sensors import DvlSample, ImuSample, MagnetometerSample, PressureSample, UsblSample
-from services.estimation.calibration import CalibrationSettings
+from services.estimation.checks.sensor_watch import SensorWatch
 from services.estimation.core import Estimator, Settings
-from services.estimation.sensor_watch import SensorWatch
+from services.estimation.startup.calibration import CalibrationSettings
 from services.marine.vehicle import GRAVITY
 
 MS = 1_000_000  # [ns]

@@ -16,7 +16,7 @@ from services.gamepad.core import (
     shape,
     sticks_of,
 )
-from services.runtime.settings import deploy_file, read
+from services.runtime.config.settings import deploy_file, read
 
 travels = st.floats(-1.0, 1.0)
 dead_bands = st.floats(0.0, 0.9)

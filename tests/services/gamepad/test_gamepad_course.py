@@ -6,8 +6,8 @@ import pytest
 
 from messages.pilot import Course
 from services.gamepad.io.path_file import course_of
-from services.runtime.errors import LindyError
-from services.runtime.settings import DEPLOY
+from services.runtime.config.errors import LindyError
+from services.runtime.config.settings import DEPLOY
 
 WAY = "waypoints = [[0, 0, 2], [9, 0, 2], [9, 9, 3]]\n"
 

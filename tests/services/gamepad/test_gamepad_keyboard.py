@@ -6,7 +6,7 @@ import pytest
 
 from services.gamepad.core import CENTRED, Gain, Reading, Sticks
 from services.gamepad.io import sdl
-from services.runtime.errors import LindyError
+from services.runtime.config.errors import LindyError
 
 sdl.load()
 

@@ -15,14 +15,14 @@ from services.gamepad.core import CENTRED, Reading, Sticks
 from services.gamepad.io import sdl
 from services.gamepad.io.path_file import course_named
 from services.gamepad.pilot import Pilot, Progress
-from services.gamepad.script import parse
+from services.gamepad.pilot_intents import Press, Wish
 from services.gamepad.service import Connected, wire
-from services.gamepad.wish import Press, Wish
-from services.runtime.errors import LindyError
-from services.runtime.node import Node
-from services.runtime.registry import ServiceSpec
-from services.runtime.stack import Stack
-from services.runtime.virtual_host import VirtualHost
+from services.gamepad.stick_log import parse
+from services.runtime.config.errors import LindyError
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import ServiceSpec
+from services.runtime.hosts.virtual_host import VirtualHost
+from services.runtime.node.node import Node
 
 MS = 1_000_000  # [ns]
 S = 1000 * MS

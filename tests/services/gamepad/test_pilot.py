@@ -11,7 +11,7 @@ from messages.pilot import PilotAnswer, PilotRequest, RequestKind
 from messages.vehicle import Mode, VehicleStatus
 from services.gamepad.core import CENTRED, Reading, Sticks
 from services.gamepad.pilot import Effects, Pilot, Progress
-from services.gamepad.wish import Goto, Press
+from services.gamepad.pilot_intents import Goto, Press
 
 NOBODY: frozenset[RequestKind] = frozenset()
 

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from services.gamepad.core import CENTRED, Sticks
 from services.gamepad.io.path_file import course_named
 from services.gamepad.io.sources import read_script
-from services.gamepad.player import QUIET_NS, Player
-from services.gamepad.script import Row, Script, parse
-from services.runtime.errors import LindyError
+from services.gamepad.stick_log import Row, Script, parse
+from services.gamepad.stick_log_player import QUIET_NS, Player
+from services.runtime.config.errors import LindyError
 
 S = 1_000_000_000  # [ns]
 HEAD = b"t,surge,sway,heave,yaw,event\n"

@@ -12,10 +12,10 @@ from messages.pilot import Course, Hold
 from services.gamepad.core import CENTRED
 from services.gamepad.io.path_file import course_named
 from services.gamepad.io.sources import read_script
-from services.gamepad.player import Player
-from services.gamepad.script import parse
-from services.gamepad.wish import Follow, Goto, Mode
-from services.runtime.errors import LindyError
+from services.gamepad.pilot_intents import Follow, Goto, Mode
+from services.gamepad.stick_log import parse
+from services.gamepad.stick_log_player import Player
+from services.runtime.config.errors import LindyError
 
 S = 1_000_000_000  # [ns]
 HEAD = "t,surge,sway,heave,yaw,event\n"

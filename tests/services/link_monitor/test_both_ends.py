@@ -5,9 +5,9 @@ import pytest
 from messages import topics
 from messages.health import Health
 from messages.link import Clock
-from services.runtime.registry import Registry, ServiceSpec
-from services.runtime.stack import Stack
-from services.runtime.virtual_host import Skew, VirtualHost
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import Registry, ServiceSpec
+from services.runtime.hosts.virtual_host import Skew, VirtualHost
 from tools.up import on_side
 
 S = 1_000_000_000  # [ns]

@@ -11,7 +11,7 @@ from messages.pilot import PilotCommand
 from messages.reference import Motion, Reference
 from messages.state import VehicleState
 from messages.vehicle import Actuation
-from services.link_monitor.budget import Budget
+from services.link_monitor.latency_account import Budget
 
 MS, S = 1_000_000, 1_000_000_000
 PERIOD = 20 * MS

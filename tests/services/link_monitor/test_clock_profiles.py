@@ -7,10 +7,10 @@ import pytest
 from messages import topics
 from messages.link import Clock
 from services.link_monitor.clock_sync import DRIFT as WIDENING
-from services.runtime.registry import Registry
-from services.runtime.settings import DEPLOY
-from services.runtime.stack import Stack
-from services.runtime.virtual_host import Skew, VirtualHost
+from services.runtime.config.settings import DEPLOY
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.virtual_host import Skew, VirtualHost
 
 S = 1_000_000_000  # [ns]
 PROFILES = sorted(path.stem for path in (DEPLOY / "links").glob("*.toml"))

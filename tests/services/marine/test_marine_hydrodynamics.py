@@ -11,7 +11,7 @@ from services.marine.attitude import down_in_body, from_euler
 from services.marine.hydrodynamics import damping, full_buoyancy, restoring, submerged_share
 from services.marine.vehicle import GRAVITY, Vehicle
 from services.marine.wake import wake_fins, wake_lift
-from services.runtime.stack import Stack
+from services.runtime.config.stack import Stack
 
 PIONEER = Stack().section("vehicle", Vehicle)
 motion = st.tuples(*[st.floats(-3, 3)] * 6)

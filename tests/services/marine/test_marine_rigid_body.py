@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from messages.units import Vec6
 from services.marine.rigid_body import coriolis, kinetic_energy, system_inertia
 from services.marine.vehicle import Vehicle
-from services.runtime.stack import Stack
+from services.runtime.config.stack import Stack
 
 PIONEER = Stack().section("vehicle", Vehicle)
 motion = st.tuples(*[st.floats(-3, 3)] * 6)

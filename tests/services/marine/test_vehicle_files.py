@@ -11,9 +11,9 @@ from services.marine.rigid_body import system_inertia
 from services.marine.thrust_curve import CURVES
 from services.marine.thrusters import wrench_per_newton
 from services.marine.vehicle import Vehicle
-from services.runtime.errors import LindyError
-from services.runtime.registry import Registry
-from services.runtime.stack import Stack
+from services.runtime.config.errors import LindyError
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import Registry
 from tools.checks import known_tables
 
 NAMES = ("pioneer", "bluerov2_heavy", "minerva")

@@ -12,13 +12,13 @@ from messages.prediction import Miss, Prediction
 from messages.reference import Motion
 from messages.state import VehicleState
 from messages.vehicle import Truth
-from services.predictor.ahead import Change, coasting, joined, reference_ahead
 from services.predictor.drift import Drift
-from services.predictor.judge import Guess, Judge, Pose
-from services.reference.minimum_jerk import Limits, Ramp
-from services.runtime.registry import Registry
-from services.runtime.stack import Stack
-from services.runtime.virtual_host import Skew, VirtualHost
+from services.predictor.prediction_quality import Guess, Judge, Pose
+from services.predictor.reference_ahead import Change, coasting, joined, reference_ahead
+from services.reference.trajectory.minimum_jerk import Limits, Ramp
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.virtual_host import Skew, VirtualHost
 
 SECOND = 1_000_000_000
 LIMITS = Limits(1.5, 0.5)

@@ -14,12 +14,12 @@ from messages.pilot import PilotCommand
 from messages.sensors import BatterySample, PressureSample
 from services.recorder.io.mcap_file import McapFile
 from services.recorder.service import wire
-from services.runtime.bus import Envelope
-from services.runtime.errors import LindyError
-from services.runtime.registry import ServiceSpec
-from services.runtime.stack import Stack
-from services.runtime.virtual_host import Skew, VirtualHost
-from tools.recording import log_hash, open_recording
+from services.runtime.bus.envelope import Envelope
+from services.runtime.config.errors import LindyError
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import ServiceSpec
+from services.runtime.hosts.virtual_host import Skew, VirtualHost
+from tools.recordings.recording import log_hash, open_recording
 
 SECOND = 1_000_000_000
 HOME = ServiceSpec(["drone"])

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from services.reference.baselines import Direct, Filter, Planned, minimum_time
-from services.reference.minimum_jerk import Limits, Ramp, solve
+from services.reference.trajectory.minimum_jerk import Limits, Ramp, solve
+from tools.research.laws.baselines import Direct, Filter, Planned, minimum_time
 
 velocity = st.floats(-3.0, 3.0)
 acceleration = st.floats(-4.0, 4.0)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from services.reference import batch
-from services.reference.minimum_jerk import Limits, Ramp, solve
-from services.reference.stepping import step
+from services.reference.trajectory.minimum_jerk import Limits, Ramp, solve
+from tools.research.laws import batch
+from tools.research.laws.stepping import step
 
 N = 400
 CLOSE = 1e-12  # relative to the size of the motion

@@ -8,7 +8,7 @@ from hypothesis.stateful import RuleBasedStateMachine, rule
 
 from messages.pilot import FOR_ANYBODY, PilotCommand, PilotRequest, RequestKind
 from services.reference.core import Pilotage, Settings
-from services.runtime.gate import Authority
+from services.runtime.node.gate import Authority
 
 PILOTS = st.sampled_from(["ada", "bob"])
 NO_SAY = "(lease)"  # ends every refusal for an epoch

@@ -3,8 +3,8 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.reference.guard import GIVE_IN_S, Guard, is_let_go
-from services.reference.minimum_jerk import Sample
+from services.reference.guidance.reference_governor import GIVE_IN_S, Guard, is_let_go
+from services.reference.trajectory.minimum_jerk import Sample
 
 size = st.floats(0.0, 1e6)
 most = st.floats(1e-3, 1e3)

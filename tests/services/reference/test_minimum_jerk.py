@@ -6,7 +6,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from services.reference.minimum_jerk import Limits, Ramp, Segment, along, reader, solve
+from services.reference.trajectory.minimum_jerk import Limits, Ramp, Segment, along, reader, solve
 
 velocity = st.floats(-3.0, 3.0)
 acceleration = st.floats(-4.0, 4.0)

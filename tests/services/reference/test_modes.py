@@ -15,9 +15,9 @@ from messages.pilot import Course, Hold, PilotAnswer, PilotCommand, PilotRequest
 from messages.reference import Motion, Reference
 from messages.state import VehicleState
 from services.reference.core import Pilotage, Remembered, Settings
-from services.reference.flight import PLACE_PATIENCE_S
-from services.reference.ground import turned
-from services.reference.modes import HOLDS
+from services.reference.guidance.ground_motion import turned
+from services.reference.guidance.guidance import PLACE_PATIENCE_S
+from services.reference.guidance.modes import HOLDS
 from services.reference.paths.heading import wrap
 
 DT = 0.01  # [s]

@@ -13,7 +13,7 @@ from messages.reference import Reference
 from messages.state import VehicleState
 from services.reference.core import Pilotage, Settings
 from services.reference.paths.heading import wrap
-from services.runtime.stack import Stack
+from services.runtime.config.stack import Stack
 
 DT = 10_000_000  # [ns]
 stick = st.floats(-1.0, 1.0)

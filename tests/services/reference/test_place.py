@@ -6,9 +6,9 @@ from math import cos, dist, hypot, pi, sin
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.reference.ground import Ground, turned
-from services.reference.minimum_jerk import Limits, Ramp, Sample
-from services.reference.place import Place
+from services.reference.guidance.ground_motion import Ground, turned
+from services.reference.guidance.station_keeping import Place
+from services.reference.trajectory.minimum_jerk import Limits, Ramp, Sample
 
 PLACE, YAW = Limits(1.0, 0.4), Limits(4.0, 1.5)
 FASTEST, TURNING = 0.4, 1.05  # [m/s], [rad/s]

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from services.reference.fernandes.model_request import Request
-from services.reference.fernandes.reference_model import ReferenceModel, plan
+from tools.research.laws.fernandes.model_request import Request
+from tools.research.laws.fernandes.reference_model import ReferenceModel, plan
 
 many = settings(max_examples=100, deadline=None)
 GOOD = Request(length=50.0, cruise=0.3, accel_time=20.0, decel_time=20.0)

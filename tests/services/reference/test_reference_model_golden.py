@@ -4,10 +4,10 @@ from math import exp
 
 import pytest
 
-from services.reference.fernandes.model_as_printed import advanced_as_printed, basic_as_printed
-from services.reference.fernandes.model_request import Request
-from services.reference.fernandes.reference_model import plan
-from services.reference.profile_sequence import sequence
+from services.reference.trajectory.profile_sequence import sequence
+from tools.research.laws.fernandes.model_as_printed import advanced_as_printed, basic_as_printed
+from tools.research.laws.fernandes.model_request import Request
+from tools.research.laws.fernandes.reference_model import plan
 
 # ξ: v_c, t1 … t5, P1 … P4 of L 50, V_d 0.3, T_a = T_d = 20, θ0 = e^(−100/9), corrected times
 BASIC = {

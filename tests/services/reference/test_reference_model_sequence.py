@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.reference.fernandes.model_request import Request
-from services.reference.fernandes.reference_model import plan
-from services.reference.profile_sequence import sequence
+from services.reference.trajectory.profile_sequence import sequence
+from tools.research.laws.fernandes.model_request import Request
+from tools.research.laws.fernandes.reference_model import plan
 
 many = settings(max_examples=60, deadline=None)
 speeds = st.lists(st.one_of(st.just(0.0), st.floats(0.0, 1.0)), min_size=2, max_size=5)

@@ -6,14 +6,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.reference.fernandes.model_request import Request
-from services.reference.fernandes.reference_model import plan
-from services.reference.minimum_jerk import Limits, solve
 from services.reference.paths.path import Path
 from services.reference.paths.route import Motion, Route, route
 from services.reference.paths.stretch import stretch
-from services.reference.position import pair
-from services.reference.profile import Profile
+from services.reference.trajectory.minimum_jerk import Limits, solve
+from services.reference.trajectory.position import pair
+from services.reference.trajectory.profile import Profile
+from tools.research.laws.fernandes.model_request import Request
+from tools.research.laws.fernandes.reference_model import plan
 
 POINTS = [[0.0, 0.0, 2.0], [60.0, 0.0, 5.0], [0.0, 90.0, 3.0], [60.0, 90.0, 8.0]]
 LIMITS = Limits(0.3, 0.15)

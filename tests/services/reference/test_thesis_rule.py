@@ -6,8 +6,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from services.reference import thesis_rule
-from services.reference.minimum_jerk import Limits, solve
+from services.reference.trajectory.minimum_jerk import Limits, solve
+from tools.research.laws import thesis_rule
 
 velocity = st.floats(-3.0, 3.0)
 acceleration = st.floats(-4.0, 4.0)

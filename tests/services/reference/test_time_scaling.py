@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from services.reference.fernandes.model_request import Request
-from services.reference.fernandes.reference_model import plan
-from services.reference.minimum_jerk import Limits, Sample
-from services.reference.time_scaling import Scaled, WaitingClock, scaled, scaled_sample
+from services.reference.trajectory.minimum_jerk import Limits, Sample
+from services.reference.trajectory.time_scaling import Scaled, WaitingClock, scaled, scaled_sample
+from tools.research.laws.fernandes.model_request import Request
+from tools.research.laws.fernandes.reference_model import plan
 
 many = settings(max_examples=80, deadline=None)
 limits = st.builds(Limits, st.floats(0.1, 5.0), st.one_of(st.just(inf), st.floats(0.1, 2.0)))

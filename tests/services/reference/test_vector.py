@@ -7,9 +7,16 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from services.reference import thesis_rule
-from services.reference.minimum_jerk import Limits, Sample, solve
-from services.reference.vector import Stage, Vector, VectorRamp, bounded_plan, duration, plan
+from services.reference.trajectory.minimum_jerk import Limits, Sample, solve
+from services.reference.trajectory.vector import (
+    Stage,
+    Vector,
+    VectorRamp,
+    bounded_plan,
+    duration,
+    plan,
+)
+from tools.research.laws import thesis_rule
 
 number = st.floats(-2.0, 2.0)
 pair = st.tuples(number, number)

@@ -8,11 +8,11 @@ import pytest
 
 from messages import topics
 from messages.health import Health
-from services.runtime import memory as checkpoints
-from services.runtime.local_stack import _unused_folder  # pyright: ignore[reportPrivateUsage]
-from services.runtime.memory import FileMemory, write_safely
-from services.runtime.node import Node
-from services.runtime.virtual_host import VirtualHost
+from services.runtime.hosts.virtual_host import VirtualHost
+from services.runtime.launch.local_stack import _unused_folder  # pyright: ignore[reportPrivateUsage]
+from services.runtime.node import checkpoint as checkpoints
+from services.runtime.node.checkpoint import FileMemory, write_safely
+from services.runtime.node.node import Node
 
 PATIENCE_S = 60.0  # never reached unless something is broken
 S = 1_000_000_000  # [ns]

@@ -10,13 +10,13 @@ from messages import topics
 from messages.link import Clock
 from messages.pilot import PilotCommand
 from messages.vehicle import Actuation
-from services.runtime.bus import Envelope
-from services.runtime.far_clock import FarClock
-from services.runtime.gate import Gate
-from services.runtime.ports import Inbox, Latest
-from services.runtime.registry import Registry, ServiceSpec
-from services.runtime.stack import Stack
-from services.runtime.virtual_host import Skew, VirtualHost
+from services.runtime.bus.envelope import Envelope
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import Registry, ServiceSpec
+from services.runtime.hosts.virtual_host import Skew, VirtualHost
+from services.runtime.node.clock_offset import FarClock
+from services.runtime.node.gate import Gate
+from services.runtime.node.ports import Inbox, Latest
 
 MS, SECOND = 1_000_000, 1_000_000_000
 DRONE = ServiceSpec(sides=["drone"])

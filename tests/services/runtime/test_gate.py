@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from messages import topics
 from messages.link import Clock
 from messages.pilot import PilotCommand, PilotRequest, RequestKind
-from services.runtime.bus import Envelope
-from services.runtime.far_clock import FarClock
-from services.runtime.gate import Authority, Gate
+from services.runtime.bus.envelope import Envelope
+from services.runtime.node.clock_offset import FarClock
+from services.runtime.node.gate import Authority, Gate
 
 NOW = 10**12
 MS = 1_000_000

@@ -6,8 +6,8 @@ from collections import Counter, deque
 
 import pytest
 
-from services.runtime.bus import Envelope
-from services.runtime.ports import Inbox
+from services.runtime.bus.envelope import Envelope
+from services.runtime.node.ports import Inbox
 
 PATIENCE_S = 60.0  # far longer than any of it takes: only a test that hangs waits so long
 

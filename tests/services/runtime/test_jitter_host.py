@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from messages import topics
 from messages.sensors import ImuSample
-from services.runtime.bus import Envelope
-from services.runtime.jitter import Jitter, Lateness
-from services.runtime.virtual_host import VirtualHost
+from services.runtime.bus.envelope import Envelope
+from services.runtime.hosts.jitter import Jitter, Lateness
+from services.runtime.hosts.virtual_host import VirtualHost
 
 MS = 1_000_000  # [ns]
 DRONE = ["drone"]

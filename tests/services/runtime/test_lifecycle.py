@@ -3,7 +3,7 @@
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.runtime.lifecycle import (
+from services.runtime.launch.lifecycle import (
     BACK_OFF_S,
     MISTAKE,
     STEADY_S,

@@ -11,11 +11,11 @@ from messages import topics
 from messages.health import Health, LogLine
 from messages.pilot import PilotCommand
 from messages.sensors import ImuSample
-from services.runtime.bus import Envelope
-from services.runtime.gate import MEMBERS
-from services.runtime.memory import VolatileMemory
-from services.runtime.node import Node
-from services.runtime.virtual_host import VirtualHost
+from services.runtime.bus.envelope import Envelope
+from services.runtime.hosts.virtual_host import VirtualHost
+from services.runtime.node.checkpoint import VolatileMemory
+from services.runtime.node.gate import MEMBERS
+from services.runtime.node.node import Node
 
 MS = 1_000_000
 DRONE = ["drone"]

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 from messages import topics
-from services.runtime.errors import LindyError
-from services.runtime.registry import Registry, own_services
-from services.runtime.stack import Stack
-from services.runtime.virtual_host import VirtualHost
+from services.runtime.config.errors import LindyError
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import Registry, own_services
+from services.runtime.hosts.virtual_host import VirtualHost
 from tools.checks import known_tables
 
 NUMBERS = count()
@@ -94,7 +94,8 @@ def test_a_module_that_cannot_be_used_is_named_with_its_line(
         ("raise OSError(2, 'No such file', '/dev/ttyACM0')", r"module driver_\d+: FileNotFoundErr"),
         ("raise ValueError('two\\nlines')", r"module driver_\d+: ValueError: two lines$"),
         (
-            "from services.runtime.errors import LindyError; raise LindyError('port is taken')",
+            "from services.runtime.config.errors import LindyError; "
+            "raise LindyError('port is taken')",
             r"^port is taken$",
         ),
     ],

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from messages import topics
 from messages.pilot import Course, PilotAnswer, PilotRequest, RequestKind
 from services.gamepad.overruling import overrules
-from services.runtime.answers import KEPT, AnswerBook
-from services.runtime.requests import GIVE_UP_NS, REPEAT_NS, Requests
-from services.runtime.virtual_host import VirtualHost
+from services.runtime.hosts.virtual_host import VirtualHost
+from services.runtime.node.answers import KEPT, AnswerBook
+from services.runtime.node.requests import GIVE_UP_NS, REPEAT_NS, Requests
 
 TICK = 20_000_000  # [ns]
 S = 1_000_000_000  # [ns]

@@ -6,10 +6,10 @@ from typing import Annotated
 import msgspec
 import pytest
 
-from services.runtime.errors import LindyError
-from services.runtime.registry import Registry
-from services.runtime.settings import convert, deploy_file, override, read
-from services.runtime.stack import Stack
+from services.runtime.config.errors import LindyError
+from services.runtime.config.settings import convert, deploy_file, override, read
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import Registry
 from tools.checks import known_tables
 
 

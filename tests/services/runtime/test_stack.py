@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.runtime.errors import LindyError
-from services.runtime.registry import Registry
-from services.runtime.settings import deploy_file
-from services.runtime.stack import Stack
+from services.runtime.config.errors import LindyError
+from services.runtime.config.settings import deploy_file
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import Registry
 from tools.checks import known_tables
 
 

@@ -13,7 +13,7 @@ from messages.link import Clock, LinkStatus
 from messages.message import Message
 from messages.topic import AnyTopic
 from messages.units import DURATION, STAMP, DurationNs, Stamp
-from services.runtime.stamps import mover
+from services.runtime.node.stamps import mover
 
 MOMENTS = st.integers(-(2**60), 2**60)
 SHIFTS = st.integers(-(10**15), 10**15)

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.runtime import supervisor as module
-from services.runtime.child import Child, Task
-from services.runtime.supervisor import Supervisor
+from services.runtime.launch import supervisor as module
+from services.runtime.launch.child import Child, Task
+from services.runtime.launch.supervisor import Supervisor
 
 PATIENCE_S = 60.0  # never reached unless something is broken
 SLEEP = "import time\nprint('here', flush=True)\ntime.sleep(600)"

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from messages.control import ThrusterCommand
 from messages.sensors import BatterySample
 from services.marine.vehicle import Vehicle
-from services.runtime.stack import Stack
+from services.runtime.config.stack import Stack
 from services.simulator.battery import Battery
 from services.simulator.core import Settings, Simulator, World, at_the_surface
 

@@ -10,7 +10,7 @@ import pytest
 from messages.control import ThrusterCommand
 from messages.simulator import FaultRequest
 from services.marine.vehicle import Vehicle
-from services.runtime.stack import Stack
+from services.runtime.config.stack import Stack
 from services.simulator.core import Settings, Simulator, World, at_the_surface
 
 MS = 1_000_000  # [ns]

@@ -11,12 +11,12 @@ from messages.control import ThrusterCommand
 from messages.sensors import ImuSample
 from messages.simulator import FaultAnswer, FaultRequest
 from messages.vehicle import Actuation, Truth
-from services.runtime.bus import Envelope
-from services.runtime.errors import LindyError
-from services.runtime.node import Node
-from services.runtime.registry import ServiceSpec
-from services.runtime.stack import Stack
-from services.runtime.virtual_host import VirtualHost
+from services.runtime.bus.envelope import Envelope
+from services.runtime.config.errors import LindyError
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import ServiceSpec
+from services.runtime.hosts.virtual_host import VirtualHost
+from services.runtime.node.node import Node
 from services.simulator.core import World
 from services.simulator.service import wire
 

@@ -14,7 +14,7 @@ from messages.units import Quaternion, Vec3, Vec6
 from services.marine.attitude import from_euler, to_body, to_world
 from services.marine.rigid_body import kinetic_energy, system_inertia
 from services.marine.vehicle import GRAVITY, Vehicle
-from services.runtime.stack import Stack
+from services.runtime.config.stack import Stack
 from services.simulator.current import HELD, Current
 from services.simulator.settings import CurrentSettings, Settings, TetherSettings, Walls
 from services.simulator.tether import Tether

@@ -14,10 +14,10 @@ from services.marine.hydrodynamics import full_buoyancy
 from services.marine.rigid_body import kinetic_energy, system_inertia
 from services.marine.thrusters import driven
 from services.marine.vehicle import GRAVITY, Vehicle
-from services.runtime.stack import Stack
+from services.runtime.config.stack import Stack
 from services.simulator.settings import Settings
 from services.simulator.vessel import STEP, State, Vessel
-from tools.bench.textbook_vessel import TextbookVessel
+from tools.research.bench.textbook_vessel import TextbookVessel
 
 PIONEER = Stack().section("vehicle", Vehicle)
 NEUTRAL = msgspec.structs.replace(PIONEER, net_buoyancy=0.0)

@@ -13,8 +13,8 @@ from services.tether.delay import Constant, Exponential, Normal, Pareto, Table, 
 from services.tether.link_model import Line
 from services.tether.loss import Bursts, GilbertElliott, Independent
 from services.tether.outage import Outage, Outages
+from services.tether.priority_queue import RANK
 from services.tether.profile import Late, Leg, Queue
-from services.tether.waiting import RANK
 
 MS = 1_000_000  # [ns]
 S = 1000 * MS

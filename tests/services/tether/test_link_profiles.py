@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from services.runtime.errors import LindyError
-from services.runtime.settings import DEPLOY
+from services.runtime.config.errors import LindyError
+from services.runtime.config.settings import DEPLOY
 from services.tether.delay import Trace
 from services.tether.io.profile_file import adjusted, named
 

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from services.tether.chance import Uniform as Numbers
 from services.tether.delay import (
     Delays,
     Drawn,
@@ -24,6 +23,7 @@ from services.tether.delay import (
 from services.tether.link_model import Line
 from services.tether.loss import Bursts, GilbertElliott, Independent, Losses
 from services.tether.profile import Late, Leg
+from services.tether.random_streams import Uniform as Numbers
 
 N = 100_000
 NORMAL_99 = 2.576  # [σ] half of the band that holds 99 % of a Gaussian

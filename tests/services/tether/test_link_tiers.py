@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from messages import topics
 from messages.link import LinkRequest, LinkStatus
 from messages.topic import Qos
-from services.runtime.bus import Envelope
-from services.runtime.registry import ServiceSpec
-from services.runtime.stack import Stack
-from services.runtime.virtual_host import VirtualHost
-from services.tether.tiers import LADDER, WORST, Thinner, Tiers, limits, load_kbit
+from services.runtime.bus.envelope import Envelope
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import ServiceSpec
+from services.runtime.hosts.virtual_host import VirtualHost
+from services.tether.telemetry_rate_control import LADDER, WORST, Thinner, Tiers, limits, load_kbit
 
 MS = 1_000_000  # [ns]
 S = 1000 * MS

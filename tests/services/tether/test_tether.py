@@ -11,11 +11,11 @@ from messages.health import LogLine
 from messages.link import LinkAnswer, LinkRequest, LinkStatus
 from messages.pilot import PilotCommand
 from messages.topic import Way
-from services.runtime.bus import Envelope
-from services.runtime.errors import LindyError
-from services.runtime.registry import ServiceSpec
-from services.runtime.stack import Stack
-from services.runtime.virtual_host import VirtualHost
+from services.runtime.bus.envelope import Envelope
+from services.runtime.config.errors import LindyError
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import ServiceSpec
+from services.runtime.hosts.virtual_host import VirtualHost
 from services.tether.damage import damaged
 
 MS = 1_000_000

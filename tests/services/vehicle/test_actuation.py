@@ -11,7 +11,7 @@ from services.marine.thrust_curve import CURVES
 from services.marine.thruster_lag import Lag
 from services.marine.thrusters import driven
 from services.marine.vehicle import Thruster, Vehicle
-from services.runtime.stack import Stack
+from services.runtime.config.stack import Stack
 from services.simulator.propulsion import Propulsion
 from services.vehicle.actuation import OpenLoopThrust, share_of_voltage
 

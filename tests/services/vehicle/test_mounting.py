@@ -17,11 +17,11 @@ from messages.sensors import (
 )
 from messages.units import Vec3
 from services.marine.attitude import from_euler, normalised, to_world
-from services.marine.mount import ALONG, Mount, Mounting, Placed, Rotation, Turned
+from services.marine.mounting import ALONG, Mount, Mounting, Placed, Rotation, Turned
 from services.marine.vehicle import GRAVITY
-from services.runtime.errors import LindyError
-from services.runtime.registry import Registry
-from services.runtime.stack import Stack
+from services.runtime.config.errors import LindyError
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import Registry
 from services.vehicle.mounting import (
     AtOrigin,
     Axes,

@@ -14,7 +14,7 @@ from messages.state import VehicleState
 from messages.topic import AnyTopic
 from messages.vehicle import Actuation, Truth
 from services.marine.vehicle import Vehicle
-from services.runtime.stack import Stack
+from services.runtime.config.stack import Stack
 from services.visualizer.batch import Batch
 from services.visualizer.core import BY_ARRIVAL, OLDEST_NS, Collector
 from services.visualizer.curves import curves

@@ -11,16 +11,16 @@ from messages import topics
 from messages.message import Message
 from messages.topic import AnyTopic, Way
 from services.marine.vehicle import Vehicle
-from services.runtime.bus import Envelope
-from services.runtime.errors import LindyError
-from services.runtime.node import Node
-from services.runtime.ports import Publisher
-from services.runtime.registry import ServiceSpec
-from services.runtime.stack import Stack
-from services.runtime.virtual_host import VirtualHost
+from services.runtime.bus.envelope import Envelope
+from services.runtime.config.errors import LindyError
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import ServiceSpec
+from services.runtime.hosts.virtual_host import VirtualHost
+from services.runtime.node.node import Node
+from services.runtime.node.ports import Publisher
 from services.visualizer.batch import Batch, Note
-from services.visualizer.io import live
-from services.visualizer.io.live import Live
+from services.visualizer.io import live_viewer
+from services.visualizer.io.live_viewer import Live
 from services.visualizer.service import wire
 
 chunk = pytest.importorskip("rerun.chunk", reason="the viewer extra is not installed")
@@ -172,7 +172,7 @@ def test_a_folder_that_cannot_be_written_is_one_sentence(tmp_path: Path) -> None
 def test_without_rerun_the_sentence_says_how_to_get_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.delitem(sys.modules, "services.visualizer.io.sink", raising=False)
+    monkeypatch.delitem(sys.modules, "services.visualizer.io.rerun_writer", raising=False)
     monkeypatch.setitem(sys.modules, "rerun", None)
     with pytest.raises(LindyError, match=r"lindy\[viewer\]"):
         VirtualHost().add("visualizer", BOTH_REALMS, Stack(out=str(tmp_path)), wire)
@@ -201,7 +201,7 @@ def test_a_viewer_that_never_reads_costs_batches_but_no_time(
     tmp_path: Path, sample: Sample, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The dive below would never end if anything waited for this viewer."""
-    monkeypatch.setattr(live, "WAITING_BYTES", 1_000)
+    monkeypatch.setattr(live_viewer, "WAITING_BYTES", 1_000)
     stalled = [sys.executable, "-c", STALLED_VIEWER]
     monkeypatch.setattr("services.visualizer.service.viewer_command", lambda: stalled)
     host, stack = VirtualHost(), Stack(out=str(tmp_path), viewer=True)

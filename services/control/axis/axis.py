@@ -1,0 +1,70 @@
+"""One piloted axis: its law, who decides about it, and what is counted of it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from messages.message import Estimate
+from messages.reference import Motion
+from services.control.axis.axis_law import AxisLaw
+from services.control.axis.bumpless_transfer import Transfer
+
+Count = Callable[[str], None]
+
+
+@dataclass(slots=True)
+class Axis:
+    name: str  # as in the vehicle file
+    law: AxisLaw
+    transfer: Transfer
+    count: Count
+
+    def held(
+        self, motion: Motion, position: Estimate, rate: Estimate, dt: float, *, late: bool = False
+    ) -> float:
+        """Effort [N] or [N m] that brings the axis to its reference. An estimate that is not valid
+        is not fed back: the feed-forward and what was learnt remain. A late rate is trusted less.
+        """
+        if not (position.valid and rate.valid):
+            self.count(f"invalid:state.{self.name}")
+            return self.blind(motion, dt)
+        if late:
+            self.count(f"late:state.{self.name}")
+        return self.fed_back(motion, position.value, rate.value, dt, late=late)
+
+    def fed_back(
+        self,
+        motion: Motion,
+        position: float,
+        rate: float,
+        dt: float,
+        *,
+        water: float = 0.0,
+        besides: float = 0.0,
+        late: bool = False,
+    ) -> float:
+        """As `held`, in water that moves, with a force that is asked for besides."""
+        effort = self.law.step(motion, position, rate, dt, water, late=late)
+        if effort.clamped:
+            self.count(f"clamped:control.{self.name}")
+        return self.transfer.step("held", effort.total + besides, dt)
+
+    def blind(self, motion: Motion, dt: float, besides: float = 0.0) -> float:
+        """Effort from the reference alone."""
+        total = self.law.blind(motion) + besides
+        return self.transfer.step("blind", total, dt)
+
+    def forced(self, force: float, dt: float) -> float:
+        """The pilot's own force, nothing held."""
+        self.law.idle()
+        return self.transfer.step("forced", force, dt)
+
+    def learn(self, velocity: float | None, force: float, dt: float) -> None:
+        """What the last step teaches; a velocity of None teaches nothing."""
+        if velocity is None:
+            self.law.pause()
+        else:
+            self.law.learn(velocity, force, dt)
+
+    def forget(self) -> None:
+        self.law.forget()
+        self.transfer.forget()

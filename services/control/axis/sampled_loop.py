@@ -1,0 +1,81 @@
+"""Is the loop stable as it really runs: sampled, with a step of delay and lagging thrusters?
+
+Between samples the plant (inertia and linear drag) and the thrusters' first-order lag are solved
+exactly under a held command. A command takes effect one step after the state it was made from.
+The loop is linear there, so its matrix is found by stepping each unit state once, and it is stable
+when all eigenvalues lie inside the unit circle. Quadratic drag only helps and is left out.
+"""
+
+from dataclasses import dataclass
+from math import expm1
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.control.axis.axis_law import Gains
+from services.control.axis.gain_blend import Static
+from services.control.axis.plant import Plant
+
+Matrix = NDArray[np.float64]
+# States: position, velocity, thrust, command on its way, what is learnt, velocity and thrust one
+# step ago (for the observer, which assumes that its model of the thrusters is right).
+STATES = 7
+
+
+@dataclass(frozen=True, slots=True)
+class SampledLoop:
+    plant: Plant
+    lag: float  # [s] of the thrusters
+    period: float  # [s]
+
+    def radius(self, gains: Gains, feedback: Gains | Static) -> float:
+        """[-] Largest absolute eigenvalue; the loop is stable below 1.
+
+        Args:
+            gains: what is learnt, and how fast.
+            feedback: kp and kd in force, of motion or of rest.
+        """
+        move = held(self.plant, self.lag, self.period)
+        columns = [self._stepped(row, gains, feedback, move) for row in np.eye(STATES)]
+        return float(np.abs(np.linalg.eigvals(np.array(columns).T)).max())
+
+    def _stepped(
+        self, state: Matrix, gains: Gains, feedback: Gains | Static, move: Matrix
+    ) -> Matrix:
+        """The state one period later."""
+        x, v, f, coming, learnt, v_before, mean_before = state
+        if gains.observer > 0.0:
+            inertia = self.plant.sampled_inertia(self.period)
+            found = inertia * (v - v_before) / self.period
+            found += self.plant.linear * v_before - mean_before
+            learnt -= -expm1(-gains.observer * self.period) * (found + learnt)
+        else:
+            learnt += -gains.ki * self.period * x
+        command = learnt - feedback.kp * x - feedback.kd * v
+        x_new, v_new, f_new, mean = move @ (x, v, f, coming)
+        return np.array([x_new, v_new, f_new, command, learnt, v, mean])
+
+
+def held(plant: Plant, lag: float, period: float) -> Matrix:
+    """(4, 4): position, velocity and thrust after a period, and the mean thrust over it, from
+    position, velocity, thrust and command at its beginning. Exact (zero-order hold)."""
+    rates = np.zeros((5, 5))  # x' = v, m v' = f - d v, T f' = u - f, u' = 0, impulse' = f
+    rates[0, 1] = 1.0
+    rates[1, 1], rates[1, 2] = -plant.linear / plant.inertia, 1.0 / plant.inertia
+    rates[2, 2], rates[2, 3] = -1.0 / lag, 1.0 / lag
+    rates[4, 2] = 1.0
+    after = exponential(rates * period)
+    return np.vstack([after[:3, :4], after[4:, :4] / period])
+
+
+def exponential(matrix: Matrix) -> Matrix:
+    """e to the matrix: Taylor series of a small part of it, squared up again."""
+    halvings = max(0, int(np.ceil(np.log2(max(1e-300, np.abs(matrix).sum(axis=1).max())))) + 4)
+    small = matrix / 2.0**halvings
+    result = term = np.eye(len(matrix))
+    for order in range(1, 14):
+        term = term @ small / order
+        result = result + term
+    for _ in range(halvings):
+        result = result @ result
+    return result

@@ -1,0 +1,165 @@
+"""From IMU and magnetometer samples to attitude, headings and yaw rate with their spreads."""
+
+from math import isfinite, pi
+
+from messages.message import Estimate
+from messages.units import Quaternion, Vec3
+from services.estimation.attitude.attitude_filter import AttitudeFilter, AttitudeSettings
+from services.estimation.attitude.heading import (
+    Compass,
+    ControlHeading,
+    down_along,
+    strength_and_dip,
+    wrapped,
+)
+from services.marine.attitude import down_in_body, to_euler
+from services.marine.vehicle import GRAVITY
+
+STEEPEST = 1.4  # [rad] of pitch; nearer to the vertical, heading means nothing
+UNSURE = 0.1  # [rad] of tilt, taken from the accelerometer of a vehicle that moves
+UNSURE_AFTER = 0.2  # [rad/s] of tilt, for each second in which nobody looked
+COMPASS_MEMORY_NS = 60_000_000_000  # [ns] the gyroscope carries north on for this long
+
+
+class AttitudeObserver:
+    """Attitude, control heading and navigation heading of a calibrated vehicle."""
+
+    def __init__(self, settings: AttitudeSettings, gyro_bias: Vec3, heading: float, std: float):
+        """Bias [rad/s]; control heading [rad] at the start and its spread [rad].
+
+        The control heading is whatever it was at the end of calibration plus the turns since, so
+        its spread is what the gyroscope has drifted, not what north is worth.
+        """
+        self.gyro_bias = gyro_bias
+        self.control = ControlHeading(settings, heading, std)
+        self.compass = Compass(settings)
+        self._settings = settings
+        self._filter = AttitudeFilter(settings)
+        self._started = False
+        self._rate: Vec3 | None = None  # [rad/s] newest, bias removed
+        self._euler: Vec3 = (0.0, 0.0, wrapped(heading))
+        self._tilt_std = settings.tilt_std
+        self._field_ns: int | None = None  # [ns] newest magnetometer sample
+        self._compass_ns: int | None = None  # [ns] newest of them used
+
+    @property
+    def attitude(self) -> Quaternion:
+        """q_NB as w, x, y, z; yaw is the control heading."""
+        return self._filter.q
+
+    def start(self, specific_force: Vec3) -> None:
+        """Take roll and pitch from the accelerometer [m/s²] and the heading from where it was."""
+        self._filter.start(specific_force, self.control.heading)
+        self._euler = to_euler(self._filter.q)
+        self._started = True
+
+    def agree(self, at_ns: int, field: Vec3) -> bool:
+        """Both headings are the same now [ns]: the control heading is the bearing of this field
+        [T], FRD, measured at rest. False: the field cannot be the Earth's, north is not known."""
+        if not self.compass.field.learn(*strength_and_dip(self._filter.q, field)):
+            return False
+        self.compass.offset = 0.0
+        self._compass_ns = at_ns
+        return True
+
+    def step(self, angular_rate: Vec3, specific_force: Vec3, dt: float) -> str | None:
+        """One IMU sample [rad/s, m/s²], `dt` [s] after the one before. Returns what is worth
+        counting."""
+        if not self._started:
+            self.start(specific_force)
+            self._tilt_std = UNSURE
+        p, q, r = angular_rate
+        bp, bq, br = self.gyro_bias
+        rate = (p - bp, q - bq, r - br)
+        # The mean of both ends: the newest sample alone would be half a step early.
+        before, self._rate = self._rate or rate, rate
+        (a, b, c), (d, e, f) = before, rate
+        mean = (0.5 * (a + d), 0.5 * (b + e), 0.5 * (c + f))
+        beta = self._gain
+        used = self._filter.step(mean, specific_force, dt, beta)
+        self._euler = to_euler(self._filter.q)
+        self.control.step(self._euler[2], rate[2], dt)
+        self.compass.drift(dt)
+        self._spread(beta if used else None, dt)
+        if not self._is_sound():
+            return self._reset(specific_force)
+        return None if used else "accelerating:sensor/imu"
+
+    def blind(self, seconds: float) -> None:
+        """Nobody has measured anything for this long."""
+        self.control.blind(seconds)
+        self.compass.blind(seconds)
+        self._tilt_std = min(pi, self._tilt_std + UNSURE_AFTER * seconds)
+
+    def magnetometer(self, field: Vec3, stamp_ns: int) -> str | None:
+        """One plausible sample [T]. Returns what is worth counting."""
+        if not self._started:
+            return None
+        before, self._field_ns = self._field_ns, stamp_ns
+        dt = 0.0 if before is None else min(0.1, max(0.0, (stamp_ns - before) * 1e-9))
+        event = self.compass.step(self._filter.q, field, dt)
+        if event != "steep" and self.compass.field.trusted:
+            self._compass_ns = stamp_ns
+        return None if event is None else f"{event}:sensor/magnetometer"
+
+    def acceleration_down(self, specific_force: Vec3) -> float:
+        """[m/s²] NED, of a specific force [m/s²] in FRD, accelerometer bias included."""
+        return down_along(self._filter.q, specific_force) + GRAVITY
+
+    @property
+    def lean(self) -> tuple[float, float]:
+        """[-] Down components of the body's forward and starboard axes."""
+        forward, starboard, _ = down_in_body(self._filter.q)
+        return forward, starboard
+
+    def tilt(self, valid: bool) -> tuple[Estimate, Estimate]:
+        """Roll and pitch [rad]."""
+        roll, pitch, _ = self._euler
+        return Estimate(roll, self._tilt_std, valid), Estimate(pitch, self._tilt_std, valid)
+
+    def heading(self, valid: bool) -> Estimate:
+        """Control heading [rad], accumulated past ±π."""
+        upright = abs(self._euler[1]) < STEEPEST
+        std = min(pi, self._settings.heading_std + self.control.std)
+        return Estimate(self.control.heading, std, valid and upright)
+
+    def heading_navigation(self, valid: bool, now: int) -> Estimate | None:
+        """Navigation heading [rad] in (-π, π]; None without a magnetometer."""
+        if self.compass.offset is None or self._compass_ns is None:
+            return None
+        recent = now - self._compass_ns <= COMPASS_MEMORY_NS and abs(self._euler[1]) < STEEPEST
+        heading = wrapped(self.control.heading + self.compass.offset)
+        return Estimate(heading, self.compass.std, valid and recent)
+
+    @property
+    def north_std(self) -> float:
+        """[rad] Spread of the heading from north; of the control heading without a compass."""
+        return self.control.std if self.compass.offset is None else self.compass.std
+
+    def yaw_rate(self, valid: bool) -> Estimate:
+        """[rad/s] about the body's down axis."""
+        return Estimate(self.control.yaw_rate, self._settings.yaw_rate_std, valid)
+
+    @property
+    def _gain(self) -> float:
+        """[rad/s] Slow while the tilt is known: the accelerometer is only right on average."""
+        s = self._settings
+        return s.recovery if self._tilt_std > 2.0 * s.tilt_std else s.correction
+
+    def _spread(self, beta: float | None, dt: float) -> None:
+        """The gain [rad/s] with which the accelerometer has corrected; None: not at all."""
+        least, drift = self._settings.tilt_std, self._settings.tilt_drift
+        if beta is None:
+            self._tilt_std = min(pi, self._tilt_std + drift * dt)
+        else:
+            self._tilt_std = max(least, self._tilt_std - beta * dt)
+
+    def _is_sound(self) -> bool:
+        return isfinite(sum(self._filter.q) + self.control.heading + self.control.yaw_rate)
+
+    def _reset(self, specific_force: Vec3) -> str:
+        """Last line of defence against numbers that are not finite."""
+        self.control = ControlHeading(self._settings, 0.0, pi)
+        self.start(specific_force)
+        self._tilt_std = UNSURE
+        return "not_finite:attitude"

@@ -1,0 +1,82 @@
+"""Which samples are used at all: those that can be true, of a sensor that is alive."""
+
+from messages import topics
+from messages.sensors import (
+    DvlSample,
+    ImuSample,
+    MagnetometerSample,
+    PressureSample,
+    UsblSample,
+)
+from services.estimation.checks import range_checks
+from services.estimation.checks.sensor_watch import SensorWatch, WatchSettings
+
+
+class Admission:
+    """One question for each sensor: may this sample be used? `noted` fills with why not."""
+
+    def __init__(self, limits: WatchSettings, noted: list[str]) -> None:
+        self._noted = noted
+        imu, field, pressure, like = (
+            topics.IMU,
+            topics.MAGNETOMETER,
+            topics.PRESSURE,
+            limits.rate_tolerance,
+        )
+        self._imu = SensorWatch(imu.key, limits.imu_frozen, noted, imu.hz, like)
+        self._pressure = SensorWatch(
+            pressure.key, limits.pressure_frozen, noted, limits.pressure_rate, like
+        )
+        self._field = SensorWatch(
+            field.key,
+            limits.magnetometer_frozen,
+            noted,
+            field.hz,
+            like,
+            limits.magnetometer_silent,
+        )
+        self._dvl = SensorWatch(
+            topics.DVL.key, limits.dvl_frozen, noted, silent_after=limits.dvl_silent
+        )
+        self._usbl = SensorWatch(
+            topics.USBL.key, limits.usbl_frozen, noted, silent_after=limits.usbl_silent
+        )
+        self._may_fall_silent = self._field, self._dvl, self._usbl
+
+    def imu(self, sample: ImuSample) -> bool:
+        if range_checks.saturated(sample):
+            return self._refused("saturated:sensor/imu")
+        if not range_checks.imu(sample):
+            return self._refused("implausible:sensor/imu")
+        content = (*sample.specific_force, *sample.angular_rate)
+        return self._imu.usable(content, sample.stamp_ns)
+
+    def pressure(self, sample: PressureSample) -> bool:
+        if not range_checks.pressure(sample):
+            return self._refused("implausible:sensor/pressure")
+        return self._pressure.usable((sample.pressure,), sample.stamp_ns)
+
+    def magnetometer(self, sample: MagnetometerSample) -> bool:
+        if not range_checks.magnetometer(sample):
+            return self._refused("implausible:sensor/magnetometer")
+        return self._field.usable(sample.field, sample.stamp_ns)
+
+    def dvl(self, sample: DvlSample) -> bool:
+        if not range_checks.dvl(sample):
+            return self._refused("implausible:sensor/dvl")
+        return self._dvl.usable(sample.velocity, sample.stamp_ns)
+
+    def usbl(self, sample: UsblSample) -> bool:
+        if not range_checks.usbl(sample):
+            return self._refused("implausible:sensor/usbl")
+        return self._usbl.usable((sample.north, sample.east), sample.stamp_ns)
+
+    def listen(self, now: int) -> None:
+        """Count the sensors that have fallen silent. The IMU's silence shows in the state, and the
+        pressure sensor's in the age of its sample."""
+        for watch in self._may_fall_silent:
+            watch.listen(now)
+
+    def _refused(self, why: str) -> bool:
+        self._noted.append(why)
+        return False

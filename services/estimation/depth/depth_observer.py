@@ -1,0 +1,239 @@
+"""From pressure samples to depth: the datum, the time of each sample, outliers and drop-outs."""
+
+from dataclasses import dataclass
+from math import hypot, sqrt
+
+from messages.message import Estimate
+from services.estimation.depth.depth_filter import LEVEL, DepthFilter, DepthSettings, Lean
+from services.estimation.depth.depth_variants import WAYS, Way
+from services.marine.vehicle import GRAVITY
+
+LATEST_AGE = 0.5  # [s] a sample older than this says too little about now
+AHEAD = 0.2  # [s] a sample may be this much newer than the newest IMU sample
+LONGEST_STEP = 0.5  # [s] no prediction over a longer gap
+RATE_STD = 0.5  # [m/s] when the filter starts under way
+RESTING_RATE_STD = 0.05  # [m/s] when it starts at rest; some swell
+LASTING = 1.0  # [s] clipped on one side; sound sensors never are for more than 0.6 s
+BANDWIDTH = 50.0  # [Hz] of the accelerometer at 100 Hz, to turn noise density into spread
+
+
+@dataclass(frozen=True, slots=True)
+class Atmosphere:
+    """The air above the water, and how well it is known."""
+
+    pressure: float  # [Pa]
+    std: float  # [Pa]
+
+
+class DepthObserver:
+    """Depth of the vehicle's origin below the surface.
+
+    Each innovation counts as no more than `clip` σ (Huber 1964), which costs nothing when the noise
+    is Gaussian and keeps a disturbance just inside the gate from kicking the rate so hard that the
+    good samples after it look like outliers.
+
+    Clipping one sample in eight is the rule. Clipping on one side for more than a second is not:
+    filter and sensor disagree, and whatever is true, the depth is known no better than their
+    distance. It is counted once (`clipped:`), and the stated spread grows to it while it lasts.
+
+    An innovation beyond `gate` σ is an outlier and is not used. When outliers, and nothing else,
+    have come for `outlier_run` seconds, the world has changed and not the sample: the filter
+    starts anew at the newest one. After `lost_after` seconds without an accepted sample the depth
+    is held, and the next plausible sample starts the filter anew.
+
+    A timed observer uses a sample when it comes, with H = [1, -age, 0]. One that is not reads the
+    sensor at each step, as if the newest sample were of that moment.
+    """
+
+    def __init__(
+        self,
+        settings: DepthSettings,
+        atmosphere: Atmosphere,
+        density: float,
+        bias: float,
+        way: Way | None = None,
+    ) -> None:
+        """Water density [kg/m³], accelerometer bias [m/s²]; a way other than the settings'."""
+        self.surprise = 0.0  # [σ] newest innovation, over the spread the filter expected of it
+        self.atmosphere = atmosphere
+        self._settings = settings
+        self._way = WAYS[settings.observer] if way is None else way
+        self._latency_ns = round(settings.pressure_latency * 1e9)
+        self._per_metre = density * GRAVITY  # [Pa/m]
+        self._datum_std = atmosphere.std / self._per_metre  # [m]
+        self._sample_std = settings.pressure_std / self._per_metre  # [m]
+        self._filter = DepthFilter(settings)
+        self._filter.bias = bias
+        self._at_ns = 0  # [ns] the filter stands here
+        self._input: float | None = None  # [m/s²] newest acceleration, bias included
+        self._lean = LEVEL
+        self._started = False
+        self._accepted_ns: int | None = None  # [ns] time of validity of the last accepted sample
+        self._outliers_since: int | None = None
+        self._clipped = _Clipped()
+        self._unread: tuple[float, int] | None = None  # [m], [ns] newest sample, if not timed
+
+    def start(self, pressure: float, samples: int, at_ns: int) -> None:
+        """Begin with the mean [Pa] of several samples taken at rest."""
+        depth_std = self._sample_std / sqrt(samples)
+        self._begin(self.depth_of(pressure), depth_std, RESTING_RATE_STD, 0.02, at_ns)
+        self._at_ns = at_ns
+
+    def depth_of(self, pressure: float) -> float:
+        """[m]"""
+        return (pressure - self.atmosphere.pressure) / self._per_metre
+
+    def predict(self, acceleration: float | None, at_ns: int, lean: Lean = LEVEL) -> str | None:
+        """Move on to `at_ns`. The acceleration [m/s²] along down is the one there, measured or,
+        for the way "reference", asked for; None: unknown. `lean` are the down components of the
+        body's forward and starboard axes. Returns what went wrong, for the counters."""
+        dt = (at_ns - self._at_ns) * 1e-9
+        if dt <= 0.0:
+            return None
+        if not self._way.driven:
+            acceleration = None
+        before, self._input, self._lean, self._at_ns = self._input, acceleration, lean, at_ns
+        if not self._started:
+            return None
+        if dt > LONGEST_STEP or not self._heard_within(self._settings.lost_after, at_ns):
+            return self._stop("lost:depth")
+        # The mean of both ends: the newest sample alone would be half a step early.
+        if before is not None and acceleration is not None:
+            acceleration = (before + acceleration) / 2.0
+        self._filter.predict(acceleration, dt, self._way.measured, lean)
+        if not self._filter.is_sound():
+            return self._reset()
+        return None if self._unread is None else self._read(self._unread)
+
+    def pressure(self, pressure: float, stamp_ns: int) -> str | None:
+        """Use a plausible sample [Pa]. Returns what went wrong, for the counters."""
+        depth = self.depth_of(pressure)
+        stamp_ns -= self._latency_ns
+        if not self._started:
+            self._at_ns = max(self._at_ns, stamp_ns)
+            self._begin(depth, self._sample_std, RATE_STD, 0.1, stamp_ns)
+            return None
+        age = (self._at_ns - stamp_ns) * 1e-9
+        if not -AHEAD <= age <= LATEST_AGE:
+            return "late:sensor/pressure"
+        if self._way.timed:
+            return self._correct(depth, stamp_ns, age)
+        self._unread = depth, stamp_ns
+        return None
+
+    def estimates(self, now: int) -> tuple[Estimate, Estimate, Estimate]:
+        """Depth [m], rate [m/s], acceleration [m/s²]; positive down. Valid for `valid_for` after
+        an accepted sample; the acceleration only while the accelerometer is heard. The spread of
+        the depth includes the atmosphere's, which stays the same all dive."""
+        f, valid = self._filter, self._heard_within(self._settings.valid_for, now)
+        measured = self._input is not None and self._way.measured
+        if measured:
+            acceleration = f.unbiased(self._input or 0.0, self._lean)
+            acceleration_std = sqrt(f.p22 + f.noise(self._lean) * BANDWIDTH)
+        else:
+            acceleration = self._input or 0.0
+            acceleration_std = sqrt(f.p22 + self._settings.motion_noise**2 * BANDWIDTH)
+        return (
+            Estimate(f.depth, hypot(f.depth_std, self._datum_std, self._clipped.distance), valid),
+            Estimate(f.rate, f.rate_std, valid),
+            Estimate(acceleration, acceleration_std, valid and measured),
+        )
+
+    def pressure_age_ms(self, now: int) -> float | None:
+        """[ms] Since the last accepted sample; None before the first."""
+        return None if self._accepted_ns is None else max(0, now - self._accepted_ns) * 1e-6
+
+    @property
+    def rate(self) -> tuple[float, float]:
+        """[m/s] Down, and its spread."""
+        return self._filter.rate, self._filter.rate_std
+
+    @property
+    def bias(self) -> float:
+        """[m/s²] of the vertical accelerometer."""
+        return self._filter.bias
+
+    def _read(self, sample: tuple[float, int]) -> str | None:
+        """The newest sample as if it were of this moment."""
+        if not self._way.held:
+            self._unread = None
+        return self._correct(*sample, age=0.0)
+
+    def _correct(self, depth: float, stamp_ns: int, age: float) -> str | None:
+        surprise, variance = self._filter.innovation(depth, self._sample_std, age)
+        spread = sqrt(variance)
+        self.surprise = surprise / spread
+        if abs(self.surprise) > self._settings.gate:
+            return self._outlier(depth, stamp_ns)
+        most = self._settings.clip * spread
+        self._filter.update(max(-most, min(most, surprise)), variance, age)
+        self._accept(stamp_ns)
+        if not self._filter.is_sound():
+            return self._reset()
+        lasts = self._clipped.lasts(surprise, most, stamp_ns)
+        return "clipped:sensor/pressure" if lasts else None
+
+    def _outlier(self, depth: float, stamp_ns: int) -> str:
+        self._unread = None
+        if self._outliers_since is None:
+            self._outliers_since = stamp_ns
+        if (stamp_ns - self._outliers_since) * 1e-9 <= self._settings.outlier_run:
+            return "outlier:sensor/pressure"
+        self._begin(depth, self._sample_std, RATE_STD, self._filter.bias_std, stamp_ns)
+        return "restarted:depth"
+
+    def _begin(
+        self, depth: float, depth_std: float, rate_std: float, bias_std: float, stamp_ns: int
+    ) -> None:
+        self._filter.start(depth, depth_std, rate_std, self._filter.bias, bias_std)
+        self._started = True
+        self._unread = None
+        self._clipped = _Clipped()
+        self._accept(stamp_ns)
+
+    def _accept(self, stamp_ns: int) -> None:
+        self._accepted_ns = stamp_ns
+        self._outliers_since = None
+
+    def _heard_within(self, seconds: float, now: int) -> bool:
+        heard = self._accepted_ns
+        return self._started and heard is not None and (now - heard) * 1e-9 <= seconds
+
+    def _stop(self, why: str) -> str:
+        """Hold the depth, claim no rate, wait for the next sample."""
+        self._filter.rate = 0.0
+        self._started = False
+        self._unread = None
+        self._clipped = _Clipped()
+        return why
+
+    def _reset(self) -> str:
+        """Last line of defence against numbers that are not finite."""
+        self._filter = DepthFilter(self._settings)
+        return self._stop("not_finite:depth")
+
+
+class _Clipped:
+    """How long innovations have been clipped on one side."""
+
+    __slots__ = ("_above", "_since_ns", "_told", "distance")
+
+    def __init__(self) -> None:
+        self.distance = 0.0  # [m] between filter and sensor, while it lasts
+        self._above = False
+        self._since_ns: int | None = None
+        self._told = False
+
+    def lasts(self, surprise: float, most: float, stamp_ns: int) -> bool:
+        """Another innovation [m] of which no more than `most` counted. True once, when it has
+        lasted."""
+        above = surprise > 0.0
+        if abs(surprise) <= most or above != self._above or self._since_ns is None:
+            self.distance, self._told = 0.0, False
+            self._above, self._since_ns = above, stamp_ns if abs(surprise) > most else None
+            return False
+        if (stamp_ns - self._since_ns) * 1e-9 < LASTING:
+            return False
+        self.distance = abs(surprise)
+        newly, self._told = not self._told, True
+        return newly

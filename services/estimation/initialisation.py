@@ -1,0 +1,93 @@
+"""Observers of attitude and depth, as they begin: with nothing known, after a calibration, or in
+mid-dive with what an earlier run remembered."""
+
+from math import degrees, pi, sqrt
+from typing import NamedTuple
+
+from services.estimation.attitude.attitude_observer import AttitudeObserver
+from services.estimation.checkpoint import Remembered
+from services.estimation.checks import range_checks
+from services.estimation.depth.depth_observer import Atmosphere, DepthObserver
+from services.estimation.events import Journal
+from services.estimation.settings import Settings
+from services.estimation.startup.calibration import Calibrated
+from services.estimation.startup.resting_bias import RestingBias
+from services.marine.vehicle import ATMOSPHERE, GRAVITY
+from services.marine.water import density_of
+
+STANDARD = Atmosphere(ATMOSPHERE, 2000.0)  # weather moves it by about this
+NO_BIAS = (0.0, 0.0, 0.0)  # [rad/s]
+
+
+class Observers(NamedTuple):
+    attitude: AttitudeObserver
+    resting: RestingBias
+    depth: DepthObserver
+
+
+def unknown(settings: Settings) -> Observers:
+    """Before anything was measured."""
+    return Observers(
+        AttitudeObserver(settings.attitude, NO_BIAS, 0.0, pi),
+        RestingBias(settings.calibration, NO_BIAS),
+        _depth(settings, STANDARD, 0.0),
+    )
+
+
+def calibrated(
+    settings: Settings, learnt: Calibrated, floating_depth: float, at_ns: int, journal: Journal
+) -> Observers:
+    """After calibration at this time [ns], with the origin at `floating_depth` [m]."""
+    atmosphere = _atmosphere(settings, learnt, floating_depth, journal)
+    heading = 0.0 if learnt.heading is None else learnt.heading
+    attitude = AttitudeObserver(settings.attitude, learnt.gyro_bias, heading, 0.0)
+    attitude.start(learnt.specific_force)
+    if learnt.field is not None and not attitude.agree(at_ns, learnt.field):
+        journal.note("disturbed:sensor/magnetometer")
+        journal.warn("the magnetic field here is not the Earth's: the compass is not used")
+    depth = _depth(settings, atmosphere, learnt.accelerometer_bias)
+    depth.start(learnt.pressure, learnt.pressures, at_ns)
+    bias = ", ".join(f"{degrees(rate):+.3f}" for rate in learnt.gyro_bias)
+    air = f"{atmosphere.pressure / 100.0:.1f} hPa"
+    journal.say(f"calibrated: gyroscope bias {bias} deg/s, atmosphere {air}")
+    return Observers(attitude, RestingBias(settings.calibration, learnt.gyro_bias), depth)
+
+
+def going_on(settings: Settings, kept: Remembered, journal: Journal) -> Observers:
+    """Go on with the dive: no calibration under water."""
+    attitude = AttitudeObserver(
+        settings.attitude, kept.gyro_bias, kept.heading, min(pi, kept.heading_std)
+    )
+    strength, dip = kept.field_strength, kept.field_dip
+    if kept.north is not None and strength is not None and dip is not None:
+        attitude.compass.go_on(kept.north, strength, dip)
+    atmosphere = Atmosphere(kept.atmosphere, kept.atmosphere_std)
+    journal.warn(
+        f"goes on with the dive: atmosphere {kept.atmosphere / 100.0:.1f} hPa, "
+        f"heading {degrees(kept.heading):.0f} deg from before the restart"
+    )
+    return Observers(
+        attitude,
+        RestingBias(settings.calibration, kept.gyro_bias),
+        _depth(settings, atmosphere, kept.accelerometer_bias),
+    )
+
+
+def _depth(settings: Settings, atmosphere: Atmosphere, bias: float) -> DepthObserver:
+    return DepthObserver(settings.depth, atmosphere, density_of(settings.water_density), bias)
+
+
+def _atmosphere(
+    settings: Settings, learnt: Calibrated, floating_depth: float, journal: Journal
+) -> Atmosphere:
+    """The air above the floating vehicle."""
+    water = density_of(settings.water_density) * GRAVITY * floating_depth
+    if range_checks.atmosphere(learnt.pressure - water):
+        std = settings.depth.pressure_std / sqrt(learnt.pressures)
+        return Atmosphere(learnt.pressure - water, std)
+    journal.note("implausible:atmosphere")
+    journal.warn(
+        f"{learnt.pressure / 100.0:.0f} hPa is not the air above a floating vehicle: "
+        f"the standard atmosphere is used, depth may be wrong by 0.3 m"
+    )
+    return STANDARD

@@ -1,0 +1,194 @@
+"""What can only be learnt at the surface and at rest: the gyroscope's bias and the atmosphere.
+
+Uncalibrated, a small gyroscope turns the heading by tens of degrees a minute; a few seconds at
+rest bring that under one (Andrén 2023, section 5.3.2). Waves and hands must not end up in the
+average, so any motion begins it anew.
+
+How many seconds? White noise of density n leaves n / √T in a mean over T seconds, and no filter
+does better. A typical 0.007 °/s/√Hz is 0.42 °/min after 1 s, 0.24 after 3 s, 0.13 after 10 s. The
+bias that wanders during a dive of five minutes adds 0.10 °/min (10 °/h, τ 300 s), which no
+calibration takes away: longer than 10 s gains little, shorter than 8 s misses 0.2 °/min.
+"""
+
+from dataclasses import dataclass
+from math import hypot, inf
+from typing import Annotated
+
+import msgspec
+
+from messages.units import Vec3
+from services.estimation.attitude.attitude_filter import tilt_of
+from services.estimation.attitude.heading import bearing
+from services.marine.attitude import from_euler
+from services.marine.vehicle import GRAVITY
+
+UpTo600 = Annotated[float, msgspec.Meta(gt=0.0, le=600.0)]
+TOLD_EVERY = 2.0  # [s] of rest between two words to the pilot
+BLOCK = 50  # IMU samples judged together; half a second
+ENOUGH_PRESSURES = 20  # samples; fewer do not average 5 mbar away
+
+
+class CalibrationSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What counts as still."""
+
+    still_time: UpTo600 = 10.0  # [s] at rest without a break; 0.17 deg/min of drift, see above
+    rate_std: UpTo600 = 0.02  # [rad/s] more spread than this within half a second is motion
+    force_std: UpTo600 = 0.2  # [m/s²] likewise, of the specific force
+    largest_bias: UpTo600 = 0.1  # [rad/s] a mean rate beyond this is a turn, not a bias
+
+    # While running, the bias is learnt on at rest; rest must be stiller than at the start.
+    rest_time: UpTo600 = 3.0  # [s] still without a break before it counts
+    rest_rate_std: UpTo600 = 0.004  # [rad/s] within half a second, sensor noise included
+    rest_force_std: UpTo600 = 0.06  # [m/s²] likewise
+    rest_change: UpTo600 = 0.0017  # [rad/s] 0.1 deg/s; a bias does not change by more at once
+    rest_memory: UpTo600 = 60.0  # [s] of rest that the running mean weighs at most
+
+
+@dataclass(frozen=True, slots=True)
+class Calibrated:
+    """What the vehicle has learnt at rest."""
+
+    gyro_bias: Vec3  # [rad/s] FRD
+    specific_force: Vec3  # [m/s²] FRD, mean
+    pressure: float  # [Pa] mean
+    pressures: int  # samples in that mean
+    heading: float | None  # [rad] magnetic; None without a magnetometer
+    field: Vec3 | None  # [T] FRD, mean
+
+    @property
+    def accelerometer_bias(self) -> float:
+        """[m/s²] along down: at rest the specific force should be as long as gravity."""
+        return GRAVITY - hypot(*self.specific_force)
+
+
+class Mean:
+    """Mean and spread of vectors of one length."""
+
+    def __init__(self, length: int) -> None:
+        self.count = 0
+        self._sums = [0.0] * length
+        self._squares = [0.0] * length
+
+    def add(self, values: tuple[float, ...]) -> None:
+        self.count += 1
+        for i, value in enumerate(values):
+            self._sums[i] += value
+            self._squares[i] += value * value
+
+    def add_all(self, other: "Mean") -> None:
+        self.count += other.count
+        self._sums = [a + b for a, b in zip(self._sums, other._sums, strict=True)]
+        self._squares = [a + b for a, b in zip(self._squares, other._squares, strict=True)]
+
+    def mean(self) -> list[float]:
+        return [total / self.count for total in self._sums]
+
+    def std(self) -> list[float]:
+        means = zip(self._squares, self.mean(), strict=True)
+        return [max(0.0, square / self.count - mean * mean) ** 0.5 for square, mean in means]
+
+
+class Calibration:
+    """Averages until it has seen `still_time` of rest, and enough pressure samples."""
+
+    def __init__(self, settings: CalibrationSettings) -> None:
+        self._settings = settings
+        self._moving = False
+        self._begin()
+
+    def imu(self, rate: Vec3, specific_force: Vec3, dt: float) -> bool:
+        """One sample, `dt` [s] after the one before. True: the vehicle has begun to move, and the
+        average begins anew (said once for each time it is disturbed)."""
+        self._block_seconds += dt
+        self._block.add((*rate, *specific_force))
+        if self._block.count < BLOCK:
+            return False
+        if self._is_still():
+            self._moving = False
+            self._seconds += self._block_seconds
+            self._total.add_all(self._block)
+            self._block, self._block_seconds = Mean(6), 0.0
+            return False
+        disturbed = not self._moving
+        self._moving = True
+        self._begin()
+        return disturbed
+
+    def pressure(self, pressure: float) -> None:
+        """One plausible sample [Pa]."""
+        self._pressures.add((pressure,))
+
+    def magnetometer(self, field: Vec3) -> None:
+        """One plausible sample [T], FRD."""
+        self._fields.add(field)
+
+    @property
+    def seconds_left(self) -> float:
+        """[s] of rest still to come."""
+        return max(0.0, self._settings.still_time - self._seconds)
+
+    @property
+    def lacks_pressure(self) -> bool:
+        """Everything else is there."""
+        return self._rested() and self._pressures.count < ENOUGH_PRESSURES
+
+    def result(self) -> Calibrated | None:
+        """What was learnt, or None as long as there is not enough to learn it from."""
+        if not self._rested() or self.lacks_pressure:
+            return None
+        p, q, r, fx, fy, fz = self._total.mean()
+        return Calibrated(
+            gyro_bias=(p, q, r),
+            specific_force=(fx, fy, fz),
+            pressure=self._pressures.mean()[0],
+            pressures=self._pressures.count,
+            heading=self._heading((fx, fy, fz)),
+            field=self._field(),
+        )
+
+    def _begin(self) -> None:
+        self._seconds = self._block_seconds = 0.0
+        self._block, self._total = Mean(6), Mean(6)
+        self._pressures, self._fields = Mean(1), Mean(3)
+
+    def _is_still(self) -> bool:
+        limits = [self._settings.rate_std] * 3 + [self._settings.force_std] * 3
+        if any(std > limit for std, limit in zip(self._block.std(), limits, strict=True)):
+            return False
+        mean = self._block.mean()
+        if any(abs(rate) > self._settings.largest_bias for rate in mean[:3]):
+            return False
+        if self._total.count == 0:
+            return True
+        before = zip(mean, self._total.mean(), limits, strict=True)
+        return all(abs(new - old) <= limit for new, old, limit in before)
+
+    def _rested(self) -> bool:
+        # The very first sample has none before it: n samples span n - 1 periods.
+        return self._total.count > 0 and self._seconds >= self._settings.still_time - 0.015
+
+    def _heading(self, specific_force: Vec3) -> float | None:
+        field = self._field()
+        if field is None:
+            return None
+        return bearing(from_euler(*tilt_of(specific_force), 0.0), field)
+
+    def _field(self) -> Vec3 | None:
+        if self._fields.count == 0:
+            return None
+        x, y, z = self._fields.mean()
+        return x, y, z
+
+
+class Countdown:
+    """Tells the pilot how long the vehicle must still be still: at once, then every 2 s."""
+
+    def __init__(self) -> None:
+        self._tell_at = inf  # [s] left
+
+    def line(self, seconds_left: float) -> str | None:
+        """What to say now, if anything."""
+        if seconds_left <= 0.0 or seconds_left > self._tell_at:
+            return None
+        self._tell_at = seconds_left - TOLD_EVERY
+        return f"calibrating: {seconds_left:.0f} s at rest to go"

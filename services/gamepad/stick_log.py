@@ -1,0 +1,141 @@
+"""A stick log: CSV `t,surge,sway,heave,yaw[,tilt][,event]`, seconds and -1 … 1, held between rows.
+
+Blank lines and comments (`# …`) may stand anywhere. `t` begins at 0 or later and grows from row to
+row. The last row ends the script: from its time on the sticks are centred. An event belongs to
+its row: `arm`, `disarm`, `stop`, `light` (toggle), `goto depth=3 heading=90` (m, deg) and `follow
+PATH` happen at the row's time; during a `lost` row the pad is gone and the sticks are 0 whatever
+the columns say, until the next row brings it back. A deflected stick ends a goto or a follow.
+"""
+
+import math
+from bisect import bisect_right
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from services.gamepad.core import CENTRED, Sticks
+from services.gamepad.stick_log_events import Courses, Event, event_of, short
+
+COLUMNS = ("t", "surge", "sway", "heave", "yaw")
+OPTIONAL = ("tilt", "event")  # after the others, in any order
+HEADING = f"{','.join(COLUMNS)} with or without {' and '.join(OPTIONAL)}"
+LONGEST_S = 86_400.0  # [s] a day
+
+
+class Row(NamedTuple):
+    at_ns: int  # [ns] since the script began
+    sticks: Sticks
+    event: Event | None = None
+
+
+BEFORE = Row(0, CENTRED)
+
+
+@dataclass(frozen=True)
+class Script:
+    """What the sticks do from the moment they are handed over."""
+
+    rows: tuple[Row, ...]  # at least one, in order of time
+
+    @property
+    def duration_ns(self) -> int:
+        """[ns] When the script has ended."""
+        return self.rows[-1].at_ns
+
+    @property
+    def duration(self) -> float:
+        """[s] When the script has ended."""
+        return self.duration_ns / 1e9
+
+    def at(self, elapsed_ns: int) -> Row:
+        """The row that holds `elapsed_ns` [ns] after the script began; centred sticks before the
+        first row and from the end on."""
+        index = bisect_right(self.rows, elapsed_ns, key=lambda row: row.at_ns) - 1
+        if index < 0 or elapsed_ns >= self.duration_ns:
+            return BEFORE
+        row = self.rows[index]
+        return row._replace(sticks=CENTRED) if row.event == "lost" else row
+
+
+def parse(data: bytes, courses: Courses) -> Script:
+    """The script in a CSV file; `courses` reads the paths it names.
+
+    Raises:
+        ValueError: names the line, what was found there and what is allowed.
+    """
+    lines = [(n, line) for n, line in enumerate(_text(data).split("\n"), 1) if _bare(line)]
+    if not lines:
+        raise ValueError(f"line 1: the file is empty; expected the heading {HEADING}")
+    names = _heading(*lines[0])
+    rows: list[Row] = []
+    for number, line in lines[1:]:
+        row = _row(number, _cells(line), names, courses)
+        if rows and row.at_ns <= rows[-1].at_ns:
+            last = rows[-1].at_ns / 1e9
+            raise ValueError(
+                f"line {number}: t is {row.at_ns / 1e9:g}, expected more than the {last:g} before"
+            )
+        rows.append(row)
+    if not rows:
+        raise ValueError(f"line {lines[0][0]}: no row follows the heading; expected at least one")
+    return Script(tuple(rows))
+
+
+def _text(data: bytes) -> str:
+    try:
+        return data.decode("utf-8-sig")  # spreadsheets like to begin with a byte-order mark
+    except UnicodeDecodeError as error:
+        number = data[: error.start].count(b"\n") + 1
+        found = data[error.start]
+        raise ValueError(
+            f"line {number}: found the byte 0x{found:02x}, expected a text file (UTF-8)"
+        ) from None
+
+
+def _bare(line: str) -> str:
+    return line.partition("#")[0].strip()
+
+
+def _cells(line: str) -> list[str]:
+    return [cell.strip() for cell in _bare(line).split(",")]
+
+
+def _heading(number: int, line: str) -> list[str]:
+    """Names of the columns."""
+    names = _cells(line)
+    required, more = tuple(names[: len(COLUMNS)]), names[len(COLUMNS) :]
+    if required != COLUMNS or not set(more) <= set(OPTIONAL) or len(set(more)) < len(more):
+        raise ValueError(f"line {number}: found {short(line)}, expected the heading {HEADING}")
+    return names
+
+
+def _row(number: int, cells: list[str], names: list[str], courses: Courses) -> Row:
+    """Optional columns may be empty, or left out at the end of a row."""
+    if not len(COLUMNS) <= len(cells) <= len(names):
+        expected = " or ".join(str(n) for n in range(len(COLUMNS), len(names) + 1))
+        raise ValueError(f"line {number}: found {len(cells)} columns, expected {expected}")
+    cell = dict(zip(names, cells, strict=False))
+    seconds = _number(number, "t", cell["t"], 0.0, LONGEST_S)
+    sticks = Sticks(
+        *(_number(number, name, cell[name], -1.0, 1.0) for name in COLUMNS[1:]),
+        tilt=_number(number, "tilt", cell.get("tilt") or "0", -1.0, 1.0),
+    )
+    return Row(round(seconds * 1e9), sticks, _event(number, cell.get("event", ""), courses))
+
+
+def _number(number: int, name: str, cell: str, low: float, high: float) -> float:
+    try:
+        value = float(cell)
+    except ValueError:
+        value = math.nan
+    if not low <= value <= high:  # NaN is in no range
+        raise ValueError(
+            f"line {number}: {name} is {short(cell)}, expected a number from {low:g} to {high:g}"
+        )
+    return value
+
+
+def _event(number: int, cell: str, courses: Courses) -> Event | None:
+    try:
+        return event_of(cell, courses)
+    except ValueError as error:
+        raise ValueError(f"line {number}: {error}") from None

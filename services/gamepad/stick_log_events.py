@@ -1,0 +1,68 @@
+"""An event of a stick log: one word, `goto depth=3 heading=90`, `follow inspection_box` or
+`mode depth_hold`."""
+
+from collections.abc import Callable
+from typing import Literal, cast, get_args
+
+from messages.pilot import Course, Hold
+from services.gamepad.pilot_intents import Follow, Goto, Mode, Press, Wish, goto
+
+Event = Wish | Literal["lost"]
+Courses = Callable[[str], Course]  # reads the path of a name; ValueError: why it cannot
+WORDS: tuple[str, ...] = (*get_args(Press), "lost")
+ALLOWED = f"{', '.join(WORDS)}, goto depth=M heading=DEG, follow PATH, mode HOLD"
+HOLDS: tuple[str, ...] = get_args(Hold)
+
+
+def event_of(cell: str, courses: Courses) -> Event | None:
+    """What a cell of the column `event` means; nothing when it is empty.
+
+    Raises:
+        ValueError: says what was found and what is allowed.
+    """
+    word, _, rest = cell.partition(" ")
+    if word == "goto":
+        return _goto(rest)
+    if word == "follow":
+        return _follow(rest.strip(), courses)
+    if word == "mode":
+        return _mode(rest.strip())
+    if not cell:
+        return None
+    if cell not in WORDS:
+        raise ValueError(f"event is {short(cell)}, expected one of {ALLOWED}")
+    return cast(Event, cell)
+
+
+def short(text: str) -> str:
+    """As it stands in an error."""
+    return repr(text if len(text) <= 40 else text[:40] + "…")
+
+
+def _goto(rest: str) -> Goto:
+    given: dict[str, float] = {}
+    for word in rest.split():
+        name, _, text = word.partition("=")
+        if name not in ("depth", "heading") or name in given:
+            raise ValueError(f"goto: found {short(word)}, expected depth=M, heading=DEG or both")
+        try:
+            given[name] = float(text)
+        except ValueError:
+            raise ValueError(f"goto: {name} is {short(text)}, expected a number") from None
+    return goto(given.get("depth"), given.get("heading"))
+
+
+def _follow(name: str, courses: Courses) -> Follow:
+    """The path is read now, so that a mistake in it is named before the dive."""
+    if not name:
+        raise ValueError("follow needs a path: a name in deploy/paths or a .toml file")
+    try:
+        return Follow(courses(name))
+    except ValueError as error:
+        raise ValueError(f"follow: {error}") from None
+
+
+def _mode(hold: str) -> Mode:
+    if hold not in HOLDS:
+        raise ValueError(f"mode: found {short(hold)}, expected one of {', '.join(HOLDS)}")
+    return Mode(cast(Hold, hold))

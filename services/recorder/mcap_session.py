@@ -1,0 +1,196 @@
+"""Keeps writing whatever the disk does.
+
+At the start of a dive a disk that cannot be written is a mistake the user can mend, and stops the
+service with a sentence. In mid-dive it must not disturb anybody: the recording stops with one
+log line, everything not written is counted, and every few seconds a fresh part is tried. A fresh
+one, because the old one was ended where it was sure.
+
+No file that is there already is written to, whoever made it.
+"""
+
+import json
+from collections import Counter
+from typing import Literal, Protocol
+
+import msgspec
+
+from messages import topics
+from services.recorder.core import Row
+from services.recorder.foxglove_schema import foxglove_schema
+from services.recorder.io.mcap_file import McapFile
+from services.recorder.io.parts import free_part, part_path
+from services.runtime.config.disk import reason, require_room
+from services.runtime.config.errors import LindyError
+from services.runtime.config.stack import Stack
+
+RESERVE = 256_000  # [bytes] left free for the report and for the end of the file
+RETRY_NS = 5_000_000_000  # [ns] between two attempts to record again
+
+
+class Opened(msgspec.Struct):
+    """What must be remembered across a crash: how many parts this dive has."""
+
+    parts: int = 0
+
+
+class Teller(Protocol):
+    """Whom the scribe tells what becomes of the recording; in a dive the service's node."""
+
+    counts: Counter[str]
+    wall_offset_ns: int  # [ns] UTC minus the clock of stamps
+
+    def count(self, name: str, times: int = 1) -> None: ...
+    def log(self, level: Literal["info", "warning", "error"], text: str) -> None: ...
+    def recall(self, kind: type[Opened]) -> Opened | None: ...
+    def remember(self, what: Opened) -> None: ...
+
+
+class Scribe:
+    """Writes the rows of one dive, part after part."""
+
+    def __init__(self, node: Teller, stack: Stack) -> None:
+        """Open the next part of this dive.
+
+        Raises:
+            LindyError: the folder or the file cannot be written.
+        """
+        self._node = node
+        self._stack = stack
+        self._vehicle_file = stack.vehicle_path.read_bytes()
+        self._file: McapFile | None = None
+        self._unflushed = 0  # rows that a failing disk would take with it
+        self._proven = False  # this part has taken rows
+        self._interrupted = False  # people were told that recording stopped
+        self._retry_at = 0  # [ns]
+        self._opened = node.recall(Opened) or Opened()
+        path = part_path(stack.out_dir, self._opened.parts + 1)
+        try:
+            stack.out_dir.mkdir(parents=True, exist_ok=True)
+            self._open()
+        except OSError as error:
+            raise LindyError(f"cannot write the recording {path}: {reason(error)}") from None
+
+    def write(self, row: Row) -> None:
+        """Add a row, or count it as not recorded while there is no file."""
+        if self._file is None:
+            self._node.count("not_recorded")
+            return
+        self._unflushed += 1
+        try:
+            if not self._file.has_channel(row.key):
+                kind = row.topic.message
+                self._file.open_channel(row.key, kind.__name__, foxglove_schema(kind))
+            self._file.write(row.key, row.data, row.log_ns, row.publish_ns, row.sequence)
+        except OSError as error:
+            self._fail(self._file, error)
+
+    def flush(self, now: int) -> None:
+        """Make what was written safe from the death of this process; or try a fresh part."""
+        if self._file is None:
+            if now >= self._retry_at:
+                self._retry_at = now + RETRY_NS
+                self._try_again()
+            return
+        try:
+            require_room(self._stack.out_dir, RESERVE)
+            self._file.flush()
+        except OSError as error:
+            self._retry_at = now + RETRY_NS
+            self._fail(self._file, error)
+            return
+        if self._unflushed > 0:
+            self._succeed(self._file)
+
+    def close(self, log_hash: str) -> None:
+        """Write the losses, the hash and the index."""
+        if self._file is None:
+            return
+        try:
+            self._file.flush()
+            self._unflushed = 0
+            losses = {name: str(count) for name, count in sorted(self._node.counts.items())}
+            self._file.metadata("losses", losses)
+            self._file.metadata("hash", {"sha256": log_hash})
+            self._file.finish()
+        except OSError as error:
+            self._fail(self._file, error)
+
+    def _open(self) -> None:
+        require_room(self._stack.out_dir, RESERVE)
+        number = free_part(self._stack.out_dir, self._opened.parts + 1)
+        file = McapFile(part_path(self._stack.out_dir, number))
+        try:
+            self._preface(file)
+            file.flush()
+            self._node.remember(Opened(number))
+        except OSError:
+            file.discard()
+            raise
+        self._opened = Opened(number)
+        self._file = file
+        self._proven = False
+
+    def _preface(self, file: McapFile) -> None:
+        """What a reader needs to know before the first message."""
+        stack = self._stack
+        about = {
+            "vehicle": stack.vehicle_name,
+            "link": stack.link,
+            "pilot": stack.pilot,
+            "seed": str(stack.seed),
+            "overrides": json.dumps(stack.overrides),
+        }
+        file.metadata("dive", about)
+        clock = {
+            "utc_minus_stamp_ns": str(self._node.wall_offset_ns),
+            "publish_time": "the stamp by this clock; the arrival where the stamp is of another "
+            "machine's clock and the difference is not known",
+        }
+        file.metadata("clock", clock)
+        file.attach(stack.vehicle_path.name, "application/toml", self._vehicle_file)
+        file.attach("topics.json", "application/json", _topic_table())
+
+    def _succeed(self, file: McapFile) -> None:
+        self._unflushed = 0
+        self._proven = True
+        if self._interrupted:
+            self._interrupted = False
+            self._node.log("info", f"recording goes on in {file.path}")
+
+    def _fail(self, file: McapFile, error: OSError) -> None:
+        if self._proven:
+            file.abandon()
+        else:  # nothing in it: the next attempt may have its name
+            file.discard()
+            self._opened = Opened(self._opened.parts - 1)
+        self._file = None
+        self._node.count("disk_error")
+        self._node.count("not_recorded", self._unflushed)
+        self._unflushed = 0
+        if not self._interrupted:
+            self._interrupted = True
+            self._node.log(
+                "error",
+                f"recording stopped: cannot write {file.path}: {reason(error)}; "
+                f"trying again every {RETRY_NS // 10**9} s",
+            )
+
+    def _try_again(self) -> None:
+        try:
+            self._open()
+        except OSError:
+            self._node.count("disk_error")
+
+
+def _topic_table() -> bytes:
+    rows = [
+        {
+            "key": topic.key,
+            "type": topic.message.__name__,
+            "hz": topic.hz,
+            "qos": topic.qos.value,
+            "way": topic.way.value,
+        }
+        for topic in topics.ALL
+    ]
+    return json.dumps(rows, indent=1).encode()

@@ -1,0 +1,122 @@
+"""The axes a pilot moves, and the generator behind each."""
+
+from dataclasses import dataclass
+from typing import Self
+
+from messages.pilot import PilotCommand
+from messages.state import VehicleState
+from services.reference.guidance.ground_motion import Ground
+from services.reference.guidance.modes import Held
+from services.reference.guidance.station_keeping import STILL, Place
+from services.reference.settings import Settings
+from services.reference.trajectory.minimum_jerk import Ramp, Sample
+from services.reference.trajectory.position import pair
+from services.reference.trajectory.vector import VectorRamp
+
+
+@dataclass(slots=True)
+class Axes:
+    """Times `t` in seconds, never running backwards."""
+
+    settings: Settings
+    heave: Ramp  # [m] positive down
+    yaw: Ramp  # [rad] accumulated
+    place: Place  # [m] north and east
+    tilt: Ramp  # [rad]
+    pace: Ramp  # [m] along a path that was followed; its end is ramped out here
+    force: VectorRamp  # [N] surge and sway, as a "velocity"
+    heave_force: Ramp  # [N] as a "velocity"
+    yaw_moment: Ramp  # [N m] as a "velocity"
+    _tilting: float = 0.0  # [-] the tilt stick, as it was last heard
+
+    @classmethod
+    def of(cls, settings: Settings) -> Self:
+        return cls(
+            settings,
+            Ramp(settings.heave.limits),
+            Ramp(settings.yaw.limits),
+            Place(settings.place.limits),
+            Ramp(settings.tilt.limits),
+            Ramp(settings.place.limits),
+            VectorRamp(settings.horizontal.limits, STILL, STILL),
+            Ramp(settings.heave_force.limits),
+            Ramp(settings.yaw_moment.limits),
+        )
+
+    def rest(self, depth: float, heading: float, t: float) -> None:
+        """Everything at rest here, no force, and no place held. The camera stays as it is."""
+        self.heave.rest(depth, t)
+        self.yaw.rest(heading, t)
+        self.pace.rest(0.0, t)
+        self.force.rest(t)
+        self.heave_force.rest(0.0, t)
+        self.yaw_moment.rest(0.0, t)
+        self.place.held = False
+
+    def follow(self, state: VehicleState, held: Held, t: float) -> None:
+        """Go along with the vehicle on the axes that are not held.
+
+        Each time the plan is to come to rest from there, so holding begins where the vehicle is
+        and as it moves, by nothing more than no longer following it. Along depth that includes
+        the measured acceleration: the feed-forward of the reference is then the force that moves
+        the vehicle already. An axis that is not measured comes to rest by that plan.
+        """
+        depth, rate, heading, turning = state.depth, state.depth_rate, state.heading, state.yaw_rate
+        if not held.depth and depth.valid and rate.valid:
+            most, measured = self.settings.heave.max_acceleration, state.depth_acceleration
+            a = max(-most, min(most, measured.value)) if measured.valid else 0.0
+            self.heave.take(Sample(depth.value, rate.value, a, 0.0), t)
+        if not held.heading and heading.valid and turning.valid:
+            self.yaw.take(Sample(heading.value, turning.value, 0.0, 0.0), t)
+
+    def hold_place(self, ground: Ground, t: float) -> None:
+        """Hold the place from now on: come to rest there."""
+        self.place.take_measured(ground, t)
+        self.pace.rest(0.0, t)  # what was left of a blind path is in the measured motion
+
+    def aim(self, stick: PilotCommand, held: Held, t: float) -> None:
+        """Let the sticks move the axes: what is held with a velocity, the others with a force."""
+        s = self.settings
+        self.heave.aim(stick.heave * s.heave.max_velocity if held.depth else 0.0, t)
+        self.yaw.aim(stick.yaw * s.yaw.max_velocity if held.heading else 0.0, t)
+        self.heave_force.aim(0.0 if held.depth else stick.heave * s.heave_force.full, t)
+        self.yaw_moment.aim(0.0 if held.heading else stick.yaw * s.yaw_moment.full, t)
+        along, aside = stick.surge, stick.sway
+        if held.place:
+            self.place.aim((along * s.place.max_velocity, aside * s.place.max_velocity), t)
+            along = aside = 0.0
+        self.force.aim((along * s.horizontal.max_surge, aside * s.horizontal.max_sway), t)
+
+    def turn_camera(self, stick: float, t: float) -> None:
+        """Up or down to the end of the range, where it stops as smoothly as anywhere."""
+        tilt, s = self.tilt, self.settings.tilt
+        if stick == 0.0:
+            if self._tilting != 0.0:
+                tilt.brake(t)
+        elif stick != self._tilting:
+            here = tilt.at(t)
+            end = s.highest if stick > 0 else s.lowest
+            speed = abs(stick) * s.max_velocity
+            plan = pair(end - here.position, s.limits, speed, here.velocity, here.acceleration)
+            tilt.run(plan.segments, t)
+        self._tilting = stick
+
+    def brake(self, t: float) -> None:
+        """Depth, heading and place to rest."""
+        self.heave.brake(t)
+        self.yaw.brake(t)
+        if self.place.held:
+            self.place.brake(t, self.settings.place.limits)
+
+    def stop(self, t: float) -> None:
+        """The same with the limits of an emergency stop."""
+        s = self.settings
+        self.heave.brake(t, s.heave.stop)
+        self.yaw.brake(t, s.yaw.stop)
+        if self.place.held:
+            self.place.brake(t, s.place.stop)
+
+    def settles(self) -> float:
+        """[s] When depth, heading and a held place have come to where they were going."""
+        place = self.place.settles() if self.place.held else 0.0
+        return max(self.heave.settles(), self.yaw.settles(), place)

@@ -1,0 +1,153 @@
+"""What the drone is doing: which axes it holds, where its reference is, and on which way.
+
+A change of mode is no event of its own: an axis that is not held follows the vehicle, and holding
+it is to stop following. A force reference begins at zero when its axis is let go and ends when the
+axis is held; the push that control gave or took over then is control's to blend.
+"""
+
+from dataclasses import dataclass, field
+
+from messages.message import Estimate
+from messages.pilot import Hold, StopDistance
+from messages.state import VehicleState
+from services.reference.guidance.axes import Axes
+from services.reference.guidance.ground_motion import Ground, ground_of, north_offset
+from services.reference.guidance.manoeuvre import Journey
+from services.reference.guidance.modes import HOLDS, Held, safe
+from services.reference.guidance.reference_governor import Guard, is_let_go
+from services.reference.settings import Settings
+from services.reference.trajectory.minimum_jerk import Ramp
+
+PLACE_PATIENCE_S = 2.0  # [s] a place that was not measured for longer is not held any more
+
+
+@dataclass(slots=True)
+class Flight:
+    """`happened` collects what must be counted, `notes` what people want to know. Times `t` in
+    seconds, never running backwards."""
+
+    settings: Settings
+    hold: Hold = "stabilised"
+    happened: list[str] = field(default_factory=list[str])
+    notes: list[str] = field(default_factory=list[str])
+    axes: Axes = field(init=False)
+    journey: Journey = field(init=False)
+    state: VehicleState | None = None  # the newest there has ever been
+    ground: Ground | None = None  # None: not measured now
+    t: float = 0.0  # [s] of the newest reference
+    _stepped: float = 0.0  # [s] of the reference before
+    _place_seen: float = 0.0  # [s] when the place was last measured, or not needed
+    _guards: dict[str, Guard] = field(init=False)
+
+    def __post_init__(self) -> None:
+        s = self.settings
+        self.axes = Axes.of(s)
+        self.journey = Journey(self.axes)
+        self._guards = {
+            "depth": Guard(s.heave.max_error),
+            "heading": Guard(s.yaw.max_error),
+            "place": Guard(s.place.max_error),
+        }
+
+    @property
+    def held(self) -> Held:
+        return HOLDS[self.hold]
+
+    @property
+    def settled(self) -> bool:
+        """Standing still, on no path."""
+        return self.journey.following is None and self.axes.settles() <= self.t
+
+    def see(self, state: VehicleState | None, t: float) -> None:
+        """A new instant `t` [s], with the state there if there is one."""
+        self._stepped, self.t = self.t, max(self.t, t)
+        self.ground = None if state is None else ground_of(state)
+        self.state = state or self.state
+
+    def rest(self) -> None:
+        """Everything where the vehicle is, at rest."""
+        assert self.state is not None
+        self.axes.rest(self.state.depth.value, self.state.heading.value, self.t)
+        self._place_seen = self.t
+
+    def move_on(self, state: VehicleState | None) -> None:
+        """What is held goes on, what is not held follows the vehicle; no state, no following."""
+        if state is not None:
+            self.axes.follow(state, self.held, self.t)
+        self._mind_the_place(state)
+
+    def wait(self, state: VehicleState) -> None:
+        """The reference does not run away from a vehicle that is held back."""
+        axes, held, t = self.axes, self.held, self.t
+        if self.journey.following is not None:
+            self.journey.following.watch(state, self.ground, t)
+            return
+        if held.depth:
+            self._keep("depth", axes.heave, state.depth)
+        if held.heading:
+            self._keep("heading", axes.yaw, state.heading)
+        if axes.place.held and self.ground is not None:
+            (north, east), size = axes.place.error(self.ground)
+            by = self._share("place", size, let_go=is_let_go(*axes.place.now)) - 1.0
+            if by != 0.0:
+                axes.place.shift(north * by, east * by)
+
+    # What may be asked for.
+
+    def change(self, hold: Hold) -> None:
+        """Another mode; it ends whatever the drone was on the way to."""
+        self.journey.end(self.t, hold_place=HOLDS[hold].place)
+        self.hold = hold
+
+    def end_journey(self) -> None:
+        self.journey.end(self.t, hold_place=self.held.place)
+
+    def come_to_rest(self) -> None:
+        """Something is missing: come to rest, smoothly, and hold."""
+        self.hold = safe(self.hold)
+        self.journey.come_to_rest(self.t)
+
+    def stop(self) -> StopDistance:
+        """Emergency stop. Says how far it still goes."""
+        self.hold = safe(self.hold)
+        return self.journey.stop(self.t)
+
+    # How it goes on.
+
+    def _mind_the_place(self, state: VehicleState | None) -> None:
+        """Begin, go on or cease to hold a place; give it up when it was not measured for long."""
+        axes, journey, t = self.axes, self.journey, self.t
+        needed = self.held.place or (journey.on_a_path and journey.measured)
+        if self.ground is not None or state is None or not needed:
+            self._place_seen = t
+        elif t - self._place_seen > PLACE_PATIENCE_S:
+            self._lose_the_place()
+        if not (journey.turns_on_the_spot or (self.held.place and journey.following is None)):
+            axes.place.held = False
+        elif axes.place.held:
+            offset = axes.place.offset if state is None else north_offset(state)
+            axes.place.step(axes.yaw.at(t), offset, t)
+        elif self.ground is not None:
+            axes.hold_place(self.ground, t)
+
+    def _lose_the_place(self) -> None:
+        self.happened.append("lost:place")
+        self.notes.append("the place is not measured any more: depth and heading are still held")
+        self.journey.go_blind()
+        self.hold = "stabilised" if self.held.place else self.hold
+
+    def _keep(self, name: str, ramp: Ramp, estimate: Estimate) -> None:
+        if estimate.valid:
+            here = ramp.at(self.t)
+            error = here.position - estimate.value
+            by = self._share(name, abs(error), let_go=is_let_go(here)) - 1.0
+            if by != 0.0:
+                ramp.shift(error * by)
+
+    def _share(self, name: str, size: float, *, let_go: bool) -> float:
+        guard = self._guards[name]
+        before = guard.held_back
+        share = guard.keep(size, self.t - self._stepped, let_go=let_go)
+        if guard.held_back and not before:
+            self.happened.append(f"clamped:reference.{name}")
+        return share

@@ -1,0 +1,167 @@
+"""On the way to a position or along a path that was asked for."""
+
+from dataclasses import dataclass
+from math import dist
+
+from messages.pilot import Course, StopDistance
+from services.reference.guidance.axes import Axes
+from services.reference.guidance.ground_motion import Pair
+from services.reference.guidance.path_following import Following, Planned
+from services.reference.paths.heading import wrap
+from services.reference.settings import VelocityAxis
+from services.reference.trajectory.minimum_jerk import Ramp, Sample
+from services.reference.trajectory.position import pair
+
+AIMED = 0.01  # [rad] a path begins when the drone points along it this well …
+LEVEL = 1e-6  # [m] … and its depth reference is this near the path's
+NEAR = 0.05  # [m] so near to a place that it need not be gone to
+
+
+@dataclass(slots=True)
+class Journey:
+    """Takes the axes where they were asked to go, and hands them back without a step. Depth and
+    heading must be held meanwhile. Times `t` in seconds."""
+
+    axes: Axes
+    going: bool = False  # to a depth, a heading or both
+    planned: Planned | None = None  # a path to follow, once the drone points along it
+    following: Following | None = None
+    measured: bool = False  # the path is followed by measurement, not blind
+    goal: Pair | None = None  # [m] north, east, at the end of a straight line
+
+    @property
+    def on_a_path(self) -> bool:
+        return self.planned is not None or self.following is not None
+
+    @property
+    def busy(self) -> bool:
+        return self.going or self.on_a_path
+
+    @property
+    def turns_on_the_spot(self) -> bool:
+        """The place is to be held until the path begins."""
+        return self.planned is not None and self.measured
+
+    def go(self, depth: float | None, heading: float | None, t: float) -> None:
+        """Set off to a depth [m] and a heading [rad], counted as the drone counts it."""
+        s, axes = self.axes.settings, self.axes
+        if depth is not None:
+            _run(axes.heave, s.heave, depth, t)
+        if heading is not None:
+            _run(axes.yaw, s.yaw, heading, t)
+        self.going = True
+
+    def turn_to(self, heading: float, t: float) -> float:
+        """[rad] A heading in (-π, π], the shortest way from where the drone points."""
+        here = self.axes.yaw.at(t).position
+        return here + wrap(heading - here)
+
+    def follow(
+        self, planned: Planned, t: float, *, measured: bool, offset: float, goal: Pair | None = None
+    ) -> None:
+        """Turn to where a path begins and then run along it.
+
+        Args:
+            measured: hold the place until the path begins, and begin it there.
+            offset: [rad] what the control heading lacks to be counted from north.
+            goal: [m] the path is a line that ends here, wherever the drone comes to stand before.
+        """
+        self.planned, self.measured, self.goal = planned, measured, goal
+        self._line_up(planned, offset if measured else 0.0, t)
+
+    def set_off(self, t: float) -> None:
+        """Begin a planned path as soon as the drone stands where and as it begins."""
+        planned, axes = self.planned, self.axes
+        if planned is None:
+            self.going = self.going and axes.settles() > t
+            return
+        if axes.settles() > t or (self.measured and not axes.place.held):
+            return
+        place, offset = None, 0.0
+        if self.measured:
+            north, east = axes.place.now
+            place, offset = (north.position, east.position), axes.place.offset
+        if self.goal is not None and place is not None:
+            if dist(place, self.goal) < NEAR:
+                self._forget()
+                return
+            planned = self.planned = Planned(Course(waypoints=(place, self.goal)))
+        if not self._is_lined_up(planned, offset, t):
+            self._line_up(planned, offset, t)
+            return
+        self.following = planned.begin(axes.yaw.at(t).position, place, t)
+        self.planned, axes.place.held = None, False
+
+    def go_blind(self) -> None:
+        """The place is not measured any more: go on by dead reckoning, if that makes sense."""
+        self.measured = False
+        if self.following is not None:
+            self.following.shift = None
+        elif self.goal is not None:
+            self._forget()
+
+    def come_to_rest(self, t: float) -> None:
+        """From the way to a position, or on the path."""
+        following = self.following
+        if following is None and self.busy:
+            self.axes.brake(t)
+        self._forget()
+        if following is not None:
+            self.following, _ = following.stop(self.axes.settings.place.limits, t)
+
+    def stop(self, t: float) -> StopDistance:
+        """Emergency stop, along the path if there is one. Says how far it still goes."""
+        axes, following = self.axes, self.following
+        axes.force.aim((0.0, 0.0), t, axes.settings.horizontal.stop)
+        self._forget()
+        if following is not None:
+            here = following.point(t)
+            self.following, end = following.stop(axes.settings.place.stop, t)
+            there = self.following.point(end)
+            return StopDistance(there.down - here.down, there.heading - here.heading, end - t)
+        axes.stop(t)
+        return StopDistance(axes.heave.to_go(t), axes.yaw.to_go(t), axes.settles() - t)
+
+    def end(self, t: float, *, hold_place: bool) -> None:
+        """Hand the motion to the axes, without a step. What was followed by measurement goes on as
+        a place to hold, if there is to be one; else the speed is ramped out along the heading."""
+        axes, following = self.axes, self.following
+        if self.going or self.planned is not None:
+            axes.brake(t)
+        self._forget()
+        if following is None:
+            return
+        here = following.point(t)
+        heading, place = following.heading(here), following.place(here)
+        axes.yaw.take(heading, t)
+        if following.has_depth:
+            axes.heave.take(following.depth(here), t)
+        if hold_place and place is not None:
+            axes.place.take(*place, t)
+        else:
+            along = following.along(t)
+            axes.pace.take(Sample(0.0, along.velocity, along.acceleration, along.jerk), t)
+
+    def _line_up(self, planned: Planned, offset: float, t: float) -> None:
+        """Go to the heading and the depth with which a path begins."""
+        heading = planned.first_heading(self.axes.yaw.at(t).position, offset)
+        self.go(planned.first_depth if planned.has_depth else None, heading, t)
+        self.going = False
+
+    def _is_lined_up(self, planned: Planned, offset: float, t: float) -> bool:
+        """A reference that was held back, or a drone that came to stand elsewhere, is not."""
+        depth, heading = self.axes.heave.at(t).position, self.axes.yaw.at(t).position
+        if planned.has_depth and abs(planned.first_depth - depth) > LEVEL:
+            return False
+        return abs(planned.first_heading(heading, offset) - heading) <= AIMED
+
+    def _forget(self) -> None:
+        self.going, self.planned, self.following, self.goal = False, None, None, None
+
+
+def _run(ramp: Ramp, axis: VelocityAxis, end: float, t: float) -> None:
+    """Let an axis go to a position and rest there."""
+    here = ramp.at(t)
+    way = end - here.position
+    plan = pair(way, axis.limits, axis.max_velocity, here.velocity, here.acceleration)
+    ramp.run(plan.segments, t)

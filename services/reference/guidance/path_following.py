@@ -1,0 +1,135 @@
+"""Following a path on board: turn to its first course, then run along it.
+
+Where the place is measured, north, east, depth and heading all come from the path. Where it is not,
+this is dead reckoning: heading and depth follow the path exactly, the distance along it is what the
+speed reference says. It waits when the drone falls behind, and an emergency stop acts along the
+path.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from math import hypot
+
+from messages.pilot import Course
+from messages.state import VehicleState
+from services.reference.guidance.ground_motion import Ground, Pair
+from services.reference.paths.heading import wrap
+from services.reference.paths.path import Path
+from services.reference.paths.route import RoutePoint, point_on
+from services.reference.paths.stretch import stretch
+from services.reference.trajectory.emergency_stop import stop_motion
+from services.reference.trajectory.minimum_jerk import Limits, Sample
+from services.reference.trajectory.time_scaling import WaitingClock, scaled_sample
+
+WAIT, RESUME = 1.0, 0.5  # [-] of the tolerances below
+HEADING_TOLERANCE = 0.35  # [rad]
+DEPTH_TOLERANCE = 0.3  # [m]
+PLACE_TOLERANCE = 1.0  # [m]
+WAITING = Limits(4.0, 2.0)  # of the clock's rate [1/s², 1/s]
+
+
+@dataclass(slots=True)
+class Following:
+    """One path, from the moment the drone points along it. Times in seconds."""
+
+    path: Path
+    turns: float  # [rad] between the path's course and the accumulated heading
+    has_depth: bool
+    along: Callable[[float], Sample]  # [m] distance along the path at a time
+    ends: Callable[[float], bool]  # is it over at a time?
+    clock: WaitingClock
+    shift: Pair | None  # [m] NED, from the path as it is drawn to where it is flown; None: blind
+
+    def point(self, t: float) -> RoutePoint:
+        return point_on(self.path, self.along(t), t)
+
+    def heading(self, here: RoutePoint) -> Sample:
+        return Sample(here.heading + self.turns, here.yaw_rate, here.yaw_acceleration, 0.0)
+
+    def depth(self, here: RoutePoint) -> Sample:
+        return Sample(here.down, here.v_down, here.a_down, 0.0)
+
+    def place(self, here: RoutePoint) -> tuple[Sample, Sample] | None:
+        """North and east; None when the path is followed blind."""
+        if self.shift is None:
+            return None
+        north, east = here.north + self.shift[0], here.east + self.shift[1]
+        return (
+            Sample(north, here.v_north, here.a_north, 0.0),
+            Sample(east, here.v_east, here.a_east, 0.0),
+        )
+
+    def watch(self, state: VehicleState, ground: Ground | None, t: float) -> None:
+        """Wait while the drone is too far behind. What is not known is not waited for."""
+        here = self.point(t)
+        errors = [abs(self.heading(here).position - state.heading.value) / HEADING_TOLERANCE]
+        if self.has_depth:
+            errors.append(abs(here.down - state.depth.value) / DEPTH_TOLERANCE)
+        place = self.place(here)
+        if place is not None and ground is not None:
+            pairs = zip(place, ground.position, strict=True)
+            errors.append(hypot(*(wanted.position - x for wanted, x in pairs)) / PLACE_TOLERANCE)
+        self.clock.watch(max(errors), t)
+
+    def stop(self, limits: Limits, t: float) -> "tuple[Following, float]":
+        """The same path with an emergency stop at `t`, and when [s] it stands still."""
+        halt = stop_motion(self.along, t, limits)
+
+        def ends(now: float) -> bool:
+            return now >= halt.duration
+
+        stopped = replace(self, along=halt.at, ends=ends)
+        return stopped, halt.duration
+
+
+@dataclass(slots=True)
+class Planned:
+    """A path that is ready to be followed."""
+
+    course: Course
+    path: Path = field(init=False)
+
+    def __post_init__(self) -> None:
+        """
+        Raises:
+            ValueError: the way-points make no path; says why.
+        """
+        c = self.course
+        # C2 in yaw: the drone's yaw reference then has a continuous acceleration.
+        self.path = Path.through(c.waypoints, c.min_radius, c.kind, smooth_yaw=True)
+        if not (c.cruise > 0 and c.acceleration > 0 and c.jerk > 0):
+            raise ValueError("cruise, acceleration and jerk must be above 0")
+
+    @property
+    def has_depth(self) -> bool:
+        return len(self.course.waypoints[0]) == 3
+
+    @property
+    def first_depth(self) -> float:
+        return self.path.at(0.0).down
+
+    def first_heading(self, heading: float, offset: float) -> float:
+        """[rad] The path's first course, the shortest way from an accumulated heading; `offset`
+        [rad] is what that lacks to be counted from north."""
+        return heading + wrap(self.path.at(0.0).course - offset - heading)
+
+    def begin(self, heading: float, place: Pair | None, t: float) -> Following:
+        """Set off at `t` [s] with the drone pointing at `first_heading`, from `place` [m] if the
+        path is to be followed by measurement."""
+        c, start = self.course, self.path.at(0.0)
+        profile = stretch(self.path.length, Limits(c.jerk, c.acceleration), c.cruise)
+        clock = WaitingClock(WAIT, RESUME, WAITING, since=t)
+
+        def along(now: float) -> Sample:
+            at = clock.at(now)
+            return scaled_sample(profile.at(at.tau), at)
+
+        return Following(
+            self.path,
+            heading - start.course,
+            self.has_depth,
+            along,
+            lambda now: clock.at(now).tau >= profile.duration,
+            clock,
+            None if place is None else (place[0] - start.north, place[1] - start.east),
+        )

@@ -1,0 +1,72 @@
+"""The reference as it is said: every axis of a flight at one instant."""
+
+from messages.pilot import PilotCommand
+from messages.reference import Motion, Reference
+from messages.state import VehicleState
+from messages.units import Ns
+from services.reference.guidance.guidance import Flight
+from services.reference.trajectory.minimum_jerk import Ramp, Sample
+
+
+def reference_of(
+    flight: Flight,
+    state: VehicleState | None,
+    command: PilotCommand | None,
+    now: Ns,
+    *,
+    armed: bool,
+    epoch: int,
+) -> Reference:
+    """What a flight's axes say now, with the state and the pilot command behind it."""
+    axes, held, t = flight.axes, flight.held, flight.t
+    depth, heading, place, pace = _motions(flight)
+    surge_force, sway_force = axes.force.at(t)
+    return Reference(
+        stamp_ns=now,
+        sensor_ns=None if state is None else state.sensor_ns,
+        pilot_ns=None if command is None else command.stamp_ns,
+        epoch=epoch,
+        armed=armed,
+        depth=depth,
+        heading=heading,
+        surge_force=surge_force.velocity,
+        sway_force=sway_force.velocity,
+        heave_force=None if held.depth else axes.heave_force.at(t).velocity,
+        yaw_moment=None if held.heading else axes.yaw_moment.at(t).velocity,
+        surge=pace if place is None else None,
+        north=None if place is None else _moving(place[0]),
+        east=None if place is None else _moving(place[1]),
+        tilt=_ramped(axes.tilt, t),
+    )
+
+
+def _motions(
+    flight: Flight,
+) -> tuple[Motion, Motion, tuple[Sample, Sample] | None, Motion | None]:
+    """Depth, heading, place and the pace along a path, from the path or from the axes."""
+    axes, held, t = flight.axes, flight.held, flight.t
+    depth = _ramped(axes.heave, t) if held.depth else _followed(axes.heave, t)
+    heading = _ramped(axes.yaw, t) if held.heading else _followed(axes.yaw, t)
+    if (following := flight.journey.following) is None:
+        pace = _ramped(axes.pace, t)
+        place = axes.place.now if axes.place.held else None
+        return depth, heading, place, pace if pace.velocity != 0.0 else None
+    here = following.point(t)
+    if following.has_depth:
+        depth = _moving(following.depth(here))
+    pace = _moving(following.along(t))
+    return depth, _moving(following.heading(here)), following.place(here), pace
+
+
+def _ramped(ramp: Ramp, t: float) -> Motion:
+    return Motion(*ramp.at(t), jerk_limit=ramp.in_force.jerk)
+
+
+def _followed(ramp: Ramp, t: float) -> Motion:
+    """Of an axis that is not held: the vehicle sets its jerk."""
+    return _moving(ramp.at(t)._replace(jerk=0.0))
+
+
+def _moving(sample: Sample) -> Motion:
+    """A motion whose pace a path, the vehicle or two axes together set."""
+    return Motion(*sample)

@@ -1,0 +1,71 @@
+"""Requests that move the drone or say what it holds. Each is done, or says why it is not."""
+
+from messages.pilot import Course, Hold, PilotRequest
+from messages.units import Finite
+from services.reference.guidance.ground_motion import Pair, north_offset
+from services.reference.guidance.guidance import Flight
+from services.reference.guidance.modes import lacking, safe
+from services.reference.guidance.path_following import Planned
+
+
+def mode(flight: Flight, hold: Hold | None, *, armed: bool) -> str:
+    """Hold other axes than before."""
+    if hold is None:
+        return "mode needs to be told what to hold"
+    if reason := lacking(hold, flight.state, armed=armed):
+        return reason
+    flight.change(hold)
+    return ""
+
+
+def goto(flight: Flight, request: PilotRequest) -> str:
+    """To a depth, to a heading, to both, or to a place."""
+    depth, heading = request.depth, request.heading
+    if depth is not None and depth < 0:
+        return f"{depth:g} m is above the surface"
+    if request.north is not None or request.east is not None:
+        return _to_place(flight, request)
+    if depth is None and heading is None:
+        return "goto needs a depth or a heading"
+    _begin(flight, hold_place=flight.held.place)
+    journey, t = flight.journey, flight.t
+    journey.go(depth, None if heading is None else journey.turn_to(heading, t), t)
+    return ""
+
+
+def follow(flight: Flight, course: Course | None) -> str:
+    """Along a path that begins where the drone is; by measurement where it measures its place."""
+    if course is None:
+        return "follow needs a path"
+    return _follow(flight, course, None)
+
+
+def _to_place(flight: Flight, request: PilotRequest) -> str:
+    """Turn there and take the depth on the spot, then straight and level."""
+    if request.north is None or request.east is None or request.heading is not None:
+        return "goto a place needs north and east, and turns there by itself"
+    if flight.ground is None:
+        return "this drone does not know its position"
+    there = (request.north, request.east)
+    return _follow(flight, Course(waypoints=(flight.ground.position, there)), there, request.depth)
+
+
+def _follow(flight: Flight, course: Course, goal: Pair | None, depth: Finite | None = None) -> str:
+    try:
+        planned = Planned(course)
+    except ValueError as error:
+        return f"this is no path: {error}"
+    measured = flight.ground is not None
+    offset = 0.0 if flight.state is None else north_offset(flight.state)
+    _begin(flight, hold_place=measured)
+    flight.journey.follow(planned, flight.t, measured=measured, offset=offset, goal=goal)
+    if depth is not None:
+        flight.journey.go(depth, None, flight.t)
+        flight.journey.going = False
+    return ""
+
+
+def _begin(flight: Flight, *, hold_place: bool) -> None:
+    """End the way the drone was on; on any way it holds depth and heading."""
+    flight.journey.end(flight.t, hold_place=hold_place)
+    flight.hold = safe(flight.hold)

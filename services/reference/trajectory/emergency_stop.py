@@ -1,0 +1,69 @@
+"""Emergency stop of any motion: the velocity goes to zero, jerk-bounded, along the same coordinate.
+
+On a path the coordinate is the distance along it, so the drone stops on the path. The stop is a
+minimum-jerk velocity reference (`minimum_jerk`) with limits of its own, at most four segments, so
+where it will stand still is known the moment it is asked for.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import isfinite
+
+from services.reference.trajectory.minimum_jerk import Limits, Sample, Segment, along, solve
+from services.reference.trajectory.profile import Profile
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """A `Profile`: the motion before until `since`, from there on the way to standstill."""
+
+    before: Callable[[float], Sample]
+    since: float  # [s] when the stop was asked for, on the clock of the motion before
+    position: float  # at that moment
+    segments: tuple[Segment, ...]
+
+    @property
+    def duration(self) -> float:
+        """[s] When it stands still, on the clock of the motion before."""
+        return self.since + self.stop_time
+
+    @property
+    def stop_time(self) -> float:
+        """[s] From `since` to standstill."""
+        return sum(segment.duration for segment in self.segments)
+
+    @property
+    def stop_distance(self) -> float:
+        """Displacement from `since` to standstill, negative when backwards."""
+        return along(self.segments, self.stop_time, 0.0).position
+
+    def at(self, t: float) -> Sample:
+        """Position, velocity, acceleration, jerk at `t` [s]."""
+        if t < self.since:
+            return self.before(t)
+        here = along(self.segments, t - self.since, 0.0)
+        return here._replace(position=self.position + here.position)
+
+
+def stop(profile: Profile, t: float, limits: Limits) -> Stop:
+    """Stop a motion from `t` [s] on. Position, velocity and acceleration go on without a step.
+
+    Raises:
+        ValueError: a limit is not above 0, or `t` or the motion at `t` is not finite.
+    """
+    return stop_motion(profile.at, t, limits)
+
+
+def stop_motion(motion: Callable[[float], Sample], t: float, limits: Limits) -> Stop:
+    """The same for a motion that is a function of time, such as one that waits (`time_scaling`)."""
+    if not (limits.jerk > 0 and isfinite(limits.jerk)):
+        raise ValueError(f"jerk of a stop is {limits.jerk}, expected a finite number above 0")
+    if not limits.acceleration > 0:
+        raise ValueError(f"acceleration of a stop is {limits.acceleration}, expected above 0")
+    if not isfinite(t):
+        raise ValueError(f"time of a stop is {t}, expected a finite number of seconds")
+    here = motion(t)
+    if not all(map(isfinite, here)):
+        raise ValueError(f"the motion to be stopped is not finite at {t:g} s: {here}")
+    segments = tuple(solve(here.velocity, here.acceleration, 0.0, limits))
+    return Stop(motion, t, here.position, segments)

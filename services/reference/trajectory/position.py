@@ -1,0 +1,104 @@
+"""A position as target: a pair of jerk-bounded minimum-jerk velocity references.
+
+Andrén 2023 leaves positions as future work (7.2.2) and sketches one quintic (7.1), whose jerk may
+reach 7.5 J and which knows neither a velocity nor an acceleration limit. Here the motion is two
+bounded transitions, from the present velocity to a peak and from the peak to rest, with a cruise
+between them when the peak is the velocity limit. All limits hold from any state, and jerk is
+continuous where the two transitions meet. It ends exactly on the target.
+
+The peak is the one number that has no closed form; it is found by bisection, once per target.
+"""
+
+from collections.abc import Callable
+from itertools import pairwise
+from typing import NamedTuple
+
+from services.reference.trajectory.minimum_jerk import Limits, Sample, Segment, along, solve
+
+HALVINGS = 80  # enough to reach the last bit of a float
+
+
+class Pair(NamedTuple):
+    """A motion to a position, from whatever the reference was doing. A `Profile`."""
+
+    segments: tuple[Segment, ...]
+    peak: float  # velocity between the two transitions
+
+    @property
+    def duration(self) -> float:
+        """[s]"""
+        return sum(segment.duration for segment in self.segments)
+
+    def at(self, t: float) -> Sample:
+        """Position from the start, velocity, acceleration and jerk; at rest after the end."""
+        return along(self.segments, t, 0.0)
+
+
+def pair(
+    distance: float,
+    limits: Limits,
+    v_max: float,
+    velocity: float = 0.0,
+    acceleration: float = 0.0,
+) -> Pair:
+    """The motion over `distance` (either sign) that ends at rest.
+
+    Args:
+        v_max: > 0, highest speed of the cruise. A present speed above it is left, not kept.
+        velocity, acceleration: where the reference is now.
+
+    Raises:
+        ValueError: v_max is not positive.
+    """
+    if not v_max > 0:
+        raise ValueError(f"v_max: found {v_max}, must be more than 0")
+
+    def over(peak: float, cruise: float = 0.0) -> Pair:
+        there = solve(velocity, acceleration, peak, limits)
+        middle = [Segment(cruise, peak, 0.0, 0.0, 0.0)] if cruise > 0 else []
+        return Pair((*there, *middle, *solve(peak, 0.0, 0.0, limits)), peak)
+
+    for fastest in (v_max, -v_max):
+        missing = (distance - travelled(over(fastest).segments)) / fastest
+        if missing >= 0:
+            return over(fastest, missing)
+    candidates = [over(peak) for peak in _peaks(distance, limits, v_max, velocity, acceleration)]
+    return min(candidates, key=lambda candidate: candidate.duration)
+
+
+def travelled(segments: tuple[Segment, ...] | list[Segment]) -> float:
+    """Distance over a whole list of segments."""
+    return sum(segment.at(segment.duration).position for segment in segments)
+
+
+def _peaks(
+    distance: float, limits: Limits, v_max: float, velocity: float, acceleration: float
+) -> list[float]:
+    """Peaks that lead exactly over `distance`. The distance grows with the peak outside the
+    stretch between 0 and the velocity at which the present acceleration can be taken away; inside
+    it there is a hump, so each of the three stretches may hold a solution."""
+
+    def excess(peak: float) -> float:
+        there = travelled(solve(velocity, acceleration, peak, limits))
+        return there + travelled(solve(peak, 0.0, 0.0, limits)) - distance
+
+    coasting = velocity + acceleration * abs(acceleration) / (2 * limits.jerk)
+    coasting = max(-v_max, min(v_max, coasting))
+    edges = sorted({-v_max, min(0.0, coasting), max(0.0, coasting), v_max})
+    return [
+        _root(excess, low, high)
+        for low, high in pairwise(edges)
+        if excess(low) <= 0 <= excess(high) or excess(high) <= 0 <= excess(low)
+    ]
+
+
+def _root(function: Callable[[float], float], low: float, high: float) -> float:
+    """Where the function changes its sign between `low` and `high`."""
+    rising = function(low) <= 0
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        if (function(middle) <= 0) == rising:
+            low = middle
+        else:
+            high = middle
+    return (low + high) / 2

@@ -1,0 +1,18 @@
+"""What all generators of this package give: a motion along one coordinate, known in advance."""
+
+from typing import Protocol
+
+from services.reference.trajectory.minimum_jerk import Sample
+
+
+class Profile(Protocol):
+    """A motion over `duration` seconds. Before 0 and after the end it rests or cruises on."""
+
+    @property
+    def duration(self) -> float:
+        """[s] From start to arrival."""
+        ...
+
+    def at(self, t: float) -> Sample:
+        """Position (from 0), velocity, acceleration and jerk at `t` [s]."""
+        ...

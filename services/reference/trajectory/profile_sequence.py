@@ -1,0 +1,47 @@
+"""Several motions along one coordinate, one after the other, as one motion."""
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isclose
+
+from services.reference.trajectory.minimum_jerk import Sample
+from services.reference.trajectory.profile import Profile
+
+
+@dataclass(frozen=True, slots=True)
+class ProfileSequence:
+    """A `Profile` made of others; each starts where and when the one before arrives."""
+
+    parts: tuple[Profile, ...]
+    begins: tuple[float, ...]  # [s] when each part starts, the first at 0
+    starts: tuple[float, ...]  # position where each part starts, the first at 0
+    duration: float  # [s] from the start of the first part to the arrival of the last
+
+    def at(self, t: float) -> Sample:
+        """Position from the start of the first part, velocity, acceleration, jerk at `t` [s]."""
+        k = max(0, bisect_right(self.begins, t) - 1)
+        here = self.parts[k].at(t - self.begins[k])
+        return here._replace(position=self.starts[k] + here.position)
+
+
+def sequence(parts: Sequence[Profile]) -> ProfileSequence:
+    """Chain motions.
+
+    Raises:
+        ValueError: there is none, or one does not start with the velocity the one before ends with.
+    """
+    if not parts:
+        raise ValueError("a sequence of motions is empty, expected at least one")
+    begins, starts, time, position, velocity = [0.0], [0.0], 0.0, 0.0, parts[0].at(0.0).velocity
+    for number, part in enumerate(parts, start=1):
+        first, last = part.at(0.0), part.at(part.duration)
+        if not isclose(first.velocity, velocity, rel_tol=1e-9, abs_tol=1e-12):
+            raise ValueError(
+                f"part {number} starts with velocity {first.velocity:g}, expected "
+                f"{velocity:g}, with which part {number - 1} ends"
+            )
+        time, position, velocity = time + part.duration, position + last.position, last.velocity
+        begins.append(time)
+        starts.append(position)
+    return ProfileSequence(tuple(parts), tuple(begins[:-1]), tuple(starts[:-1]), time)

@@ -1,0 +1,118 @@
+"""A reference that waits for the vehicle: it runs on a clock of its own, which slows to standstill.
+
+The clock τ advances with dτ/dt = λ, and λ goes between 1 (run) and 0 (wait) as a jerk-bounded
+minimum-jerk reference itself, so λ and dλ/dt are continuous. The motion seen in real time is
+
+    p = p_r(τ)    v = v_r(τ) λ    a = a_r(τ) λ² + v_r(τ) dλ/dt
+
+exactly consistent at every instant, in any phase of the motion, and as smooth as the reference up
+to C². It replaces the waiting of Fernandes et al. 2015 (130), which holds the position while the
+velocity reference goes on.
+"""
+
+from dataclasses import dataclass, field
+from math import isfinite
+from typing import Generic, NamedTuple, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.reference.trajectory.minimum_jerk import Limits, Ramp, Sample
+
+Value = TypeVar("Value", float, NDArray[np.float64])  # one coordinate, or several as an array
+Seen = TypeVar("Seen", float, NDArray[np.float64], covariant=True)
+
+
+class Moving(Protocol[Seen]):
+    """A reference at one instant; a `Sample` is one."""
+
+    @property
+    def position(self) -> Seen: ...
+    @property
+    def velocity(self) -> Seen: ...  # per s of its clock
+    @property
+    def acceleration(self) -> Seen: ...  # per s² of its clock
+
+
+class Scaled(NamedTuple, Generic[Value]):
+    """A reference at one instant, in real time."""
+
+    position: Value
+    velocity: Value  # per s
+    acceleration: Value  # per s²
+
+
+class Clock(NamedTuple):
+    """The clock of a waiting reference at one instant of real time."""
+
+    tau: float  # [s] time of the reference
+    rate: float  # [-] λ, 0 to 1
+    rate_change: float  # [1/s] dλ/dt
+    rate_bend: float  # [1/s²] d²λ/dt²
+
+
+@dataclass(slots=True)
+class WaitingClock:
+    """Waits when the vehicle is too far from its reference, goes on once it is near again.
+
+    Time is the caller's, in seconds, and never runs backwards.
+
+    Raises:
+        ValueError: not 0 < resume_below < wait_above, or a limit is not above 0.
+    """
+
+    wait_above: float  # e_hi, size of the error that makes the reference wait
+    resume_below: float  # e_lo, size of the error at which it goes on
+    limits: Limits  # of λ: jerk limits d²λ/dt² [1/s²], acceleration limits dλ/dt [1/s]
+    since: float = 0.0  # [s] real time at which the reference starts, running
+    waiting: bool = field(default=False, init=False)
+    _ramp: Ramp = field(init=False)  # its position is τ, its velocity λ
+
+    def __post_init__(self) -> None:
+        low, high, (jerk, acceleration) = self.resume_below, self.wait_above, self.limits
+        if not (0 < low < high and isfinite(high)):
+            raise ValueError(
+                f"waiting above {high} and going on below {low}: expected 0 < below < above"
+            )
+        if not (jerk > 0 and isfinite(jerk) and acceleration > 0):
+            raise ValueError(f"limits of waiting are {tuple(self.limits)}, expected above 0")
+        self._ramp = Ramp(self.limits, target=1.0, since=self.since)
+
+    def watch(self, error: float, t: float) -> None:
+        """At `t` [s] the vehicle is `error` away from its reference; for a vector, the norm.
+
+        Raises:
+            ValueError: the error or the time is not finite; the clock goes on as it was.
+        """
+        if not (isfinite(error) and isfinite(t)):
+            raise ValueError(f"error to wait for is {error} at {t} s, expected finite numbers")
+        if abs(error) > self.wait_above:
+            self.waiting = True
+        elif abs(error) < self.resume_below:
+            self.waiting = False
+        self._ramp.aim(0.0 if self.waiting else 1.0, t)
+
+    def at(self, t: float) -> Clock:
+        """Where the clock is at `t` [s] of real time."""
+        return Clock(*self._ramp.at(t))
+
+
+def scaled(reference: Moving[Value], clock: Clock) -> Scaled[Value]:
+    """The reference taken at `clock.tau`, as it is seen in real time."""
+    rate, change = clock.rate, clock.rate_change
+    return Scaled(
+        reference.position,
+        reference.velocity * rate,
+        reference.acceleration * (rate * rate) + reference.velocity * change,
+    )
+
+
+def scaled_sample(reference: Sample, clock: Clock) -> Sample:
+    """The same for one coordinate, with the jerk j_r λ³ + 3 a_r λ dλ/dt + v_r d²λ/dt²."""
+    position, velocity, acceleration = scaled(reference, clock)
+    jerk = (
+        reference.jerk * clock.rate**3
+        + 3 * reference.acceleration * clock.rate * clock.rate_change
+        + reference.velocity * clock.rate_bend
+    )
+    return Sample(position, velocity, acceleration, jerk)

@@ -1,0 +1,72 @@
+"""What may pass between a hub and another machine: the topic table, and nothing else.
+
+A hub whose services come over a private socket and whose other end comes over the network tells
+the two apart by the protocol. From the network only what the table sends this way is let in, and
+only what it sends the other way is let out (Zenoh's access control, denied by default).
+"""
+
+from typing import Any, NamedTuple
+
+from messages import topics
+from messages.topic import Way
+from services.runtime.node.clock_offset import Side
+
+LOCAL, NETWORK = "unixsock-stream", ("tcp", "tls", "quic", "udp")
+MESSAGES = ("put", "delete", "declare_subscriber")
+ALL_MESSAGES = (
+    *MESSAGES,
+    *("query", "reply", "declare_queryable"),
+    *("liveliness_token", "declare_liveliness_subscriber", "liveliness_query"),
+)
+
+
+class Border(NamedTuple):
+    """Which side of the tether a hub is on, and the namespace of its vehicle's keys."""
+
+    side: Side
+    space: str
+
+
+def access_control(border: Border) -> dict[str, Any]:
+    """Zenoh's `access_control` for this hub."""
+    inward, outward = (Way.UP, Way.DOWN) if border.side == "topside" else (Way.DOWN, Way.UP)
+    here, there = _keys(border.space, outward), _keys(border.space, inward)
+    rules = [
+        _rule("own", ["ingress", "egress"], ALL_MESSAGES, ["**", "**/@v1/**"]),
+        _rule("in", ["ingress"], ("put", "delete"), there),
+        _rule("out", ["egress"], ("put", "delete"), here),
+        _rule("may_ask_for", ["ingress"], ("declare_subscriber",), here),
+        _rule("asks_for", ["egress"], ("declare_subscriber",), there),
+    ]
+    subjects = [
+        {"id": "services", "link_protocols": [LOCAL]},
+        {"id": "network", "link_protocols": list(NETWORK)},
+    ]
+    policies = [
+        {"rules": ["own"], "subjects": ["services"]},
+        {"rules": ["in", "out", "may_ask_for", "asks_for"], "subjects": ["network"]},
+    ]
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": rules,
+        "subjects": subjects,
+        "policies": policies,
+    }
+
+
+def _keys(space: str, way: Way) -> list[str]:
+    rows = [topic for topic in topics.ALL if topic.way in (way, Way.BOTH)]
+    return [f"{space}/{topic.key}" for topic in rows]
+
+
+def _rule(
+    name: str, flows: list[str], messages: tuple[str, ...], keys: list[str]
+) -> dict[str, Any]:
+    return {
+        "id": name,
+        "permission": "allow",
+        "flows": flows,
+        "messages": list(messages),
+        "key_exprs": keys,
+    }

@@ -1,0 +1,171 @@
+"""A realm over Zenoh: a star with one hub, every service a client of it with explicit endpoints."""
+
+import json
+import time
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager
+from typing import Literal
+
+import zenoh
+
+from messages.topic import AnyTopic
+from services.runtime.bus.access_control import Border, access_control
+from services.runtime.bus.envelope import Envelope, Say, Store
+from services.runtime.bus.qos import STANCES, Travel
+from services.runtime.config.errors import LindyError
+
+Mode = Literal["router", "client"]
+VERSION = "@v1"  # one verbatim chunk keeps incompatible generations apart
+HUB_PATIENCE_S = 10.0  # how long a client waits for its hub to appear
+
+
+def namespace(vehicle: str) -> str:
+    return f"lindy/{VERSION}/{vehicle}"
+
+
+def config(
+    mode: Mode, listen: Sequence[str] = (), connect: Sequence[str] = (), space: str | None = None
+) -> zenoh.Config:
+    """Explicit endpoints, no discovery, so that many stacks run side by side on one machine."""
+    settings = zenoh.Config()
+    for key, value in {
+        "mode": mode,
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "listen/endpoints": list(listen),
+        "connect/endpoints": list(connect),
+        "transport/shared_memory/enabled": False,  # it would bypass a shaped link
+        "transport/link/tx/lease": 1000,  # [ms] a pulled cable is noticed after this
+        "connect/retry": {"period_init_ms": 50, "period_max_ms": 200, "period_increase_factor": 2},
+    }.items():
+        settings.insert_json5(key, json.dumps(value))
+    if space is not None:
+        settings.insert_json5("namespace", json.dumps(space))
+    return settings
+
+
+def listening(
+    *endpoints: str, connect: Sequence[str] = (), border: Border | None = None
+) -> zenoh.Session:
+    """A hub's session.
+
+    Args:
+        connect: endpoints of other machines' hubs; tried again and again while they are away.
+        border: what may pass between this machine and another; None: no other machine.
+
+    Raises:
+        LindyError: the endpoint is taken or malformed.
+    """
+    settings = config("router", endpoints, connect)
+    if border is not None:
+        settings.insert_json5("access_control", json.dumps(access_control(border)))
+    endpoint = endpoints[-1]
+    try:
+        return zenoh.open(settings)
+    except zenoh.ZError as error:
+        taken = "in use" in str(error)
+        reason = str(error).split(" at /")[0]  # what follows is Zenoh's own source line
+        why = "is already in use" if taken else f"cannot be listened on ({reason})"
+        raise LindyError(
+            f"endpoint {endpoint} {why}; choose another, for example tcp/127.0.0.1:7447"
+        ) from None
+
+
+def connected(endpoint: str, space: str, patience_s: float = HUB_PATIENCE_S) -> zenoh.Session:
+    """A client's session; waits for the hub, because a client's `open` raises when none is there.
+
+    Raises:
+        LindyError: no hub answered within `patience_s`.
+    """
+    deadline = time.monotonic() + patience_s
+    while True:
+        try:
+            return zenoh.open(config("client", connect=[endpoint], space=space))
+        except zenoh.ZError:
+            if time.monotonic() > deadline:
+                raise LindyError(f"no hub answers at {endpoint} after {patience_s:g} s") from None
+            time.sleep(0.05)  # between two attempts; the hub's start-up is not announced anywhere
+
+
+class ZenohBus:
+    """One node's end of a realm."""
+
+    def __init__(self, session: zenoh.Session) -> None:
+        self._session = session
+        self._keep: list[object] = []  # undeclared when collected, so hold on to them
+
+    def hear(self, key_expression: str, store: Store) -> None:
+        # `indirect=False`: store on Zenoh's own thread; it only appends and wakes. A queue with
+        # a thread behind it fills up, and one full queue deafens the whole session.
+        def on_sample(sample: zenoh.Sample) -> None:
+            if sample.kind == zenoh.SampleKind.PUT:
+                store(_envelope(sample))
+
+        handler = zenoh.handlers.Callback(on_sample, indirect=False)
+        self._keep.append(
+            self._session.declare_subscriber(
+                key_expression, handler, allowed_origin=zenoh.Locality.REMOTE
+            )
+        )
+
+    def say(self, topic: AnyTopic) -> Say:
+        travel = STANCES[topic.qos]
+        publisher = self._session.declare_publisher(
+            topic.key,
+            encoding=topic.encoding,
+            priority=travel.priority,
+            congestion_control=travel.congestion_control,
+            express=travel.express,
+        )
+
+        def put(payload: bytes) -> None:
+            publisher.put(payload)
+
+        return put
+
+    def forward(self, envelope: Envelope) -> None:
+        travel = envelope.travelled
+        assert isinstance(travel, Travel)
+        self._session.put(
+            envelope.key,
+            envelope.payload,
+            encoding=envelope.encoding,
+            attachment=envelope.attachment,
+            priority=travel.priority,
+            congestion_control=travel.congestion_control,
+            express=travel.express,
+        )
+
+    def announce(self, service: str) -> None:
+        """Liveliness token: its disappearance tells everyone within milliseconds."""
+        self._keep.append(self._session.liveliness().declare_token(f"alive/{service}"))
+
+    def watch(self, changed: Callable[[str, bool], None]) -> None:
+        """Call `changed(service, alive)` for every token now and from now on."""
+
+        def on_token(sample: zenoh.Sample) -> None:
+            service = str(sample.key_expr).rsplit("/", 1)[-1]
+            changed(service, sample.kind == zenoh.SampleKind.PUT)
+
+        handler = zenoh.handlers.Callback(on_token, indirect=False)
+        self._keep.append(
+            self._session.liveliness().declare_subscriber("alive/*", handler, history=True)
+        )
+
+
+@contextmanager
+def open_bus(endpoint: str, vehicle: str) -> Generator[ZenohBus]:
+    """A client's bus. Always closed: a session left open hangs the process at exit."""
+    with connected(endpoint, namespace(vehicle)) as session:
+        yield ZenohBus(session)
+
+
+def _envelope(sample: zenoh.Sample) -> Envelope:
+    attachment = sample.attachment
+    return Envelope(
+        key=str(sample.key_expr),
+        payload=sample.payload.to_bytes(),
+        encoding=str(sample.encoding),
+        attachment=None if attachment is None else attachment.to_bytes(),
+        travelled=Travel(sample.priority, sample.congestion_control, sample.express),
+    )

@@ -1,0 +1,236 @@
+"""TOML files into frozen Structs. An error names the file, the line, the key, what was found, what
+is allowed, and the nearest known key."""
+
+import difflib
+import re
+import tomllib
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import msgspec
+
+from services.runtime.config.errors import LindyError
+
+DEPLOY = Path(__file__).resolve().parents[3] / "deploy"
+S = TypeVar("S")
+Key = tuple[str | int, ...]  # names, and the places of entries in arrays, from 0
+HEADING = re.compile(r"\s*(\[\[?)([\w.\-\"' ]+)\]\]?\s*(#.*)?$")
+ASSIGNMENT = re.compile(r"\s*([\w.\-]+)\s*=")
+ENTRY = re.compile(r"(\w+) number (\d+)")  # an entry of an array, as sentences name it
+
+
+def deploy_file(folder: str, name: str, suffix: str = ".toml") -> Path:
+    """The file of a named vehicle, link, stack, pad or dive; or `name` itself when it is a path.
+
+    Raises:
+        LindyError: there is no such file; says which names there are.
+    """
+    if name.endswith(suffix):
+        if Path(name).is_file():
+            return Path(name)
+        raise LindyError(f"there is no file {name}")
+    path = DEPLOY / folder / f"{name}{suffix}"
+    if path.is_file():
+        return path
+    known = sorted(file.stem for file in (DEPLOY / folder).glob(f"*{suffix}"))
+    raise LindyError(f"unknown {folder.rstrip('s')} {name!r}{nearest(name, known)}")
+
+
+def nearest(found: str, known: Sequence[str]) -> str:
+    """`; did you mean 'x'? Known: x, y` for an error about a name."""
+    close = difflib.get_close_matches(found, known, n=1)
+    guess = f"; did you mean {close[0]!r}?" if close else ";"
+    return f"{guess} known: {', '.join(known)}"
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """The file as plain dictionaries.
+
+    Raises:
+        LindyError: it cannot be read or is not TOML.
+    """
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise LindyError(f"cannot read {path}: {error.strerror}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise LindyError(f"{path}: not valid TOML: {error}") from None
+
+
+def override(tree: dict[str, Any], assignments: Sequence[str]) -> None:
+    """Apply `--set control.depth.kp=3` style assignments in place.
+
+    Raises:
+        LindyError: an assignment is malformed or reaches into something that is not a table.
+    """
+    for assignment in assignments:
+        key, equals, text = assignment.partition("=")
+        if not equals or not key.strip():
+            raise LindyError(f"--set {assignment}: expected key.path=value")
+        *path, leaf = key.strip().split(".")
+        table = tree
+        for part in path:
+            inner: Any = table.setdefault(part, {})
+            if not isinstance(inner, dict):
+                raise LindyError(f"--set {assignment}: {part} is a value, not a table")
+            table = cast(dict[str, Any], inner)
+        try:
+            table[leaf] = _value(text.strip())
+        except ValueError as error:
+            raise LindyError(f"--set {assignment}: {error}") from None
+
+
+def convert(tree: Any, kind: type[S], where: str, path: Path | None = None) -> S:
+    """A dictionary into the Struct `kind`, unknown keys refused.
+
+    Args:
+        where: dotted name of the table inside the file, for the error.
+        path: file it came from, for the error.
+
+    Raises:
+        LindyError: an unknown key, a wrong type or a value outside its limits.
+    """
+    try:
+        return msgspec.convert(tree, kind)
+    except msgspec.ValidationError as error:
+        raise LindyError(_explain(str(error), tree, kind, where, path)) from None
+
+
+def read(path: Path, kind: type[S]) -> S:
+    """A whole TOML file into the Struct `kind`."""
+    return convert(read_toml(path), kind, "", path)
+
+
+def _value(text: str) -> Any:
+    """
+    Raises:
+        ValueError: neither TOML nor a bare word.
+    """
+    try:
+        return tomllib.loads(f"v = {text}")["v"]
+    except tomllib.TOMLDecodeError as error:
+        if not text.startswith(("[", "{", '"', "'")) and not _is_number(text):
+            return text  # a bare word is a string, so that shells need no quotes inside quotes
+        why = str(error).partition(" (at")[0].lower()
+        raise ValueError(f"not valid TOML ({why}); a number looks like 0.38") from None
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _explain(error: str, tree: Any, kind: type, where: str, path: Path | None) -> str:
+    what, _, at = error.partition(" - at ")
+    steps = re.findall(r"\.(\w+)|\[(\d+)\]", at.strip("`"))
+    parts: Key = tuple(name or int(index) for name, index in steps)
+    unknown = re.search(r"unknown field `(\w+)`", what)
+    key = (*filter(None, where.split(".")), *parts, *([unknown[1]] if unknown else []))
+    line = line_of(path, key, exact=bool(unknown)) if path else ""
+    text = [f"{path}{line}: " if path else "", f"{in_words(key) or 'this file'}: "]
+    if unknown:
+        text.append(f"unknown key{nearest(unknown[1], _fields(kind, list(parts)))}")
+    else:
+        what = what[0].lower() + what[1:].replace("`", "")
+        text.append(_with_lines(what, key, path) if path else what)
+        found = _at(tree, list(parts))
+        if not isinstance(found, dict | list):
+            text.append(f", found {found!r}")
+    return "".join(text)
+
+
+def _with_lines(what: str, key: Key, path: Path) -> str:
+    """A sentence with the line behind every entry of an array that it names."""
+
+    def located(entry: re.Match[str]) -> str:
+        line = line_of(path, (*key, entry[1], int(entry[2]) - 1), exact=True)
+        return f"{entry[0]} (line {line[1:]})" if line else entry[0]
+
+    return ENTRY.sub(located, what)
+
+
+def in_words(key: Key) -> str:
+    """Names with dots between them; the entries of an array are counted from 1, as people do."""
+    text = ""
+    for part, before in zip(key, (None, *key), strict=False):
+        if isinstance(part, int):
+            text += f"{',' if isinstance(before, int) else ''} number {part + 1}"
+        elif isinstance(before, int):
+            text += f", {part}"
+        else:
+            text += f".{part}" if text else part
+    return text
+
+
+def line_of(path: Path, key: Key, *, exact: bool = False) -> str:
+    """`:12` where a key stands in a TOML file; of a key that is missing, unless `exact`, the line
+    of the nearest table or array around it. Empty when there is none."""
+    lines = _lines(path.read_text(encoding="utf-8"))
+    for length in range(len(key), 0, -1):
+        if (number := lines.get(key[:length])) is not None:
+            return f":{number}"
+        if exact:
+            break
+    return ""
+
+
+def _lines(text: str) -> dict[Key, int]:
+    """Line of every table and key; entries of an array of tables count from 0."""
+    lines: dict[Key, int] = {}
+    entries: Counter[Key] = Counter()
+    table: Key = ()
+    for number, line in enumerate(text.splitlines(), 1):
+        if heading := HEADING.match(line):
+            table = _resolved(heading[2], entries, array=len(heading[1]) == 2)
+            for length in range(1, len(table) + 1):
+                lines.setdefault(table[:length], number)
+        elif assignment := ASSIGNMENT.match(line):
+            lines.setdefault((*table, *assignment[1].split(".")), number)
+    return lines
+
+
+def _resolved(heading: str, entries: Counter[Key], *, array: bool) -> Key:
+    """A heading as a key; of an array of tables the entry that the heading begins or is in."""
+    key: Key = ()
+    names = [name.strip(" \t\"'") for name in heading.split(".")]
+    for depth, name in enumerate(names, 1):
+        key = (*key, name)
+        if array and depth == len(names):
+            entries[key] += 1
+        if entries[key]:
+            key = (*key, entries[key] - 1)
+    return key
+
+
+def _at(tree: Any, parts: list[Any]) -> Any:
+    for part in parts:
+        try:
+            tree = tree[part]
+        except (KeyError, IndexError, TypeError):
+            return {}
+    return tree
+
+
+def _fields(kind: Any, parts: list[Any]) -> list[str]:
+    """Names a Struct knows at the end of a path of keys."""
+    node = msgspec.inspect.type_info(kind)
+    for part in parts:
+        if isinstance(node, msgspec.inspect.StructType):
+            node = next((f.type for f in node.fields if f.encode_name == part), node)
+        elif isinstance(node, msgspec.inspect.DictType):
+            node = node.value_type
+        elif isinstance(
+            node,
+            msgspec.inspect.ListType | msgspec.inspect.VarTupleType,
+        ):
+            node = node.item_type
+    return (
+        sorted(f.encode_name for f in node.fields)
+        if isinstance(node, msgspec.inspect.StructType)
+        else []
+    )

@@ -1,0 +1,118 @@
+"""What every service of one dive shares: the vehicle, the link, the pilot, where files go."""
+
+import re
+from collections.abc import Mapping
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+import msgspec
+
+from services.runtime.config.errors import LindyError
+from services.runtime.config.settings import (
+    convert,
+    deploy_file,
+    line_of,
+    nearest,
+    override,
+    read_toml,
+)
+
+S = TypeVar("S")
+BODY = "vehicle"  # the table of the vehicle file that describes the vehicle itself
+
+
+class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
+    """One dive's choices, as given on the command line."""
+
+    vehicle: str = "pioneer"
+    link: str = "tether"
+    pilot: str = "gamepad"  # gamepad, keyboard or script:FILE
+    out: str = "."  # folder for recordings
+    seed: Annotated[int, msgspec.Meta(ge=0)] = 0
+    viewer: bool = False  # open a live viewer
+    apart: bool = False  # topside and drone are machines of their own, each with its own clock
+    arm: bool = True  # the gamepad arms the drone as soon as it is ready
+    virtual: bool = False  # on virtual time: a driver that needs real time refuses to start
+    overrides: list[str] = []  # key.path=value into the vehicle file
+
+    @cached_property
+    def vehicle_path(self) -> Path:
+        return deploy_file("vehicles", self.vehicle)
+
+    @property
+    def vehicle_name(self) -> str:
+        """Name of the vehicle in keys: [a-z0-9_].
+
+        Raises:
+            LindyError: its file has a name that no key may have.
+        """
+        name = self.vehicle_path.stem.lower().replace("-", "_")
+        if re.fullmatch(r"[a-z0-9_]+", name) is None:
+            raise LindyError(
+                f"{self.vehicle_path}: the file's name is the vehicle's name in every key, so it "
+                f"may have letters a to z, digits, '_' and '-' only, found "
+                f"{self.vehicle_path.stem!r}; rename the file"
+            )
+        return name
+
+    @property
+    def out_dir(self) -> Path:
+        return Path(self.out)
+
+    def section(self, name: str, kind: type[S]) -> S:
+        """One table of the vehicle file, with the overrides applied.
+
+        Raises:
+            LindyError: the table is wrong; says where and what is allowed.
+        """
+        tree = _vehicle_tree(self.vehicle_path, tuple(self.overrides))
+        try:
+            return convert(tree.get(name, {}), kind, name, self.vehicle_path)
+        except LindyError as error:
+            raise self._blamed(str(error)) from None
+
+    def check(self, known: Mapping[str, type]) -> None:
+        """Read every table of the vehicle file once, so that a mistake stops a dive before it
+        starts.
+
+        Args:
+            known: the tables that there may be, and what each is read into.
+
+        Raises:
+            LindyError: an unknown table, a mistake in one, or a name that no key may have.
+        """
+        _ = self.vehicle_name
+        tree = _vehicle_tree(self.vehicle_path, tuple(self.overrides))
+        for name in tree:
+            if name not in known:
+                where = f"{self.vehicle_path}{line_of(self.vehicle_path, (name,))}: {name}"
+                raise self._blamed(
+                    f"{where}: unknown table of a vehicle file{nearest(name, sorted(known))}"
+                )
+        for name, kind in known.items():
+            self.section(name, kind)
+
+    def _blamed(self, sentence: str) -> LindyError:
+        """An error about a key that `--set` brought in is not the file's fault."""
+        about = re.fullmatch(
+            rf"{re.escape(str(self.vehicle_path))}(:\d+)?: ([^:]+): (.*)", sentence
+        )
+        if about is None:
+            return LindyError(sentence)
+        in_file, wrong, why = about.groups()
+        for assignment in self.overrides:
+            key = assignment.partition("=")[0].strip()
+            if key == wrong:
+                return LindyError(f"--set {assignment}: {why}")
+            inside = wrong.startswith((f"{key}.", f"{key} "))  # of the table or array it sets
+            if inside or (key.startswith(f"{wrong}.") and not in_file and "unknown" in why):
+                return LindyError(f"--set {assignment}: {wrong}: {why}")
+        return LindyError(sentence)
+
+
+@lru_cache
+def _vehicle_tree(path: Path, overrides: tuple[str, ...]) -> dict[str, Any]:
+    tree = read_toml(path)
+    override(tree, overrides)
+    return tree

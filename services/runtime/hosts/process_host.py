@@ -1,0 +1,172 @@
+"""One service as one OS process: one Zenoh session per realm, wall time, a clean end.
+
+The process ends on SIGINT or SIGTERM, when its parent dies (within two seconds, even if a handler
+hangs), or with one sentence and status 1 when something is set wrongly.
+"""
+
+import contextlib
+import ctypes
+import os
+import resource
+import signal
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Generator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import msgspec
+
+from messages.health import LogLine
+from services.runtime.bus.access_control import Border
+from services.runtime.bus.zenoh_bus import listening, open_bus
+from services.runtime.config.errors import LindyError
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.garbage_collection import rare_collections
+from services.runtime.hosts.registry import Registry, ServiceSpec
+from services.runtime.node.checkpoint import FileMemory
+from services.runtime.node.clock_offset import FarClock
+from services.runtime.node.loop_stats import Usage
+from services.runtime.node.node import Node
+
+POLL_S = 0.1  # longest wait between two looks at the stop flag
+GRACE_S = 1.0  # after the parent's death: time to close files before the process is ended
+
+
+class Launch(msgspec.Struct, frozen=True, kw_only=True):
+    """All a service process needs to know, as one JSON argument."""
+
+    service: str
+    stack: Stack
+    spec: ServiceSpec  # its row in …
+    stack_file: str  # … this file
+    endpoints: dict[str, str]  # side → hub's endpoint; the first side is home
+    memory: str  # folder of the checkpoints, for a restart after a crash
+    parent: int | None = None  # pid; the process ends when this is no longer its parent
+
+
+class Stop:
+    """A flag that signals and the parent's death raise."""
+
+    def __init__(self) -> None:
+        self.asked = False
+
+    def ask(self, *_: object) -> None:
+        self.asked = True
+
+
+def run_service(launch: Launch) -> int:
+    """Run a service until it is asked to stop. Returns the exit status."""
+    with _stoppable(launch.parent) as stop, _sentences(launch.service), ExitStack() as exits:
+        vehicle = launch.stack.vehicle_name
+        buses = {
+            realm: exits.enter_context(open_bus(endpoint, vehicle))
+            for realm, endpoint in launch.endpoints.items()
+        }
+        memory = FileMemory(Path(launch.memory) / f"{launch.service}.json")
+        exits.callback(memory.close)
+        home = next(iter(launch.endpoints))
+        far = FarClock("topside" if home == "topside" else "drone") if launch.stack.apart else None
+        node = Node(
+            launch.service, buses, time.monotonic_ns, memory, gateway=launch.spec.gateway, far=far
+        )
+        node.show, node.usage = _show, usage
+        node.wall_offset_ns = time.time_ns() - time.monotonic_ns()
+        event = threading.Event()
+        node.wake = event.set
+        registry = Registry(Path(launch.stack_file), {launch.service: launch.spec})
+        registry.wire(launch.service)(node, launch.stack)
+        exits.callback(node.close)
+        for bus in buses.values():
+            bus.announce(launch.service)
+        exits.enter_context(rare_collections())
+        while not stop.asked:
+            node.step()
+            _wait(node, event)
+        node.step()  # what came in with the signal is still handled
+        return 0
+    return 1
+
+
+class HubLaunch(msgspec.Struct, frozen=True, kw_only=True):
+    """All a hub process needs to know, as one JSON argument."""
+
+    listen: list[str]  # endpoints
+    connect: list[str] = []  # endpoints of other machines' hubs
+    border: Border | None = None  # where other machines can reach it
+    parent: int | None = None
+
+
+def run_hub(launch: HubLaunch) -> int:
+    """Run a realm's hub until it is asked to stop: a Zenoh router and nothing else."""
+    with (
+        _stoppable(launch.parent) as stop,
+        _sentences("hub"),
+        listening(*launch.listen, connect=launch.connect, border=launch.border),
+    ):
+        while not stop.asked:
+            time.sleep(POLL_S)  # the router works on its own threads
+        return 0
+    return 1
+
+
+def _wait(node: Node, event: threading.Event) -> None:
+    """Until something arrives, falls due, or it is time to look at the stop flag."""
+    seconds = min(POLL_S, (node.deadline() - time.monotonic_ns()) / 1e9)
+    if seconds > 0:
+        event.wait(seconds)
+    event.clear()
+
+
+@contextmanager
+def _stoppable(parent: int | None) -> Generator[Stop]:
+    stop = Stop()
+    signal.signal(signal.SIGINT, stop.ask)
+    signal.signal(signal.SIGTERM, stop.ask)
+    _exact_timers()
+    if parent is not None:
+        threading.Thread(target=_follow, args=(parent, stop), daemon=True).start()
+    yield stop
+
+
+@contextmanager
+def _sentences(who: str) -> Generator[None]:
+    """A mistake of the user's becomes one sentence on stderr; the caller then returns 1."""
+    try:
+        yield
+    except LindyError as error:
+        if error.__cause__ is not None:  # a module that is not ours: details for the log
+            traceback.print_exception(error.__cause__)
+        print(f"lindy {who}: {error}", file=sys.stderr, flush=True)
+
+
+def _follow(parent: int, stop: Stop) -> None:
+    """Raise the flag when the parent is gone; end the process if nobody looks at the flag."""
+    while os.getppid() == parent:
+        time.sleep(0.2)  # the kernel does not tell a process that its parent died
+    stop.ask()
+    time.sleep(GRACE_S)  # for the main thread to close files
+    os._exit(2)
+
+
+def _exact_timers() -> None:
+    """Timer slack of 1 ns instead of 50 µs, where Linux offers it: half the lateness."""
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(29, 1, 0, 0, 0)  # PR_SET_TIMERSLACK
+
+
+def _show(line: LogLine) -> None:
+    with contextlib.suppress(OSError):  # a full disk under the log; the bus has the line as well
+        print(f"{line.level} {line.service}: {line.text}", file=sys.stderr, flush=True)
+
+
+def usage() -> Usage:
+    """What the operating system says of this process."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text().split()[1])
+        rss_mb = pages * resource.getpagesize() / 1e6
+    except OSError:  # not Linux: the peak is the best there is
+        rss_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
+    return Usage(cpu_s=time.process_time(), rss_mb=rss_mb)

@@ -1,0 +1,241 @@
+"""Which services a stack is made of, and where the code of each is found: name → module → `wire`.
+
+One of Lindy's own services is `services.<name>`: its `wire` is in `.service`, its `Settings`, if it
+has any, in `.core`. Somebody else's is the module that its row in the stack file names, with `wire`
+and `Settings` in that module itself. Such a module is looked for among the installed packages and
+then in the folder of the stack file.
+"""
+
+import importlib
+import importlib.util
+import pkgutil
+import re
+import sys
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import ModuleType
+from typing import Annotated, Any
+
+import msgspec
+
+import services
+from services.runtime.config.errors import LindyError
+from services.runtime.config.settings import convert, deploy_file, line_of, nearest, read_toml
+from services.runtime.config.stack import BODY, Stack
+from services.runtime.node.node import Node
+
+Wire = Callable[[Node, Stack], None]
+Side = Annotated[str, msgspec.Meta(pattern="^(topside|drone)$")]
+DEFAULT = "simulated"  # the stack of a dive for which nobody chose one
+NAME = r"[a-z0-9_]+"  # of a service: it becomes part of a key
+TAKEN = (BODY, "supervisor")  # they mean something else in a vehicle file and on the bus
+
+
+class ServiceSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A service of a stack file."""
+
+    sides: Annotated[list[Side], msgspec.Meta(min_length=1)]  # the first is its home
+    gateway: bool = False  # says what both sides hear in each of them itself
+    vehicle_side: bool = False  # it is the vehicle, or part of it: sensors, thrusters
+    each_machine: bool = False  # runs on each machine, where its sides are machines of their own
+    service: str | None = None  # whose code it runs; None: that of its name
+    module: str | None = None  # None: one of Lindy's own
+
+
+class StackFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    services: dict[str, dict[str, Any]] = {}
+
+
+@dataclass(frozen=True, slots=True)
+class Registry(Mapping[str, ServiceSpec]):
+    """The services of one stack file, by name, in its order."""
+
+    file: Path
+    specs: Mapping[str, ServiceSpec]
+
+    @classmethod
+    def read(cls, stack: str = DEFAULT) -> "Registry":
+        """
+        Args:
+            stack: a name in deploy/stacks, or the path of a TOML file.
+
+        Raises:
+            LindyError: no such file, or a mistake in it.
+        """
+        file = deploy_file("stacks", stack)
+        tables = convert(read_toml(file), StackFile, "", file).services
+        specs = {n: convert(t, ServiceSpec, f"services.{n}", file) for n, t in tables.items()}
+        registry = cls(file.resolve(), specs)
+        for name in specs:
+            registry._require_known(name)
+        if not registry.vehicle_side:
+            raise LindyError(
+                f"{file}: no service is the vehicle; one of them must say vehicle_side = true"
+            )
+        return registry
+
+    def __getitem__(self, name: str) -> ServiceSpec:
+        return self.specs[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.specs)
+
+    def __len__(self) -> int:
+        return len(self.specs)
+
+    @property
+    def vehicle_side(self) -> dict[str, str]:
+        """Names of the services that are the vehicle, with the module each is found in."""
+        return {n: self._module(n) for n, spec in self.specs.items() if spec.vehicle_side}
+
+    def only(self, specs: Mapping[str, ServiceSpec]) -> "Registry":
+        """The same stack file with only these services."""
+        return replace(self, specs=specs)
+
+    def apart(self) -> "Registry":
+        """The same stack where topside and drone are machines of their own: what runs on each of
+        them has a name of its own away from home, because each hears the other's health."""
+        split: dict[str, ServiceSpec] = {}
+        for name, spec in self.specs.items():
+            if not spec.each_machine:
+                split[name] = spec
+                continue
+            for side in spec.sides:
+                instance = name if side == spec.sides[0] else f"{name}_{side}"
+                split[instance] = msgspec.structs.replace(
+                    spec, sides=[side], each_machine=False, service=self._code(name)
+                )
+        return self.only(split)
+
+    def wire(self, name: str) -> Wire:
+        """The function that connects a service's thinking to its ports. Whatever it raises is one
+        sentence.
+
+        Raises:
+            LindyError: there is no such module or function.
+        """
+        own = self.specs[name].module is None
+        wire = wire_of(self._code(name)) if own else self._wire_of_others(name)
+
+        def wired(node: Node, stack: Stack) -> None:
+            try:
+                wire(node, stack)
+            except LindyError:
+                raise
+            except Exception as error:
+                raise LindyError(f"module {self._module(name)}: {_in_words(error)}") from error
+
+        return wired
+
+    def tables(self, here: Collection[str] | None = None) -> dict[str, type]:
+        """The tables that a vehicle file may have for services: for those of this stack, and for
+        all of Lindy's own, because a vehicle file suits more than one stack.
+
+        Args:
+            here: the services that run on this machine; None: all. Somebody else's modules need not
+                be installed on the other one, so their tables are not looked into there.
+
+        Raises:
+            LindyError: a module of this stack cannot be used.
+        """
+        found = {name: own_settings(name) for name in own_services()}
+        for name, spec in self.specs.items():
+            if spec.module is not None:
+                at_home = here is None or name in here
+                found[name] = self._settings_of_others(name) if at_home else dict
+        return {name: settings for name, settings in found.items() if settings is not None}
+
+    def _require_known(self, name: str) -> None:
+        if name in TAKEN or not re.fullmatch(NAME, name):
+            raise LindyError(
+                f"{self._at(name)}: a service cannot be called {name!r}; allowed are a to z, 0 to "
+                f"9 and _, and not {' or '.join(TAKEN)}"
+            )
+        code = self._code(name)
+        if self.specs[name].module is None and code not in own_services():
+            raise LindyError(
+                f"{self._at(name)}: Lindy has no service {code!r}, and no module is named for it"
+                f"{nearest(code, own_services())}"
+            )
+
+    def _code(self, name: str) -> str:
+        return self.specs[name].service or name
+
+    def _module(self, name: str) -> str:
+        return self.specs[name].module or f"services.{self._code(name)}"
+
+    def _at(self, name: str, key: str = "") -> str:
+        """The file, the line and the key, for an error."""
+        path = ("services", name, key) if key else ("services", name)
+        return f"{self.file}{line_of(self.file, path)}: {'.'.join(path)}"
+
+    def _wire_of_others(self, name: str) -> Wire:
+        module = self._others(name)
+        wire: Wire | None = getattr(module, "wire", None)
+        if not callable(wire):
+            raise LindyError(
+                f"{self._at(name, 'module')}: module {module.__name__!r} ({module.__file__}) has "
+                f"no function wire(node, stack)"
+            )
+        return wire
+
+    def _settings_of_others(self, name: str) -> type | None:
+        self._wire_of_others(name)  # a module without one is no service
+        settings = getattr(self._others(name), "Settings", None)
+        if settings is None or _is_strict(settings):
+            return settings
+        raise LindyError(
+            f"{self._at(name, 'module')}: Settings of module {self._module(name)!r} must be a "
+            f"class of the kind (msgspec.Struct, frozen=True, forbid_unknown_fields=True)"
+        )
+
+    def _others(self, name: str) -> ModuleType:
+        """Import a module that is not Lindy's own."""
+        module, folder = self._module(name), str(self.file.parent)
+        if folder not in sys.path:
+            sys.path.append(folder)  # at the end: nothing there can stand in for what is installed
+        try:
+            return importlib.import_module(module)
+        except (Exception, SystemExit) as error:
+            at = self._at(name, "module")
+            if isinstance(error, ModuleNotFoundError) and _is_part(error.name, module):
+                raise LindyError(
+                    f"{at}: there is no module {module!r}; allowed: an installed module, or a file "
+                    f"beside the stack file"
+                ) from None
+            raise LindyError(
+                f"{at}: module {module!r} cannot be imported: {_in_words(error)}"
+            ) from error
+
+
+def own_services() -> list[str]:
+    """Names of Lindy's own services."""
+    folders = [module.name for module in pkgutil.iter_modules(services.__path__) if module.ispkg]
+    return sorted(n for n in folders if importlib.util.find_spec(f"services.{n}.service"))
+
+
+def own_settings(name: str) -> type | None:
+    """What one of Lindy's own services reads from a vehicle file."""
+    return getattr(importlib.import_module(f"services.{name}.core"), "Settings", None)
+
+
+def wire_of(name: str) -> Wire:
+    """`wire` of one of Lindy's own services."""
+    return importlib.import_module(f"services.{name}.service").wire
+
+
+def _is_part(found: str | None, module: str) -> bool:
+    """Is it the module, or a package on the way to it, that was not found?"""
+    return found is not None and (module == found or module.startswith(f"{found}."))
+
+
+def _is_strict(settings: Any) -> bool:
+    """Does it refuse the keys it does not know?"""
+    if not isinstance(settings, type) or not issubclass(settings, msgspec.Struct):
+        return False
+    return settings.__struct_config__.forbid_unknown_fields
+
+
+def _in_words(error: BaseException) -> str:
+    return f"{type(error).__name__}: {' '.join(str(error).split())}"

@@ -1,0 +1,162 @@
+"""Any set of services in one process on virtual time.
+
+Messages are encoded, carried over an in-memory bus and decoded, as on the wire. Nothing depends
+on wall time or on the order of threads, so the same stack and seed give the same bytes. Compute
+takes no virtual time: latencies here are the link's and the scheduling's. A node with a `Lateness`
+is stepped late, as on a busy computer; until then what arrives piles up in its ports.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from math import ceil
+
+from messages.health import LogLine
+from services.runtime.bus.memory_bus import Ear, MemoryBus
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.jitter import Lateness
+from services.runtime.hosts.registry import Registry, ServiceSpec, Wire, wire_of
+from services.runtime.node.checkpoint import Memory, VolatileMemory
+from services.runtime.node.clock_offset import FarClock
+from services.runtime.node.node import Node
+
+ROUNDS = 1000  # deliveries at one instant before we call it an endless conversation
+
+
+@dataclass(frozen=True, slots=True)
+class Skew:
+    """A machine's clock beside the host's."""
+
+    ahead_ns: int = 0  # [ns] at the beginning
+    drift: float = 0.0  # [-] seconds gained per second
+
+    def shows(self, host_ns: int) -> int:
+        return host_ns + self.ahead_ns + round(self.drift * host_ns)
+
+    def first_shows(self, local_ns: int) -> int:
+        """[ns] Host time at which the clock has come to `local_ns`."""
+        return ceil((local_ns - self.ahead_ns) / (1.0 + self.drift))
+
+
+SAME = Skew()
+
+
+class VirtualHost:
+    """Owns virtual time, the realms and the nodes."""
+
+    def __init__(
+        self,
+        clocks: Mapping[str, Skew] | None = None,
+        lateness: Mapping[str, Lateness] | None = None,
+    ) -> None:
+        """Clocks of realms that are machines of their own; without them there is one clock.
+        Lateness of nodes by name; the others are punctual."""
+        self.now = 0  # [ns]
+        self._clocks = clocks
+        self._lateness = lateness or {}
+        self.nodes: dict[str, Node] = {}
+        self._buses: dict[str, MemoryBus] = {}
+        self._memories: dict[str, Memory] = {}
+        self._woken: dict[str, None] = {}  # an ordered set of names
+        self._due: dict[str, int] = {}  # [ns] next timer of each node, while running
+
+    def realm(self, name: str) -> Ear:
+        """A fresh ear on a realm, for a test that wants to listen or to speak."""
+        return Ear(self._buses.setdefault(name, MemoryBus()))
+
+    def node(self, name: str, realms: list[str], *, gateway: bool = False) -> Node:
+        """A node without a service; whoever asks for it wires it."""
+        ears = {realm: self.realm(realm) for realm in realms}
+        memory = self._memories.setdefault(name, VolatileMemory())
+        skew, far = self._skew(realms[0]), self._far(realms[0])
+        clock = (lambda: self.now) if skew is SAME else (lambda: skew.shows(self.now))
+        node = Node(name, ears, clock, memory, gateway=gateway, far=far)
+        node.wake = lambda: self._wake(name)
+        self.nodes[name] = node
+        return node
+
+    def add(self, name: str, spec: ServiceSpec, stack: Stack, wire: Wire | None = None) -> Node:
+        """Start a service now: one of Lindy's own, unless its `wire` is given."""
+        node = self.node(name, spec.sides, gateway=spec.gateway)
+        (wire or wire_of(spec.service or name))(node, stack)
+        return node
+
+    def add_all(self, services: Registry, stack: Stack) -> None:
+        """Start a whole stack now.
+
+        Raises:
+            LindyError: a service cannot start.
+        """
+        for name, spec in services.items():
+            self.add(name, spec, stack, services.wire(name))
+
+    def kill(self, name: str) -> None:
+        """End a service as a crash would: it says nothing more and closes nothing."""
+        for ear in self.nodes.pop(name).realms.values():
+            assert isinstance(ear, Ear)
+            ear.close()
+        self._woken.pop(name, None)
+
+    def show(self, line: Callable[[LogLine], None]) -> None:
+        """Show every node's log lines."""
+        for node in self.nodes.values():
+            node.show = line
+
+    def run(self, until: int, done: Callable[[], bool] = lambda: False) -> None:
+        """Advance to `until` [ns], or to the first instant at which `done()` is true."""
+        self._due = {name: self._deadline(name) for name in self.nodes}
+        while not done():
+            due = min(self._due.values())
+            if due > until:
+                self.now = until
+                return
+            self.now = max(self.now, due)
+            self._settle([name for name, at in self._due.items() if at <= due])
+
+    def close(self) -> None:
+        """End all services in order, as a clean stop would."""
+        for node in self.nodes.values():
+            node.close()
+
+    def _settle(self, names: list[str]) -> None:
+        """Step these nodes, then whoever they woke, until nobody has anything more to say now."""
+        for _ in range(ROUNDS):
+            for name in names:
+                self._woken.pop(name, None)
+                if (late := self._lateness.get(name)) is not None:
+                    late.stepped()
+                self.nodes[name].step()
+                self._due[name] = self._deadline(name)
+            if not self._woken:
+                return
+            names = list(self._woken)
+        raise RuntimeError(f"services keep waking each other at {self.now} ns: {names}")
+
+    def _wake(self, name: str) -> None:
+        """Something arrived for a node: step it in this instant, or when it is late."""
+        late = self._lateness.get(name)
+        if late is None:
+            self._woken.setdefault(name)
+            return
+        late.arrived(self.now)
+        self._due[name] = self._deadline(name)
+        if self._due[name] <= self.now:
+            self._woken.setdefault(name)
+
+    def _deadline(self, name: str) -> int:
+        """[ns] When a node is stepped next if nothing else wakes it, by the host's clock."""
+        due, late = self._timer(self.nodes[name]), self._lateness.get(name)
+        return due if late is None else late.next_step(due)
+
+    def _timer(self, node: Node) -> int:
+        """[ns] When a node's next timer falls due, by the host's clock."""
+        if self._clocks is None:
+            return node.deadline()
+        return max(self.now, self._skew(next(iter(node.realms))).first_shows(node.deadline()))
+
+    def _skew(self, realm: str) -> Skew:
+        return SAME if self._clocks is None else self._clocks.get(realm, SAME)
+
+    def _far(self, realm: str) -> FarClock | None:
+        if self._clocks is None:
+            return None
+        return FarClock("topside" if realm == "topside" else "drone")

@@ -1,0 +1,288 @@
+"""A whole stack as processes on this machine: a hub for each realm and every service."""
+
+import os
+import sys
+import tempfile
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Generator, Mapping
+from contextlib import ExitStack, contextmanager
+from functools import partial
+from itertools import count
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import msgspec
+
+from services.runtime.bus.access_control import Border
+from services.runtime.bus.zenoh_bus import ZenohBus, connected, listening, namespace
+from services.runtime.config.disk import reason
+from services.runtime.config.errors import LindyError
+from services.runtime.config.running import RUNNING, Running
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.process_host import HubLaunch, Launch, usage
+from services.runtime.hosts.registry import Registry, ServiceSpec
+from services.runtime.launch.child import Task
+from services.runtime.launch.supervisor import NAME, Supervisor
+from services.runtime.node.checkpoint import VolatileMemory
+from services.runtime.node.clock_offset import FarClock, Side
+from services.runtime.node.node import Node
+
+CHECKPOINTS = "checkpoints"  # folder in that of the dive; DIVE/checkpoints/<service>.json
+HOME = "topside"  # where it listens: it sees what the pilot sees
+LAST = ("recorder", "visualizer")  # stopped after the others, so that they get everything
+PYTHON = [sys.executable, "-P", "-m", "services"]  # -P: nothing in the user's folder is imported
+PERIOD_S = 0.04  # [s] between two looks: ports that keep the newest 8 must not fill at 100 Hz
+HUB_TIMEOUT_S = 20.0
+LONGEST_FOLDER = 60  # [bytes] a socket's path must stay below 107
+
+
+class Far(NamedTuple):
+    """The other side, where it is another machine."""
+
+    side: Side  # the one this machine is
+    listen: tuple[str, ...] = ()  # endpoints at which the other side reaches this hub
+    connect: tuple[str, ...] = ()  # … or at which this hub reaches the other's
+    gateway: str | None = None  # endpoint of the drone's hub, for a tether process between them
+
+
+class LocalStack:
+    """Made by `local_stack`, which also ends it."""
+
+    def __init__(
+        self,
+        stack: Stack,
+        services: Registry,
+        folder: Path,
+        listen: str | None,
+        far: "Far | None",
+    ) -> None:
+        self._far = far
+        self.stack = stack
+        self.services = services
+        self.endpoints = _endpoints(services, folder, listen, only_homes=far is not None)
+        self._reach = {**self.endpoints}  # what services connect to
+        if far is not None and far.gateway is not None:
+            self._reach["drone"] = far.gateway
+        self.supervisor = Supervisor(self._tell)
+        self.node: Node  # this process's own, where the pilot is; there when the hubs are up
+        self.alive: set[tuple[str, str]] = set()  # (realm, service)
+        self._checkpoints = stack.out_dir / CHECKPOINTS  # until there is one of our own
+        self._tokens: deque[tuple[str, str, bool]] = deque()  # filled on the bus's thread
+        self._buses: dict[str, ZenohBus] = {}
+        self._wake = threading.Event()
+        self._pids: dict[str, int] = {}
+        self._speaks = False  # the node is there
+
+    def start_hubs(self, exits: ExitStack) -> None:
+        """Start the hubs and connect to them.
+
+        Raises:
+            LindyError: a hub cannot listen on its endpoint.
+        """
+        self.supervisor.add(self._hub(realm) for realm in self.endpoints)
+        deadline = time.monotonic() + HUB_TIMEOUT_S
+        for realm, endpoint in self.endpoints.items():
+            while realm not in self._buses:
+                self.pump()
+                try:
+                    session = connected(endpoint, namespace(self.stack.vehicle_name), 0.0)
+                except LindyError:
+                    if time.monotonic() > deadline:
+                        raise
+                    continue
+                bus = ZenohBus(exits.enter_context(session))
+                bus.watch(partial(self._token, realm))
+                self._buses[realm] = bus
+        home = HOME if HOME in self._buses else next(iter(self._buses))
+        far = None if self._far is None else FarClock(self._far.side)
+        bus = {home: self._buses[home]}
+        # Two machines have two of them, and each hears the other's health.
+        name = NAME if self._far is None else f"{NAME}_{self._far.side}"
+        self.node = Node(name, bus, time.monotonic_ns, VolatileMemory(), far=far)
+        self.node.wake, self.node.usage = self._wake.set, usage
+        self._speaks = True
+
+    def start_services(self) -> None:
+        self._checkpoints = _unused_folder(self._checkpoints)
+        self.supervisor.add(self._service(name) for name in self.services)
+
+    def missing(self) -> list[str]:
+        """Services that are not alive in all of their realms."""
+        return [
+            name
+            for name, spec in self.services.items()
+            if any((realm, name) not in self.alive for realm in spec.sides if realm in self._buses)
+        ]
+
+    def wait_alive(self, timeout_s: float, look: Callable[[], bool]) -> None:
+        """Until every service is alive. `look` is called again and again and must call `pump`;
+        it may give up by returning False.
+
+        Raises:
+            LindyError: names those that are missing after `timeout_s`.
+        """
+        deadline = time.monotonic() + timeout_s
+        while (missing := self.missing()) and look():
+            if time.monotonic() > deadline:
+                logs = self.stack.out_dir / "logs"
+                names = ", ".join(missing)
+                raise LindyError(f"not alive after {timeout_s:g} s: {names} (see {logs})")
+
+    def pump(self) -> None:
+        """One look at everything, then a short rest. Call it in a loop.
+
+        Raises:
+            LindyError: a service cannot start; its own sentence.
+        """
+        self._hear_tokens()
+        self.supervisor.step()
+        if self.supervisor.failure is not None:
+            raise LindyError(self.supervisor.failure)
+        self._note_pids()
+        if self._speaks:
+            self.node.step()
+        self._rest()
+
+    def _rest(self) -> None:
+        """Until something arrives or falls due, or it is time to look again."""
+        due = self.node.deadline() if self._speaks else None
+        seconds = PERIOD_S if due is None else (due - time.monotonic_ns()) / 1e9
+        if seconds > 0:
+            self._wake.wait(min(PERIOD_S, seconds))
+        self._wake.clear()
+
+    def _token(self, realm: str, service: str, alive: bool) -> None:
+        self._tokens.append((realm, service, alive))
+        self._wake.set()
+
+    def _hear_tokens(self) -> None:
+        while self._tokens:
+            realm, service, alive = self._tokens.popleft()
+            if not alive:
+                self.alive.discard((realm, service))
+                continue
+            self.alive.add((realm, service))
+            if service not in self.missing():
+                self.supervisor.seen(service)
+
+    def _note_pids(self) -> None:
+        if (pids := self.supervisor.pids) != self._pids:
+            self._pids = pids
+            running = Running(self.stack.vehicle_name, self.endpoints, os.getpid(), pids)
+            self._publish(msgspec.json.format(msgspec.json.encode(running)))
+
+    def _publish(self, data: bytes) -> None:
+        """Write `run.json` at once or not at all: on a full disk the older one still helps."""
+        path = self.stack.out_dir / RUNNING
+        fresh = path.with_name(f".{RUNNING}-{os.getpid()}")
+        try:
+            fresh.write_bytes(data)
+            fresh.replace(path)
+        except OSError as error:
+            fresh.unlink(missing_ok=True)
+            self._tell("warning", f"cannot write {path}: {reason(error)}")
+
+    def _hub(self, realm: str) -> Task:
+        launch = HubLaunch(listen=[self.endpoints[realm]], parent=os.getpid())
+        if self._far is not None:
+            border = Border(self._far.side, namespace(self.stack.vehicle_name))
+            launch = msgspec.structs.replace(
+                launch,
+                listen=[*launch.listen, *self._far.listen],
+                connect=list(self._far.connect),
+                border=border,
+            )
+        command = [*PYTHON, "hub", msgspec.json.encode(launch).decode()]
+        return Task(f"hub_{realm}", command, self._log(f"hub_{realm}"), wave=2)
+
+    def _service(self, name: str) -> Task:
+        spec = self.services[name]
+        launch = Launch(
+            service=name,
+            stack=self.stack,
+            spec=spec,
+            stack_file=str(self.services.file),
+            endpoints={realm: self._reach[realm] for realm in spec.sides},
+            memory=str(self._checkpoints),
+            parent=os.getpid(),
+        )
+        command = [*PYTHON, msgspec.json.encode(launch).decode()]
+        return Task(name, command, self._log(name), wave=1 if name in LAST else 0)
+
+    def _log(self, name: str) -> Path:
+        return self.stack.out_dir / "logs" / f"{name}.log"
+
+    def _tell(self, level: Literal["info", "warning", "error"], text: str) -> None:
+        if self._speaks:
+            self.node.log(level, text)
+
+
+@contextmanager
+def local_stack(
+    stack: Stack,
+    services: Registry,
+    listen: str | None = None,
+    far: Far | None = None,
+) -> Generator[LocalStack]:
+    """Hubs that run, without services yet; everything is ended when the block is left.
+
+    Args:
+        listen: endpoint on which the pilot's hub listens instead of a private socket, so that
+            programs outside the stack can connect.
+        far: the other side, where it is another machine; `services` are then those of this one.
+
+    Raises:
+        LindyError: the endpoint is taken or malformed.
+    """
+    for endpoint in filter(None, (listen, *(far.listen if far is not None else ()))):
+        with listening(endpoint):
+            pass  # the hub would say the same, but only after strangers' hubs have answered
+    with tempfile.TemporaryDirectory(prefix="lindy-", dir=_socket_folder()) as folder:
+        local = LocalStack(stack, services, Path(folder), listen, far)
+        with ExitStack() as exits:
+            exits.callback((stack.out_dir / RUNNING).unlink, missing_ok=True)
+            exits.callback(local.supervisor.stop)
+            local.start_hubs(exits)
+            try:
+                yield local
+            finally:
+                local.supervisor.stop()  # the bus is still open: the last events are said
+
+
+def _endpoints(
+    services: Mapping[str, ServiceSpec], folder: Path, listen: str | None, *, only_homes: bool
+) -> dict[str, str]:
+    """A hub for each realm; where the other side is another machine, for somebody's home here."""
+    realms = dict.fromkeys(
+        realm for spec in services.values() for realm in spec.sides[: 1 if only_homes else None]
+    )
+    endpoints = {realm: f"unixsock-stream/{folder}/{realm}.sock" for realm in realms}
+    if listen is not None:
+        endpoints[HOME if HOME in endpoints else next(iter(endpoints))] = listen
+    return endpoints
+
+
+def _unused_folder(wanted: Path) -> Path:
+    """A new folder of this name, or with a number where an earlier dive has left one: what was
+    known in another dive must neither be taken for this one's nor be overwritten.
+
+    Raises:
+        LindyError: it cannot be made.
+    """
+    for number in count(1):
+        folder = wanted if number == 1 else wanted.with_name(f"{wanted.name}-{number}")
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise LindyError(f"cannot make the folder {folder}: {error.strerror}") from None
+        return folder
+    raise AssertionError("numbers do not end")
+
+
+def _socket_folder() -> str:
+    folder = tempfile.gettempdir()
+    return folder if len(folder) <= LONGEST_FOLDER else "/tmp"

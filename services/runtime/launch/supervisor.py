@@ -1,0 +1,128 @@
+"""Keeps a set of processes running, and leaves none behind.
+
+`lifecycle.py` decides; `child.py` talks to the operating system; the supervisor carries the
+decisions out, once per `step`. It knows nothing of services, hubs or Zenoh.
+"""
+
+import signal
+import time
+from collections import deque
+from collections.abc import Callable, Iterable
+from typing import Literal
+
+from services.runtime.launch.child import Child, OsChild, Task
+from services.runtime.launch.lifecycle import Action, Ended, Event, Life, advance
+
+NAME = "supervisor"  # under which it speaks on the bus
+PATIENCE_S = 5.0  # [s] between asking a process to end and ending it
+POLL_S = 0.02  # [s] between two looks while processes are stopping
+
+Tell = Callable[[Literal["info", "warning", "error"], str], None]
+
+
+class Supervisor:
+    """Call `step` at least ten times a second, and `stop` at the end, whatever happened."""
+
+    def __init__(
+        self,
+        tell: Tell,
+        spawn: Callable[[Task], Child] = OsChild,
+        clock: Callable[[], int] = time.monotonic_ns,
+    ) -> None:
+        self.lives: dict[str, Life] = {}
+        self.failure: str | None = None  # why everything must stop: the last words of a child
+        self._tasks: dict[str, Task] = {}
+        self._children: dict[str, Child] = {}
+        self._seen: deque[str] = deque()  # filled from the bus's thread
+        self._tell = tell
+        self._spawn = spawn
+        self._clock = clock
+
+    def add(self, tasks: Iterable[Task]) -> None:
+        """Start these at the next step."""
+        for task in tasks:
+            self._tasks[task.name] = task
+            self.lives[task.name] = Life(at=self._clock())
+
+    def seen(self, name: str) -> None:
+        """A child said that it is alive. May be called from any thread."""
+        self._seen.append(name)
+
+    @property
+    def restarts(self) -> dict[str, int]:
+        return {name: life.restarts for name, life in self.lives.items()}
+
+    @property
+    def pids(self) -> dict[str, int]:
+        """Of the processes that run now."""
+        return {name: child.pid for name, child in self._children.items()}
+
+    def step(self) -> None:
+        """Look at every child once and do what is due."""
+        while self._seen:
+            self._handle(self._seen.popleft(), Event.SEEN)
+        for name, child in list(self._children.items()):
+            if (status := child.ended()) is not None:
+                self._ended(name, child, status)
+        for name in self.lives:
+            self._handle(name, Event.TICK)
+
+    def stop(self) -> None:
+        """End all children, wave by wave. Returns when none is left."""
+        for wave in sorted({task.wave for task in self._tasks.values()}):
+            names = [name for name, task in self._tasks.items() if task.wave == wave]
+            for name in names:
+                self._handle(name, Event.STOP)
+            self._wait_for(names)
+
+    def _wait_for(self, names: list[str]) -> None:
+        deadline = self._clock() + round(PATIENCE_S * 1e9)
+        while self._clock() < deadline:
+            self.step()
+            if not any(name in self._children for name in names):
+                return
+            time.sleep(POLL_S)  # an ending process announces nothing
+        for name in names:
+            if (child := self._children.get(name)) is not None:
+                self._tell("warning", f"{name} did not end within {PATIENCE_S:g} s and was killed")
+                child.kill()
+        self.step()
+
+    def _handle(self, name: str, event: Event | Ended) -> None:
+        if name not in self.lives:
+            return  # a stranger's token on our bus
+        self.lives[name], action = advance(self.lives[name], event, self._clock())
+        if action is Action.START:
+            if self.lives[name].restarts:
+                self._tell("warning", f"{name} is started again")
+            self._children[name] = self._spawn(self._tasks[name])
+        elif action is Action.TERMINATE:
+            self._children[name].terminate()
+
+    def _ended(self, name: str, child: Child, status: int) -> None:
+        del self._children[name]
+        self._handle(name, Ended(status))
+        words = child.last_words()
+        phase = self.lives[name].phase
+        if phase == "failed" and self.failure is None:
+            self.failure = in_words(name, words, self._tasks[name])
+        elif phase == "waiting":
+            self._tell("error", f"{name} ended unexpectedly ({how(status)})")
+
+
+def how(status: int) -> str:
+    """How a process ended: `status 3`, or `signal SIGKILL`."""
+    if status >= 0:
+        return f"status {status}"
+    try:
+        return f"signal {signal.Signals(-status).name}"
+    except ValueError:
+        return f"signal {-status}"
+
+
+def in_words(name: str, words: str, task: Task) -> str:
+    """The sentence for the user. A child that prints `lindy <name>: …` has found it itself."""
+    for told in (f"lindy {name}: ", f"lindy {name.partition('_')[0]}: "):  # hub_drone is a hub
+        if words.startswith(told):
+            return words.removeprefix(told)
+    return f"{name} cannot start: {words or 'it says nothing'} (see {task.log})"

@@ -1,0 +1,187 @@
+"""The door of every port: opens envelopes and lets in only what is whole, in order and in time.
+
+Pure: `now` is an argument. Everything turned away is counted by reason.
+"""
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import Generic
+
+import msgspec
+
+from messages.topic import M, Topic
+from services.runtime.bus.envelope import Envelope
+from services.runtime.node.clock_offset import FarClock
+from services.runtime.node.stamps import mover
+
+MEMBERS = 64  # of one family, such as health/*, that one port hears
+FUTURE_NS = 100_000_000  # [ns] a stamp further ahead than this is a lie, not jitter
+
+
+@dataclass(slots=True)
+class Authority:
+    """Whose commands count. Whoever was granted the next epoch has it from the first command on
+    that carries it; until then the one before goes on, so that a hand-over leaves no gap."""
+
+    epoch: int = 0  # in force
+    granted: int = 0  # the newest that was given away
+
+    def admits(self, epoch: int) -> bool:
+        return self.epoch <= epoch <= self.granted
+
+    def heard(self, epoch: int) -> None:
+        self.epoch = epoch
+
+
+class Gate(Generic[M]):
+    """Admits the messages of one key. Reasons counted: wrong_type, malformed, from_future,
+    expired, reordered, duplicated, wrong_epoch, unsynchronised (from another machine, whose clock
+    is not known yet); and `lost` for gaps in the sequence, which are let through.
+
+    Ages are counted by the worst case of what is known of the clocks, so that nothing too old is
+    ever taken for fresh.
+
+    Events may come from several senders, so they are not put in order: whoever acts on one knows
+    it by its id.
+    """
+
+    def __init__(
+        self,
+        topic: Topic[M],
+        counts: Counter[str],
+        far: FarClock | None = None,
+        *,
+        onlooker: bool = False,
+    ) -> None:
+        """An `onlooker` never acts on a command, so it is also shown those that are too old to.
+        `far` is the other machine's clock, where there are two."""
+        self.authority: Authority | None = None  # None: anybody's messages are let in
+        self._topic = topic
+        self._counts = counts
+        self._encoding = topic.encoding
+        self._decoder = msgspec.msgpack.Decoder(topic.message)
+        self._expires = not onlooker and "ttl_ms" in topic.message.__struct_fields__
+        self._far = far if far is not None and far.concerns(topic) else None
+        self._judged = far is None or far.judges(topic)
+        self._move = mover(topic.message)
+        self._last: tuple[int, int] | None = None  # (stamp, seq) of the newest admitted, as said
+
+    def bound_ns(self, now: int) -> int:
+        """[ns] What the age of a message admitted now may be off by."""
+        return 0 if self._far is None else self._far.bound_ns(now)
+
+    @property
+    def admitted(self) -> bool:
+        """Has anything ever come through?"""
+        return self._last is not None
+
+    def admit(self, envelope: Envelope, now: int) -> M | None:
+        """The message inside, or None with the reason counted."""
+        if envelope.encoding != self._encoding:
+            return self._refuse("wrong_type", envelope)
+        try:
+            message = self._decoder.decode(envelope.payload)
+        except (msgspec.DecodeError, msgspec.ValidationError, RecursionError):
+            return self._refuse("malformed", envelope)
+        if self.authority is not None and not self.authority.admits(epoch_of(message)):
+            return self._refuse("wrong_epoch", envelope)
+        said = (message.stamp_ns, message.seq)  # by the clock of who said it
+        if (reason := self._untimely(message, now)) is not None:
+            return self._refuse(reason, envelope)
+        if self._topic.hz and (reason := self._out_of_order(said, envelope.key, now)) is not None:
+            return self._refuse(reason, envelope)
+        if self.authority is not None:
+            self.authority.heard(epoch_of(message))
+        self._last = said
+        return message
+
+    def _untimely(self, message: M, now: int) -> str | None:
+        """Why a message is not of this moment, once its stamps are in local time."""
+        bound = 0
+        if self._far is not None:
+            if self._far.ahead_ns is None:
+                return "unsynchronised" if self._topic.hz else None
+            self._move(message, self._far.ahead_ns)
+            bound = self._far.bound_ns(now)
+        if self._judged and message.stamp_ns > now + FUTURE_NS + bound:
+            return "from_future"
+        if self._expires and age_ns(message, now) + bound > ttl_ns(message):
+            return "expired"
+        return None
+
+    def _out_of_order(self, said: tuple[int, int], key: str, now: int) -> str | None:
+        """Order is judged by the clock of who said it: what is known of that clock changes, and
+        must not make an old message look newer than the one before."""
+        if self._last is None or self._is_of_another_clock(self._last[0], now):
+            return None
+        if said == self._last:
+            return "duplicated"
+        if said[0] < self._last[0]:
+            return "reordered"
+        missed = said[1] - self._last[1] - 1
+        if missed > 0:  # negative: the publisher was restarted and counts anew
+            self._counts[f"lost:{key}"] += missed
+        return None
+
+    def _is_of_another_clock(self, said_ns: int, now: int) -> bool:
+        """Was it said before the other machine's clock began anew, as after a power cut?"""
+        far = self._far
+        if far is None or far.ahead_ns is None:
+            return False
+        return said_ns - far.ahead_ns > now + FUTURE_NS + far.bound_ns(now)
+
+    def _refuse(self, reason: str, envelope: Envelope) -> None:
+        # Anybody can invent members of a family: one that was never admitted has no name here.
+        name = envelope.key if self.admitted else self._topic.key
+        self._counts[f"{reason}:{name}"] += 1
+
+
+class Gates(Generic[M]):
+    """A gate for each member of a family; or the one gate of a topic. Members beyond the first
+    `MEMBERS`, and keys that no member may have, are counted under the family's name:
+    too_many_keys, unknown_key."""
+
+    def __init__(
+        self,
+        topic: Topic[M],
+        counts: Counter[str],
+        far: FarClock | None = None,
+        *,
+        onlooker: bool = False,
+    ) -> None:
+        """As of a `Gate`."""
+        self._topic = topic
+        self._counts = counts
+        self._new = lambda: Gate(topic, counts, far, onlooker=onlooker)
+        self._next = self._new()  # for a member of which nothing was admitted yet
+        self._gates: dict[str, Gate[M]] = {}  # by key
+
+    def admit(self, envelope: Envelope, now: int) -> M | None:
+        """The message inside, or None with the reason counted."""
+        gate = self._gates.get(envelope.key)
+        return self._first(envelope, now) if gate is None else gate.admit(envelope, now)
+
+    def _first(self, envelope: Envelope, now: int) -> M | None:
+        """Perhaps the first message of a member: only what is admitted takes up a place."""
+        if not self._topic.covers(envelope.key):
+            self._counts[f"unknown_key:{self._topic.key}"] += 1
+            return None
+        if len(self._gates) >= MEMBERS:
+            self._counts[f"too_many_keys:{self._topic.key}"] += 1
+            return None
+        message = self._next.admit(envelope, now)
+        if message is not None:
+            self._gates[envelope.key], self._next = self._next, self._new()
+        return message
+
+
+def epoch_of(message: msgspec.Struct) -> int:
+    return message.epoch  # type: ignore[attr-defined]
+
+
+def age_ns(message: msgspec.Struct, now: int) -> int:
+    return now - message.stamp_ns  # type: ignore[attr-defined]
+
+
+def ttl_ns(message: msgspec.Struct) -> float:
+    return message.ttl_ms * 1e6  # type: ignore[attr-defined]

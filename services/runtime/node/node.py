@@ -1,0 +1,345 @@
+"""What a service holds: its ports, its timers and its counters. The same in every host.
+
+A service declares in its `wire` function what it hears and says; the host then calls `step`
+whenever something arrived or fell due. Handlers run one at a time with `now` [ns] passed in; they
+do not block, sleep, read a clock or draw unseeded randomness.
+"""
+
+from collections import Counter, deque
+from collections.abc import Callable, Mapping
+from typing import Any, Literal, TypeVar
+
+import msgspec
+
+from messages import topics
+from messages.health import LogLine
+from messages.link import Clock
+from messages.topic import AnyTopic, M, Topic
+from services.runtime.bus.envelope import Bus, Envelope
+from services.runtime.node.answers import AnswerBook
+from services.runtime.node.checkpoint import Memory
+from services.runtime.node.clock_offset import FarClock
+from services.runtime.node.gate import Gate, Gates
+from services.runtime.node.loop_stats import Pulse, Usage
+from services.runtime.node.ports import Inbox, Latest, Now, Publisher
+from services.runtime.node.requests import A, Asking, Overrules, Q, Requests
+from services.runtime.node.timers import Alarm, Tick
+
+RING = 8  # envelopes kept between two steps of a latest-wins port
+EVENTS = 256  # envelopes kept between two steps of an every-message port
+S = TypeVar("S", bound=msgspec.Struct)
+
+
+class Node:
+    """One service's end of the system."""
+
+    def __init__(
+        self,
+        name: str,
+        realms: Mapping[str, Bus],
+        clock: Now,
+        memory: Memory,
+        *,
+        gateway: bool = False,
+        far: FarClock | None = None,
+    ) -> None:
+        self.name = name
+        self.realms = realms
+        self.counts: Counter[str] = Counter()
+        self.wake: Callable[[], None] = lambda: None  # the host's; called on the bus's thread
+        self.show: Callable[[LogLine], None] = lambda _: None  # the host's; writes to stderr
+        self.usage: Callable[[], Usage | None] = lambda: None  # the host's; asks the system
+        self.wall_offset_ns = 0  # the host's: UTC minus the node's clock; 0 on virtual time
+        self.pulse = Pulse()
+        self._clock = clock
+        self._memory = memory
+        self._home = next(iter(realms))
+        self._far = far
+        self._gateway = gateway
+        self._publishers: list[Publisher[Any]] = []
+        self._inboxes: list[Inbox] = []
+        self._pending: deque[Callable[[], None]] = deque()  # rings that something arrived in
+        self._collected: list[Callable[[], None]] = []  # rings that wait for the next step
+        self._timers: list[Tick | Alarm] = []
+        self._closers: list[Callable[[], None]] = []
+        self._log = self.publisher(topics.LOG.of(name))
+        self._health = self.publisher(topics.HEALTH.of(name))
+        self.every(topics.HEALTH.hz, self._report)
+        if far is not None:
+            self.each(topics.CLOCK, far.learn)
+
+    # What a service says.
+
+    def publisher(self, topic: Topic[M], *, realm: str | None = None) -> Publisher[M]:
+        """Say a topic at home, or in another realm. A gateway says BOTH rows in each realm: nobody
+        carries its own."""
+        everywhere = self._gateway and topic.way is topics.BOTH
+        buses = self.realms.values() if everywhere else [self.realms[realm or self._home]]
+        publisher = Publisher(topic, [bus.say(topic) for bus in buses])
+        self._publishers.append(publisher)
+        return publisher
+
+    def log(self, level: Literal["info", "warning", "error"], text: str) -> None:
+        """Say something to people: on the bus, in the recording and on stderr."""
+        line = LogLine(stamp_ns=self._clock(), service=self.name, level=level, text=text)
+        self._log.put(line)
+        self.show(line)
+
+    def count(self, name: str, times: int = 1) -> None:
+        """Never silent: a clamp, a drop, a refusal. Shown in `health/<service>`."""
+        self.counts[name] += times
+
+    # What a service hears.
+
+    def latest(self, topic: Topic[M]) -> Latest[M]:
+        """The newest message, read when wanted; arrivals do not wake the service."""
+        inbox = self._inbox(topic.key, RING, self._home)
+        return Latest(topic, inbox, self.gate(topic), self.counts)
+
+    def each(
+        self,
+        topic: Topic[M],
+        handler: Callable[[M, int], None],
+        *,
+        onlooker: bool = False,
+        realm: str | None = None,
+    ) -> None:
+        """Every message said at home, or in another realm, in order of arrival. An onlooker acts on
+        none, so expired ones count."""
+        inbox = self._inbox(topic.key, EVENTS, realm or self._home)
+        gates = Gates(topic, self.counts, self._far, onlooker=onlooker)
+
+        def drain() -> None:
+            for arrival, envelope in inbox.take_all():
+                now = self._clock()
+                if (message := gates.admit(envelope, now)) is not None:
+                    self.pulse.handled(now - arrival)
+                    handler(message, now)
+
+        self._on_arrival(inbox, drain)
+
+    def trigger(
+        self,
+        topic: Topic[M],
+        handler: Callable[[M | None, int], None],
+        silence_s: float,
+        *,
+        earlier: Callable[[M, int], None] | None = None,
+    ) -> None:
+        """The newest message drives the service. After `silence_s` without one, the handler is
+        called with None at the topic's own rate until messages return.
+
+        Messages that are passed over, because newer ones have arrived before the service came to
+        them, go to `earlier`, in order; without it they are counted as skipped.
+        """
+        inbox = self._inbox(topic.key, RING if earlier is None else EVENTS, self._home)
+        gate = self.gate(topic)
+        alarm = self.alarm(lambda now: on_silence(now))
+
+        def on_silence(now: int) -> None:
+            if gate.admitted:  # before the first message it is a start, not a silence
+                self.count(f"silent:{topic.key}")
+            alarm.set(now + round(1e9 / topic.hz))
+            handler(None, now)
+
+        def pass_over(message: M, arrival: int) -> None:
+            if earlier is None:
+                self.count(f"skipped:{topic.key}")
+                return
+            now = self._clock()
+            self.pulse.handled(now - arrival)
+            earlier(message, now)
+
+        def drain() -> None:
+            newest, since = None, 0
+            for arrival, envelope in inbox.take_all():
+                if (message := gate.admit(envelope, self._clock())) is not None:
+                    if newest is not None:
+                        pass_over(newest, since)
+                    newest, since = message, arrival
+            if newest is None:
+                return
+            now = self._clock()
+            self.pulse.handled(now - since)
+            alarm.set(now + round(silence_s * 1e9))
+            handler(newest, now)
+
+        alarm.set(self._clock() + round(silence_s * 1e9))
+        self._on_arrival(inbox, drain)
+
+    def tap(
+        self, realm: str, key: str, handler: Callable[[Envelope, int], None], depth: int = EVENTS
+    ) -> None:
+        """Every envelope on a key expression of one realm, unopened, with its arrival time [ns].
+        For the tether."""
+        inbox = self._inbox(key, depth, realm)
+
+        def drain() -> None:
+            for arrival, envelope in inbox.take_all():
+                self.pulse.handled(self._clock() - arrival)
+                handler(envelope, arrival)
+
+        self._on_arrival(inbox, drain)
+
+    def collect(
+        self, realm: str, key: str, handler: Callable[[Envelope, int], None], depth: int
+    ) -> None:
+        """As `tap`, but arrivals do not wake the service: they wait until something else does, at
+        the latest its next timer. For the recorder and the visualizer."""
+        inbox = self._inbox(key, depth, realm)
+
+        def drain() -> None:
+            late = max(0, self._clock() - self.deadline())  # as late as the timer that wakes us
+            for arrival, envelope in inbox.take_all():
+                self.pulse.handled(late)
+                handler(envelope, arrival)
+
+        self._collected.append(drain)
+
+    def gate(self, topic: Topic[M], *, onlooker: bool = False) -> Gate[M]:
+        """The door of a port; for those who open envelopes themselves."""
+        return Gate(topic, self.counts, self._far, onlooker=onlooker)
+
+    def local_ns(self, topic: AnyTopic, stamp_ns: int) -> int | None:
+        """[ns] A stamp of an unopened envelope by this node's clock; None where not known."""
+        return stamp_ns if self._far is None else self._far.local_ns(topic, stamp_ns)
+
+    def learn_clock(self, clock: Clock) -> None:
+        """For the link monitor, which does not hear itself."""
+        if self._far is not None:
+            self._far.learn(clock, clock.stamp_ns)
+
+    # What a service asks of another one.
+
+    def request(
+        self,
+        asks: Topic[Q],
+        answers: Topic[A],
+        *,
+        on_answer: Callable[[Q, A, int], None],
+        on_given_up: Callable[[Q, int], None] = lambda _request, _now: None,
+        overrules: Overrules[Q] = lambda _newer, _older: False,
+        who: str | None = None,
+    ) -> Asking[Q, A]:
+        """Ask for things to be done once. Each request is repeated until it is answered or, after
+        five seconds, given up.
+
+        Args:
+            on_answer: called with (request, answer, now), once per request.
+            overrules: (newer, older): is the older one withdrawn by asking the newer one?
+            who: what ids begin with, if not with the node's name.
+        """
+        requests = Requests(who or self.name, overrules)
+        asking = Asking(requests, self.publisher(asks), self.alarm, on_answer, on_given_up)
+        self.each(answers, asking.hear)
+        return asking
+
+    def answers(
+        self,
+        asks: Topic[Q],
+        answers: Topic[A],
+        decide: Callable[[Q, int], A],
+        then: Callable[[Q, A, int], None] = lambda _request, _answer, _now: None,
+    ) -> None:
+        """Do what is asked, once, and say the answer to every repetition.
+
+        Args:
+            decide: called with (request, now), once per id.
+            then: called with (request, answer, now), once per id, when the answer has been said.
+        """
+        publisher, book = self.publisher(answers), AnswerBook(decide)
+
+        def hear(request: Q, now: int) -> None:
+            answer, is_new = book.answer(request, now)
+            publisher.put(answer)
+            if is_new:
+                then(request, answer, now)
+
+        self.each(asks, hear)
+
+    # When a service acts by itself.
+
+    def every(self, hz: float, handler: Callable[[int], None]) -> None:
+        """Call `handler(now)` at a fixed rate, without drift."""
+        self._timers.append(Tick(hz, self._clock(), handler))
+
+    def alarm(self, handler: Callable[[int], None]) -> Alarm:
+        """A timer that rings once each time it is set."""
+        alarm = Alarm(handler)
+        self._timers.append(alarm)
+        return alarm
+
+    # What survives a crash, and what ends with the service.
+
+    def recall(self, kind: type[S]) -> S | None:
+        """What this service remembered before a crash in the same dive, or None."""
+        try:
+            data = self._memory.recall()
+            return None if data is None else msgspec.json.decode(data, type=kind)
+        except (OSError, msgspec.DecodeError, msgspec.ValidationError):
+            self.count("malformed:memory")
+            return None
+
+    def remember(self, what: msgspec.Struct) -> None:
+        """Keep this instead of what was remembered before. Does not wait for the disk; what it
+        could not take is counted with the next health report."""
+        self._memory.remember(msgspec.json.encode(what))
+
+    def on_close(self, closer: Callable[[], None]) -> None:
+        self._closers.append(closer)
+
+    # What the host calls.
+
+    def step(self) -> None:
+        """Handle all that arrived and all that is due."""
+        while True:
+            for drain in self._collected:
+                drain()
+            # Bounded, so that a flood of messages cannot starve the timers.
+            for _ in range(min(len(self._pending), EVENTS)):
+                self._pending.popleft()()
+            self._ring_timers()
+            if not self._pending:
+                return
+
+    def _ring_timers(self) -> None:
+        now = self._clock()
+        for timer in self._timers:
+            if timer.due is not None and timer.due <= now:
+                self.pulse.handled(now - timer.due)
+                if wrong := timer.ring(now):
+                    self.counts.update(wrong)
+
+    def deadline(self) -> int:
+        """[ns] When the next timer falls due. There always is one: the health report."""
+        return min([t.due for t in self._timers if t.due is not None])
+
+    def close(self) -> None:
+        for drain in self._collected:
+            drain()
+        for closer in self._closers:
+            closer()
+
+    def _inbox(self, key: str, depth: int, realm: str) -> Inbox:
+        inbox = Inbox(key, depth, self._clock, self.counts)
+        self.realms[realm].hear(key, inbox.store)
+        self._inboxes.append(inbox)
+        return inbox
+
+    def _on_arrival(self, inbox: Inbox, drain: Callable[[], None]) -> None:
+        """Have `drain` called on the service's thread whenever something arrived."""
+
+        def arrived() -> None:
+            self._pending.append(drain)
+            self.wake()
+
+        inbox.arrived = arrived
+
+    def _report(self, now: int) -> None:
+        if failures := self._memory.failures():
+            self.count("not_remembered:disk", failures)
+        sent = sum(publisher.sent for publisher in self._publishers)
+        received = sum(inbox.stored for inbox in self._inboxes)
+        self._health.put(
+            self.pulse.report(self.name, now, sent, received, self.counts, self.usage())
+        )

@@ -1,0 +1,129 @@
+"""The asking end of a request: repeated with the same id until it is answered or given up.
+
+`Requests` is the state machine; `Asking` gives it a publisher and a timer, and is made by
+`Node.request`.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+import msgspec
+
+from messages.message import Answer, Request
+from messages.units import Ns
+from services.runtime.node.ports import Publisher
+from services.runtime.node.timers import Alarm
+
+REPEAT_NS = 200_000_000  # [ns]
+GIVE_UP_NS = 5_000_000_000  # [ns]
+Q = TypeVar("Q", bound=Request)
+A = TypeVar("A", bound=Answer)
+Overrules = Callable[[Q, Q], bool]  # (newer, older): is the older one not repeated any more?
+
+
+@dataclass(slots=True)
+class Pending(Generic[Q]):
+    request: Q  # as it was first sent
+    repeat_at: Ns  # [ns]
+
+    @property
+    def given_up_at(self) -> Ns:
+        return self.request.stamp_ns + GIVE_UP_NS
+
+
+class Requests(Generic[Q]):
+    """What was asked and not yet answered. `who` and the time of asking make the ids unique."""
+
+    def __init__(self, who: str, overrules: Overrules[Q] = lambda _newer, _older: False) -> None:
+        self._who = who
+        self._overrules = overrules
+        self._asked = 0
+        self._pending: list[Pending[Q]] = []
+
+    @property
+    def pending(self) -> list[Q]:
+        """Requests as they were first sent, oldest first."""
+        return [p.request for p in self._pending]
+
+    def ask(self, request: Q, now: Ns) -> Q:
+        """The request with a stamp and an id, to be sent at once.
+
+        It withdraws what it overrules, so that no late repetition undoes it.
+        """
+        asked = msgspec.structs.replace(
+            request, stamp_ns=now, id=f"{self._who}-{now}-{self._asked}"
+        )
+        self._asked += 1
+        self._pending = [p for p in self._pending if not self._overrules(asked, p.request)]
+        self._pending.append(Pending(asked, now + REPEAT_NS))
+        return asked
+
+    def answered(self, answer: Answer) -> Q | None:
+        """The request that this answers; None when it is not ours or was answered before."""
+        for pending in self._pending:
+            if pending.request.id == answer.id:
+                self._pending.remove(pending)
+                return pending.request
+        return None
+
+    def given_up(self, now: Ns) -> list[Q]:
+        """Requests that have waited too long; they are forgotten."""
+        late = [p for p in self._pending if p.given_up_at <= now]
+        self._pending = [p for p in self._pending if p not in late]
+        return [p.request for p in late]
+
+    def repeats(self, now: Ns) -> list[Q]:
+        """Requests to be sent again, stamped anew because a receiver refuses what is older than
+        what it has already seen."""
+        due = [p for p in self._pending if p.repeat_at <= now]
+        for pending in due:
+            pending.repeat_at = now + REPEAT_NS
+        return [msgspec.structs.replace(p.request, stamp_ns=now) for p in due]
+
+    def due(self) -> Ns | None:
+        """[ns] When there is something to repeat or to give up; None: nothing is pending."""
+        return min((min(p.repeat_at, p.given_up_at) for p in self._pending), default=None)
+
+
+class Asking(Generic[Q, A]):
+    """Requests of one service on their way. Made by `Node.request`."""
+
+    def __init__(
+        self,
+        requests: Requests[Q],
+        publisher: Publisher[Q],
+        alarm: Callable[[Callable[[int], None]], Alarm],
+        on_answer: Callable[[Q, A, int], None],
+        on_given_up: Callable[[Q, int], None],
+    ) -> None:
+        self._requests = requests
+        self._publisher = publisher
+        self._on_answer = on_answer
+        self._on_given_up = on_given_up
+        self._alarm = alarm(self._look)
+
+    @property
+    def pending(self) -> list[Q]:
+        """Requests that wait for their answer, as they were first sent."""
+        return self._requests.pending
+
+    def ask(self, request: Q, now: int) -> None:
+        """Send a request now and until it is answered; its stamp and its id are filled in."""
+        self._publisher.put(self._requests.ask(request, now))
+        self._alarm.set(self._requests.due())
+
+    def hear(self, answer: A, now: int) -> None:
+        request = self._requests.answered(answer)
+        self._alarm.set(self._requests.due())
+        if request is not None:  # else another one's, or the answer to a repetition
+            self._on_answer(request, answer, now)
+
+    def _look(self, now: int) -> None:
+        """Something is to be repeated or given up."""
+        given_up, repeats = self._requests.given_up(now), self._requests.repeats(now)
+        self._alarm.set(self._requests.due())
+        for request in given_up:
+            self._on_given_up(request, now)
+        for request in repeats:
+            self._publisher.put(request)

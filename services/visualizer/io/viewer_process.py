@@ -1,0 +1,87 @@
+"""The live end: opens the viewer and hands it the batches that come down the pipe.
+
+Whatever happens here, the visualizer does not notice: a viewer that stalls stalls this process,
+and the alarm clock then ends it, even when nobody is left to do so.
+"""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from typing import BinaryIO
+
+import msgspec
+
+from services.visualizer.batch import Batch
+from services.visualizer.io.live_viewer import LENGTH_BYTES, Hello
+from services.visualizer.io.rerun_writer import Sink
+
+OPEN_S = 20.0  # for the viewer to listen
+STALL_S = 10  # a viewer that takes nothing for this long is given up
+
+
+def main(argument: str) -> int:
+    hello = msgspec.json.decode(argument, type=Hello)
+    port = free_port()
+    viewer = subprocess.Popen(
+        [*hello.viewer, "--port", str(port)],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,  # the window outlives the dive
+    )
+    if not answers(port, viewer, OPEN_S):
+        viewer.kill()
+        return 1
+    sink = Sink(hello.recording_id, hello.vehicle)
+    _watch()
+    sink.connect(f"rerun+http://127.0.0.1:{port}/proxy")
+    _feed(sink, sys.stdin.buffer, viewer)
+    _watch()
+    sink.close()
+    return 0
+
+
+def _feed(sink: Sink, pipe: BinaryIO, viewer: subprocess.Popen[bytes]) -> None:
+    """Until the pipe ends or the viewer does."""
+    decoder = msgspec.msgpack.Decoder(Batch)
+    signal.alarm(0)
+    while (head := pipe.read(LENGTH_BYTES)) and viewer.poll() is None:
+        batch = decoder.decode(pipe.read(int.from_bytes(head, "big")))
+        _watch()
+        sink.write(batch)
+        signal.alarm(0)
+
+
+def _watch() -> None:
+    """From here on something must happen, or the system ends this process."""
+    signal.signal(signal.SIGALRM, signal.SIG_DFL)
+    signal.alarm(STALL_S)
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def answers(port: int, viewer: subprocess.Popen[bytes], seconds: float) -> bool:
+    """Does the viewer listen within this time?"""
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline and viewer.poll() is None:
+        try:
+            socket.create_connection(("127.0.0.1", port), 0.5).close()
+            return True
+        except OSError:
+            time.sleep(0.1)
+    return False
+
+
+if __name__ == "__main__":
+    try:
+        status = main(sys.argv[1])
+    except Exception:  # the pipe's other end reports it
+        status = 1
+    os._exit(status)  # the client's own ending waits for a viewer that may never answer

@@ -1,0 +1,80 @@
+"""One request to a service of a dive that is going on, and its answer."""
+
+import os
+import threading
+import time
+from collections.abc import Callable
+from typing import Generic
+
+from messages.topic import Topic
+from services.runtime.bus.zenoh_bus import open_bus
+from services.runtime.config.errors import LindyError
+from services.runtime.config.running import Running
+from services.runtime.launch.local_stack import HOME
+from services.runtime.node.checkpoint import VolatileMemory
+from services.runtime.node.node import Node
+from services.runtime.node.requests import GIVE_UP_NS, A, Q
+
+
+class Asking(Generic[Q, A]):
+    """A request and what has come of it."""
+
+    def __init__(self, node: Node, asks: Topic[Q], answers: Topic[A]) -> None:
+        self.answer: A | None = None
+        self.given_up = False
+        self._asked = False
+        self._asking = node.request(
+            asks,
+            answers,
+            on_answer=self._keep,
+            on_given_up=self._give_up,
+            who=f"{node.name}-{os.getpid()}",
+        )
+        node.every(1e9 / GIVE_UP_NS, self._look)
+
+    def ask(self, request: Q, now: int) -> None:
+        """Only the first time; the request is repeated by itself."""
+        if not self._asked:
+            self._asked = True
+            self._asking.ask(request, now)
+
+    def _keep(self, _request: Q, answer: A, _now: int) -> None:
+        self.answer = answer
+
+    def _look(self, _: int) -> None:
+        """What had to be known before anything could be asked has not come either."""
+        self.given_up = self.given_up or not self._asked
+
+    def _give_up(self, _request: Q, _now: int) -> None:
+        self.given_up = True
+
+
+def at_once(node: Node, request: Q, asks: Topic[Q], answers: Topic[A]) -> Asking[Q, A]:
+    """Ask as soon as the node runs."""
+    asking = Asking(node, asks, answers)
+    node.alarm(lambda now: asking.ask(request, now)).set(0)
+    return asking
+
+
+def answer_to(ask: Callable[[Node], Asking[Q, A]], running: Running, who: str) -> A:
+    """
+    Args:
+        ask: asks something through the node it is given.
+        who: answers, for the error message.
+
+    Raises:
+        LindyError: nobody answers.
+    """
+    endpoint = running.endpoints.get(HOME) or next(iter(running.endpoints.values()))
+    woken = threading.Event()
+    with open_bus(endpoint, running.vehicle) as bus:
+        node = Node("ask", {HOME: bus}, time.monotonic_ns, VolatileMemory())
+        node.wake = woken.set
+        asking = ask(node)
+        while asking.answer is None and not asking.given_up:
+            woken.wait(max(0.0, (node.deadline() - time.monotonic_ns()) / 1e9))
+            woken.clear()
+            node.step()
+    if asking.answer is None:
+        raise LindyError(f"the {who} does not answer")
+    return asking.answer

@@ -1,0 +1,76 @@
+"""Shows a dive while it goes on: one screen on a terminal, a line now and then elsewhere."""
+
+import sys
+import time
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from typing import Protocol
+
+from rich.console import Console
+from rich.live import Live
+
+from messages.health import LogLine
+from tools.live.log_lines import LogLines, full
+from tools.live.screen import View, plain, render
+
+SCREEN_S = 0.25  # [s] between two screens
+LINE_S = 5.0  # [s] between two lines
+
+
+class Display(Protocol):
+    def show(self, look: Callable[[], View]) -> None:
+        """Show the view that `look` makes, if it is time for one."""
+        ...
+
+    def line(self, line: LogLine, at_s: float | None) -> None:
+        """A log line has come, so long after arming [s]; the screen gets it with the next view."""
+        ...
+
+
+class ScreenDisplay:
+    def __init__(self, live: Live) -> None:
+        self._live = live
+        self._next_s = 0.0
+
+    def show(self, look: Callable[[], View]) -> None:
+        if (now := time.monotonic()) >= self._next_s:
+            self._next_s = now + SCREEN_S
+            self._live.update(render(look()), refresh=True)
+
+    def line(self, line: LogLine, at_s: float | None) -> None:
+        pass
+
+
+class LineDisplay:
+    def __init__(self) -> None:
+        self._next_s = 0.0
+        self._lines = LogLines()
+
+    def show(self, look: Callable[[], View]) -> None:
+        if (now := time.monotonic()) >= self._next_s:
+            self._next_s = now + LINE_S
+            print(plain(look()), flush=True)
+
+    def line(self, line: LogLine, at_s: float | None) -> None:
+        if (told := self._lines.add(line, at_s)) is not None:
+            print(full(told), flush=True)
+
+    def finish(self) -> None:
+        """Say what has come again since it was said last."""
+        for told in self._lines.unsaid():
+            print(full(told), flush=True)
+
+
+@contextmanager
+def display() -> Generator[Display]:
+    """The display that suits where the output goes."""
+    if not sys.stdout.isatty():
+        shown = LineDisplay()
+        try:
+            yield shown
+        finally:
+            shown.finish()
+        return
+    # Refreshed by us, not by a thread: the screen must not compete with the bus.
+    with Live(console=Console(), auto_refresh=False, transient=True) as live:
+        yield ScreenDisplay(live)

@@ -1,0 +1,91 @@
+"""The folder of a dive: one without a dive in it, so that none is ever lost; and `dives/latest`."""
+
+import atexit
+import contextlib
+import os
+import re
+import tempfile
+from datetime import UTC, datetime
+from pathlib import Path
+
+from services.runtime.config.disk import reason
+from services.runtime.config.errors import LindyError
+from tools.checks import running_in
+from tools.fresh import fresh_folder
+
+DIVES = Path("dives")  # where dives go that were given no --out
+LATEST = "latest"  # in it: a link to the newest of them
+LOGS = "logs"
+WRITTEN = re.compile(r"dive(\.part\d+)?\.(mcap|rrd)|merging\.mcap|report\.json|run\.json")
+
+
+def out_folder(out: Path | None) -> Path:
+    """A writable folder that holds no dive: `out`, or where that holds one already a new folder
+    beside it, which is said. If it stays empty, it is removed at the end of the program.
+
+    Raises:
+        LindyError: it cannot be made or written to, or a dive is going on in it.
+    """
+    wanted = (out or DIVES / f"{datetime.now(UTC):%Y-%m-%dT%H-%M-%SZ}").resolve()
+    missing = [path for path in (wanted, *wanted.parents) if not path.exists()]
+    try:
+        if out is not None and (pid := running_in(wanted)) is not None:
+            raise LindyError(f"a dive (process {pid}) is going on in --out {wanted}")
+        # Two dives may begin in the same second: a folder named by the time is always a new one.
+        folder = fresh_folder(wanted, Path.exists if out is None else holds_dive)
+        with tempfile.TemporaryFile(dir=folder):
+            pass  # it can be written to
+    except OSError as error:
+        raise LindyError(f"cannot write into --out {wanted}: {reason(error)}") from None
+    if folder != wanted:
+        missing = [folder]
+        if out is not None:
+            print(f"{wanted} holds a dive already; this one goes to {folder}", flush=True)
+    atexit.register(_remove_empty, missing)
+    return folder
+
+
+def holds_dive(folder: Path) -> bool:
+    """Is there a file in it under a name that a dive writes? Others are no concern of ours."""
+    names = {path.name for path in folder.iterdir()}
+    if LOGS in names and not _is_empty(folder / LOGS):
+        return True
+    return any(WRITTEN.fullmatch(name) for name in names)
+
+
+def dive_files(folder: Path, kind: str) -> list[Path]:
+    """The files of one kind (mcap or rrd) that a dive has written there."""
+    return sorted(path for path in folder.glob(f"*.{kind}") if WRITTEN.fullmatch(path.name))
+
+
+def point_latest(folder: Path) -> None:
+    """Make `dives/latest` a link to this dive, if it is one of `dives/`. Whatever else may have
+    that name is left alone, and that is said."""
+    home = DIVES.resolve()
+    if folder.parent != home or folder.name == LATEST:
+        return
+    pointer, fresh = home / LATEST, home / f".{LATEST}-{os.getpid()}"
+    if os.path.lexists(pointer) and not _is_ours(pointer):
+        print(f"{pointer} is not a link to a dive; it stays as it is", flush=True)
+        return
+    try:
+        fresh.symlink_to(folder.name, target_is_directory=True)
+        fresh.replace(pointer)  # at once: it always points somewhere
+    except OSError as error:
+        print(f"cannot let {pointer} point to this dive: {reason(error)}", flush=True)
+
+
+def _is_ours(pointer: Path) -> bool:
+    """A link to a neighbour, as we make them."""
+    return pointer.is_symlink() and len(pointer.readlink().parts) == 1
+
+
+def _is_empty(folder: Path) -> bool:
+    return folder.is_dir() and not any(folder.iterdir())
+
+
+def _remove_empty(folders: list[Path]) -> None:
+    """Innermost first."""
+    for folder in folders:
+        with contextlib.suppress(OSError):
+            folder.rmdir()

@@ -1,0 +1,62 @@
+"""When a dive has begun and when it is over. The same for real and for virtual time."""
+
+from dataclasses import dataclass
+
+from messages.vehicle import VehicleStatus
+from services.runtime.config.errors import LindyError
+
+PATIENCE_S = 60.0  # [s] past a script's length before a dive is ended anyway
+ARMING_S = 30.0  # [s] a script may wait for the drone to arm; a person may wait for ever
+EARLY_S = 1.0  # [s] the script's clock may have started before we saw the drone armed
+
+
+@dataclass(slots=True)
+class Course:
+    """Follows `vehicle/status` from the first look to the end of the dive."""
+
+    script_s: float | None  # [s] length of the stick log; None: a person has the sticks
+    seconds: float | None = None  # [s] after arming, as asked for with --seconds
+    began_ns: int = 0  # [ns] when we began to wait for arming
+    armed_ns: int | None = None  # [ns] when the drone was first armed
+    armed: bool = False  # now
+    note: str = "no word from the drone yet"
+
+    def see(self, status: VehicleStatus, now: int) -> None:
+        """The newest status arrived at `now` [ns]."""
+        self.armed = status.armed
+        self.note = status.note or status.mode
+        if status.armed and self.armed_ns is None:
+            self.armed_ns = now
+
+    def elapsed_s(self, now: int) -> float | None:
+        """[s] Since the drone was first armed, or None."""
+        return None if self.armed_ns is None else (now - self.armed_ns) / 1e9
+
+    @property
+    def length_s(self) -> float | None:
+        """[s] How long the dive will be, as far as it is known before."""
+        known = [s for s in (self.script_s, self.seconds) if s is not None]
+        return min(known, default=None)
+
+    def over(self, now: int) -> str | None:
+        """None while the dive goes on; then `clean`, or why it ended otherwise.
+
+        Raises:
+            LindyError: nobody is there to wait any longer for the drone to arm.
+        """
+        elapsed = self.elapsed_s(now)
+        if elapsed is None:
+            return self._never_armed(now)
+        if self.seconds is not None and elapsed >= self.seconds:
+            return "clean"
+        if self.script_s is None:
+            return None
+        if not self.armed and elapsed >= self.script_s - EARLY_S:
+            return "clean"
+        if elapsed >= self.script_s + PATIENCE_S:
+            return f"the drone was still armed {PATIENCE_S:g} s after the script's end"
+        return None
+
+    def _never_armed(self, now: int) -> None:
+        if self.script_s is not None and now - self.began_ns > ARMING_S * 1e9:
+            raise LindyError(f"the drone did not arm within {ARMING_S:g} s: {self.note}")

@@ -1,0 +1,67 @@
+"""The look-out of a real dive: starts the services of this machine, then follows and shows what
+happens, until it is over or the user has had enough."""
+
+import time
+from collections.abc import Generator
+from contextlib import contextmanager
+
+from messages import topics
+from services.runtime.launch.local_stack import LocalStack
+from tools.live.display import Display
+from tools.live.dive_timeline import Course
+from tools.live.outcome import Outcome, title
+from tools.live.screen import View
+from tools.live.stop_signals import Stop
+from tools.live.watch import Watch
+
+ALIVE_S = 30.0  # [s] for all services to start, on a slow and busy computer
+
+
+class Lookout:
+    """Made when the hubs are up; the services are started by `keep`."""
+
+    def __init__(self, local: LocalStack, course: Course, stop: Stop, shown: Display) -> None:
+        self._local, self._course, self._stop, self._shown = local, course, stop, shown
+        self._watch = Watch(local.node, list(local.services), course, shown.line)
+        local.node.each(topics.STATUS, course.see)
+
+    def keep(self) -> str:
+        """Returns how it ended: `clean`, or why otherwise.
+
+        Raises:
+            LindyError: a service cannot start, or the drone does not arm.
+        """
+        self._local.start_services()
+        self._local.wait_alive(ALIVE_S, self.look)
+        self._course.began_ns = time.monotonic_ns()
+        end = None
+        while end is None and not self._stop.asked:
+            self.look()
+            end = self._course.over(time.monotonic_ns())
+        return end or "clean"
+
+    def look(self) -> bool:
+        """Let everything happen that is due. False: the user wants to stop."""
+        self._local.pump()
+        self._shown.show(self._view)
+        return not self._stop.asked
+
+    def _view(self) -> View:
+        local = self._local
+        return self._watch.view(
+            title(local.stack),
+            time.monotonic_ns(),
+            local.missing(),
+            local.supervisor.restarts,
+        )
+
+
+@contextmanager
+def told(outcome: Outcome, local: LocalStack) -> Generator[None]:
+    """The outcome is told what the supervisor and the services say while their processes run."""
+    outcome.restarts = lambda: local.supervisor.restarts
+    outcome.listen(local.node)
+    try:
+        yield
+    finally:
+        outcome.gone = local.missing()

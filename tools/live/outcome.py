@@ -1,0 +1,176 @@
+"""What is left when a dive is over: files, a report, a summary and an exit status."""
+
+import sys
+from collections import Counter, defaultdict
+from collections.abc import Callable, Generator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+from msgspec import UNSET
+from msgspec.structs import replace
+
+from messages import topics
+from messages.health import Health
+from services.recorder.io.parts import parts_in
+from services.runtime.config.errors import LindyError
+from services.runtime.config.stack import Stack
+from services.runtime.node.node import Node
+from tools.fresh import write_fresh
+from tools.recordings.recording import log_hash, merge_parts, open_recording
+from tools.report import (
+    Dive,
+    Elsewhere,
+    Extras,
+    Report,
+    by_service,
+    elsewhere,
+    encode,
+    ending,
+    losses,
+    read_dive,
+    report_on,
+    summary,
+    unrecorded,
+)
+
+CLEAN, DATA_LOST = 0, 3  # exit statuses
+RECORDER, HUB = "recorder", "hub_"
+# What the recorder counts when something that was said is not in the file.
+NOT_IN_FILE = {"not_recorded", "overflowed", "unreadable"}
+WRITTEN = ("dive.mcap", "dive.rrd", "report.json")
+
+
+class Outcome:
+    """Filled while the dive goes on, summed up after it."""
+
+    def __init__(self, stack: Stack) -> None:
+        self.exit = "clean"  # or why it ended otherwise
+        self.restarts: Callable[[], dict[str, int]] = dict
+        self.gone: list[str] = []  # services that were not alive at the end
+        self.speedup: float | None = None  # [-] virtual over real time
+        self._stack = stack
+        self._health: list[Health] = []
+        self._error: LindyError | None = None
+
+    def listen(self, node: Node) -> None:
+        """Keep what services say of themselves; the recorder cannot hear itself."""
+        node.each(topics.HEALTH, lambda health, _: self._health.append(health))
+
+    @contextmanager
+    def of_the_dive(self) -> Generator[None]:
+        """A dive that breaks off is still summed up, as far as it was recorded."""
+        try:
+            yield
+        except LindyError as error:
+            self._error = error
+            self.exit = str(error)
+
+    def sum_up(self, other: Elsewhere | None = None) -> int:
+        """Write `report.json` and print the summary, and what is with the other machine, if there
+        is one. Returns the exit status.
+
+        Raises:
+            LindyError: why the dive broke off, or why there is no report.
+        """
+        folder = self._stack.out_dir
+        if not parts_in(folder):
+            raise self._error or LindyError(
+                f"the dive ended before anything was recorded in {folder}"
+            )
+        try:
+            lost = self._report(folder, other)
+        except Exception as error:  # whatever it is: the recording is worth more than its report
+            raise LindyError(self._kept(folder, error)) from error
+        self._complain()
+        return DATA_LOST if lost else CLEAN
+
+    def sum_up_unrecorded(self, side: str, other: str) -> int:
+        """Print what is known on the side without a recorder. Returns the exit status.
+
+        Raises:
+            LindyError: why the dive broke off.
+        """
+        restarts, folder = self.restarts(), self._stack.out_dir
+        how = f"{side} of {self._stack.vehicle_name}, {ending(self.exit, self._counted())}"
+        print(unrecorded(how, restarts, self.gone, other, written(folder)), flush=True)
+        self._complain()
+        return DATA_LOST if was_deaf(restarts) else CLEAN
+
+    def _report(self, folder: Path, other: Elsewhere | None) -> bool:
+        """Was something lost?"""
+        merged = merge(folder)
+        dive = read_dive(open_recording(folder), apart=self._stack.apart)
+        report = report_on(dive, self._extras())
+        write_fresh(folder / "report.json", encode(report))
+        print(summary(report, dive.max_depth_m, written(folder)), flush=True)
+        if other is not None:
+            print(elsewhere(report, other), flush=True)
+        # The recorder's last word is the hash; merged parts have none.
+        ended = merged or log_hash(folder) is not None
+        if "disk_error" in report.losses or not ended:
+            why = "the disk was full or failed" if "disk_error" in report.losses else "it was cut"
+            print(f"lindy: the recording in {folder} is not whole: {why}", file=sys.stderr)
+        return data_was_lost(dive, report) or not ended
+
+    def _kept(self, folder: Path, error: Exception) -> str:
+        """In one sentence: there is no report, but nothing else is lost."""
+        why = str(error) if isinstance(error, LindyError) else f"{type(error).__name__}: {error}"
+        before = "" if self.exit == "clean" else f"{self.exit}; "
+        names = ", ".join(path.name for path in parts_in(folder))
+        return f"{before}the report failed ({why}), but the recording is kept: {names} in {folder}"
+
+    def _counted(self) -> Counter[str]:
+        """What services said they counted, as far as it was heard here."""
+        heard: defaultdict[str, list[Health]] = defaultdict(list)
+        for health in self._health:
+            heard[health.service].append(health)
+        return losses(by_service(heard))
+
+    def _complain(self) -> None:
+        if self.exit != "clean":
+            raise self._error or LindyError(self.exit)
+
+    def _extras(self) -> Extras:
+        extras = Extras(
+            exit=self.exit,
+            restarts=self.restarts(),
+            health=self._health,
+        )
+        if self.speedup is None:
+            return extras
+        hashed = log_hash(self._stack.out_dir)
+        return replace(extras, speedup=self.speedup, log_hash=hashed or UNSET)
+
+
+def merge(folder: Path) -> bool:
+    """Make one file of the parts of the recording, or leave them as they are where they cannot be
+    copied, which is said."""
+    try:
+        return merge_parts(folder)
+    except LindyError as error:
+        print(f"{error}; its parts stay as they are", flush=True)
+        return False
+
+
+def data_was_lost(dive: Dive, report: Report) -> bool:
+    """Is there something that was said in this dive and that the recording does not have?"""
+    kinds = {name.partition(":")[0] for name in dive.losses}
+    restarts = {name: service.restarts for name, service in report.services.items()}
+    return bool(kinds & NOT_IN_FILE) or was_deaf(restarts)
+
+
+def was_deaf(restarts: Mapping[str, int]) -> bool:
+    """A recorder or a hub that had to be started again heard nothing for a while."""
+    return any(
+        count > 0 and (name == RECORDER or name.startswith(HUB)) for name, count in restarts.items()
+    )
+
+
+def written(folder: Path) -> list[Path]:
+    return [path for name in WRITTEN if (path := folder / name).is_file()]
+
+
+def title(stack: Stack) -> str:
+    """What a dive is called on the screen."""
+    pilot = stack.pilot.replace(":", " ").rpartition("/")[2]
+    return f"{stack.vehicle} · {stack.link} · {pilot}"

@@ -1,0 +1,60 @@
+"""A dive as its pilot flies it from this machine: who has the sticks, and a disarmed end."""
+
+import time
+
+from services.runtime.launch.local_stack import LocalStack
+from tools.checks import DEFAULT_PILOT, Pilot, pilot_of
+from tools.choices import Choices
+from tools.live.disarming import Disarming
+from tools.live.display import Display
+from tools.live.dive_timeline import Course
+from tools.live.monitor_loop import Lookout
+from tools.live.pads import pad_is_there
+from tools.live.stop_signals import Stop
+
+DISARM_S = 1.0  # [s] at most, for the drone's answer at the end
+
+
+def who_flies(choices: Choices) -> Pilot:
+    """Whom the user chose; else the gamepad; else, where none is plugged in, a script.
+
+    Raises:
+        LindyError: no such pilot, or a mistake in the script.
+    """
+    if choices.pilot is None and not pad_is_there():
+        return pilot_of(DEFAULT_PILOT)
+    return pilot_of(choices.pilot or "gamepad")
+
+
+def tell_who_flies(choices: Choices, pilot: Pilot) -> None:
+    """A script that nobody chose is announced."""
+    if choices.pilot is None and pilot.script_s is not None:
+        print(f"no gamepad is plugged in: {DEFAULT_PILOT} flies", flush=True)
+
+
+class Flight:
+    """A dive between the start of the hubs and the end of the services."""
+
+    def __init__(
+        self, local: LocalStack, pilot: Pilot, seconds: float | None, stop: Stop, shown: Display
+    ) -> None:
+        self._course = Course(pilot.script_s, seconds)
+        self._lookout = Lookout(local, self._course, stop, shown)
+        self._disarming = Disarming(local.node)
+
+    def fly(self) -> str:
+        """How it ended: `clean`, or why not.
+
+        Raises:
+            LindyError: a service cannot start, or the drone does not arm.
+        """
+        end = self._lookout.keep()
+        self._disarm()
+        return end
+
+    def _disarm(self) -> None:
+        """Ask the drone to stop its thrusters, and wait for its word, but not for long."""
+        deadline = time.monotonic() + DISARM_S
+        while self._course.armed and not self._disarming.done and time.monotonic() < deadline:
+            self._disarming.ask(time.monotonic_ns())
+            self._lookout.look()

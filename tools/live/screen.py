@@ -1,0 +1,188 @@
+"""What the pilot reads in the terminal during a dive. Pure: a view in, something printable out."""
+
+from dataclasses import dataclass, field
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from messages.counts import short
+from tools.live.log_lines import Told, brief
+
+STICKS = ("surge", "sway", "heave", "yaw")
+HALF = 6  # [characters] of a stick's bar on either side of its centre
+LINES = 6  # newest log lines shown
+OLD_MS = 150.0  # [ms] a picture older than this says so
+UNKNOWN = "–"
+LEVELS = {"info": "", "warning": "yellow", "error": "bold red"}
+
+
+@dataclass(frozen=True, slots=True)
+class ServiceView:
+    name: str
+    alive: bool
+    sent_hz: float | None = None  # [1/s] messages
+    late_ms: float | None = None  # [ms] 99th percentile
+    cpu_percent: float | None = None  # [%] of a core
+    restarts: int = 0
+    troubles: int = 0  # everything counted as dropped, stale, malformed, saturated …
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """Everything on the screen, in the pilot's units. Unknown is None."""
+
+    title: str
+    elapsed_s: float | None = None  # [s] since arming
+    length_s: float | None = None  # [s]
+    mode: str = "starting"
+    armed: bool = False
+    failsafe: str = "none"
+    note: str = ""
+    age_ms: float | None = None  # [ms] of depth and heading
+    depth_m: float | None = None
+    depth_wanted_m: float | None = None
+    heading_deg: float | None = None  # [0, 360)
+    heading_wanted_deg: float | None = None
+    sticks: tuple[float, float, float, float] | None = None  # [-] surge, sway, heave, yaw
+    down_ms: float | None = None  # [ms] median delay to the drone
+    up_ms: float | None = None  # [ms] median delay to the pilot
+    rtt_ms: float | None = None
+    stick_ms: float | None = None  # [ms] stick to thruster
+    screen_ms: float | None = None  # [ms] sensor to screen
+    alarm: str = ""  # what is wrong with the link
+    lost: int = 0  # messages the link has dropped
+    services: list[ServiceView] = field(default_factory=list[ServiceView])
+    lines: list[Told] = field(default_factory=list[Told])
+
+
+def render(view: View) -> RenderableType:
+    """The whole screen. Nothing in it wraps from 80 columns on."""
+    return Group(
+        _head(view), Text(), _motion(view), _sticks(view), _link(view), Text(), _services(view),
+        Text(), *_lines(view),
+    )  # fmt: skip
+
+
+def plain(view: View) -> str:
+    """The same in one line, for a log file or a pipe."""
+    depth, heading = _number(view.depth_m, "7.2f"), _number(view.heading_deg, "6.1f")
+    parts = [
+        f"{_clock(view.elapsed_s)}  {'armed' if view.armed else 'disarmed'} {view.mode}",
+        f"depth {depth} m  heading {heading}°  rtt {_number(view.rtt_ms, '.1f')} ms",
+    ]
+    if failsafe := _failsafe(view):
+        parts.append(failsafe)
+    if view.alarm:
+        parts.append(f"LINK {view.alarm}")
+    if view.note:
+        parts.append(view.note)
+    if restarts := sum(service.restarts for service in view.services):
+        parts.append(f"restarts {restarts}")
+    return "  ".join(parts)
+
+
+def _failsafe(view: View) -> str:
+    return "" if view.failsafe == "none" else f"FAILSAFE {short(f'failsafe:{view.failsafe}')}"
+
+
+def _head(view: View) -> Table:
+    head = Table.grid(expand=True, padding=(0, 1))
+    head.add_column(no_wrap=True, overflow="ellipsis", ratio=1)
+    head.add_column(no_wrap=True, justify="right")
+    clock = _clock(view.elapsed_s)
+    if view.length_s is not None:
+        clock += f" of {_clock(view.length_s)}"
+    head.add_row(Text(f"Lindy  {view.title}", style="bold"), clock)
+    state = Text.assemble(
+        (" ARMED " if view.armed else " DISARMED ", "bold white on red" if view.armed else "dim"),
+        f"  {view.mode}",
+        (f"  {_failsafe(view)}", "bold red"),
+        (f"  {view.note}" if view.note else "", "yellow"),
+    )
+    head.add_row(state, "")
+    return head
+
+
+def _motion(view: View) -> Text:
+    depth, wanted_depth = _number(view.depth_m, "7.2f"), _number(view.depth_wanted_m, ".2f")
+    heading, wanted = _number(view.heading_deg, "6.1f"), _number(view.heading_wanted_deg, ".1f")
+    return Text.assemble(
+        ("depth  ", "dim"), (f"{depth} m", "bold"), (f"  reference {wanted_depth} m", "dim"),
+        ("     heading ", "dim"), (f"{heading}°", "bold"), (f"  reference {wanted}°", "dim"),
+        (_old(view.age_ms), "yellow"),
+        overflow="ellipsis", no_wrap=True,
+    )  # fmt: skip
+
+
+def _old(age_ms: float | None) -> str:
+    return "" if age_ms is None or age_ms <= OLD_MS else f"     {age_ms / 1e3:.1f} s old"
+
+
+def _sticks(view: View) -> Table:
+    grid = Table.grid(padding=(0, 1))
+    values: tuple[float | None, ...] = view.sticks or (None,) * len(STICKS)
+    cells = [
+        Text.assemble((f"{name:<6}", "dim"), bar(value), f" {_number(value, '+.2f'):>5}")
+        for name, value in zip(STICKS, values, strict=True)
+    ]
+    grid.add_row(cells[0], Text("   "), cells[1])
+    grid.add_row(cells[2], Text("   "), cells[3])
+    return grid
+
+
+def bar(value: float | None) -> str:
+    """A stick's deflection as 13 characters, centre in the middle."""
+    filled = 0 if value is None else round(max(-1.0, min(1.0, value)) * HALF)
+    left = "█" * max(0, -filled)
+    right = "█" * max(0, filled)
+    return f"{left:·>{HALF}}│{right:·<{HALF}}"
+
+
+def _link(view: View) -> Text:
+    return Text.assemble(
+        ("link   ", "dim"),
+        f"down {_number(view.down_ms, '.1f')} ms   up {_number(view.up_ms, '.1f')} ms",
+        f"   round trip {_number(view.rtt_ms, '.1f')} ms   lost {view.lost}",
+        ("\n       ", ""),
+        f"stick to thruster {_number(view.stick_ms, '.1f')} ms",
+        f"   sensor to screen {_number(view.screen_ms, '.1f')} ms",
+        (f"   {view.alarm}" if view.alarm else "", "bold red"),
+        overflow="ellipsis", no_wrap=True,
+    )  # fmt: skip
+
+
+def _services(view: View) -> Table:
+    table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False, header_style="dim")
+    table.add_column(Text("service"), no_wrap=True, min_width=12)
+    for title in ("sent/s", "late p99 [ms]", "CPU [%]", "restarts", "counted"):
+        table.add_column(Text(title), justify="right", no_wrap=True)
+    for row in view.services:
+        style = "" if row.alive else "bold red"
+        table.add_row(
+            Text(row.name if row.alive else f"{row.name} gone", style=style),
+            _number(row.sent_hz, ".0f"),
+            _number(row.late_ms, ".2f"),
+            _number(row.cpu_percent, ".0f"),
+            Text(str(row.restarts), style="yellow" if row.restarts else "dim"),
+            Text(str(row.troubles), style="yellow" if row.troubles else "dim"),
+        )
+    return table
+
+
+def _lines(view: View) -> list[Text]:
+    lines = [
+        Text(brief(told), LEVELS[told.line.level], overflow="ellipsis", no_wrap=True)
+        for told in view.lines[-LINES:]
+    ]
+    return lines + [Text()] * (LINES - len(lines))
+
+
+def _number(value: float | None, form: str) -> str:
+    return UNKNOWN if value is None else format(value, form)
+
+
+def _clock(seconds: float | None) -> str:
+    if seconds is None:
+        return "--:--"
+    return f"{int(seconds) // 60:02d}:{int(seconds) % 60:02d}"

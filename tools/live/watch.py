@@ -1,0 +1,125 @@
+"""What is to be seen of a dive from topside, gathered for the screen."""
+
+import math
+from collections.abc import Callable
+
+from messages import topics
+from messages.health import Health, LogLine
+from messages.link import Shown
+from messages.topic import M
+from services.runtime.node.node import Node
+from services.runtime.node.ports import Latest
+from tools.live.dive_timeline import Course
+from tools.live.log_lines import LogLines
+from tools.live.screen import LINES, ServiceView, View
+
+RECENT_NS = 3_000_000_000  # [ns] an older picture is not shown
+LOOK_HZ = 25.0  # [1/s] often enough that ports that keep the newest 8 do not overflow at 100 Hz
+
+
+class Watch:
+    """Ears for everything that the screen shows."""
+
+    def __init__(
+        self,
+        node: Node,
+        services: list[str],
+        course: Course,
+        show: Callable[[LogLine, float | None], None],
+    ) -> None:
+        self.lines = LogLines()
+        self._course = course
+        self._services = services
+        self._show = show
+        self._health: dict[str, Health] = {}
+        self._sent_hz: dict[str, float] = {}
+        self._state = node.latest(topics.STATE)
+        self._status = node.latest(topics.STATUS)
+        self._reference = node.latest(topics.REFERENCE)
+        self._pilot = node.latest(topics.PILOT_COMMAND)
+        self._link = node.latest(topics.LINK)
+        node.each(topics.HEALTH, self._hear_health)
+        node.each(topics.LOG, self._add)
+        self._budget = node.latest(topics.LATENCY)
+        self._clock = node.latest(topics.CLOCK)
+        self._shown = node.publisher(topics.SHOWN.of("screen"))
+        # Nobody hears themselves on the bus.
+        node.show = lambda line: self._add(line, line.stamp_ns)
+        node.every(LOOK_HZ, self._look)
+
+    def view(self, title: str, now: int, missing: list[str], restarts: dict[str, int]) -> View:
+        """The screen at `now` [ns]."""
+        course = self._course
+        state, reference = _recent(self._state, now), _recent(self._reference, now)
+        status, pilot = self._status.newest(now), self._pilot.fresh(now)
+        link, budget, clock = self._link.fresh(now), self._budget.fresh(now), self._clock.fresh(now)
+        if state is not None:
+            self._shown.put(Shown(stamp_ns=now, sensor_ns=state.sensor_ns))
+        return View(
+            title=title,
+            elapsed_s=course.elapsed_s(now),
+            length_s=course.length_s,
+            mode=status.mode if status else "starting",
+            armed=status.armed if status else False,
+            failsafe=status.failsafe if status else "none",
+            note=status.note if status else course.note,
+            age_ms=(now - state.stamp_ns) / 1e6 if state else None,
+            depth_m=state.depth.value if state else None,
+            depth_wanted_m=reference.depth.position if reference else None,
+            heading_deg=_compass(state.heading.value) if state else None,
+            heading_wanted_deg=_compass(reference.heading.position) if reference else None,
+            sticks=(pilot.surge, pilot.sway, pilot.heave, pilot.yaw) if pilot else None,
+            down_ms=link.down_link.delay_p50_ms if link else None,
+            up_ms=link.up_link.delay_p50_ms if link else None,
+            rtt_ms=clock.rtt_ms if clock else link.rtt_ms if link else None,
+            stick_ms=budget.stick_to_thruster_ms if budget else None,
+            screen_ms=budget.sensor_to_screen_ms if budget else None,
+            alarm=budget.alarm if budget else "",
+            lost=link.down_link.dropped + link.up_link.dropped if link else 0,
+            services=[
+                self._service(name, name not in missing, restarts) for name in self._services
+            ],
+            lines=self.lines.newest(LINES),
+        )
+
+    def _service(self, name: str, alive: bool, restarts: dict[str, int]) -> ServiceView:
+        health = self._health.get(name)
+        return ServiceView(
+            name=name,
+            alive=alive,
+            sent_hz=self._sent_hz.get(name),
+            late_ms=health.lateness_p99_ms if health else None,
+            cpu_percent=health.cpu_percent if health else None,
+            restarts=restarts.get(name, 0),
+            troubles=sum(health.counts.values()) if health else 0,
+        )
+
+    def _add(self, line: LogLine, now: int) -> None:
+        """A log line that came, or was said here, at `now` [ns]."""
+        at_s = self._course.elapsed_s(now)
+        self.lines.add(line, at_s)
+        self._show(line, at_s)
+
+    def _hear_health(self, health: Health, _: int) -> None:
+        before = self._health.get(health.service)
+        self._health[health.service] = health
+        if before is None or health.sent < before.sent:  # first word, or it was restarted
+            return
+        if (seconds := (health.stamp_ns - before.stamp_ns) / 1e9) > 0:
+            self._sent_hz[health.service] = (health.sent - before.sent) / seconds
+
+    def _look(self, now: int) -> None:
+        ports = (self._state, self._status, self._reference, self._pilot, self._link)
+        for port in (*ports, self._budget, self._clock):
+            port.newest(now)
+
+
+def _recent(port: Latest[M], now: int) -> M | None:
+    """The newest word of the drone over however slow a link; nothing once it says nothing more."""
+    message = port.newest(now)
+    return message if message is not None and now - message.stamp_ns <= RECENT_NS else None
+
+
+def _compass(heading: float) -> float:
+    """[deg] 0 … 360 from a heading in radians that accumulates."""
+    return math.degrees(heading) % 360.0

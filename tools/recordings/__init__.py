@@ -1,0 +1,1 @@
+"""Reading recordings back: messages of a dive in order, stretches at rest, Allan deviation."""

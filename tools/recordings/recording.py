@@ -1,0 +1,226 @@
+"""A recording read back as typed messages, also after a crash.
+
+Every file is read from its beginning, chunk by chunk, so a file without an index (the recorder
+was killed) reads like any other: up to its last whole chunk. Messages come in the order of their
+arrival at the recorder, which is the order of `log_ns`.
+"""
+
+import struct
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+import zstandard
+from mcap.exceptions import McapError
+from mcap.records import Attachment, Channel, McapRecord, Metadata, Schema
+from mcap.records import Message as McapMessage
+from mcap.stream_reader import StreamReader
+
+from messages import topics
+from messages.message import Message
+from services.recorder.io.mcap_file import MAGIC, McapFile
+from services.recorder.io.parts import FIRST, parts_in
+from services.runtime.config.disk import reason, require_room
+from services.runtime.config.errors import LindyError
+
+RESERVE = 256_000  # [bytes] left free by merging, for the report
+# What the reader raises where a file is cut or damaged; a damaged length asks for all memory.
+DAMAGE = (McapError, struct.error, zstandard.ZstdError, ValueError, OverflowError, MemoryError)
+
+
+class Raw(NamedTuple):
+    """A message as it stands in the file."""
+
+    key: str
+    data: bytes  # JSON
+    log_ns: int  # [ns] UTC of arrival
+    publish_ns: int  # [ns] UTC of the message's own stamp; of arrival if of an unknown clock
+
+
+class Entry(NamedTuple):
+    """A message of a recording."""
+
+    key: str
+    message: Message
+    log_ns: int  # [ns] UTC of arrival
+    publish_ns: int  # [ns] UTC of the message's own stamp; of arrival if of an unknown clock
+
+
+class Recording:
+    """One dive: its messages, and what was written about it. Iterating gives every `Entry`."""
+
+    def __init__(self, files: list[Path]) -> None:
+        self.files = files
+        self.unreadable: Counter[str] = Counter()  # messages skipped so far, by key
+        self._decoders: dict[str, msgspec.json.Decoder[Message] | None] = {}
+
+    def __iter__(self) -> Iterator[Entry]:
+        for raw in self.raw():
+            if (message := self.decode(raw)) is not None:
+                yield Entry(raw.key, message, raw.log_ns, raw.publish_ns)
+
+    def raw(self) -> Iterator[Raw]:
+        """Every message, not yet opened: for those who need few of many."""
+        for path in self.files:
+            channels: dict[int, str] = {}
+            for record in records(path):
+                if isinstance(record, McapMessage):
+                    if (key := channels.get(record.channel_id)) is not None:
+                        yield Raw(key, record.data, record.log_time, record.publish_time)
+                elif isinstance(record, Channel):
+                    channels[record.id] = record.topic
+
+    def decode(self, raw: Raw) -> Message | None:
+        """The typed message, or None, counted, when this version of Lindy cannot read it."""
+        if raw.key not in self._decoders:
+            topic = topics.find(raw.key)
+            self._decoders[raw.key] = topic and msgspec.json.Decoder(topic.message)
+        if (decoder := self._decoders[raw.key]) is not None:
+            with suppress(msgspec.DecodeError):
+                return decoder.decode(raw.data)
+        self.unreadable[raw.key] += 1
+        return None
+
+    def metadata(self, name: str) -> dict[str, str]:
+        """Key and value of every metadata record of that name; the last word counts."""
+        found: dict[str, str] = {}
+        for record in self.described():
+            if isinstance(record, Metadata) and record.name == name:
+                found |= record.metadata
+        return found
+
+    def losses(self) -> Counter[str]:
+        """What the recorder itself counted, summed over its restarts. A killed recorder leaves
+        no count."""
+        losses: Counter[str] = Counter()
+        for record in self.described():
+            if isinstance(record, Metadata) and record.name == "losses":
+                losses.update({name: int(count) for name, count in record.metadata.items()})
+        return losses
+
+    def attachment(self, name: str) -> bytes | None:
+        """A file inside the file, such as `topics.json`."""
+        attachments = (r for r in self.described() if isinstance(r, Attachment))
+        return next((a.data for a in attachments if a.name == name), None)
+
+    def described(self) -> Iterator[Metadata | Attachment]:
+        """Everything in the files that is not a message."""
+        for path in self.files:
+            for record in records(path, open_chunks=False):
+                if isinstance(record, Metadata | Attachment):
+                    yield record
+
+
+def open_recording(path: Path) -> Recording:
+    """The recording in a dive's folder, or in one file.
+
+    Raises:
+        LindyError: there is none, it cannot be read, or it is not an MCAP file.
+    """
+    try:
+        files = parts_in(path) if path.is_dir() else [path]
+        if not files:
+            raise LindyError(f"there is no recording in {path}")
+        for file in files:
+            with file.open("rb") as stream:
+                beginning = stream.read(len(MAGIC))
+            if not MAGIC.startswith(beginning):
+                raise LindyError(f"{file} is not a recording: it does not begin as MCAP files do")
+    except OSError as error:
+        raise LindyError(f"cannot read {error.filename}: {error.strerror}") from None
+    return Recording(files)
+
+
+def log_hash(path: Path) -> str | None:
+    """SHA-256 over everything recorded, in order, as the recorder wrote it at the end of the dive.
+    None when it did not end cleanly or is in several parts.
+
+    Raises:
+        LindyError: as `open_recording`.
+    """
+    recording = open_recording(path)
+    whole = len(recording.files) == 1
+    return recording.metadata("hash").get("sha256") if whole else None
+
+
+def merge_parts(folder: Path) -> bool:
+    """After a dive: make one clean `dive.mcap` of several parts, or of one that was cut short.
+
+    Whole chunks are kept; what the dive's files said of themselves is kept too, except the hash,
+    which no longer fits. A metadata record `merged` says how many messages came from which part.
+    The parts are all this dive's: it began in a folder without a dive.
+
+    Returns:
+        False when there was nothing to mend.
+
+    Raises:
+        LindyError: as `open_recording`, or the folder cannot be written.
+    """
+    parts = open_recording(folder).files
+    if len(parts) == 1 and is_whole(parts[0]):
+        return False
+    try:
+        require_room(folder, sum(part.stat().st_size for part in parts) + RESERVE)
+        file = McapFile(folder / "merging.mcap")
+        try:
+            merged = {path.name: str(_copy(path, file, path == parts[0])) for path in parts}
+            file.metadata("merged", merged)
+            file.finish()
+        except BaseException:
+            file.discard()
+            raise
+        file.path.replace(folder / FIRST)
+        for part in parts:
+            if part.name != FIRST:
+                part.unlink()
+    except OSError as error:
+        raise LindyError(f"cannot merge the recording in {folder}: {reason(error)}") from None
+    return True
+
+
+def _copy(path: Path, file: McapFile, first: bool) -> int:
+    """Append a part's records to `file`; returns how many messages it had."""
+    schemas: dict[int, Schema] = {}
+    channels: dict[int, str] = {}
+    messages = 0
+    for record in records(path):
+        if isinstance(record, McapMessage):
+            times = record.log_time, record.publish_time
+            file.write(channels[record.channel_id], record.data, *times, record.sequence)
+            messages += 1
+        elif isinstance(record, Schema):
+            schemas[record.id] = record
+        elif isinstance(record, Channel):
+            channels[record.id] = record.topic
+            if not file.has_channel(record.topic):
+                schema = schemas[record.schema_id]
+                file.open_channel(record.topic, schema.name, schema.data)
+        elif isinstance(record, Metadata) and record.name != "hash":
+            file.metadata(record.name, record.metadata)
+        elif isinstance(record, Attachment) and first:
+            file.attach(record.name, record.media_type, record.data)
+    return messages
+
+
+def records(path: Path, *, open_chunks: bool = True) -> Iterator[McapRecord]:
+    """The records of a file, in order, up to its end or to where it is cut or damaged."""
+    with path.open("rb") as stream:
+        limit = path.stat().st_size  # no record is longer than its file
+        reader = StreamReader(
+            stream, emit_chunks=not open_chunks, validate_crcs=True, record_size_limit=limit
+        )
+        with suppress(*DAMAGE):
+            yield from reader.records
+
+
+def is_whole(path: Path) -> bool:
+    """Was the file finished, so that any MCAP reader can open it?"""
+    data_end = len(MAGIC)
+    with path.open("rb") as stream:
+        if path.stat().st_size < 2 * data_end:
+            return False
+        stream.seek(-data_end, 2)
+        return stream.read() == MAGIC

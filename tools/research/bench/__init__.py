@@ -1,0 +1,51 @@
+"""`lindy bench`: every performance figure beside its baseline, both measured in this run.
+
+A section is a module here with `figures() -> list[Figure]` and a row in SECTIONS.
+"""
+
+from importlib import import_module
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from services.runtime.config.errors import LindyError
+from tools.research.bench.table import Figure, as_json, show
+
+SECTIONS = {
+    "reference": "tools.research.bench.reference",
+    "estimation": "tools.research.bench.estimation",
+    "heading": "tools.research.bench.heading",
+    "horizontal": "tools.research.bench.horizontal",
+    "control": "tools.research.bench.control",
+    "simulator": "tools.research.bench.simulator",
+    "tether": "tools.research.bench.tether",
+}
+
+
+def bench(
+    *,
+    only: Annotated[tuple[str, ...], Parameter(negative=())] = (),
+    json: Annotated[bool, Parameter(negative=(), show_default=False)] = False,
+) -> int:
+    """Measure Lindy's speed beside other ways of doing the same, as ratios with their goals.
+
+    Example: lindy bench --only reference --json
+
+    Parameters
+    ----------
+    only
+        sections to run, repeatable; all if left out
+    json
+        print JSON instead of a table
+    """
+    for name in only:
+        if name not in SECTIONS:
+            raise LindyError(f"--only {name}: no such section; there are {', '.join(SECTIONS)}")
+    figures: list[Figure] = []
+    for name in only or SECTIONS:
+        figures += import_module(SECTIONS[name]).figures()
+    if json:
+        print(as_json(figures))
+    else:
+        show(figures)
+    return 0

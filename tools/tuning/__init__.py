@@ -1,0 +1,1 @@
+"""Control gains for a vehicle: linear-quadratic design over the sampled loop."""

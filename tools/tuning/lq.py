@@ -1,0 +1,147 @@
+"""Linear quadratic design of one axis: feedback gains, and how much feed-forward is best.
+
+The plant is inertia and linear drag, sampled exactly, its thrusters taken as prompt. The cost is
+the sum of q e² + q_v e'² + ρ (u - u_ref)², e the distance from the reference and u_ref the force
+the reference needs. In the error the plant is then autonomous, so that 100 % feed-forward is
+optimal for every ρ (the answer to Andrén 2023, 7.2.1). Who weighs the whole force, ρ u², finds
+less: see `best_acceleration`.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from messages.reference import Motion
+from services.control.axis.axis_law import AxisLaw, Gains
+from services.control.axis.plant import Plant
+from services.reference.trajectory.minimum_jerk import Limits, Ramp
+
+Matrix = NDArray[np.float64]
+SMALL = 1e-5  # [-] drag over a step beside inertia
+DOUBLINGS = 60  # far more than any loop needs: the error is squared each time
+
+
+class Worth(NamedTuple):
+    """Errors that are as bad as each other, and as bad as this much force (Bryson's rule)."""
+
+    position: float  # [m] or [rad]
+    velocity: float  # [m/s] or [rad/s]
+    force: float  # [N] or [N m]
+    patience: float  # [s] for which an error of `position` may last
+
+
+class Feedback(NamedTuple):
+    kp: float  # [N/m] or [N m/rad]
+    kd: float  # [N s/m] or [N m s/rad]
+    ki: float  # [N/(m s)] or [N m/(rad s)]
+
+
+class Manoeuvre(NamedTuple):
+    """A step of the stick and back, as in Andrén 2023, 6.1.1."""
+
+    speed: float  # [m/s] or [rad/s]
+    limits: Limits
+    seconds: float = 3.0  # [s] at speed; as long again and one more to come to rest
+
+
+def sampled(plant: Plant, dt: float) -> tuple[Matrix, Matrix]:
+    """(2, 2) and (2, 1): position and velocity one step on, from themselves and a held force."""
+    inertia = plant.sampled_inertia(dt)
+    x = plant.linear * dt / plant.inertia
+    far = dt * plant.inertia / inertia  # [m] one step at 1 m/s, left to itself
+    series = dt * dt / 2 / plant.inertia * (1.0 - x / 3)  # where the exact one would cancel
+    pushed = series if x < SMALL else (dt - far) / plant.linear
+    kept = 1.0 - x * plant.inertia / inertia  # exp(-x)
+    return np.array([[1.0, far], [0.0, kept]]), np.array([[pushed], [dt / inertia]])
+
+
+def feedback(plant: Plant, worth: Worth, dt: float) -> Feedback:
+    """Gains on error, its rate and its integral that minimise the cost."""
+    two, push = sampled(plant, dt)
+    A = np.eye(3)
+    A[:2, :2], A[2, 0] = two, dt  # the third state is the integral of the position
+    B = np.vstack([push, [[0.0]]])
+    sizes = np.array([worth.position, worth.velocity, worth.position * worth.patience])
+    gains = regulator(A, B, np.diag(1.0 / sizes**2), 1.0 / worth.force**2)
+    return Feedback(*gains.tolist())
+
+
+def regulator(A: Matrix, B: Matrix, Q: Matrix, rho: float) -> Matrix:
+    """(n,) K of u = -K x that minimises Σ xᵀQx + ρ u² for x₊ = A x + B u.
+
+    The discrete Riccati equation by structured doubling (Chu, Fan, Lin & Wang 2004, Int. J.
+    Control 77): every pass doubles the number of steps that are looked ahead.
+
+    Raises:
+        ValueError: it does not settle.
+    """
+    move, reach, cost = A, B @ B.T / rho, Q
+    for _ in range(DOUBLINGS):
+        inner = np.linalg.inv(np.eye(len(A)) + reach @ cost)
+        more = move.T @ cost @ inner @ move
+        reach = reach + move @ inner @ reach @ move.T
+        move = move @ inner @ move
+        cost = cost + (more + more.T) / 2
+        if np.abs(more).max() <= 1e-12 * np.abs(cost).max():
+            return (B.T @ cost @ A / (rho + (B.T @ cost @ B).item()))[0]
+    raise ValueError("these weights have no settled solution")
+
+
+def best_acceleration(
+    plant: Plant,
+    kp: float,
+    kd: float,
+    weight: float,
+    manoeuvre: Manoeuvre,
+    dt: float,
+    *,
+    held: float,
+) -> float:
+    """[%] Of the acceleration feed-forward that minimises Σ e² + weight Σ u² over a manoeuvre.
+
+    Error and force are affine in the share, so the cost is a parabola and three flights find it.
+
+    Args:
+        weight: ρ/q [m²/N²] on the whole force; inf weighs the force alone.
+        dt: [s] for which a force is held.
+        held: [s] for which the feed-forward reckons it is held: dt is exact, 0 as in the thesis.
+    """
+    motions = list(_motions(manoeuvre, dt))
+    flights = [_flown(plant, kp, kd, percent, motions, dt, held) for percent in (0.0, 100.0, 200.0)]
+    costs = [u if weight == np.inf else e + weight * u for e, u in flights]
+    slope, bend = costs[2] - costs[0], costs[0] - 2 * costs[1] + costs[2]
+    return 100.0 - 50.0 * slope / bend
+
+
+def _motions(manoeuvre: Manoeuvre, dt: float) -> list[Motion]:
+    ramp, motions = Ramp(manoeuvre.limits), list[Motion]()
+    there, end = manoeuvre.seconds, 2 * manoeuvre.seconds + 1.0
+    for k in range(round(end / dt)):
+        ramp.aim(manoeuvre.speed if k * dt < there else 0.0, k * dt)
+        motions.append(Motion(*ramp.at(k * dt)))
+    return motions
+
+
+def _flown(
+    plant: Plant,
+    kp: float,
+    kd: float,
+    percent: float,
+    motions: list[Motion],
+    dt: float,
+    held: float,
+) -> tuple[float, float]:
+    """Σ e² and Σ u²."""
+    gains = Gains(
+        kp=kp, kd=kd, ki=0.0, max_error=1e6, max_integral=1e6, acceleration_percent=percent
+    )
+    law, (A, B) = AxisLaw(gains, plant, period=held), sampled(plant, dt)
+    (_, far), (_, kept) = A.tolist()
+    (pushed,), (gained,) = B.tolist()
+    x = v = errors = forces = 0.0
+    for motion in motions:
+        u = law.step(motion, x, v, dt).total
+        errors, forces = errors + (motion.position - x) ** 2, forces + u * u
+        x, v = x + far * v + pushed * u, kept * v + gained * u
+    return errors, forces
