@@ -9,7 +9,7 @@ from messages.units import Finite, Stamp
 # asked for last. Sensors: silent says nothing, frozen repeats itself, noisy has `value` times the
 # noise, biased is off by `value` (in the sensor's unit; an IMU its gyroscopes, rad/s), broken says
 # what is not a number.
-Fault = Literal[
+FaultKind = Literal[
     "none", "dead", "reversed", "weak", "stuck", "silent", "frozen", "noisy", "biased", "broken"
 ]
 
@@ -18,7 +18,7 @@ class FaultRequest(Request, frozen=True, kw_only=True):
     """Break or mend a part. Repeated with the same id until a `FaultAnswer` names that id."""
 
     part: str  # a thruster's name, a sensor's key such as sensor/pressure, or "all" to mend
-    fault: Fault
+    fault: FaultKind
     value: Finite | None = None
 
 

@@ -20,7 +20,7 @@ from messages.pilot import (
 from messages.vehicle import VehicleStatus
 from services.gamepad.io.path_file import course_of
 from services.gamepad.pilot_intents import goto
-from services.reference.guidance.path_following import Planned
+from services.reference.guidance.path_following import PlannedPath
 from services.runtime.config.errors import LindyError
 from services.runtime.config.running import RUNNING, Running
 from services.runtime.config.settings import deploy_file, nearest
@@ -225,7 +225,7 @@ def _course(name: str | None) -> Course:
     file = deploy_file("paths", name)
     course = course_of(file)
     try:
-        Planned(course)  # the drone would refuse it as well, but without the file's name
+        PlannedPath(course)  # the drone would refuse it as well, but without the file's name
     except ValueError as error:
         raise LindyError(f"{file}: {error}") from None
     return course

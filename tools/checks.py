@@ -10,9 +10,9 @@ import msgspec
 from services.control.core import Controller, Settings
 from services.gamepad import stick_log
 from services.gamepad.io.path_file import course_named
-from services.gamepad.pilot_intents import Follow
+from services.gamepad.pilot_intents import FollowIntent
 from services.marine.vehicle import Vehicle
-from services.reference.guidance.path_following import Planned
+from services.reference.guidance.path_following import PlannedPath
 from services.runtime.config.errors import LindyError
 from services.runtime.config.running import RUNNING, Running
 from services.runtime.config.settings import deploy_file, nearest
@@ -27,14 +27,14 @@ LONGEST_S = 86_400.0  # [s] a day
 
 
 @dataclass(frozen=True, slots=True)
-class Pilot:
+class PilotChoice:
     """Who has the sticks, checked."""
 
     name: str  # as services read it: gamepad, keyboard or script:FILE
     script_s: float | None = None  # [s] length of the script; None: a person
 
 
-def pilot_of(choice: str) -> Pilot:
+def pilot_of(choice: str) -> PilotChoice:
     """Check `--pilot`, and read the script if it is one.
 
     Raises:
@@ -42,7 +42,7 @@ def pilot_of(choice: str) -> Pilot:
     """
     kind, colon, name = choice.partition(":")
     if choice in ("gamepad", "keyboard"):
-        return Pilot(choice)
+        return PilotChoice(choice)
     if kind != "script" or not colon or not name:
         known = ["gamepad", "keyboard", "script:FILE"]
         raise LindyError(f"unknown pilot {choice!r}{nearest(choice, known)}")
@@ -50,17 +50,17 @@ def pilot_of(choice: str) -> Pilot:
     try:
         log = stick_log.parse(path.read_bytes(), course_named)
         for row in log.rows:
-            if isinstance(row.event, Follow):
-                Planned(row.event.course)  # do the turns fit?
+            if isinstance(row.event, FollowIntent):
+                PlannedPath(row.event.course)  # do the turns fit?
     except OSError as error:
         raise LindyError(f"cannot read {path}: {error.strerror}") from None
     except ValueError as error:
         raise LindyError(f"{path}: {error}") from None
-    return Pilot(f"script:{path if name.endswith('.csv') else name}", log.duration)
+    return PilotChoice(f"script:{path if name.endswith('.csv') else name}", log.duration)
 
 
 def checked(
-    choices: Choices, pilot: Pilot, services: Registry, here: Collection[str] | None = None
+    choices: Choices, pilot: PilotChoice, services: Registry, here: Collection[str] | None = None
 ) -> Stack:
     """The choices as services take them, after everything that can be checked has been.
 

@@ -13,8 +13,8 @@ from tools.live.display import display
 from tools.live.dive_folder import out_folder, point_latest
 from tools.live.monitor_loop import told
 from tools.live.outcome import Outcome, title
-from tools.live.piloted_dive import Flight, tell_who_flies, who_flies
-from tools.live.stop_signals import Stop
+from tools.live.piloted_dive import PilotedDive, tell_who_flies, who_flies
+from tools.live.stop_signals import StopSignals
 from tools.live.viewer import runnable
 
 
@@ -35,12 +35,12 @@ def dive(choices: Choices, *, headless: bool, listen: str | None) -> int:
     tell_who_flies(choices, pilot)
     print(f"{title(stack)} → {stack.out_dir}", flush=True)
     with (
-        Stop() as stop,
+        StopSignals() as stop,
         display() as shown,
         outcome.of_the_dive(),
         local_stack(stack, services, listen) as local,
         told(outcome, local),
     ):
         point_latest(stack.out_dir)
-        outcome.exit = Flight(local, pilot, choices.seconds, stop, shown).fly()
+        outcome.exit = PilotedDive(local, pilot, choices.seconds, stop, shown).fly()
     return outcome.sum_up()

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import get_args
 
 from messages import topics
-from messages.simulator import Fault, FaultRequest
+from messages.simulator import FaultKind, FaultRequest
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import nearest
 from services.runtime.hosts.registry import Registry
@@ -20,7 +20,7 @@ def fault(part: str, kind: str, value: float | None, dive: Path | None) -> int:
     Raises:
         LindyError: no such fault, or the simulator refuses or does not answer.
     """
-    kinds: dict[str, Fault] = {name: name for name in get_args(Fault)}
+    kinds: dict[str, FaultKind] = {name: name for name in get_args(FaultKind)}
     if kind not in kinds:
         raise LindyError(f"unknown fault {kind!r}{nearest(kind, list(kinds))}")
     running = dive_in(dive)

@@ -9,13 +9,13 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import DEPLOY
 from services.tether.delay import TAIL, Delay, Trace
 from services.tether.io.profile_file import Named, named
-from services.tether.profile import Leg
+from services.tether.profile import DirectionProfile
 
 COMMAND = PilotCommand(stamp_ns=10**15, surge=0.0, sway=0.0, heave=0.0, yaw=0.0)  # a short one
 COMMAND_BYTES = len(msgspec.msgpack.encode(COMMAND))
 
 
-def shortest_ms(leg: Leg) -> float:
+def shortest_ms(leg: DirectionProfile) -> float:
     """[ms] One-way delay that no pilot command over this direction of a link can be faster than:
     of a command that waits for nothing, from a pad that has answered just now."""
     sending = 0.0

@@ -18,11 +18,11 @@ from tools.recordings.recording import open_recording
 
 ONE_CLOCK_NS = 1_000_000  # [ns] clocks that differ by less, or by less than is known, are one
 MOST_MISSING = 1000  # a larger gap in the count is another publisher, not a loss
-Row = tuple[float, float | None]  # sent [s], arrived [s] or lost
+TraceRow = tuple[float, float | None]  # sent [s], arrived [s] or lost
 
 
 class Traced(NamedTuple):
-    rows: list[Row]  # ascending; the first is sent at 0
+    rows: list[TraceRow]  # ascending; the first is sent at 0
     remarks: list[str]  # how it was measured
 
 
@@ -79,12 +79,12 @@ def one_clock(clocks: Iterable[Clock]) -> bool:
     )
 
 
-def one_way(commands: list[Heard]) -> list[Row]:
+def one_way(commands: list[Heard]) -> list[TraceRow]:
     """Rows in seconds since the first command was sent. A lost one was sent evenly between its
     neighbours."""
     ordered = sorted(set(commands), key=lambda heard: (heard.sent, heard.seq))
     start = ordered[0].sent
-    rows: list[Row] = []
+    rows: list[TraceRow] = []
     before: Heard | None = None
     for here in ordered:
         if before is not None and before.sent == here.sent:
@@ -98,9 +98,9 @@ def one_way(commands: list[Heard]) -> list[Row]:
     return rows
 
 
-def half_trips(clocks: list[Clock]) -> list[Row]:
+def half_trips(clocks: list[Clock]) -> list[TraceRow]:
     """Rows in seconds since the first trip; a ping without an answer was lost."""
-    rows: list[Row] = []
+    rows: list[TraceRow] = []
     first: int | None = None
     for clock in sorted(clocks, key=lambda clock: clock.stamp_ns):
         first = clock.stamp_ns if first is None else first
@@ -110,7 +110,7 @@ def half_trips(clocks: list[Clock]) -> list[Row]:
     return rows
 
 
-def _checked(rows: list[Row], path: Path) -> list[Row]:
+def _checked(rows: list[TraceRow], path: Path) -> list[TraceRow]:
     """
     Raises:
         LindyError: a message arrived before it was sent, or later than any link model knows.

@@ -13,13 +13,13 @@ from cyclopts import Parameter
 from messages import topics
 from services.estimation.attitude.attitude_filter import AttitudeSettings
 from services.estimation.startup.calibration import CalibrationSettings
-from tools.recordings.allan import Floats, Noise
+from tools.recordings.allan import AllanNoise, Floats
 from tools.recordings.allan import noise as noise_of
-from tools.recordings.at_rest import Rest, Samples, rate, read, resting
+from tools.recordings.at_rest import Rest, RestingSamples, rate, read, resting
 from tools.recordings.recording import open_recording
 
 
-class Axis(NamedTuple):
+class NoiseAxis(NamedTuple):
     """One number that a sensor says."""
 
     name: str
@@ -28,10 +28,10 @@ class Axis(NamedTuple):
     mean: float
     std: float  # of one sample
     step: float  # smallest difference between two samples that differ; 0: all are the same
-    noise: Noise
+    noise: AllanNoise
 
 
-class Line(NamedTuple):
+class SettingLine(NamedTuple):
     """A line of the vehicle file."""
 
     section: str
@@ -67,7 +67,7 @@ def noise(
     return 0
 
 
-def measured(heard: dict[str, Samples]) -> Iterator[Axis]:
+def measured(heard: dict[str, RestingSamples]) -> Iterator[NoiseAxis]:
     """Noise of every axis of every sensor."""
     names = {
         topics.IMU.key: [(f"gyroscope {axis}", "rad/s") for axis in "xyz"]
@@ -82,13 +82,13 @@ def measured(heard: dict[str, Samples]) -> Iterator[Axis]:
             different: list[float] = sorted(set(values.tolist()))
             mean = float(np.mean(values))
             if len(different) == 1:
-                yield Axis(name, unit, hz, mean, 0.0, 0.0, Noise(0.0, None, None, 0.0))
+                yield NoiseAxis(name, unit, hz, mean, 0.0, 0.0, AllanNoise(0.0, None, None, 0.0))
                 continue
             std, step = float(np.std(values)), min(b - a for a, b in pairwise(different))
-            yield Axis(name, unit, hz, mean, std, step, noise_of(values, hz))
+            yield NoiseAxis(name, unit, hz, mean, std, step, noise_of(values, hz))
 
 
-def lines(axes: list[Axis]) -> Iterator[Line]:
+def lines(axes: list[NoiseAxis]) -> Iterator[SettingLine]:
     """What to put into the vehicle file."""
     by_name = {axis.name: axis for axis in axes}
     if (pressure := by_name.get("pressure")) is not None:
@@ -114,7 +114,7 @@ def lines(axes: list[Axis]) -> Iterator[Line]:
     yield _line(section, "heading_drift", drift, told)
 
 
-def _pressure_std(pressure: Axis) -> Line:
+def _pressure_std(pressure: NoiseAxis) -> SettingLine:
     # Noise below a step is invisible, and then the rounding is what is left.
     std = max(pressure.std, pressure.step / sqrt(12.0))
     told = f"[Pa] at {pressure.rate:.0f} Hz"
@@ -123,15 +123,15 @@ def _pressure_std(pressure: Axis) -> Line:
     return _line("estimation.depth", "pressure_std", std, told)
 
 
-def _line(section: str, key: str, value: float, why: str) -> Line:
+def _line(section: str, key: str, value: float, why: str) -> SettingLine:
     """A sensor that always says the same has no noise to be told: frozen, or too coarse."""
     if value > 0.0:
-        return Line(section, key, float(f"{value:.3g}"), why)
+        return SettingLine(section, key, float(f"{value:.3g}"), why)
     told = why if why.startswith("no") else "every sample is the same: frozen, or too coarse"
-    return Line(section, key, None, told)
+    return SettingLine(section, key, None, told)
 
 
-def as_toml(axes: list[Axis], rest: Rest) -> str:
+def as_toml(axes: list[NoiseAxis], rest: Rest) -> str:
     """Figures as comments, then the lines to paste."""
     text = [
         f"# Noise at rest; used {rest.seconds:.1f} s at rest, from {rest.begin:.1f} s.",
@@ -149,7 +149,7 @@ def as_toml(axes: list[Axis], rest: Rest) -> str:
     return "\n".join(text)
 
 
-def _figures(axis: Axis) -> str:
+def _figures(axis: NoiseAxis) -> str:
     unit, found = axis.unit, axis.noise
     slow = f"< {found.drift_below:.2g}" if found.instability is None else f"{found.instability:.2g}"
     walk = "-" if found.walk is None else f"{found.walk:.2g}"
@@ -159,7 +159,7 @@ def _figures(axis: Axis) -> str:
     )
 
 
-def as_json(axes: list[Axis], rest: Rest) -> str:
+def as_json(axes: list[NoiseAxis], rest: Rest) -> str:
     """Every figure, and the settings by section and key."""
     settings: dict[str, dict[str, float]] = {}
     for line in lines(axes):

@@ -9,10 +9,10 @@ import msgspec
 
 from messages.units import PathQuantity
 from services.reference.paths.path import Kind, Path, furthest
-from services.reference.paths.route import Motion, Route, RoutePoint, route
+from services.reference.paths.route import MotionLaw, Route, RoutePoint, route
 from services.reference.paths.stretch import stretch
 from services.reference.trajectory.minimum_jerk import Limits
-from services.reference.trajectory.profile import Profile
+from services.reference.trajectory.profile import MotionProfile
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import deploy_file, read
 from tools.research.laws.fernandes.model_request import Request
@@ -21,7 +21,7 @@ from tools.research.laws.fernandes.reference_model import plan
 MOST_ROWS = 10_000_000
 
 
-class PathFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class PlannedPathFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What a path file says. Only the way-points must be there."""
 
     waypoints: list[list[float]]  # [m] [north, east] or [north, east, down]
@@ -58,7 +58,7 @@ def path(file: str, *, dt: float | None = None) -> int:
         dt: [s] between samples.
     """
     source = deploy_file("paths", file)
-    wish = read(source, PathFile)
+    wish = read(source, PlannedPathFile)
     try:
         way = planned(wish)
     except ValueError as error:
@@ -73,7 +73,7 @@ def path(file: str, *, dt: float | None = None) -> int:
     return 0
 
 
-def planned(wish: PathFile) -> Route:
+def planned(wish: PlannedPathFile) -> Route:
     """
     Raises:
         ValueError: the file asks for something that cannot be.
@@ -82,14 +82,14 @@ def planned(wish: PathFile) -> Route:
     return route(way, motion(wish), wish.speeds or [wish.cruise])
 
 
-def motion(wish: PathFile) -> Motion:
+def motion(wish: PlannedPathFile) -> MotionLaw:
     """How the speed changes."""
     limits = Limits(wish.jerk, wish.acceleration)
 
-    def bounded(length: float, cruise: float, initial: float, final: float) -> Profile:
+    def bounded(length: float, cruise: float, initial: float, final: float) -> MotionProfile:
         return stretch(length, limits, cruise, initial, final)
 
-    def fernandes(length: float, cruise: float, initial: float, final: float) -> Profile:
+    def fernandes(length: float, cruise: float, initial: float, final: float) -> MotionProfile:
         return plan(
             Request(
                 length=length,
@@ -110,7 +110,7 @@ def motion(wish: PathFile) -> Motion:
     return bounded if wish.model == "mjvr" else fernandes
 
 
-def shown(wish: PathFile, way: Route) -> str:
+def shown(wish: PlannedPathFile, way: Route) -> str:
     """The path as JSON: lengths in m, duration in s."""
     parts = [
         {
@@ -133,7 +133,7 @@ def shown(wish: PathFile, way: Route) -> str:
     return json.dumps(about, allow_nan=False)
 
 
-def smooth_yaw_deviation(wish: PathFile) -> float | None:
+def smooth_yaw_deviation(wish: PlannedPathFile) -> float | None:
     """[m] How far the path with smooth turns is from the one with clothoids: the price of a C2 yaw
     reference, whichever of the two was asked for. None where only one of them has room."""
     try:

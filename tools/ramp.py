@@ -11,16 +11,16 @@ from services.reference.trajectory.minimum_jerk import Limits, Sample, Segment, 
 from services.runtime.config.errors import LindyError
 from tools.research.laws import thesis_rule
 from tools.research.laws.baselines import (
+    BaselineReference,
     Direct,
     Filter,
-    Planned,
+    PlannedBaseline,
     Planner,
-    Reference,
     minimum_time,
 )
 
 Rule = Literal["bounded", "thesis", "direct", "filter", "minimum-time"]
-Row = tuple[float, float]  # t [s], target
+TargetRow = tuple[float, float]  # t [s], target
 
 MOST_SAMPLES = 5_000_000
 SAME = 1e-9  # of dt: an input closer than this to a sample is at the sample
@@ -95,13 +95,13 @@ def ramp(
     return 0
 
 
-def read(source: TextIO) -> list[Row]:
+def read(source: TextIO) -> list[TargetRow]:
     """Times and targets of a CSV, with or without the header t,target.
 
     Raises:
         LindyError: empty, not two finite numbers on a line, or times that go back.
     """
-    rows: list[Row] = []
+    rows: list[TargetRow] = []
     lines = csv.reader(source)
     try:
         for cells in lines:
@@ -121,7 +121,9 @@ def read(source: TextIO) -> list[Row]:
     return rows
 
 
-def samples(generator: Reference, rows: list[Row], dt: float) -> Iterator[tuple[float, Sample]]:
+def samples(
+    generator: BaselineReference, rows: list[TargetRow], dt: float
+) -> Iterator[tuple[float, Sample]]:
     """The reference at the first time of `rows`, every dt [s] from there, to the last time."""
     first, last = rows[0][0], rows[-1][0]
     count = (last - first) / dt
@@ -143,7 +145,7 @@ def samples(generator: Reference, rows: list[Row], dt: float) -> Iterator[tuple[
         yield t, here
 
 
-def _row(cells: list[str], line: int) -> Row:
+def _row(cells: list[str], line: int) -> TargetRow:
     if len(cells) != 2:
         raise LindyError(f"stdin, line {line}: expected t,target, found {','.join(cells)!r}")
     try:
@@ -169,7 +171,7 @@ def _check(above_0: dict[str, float | None], finite: dict[str, float | None]) ->
 def _generator(
     rule: Rule, jerk: float | None, accel: float | None, v0: float, a0: float,
     frequency: float, damping: float,
-) -> Reference:  # fmt: skip
+) -> BaselineReference:  # fmt: skip
     if accel is not None and rule not in ("bounded", "minimum-time"):
         print(f"lindy: --accel has no effect: --rule {rule} has no such limit", file=sys.stderr)
     if rule == "direct":
@@ -179,7 +181,7 @@ def _generator(
         return Filter(frequency, damping, velocity=v0, acceleration=a0, target=v0)
     if jerk is None:
         raise LindyError(f"--jerk is missing: --rule {rule} needs the most jerk, e.g. --jerk 3")
-    return Planned(
+    return PlannedBaseline(
         _planner(rule, Limits(jerk, inf if accel is None else accel)), velocity=v0, acceleration=a0
     )
 
@@ -198,10 +200,10 @@ def _planner(rule: Rule, limits: Limits) -> Planner:
     return {"thesis": thesis, "minimum-time": quickest}.get(rule, bounded)
 
 
-def _plan(rule: Rule, generator: Reference, to: float | None) -> str:
+def _plan(rule: Rule, generator: BaselineReference, to: float | None) -> str:
     if to is None:
         raise LindyError("--to is missing: the velocity that --plan goes to, e.g. --to 0.3")
-    if not isinstance(generator, Planned):
+    if not isinstance(generator, PlannedBaseline):
         raise LindyError(f"--plan has nothing to show with --rule {rule}, which makes no plan")
     try:
         generator.aim(to, 0.0)

@@ -19,16 +19,16 @@ from tools.checks import DEFAULT_PILOT, checked, pilot_of
 from tools.choices import Choices
 from tools.live.display import LineDisplay
 from tools.live.dive_folder import out_folder, point_latest
-from tools.live.dive_timeline import Course
+from tools.live.dive_timeline import DiveTimeline
 from tools.live.log_lines import when
 from tools.live.outcome import Outcome, title
-from tools.live.stop_signals import Stop
+from tools.live.stop_signals import StopSignals
 from tools.live.viewer import runnable
 
 STRIDE_NS = 100_000_000  # [ns] of virtual time between two looks at the dive
 LINE_S = 10.0  # [s] of virtual time between two lines
 
-Advance = Callable[[Course, int], None]
+Advance = Callable[[DiveTimeline, int], None]
 
 
 def simulate(choices: Choices) -> int:
@@ -44,14 +44,14 @@ def simulate(choices: Choices) -> int:
     stack = checked(choices, pilot, services)
     stack = msgspec.structs.replace(stack, virtual=True, out=str(out_folder(choices.out)))
     outcome = Outcome(stack)
-    course = Course(pilot.script_s, choices.seconds)
+    course = DiveTimeline(pilot.script_s, choices.seconds)
     host, shown = VirtualHost(), LineDisplay()
 
     def show(line: LogLine) -> None:
         shown.line(line, course.elapsed_s(line.stamp_ns))
 
     print(f"{title(stack)} → {stack.out_dir}", flush=True)
-    with Stop() as stop, outcome.of_the_dive(), progress() as advance, closing(host):
+    with StopSignals() as stop, outcome.of_the_dive(), progress() as advance, closing(host):
         node = host.node(NAME, ["topside"])
         node.each(topics.STATUS, course.see)
         outcome.listen(node)
@@ -66,7 +66,7 @@ def simulate(choices: Choices) -> int:
     return outcome.sum_up()
 
 
-def run(host: VirtualHost, course: Course, stop: Stop, advance: Advance) -> str:
+def run(host: VirtualHost, course: DiveTimeline, stop: StopSignals, advance: Advance) -> str:
     """Run to the end of the dive. Returns how it ended: `clean`, or why otherwise."""
     end = None
     while end is None:
@@ -86,7 +86,7 @@ def progress() -> Generator[Advance]:
     with Progress(*columns, transient=True) as bar:
         task = bar.add_task("waiting for the drone")
 
-        def advance(course: Course, now: int) -> None:
+        def advance(course: DiveTimeline, now: int) -> None:
             bar.update(
                 task,
                 description="diving" if course.armed else course.note,
@@ -100,7 +100,7 @@ def progress() -> Generator[Advance]:
 def _lines() -> Advance:
     last_s = 0.0
 
-    def advance(course: Course, now: int) -> None:
+    def advance(course: DiveTimeline, now: int) -> None:
         nonlocal last_s
         if now / 1e9 - last_s >= LINE_S:
             last_s = now / 1e9

@@ -9,23 +9,23 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import nearest
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry, ServiceSpec
-from services.runtime.launch.local_stack import Far, LocalStack, local_stack
+from services.runtime.launch.local_stack import LocalStack, OtherSide, local_stack
 from tools.checks import DEFAULT_PILOT, checked, pilot_of
 from tools.choices import Choices
 from tools.live.display import Display, display
 from tools.live.dive_folder import out_folder, point_latest
-from tools.live.dive_timeline import Course
-from tools.live.monitor_loop import Lookout, told
+from tools.live.dive_timeline import DiveTimeline
+from tools.live.monitor_loop import MonitorLoop, told
 from tools.live.outcome import RECORDER, Outcome
-from tools.live.piloted_dive import Flight, tell_who_flies, who_flies
-from tools.live.stop_signals import Stop
+from tools.live.piloted_dive import PilotedDive, tell_who_flies, who_flies
+from tools.live.stop_signals import StopSignals
 from tools.live.viewer import runnable
 from tools.report import Elsewhere
 
 OTHER = {"topside": "drone", "drone": "topside"}
 GATEWAY = "tether"  # the service that may stand between the two
 
-Go = Callable[[LocalStack, Stop, Display], str]
+Go = Callable[[LocalStack, StopSignals, Display], str]
 
 
 def up(side: str, choices: Choices, *, listen: str, connect: str, gateway: bool) -> int:
@@ -53,10 +53,10 @@ def drone(choices: Choices, listen: str) -> int:
     print(f"drone {stack.vehicle}, for the topside at {listen} → {stack.out_dir}", flush=True)
     print(f"vehicle side: {in_words(here.vehicle_side)}", flush=True)
 
-    def go(local: LocalStack, stop: Stop, shown: Display) -> str:
-        return Lookout(local, Course(None, choices.seconds), stop, shown).keep()
+    def go(local: LocalStack, stop: StopSignals, shown: Display) -> str:
+        return MonitorLoop(local, DiveTimeline(None, choices.seconds), stop, shown).keep()
 
-    return run(stack, every, here, Far("drone", listen=(listen,)), go)
+    return run(stack, every, here, OtherSide("drone", listen=(listen,)), go)
 
 
 def topside(choices: Choices, connect: str, gateway: bool) -> int:
@@ -67,22 +67,26 @@ def topside(choices: Choices, connect: str, gateway: bool) -> int:
     stack = checked(choices, pilot, every, here)
     stack = msgspec.structs.replace(stack, apart=True, out=str(out_folder(choices.out)))
     # Either the two hubs are joined, or the tether process stands between them.
-    far = Far("topside", gateway=connect) if gateway else Far("topside", connect=(connect,))
+    far = (
+        OtherSide("topside", gateway=connect)
+        if gateway
+        else OtherSide("topside", connect=(connect,))
+    )
     way = f"{stack.link} at {connect}" if gateway else connect
     tell_who_flies(choices, pilot)
     print(f"topside of {stack.vehicle}, drone by way of {way} → {stack.out_dir}", flush=True)
 
-    def go(local: LocalStack, stop: Stop, shown: Display) -> str:
-        return Flight(local, pilot, choices.seconds, stop, shown).fly()
+    def go(local: LocalStack, stop: StopSignals, shown: Display) -> str:
+        return PilotedDive(local, pilot, choices.seconds, stop, shown).fly()
 
     return run(stack, every, here, far, go)
 
 
-def run(stack: Stack, every: Registry, here: Registry, far: Far, go: Go) -> int:
+def run(stack: Stack, every: Registry, here: Registry, far: OtherSide, go: Go) -> int:
     """One side of a stack from its start to its last words. Returns the exit status."""
     outcome = Outcome(stack)
     with (
-        Stop() as stop,
+        StopSignals() as stop,
         display() as shown,
         outcome.of_the_dive(),
         local_stack(stack, here, far=far) as local,

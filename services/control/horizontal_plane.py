@@ -14,7 +14,7 @@ Place = tuple[float, float]  # [m] north, east
 STILL_WATER = (0.0, 0.0)  # [m/s]
 
 
-class Plane(NamedTuple):
+class HorizontalSetpoint(NamedTuple):
     """Reference seen from the body: positions are errors, velocities are over the ground."""
 
     surge: Motion
@@ -34,7 +34,7 @@ def no_further(north: Motion, east: Motion, place: Place, most: float) -> tuple[
     )
 
 
-class Measured(NamedTuple):
+class MeasuredMotion(NamedTuple):
     """What the horizontal law feeds back, all of it valid."""
 
     heading: float  # [rad] clockwise from north
@@ -49,12 +49,12 @@ class Measured(NamedTuple):
         return self.surge - along, self.sway - across
 
 
-def measured(state: VehicleState) -> Measured | None:
+def measured(state: VehicleState) -> MeasuredMotion | None:
     """None when place, velocity or heading are not known."""
     heading = state.heading if state.heading_navigation is None else state.heading_navigation
     parts = heading, state.north, state.east, state.surge_velocity, state.sway_velocity
     values = [part.value for part in parts if part is not None and part.valid]
-    return Measured(*values) if len(values) == len(parts) else None
+    return MeasuredMotion(*values) if len(values) == len(parts) else None
 
 
 def water_velocity(state: VehicleState, heading: float) -> tuple[float, float]:
@@ -68,7 +68,7 @@ def known_water(state: VehicleState, heading: float) -> tuple[float, float] | No
     return None if north is None or east is None else to_body(heading, north, east)
 
 
-def seen_from_body(north: Motion, east: Motion, heading: float, place: Place) -> Plane:
+def seen_from_body(north: Motion, east: Motion, heading: float, place: Place) -> HorizontalSetpoint:
     """The reference along body axes at this instant.
 
     Args:
@@ -80,7 +80,7 @@ def seen_from_body(north: Motion, east: Motion, heading: float, place: Place) ->
     acceleration = to_body(heading, north.acceleration, east.acceleration)
     jerk = to_body(heading, north.jerk, east.jerk)
     surge, sway = zip(error, velocity, acceleration, jerk, strict=True)
-    return Plane(Motion(*surge), Motion(*sway))
+    return HorizontalSetpoint(Motion(*surge), Motion(*sway))
 
 
 def turning_force(inertia: Vec6, velocity: tuple[float, float], turn: float) -> tuple[float, float]:

@@ -7,13 +7,13 @@ from messages.reference import Motion, Reference
 from messages.state import VehicleState
 from messages.units import Vec6
 from services.control import horizontal_plane
-from services.control.allocation.actuator_model import Produced, lags_of
+from services.control.allocation.actuator_model import ActuatorModel, lags_of
 from services.control.allocation.layout import AXES
-from services.control.axis.axis import Axis
+from services.control.axis.axis import PilotedAxis
 from services.control.axis.axis_law import AxisLaw, Gains
-from services.control.axis.bumpless_transfer import Transfer
+from services.control.axis.bumpless_transfer import BumplessTransfer
 from services.control.axis.plant import plant_of
-from services.control.axis.roll_pitch_hold import LevelLaw
+from services.control.axis.roll_pitch_hold import RollPitchHold
 from services.control.settings import Settings
 from services.marine.rigid_body import system_inertia
 from services.marine.vehicle import Vehicle
@@ -33,20 +33,20 @@ class Laws:
         self._inertia = system_inertia(vehicle)
         self._lags = lags_of(vehicle)
         self._count = count
-        self._produced = Produced(self._lags)
+        self._produced = ActuatorModel(self._lags)
         self._short: frozenset[str] = frozenset()
         self._water: tuple[float, float] | None = None  # [m/s] along surge and sway, if known
 
-        def axis(name: str, gains: Gains, row: int) -> Axis:
+        def axis(name: str, gains: Gains, row: int) -> PilotedAxis:
             law = AxisLaw(gains, plant_of(vehicle, row), self._lags[row], period)
-            return Axis(name, law, Transfer(settings.transfer), count)
+            return PilotedAxis(name, law, BumplessTransfer(settings.transfer), count)
 
         self.surge = axis("surge", settings.surge, 0)
         self.sway = axis("sway", settings.sway, 1)
         self.depth = axis("depth", settings.depth, 2)
         self.heading = axis("heading", settings.heading, 5)
         self._reach = min(settings.surge.max_error, settings.sway.max_error)  # [m]
-        self._roll, self._pitch = LevelLaw(settings.roll), LevelLaw(settings.pitch)
+        self._roll, self._pitch = RollPitchHold(settings.roll), RollPitchHold(settings.pitch)
 
     def wrench(self, reference: Reference, state: VehicleState, dt: float) -> Vec6:
         """The wrench [N, N m] that is wanted now, `dt` [s] after the last one."""
@@ -120,7 +120,7 @@ class Laws:
             axis.learn(None if AXES[row] in self._short else velocity, force[row], dt)
 
     def _see_water(
-        self, place: horizontal_plane.Measured, water: tuple[float, float] | None
+        self, place: horizontal_plane.MeasuredMotion, water: tuple[float, float] | None
     ) -> None:
         """A current that is not known is learnt as a force. When it becomes known the feed-forward
         counts with it, so that what was learnt has to give way, and the other way round: else it
@@ -169,8 +169,8 @@ class Laws:
 
     def _to_place(
         self,
-        plane: horizontal_plane.Plane,
-        here: horizontal_plane.Measured,
+        plane: horizontal_plane.HorizontalSetpoint,
+        here: horizontal_plane.MeasuredMotion,
         state: VehicleState,
         heading: Motion,
         besides: tuple[float, float],

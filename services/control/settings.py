@@ -9,7 +9,7 @@ from services.control.allocation.allocation import AllocationSettings
 from services.control.axis.axis_law import Gains
 
 
-class Level(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class RollPitchGains(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Roll or pitch held at zero, by vehicles whose thrusters can. 0, 0 leaves it to the hull."""
 
     kp: NotNegativeSetting = 0.0  # [N m/rad]
@@ -23,7 +23,7 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     )
     surge: Gains = Gains(kp=20.0, kd=25.0, ki=3.0, max_error=0.5, max_integral=15.0)
     sway: Gains = Gains(kp=20.0, kd=25.0, ki=3.0, max_error=0.5, max_integral=15.0)
-    roll: Level = Level()
-    pitch: Level = Level()
+    roll: RollPitchGains = RollPitchGains()
+    pitch: RollPitchGains = RollPitchGains()
     allocation: AllocationSettings = AllocationSettings()
     transfer: Annotated[float, msgspec.Meta(ge=0.05, le=5.0)] = 0.3  # [s] fade between modes

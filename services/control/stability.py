@@ -2,7 +2,7 @@
 
 from services.control.allocation.actuator_model import lags_of
 from services.control.axis.axis_law import Gains
-from services.control.axis.gain_blend import Static
+from services.control.axis.gain_blend import StaticGains
 from services.control.axis.plant import plant_of
 from services.control.axis.sampled_loop import SampledLoop
 from services.control.settings import Settings
@@ -29,7 +29,7 @@ def require_stable(settings: Settings, vehicle: Vehicle, period: float) -> None:
             _require(f"control.{name}.static", loop, gains, gains.static)
 
 
-def _require(table: str, loop: SampledLoop, gains: Gains, feedback: Gains | Static) -> None:
+def _require(table: str, loop: SampledLoop, gains: Gains, feedback: Gains | StaticGains) -> None:
     radius = loop.radius(gains, feedback)
     if radius <= 1.0 + ROUNDING:
         return

@@ -7,7 +7,7 @@ from services.estimation.attitude.attitude_observer import AttitudeObserver
 from services.estimation.depth.depth_observer import DepthObserver
 
 
-class Remembered(msgspec.Struct, frozen=True, kw_only=True):
+class EstimationCheckpoint(msgspec.Struct, frozen=True, kw_only=True):
     """Of the newest moment that was written down."""
 
     stamp_ns: Stamp  # [ns] when this was true
@@ -22,10 +22,12 @@ class Remembered(msgspec.Struct, frozen=True, kw_only=True):
     field_dip: Finite | None = None  # [rad] normal
 
 
-def worth_keeping(attitude: AttitudeObserver, depth: DepthObserver, now: int) -> Remembered:
+def worth_keeping(
+    attitude: AttitudeObserver, depth: DepthObserver, now: int
+) -> EstimationCheckpoint:
     """What a running estimator knows now [ns]."""
     control, compass = attitude.control, attitude.compass
-    return Remembered(
+    return EstimationCheckpoint(
         stamp_ns=now,
         atmosphere=depth.atmosphere.pressure,
         atmosphere_std=depth.atmosphere.std,

@@ -26,19 +26,19 @@ from messages.state import VehicleState
 from messages.units import Vec3
 from messages.vehicle import Actuation
 from services.estimation import initialisation, state_message
-from services.estimation.checkpoint import Remembered, worth_keeping
-from services.estimation.checks.sample_validation import Admission
+from services.estimation.checkpoint import EstimationCheckpoint, worth_keeping
+from services.estimation.checks.sample_validation import SampleValidation
 from services.estimation.depth.reference_input import asked_acceleration
-from services.estimation.events import Journal
+from services.estimation.events import Events
 from services.estimation.horizontal.horizontal_observer import (
     HorizontalObserver,
-    Motion,
+    VehicleMotion,
     from_north,
 )
-from services.estimation.horizontal.hull_model import Hull
+from services.estimation.horizontal.hull_model import HullModel
 from services.estimation.initialisation import Observers
 from services.estimation.settings import Settings
-from services.estimation.startup.calibration_phase import Calibrating
+from services.estimation.startup.calibration_phase import CalibrationPhase
 from services.marine.mounting import Mounting
 from services.marine.vehicle import Vehicle
 from services.marine.water import density_of
@@ -55,7 +55,7 @@ class Estimator:
         self,
         settings: Settings,
         floating_depth: float,
-        remembered: Remembered | None = None,
+        remembered: EstimationCheckpoint | None = None,
         vehicle: Vehicle | None = None,
     ) -> None:
         """Depth [m] of the origin when the vehicle floats; what an earlier run remembered; the
@@ -64,21 +64,21 @@ class Estimator:
         Raises:
             ValueError: a thruster without direction.
         """
-        self._journal = Journal()
+        self._journal = Events()
         self.noted, self.lines = self._journal.noted, self._journal.lines
         self._settings = settings
         self._floating_depth = floating_depth
-        self._admission = Admission(settings.watch, self.noted)
+        self._admission = SampleValidation(settings.watch, self.noted)
         mounting = Mounting() if vehicle is None else vehicle.mounting
         self._at_origin = AtOrigin(mounting, density_of(settings.water_density))
         self._asked: float | None = None  # [m/s²] acceleration down that the reference asks for
         self._imu_ns: int | None = None  # [ns] newest IMU sample used
         self._kept_ns: int | None = None  # [ns] when what was remembered was true
-        hull = None if vehicle is None else Hull(vehicle, settings.horizontal.wake_share)
+        hull = None if vehicle is None else HullModel(vehicle, settings.horizontal.wake_share)
         self._horizontal = HorizontalObserver(settings.horizontal, hull)
-        self._calibrating: Calibrating | None = None
+        self._calibrating: CalibrationPhase | None = None
         if remembered is None:
-            self._calibrating = Calibrating(settings.calibration, self._journal)
+            self._calibrating = CalibrationPhase(settings.calibration, self._journal)
             self._take(initialisation.unknown(settings))
         else:
             self._kept_ns = remembered.stamp_ns
@@ -158,7 +158,7 @@ class Estimator:
         """Newest normalised innovation squared of "dvl" and "usbl", for whoever judges them."""
         return self._horizontal.surprise
 
-    def remembered(self, now: int) -> Remembered | None:
+    def remembered(self, now: int) -> EstimationCheckpoint | None:
         """What to keep for a restart; None while there is nothing worth keeping."""
         if self._calibrating is not None:
             return None
@@ -184,7 +184,7 @@ class Estimator:
         self._attitude.blind(dt - LONGEST_STEP)
         return LONGEST_STEP
 
-    def _calibrate(self, calibrating: Calibrating, sample: ImuSample, dt: float) -> None:
+    def _calibrate(self, calibrating: CalibrationPhase, sample: ImuSample, dt: float) -> None:
         self._attitude.start(sample.specific_force)
         learnt = calibrating.imu(sample, dt)
         if learnt is not None:
@@ -215,7 +215,7 @@ class Estimator:
 
     def _predict_horizontal(self, force: Vec3 | None, at_ns: int) -> str | None:
         seen, (depth_rate, depth_rate_std) = self._attitude, self._depth.rate
-        motion = Motion(
+        motion = VehicleMotion(
             attitude=seen.attitude,
             offset=seen.compass.offset,
             heading_std=seen.north_std,

@@ -5,7 +5,7 @@ from typing import Literal
 Level = Literal["info", "warning"]
 
 
-class Journal:
+class Events:
     """Whoever reads it empties it."""
 
     def __init__(self) -> None:

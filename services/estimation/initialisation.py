@@ -5,10 +5,10 @@ from math import degrees, pi, sqrt
 from typing import NamedTuple
 
 from services.estimation.attitude.attitude_observer import AttitudeObserver
-from services.estimation.checkpoint import Remembered
+from services.estimation.checkpoint import EstimationCheckpoint
 from services.estimation.checks import range_checks
 from services.estimation.depth.depth_observer import Atmosphere, DepthObserver
-from services.estimation.events import Journal
+from services.estimation.events import Events
 from services.estimation.settings import Settings
 from services.estimation.startup.calibration import Calibrated
 from services.estimation.startup.resting_bias import RestingBias
@@ -35,7 +35,7 @@ def unknown(settings: Settings) -> Observers:
 
 
 def calibrated(
-    settings: Settings, learnt: Calibrated, floating_depth: float, at_ns: int, journal: Journal
+    settings: Settings, learnt: Calibrated, floating_depth: float, at_ns: int, journal: Events
 ) -> Observers:
     """After calibration at this time [ns], with the origin at `floating_depth` [m]."""
     atmosphere = _atmosphere(settings, learnt, floating_depth, journal)
@@ -53,7 +53,7 @@ def calibrated(
     return Observers(attitude, RestingBias(settings.calibration, learnt.gyro_bias), depth)
 
 
-def going_on(settings: Settings, kept: Remembered, journal: Journal) -> Observers:
+def going_on(settings: Settings, kept: EstimationCheckpoint, journal: Events) -> Observers:
     """Go on with the dive: no calibration under water."""
     attitude = AttitudeObserver(
         settings.attitude, kept.gyro_bias, kept.heading, min(pi, kept.heading_std)
@@ -78,7 +78,7 @@ def _depth(settings: Settings, atmosphere: Atmosphere, bias: float) -> DepthObse
 
 
 def _atmosphere(
-    settings: Settings, learnt: Calibrated, floating_depth: float, journal: Journal
+    settings: Settings, learnt: Calibrated, floating_depth: float, journal: Events
 ) -> Atmosphere:
     """The air above the floating vehicle."""
     water = density_of(settings.water_density) * GRAVITY * floating_depth

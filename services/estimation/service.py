@@ -13,7 +13,7 @@ from messages import topics
 from messages.reference import Reference
 from messages.sensors import ImuSample
 from messages.state import VehicleState
-from services.estimation.core import Estimator, Remembered, Settings
+from services.estimation.core import EstimationCheckpoint, Estimator, Settings
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
@@ -26,7 +26,9 @@ Sample = TypeVar("Sample")
 def wire(node: Node, stack: Stack) -> None:
     settings = stack.section("estimation", Settings)
     vehicle = stack.section("vehicle", Vehicle)
-    estimator = Estimator(settings, vehicle.floating_depth, node.recall(Remembered), vehicle)
+    estimator = Estimator(
+        settings, vehicle.floating_depth, node.recall(EstimationCheckpoint), vehicle
+    )
     publisher = node.publisher(topics.STATE)
     reference = reference_for(node, settings)
 

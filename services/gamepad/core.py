@@ -11,7 +11,7 @@ from typing import Annotated, Literal, NamedTuple, Protocol
 import msgspec
 
 from messages.units import Share
-from services.gamepad.pilot_intents import Press, Wish
+from services.gamepad.pilot_intents import Intent, Press
 
 DeadBand = Annotated[float, msgspec.Meta(ge=0.0, le=0.9)]
 StickName = Literal["leftx", "lefty", "rightx", "righty", "-leftx", "-lefty", "-rightx", "-righty"]
@@ -26,7 +26,7 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     profile: str = "default"  # a pad profile in deploy/pads, or the path of one
 
 
-class Gain(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class StickGain(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What a full stick commands."""
 
     slow: Share = 0.25  # [-] for careful work
@@ -45,7 +45,7 @@ class Gain(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return min(self.normal + more - less, self.boost)
 
 
-class Axes(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class StickAxes(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Which stick is which axis. SDL counts up as negative; a leading `-` turns a stick round."""
 
     surge: StickName = "-righty"  # stick up is forward
@@ -77,13 +77,13 @@ class Tilt(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     down: Button = "dpdown"
 
 
-class Profile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class PadProfile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A pad as its TOML file describes it."""
 
     dead_band: DeadBand = 0.12  # [-] share of a stick's travel that means nothing
     expo: Share = 0.4  # [-] 0: straight; 1: cubic, finest around the centre
-    gain: Gain = Gain()
-    axis: Axes = Axes()
+    gain: StickGain = StickGain()
+    axis: StickAxes = StickAxes()
     trigger: Triggers = Triggers()
     tilt: Tilt = Tilt()
     button: Buttons = Buttons()
@@ -113,25 +113,25 @@ CENTRED = Sticks()
 Level = Literal["info", "warning"]
 
 
-class Reading(NamedTuple):
+class StickReading(NamedTuple):
     """What a source of sticks says at one instant."""
 
     sticks: Sticks = CENTRED
     present: bool = True  # False: the pad is gone, which is not "centred"
     at_rest: bool = True  # the hands are off the sticks, whatever `sticks` lets through
     age_ms: float = 0.0  # [ms] since the device last answered
-    presses: tuple[Wish, ...] = ()  # asked for since the last reading, with a button or a script
+    presses: tuple[Intent, ...] = ()  # asked for since the last reading, with a button or a script
     notes: tuple[tuple[Level, str], ...] = ()  # for the log
     lost: tuple[str, ...] = ()  # to be counted: what was dropped or broke
 
 
-class Source(Protocol):
+class StickSource(Protocol):
     """A pad, a keyboard or a script."""
 
     name: str
     played: int  # events of a script that have happened; 0 for a device
 
-    def read(self, now: int, began: int | None) -> Reading:
+    def read(self, now: int, began: int | None) -> StickReading:
         """The sticks at `now` [ns]; `began` is when they were handed over, None before that."""
         ...
 
@@ -159,7 +159,7 @@ def shape(travel: float, dead_band: float, expo: float) -> float:
     return math.copysign(beyond * (1.0 - expo * (1.0 - beyond * beyond)), travel)
 
 
-def sticks_of(controls: Mapping[str, float], profile: Profile) -> Sticks:
+def sticks_of(controls: Mapping[str, float], profile: PadProfile) -> Sticks:
     """The sticks of a pad, shaped by its profile. A control that is not there is at rest."""
     tilt = controls.get(profile.tilt.up, 0.0) - controls.get(profile.tilt.down, 0.0)
     pulls = (controls.get(name, 0.0) for name in msgspec.structs.astuple(profile.trigger))
@@ -169,7 +169,7 @@ def sticks_of(controls: Mapping[str, float], profile: Profile) -> Sticks:
     return Sticks(*shaped, tilt=tilt)
 
 
-def presses_of(pressed: list[str], profile: Profile) -> tuple[Press, ...]:
+def presses_of(pressed: list[str], profile: PadProfile) -> tuple[Press, ...]:
     """What the pilot asks for with buttons, in the order they were pressed."""
     button = profile.button
     meaning: dict[str, Press] = {

@@ -13,11 +13,11 @@ from msgspec.structs import replace
 from messages.pilot import PilotAnswer, PilotCommand, PilotRequest, RequestKind
 from messages.units import Ns
 from messages.vehicle import VehicleStatus
-from services.gamepad.core import CENTRED, Level, Reading
-from services.gamepad.pilot_intents import Follow, Goto, Mode, Wish
+from services.gamepad.core import CENTRED, Level, StickReading
+from services.gamepad.pilot_intents import FollowIntent, GotoIntent, Intent, ModeIntent
 
 PAUSE_NS = 2_000_000_000  # [ns] between two attempts to arm by ourselves
-ABSENT = Reading(present=False, at_rest=False)  # until the source was read
+ABSENT = StickReading(present=False, at_rest=False)  # until the source was read
 Waiting = Set[RequestKind]  # kinds of the requests that have not been answered yet
 
 
@@ -53,10 +53,10 @@ class Pilot:
     _outdone: bool = False  # another pilot has the sticks
     _light: bool = False  # as it was last asked for or seen
     _source: str = ""
-    _reading: Reading = ABSENT
+    _reading: StickReading = ABSENT
 
     def read(
-        self, reading: Reading, source: str, played: int, waiting: Waiting, now: Ns
+        self, reading: StickReading, source: str, played: int, waiting: Waiting, now: Ns
     ) -> Effects:
         """The source was read.
 
@@ -142,7 +142,7 @@ class Pilot:
             self._asked_for_rest = True
             out.notes.append(("info", "ready: let go of the sticks to arm"))
 
-    def _press(self, wish: Wish, waiting: Waiting, out: Effects) -> None:
+    def _press(self, wish: Intent, waiting: Waiting, out: Effects) -> None:
         """What the pilot asked for; a stop or a disarm also ends arming by ourselves."""
         if wish == "arm" and not self._reading.at_rest:
             out.counts.append("refused_here:arm")
@@ -157,13 +157,13 @@ class Pilot:
                 self.progress = replace(self.progress, may_arm=False)
             out.requests.append(self._wished(wish))
 
-    def _wished(self, wish: Wish) -> PilotRequest:
+    def _wished(self, wish: Intent) -> PilotRequest:
         match wish:
-            case Goto(depth, heading):
+            case GotoIntent(depth, heading):
                 return self._request("goto", depth=depth, heading=heading)
-            case Follow(course):
+            case FollowIntent(course):
                 return self._request("follow", course=course)
-            case Mode(hold):
+            case ModeIntent(hold):
                 return self._request("mode", hold=hold)
             case "light":
                 self._light = not self._light

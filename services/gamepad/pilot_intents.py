@@ -11,25 +11,25 @@ TURN = 360.0  # [deg] a heading is given within one turn either way
 Press = Literal["arm", "disarm", "stop", "light"]  # what a button can ask for
 
 
-class Goto(NamedTuple):
+class GotoIntent(NamedTuple):
     """Go to a depth, to a heading or to both; None: leave it as it is."""
 
     depth: float | None = None  # [m] positive down
     heading: float | None = None  # [rad] clockwise from north
 
 
-class Follow(NamedTuple):
+class FollowIntent(NamedTuple):
     course: Course
 
 
-class Mode(NamedTuple):
+class ModeIntent(NamedTuple):
     hold: Hold
 
 
-Wish = Press | Goto | Follow | Mode
+Intent = Press | GotoIntent | FollowIntent | ModeIntent
 
 
-def goto(depth: float | None, heading_deg: float | None) -> Goto:
+def goto(depth: float | None, heading_deg: float | None) -> GotoIntent:
     """What a person means, in metres and degrees, as the drone is told it.
 
     Raises:
@@ -39,7 +39,7 @@ def goto(depth: float | None, heading_deg: float | None) -> Goto:
         raise ValueError("goto needs a depth, a heading or both")
     _check("depth", depth, 0.0, DEEPEST, "m")
     _check("heading", heading_deg, -TURN, TURN, "deg")
-    return Goto(depth, None if heading_deg is None else math.radians(heading_deg))
+    return GotoIntent(depth, None if heading_deg is None else math.radians(heading_deg))
 
 
 def _check(name: str, value: float | None, low: float, high: float, unit: str) -> None:

@@ -3,7 +3,7 @@
 from messages import topics
 from messages.pilot import PilotAnswer, PilotRequest, RequestKind
 from messages.vehicle import VehicleStatus
-from services.gamepad.core import Source
+from services.gamepad.core import StickSource
 from services.gamepad.io.sources import open_source
 from services.gamepad.overruling import overrules
 from services.gamepad.pilot import Effects, Pilot, Progress
@@ -21,7 +21,7 @@ def wire(node: Node, stack: Stack) -> None:
 class Connected:
     """A pilot whose sticks are a source's and whose voice is a node's."""
 
-    def __init__(self, node: Node, source: Source, pilot: Pilot) -> None:
+    def __init__(self, node: Node, source: StickSource, pilot: Pilot) -> None:
         self._node, self._source, self._pilot = node, source, pilot
         self._kept = pilot.progress
         self._commands = node.publisher(topics.PILOT_COMMAND)

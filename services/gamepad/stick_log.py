@@ -21,20 +21,20 @@ HEADING = f"{','.join(COLUMNS)} with or without {' and '.join(OPTIONAL)}"
 LONGEST_S = 86_400.0  # [s] a day
 
 
-class Row(NamedTuple):
+class StickLogRow(NamedTuple):
     at_ns: int  # [ns] since the script began
     sticks: Sticks
     event: Event | None = None
 
 
-BEFORE = Row(0, CENTRED)
+BEFORE = StickLogRow(0, CENTRED)
 
 
 @dataclass(frozen=True)
-class Script:
+class StickLog:
     """What the sticks do from the moment they are handed over."""
 
-    rows: tuple[Row, ...]  # at least one, in order of time
+    rows: tuple[StickLogRow, ...]  # at least one, in order of time
 
     @property
     def duration_ns(self) -> int:
@@ -46,7 +46,7 @@ class Script:
         """[s] When the script has ended."""
         return self.duration_ns / 1e9
 
-    def at(self, elapsed_ns: int) -> Row:
+    def at(self, elapsed_ns: int) -> StickLogRow:
         """The row that holds `elapsed_ns` [ns] after the script began; centred sticks before the
         first row and from the end on."""
         index = bisect_right(self.rows, elapsed_ns, key=lambda row: row.at_ns) - 1
@@ -56,7 +56,7 @@ class Script:
         return row._replace(sticks=CENTRED) if row.event == "lost" else row
 
 
-def parse(data: bytes, courses: Courses) -> Script:
+def parse(data: bytes, courses: Courses) -> StickLog:
     """The script in a CSV file; `courses` reads the paths it names.
 
     Raises:
@@ -66,7 +66,7 @@ def parse(data: bytes, courses: Courses) -> Script:
     if not lines:
         raise ValueError(f"line 1: the file is empty; expected the heading {HEADING}")
     names = _heading(*lines[0])
-    rows: list[Row] = []
+    rows: list[StickLogRow] = []
     for number, line in lines[1:]:
         row = _row(number, _cells(line), names, courses)
         if rows and row.at_ns <= rows[-1].at_ns:
@@ -77,7 +77,7 @@ def parse(data: bytes, courses: Courses) -> Script:
         rows.append(row)
     if not rows:
         raise ValueError(f"line {lines[0][0]}: no row follows the heading; expected at least one")
-    return Script(tuple(rows))
+    return StickLog(tuple(rows))
 
 
 def _text(data: bytes) -> str:
@@ -108,7 +108,7 @@ def _heading(number: int, line: str) -> list[str]:
     return names
 
 
-def _row(number: int, cells: list[str], names: list[str], courses: Courses) -> Row:
+def _row(number: int, cells: list[str], names: list[str], courses: Courses) -> StickLogRow:
     """Optional columns may be empty, or left out at the end of a row."""
     if not len(COLUMNS) <= len(cells) <= len(names):
         expected = " or ".join(str(n) for n in range(len(COLUMNS), len(names) + 1))
@@ -119,7 +119,7 @@ def _row(number: int, cells: list[str], names: list[str], courses: Courses) -> R
         *(_number(number, name, cell[name], -1.0, 1.0) for name in COLUMNS[1:]),
         tilt=_number(number, "tilt", cell.get("tilt") or "0", -1.0, 1.0),
     )
-    return Row(round(seconds * 1e9), sticks, _event(number, cell.get("event", ""), courses))
+    return StickLogRow(round(seconds * 1e9), sticks, _event(number, cell.get("event", ""), courses))
 
 
 def _number(number: int, name: str, cell: str, low: float, high: float) -> float:

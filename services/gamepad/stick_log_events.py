@@ -5,9 +5,9 @@ from collections.abc import Callable
 from typing import Literal, cast, get_args
 
 from messages.pilot import Course, Hold
-from services.gamepad.pilot_intents import Follow, Goto, Mode, Press, Wish, goto
+from services.gamepad.pilot_intents import FollowIntent, GotoIntent, Intent, ModeIntent, Press, goto
 
-Event = Wish | Literal["lost"]
+Event = Intent | Literal["lost"]
 Courses = Callable[[str], Course]  # reads the path of a name; ValueError: why it cannot
 WORDS: tuple[str, ...] = (*get_args(Press), "lost")
 ALLOWED = f"{', '.join(WORDS)}, goto depth=M heading=DEG, follow PATH, mode HOLD"
@@ -39,7 +39,7 @@ def short(text: str) -> str:
     return repr(text if len(text) <= 40 else text[:40] + "…")
 
 
-def _goto(rest: str) -> Goto:
+def _goto(rest: str) -> GotoIntent:
     given: dict[str, float] = {}
     for word in rest.split():
         name, _, text = word.partition("=")
@@ -52,17 +52,17 @@ def _goto(rest: str) -> Goto:
     return goto(given.get("depth"), given.get("heading"))
 
 
-def _follow(name: str, courses: Courses) -> Follow:
+def _follow(name: str, courses: Courses) -> FollowIntent:
     """The path is read now, so that a mistake in it is named before the dive."""
     if not name:
         raise ValueError("follow needs a path: a name in deploy/paths or a .toml file")
     try:
-        return Follow(courses(name))
+        return FollowIntent(courses(name))
     except ValueError as error:
         raise ValueError(f"follow: {error}") from None
 
 
-def _mode(hold: str) -> Mode:
+def _mode(hold: str) -> ModeIntent:
     if hold not in HOLDS:
         raise ValueError(f"mode: found {short(hold)}, expected one of {', '.join(HOLDS)}")
-    return Mode(cast(Hold, hold))
+    return ModeIntent(cast(Hold, hold))

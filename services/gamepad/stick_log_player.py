@@ -3,22 +3,22 @@
 from bisect import bisect_right
 from typing import NamedTuple
 
-from services.gamepad.core import Level, Reading
-from services.gamepad.pilot_intents import Wish
-from services.gamepad.stick_log import Script
+from services.gamepad.core import Level, StickReading
+from services.gamepad.pilot_intents import Intent
+from services.gamepad.stick_log import StickLog
 
 QUIET_NS = 3_000_000_000  # [ns] of centred sticks after the script, before the drone is disarmed
 
 
 class Cue(NamedTuple):
     at_ns: int  # [ns] since the script began
-    wish: Wish
+    wish: Intent
 
 
 class Player:
     """Each event happens once: `played` of them have, also before a crash and restart."""
 
-    def __init__(self, name: str, script: Script, played: int = 0) -> None:
+    def __init__(self, name: str, script: StickLog, played: int = 0) -> None:
         self.name = f"script {name}"
         self.played = played
         self._script = script
@@ -30,17 +30,17 @@ class Player:
         self._cues.append(Cue(script.duration_ns + QUIET_NS, "disarm"))
         self._changes = [row.at_ns for row in script.rows] + [self._cues[-1].at_ns]
 
-    def read(self, now: int, began: int | None) -> Reading:
+    def read(self, now: int, began: int | None) -> StickReading:
         """Sticks of this instant, and all events that are due and have not happened yet."""
         if began is None:
-            return Reading()
+            return StickReading()
         due = [cue for cue in self._cues[self.played :] if cue.at_ns <= now - began]
         self.played += len(due)
         notes: tuple[tuple[Level, str], ...] = ()
         if due and self.played == len(self._cues):
             notes = (("info", "the script has ended"),)
         row = self._script.at(now - began)
-        return Reading(
+        return StickReading(
             sticks=row.sticks,
             present=row.event != "lost",
             at_rest=row.sticks.at_rest,

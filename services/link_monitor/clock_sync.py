@@ -21,7 +21,7 @@ SILENT_NS = 1_000_000_000  # [ns] without an answer the round trip is not known 
 
 
 @dataclass(frozen=True, slots=True)
-class Trip:
+class RoundTrip:
     """One round trip."""
 
     number: int  # of the round trips heard
@@ -31,7 +31,7 @@ class Trip:
     most: int  # [ns] t2 - t1: … and by no more
     rtt: int  # [ns] without the drone's own time
 
-    def tells_more_than(self, newer: "Trip") -> bool:
+    def tells_more_than(self, newer: "RoundTrip") -> bool:
         """Is its band narrower anywhere than that of a newer trip? If not, it never will be."""
         return self.sent > newer.sent or self.least > newer.least or self.most < newer.most
 
@@ -42,12 +42,14 @@ class ClockSync:
 
     happened: list[str] = field(default_factory=list[str])
     _heard: int = 0  # round trips
-    _trips: list[Trip] = field(default_factory=list[Trip])  # of the last KEPT those that tell most
+    _trips: list[RoundTrip] = field(
+        default_factory=list[RoundTrip]
+    )  # of the last KEPT those that tell most
     _first: tuple[int, float] | None = None  # ([ns] when, [ns] ahead) to measure the drift from
 
     def heard(self, pong: ClockPong, now: int) -> None:
         """A pong arrived at `now` [ns], topside."""
-        trip = Trip(
+        trip = RoundTrip(
             number=self._heard,
             sent=pong.ping_ns,
             back=now,

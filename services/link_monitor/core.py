@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from messages.link import Clock, ClockPong, LatencyBudget
 from messages.units import Ns
 from services.link_monitor.clock_sync import ClockSync
-from services.link_monitor.latency_account import Budget
+from services.link_monitor.latency_account import LatencyAccount
 from services.link_monitor.link_alarm import LinkAlarm
 
 
@@ -14,7 +14,7 @@ class LinkMonitor:
     """`happened` collects what must be counted."""
 
     happened: list[str] = field(default_factory=list[str])
-    budget: Budget = field(default_factory=Budget)
+    budget: LatencyAccount = field(default_factory=LatencyAccount)
     _sync: ClockSync = field(default_factory=ClockSync)
     _alarm: LinkAlarm = field(default_factory=LinkAlarm)
     _said: str = ""  # the alarm as it was last said

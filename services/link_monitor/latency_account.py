@@ -27,7 +27,7 @@ ALIKE = 0.02  # [-] ways that took as long as the median one, within this share 
 
 
 @dataclass(slots=True)
-class Way:
+class CommandTrace:
     """One pilot command on its way, all stamps in the topside's clock."""
 
     sample_ms: float  # [ms] the pad's own age
@@ -37,10 +37,10 @@ class Way:
 
 
 @dataclass(slots=True)
-class Budget:
+class LatencyAccount:
     """Fed with what goes by; asked for a `LatencyBudget`."""
 
-    _under_way: dict[Ns, Way] = field(default_factory=dict[int, Way])
+    _under_way: dict[Ns, CommandTrace] = field(default_factory=dict[int, CommandTrace])
     _down: deque[tuple[Ns, tuple[float, ...]]] = field(
         default_factory=deque[tuple[int, tuple[float, ...]]]
     )
@@ -54,7 +54,7 @@ class Budget:
     # What goes by.
 
     def command(self, command: PilotCommand, now: Ns) -> None:
-        self._under_way[command.stamp_ns] = Way(command.device_age_ms, now)
+        self._under_way[command.stamp_ns] = CommandTrace(command.device_age_ms, now)
         for sent in list(self._under_way):
             if sent >= now - WINDOW_NS:
                 break

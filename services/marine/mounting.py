@@ -11,8 +11,8 @@ import msgspec
 
 Component = Annotated[float, msgspec.Meta(ge=-1.01, le=1.01)]  # [-] of a direction
 Metres = Annotated[float, msgspec.Meta(ge=-100.0, le=100.0)]  # [m] no vehicle is larger
-Row = tuple[Component, Component, Component]
-Rotation = tuple[Row, Row, Row]  # R_BS, see Mount
+RotationRow = tuple[Component, Component, Component]
+Rotation = tuple[RotationRow, RotationRow, RotationRow]  # R_BS, see Mount
 Arm = tuple[Metres, Metres, Metres]
 
 ALONG: Rotation = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -20,11 +20,11 @@ ORIGIN: Arm = (0.0, 0.0, 0.0)
 TOLERANCE = 1e-3  # [-] of lengths, angles and the determinant; what is written has three digits
 
 
-def _dot(a: Row, b: Row) -> float:
+def _dot(a: RotationRow, b: RotationRow) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def _cross(a: Row, b: Row) -> Row:
+def _cross(a: RotationRow, b: RotationRow) -> RotationRow:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 

@@ -16,7 +16,7 @@ Coefficient = Annotated[float, msgspec.Meta(ge=-1e12, le=1e12)]
 SAME_POLE = 1e-6  # [-] poles closer than this share of their size count as one
 
 
-class Mode(NamedTuple):
+class LagMode(NamedTuple):
     """A real pole, or one of a conjugate pair that stands for both: its thrust is the real part."""
 
     pole: complex  # [1/s]
@@ -54,22 +54,22 @@ class Lag(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError("lag: two poles are the same; make one a little faster")
 
 
-def first_order(time_constant: float) -> list[Mode]:
+def first_order(time_constant: float) -> list[LagMode]:
     """1/(τ s + 1): one mode."""
-    return [Mode(-1.0 / time_constant, 1.0)]
+    return [LagMode(-1.0 / time_constant, 1.0)]
 
 
-def modes_of(lag: Lag) -> list[Mode]:
+def modes_of(lag: Lag) -> list[LagMode]:
     """Partial fractions; one of each conjugate pair, with twice its share."""
     a, b = np.poly1d(lag.denominator), np.poly1d(lag.numerator)
     slope = a.deriv()
-    modes = list[Mode]()
+    modes = list[LagMode]()
     for p in np.roots(a):
         share = -complex(b(p) / (p * slope(p)))
         if abs(p.imag) <= SAME_POLE * abs(p):
-            modes.append(Mode(float(p.real), share.real))
+            modes.append(LagMode(float(p.real), share.real))
         elif p.imag > 0:
-            modes.append(Mode(complex(p), 2 * share))
+            modes.append(LagMode(complex(p), 2 * share))
     return modes
 
 

@@ -10,7 +10,7 @@ import msgspec
 from messages.units import FiniteSetting, NotNegativeSetting, Positive
 from services.marine.mounting import Mounting
 from services.marine.thrust_curve import CURVES, LINEAR
-from services.marine.thruster_lag import Lag, Mode, first_order, modes_of
+from services.marine.thruster_lag import Lag, LagMode, first_order, modes_of
 
 SettingVec3 = tuple[FiniteSetting, FiniteSetting, FiniteSetting]
 Diagonal = tuple[
@@ -72,7 +72,7 @@ class Thruster(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return -reverse, self.max_thrust
 
     @property
-    def modes(self) -> list[Mode]:
+    def modes(self) -> list[LagMode]:
         """How its thrust follows a command."""
         return first_order(self.time_constant) if self.lag is None else modes_of(self.lag)
 

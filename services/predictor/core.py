@@ -18,7 +18,7 @@ from messages.units import Ns
 from messages.vehicle import VehicleStatus
 from services.marine.vehicle import Vehicle
 from services.predictor.drift import Drift
-from services.predictor.prediction_quality import Guess, Judge, Pose
+from services.predictor.prediction_quality import JudgedPrediction, Pose, PredictionQuality
 from services.predictor.reference_ahead import Change, coasting, joined, reference_ahead
 from services.reference.settings import Settings, VelocityAxis
 from services.reference.trajectory.minimum_jerk import Sample
@@ -34,7 +34,7 @@ class Predictor:
 
     settings: Settings
     vehicle: Vehicle
-    _judge: Judge = field(default_factory=Judge)
+    _judge: PredictionQuality = field(default_factory=PredictionQuality)
     _commands: deque[PilotCommand] = field(
         default_factory=lambda: deque[PilotCommand](maxlen=COMMANDS)
     )
@@ -95,7 +95,7 @@ class Predictor:
         )  # fmt: skip
         forward, starboard = self._carried(reference, seconds)
         north, east = _moved(state, (state.heading.value + heading) / 2, forward, starboard)
-        self._judge.guessed(Guess(now, Pose(depth, heading, north, east), _pose(state)))
+        self._judge.guessed(JudgedPrediction(now, Pose(depth, heading, north, east), _pose(state)))
         missed, delayed = self._judge.misses()
         return Prediction(
             stamp_ns=now,

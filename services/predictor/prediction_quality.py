@@ -18,7 +18,7 @@ class Pose(NamedTuple):
     east: float | None  # [m]
 
 
-class Guess(NamedTuple):
+class JudgedPrediction(NamedTuple):
     """A prediction, and the delayed picture it was made from."""
 
     at: Ns  # [ns] the moment it is about
@@ -26,7 +26,7 @@ class Guess(NamedTuple):
     delayed: Pose
 
 
-class Off(NamedTuple):
+class SquaredErrors(NamedTuple):
     """Squares of what a guess was off by."""
 
     depth: float  # [m²]
@@ -35,12 +35,14 @@ class Off(NamedTuple):
 
 
 @dataclass(slots=True)
-class Judge:
-    _open: deque[Guess] = field(default_factory=deque[Guess])
-    _judged: deque[tuple[Ns, Off, Off]] = field(default_factory=deque[tuple[int, Off, Off]])
+class PredictionQuality:
+    _open: deque[JudgedPrediction] = field(default_factory=deque[JudgedPrediction])
+    _judged: deque[tuple[Ns, SquaredErrors, SquaredErrors]] = field(
+        default_factory=deque[tuple[int, SquaredErrors, SquaredErrors]]
+    )
     _before: tuple[Ns, Pose] | None = None  # the state before
 
-    def guessed(self, guess: Guess) -> None:
+    def guessed(self, guess: JudgedPrediction) -> None:
         self._open.append(guess)
 
     def truth(self, at: Ns, pose: Pose) -> None:
@@ -80,9 +82,9 @@ def _mix(a: float | None, b: float | None, share: float) -> float | None:
     return None if a is None or b is None else a + share * (b - a)
 
 
-def _off(guess: Pose, true: Pose) -> Off:
+def _off(guess: Pose, true: Pose) -> SquaredErrors:
     depth, heading = guess.depth - true.depth, guess.heading - true.heading
-    return Off(depth * depth, heading * heading, _place(guess, true))
+    return SquaredErrors(depth * depth, heading * heading, _place(guess, true))
 
 
 def _place(guess: Pose, true: Pose) -> float | None:
@@ -92,7 +94,7 @@ def _place(guess: Pose, true: Pose) -> float | None:
     return away * away
 
 
-def _miss(those: list[Off]) -> Miss:
+def _miss(those: list[SquaredErrors]) -> Miss:
     places = [off.place for off in those if off.place is not None]
     return Miss(
         depth=_root_mean([off.depth for off in those]),

@@ -21,7 +21,7 @@ NAME_LENGTH = 80  # characters of an unknown key that are kept in its count
 LATEST_NS = 2**63 - 1  # [ns] MCAP tools read times as signed or unsigned 64 bit; this fits both
 
 
-class Row(NamedTuple):
+class RecordedRow(NamedTuple):
     """One message as it is written to the file."""
 
     topic: AnyTopic  # the row of the topic table; for health/control that of health/*
@@ -67,7 +67,7 @@ class Intake:
                 topic, topic.encoding, msgspec.msgpack.Decoder(topic.message)
             )
 
-    def take(self, key: str, encoding: str, payload: bytes, arrival: int) -> Row | str:
+    def take(self, key: str, encoding: str, payload: bytes, arrival: int) -> RecordedRow | str:
         """The row to be written, or the name under which the refusal is to be counted.
 
         Args:
@@ -92,7 +92,7 @@ class Intake:
             return f"too_many_keys:{name}"
         self._add_to_hash(key, payload, arrival)
         data = self._encode(message)
-        return Row(stream.topic, key, data, log_ns, publish_ns, message.seq & 0xFFFFFFFF)
+        return RecordedRow(stream.topic, key, data, log_ns, publish_ns, message.seq & 0xFFFFFFFF)
 
     def log_hash(self) -> str:
         """SHA-256 over key, payload and arrival of every row so far, in order: two runs with the

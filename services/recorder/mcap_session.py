@@ -15,7 +15,7 @@ from typing import Literal, Protocol
 import msgspec
 
 from messages import topics
-from services.recorder.core import Row
+from services.recorder.core import RecordedRow
 from services.recorder.foxglove_schema import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
 from services.recorder.io.parts import free_part, part_path
@@ -27,7 +27,7 @@ RESERVE = 256_000  # [bytes] left free for the report and for the end of the fil
 RETRY_NS = 5_000_000_000  # [ns] between two attempts to record again
 
 
-class Opened(msgspec.Struct):
+class RecordingCheckpoint(msgspec.Struct):
     """What must be remembered across a crash: how many parts this dive has."""
 
     parts: int = 0
@@ -41,11 +41,11 @@ class Teller(Protocol):
 
     def count(self, name: str, times: int = 1) -> None: ...
     def log(self, level: Literal["info", "warning", "error"], text: str) -> None: ...
-    def recall(self, kind: type[Opened]) -> Opened | None: ...
-    def remember(self, what: Opened) -> None: ...
+    def recall(self, kind: type[RecordingCheckpoint]) -> RecordingCheckpoint | None: ...
+    def remember(self, what: RecordingCheckpoint) -> None: ...
 
 
-class Scribe:
+class McapSession:
     """Writes the rows of one dive, part after part."""
 
     def __init__(self, node: Teller, stack: Stack) -> None:
@@ -62,7 +62,7 @@ class Scribe:
         self._proven = False  # this part has taken rows
         self._interrupted = False  # people were told that recording stopped
         self._retry_at = 0  # [ns]
-        self._opened = node.recall(Opened) or Opened()
+        self._opened = node.recall(RecordingCheckpoint) or RecordingCheckpoint()
         path = part_path(stack.out_dir, self._opened.parts + 1)
         try:
             stack.out_dir.mkdir(parents=True, exist_ok=True)
@@ -70,7 +70,7 @@ class Scribe:
         except OSError as error:
             raise LindyError(f"cannot write the recording {path}: {reason(error)}") from None
 
-    def write(self, row: Row) -> None:
+    def write(self, row: RecordedRow) -> None:
         """Add a row, or count it as not recorded while there is no file."""
         if self._file is None:
             self._node.count("not_recorded")
@@ -122,11 +122,11 @@ class Scribe:
         try:
             self._preface(file)
             file.flush()
-            self._node.remember(Opened(number))
+            self._node.remember(RecordingCheckpoint(number))
         except OSError:
             file.discard()
             raise
-        self._opened = Opened(number)
+        self._opened = RecordingCheckpoint(number)
         self._file = file
         self._proven = False
 
@@ -162,7 +162,7 @@ class Scribe:
             file.abandon()
         else:  # nothing in it: the next attempt may have its name
             file.discard()
-            self._opened = Opened(self._opened.parts - 1)
+            self._opened = RecordingCheckpoint(self._opened.parts - 1)
         self._file = None
         self._node.count("disk_error")
         self._node.count("not_recorded", self._unflushed)

@@ -3,7 +3,7 @@ safely. Its own health and log lines are not in the file, because nobody hears t
 lost is in the file's `losses` record."""
 
 from services.recorder.core import Intake
-from services.recorder.mcap_session import Scribe
+from services.recorder.mcap_session import McapSession
 from services.runtime.bus.envelope import Envelope
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
@@ -14,7 +14,7 @@ DEPTH = 20_000  # envelopes held while the disk is slow: some ten seconds of a d
 
 def wire(node: Node, stack: Stack) -> None:
     intake = Intake(node.wall_offset_ns, node.local_ns)
-    scribe = Scribe(node, stack)
+    scribe = McapSession(node, stack)
     home = next(iter(node.realms))
 
     def hear(envelope: Envelope, arrival: int) -> None:

@@ -18,7 +18,7 @@ from messages.units import Ns
 from messages.vehicle import Failsafe, Mode, VehicleStatus
 from services.marine.sensor_time import SensorTime
 from services.reference.guidance import requests
-from services.reference.guidance.guidance import Flight
+from services.reference.guidance.guidance import Guidance
 from services.reference.guidance.modes import lacking
 from services.reference.guidance.reference_message import reference_of
 from services.reference.guidance.refusals import centred, refusal, usurped
@@ -27,7 +27,7 @@ from services.reference.settings import Settings as Settings
 AT_REST = PilotCommand(stamp_ns=0, surge=0.0, sway=0.0, heave=0.0, yaw=0.0)
 
 
-class Remembered(msgspec.Struct, frozen=True):
+class GuidanceCheckpoint(msgspec.Struct, frozen=True):
     """What a restart in mid-dive must know."""
 
     armed: bool = False
@@ -37,22 +37,22 @@ class Remembered(msgspec.Struct, frozen=True):
     epoch: int = 0  # newest authority epoch that was given away
 
 
-ANEW = Remembered()
+ANEW = GuidanceCheckpoint()
 
 
 @dataclass(slots=True)
-class Pilotage:
+class ReferenceGenerator:
     """The state machine. Times `now` are int ns; `happened` collects what must be counted, `notes`
     what people want to know."""
 
     settings: Settings
-    before: Remembered = ANEW
+    before: GuidanceCheckpoint = ANEW
     armed: bool = field(init=False)
     light: float = field(init=False)
     asked: Hold = field(init=False)  # in force again after a disarm
     epoch: int = field(init=False)
     stopping: bool = False  # until it stands still with the sticks centred
-    _flight: Flight = field(init=False)
+    _flight: Guidance = field(init=False)
     _time: SensorTime = field(default_factory=SensorTime)  # of the reference
     _failsafe: Failsafe = "none"
     _running: bool = False  # the estimator has finished its calibration
@@ -61,7 +61,7 @@ class Pilotage:
 
     def __post_init__(self) -> None:
         self.armed, self.light, hold, self.asked, self.epoch = msgspec.structs.astuple(self.before)
-        self._flight = Flight(self.settings, hold)
+        self._flight = Guidance(self.settings, hold)
 
     @property
     def happened(self) -> list[str]:
@@ -72,8 +72,8 @@ class Pilotage:
         return self._flight.notes
 
     @property
-    def remembered(self) -> Remembered:
-        return Remembered(self.armed, self.light, self._flight.hold, self.asked, self.epoch)
+    def remembered(self) -> GuidanceCheckpoint:
+        return GuidanceCheckpoint(self.armed, self.light, self._flight.hold, self.asked, self.epoch)
 
     # Steps.
 

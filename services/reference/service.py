@@ -3,7 +3,7 @@
 from messages import topics
 from messages.pilot import PilotAnswer, PilotRequest
 from messages.state import VehicleState
-from services.reference.core import Pilotage, Remembered, Settings
+from services.reference.core import GuidanceCheckpoint, ReferenceGenerator, Settings
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 
@@ -11,8 +11,8 @@ SILENCE_S = 0.1  # [s] without a state: stop smoothly and hold
 
 
 def wire(node: Node, stack: Stack) -> None:
-    before = node.recall(Remembered) or Remembered()
-    pilotage = Pilotage(stack.section("reference", Settings), before)
+    before = node.recall(GuidanceCheckpoint) or GuidanceCheckpoint()
+    pilotage = ReferenceGenerator(stack.section("reference", Settings), before)
     commands = node.latest(topics.PILOT_COMMAND)
     authority = commands.authority(before.epoch)
     reference = node.publisher(topics.REFERENCE)
@@ -57,7 +57,7 @@ def wire(node: Node, stack: Stack) -> None:
     node.every(topics.STATUS.hz, say_status)
 
 
-def _tell(node: Node, pilotage: Pilotage) -> None:
+def _tell(node: Node, pilotage: ReferenceGenerator) -> None:
     """Count and say what has happened."""
     while pilotage.happened:
         node.count(what := pilotage.happened.pop())
@@ -66,7 +66,7 @@ def _tell(node: Node, pilotage: Pilotage) -> None:
         node.log("info", pilotage.notes.pop())
 
 
-def _gist(pilotage: Pilotage, now: int) -> tuple[object, ...]:
+def _gist(pilotage: ReferenceGenerator, now: int) -> tuple[object, ...]:
     """A status is said at once when this has changed."""
     status = pilotage.status(None, now)
     return status.mode, status.armed, status.hold, status.failsafe

@@ -29,7 +29,7 @@ from services.simulator.sensors import Sensors
 from services.simulator.settings import Dvl, Usbl
 from services.simulator.settings import Settings as Settings
 from services.simulator.vessel import Vessel
-from services.simulator.world import World as World
+from services.simulator.world import WorldCheckpoint as WorldCheckpoint
 from services.simulator.world import at_the_surface as at_the_surface
 from services.vehicle.actuator_gate import ActuatorGate
 from services.vehicle.mounting import place_of
@@ -38,7 +38,9 @@ M = TypeVar("M", bound=Message)
 
 
 class Simulator:
-    def __init__(self, vehicle: Vehicle, settings: Settings, seed: int, world: World) -> None:
+    def __init__(
+        self, vehicle: Vehicle, settings: Settings, seed: int, world: WorldCheckpoint
+    ) -> None:
         """Time begins with the first `advance` or `obey`.
 
         Args:
@@ -210,9 +212,9 @@ class Simulator:
             faults=self._told,
         )
 
-    def world(self) -> World:
+    def world(self) -> WorldCheckpoint:
         """What to remember."""
-        return World(
+        return WorldCheckpoint(
             state=self._vessel.state,
             thrust=tuple(self._vessel.thrust),
             heading=self._heading,

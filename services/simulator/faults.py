@@ -11,7 +11,7 @@ from typing import TypeVar
 import msgspec
 
 from messages.message import Message
-from messages.simulator import Fault as Kind
+from messages.simulator import FaultKind as Kind
 from messages.simulator import FaultRequest
 from messages.units import Finite
 from services.marine.thrusters import driven

@@ -18,7 +18,7 @@ N = TypeVar("N", float, complex)
 Gaps = list[complex]  # [N] what a mode lacks, per thruster; its real part counts
 
 
-class Propulsion:
+class SimulatedThrusters:
     """Moves on by `pass_time`."""
 
     def __init__(self, vehicle: Vehicle, thrust: Sequence[float]) -> None:

@@ -14,7 +14,7 @@ from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 from services.runtime.node.ports import Publisher
 from services.simulator import fault_requests
-from services.simulator.core import Settings, Simulator, World, at_the_surface
+from services.simulator.core import Settings, Simulator, WorldCheckpoint, at_the_surface
 
 REMEMBER_HZ = 5.0  # [1/s] a killed simulator resumes from at most this long ago
 
@@ -138,7 +138,7 @@ def _simulator(node: Node, stack: Stack) -> Simulator:
     """Where the world was left before a crash, else at the surface."""
     vehicle = stack.section("vehicle", Vehicle)
     settings = stack.section("simulator", Settings)
-    world = node.recall(World)
+    world = node.recall(WorldCheckpoint)
     if world is not None and not world.fits(vehicle):
         node.count("malformed:memory")
         world = None

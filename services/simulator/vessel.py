@@ -14,7 +14,7 @@ from services.marine.vehicle import Vehicle
 from services.simulator.current import Current
 from services.simulator.equations import equations_of_motion
 from services.simulator.faults import Faults
-from services.simulator.propulsion import Propulsion
+from services.simulator.propulsion import SimulatedThrusters
 from services.simulator.settings import Settings
 from services.simulator.surroundings import Surroundings
 
@@ -48,7 +48,7 @@ class Vessel:
         self._water = Current(place.current, seed) if place.current is not None else None
         self._elapsed = 0.0  # [s]
         self._acceleration = equations_of_motion(vehicle, place.wake_share)
-        self._propulsion = Propulsion(vehicle, thrust)
+        self._propulsion = SimulatedThrusters(vehicle, thrust)
         self._around = Surroundings(place, vehicle.size, system_inertia(vehicle)[2])
         self._always_wet_below = max(sum(map(abs, t.position)) for t in vehicle.thruster)
         x, y, z, qw, qx, qy, qz, u, v, w, p, q, r = state

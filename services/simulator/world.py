@@ -9,7 +9,7 @@ from services.simulator.faults import Fault
 from services.simulator.settings import Settings
 
 
-class World(msgspec.Struct, frozen=True):
+class WorldCheckpoint(msgspec.Struct, frozen=True):
     """All that must survive a restart in mid-dive."""
 
     state: tuple[Finite, ...]  # 13 numbers, see vessel.State
@@ -22,7 +22,7 @@ class World(msgspec.Struct, frozen=True):
         return len(self.state) == 13 and len(self.thrust) == len(vehicle.thruster)
 
 
-def at_the_surface(vehicle: Vehicle, settings: Settings) -> World:
+def at_the_surface(vehicle: Vehicle, settings: Settings) -> WorldCheckpoint:
     """At rest in the water, floating, level, carried along by the mean current.
 
     Raises:
@@ -40,7 +40,7 @@ def at_the_surface(vehicle: Vehicle, settings: Settings) -> World:
     carried = (0.0, 0.0, 0.0)
     if flow is not None:
         carried = to_body(attitude, (flow.north, flow.east, 0.0))
-    return World(
+    return WorldCheckpoint(
         state=(0.0, 0.0, depth, *attitude, *carried, 0.0, 0.0, 0.0),
         thrust=(0.0,) * len(vehicle.thruster),
         heading=settings.start_heading,

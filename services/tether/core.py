@@ -6,9 +6,9 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from messages.link import Clock, LinkStatus
-from services.tether.link_model import Line
+from services.tether.link_model import LinkDirection
 from services.tether.profile import LinkProfile
-from services.tether.telemetry_rate_control import Thinner, Tiers, limits
+from services.tether.telemetry_rate_control import RateLadder, TelemetryRateControl, limits
 
 T = TypeVar("T")
 
@@ -20,12 +20,12 @@ class Link(Generic[T]):
 
     def __init__(self, name: str, profile: LinkProfile, seed: int) -> None:
         self.name = name
-        self.down: Line[T] = Line(profile.down, np.random.default_rng(seed))
-        self.up: Line[T] = Line(profile.up, np.random.default_rng(seed + 1))
+        self.down: LinkDirection[T] = LinkDirection(profile.down, np.random.default_rng(seed))
+        self.up: LinkDirection[T] = LinkDirection(profile.up, np.random.default_rng(seed + 1))
         self.changes = 0  # since start
         self._profile = profile
-        self._tiers = Tiers()
-        self._thinner = Thinner()
+        self._tiers = RateLadder()
+        self._thinner = TelemetryRateControl()
         self._judged = (0, 0, 0)  # [ns], bytes carried and messages lost in the queue, until then
 
     # What is asked of it.
@@ -39,7 +39,7 @@ class Link(Generic[T]):
         self.up.change(profile.up, now)
         if roomier or not profile.thin:
             # What the link before could carry, and lost, says nothing about this one.
-            self._tiers, self._thinner.rates = Tiers(), {}
+            self._tiers, self._thinner.rates = RateLadder(), {}
             self._judged = (now, self.up.carried_bytes, self.up.lost_in_queue)
 
     def cut(self, now: int) -> None:

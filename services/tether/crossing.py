@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Generic, TypeVar
 
 from messages.units import Ns
-from services.tether.link_model import Line
+from services.tether.link_model import LinkDirection
 
 T = TypeVar("T")
 Admits = Callable[[str, int, Ns], bool]  # (key, size [B], now): not thinned out?
@@ -18,7 +18,7 @@ def everything(_key: str, _size: int, _now: Ns) -> bool:
 class Crossing(Generic[T]):
     """`counts` collects what must be counted."""
 
-    def __init__(self, line: Line[tuple[str, T]], admits: Admits = everything) -> None:
+    def __init__(self, line: LinkDirection[tuple[str, T]], admits: Admits = everything) -> None:
         self.counts: list[str] = []
         self._line = line
         self._admits = admits

@@ -15,7 +15,7 @@ Milliseconds = Annotated[float, msgspec.Meta(ge=0.0, le=LONGEST_MS)]
 Likeness = Annotated[float, msgspec.Meta(ge=0.0, lt=1.0)]
 
 
-class Spread(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
+class DelayDistribution(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
     """Base of the distributions."""
 
     def quantile(self, share: Floats) -> Floats:
@@ -23,14 +23,14 @@ class Spread(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=
         raise NotImplementedError
 
 
-class Constant(Spread, frozen=True, tag="constant"):
+class Constant(DelayDistribution, frozen=True, tag="constant"):
     ms: Milliseconds = 0.0  # [ms]
 
     def quantile(self, share: Floats) -> Floats:
         return np.full_like(share, self.ms)
 
 
-class Uniform(Spread, frozen=True, tag="uniform"):
+class UniformDelay(DelayDistribution, frozen=True, tag="uniform"):
     low_ms: Milliseconds  # [ms]
     high_ms: Milliseconds  # [ms]
     correlation: Likeness = 0.0  # [-] of neighbouring messages
@@ -45,7 +45,7 @@ class Uniform(Spread, frozen=True, tag="uniform"):
         return self.low_ms + (self.high_ms - self.low_ms) * share
 
 
-class Normal(Spread, frozen=True, tag="normal"):
+class Normal(DelayDistribution, frozen=True, tag="normal"):
     """Gaussian. The one in thirty thousand below zero counts as zero."""
 
     mean_ms: Milliseconds  # [ms]
@@ -66,7 +66,7 @@ class Normal(Spread, frozen=True, tag="normal"):
         return np.maximum(0.0, np.array([inverse(u) for u in share.tolist()]))
 
 
-class Exponential(Spread, frozen=True, tag="exponential"):
+class Exponential(DelayDistribution, frozen=True, tag="exponential"):
     mean_ms: Milliseconds  # [ms]
     correlation: Likeness = 0.0  # [-]
 
@@ -74,7 +74,7 @@ class Exponential(Spread, frozen=True, tag="exponential"):
         return -self.mean_ms * np.log1p(-share)
 
 
-class Pareto(Spread, frozen=True, tag="pareto"):
+class Pareto(DelayDistribution, frozen=True, tag="pareto"):
     """Pareto of the second kind (Lomax): from zero, with a tail of rare long delays."""
 
     mean_ms: Milliseconds  # [ms]
@@ -86,7 +86,7 @@ class Pareto(Spread, frozen=True, tag="pareto"):
         return scale * ((1.0 - share) ** (-1.0 / self.shape) - 1.0)
 
 
-class Table(Spread, frozen=True, tag="table"):
+class Table(DelayDistribution, frozen=True, tag="table"):
     """Measured delays: straight lines between their quantiles."""
 
     ms: Annotated[tuple[Milliseconds, ...], msgspec.Meta(min_length=2, max_length=100_000)]  # [ms]
@@ -97,7 +97,7 @@ class Table(Spread, frozen=True, tag="table"):
         return np.interp(share, np.linspace(0.0, 1.0, len(ordered)), ordered)
 
 
-class Trace(Spread, frozen=True, tag="trace"):
+class Trace(DelayDistribution, frozen=True, tag="trace"):
     """A recorded link, replayed: at every moment the delay or loss it had then; again and again."""
 
     file: str = (
@@ -131,7 +131,7 @@ class Trace(Spread, frozen=True, tag="trace"):
         return None if arrived is None else 1e3 * (arrived - self.sent_s[k])
 
 
-Drawn = Constant | Uniform | Normal | Exponential | Pareto | Table
+Drawn = Constant | UniformDelay | Normal | Exponential | Pareto | Table
 Delay = Drawn | Trace
 
 

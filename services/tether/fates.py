@@ -5,17 +5,19 @@ import sys
 
 import numpy as np
 
-from services.tether.link_model import Line
-from services.tether.profile import Leg
+from services.tether.link_model import LinkDirection
+from services.tether.profile import DirectionProfile
 
-Row = tuple[int, float, float | None, str]  # seq, sent [s], arrived [s], reason
+FateRow = tuple[int, float, float | None, str]  # seq, sent [s], arrived [s], reason
 
 
-def fates(leg: Leg, rate: float, size: int, seconds: float, seed: int) -> list[Row]:
+def fates(
+    leg: DirectionProfile, rate: float, size: int, seconds: float, seed: int
+) -> list[FateRow]:
     """What becomes of each of a stream of messages, by seq; one row per copy."""
-    line: Line[int] = Line(leg, np.random.default_rng(seed))
+    line: LinkDirection[int] = LinkDirection(leg, np.random.default_rng(seed))
     entries = [round(n * 1e9 / rate) for n in range(max(1, math.floor(rate * seconds)))]
-    rows: list[Row] = []
+    rows: list[FateRow] = []
 
     def settle(now: int) -> None:
         while (due := line.due()) is not None and due <= now:

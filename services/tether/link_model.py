@@ -16,8 +16,8 @@ import numpy as np
 from messages.link import Direction
 from services.tether.delay import Constant, Delays, Exponential, Trace
 from services.tether.loss import Losses
-from services.tether.priority_queue import Passenger, WaitingRoom
-from services.tether.profile import Leg, Queue
+from services.tether.priority_queue import Packet, PriorityQueue
+from services.tether.profile import DirectionProfile, Queue
 from services.tether.random_streams import streams
 
 T = TypeVar("T")
@@ -31,10 +31,12 @@ class Arrival(Generic[T]):
     damaged: bool
 
 
-class Line(Generic[T]):
+class LinkDirection(Generic[T]):
     """Messages of any type; `Direction.lost` has a key for every reason."""
 
-    def __init__(self, leg: Leg, random: np.random.Generator, most: int = MOST) -> None:
+    def __init__(
+        self, leg: DirectionProfile, random: np.random.Generator, most: int = MOST
+    ) -> None:
         self.lost: Counter[str] = Counter()  # by reason, since start
         self.entered = self.forwarded = self.copied = 0  # messages since start
         self.carried_bytes = 0  # since start, overhead included
@@ -44,11 +46,11 @@ class Line(Generic[T]):
         self._flying: list[tuple[int, int, int, bool, T]] = []  # heap: out, count, entered, …
         self._numbered = 0  # breaks ties in the heap
         self._last_out = 0  # [ns] nobody arrives before it
-        self._leaving: tuple[int, Passenger[T]] | None = None  # [ns] when it has left, and who
+        self._leaving: tuple[int, Packet[T]] | None = None  # [ns] when it has left, and who
         self._least_waiting = 0  # [B] since it was asked for
         self._newly_lost: list[tuple[T, str]] = []
         self._delays: list[int] = []  # [ns] of the period
-        self._before = Period()
+        self._before = ReportPeriod()
         self._is_cut = False
         self._began: int | None = None  # [ns] schedules count from here: the first message
         self._set(leg)
@@ -60,7 +62,7 @@ class Line(Generic[T]):
         self._advance(now)
         self._began = now if self._began is None else self._began
         self.entered += 1
-        passenger = Passenger(item, size + self._leg.overhead_bytes, rank, now)
+        passenger = Packet(item, size + self._leg.overhead_bytes, rank, now)
         if self._is_cut:
             self._lose(item, "outage")
         elif self.on_the_way >= self._most:
@@ -100,7 +102,7 @@ class Line(Generic[T]):
 
     # What changes.
 
-    def change(self, leg: Leg, now: int) -> None:
+    def change(self, leg: DirectionProfile, now: int) -> None:
         """Another model from now on; what is on the way stays on its way."""
         self._advance(now)
         waiting = self._waiting.empty()
@@ -155,7 +157,7 @@ class Line(Generic[T]):
     def report(self, now: int, tiers: dict[str, float] | None = None) -> Direction:
         """What passed since the last report; the period starts anew."""
         self._advance(now)
-        here = Period(now, self.forwarded, self.lost.total(), self.carried_bytes)
+        here = ReportPeriod(now, self.forwarded, self.lost.total(), self.carried_bytes)
         seconds = 0.0 if self._before.at is None else (now - self._before.at) / 1e9
         lost = here.lost - self._before.lost
         settled = lost + here.forwarded - self._before.forwarded
@@ -176,9 +178,9 @@ class Line(Generic[T]):
 
     # How it goes.
 
-    def _set(self, leg: Leg) -> None:
+    def _set(self, leg: DirectionProfile) -> None:
         self._leg = leg
-        self._waiting: WaitingRoom[T] = WaitingRoom(leg.queue or Queue())
+        self._waiting: PriorityQueue[T] = PriorityQueue(leg.queue or Queue())
         self._losses = Losses(leg.loss, self._streams.loss)
         self._trace = leg.delay if isinstance(leg.delay, Trace) else None
         spread = Constant() if isinstance(leg.delay, Trace) else leg.delay
@@ -202,7 +204,7 @@ class Line(Generic[T]):
             takes = passenger.size * 8e6 / self._leg.rate_kbit  # [ns]
             self._leaving = (at + round(takes), passenger)
 
-    def _depart(self, passenger: Passenger[T], at: int) -> None:
+    def _depart(self, passenger: Packet[T], at: int) -> None:
         """A message has left at `at` [ns]: its fate is decided now."""
         self.carried_bytes += passenger.size
         delay = self._delay_ns(at)
@@ -248,7 +250,7 @@ class Line(Generic[T]):
 
 
 @dataclass(frozen=True, slots=True)
-class Period:
+class ReportPeriod:
     """Counts since start, as they were at the last report."""
 
     at: int | None = None  # [ns] None: there was none

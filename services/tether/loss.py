@@ -5,7 +5,7 @@ from typing import Annotated
 import msgspec
 
 from messages.units import Share
-from services.tether.random_streams import Uniform
+from services.tether.random_streams import UniformStream
 
 UpToADay = Annotated[float, msgspec.Meta(ge=0.0, le=86_400.0)]
 Period = Annotated[float, msgspec.Meta(gt=0.0, le=86_400.0)]
@@ -69,7 +69,7 @@ Loss = Independent | GilbertElliott | Bursts
 class Losses:
     """Decides message by message. The state of a Gilbert–Elliott link begins good."""
 
-    def __init__(self, loss: Loss | None, random: Uniform) -> None:
+    def __init__(self, loss: Loss | None, random: UniformStream) -> None:
         self._loss = loss
         self._random = random
         self._bad = False

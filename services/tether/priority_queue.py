@@ -17,26 +17,26 @@ Lost = list[tuple[T, str]]  # what was lost, and why
 
 
 @dataclass(frozen=True, slots=True)
-class Passenger(Generic[T]):
+class Packet(Generic[T]):
     item: T
     size: int  # [B] with overhead
     rank: int  # place in URGENCY
     entered: int  # [ns]
 
 
-class WaitingRoom(Generic[T]):
+class PriorityQueue(Generic[T]):
     """One queue for each stance, one limit for all of them together."""
 
     def __init__(self, queue: Queue) -> None:
         self._queue = queue
-        self._rows: list[deque[Passenger[T]]] = [deque() for _ in URGENCY]
+        self._rows: list[deque[Packet[T]]] = [deque() for _ in URGENCY]
         self._droppers = [Dropper(queue.codel) for _ in URGENCY]
         self.bytes = 0
 
     def __len__(self) -> int:
         return sum(map(len, self._rows))
 
-    def put(self, passenger: Passenger[T]) -> Lost[T]:
+    def put(self, passenger: Packet[T]) -> Lost[T]:
         """Let one in; returns who had to go for it, perhaps itself."""
         lost: Lost[T] = []
         self.admit(passenger)
@@ -44,12 +44,12 @@ class WaitingRoom(Generic[T]):
             lost.append((self._push_out().item, "queue_full"))
         return lost
 
-    def admit(self, passenger: Passenger[T]) -> None:
+    def admit(self, passenger: Packet[T]) -> None:
         """Let one in whatever the limit says: it was waiting before the limit changed."""
         self._rows[passenger.rank].append(passenger)
         self.bytes += passenger.size
 
-    def take(self, now: int) -> tuple[Passenger[T] | None, Lost[T]]:
+    def take(self, now: int) -> tuple[Packet[T] | None, Lost[T]]:
         """The next to leave at `now` [ns], and those that CoDel dropped before it."""
         lost: Lost[T] = []
         for row, dropper in zip(self._rows, self._droppers, strict=True):
@@ -63,7 +63,7 @@ class WaitingRoom(Generic[T]):
                 return passenger, lost
         return None, lost
 
-    def empty(self) -> list[Passenger[T]]:
+    def empty(self) -> list[Packet[T]]:
         """Everybody out, the most urgent first."""
         everybody = [passenger for row in self._rows for passenger in row]
         for row in self._rows:
@@ -71,7 +71,7 @@ class WaitingRoom(Generic[T]):
         self.bytes = 0
         return everybody
 
-    def _push_out(self) -> Passenger[T]:
+    def _push_out(self) -> Packet[T]:
         """One that is missed least: the newest, or the oldest where the policy says so."""
         row = next(row for stance in GIVES_WAY if (row := self._rows[RANK[stance]]))
         out = row.popleft() if self._queue.policy == "drop_oldest" else row.pop()

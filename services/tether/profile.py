@@ -31,7 +31,7 @@ class Late(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     ms: Milliseconds  # [ms] longer
 
 
-class Leg(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class DirectionProfile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One direction of the link."""
 
     delay_ms: Milliseconds = 0.0  # [ms] shortest one-way delay
@@ -58,8 +58,8 @@ class LinkProfile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     about: str = ""
     thin: bool = True  # thin out telemetry upwards when the link cannot carry all of it
-    down: Leg = Leg()  # topside to drone
-    up: Leg = Leg()  # drone to topside
+    down: DirectionProfile = DirectionProfile()  # topside to drone
+    up: DirectionProfile = DirectionProfile()  # drone to topside
 
 
 class Named(NamedTuple):

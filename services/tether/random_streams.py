@@ -13,7 +13,7 @@ Floats = NDArray[np.float64]
 BLOCK = 1024  # numbers drawn at once: a tenth of the cost of drawing one by one
 
 
-class Uniform:
+class UniformStream:
     """Numbers of [0, 1), one after the other."""
 
     def __init__(self, random: np.random.Generator) -> None:
@@ -34,15 +34,15 @@ class Streams(NamedTuple):
     """One generator per purpose."""
 
     delay: np.random.Generator
-    loss: Uniform
-    late: Uniform
-    copy: Uniform
-    damage: Uniform
+    loss: UniformStream
+    late: UniformStream
+    copy: UniformStream
+    damage: UniformStream
 
 
 def streams(random: np.random.Generator) -> Streams:
     delay, *others = random.spawn(5)
-    return Streams(delay, *map(Uniform, others))
+    return Streams(delay, *map(UniformStream, others))
 
 
 def correlated(

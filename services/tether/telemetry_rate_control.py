@@ -44,7 +44,7 @@ def limits(level: int) -> dict[str, float]:
 
 
 @dataclass(slots=True)
-class Tiers:
+class RateLadder:
     """How far down the ladder, and why it may go up again."""
 
     level: int = 0
@@ -122,7 +122,7 @@ FULL = {topic.key: topic.hz for topic in COLUMNS}
 
 
 @dataclass(slots=True)
-class Thinner:
+class TelemetryRateControl:
     """Lets through every so many messages of a topic, and measures what was offered."""
 
     rates: dict[str, float] = field(default_factory=dict[str, float])  # [1/s] by key

@@ -11,7 +11,7 @@ import msgspec
 Point = tuple[float, float, float]  # without limits: nothing computed is refused by the pipe
 
 
-class Columns(msgspec.Struct, frozen=True, array_like=True):
+class CurveColumns(msgspec.Struct, frozen=True, array_like=True):
     """Many samples of one set of curves."""
 
     path: str
@@ -45,7 +45,7 @@ class Frame(msgspec.Struct, frozen=True, array_like=True):
 class Batch(msgspec.Struct, frozen=True, array_like=True):
     """All there is to draw since the last batch."""
 
-    columns: list[Columns] = []
+    columns: list[CurveColumns] = []
     notes: list[Note] = []
     frames: list[Frame] = []
     trail: list[Point] = []  # [m] NED points newly flown, from the last one drawn; none or ≥ 2

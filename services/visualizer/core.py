@@ -14,8 +14,8 @@ from messages.message import Message
 from messages.topic import AnyTopic, Way
 from messages.vehicle import Actuation
 from services.marine.vehicle import Vehicle
-from services.visualizer.batch import Batch, Columns, Frame
-from services.visualizer.curve import Row
+from services.visualizer.batch import Batch, CurveColumns, Frame
+from services.visualizer.curve import CurveRow
 from services.visualizer.curves import Curve, curves
 from services.visualizer.scene import Scene
 from services.visualizer.status import NOTED, Status, part_of_path
@@ -110,7 +110,7 @@ class Collector:
 
     def _columns(
         self, curve: Curve, key: str, messages: list[Message], times: list[int]
-    ) -> Columns:
+    ) -> CurveColumns:
         """What one curve draws of these messages."""
         path = curve.path
         if curve.topic.is_family:
@@ -121,14 +121,16 @@ class Collector:
         if len(known) < len(rows):
             times, known = _broken(times, rows, width)
         self._widths[path] = 0 if rows[-1] is None else len(rows[-1])
-        return Columns(path, times, known)
+        return CurveColumns(path, times, known)
 
 
-def _broken(times: list[int], rows: list[Row | None], width: int) -> tuple[list[int], list[Row]]:
+def _broken(
+    times: list[int], rows: list[CurveRow | None], width: int
+) -> tuple[list[int], list[CurveRow]]:
     """What is known, and where it ceases to be known, one row of NaN: there the line breaks off,
     and is not drawn straight on to when it is known again. `width` is of the row before."""
     kept_times: list[int] = []
-    kept: list[Row] = []
+    kept: list[CurveRow] = []
     for time, row in zip(times, rows, strict=True):
         if row is None and width == 0:
             continue

@@ -8,8 +8,8 @@ from typing import Any
 from messages.message import Estimate
 from messages.topic import AnyTopic
 
-Row = Sequence[float]
-Read = Callable[[Any], Row | None]
+CurveRow = Sequence[float]
+Read = Callable[[Any], CurveRow | None]
 
 # One colour per meaning, in every panel and in the scene. RGB.
 REFERENCE, ESTIMATE, TRUTH = 0xFF9F2E, 0x4CA6FF, 0x9AA0A6
@@ -33,19 +33,19 @@ class Curve:
     width: float = 1.5  # [px]
 
 
-def known(estimate: Estimate | None, unit: Callable[[float], float] = float) -> Row | None:
+def known(estimate: Estimate | None, unit: Callable[[float], float] = float) -> CurveRow | None:
     return None if estimate is None or not estimate.valid else (unit(estimate.value),)
 
 
-def number(value: float | None) -> Row | None:
+def number(value: float | None) -> CurveRow | None:
     return None if value is None else (value,)
 
 
-def in_degrees(radians: Row) -> Row:
+def in_degrees(radians: CurveRow) -> CurveRow:
     return [degrees(value) for value in radians]
 
 
-def way_ms(begin: int | None, end: int | None) -> Row | None:
+def way_ms(begin: int | None, end: int | None) -> CurveRow | None:
     if begin is None or end is None:
         return None
     way = (end - begin) / 1e6

@@ -22,8 +22,8 @@ from services.visualizer.curve import (
     TRUTH,
     TRUTHS,
     Curve,
+    CurveRow,
     Read,
-    Row,
     in_degrees,
     known,
     number,
@@ -177,7 +177,7 @@ def _pair(
     estimate: Callable[[Any], Estimate],
     unit: Callable[[float], float] = float,
 ) -> list[Curve]:
-    def wanted(m: Reference) -> Row:
+    def wanted(m: Reference) -> CurveRow:
         return (unit(reference(m)),)
 
     return [
@@ -193,19 +193,19 @@ def _pair(
     ]
 
 
-def _microtesla(m: Any) -> Row:
+def _microtesla(m: Any) -> CurveRow:
     return [1e6 * value for value in m.field]
 
 
-def _temperature(m: Any) -> Row | None:
+def _temperature(m: Any) -> CurveRow | None:
     return number(m.temperature)
 
 
-def _dvl(m: Any) -> Row:
+def _dvl(m: Any) -> CurveRow:
     return m.velocity[:2]
 
 
-def _usbl(m: Any) -> Row:
+def _usbl(m: Any) -> CurveRow:
     return (m.north, m.east)
 
 
@@ -221,30 +221,30 @@ def _yaw_rate(m: Any) -> float:
     return m.angular_rate[2]
 
 
-def _yaw_acceleration(m: Reference) -> Row:
+def _yaw_acceleration(m: Reference) -> CurveRow:
     return (degrees(m.heading.acceleration),)
 
 
-def _reference_force(m: Reference) -> Row:
+def _reference_force(m: Reference) -> CurveRow:
     return (m.surge_force, m.sway_force)
 
 
-def _sensor_way(m: Actuation) -> Row | None:
+def _sensor_way(m: Actuation) -> CurveRow | None:
     return way_ms(m.sensor_ns, m.actuated_ns)
 
 
-def _stick_way(m: Actuation) -> Row | None:
+def _stick_way(m: Actuation) -> CurveRow | None:
     """How old the stick is that the thrusters obey: rises where commands do not arrive."""
     return way_ms(m.pilot_ns, m.actuated_ns)
 
 
-def _north(m: Reference) -> Row | None:
+def _north(m: Reference) -> CurveRow | None:
     return None if m.north is None else (m.north.position,)
 
 
-def _east(m: Reference) -> Row | None:
+def _east(m: Reference) -> CurveRow | None:
     return None if m.east is None else (m.east.position,)
 
 
-def _current(m: Any) -> Row:
+def _current(m: Any) -> CurveRow:
     return m.current[:2]

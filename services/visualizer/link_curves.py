@@ -18,7 +18,7 @@ from services.visualizer.curve import (
     TRUTHS,
     UP,
     Curve,
-    Row,
+    CurveRow,
     number,
     way_ms,
 )
@@ -39,20 +39,20 @@ def link_curves() -> list[Curve]:
 def _way(name: str, side: str, rgb: int) -> list[Curve]:
     topic = topics.LINK
 
-    def median(m: LinkStatus) -> Row | None:
+    def median(m: LinkStatus) -> CurveRow | None:
         return number(getattr(m, side).delay_p50_ms)
 
-    def slowest(m: LinkStatus) -> Row | None:
+    def slowest(m: LinkStatus) -> CurveRow | None:
         return number(getattr(m, side).delay_p99_ms)
 
-    def queue(m: LinkStatus) -> Row | None:
+    def queue(m: LinkStatus) -> CurveRow | None:
         return (float(getattr(m, side).queued),)
 
-    def loss(m: LinkStatus) -> Row | None:
+    def loss(m: LinkStatus) -> CurveRow | None:
         share = getattr(m, side).loss
         return None if share is None else (100.0 * share,)
 
-    def rate(m: LinkStatus) -> Row | None:
+    def rate(m: LinkStatus) -> CurveRow | None:
         return (getattr(m, side).rate_kbit,)
 
     return [
@@ -98,51 +98,51 @@ def _prediction() -> list[Curve]:
     ]
 
 
-def _medians(stages: tuple[Stage, ...] | None, names: tuple[str, ...]) -> Row | None:
+def _medians(stages: tuple[Stage, ...] | None, names: tuple[str, ...]) -> CurveRow | None:
     if stages is None or tuple(stage.name for stage in stages) != names:
         return None
     return [stage.p50_ms for stage in stages]
 
 
-def _offset(m: Clock) -> Row | None:
+def _offset(m: Clock) -> CurveRow | None:
     return None if m.offset_ns is None else (m.offset_ns / 1e6,)
 
 
-def _bounds(m: Clock) -> Row | None:
+def _bounds(m: Clock) -> CurveRow | None:
     if m.offset_ns is None or m.bound_ns is None:
         return None
     return ((m.offset_ns - m.bound_ns) / 1e6, (m.offset_ns + m.bound_ns) / 1e6)
 
 
-def _turnaround(m: ClockPong) -> Row | None:
+def _turnaround(m: ClockPong) -> CurveRow | None:
     return way_ms(m.heard_ns, m.stamp_ns)
 
 
-def _ping(m: Any) -> Row:
+def _ping(m: Any) -> CurveRow:
     return (float(m.seq),)
 
 
-def _stick(m: LatencyBudget) -> Row | None:
+def _stick(m: LatencyBudget) -> CurveRow | None:
     return number(m.stick_to_thruster_ms)
 
 
-def _screen(m: LatencyBudget) -> Row | None:
+def _screen(m: LatencyBudget) -> CurveRow | None:
     return number(m.sensor_to_screen_ms)
 
 
-def _heading(m: Prediction) -> Row:
+def _heading(m: Prediction) -> CurveRow:
     return (degrees(m.heading),)
 
 
-def _depth_miss(m: Prediction) -> Row | None:
+def _depth_miss(m: Prediction) -> CurveRow | None:
     return _misses(m, lambda miss: 100.0 * miss.depth)
 
 
-def _turn_miss(m: Prediction) -> Row | None:
+def _turn_miss(m: Prediction) -> CurveRow | None:
     return _misses(m, lambda miss: degrees(miss.heading))
 
 
-def _misses(m: Prediction, read: Callable[[Miss], float]) -> Row | None:
+def _misses(m: Prediction, read: Callable[[Miss], float]) -> CurveRow | None:
     """Prediction beside the delayed picture; nothing until both have been judged."""
     if m.missed is None or m.delayed is None:
         return None

@@ -20,7 +20,7 @@ from services.runtime.node.gate import Gate
 from services.runtime.node.node import Node
 from services.visualizer.batch import Batch
 from services.visualizer.core import Collector
-from services.visualizer.io.live_viewer import Live, viewer_command
+from services.visualizer.io.live_viewer import LiveViewer, viewer_command
 from services.visualizer.io.rrd_file import RrdFile
 
 # Curves, states and log; every sample is kept, this is only how often they are handed over.
@@ -32,7 +32,7 @@ RERUN_SAYS = "warn"  # and worse, of all that rerun tells on stderr
 KEYS = 256  # different keys; a stranger may invent more, we do not draw them
 
 
-class Parts(msgspec.Struct):
+class ViewerCheckpoint(msgspec.Struct):
     """What a restart in mid-dive must know."""
 
     written: int = 0  # files of this dive so far
@@ -41,7 +41,7 @@ class Parts(msgspec.Struct):
 
 def wire(node: Node, stack: Stack) -> None:
     vehicle = stack.section("vehicle", Vehicle)
-    parts = node.recall(Parts) or Parts()
+    parts = node.recall(ViewerCheckpoint) or ViewerCheckpoint()
     parts.written += 1
     node.remember(parts)
     collector = Collector(vehicle, parts.start)
@@ -111,7 +111,7 @@ def _outputs(
     """How to write to, and how to end, the file and the live viewer where one is wanted."""
     os.environ.setdefault("RUST_LOG", RERUN_SAYS)  # read when rerun is imported
     try:
-        from services.visualizer.io.rerun_writer import Sink
+        from services.visualizer.io.rerun_writer import RerunWriter
     except ImportError:
         raise LindyError(
             f"the visualizer needs rerun, which is not installed; {how_to_install('viewer')}"
@@ -119,7 +119,7 @@ def _outputs(
     path = _free(stack.out_dir, part)
     # One id for file and viewer: who opens both sees one dive.
     identity = f"{stack.out_dir.resolve().name}-{part}"
-    sink = Sink(identity, vehicle)
+    sink = RerunWriter(identity, vehicle)
     try:
         sink.save(RrdFile(path, node.count, node.log))
     except OSError as error:
@@ -128,7 +128,7 @@ def _outputs(
         raise LindyError(f"{error}; install the rerun-sdk that `uv sync` installs") from None
     if not stack.viewer:
         return sink.write, sink.close
-    live = Live(identity, vehicle, viewer_command(), node.count, node.log)
+    live = LiveViewer(identity, vehicle, viewer_command(), node.count, node.log)
 
     def write(batch: Batch) -> None:
         sink.write(batch)

@@ -35,7 +35,7 @@ from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.launch.local_stack import local_stack
-from services.runtime.node.checkpoint import VolatileMemory
+from services.runtime.node.checkpoint import VolatileCheckpoint
 from services.runtime.node.node import Node
 from services.vehicle.mounting import Axes
 from tools.checks import known_tables
@@ -212,7 +212,7 @@ def real_bench(side: Side, folder: Path) -> Generator[Bench]:
         local.wait_alive(30.0, look)
         woken = threading.Event()
         with open_bus(local.endpoints["drone"], stack.vehicle_name) as bus:
-            node = Node("contract", {"drone": bus}, time.monotonic_ns, VolatileMemory())
+            node = Node("contract", {"drone": bus}, time.monotonic_ns, VolatileCheckpoint())
             node.wake = woken.set
             yield Bench(Real(node, woken, local.pump), node, bus.say(topics.THRUSTERS), stack)
 

@@ -40,47 +40,51 @@ PARTS = ("messages", "services", "tools", "tests", "deploy", "pyproject.toml")  
 # law → its tests
 LAWS: dict[str, tuple[str, ...]] = {
     "services/reference/trajectory/minimum_jerk.py": (
-        "tests/services/reference/test_minimum_jerk.py",
-        "tests/services/reference/test_stepping.py",
+        "tests/services/reference/trajectory/test_minimum_jerk.py",
+        "tests/tools/research/laws/test_stepping.py",
     ),
-    "services/reference/trajectory/vector.py": ("tests/services/reference/test_vector.py",),
-    "services/reference/trajectory/position.py": ("tests/services/reference/test_position.py",),
+    "services/reference/trajectory/vector.py": (
+        "tests/services/reference/trajectory/test_vector.py",
+    ),
+    "services/reference/trajectory/position.py": (
+        "tests/services/reference/trajectory/test_position.py",
+    ),
     "services/reference/trajectory/time_scaling.py": (
-        "tests/services/reference/test_time_scaling.py",
-        "tests/services/reference/test_time_scaling_stop.py",
+        "tests/services/reference/trajectory/test_time_scaling.py",
+        "tests/services/reference/trajectory/test_time_scaling_stop.py",
     ),
     "services/reference/trajectory/emergency_stop.py": (
-        "tests/services/reference/test_time_scaling_stop.py",
+        "tests/services/reference/trajectory/test_time_scaling_stop.py",
     ),
     "services/reference/guidance/reference_governor.py": (
-        "tests/services/reference/test_guard.py",
+        "tests/services/reference/guidance/test_reference_governor.py",
     ),
     "services/control/axis/axis_law.py": (
-        "tests/services/control/test_axis_law.py",
-        "tests/services/control/test_static_hold.py",
-        "tests/services/control/test_sampled_loop.py",
+        "tests/services/control/axis/test_axis_law.py",
+        "tests/services/control/axis/test_static_hold.py",
+        "tests/services/control/axis/test_sampled_loop.py",
     ),
     "services/control/allocation/allocation.py": (
-        "tests/services/control/test_allocation.py",
-        "tests/services/control/test_layout.py",
+        "tests/services/control/allocation/test_allocation.py",
+        "tests/services/control/allocation/test_layout.py",
     ),
     "services/control/axis/disturbance_observer.py": (
-        "tests/services/control/test_disturbance.py",
+        "tests/services/control/axis/test_disturbance_observer.py",
     ),
-    "services/control/axis/gain_blend.py": ("tests/services/control/test_gain_blend.py",),
+    "services/control/axis/gain_blend.py": ("tests/services/control/axis/test_gain_blend.py",),
     "services/estimation/depth/depth_filter.py": (
-        "tests/services/estimation/test_estimation_depth_filter.py",
+        "tests/services/estimation/depth/test_estimation_depth_filter.py",
     ),
     "services/estimation/attitude/attitude_filter.py": (
-        "tests/services/estimation/test_estimation_attitude.py",
+        "tests/services/estimation/attitude/test_estimation_attitude.py",
     ),
     "services/estimation/attitude/heading.py": (
-        "tests/services/estimation/test_estimation_headings.py",
-        "tests/services/estimation/test_heading_disturbance.py",
+        "tests/services/estimation/attitude/test_estimation_headings.py",
+        "tests/services/estimation/attitude/test_heading_disturbance.py",
     ),
     "services/estimation/horizontal/horizontal_filter.py": (
-        "tests/services/estimation/test_horizontal_filter.py",
-        "tests/services/estimation/test_horizontal.py",
+        "tests/services/estimation/horizontal/test_horizontal_filter.py",
+        "tests/services/estimation/horizontal/test_horizontal.py",
     ),
     "services/tether/loss.py": (
         "tests/services/tether/test_link_statistics.py",
@@ -98,8 +102,8 @@ LAWS: dict[str, tuple[str, ...]] = {
     ),
     "services/tether/codel.py": ("tests/services/tether/test_codel.py",),
     "services/runtime/node/gate.py": (
-        "tests/services/runtime/test_gate.py",
-        "tests/services/runtime/test_far_clock.py",
+        "tests/services/runtime/node/test_gate.py",
+        "tests/services/runtime/node/test_clock_offset.py",
     ),
     "services/simulator/vessel.py": (
         "tests/services/simulator/test_sim_vessel.py",

@@ -15,7 +15,7 @@ from math import degrees
 import numpy as np
 
 from tools.research.bench.control_goals import FINE
-from tools.research.bench.goal_runs import Release, releases
+from tools.research.bench.goal_runs import ReleaseResult, releases
 
 SEEDS = 100
 SIDES = ("centred", "released", "kept")
@@ -38,11 +38,11 @@ def main(seeds: int) -> int:
     return int(overshoot + bounce > 0)
 
 
-def with_a_fine_sensor(seed: int) -> list[Release]:
+def with_a_fine_sensor(seed: int) -> list[ReleaseResult]:
     return releases(seed, overrides=FINE)
 
 
-def _show(found: list[Release], axis: str) -> int:
+def _show(found: list[ReleaseResult], axis: str) -> int:
     """Returns how many releases of this stick alone were over the limit."""
     what, unit, factor, limit = AXES[axis]
     broken = 0
@@ -59,7 +59,7 @@ def _show(found: list[Release], axis: str) -> int:
     return broken
 
 
-def _sizes(found: list[Release], axis: str, side: str) -> np.ndarray:
+def _sizes(found: list[ReleaseResult], axis: str, side: str) -> np.ndarray:
     return np.array([r.overshoot for r in found if r.axis == axis and r.horizontal == side])
 
 

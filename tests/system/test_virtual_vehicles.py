@@ -4,7 +4,7 @@ from math import radians
 
 import pytest
 
-from messages.simulator import Fault
+from messages.simulator import FaultKind
 from tools.research.bench.goal_runs import (
     DVL,
     NEAR_FLOOR,
@@ -80,7 +80,7 @@ def test_a_dead_thruster_costs_neither_depth_nor_heading() -> None:
 
 
 # [N] at most; without an IMU the depth rate comes from pressure alone, late and noisy.
-LOST: list[tuple[str, Fault, float]] = [
+LOST: list[tuple[str, FaultKind, float]] = [
     ("sensor/pressure", "silent", 3.5),
     ("sensor/magnetometer", "frozen", 3.5),
     ("sensor/imu", "frozen", 12.0),
@@ -89,5 +89,5 @@ LOST: list[tuple[str, Fault, float]] = [
 
 
 @pytest.mark.parametrize(("part", "fault", "most"), LOST)
-def test_a_lost_sensor_makes_no_wild_thrust(part: str, fault: Fault, most: float) -> None:
+def test_a_lost_sensor_makes_no_wild_thrust(part: str, fault: FaultKind, most: float) -> None:
     assert lost_sensor(part, fault, 0) < most

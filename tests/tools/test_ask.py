@@ -26,7 +26,7 @@ from services.runtime.config.running import RUNNING, Running
 from services.runtime.hosts.virtual_host import VirtualHost
 from tools.ask import ask, dive_in, for_the_pilot, in_json, in_words, wanted_of
 from tools.live.asking import Asking
-from tools.path import PathFile
+from tools.path import PlannedPathFile
 
 S = 1_000_000_000  # [ns]
 GIVEN: dict[str, Any] = dict.fromkeys(("hold", "depth", "heading", "path", "value"))
@@ -73,7 +73,7 @@ def test_every_mode_can_be_asked_for_and_reaches_the_drone(hold: str):
 
 
 def test_a_path_file_may_have_every_key_that_lindy_path_knows():
-    assert set(FollowedFile.__struct_fields__) == set(PathFile.__struct_fields__)
+    assert set(FollowedFile.__struct_fields__) == set(PlannedPathFile.__struct_fields__)
 
 
 @pytest.mark.parametrize(

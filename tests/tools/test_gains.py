@@ -14,10 +14,10 @@ from services.control.axis.plant import Plant
 from services.reference.trajectory.minimum_jerk import Limits
 from services.runtime.config.errors import LindyError
 from tools.gains import gains
-from tools.tuning.lq import Manoeuvre, Worth, best_acceleration, feedback, regulator, sampled
+from tools.tuning.lq import StepManoeuvre, Worth, best_acceleration, feedback, regulator, sampled
 
 IDENTIFIED, KP, KD = Plant(13.3, 6.5), 25.5, 23.6  # Andrén 2023, Table 6.1, as identified
-STEP = Manoeuvre(0.3, Limits(0.78))
+STEP = StepManoeuvre(0.3, Limits(0.78))
 
 
 @pytest.mark.parametrize(

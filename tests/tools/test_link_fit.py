@@ -8,18 +8,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from messages.pilot import TTL_MS
-from services.tether.delay import Constant, Delay, Exponential, Normal, Pareto, Table, Uniform
+from services.tether.delay import Constant, Delay, Exponential, Normal, Pareto, Table, UniformDelay
 from services.tether.io.profile_file import named
-from services.tether.link_model import Line
-from services.tether.profile import Leg
+from services.tether.link_model import LinkDirection
+from services.tether.profile import DirectionProfile
 from tools.__main__ import main
 from tools.link_fit import COMMAND_BYTES, flyable, profiles, shortest_ms
 
 MS = st.floats(0.0, 500.0)
 
 
-def uniform(low: float, more: float) -> Uniform:
-    return Uniform(low_ms=low, high_ms=low + more)
+def uniform(low: float, more: float) -> UniformDelay:
+    return UniformDelay(low_ms=low, high_ms=low + more)
 
 
 def normal(std: float) -> Normal:
@@ -40,14 +40,14 @@ DELAYS: st.SearchStrategy[Delay | None] = st.one_of(
     st.builds(table, st.lists(MS, min_size=2, max_size=5)),
 )
 LEGS = st.builds(
-    Leg, delay_ms=MS, delay=DELAYS, rate_kbit=st.sampled_from([0.0, 5.0, 500.0]),
+    DirectionProfile, delay_ms=MS, delay=DELAYS, rate_kbit=st.sampled_from([0.0, 5.0, 500.0]),
     overhead_bytes=st.integers(0, 200),
 )  # fmt: skip
 
 
 @given(LEGS, st.integers(0, 1000))
-def test_no_command_is_ever_faster_than_the_shortest_delay(leg: Leg, seed: int):
-    line: Line[int] = Line(leg, np.random.default_rng(seed))
+def test_no_command_is_ever_faster_than_the_shortest_delay(leg: DirectionProfile, seed: int):
+    line: LinkDirection[int] = LinkDirection(leg, np.random.default_rng(seed))
     for second in range(5):
         entered = second * 10_000_000_000
         line.enter(second, entered, COMMAND_BYTES)

@@ -27,7 +27,7 @@ from services.simulator.core import Settings as Simulator
 from tools.noise import noise
 from tools.recordings.allan import deviation
 from tools.recordings.allan import noise as noise_of
-from tools.recordings.at_rest import Heard, Samples, resting
+from tools.recordings.at_rest import Heard, RestingSamples, resting
 from tools.up import on_side
 
 STREAMS: tuple[AnyTopic, ...] = (
@@ -234,14 +234,14 @@ def test_motion_is_never_inside_the_rest_that_is_used(at: int, size: float):
     assert np.all(np.abs(rest.samples[topics.IMU.key].values[:, 2]) < 0.02 + 5 * GYRO)
 
 
-def samples_of(messages: list[Message]) -> Samples:
+def samples_of(messages: list[Message]) -> RestingSamples:
     rows = [
         (m.stamp_ns * 1e-9, *m.angular_rate, *m.specific_force)
         for m in messages
         if isinstance(m, ImuSample)
     ]
     found = np.array(rows)
-    return Samples(found[:, 0], found[:, 1:])
+    return RestingSamples(found[:, 0], found[:, 1:])
 
 
 def test_the_drone_s_side_alone_makes_such_a_recording(

@@ -11,7 +11,7 @@ from services.runtime.bus.zenoh_bus import open_bus
 from services.runtime.config.errors import LindyError
 from services.runtime.config.running import Running
 from services.runtime.launch.local_stack import HOME
-from services.runtime.node.checkpoint import VolatileMemory
+from services.runtime.node.checkpoint import VolatileCheckpoint
 from services.runtime.node.node import Node
 from services.runtime.node.requests import GIVE_UP_NS, A, Q
 
@@ -68,7 +68,7 @@ def answer_to(ask: Callable[[Node], Asking[Q, A]], running: Running, who: str) -
     endpoint = running.endpoints.get(HOME) or next(iter(running.endpoints.values()))
     woken = threading.Event()
     with open_bus(endpoint, running.vehicle) as bus:
-        node = Node("ask", {HOME: bus}, time.monotonic_ns, VolatileMemory())
+        node = Node("ask", {HOME: bus}, time.monotonic_ns, VolatileCheckpoint())
         node.wake = woken.set
         asking = ask(node)
         while asking.answer is None and not asking.given_up:

@@ -11,7 +11,7 @@ EARLY_S = 1.0  # [s] the script's clock may have started before we saw the drone
 
 
 @dataclass(slots=True)
-class Course:
+class DiveTimeline:
     """Follows `vehicle/status` from the first look to the end of the dive."""
 
     script_s: float | None  # [s] length of the stick log; None: a person has the sticks

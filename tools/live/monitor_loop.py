@@ -8,19 +8,21 @@ from contextlib import contextmanager
 from messages import topics
 from services.runtime.launch.local_stack import LocalStack
 from tools.live.display import Display
-from tools.live.dive_timeline import Course
+from tools.live.dive_timeline import DiveTimeline
 from tools.live.outcome import Outcome, title
 from tools.live.screen import View
-from tools.live.stop_signals import Stop
+from tools.live.stop_signals import StopSignals
 from tools.live.watch import Watch
 
 ALIVE_S = 30.0  # [s] for all services to start, on a slow and busy computer
 
 
-class Lookout:
+class MonitorLoop:
     """Made when the hubs are up; the services are started by `keep`."""
 
-    def __init__(self, local: LocalStack, course: Course, stop: Stop, shown: Display) -> None:
+    def __init__(
+        self, local: LocalStack, course: DiveTimeline, stop: StopSignals, shown: Display
+    ) -> None:
         self._local, self._course, self._stop, self._shown = local, course, stop, shown
         self._watch = Watch(local.node, list(local.services), course, shown.line)
         local.node.each(topics.STATUS, course.see)

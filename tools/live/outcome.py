@@ -18,9 +18,9 @@ from services.runtime.node.node import Node
 from tools.fresh import write_fresh
 from tools.recordings.recording import log_hash, merge_parts, open_recording
 from tools.report import (
-    Dive,
     Elsewhere,
     Extras,
+    RecordedDive,
     Report,
     by_service,
     elsewhere,
@@ -152,7 +152,7 @@ def merge(folder: Path) -> bool:
         return False
 
 
-def data_was_lost(dive: Dive, report: Report) -> bool:
+def data_was_lost(dive: RecordedDive, report: Report) -> bool:
     """Is there something that was said in this dive and that the recording does not have?"""
     kinds = {name.partition(":")[0] for name in dive.losses}
     restarts = {name: service.restarts for name, service in report.services.items()}

@@ -3,19 +3,19 @@
 import time
 
 from services.runtime.launch.local_stack import LocalStack
-from tools.checks import DEFAULT_PILOT, Pilot, pilot_of
+from tools.checks import DEFAULT_PILOT, PilotChoice, pilot_of
 from tools.choices import Choices
 from tools.live.disarming import Disarming
 from tools.live.display import Display
-from tools.live.dive_timeline import Course
-from tools.live.monitor_loop import Lookout
+from tools.live.dive_timeline import DiveTimeline
+from tools.live.monitor_loop import MonitorLoop
 from tools.live.pads import pad_is_there
-from tools.live.stop_signals import Stop
+from tools.live.stop_signals import StopSignals
 
 DISARM_S = 1.0  # [s] at most, for the drone's answer at the end
 
 
-def who_flies(choices: Choices) -> Pilot:
+def who_flies(choices: Choices) -> PilotChoice:
     """Whom the user chose; else the gamepad; else, where none is plugged in, a script.
 
     Raises:
@@ -26,20 +26,25 @@ def who_flies(choices: Choices) -> Pilot:
     return pilot_of(choices.pilot or "gamepad")
 
 
-def tell_who_flies(choices: Choices, pilot: Pilot) -> None:
+def tell_who_flies(choices: Choices, pilot: PilotChoice) -> None:
     """A script that nobody chose is announced."""
     if choices.pilot is None and pilot.script_s is not None:
         print(f"no gamepad is plugged in: {DEFAULT_PILOT} flies", flush=True)
 
 
-class Flight:
+class PilotedDive:
     """A dive between the start of the hubs and the end of the services."""
 
     def __init__(
-        self, local: LocalStack, pilot: Pilot, seconds: float | None, stop: Stop, shown: Display
+        self,
+        local: LocalStack,
+        pilot: PilotChoice,
+        seconds: float | None,
+        stop: StopSignals,
+        shown: Display,
     ) -> None:
-        self._course = Course(pilot.script_s, seconds)
-        self._lookout = Lookout(local, self._course, stop, shown)
+        self._course = DiveTimeline(pilot.script_s, seconds)
+        self._lookout = MonitorLoop(local, self._course, stop, shown)
         self._disarming = Disarming(local.node)
 
     def fly(self) -> str:

@@ -6,13 +6,13 @@ from types import TracebackType
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
-class Stop:
+class StopSignals:
     """Listens inside its `with` block."""
 
     def __init__(self) -> None:
         self.asked = False
 
-    def __enter__(self) -> "Stop":
+    def __enter__(self) -> "StopSignals":
         self._before = {number: signal.signal(number, self._ask) for number in SIGNALS}
         return self
 

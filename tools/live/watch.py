@@ -9,7 +9,7 @@ from messages.link import Shown
 from messages.topic import M
 from services.runtime.node.node import Node
 from services.runtime.node.ports import Latest
-from tools.live.dive_timeline import Course
+from tools.live.dive_timeline import DiveTimeline
 from tools.live.log_lines import LogLines
 from tools.live.screen import LINES, ServiceView, View
 
@@ -24,7 +24,7 @@ class Watch:
         self,
         node: Node,
         services: list[str],
-        course: Course,
+        course: DiveTimeline,
         show: Callable[[LogLine, float | None], None],
     ) -> None:
         self.lines = LogLines()

@@ -18,7 +18,7 @@ PER_DECADE = 10
 SURE = 3.0  # [σ] by which slow drift must stand out of the white noise's own scatter
 
 
-class Noise(NamedTuple):
+class AllanNoise(NamedTuple):
     """Of one axis; unit² stands for the square of the sensor's unit."""
 
     density: float  # [unit/√Hz] white noise
@@ -52,7 +52,7 @@ def _variance(total: Floats, length: int) -> float:
     return float(np.mean(differences**2)) / (2.0 * length**2)
 
 
-def noise(values: Floats, rate: float) -> Noise:
+def noise(values: Floats, rate: float) -> AllanNoise:
     """White noise, bias instability and random walk of a sensor at rest.
 
     Args:
@@ -65,11 +65,11 @@ def noise(values: Floats, rate: float) -> Noise:
     density = float(np.sqrt(np.average(adev**2 * tau, weights=scatter**-2 * (tau <= 1.0))))
     white = density**2 / tau[-1]
     if density == 0.0 or adev[-1] ** 2 <= white * (1.0 + SURE * scatter[-1]):
-        return Noise(density, None, None, drift_below)
+        return AllanNoise(density, None, None, drift_below)
     terms = np.column_stack([1.0 / tau, np.full_like(tau, FLAT), tau / 3.0])
     weights = 1.0 / (adev**2 * scatter)
     n2, b2, k2 = _not_negative(terms * weights[:, None], adev**2 * weights)
-    return Noise(sqrt(n2), sqrt(b2) or None, sqrt(k2) or None, drift_below)
+    return AllanNoise(sqrt(n2), sqrt(b2) or None, sqrt(k2) or None, drift_below)
 
 
 def _not_negative(terms: Floats, right: Floats) -> list[float]:

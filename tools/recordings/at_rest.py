@@ -30,7 +30,7 @@ STILL = CalibrationSettings()
 KEYS = (topics.IMU.key, topics.MAGNETOMETER.key, topics.PRESSURE.key)
 
 
-class Samples(NamedTuple):
+class RestingSamples(NamedTuple):
     t: Floats  # [s] stamps, shape (n,)
     values: Floats  # shape (n, axes)
 
@@ -39,7 +39,9 @@ Span = tuple[float, float]  # [s] from and to
 
 
 class Heard(NamedTuple):
-    samples: dict[str, Samples]  # of each sensor; those whose stamp does not rise are left out
+    samples: dict[
+        str, RestingSamples
+    ]  # of each sensor; those whose stamp does not rise are left out
     armed: list[Span]  # when the drone was armed, by the clock of the stamps
 
 
@@ -48,7 +50,7 @@ class Rest(NamedTuple):
 
     begin: float  # [s] after the recording's first IMU sample
     seconds: float
-    samples: dict[str, Samples]
+    samples: dict[str, RestingSamples]
 
 
 def read(recording: Recording) -> Heard:
@@ -67,7 +69,7 @@ def read(recording: Recording) -> Heard:
             newest[raw.key] = message.stamp_ns
             rows[raw.key].append((message.stamp_ns * 1e-9, *_numbers(message)))
     arrays = {key: np.array(found) for key, found in rows.items() if len(found) >= FEWEST}
-    samples = {key: Samples(found[:, 0], found[:, 1:]) for key, found in arrays.items()}
+    samples = {key: RestingSamples(found[:, 0], found[:, 1:]) for key, found in arrays.items()}
     return Heard(samples, _armed(said))
 
 
@@ -121,12 +123,12 @@ def resting(heard: Heard, recording: Path) -> Rest:
     return rest
 
 
-def _between(samples: Samples, begin: float, end: float) -> Samples:
+def _between(samples: RestingSamples, begin: float, end: float) -> RestingSamples:
     inside = (samples.t >= begin) & (samples.t < end)
-    return Samples(samples.t[inside], samples.values[inside])
+    return RestingSamples(samples.t[inside], samples.values[inside])
 
 
-def _longest(imu: Samples, armed: list[Span]) -> tuple[Span, str]:
+def _longest(imu: RestingSamples, armed: list[Span]) -> tuple[Span, str]:
     """The longest span [s] after the first sample without motion, and what ended rest first."""
     spans: list[Span] = []
     why = ""
@@ -160,7 +162,7 @@ def _beyond(spread: Floats) -> str:
     return "is pushed" if np.any(spread[3:] > STILL.force_std) else ""
 
 
-def _check_depth(samples: Samples, recording: Path) -> None:
+def _check_depth(samples: RestingSamples, recording: Path) -> None:
     means = [float(block.mean()) for _, block in _blocks(samples, 1.0)]
     steps: Floats = np.diff(samples.values[:, 0])
     single = float(np.std(steps)) / sqrt(2.0)  # slow motion left out
@@ -172,7 +174,7 @@ def _check_depth(samples: Samples, recording: Path) -> None:
         )
 
 
-def _blocks(samples: Samples, seconds: float) -> Iterator[tuple[float, Floats]]:
+def _blocks(samples: RestingSamples, seconds: float) -> Iterator[tuple[float, Floats]]:
     """Begin [s] and values of each whole block."""
     t = samples.t - samples.t[0]
     edges = np.searchsorted(t, np.arange(0.0, t[-1], seconds)).tolist()
@@ -181,7 +183,7 @@ def _blocks(samples: Samples, seconds: float) -> Iterator[tuple[float, Floats]]:
             yield float(t[begin]), samples.values[begin:end]
 
 
-def rate(samples: Samples) -> float:
+def rate(samples: RestingSamples) -> float:
     """[1/s]"""
     periods: Floats = np.diff(samples.t)
     return float(1.0 / np.median(periods))

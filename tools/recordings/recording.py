@@ -40,7 +40,7 @@ class Raw(NamedTuple):
     publish_ns: int  # [ns] UTC of the message's own stamp; of arrival if of an unknown clock
 
 
-class Entry(NamedTuple):
+class RecordedMessage(NamedTuple):
     """A message of a recording."""
 
     key: str
@@ -50,17 +50,18 @@ class Entry(NamedTuple):
 
 
 class Recording:
-    """One dive: its messages, and what was written about it. Iterating gives every `Entry`."""
+    """One dive: its messages, and what was written about it. Iterating gives every
+    `RecordedMessage`."""
 
     def __init__(self, files: list[Path]) -> None:
         self.files = files
         self.unreadable: Counter[str] = Counter()  # messages skipped so far, by key
         self._decoders: dict[str, msgspec.json.Decoder[Message] | None] = {}
 
-    def __iter__(self) -> Iterator[Entry]:
+    def __iter__(self) -> Iterator[RecordedMessage]:
         for raw in self.raw():
             if (message := self.decode(raw)) is not None:
-                yield Entry(raw.key, message, raw.log_ns, raw.publish_ns)
+                yield RecordedMessage(raw.key, message, raw.log_ns, raw.publish_ns)
 
     def raw(self) -> Iterator[Raw]:
         """Every message, not yet opened: for those who need few of many."""

@@ -1,6 +1,6 @@
 """What a dive was like, in figures: `report.json`, and the summary a pilot reads."""
 
-from tools.report.dive import Dive, read_dive
+from tools.report.dive import RecordedDive, read_dive
 from tools.report.elsewhere import Elsewhere, elsewhere
 from tools.report.losses import losses
 from tools.report.report import Extras, Report, encode, make_report, report_on
@@ -9,9 +9,9 @@ from tools.report.summary import ending, summary
 from tools.report.unrecorded import unrecorded
 
 __all__ = [
-    "Dive",
     "Elsewhere",
     "Extras",
+    "RecordedDive",
     "Report",
     "by_service",
     "elsewhere",

@@ -6,10 +6,10 @@ import numpy as np
 from messages import topics
 from messages.link import DOWN_STAGES, UP_STAGES
 from tools.report.columns import Array
-from tools.report.dive import Dive
+from tools.report.dive import RecordedDive
 
 
-class Budget(msgspec.Struct, frozen=True):
+class ReportedBudget(msgspec.Struct, frozen=True):
     """[ms] Medians over the dive of what `link/latency` said; None: it never knew."""
 
     down: dict[str, float | None]  # stick to thruster, by stage
@@ -26,9 +26,9 @@ class Clocks(msgspec.Struct, frozen=True):
     drift_ppm: float | None
 
 
-def budget(dive: Dive) -> Budget:
+def budget(dive: RecordedDive) -> ReportedBudget:
     said = dive[topics.LATENCY]
-    return Budget(
+    return ReportedBudget(
         down={stage: _median(said[f"down {stage}"]) for stage in DOWN_STAGES},
         stick_to_thruster=_median(said["stick"]),
         up={stage: _median(said[f"up {stage}"]) for stage in UP_STAGES},
@@ -36,7 +36,7 @@ def budget(dive: Dive) -> Budget:
     )
 
 
-def clocks(dive: Dive) -> Clocks:
+def clocks(dive: RecordedDive) -> Clocks:
     said = dive[topics.CLOCK]
     return Clocks(
         offset_ms=_last(said["offset"] / 1e6),

@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 Figures = tuple[float | None, ...]
 
 
-class Columns:
+class StreamColumns:
     """The figures of one stream in the order of their first column, a time."""
 
     def __init__(self, names: tuple[str, ...], rows: Array) -> None:
@@ -52,12 +52,12 @@ class Gathering:
         figures = self._figures(message)
         self._values.extend(math.nan if figure is None else figure for figure in figures)
 
-    def columns(self) -> Columns:
+    def columns(self) -> StreamColumns:
         rows = np.array(self._values, dtype=np.float64).reshape(-1, len(self._names))
-        return Columns(self._names, rows)
+        return StreamColumns(self._names, rows)
 
 
-class Wanted(NamedTuple):
+class StreamFigures(NamedTuple):
     """Which figures of a stream are kept."""
 
     topic: AnyTopic
@@ -136,19 +136,19 @@ REFERENCE = (
     *(f"yaw {part}" for part in MOTION),  # [rad, rad/s, rad/s², rad/s³ ×2]
 )
 WANTED = (
-    Wanted(topics.PILOT_COMMAND, ("stamp", "heave", "yaw", "deflection", "lost"), _command),
-    Wanted(topics.PILOT_REQUEST, ("stamp", "stop"), _request),
-    Wanted(topics.STATUS, ("stamp", "pilot_lost"), _status),
-    Wanted(topics.STATE, ("sensor", "stamp", "heave", "yaw"), _state),  # [ns, ns, m, rad]
-    Wanted(topics.REFERENCE, REFERENCE, _reference),
-    Wanted(topics.THRUSTERS, ("stamp", "sensor"), _thrusters),
-    Wanted(
+    StreamFigures(topics.PILOT_COMMAND, ("stamp", "heave", "yaw", "deflection", "lost"), _command),
+    StreamFigures(topics.PILOT_REQUEST, ("stamp", "stop"), _request),
+    StreamFigures(topics.STATUS, ("stamp", "pilot_lost"), _status),
+    StreamFigures(topics.STATE, ("sensor", "stamp", "heave", "yaw"), _state),  # [ns, ns, m, rad]
+    StreamFigures(topics.REFERENCE, REFERENCE, _reference),
+    StreamFigures(topics.THRUSTERS, ("stamp", "sensor"), _thrusters),
+    StreamFigures(
         topics.ACTUATION,
         ("stamp", "actuated", "sensor", "pilot", "thrust_squared", "power"),  # [ns ×4, N², W]
         _actuation,
     ),
-    Wanted(topics.BATTERY, ("stamp", "used", "capacity"), _battery),  # [ns, Wh, Wh]
-    Wanted(topics.LATENCY, LATENCY, _latency),
-    Wanted(topics.CLOCK, ("stamp", "offset", "bound", "drift"), _clock),  # [ns ×3, ppm]
-    Wanted(topics.TRUTH, ("stamp", "heave", "yaw"), _truth),  # [ns, m, rad]
+    StreamFigures(topics.BATTERY, ("stamp", "used", "capacity"), _battery),  # [ns, Wh, Wh]
+    StreamFigures(topics.LATENCY, LATENCY, _latency),
+    StreamFigures(topics.CLOCK, ("stamp", "offset", "bound", "drift"), _clock),  # [ns ×3, ppm]
+    StreamFigures(topics.TRUTH, ("stamp", "heave", "yaw"), _truth),  # [ns, m, rad]
 )

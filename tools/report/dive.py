@@ -10,10 +10,10 @@ from messages.health import Health
 from messages.link import Clock
 from messages.message import Message
 from messages.topic import AnyTopic
-from services.runtime.node.clock_offset import FarClock
+from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.stamps import mover
 from tools.recordings.recording import Raw, Recording
-from tools.report.columns import WANTED, Array, Columns, Gathering
+from tools.report.columns import WANTED, Array, Gathering, StreamColumns
 
 
 @dataclass(slots=True)
@@ -26,16 +26,16 @@ class Traffic:
 
 
 @dataclass(frozen=True)
-class Dive:
+class RecordedDive:
     """Everything a report is made of."""
 
     about: dict[str, str]  # vehicle, link, pilot, seed, overrides
     traffic: dict[str, Traffic]  # by key
-    streams: dict[str, Columns]  # by key; every stream of WANTED, perhaps with no rows
+    streams: dict[str, StreamColumns]  # by key; every stream of WANTED, perhaps with no rows
     health: dict[str, list[Health]] = field(default_factory=dict[str, list[Health]])
     losses: dict[str, int] = field(default_factory=dict[str, int])  # the recorder's own
 
-    def __getitem__(self, topic: AnyTopic) -> Columns:
+    def __getitem__(self, topic: AnyTopic) -> StreamColumns:
         return self.streams[topic.key]
 
     @property
@@ -84,7 +84,7 @@ class Dive:
         return truth["stamp"], truth["yaw"] - true + estimated
 
 
-def read_dive(recording: Recording, *, apart: bool = False) -> Dive:
+def read_dive(recording: Recording, *, apart: bool = False) -> RecordedDive:
     """Read a recording once, opening only what the report needs.
 
     Args:
@@ -108,7 +108,7 @@ def read_dive(recording: Recording, *, apart: bool = False) -> Dive:
             message = recording.decode(raw)
             if isinstance(message, Health):
                 health.setdefault(message.service, []).append(message)
-    return Dive(
+    return RecordedDive(
         about=recording.metadata("dive"),
         traffic=traffic,
         streams={key: gathered.columns() for key, gathered in gathering.items()},
@@ -121,7 +121,7 @@ class _TopsideClock:
     """Turns stamps into the drone's time, by what the drone knew of the two clocks just then."""
 
     def __init__(self) -> None:
-        self._clock = FarClock("drone")
+        self._clock = ClockOffset("drone")
 
     def turn(self, raw: Raw, message: Message) -> bool:
         """False: no stamp of the topside meant anything yet, and nobody on board went by it."""

@@ -4,7 +4,7 @@ import msgspec
 import numpy as np
 
 from messages import topics
-from tools.report.dive import Dive
+from tools.report.dive import RecordedDive
 
 
 class Energy(msgspec.Struct, frozen=True):
@@ -14,7 +14,7 @@ class Energy(msgspec.Struct, frozen=True):
     endurance_h: float | None  # [h] a full battery lasts, used as in this dive
 
 
-def energy(dive: Dive) -> Energy:
+def energy(dive: RecordedDive) -> Energy:
     """Integrals over the whole recording by the trapezium rule, from `Actuation`."""
     actuation = dive[topics.ACTUATION]
     seconds = (actuation["stamp"] - actuation["stamp"][:1]) / 1e9
@@ -27,7 +27,7 @@ def energy(dive: Dive) -> Energy:
     )
 
 
-def _battery(dive: Dive) -> tuple[float | None, float | None]:
+def _battery(dive: RecordedDive) -> tuple[float | None, float | None]:
     """[Wh] used and [h] of endurance, where the battery says so."""
     battery = dive[topics.BATTERY]
     if battery.count < 2:

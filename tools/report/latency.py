@@ -20,10 +20,10 @@ import numpy as np
 
 from messages import topics
 from tools.report.columns import Array
-from tools.report.dive import Dive
+from tools.report.dive import RecordedDive
 
 
-class Spread(msgspec.Struct, frozen=True):
+class LatencySpread(msgspec.Struct, frozen=True):
     """[ms] None: there was nothing to measure."""
 
     p50: float | None
@@ -31,13 +31,13 @@ class Spread(msgspec.Struct, frozen=True):
     max: float | None
 
 
-class Latency(msgspec.Struct, frozen=True):
-    stick_to_thruster: Spread
-    sensor_to_thruster: Spread
-    stages: dict[str, Spread]
+class LatencyReport(msgspec.Struct, frozen=True):
+    stick_to_thruster: LatencySpread
+    sensor_to_thruster: LatencySpread
+    stages: dict[str, LatencySpread]
 
 
-def latency(dive: Dive) -> Latency:
+def latency(dive: RecordedDive) -> LatencyReport:
     """Every latency of a dive."""
     state, reference = dive[topics.STATE], dive[topics.REFERENCE]
     thrusters, actuation = dive[topics.THRUSTERS], dive[topics.ACTUATION]
@@ -45,7 +45,7 @@ def latency(dive: Dive) -> Latency:
     referred = reference["sensor"], reference["stamp"]
     commanded = thrusters["sensor"], thrusters["stamp"]
     actuated = actuation["sensor"], actuation["actuated"]
-    return Latency(
+    return LatencyReport(
         stick_to_thruster=_since(actuation["pilot"], actuation["actuated"]),
         sensor_to_thruster=_since(*actuated),
         stages={
@@ -58,13 +58,13 @@ def latency(dive: Dive) -> Latency:
     )
 
 
-def _since(cause: Array, effect: Array) -> Spread:
+def _since(cause: Array, effect: Array) -> LatencySpread:
     """Effect − cause, once per distinct cause: the first message that carries it."""
     causes, effects = _firsts(cause, effect)
     return _spread(effects - causes)
 
 
-def _between(before: tuple[Array, Array], after: tuple[Array, Array]) -> Spread:
+def _between(before: tuple[Array, Array], after: tuple[Array, Array]) -> LatencySpread:
     """Time from one stage to the next, for each cause (first column) that passed through both."""
     causes, earlier = _firsts(*before)
     same, later = _firsts(*after)
@@ -78,8 +78,8 @@ def _firsts(cause: Array, effect: Array) -> tuple[Array, Array]:
     return causes, effect[known][first]
 
 
-def _spread(latencies_ns: Array) -> Spread:
+def _spread(latencies_ns: Array) -> LatencySpread:
     if not len(latencies_ns):
-        return Spread(None, None, None)
+        return LatencySpread(None, None, None)
     p50, p99, longest = np.percentile(latencies_ns, [50, 99, 100]) / 1e6
-    return Spread(round(float(p50), 3), round(float(p99), 3), round(float(longest), 3))
+    return LatencySpread(round(float(p50), 3), round(float(p99), 3), round(float(longest), 3))

@@ -7,13 +7,13 @@ import msgspec
 
 from messages.health import Health
 from tools.recordings.recording import Recording
-from tools.report.budget import Budget, Clocks, budget, clocks
-from tools.report.dive import Dive, Traffic, read_dive
+from tools.report.budget import Clocks, ReportedBudget, budget, clocks
+from tools.report.dive import RecordedDive, Traffic, read_dive
 from tools.report.energy import Energy, energy
-from tools.report.latency import Latency, latency
+from tools.report.latency import LatencyReport, latency
 from tools.report.losses import losses
 from tools.report.services import Service, by_service, services
-from tools.report.stops import Stop, stops
+from tools.report.stops import StickStop, stops
 from tools.report.tracking import error_rms, peak_jerk_ratio
 
 
@@ -41,10 +41,10 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     link: str
     services: dict[str, Service]  # by name
     topics: dict[str, Stream]  # by key
-    latency_ms: Latency  # [ms]
-    budget_ms: Budget  # [ms] the same by the link monitor on the way, stage by stage
+    latency_ms: LatencyReport  # [ms]
+    budget_ms: ReportedBudget  # [ms] the same by the link monitor on the way, stage by stage
     clocks: Clocks  # topside and drone
-    stops: list[Stop]  # one per stick release on heave or yaw
+    stops: list[StickStop]  # one per stick release on heave or yaw
     depth_error_rms_m: float | None  # [m] true depth minus reference, while armed
     heading_error_rms_deg: float | None  # [°] true heading minus reference, while armed
     peak_jerk_ratio: float | None  # [-] largest |reference jerk| over the limit in force
@@ -60,7 +60,7 @@ def make_report(recording: Recording, extras: Extras) -> Report:
     return report_on(read_dive(recording), extras)
 
 
-def report_on(dive: Dive, extras: Extras) -> Report:
+def report_on(dive: RecordedDive, extras: Extras) -> Report:
     """Report on a dive that was read already."""
     health = _all_health(dive, extras.health)
     heading_error = error_rms(dive, "yaw")
@@ -90,7 +90,7 @@ def encode(report: Report) -> bytes:
     return msgspec.json.format(msgspec.json.encode(report), indent=2) + b"\n"
 
 
-def _all_health(dive: Dive, others: list[Health]) -> dict[str, list[Health]]:
+def _all_health(dive: RecordedDive, others: list[Health]) -> dict[str, list[Health]]:
     """What the recorder heard, and for services it did not hear what somebody else did."""
     health = dict(dive.health)
     for report in others:
@@ -100,7 +100,7 @@ def _all_health(dive: Dive, others: list[Health]) -> dict[str, list[Health]]:
 
 
 def _losses(
-    dive: Dive, health: dict[str, list[Health]], supervisor: dict[str, int]
+    dive: RecordedDive, health: dict[str, list[Health]], supervisor: dict[str, int]
 ) -> dict[str, int]:
     """By name, each message once. Of the recorder's own, its file has the last word of its last
     life, and `Health` what it said before a crash; the larger of both is kept."""

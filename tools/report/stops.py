@@ -18,23 +18,23 @@ import numpy as np
 from messages import topics
 from services.reference.guidance.refusals import CENTRED
 from tools.report.columns import Array
-from tools.report.dive import Dive
+from tools.report.dive import RecordedDive
 
-Axis = Literal["heave", "yaw"]
+StopAxis = Literal["heave", "yaw"]
 REST_VELOCITY = 1e-3  # [m/s, rad/s] a reference slower than this …
 REST_ACCELERATION = 1e-2  # [m/s², rad/s²] … and steadier than this is at rest
-SETTLED: dict[Axis, float] = {"heave": 0.05, "yaw": radians(1.0)}  # [m, rad] from the reference
+SETTLED: dict[StopAxis, float] = {"heave": 0.05, "yaw": radians(1.0)}  # [m, rad] from the reference
 
 
-class Stop(msgspec.Struct, frozen=True):
-    axis: Axis
+class StickStop(msgspec.Struct, frozen=True):
+    axis: StopAxis
     t: float  # [s] since the first arming, of the release
     overshoot: float  # [m] or [rad] of the true motion past the final reference, never negative
     settle_s: float | None  # [s] from the release until it stays within SETTLED; None: never
 
 
 @dataclass(frozen=True, slots=True)
-class Release:
+class StickRelease:
     """One letting-go of a stick."""
 
     begin: float  # [ns]
@@ -42,10 +42,10 @@ class Release:
     sign: float  # of the deflection before
 
 
-def stops(dive: Dive) -> list[Stop]:
+def stops(dive: RecordedDive) -> list[StickStop]:
     """All stops in order of time; none on a dive without truth or without arming."""
-    found: list[Stop] = []
-    axes: tuple[Axis, ...] = ("heave", "yaw")
+    found: list[StickStop] = []
+    axes: tuple[StopAxis, ...] = ("heave", "yaw")
     for axis in axes:
         if (truth := dive.truth(axis)) is not None:
             measured = (_measure(dive, axis, release, truth) for release in releases(dive, axis))
@@ -53,21 +53,21 @@ def stops(dive: Dive) -> list[Stop]:
     return sorted(found, key=lambda stop: stop.t)
 
 
-def releases(dive: Dive, axis: Axis) -> Iterator[Release]:
+def releases(dive: RecordedDive, axis: StopAxis) -> Iterator[StickRelease]:
     """Every time the stick of an axis went from deflected to zero."""
     stick, since, sign = 0.0, None, 0.0
     for at, wanted in _wanted(dive, axis):
         if stick != 0.0 and wanted == 0.0:
             since, sign = at, np.sign(stick)
         elif wanted != 0.0 and since is not None:
-            yield Release(since, at, float(sign))
+            yield StickRelease(since, at, float(sign))
             since = None
         stick = wanted
     if since is not None:
-        yield Release(since, inf, float(sign))
+        yield StickRelease(since, inf, float(sign))
 
 
-def _wanted(dive: Dive, axis: Axis) -> Iterator[tuple[float, float]]:
+def _wanted(dive: RecordedDive, axis: StopAxis) -> Iterator[tuple[float, float]]:
     """(time [ns], stick that counts): zero while the pilot is lost, and after a stop request
     until all sticks have been centred."""
     now = {"stick": 0.0, "lost": 0.0, "failsafe": 0.0, "stop": 0.0}
@@ -82,7 +82,7 @@ def _wanted(dive: Dive, axis: Axis) -> Iterator[tuple[float, float]]:
         yield at, 0.0 if now["lost"] or now["failsafe"] or now["stop"] else now["stick"]
 
 
-def _events(dive: Dive, axis: Axis) -> list[tuple[float, str, float]]:
+def _events(dive: RecordedDive, axis: StopAxis) -> list[tuple[float, str, float]]:
     """(time [ns], what, value) of all that decides what a stick means, in order of time."""
     command, request = dive[topics.PILOT_COMMAND], dive[topics.PILOT_REQUEST]
     status = dive[topics.STATUS]
@@ -101,7 +101,9 @@ def _events(dive: Dive, axis: Axis) -> list[tuple[float, str, float]]:
     return sorted(events, key=lambda event: event[0])
 
 
-def _measure(dive: Dive, axis: Axis, release: Release, truth: tuple[Array, Array]) -> Stop | None:
+def _measure(
+    dive: RecordedDive, axis: StopAxis, release: StickRelease, truth: tuple[Array, Array]
+) -> StickStop | None:
     """One stop against the truth (times [ns], motion), or None if it does not count.
 
     The direction is that of the reference's velocity at the release; a stick tapped so briefly
@@ -119,7 +121,7 @@ def _measure(dive: Dive, axis: Axis, release: Release, truth: tuple[Array, Array
     if begin == end:
         return None
     past = direction * (true[begin:end] - final)
-    return Stop(
+    return StickStop(
         axis=axis,
         t=(release.begin - dive.armed[0]) / 1e9,
         overshoot=max(0.0, float(np.max(past))),
@@ -127,7 +129,7 @@ def _measure(dive: Dive, axis: Axis, release: Release, truth: tuple[Array, Array
     )
 
 
-def _armed_span(dive: Dive, release: Release) -> tuple[int, int]:
+def _armed_span(dive: RecordedDive, release: StickRelease) -> tuple[int, int]:
     """Rows of the reference from the release to its end, as long as the drone stayed armed."""
     reference = dive[topics.REFERENCE]
     first, last = np.searchsorted(reference["valid"], [release.begin, release.end])
@@ -135,7 +137,7 @@ def _armed_span(dive: Dive, release: Release) -> tuple[int, int]:
     return int(first), int(first + disarmed[0] if len(disarmed) else last)
 
 
-def _at_rest(dive: Dive, axis: Axis, row: int) -> bool:
+def _at_rest(dive: RecordedDive, axis: StopAxis, row: int) -> bool:
     reference = dive[topics.REFERENCE]
     slow = abs(reference[f"{axis} velocity"][row]) < REST_VELOCITY
     return bool(slow and abs(reference[f"{axis} acceleration"][row]) < REST_ACCELERATION)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from messages.counts import Meaning, Rank, meaning, sentence, short
 from tools.report.report import Report
-from tools.report.stops import Axis, Stop
+from tools.report.stops import StickStop, StopAxis
 
 LABEL = 18  # columns before the values
 KINDS = 4  # lines for losses; the rest is in report.json
@@ -86,7 +86,7 @@ def _failsafes(losses: Mapping[str, int]) -> list[tuple[str, str]]:
     return [("failsafe", f"{count} × {sentence(name)}") for count, name in acted]
 
 
-def _stops(report: Report, axis: Axis) -> list[tuple[str, str]]:
+def _stops(report: Report, axis: StopAxis) -> list[tuple[str, str]]:
     """The worst stop of an axis."""
     stops = [stop for stop in report.stops if stop.axis == axis]
     if not stops:
@@ -96,7 +96,7 @@ def _stops(report: Report, axis: Axis) -> list[tuple[str, str]]:
     return [(label, f"{len(stops)}, worst ran {_past(worst)} too far, at {worst.t:.1f} s")]
 
 
-def _past(stop: Stop) -> str:
+def _past(stop: StickStop) -> str:
     if stop.axis == "heave":
         return f"{stop.overshoot * 100:.1f} cm"
     return f"{degrees(stop.overshoot):.1f}°"

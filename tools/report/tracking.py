@@ -5,10 +5,10 @@ import math
 import numpy as np
 
 from messages import topics
-from tools.report.dive import Dive
+from tools.report.dive import RecordedDive
 
 
-def error_rms(dive: Dive, axis: str) -> float | None:
+def error_rms(dive: RecordedDive, axis: str) -> float | None:
     """Root mean square of true motion minus reference while armed, [m] for heave, [rad] for yaw.
 
     The truth is interpolated at the sensor sample each reference is valid for. None: no truth, or
@@ -27,7 +27,7 @@ def error_rms(dive: Dive, axis: str) -> float | None:
     return math.sqrt(float(np.mean(error * error)))
 
 
-def peak_jerk_ratio(dive: Dive) -> float | None:
+def peak_jerk_ratio(dive: RecordedDive) -> float | None:
     """Largest |jerk| of the armed reference over the limit in force at that moment, of heave and
     yaw the worse. None: never armed, or a path set the pace all the time."""
     reference = dive[topics.REFERENCE]

@@ -13,9 +13,9 @@ from services.control.stability import ROWS
 from services.marine.vehicle import Vehicle
 from services.reference.trajectory.minimum_jerk import Limits
 from services.runtime.config.errors import LindyError
-from tools.tuning.lq import Manoeuvre, Worth, best_acceleration, feedback
+from tools.tuning.lq import StepManoeuvre, Worth, best_acceleration, feedback
 
-AxisName = Literal["depth", "heading", "surge", "sway"]
+LoopName = Literal["depth", "heading", "surge", "sway"]
 MARGINS = (1.0, 100.0)  # [-] between these the gain margin is looked for
 
 
@@ -27,7 +27,7 @@ class Design(NamedTuple):
 
 
 def design(
-    vehicle: Vehicle, axis: AxisName, worth: Worth, observer: float, speed: float, jerk: float
+    vehicle: Vehicle, axis: LoopName, worth: Worth, observer: float, speed: float, jerk: float
 ) -> Design:
     """
     Raises:
@@ -54,14 +54,14 @@ def design(
             "let more error be worth as much force"
         )
     weight = (worth.position / worth.force) ** 2
-    manoeuvre = Manoeuvre(speed, Limits(jerk))
+    manoeuvre = StepManoeuvre(speed, Limits(jerk))
     percent = best_acceleration(
         plant, found.kp, found.kd, weight, manoeuvre, PERIOD_S, held=PERIOD_S
     )
     return Design(usual, radius, _margin(loop, usual), percent)
 
 
-def lines(axis: AxisName, found: Design, worth: Worth) -> list[str]:
+def lines(axis: LoopName, found: Design, worth: Worth) -> list[str]:
     """What to put into the vehicle file."""
     unit, push = ("rad", "N m") if axis == "heading" else ("m", "N")
     g = found.gains

@@ -31,13 +31,13 @@ class Worth(NamedTuple):
     patience: float  # [s] for which an error of `position` may last
 
 
-class Feedback(NamedTuple):
+class LqGains(NamedTuple):
     kp: float  # [N/m] or [N m/rad]
     kd: float  # [N s/m] or [N m s/rad]
     ki: float  # [N/(m s)] or [N m/(rad s)]
 
 
-class Manoeuvre(NamedTuple):
+class StepManoeuvre(NamedTuple):
     """A step of the stick and back, as in Andrén 2023, 6.1.1."""
 
     speed: float  # [m/s] or [rad/s]
@@ -56,7 +56,7 @@ def sampled(plant: Plant, dt: float) -> tuple[Matrix, Matrix]:
     return np.array([[1.0, far], [0.0, kept]]), np.array([[pushed], [dt / inertia]])
 
 
-def feedback(plant: Plant, worth: Worth, dt: float) -> Feedback:
+def feedback(plant: Plant, worth: Worth, dt: float) -> LqGains:
     """Gains on error, its rate and its integral that minimise the cost."""
     two, push = sampled(plant, dt)
     A = np.eye(3)
@@ -64,7 +64,7 @@ def feedback(plant: Plant, worth: Worth, dt: float) -> Feedback:
     B = np.vstack([push, [[0.0]]])
     sizes = np.array([worth.position, worth.velocity, worth.position * worth.patience])
     gains = regulator(A, B, np.diag(1.0 / sizes**2), 1.0 / worth.force**2)
-    return Feedback(*gains.tolist())
+    return LqGains(*gains.tolist())
 
 
 def regulator(A: Matrix, B: Matrix, Q: Matrix, rho: float) -> Matrix:
@@ -93,7 +93,7 @@ def best_acceleration(
     kp: float,
     kd: float,
     weight: float,
-    manoeuvre: Manoeuvre,
+    manoeuvre: StepManoeuvre,
     dt: float,
     *,
     held: float,
@@ -114,7 +114,7 @@ def best_acceleration(
     return 100.0 - 50.0 * slope / bend
 
 
-def _motions(manoeuvre: Manoeuvre, dt: float) -> list[Motion]:
+def _motions(manoeuvre: StepManoeuvre, dt: float) -> list[Motion]:
     ramp, motions = Ramp(manoeuvre.limits), list[Motion]()
     there, end = manoeuvre.seconds, 2 * manoeuvre.seconds + 1.0
     for k in range(round(end / dt)):

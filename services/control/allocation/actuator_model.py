@@ -12,7 +12,7 @@ Lags = tuple[float, ...]
 
 
 @dataclass(slots=True)
-class Produced:
+class ActuatorModel:
     """A model of the wrench, axis by axis, with the lag of the axis' slowest thruster."""
 
     lags: Lags  # [s] of the six axes

@@ -10,7 +10,11 @@ from collections import deque
 
 from messages.units import Ns
 from messages.vehicle import Actuation
-from services.control.allocation.watched_thruster import Pace, Verdict, WatchedThruster
+from services.control.allocation.watched_thruster import (
+    ReportInterval,
+    ThrusterVerdict,
+    WatchedThruster,
+)
 from services.marine.vehicle import Vehicle
 
 GAP_S = 0.2  # [s] after a longer silence of the driver everything begins anew
@@ -30,7 +34,7 @@ class ThrusterWatch:
         self._heard: Ns | None = None  # stamp of the newest report
 
     @property
-    def verdicts(self) -> tuple[Verdict, ...]:
+    def verdicts(self) -> tuple[ThrusterVerdict, ...]:
         return tuple([watched.verdict for watched in self._thrusters])
 
     @property
@@ -61,7 +65,7 @@ class ThrusterWatch:
                 watched.begin_anew()
             return
         late = (actuation.stamp_ns - (actuation.actuated_ns or 0)) / 1e9
-        pace = Pace(dt, max(0.0, min(dt, late)))
+        pace = ReportInterval(dt, max(0.0, min(dt, late)))
         for watched, produced, newtons in zip(
             self._thrusters, actuation.thrust, command or (), strict=True
         ):

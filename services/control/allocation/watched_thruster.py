@@ -10,11 +10,11 @@ from dataclasses import dataclass, field
 from math import exp
 from typing import Literal
 
-from services.marine.thruster_lag import Mode
+from services.marine.thruster_lag import LagMode
 from services.marine.thrusters import driven
 from services.marine.vehicle import Thruster
 
-Verdict = Literal["fine", "weak", "dead", "reversed"]
+ThrusterVerdict = Literal["fine", "weak", "dead", "reversed"]
 
 WINDOW_S = 0.2  # [s] time constant of the averages
 PERSISTS_S = 0.5  # [s] before a verdict changes
@@ -25,7 +25,7 @@ FINER = 0.1  # [-] a weak thruster's gain is learnt anew when it has changed by 
 DEPTH_SURE = 0.1  # [m] depth is known to this
 
 
-class Pace:
+class ReportInterval:
     """The time between two reports, and what it makes of a lag."""
 
     def __init__(self, dt: float, late: float) -> None:
@@ -48,15 +48,17 @@ class Pace:
 @dataclass(slots=True)
 class WatchedThruster:
     thruster: Thruster
-    verdict: Verdict = "fine"
+    verdict: ThrusterVerdict = "fine"
     gain: float = 1.0  # [-]
-    _modes: list[Mode] = field(init=False)
+    _modes: list[LagMode] = field(init=False)
     _gaps: list[complex] = field(default_factory=list[complex])  # [N] of each mode of the model
     _settles_at: float = 0.0  # [N] where the model is going
     _mm: float = 0.0  # [N²] averages over the window: model², …
     _mp: float = 0.0  # [N²] … model · produced …
     _pp: float = 0.0  # [N²] … and produced²
-    _suspected: Verdict | None = None  # what the newest reports say, other than the verdict …
+    _suspected: ThrusterVerdict | None = (
+        None  # what the newest reports say, other than the verdict …
+    )
     _for: float = 0.0  # [s] … and for how long
 
     def __post_init__(self) -> None:
@@ -79,7 +81,7 @@ class WatchedThruster:
         self._mm = self._mp = self._pp = 0.0
         self._suspected, self._for = None, 0.0
 
-    def judge(self, command: float, produced: float, pace: Pace) -> None:
+    def judge(self, command: float, produced: float, pace: ReportInterval) -> None:
         """Take in what it produced [N], and see whether the verdict still holds.
 
         Args:
@@ -101,7 +103,7 @@ class WatchedThruster:
         else:
             self._suspect(seen, pace.dt)
 
-    def _follow(self, command: float, pace: Pace) -> float:
+    def _follow(self, command: float, pace: ReportInterval) -> float:
         """[N] What a healthy thruster would produce now."""
         before, self._settles_at = self._settles_at, driven(self.thruster, command)
         step, thrust = before - self._settles_at, self._settles_at
@@ -112,7 +114,7 @@ class WatchedThruster:
             thrust += gap.real
         return thrust
 
-    def _suspect(self, seen: Verdict, dt: float) -> None:
+    def _suspect(self, seen: ThrusterVerdict, dt: float) -> None:
         self._for = self._for + dt if seen == self._suspected else 0.0
         self._suspected = seen
         if self._for >= PERSISTS_S:
@@ -125,7 +127,7 @@ class WatchedThruster:
         """[-] Of the regression of what it produced on the model, through zero."""
         return self._mp / self._mm
 
-    def _seen(self) -> Verdict | None:
+    def _seen(self) -> ThrusterVerdict | None:
         """What the averages say; None when they say nothing."""
         least = self.excited * self.excited
         at_work = self._mm > least

@@ -6,16 +6,16 @@ from dataclasses import dataclass
 from messages.message import Estimate
 from messages.reference import Motion
 from services.control.axis.axis_law import AxisLaw
-from services.control.axis.bumpless_transfer import Transfer
+from services.control.axis.bumpless_transfer import BumplessTransfer
 
 Count = Callable[[str], None]
 
 
 @dataclass(slots=True)
-class Axis:
+class PilotedAxis:
     name: str  # as in the vehicle file
     law: AxisLaw
-    transfer: Transfer
+    transfer: BumplessTransfer
     count: Count
 
     def held(

@@ -17,7 +17,7 @@ import msgspec
 from messages.reference import Motion
 from messages.units import NotNegativeSetting, OpenShare, Positive
 from services.control.axis.disturbance_observer import DisturbanceObserver, clamped
-from services.control.axis.gain_blend import Feedback, GainBlend, Static
+from services.control.axis.gain_blend import FeedbackGains, GainBlend, StaticGains
 from services.control.axis.plant import Plant
 
 Percent = Annotated[float, msgspec.Meta(ge=0.0, le=200.0)]
@@ -45,7 +45,7 @@ class Gains(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     acceleration_percent: Percent = 100.0  # [%] of the acceleration feed-forward; 100 is exact
     drag_percent: Percent = 100.0  # [%] of the drag feed-forward
     lead_percent: Percent = 100.0  # [%] of the thrusters' lag that the feed-forward runs ahead
-    static: Static | None = None  # other gains while the reference rests
+    static: StaticGains | None = None  # other gains while the reference rests
 
     def __post_init__(self) -> None:
         # Squares of speeds over it must stay numbers.
@@ -83,7 +83,7 @@ class AxisLaw:
     _still: float = 0.0  # position units per second; slower is without motion
     _asked: float = 0.0  # position units per second, of the newest reference
     _slow: float = 0.0  # [N/s] or [N m/s] at most learnt without motion
-    _feedback: Feedback | None = None  # gains of the step before
+    _feedback: FeedbackGains | None = None  # gains of the step before
 
     def __post_init__(self) -> None:
         g = self.gains
@@ -92,7 +92,7 @@ class AxisLaw:
             self._observer = DisturbanceObserver(
                 self.plant, g.observer, g.max_integral, g.drag_speed or inf
             )
-        self._blend = GainBlend(Feedback(g.kp, g.kd, 0.0), g.static)
+        self._blend = GainBlend(FeedbackGains(g.kp, g.kd, 0.0), g.static)
 
     def step(
         self,
@@ -202,7 +202,7 @@ class AxisLaw:
             self._observer.estimate = -force - self._observer.drag * self._asked
             self._observer.pause()
 
-    def _integrate(self, error: float, feedback: Feedback, moves: bool, dt: float) -> bool:
+    def _integrate(self, error: float, feedback: FeedbackGains, moves: bool, dt: float) -> bool:
         """(5.28) to (5.31). Paused during requested motion: the integral is there for buoyancy,
         and keeps what it has learnt until the drone stands still again. Nothing is learnt inside
         the static zone, and what the gains give up on the way to rest is taken over."""

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 
 @dataclass(slots=True)
-class Transfer:
+class BumplessTransfer:
     """What the old way asked for fades into what the new way asks for."""
 
     seconds: float  # [s] until the old way is forgotten

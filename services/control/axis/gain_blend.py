@@ -13,7 +13,7 @@ import msgspec
 from messages.units import NotNegativeSetting, Positive
 
 
-class Static(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class StaticGains(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Gains while the reference rests. Units: N or N m per position unit, m or rad."""
 
     kp: NotNegativeSetting  # per position unit
@@ -27,7 +27,7 @@ class Static(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError(f"zone is {self.zone:g}, it must be smaller than leave {self.leave:g}")
 
 
-class Feedback(msgspec.Struct, frozen=True, gc=False):
+class FeedbackGains(msgspec.Struct, frozen=True, gc=False):
     """The gains in force."""
 
     kp: float
@@ -44,12 +44,12 @@ class Feedback(msgspec.Struct, frozen=True, gc=False):
 class GainBlend:
     """Which gains are in force. Begins with those of rest."""
 
-    moving: Feedback
-    static: Static | None
+    moving: FeedbackGains
+    static: StaticGains | None
     _way: float = 0.0  # [-] of the way from rest to motion, before smoothing
     _stirred: bool = False  # the error has called for the moving gains
 
-    def step(self, moves: bool, error: float, dt: float) -> Feedback:
+    def step(self, moves: bool, error: float, dt: float) -> FeedbackGains:
         """Gains of this step; what has changed shows from the next step on."""
         static = self.static
         if static is None:
@@ -64,9 +64,9 @@ class GainBlend:
         self._way += max(-most, min(most, target - self._way))
         return now
 
-    def _mixed(self, static: Static, way: float) -> Feedback:
+    def _mixed(self, static: StaticGains, way: float) -> FeedbackGains:
         share = way * way * (3 - 2 * way)
-        return Feedback(
+        return FeedbackGains(
             static.kp + share * (self.moving.kp - static.kp),
             static.kd + share * (self.moving.kd - static.kd),
             static.zone * (1 - share),

@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 from messages.message import Estimate
 from messages.units import Ns
-from services.control.settings import Level
+from services.control.settings import RollPitchGains
 
 
 @dataclass(slots=True)
-class LevelLaw:
-    gains: Level
+class RollPitchHold:
+    gains: RollPitchGains
     _angle: float = 0.0  # [rad] at the last step
     _at: Ns | None = None  # [ns] of the sensor sample behind it; None: not known
     _rate: float = 0.0  # [rad/s]

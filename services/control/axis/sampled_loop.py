@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.control.axis.axis_law import Gains
-from services.control.axis.gain_blend import Static
+from services.control.axis.gain_blend import StaticGains
 from services.control.axis.plant import Plant
 
 Matrix = NDArray[np.float64]
@@ -28,7 +28,7 @@ class SampledLoop:
     lag: float  # [s] of the thrusters
     period: float  # [s]
 
-    def radius(self, gains: Gains, feedback: Gains | Static) -> float:
+    def radius(self, gains: Gains, feedback: Gains | StaticGains) -> float:
         """[-] Largest absolute eigenvalue; the loop is stable below 1.
 
         Args:
@@ -40,7 +40,7 @@ class SampledLoop:
         return float(np.abs(np.linalg.eigvals(np.array(columns).T)).max())
 
     def _stepped(
-        self, state: Matrix, gains: Gains, feedback: Gains | Static, move: Matrix
+        self, state: Matrix, gains: Gains, feedback: Gains | StaticGains, move: Matrix
     ) -> Matrix:
         """The state one period later."""
         x, v, f, coming, learnt, v_before, mean_before = state

@@ -12,7 +12,7 @@ from services.estimation.checks import range_checks
 from services.estimation.checks.sensor_watch import SensorWatch, WatchSettings
 
 
-class Admission:
+class SampleValidation:
     """One question for each sensor: may this sample be used? `noted` fills with why not."""
 
     def __init__(self, limits: WatchSettings, noted: list[str]) -> None:

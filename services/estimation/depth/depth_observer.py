@@ -5,7 +5,7 @@ from math import hypot, sqrt
 
 from messages.message import Estimate
 from services.estimation.depth.depth_filter import LEVEL, DepthFilter, DepthSettings, Lean
-from services.estimation.depth.depth_variants import WAYS, Way
+from services.estimation.depth.depth_variants import WAYS, DepthVariant
 from services.marine.vehicle import GRAVITY
 
 LATEST_AGE = 0.5  # [s] a sample older than this says too little about now
@@ -51,7 +51,7 @@ class DepthObserver:
         atmosphere: Atmosphere,
         density: float,
         bias: float,
-        way: Way | None = None,
+        way: DepthVariant | None = None,
     ) -> None:
         """Water density [kg/m³], accelerometer bias [m/s²]; a way other than the settings'."""
         self.surprise = 0.0  # [σ] newest innovation, over the spread the filter expected of it

@@ -13,7 +13,7 @@ Observer = Literal["accelerometer", "reference", "timed", "new", "hold"]
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class DepthVariant:
     """How an observer works."""
 
     driven: bool = False  # acceleration is a known input; False: the rate is taken as constant
@@ -22,10 +22,12 @@ class Way:
     held: bool = False  # the newest sample counts again in every step until the next one
 
 
-WAYS: dict[str, Way] = {
-    "hold": Way(timed=False, held=True),  # Andrén 2023, section 5.3.1: sampled and held at 100 Hz
-    "new": Way(timed=False),  # each sample counts once
-    "timed": Way(),
-    "reference": Way(driven=True),  # fed the acceleration of the motion that is asked for
-    "accelerometer": Way(driven=True, measured=True),
+WAYS: dict[str, DepthVariant] = {
+    "hold": DepthVariant(
+        timed=False, held=True
+    ),  # Andrén 2023, section 5.3.1: sampled and held at 100 Hz
+    "new": DepthVariant(timed=False),  # each sample counts once
+    "timed": DepthVariant(),
+    "reference": DepthVariant(driven=True),  # fed the acceleration of the motion that is asked for
+    "accelerometer": DepthVariant(driven=True, measured=True),
 }

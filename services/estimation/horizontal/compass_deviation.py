@@ -48,7 +48,7 @@ class Coefficients(NamedTuple):
 NONE = Coefficients()
 
 
-class Deviation:
+class CompassDeviation:
     """Follows what the filter sees while that is worth it, holds it while it is not, and forgets it
     when the place is lost."""
 

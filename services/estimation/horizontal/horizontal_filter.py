@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from messages.units import Quaternion, Vec3
 from services.estimation.horizontal.horizontal_settings import HorizontalSettings
-from services.estimation.horizontal.hull_model import Expected, Hull
+from services.estimation.horizontal.hull_model import ExpectedAcceleration, HullModel
 from services.marine.attitude import to_body
 
 Floats = NDArray[np.float64]
@@ -46,12 +46,12 @@ AGAIN = 10.0  # legs in a row that are bent in the same way; a DVL speaks once i
 START_STD = 0.01  # [m] of the position from which it is counted
 
 
-class Belief(NamedTuple):
+class HorizontalEstimate(NamedTuple):
     x: Floats  # (13,) mean of the states
     P: Floats  # (13, 13) their covariance
 
 
-class Leg(NamedTuple):
+class Interval(NamedTuple):
     """What is known of a short time without DVL and USBL. Means, unless it says end."""
 
     seconds: float
@@ -72,14 +72,16 @@ class Innovation(NamedTuple):
     R: Floats  # (n, n) covariance of its noise
 
 
-def begun(settings: HorizontalSettings, heading_std: float) -> Belief:
+def begun(settings: HorizontalSettings, heading_std: float) -> HorizontalEstimate:
     """At rest at zero, and nothing known but the position, from which counting begins."""
     std = _steady_std(settings, heading_std)
     std[POSITION], std[VELOCITY] = START_STD, UNMEASURED
-    return Belief(np.zeros(SIZE), np.diag(std * std))
+    return HorizontalEstimate(np.zeros(SIZE), np.diag(std * std))
 
 
-def predicted(belief: Belief, leg: Leg, settings: HorizontalSettings) -> Belief:
+def predicted(
+    belief: HorizontalEstimate, leg: Interval, settings: HorizontalSettings
+) -> HorizontalEstimate:
     """The belief one leg later."""
     dt, push = leg.seconds, np.zeros(SIZE)
     keep = np.exp(-dt / _times(settings))
@@ -101,15 +103,15 @@ def predicted(belief: Belief, leg: Leg, settings: HorizontalSettings) -> Belief:
         Q[p, v] = Q[v, p] = q * dt**2 / 2.0
     fading = F.copy()
     fading[:4, DEVIATION] = 0.0  # the push has it already
-    return Belief(fading @ belief.x + push, F @ belief.P @ F.T + Q)
+    return HorizontalEstimate(fading @ belief.x + push, F @ belief.P @ F.T + Q)
 
 
-def corrected(belief: Belief, seen: Innovation) -> Belief:
+def corrected(belief: HorizontalEstimate, seen: Innovation) -> HorizontalEstimate:
     """The belief after a measurement."""
     return weighed(belief, seen)[1]
 
 
-def weighed(belief: Belief, seen: Innovation) -> tuple[float, Belief]:
+def weighed(belief: HorizontalEstimate, seen: Innovation) -> tuple[float, HorizontalEstimate]:
     """How surprising a measurement is, and the belief after it; Joseph's form keeps P symmetric and
     positive.
 
@@ -121,16 +123,16 @@ def weighed(belief: Belief, seen: Innovation) -> tuple[float, Belief]:
     K = both[:, 1:].T
     K[DAMPING] = 0.0
     A = EYE - K @ seen.H
-    after = Belief(belief.x + K @ seen.off, A @ belief.P @ A.T + K @ seen.R @ K.T)
+    after = HorizontalEstimate(belief.x + K @ seen.off, A @ belief.P @ A.T + K @ seen.R @ K.T)
     return float(seen.off @ both[:, 0]), after
 
 
-def covariance(belief: Belief, seen: Innovation) -> Floats:
+def covariance(belief: HorizontalEstimate, seen: Innovation) -> Floats:
     """(n, n) Of the innovation."""
     return seen.H @ belief.P @ seen.H.T + seen.R
 
 
-def surprise(belief: Belief, seen: Innovation) -> float:
+def surprise(belief: HorizontalEstimate, seen: Innovation) -> float:
     """Normalised innovation squared: n on average, if all is as the filter believes."""
     return float(seen.off @ np.linalg.solve(covariance(belief, seen), seen.off))
 
@@ -138,14 +140,14 @@ def surprise(belief: Belief, seen: Innovation) -> float:
 # What is measured.
 
 
-def fix(belief: Belief, place: Pair, std: float) -> Innovation:
+def fix(belief: HorizontalEstimate, place: Pair, std: float) -> Innovation:
     """A position [m] with the spread [m] of each component."""
     H = np.zeros((2, SIZE))
     H[0, 0] = H[1, 1] = 1.0
     return Innovation(np.subtract(place, belief.x[POSITION]), H, std * std * np.eye(2))
 
 
-def velocity(belief: Belief, leg: Leg, measured: Vec3, std: float) -> Innovation:
+def velocity(belief: HorizontalEstimate, leg: Interval, measured: Vec3, std: float) -> Innovation:
     """Surge and sway of a velocity [m/s] over the ground in FRD, with the spread of each
     component, at the end of the leg: the first two rows of R_BN(heading + error, pitch, roll) v_N,
     where the depth rate is the third of v_N. The third row would measure the depth rate."""
@@ -159,7 +161,9 @@ def velocity(belief: Belief, leg: Leg, measured: Vec3, std: float) -> Innovation
     return Innovation(measured[:2] - R_BN @ (north, east, leg.depth_rate), H, R)
 
 
-def balance(belief: Belief, leg: Leg, hull: Hull, settings: HorizontalSettings) -> Innovation:
+def balance(
+    belief: HorizontalEstimate, leg: Interval, hull: HullModel, settings: HorizontalSettings
+) -> Innovation:
     """The accelerometer beside what thrust and drag should do, in surge and sway, over the leg.
 
     Raises:
@@ -186,7 +190,13 @@ def balance(belief: Belief, leg: Leg, hull: Hull, settings: HorizontalSettings) 
     return Innovation(off, H, np.diag(R))
 
 
-def _bend(belief: Belief, leg: Leg, level: Floats, expected: Expected, aside: Pair) -> Floats:
+def _bend(
+    belief: HorizontalEstimate,
+    leg: Interval,
+    level: Floats,
+    expected: ExpectedAcceleration,
+    aside: Pair,
+) -> Floats:
     """[m²/s⁴] (2,) Drag is no straight line: what the spreads of velocity and damping bend it by
     counts as noise (second-order terms, Bar-Shalom, Li and Kirubarajan 2001, section 10.3.2)."""
     W = np.zeros((2, SIZE))
@@ -198,7 +208,7 @@ def _bend(belief: Belief, leg: Leg, level: Floats, expected: Expected, aside: Pa
     return AGAIN * 3.0 * own**2 + slopes**2 * water * np.diag(belief.P)[DAMPING]
 
 
-def true_rotation(belief: Belief, leg: Leg) -> Floats:
+def true_rotation(belief: HorizontalEstimate, leg: Interval) -> Floats:
     """(3, 3) R_BN at the end of the leg, the error of heading taken off."""
     R_BN = np.array([to_body(leg.attitude, axis) for axis in AXES]).T
     error = heading_error(belief, leg)
@@ -208,7 +218,7 @@ def true_rotation(belief: Belief, leg: Leg) -> Floats:
     return R_BN
 
 
-def card(leg: Leg) -> tuple[float, float]:
+def card(leg: Interval) -> tuple[float, float]:
     """What deviation B and C count for at the end of the leg: sin ψ and cos ψ. A counts for 1."""
     w, x, y, z = leg.attitude
     east, north = 2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)  # of the forward axis
@@ -216,20 +226,20 @@ def card(leg: Leg) -> tuple[float, float]:
     return east / level, north / level
 
 
-def heading_error(belief: Belief, leg: Leg) -> float:
+def heading_error(belief: HorizontalEstimate, leg: Interval) -> float:
     """[rad] True minus measured, at the end of the leg."""
     a, b, c = belief.x[DEVIATION].tolist()
     sine, cosine = card(leg)
     return a + b * sine + c * cosine
 
 
-def heading_spread(belief: Belief, leg: Leg) -> float:
+def heading_spread(belief: HorizontalEstimate, leg: Interval) -> float:
     """[rad] Of the same."""
     here = np.array((1.0, *card(leg)))
     return sqrt(here @ belief.P[DEVIATIONS] @ here)
 
 
-def _turn(J: Floats, aside: Floats, leg: Leg) -> None:
+def _turn(J: Floats, aside: Floats, leg: Interval) -> None:
     """Fill the columns of the deviation, from the slope by the heading's error."""
     sine, cosine = card(leg)
     J[:, DEVIATION[0]], J[:, DEVIATION[1]], J[:, DEVIATION[2]] = aside, sine * aside, cosine * aside
@@ -244,12 +254,14 @@ def turned(v: Pair, angle: float) -> Pair:
 # Starting anew.
 
 
-def moved_to(belief: Belief, place: Pair, std: float) -> Belief:
+def moved_to(belief: HorizontalEstimate, place: Pair, std: float) -> HorizontalEstimate:
     """Forget the position, believe this one [m]."""
     return _replaced(belief, POSITION, np.array(place), std)
 
 
-def changed_to(belief: Belief, leg: Leg, measured: Vec3, std: float) -> Belief:
+def changed_to(
+    belief: HorizontalEstimate, leg: Interval, measured: Vec3, std: float
+) -> HorizontalEstimate:
     """Forget the velocity, believe this one [m/s], FRD, at the end of the leg. Its direction is as
     wrong as the heading."""
     north, east, _ = (true_rotation(belief, leg).T @ measured).tolist()
@@ -258,10 +270,10 @@ def changed_to(belief: Belief, leg: Leg, measured: Vec3, std: float) -> Belief:
     with_others = aside @ P[DEVIATION]
     P[VELOCITY, :], P[:, VELOCITY] = with_others, with_others.T
     P[VELOCITY, VELOCITY] = std * std * np.eye(2) + with_others[:, DEVIATION] @ aside.T
-    return Belief(x, P)
+    return HorizontalEstimate(x, P)
 
 
-def is_sound(belief: Belief) -> bool:
+def is_sound(belief: HorizontalEstimate) -> bool:
     """False when a number is not finite or a variance is not positive: start anew then."""
     variances = np.diag(belief.P)
     return bool(
@@ -272,12 +284,14 @@ def is_sound(belief: Belief) -> bool:
     )
 
 
-def _replaced(belief: Belief, states: slice, values: Floats, std: float) -> Belief:
+def _replaced(
+    belief: HorizontalEstimate, states: slice, values: Floats, std: float
+) -> HorizontalEstimate:
     x, P = belief.x.copy(), belief.P.copy()
     x[states] = values
     P[states, :] = P[:, states] = 0.0
     P[states, states] = std * std * np.eye(2)
-    return Belief(x, P)
+    return HorizontalEstimate(x, P)
 
 
 @cache

@@ -17,12 +17,21 @@ from messages.units import Quaternion, Vec3
 from messages.vehicle import Actuation
 from services.estimation.attitude.heading import horizontal, wrapped
 from services.estimation.horizontal import horizontal_filter as ekf
-from services.estimation.horizontal.compass_deviation import Coefficients, Deviation
-from services.estimation.horizontal.horizontal_filter import Belief, Innovation, Leg, Pair
+from services.estimation.horizontal.compass_deviation import Coefficients, CompassDeviation
+from services.estimation.horizontal.horizontal_filter import (
+    HorizontalEstimate,
+    Innovation,
+    Interval,
+    Pair,
+)
 from services.estimation.horizontal.horizontal_settings import HorizontalSettings
-from services.estimation.horizontal.hull_model import Hull
-from services.estimation.horizontal.interval_sums import OpenLeg
-from services.estimation.horizontal.measurement_buffer import Reading, Stone, Trail
+from services.estimation.horizontal.hull_model import HullModel
+from services.estimation.horizontal.interval_sums import OpenInterval
+from services.estimation.horizontal.measurement_buffer import (
+    BufferNode,
+    Correction,
+    MeasurementBuffer,
+)
 from services.marine.attitude import LEVEL, heading_of, to_body
 
 LEG_NS = 95_000_000  # [ns] between two steps of the covariance; the mean goes on in between
@@ -31,10 +40,10 @@ LEAST_DVL_STD, LEAST_USBL_STD = 0.001, 0.01  # [m/s], [m] nobody measures better
 MOST_CHANGE = 0.5  # [m/s²] by which the velocity may have changed before the filter ran
 MEASURES = {"dvl": "velocity", "usbl": "position"}
 
-See = Callable[[Belief, Leg], Innovation]
+See = Callable[[HorizontalEstimate, Interval], Innovation]
 
 
-class Motion(NamedTuple):
+class VehicleMotion(NamedTuple):
     """What the other filters know at one moment."""
 
     attitude: Quaternion  # q_NB, yaw is the control heading
@@ -56,15 +65,15 @@ class HorizontalObserver:
     With a DVL alone, position is counted from where it first spoke, and its spread grows.
     """
 
-    def __init__(self, settings: HorizontalSettings, hull: Hull | None = None) -> None:
+    def __init__(self, settings: HorizontalSettings, hull: HullModel | None = None) -> None:
         """Without a hull, the current stays unknown."""
         self.surprise: dict[str, float] = {}  # newest normalised innovation squared, by sensor
         self._settings = settings
         self._hull = hull
-        self._trail = Trail(self._step, settings.oldest)
-        self._open = OpenLeg()
+        self._trail = MeasurementBuffer(self._step, settings.oldest)
+        self._open = OpenInterval()
         self._at_ns: int | None = None
-        self._motion = Motion(LEVEL, None, 0.0, None)
+        self._motion = VehicleMotion(LEVEL, None, 0.0, None)
         self._started = False
         self._fixed = False  # a USBL fix has said where north and east are zero
         self._balanced = False  # thrust and drag have told of the water
@@ -76,11 +85,11 @@ class HorizontalObserver:
         self._values = self._variances = [0.0] * ekf.SIZE  # of the newest stone
         self._error = 0.0  # [rad] of the compass there
         self._now: tuple[float, float, float, float] | None = None  # what `_mean` has found
-        self._deviation = Deviation()
+        self._deviation = CompassDeviation()
         self._force: Pair | None = None  # [N] surge and sway of the newest actuation
         self._force_ns = 0
 
-    def predict(self, motion: Motion, at_ns: int) -> str | None:
+    def predict(self, motion: VehicleMotion, at_ns: int) -> str | None:
         """Move on to `at_ns`. Returns what went wrong, for the counters."""
         before = at_ns if self._at_ns is None else self._at_ns
         if at_ns < before:
@@ -170,7 +179,7 @@ class HorizontalObserver:
 
     # How time goes on.
 
-    def _step(self, belief: Belief, leg: Leg) -> Belief:
+    def _step(self, belief: HorizontalEstimate, leg: Interval) -> HorizontalEstimate:
         """One leg, with what thrust and drag say of it."""
         belief = ekf.predicted(belief, leg, self._settings)
         if self._hull is None or leg.acceleration is None or leg.force is None:
@@ -183,14 +192,14 @@ class HorizontalObserver:
     def _close(self, at_ns: int) -> str | None:
         """The open leg ends now."""
         leg = self._leg()
-        self._open, self._doubted = OpenLeg(), False
+        self._open, self._doubted = OpenInterval(), False
         self._trail.extend(at_ns, leg)
         if leg.force is not None and leg.acceleration is not None:
             self._balanced = True
         doubted = "outlier:vehicle/actuation" if self._doubted else None
         return self._take() or self._learn_deviation(at_ns, leg) or doubted
 
-    def _learn_deviation(self, now: int, leg: Leg) -> str | None:
+    def _learn_deviation(self, now: int, leg: Interval) -> str | None:
         """From a newest leg that both aids tell of; one of them alone says nothing of north."""
         if self._motion.offset is None or not (
             self._hears("usbl", now) and self._hears("dvl", now)
@@ -211,9 +220,9 @@ class HorizontalObserver:
         self._error, self._now = ekf.heading_error(belief, leg), None
         return None
 
-    def _leg(self) -> Leg:
+    def _leg(self) -> Interval:
         motion, leg = self._motion, self._open
-        return Leg(
+        return Interval(
             seconds=leg.seconds,
             acceleration=leg.acceleration,
             attitude=from_north(motion.attitude, motion.offset or 0.0),
@@ -246,7 +255,7 @@ class HorizontalObserver:
 
     # How samples are used.
 
-    def _use(self, name: str, stamp_ns: int, see: See, anew: Reading) -> str | None:
+    def _use(self, name: str, stamp_ns: int, see: See, anew: Correction) -> str | None:
         """Believe a sample a little, if it is not an outlier; where there is nothing to compare it
         with, believe it alone."""
         if self._at_ns is None or self._age(stamp_ns) < -LONGEST_STEP:
@@ -268,22 +277,24 @@ class HorizontalObserver:
             return f"outlier:sensor/{name}"
         return self._accept(name, stamp_ns, stone, anew) or f"restarted:{MEASURES[name]}"
 
-    def _accept(self, name: str, stamp_ns: int, stone: Stone, reading: Reading) -> str | None:
+    def _accept(
+        self, name: str, stamp_ns: int, stone: BufferNode, reading: Correction
+    ) -> str | None:
         self._outliers[name] = 0
         self._heard[name] = max(stamp_ns, self._heard.get(name, stamp_ns))
         self._fixed = self._fixed or name == "usbl"
         self._trail.read(stone, reading)
         return self._take()
 
-    def _stone(self, stamp_ns: int, now: int) -> Stone | None:
+    def _stone(self, stamp_ns: int, now: int) -> BufferNode | None:
         """Of a sample; None: from before the filter began."""
         if stamp_ns > self._trail.last.stamp_ns and self._open.seconds > 0.0:
             self._close(now)
         return self._trail.stone_at(stamp_ns)
 
-    def _begin(self, now: int) -> Stone:
+    def _begin(self, now: int) -> BufferNode:
         self._started, self._fixed, self._balanced = True, False, False
-        self._open = OpenLeg()
+        self._open = OpenInterval()
         self._begun_ns = now
         self._trail.begin(now, self._leg(), ekf.begun(self._settings, self._motion.heading_std))
         return self._trail.last
@@ -330,21 +341,23 @@ def from_north(attitude: Quaternion, offset: float) -> Quaternion:
     return c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w
 
 
-def _velocity(seen: Vec3, std: float, belief: Belief, leg: Leg) -> Innovation:
+def _velocity(seen: Vec3, std: float, belief: HorizontalEstimate, leg: Interval) -> Innovation:
     return ekf.velocity(belief, leg, seen, std)
 
 
-def _fix(place: Pair, std: float, belief: Belief, _: Leg) -> Innovation:
+def _fix(place: Pair, std: float, belief: HorizontalEstimate, _: Interval) -> Innovation:
     return ekf.fix(belief, place, std)
 
 
-def _change(seen: Vec3, std: float, belief: Belief, leg: Leg) -> Belief:
+def _change(
+    seen: Vec3, std: float, belief: HorizontalEstimate, leg: Interval
+) -> HorizontalEstimate:
     return ekf.changed_to(belief, leg, seen, std)
 
 
-def _move(place: Pair, std: float, belief: Belief, _: Leg) -> Belief:
+def _move(place: Pair, std: float, belief: HorizontalEstimate, _: Interval) -> HorizontalEstimate:
     return ekf.moved_to(belief, place, std)
 
 
-def _correct(see: See, belief: Belief, leg: Leg) -> Belief:
+def _correct(see: See, belief: HorizontalEstimate, leg: Interval) -> HorizontalEstimate:
     return ekf.corrected(belief, see(belief, leg))

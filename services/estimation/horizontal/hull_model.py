@@ -22,7 +22,7 @@ Pair = tuple[float, float]  # surge, sway
 SURGE, SWAY = 0, 1
 
 
-class Expected(NamedTuple):
+class ExpectedAcceleration(NamedTuple):
     """An expected acceleration [m/s²] with its derivatives."""
 
     acceleration: Pair  # [m/s²]
@@ -31,7 +31,7 @@ class Expected(NamedTuple):
     curvature: Pair  # [1/m] largest half of a second derivative by velocity
 
 
-class Hull:
+class HullModel:
     def __init__(self, vehicle: Vehicle, wake_share: float) -> None:
         """Share [-] of the Munk moment that the wake takes back, see `wake_fins`.
 
@@ -55,7 +55,9 @@ class Hull:
             sway += aside * newtons
         return surge, sway
 
-    def expected(self, velocity: Pair, yaw_rate: float, force: Pair, damping: Pair) -> Expected:
+    def expected(
+        self, velocity: Pair, yaw_rate: float, force: Pair, damping: Pair
+    ) -> ExpectedAcceleration:
         """
         Args:
             velocity: [m/s] surge and sway through the water.
@@ -86,7 +88,7 @@ class Hull:
         bend = [known[i] * self._quadratic[i] for i in (SURGE, SWAY)]
         for fin in self._fins:
             bend[fin.across] += fin.grip
-        return Expected(
+        return ExpectedAcceleration(
             acceleration=(total[SURGE] / m, total[SWAY] / n),
             by_velocity=((by[0][0] / m, by[0][1] / m), (by[1][0] / n, by[1][1] / n)),
             by_damping=(-drag[SURGE] / m, -drag[SWAY] / n),

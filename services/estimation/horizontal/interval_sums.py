@@ -3,7 +3,7 @@
 from services.estimation.horizontal.horizontal_filter import Pair
 
 
-class OpenLeg:
+class OpenInterval:
     """A leg that is not yet closed. One sample without acceleration or force leaves the whole leg
     without."""
 

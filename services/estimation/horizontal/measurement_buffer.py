@@ -11,45 +11,47 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from messages.units import Quaternion
-from services.estimation.horizontal.horizontal_filter import Belief, Leg
+from services.estimation.horizontal.horizontal_filter import HorizontalEstimate, Interval
 from services.marine.attitude import normalised
 
 SAME_NS = 1_000_000  # [ns] a sample as near as this to a stone belongs there
 
-Reading = Callable[[Belief, Leg], Belief]  # how an accepted sample changes a belief
-Step = Callable[[Belief, Leg], Belief]
+Correction = Callable[
+    [HorizontalEstimate, Interval], HorizontalEstimate
+]  # how an accepted sample changes a belief
+Propagation = Callable[[HorizontalEstimate, Interval], HorizontalEstimate]
 
 
 @dataclass(slots=True)
-class Stone:
+class BufferNode:
     stamp_ns: int
-    leg: Leg  # that led here
-    belief: Belief
-    readings: list[Reading] = field(default_factory=list[Reading])
+    leg: Interval  # that led here
+    belief: HorizontalEstimate
+    readings: list[Correction] = field(default_factory=list[Correction])
 
 
-class Trail:
-    def __init__(self, step: Step, seconds: float) -> None:
+class MeasurementBuffer:
+    def __init__(self, step: Propagation, seconds: float) -> None:
         """How a belief moves along a leg, and how much [s] of the past to keep."""
         self._step = step
         self._kept_ns = round(seconds * 1e9)
-        self._stones: deque[Stone] = deque()
+        self._stones: deque[BufferNode] = deque()
 
     @property
-    def last(self) -> Stone:
+    def last(self) -> BufferNode:
         return self._stones[-1]
 
-    def begin(self, stamp_ns: int, leg: Leg, belief: Belief) -> None:
+    def begin(self, stamp_ns: int, leg: Interval, belief: HorizontalEstimate) -> None:
         """Forget everything and start here."""
-        self._stones = deque([Stone(stamp_ns, leg, belief)])
+        self._stones = deque([BufferNode(stamp_ns, leg, belief)])
 
-    def extend(self, stamp_ns: int, leg: Leg) -> None:
+    def extend(self, stamp_ns: int, leg: Interval) -> None:
         """One leg further."""
-        self._stones.append(Stone(stamp_ns, leg, self._step(self.last.belief, leg)))
+        self._stones.append(BufferNode(stamp_ns, leg, self._step(self.last.belief, leg)))
         while len(self._stones) > 2 and stamp_ns - self._stones[1].stamp_ns >= self._kept_ns:
             self._stones.popleft()
 
-    def stone_at(self, stamp_ns: int) -> Stone | None:
+    def stone_at(self, stamp_ns: int) -> BufferNode | None:
         """The stone of this time [ns], put there if need be; None: before the trail begins. What is
         newer than the last stone belongs there."""
         stones = self._stones
@@ -63,7 +65,7 @@ class Trail:
             return stone
         return self._split(after, stamp_ns)
 
-    def read(self, stone: Stone, reading: Reading) -> None:
+    def read(self, stone: BufferNode, reading: Correction) -> None:
         """Let an accepted sample of the stone's time change what is believed from there on."""
         stone.readings.append(reading)
         stone.belief = reading(stone.belief, stone.leg)
@@ -76,13 +78,13 @@ class Trail:
                 each.belief = belief
             redo = redo or each is stone
 
-    def _split(self, after: int, stamp_ns: int) -> Stone:
+    def _split(self, after: int, stamp_ns: int) -> BufferNode:
         before, late = self._stones[after - 1], self._stones[after]
         share = (stamp_ns - before.stamp_ns) / (late.stamp_ns - before.stamp_ns)
         leg = late.leg
         attitude = between(before.leg.attitude, leg.attitude, share)
         first = leg._replace(seconds=share * leg.seconds, attitude=attitude)
-        stone = Stone(stamp_ns, first, self._step(before.belief, first))
+        stone = BufferNode(stamp_ns, first, self._step(before.belief, first))
         late.leg = leg._replace(seconds=(1.0 - share) * leg.seconds)
         self._stones.insert(after, stone)
         return stone

@@ -2,7 +2,7 @@
 
 from messages.sensors import ImuSample
 from messages.units import Vec3
-from services.estimation.events import Journal
+from services.estimation.events import Events
 from services.estimation.startup.calibration import (
     Calibrated,
     Calibration,
@@ -11,10 +11,10 @@ from services.estimation.startup.calibration import (
 )
 
 
-class Calibrating:
+class CalibrationPhase:
     """Hears the sensors until it has learnt enough of them; the journal says what it waits for."""
 
-    def __init__(self, settings: CalibrationSettings, journal: Journal) -> None:
+    def __init__(self, settings: CalibrationSettings, journal: Events) -> None:
         self._calibration = Calibration(settings)
         self._countdown = Countdown()
         self._journal = journal

@@ -7,7 +7,7 @@ window has: then the pilot is lost.
 
 import pygame
 
-from services.gamepad.core import Gain, Level, Reading, Sticks
+from services.gamepad.core import Level, StickGain, StickReading, Sticks
 from services.gamepad.io import sdl
 from services.gamepad.pilot_intents import Press
 from services.runtime.config.errors import LindyError
@@ -40,7 +40,7 @@ class Keyboard:
     played = 0
     name = "keyboard"
 
-    def __init__(self, gain: Gain) -> None:
+    def __init__(self, gain: StickGain) -> None:
         if not sdl.has_display():
             raise LindyError(
                 "the keyboard needs a window and there is no display; "
@@ -59,7 +59,7 @@ class Keyboard:
         self._down: set[int] = set()
         self._closed_at: int | None = None  # [ns]
 
-    def read(self, now: int, began: int | None) -> Reading:  # noqa: ARG002 - a hand needs no start
+    def read(self, now: int, began: int | None) -> StickReading:  # noqa: ARG002 - a hand needs no start
         """Ask SDL for news. Call from one thread only, the one that made the window."""
         presses: list[Press] = []
         notes: tuple[tuple[Level, str], ...] = ()
@@ -73,9 +73,9 @@ class Keyboard:
         if self._closed_at is not None:
             age_ms = (now - self._closed_at) / 1e6
             lost = ("closed:keyboard",) if notes else ()
-            return Reading(present=False, at_rest=False, age_ms=age_ms, notes=notes, lost=lost)
+            return StickReading(present=False, at_rest=False, age_ms=age_ms, notes=notes, lost=lost)
         sticks = self._sticks()
-        return Reading(sticks=sticks, at_rest=sticks.at_rest, presses=tuple(presses))
+        return StickReading(sticks=sticks, at_rest=sticks.at_rest, presses=tuple(presses))
 
     def next_ns(self, now: int, began: int) -> int | None:  # noqa: ARG002
         return None

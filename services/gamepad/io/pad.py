@@ -13,7 +13,7 @@ the age of its last event would tell a steady hand from a broken cable no better
 import pygame
 from pygame._sdl2 import controller
 
-from services.gamepad.core import CENTRED, Level, Profile, Reading, presses_of, sticks_of
+from services.gamepad.core import CENTRED, Level, PadProfile, StickReading, presses_of, sticks_of
 from services.gamepad.io import sdl
 from services.gamepad.pilot_intents import Press
 
@@ -32,7 +32,7 @@ class Pad:
 
     played = 0
 
-    def __init__(self, profile: Profile) -> None:
+    def __init__(self, profile: PadProfile) -> None:
         sdl.start_events()
         pygame.joystick.init()
         controller.init()
@@ -45,7 +45,7 @@ class Pad:
         self._lost: list[str] = []
         self._greeted = False
 
-    def read(self, now: int, began: int | None) -> Reading:  # noqa: ARG002 - a hand needs no start
+    def read(self, now: int, began: int | None) -> StickReading:  # noqa: ARG002 - a hand needs no start
         """Ask SDL for news. Call from one thread only, the one that made the pad."""
         self._notes, self._lost = [], []
         events = pygame.event.get()
@@ -64,7 +64,7 @@ class Pad:
         if not self._trusted:
             presses = tuple(kind for kind in presses if kind in URGENT)
         self._trusted = self._trusted or sticks.at_rest
-        return Reading(
+        return StickReading(
             sticks=sticks if self._trusted else CENTRED,
             at_rest=sticks.at_rest,
             presses=presses,
@@ -80,12 +80,12 @@ class Pad:
         pygame.joystick.quit()
         pygame.display.quit()
 
-    def _absent(self, now: int) -> Reading:
+    def _absent(self, now: int) -> StickReading:
         if not self._greeted:
             self._greeted = True
             self._say("warning", "no pad is plugged in; waiting for one")
         assert self._answered_at is not None
-        return Reading(
+        return StickReading(
             present=False,
             at_rest=False,
             age_ms=(now - self._answered_at) / 1e6,

@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from services.gamepad.core import CENTRED, Profile, Settings, Source
+from services.gamepad.core import CENTRED, PadProfile, Settings, StickSource
 from services.gamepad.io import sdl
 from services.gamepad.io.path_file import course_named
-from services.gamepad.stick_log import Script, parse
+from services.gamepad.stick_log import StickLog, parse
 from services.gamepad.stick_log_player import Player
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import deploy_file, read
@@ -13,7 +13,7 @@ from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 
 
-def open_source(node: Node, stack: Stack, played: int) -> Source:
+def open_source(node: Node, stack: Stack, played: int) -> StickSource:
     """Opens the pad, the keyboard's window or the script.
 
     Raises:
@@ -29,7 +29,7 @@ def open_source(node: Node, stack: Stack, played: int) -> Source:
     raise LindyError(f"--pilot {stack.pilot}: expected gamepad, keyboard or script:FILE")
 
 
-def read_script(name: str) -> Script:
+def read_script(name: str) -> StickLog:
     """A dive of deploy/dives by name, or a stick log by its path ending in .csv.
 
     Raises:
@@ -52,7 +52,7 @@ def _open_script(node: Node, name: str, played: int) -> Player:
     return Player(Path(name).stem, script, played)
 
 
-def _open_pad(node: Node, stack: Stack) -> Source:
+def _open_pad(node: Node, stack: Stack) -> StickSource:
     sdl.load()
     from services.gamepad.io.pad import Pad  # here, because a script needs no pygame
 
@@ -61,7 +61,7 @@ def _open_pad(node: Node, stack: Stack) -> Source:
     return pad
 
 
-def _open_keyboard(node: Node, stack: Stack) -> Source:
+def _open_keyboard(node: Node, stack: Stack) -> StickSource:
     sdl.load()
     from services.gamepad.io.keyboard import Keyboard
 
@@ -70,6 +70,6 @@ def _open_keyboard(node: Node, stack: Stack) -> Source:
     return keyboard
 
 
-def _profile(stack: Stack) -> Profile:
+def _profile(stack: Stack) -> PadProfile:
     name = stack.section("gamepad", Settings).profile
-    return read(deploy_file("pads", name), Profile)
+    return read(deploy_file("pads", name), PadProfile)

@@ -5,9 +5,9 @@ from typing import Self
 
 from messages.pilot import PilotCommand
 from messages.state import VehicleState
-from services.reference.guidance.ground_motion import Ground
-from services.reference.guidance.modes import Held
-from services.reference.guidance.station_keeping import STILL, Place
+from services.reference.guidance.ground_motion import GroundMotion
+from services.reference.guidance.modes import HeldAxes
+from services.reference.guidance.station_keeping import STILL, StationKeeping
 from services.reference.settings import Settings
 from services.reference.trajectory.minimum_jerk import Ramp, Sample
 from services.reference.trajectory.position import pair
@@ -21,7 +21,7 @@ class Axes:
     settings: Settings
     heave: Ramp  # [m] positive down
     yaw: Ramp  # [rad] accumulated
-    place: Place  # [m] north and east
+    place: StationKeeping  # [m] north and east
     tilt: Ramp  # [rad]
     pace: Ramp  # [m] along a path that was followed; its end is ramped out here
     force: VectorRamp  # [N] surge and sway, as a "velocity"
@@ -35,7 +35,7 @@ class Axes:
             settings,
             Ramp(settings.heave.limits),
             Ramp(settings.yaw.limits),
-            Place(settings.place.limits),
+            StationKeeping(settings.place.limits),
             Ramp(settings.tilt.limits),
             Ramp(settings.place.limits),
             VectorRamp(settings.horizontal.limits, STILL, STILL),
@@ -53,7 +53,7 @@ class Axes:
         self.yaw_moment.rest(0.0, t)
         self.place.held = False
 
-    def follow(self, state: VehicleState, held: Held, t: float) -> None:
+    def follow(self, state: VehicleState, held: HeldAxes, t: float) -> None:
         """Go along with the vehicle on the axes that are not held.
 
         Each time the plan is to come to rest from there, so holding begins where the vehicle is
@@ -69,12 +69,12 @@ class Axes:
         if not held.heading and heading.valid and turning.valid:
             self.yaw.take(Sample(heading.value, turning.value, 0.0, 0.0), t)
 
-    def hold_place(self, ground: Ground, t: float) -> None:
+    def hold_place(self, ground: GroundMotion, t: float) -> None:
         """Hold the place from now on: come to rest there."""
         self.place.take_measured(ground, t)
         self.pace.rest(0.0, t)  # what was left of a blind path is in the measured motion
 
-    def aim(self, stick: PilotCommand, held: Held, t: float) -> None:
+    def aim(self, stick: PilotCommand, held: HeldAxes, t: float) -> None:
         """Let the sticks move the axes: what is held with a velocity, the others with a force."""
         s = self.settings
         self.heave.aim(stick.heave * s.heave.max_velocity if held.depth else 0.0, t)

@@ -9,7 +9,7 @@ from services.reference.paths.heading import wrap
 Pair = tuple[float, float]  # north and east, or surge and sway
 
 
-class Ground(NamedTuple):
+class GroundMotion(NamedTuple):
     """Where the vehicle is and how it moves, NED."""
 
     position: Pair  # [m] north, east
@@ -17,7 +17,7 @@ class Ground(NamedTuple):
     offset: float  # [rad] north heading minus control heading
 
 
-def ground_of(state: VehicleState) -> Ground | None:
+def ground_of(state: VehicleState) -> GroundMotion | None:
     """None when any part of it is not known or not valid.
 
     Roll and pitch are taken as level: the horizontal velocity is then wrong by 1 - cos of them.
@@ -30,7 +30,7 @@ def ground_of(state: VehicleState) -> Ground | None:
         return None
     offset = north_offset(state)
     velocity = turned((surge.value, sway.value), state.heading.value + offset)
-    return Ground((north.value, east.value), velocity, offset)
+    return GroundMotion((north.value, east.value), velocity, offset)
 
 
 def north_offset(state: VehicleState) -> float:

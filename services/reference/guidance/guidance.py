@@ -11,10 +11,10 @@ from messages.message import Estimate
 from messages.pilot import Hold, StopDistance
 from messages.state import VehicleState
 from services.reference.guidance.axes import Axes
-from services.reference.guidance.ground_motion import Ground, ground_of, north_offset
-from services.reference.guidance.manoeuvre import Journey
-from services.reference.guidance.modes import HOLDS, Held, safe
-from services.reference.guidance.reference_governor import Guard, is_let_go
+from services.reference.guidance.ground_motion import GroundMotion, ground_of, north_offset
+from services.reference.guidance.manoeuvre import Manoeuvre
+from services.reference.guidance.modes import HOLDS, HeldAxes, safe
+from services.reference.guidance.reference_governor import ReferenceGovernor, is_let_go
 from services.reference.settings import Settings
 from services.reference.trajectory.minimum_jerk import Ramp
 
@@ -22,7 +22,7 @@ PLACE_PATIENCE_S = 2.0  # [s] a place that was not measured for longer is not he
 
 
 @dataclass(slots=True)
-class Flight:
+class Guidance:
     """`happened` collects what must be counted, `notes` what people want to know. Times `t` in
     seconds, never running backwards."""
 
@@ -31,26 +31,26 @@ class Flight:
     happened: list[str] = field(default_factory=list[str])
     notes: list[str] = field(default_factory=list[str])
     axes: Axes = field(init=False)
-    journey: Journey = field(init=False)
+    journey: Manoeuvre = field(init=False)
     state: VehicleState | None = None  # the newest there has ever been
-    ground: Ground | None = None  # None: not measured now
+    ground: GroundMotion | None = None  # None: not measured now
     t: float = 0.0  # [s] of the newest reference
     _stepped: float = 0.0  # [s] of the reference before
     _place_seen: float = 0.0  # [s] when the place was last measured, or not needed
-    _guards: dict[str, Guard] = field(init=False)
+    _guards: dict[str, ReferenceGovernor] = field(init=False)
 
     def __post_init__(self) -> None:
         s = self.settings
         self.axes = Axes.of(s)
-        self.journey = Journey(self.axes)
+        self.journey = Manoeuvre(self.axes)
         self._guards = {
-            "depth": Guard(s.heave.max_error),
-            "heading": Guard(s.yaw.max_error),
-            "place": Guard(s.place.max_error),
+            "depth": ReferenceGovernor(s.heave.max_error),
+            "heading": ReferenceGovernor(s.yaw.max_error),
+            "place": ReferenceGovernor(s.place.max_error),
         }
 
     @property
-    def held(self) -> Held:
+    def held(self) -> HeldAxes:
         return HOLDS[self.hold]
 
     @property

@@ -6,7 +6,7 @@ from math import dist
 from messages.pilot import Course, StopDistance
 from services.reference.guidance.axes import Axes
 from services.reference.guidance.ground_motion import Pair
-from services.reference.guidance.path_following import Following, Planned
+from services.reference.guidance.path_following import PathFollowing, PlannedPath
 from services.reference.paths.heading import wrap
 from services.reference.settings import VelocityAxis
 from services.reference.trajectory.minimum_jerk import Ramp, Sample
@@ -18,14 +18,14 @@ NEAR = 0.05  # [m] so near to a place that it need not be gone to
 
 
 @dataclass(slots=True)
-class Journey:
+class Manoeuvre:
     """Takes the axes where they were asked to go, and hands them back without a step. Depth and
     heading must be held meanwhile. Times `t` in seconds."""
 
     axes: Axes
     going: bool = False  # to a depth, a heading or both
-    planned: Planned | None = None  # a path to follow, once the drone points along it
-    following: Following | None = None
+    planned: PlannedPath | None = None  # a path to follow, once the drone points along it
+    following: PathFollowing | None = None
     measured: bool = False  # the path is followed by measurement, not blind
     goal: Pair | None = None  # [m] north, east, at the end of a straight line
 
@@ -57,7 +57,13 @@ class Journey:
         return here + wrap(heading - here)
 
     def follow(
-        self, planned: Planned, t: float, *, measured: bool, offset: float, goal: Pair | None = None
+        self,
+        planned: PlannedPath,
+        t: float,
+        *,
+        measured: bool,
+        offset: float,
+        goal: Pair | None = None,
     ) -> None:
         """Turn to where a path begins and then run along it.
 
@@ -85,7 +91,7 @@ class Journey:
             if dist(place, self.goal) < NEAR:
                 self._forget()
                 return
-            planned = self.planned = Planned(Course(waypoints=(place, self.goal)))
+            planned = self.planned = PlannedPath(Course(waypoints=(place, self.goal)))
         if not self._is_lined_up(planned, offset, t):
             self._line_up(planned, offset, t)
             return
@@ -142,13 +148,13 @@ class Journey:
             along = following.along(t)
             axes.pace.take(Sample(0.0, along.velocity, along.acceleration, along.jerk), t)
 
-    def _line_up(self, planned: Planned, offset: float, t: float) -> None:
+    def _line_up(self, planned: PlannedPath, offset: float, t: float) -> None:
         """Go to the heading and the depth with which a path begins."""
         heading = planned.first_heading(self.axes.yaw.at(t).position, offset)
         self.go(planned.first_depth if planned.has_depth else None, heading, t)
         self.going = False
 
-    def _is_lined_up(self, planned: Planned, offset: float, t: float) -> bool:
+    def _is_lined_up(self, planned: PlannedPath, offset: float, t: float) -> bool:
         """A reference that was held back, or a drone that came to stand elsewhere, is not."""
         depth, heading = self.axes.heave.at(t).position, self.axes.yaw.at(t).position
         if planned.has_depth and abs(planned.first_depth - depth) > LEVEL:

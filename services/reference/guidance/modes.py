@@ -6,7 +6,7 @@ from messages.pilot import Hold
 from messages.state import VehicleState
 
 
-class Held(NamedTuple):
+class HeldAxes(NamedTuple):
     """Axes the drone holds. The sticks of these are velocities, those of the others forces."""
 
     depth: bool
@@ -14,12 +14,12 @@ class Held(NamedTuple):
     place: bool
 
 
-HOLDS: dict[Hold, Held] = {
-    "manual": Held(depth=False, heading=False, place=False),
-    "depth_hold": Held(depth=True, heading=False, place=False),
-    "heading_hold": Held(depth=False, heading=True, place=False),
-    "stabilised": Held(depth=True, heading=True, place=False),
-    "station_keeping": Held(depth=True, heading=True, place=True),
+HOLDS: dict[Hold, HeldAxes] = {
+    "manual": HeldAxes(depth=False, heading=False, place=False),
+    "depth_hold": HeldAxes(depth=True, heading=False, place=False),
+    "heading_hold": HeldAxes(depth=False, heading=True, place=False),
+    "stabilised": HeldAxes(depth=True, heading=True, place=False),
+    "station_keeping": HeldAxes(depth=True, heading=True, place=True),
 }
 
 

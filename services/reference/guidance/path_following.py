@@ -12,7 +12,7 @@ from math import hypot
 
 from messages.pilot import Course
 from messages.state import VehicleState
-from services.reference.guidance.ground_motion import Ground, Pair
+from services.reference.guidance.ground_motion import GroundMotion, Pair
 from services.reference.paths.heading import wrap
 from services.reference.paths.path import Path
 from services.reference.paths.route import RoutePoint, point_on
@@ -29,7 +29,7 @@ WAITING = Limits(4.0, 2.0)  # of the clock's rate [1/s², 1/s]
 
 
 @dataclass(slots=True)
-class Following:
+class PathFollowing:
     """One path, from the moment the drone points along it. Times in seconds."""
 
     path: Path
@@ -59,7 +59,7 @@ class Following:
             Sample(east, here.v_east, here.a_east, 0.0),
         )
 
-    def watch(self, state: VehicleState, ground: Ground | None, t: float) -> None:
+    def watch(self, state: VehicleState, ground: GroundMotion | None, t: float) -> None:
         """Wait while the drone is too far behind. What is not known is not waited for."""
         here = self.point(t)
         errors = [abs(self.heading(here).position - state.heading.value) / HEADING_TOLERANCE]
@@ -71,7 +71,7 @@ class Following:
             errors.append(hypot(*(wanted.position - x for wanted, x in pairs)) / PLACE_TOLERANCE)
         self.clock.watch(max(errors), t)
 
-    def stop(self, limits: Limits, t: float) -> "tuple[Following, float]":
+    def stop(self, limits: Limits, t: float) -> "tuple[PathFollowing, float]":
         """The same path with an emergency stop at `t`, and when [s] it stands still."""
         halt = stop_motion(self.along, t, limits)
 
@@ -83,7 +83,7 @@ class Following:
 
 
 @dataclass(slots=True)
-class Planned:
+class PlannedPath:
     """A path that is ready to be followed."""
 
     course: Course
@@ -113,7 +113,7 @@ class Planned:
         [rad] is what that lacks to be counted from north."""
         return heading + wrap(self.path.at(0.0).course - offset - heading)
 
-    def begin(self, heading: float, place: Pair | None, t: float) -> Following:
+    def begin(self, heading: float, place: Pair | None, t: float) -> PathFollowing:
         """Set off at `t` [s] with the drone pointing at `first_heading`, from `place` [m] if the
         path is to be followed by measurement."""
         c, start = self.course, self.path.at(0.0)
@@ -124,7 +124,7 @@ class Planned:
             at = clock.at(now)
             return scaled_sample(profile.at(at.tau), at)
 
-        return Following(
+        return PathFollowing(
             self.path,
             heading - start.course,
             self.has_depth,

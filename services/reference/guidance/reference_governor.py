@@ -9,7 +9,7 @@ GIVE_IN_S = 0.5  # [s] time constant with which a held-back reference comes to t
 
 
 @dataclass(slots=True)
-class Guard:
+class ReferenceGovernor:
     """Keeps the reference within `most` of where the vehicle really is. Once the stick is let go
     the reference gives in and comes to the vehicle, so that nothing pushes on for ever."""
 

@@ -4,12 +4,12 @@ from messages.pilot import PilotCommand
 from messages.reference import Motion, Reference
 from messages.state import VehicleState
 from messages.units import Ns
-from services.reference.guidance.guidance import Flight
+from services.reference.guidance.guidance import Guidance
 from services.reference.trajectory.minimum_jerk import Ramp, Sample
 
 
 def reference_of(
-    flight: Flight,
+    flight: Guidance,
     state: VehicleState | None,
     command: PilotCommand | None,
     now: Ns,
@@ -41,7 +41,7 @@ def reference_of(
 
 
 def _motions(
-    flight: Flight,
+    flight: Guidance,
 ) -> tuple[Motion, Motion, tuple[Sample, Sample] | None, Motion | None]:
     """Depth, heading, place and the pace along a path, from the path or from the axes."""
     axes, held, t = flight.axes, flight.held, flight.t

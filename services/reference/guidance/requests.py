@@ -3,12 +3,12 @@
 from messages.pilot import Course, Hold, PilotRequest
 from messages.units import Finite
 from services.reference.guidance.ground_motion import Pair, north_offset
-from services.reference.guidance.guidance import Flight
+from services.reference.guidance.guidance import Guidance
 from services.reference.guidance.modes import lacking, safe
-from services.reference.guidance.path_following import Planned
+from services.reference.guidance.path_following import PlannedPath
 
 
-def mode(flight: Flight, hold: Hold | None, *, armed: bool) -> str:
+def mode(flight: Guidance, hold: Hold | None, *, armed: bool) -> str:
     """Hold other axes than before."""
     if hold is None:
         return "mode needs to be told what to hold"
@@ -18,7 +18,7 @@ def mode(flight: Flight, hold: Hold | None, *, armed: bool) -> str:
     return ""
 
 
-def goto(flight: Flight, request: PilotRequest) -> str:
+def goto(flight: Guidance, request: PilotRequest) -> str:
     """To a depth, to a heading, to both, or to a place."""
     depth, heading = request.depth, request.heading
     if depth is not None and depth < 0:
@@ -33,14 +33,14 @@ def goto(flight: Flight, request: PilotRequest) -> str:
     return ""
 
 
-def follow(flight: Flight, course: Course | None) -> str:
+def follow(flight: Guidance, course: Course | None) -> str:
     """Along a path that begins where the drone is; by measurement where it measures its place."""
     if course is None:
         return "follow needs a path"
     return _follow(flight, course, None)
 
 
-def _to_place(flight: Flight, request: PilotRequest) -> str:
+def _to_place(flight: Guidance, request: PilotRequest) -> str:
     """Turn there and take the depth on the spot, then straight and level."""
     if request.north is None or request.east is None or request.heading is not None:
         return "goto a place needs north and east, and turns there by itself"
@@ -50,9 +50,11 @@ def _to_place(flight: Flight, request: PilotRequest) -> str:
     return _follow(flight, Course(waypoints=(flight.ground.position, there)), there, request.depth)
 
 
-def _follow(flight: Flight, course: Course, goal: Pair | None, depth: Finite | None = None) -> str:
+def _follow(
+    flight: Guidance, course: Course, goal: Pair | None, depth: Finite | None = None
+) -> str:
     try:
-        planned = Planned(course)
+        planned = PlannedPath(course)
     except ValueError as error:
         return f"this is no path: {error}"
     measured = flight.ground is not None
@@ -65,7 +67,7 @@ def _follow(flight: Flight, course: Course, goal: Pair | None, depth: Finite | N
     return ""
 
 
-def _begin(flight: Flight, *, hold_place: bool) -> None:
+def _begin(flight: Guidance, *, hold_place: bool) -> None:
     """End the way the drone was on; on any way it holds depth and heading."""
     flight.journey.end(flight.t, hold_place=hold_place)
     flight.hold = safe(flight.hold)

@@ -16,7 +16,7 @@ the heading stands, of fourth order while it turns.
 from dataclasses import dataclass, field
 from math import hypot
 
-from services.reference.guidance.ground_motion import Ground, Pair, turned
+from services.reference.guidance.ground_motion import GroundMotion, Pair, turned
 from services.reference.trajectory.minimum_jerk import Limits, Sample
 from services.reference.trajectory.vector import VectorRamp, bounded_plan
 
@@ -25,7 +25,7 @@ NOTHING = Sample(0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(slots=True)
-class Place:
+class StationKeeping:
     """Time is the caller's, in seconds, and never runs backwards. `step` moves it on."""
 
     limits: Limits  # of the norms, of each of the two motions
@@ -47,7 +47,7 @@ class Place:
         """North and east at the newest step."""
         return self._at(0), self._at(1)
 
-    def take_measured(self, ground: Ground, t: float) -> None:
+    def take_measured(self, ground: GroundMotion, t: float) -> None:
         """Hold from `t` [s] on: go on as the vehicle moves, and come to rest."""
         self.offset = ground.offset
         pairs = zip(ground.position, ground.velocity, strict=True)
@@ -97,7 +97,7 @@ class Place:
         ramps = (self._before, self._stick)
         return max(ramp.since + sum(stage[0].duration for stage in ramp.stages) for ramp in ramps)
 
-    def error(self, ground: Ground) -> tuple[Pair, float]:
+    def error(self, ground: GroundMotion) -> tuple[Pair, float]:
         """[m] From the vehicle to the reference, north and east, and its size."""
         north, east = (s.position - x for s, x in zip(self.now, ground.position, strict=True))
         return (north, east), hypot(north, east)

@@ -6,7 +6,7 @@ Fresnel integrals.
 
 from math import pi, sqrt
 
-from services.reference.paths.turn import Place, Turn
+from services.reference.paths.turn import Turn, TurnPoint
 
 SMALLEST = 1e-17  # relative; smaller terms of a series change nothing
 
@@ -36,11 +36,11 @@ class TwinClothoids(Turn):
     """The turn of Fernandes et al. 2015, even parity: the curvature rises linearly to 1/r in the
     middle and falls linearly back to 0."""
 
-    def first_half(self, s: float) -> Place:
+    def first_half(self, s: float) -> TurnPoint:
         half = self.length / 2
         u, scale = s / half, sqrt(pi / self.angle)
         c, integral_s = fresnel(u / scale)
-        return Place(
+        return TurnPoint(
             half * scale * c,
             half * scale * integral_s,
             self.angle * u * u / 2,

@@ -14,7 +14,7 @@ from typing import NamedTuple, Protocol
 
 from services.reference.paths.path import Path
 from services.reference.trajectory.minimum_jerk import Sample
-from services.reference.trajectory.profile import Profile
+from services.reference.trajectory.profile import MotionProfile
 from services.reference.trajectory.profile_sequence import sequence
 
 ARRIVED = 1e-6  # [m] the profile may miss the end of the path by this much, [m/s] be this fast
@@ -53,7 +53,7 @@ class Route:
     """
 
     path: Path
-    profile: Profile  # distance along the path [m], from 0 to its length
+    profile: MotionProfile  # distance along the path [m], from 0 to its length
 
     def __post_init__(self) -> None:
         end = self.profile.at(self.profile.duration)
@@ -102,13 +102,15 @@ def point_on(path: Path, along: Sample, t: float) -> RoutePoint:
     )
 
 
-class Motion(Protocol):
+class MotionLaw(Protocol):
     """How a length is covered: a generator of this package with its settings filled in."""
 
-    def __call__(self, length: float, cruise: float, initial: float, final: float) -> Profile: ...
+    def __call__(
+        self, length: float, cruise: float, initial: float, final: float
+    ) -> MotionProfile: ...
 
 
-def route(path: Path, motion: Motion, speeds: Sequence[float]) -> Route:
+def route(path: Path, motion: MotionLaw, speeds: Sequence[float]) -> Route:
     """A path at given speeds, from rest to rest.
 
     Args:
@@ -126,7 +128,7 @@ def route(path: Path, motion: Motion, speeds: Sequence[float]) -> Route:
             f" {len(path.parts)} parts of this path"
         )
     meets = [0.0, *(min(a, b) for a, b in pairwise(speeds)), 0.0]
-    profiles: list[Profile] = []
+    profiles: list[MotionProfile] = []
     for i, (part, cruise) in enumerate(zip(path.parts, speeds, strict=True)):
         try:
             profiles.append(motion(part.length, cruise, meets[i], meets[i + 1]))

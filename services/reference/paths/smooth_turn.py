@@ -12,7 +12,7 @@ from math import cos, sin
 
 import numpy as np
 
-from services.reference.paths.turn import Place, Turn
+from services.reference.paths.turn import Turn, TurnPoint
 
 _nodes, _weights = np.polynomial.legendre.leggauss(20)  # 1e-15 of the length for turns up to π
 GAUSS = [(float(1 + x) / 2, float(w) / 2) for x, w in zip(_nodes, _weights, strict=True)]
@@ -21,12 +21,12 @@ GAUSS = [(float(1 + x) / 2, float(w) / 2) for x, w in zip(_nodes, _weights, stri
 class SmoothTurn(Turn):
     """The turn of a yaw reference that is C2."""
 
-    def first_half(self, s: float) -> Place:
+    def first_half(self, s: float) -> TurnPoint:
         """The position is a quadrature with 20 nodes."""
         half = self.length / 2
         u = s / half
         courses = [(weight, self._course(u * node)) for node, weight in GAUSS]
-        return Place(
+        return TurnPoint(
             s * sum(weight * cos(course) for weight, course in courses),
             s * sum(weight * sin(course) for weight, course in courses),
             self._course(u),

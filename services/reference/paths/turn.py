@@ -11,7 +11,7 @@ from typing import NamedTuple
 STRAIGHT = 1e-9  # [rad] a corner less than this is no turn, and so close to π it is a way back
 
 
-class Place(NamedTuple):
+class TurnPoint(NamedTuple):
     """A point of a turn and how the curve runs there."""
 
     x: float  # [m]
@@ -40,7 +40,7 @@ class Turn:
         if not 0 < self.angle <= pi:
             raise ValueError(f"turn angle: found {self.angle} rad, must be more than 0, at most π")
 
-    def first_half(self, s: float) -> Place:
+    def first_half(self, s: float) -> TurnPoint:
         """`s` [m] from the start, 0 … half the length."""
         raise NotImplementedError
 
@@ -50,7 +50,7 @@ class Turn:
         return 2 * self.angle * self.min_radius
 
     @cached_property
-    def middle(self) -> Place:
+    def middle(self) -> TurnPoint:
         """Where it is sharpest."""
         return self.first_half(self.length / 2)
 
@@ -70,7 +70,7 @@ class Turn:
         """[m] Tangent times the sine of the angle, finite even at 180°."""
         return self.middle.x * sin(self.angle) + 2 * self.middle.y * sin(self.angle / 2) ** 2
 
-    def at(self, s: float) -> Place:
+    def at(self, s: float) -> TurnPoint:
         """`s` [m] from the start, 0 … length. The second half is the first, walked backwards
         from the end; replaces (104) to (109)."""
         if s <= self.length / 2:
@@ -78,7 +78,7 @@ class Turn:
         ahead, aside = cos(self.angle), sin(self.angle)
         x, y = self.middle.x, self.middle.y
         back = self.first_half(self.length - s)
-        return Place(
+        return TurnPoint(
             x + (x - back.x) * ahead + (y - back.y) * aside,
             y + (x - back.x) * aside - (y - back.y) * ahead,
             self.angle - back.course,

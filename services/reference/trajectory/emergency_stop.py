@@ -10,12 +10,12 @@ from dataclasses import dataclass
 from math import isfinite
 
 from services.reference.trajectory.minimum_jerk import Limits, Sample, Segment, along, solve
-from services.reference.trajectory.profile import Profile
+from services.reference.trajectory.profile import MotionProfile
 
 
 @dataclass(frozen=True, slots=True)
-class Stop:
-    """A `Profile`: the motion before until `since`, from there on the way to standstill."""
+class StoppedMotion:
+    """A `MotionProfile`: the motion before until `since`, from there on the way to standstill."""
 
     before: Callable[[float], Sample]
     since: float  # [s] when the stop was asked for, on the clock of the motion before
@@ -45,7 +45,7 @@ class Stop:
         return here._replace(position=self.position + here.position)
 
 
-def stop(profile: Profile, t: float, limits: Limits) -> Stop:
+def stop(profile: MotionProfile, t: float, limits: Limits) -> StoppedMotion:
     """Stop a motion from `t` [s] on. Position, velocity and acceleration go on without a step.
 
     Raises:
@@ -54,7 +54,7 @@ def stop(profile: Profile, t: float, limits: Limits) -> Stop:
     return stop_motion(profile.at, t, limits)
 
 
-def stop_motion(motion: Callable[[float], Sample], t: float, limits: Limits) -> Stop:
+def stop_motion(motion: Callable[[float], Sample], t: float, limits: Limits) -> StoppedMotion:
     """The same for a motion that is a function of time, such as one that waits (`time_scaling`)."""
     if not (limits.jerk > 0 and isfinite(limits.jerk)):
         raise ValueError(f"jerk of a stop is {limits.jerk}, expected a finite number above 0")
@@ -66,4 +66,4 @@ def stop_motion(motion: Callable[[float], Sample], t: float, limits: Limits) -> 
     if not all(map(isfinite, here)):
         raise ValueError(f"the motion to be stopped is not finite at {t:g} s: {here}")
     segments = tuple(solve(here.velocity, here.acceleration, 0.0, limits))
-    return Stop(motion, t, here.position, segments)
+    return StoppedMotion(motion, t, here.position, segments)

@@ -18,7 +18,7 @@ from services.reference.trajectory.minimum_jerk import Limits, Sample, Segment, 
 HALVINGS = 80  # enough to reach the last bit of a float
 
 
-class Pair(NamedTuple):
+class PositionMove(NamedTuple):
     """A motion to a position, from whatever the reference was doing. A `Profile`."""
 
     segments: tuple[Segment, ...]
@@ -40,7 +40,7 @@ def pair(
     v_max: float,
     velocity: float = 0.0,
     acceleration: float = 0.0,
-) -> Pair:
+) -> PositionMove:
     """The motion over `distance` (either sign) that ends at rest.
 
     Args:
@@ -53,10 +53,10 @@ def pair(
     if not v_max > 0:
         raise ValueError(f"v_max: found {v_max}, must be more than 0")
 
-    def over(peak: float, cruise: float = 0.0) -> Pair:
+    def over(peak: float, cruise: float = 0.0) -> PositionMove:
         there = solve(velocity, acceleration, peak, limits)
         middle = [Segment(cruise, peak, 0.0, 0.0, 0.0)] if cruise > 0 else []
-        return Pair((*there, *middle, *solve(peak, 0.0, 0.0, limits)), peak)
+        return PositionMove((*there, *middle, *solve(peak, 0.0, 0.0, limits)), peak)
 
     for fastest in (v_max, -v_max):
         missing = (distance - travelled(over(fastest).segments)) / fastest

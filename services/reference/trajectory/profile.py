@@ -5,7 +5,7 @@ from typing import Protocol
 from services.reference.trajectory.minimum_jerk import Sample
 
 
-class Profile(Protocol):
+class MotionProfile(Protocol):
     """A motion over `duration` seconds. Before 0 and after the end it rests or cruises on."""
 
     @property

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from math import isclose
 
 from services.reference.trajectory.minimum_jerk import Sample
-from services.reference.trajectory.profile import Profile
+from services.reference.trajectory.profile import MotionProfile
 
 
 @dataclass(frozen=True, slots=True)
 class ProfileSequence:
-    """A `Profile` made of others; each starts where and when the one before arrives."""
+    """A `MotionProfile` made of others; each starts where and when the one before arrives."""
 
-    parts: tuple[Profile, ...]
+    parts: tuple[MotionProfile, ...]
     begins: tuple[float, ...]  # [s] when each part starts, the first at 0
     starts: tuple[float, ...]  # position where each part starts, the first at 0
     duration: float  # [s] from the start of the first part to the arrival of the last
@@ -25,7 +25,7 @@ class ProfileSequence:
         return here._replace(position=self.starts[k] + here.position)
 
 
-def sequence(parts: Sequence[Profile]) -> ProfileSequence:
+def sequence(parts: Sequence[MotionProfile]) -> ProfileSequence:
     """Chain motions.
 
     Raises:

@@ -23,7 +23,7 @@ Value = TypeVar("Value", float, NDArray[np.float64])  # one coordinate, or sever
 Seen = TypeVar("Seen", float, NDArray[np.float64], covariant=True)
 
 
-class Moving(Protocol[Seen]):
+class MovingReference(Protocol[Seen]):
     """A reference at one instant; a `Sample` is one."""
 
     @property
@@ -34,7 +34,7 @@ class Moving(Protocol[Seen]):
     def acceleration(self) -> Seen: ...  # per s² of its clock
 
 
-class Scaled(NamedTuple, Generic[Value]):
+class ScaledReference(NamedTuple, Generic[Value]):
     """A reference at one instant, in real time."""
 
     position: Value
@@ -42,7 +42,7 @@ class Scaled(NamedTuple, Generic[Value]):
     acceleration: Value  # per s²
 
 
-class Clock(NamedTuple):
+class PathClock(NamedTuple):
     """The clock of a waiting reference at one instant of real time."""
 
     tau: float  # [s] time of the reference
@@ -92,22 +92,22 @@ class WaitingClock:
             self.waiting = False
         self._ramp.aim(0.0 if self.waiting else 1.0, t)
 
-    def at(self, t: float) -> Clock:
+    def at(self, t: float) -> PathClock:
         """Where the clock is at `t` [s] of real time."""
-        return Clock(*self._ramp.at(t))
+        return PathClock(*self._ramp.at(t))
 
 
-def scaled(reference: Moving[Value], clock: Clock) -> Scaled[Value]:
+def scaled(reference: MovingReference[Value], clock: PathClock) -> ScaledReference[Value]:
     """The reference taken at `clock.tau`, as it is seen in real time."""
     rate, change = clock.rate, clock.rate_change
-    return Scaled(
+    return ScaledReference(
         reference.position,
         reference.velocity * rate,
         reference.acceleration * (rate * rate) + reference.velocity * change,
     )
 
 
-def scaled_sample(reference: Sample, clock: Clock) -> Sample:
+def scaled_sample(reference: Sample, clock: PathClock) -> Sample:
     """The same for one coordinate, with the jerk j_r λ³ + 3 a_r λ dλ/dt + v_r d²λ/dt²."""
     position, velocity, acceleration = scaled(reference, clock)
     jerk = (

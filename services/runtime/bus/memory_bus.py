@@ -15,7 +15,7 @@ def matches(key_expression: str, key: str) -> bool:
 
 
 class MemoryBus:
-    """One realm shared by all its listeners; each node gets its own `Ear` on it."""
+    """One realm shared by all its listeners; each node gets its own `MemoryBusPort` on it."""
 
     def __init__(self) -> None:
         self._listeners: list[tuple[str, Store, object]] = []
@@ -40,7 +40,7 @@ class MemoryBus:
                 store(envelope)
 
 
-class Ear:
+class MemoryBusPort:
     """One node's end of a `MemoryBus`."""
 
     def __init__(self, bus: MemoryBus) -> None:

@@ -13,7 +13,7 @@ from messages.topic import Qos
 
 
 @dataclass(frozen=True, slots=True)
-class Travel:
+class ZenohQos:
     """How one envelope travels, in Zenoh's terms."""
 
     priority: Priority
@@ -21,9 +21,9 @@ class Travel:
     express: bool
 
 
-STANCES = {
-    Qos.REALTIME: Travel(Priority.REAL_TIME, CongestionControl.DROP, express=False),
-    Qos.LIVE: Travel(Priority.INTERACTIVE_HIGH, CongestionControl.DROP, express=False),
-    Qos.EVENT: Travel(Priority.DATA_HIGH, CongestionControl.DROP, express=False),
-    Qos.BULK: Travel(Priority.BACKGROUND, CongestionControl.DROP, express=False),
+QOS_PROFILES = {
+    Qos.REALTIME: ZenohQos(Priority.REAL_TIME, CongestionControl.DROP, express=False),
+    Qos.LIVE: ZenohQos(Priority.INTERACTIVE_HIGH, CongestionControl.DROP, express=False),
+    Qos.EVENT: ZenohQos(Priority.DATA_HIGH, CongestionControl.DROP, express=False),
+    Qos.BULK: ZenohQos(Priority.BACKGROUND, CongestionControl.DROP, express=False),
 }

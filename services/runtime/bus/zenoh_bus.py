@@ -11,10 +11,10 @@ import zenoh
 from messages.topic import AnyTopic
 from services.runtime.bus.access_control import Border, access_control
 from services.runtime.bus.envelope import Envelope, Say, Store
-from services.runtime.bus.qos import STANCES, Travel
+from services.runtime.bus.qos import QOS_PROFILES, ZenohQos
 from services.runtime.config.errors import LindyError
 
-Mode = Literal["router", "client"]
+SessionMode = Literal["router", "client"]
 VERSION = "@v1"  # one verbatim chunk keeps incompatible generations apart
 HUB_PATIENCE_S = 10.0  # how long a client waits for its hub to appear
 
@@ -24,7 +24,10 @@ def namespace(vehicle: str) -> str:
 
 
 def config(
-    mode: Mode, listen: Sequence[str] = (), connect: Sequence[str] = (), space: str | None = None
+    mode: SessionMode,
+    listen: Sequence[str] = (),
+    connect: Sequence[str] = (),
+    space: str | None = None,
 ) -> zenoh.Config:
     """Explicit endpoints, no discovery, so that many stacks run side by side on one machine."""
     settings = zenoh.Config()
@@ -109,7 +112,7 @@ class ZenohBus:
         )
 
     def say(self, topic: AnyTopic) -> Say:
-        travel = STANCES[topic.qos]
+        travel = QOS_PROFILES[topic.qos]
         publisher = self._session.declare_publisher(
             topic.key,
             encoding=topic.encoding,
@@ -125,7 +128,7 @@ class ZenohBus:
 
     def forward(self, envelope: Envelope) -> None:
         travel = envelope.travelled
-        assert isinstance(travel, Travel)
+        assert isinstance(travel, ZenohQos)
         self._session.put(
             envelope.key,
             envelope.payload,
@@ -167,5 +170,5 @@ def _envelope(sample: zenoh.Sample) -> Envelope:
         payload=sample.payload.to_bytes(),
         encoding=str(sample.encoding),
         attachment=None if attachment is None else attachment.to_bytes(),
-        travelled=Travel(sample.priority, sample.congestion_control, sample.express),
+        travelled=ZenohQos(sample.priority, sample.congestion_control, sample.express),
     )

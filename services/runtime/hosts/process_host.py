@@ -26,8 +26,8 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.garbage_collection import rare_collections
 from services.runtime.hosts.registry import Registry, ServiceSpec
-from services.runtime.node.checkpoint import FileMemory
-from services.runtime.node.clock_offset import FarClock
+from services.runtime.node.checkpoint import CheckpointFile
+from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.loop_stats import Usage
 from services.runtime.node.node import Node
 
@@ -47,7 +47,7 @@ class Launch(msgspec.Struct, frozen=True, kw_only=True):
     parent: int | None = None  # pid; the process ends when this is no longer its parent
 
 
-class Stop:
+class StopFlag:
     """A flag that signals and the parent's death raise."""
 
     def __init__(self) -> None:
@@ -65,10 +65,12 @@ def run_service(launch: Launch) -> int:
             realm: exits.enter_context(open_bus(endpoint, vehicle))
             for realm, endpoint in launch.endpoints.items()
         }
-        memory = FileMemory(Path(launch.memory) / f"{launch.service}.json")
+        memory = CheckpointFile(Path(launch.memory) / f"{launch.service}.json")
         exits.callback(memory.close)
         home = next(iter(launch.endpoints))
-        far = FarClock("topside" if home == "topside" else "drone") if launch.stack.apart else None
+        far = (
+            ClockOffset("topside" if home == "topside" else "drone") if launch.stack.apart else None
+        )
         node = Node(
             launch.service, buses, time.monotonic_ns, memory, gateway=launch.spec.gateway, far=far
         )
@@ -121,8 +123,8 @@ def _wait(node: Node, event: threading.Event) -> None:
 
 
 @contextmanager
-def _stoppable(parent: int | None) -> Generator[Stop]:
-    stop = Stop()
+def _stoppable(parent: int | None) -> Generator[StopFlag]:
+    stop = StopFlag()
     signal.signal(signal.SIGINT, stop.ask)
     signal.signal(signal.SIGTERM, stop.ask)
     _exact_timers()
@@ -142,7 +144,7 @@ def _sentences(who: str) -> Generator[None]:
         print(f"lindy {who}: {error}", file=sys.stderr, flush=True)
 
 
-def _follow(parent: int, stop: Stop) -> None:
+def _follow(parent: int, stop: StopFlag) -> None:
     """Raise the flag when the parent is gone; end the process if nobody looks at the flag."""
     while os.getppid() == parent:
         time.sleep(0.2)  # the kernel does not tell a process that its parent died

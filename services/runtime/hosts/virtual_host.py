@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from math import ceil
 
 from messages.health import LogLine
-from services.runtime.bus.memory_bus import Ear, MemoryBus
+from services.runtime.bus.memory_bus import MemoryBus, MemoryBusPort
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.jitter import Lateness
 from services.runtime.hosts.registry import Registry, ServiceSpec, Wire, wire_of
-from services.runtime.node.checkpoint import Memory, VolatileMemory
-from services.runtime.node.clock_offset import FarClock
+from services.runtime.node.checkpoint import CheckpointStore, VolatileCheckpoint
+from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.node import Node
 
 ROUNDS = 1000  # deliveries at one instant before we call it an endless conversation
@@ -55,18 +55,18 @@ class VirtualHost:
         self._lateness = lateness or {}
         self.nodes: dict[str, Node] = {}
         self._buses: dict[str, MemoryBus] = {}
-        self._memories: dict[str, Memory] = {}
+        self._memories: dict[str, CheckpointStore] = {}
         self._woken: dict[str, None] = {}  # an ordered set of names
         self._due: dict[str, int] = {}  # [ns] next timer of each node, while running
 
-    def realm(self, name: str) -> Ear:
+    def realm(self, name: str) -> MemoryBusPort:
         """A fresh ear on a realm, for a test that wants to listen or to speak."""
-        return Ear(self._buses.setdefault(name, MemoryBus()))
+        return MemoryBusPort(self._buses.setdefault(name, MemoryBus()))
 
     def node(self, name: str, realms: list[str], *, gateway: bool = False) -> Node:
         """A node without a service; whoever asks for it wires it."""
         ears = {realm: self.realm(realm) for realm in realms}
-        memory = self._memories.setdefault(name, VolatileMemory())
+        memory = self._memories.setdefault(name, VolatileCheckpoint())
         skew, far = self._skew(realms[0]), self._far(realms[0])
         clock = (lambda: self.now) if skew is SAME else (lambda: skew.shows(self.now))
         node = Node(name, ears, clock, memory, gateway=gateway, far=far)
@@ -92,7 +92,7 @@ class VirtualHost:
     def kill(self, name: str) -> None:
         """End a service as a crash would: it says nothing more and closes nothing."""
         for ear in self.nodes.pop(name).realms.values():
-            assert isinstance(ear, Ear)
+            assert isinstance(ear, MemoryBusPort)
             ear.close()
         self._woken.pop(name, None)
 
@@ -156,7 +156,7 @@ class VirtualHost:
     def _skew(self, realm: str) -> Skew:
         return SAME if self._clocks is None else self._clocks.get(realm, SAME)
 
-    def _far(self, realm: str) -> FarClock | None:
+    def _far(self, realm: str) -> ClockOffset | None:
         if self._clocks is None:
             return None
-        return FarClock("topside" if realm == "topside" else "drone")
+        return ClockOffset("topside" if realm == "topside" else "drone")

@@ -25,8 +25,8 @@ from services.runtime.hosts.process_host import HubLaunch, Launch, usage
 from services.runtime.hosts.registry import Registry, ServiceSpec
 from services.runtime.launch.child import Task
 from services.runtime.launch.supervisor import NAME, Supervisor
-from services.runtime.node.checkpoint import VolatileMemory
-from services.runtime.node.clock_offset import FarClock, Side
+from services.runtime.node.checkpoint import VolatileCheckpoint
+from services.runtime.node.clock_offset import ClockOffset, Side
 from services.runtime.node.node import Node
 
 CHECKPOINTS = "checkpoints"  # folder in that of the dive; DIVE/checkpoints/<service>.json
@@ -38,7 +38,7 @@ HUB_TIMEOUT_S = 20.0
 LONGEST_FOLDER = 60  # [bytes] a socket's path must stay below 107
 
 
-class Far(NamedTuple):
+class OtherSide(NamedTuple):
     """The other side, where it is another machine."""
 
     side: Side  # the one this machine is
@@ -56,7 +56,7 @@ class LocalStack:
         services: Registry,
         folder: Path,
         listen: str | None,
-        far: "Far | None",
+        far: "OtherSide | None",
     ) -> None:
         self._far = far
         self.stack = stack
@@ -96,11 +96,11 @@ class LocalStack:
                 bus.watch(partial(self._token, realm))
                 self._buses[realm] = bus
         home = HOME if HOME in self._buses else next(iter(self._buses))
-        far = None if self._far is None else FarClock(self._far.side)
+        far = None if self._far is None else ClockOffset(self._far.side)
         bus = {home: self._buses[home]}
         # Two machines have two of them, and each hears the other's health.
         name = NAME if self._far is None else f"{NAME}_{self._far.side}"
-        self.node = Node(name, bus, time.monotonic_ns, VolatileMemory(), far=far)
+        self.node = Node(name, bus, time.monotonic_ns, VolatileCheckpoint(), far=far)
         self.node.wake, self.node.usage = self._wake.set, usage
         self._speaks = True
 
@@ -224,7 +224,7 @@ def local_stack(
     stack: Stack,
     services: Registry,
     listen: str | None = None,
-    far: Far | None = None,
+    far: OtherSide | None = None,
 ) -> Generator[LocalStack]:
     """Hubs that run, without services yet; everything is ended when the block is left.
 

@@ -13,7 +13,7 @@ from typing import Protocol
 CLOSE_S = 1.0  # [s] at most, for the last checkpoint to reach a slow disk
 
 
-class Memory(Protocol):
+class CheckpointStore(Protocol):
     def recall(self) -> bytes | None:
         """The newest checkpoint of an earlier run, or None.
 
@@ -31,7 +31,7 @@ class Memory(Protocol):
         ...
 
 
-class VolatileMemory:
+class VolatileCheckpoint:
     """For the virtual host: survives a restart of the node, not of the program."""
 
     def __init__(self) -> None:
@@ -47,7 +47,7 @@ class VolatileMemory:
         return 0
 
 
-class FileMemory:
+class CheckpointFile:
     """For the process host: one small file, written by a thread of its own, because a disk may take
     its time. While one checkpoint is being written only the newest of those that follow waits."""
 

@@ -16,7 +16,7 @@ DRIFT = 100e-6  # [-] at most, between two crystals of 50 ppm
 ABOUT_CLOCKS = (Clock, ClockPing, ClockPong)  # they carry each clock's own time, untouched
 
 
-class FarClock:
+class ClockOffset:
     """What is known of the other machine's clock."""
 
     def __init__(self, side: Side) -> None:

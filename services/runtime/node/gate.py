@@ -11,7 +11,7 @@ import msgspec
 
 from messages.topic import M, Topic
 from services.runtime.bus.envelope import Envelope
-from services.runtime.node.clock_offset import FarClock
+from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.stamps import mover
 
 MEMBERS = 64  # of one family, such as health/*, that one port hears
@@ -49,7 +49,7 @@ class Gate(Generic[M]):
         self,
         topic: Topic[M],
         counts: Counter[str],
-        far: FarClock | None = None,
+        far: ClockOffset | None = None,
         *,
         onlooker: bool = False,
     ) -> None:
@@ -145,7 +145,7 @@ class Gates(Generic[M]):
         self,
         topic: Topic[M],
         counts: Counter[str],
-        far: FarClock | None = None,
+        far: ClockOffset | None = None,
         *,
         onlooker: bool = False,
     ) -> None:

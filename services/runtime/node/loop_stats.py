@@ -14,7 +14,7 @@ class Usage:
     rss_mb: float  # [MB] resident memory
 
 
-class Pulse:
+class LoopStats:
     """Counts handler calls and how late each began."""
 
     def __init__(self) -> None:

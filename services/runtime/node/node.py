@@ -17,10 +17,10 @@ from messages.link import Clock
 from messages.topic import AnyTopic, M, Topic
 from services.runtime.bus.envelope import Bus, Envelope
 from services.runtime.node.answers import AnswerBook
-from services.runtime.node.checkpoint import Memory
-from services.runtime.node.clock_offset import FarClock
+from services.runtime.node.checkpoint import CheckpointStore
+from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.gate import Gate, Gates
-from services.runtime.node.loop_stats import Pulse, Usage
+from services.runtime.node.loop_stats import LoopStats, Usage
 from services.runtime.node.ports import Inbox, Latest, Now, Publisher
 from services.runtime.node.requests import A, Asking, Overrules, Q, Requests
 from services.runtime.node.timers import Alarm, Tick
@@ -38,10 +38,10 @@ class Node:
         name: str,
         realms: Mapping[str, Bus],
         clock: Now,
-        memory: Memory,
+        memory: CheckpointStore,
         *,
         gateway: bool = False,
-        far: FarClock | None = None,
+        far: ClockOffset | None = None,
     ) -> None:
         self.name = name
         self.realms = realms
@@ -50,7 +50,7 @@ class Node:
         self.show: Callable[[LogLine], None] = lambda _: None  # the host's; writes to stderr
         self.usage: Callable[[], Usage | None] = lambda: None  # the host's; asks the system
         self.wall_offset_ns = 0  # the host's: UTC minus the node's clock; 0 on virtual time
-        self.pulse = Pulse()
+        self.pulse = LoopStats()
         self._clock = clock
         self._memory = memory
         self._home = next(iter(realms))

@@ -15,7 +15,7 @@ from services.tether.profile import LinkProfile, Named
 KINDS: dict[str, dict[str, Any]] = {
     "delay": {
         "constant": delay.Constant,
-        "uniform": delay.Uniform,
+        "uniform": delay.UniformDelay,
         "normal": delay.Normal,
         "exponential": delay.Exponential,
         "pareto": delay.Pareto,

@@ -27,7 +27,7 @@ Count = Callable[[str], None]
 Log = Callable[[Literal["info", "warning", "error"], str], None]
 
 
-class Hello(msgspec.Struct):
+class ViewerLaunch(msgspec.Struct):
     """The feeder's only argument."""
 
     recording_id: str
@@ -35,7 +35,7 @@ class Hello(msgspec.Struct):
     viewer: list[str]  # program and arguments, but for its port
 
 
-class Live:
+class LiveViewer:
     """Our end of the pipe."""
 
     def __init__(
@@ -45,7 +45,7 @@ class Live:
         self._log = log
         self._waiting = bytearray()
         self._encode = msgspec.msgpack.Encoder().encode
-        hello = msgspec.json.encode(Hello(recording_id, vehicle, viewer)).decode()
+        hello = msgspec.json.encode(ViewerLaunch(recording_id, vehicle, viewer)).decode()
         self.process: subprocess.Popen[bytes] | None = subprocess.Popen(
             [sys.executable, "-m", "services.visualizer.io.viewer_process", hello],
             stdin=subprocess.PIPE,

@@ -10,7 +10,7 @@ import rerun as rr
 
 from messages.units import Quaternion, Vec3
 from services.marine.vehicle import Vehicle
-from services.visualizer.batch import Batch, Columns, Frame, Note
+from services.visualizer.batch import Batch, CurveColumns, Frame, Note
 from services.visualizer.blueprint import TIMELINE, blueprint
 from services.visualizer.curve import MANY, PREDICTED, REFERENCE, Curve
 from services.visualizer.curves import curves
@@ -40,7 +40,7 @@ STATES: dict[str, dict[str, int]] = {
 }
 
 
-class Sink:
+class RerunWriter:
     """One recording: a file, or a live viewer."""
 
     def __init__(self, recording_id: str, vehicle: Vehicle) -> None:
@@ -96,7 +96,7 @@ class Sink:
         if self._bytes is not None and self._file is not None and (data := self._bytes.read()):
             self._file.append(data)
 
-    def _columns(self, columns: Columns) -> None:
+    def _columns(self, columns: CurveColumns) -> None:
         # A third of the time of np.array(rows), which must look at every row for its shape.
         values = np.fromiter(chain.from_iterable(columns.rows), np.float64)
         if columns.path not in self._styled:

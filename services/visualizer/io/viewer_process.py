@@ -15,15 +15,15 @@ from typing import BinaryIO
 import msgspec
 
 from services.visualizer.batch import Batch
-from services.visualizer.io.live_viewer import LENGTH_BYTES, Hello
-from services.visualizer.io.rerun_writer import Sink
+from services.visualizer.io.live_viewer import LENGTH_BYTES, ViewerLaunch
+from services.visualizer.io.rerun_writer import RerunWriter
 
 OPEN_S = 20.0  # for the viewer to listen
 STALL_S = 10  # a viewer that takes nothing for this long is given up
 
 
 def main(argument: str) -> int:
-    hello = msgspec.json.decode(argument, type=Hello)
+    hello = msgspec.json.decode(argument, type=ViewerLaunch)
     port = free_port()
     viewer = subprocess.Popen(
         [*hello.viewer, "--port", str(port)],
@@ -35,7 +35,7 @@ def main(argument: str) -> int:
     if not answers(port, viewer, OPEN_S):
         viewer.kill()
         return 1
-    sink = Sink(hello.recording_id, hello.vehicle)
+    sink = RerunWriter(hello.recording_id, hello.vehicle)
     _watch()
     sink.connect(f"rerun+http://127.0.0.1:{port}/proxy")
     _feed(sink, sys.stdin.buffer, viewer)
@@ -44,7 +44,7 @@ def main(argument: str) -> int:
     return 0
 
 
-def _feed(sink: Sink, pipe: BinaryIO, viewer: subprocess.Popen[bytes]) -> None:
+def _feed(sink: RerunWriter, pipe: BinaryIO, viewer: subprocess.Popen[bytes]) -> None:
     """Until the pipe ends or the viewer does."""
     decoder = msgspec.msgpack.Decoder(Batch)
     signal.alarm(0)

@@ -13,7 +13,7 @@ from messages.reference import Motion, Reference
 from messages.state import VehicleState
 from services.control.axis.axis_law import Gains
 from services.control.core import Controller, Settings
-from services.control.settings import Level
+from services.control.settings import RollPitchGains
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
 
@@ -228,7 +228,7 @@ def test_gains_that_are_not_stable_do_not_start() -> None:
 
 
 def test_roll_and_pitch_are_held_level_when_told_to() -> None:
-    level = Level(kp=5.0, kd=1.0)
+    level = RollPitchGains(kp=5.0, kd=1.0)
     law = Controller(Settings(roll=level), HEAVY)
     rolled = msgspec.structs.replace(state(), roll=Estimate(0.1, 0.01), pitch=Estimate(0.2, 0.01))
     wrench, _ = law.step(reference(), rolled, 0)
@@ -294,6 +294,6 @@ def test_no_message_makes_a_wild_thrust(
 
 @pytest.mark.parametrize("axis", ["roll", "pitch"])
 def test_gains_of_an_axis_that_no_thruster_drives_are_refused(axis: str) -> None:
-    settings = msgspec.structs.replace(Settings(), **{axis: Level(kp=1.0)})
+    settings = msgspec.structs.replace(Settings(), **{axis: RollPitchGains(kp=1.0)})
     with pytest.raises(ValueError, match=rf"control.{axis}: kp = 1 and kd = 0, but the thrusters"):
         Controller(settings, PIONEER)

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from messages.message import Estimate
 from messages.sensors import ImuSample, MagnetometerSample, PressureSample
 from messages.state import VehicleState
-from services.estimation.core import Estimator, Remembered, Settings
+from services.estimation.core import EstimationCheckpoint, Estimator, Settings
 from services.estimation.startup.calibration import CalibrationSettings
 from services.marine.vehicle import GRAVITY, SEA_WATER
 
@@ -86,7 +86,7 @@ class Dive:
         return MagnetometerSample(stamp_ns=self.k * 10 * MS, field=body)
 
 
-def dive(seed: int = 0, remembered: Remembered | None = None) -> Dive:
+def dive(seed: int = 0, remembered: EstimationCheckpoint | None = None) -> Dive:
     return Dive(Estimator(QUICK, FLOATING, remembered), np.random.default_rng(seed))
 
 
@@ -415,7 +415,7 @@ event = st.one_of(
     st.tuples(st.just("magnetometer"), triples | st.tuples(*[st.floats(-5e-5, 5e-5)] * 3),
               st.none(), st.integers(-10, 200)),
 )  # fmt: skip
-KEPT = Remembered(
+KEPT = EstimationCheckpoint(
     stamp_ns=0,
     atmosphere=1e5,
     atmosphere_std=50.0,

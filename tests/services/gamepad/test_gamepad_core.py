@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from services.gamepad.core import (
     CENTRED,
     Buttons,
-    Gain,
-    Profile,
+    PadProfile,
+    StickGain,
     Sticks,
     Tilt,
     presses_of,
@@ -21,7 +21,7 @@ from services.runtime.config.settings import deploy_file, read
 travels = st.floats(-1.0, 1.0)
 dead_bands = st.floats(0.0, 0.9)
 shares = st.floats(0.0, 1.0)
-gains = st.lists(shares, min_size=3, max_size=3).map(sorted).map(lambda levels: Gain(*levels))
+gains = st.lists(shares, min_size=3, max_size=3).map(sorted).map(lambda levels: StickGain(*levels))
 laws = settings(max_examples=100, deadline=None)
 
 
@@ -72,7 +72,7 @@ def test_expo_makes_the_middle_finer_and_keeps_the_end():
 
 @laws
 @given(gains, shares, shares)
-def test_the_gain_lies_between_slow_and_boost(gain: Gain, slow: float, boost: float):
+def test_the_gain_lies_between_slow_and_boost(gain: StickGain, slow: float, boost: float):
     level = gain.level(slow, boost)
     assert gain.slow - 1e-12 <= level <= gain.boost
     assert gain.level(0.0, 0.0) == gain.normal
@@ -93,9 +93,9 @@ def test_each_stick_moves_its_own_axis_and_no_other(
     control: str, full: float, axis: str, sign: float
 ):
     normal = Sticks(**{axis: sign * 0.6})
-    assert sticks_of({control: full}, Profile()) == normal
-    assert sticks_of({control: full, "righttrigger": 1.0}, Profile()) == Sticks(**{axis: sign})
-    slow = sticks_of({control: full, "lefttrigger": 1.0}, Profile())
+    assert sticks_of({control: full}, PadProfile()) == normal
+    assert sticks_of({control: full, "righttrigger": 1.0}, PadProfile()) == Sticks(**{axis: sign})
+    slow = sticks_of({control: full, "lefttrigger": 1.0}, PadProfile())
     assert slow == pytest.approx(Sticks(**{axis: sign * 0.25}))
 
 
@@ -110,17 +110,17 @@ def test_each_stick_moves_its_own_axis_and_no_other(
 )
 def test_no_state_of_a_pad_commands_more_than_full(controls: dict[str, float]):
     controls = {name: abs(x) if "trigger" in name else x for name, x in controls.items()}
-    assert all(-1.0 <= stick <= 1.0 for stick in sticks_of(controls, Profile()))
+    assert all(-1.0 <= stick <= 1.0 for stick in sticks_of(controls, PadProfile()))
 
 
 @laws
 @given(gains, shares, shares, st.booleans(), st.booleans())
 def test_the_camera_turns_at_full_speed_whatever_the_gain_and_both_buttons_cancel(
-    gain: Gain, slow: float, boost: float, up: bool, down: bool
+    gain: StickGain, slow: float, boost: float, up: bool, down: bool
 ):
     held = {"dpup": float(up), "dpdown": float(down)}
     triggers = {"lefttrigger": slow, "righttrigger": boost}
-    assert sticks_of(held | triggers, Profile(gain=gain)) == Sticks(tilt=float(up) - float(down))
+    assert sticks_of(held | triggers, PadProfile(gain=gain)) == Sticks(tilt=float(up) - float(down))
 
 
 @laws
@@ -131,21 +131,21 @@ def test_sticks_are_at_rest_when_nothing_but_the_camera_moves(sticks: Sticks):
 
 
 def test_the_cameras_buttons_are_the_profiles():
-    profile = Profile(tilt=Tilt(up="x", down="a"))
+    profile = PadProfile(tilt=Tilt(up="x", down="a"))
     assert sticks_of({"x": 1.0, "dpdown": 1.0}, profile) == Sticks(tilt=1.0)
 
 
 def test_an_untouched_pad_is_centred():
-    assert sticks_of({}, Profile()) == CENTRED
+    assert sticks_of({}, PadProfile()) == CENTRED
 
 
 def test_buttons_mean_what_the_profile_says_and_the_others_nothing():
-    profile = Profile(button=Buttons(arm="a", stop="x"))
+    profile = PadProfile(button=Buttons(arm="a", stop="x"))
     assert presses_of(["start", "x", "a", "dpup"], profile) == ("stop", "arm")
 
 
 def test_the_shipped_profile_is_the_default():
-    assert read(deploy_file("pads", "default"), Profile) == Profile()
+    assert read(deploy_file("pads", "default"), PadProfile) == PadProfile()
 
 
 @pytest.mark.parametrize(
@@ -165,4 +165,4 @@ def test_the_shipped_profile_is_the_default():
 )
 def test_a_profile_that_makes_no_sense_is_refused(tree: dict[str, object]):
     with pytest.raises(msgspec.ValidationError):
-        msgspec.convert(tree, Profile)
+        msgspec.convert(tree, PadProfile)

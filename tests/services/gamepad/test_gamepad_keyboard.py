@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from services.gamepad.core import CENTRED, Gain, Reading, Sticks
+from services.gamepad.core import CENTRED, StickGain, StickReading, Sticks
 from services.gamepad.io import sdl
 from services.runtime.config.errors import LindyError
 
@@ -20,19 +20,19 @@ MS = 1_000_000  # [ns]
 @pytest.fixture
 def keyboard(monkeypatch: pytest.MonkeyPatch) -> Iterator[Keyboard]:
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    keyboard = Keyboard(Gain())
+    keyboard = Keyboard(StickGain())
     keyboard.read(0, None)  # what the window says when it opens
     yield keyboard
     keyboard.close()
 
 
-def press(keyboard: Keyboard, *keys: int) -> Reading:
+def press(keyboard: Keyboard, *keys: int) -> StickReading:
     for key in keys:
         pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=key))
     return keyboard.read(0, None)
 
 
-def release(keyboard: Keyboard, *keys: int) -> Reading:
+def release(keyboard: Keyboard, *keys: int) -> StickReading:
     for key in keys:
         pygame.event.post(pygame.event.Event(pygame.KEYUP, key=key))
     return keyboard.read(0, None)
@@ -118,7 +118,7 @@ def test_closing_the_window_loses_the_pilot(keyboard: Keyboard):
     closing, later = keyboard.read(20 * MS, None), keyboard.read(60 * MS, None)
     assert not closing.present
     assert closing.lost == ("closed:keyboard",)
-    assert later == Reading(present=False, at_rest=False, age_ms=40.0)
+    assert later == StickReading(present=False, at_rest=False, age_ms=40.0)
 
 
 def test_the_window_tells_which_key_does_what(keyboard: Keyboard):
@@ -135,11 +135,11 @@ def test_without_a_display_the_sentence_says_what_to_do_instead(
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"):
         monkeypatch.delenv(name, raising=False)
     with pytest.raises(LindyError, match="no display; use a pad or --pilot script:FILE"):
-        Keyboard(Gain())
+        Keyboard(StickGain())
 
 
 def test_a_display_that_cannot_be_reached_is_one_sentence(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "x11")
     monkeypatch.setenv("DISPLAY", ":93")
     with pytest.raises(LindyError, match="cannot open the keyboard's window"):
-        Keyboard(Gain())
+        Keyboard(StickGain())

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from services.gamepad.core import CENTRED, Profile, Reading, Sticks
+from services.gamepad.core import CENTRED, PadProfile, StickReading, Sticks
 from services.gamepad.io import sdl
 
 sdl.load()
@@ -67,10 +67,10 @@ class Pilot:
     """Reads the pad every 20 ms."""
 
     def __init__(self) -> None:
-        self.pad = Pad(Profile())
+        self.pad = Pad(PadProfile())
         self.now = 0
 
-    def read(self) -> Reading:
+    def read(self) -> StickReading:
         self.now += 20 * MS
         return self.pad.read(self.now, None)
 

@@ -11,11 +11,11 @@ from messages import topics
 from messages.health import LogLine
 from messages.pilot import Course, PilotAnswer, PilotCommand, PilotRequest
 from messages.vehicle import Mode, VehicleStatus
-from services.gamepad.core import CENTRED, Reading, Sticks
+from services.gamepad.core import CENTRED, StickReading, Sticks
 from services.gamepad.io import sdl
 from services.gamepad.io.path_file import course_named
 from services.gamepad.pilot import Pilot, Progress
-from services.gamepad.pilot_intents import Press, Wish
+from services.gamepad.pilot_intents import Intent, Press
 from services.gamepad.service import Connected, wire
 from services.gamepad.stick_log import parse
 from services.runtime.config.errors import LindyError
@@ -97,12 +97,12 @@ class Hands:
     def __init__(self) -> None:
         self.sticks = CENTRED
         self.present = True
-        self.presses: Sequence[Wish] = ()
+        self.presses: Sequence[Intent] = ()
 
-    def read(self, now: int, began: int | None) -> Reading:  # noqa: ARG002
+    def read(self, now: int, began: int | None) -> StickReading:  # noqa: ARG002
         pressed, self.presses = tuple(self.presses), ()
         at_rest = self.present and self.sticks.at_rest
-        return Reading(self.sticks, self.present, at_rest, presses=pressed)
+        return StickReading(self.sticks, self.present, at_rest, presses=pressed)
 
     def next_ns(self, now: int, began: int) -> int | None:  # noqa: ARG002
         return None

@@ -9,9 +9,9 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from messages.pilot import PilotAnswer, PilotRequest, RequestKind
 from messages.vehicle import Mode, VehicleStatus
-from services.gamepad.core import CENTRED, Reading, Sticks
+from services.gamepad.core import CENTRED, StickReading, Sticks
 from services.gamepad.pilot import Effects, Pilot, Progress
-from services.gamepad.pilot_intents import Goto, Press
+from services.gamepad.pilot_intents import GotoIntent, Press
 
 NOBODY: frozenset[RequestKind] = frozenset()
 
@@ -25,7 +25,7 @@ def answer(accepted: bool, epoch: int | None = None) -> PilotAnswer:
 
 
 def press(pilot: Pilot, wish: Press, now: int = 0) -> Effects:
-    return pilot.read(Reading(presses=(wish,)), "hands", 0, NOBODY, now)
+    return pilot.read(StickReading(presses=(wish,)), "hands", 0, NOBODY, now)
 
 
 def kinds(effects: Effects) -> list[str]:
@@ -84,7 +84,7 @@ def test_before_the_hand_over_and_without_a_pilot_the_sticks_say_nothing(
     sticks: Sticks, present: bool, began: int | None
 ):
     pilot = Pilot(Progress(began_ns=began), arms=False)
-    command = pilot.read(Reading(sticks, present), "hands", 0, NOBODY, 5).command
+    command = pilot.read(StickReading(sticks, present), "hands", 0, NOBODY, 5).command
     assert command is not None
     said = Sticks(command.surge, command.sway, command.heave, command.yaw, command.tilt)
     assert said == (sticks if present and began is not None else CENTRED)
@@ -112,13 +112,13 @@ class AnyOrder(RuleBasedStateMachine):
 
     @rule(
         heave=st.sampled_from([0.0, 0.5]),
-        wish=st.none() | st.sampled_from([*get_args(Press), Goto(depth=1.0)]),
+        wish=st.none() | st.sampled_from([*get_args(Press), GotoIntent(depth=1.0)]),
     )
-    def reads(self, heave: float, wish: Press | Goto | None) -> None:
+    def reads(self, heave: float, wish: Press | GotoIntent | None) -> None:
         self.at_rest = heave == 0.0
         presses = () if wish is None else (wish,)
         self.ended = self.ended or wish in ("stop", "disarm")
-        reading = Reading(Sticks(heave=heave), at_rest=self.at_rest, presses=presses)
+        reading = StickReading(Sticks(heave=heave), at_rest=self.at_rest, presses=presses)
         self.take(self.pilot.read(reading, "hands", 0, self.waiting, 0))
 
     @rule(epoch=st.integers(0, 4), armed=st.booleans())

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from services.gamepad.core import CENTRED, Sticks
 from services.gamepad.io.path_file import course_named
 from services.gamepad.io.sources import read_script
-from services.gamepad.stick_log import Row, Script, parse
+from services.gamepad.stick_log import StickLog, StickLogRow, parse
 from services.gamepad.stick_log_player import QUIET_NS, Player
 from services.runtime.config.errors import LindyError
 
@@ -81,7 +81,7 @@ def test_the_hands_are_at_rest_while_the_script_moves_nothing_but_the_camera(
     assert reading.at_rest == (reading.sticks._replace(tilt=0.0) == CENTRED)
 
 
-def parsed_or_error(data: bytes) -> Script | ValueError:
+def parsed_or_error(data: bytes) -> StickLog | ValueError:
     try:
         return parse(data, course_named)
     except ValueError as error:
@@ -92,7 +92,7 @@ def parsed_or_error(data: bytes) -> Script | ValueError:
 @given(st.binary(max_size=200) | st.binary(max_size=60).map(lambda tail: HEAD + tail))
 def test_whatever_bytes_a_file_holds_the_error_names_a_line(data: bytes):
     parsed = parsed_or_error(data)
-    if isinstance(parsed, Script):
+    if isinstance(parsed, StickLog):
         assert all(abs(x) <= 1.0 for row in parsed.rows for x in row.sticks)
     else:
         assert type(parsed) is ValueError
@@ -104,27 +104,30 @@ def test_comments_blank_lines_spaces_and_a_spreadsheets_mark_are_allowed():
         "\ufeff# a dive\r\n\r\n t, surge, sway, heave, yaw, event # heading\r\n"
         "0, 0, 0, 0.5, 0 # down\r\n\r\n1.5, 0, 0, 0, 0, stop\r\n"
     )
-    down, end = Row(0, Sticks(heave=0.5)), Row(3 * S // 2, CENTRED, "stop")
-    assert parse(text.encode(), course_named) == Script((down, end))
+    down, end = StickLogRow(0, Sticks(heave=0.5)), StickLogRow(3 * S // 2, CENTRED, "stop")
+    assert parse(text.encode(), course_named) == StickLog((down, end))
 
 
 def test_the_column_of_events_may_be_left_out():
     assert parse(b"t,surge,sway,heave,yaw\n2,0,0,0,1\n", course_named).rows == (
-        Row(2 * S, Sticks(yaw=1.0)),
+        StickLogRow(2 * S, Sticks(yaw=1.0)),
     )
 
 
 @pytest.mark.parametrize(
     ("text", "row"),
     [
-        (b"t,surge,sway,heave,yaw,tilt\n1,0,0,0,0,-1\n", Row(S, Sticks(tilt=-1.0))),
-        (b"t,surge,sway,heave,yaw,event,tilt\n1,0,0,0,0,stop,1\n", Row(S, Sticks(tilt=1), "stop")),
-        (TILT_HEAD + b"1,0,0,0,0,,stop\n", Row(S, CENTRED, "stop")),
-        (TILT_HEAD + b"1,0,0,0,0,0.5\n", Row(S, Sticks(tilt=0.5))),
-        (TILT_HEAD + b"1,0,0,0,1\n", Row(S, Sticks(yaw=1.0))),
+        (b"t,surge,sway,heave,yaw,tilt\n1,0,0,0,0,-1\n", StickLogRow(S, Sticks(tilt=-1.0))),
+        (
+            b"t,surge,sway,heave,yaw,event,tilt\n1,0,0,0,0,stop,1\n",
+            StickLogRow(S, Sticks(tilt=1), "stop"),
+        ),
+        (TILT_HEAD + b"1,0,0,0,0,,stop\n", StickLogRow(S, CENTRED, "stop")),
+        (TILT_HEAD + b"1,0,0,0,0,0.5\n", StickLogRow(S, Sticks(tilt=0.5))),
+        (TILT_HEAD + b"1,0,0,0,1\n", StickLogRow(S, Sticks(yaw=1.0))),
     ],
 )
-def test_tilt_and_event_come_in_any_order_and_may_be_left_empty(text: bytes, row: Row):
+def test_tilt_and_event_come_in_any_order_and_may_be_left_empty(text: bytes, row: StickLogRow):
     assert parse(text, course_named).rows == (row,)
 
 

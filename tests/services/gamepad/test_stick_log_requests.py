@@ -12,7 +12,7 @@ from messages.pilot import Course, Hold
 from services.gamepad.core import CENTRED
 from services.gamepad.io.path_file import course_named
 from services.gamepad.io.sources import read_script
-from services.gamepad.pilot_intents import Follow, Goto, Mode
+from services.gamepad.pilot_intents import FollowIntent, GotoIntent, ModeIntent
 from services.gamepad.stick_log import parse
 from services.gamepad.stick_log_player import Player
 from services.runtime.config.errors import LindyError
@@ -39,21 +39,23 @@ def test_goto_takes_metres_and_degrees_in_any_order_and_becomes_radians(
     if not words:
         return
     expected = None if degrees is None else math.radians(degrees)
-    assert event("goto " + "  ".join(words[::-1] if turned else words)) == Goto(depth, expected)
+    assert event("goto " + "  ".join(words[::-1] if turned else words)) == GotoIntent(
+        depth, expected
+    )
 
 
 def test_follow_reads_a_shipped_path_by_its_name_or_any_by_its_file(tmp_path: Path):
     file = tmp_path / "my way.toml"
     file.write_text(WAY)
-    assert event(f"follow {file}") == Follow(Course(waypoints=((0.0, 0.0), (9.0, 0.0))))
+    assert event(f"follow {file}") == FollowIntent(Course(waypoints=((0.0, 0.0), (9.0, 0.0))))
     shipped = event("follow inspection_box")
-    assert isinstance(shipped, Follow)
+    assert isinstance(shipped, FollowIntent)
     assert len(shipped.course.waypoints) == 5
 
 
 @pytest.mark.parametrize("hold", get_args(Hold))
 def test_mode_reads_what_the_drone_is_to_hold(hold: str):
-    assert event(f"mode {hold}") == Mode(hold)  # type: ignore[arg-type]
+    assert event(f"mode {hold}") == ModeIntent(hold)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -97,17 +99,17 @@ def test_a_mistake_inside_the_path_is_found_when_the_script_is_read(tmp_path: Pa
 def test_the_player_hands_them_over_once_in_the_order_of_the_rows():
     text = f"{HEAD}0,0,0,0,0\n1,0,0,0,0,goto depth=2\n2,0,0,0,0,light\n3,0,0,0,0,goto heading=0\n"
     player = Player("x", parse(text.encode(), course_named))
-    assert player.read(S, 0).presses == (Goto(2.0),)
-    assert player.read(3 * S, 0).presses == ("light", Goto(heading=0.0))
+    assert player.read(S, 0).presses == (GotoIntent(2.0),)
+    assert player.read(3 * S, 0).presses == ("light", GotoIntent(heading=0.0))
     assert player.read(4 * S, 0).presses == ()
 
 
 def test_the_inspection_needs_no_hand_on_the_sticks():
     rows = read_script("inspection").rows
     assert all(row.sticks.at_rest for row in rows)
-    asked = [row.event for row in rows if isinstance(row.event, Goto | Follow)]
-    assert [type(event) for event in asked] == [Goto, Follow, Goto]
-    assert isinstance(asked[0], Goto)
-    assert isinstance(asked[1], Follow)
+    asked = [row.event for row in rows if isinstance(row.event, GotoIntent | FollowIntent)]
+    assert [type(event) for event in asked] == [GotoIntent, FollowIntent, GotoIntent]
+    assert isinstance(asked[0], GotoIntent)
+    assert isinstance(asked[1], FollowIntent)
     assert asked[0].depth == asked[1].course.waypoints[0][2]  # nothing to do before it sets off
     assert rows[-1].sticks == CENTRED

@@ -11,7 +11,7 @@ from messages.pilot import PilotCommand
 from messages.reference import Motion, Reference
 from messages.state import VehicleState
 from messages.vehicle import Actuation
-from services.link_monitor.latency_account import Budget
+from services.link_monitor.latency_account import LatencyAccount
 
 MS, S = 1_000_000, 1_000_000_000
 PERIOD = 20 * MS
@@ -21,7 +21,7 @@ ways = st.lists(
 )  # [ms] pad, link, reference, control, thruster
 
 
-def fly(budget: Budget, k: int, way: tuple[int, ...]) -> int:
+def fly(budget: LatencyAccount, k: int, way: tuple[int, ...]) -> int:
     """One command from the stick to the thruster. Returns when its telemetry is back."""
     pad, link, reference, control, thruster = way
     sent = k * PERIOD
@@ -54,7 +54,7 @@ def fly(budget: Budget, k: int, way: tuple[int, ...]) -> int:
 @given(ways=ways)
 @settings(max_examples=100, deadline=None)
 def test_the_stages_add_up_to_the_median_from_end_to_end(ways: list[tuple[int, ...]]) -> None:
-    budget = Budget()
+    budget = LatencyAccount()
     for _ in range(5):
         budget.ping(0.0, 0)  # before the first answers the link's share is not known
     now = max(fly(budget, k, way) for k, way in enumerate(ways))
@@ -75,7 +75,7 @@ def test_the_stages_add_up_to_the_median_from_end_to_end(ways: list[tuple[int, .
 @given(way=st.tuples(*(st.integers(0, 80) for _ in range(5))))
 @settings(max_examples=50, deadline=None)
 def test_a_steady_way_is_told_stage_by_stage(way: tuple[int, ...]) -> None:
-    budget = Budget()
+    budget = LatencyAccount()
     now = [fly(budget, k, way) for k in range(20)][-1]
     said = budget.report(now, 0.1, "")
     assert said.down is not None
@@ -86,7 +86,7 @@ def test_a_steady_way_is_told_stage_by_stage(way: tuple[int, ...]) -> None:
 
 
 def test_what_is_old_is_not_said() -> None:
-    budget = Budget()
+    budget = LatencyAccount()
     now = [fly(budget, k, (1, 1, 1, 1, 1)) for k in range(20)][-1]
     assert budget.report(now, None, "").down is not None
     later = budget.report(now + 3_000 * MS, None, "")
@@ -95,7 +95,7 @@ def test_what_is_old_is_not_said() -> None:
 
 
 def test_the_way_back_adds_up_too_and_is_unknown_without_a_screen() -> None:
-    budget = Budget()
+    budget = LatencyAccount()
     here = Estimate(0.0, 0.1)
     for k in range(20):
         sensed = k * 10 * MS
@@ -115,7 +115,7 @@ def test_the_way_back_adds_up_too_and_is_unknown_without_a_screen() -> None:
 
 
 def test_a_command_that_was_held_up_for_longer_than_the_budget_looks_back_is_no_trouble() -> None:
-    budget = Budget()
+    budget = LatencyAccount()
     for late in (0, 1_000, 2_001, 60_000):
         budget.command(PilotCommand(stamp_ns=0, surge=0.0, sway=0.0, heave=0.0, yaw=0.0), late * MS)
     assert budget.report(60_000 * MS, None, "").down is None
@@ -125,7 +125,7 @@ def test_a_command_that_was_held_up_for_longer_than_the_budget_looks_back_is_no_
 @settings(max_examples=50, deadline=None)
 def test_two_clocks_that_disagree_give_no_time_below_zero(error: int, delay: int) -> None:
     """`error` [ms] is how far the drone's stamps are off after the clocks were compared."""
-    budget, now = Budget(), 0
+    budget, now = LatencyAccount(), 0
     for k in range(20):
         sent = 100 * S + k * PERIOD
         done, now = sent + (delay + error) * MS, sent + 2 * delay * MS

@@ -7,14 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.marine.thruster_lag import Lag, Mode, decay, first_order, modes_of
+from services.marine.thruster_lag import Lag, LagMode, decay, first_order, modes_of
 
 T200 = Lag(numerator=[6136.0, 108700.0], denominator=[1.0, 89.0, 9258.0, 108700.0])
 law = settings(max_examples=80, deadline=None)
 times = st.floats(0.0, 2.0)
 
 
-def step_response(modes: list[Mode], seconds: float) -> float:
+def step_response(modes: list[LagMode], seconds: float) -> float:
     return 1.0 - sum((mode.share * decay(mode.pole, seconds)).real for mode in modes)
 
 

@@ -13,7 +13,7 @@ from messages.reference import Motion
 from messages.state import VehicleState
 from messages.vehicle import Truth
 from services.predictor.drift import Drift
-from services.predictor.prediction_quality import Guess, Judge, Pose
+from services.predictor.prediction_quality import JudgedPrediction, Pose, PredictionQuality
 from services.predictor.reference_ahead import Change, coasting, joined, reference_ahead
 from services.reference.trajectory.minimum_jerk import Limits, Ramp
 from services.runtime.config.stack import Stack
@@ -94,12 +94,12 @@ def test_drift_never_passes_the_speed_at_which_drag_balances_the_force(
 def test_the_misses_are_the_root_mean_squares_of_what_the_guesses_were_off_by(
     depths: list[float], place: tuple[float, float] | None
 ) -> None:
-    judge, here = Judge(), Pose(3.0, 0.5, *(place or (None, None)))
+    judge, here = PredictionQuality(), Pose(3.0, 0.5, *(place or (None, None)))
     judge.truth(0, here)
     for k, off in enumerate(depths, 1):
         north, east = (None, None) if place is None else (place[0] + off, place[1] - off)
         predicted = Pose(3.0 + off, 0.5 - 2.0 * off, north, east)
-        judge.guessed(Guess(k * SECOND // 25, predicted, here))
+        judge.guessed(JudgedPrediction(k * SECOND // 25, predicted, here))
     for k in range(1, len(depths) + 1):
         judge.truth(k * SECOND // 25, here)
     missed, delayed = judge.misses()

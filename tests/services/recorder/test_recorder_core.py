@@ -8,7 +8,7 @@ from messages import topics
 from messages.health import LogLine
 from messages.pilot import PilotRequest
 from messages.sensors import PressureSample
-from services.recorder.core import LATEST_NS, MEMBERS, UNKNOWN, Intake, Row
+from services.recorder.core import LATEST_NS, MEMBERS, UNKNOWN, Intake, RecordedRow
 
 KEYS = [topic.key for topic in topics.ALL]
 ENCODINGS = [topic.encoding for topic in topics.ALL]
@@ -21,7 +21,7 @@ def pressure(stamp_ns: int = 1, seq: int = 0, value: float = 101_325.0) -> bytes
     return msgspec.msgpack.encode(sample)
 
 
-def take_pressure(intake: Intake, payload: bytes, arrival: int = ARRIVAL) -> Row | str:
+def take_pressure(intake: Intake, payload: bytes, arrival: int = ARRIVAL) -> RecordedRow | str:
     return intake.take(topics.PRESSURE.key, topics.PRESSURE.encoding, payload, arrival)
 
 
@@ -86,9 +86,9 @@ def test_a_family_has_room_for_members_but_not_for_a_flood():
     intake = Intake(0)
     line = msgspec.msgpack.encode(LogLine(stamp_ns=1, service="x", level="info", text=""))
     taken = [intake.take(f"log/s{n}", topics.LOG.encoding, line, 0) for n in range(3 * MEMBERS)]
-    assert sum(isinstance(row, Row) for row in taken) == MEMBERS
+    assert sum(isinstance(row, RecordedRow) for row in taken) == MEMBERS
     assert {row for row in taken if isinstance(row, str)} == {"too_many_keys:log/*"}
-    assert isinstance(intake.take("log/s0", topics.LOG.encoding, line, 0), Row)
+    assert isinstance(intake.take("log/s0", topics.LOG.encoding, line, 0), RecordedRow)
 
 
 def test_garbage_takes_no_room_in_a_family():
@@ -96,7 +96,7 @@ def test_garbage_takes_no_room_in_a_family():
     refused = {intake.take(f"log/s{n}", topics.LOG.encoding, b"", 0) for n in range(3 * MEMBERS)}
     assert refused == {"malformed:log/*"}
     line = msgspec.msgpack.encode(LogLine(stamp_ns=1, service="x", level="info", text=""))
-    assert isinstance(intake.take("log/late", topics.LOG.encoding, line, 0), Row)
+    assert isinstance(intake.take("log/late", topics.LOG.encoding, line, 0), RecordedRow)
 
 
 Heard = tuple[str, int, int]
@@ -107,11 +107,11 @@ def hash_of(heard: list[Heard]) -> str:
     intake = Intake(0)
     for which, stamp, arrival in heard:
         if which == "pressure":
-            assert isinstance(take_pressure(intake, pressure(stamp), arrival), Row)
+            assert isinstance(take_pressure(intake, pressure(stamp), arrival), RecordedRow)
         else:
             request = msgspec.msgpack.encode(PilotRequest(stamp_ns=stamp, id="1", kind="arm"))
             topic = topics.PILOT_REQUEST
-            assert isinstance(intake.take(topic.key, topic.encoding, request, arrival), Row)
+            assert isinstance(intake.take(topic.key, topic.encoding, request, arrival), RecordedRow)
     return intake.log_hash()
 
 

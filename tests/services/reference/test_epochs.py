@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, rule
 
 from messages.pilot import FOR_ANYBODY, PilotCommand, PilotRequest, RequestKind
-from services.reference.core import Pilotage, Settings
+from services.reference.core import ReferenceGenerator, Settings
 from services.runtime.node.gate import Authority
 
 PILOTS = st.sampled_from(["ada", "bob"])
@@ -19,7 +19,7 @@ class TwoPilots(RuleBasedStateMachine):
 
     def __init__(self) -> None:
         super().__init__()
-        self.pilotage = Pilotage(Settings())
+        self.pilotage = ReferenceGenerator(Settings())
         self.authority = Authority()
         self.epochs = {"ada": 0, "bob": 0}  # as the drone's answers have told them
         self.has_moved = 0  # epoch of the newest pilot whose command was let in

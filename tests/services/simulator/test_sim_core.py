@@ -14,20 +14,20 @@ from messages.sensors import BatterySample
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
 from services.simulator.battery import Battery
-from services.simulator.core import Settings, Simulator, World, at_the_surface
+from services.simulator.core import Settings, Simulator, WorldCheckpoint, at_the_surface
 
 MS = 1_000_000  # [ns]
 PIONEER = Stack().section("vehicle", Vehicle)
 
 
-def diving(**changes: Any) -> World:
+def diving(**changes: Any) -> WorldCheckpoint:
     """At rest, 5 m deep."""
     surface = at_the_surface(PIONEER, Settings())
     state = (0.0, 0.0, 5.0, *surface.state[3:])
     return msgspec.structs.replace(surface, state=state, **changes)
 
 
-def simulator(world: World | None = None, seed: int = 0) -> Simulator:
+def simulator(world: WorldCheckpoint | None = None, seed: int = 0) -> Simulator:
     fresh = Simulator(PIONEER, Settings(), seed, world or diving())
     fresh.advance(0)
     return fresh
@@ -192,7 +192,7 @@ def test_a_remembered_world_goes_on_as_if_nothing_had_happened() -> None:
     first = simulator()
     first.obey(command(0, 20.0, 10.0, 5.0, 10.0, ttl_ms=10_000.0), 0)
     first.advance(1000 * MS)
-    copy = msgspec.json.decode(msgspec.json.encode(first.world()), type=World)
+    copy = msgspec.json.decode(msgspec.json.encode(first.world()), type=WorldCheckpoint)
     assert copy.fits(PIONEER)
     second = Simulator(PIONEER, Settings(), 0, copy)
     for sim, t0 in ((first, 1000 * MS), (second, 5000 * MS)):

@@ -11,7 +11,7 @@ from messages.control import ThrusterCommand
 from messages.simulator import FaultRequest
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
-from services.simulator.core import Settings, Simulator, World, at_the_surface
+from services.simulator.core import Settings, Simulator, WorldCheckpoint, at_the_surface
 
 MS = 1_000_000  # [ns]
 PIONEER = Stack().section("vehicle", Vehicle)
@@ -19,7 +19,7 @@ ASKED = (10.0, -6.0, 4.0, 20.0)  # [N]
 NAMES = ("port", "starboard", "lateral", "vertical")
 
 
-def simulator(world: World | None = None) -> Simulator:
+def simulator(world: WorldCheckpoint | None = None) -> Simulator:
     surface = at_the_surface(PIONEER, Settings())
     deep = msgspec.structs.replace(surface, state=(0.0, 0.0, 50.0, *surface.state[3:]))
     fresh = Simulator(PIONEER, Settings(floor_depth=500.0), 0, world or deep)
@@ -170,7 +170,7 @@ def test_faults_survive_a_restart() -> None:
     now = drive(sim, *ASKED)
     for broken in (request("vertical", "stuck"), request("sensor/pressure", "silent")):
         sim.break_or_mend(broken, now)
-    world = msgspec.json.decode(msgspec.json.encode(sim.world()), type=World)
+    world = msgspec.json.decode(msgspec.json.encode(sim.world()), type=WorldCheckpoint)
     again = simulator(world)
     assert again.truth().faults == sim.truth().faults
     assert again.pressure() is None

@@ -17,7 +17,7 @@ from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import ServiceSpec
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.node.node import Node
-from services.simulator.core import World
+from services.simulator.core import WorldCheckpoint
 from services.simulator.service import wire
 
 SECOND = 1_000_000_000  # [ns]
@@ -162,7 +162,7 @@ def test_a_killed_simulator_resumes_its_dive_with_the_same_sensors() -> None:
 
 def test_a_memory_of_another_vehicle_is_counted_and_the_dive_begins_anew() -> None:
     host = VirtualHost()
-    other = World(state=(0.0,) * 13, thrust=(0.0,) * 8, heading=0.0, used_wh=0.0)
+    other = WorldCheckpoint(state=(0.0,) * 13, thrust=(0.0,) * 8, heading=0.0, used_wh=0.0)
     host.node("simulator", ["drone"]).remember(other)
     node = host.add("simulator", ROW, Stack(), wire)
     assert node.counts["malformed:memory"] == 1

@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 
 from messages.topic import Qos
 from services.tether.codel import CoDel
-from services.tether.delay import Constant, Exponential, Normal, Pareto, Table, Trace, Uniform
-from services.tether.link_model import Line
+from services.tether.delay import Constant, Exponential, Normal, Pareto, Table, Trace, UniformDelay
+from services.tether.link_model import LinkDirection
 from services.tether.loss import Bursts, GilbertElliott, Independent
 from services.tether.outage import Outage, Outages
 from services.tether.priority_queue import RANK
-from services.tether.profile import Late, Leg, Queue
+from services.tether.profile import DirectionProfile, Late, Queue
 
 MS = 1_000_000  # [ns]
 S = 1000 * MS
@@ -23,8 +23,8 @@ ms = st.floats(0.0, 200.0)
 alike = st.floats(0.0, 0.95)
 
 
-def uniform(one: float, other: float, correlation: float) -> Uniform:
-    return Uniform(min(one, other), max(one, other), correlation)
+def uniform(one: float, other: float, correlation: float) -> UniformDelay:
+    return UniformDelay(min(one, other), max(one, other), correlation)
 
 
 def normal(mean: float, correlation: float) -> Normal:
@@ -62,9 +62,9 @@ QUEUES = st.builds(
 
 
 @st.composite
-def legs(draw: st.DrawFn) -> Leg:
+def legs(draw: st.DrawFn) -> DirectionProfile:
     rate = draw(st.sampled_from([0.0, 20.0, 200.0, 5000.0]))
-    return Leg(
+    return DirectionProfile(
         delay_ms=draw(ms),
         delay=draw(DELAYS),
         loss=draw(LOSSES),
@@ -86,11 +86,11 @@ entries = st.lists(
 Arrived = list[tuple[int, int, bool]]  # item, out [ns], damaged
 
 
-def line_of(leg: Leg, seed: int = 1) -> Line[int]:
-    return Line(leg, np.random.default_rng(seed))
+def line_of(leg: DirectionProfile, seed: int = 1) -> LinkDirection[int]:
+    return LinkDirection(leg, np.random.default_rng(seed))
 
 
-def drain(line: Line[int], until: int | None = None) -> Arrived:
+def drain(line: LinkDirection[int], until: int | None = None) -> Arrived:
     """Let everything happen at its own time."""
     out: Arrived = []
     while (due := line.due()) is not None and (until is None or due <= until):
@@ -99,7 +99,7 @@ def drain(line: Line[int], until: int | None = None) -> Arrived:
     return out
 
 
-def passage(line: Line[int], steps: list[tuple[int, int, int]]) -> Arrived:
+def passage(line: LinkDirection[int], steps: list[tuple[int, int, int]]) -> Arrived:
     now, out = 0, Arrived()
     for item, (wait, size, rank) in enumerate(steps):
         now += wait
@@ -108,7 +108,7 @@ def passage(line: Line[int], steps: list[tuple[int, int, int]]) -> Arrived:
     return out + drain(line)
 
 
-def assert_conserved(line: Line[int]) -> None:
+def assert_conserved(line: LinkDirection[int]) -> None:
     gone = line.forwarded + line.lost.total()
     assert line.entered + line.copied == gone + line.on_the_way
 
@@ -116,7 +116,7 @@ def assert_conserved(line: Line[int]) -> None:
 @settings(max_examples=150, deadline=None)
 @given(legs(), entries, st.integers(0, 5))
 def test_whatever_enters_arrives_is_lost_for_a_reason_or_is_on_the_way(
-    leg: Leg, steps: list[tuple[int, int, int]], seed: int
+    leg: DirectionProfile, steps: list[tuple[int, int, int]], seed: int
 ) -> None:
     line = line_of(leg, seed)
     out = passage(line, steps)
@@ -134,7 +134,7 @@ def test_whatever_enters_arrives_is_lost_for_a_reason_or_is_on_the_way(
 @settings(max_examples=100, deadline=None)
 @given(legs(), entries)
 def test_nothing_comes_early_and_only_the_late_are_overtaken_within_a_stance(
-    leg: Leg, steps: list[tuple[int, int, int]]
+    leg: DirectionProfile, steps: list[tuple[int, int, int]]
 ) -> None:
     out = passage(line_of(leg), steps)
     times = [at for _, at, _ in out]
@@ -154,7 +154,7 @@ def test_nothing_comes_early_and_only_the_late_are_overtaken_within_a_stance(
 @settings(max_examples=100, deadline=None)
 @given(legs(), entries, st.integers(1, 7), st.integers(0, 9))
 def test_the_same_seed_gives_the_same_fates_however_often_one_looks(
-    leg: Leg, steps: list[tuple[int, int, int]], look_ms: int, seed: int
+    leg: DirectionProfile, steps: list[tuple[int, int, int]], look_ms: int, seed: int
 ) -> None:
     once, often = line_of(leg, seed), line_of(leg, seed)
     expected = passage(once, steps)
@@ -182,7 +182,7 @@ def test_the_same_seed_gives_the_same_fates_however_often_one_looks(
     ),
 )
 def test_conservation_survives_changes_cuts_and_joins(
-    models: list[Leg], steps: list[tuple[int, str, int]]
+    models: list[DirectionProfile], steps: list[tuple[int, str, int]]
 ) -> None:
     line, now = line_of(models[0]), 0
     for number, (wait, what, size) in enumerate(steps):
@@ -211,24 +211,24 @@ def test_conservation_survives_changes_cuts_and_joins(
 
 
 def test_a_change_keeps_what_is_on_the_way() -> None:
-    narrow = Leg(delay_ms=50.0, rate_kbit=80.0, queue=Queue())
+    narrow = DirectionProfile(delay_ms=50.0, rate_kbit=80.0, queue=Queue())
     line = line_of(narrow)
     for item in range(20):
         line.enter(item, 0, 100)  # 10 ms each
     line.leave(35 * MS)
-    line.change(Leg(delay_ms=5.0), 35 * MS)
+    line.change(DirectionProfile(delay_ms=5.0), 35 * MS)
     out = drain(line)
     assert [item for item, _, _ in out] == list(range(20))
     assert line.lost.total() == 0
     line.change(narrow, 1 * S)  # a limit that is smaller than what waits loses nothing either
     for item in range(20):
         line.enter(item, 1 * S, 100)
-    line.change(Leg(rate_kbit=80.0, queue=Queue(limit_bytes=200)), 1 * S)
+    line.change(DirectionProfile(rate_kbit=80.0, queue=Queue(limit_bytes=200)), 1 * S)
     assert len(drain(line)) == 20
 
 
 def test_a_cut_link_loses_everything_with_the_reason_and_reports_no_delay() -> None:
-    line = line_of(Leg(delay_ms=20.0))
+    line = line_of(DirectionProfile(delay_ms=20.0))
     for k in range(10):
         line.enter(k, k * MS)
     assert len(drain(line, 21 * MS)) == 2
@@ -246,9 +246,9 @@ def test_a_cut_link_loses_everything_with_the_reason_and_reports_no_delay() -> N
 # Rate, queue, urgency.
 
 
-def flood(queue: Queue, seconds: float, load: float) -> tuple[Line[int], list[float]]:
+def flood(queue: Queue, seconds: float, load: float) -> tuple[LinkDirection[int], list[float]]:
     """`load` times the capacity of 100 kbit/s in messages of 100 B; the delays in ms."""
-    line, delays = line_of(Leg(rate_kbit=100.0, queue=queue)), list[float]()
+    line, delays = line_of(DirectionProfile(rate_kbit=100.0, queue=queue)), list[float]()
     step = round(8 * MS / load)
     for k in range(round(seconds * S / step)):
         for item, at, _ in drain(line, k * step):
@@ -284,7 +284,7 @@ def test_codel_keeps_the_wait_short_under_lasting_overload_and_drops_nothing_wit
 @settings(max_examples=50, deadline=None)
 @given(st.integers(1, 200), st.integers(0, 30 * MS))
 def test_a_command_waits_for_one_message_at_most(backlog: int, at: int) -> None:
-    line = line_of(Leg(rate_kbit=100.0, queue=Queue()))
+    line = line_of(DirectionProfile(rate_kbit=100.0, queue=Queue()))
     for item in range(backlog):
         line.enter(item, 0, 100, RANK[Qos.BULK])
     out = drain(line, at)
@@ -297,7 +297,7 @@ def test_a_command_waits_for_one_message_at_most(backlog: int, at: int) -> None:
 @pytest.mark.parametrize("policy", ["drop_tail", "drop_oldest", "codel"])
 def test_a_full_queue_gives_up_bulk_first_and_commands_last(policy: str) -> None:
     queue = Queue(limit_bytes=1000, policy=policy)  # type: ignore[arg-type]
-    line = line_of(Leg(rate_kbit=1.0, queue=queue))
+    line = line_of(DirectionProfile(rate_kbit=1.0, queue=queue))
     for stance in (Qos.BULK, Qos.LIVE, Qos.EVENT, Qos.REALTIME):
         for item in range(5):
             line.enter(10 * RANK[stance] + item, 0, 100, RANK[stance])
@@ -307,7 +307,9 @@ def test_a_full_queue_gives_up_bulk_first_and_commands_last(policy: str) -> None
 
 
 def test_memory_is_bounded_however_much_enters() -> None:
-    line = Line[int](Leg(delay_ms=60_000.0), np.random.default_rng(1), most=100)
+    line = LinkDirection[int](
+        DirectionProfile(delay_ms=60_000.0), np.random.default_rng(1), most=100
+    )
     for k in range(1000):
         line.enter(k, k)
     assert line.on_the_way == 100
@@ -335,7 +337,7 @@ def test_an_outage_is_seen_by_whoever_is_on_the_way_meanwhile(since: float, leng
 
 def test_a_trace_gives_each_moment_the_delay_and_the_losses_it_had() -> None:
     trace = Trace(sent_s=(0.0, 1.0, 2.0, 3.0), arrived_s=(0.1, None, 2.3, 3.2))
-    line = line_of(Leg(delay=trace))
+    line = line_of(DirectionProfile(delay=trace))
     out = passage(line, [(0, 0, 0)] + [(500 * MS, 0, 0)] * 7)
     delays = [(item, round((at - item * 500 * MS) / MS)) for item, at, _ in out]
     assert delays == [(0, 100), (1, 100), (4, 300), (5, 300), (6, 100), (7, 100)]

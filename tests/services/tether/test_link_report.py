@@ -8,15 +8,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from services.tether.delay import Trace
-from services.tether.link_model import Line
+from services.tether.link_model import LinkDirection
 from services.tether.loss import Independent
-from services.tether.profile import Leg
+from services.tether.profile import DirectionProfile
 
 MS, SECOND = 1_000_000, 1_000_000_000
 period = st.tuples(st.integers(0, 50), st.integers(0, 900))  # messages, bytes of each
 
 
-def flown(line: Line[int], begin: int, messages: int, size: int) -> None:
+def flown(line: LinkDirection[int], begin: int, messages: int, size: int) -> None:
     """One message each 10 ms from `begin` [ns] on; each leaves as soon as it has arrived."""
     for k in range(messages):
         now = begin + k * 10 * MS
@@ -29,7 +29,7 @@ def flown(line: Line[int], begin: int, messages: int, size: int) -> None:
 
 @given(st.floats(0.0, 50.0), st.lists(period, min_size=1, max_size=6))
 def test_a_report_tells_of_its_own_period(delay_ms: float, periods: list[tuple[int, int]]) -> None:
-    line = Line[int](Leg(delay_ms=delay_ms), np.random.default_rng(1))
+    line = LinkDirection[int](DirectionProfile(delay_ms=delay_ms), np.random.default_rng(1))
     assert line.report(0).rate_kbit == 0.0
     for k, (messages, size) in enumerate(periods):
         flown(line, k * SECOND, messages, size)
@@ -43,7 +43,7 @@ def test_a_report_tells_of_its_own_period(delay_ms: float, periods: list[tuple[i
 
 
 def test_half_of_the_messages_are_no_slower_than_the_median_and_99_of_100_than_the_other() -> None:
-    line = Line[int](Leg(jitter_ms=20.0), np.random.default_rng(2))
+    line = LinkDirection[int](DirectionProfile(jitter_ms=20.0), np.random.default_rng(2))
     for k in range(1000):
         line.enter(k, k * SECOND)
         while (due := line.due()) is not None:
@@ -57,7 +57,11 @@ def test_half_of_the_messages_are_no_slower_than_the_median_and_99_of_100_than_t
 def test_the_loss_of_a_period_is_the_share_of_what_was_settled_in_it(
     share: float, periods: int
 ) -> None:
-    line, lost, before = Line[int](Leg(loss=Independent(share)), np.random.default_rng(3)), 0, 0
+    line, lost, before = (
+        LinkDirection[int](DirectionProfile(loss=Independent(share)), np.random.default_rng(3)),
+        0,
+        0,
+    )
     for k in range(periods):
         flown(line, k * SECOND, 50, 100)
         said = line.report((k + 1) * SECOND)
@@ -67,7 +71,7 @@ def test_the_loss_of_a_period_is_the_share_of_what_was_settled_in_it(
 
 
 def test_a_line_that_is_cut_has_no_delay() -> None:
-    line = Line[int](Leg(delay_ms=5.0), np.random.default_rng(1))
+    line = LinkDirection[int](DirectionProfile(delay_ms=5.0), np.random.default_rng(1))
     flown(line, 0, 10, 100)
     line.cut(SECOND)
     assert line.report(SECOND).delay_p50_ms is None

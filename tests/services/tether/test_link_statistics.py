@@ -18,12 +18,12 @@ from services.tether.delay import (
     Normal,
     Pareto,
     Table,
-    Uniform,
+    UniformDelay,
 )
-from services.tether.link_model import Line
+from services.tether.link_model import LinkDirection
 from services.tether.loss import Bursts, GilbertElliott, Independent, Losses
-from services.tether.profile import Late, Leg
-from services.tether.random_streams import Uniform as Numbers
+from services.tether.profile import DirectionProfile, Late
+from services.tether.random_streams import UniformStream as Numbers
 
 N = 100_000
 NORMAL_99 = 2.576  # [σ] half of the band that holds 99 % of a Gaussian
@@ -32,7 +32,7 @@ S = 1_000_000_000  # [ns]
 CDF = Callable[[float], float]
 
 SHAPES: list[tuple[Drawn, CDF]] = [
-    (Uniform(10.0, 30.0), lambda x: (x - 10.0) / 20.0),
+    (UniformDelay(10.0, 30.0), lambda x: (x - 10.0) / 20.0),
     (Normal(50.0, 8.0), lambda x: 0.5 + 0.5 * erf((x - 50.0) / (8.0 * sqrt(2.0)))),
     (Exponential(12.0), lambda x: 1.0 - exp(-x / 12.0)),
     (Pareto(10.0, 3.0), lambda x: 1.0 - (1.0 + x / 20.0) ** -3.0),
@@ -116,8 +116,10 @@ def test_bursts_take_place_at_their_times_and_nowhere_else(first_s: float) -> No
     assert abs(len(when) / count - 0.4) < NORMAL_99 * sqrt(0.24 / count)
 
 
-def passage(leg: Leg, step_ns: int = 10_000_000) -> tuple[Line[int], list[tuple[int, bool]]]:
-    line: Line[int] = Line(leg, np.random.default_rng(3))
+def passage(
+    leg: DirectionProfile, step_ns: int = 10_000_000
+) -> tuple[LinkDirection[int], list[tuple[int, bool]]]:
+    line: LinkDirection[int] = LinkDirection(leg, np.random.default_rng(3))
     out: list[tuple[int, bool]] = []
     for k in range(N):
         line.enter(k, k * step_ns)
@@ -132,7 +134,7 @@ def passage(leg: Leg, step_ns: int = 10_000_000) -> tuple[Line[int], list[tuple[
 
 def test_copies_damage_and_lateness_have_their_shares() -> None:
     share = 0.03
-    leg = Leg(delay_ms=5.0, duplicate=share, corrupt=share, late=Late(share, 25.0))
+    leg = DirectionProfile(delay_ms=5.0, duplicate=share, corrupt=share, late=Late(share, 25.0))
     line, out = passage(leg)
     band = NORMAL_99 * sqrt(share * (1 - share) / N)
     assert abs(line.copied / N - share) < band
@@ -153,7 +155,7 @@ def _with_maximum(order: list[int]) -> list[tuple[int, int]]:
 
 def test_the_purposes_draw_from_streams_of_their_own() -> None:
     """Copies and delays do not change which messages are lost."""
-    plain = Leg(loss=Independent(0.1))
-    busy = Leg(loss=Independent(0.1), jitter_ms=8.0, duplicate=0.2, corrupt=0.2)
+    plain = DirectionProfile(loss=Independent(0.1))
+    busy = DirectionProfile(loss=Independent(0.1), jitter_ms=8.0, duplicate=0.2, corrupt=0.2)
     lost = [[item for item, _ in passage(leg)[0].take_lost()] for leg in (plain, busy)]
     assert lost[0] == lost[1]

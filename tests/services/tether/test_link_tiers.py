@@ -14,7 +14,14 @@ from services.runtime.bus.envelope import Envelope
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import ServiceSpec
 from services.runtime.hosts.virtual_host import VirtualHost
-from services.tether.telemetry_rate_control import LADDER, WORST, Thinner, Tiers, limits, load_kbit
+from services.tether.telemetry_rate_control import (
+    LADDER,
+    WORST,
+    RateLadder,
+    TelemetryRateControl,
+    limits,
+    load_kbit,
+)
 
 MS = 1_000_000  # [ns]
 S = 1000 * MS
@@ -54,7 +61,7 @@ def test_no_event_and_nothing_that_is_slow_by_nature_is_ever_thinned_out() -> No
 def test_the_level_stays_on_the_ladder_and_changes_at_most_once_a_look(
     looks: list[tuple[int, int, float]],
 ) -> None:
-    tiers = Tiers()
+    tiers = RateLadder()
     for k, (standing, lost, carried) in enumerate(looks):
         before = tiers.level
         changed = tiers.judge(standing, lost, carried, OFFERED, k * S // 5)
@@ -64,7 +71,7 @@ def test_the_level_stays_on_the_ladder_and_changes_at_most_once_a_look(
 
 
 def test_room_brings_everything_back_and_lasting_overload_makes_trials_rare() -> None:
-    tiers, now = Tiers(), 0
+    tiers, now = RateLadder(), 0
     tiers.judge(60_000, 5, 400.0, OFFERED, now)
     assert load_kbit(tiers.level, OFFERED) < 400.0
     worst, changes = tiers.level, Counter[int]()
@@ -84,7 +91,7 @@ def test_room_brings_everything_back_and_lasting_overload_makes_trials_rare() ->
 @settings(max_examples=50, deadline=None)
 @given(st.floats(1.0, 50.0), st.lists(st.integers(0, 5 * MS), min_size=300, max_size=300))
 def test_a_thinned_topic_keeps_its_rate_through_jitter(hz: float, jitter: list[int]) -> None:
-    thinner = Thinner({"state": hz})
+    thinner = TelemetryRateControl({"state": hz})
     passed = sum(thinner.admits("state", 100, k * 10 * MS + j) for k, j in enumerate(jitter))
     assert passed == pytest.approx(3.0 * hz, abs=2.0)
     assert all(thinner.admits("vehicle/status", 100, k) for k in range(100))

@@ -12,7 +12,7 @@ from services.marine.thruster_lag import Lag
 from services.marine.thrusters import driven
 from services.marine.vehicle import Thruster, Vehicle
 from services.runtime.config.stack import Stack
-from services.simulator.propulsion import Propulsion
+from services.simulator.propulsion import SimulatedThrusters
 from services.vehicle.actuation import OpenLoopThrust, share_of_voltage
 
 S = 1_000_000_000  # [ns]
@@ -66,7 +66,7 @@ def test_it_is_what_the_simulated_thrusters_do(commands: list[tuple[float, float
     pioneer = Stack().section("vehicle", Vehicle)
     lags = [SLOW, *pioneer.thruster[1:]]
     believed, now = OpenLoopThrust(lags), 0
-    simulated = Propulsion(replace(pioneer, thruster=lags), [0.0] * len(lags))
+    simulated = SimulatedThrusters(replace(pioneer, thruster=lags), [0.0] * len(lags))
     for later, newtons in commands:
         now += round(later * S)
         simulated.pass_time(round(later * S) / S)

@@ -20,7 +20,7 @@ from services.runtime.node.node import Node
 from services.runtime.node.ports import Publisher
 from services.visualizer.batch import Batch, Note
 from services.visualizer.io import live_viewer
-from services.visualizer.io.live_viewer import Live
+from services.visualizer.io.live_viewer import LiveViewer
 from services.visualizer.service import wire
 
 chunk = pytest.importorskip("rerun.chunk", reason="the viewer extra is not installed")
@@ -183,15 +183,15 @@ def big_batch() -> Batch:
 
 
 class Heard:
-    """What a `Live` counted and logged."""
+    """What a `LiveViewer` counted and logged."""
 
     def __init__(self) -> None:
         self.counts: list[str] = []
         self.lines: list[tuple[str, str]] = []
 
-    def open(self, viewer: list[str]) -> Live:
+    def open(self, viewer: list[str]) -> LiveViewer:
         vehicle = Stack().section("vehicle", Vehicle)
-        return Live("test", vehicle, viewer, self.counts.append, self.log)
+        return LiveViewer("test", vehicle, viewer, self.counts.append, self.log)
 
     def log(self, level: str, text: str) -> None:
         self.lines.append((level, text))

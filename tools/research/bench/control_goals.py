@@ -6,11 +6,11 @@ A few seeds each, so that it takes a minute; tests/long/stops.py flies a hundred
 from collections.abc import Iterable
 from math import degrees
 
-from messages.simulator import Fault
+from messages.simulator import FaultKind
 from tools.research.bench.goal_runs import (
     DVL,
     NEAR_FLOOR,
-    Release,
+    ReleaseResult,
     buoyancy_step,
     dead_thruster,
     floor_push,
@@ -26,7 +26,7 @@ SEEDS = range(3)
 FINE = ("simulator.pressure_std=100", "estimation.depth.pressure_std=100")  # [Pa]
 MINERVA_CURRENT = -1.0  # [m/s] from ahead; 455 of her 480 N with the umbilical's share
 BLUEROV_CURRENT = -0.6  # [m/s] from ahead; 59 of 86 N
-LOST: tuple[tuple[str, str, Fault, float], ...] = (  # the last is the limit [N]
+LOST: tuple[tuple[str, str, FaultKind, float], ...] = (  # the last is the limit [N]
     ("pressure sensor silent", "sensor/pressure", "silent", 3.5),
     ("pressure sensor frozen", "sensor/pressure", "frozen", 3.5),
     ("compass frozen", "sensor/magnetometer", "frozen", 3.5),
@@ -64,7 +64,7 @@ def _stops() -> Iterable[Figure]:
     yield _deg("heading overshoot, all sticks", yaw, 1.0, beside, judged=False)
 
 
-def _worst(found: list[Release], axis: str, side: str) -> float:
+def _worst(found: list[ReleaseResult], axis: str, side: str) -> float:
     sizes = [r.overshoot for r in found if r.axis == axis and r.horizontal == side]
     return max(sizes, default=0.0)
 

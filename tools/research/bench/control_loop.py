@@ -25,7 +25,7 @@ FLOOR = STICKS + "0,0,0,0,0\n2,0,0,1,0\n12,0,0,0,0\n18,0,0,-0.8,0\n22,0,0,0,0\n9
 DROP_S = 26.0  # [s] after arming the weight drops
 
 
-class Flown(NamedTuple):
+class BenchDive(NamedTuple):
     """Rows of the truth and what was wanted then, at 100 Hz from arming on."""
 
     depth: Floats  # [m]
@@ -34,12 +34,12 @@ class Flown(NamedTuple):
     wanted_heading: Floats  # [rad]
     heave: Floats  # [N] command of the vertical thruster
 
-    def between(self, begin: float, end: float) -> "Flown":
+    def between(self, begin: float, end: float) -> "BenchDive":
         """Seconds after arming."""
-        return Flown(*[column[round(100 * begin) : round(100 * end)] for column in self])
+        return BenchDive(*[column[round(100 * begin) : round(100 * end)] for column in self])
 
 
-class Scores(NamedTuple):
+class ControlScores(NamedTuple):
     following: float  # [mm] rms depth error while diving, its mean (a bias of the sensor) apart
     turning: float  # [deg] rms heading error while turning, its mean apart
     bounce: float  # [mm] back from the deepest point after the stop
@@ -79,19 +79,21 @@ def figures() -> list[Figure]:
     ]
 
 
-def scores(overrides: Sequence[str], seeds: Sequence[int] = SEEDS) -> Scores:
+def scores(overrides: Sequence[str], seeds: Sequence[int] = SEEDS) -> ControlScores:
     """Means over the seeds, of the Pioneer with these settings."""
-    return Scores(*map(fmean, zip(*[_scored(overrides, seed) for seed in seeds], strict=True)))
+    return ControlScores(
+        *map(fmean, zip(*[_scored(overrides, seed) for seed in seeds], strict=True))
+    )
 
 
-def _scored(overrides: Sequence[str], seed: int) -> Scores:
+def _scored(overrides: Sequence[str], seed: int) -> ControlScores:
     dive = flown(DIVE, 34.0, overrides, seed, drops=True)
     floor = flown(FLOOR, 26.0, [*overrides, "simulator.floor_depth=3"], seed)
     stop, rest = dive.between(8.0, 14.5), dive.between(11.0, 14.5)
     drop, calm = dive.between(DROP_S, 34.0), dive.between(DROP_S - 2.0, DROP_S)
     offset = float(np.mean(calm.wanted_depth - calm.depth))
     lift = floor.between(18.0, 24.0)
-    return Scores(
+    return ControlScores(
         following=1e3 * _spread(dive.between(2.0, 9.0), "depth"),
         turning=float(np.degrees(_spread(dive.between(15.0, 20.0), "heading"))),
         bounce=1e3 * float(stop.depth.max() - rest.depth.mean()),
@@ -103,18 +105,18 @@ def _scored(overrides: Sequence[str], seed: int) -> Scores:
     )
 
 
-def _spread(part: Flown, axis: str) -> float:
+def _spread(part: BenchDive, axis: str) -> float:
     """Root mean square of the error without its mean."""
     return float(np.std(getattr(part, f"wanted_{axis}") - getattr(part, axis)))
 
 
 def flown(
     script: str, seconds: float, overrides: Sequence[str], seed: int, *, drops: bool = False
-) -> Flown:
+) -> BenchDive:
     """A dive on virtual time, for `seconds` after arming."""
     whole: tuple[float, Sequence[str]] = (seconds, LIGHTER if drops else ())
     dive = Chain(script, overrides, seed).fly((min(seconds, DROP_S), ()), whole)
-    return Flown(
+    return BenchDive(
         depth=dive.column(topics.TRUTH, lambda m: m.position[2]),
         heading=dive.column(topics.TRUTH, lambda m: m.heading),
         wanted_depth=dive.column(topics.REFERENCE, lambda m: m.depth.position),

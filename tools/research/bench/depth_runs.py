@@ -18,7 +18,16 @@ from services.marine.vehicle import GRAVITY, SEA_WATER
 from services.runtime.config.stack import Stack
 from services.simulator.sensors import Sensors
 from services.simulator.settings import Settings
-from tools.research.bench.flights import FULL_HEAVE, HZ, LEAST, Flight, Floats, Script, Stick, flown
+from tools.research.bench.flights import (
+    FULL_HEAVE,
+    HZ,
+    LEAST,
+    Floats,
+    Script,
+    Stick,
+    TruthLog,
+    flown,
+)
 
 RATE = HZ  # [1/s] of the observers and of the accelerometer
 PRESSURE_RATE = 42.0  # [1/s] with a phase of its own
@@ -51,7 +60,7 @@ class Sensor(NamedTuple):
         return replace(TYPICAL, pressure_std=std, pressure_step=step)
 
 
-class World(NamedTuple):
+class DepthWorld(NamedTuple):
     """The truth at the steps of the observer, and what is measured of it."""
 
     t: Floats  # [s]
@@ -81,7 +90,7 @@ class Score(NamedTuple):
     lag: float  # [ms] by which the rate comes late: the shift that explains its error best
 
 
-def world(sensor: Sensor, seed: int, flight: Flight | None = None) -> World:
+def world(sensor: Sensor, seed: int, flight: TruthLog | None = None) -> DepthWorld:
     """A dive with the sensors of that seed, from calibration on. A swell lifts water and vehicle
     alike; the pilot's chain does not answer to it.
 
@@ -100,7 +109,7 @@ def world(sensor: Sensor, seed: int, flight: Flight | None = None) -> World:
     said = (np.array(pressures) - TYPICAL.atmosphere) / PER_METRE
     resting = taken + sensor.latency < 0.0
     bias, measured, lean = felt(seed, flight, push)
-    return World(
+    return DepthWorld(
         t=t[first:],
         depth=depth[first:],
         rate=(flight.depth_rate + rise)[first:],
@@ -139,7 +148,7 @@ def steps(number: int) -> Script:
     return tuple(rows)
 
 
-def felt(seed: int, flight: Flight, push: Floats) -> tuple[float, Floats, Floats]:
+def felt(seed: int, flight: TruthLog, push: Floats) -> tuple[float, Floats, Floats]:
     """The accelerometer's bias along down as calibration learns it [m/s²], and from then on what
     the service's attitude observer makes of IMU samples: the acceleration along down [m/s²], and
     the down components of the forward and starboard axes [-] n × 2.
@@ -171,7 +180,7 @@ def _mean(values: list[Vec3]) -> Vec3:
     return x, y, z
 
 
-def observe(seen: World, way: str, settings: DepthSettings) -> Estimates:
+def observe(seen: DepthWorld, way: str, settings: DepthSettings) -> Estimates:
     """Run one of the observers of `depth_ways.py` through a world."""
     observer = DepthObserver(
         settings, Atmosphere(TYPICAL.atmosphere, 1.0), SEA_WATER, 0.0, WAYS[way]
@@ -194,7 +203,7 @@ def observe(seen: World, way: str, settings: DepthSettings) -> Estimates:
     return Estimates(np.array(depths), np.array(rates), np.array(surprises[:heard]))
 
 
-def score(seen: World, found: Estimates) -> Score:
+def score(seen: DepthWorld, found: Estimates) -> Score:
     """How far the estimates are from the truth, once settled."""
     late = seen.t >= SETTLED
     depth = _rms((found.depth - seen.depth)[late])

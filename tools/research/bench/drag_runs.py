@@ -7,7 +7,7 @@ import numpy as np
 from services.control.axis.axis_law import AxisLaw, Gains
 from services.control.axis.plant import Plant
 from services.reference.trajectory.minimum_jerk import Limits, Ramp
-from tools.research.laws.baselines import Direct, Reference
+from tools.research.laws.baselines import BaselineReference, Direct
 from tools.research.papers.identified_inputs import SPEED as SLOW
 from tools.research.papers.identified_inputs import step_stick
 from tools.research.papers.identified_plant import DT, END_JERK, KD, KP, UNCLAMPED, follow
@@ -48,7 +48,7 @@ def worst_errors() -> tuple[float, float, float]:
     )
 
 
-def _worst(reference: Reference, known: Plant) -> float:
+def _worst(reference: BaselineReference, known: Plant) -> float:
     gains = Gains(kp=KP, kd=KD, ki=0.0, max_error=UNCLAMPED, max_integral=UNCLAMPED)
     stick = step_stick(SPEED, OFF, END)
     run = follow(reference, stick, by=AxisLaw(gains, known, period=DT), through=QuadraticWater())

@@ -20,9 +20,9 @@ from tools.research.bench.depth_runs import (
     RATE,
     SETTLED,
     TYPICAL,
+    DepthWorld,
     Score,
     Sensor,
-    World,
     observe,
     score,
     world,
@@ -69,7 +69,7 @@ def _observers() -> Iterator[Figure]:
                 yield from _rows(f"{sensor.name}, {way}", ours, scores[THESIS])
 
 
-def tuned(seen: World, sensor: Sensor, way: str) -> DepthSettings:
+def tuned(seen: DepthWorld, sensor: Sensor, way: str) -> DepthSettings:
     """The settings of a way with the process noise that gives the least error of the rate."""
     if way == "accelerometer":
         tries = [sensor.settings(acceleration_noise=noise) for noise in ACCELERATION_NOISES]
@@ -81,7 +81,7 @@ def tuned(seen: World, sensor: Sensor, way: str) -> DepthSettings:
     return min(tries, key=lambda settings: score(seen, observe(seen, way, settings)).rate)
 
 
-def _scored(dives: list[World], way: str, settings: DepthSettings) -> Score:
+def _scored(dives: list[DepthWorld], way: str, settings: DepthSettings) -> Score:
     """Root mean square over the dives."""
     rows: Floats = np.array([score(seen, observe(seen, way, settings)) for seen in dives])
     depth, rate, lag = np.sqrt(np.mean(rows**2, axis=0)).tolist()

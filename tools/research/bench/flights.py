@@ -35,7 +35,7 @@ FULL_HEAVE = 0.5  # [m/s]
 
 
 @dataclass(frozen=True, eq=False)
-class Flight:
+class TruthLog:
     """The truth at HZ from power-on; body axes are FRD. `armed` and `calibrated` are rows."""
 
     attitude: Floats  # [-] n × 4: q_NB as w, x, y, z
@@ -62,7 +62,7 @@ class Flight:
 
 
 @lru_cache(maxsize=8)
-def flown(script: Script, seconds: float) -> Flight:
+def flown(script: Script, seconds: float) -> TruthLog:
     """A dive that ends `seconds` after arming. The same arguments give the same dive.
 
     Raises:
@@ -76,7 +76,7 @@ def flown(script: Script, seconds: float) -> Flight:
         return _fly(stack, seconds)
 
 
-def _fly(stack: Stack, seconds: float) -> Flight:
+def _fly(stack: Stack, seconds: float) -> TruthLog:
     host, rows = VirtualHost(), Registry.read()
     for name in CHAIN:
         host.add(name, rows[name], stack)
@@ -103,7 +103,7 @@ def _fly(stack: Stack, seconds: float) -> Flight:
     stamps = [message.stamp_ns for message in truth]
     velocity = np.array([message.velocity for message in truth])
     acceleration: Floats = np.gradient(velocity, DT, axis=0)
-    return Flight(
+    return TruthLog(
         attitude=np.array([message.attitude for message in truth]),
         velocity=velocity,
         acceleration=acceleration,

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from messages.pilot import Hold
-from messages.simulator import Fault
-from tools.research.bench.sortie import DEEP, HANDS_OFF, Row, Sortie, Sticks
+from messages.simulator import FaultKind
+from tools.research.bench.sortie import DEEP, HANDS_OFF, Sortie, SortieRow, SortieSticks
 
 # Random sticks.
 HEAVE, YAW = (-1.0, -0.6, -0.3, 0.3, 0.6, 1.0), (-1.0, -0.5, 0.5, 1.0)
@@ -27,7 +27,7 @@ FLOOR = 2.0  # [m] where the floor is pushed
 ROOM = 5.0  # [m] under the surface, to rise while the depth is not held
 
 
-class Release(NamedTuple):
+class ReleaseResult(NamedTuple):
     """A stick let go. Overshoot: from the furthest point to where it settles."""
 
     axis: str  # heave or yaw
@@ -36,12 +36,14 @@ class Release(NamedTuple):
     overshoot: float  # [m] or [rad]
 
 
-def random_sticks(seed: int, seconds: float) -> tuple[list[Row], list[tuple[float, Sticks, str]]]:
+def random_sticks(
+    seed: int, seconds: float
+) -> tuple[list[SortieRow], list[tuple[float, SortieSticks, str]]]:
     """Moves of 1.5 to 4 s with five quiet seconds after each, in half of which surge and sway go
     on. The second list: when a move ended, its sticks, and what surge and sway did then."""
     rng = np.random.default_rng([seed, 7])
-    rows: list[Row] = []
-    ends: list[tuple[float, Sticks, str]] = []
+    rows: list[SortieRow] = []
+    ends: list[tuple[float, SortieSticks, str]] = []
     t, depth = 1.0, 0.0
     while t < seconds:
         wait = float(rng.uniform(1.5, 4.0)) if rows else 4.0
@@ -64,24 +66,24 @@ def random_sticks(seed: int, seconds: float) -> tuple[list[Row], list[tuple[floa
 
 def releases(
     seed: int, seconds: float = 60.0, vehicle: str = "pioneer", overrides: Sequence[str] = ()
-) -> list[Release]:
+) -> list[ReleaseResult]:
     """Every release of a dive with random sticks."""
     rows, ends = random_sticks(seed, seconds)
     over = ends[-1][0] + QUIET_S
     sortie = Sortie(rows, vehicle=vehicle, seed=seed, overrides=(DEEP, *overrides)).until(over)
-    found: list[Release] = []
+    found: list[ReleaseResult] = []
     for t, (_, _, heave, yaw), horizontal in ends:
         quiet = sortie.columns(t, t + QUIET_S)
         for axis, column, stick in (("heave", quiet.depth, heave), ("yaw", quiet.heading, yaw)):
             way = column * np.sign(stick)
             settled = float(way[-100:].mean())
-            found.append(Release(axis, t, horizontal, float(way.max()) - settled))
+            found.append(ReleaseResult(axis, t, horizontal, float(way.max()) - settled))
     return found
 
 
 def buoyancy_step(seed: int, force: float, overrides: Sequence[str] = ()) -> float:
     """[m] Furthest from where the Pioneer was, in the 8 s after `force` [N] of buoyancy came."""
-    rows: list[Row] = [(1.0, (0.0, 0.0, 0.8, 0.0)), (6.0, HANDS_OFF)]
+    rows: list[SortieRow] = [(1.0, (0.0, 0.0, 0.8, 0.0)), (6.0, HANDS_OFF)]
     sortie = Sortie(rows, seed=seed, overrides=(DEEP, *overrides)).until(14.0)
     sortie.become(f"vehicle.net_buoyancy={1.0 + force}")
     sortie.until(22.0)
@@ -98,7 +100,7 @@ class Push(NamedTuple):
 def floor_push(vehicle: str, seed: int, overrides: Sequence[str] = ()) -> Push:
     """Ten seconds of full heave stick on the sea floor, then hands off."""
     let_go = 1.0 + FLOOR / FULL[vehicle] + 2.0 + 10.0
-    rows: list[Row] = [(1.0, (0.0, 0.0, 1.0, 0.0)), (let_go, HANDS_OFF)]
+    rows: list[SortieRow] = [(1.0, (0.0, 0.0, 1.0, 0.0)), (let_go, HANDS_OFF)]
     place = f"simulator.floor_depth={FLOOR}"
     sortie = Sortie(rows, vehicle=vehicle, seed=seed, overrides=(place, *overrides))
     sortie.until(let_go + 12.0)
@@ -117,7 +119,7 @@ def _last(true: NDArray[np.bool_]) -> float:
     return 0.01 * float(np.max(np.flatnonzero(true), initial=-1) + 1)
 
 
-class Held(NamedTuple):
+class HoldResult(NamedTuple):
     place: float  # [m] furthest from the mean place
     saturated: bool
 
@@ -130,9 +132,9 @@ def place_held(
     after: float = 60.0,
     seconds: float = 40.0,
     overrides: Sequence[str] = (NEAR_FLOOR,),
-) -> Held:
+) -> HoldResult:
     """Station keeping in a current `north` [m/s]; measured from `after` [s] on."""
-    rows: list[Row] = [(1.0, (0.0, 0.0, 0.8, 0.0)), (6.0, HANDS_OFF)]
+    rows: list[SortieRow] = [(1.0, (0.0, 0.0, 0.8, 0.0)), (6.0, HANDS_OFF)]
     current = f"simulator.current.north={north}"
     sortie = Sortie(rows, vehicle=vehicle, seed=seed, overrides=(current, *overrides))
     sortie.until(15.0).hold("station_keeping")
@@ -140,7 +142,7 @@ def place_held(
     seen = sortie.columns(15.0 + after)
     held = sortie.references[-1].north is not None
     away = np.hypot(seen.north - seen.north.mean(), seen.east - seen.east.mean())
-    return Held(
+    return HoldResult(
         place=float(away.max()) if held else float("inf"),
         saturated=any(m.saturated for m in sortie.wrenches[-round(100 * seconds) :]),
     )
@@ -155,7 +157,7 @@ class Still(NamedTuple):
 
 def still(vehicle: str, seed: int, seconds: float = 60.0, overrides: Sequence[str] = ()) -> Still:
     """Depth and heading held, hands off, after a dive and a turn."""
-    rows: list[Row] = [(1.0, (0.0, 0.0, 1.0, 0.5)), (8.0, HANDS_OFF)]
+    rows: list[SortieRow] = [(1.0, (0.0, 0.0, 1.0, 0.5)), (8.0, HANDS_OFF)]
     sortie = Sortie(rows, vehicle=vehicle, seed=seed, overrides=(DEEP, *overrides))
     sortie.until(20.0 + seconds)
     seen = sortie.columns(20.0)
@@ -181,7 +183,7 @@ def mode_changes(
     far its true error is, two seconds long, from what it was at the change."""
     rng = np.random.default_rng([seed, 11])
     down = ROOM / FULL[vehicle]
-    rows: list[Row] = [(1.0, (0.0, 0.0, 1.0, 0.0)), (1.0 + down, HANDS_OFF)]
+    rows: list[SortieRow] = [(1.0, (0.0, 0.0, 1.0, 0.0)), (1.0 + down, HANDS_OFF)]
     sortie = Sortie(rows, vehicle=vehicle, seed=seed, overrides=overrides).until(9.0 + down)
     worst = Bump(0.0, 0.0)
     for _ in range(changes):
@@ -217,7 +219,7 @@ class Away(NamedTuple):
 
 def dead_thruster(part: str, seed: int) -> Away:
     """From depth and heading of a BlueROV2 that loses a thruster while it runs ahead."""
-    rows: list[Row] = [
+    rows: list[SortieRow] = [
         (1.0, (0.0, 0.0, 1.0, 0.0)),
         (8.0, HANDS_OFF),
         (16.0, (0.6, 0.0, 0.0, 0.0)),
@@ -235,10 +237,10 @@ def dead_thruster(part: str, seed: int) -> Away:
     )
 
 
-def lost_sensor(part: str, fault: Fault, seed: int) -> float:
+def lost_sensor(part: str, fault: FaultKind, seed: int) -> float:
     """[N] By which the thrust of the Pioneer changes at most from its mean, hands off, in the 15 s
     after a sensor is lost."""
-    rows: list[Row] = [(1.0, (0.0, 0.0, 1.0, 0.0)), (6.0, HANDS_OFF)]
+    rows: list[SortieRow] = [(1.0, (0.0, 0.0, 1.0, 0.0)), (6.0, HANDS_OFF)]
     sortie = Sortie(rows, seed=seed).until(16.0)
     sortie.suffer(part, fault)
     sortie.until(31.0)

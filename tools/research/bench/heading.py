@@ -13,7 +13,7 @@ from messages.sensors import ImuSample, MagnetometerSample, PressureSample
 from services.estimation.core import Estimator, Settings
 from services.marine.vehicle import GRAVITY
 from tools.research.bench import heading_runs as runs
-from tools.research.bench.flights import Flight
+from tools.research.bench.flights import TruthLog
 from tools.research.bench.table import Figure
 
 Moment = tuple[ImuSample, MagnetometerSample, PressureSample]
@@ -39,7 +39,7 @@ def _drift() -> list[Figure]:
     ]
 
 
-def _drift_of(flight: Flight, seed: int) -> float:
+def _drift_of(flight: TruthLog, seed: int) -> float:
     """[°/min] between arming and the end."""
     samples = runs.measured(flight, seed, runs.TYPICAL, compass=False)
     error = runs.observed(flight, samples).control

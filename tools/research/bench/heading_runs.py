@@ -17,7 +17,7 @@ from services.runtime.config.stack import Stack
 from services.simulator.sensors import Sensors
 from services.simulator.settings import Settings
 from tools.research.bench import marg
-from tools.research.bench.flights import DT, Flight, Floats, busy, flown
+from tools.research.bench.flights import DT, Floats, TruthLog, busy, flown
 from tools.research.bench.flights import HZ as HZ
 
 PLAIN_GAIN = 0.05  # [rad/s] of the plain filter
@@ -29,7 +29,7 @@ CLEAN = replace(TYPICAL, accelerometer_bias=0.0, hard_iron=0.0)
 
 
 @dataclass(frozen=True)
-class Samples:
+class HeadingSamples:
     """What the sensors say, as plain lists."""
 
     rate: list[Vec3]  # [rad/s] FRD
@@ -46,14 +46,14 @@ class Headings:
     std: Floats  # [rad] of the navigation heading, as the observer says
 
 
-def dive(seconds: float) -> Flight:
+def dive(seconds: float) -> TruthLog:
     """The vehicle floats for as long as it calibrates, then pitches and turns for `seconds`."""
     return flown(busy(LONGEST), seconds)
 
 
 def measured(
-    flight: Flight, seed: int, sensors: Settings, iron: Floats | None = None, compass: bool = True
-) -> Samples:
+    flight: TruthLog, seed: int, sensors: Settings, iron: Floats | None = None, compass: bool = True
+) -> HeadingSamples:
     """A sensor unit of its own for each seed; `iron` [T] NED, n × 3, bends the field."""
     unit = Sensors(sensors, seed)
     rates: list[Vec3] = []
@@ -69,7 +69,7 @@ def measured(
             x, y, z = unit.magnetometer(0, q).field
             a, b, c = to_body(q, extra)
             fields.append((x + a, y + b, z + c))
-    return Samples(rates, forces, fields)
+    return HeadingSamples(rates, forces, fields)
 
 
 def passing_iron(n: int, begin: float, seconds: float, strength: float) -> Floats:
@@ -82,7 +82,7 @@ def passing_iron(n: int, begin: float, seconds: float, strength: float) -> Float
     return iron
 
 
-def observed(flight: Flight, samples: Samples) -> Headings:
+def observed(flight: TruthLog, samples: HeadingSamples) -> Headings:
     """Both headings of the service's observers, calibrated as in the service."""
     calibration, settings = Calibration(CalibrationSettings()), CalibrationSettings()
     observer: AttitudeObserver | None = None
@@ -110,7 +110,7 @@ def observed(flight: Flight, samples: Samples) -> Headings:
     return Headings(_off(control, flight), _off(navigation, flight), std)
 
 
-def plain(flight: Flight, samples: Samples) -> Floats:
+def plain(flight: TruthLog, samples: HeadingSamples) -> Floats:
     """Error [rad] of the plain filter's heading; it begins with the truth when ours is calibrated,
     and takes the mean rate until then for the bias."""
     n, first = len(flight.heading), flight.calibrated
@@ -147,5 +147,5 @@ def _calibrated(
     return observer
 
 
-def _off(headings: Floats, flight: Flight) -> Floats:
+def _off(headings: Floats, flight: TruthLog) -> Floats:
     return np.remainder(headings - flight.heading + pi, 2 * pi) - pi

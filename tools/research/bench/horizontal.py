@@ -12,7 +12,14 @@ import numpy as np
 from services.estimation.core import Estimator, Settings
 from services.estimation.startup.calibration import CalibrationSettings
 from tools.research.bench import horizontal_runs as runs
-from tools.research.bench.horizontal_runs import CURRENT, POSITION, VELOCITY, Floats, Run, World
+from tools.research.bench.horizontal_runs import (
+    CURRENT,
+    POSITION,
+    VELOCITY,
+    Floats,
+    HorizontalRun,
+    HorizontalWorld,
+)
 from tools.research.bench.table import Figure
 from tools.research.bench.timing import race
 
@@ -36,33 +43,38 @@ def figures() -> list[Figure]:
     ]
 
 
-def _worlds(wander: float = 0.0, leg: float = runs.LEG) -> list[World]:
+def _worlds(wander: float = 0.0, leg: float = runs.LEG) -> list[HorizontalWorld]:
     return [runs.world(seed, runs.place(seed, wander), SECONDS, leg) for seed in SEEDS]
 
 
-def _judged(name: str, worlds: list[World], way: Callable[[World], Run]) -> Iterator[Figure]:
+def _judged(
+    name: str, worlds: list[HorizontalWorld], way: Callable[[HorizontalWorld], HorizontalRun]
+) -> Iterator[Figure]:
     found = [way(each) for each in worlds]
     for of, what, unit, naive, goal in (
         (POSITION, "position", "m", "newest fix", PLACE_GOAL),
         (VELOCITY, "velocity", "m/s", "held DVL", SPEED_GOAL),
     ):
-        ours, theirs = _rms(found, Run.errors, of), _rms(found, Run.naive_errors, of)
+        ours, theirs = (
+            _rms(found, HorizontalRun.errors, of),
+            _rms(found, HorizontalRun.naive_errors, of),
+        )
         yield _figure(f"{name}: {what}", unit, ours, naive, theirs)
         yield _figure(f"{name}: {what}, as asked for", unit, ours, "goal", goal, 1.0)
-    current = _rms(found, Run.errors, CURRENT)
+    current = _rms(found, HorizontalRun.errors, CURRENT)
     yield _figure(f"{name}: current", "m/s", current, "goal", CURRENT_GOAL, 1.0)
     yield from _consistency(name, found)
 
 
-def _without_thrust(worlds: list[World]) -> Figure:
+def _without_thrust(worlds: list[HorizontalWorld]) -> Figure:
     """What the accelerometer alone makes of the same dives; the current is then unknown."""
     found = [runs.observe(each, thrust_heard=False) for each in worlds]
     with_thrust = [runs.observe(each) for each in worlds]
-    ours, theirs = (_rms(each, Run.errors, VELOCITY) for each in (with_thrust, found))
+    ours, theirs = (_rms(each, HorizontalRun.errors, VELOCITY) for each in (with_thrust, found))
     return _figure("steady current: velocity, thrust heard", "m/s", ours, "not heard", theirs)
 
 
-def _consistency(name: str, found: list[Run]) -> Iterator[Figure]:
+def _consistency(name: str, found: list[HorizontalRun]) -> Iterator[Figure]:
     """Errors and innovations over what the filter believes of them, squared: 1 is honest, less is
     careful. tests/services/estimation judge it where the truth is as the filter believes."""
     for of, what in ((POSITION, "position"), (VELOCITY, "velocity"), (CURRENT, "current")):
@@ -74,7 +86,7 @@ def _consistency(name: str, found: list[Run]) -> Iterator[Figure]:
         yield _figure(f"{name}: innovation² of {sensor}", "", ours, "honest", 2.0)
 
 
-def _cost(seen: World) -> Figure:
+def _cost(seen: HorizontalWorld) -> Figure:
     (step,) = race(Underway(seen), repeats=REPEATS)
     name = "one step: IMU, magnetometer, pressure, thrust and aids to state"
     return _figure(name, "µs", step / 1e3, "limit", STEP_LIMIT, 1.0)
@@ -83,7 +95,7 @@ def _cost(seen: World) -> Figure:
 class Underway:
     """Steps of the whole estimator in motion, with everything heard."""
 
-    def __init__(self, seen: World) -> None:
+    def __init__(self, seen: HorizontalWorld) -> None:
         settings = Settings(calibration=CalibrationSettings(still_time=runs.STILL))
         self._estimator = Estimator(settings, seen.vehicle.floating_depth, None, seen.vehicle)
         self._moments = iter(seen.moments)
@@ -103,7 +115,9 @@ class Underway:
         runs.step(self._estimator, moment, thrust_heard=True)
 
 
-def _rms(found: list[Run], errors: Callable[[Run, slice], Floats], of: slice) -> float:
+def _rms(
+    found: list[HorizontalRun], errors: Callable[[HorizontalRun, slice], Floats], of: slice
+) -> float:
     return runs.rms(np.concatenate([errors(each, of) for each in found]))
 
 

@@ -44,7 +44,7 @@ SETTLED, CURRENT_SETTLED = 30.0, 60.0  # [s] in motion, after which errors are j
 POSITION, VELOCITY, CURRENT = slice(0, 2), slice(2, 4), slice(4, 6)
 
 
-class Moment(NamedTuple):
+class HorizontalSample(NamedTuple):
     """Everything at one IMU sample."""
 
     imu: ImuSample
@@ -55,13 +55,13 @@ class Moment(NamedTuple):
     truth: Truth
 
 
-class World(NamedTuple):
-    moments: list[Moment]
+class HorizontalWorld(NamedTuple):
+    moments: list[HorizontalSample]
     vehicle: Vehicle  # as its file has it
 
 
 @dataclass
-class Run:
+class HorizontalRun:
     """Rows from SETTLED on: north, east, surge, sway, current north, current east; NaN where
     unknown."""
 
@@ -96,13 +96,13 @@ def place(seed: int, wander: float = 0.0) -> Place:
     return Place(floor_depth=20.0, wake_share=rng.uniform(0.8, 1.0), current=flow)
 
 
-def world(seed: int, where: Place, seconds: float, leg: float = LEG) -> World:
+def world(seed: int, where: Place, seconds: float, leg: float = LEG) -> HorizontalWorld:
     """The vehicle turns to a new heading and pushes anew every `leg` [s]."""
     rng = np.random.default_rng([seed, 77])
     vehicle = Stack().section("vehicle", Vehicle)
     simulator = Simulator(vehicle, where, seed, at_the_surface(vehicle, where))
     told = 1.0 + MISPUSHED * rng.uniform(-1.0, 1.0, len(vehicle.thruster))
-    moments: list[Moment] = []
+    moments: list[HorizontalSample] = []
     heading = surge = sway = 0.0
     for k in range(1, round((REST + seconds) * HZ) + 1):
         t, now = k / HZ - REST, k * 1_000_000_000 // HZ
@@ -116,7 +116,7 @@ def world(seed: int, where: Place, seconds: float, leg: float = LEG) -> World:
             simulator.obey(command, now)
         simulator.advance(now)
         moments.append(_measured(simulator, k, told))
-    return World(moments, misjudged(vehicle, rng))
+    return HorizontalWorld(moments, misjudged(vehicle, rng))
 
 
 def steered(truth: Truth, heading: float, surge: float, sway: float) -> tuple[float, ...]:
@@ -138,7 +138,7 @@ def misjudged(vehicle: Vehicle, rng: np.random.Generator) -> Vehicle:
     )
 
 
-def _measured(simulator: Simulator, k: int, told: Floats) -> Moment:
+def _measured(simulator: Simulator, k: int, told: Floats) -> HorizontalSample:
     imu, field_sample = simulator.imu(), simulator.magnetometer()
     assert imu is not None
     assert field_sample is not None
@@ -149,7 +149,7 @@ def _measured(simulator: Simulator, k: int, told: Floats) -> Moment:
         aids.append(simulator.usbl(USBL))
     actuation = simulator.actuation()
     thrust = tuple((told * actuation.thrust).tolist())
-    return Moment(
+    return HorizontalSample(
         imu, field_sample, simulator.pressure() if k % 2 else None,
         [aid for aid in aids if aid is not None],
         msgspec.structs.replace(actuation, thrust=thrust), simulator.truth(),
@@ -157,19 +157,19 @@ def _measured(simulator: Simulator, k: int, told: Floats) -> Moment:
 
 
 def observe(
-    seen: World,
+    seen: HorizontalWorld,
     dvl_latency: float = DVL.latency,
     usbl_latency: float = USBL.latency,
     thrust_heard: bool = True,
     horizontal: HorizontalSettings | None = None,
-) -> Run:
+) -> HorizontalRun:
     """What the estimator makes of a world; latencies in s."""
     settings = Settings(
         calibration=CalibrationSettings(still_time=STILL),
         horizontal=HorizontalSettings() if horizontal is None else horizontal,
     )
     estimator = Estimator(settings, seen.vehicle.floating_depth, None, seen.vehicle)
-    found, late = Run(), list[tuple[int, Aid]]()
+    found, late = HorizontalRun(), list[tuple[int, Aid]]()
     fix = held = (np.nan, np.nan)
     for k, moment in enumerate(seen.moments, start=1):
         now = moment.imu.stamp_ns
@@ -199,7 +199,7 @@ def tell(estimator: Estimator, aid: Aid) -> None:
         estimator.usbl(aid)
 
 
-def step(estimator: Estimator, moment: Moment, thrust_heard: bool) -> VehicleState | None:
+def step(estimator: Estimator, moment: HorizontalSample, thrust_heard: bool) -> VehicleState | None:
     if moment.pressure is not None:
         estimator.pressure(moment.pressure)
     estimator.magnetometer(moment.field)
@@ -208,14 +208,14 @@ def step(estimator: Estimator, moment: Moment, thrust_heard: bool) -> VehicleSta
     return estimator.imu(moment.imu, moment.imu.stamp_ns)
 
 
-def _collect(found: Run, estimator: Estimator) -> None:
+def _collect(found: HorizontalRun, estimator: Estimator) -> None:
     surprise = estimator.horizontal_surprise
     for name, value in surprise.items():
         found.surprises.setdefault(name, []).append(value)
     surprise.clear()
 
 
-def _note(found: Run, truth: Truth, state: VehicleState) -> None:
+def _note(found: HorizontalRun, truth: Truth, state: VehicleState) -> None:
     found.truth.append([*truth.position[:2], *truth.velocity[:2], *truth.current[:2]])
     parts = (
         state.north, state.east, state.surge_velocity, state.sway_velocity,

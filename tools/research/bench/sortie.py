@@ -17,7 +17,7 @@ from messages import topics
 from messages.control import ThrusterCommand, Wrench
 from messages.pilot import Hold, PilotAnswer, PilotRequest
 from messages.reference import Reference
-from messages.simulator import Fault, FaultAnswer, FaultRequest
+from messages.simulator import FaultAnswer, FaultKind, FaultRequest
 from messages.state import VehicleState
 from messages.vehicle import Truth, VehicleStatus
 from services.runtime.config.stack import Stack
@@ -26,16 +26,16 @@ from services.runtime.hosts.virtual_host import VirtualHost
 from tools.research.bench.flights import CHAIN
 
 Floats = NDArray[np.float64]
-Sticks = tuple[float, float, float, float]  # surge, sway, heave, yaw; -1 … 1
-HANDS_OFF: Sticks = (0.0, 0.0, 0.0, 0.0)
-Row = tuple[float, Sticks]  # from when [s after arming] on which sticks
+SortieSticks = tuple[float, float, float, float]  # surge, sway, heave, yaw; -1 … 1
+HANDS_OFF: SortieSticks = (0.0, 0.0, 0.0, 0.0)
+SortieRow = tuple[float, SortieSticks]  # from when [s after arming] on which sticks
 SECOND = 1_000_000_000  # [ns]
 LONGEST_START = 60.0  # [s]
 DEEP = "simulator.floor_depth=60"  # [m] nothing to bump into
 QUICK_START = "estimation.calibration.still_time=3"  # [s] less to wait for
 
 
-class Columns(msgspec.Struct, frozen=True):
+class SortieColumns(msgspec.Struct, frozen=True):
     """The dive at 100 Hz from arming on, one entry per instant."""
 
     north: Floats  # [m] truth
@@ -52,7 +52,7 @@ class Sortie:
 
     def __init__(
         self,
-        sticks: Sequence[Row],
+        sticks: Sequence[SortieRow],
         *,
         vehicle: str = "pioneer",
         seed: int = 0,
@@ -144,7 +144,7 @@ class Sortie:
         )
         self._wishes.put(request)
 
-    def suffer(self, part: str, fault: Fault, value: float | None = None) -> None:
+    def suffer(self, part: str, fault: FaultKind, value: float | None = None) -> None:
         """Break a part, or mend it with `none`."""
         self._asked += 1
         request = FaultRequest(
@@ -174,7 +174,7 @@ class Sortie:
         """Why requests were not granted."""
         return [answer.reason for answer in self.answers if not answer.accepted]
 
-    def columns(self, begin: float = 0.0, end: float | None = None) -> Columns:
+    def columns(self, begin: float = 0.0, end: float | None = None) -> SortieColumns:
         """From `begin` to `end` [s], else until now."""
         last = self.t if end is None else end
         t = self._armed_ns / SECOND + np.arange(begin, last, 0.01)
@@ -192,7 +192,7 @@ class Sortie:
         def wanted(values: list[float]) -> Floats:
             return np.interp(t, at_reference, values)
 
-        return Columns(
+        return SortieColumns(
             true([m.position[0] for m in self.truth]),
             true([m.position[1] for m in self.truth]),
             true([m.position[2] for m in self.truth]),
@@ -203,7 +203,7 @@ class Sortie:
         )
 
 
-def _script(folder: Path, sticks: Sequence[Row]) -> Path:
+def _script(folder: Path, sticks: Sequence[SortieRow]) -> Path:
     path = folder / "sticks.csv"
     rows = [(0.0, HANDS_OFF), *sticks, (3600.0, HANDS_OFF)]
     lines = [f"{t:.2f},{','.join(map(str, wish))}" for t, wish in rows]

@@ -28,11 +28,11 @@ from services.runtime.launch.local_stack import local_stack
 from services.tether.core import Link
 from services.tether.delay import Delays, Drawn, Exponential, Normal, Pareto
 from services.tether.io.profile_file import named
-from services.tether.link_model import Line
+from services.tether.link_model import LinkDirection
 from services.tether.loss import GilbertElliott, Losses
 from services.tether.priority_queue import RANK
-from services.tether.profile import Leg, Queue
-from services.tether.random_streams import Uniform
+from services.tether.profile import DirectionProfile, Queue
+from services.tether.random_streams import UniformStream
 from tools.research.bench.table import Figure
 from tools.research.bench.timing import race
 
@@ -71,8 +71,8 @@ def _speed() -> Iterator[Figure]:
         )  # fmt: skip
 
 
-def _through_model(leg: Leg, count: int = 5000) -> int:
-    line: Line[int] = Line(leg, np.random.default_rng(1))
+def _through_model(leg: DirectionProfile, count: int = 5000) -> int:
+    line: LinkDirection[int] = LinkDirection(leg, np.random.default_rng(1))
     for k in range(count):
         now = k * 5 * MS
         line.enter(k, now, BYTES, k % 4)
@@ -118,7 +118,7 @@ def _statistics() -> Iterator[Figure]:
         name = f"{type(spread).__name__.lower()} delay, distance from its formula"
         yield _band(name, away, KOLMOGOROV_99 / sqrt(DRAWS))
     model = GilbertElliott(to_bad=0.02, to_good=0.25)
-    decide = Losses(model, Uniform(np.random.default_rng(7)))
+    decide = Losses(model, UniformStream(np.random.default_rng(7)))
     lost = sum(decide.reason(0.0) is not None for _ in range(DRAWS)) / DRAWS
     memory = 1.0 - model.to_bad - model.to_good
     spread_of_share = sqrt(model.mean * (1.0 - model.mean) / DRAWS * (1 + memory) / (1 - memory))
@@ -131,8 +131,8 @@ def _band(name: str, away: float, band: float) -> Figure:
 
 def _overload(minutes: int = 10) -> Iterator[Figure]:
     """Four times what the link can carry, for ten minutes; losses are taken as the service does."""
-    leg = Leg(delay_ms=30.0, rate_kbit=100.0, queue=Queue(limit_bytes=20_000))
-    line: Line[bytes] = Line(leg, np.random.default_rng(1))
+    leg = DirectionProfile(delay_ms=30.0, rate_kbit=100.0, queue=Queue(limit_bytes=20_000))
+    line: LinkDirection[bytes] = LinkDirection(leg, np.random.default_rng(1))
     most, kept = 0, list[int]()
     tracemalloc.start()
     for k in range(minutes * 60 * 250):

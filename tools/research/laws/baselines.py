@@ -14,7 +14,7 @@ from services.reference.trajectory.minimum_jerk import Limits, Sample, Segment
 Planner = Callable[[float, float, float], list[Segment]]  # velocity, acceleration, target
 
 
-class Reference(Protocol):
+class BaselineReference(Protocol):
     """What every generator of a velocity reference can do."""
 
     def aim(self, target: float, t: float) -> None:
@@ -126,7 +126,7 @@ def minimum_time(
 
 
 @dataclass(slots=True)
-class Planned:
+class PlannedBaseline:
     """Any planner as a reference with its exact position: `Ramp` for laws other than its own."""
 
     plan: Planner

@@ -35,7 +35,7 @@ from tools.research.papers import (
 from tools.research.papers.claims import Claim
 
 
-class Entry(NamedTuple):
+class CatalogueEntry(NamedTuple):
     """One figure of a paper."""
 
     id: str  # also the name of its files
@@ -46,20 +46,28 @@ class Entry(NamedTuple):
     height: float = 7.0  # [inch]
 
 
-def _andren(number: str, title: str, draw: Callable[[Figure], str], height: float = 7.0) -> Entry:
-    return Entry(f"andren-{number}", f"Andrén 2023, figure {number}", title, draw, height=height)
+def _andren(
+    number: str, title: str, draw: Callable[[Figure], str], height: float = 7.0
+) -> CatalogueEntry:
+    return CatalogueEntry(
+        f"andren-{number}", f"Andrén 2023, figure {number}", title, draw, height=height
+    )
 
 
-def _andren_table(number: str, title: str, draw: Callable[[Figure], str]) -> Entry:
-    return Entry(f"andren-table-{number}", f"Andrén 2023, Table {number}", title, draw, height=5.0)
+def _andren_table(number: str, title: str, draw: Callable[[Figure], str]) -> CatalogueEntry:
+    return CatalogueEntry(
+        f"andren-table-{number}", f"Andrén 2023, Table {number}", title, draw, height=5.0
+    )
 
 
-def _fernandes(number: int, title: str, draw: Callable[[Figure], str], height: float) -> Entry:
+def _fernandes(
+    number: int, title: str, draw: Callable[[Figure], str], height: float
+) -> CatalogueEntry:
     source = f"Fernandes et al. 2015, figure {number}"
-    return Entry(f"fernandes-{number}", source, title, draw, height=height)
+    return CatalogueEntry(f"fernandes-{number}", source, title, draw, height=height)
 
 
-FIGURES: tuple[Entry, ...] = (
+FIGURES: tuple[CatalogueEntry, ...] = (
     _andren("4.2", "four references, small step", thesis_comparison.small_step, 8.0),
     _andren("4.3", "four references, large step", thesis_comparison.large_step, 8.0),
     _andren("5.1", "three initial accelerations, fixed time", thesis.initial_accelerations),
@@ -79,7 +87,7 @@ FIGURES: tuple[Entry, ...] = (
     _andren("6.6", "depth, minimum-jerk reference", thesis_experiments.depth_ramped, 8.0),
     _andren("6.7", "heading, stick as reference", thesis_experiments.heading_naive, 8.0),
     _andren("6.8", "heading, minimum-jerk reference", thesis_experiments.heading_ramped, 8.0),
-    Entry(
+    CatalogueEntry(
         "energy-dive",
         "Andrén 2023, section 6.2.3",
         "what a dive takes from the battery",
@@ -105,28 +113,28 @@ FIGURES: tuple[Entry, ...] = (
     _fernandes(16, "the path, velocities", fernandes_loop.figure_16, 8.0),
     _fernandes(17, "the path, commanded forces", fernandes_loop.figure_17, 8.0),
     _fernandes(18, "optimal shapes", fernandes_model.optimal_shapes, 6.5),
-    Entry(
+    CatalogueEntry(
         "observer-disturbance",
         "Andrén 2023, section 6.1",
         "a step of the stick, with disturbance observers",
         disturbances.observed,
         height=8.5,
     ),
-    Entry(
+    CatalogueEntry(
         "observer-depth",
         "Andrén 2023, section 5.3.1",
         "a step in depth, four observers",
         observers.depth_step,
         height=8.5,
     ),
-    Entry(
+    CatalogueEntry(
         "observer-heading",
         "Andrén 2023, section 5.3.2",
         "heading through a magnetic disturbance",
         headings.disturbance,
         height=8.0,
     ),
-    Entry(
+    CatalogueEntry(
         "link-profiles",
         "Lindy and a naive peer",
         "one pilot's sticks over five links",
@@ -164,7 +172,7 @@ def flight_claims(drawn: Collection[str]) -> list[Claim]:
     ]
 
 
-def drawn(entry: Entry) -> Figure:
+def drawn(entry: CatalogueEntry) -> Figure:
     """The finished figure, with title and caption."""
     with style.in_style():
         figure = style.sheet(entry.width, entry.height)

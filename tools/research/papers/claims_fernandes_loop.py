@@ -11,12 +11,12 @@ from tools.research.papers.claims import Claim, judged, not_computed
 from tools.research.papers.fernandes_loop import (
     SURVEY_LIMITS,
     TRIAL_LIMITS,
-    Limits,
-    Pair,
+    PaperLimits,
+    RoutePair,
     surveys,
     trials,
 )
-from tools.research.papers.fernandes_loop_flight import Flight
+from tools.research.papers.fernandes_loop_flight import LoopRun
 
 PAPER = "Fernandes et al. 2015"
 GOAL = 0.5  # [-] of what the paper says
@@ -33,18 +33,18 @@ WHY = (
 )
 
 
-class Flown(NamedTuple):
+class FlownSection(NamedTuple):
     """A section of the paper that is flown."""
 
     section: str
     figures: tuple[str, ...]  # ids of its figures; drawing any of them computes the claims
-    limits: Limits
-    flights: Callable[[], Pair]
+    limits: PaperLimits
+    flights: Callable[[], RoutePair]
 
 
 FLOWN = (
-    Flown("4.1", ("fernandes-6", "fernandes-7", "fernandes-8"), TRIAL_LIMITS, trials),
-    Flown(
+    FlownSection("4.1", ("fernandes-6", "fernandes-7", "fernandes-8"), TRIAL_LIMITS, trials),
+    FlownSection(
         "4.3",
         ("fernandes-14", "fernandes-15", "fernandes-16", "fernandes-17"),
         SURVEY_LIMITS,
@@ -53,13 +53,13 @@ FLOWN = (
 )
 
 
-def flown_claims(what: Flown) -> list[Claim]:
+def flown_claims(what: FlownSection) -> list[Claim]:
     """Computed from flights."""
     paper, lindy = what.flights()
     return [*_judged(what, "", paper, 1.0), *_judged(what, "-lindy", lindy, GOAL)]
 
 
-def claims_not_flown(what: Flown) -> list[Claim]:
+def claims_not_flown(what: FlownSection) -> list[Claim]:
     """The same claims where no figure of them is drawn."""
     note = f"needs flights of a minute; computed when {what.figures[0]} is drawn"
     return [
@@ -71,7 +71,7 @@ def claims_not_flown(what: Flown) -> list[Claim]:
     ]
 
 
-def _judged(what: Flown, way: str, flight: Flight, share: float) -> Iterator[Claim]:
+def _judged(what: FlownSection, way: str, flight: LoopRun, share: float) -> Iterator[Claim]:
     path, depth, heading = flight.worst()
     ours = path, depth, degrees(heading)
     for k, limit in enumerate(what.limits):
@@ -81,11 +81,11 @@ def _judged(what: Flown, way: str, flight: Flight, share: float) -> Iterator[Cla
         )  # fmt: skip
 
 
-def _id(what: Flown, k: int, way: str) -> str:
+def _id(what: FlownSection, k: int, way: str) -> str:
     return f"fernandes-{what.section}-{NAMES[k]}-error{way}"
 
 
-def _source(what: Flown) -> str:
+def _source(what: FlownSection) -> str:
     return f"{PAPER}, {what.section}"
 
 

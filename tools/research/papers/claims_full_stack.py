@@ -13,8 +13,8 @@ from tools.research.papers.full_stack_runs import (
     DEPTH,
     HEADING,
     SEEDS,
-    Flown,
-    Scores,
+    StepRun,
+    StepScores,
     flown,
     idle,
     pitching,
@@ -103,22 +103,22 @@ def _lower(
     )  # fmt: skip
 
 
-def _both(of: Callable[[Flown], Scores]) -> tuple[Scores, Scores]:
+def _both(of: Callable[[StepRun], StepScores]) -> tuple[StepScores, StepScores]:
     """Naive and ramped, each the mean over the seeds."""
     naive, jerky = (
-        Scores(*map(fmean, zip(*[of(flown(seed, naive=each)) for seed in SEEDS], strict=True)))
+        StepScores(*map(fmean, zip(*[of(flown(seed, naive=each)) for seed in SEEDS], strict=True)))
         for each in (True, False)
     )
     return naive, jerky
 
 
-def _mean(of: Callable[[Flown], float], *, naive: bool) -> float:
+def _mean(of: Callable[[StepRun], float], *, naive: bool) -> float:
     return fmean(of(flown(seed, naive=naive)) for seed in SEEDS)
 
 
-def _depth_scores(dive: Flown) -> Scores:
+def _depth_scores(dive: StepRun) -> StepScores:
     return scores(dive.depth, DEPTH)
 
 
-def _heading_scores(dive: Flown) -> Scores:
+def _heading_scores(dive: StepRun) -> StepScores:
     return scores(dive.heading, HEADING)

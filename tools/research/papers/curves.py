@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from services.reference.trajectory.minimum_jerk import Sample, Segment, along
-from tools.research.laws.baselines import Reference
+from tools.research.laws.baselines import BaselineReference
 
 Floats = NDArray[np.float64]
 Stick = Sequence[tuple[float, float]]  # from this time [s] on, this velocity is asked for
@@ -36,7 +36,7 @@ def plan_curves(segments: Sequence[Segment], target: float, t: Floats) -> Curves
     return sampled(lambda moment: along(segments, moment, target), t)
 
 
-def steered(reference: Reference, stick: Stick, t: Floats) -> Curves:
+def steered(reference: BaselineReference, stick: Stick, t: Floats) -> Curves:
     """A reference that follows a stick; `t` rises."""
     moves = list(stick)
 

@@ -5,7 +5,7 @@ from matplotlib.figure import Figure
 
 from tools.research.papers import style
 from tools.research.papers.identified_inputs import sines
-from tools.research.papers.identified_plant import END_JERK, Run, ratios, sums
+from tools.research.papers.identified_plant import END_JERK, PlantRun, ratios, sums
 from tools.research.papers.identified_runs import NAIVE, improved, run
 
 BANDWIDTHS = ((1.0, style.FILTER), (3.0, style.LINDY), (10.0, style.TARGET))  # [rad/s]
@@ -23,7 +23,7 @@ def observed(figure: Figure) -> str:
     naive, thesis = run(NAIVE), run(END_JERK)
     force.plot(naive.t, sines(len(naive.t)), color=style.LIMIT, linewidth=3.0, alpha=0.5,
                label="disturbance")  # fmt: skip
-    shown: list[tuple[str, Run, style.Look]] = [
+    shown: list[tuple[str, PlantRun, style.Look]] = [
         ("naive", naive, {"color": style.DIRECT}),
         ("thesis: minimum jerk", thesis, style.THEIRS),
     ]

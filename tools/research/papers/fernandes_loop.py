@@ -16,20 +16,27 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
 from tools.research.papers import style
-from tools.research.papers.fernandes_loop_flight import BEGIN, Flight, Floats, Way, survey, trial
+from tools.research.papers.fernandes_loop_flight import (
+    BEGIN,
+    Floats,
+    LawName,
+    LoopRun,
+    survey,
+    trial,
+)
 from tools.research.papers.fernandes_paths import edges
 from tools.research.papers.fernandes_turns import map_of
 from tools.research.papers.setups import WAYPOINTS, paper_route
 
 
-class Pair(NamedTuple):
+class RoutePair(NamedTuple):
     """Two flights of one route."""
 
-    paper: Flight
-    lindy: Flight
+    paper: LoopRun
+    lindy: LoopRun
 
 
-class Limits(NamedTuple):
+class PaperLimits(NamedTuple):
     """What the paper says its errors stay below."""
 
     path: float  # [m]
@@ -37,8 +44,8 @@ class Limits(NamedTuple):
     heading: float  # [°]
 
 
-TRIAL_LIMITS = Limits(0.5, 0.1, 4.0)  # 4.1
-SURVEY_LIMITS = Limits(0.5, 0.15, 2.5)  # 4.3
+TRIAL_LIMITS = PaperLimits(0.5, 0.1, 4.0)  # 4.1
+SURVEY_LIMITS = PaperLimits(0.5, 0.15, 2.5)  # 4.3
 
 THEIRS: style.Look = {"color": style.PAPER, "linewidth": 1.2}
 OURS: style.Look = {"color": style.LINDY, "linewidth": 1.0}
@@ -54,21 +61,21 @@ FULL = ((111.7, 243.7), (111.7, 243.7), (195.0, 195.0), (90.0, 195.0))  # [N] as
 
 
 @cache
-def trials() -> Pair:
+def trials() -> RoutePair:
     """4.1, flown once in a process."""
     return _at_once(trial)
 
 
 @cache
-def surveys() -> Pair:
+def surveys() -> RoutePair:
     """4.3, flown once in a process."""
     return _at_once(survey)
 
 
-def _at_once(fly: Callable[[Way], Flight]) -> Pair:
+def _at_once(fly: Callable[[LawName], LoopRun]) -> RoutePair:
     """Both flights, each in a process of its own: a flight of twelve minutes takes half of one."""
     with ProcessPoolExecutor(2) as pool:
-        return Pair(*pool.map(fly, ("paper", "lindy")))
+        return RoutePair(*pool.map(fly, ("paper", "lindy")))
 
 
 # The figures.
@@ -125,7 +132,7 @@ def figure_17(figure: Figure) -> str:
 # How they are drawn, whatever was flown.
 
 
-def draw_errors(figure: Figure, flights: Pair, limits: Limits) -> None:
+def draw_errors(figure: Figure, flights: RoutePair, limits: PaperLimits) -> None:
     """Where it was, and how far from where it should have been."""
     labels = ("north, east\n[m]", "heading [°]", "path error\n[m]", "depth error\n[m]",
               "heading error\n[°]")  # fmt: skip
@@ -150,7 +157,7 @@ def draw_errors(figure: Figure, flights: Pair, limits: Limits) -> None:
     _as_long_as(panels, flights)
 
 
-def draw_velocities(figure: Figure, flights: Pair) -> None:
+def draw_velocities(figure: Figure, flights: RoutePair) -> None:
     """Body velocities: asked for, measured, and as they were."""
     labels = ("surge [m/s]", "sway [m/s]", "heave [m/s]", "yaw rate [°/s]")
     panels = style.stacked(figure, *labels)
@@ -168,7 +175,7 @@ def draw_velocities(figure: Figure, flights: Pair) -> None:
     _as_long_as(panels, flights)
 
 
-def draw_rotations(figure: Figure, flights: Pair) -> None:
+def draw_rotations(figure: Figure, flights: RoutePair) -> None:
     """Commanded rotations of the propellers."""
     rows = _side_by_side(figure, flights, [f"{name}\n[% of full]" for name in THRUSTERS])
     for panels, column, full in zip(rows, COLUMNS, FULL, strict=True):
@@ -183,7 +190,7 @@ def rotation(thrust: Floats, full: tuple[float, float]) -> Floats:
     return np.sign(thrust) * np.sqrt(np.abs(thrust) / most)
 
 
-def draw_forces(figure: Figure, flights: Pair) -> None:
+def draw_forces(figure: Figure, flights: RoutePair) -> None:
     """Commanded forces and moment."""
     labels = ("surge [N]", "sway [N]", "heave [N]", "yaw [N m]")
     for k, panels in enumerate(_side_by_side(figure, flights, labels)):
@@ -192,7 +199,7 @@ def draw_forces(figure: Figure, flights: Pair) -> None:
             panel.plot(t, wrench[:, k], **look)
 
 
-def draw_map(figure: Figure, flights: Pair) -> None:
+def draw_map(figure: Figure, flights: RoutePair) -> None:
     """The plane, north up."""
     panel = figure.subplots()
     map_of(panel, WAYPOINTS)
@@ -220,7 +227,7 @@ def draw_map(figure: Figure, flights: Pair) -> None:
 # What is said.
 
 
-def said_of_errors(flights: Pair) -> str:
+def said_of_errors(flights: RoutePair) -> str:
     (p, d, h), (ours_p, ours_d, ours_h) = flights.paper.worst(), flights.lindy.worst()
     return (
         f"Largest errors against the truth under way: path {p:.2f} m with the paper's law, "
@@ -229,7 +236,7 @@ def said_of_errors(flights: Pair) -> str:
     )
 
 
-def said_of_velocities(flights: Pair) -> str:
+def said_of_velocities(flights: RoutePair) -> str:
     off = [_rms_off(flight) for flight in flights]
     return (
         "Over the ground, in body axes. DVL once a second. Of the reference's surge, the true one "
@@ -238,7 +245,7 @@ def said_of_velocities(flights: Pair) -> str:
     )
 
 
-def _rms_off(flight: Flight) -> float:
+def _rms_off(flight: LoopRun) -> float:
     off = flight.truth.velocity[:, 0] - flight.wanted.velocity[:, 0]
     return float(np.sqrt(np.mean(np.square(off[flight.under_way]))))
 
@@ -246,11 +253,11 @@ def _rms_off(flight: Flight) -> float:
 # Parts.
 
 
-def _both(flights: Pair) -> Sequence[tuple[Flight, str, style.Look]]:
+def _both(flights: RoutePair) -> Sequence[tuple[LoopRun, str, style.Look]]:
     return (flights.paper, LAW, THEIRS), (flights.lindy, STACK, OURS)
 
 
-def _side_by_side(figure: Figure, flights: Pair, labels: Sequence[str]) -> list[list[Axes]]:
+def _side_by_side(figure: Figure, flights: RoutePair, labels: Sequence[str]) -> list[list[Axes]]:
     """A row of panels for each label, with a column for each flight."""
     grid = figure.subplots(len(labels), 2, sharex=True, sharey="row", squeeze=False)
     rows = [list(row) for row in grid]
@@ -264,7 +271,7 @@ def _side_by_side(figure: Figure, flights: Pair, labels: Sequence[str]) -> list[
     return rows
 
 
-def _as_long_as(panels: Sequence[Axes], flights: Pair) -> None:
+def _as_long_as(panels: Sequence[Axes], flights: RoutePair) -> None:
     t = flights.paper.truth.t
     panels[0].set_xlim(t[0], t[-1])
 
@@ -275,7 +282,7 @@ def _parts(panels: Sequence[Axes]) -> None:
             panel.axvline(time, color=style.MINIMUM_TIME, ls="--", lw=0.9)
 
 
-def _patch(flight: Flight, row: int) -> Polygon:
+def _patch(flight: LoopRun, row: int) -> Polygon:
     """A Minerva, seen from above."""
     north, east, _ = flight.truth.place[row]
     heading = flight.truth.heading[row]

@@ -23,7 +23,7 @@ from services.marine.vehicle import Vehicle
 from services.reference.paths.path import Path
 from services.reference.paths.route import Route
 from services.reference.paths.stretch import stretch
-from services.reference.trajectory.profile import Profile
+from services.reference.trajectory.profile import MotionProfile
 from services.reference.trajectory.profile_sequence import sequence
 from services.runtime.bus.envelope import Envelope
 from services.runtime.config.stack import Stack
@@ -38,7 +38,7 @@ from tools.research.papers.fernandes_model import peak_limits
 from tools.research.papers.setups import MIN_RADIUS, SEA_TRIAL, paper_path, paper_route, table_3
 
 Floats = NDArray[np.float64]
-Way = Literal["paper", "lindy"]
+LawName = Literal["paper", "lindy"]
 
 DEPTH = 80.0  # [m] printed for 4.3
 BEGIN = 50.0  # [s] of station keeping before the route, as in 4.3
@@ -69,7 +69,7 @@ class Track(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Flight:
+class LoopRun:
     """What is kept of a flight. Times count from arming."""
 
     begin: float  # [s] of the route
@@ -109,7 +109,7 @@ class Flight:
         return path, depth, heading
 
 
-def trial_route(way: Way) -> Route:
+def trial_route(way: LawName) -> Route:
     """50 m straight north (4.1)."""
     path, model = Path.through(((0.0, 0.0), (SEA_TRIAL.length, 0.0)), MIN_RADIUS), plan(SEA_TRIAL)
     if way == "paper":
@@ -117,13 +117,13 @@ def trial_route(way: Way) -> Route:
     return Route(path, stretch(SEA_TRIAL.length, peak_limits(model), SEA_TRIAL.cruise))
 
 
-def survey_route(way: Way) -> Route:
+def survey_route(way: LawName) -> Route:
     """The path of Table 4 with the speeds of Table 3 (4.3); ours with the greatest jerk and
     acceleration of the paper's, and turns whose yaw is C2."""
     if way == "paper":
         return paper_route()
     path = paper_path(smooth_yaw=True)
-    parts: list[Profile] = []
+    parts: list[MotionProfile] = []
     for request in table_3(path):
         model = plan(request)
         moves = model.phases[0].duration + model.phases[3].duration > 0
@@ -135,19 +135,19 @@ def survey_route(way: Way) -> Route:
     return Route(path, sequence(parts))
 
 
-def trial(way: Way) -> Flight:
+def trial(way: LawName) -> LoopRun:
     """4.1, a sea trial: with an umbilical."""
     return flown(trial_route(way), way, trial_route("paper").duration + KEPT)
 
 
-def survey(way: Way) -> Flight:
+def survey(way: LawName) -> LoopRun:
     """4.3, a simulation: without one."""
     return flown(survey_route(way), way, survey_route("paper").duration + KEPT, UNTETHERED)
 
 
 def flown(
-    route: Route, way: Way, seconds: float, place: tuple[str, ...] = (), begin: float = BEGIN
-) -> Flight:
+    route: Route, way: LawName, seconds: float, place: tuple[str, ...] = (), begin: float = BEGIN
+) -> LoopRun:
     """A flight along a route. The same arguments give the same flight.
 
     Args:
@@ -159,7 +159,7 @@ def flown(
         RuntimeError: the drone is not ready to go.
     """
     guide = Guide(route, DEPTH, begin)
-    notes, rows = Notes(guide), Registry.read()
+    notes, rows = LoopLog(guide), Registry.read()
     with tempfile.TemporaryDirectory() as folder:
         stack = Stack(vehicle="minerva", out=folder, seed=SEED, overrides=[*PLACE, *place])
         host = _at_depth(stack)
@@ -221,7 +221,7 @@ def _real_hull(stack: Stack) -> list[str]:
 
 
 @dataclass(slots=True)
-class Notes:
+class LoopLog:
     """What is heard during a flight, ten times a second."""
 
     guide: Guide
@@ -251,11 +251,11 @@ class Notes:
         keep(topics.THRUSTERS, self.commands)
         keep(topics.DVL, self.dvl, every_ns=1)
 
-    def flight(self) -> Flight:
+    def flight(self) -> LoopRun:
         guide = self.guide
         truth = _of_truth(self.truth, guide)
         wrenches = np.array([w.wanted for w in self.wrenches])
-        return Flight(
+        return LoopRun(
             begin=guide.begin,
             end=guide.begin + guide.route.duration,
             truth=truth,

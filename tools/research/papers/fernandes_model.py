@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from services.reference.trajectory.minimum_jerk import Limits, Sample
-from services.reference.trajectory.position import Pair, pair
+from services.reference.trajectory.position import PositionMove, pair
 from tools.research.laws.fernandes.model_as_printed import basic_as_printed
 from tools.research.laws.fernandes.reference_model import ReferenceModel, plan
 from tools.research.papers import style
@@ -21,7 +21,7 @@ def peak_limits(model: ReferenceModel) -> Limits:
     return Limits(max(abs(p.a) / p.tau for p in pulls), max(abs(p.a) for p in pulls))
 
 
-def same_limits_pair(model: ReferenceModel) -> Pair:
+def same_limits_pair(model: ReferenceModel) -> PositionMove:
     """Lindy's motion to the same place within the same limits."""
     return pair(model.length, peak_limits(model), abs(model.v_m))
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from services.reference.paths.path import furthest
 from services.reference.paths.route import Route
 from services.reference.paths.stretch import stretch
-from services.reference.trajectory.profile import Profile
+from services.reference.trajectory.profile import MotionProfile
 from services.reference.trajectory.profile_sequence import ProfileSequence, sequence
 from tools.research.laws.fernandes.reference_model import plan
 from tools.research.papers import style
@@ -38,7 +38,7 @@ def edges(route: Route) -> list[float]:
 
 def bounded_motion() -> ProfileSequence:
     """Lindy's law on the same path, with the peak jerk and acceleration of each part's model."""
-    parts: list[Profile] = []
+    parts: list[MotionProfile] = []
     for request in table_3(paper_path()):
         model = plan(request)
         moves = model.phases[0].duration + model.phases[3].duration > 0

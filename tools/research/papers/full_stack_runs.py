@@ -42,7 +42,7 @@ SCRIPT = """t,surge,sway,heave,yaw
 """  # down; a step in depth; a step in heading; ahead with a step in depth
 
 
-class Step(NamedTuple):
+class StickStep(NamedTuple):
     """[s] When the stick goes on, when it is released, and how long all else rests."""
 
     on: float
@@ -51,13 +51,13 @@ class Step(NamedTuple):
     near: float  # [m] or [deg] this close to where it comes to rest is there
 
 
-DEPTH, HEADING = Step(12.0, 15.0, 20.0, 0.02), Step(20.0, 23.0, 28.0, 0.5)
+DEPTH, HEADING = StickStep(12.0, 15.0, 20.0, 0.02), StickStep(20.0, 23.0, 28.0, 0.5)
 AHEAD = (33.0, 41.0)  # [s] running ahead, and a step in depth on the way
 AT_REST = (9.0, 12.0)  # [s]
 RESTING = 1.5  # [s] at the end of a step it has come to rest
 
 
-class Axis(NamedTuple):
+class AxisLog(NamedTuple):
     """One axis at 100 Hz since arming: [m] and [N], or [deg] and [N m]."""
 
     wanted: Floats  # reference
@@ -69,19 +69,19 @@ class Axis(NamedTuple):
     asked: Floats  # force or moment that the controller asks for
     produced: Floats  # by the thrusters
 
-    def between(self, begin: float, end: float) -> "Axis":
+    def between(self, begin: float, end: float) -> "AxisLog":
         """[s]"""
-        return Axis(*[column[round(begin / DT) : round(end / DT)] for column in self])
+        return AxisLog(*[column[round(begin / DT) : round(end / DT)] for column in self])
 
 
-class Flown(NamedTuple):
+class StepRun(NamedTuple):
     t: Floats  # [s] since arming
-    depth: Axis
-    heading: Axis
+    depth: AxisLog
+    heading: AxisLog
     pitch_rate: Floats  # [deg/s]
 
 
-class Scores(NamedTuple):
+class StepScores(NamedTuple):
     """What a step costs and how well it is followed, by the truth: [m], [N] or [deg], [N m]."""
 
     error: float  # largest, apart from what is left at rest
@@ -93,21 +93,21 @@ class Scores(NamedTuple):
 
 
 @cache
-def flown(seed: int = SEEDS[0], *, naive: bool) -> Flown:
+def flown(seed: int = SEEDS[0], *, naive: bool) -> StepRun:
     """The same script, from the same seed."""
     dive = Chain.flown(SCRIPT, SECONDS, NAIVE if naive else (), seed)
     rate = dive.column(topics.TRUTH, lambda m: m.angular_rate[1])
-    return Flown(dive.t, _depth(dive), _heading(dive), np.degrees(rate))
+    return StepRun(dive.t, _depth(dive), _heading(dive), np.degrees(rate))
 
 
-def scores(axis: Axis, step: Step) -> Scores:
+def scores(axis: AxisLog, step: StickStep) -> StepScores:
     whole, stop = axis.between(step.on, step.end), axis.between(step.off, step.end)
     rest = axis.between(step.end - RESTING, step.end)
     place = float(np.mean(rest.truth))
     error = whole.wanted - whole.truth - float(np.mean(rest.wanted - rest.truth))
     known = float(np.mean(rest.wanted - rest.estimate))
     away = np.flatnonzero(np.abs(stop.truth - place) > step.near)
-    return Scores(
+    return StepScores(
         error=float(np.max(np.abs(error))),
         left=abs(known),
         overshoot=float(np.max(stop.truth)) - place,
@@ -117,19 +117,19 @@ def scores(axis: Axis, step: Step) -> Scores:
     )
 
 
-def pitching(dive: Flown) -> float:
+def pitching(dive: StepRun) -> float:
     """[deg/s] rms pitch rate while it changes its depth under way."""
     begin, end = (round(t / DT) for t in AHEAD)
     return float(np.sqrt(np.mean(dive.pitch_rate[begin:end] ** 2)))
 
 
-def idle(axis: Axis) -> float:
+def idle(axis: AxisLog) -> float:
     """[%] Of the time at rest in which the thrusters produce nothing along the axis."""
     return 100.0 * float(np.mean(np.abs(axis.between(*AT_REST).produced) < 1e-3))
 
 
-def _depth(dive: Chain) -> Axis:
-    return Axis(
+def _depth(dive: Chain) -> AxisLog:
+    return AxisLog(
         wanted=dive.column(topics.REFERENCE, lambda m: m.depth.position),
         wanted_rate=dive.column(topics.REFERENCE, lambda m: m.depth.velocity),
         estimate=dive.column(topics.STATE, lambda m: m.depth.value),
@@ -141,8 +141,8 @@ def _depth(dive: Chain) -> Axis:
     )
 
 
-def _heading(dive: Chain) -> Axis:
-    return Axis(
+def _heading(dive: Chain) -> AxisLog:
+    return AxisLog(
         wanted=np.degrees(dive.column(topics.REFERENCE, lambda m: m.heading.position)),
         wanted_rate=np.degrees(dive.column(topics.REFERENCE, lambda m: m.heading.velocity)),
         estimate=np.degrees(dive.column(topics.STATE, lambda m: m.heading.value)),

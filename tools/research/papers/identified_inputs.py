@@ -6,7 +6,7 @@ import numpy as np
 
 from services.reference.trajectory.minimum_jerk import Segment
 from tools.research.laws import thesis_rule
-from tools.research.laws.baselines import Planned
+from tools.research.laws.baselines import PlannedBaseline
 from tools.research.papers.identified_plant import DRAG, DT, KD, KP, MASS, Floats, Sums
 
 SPEED = 0.3  # [m/s] of the step
@@ -61,14 +61,14 @@ def sines(samples: int) -> list[float]:
     return [sum(A * sin(2 * pi * f * k * DT + p) for A, f, p in SINES) for k in range(samples)]
 
 
-def thesis_rule_reference(jerk: float) -> Planned:
+def thesis_rule_reference(jerk: float) -> PlannedBaseline:
     """Minimum jerk by the thesis' own rule, solved again at every change of the stick."""
 
     def plan(velocity: float, acceleration: float, target: float) -> list[Segment]:
         found = thesis_rule.plan(velocity, acceleration, target, jerk)
         return [] if found is None else [found]
 
-    return Planned(plan)
+    return PlannedBaseline(plan)
 
 
 def expected_from_noise(samples: int) -> Sums:

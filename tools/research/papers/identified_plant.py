@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from messages.reference import Motion
 from services.control.axis.axis_law import AxisLaw, Effort, Gains
 from services.control.axis.plant import Plant
-from tools.research.laws.baselines import Reference
+from tools.research.laws.baselines import BaselineReference
 
 Floats = NDArray[np.float64]
 DT = 0.01  # [s]
@@ -35,7 +35,7 @@ class Law(Protocol):
     def step(self, reference: Motion, position: float, rate: float, dt: float) -> Effort: ...
 
 
-class Water(Protocol):
+class PlantWater(Protocol):
     """What moves through it: position [m] and velocity [m/s] one step on, force [N] held."""
 
     def advance(self, x: float, v: float, force: float) -> tuple[float, float]: ...
@@ -55,7 +55,7 @@ class LinearWater:
         return x + glide * v + (DT - glide) * settled, settled + left * (v - settled)
 
 
-class Run(NamedTuple):
+class PlantRun(NamedTuple):
     """One simulation; arrays over its samples."""
 
     t: Floats  # [s]
@@ -98,12 +98,12 @@ def law(share: float = 1.0, observer: float = 0.0, *, sampled: bool = False) -> 
 
 
 def follow(
-    reference: Reference,
+    reference: BaselineReference,
     stick: Sequence[float],
     disturbance: Sequence[float] | None = None,
     by: Law | None = None,
-    through: Water | None = None,
-) -> Run:
+    through: PlantWater | None = None,
+) -> PlantRun:
     """Drive along a stick [m/s], one value per sample, against a force [N] held in each step.
 
     The state is known perfectly, as in the thesis. A sample sees a new command at once.
@@ -121,10 +121,10 @@ def follow(
         rows.append((k * DT, target, *wanted, x, v, thrust, effort.standing))
         x, v = through.advance(x, v, thrust + force)
     table = np.array(rows)
-    return Run(table[:, 0], table[:, 1], table[:, 2:6], *table[:, 6:].T)
+    return PlantRun(table[:, 0], table[:, 1], table[:, 2:6], *table[:, 6:].T)
 
 
-def sums(run: Run) -> Sums:
+def sums(run: PlantRun) -> Sums:
     rate = np.diff(run.thrust) / DT
     return Sums(
         float(np.max(np.abs(run.thrust))),
@@ -139,7 +139,7 @@ def ratios(naive: Sums, other: Sums) -> Sums:
     return Sums(*(a / b for a, b in zip(naive, other, strict=True)))
 
 
-def rise_time(run: Run, begin: float, share: float = 0.9) -> float:
+def rise_time(run: PlantRun, begin: float, share: float = 0.9) -> float:
     """[s] From `begin` to when the velocity first has this share of the stick, between samples."""
     wanted = share * float(np.max(run.command))
     k = int(np.argmax(run.velocity >= wanted))

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from services.reference.trajectory.minimum_jerk import Limits, Ramp
-from tools.research.laws.baselines import Direct, Reference
+from tools.research.laws.baselines import BaselineReference, Direct
 from tools.research.papers.identified_inputs import (
     LOG_END,
     STEP_END,
@@ -22,7 +22,7 @@ from tools.research.papers.identified_plant import (
     DT,
     END_JERK,
     Floats,
-    Run,
+    PlantRun,
     Sums,
     follow,
     law,
@@ -35,7 +35,7 @@ Summed = Literal["position", "thrust"]
 NAIVE = 0.0  # in place of an end jerk: the stick is the reference
 
 
-def reference(jerk: float) -> Reference:
+def reference(jerk: float) -> BaselineReference:
     """Of this end jerk [m/s³], or the naive one."""
     return Direct() if jerk == NAIVE else thesis_rule_reference(jerk)
 
@@ -43,7 +43,7 @@ def reference(jerk: float) -> Reference:
 @cache
 def run(
     jerk: float = END_JERK, stick: Stick = "step", share: float = 1.0, *, disturbed: bool = True
-) -> Run:
+) -> PlantRun:
     """The thesis' controller, with this share of the acceleration feed-forward."""
     values = step_stick() if stick == "step" else log_stick()
     force = sines(len(values)) if disturbed else None
@@ -51,7 +51,7 @@ def run(
 
 
 @cache
-def improved(jerk: float, observer: float, *, disturbed: bool = True) -> Run:
+def improved(jerk: float, observer: float, *, disturbed: bool = True) -> PlantRun:
     """Lindy's way through the step: bounded law, feed-forward for held forces, and a disturbance
     observer of this bandwidth [rad/s]."""
     values = step_stick()

@@ -47,7 +47,7 @@ class Said(NamedTuple):
 
 
 @dataclass
-class Notes:
+class LinkRunLog:
     """What is kept of a flight."""
 
     references: list[Reference] = field(default_factory=list[Reference])
@@ -65,7 +65,7 @@ class Notes:
             self.telemetry.append(Said(now, len(envelope.payload), topic is topics.STATE))
 
 
-class Flight(NamedTuple):
+class LinkRun(NamedTuple):
     """What the stack made of the sticks, and what was said from their handing-over on."""
 
     followed: Followed
@@ -75,23 +75,23 @@ class Flight(NamedTuple):
 
 
 @cache
-def flown(link: str, stick: Stick, seconds: float) -> Flight:
+def flown(link: str, stick: Stick, seconds: float) -> LinkRun:
     """A flight of `seconds`. The link is changed to `link` in the moment in which the sticks are
     handed over, so its outages count from there."""
     with TemporaryDirectory() as folder:
         notes, begin = _notes(Path(folder), link, stick, seconds)
     commands = [command for command in notes.commands if command.stamp_ns >= begin]
     telemetry = [said for said in notes.telemetry if said.at >= begin]
-    return Flight(_lindy(notes, begin), begin, commands, telemetry)
+    return LinkRun(_lindy(notes, begin), begin, commands, telemetry)
 
 
-def _notes(folder: Path, link: str, stick: Stick, seconds: float) -> tuple[Notes, int]:
+def _notes(folder: Path, link: str, stick: Stick, seconds: float) -> tuple[LinkRunLog, int]:
     """The whole chain; also when [ns] the sticks were handed over."""
     script = folder / "sticks.csv"
     rows = "".join(f"{t:g},0,0,{heave:g},0\n" for t, heave in stick)
     script.write_text(f"t,surge,sway,heave,yaw\n{rows}{seconds:g},0,0,0,0\n", encoding="utf-8")
     stack = Stack(pilot=f"script:{script}", out=str(folder), seed=SEED, overrides=[SHORT])
-    host, services, notes = VirtualHost(), Registry.read(), Notes()
+    host, services, notes = VirtualHost(), Registry.read(), LinkRunLog()
     for name in SERVICES:
         host.add(name, services[name], stack)
     drone, pilot = host.node("eyes", ["drone"]), host.node("ears", ["topside"])
@@ -110,7 +110,7 @@ def _notes(folder: Path, link: str, stick: Stick, seconds: float) -> tuple[Notes
     return notes, begin
 
 
-def _lindy(notes: Notes, begin: int) -> Followed:
+def _lindy(notes: LinkRunLog, begin: int) -> Followed:
     kept = [r for r in notes.references if r.stamp_ns >= begin and r.armed]
     start = kept[0].depth.position
     t = np.array([r.stamp_ns - begin for r in kept]) / 1e9

@@ -11,15 +11,15 @@ from services.reference.settings import Settings
 from services.reference.trajectory.minimum_jerk import Ramp
 from services.runtime.config.stack import Stack
 from services.tether.io.profile_file import named
-from services.tether.link_model import Line
-from services.tether.profile import Leg, Queue
-from tools.research.papers.link_flights import SEED, Flight, Followed, newest_seen
+from services.tether.link_model import LinkDirection
+from services.tether.profile import DirectionProfile, Queue
+from tools.research.papers.link_flights import SEED, Followed, LinkRun, newest_seen
 
 T = TypeVar("T")
 WITHOUT_END = Queue(limit_bytes=100_000_000)
 
 
-def followed(flight: Flight, link: str) -> Followed:
+def followed(flight: LinkRun, link: str) -> Followed:
     """The sticks and the telemetry of a flight over the same link.
 
     A peer without time to live: it acts on every command when it arrives, in that order, however
@@ -46,7 +46,7 @@ def followed(flight: Flight, link: str) -> Followed:
     return Followed(t, depth, age, newest_seen(states, begin, t))
 
 
-def _carried(leg: Leg, sent: list[tuple[int, int, T]]) -> list[tuple[int, T]]:
+def _carried(leg: DirectionProfile, sent: list[tuple[int, int, T]]) -> list[tuple[int, T]]:
     """When [ns] each message comes out of one direction of the link, in that order; whatever does
     not fit waits.
 
@@ -55,7 +55,7 @@ def _carried(leg: Leg, sent: list[tuple[int, int, T]]) -> list[tuple[int, T]]:
     """
     if leg.rate_kbit > 0.0:
         leg = msgspec.structs.replace(leg, queue=WITHOUT_END)
-    line: Line[T] = Line(leg, np.random.default_rng(SEED), most=sys.maxsize)
+    line: LinkDirection[T] = LinkDirection(leg, np.random.default_rng(SEED), most=sys.maxsize)
     out: list[tuple[int, T]] = []
 
     def let_out(until: int) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from services.estimation.depth.depth_filter import DepthSettings
-from tools.research.bench.depth_runs import Sensor, World, observe, world
+from tools.research.bench.depth_runs import DepthWorld, Sensor, observe, world
 from tools.research.bench.flights import Floats, Script, flown
 from tools.research.papers import style
 
@@ -74,7 +74,7 @@ def depth_step(figure: Figure) -> str:
     )
 
 
-def _samples(figure: Figure, seen: World) -> None:
+def _samples(figure: Figure, seen: DepthWorld) -> None:
     """What the pressure sensor says, behind everything else."""
     there = (seen.stamps >= BEGIN) & (seen.stamps <= END)
     figure.axes[0].plot(

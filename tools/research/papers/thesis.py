@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from services.reference.trajectory import minimum_jerk
 from services.reference.trajectory.minimum_jerk import Limits, Ramp, Segment
 from tools.research.laws import thesis_rule
-from tools.research.laws.baselines import Planned
+from tools.research.laws.baselines import PlannedBaseline
 from tools.research.papers import style
 from tools.research.papers.curves import MOTION, Curves, plan_curves, show, steered, stick_position
 from tools.research.papers.setups import END_JERK, FIXED_TIME, JERK
@@ -177,7 +177,7 @@ def position_reference(figure: Figure) -> str:
         plan = thesis_rule.plan(velocity, acceleration, target, JERK)
         return [plan] if plan else []
 
-    curves = steered(Planned(planner), RECTANGLE, t)
+    curves = steered(PlannedBaseline(planner), RECTANGLE, t)
     show(panels, curves, color=style.PAPER, label="minimum jerk")
     for panel, name in zip(panels, MOTION, strict=False):
         values = [getattr(curves, name)[int(np.searchsorted(t, node))] for node in NODES]

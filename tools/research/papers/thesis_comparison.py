@@ -7,7 +7,13 @@ from matplotlib.figure import Figure
 
 from services.reference.trajectory import minimum_jerk
 from services.reference.trajectory.minimum_jerk import Limits, Ramp, Segment
-from tools.research.laws.baselines import Direct, Filter, Planned, Reference, minimum_time
+from tools.research.laws.baselines import (
+    BaselineReference,
+    Direct,
+    Filter,
+    PlannedBaseline,
+    minimum_time,
+)
 from tools.research.papers import style
 from tools.research.papers.curves import show, steered
 from tools.research.papers.setups import (
@@ -21,7 +27,7 @@ from tools.research.papers.setups import (
 START = 0.1  # [s] when the stick moves
 
 
-def generators(step: float) -> list[tuple[str, str, Reference]]:
+def generators(step: float) -> list[tuple[str, str, BaselineReference]]:
     """Name, colour and generator of each curve."""
     limits = Limits(JERK)
 
@@ -32,7 +38,7 @@ def generators(step: float) -> list[tuple[str, str, Reference]]:
     return [
         ("direct integration", style.DIRECT, Direct()),
         ("linear filter", style.FILTER, Filter(FILTER_FREQUENCY, FILTER_DAMPING)),
-        ("minimum time", style.MINIMUM_TIME, Planned(quickest)),
+        ("minimum time", style.MINIMUM_TIME, PlannedBaseline(quickest)),
         ("minimum jerk", style.PAPER, Ramp(limits)),
         ("minimum jerk, acceleration bounded too", style.LINDY, Ramp(Limits(JERK, peak * 0.8))),
     ]

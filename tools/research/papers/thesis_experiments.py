@@ -13,10 +13,10 @@ from tools.research.papers import style
 from tools.research.papers.full_stack_runs import (
     DEPTH,
     HEADING,
-    Axis,
-    Flown,
-    Scores,
-    Step,
+    AxisLog,
+    StepRun,
+    StepScores,
+    StickStep,
     flown,
     scores,
 )
@@ -55,7 +55,7 @@ def step(figure: Figure, which: Which, *, naive: bool) -> str:
     return _caption(which, scores(_axis(about, which), when), naive=naive)
 
 
-def _caption(which: Which, found: Scores, *, naive: bool) -> str:
+def _caption(which: Which, found: StepScores, *, naive: bool) -> str:
     unit, size = ("N", 1e3) if which == "depth" else ("N m", 1.0)
     length = "{:.0f} mm" if which == "depth" else "{:.1f}°"
     way = (
@@ -77,7 +77,7 @@ def _caption(which: Which, found: Scores, *, naive: bool) -> str:
     )
 
 
-def _curves(dive: Flown, which: Which) -> tuple[tuple[tuple[str, Floats, style.Look], ...], ...]:
+def _curves(dive: StepRun, which: Which) -> tuple[tuple[tuple[str, Floats, style.Look], ...], ...]:
     """What is in each panel: label, values, look."""
     when = _step(which)
     axis = _axis(dive, which).between(when.on - BEFORE, when.end)
@@ -104,15 +104,15 @@ def _curves(dive: Flown, which: Which) -> tuple[tuple[tuple[str, Floats, style.L
     )
 
 
-def _axis(dive: Flown, which: Which) -> Axis:
+def _axis(dive: StepRun, which: Which) -> AxisLog:
     return dive.depth if which == "depth" else dive.heading
 
 
-def _step(which: Which) -> Step:
+def _step(which: Which) -> StickStep:
     return DEPTH if which == "depth" else HEADING
 
 
-def _time(dive: Flown, when: Step) -> Floats:
+def _time(dive: StepRun, when: StickStep) -> Floats:
     """[s] Since the stick moved."""
     return dive.t[(dive.t >= when.on - BEFORE - 1e-6) & (dive.t < when.end - 1e-6)] - when.on
 

@@ -12,7 +12,7 @@ from tools.research.papers.identified_plant import (
     KD,
     KP,
     MASS,
-    Run,
+    PlantRun,
     rise_time,
     sums,
 )
@@ -59,7 +59,7 @@ def pilots_log(figure: Figure) -> str:
     )
 
 
-def _both(panels: list[Axes], naive: Run, jerky: Run) -> None:
+def _both(panels: list[Axes], naive: PlantRun, jerky: PlantRun) -> None:
     """Position, velocity, thrust and error of two runs, each with its own reference."""
     looks = (("naive", naive, NAIVE_LOOK), ("minimum jerk", jerky, style.THEIRS))
     for name, each, look in looks:

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 from tools.research.papers import style
 from tools.research.papers.identified_inputs import SPEED, STEP_ON
-from tools.research.papers.identified_plant import END_JERK, Run, rise_time, sums
+from tools.research.papers.identified_plant import END_JERK, PlantRun, rise_time, sums
 from tools.research.papers.identified_runs import NAIVE, Summed, best_share, equal_rise_jerk, run
 
 SHARES = [k / 5 for k in range(11)]  # [-] of the acceleration feed-forward
@@ -99,14 +99,14 @@ def rise_times(figure: Figure) -> str:
     )
 
 
-def _show(figure: Figure, each: Run, name: str | None, look: style.Look) -> None:
+def _show(figure: Figure, each: PlantRun, name: str | None, look: style.Look) -> None:
     for panel, values in zip(
         figure.axes, (each.position, each.velocity, each.thrust), strict=False
     ):
         panel.plot(each.t, values, label=name, **look)
 
 
-def _point(figure: Figure, each: Run, look: style.Look) -> None:
+def _point(figure: Figure, each: PlantRun, look: style.Look) -> None:
     figure.axes[3].plot(
         [rise_time(each, STEP_ON)], [sums(each).peak], linestyle="none", markersize=7, **look
     )

@@ -1,0 +1,232 @@
+"""Position and velocity from DVL and USBL, against a truth made here and against the simulator."""
+
+from collections import Counter
+from dataclasses import dataclass, field
+from math import cos, hypot, sin
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from messages import topics
+from messages.sensors import DvlSample, UsblSample
+from messages.state import VehicleState
+from messages.units import Quaternion
+from messages.vehicle import Truth
+from services.estimation.horizontal.horizontal_observer import HorizontalObserver, VehicleMotion
+from services.estimation.horizontal.horizontal_settings import HorizontalSettings
+from services.marine.attitude import from_euler
+from services.marine.vehicle import GRAVITY
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.virtual_host import VirtualHost
+
+S = 1_000_000_000  # [ns]
+
+
+@dataclass
+class Voyage:
+    """A level vehicle on a circle: 0.8 m/s, one turn in 63 s; DVL and USBL as asked for."""
+
+    dvl_std: float = 0.01  # [m/s]
+    usbl_std: float = 0.5  # [m]
+    latency: float = 0.0  # [s] of both
+    seed: int = 0
+    offset: float = 0.7  # [rad] north, from where the control heading believes it is
+    dvl: bool = True
+    usbl: bool = True
+    spike: float = 0.0  # [m] on the fixes
+    observer: HorizontalObserver = field(
+        default_factory=lambda: HorizontalObserver(HorizontalSettings())
+    )
+    counts: Counter[str] = field(default_factory=Counter[str])
+    k: int = 0
+
+    def __post_init__(self) -> None:
+        self.rng = np.random.default_rng(self.seed)
+        self.waiting: list[tuple[int, DvlSample | UsblSample]] = []
+
+    def place(self, t: float) -> tuple[float, float]:
+        return 8.0 * sin(0.1 * t), 8.0 * (1.0 - cos(0.1 * t))
+
+    def run(self, seconds: float) -> None:
+        for _ in range(round(seconds * 100)):
+            self.k += 1
+            t, now = self.k / 100, self.k * S // 100
+            heading = 0.1 * t - self.offset
+            a, b = (0.03 * self.rng.standard_normal(2)).tolist()
+            force = (a + 0.02, 0.08 + b, -GRAVITY)  # centripetal, and a small bias
+            motion = VehicleMotion(attitude(heading), self.offset, 0.01, force, yaw_rate=0.1)
+            self.note(self.observer.predict(motion, now))
+            if self.dvl and self.k % 100 == 0:
+                self.waiting.append((now, self.velocity(now)))
+            if self.usbl and self.k % 200 == 50:
+                self.waiting.append((now, self.fix(t, now)))
+            self.deliver(now)
+
+    def velocity(self, now: int) -> DvlSample:
+        u, v, w = (self.dvl_std * self.rng.standard_normal(3)).tolist()
+        return DvlSample(stamp_ns=now, velocity=(0.8 + u, v, w), std=self.dvl_std)
+
+    def fix(self, t: float, now: int) -> UsblSample:
+        (x, y), (a, b) = self.place(t), (self.usbl_std * self.rng.standard_normal(2)).tolist()
+        return UsblSample(stamp_ns=now, north=x + a + self.spike, east=y + b, std=self.usbl_std)
+
+    def deliver(self, now: int) -> None:
+        while self.waiting and now - self.waiting[0][0] >= self.latency * S:
+            sample = self.waiting.pop(0)[1]
+            if isinstance(sample, DvlSample):
+                self.note(self.observer.dvl(sample))
+            else:
+                self.note(self.observer.usbl(sample))
+
+    def note(self, what: str | None) -> None:
+        if what is not None:
+            self.counts[what] += 1
+
+    def error(self) -> float:
+        """[m]"""
+        found = self.observer.position(self.k * S // 100)
+        assert found is not None
+        x, y = self.place(self.k / 100)
+        return hypot(found[0].value - x, found[1].value - y)
+
+    def spread(self) -> float:
+        """[m] of each axis."""
+        found = self.observer.position(self.k * S // 100)
+        assert found is not None
+        return found[0].std
+
+    def valid(self) -> bool:
+        found = self.observer.position(self.k * S // 100)
+        return found is not None and found[0].valid
+
+
+def attitude(heading: float) -> Quaternion:
+    return from_euler(0.0, 0.0, heading)
+
+
+def test_without_dvl_and_usbl_nothing_is_known() -> None:
+    voyage = Voyage(dvl=False, usbl=False)
+    voyage.run(10.0)
+    assert voyage.observer.position(10 * S) is None
+    assert voyage.observer.velocity(10 * S) is None
+    assert voyage.observer.current(10 * S) is None
+
+
+# What the accelerometer says between the sample and now is worth little: the attitude leans.
+@pytest.mark.parametrize(
+    ("latency", "off", "away"), [(0.0, 0.08, 0.35), (0.1, 0.10, 0.35), (1.5, 0.45, 0.65)]
+)
+def test_position_and_velocity_are_better_than_a_single_fix_whatever_the_latency(
+    latency: float, off: float, away: float
+) -> None:
+    errors: list[float] = []
+    for seed in range(6):
+        voyage = Voyage(latency=latency, seed=seed)
+        voyage.run(60.0)
+        errors.append(voyage.error())
+        found = voyage.observer.velocity(voyage.k * S // 100)
+        assert found is not None
+        assert found[0].value == pytest.approx(0.8, abs=off)
+        assert found[1].value == pytest.approx(0.0, abs=off)
+    assert np.sqrt(np.mean(np.square(errors))) < away  # a single fix: 0.71 m
+
+
+def test_the_error_of_position_is_about_as_large_as_its_spread() -> None:
+    ratios: list[float] = []
+    for seed in range(12):
+        voyage = Voyage(seed=seed)
+        voyage.run(40.0)
+        ratios.append(voyage.error() / (2**0.5 * voyage.spread()))
+    assert 0.4 < np.sqrt(np.mean(np.square(ratios))) < 1.6
+
+
+def test_with_a_dvl_alone_position_wanders_and_its_spread_says_so() -> None:
+    voyage = Voyage(usbl=False)
+    voyage.run(5.0)
+    early = voyage.spread()
+    voyage.run(115.0)
+    assert voyage.spread() > 2 * early
+    assert voyage.valid()
+    assert voyage.error() < 3 * voyage.spread() + 1.0  # counted from where the DVL first spoke
+
+
+def test_a_wild_fix_is_counted_and_not_believed() -> None:
+    voyage = Voyage()
+    voyage.run(30.0)
+    voyage.spike = 30.0
+    voyage.run(6.0)
+    assert voyage.counts["outlier:sensor/usbl"] == 3
+    assert voyage.error() < 1.5
+
+
+def test_fixes_that_stay_elsewhere_are_believed_in_the_end() -> None:
+    voyage = Voyage()
+    voyage.run(30.0)
+    voyage.spike = 30.0
+    voyage.run(12.0)
+    assert voyage.counts["restarted:position"] == 1
+    assert voyage.error() == pytest.approx(30.0, abs=3.0)
+
+
+def test_after_the_drop_out_of_both_validity_falls_and_then_nothing_is_known() -> None:
+    voyage = Voyage()
+    voyage.run(30.0)
+    voyage.dvl = voyage.usbl = False
+    voyage.run(13.0)
+    assert voyage.valid()  # a fix of 15 s ago
+    voyage.run(4.0)
+    assert not voyage.valid()
+    voyage.run(60.0)
+    assert voyage.observer.position(voyage.k * S // 100) is None
+    assert voyage.counts["lost:position"] == 1
+    voyage.dvl = voyage.usbl = True
+    voyage.run(20.0)
+    assert voyage.valid()
+    assert voyage.error() < 1.5
+
+
+def test_a_sample_from_too_long_ago_is_counted_and_not_used() -> None:
+    voyage = Voyage()
+    voyage.run(10.0)
+    old = UsblSample(stamp_ns=5 * S, north=99.0, east=99.0, std=0.1)
+    assert voyage.observer.usbl(old) == "too_old:sensor/usbl"
+
+
+def test_a_simulated_vehicle_with_dvl_and_usbl_knows_where_it_is(tmp_path: Path) -> None:
+    script = tmp_path / "script.csv"
+    legs = ("0,0,0,0,0", "12,0.5,0,0.3,0.2", "35,0,0.3,0,-0.2", "70,0,0,0,0")
+    script.write_text("\n".join(("t,surge,sway,heave,yaw", *legs, "")))
+    tables = ["simulator.dvl.std=0.01", "simulator.usbl.std=0.3", "simulator.usbl.latency=1.0"]
+    stack = Stack(pilot=f"script:{script}", out=str(tmp_path), overrides=tables)
+    host, every = VirtualHost(), Registry.read()
+    for name in ("simulator", "estimation", "reference", "control", "tether", "gamepad"):
+        host.add(name, every[name], stack)
+    states: list[VehicleState] = []
+    truth: list[Truth] = []
+    observer = host.node("observer", ["drone"])
+    observer.each(topics.STATE, lambda m, _: states.append(m))
+    observer.each(topics.TRUTH, lambda m, _: truth.append(m))
+    host.run(60 * S)
+    by_stamp = {m.stamp_ns: m for m in truth}
+    errors: list[float] = []
+    speeds: list[float] = []
+    for state in states:
+        if state.sensor_ns < 25 * S:
+            continue
+        there = by_stamp[state.sensor_ns]
+        assert state.north is not None
+        assert state.east is not None
+        assert state.surge_velocity is not None
+        assert state.north.valid
+        errors.append(
+            hypot(state.north.value - there.position[0], state.east.value - there.position[1])
+        )
+        speeds.append(state.surge_velocity.value - there.velocity[0])
+    travelled = hypot(*truth[-1].position[:2])
+    assert travelled > 2.0
+    assert max(errors) < 1.0
+    assert np.sqrt(np.mean(np.square(speeds))) < 0.1
+    assert states[-1].current_north is not None  # the simulated thrusters say what they do
+    assert states[-1].current_north.value == pytest.approx(0.0, abs=0.1)

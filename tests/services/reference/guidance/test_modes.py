@@ -1,0 +1,585 @@
+"""What the drone holds in each mode, and that changing it is never felt."""
+
+from collections.abc import Callable
+from itertools import pairwise
+from math import dist, hypot, isfinite, pi, radians
+from typing import cast, get_args
+
+import msgspec
+import pytest
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
+
+from messages.message import Estimate
+from messages.pilot import Course, Hold, PilotAnswer, PilotCommand, PilotRequest
+from messages.reference import Motion, Reference
+from messages.state import VehicleState
+from services.reference.core import GuidanceCheckpoint, ReferenceGenerator, Settings
+from services.reference.guidance.ground_motion import turned
+from services.reference.guidance.guidance import PLACE_PATIENCE_S
+from services.reference.guidance.modes import HOLDS
+from services.reference.paths.heading import wrap
+
+DT = 0.01  # [s]
+GENERATE = [Phase.explicit, Phase.generate]  # half a minute of flight is too long to be shrunk
+SETTINGS = Settings()
+HOLD_NAMES: tuple[Hold, ...] = get_args(Hold)
+MASS, DRAG = (14.0, 28.0, 20.0, 0.4), (25.0, 45.0, 25.0, 1.5)  # surge, sway, heave, yaw
+WAY = Course(waypoints=((0.0, 0.0), (6.0, 0.0), (6.0, 6.0)), min_radius=1.5)
+
+
+def sticks(
+    surge: float = 0.0, sway: float = 0.0, heave: float = 0.0, yaw: float = 0.0
+) -> PilotCommand:
+    return PilotCommand(stamp_ns=0, surge=surge, sway=sway, heave=heave, yaw=yaw)
+
+
+class Sea:
+    """A vehicle that is where the reference wants it on the axes that are held, and that drifts
+    with its forces on the others."""
+
+    def __init__(
+        self,
+        *,
+        measures: bool = True,
+        offset: float = 0.0,
+        before: GuidanceCheckpoint | None = None,
+    ) -> None:
+        self.pilotage = ReferenceGenerator(SETTINGS, before or GuidanceCheckpoint())
+        self.ns = 0
+        self.measures, self.knows_place = measures, True
+        self.knows_depth = True
+        self.offset = offset  # [rad] north heading minus control heading
+        self.at = [4.0, -3.0, 3.0, 0.0]  # north, east, depth, heading
+        self.v = [0.0, 0.0, 0.0, 0.0]  # surge, sway, heave, yaw
+        self.a_heave = 0.0
+        self.stuck = False  # in its place
+        self.behind = 0.0  # [m] south of where it is wanted
+        self.seen: list[tuple[Reference, VehicleState | None]] = []
+        self.asked = 0
+
+    def state(self) -> VehicleState:
+        estimate: Callable[[float], Estimate] = lambda x: Estimate(x, 0.01)  # noqa: E731
+        nav = wrap(self.at[3] + self.offset)
+        over_ground = (
+            [Estimate(x, 0.01, self.knows_place) for x in (*self.at[:2], *self.v[:2])]
+            if self.measures
+            else [None] * 4
+        )
+        return VehicleState(
+            stamp_ns=self.ns,
+            sensor_ns=self.ns,
+            phase="running",
+            depth=Estimate(self.at[2], 0.01, self.knows_depth),
+            depth_rate=Estimate(self.v[2], 0.01, self.knows_depth),
+            depth_acceleration=estimate(self.a_heave),
+            attitude=(1.0, 0.0, 0.0, 0.0),
+            roll=estimate(0.0),
+            pitch=estimate(0.0),
+            heading=estimate(self.at[3]),
+            heading_navigation=estimate(nav),
+            yaw_rate=estimate(self.v[3]),
+            north=over_ground[0],
+            east=over_ground[1],
+            surge_velocity=over_ground[2],
+            sway_velocity=over_ground[3],
+        )
+
+    def ask(self, kind: str, command: PilotCommand | None = None, **more: object) -> str:
+        return self.request(kind, command or sticks(), **more).reason
+
+    def request(self, kind: str, command: PilotCommand, **more: object) -> PilotAnswer:
+        self.asked += 1
+        request = PilotRequest(stamp_ns=self.ns, id=f"{self.asked}", kind=kind, **more)  # type: ignore[arg-type]
+        return self.pilotage.answer(request, command, 0, self.ns)
+
+    def fly(
+        self, seconds: float, command: PilotCommand | None = None, *, lost: str = ""
+    ) -> Reference:
+        """Some time with these sticks, without a `pilot` or without a `state`."""
+        heard = None if lost == "pilot" else command or sticks()
+        for _ in range(max(1, round(seconds / DT))):
+            self.ns += round(DT * 1e9)
+            state = None if lost == "state" else self.state()
+            reference = self.pilotage.step(state, heard, self.ns)
+            assert reference is not None
+            self.seen.append((reference, state))
+            self._move(reference)
+        return self.seen[-1][0]
+
+    def _move(self, r: Reference) -> None:
+        if not r.armed:
+            return
+        forces = (r.surge_force, r.sway_force, r.heave_force or 0.0, r.yaw_moment or 0.0)
+        a = [
+            (f - d * v * abs(v)) / m for f, d, v, m in zip(forces, DRAG, self.v, MASS, strict=True)
+        ]
+        self.v = [v + x * DT for v, x in zip(self.v, a, strict=True)]
+        self.a_heave = a[2]
+        for axis, motion, free in ((2, r.depth, r.heave_force), (3, r.heading, r.yaw_moment)):
+            if free is None:
+                self.at[axis], self.v[axis] = motion.position, motion.velocity
+            else:
+                self.at[axis] += self.v[axis] * DT
+        if r.heave_force is None:
+            self.a_heave = r.depth.acceleration
+        north = self.at[3] + self.offset
+        if self.stuck:
+            return
+        if r.north is not None and r.east is not None:
+            self.at[:2] = r.north.position - self.behind, r.east.position
+            self.v[:2] = turned((r.north.velocity, r.east.velocity), -north)
+        else:
+            self.v[0] = self.v[0] if r.surge is None else r.surge.velocity
+            vn, ve = turned((self.v[0], self.v[1]), north)
+            self.at[:2] = self.at[0] + vn * DT, self.at[1] + ve * DT
+
+
+def armed(hold: Hold = "stabilised", **sea: object) -> Sea:
+    drone = Sea(**sea)  # type: ignore[arg-type]
+    drone.fly(0.05)
+    assert drone.ask("mode", hold=hold) == ""
+    assert drone.ask("arm") == ""
+    drone.fly(0.05)
+    return drone
+
+
+# Never a step.
+
+
+def check(sea: Sea) -> None:
+    """The laws of every flight: no step on a held axis, none in a force, holding begins where the
+    vehicle is and as it moves, and every number is a number."""
+    remains = [0.0, 0.0]  # of heave force and yaw moment, when they were last said
+    for (before, _), (after, state) in pairwise(sea.seen):
+        assert all(map(isfinite, numbers(after)))
+        if not (before.armed and after.armed):
+            remains = [0.0, 0.0]
+            continue
+        for axis, name, force, most in (
+            (SETTINGS.heave, "depth", "heave_force", SETTINGS.heave_force),
+            (SETTINGS.yaw, "heading", "yaw_moment", SETTINGS.yaw_moment),
+        ):
+            was, now = getattr(before, force), getattr(after, force)
+            if now is None:
+                follows(getattr(before, name), getattr(after, name), axis.stop_jerk)
+                if was is not None and state is not None:
+                    a, b = getattr(after, name), getattr(state, name)
+                    assert abs(a.position - b.value) <= (0.02 if name == "depth" else radians(0.5))
+            i = int(name == "heading")
+            if now is not None:
+                assert abs(now - (remains[i] if was is None else was)) <= most.max_rate * DT + 1e-9
+                remains[i] = now
+            else:
+                remains[i] = max(0.0, abs(remains[i])) if was is None else was
+        rate = SETTINGS.horizontal.stop_rate * DT + 1e-9
+        forces = ((r.surge_force, r.sway_force) for r in (before, after))
+        assert dist(*forces) <= rate
+        assert (after.north is None) == (after.east is None)
+        if after.north is None or after.east is None:
+            continue
+        if before.north is not None and before.east is not None:
+            s = SETTINGS.place
+            fast, turning = 1.5, 2.0  # [m/s], [rad/s] nothing here is faster
+            jerk = s.stop_jerk + 2 * turning * s.stop_acceleration + (3.0 + turning**2) * fast
+            follows(before.north, after.north, jerk)
+            follows(before.east, after.east, jerk)
+        elif state is not None and state.north is not None and state.east is not None:
+            here = (state.north.value, state.east.value)
+            assert dist((after.north.position, after.east.position), here) <= 0.02
+
+
+def follows(a: Motion, b: Motion, jerk: float) -> None:
+    """One motion goes on in the other."""
+    assert abs(b.acceleration - a.acceleration) <= jerk * DT + 1e-6
+    mean = (a.acceleration + b.acceleration) / 2
+    assert abs(b.velocity - a.velocity - mean * DT) <= jerk * DT**2 / 2 + 1e-9
+    mean = (a.velocity + b.velocity) / 2
+    assert abs(b.position - a.position - mean * DT) <= jerk * DT**3 + 1e-9
+
+
+def numbers(reference: Reference) -> list[float]:
+    motions = (reference.depth, reference.heading, reference.surge, reference.north, reference.east)
+    forces = (
+        reference.surge_force, reference.sway_force, reference.heave_force, reference.yaw_moment
+    )  # fmt: skip
+    flat = [x for motion in motions if motion for x in msgspec.structs.astuple(motion)]
+    return [x for x in (*flat, *forces) if x is not None]
+
+
+stick = st.sampled_from([-1.0, -0.3, 0.0, 0.0, 0.02, 0.6, 1.0])
+seconds = st.floats(0.01, 3.0)
+place = st.floats(-4.0, 8.0)
+deeds = st.one_of(
+    st.tuples(st.just("mode"), st.sampled_from(HOLD_NAMES)),
+    st.tuples(st.just("mode"), st.sampled_from(HOLD_NAMES)),
+    st.tuples(st.just("sticks"), st.tuples(stick, stick, stick, stick), seconds),
+    st.tuples(st.just("sticks"), st.tuples(stick, stick, stick, stick), seconds),
+    st.tuples(st.just("wait"), seconds),
+    st.tuples(st.just("stop")),
+    st.tuples(st.just("lost"), st.sampled_from(["pilot", "state"]), seconds),
+    st.tuples(st.just("place"), st.booleans()),
+    st.tuples(st.just("goto"), st.floats(0.5, 6.0), st.floats(-3.0, 3.0)),
+    st.tuples(st.just("there"), place, place),
+    st.tuples(st.just("follow")),
+    st.tuples(st.just("disarm")),
+    st.tuples(st.just("arm")),
+)
+
+
+def do(sea: Sea, deed: tuple[object, ...]) -> None:
+    match deed:
+        case ("mode", str(hold)):
+            sea.ask("mode", hold=hold)
+        case ("sticks", deflection, float(time)):
+            sea.fly(time, sticks(*cast(tuple[float, ...], deflection)))
+        case ("wait", float(time)):
+            sea.fly(time)
+        case ("lost", str(who), float(time)):
+            sea.fly(time, lost=who)
+        case ("place", bool(known)):
+            sea.knows_place = known
+        case ("goto", depth, heading):
+            sea.ask("goto", depth=depth, heading=heading)
+        case ("there", north, east):
+            sea.ask("goto", north=north, east=east, depth=2.0)
+        case ("follow",):
+            sea.ask("follow", course=WAY)
+        case (str(kind),):
+            sea.ask(kind)
+        case _:
+            raise AssertionError(deed)
+
+
+@settings(max_examples=60, deadline=None, phases=GENERATE)
+@given(st.lists(deeds, max_size=14), st.floats(-pi, pi), st.booleans())
+def test_whatever_happens_there_is_never_a_step(
+    done: list[tuple[object, ...]], offset: float, measures: bool
+) -> None:
+    sea = armed(offset=offset, measures=measures)
+    for deed in done:
+        do(sea, deed)
+    sea.fly(0.5)
+    check(sea)
+
+
+# Each mode.
+
+
+@pytest.mark.parametrize("hold", HOLD_NAMES)
+def test_what_is_held_has_a_reference_and_what_is_not_a_force(hold: Hold) -> None:
+    sea, held = armed(hold), HOLDS[hold]
+    all_sticks = sticks(surge=1.0, sway=1.0, heave=1.0, yaw=1.0)
+    reference = sea.fly(3.0, all_sticks)
+    s = SETTINGS
+    assert reference.heave_force == (None if held.depth else s.heave_force.full)
+    assert reference.yaw_moment == (None if held.heading else s.yaw_moment.full)
+    assert (reference.north is not None) == held.place == (reference.surge_force == 0.0)
+    if held.depth:
+        assert reference.depth.velocity == s.heave.max_velocity
+    if held.heading:
+        assert reference.heading.velocity == s.yaw.max_velocity
+    assert sea.pilotage.status(None, 0).hold == hold
+    check(sea)
+
+
+def test_disarmed_no_force_is_left_from_before() -> None:
+    sea = armed("manual")
+    sea.fly(2.0, sticks(heave=1.0, yaw=1.0, surge=1.0))
+    sea.ask("disarm")
+    reference = sea.fly(0.02)
+    assert reference.heave_force == reference.yaw_moment == reference.surge_force == 0.0
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.tuples(stick, stick, stick, stick),
+    st.sampled_from(HOLD_NAMES),
+    st.floats(0.1, 4.0),
+    st.floats(-pi, pi),
+)
+def test_holding_begins_as_the_vehicle_moves_and_ends_at_rest(
+    deflection: tuple[float, float, float, float], hold: Hold, when: float, offset: float
+) -> None:
+    sea = armed("manual", offset=offset)
+    moved = sticks(*deflection)
+    sea.fly(when, moved)
+    before, heading = list(sea.v), sea.at[3]
+    sea.ask("mode", moved, hold=hold)
+    first = sea.fly(DT)
+    if first.heave_force is None:
+        assert abs(first.depth.velocity - before[2]) < 0.02
+    if first.yaw_moment is None:
+        assert abs(first.heading.velocity - before[3]) < 0.05
+    if first.north is not None and first.east is not None:
+        over_ground = turned((before[0], before[1]), heading + offset)
+        assert dist((first.north.velocity, first.east.velocity), over_ground) < 0.02
+    end = sea.fly(6.0)
+    for motion, free in ((end.depth, end.heave_force), (end.heading, end.yaw_moment)):
+        assert free is not None or motion.velocity == motion.acceleration == 0.0
+    assert end.north is None or end.north.velocity == end.north.acceleration == 0.0
+    check(sea)
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.floats(0.5, 3.0), st.sampled_from(HOLD_NAMES))
+def test_a_lost_pilot_means_rest_and_hold_in_every_mode(when: float, hold: Hold) -> None:
+    sea = armed(hold)
+    sea.fly(when, sticks(surge=1.0, heave=1.0, yaw=-1.0))
+    end, later = sea.fly(6.0, lost="pilot"), sea.fly(1.0, lost="pilot")
+    assert end.heave_force is end.yaw_moment is None
+    assert end.depth.velocity == end.heading.velocity == end.surge_force == 0.0
+    assert later.depth.position == end.depth.position
+    assert later.heading.position == end.heading.position
+    assert sea.pilotage.happened == ["failsafe:pilot_lost"]
+    safe = "station_keeping" if hold == "station_keeping" else "stabilised"
+    assert sea.pilotage.status(None, 0).hold == safe
+    sea.fly(0.1)  # the pilot is back, and nothing is let go
+    assert sea.pilotage.status(None, 0).hold == safe
+    check(sea)
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.floats(0.5, 3.0), st.sampled_from(HOLD_NAMES))
+def test_an_emergency_stop_keeps_its_word_in_every_mode(when: float, hold: Hold) -> None:
+    sea = armed(hold)
+    moved = sticks(surge=0.7, sway=-1.0, heave=1.0, yaw=-1.0)
+    sea.fly(when, moved)
+    before = sea.seen[-1][0]
+    stop = sea.request("stop", moved).stop
+    assert stop is not None
+    sea.fly(stop.seconds + 2 * DT, moved)
+    end = sea.fly(1.0, moved)
+    assert abs(end.depth.position - before.depth.position - stop.depth) < 1e-9
+    assert abs(end.heading.position - before.heading.position - stop.heading) < 1e-9
+    assert end.depth.velocity == end.heading.velocity == end.surge_force == 0.0
+    assert end.north is None or hypot(end.north.velocity, end.north.acceleration) == 0.0
+    assert sea.pilotage.mode == "stopping"
+    sea.fly(0.1)
+    assert sea.pilotage.mode == "piloted"
+    check(sea)
+
+
+# When a mode can be had, and for how long.
+
+
+def test_station_keeping_is_refused_without_a_measured_place() -> None:
+    sea = armed(measures=False)
+    assert "does not know its position" in sea.ask("mode", hold="station_keeping")
+    sea = armed()
+    sea.knows_place = False
+    sea.fly(0.02)
+    assert "does not know its position" in sea.ask("mode", hold="station_keeping")
+    assert sea.pilotage.status(None, 0).hold == "stabilised"
+    assert "what to hold" in sea.ask("mode")
+
+
+def test_depth_is_not_held_while_it_is_not_known() -> None:
+    sea = armed("manual")
+    sea.knows_depth = False
+    sea.fly(0.02)
+    assert "does not know its depth" in sea.ask("mode", hold="depth_hold")
+    assert sea.ask("mode", hold="heading_hold") == ""
+
+
+def test_a_place_not_measured_for_too_long_is_let_go_and_said() -> None:
+    sea = armed("station_keeping")
+    sea.fly(1.0, sticks(surge=1.0))
+    sea.knows_place = False
+    assert sea.fly(PLACE_PATIENCE_S - 0.05, sticks(surge=1.0)).north is not None
+    assert sea.fly(0.2, sticks(surge=1.0)).north is None
+    assert sea.pilotage.happened == ["lost:place"]
+    assert len(sea.pilotage.notes) == 1
+    assert sea.pilotage.status(None, 0).hold == "stabilised"
+    sea.knows_place = True
+    assert sea.fly(3.0).north is None  # not before it is asked for again
+    assert sea.ask("mode", hold="station_keeping") == ""
+    assert sea.fly(0.1).north is not None
+    check(sea)
+
+
+def test_a_mode_is_refused_while_the_drone_stops() -> None:
+    sea = armed()
+    sea.fly(1.0, sticks(heave=1.0))
+    sea.ask("stop")
+    assert "stopping" in sea.ask("mode", hold="manual")
+
+
+def test_arming_brings_back_the_mode_that_was_asked_for() -> None:
+    sea = armed("manual")
+    sea.fly(0.1, lost="pilot")
+    sea.fly(0.1)
+    assert sea.pilotage.status(None, 0).hold == "stabilised"
+    sea.ask("disarm")
+    assert sea.pilotage.status(None, 0).hold == "manual"
+    assert sea.ask("arm") == ""
+    assert sea.pilotage.status(None, 0).hold == "manual"
+
+
+def test_armed_without_the_place_that_was_asked_for_it_says_so() -> None:
+    sea = armed("station_keeping")
+    sea.ask("disarm")
+    sea.knows_place = False
+    sea.fly(0.1)
+    assert sea.ask("arm") == ""
+    assert sea.pilotage.status(None, 0).hold == "stabilised"
+    assert sea.pilotage.happened == ["refused:station_keeping"]
+
+
+@pytest.mark.parametrize("hold", HOLD_NAMES)
+def test_a_restart_in_mid_dive_goes_on_in_the_same_mode(hold: Hold) -> None:
+    kept = armed(hold).pilotage.remembered
+    assert kept.armed
+    sea = Sea(before=msgspec.json.decode(msgspec.json.encode(kept), type=GuidanceCheckpoint))
+    reference = sea.fly(0.1)
+    assert (reference.heave_force is None, reference.yaw_moment is None) == HOLDS[hold][:2]
+    assert (reference.north is not None) == HOLDS[hold].place
+    assert sea.pilotage.status(None, 0).hold == hold
+
+
+# A place that is held.
+
+
+def test_held_back_the_place_waits_and_let_go_it_gives_in() -> None:
+    sea = armed("station_keeping")
+    sea.fly(0.1)
+    sea.stuck = True
+    most = SETTINGS.place.max_error
+    for _ in range(100):
+        out = sea.fly(0.1, sticks(surge=1.0, sway=0.5))
+        assert out.north is not None
+        assert out.east is not None
+        assert dist((out.north.position, out.east.position), sea.at[:2]) <= most + 1e-9
+    assert sea.pilotage.happened == ["clamped:reference.place"]
+    out = sea.fly(6.0)
+    assert out.north is not None
+    assert out.east is not None
+    assert dist((out.north.position, out.east.position), sea.at[:2]) <= most / 10
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.floats(-pi, pi), st.sampled_from([(1.0, 0.0), (-0.5, 1.0), (0.0, -1.0)]))
+def test_sticks_move_the_place_along_the_body_whatever_north_is(
+    offset: float, deflection: tuple[float, float]
+) -> None:
+    sea = armed("station_keeping", offset=offset)
+    sea.fly(3.0, sticks(*deflection))
+    fastest = SETTINGS.place.max_velocity
+    assert dist(sea.v[:2], [x * fastest for x in deflection]) < 1e-6
+
+
+# Paths by measurement.
+
+
+def last_place(sea: Sea) -> tuple[float, float]:
+    """The newest place reference there was."""
+    places = [(r.north, r.east) for r, _ in sea.seen]
+    north, east = next((n, e) for n, e in reversed(places) if n and e)
+    return north.position, east.position
+
+
+@pytest.mark.parametrize("hold", ["stabilised", "station_keeping"])
+@pytest.mark.parametrize("offset", [0.0, 1.0, -2.5])
+def test_a_path_begins_where_the_drone_is_and_is_run_in_four_degrees(
+    hold: Hold, offset: float
+) -> None:
+    sea = armed(hold, offset=offset)
+    begin = list(sea.at[:2])
+    assert sea.ask("follow", course=WAY) == ""
+    seen = len(sea.seen)
+    while sea.pilotage.mode == "follow":
+        sea.fly(1.0)
+    flown = [r for r, _ in sea.seen[seen:]]
+    assert dist(last_place(sea), (begin[0] + 6.0, begin[1] + 6.0)) < 1e-6
+    assert abs(wrap(sea.at[3] + offset - pi / 2)) < 0.011
+    assert all(r.surge is None for r in flown)
+    speed = max(hypot(r.north.velocity, r.east.velocity) for r in flown if r.north and r.east)
+    assert speed == pytest.approx(WAY.cruise)
+    assert (sea.fly(2.0).north is not None) == (hold == "station_keeping")
+    check(sea)
+
+
+@settings(max_examples=10, deadline=None, phases=GENERATE)
+@given(place, place, st.floats(0.0, 2.0), stick, st.floats(-pi, pi))
+def test_goto_a_place_ends_there_however_it_drifted_before(
+    north: float, east: float, drift: float, surge: float, offset: float
+) -> None:
+    sea = armed(offset=offset)
+    sea.fly(drift, sticks(surge=surge))  # still moving when it is asked
+    assert sea.ask("goto", north=north, east=east) == ""
+    for _ in range(120):
+        sea.fly(1.0)
+        if sea.pilotage.mode == "piloted":
+            break
+    assert sea.pilotage.mode == "piloted"
+    assert dist(last_place(sea), (north, east)) < 0.05
+    check(sea)
+
+
+def test_the_path_waits_for_a_drone_that_is_held_back_in_its_place() -> None:
+    sea = armed()
+    sea.ask("follow", course=WAY)
+    sea.fly(12.0)
+    sea.stuck = True
+    end = sea.fly(12.0)
+    assert end.north is not None
+    assert end.north.velocity == 0.0
+    assert dist(last_place(sea), sea.at[:2]) < 1.3  # the tolerance, and the way to stand still
+    sea.stuck = False
+    sea.fly(60.0)
+    assert sea.pilotage.notes == ["the end of the path"]
+
+
+@settings(max_examples=8, deadline=None, phases=GENERATE)
+@given(st.floats(0.0, 12.0))
+def test_a_new_path_on_the_way_along_one_begins_from_the_reference(when: float) -> None:
+    sea = armed()
+    sea.ask("follow", course=WAY)
+    sea.fly(when)
+    sea.behind = 0.2
+    sea.fly(0.5)
+    begun = len(sea.seen)
+    sea.ask("goto", north=0.0, east=0.0)
+    sea.fly(3.0)
+    north = [r.north.position for r, _ in sea.seen[begun - 1 :] if r.north]
+    assert len(north) == len(sea.seen) - begun + 1
+    assert all(abs(b - a) < 0.005 for a, b in pairwise(north))
+
+
+def test_a_path_whose_place_is_lost_goes_on_blind_at_the_same_pace() -> None:
+    sea = armed()
+    sea.ask("follow", course=WAY)
+    sea.fly(15.0)
+    sea.knows_place = False
+    last = sea.fly(PLACE_PATIENCE_S - 0.05)
+    blind = sea.fly(0.2)
+    assert last.north is not None
+    assert last.surge is None
+    assert blind.north is None
+    assert blind.surge is not None
+    assert blind.surge.velocity == pytest.approx(WAY.cruise)
+    assert sea.pilotage.mode == "follow"
+    assert sea.pilotage.happened == ["lost:place"]
+    check(sea)
+
+
+@settings(max_examples=12, deadline=None, phases=GENERATE)
+@given(st.floats(0.0, 25.0), st.sampled_from(["surge", "yaw", "heave"]), st.booleans())
+def test_a_stick_takes_over_from_a_measured_path_without_a_step(
+    when: float, axis: str, keeps: bool
+) -> None:
+    sea = armed("station_keeping" if keeps else "stabilised", offset=0.7)
+    sea.ask("follow", course=WAY)
+    sea.fly(when)
+    before = sea.seen[-1][0]
+    after = sea.fly(DT, sticks(**{axis: 1.0}))
+    assert sea.pilotage.mode == "piloted"
+    if before.north is not None and before.east is not None:
+        speed = hypot(before.north.velocity, before.east.velocity)
+        if keeps:
+            assert after.north is not None
+        else:  # the rest of the speed is ramped out along the heading
+            ramped = 0.0 if after.surge is None else after.surge.velocity
+            assert abs(ramped - speed) < 0.02
+    sea.fly(3.0)
+    check(sea)

@@ -1,0 +1,184 @@
+"""Routes: every quantity is the derivative of the one before, whatever the path and the speed."""
+
+from math import cos, exp, sin
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from services.reference.paths.path import Path
+from services.reference.paths.route import MotionLaw, Route, route
+from services.reference.paths.stretch import stretch
+from services.reference.trajectory.minimum_jerk import Limits, solve
+from services.reference.trajectory.position import pair
+from services.reference.trajectory.profile import MotionProfile
+from tools.research.laws.fernandes.model_request import Request
+from tools.research.laws.fernandes.reference_model import plan
+
+POINTS = [[0.0, 0.0, 2.0], [60.0, 0.0, 5.0], [0.0, 90.0, 3.0], [60.0, 90.0, 8.0]]
+LIMITS = Limits(0.3, 0.15)
+SPEEDS = [0.4, 0.25, 0.4, 0.25, 0.4]
+MOTIONS = ["mjvr", "fernandes"]
+
+
+def mjvr(length: float, cruise: float, initial: float, final: float) -> MotionProfile:
+    return stretch(length, LIMITS, cruise, initial, final)
+
+
+def fernandes(length: float, cruise: float, initial: float, final: float) -> MotionProfile:
+    return plan(Request(length, cruise, 20.0, 20.0, initial, final, theta_0=exp(-13)))
+
+
+def motion(name: str) -> MotionLaw:
+    return mjvr if name == "mjvr" else fernandes
+
+
+ROUTES = {
+    (name, kind, smooth, per_part): route(
+        path := Path.through(POINTS, 5.0, kind, smooth_yaw=smooth),
+        motion(name),
+        [0.25 + 0.1 * (i % 2) for i in range(len(path.parts))] if per_part else [0.4],
+    )
+    for name in MOTIONS
+    for kind in ("approximating", "interpolating")
+    for smooth in (True, False)
+    for per_part in (True, False)
+}
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.sampled_from(sorted(ROUTES)), st.floats(0, 1))
+def test_velocities_and_accelerations_are_derivatives(
+    key: tuple[str, str, bool, bool], fraction: float
+) -> None:
+    way = ROUTES[key]  # type: ignore[index]
+    step = 1e-3
+    t = step + fraction * (way.duration - 2 * step)
+    a, here, b = way.at(t - step), way.at(t), way.at(t + step)
+
+    def rate(name: str) -> float:
+        return (getattr(b, name) - getattr(a, name)) / (2 * step)
+
+    for axis in ("north", "east", "down"):
+        assert rate(axis) == pytest.approx(getattr(here, f"v_{axis}"), abs=2e-4)
+        assert rate(f"v_{axis}") == pytest.approx(getattr(here, f"a_{axis}"), abs=2e-3)
+    assert rate("s") == pytest.approx(here.surge_velocity, abs=2e-4)
+    assert rate("surge_velocity") == pytest.approx(here.surge_acceleration, abs=2e-3)
+    assert rate("heading") == pytest.approx(here.yaw_rate, abs=2e-4)
+    if abs(a.yaw_acceleration - b.yaw_acceleration) < 1e-4:  # no joint in between
+        assert rate("yaw_rate") == pytest.approx(here.yaw_acceleration, abs=2e-4)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.sampled_from(sorted(ROUTES)), st.floats(0, 1))
+def test_body_velocity_is_world_velocity_seen_from_the_vehicle(
+    key: tuple[str, str, bool, bool], fraction: float
+) -> None:
+    here = ROUTES[key].at(fraction * ROUTES[key].duration)  # type: ignore[index]
+    ahead, aside = cos(here.heading), sin(here.heading)
+    surge = here.v_north * ahead + here.v_east * aside
+    sway = here.v_east * ahead - here.v_north * aside
+    assert (surge, sway) == pytest.approx((here.surge_velocity, here.sway_velocity), abs=1e-12)
+    surge = here.a_north * ahead + here.a_east * aside - here.yaw_rate * sway
+    sway = here.a_east * ahead - here.a_north * aside - here.yaw_rate * here.surge_velocity
+    expected = (here.surge_acceleration, here.sway_acceleration)
+    assert (surge, sway) == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_a_route_begins_and_ends_at_rest_on_its_ends(name: str) -> None:
+    way = ROUTES[name, "interpolating", False, True]
+    for t, point in ((-1.0, POINTS[0]), (0.0, POINTS[0]), (way.duration + 9, POINTS[-1])):
+        here = way.at(t)
+        assert here[2:5] == pytest.approx(tuple(point), abs=1e-6)
+        assert here.surge_velocity == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+@pytest.mark.parametrize("kind", ["approximating", "interpolating"])
+def test_smooth_turns_make_the_yaw_acceleration_continuous(name: str, kind: str) -> None:
+    jumps: dict[bool, float] = {}
+    for smooth in (True, False):
+        way = ROUTES[name, kind, smooth, False]
+        joints = [part.begin for part in way.path.parts[1:]]
+        cruising = [when(way, s) for s in joints]
+        jumps[smooth] = max(
+            abs(way.at(t + 1e-5).yaw_acceleration - way.at(t - 1e-5).yaw_acceleration)
+            for t in cruising
+        )
+    assert jumps[False] > 1e-3
+    assert jumps[True] < 1e-5
+
+
+def when(way: Route, s: float) -> float:
+    """[s] When a route is at `s` [m]."""
+    early, late = 0.0, way.duration
+    for _ in range(60):
+        middle = (early + late) / 2
+        early, late = (middle, late) if way.at(middle).s < s else (early, middle)
+    return late
+
+
+def test_the_speed_does_not_drop_where_a_moving_part_begins() -> None:
+    way = ROUTES["fernandes", "approximating", False, True]
+    for part in way.path.parts[1:]:
+        t = when(way, part.begin)
+        speeds = [way.at(t + dt).surge_velocity for dt in (-1e-9, 0.0, 1e-9)]
+        assert speeds == pytest.approx([speeds[0]] * 3, abs=1e-6)
+        assert speeds[0] > 0.2
+
+
+def test_the_papers_route_takes_the_papers_time() -> None:
+    """Table 3, 50 s to 731.5 s; without rounding each part up to a sample, 680.6 s."""
+    way = route(Path.through([p[:2] for p in POINTS], 10.0), fernandes, SPEEDS)
+    assert way.duration == pytest.approx(680.645468, abs=1e-5)
+    assert 50 + way.duration == pytest.approx(731.5, abs=1.0)
+
+
+def test_a_pair_to_the_end_of_the_path_is_a_profile_too() -> None:
+    path = Path.through(POINTS, 5.0)
+    by_pair = Route(path, pair(path.length, LIMITS, 0.4))
+    by_stretch = ROUTES["mjvr", "approximating", False, False]
+    assert by_pair.duration == pytest.approx(by_stretch.duration, abs=1e-9)
+    for t in (1.0, 100.0, by_pair.duration - 1.0):
+        assert by_pair.at(t) == pytest.approx(by_stretch.at(t), abs=1e-9)
+
+
+@settings(max_examples=80, deadline=None)
+@given(st.floats(0.01, 100), st.floats(0.05, 1), st.floats(0, 1), st.floats(0, 1), st.floats(0, 1))
+def test_a_stretch_covers_its_length_between_its_speeds_within_its_limits(
+    distance: float, cruise: float, initial: float, final: float, fraction: float
+) -> None:
+    initial, final = initial * cruise, final * cruise
+    least = needed(initial, final)
+    if distance < least:
+        with pytest.raises(ValueError, match=f"too short .* needs {least:.6g} m"):
+            stretch(distance, LIMITS, cruise, initial, final)
+        return
+    motion = stretch(distance, LIMITS, cruise, initial, final)
+    first, last = motion.at(0.0), motion.at(motion.duration)
+    assert (first.velocity, first.acceleration) == pytest.approx((initial, 0.0), abs=1e-12)
+    assert last[:3] == pytest.approx((distance, final, 0.0), abs=1e-9)
+    here = motion.at(fraction * motion.duration)
+    assert -1e-12 <= here.velocity <= cruise + 1e-12
+    assert abs(here.acceleration) <= LIMITS.acceleration + 1e-12
+    assert abs(here.jerk) <= LIMITS.jerk + 1e-12
+
+
+def needed(initial: float, final: float) -> float:
+    """[m] From one speed to the other."""
+    return sum(part.at(part.duration).position for part in solve(initial, 0.0, final, LIMITS))
+
+
+def test_impossible_speeds_are_refused_with_the_part() -> None:
+    path = Path.through(POINTS, 5.0)
+    with pytest.raises(ValueError, match="speeds: found 2, must be one, or one for each of the 5"):
+        route(path, mjvr, [0.3, 0.3])
+    with pytest.raises(ValueError, match=r"part 1 \(line\): .* m are too short to get from 0"):
+        route(path, mjvr, [50.0] * 5)
+    with pytest.raises(ValueError, match="must be 0 to cruise"):
+        route(path, mjvr, [-1.0])
+    with pytest.raises(ValueError, match="must end at rest after"):
+        Route(path, pair(path.length - 1.0, LIMITS, 0.4))
+    with pytest.raises(ValueError, match="must end at rest after"):
+        Route(path, stretch(path.length, LIMITS, 0.4, 0.0, 0.2))

@@ -1,0 +1,109 @@
+"""Checkpoints on disk: whole, the newest, off the handlers' thread, and never somebody else's."""
+
+import threading
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from messages import topics
+from messages.health import Health
+from services.runtime.hosts.virtual_host import VirtualHost
+from services.runtime.launch.local_stack import _unused_folder  # pyright: ignore[reportPrivateUsage]
+from services.runtime.node import checkpoint as checkpoints
+from services.runtime.node.checkpoint import CheckpointFile, write_safely
+from services.runtime.node.node import Node
+
+PATIENCE_S = 60.0  # never reached unless something is broken
+S = 1_000_000_000  # [ns]
+
+
+class Note(msgspec.Struct):
+    depth: float
+
+
+class SlowDisk:
+    """Takes what is written only when the test lets it."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.begun, self.may_go_on = threading.Semaphore(0), threading.Semaphore(0)
+        self.written: list[bytes] = []
+        monkeypatch.setattr(checkpoints, "write_safely", self._write)
+
+    def _write(self, path: Path, data: bytes) -> None:
+        self.begun.release()
+        assert self.may_go_on.acquire(timeout=PATIENCE_S)
+        self.written.append(data)
+        write_safely(path, data)
+
+
+def test_a_checkpoint_is_there_for_the_next_run(tmp_path: Path):
+    path = tmp_path / "worker.json"
+    before = CheckpointFile(path)
+    assert before.recall() is None
+    for depth in range(20):
+        before.remember(f"{depth}".encode())
+    before.close()
+    after = CheckpointFile(path)
+    assert after.recall() == b"19"
+    after.close()
+    assert [file.name for file in tmp_path.iterdir()] == ["worker.json"]
+
+
+def test_while_the_disk_is_busy_nobody_waits_and_only_the_newest_is_written_next(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    disk, memory = SlowDisk(monkeypatch), CheckpointFile(tmp_path / "worker.json")
+    memory.remember(b"first")
+    assert disk.begun.acquire(timeout=PATIENCE_S)
+    for number in range(100):  # would never come to an end if any of them waited
+        memory.remember(f"{number}".encode())
+    disk.may_go_on.release(2)
+    memory.close()
+    assert disk.written == [b"first", b"99"]
+
+
+def test_a_write_that_is_cut_short_leaves_the_checkpoint_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    path = tmp_path / "worker.json"
+    write_safely(path, b"whole")
+
+    def power_cut(_: int) -> None:
+        raise OSError("no power")
+
+    monkeypatch.setattr(checkpoints.os, "fsync", power_cut)
+    with pytest.raises(OSError, match="no power"):
+        write_safely(path, b"half of it")
+    assert path.read_bytes() == b"whole"
+
+
+def test_a_disk_that_takes_nothing_costs_the_checkpoints_and_is_counted_in_the_health(
+    tmp_path: Path,
+):
+    host, now = VirtualHost(), [0]
+    memory = CheckpointFile(tmp_path / "missing" / "worker.json")
+    ear = host.realm("drone")
+    told: list[Health] = []
+    ear.hear(
+        topics.HEALTH.of("worker").key,
+        lambda e: told.append(msgspec.msgpack.decode(e.payload, type=Health)),
+    )
+    node = Node("worker", {"drone": host.realm("drone")}, lambda: now[0], memory)
+    node.remember(Note(1.0))
+    memory.close()
+    now[0] = 2 * S
+    node.step()
+    assert told[-1].counts == {"not_remembered:disk": 1}
+    assert node.recall(Note) is None
+
+
+def test_checkpoints_of_another_dive_are_neither_taken_over_nor_overwritten(tmp_path: Path):
+    wanted = tmp_path / "dive" / "checkpoints"
+    first = _unused_folder(wanted)
+    (first / "estimation.json").write_bytes(b"another dive's atmosphere")
+    second = _unused_folder(wanted)
+    assert first == wanted
+    assert second != first
+    assert list(second.iterdir()) == []
+    assert (first / "estimation.json").read_bytes() == b"another dive's atmosphere"

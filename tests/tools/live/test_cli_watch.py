@@ -1,0 +1,167 @@
+"""What the screen is told, with a node that plays the whole stack."""
+
+import math
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from messages import topics
+from messages.health import Health, LogLine
+from messages.link import Direction, LinkStatus
+from messages.pilot import PilotAnswer, PilotRequest
+from messages.reference import Motion, Reference
+from messages.vehicle import VehicleStatus
+from services.runtime.hosts.virtual_host import VirtualHost
+from services.runtime.node.node import Node
+from tools.live.disarming import Disarming
+from tools.live.dive_timeline import DiveTimeline
+from tools.live.screen import ServiceView, View
+from tools.live.watch import Watch
+
+SECOND = 1_000_000_000  # [ns]
+
+
+class Scene:
+    """A watch, and a neighbour that says what a test wants said."""
+
+    def __init__(self) -> None:
+        self.host = VirtualHost()
+        self.shown: list[LogLine] = []
+        node = self.host.node("supervisor", ["topside"])
+        self.course = DiveTimeline(None)
+        self.watch = Watch(node, ["toy"], self.course, lambda line, _: self.shown.append(line))
+        self.stack = self.host.node("drone", ["topside"])
+        self.node = node
+
+    def view(self) -> View:
+        return self.watch.view("x", self.host.now, [], {"toy": 2})
+
+
+def reference_at(heading: float, now: int) -> Reference:
+    still = Motion(0.0, 0.0, 0.0, 0.0)
+    return Reference(
+        stamp_ns=now,
+        sensor_ns=None,
+        pilot_ns=None,
+        armed=True,
+        depth=still,
+        heading=Motion(heading, 0.0, 0.0, 0.0),
+        surge_force=0.0,
+        sway_force=0.0,
+    )
+
+
+def health(sent: int, now: int) -> Health:
+    return Health(
+        stamp_ns=now,
+        service="toy",
+        loop_hz=100.0,
+        lateness_p50_ms=0.1,
+        lateness_p99_ms=0.5,
+        cpu_percent=4.0,
+        rss_mb=30.0,
+        sent=sent,
+        received=0,
+        counts={"stale:state": 2, "saturated:vertical": 5},
+    )
+
+
+def test_an_empty_bus_gives_a_screen_of_unknowns():
+    scene = Scene()
+    scene.host.run(SECOND)
+    view = scene.view()
+    assert view.depth_m is None
+    assert view.rtt_ms is None
+    assert view.services[0].sent_hz is None
+    assert not view.armed
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.floats(-100.0, 100.0))
+def test_an_accumulated_heading_is_shown_as_a_compass_reads_it(heading: float):
+    scene = Scene()
+    scene.stack.publisher(topics.REFERENCE).put(reference_at(heading, 0))
+    scene.host.run(SECOND // 20)
+    shown = scene.view().heading_wanted_deg
+    assert shown is not None
+    assert 0.0 <= shown <= 360.0
+    assert math.isclose(math.sin(math.radians(shown)), math.sin(heading), abs_tol=1e-9)
+
+
+def test_a_stream_that_falls_silent_disappears_from_the_screen():
+    scene = Scene()
+    scene.stack.publisher(topics.REFERENCE).put(reference_at(1.0, 0))
+    scene.host.run(SECOND // 20)
+    assert scene.view().heading_wanted_deg is not None
+    scene.host.run(4 * SECOND)
+    assert scene.view().heading_wanted_deg is None
+
+
+def test_rates_are_messages_per_second_and_a_restart_gives_no_negative_rate():
+    scene = Scene()
+    says = scene.stack.publisher(topics.HEALTH.of("toy"))
+    rows: list[ServiceView] = []
+    for sent, at in ((100, 2 * SECOND), (300, 4 * SECOND), (3, 5 * SECOND)):
+        scene.host.run(at)
+        says.put(health(sent, at))
+        scene.host.run(at + SECOND // 20)
+        rows += scene.view().services
+    assert [row.sent_hz for row in rows] == [None, 100.0, 100.0]
+    assert (rows[0].restarts, rows[0].troubles) == (2, 7)
+
+
+def test_link_status_and_log_lines_of_others_and_of_our_own_are_shown():
+    scene = Scene()
+    below, above = Direction(2.0, 3.0, 10, 1, 0), Direction(5.0, 6.0, 10, 2, 0)
+    link = LinkStatus(stamp_ns=0, profile="x", up=True, down_link=below, up_link=above, rtt_ms=7.0)
+    scene.stack.publisher(topics.LINK).put(link)
+    status = VehicleStatus(stamp_ns=0, mode="ready", armed=False, note="sea too wet")
+    scene.stack.publisher(topics.STATUS).put(status)
+    scene.stack.log("warning", "theirs")
+    scene.node.log("error", "ours")
+    scene.host.run(SECOND // 20)
+    view = scene.view()
+    assert (view.down_ms, view.up_ms, view.rtt_ms, view.lost) == (2.0, 5.0, 7.0, 3)
+    assert (view.mode, view.note) == ("ready", "sea too wet")
+    assert sorted(told.line.text for told in view.lines) == ["ours", "theirs"]
+    assert sorted(line.text for line in scene.shown) == ["ours", "theirs"]
+
+
+def drone(host: VirtualHost, deaf_for: int, heard: list[PilotRequest]) -> Node:
+    """Hears requests and answers all but the first few."""
+    node = host.node("reference", ["topside"])
+    answers = node.publisher(topics.PILOT_ANSWER)
+
+    def on_request(request: PilotRequest, now: int) -> None:
+        heard.append(request)
+        if len(heard) > deaf_for:
+            answers.put(PilotAnswer(stamp_ns=now, id=request.id, accepted=True))
+
+    node.each(topics.PILOT_REQUEST, on_request)
+    return node
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 5))
+def test_disarming_is_asked_for_with_one_id_until_it_is_answered(deaf_for: int):
+    host, heard = VirtualHost(), list[PilotRequest]()
+    pilot = host.node("supervisor", ["topside"])
+    disarming = Disarming(pilot)
+    pilot.every(50.0, disarming.ask)
+    drone(host, deaf_for, heard)
+    host.run(2 * SECOND, lambda: disarming.done)
+    assert disarming.done
+    assert len(heard) == deaf_for + 1
+    assert {(request.id, request.kind) for request in heard} == {(heard[0].id, "disarm")}
+
+
+def test_the_answer_to_somebody_elses_request_is_not_ours():
+    host = VirtualHost()
+    pilot = host.node("supervisor", ["topside"])
+    disarming = Disarming(pilot)
+    pilot.every(50.0, disarming.ask)
+    other = host.node("reference", ["topside"]).publisher(topics.PILOT_ANSWER)
+    host.run(SECOND // 2)
+    other.put(PilotAnswer(stamp_ns=0, id="another", accepted=True))
+    host.run(SECOND)
+    assert not disarming.done

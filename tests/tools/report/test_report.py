@@ -1,0 +1,336 @@
+"""The report of a small made-up dive, figure by figure."""
+
+import json
+from math import radians
+from pathlib import Path
+
+import msgspec
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from messages import topics
+from messages.control import ThrusterCommand
+from messages.health import Health
+from messages.message import Estimate, Message
+from messages.reference import Motion, Reference
+from messages.sensors import PressureSample
+from messages.state import VehicleState
+from messages.vehicle import Actuation, Truth
+from services.recorder.foxglove_schema import foxglove_schema
+from services.recorder.io.mcap_file import McapFile
+from tools.recordings.recording import open_recording
+from tools.report import Extras, encode, make_report, read_dive, summary
+from tools.report.report import Report
+from tools.report.stops import StickStop
+
+MS = 1_000_000  # [ns]
+START = 5_000 * MS
+KEYS = [
+    *(
+        "seconds",
+        "vehicle",
+        "link",
+        "services",
+        "topics",
+        "latency_ms",
+        "budget_ms",
+        "clocks",
+        "stops",
+    ),
+    *("depth_error_rms_m", "heading_error_rms_deg", "peak_jerk_ratio", "energy", "losses", "exit"),
+]
+Said = list[tuple[str, Message]]
+
+
+def record(folder: Path, said: Said, losses: dict[str, str] | None = None) -> Path:
+    """A recording in which everything arrives when it is stamped."""
+    folder.mkdir(exist_ok=True)
+    file = McapFile(folder / "dive.mcap")
+    file.metadata("dive", {"vehicle": "pioneer", "link": "tether"})
+    for key, message in said:
+        if not file.has_channel(key):
+            file.open_channel(key, type(message).__name__, foxglove_schema(type(message)))
+        stamp = message.stamp_ns
+        file.write(key, msgspec.json.encode(message), stamp, stamp, message.seq)
+    file.metadata("losses", losses or {})
+    file.finish()
+    return folder
+
+
+def report_of(folder: Path, said: Said, extras: Extras | None = None) -> Report:
+    return make_report(open_recording(record(folder, said)), extras or Extras())
+
+
+def reference(
+    stamp: int,
+    *,
+    sensor: int | None = None,
+    pilot: int | None = None,
+    armed: bool = True,
+    depth: float = 0.0,
+    heading: float = 0.0,
+    jerk: tuple[float, float] = (0.0, 0.0),
+) -> tuple[str, Message]:
+    message = Reference(
+        stamp_ns=stamp,
+        sensor_ns=sensor,
+        pilot_ns=pilot,
+        armed=armed,
+        depth=Motion(depth, 0.0, 0.0, jerk[0], 1.5),
+        heading=Motion(heading, 0.0, 0.0, jerk[1], 4.0),
+        surge_force=0.0,
+        sway_force=0.0,
+    )
+    return topics.REFERENCE.key, message
+
+
+def state(stamp: int, sensor: int, heading: float = 0.0) -> tuple[str, Message]:
+    zero = Estimate(0.0, 0.0)
+    message = VehicleState(
+        stamp_ns=stamp,
+        sensor_ns=sensor,
+        phase="running",
+        depth=zero,
+        depth_rate=zero,
+        depth_acceleration=zero,
+        attitude=(1.0, 0.0, 0.0, 0.0),
+        roll=zero,
+        pitch=zero,
+        heading=Estimate(heading, 0.0),
+        heading_navigation=None,
+        yaw_rate=zero,
+    )
+    return topics.STATE.key, message
+
+
+def truth(stamp: int, depth: float = 0.0, heading: float = 0.0) -> tuple[str, Message]:
+    message = Truth(
+        stamp_ns=stamp,
+        position=(0.0, 0.0, depth),
+        attitude=(1.0, 0.0, 0.0, 0.0),
+        velocity=(0.0, 0.0, 0.0),
+        angular_rate=(0.0, 0.0, 0.0),
+        depth_rate=0.0,
+        roll=0.0,
+        pitch=0.0,
+        heading=heading,
+        on_floor=False,
+    )
+    return topics.TRUTH.key, message
+
+
+def command(stamp: int, sensor: int | None) -> tuple[str, Message]:
+    message = ThrusterCommand(stamp_ns=stamp, sensor_ns=sensor, pilot_ns=None, thrust=(0.0,))
+    return topics.THRUSTERS.key, message
+
+
+def actuation(
+    stamp: int,
+    sensor: int | None = None,
+    pilot: int | None = None,
+    thrust: tuple[float, ...] = (),
+    power: float = 0.0,
+) -> tuple[str, Message]:
+    message = Actuation(
+        stamp_ns=stamp,
+        thrust=thrust,
+        actuated_ns=None if sensor is None else stamp,
+        sensor_ns=sensor,
+        pilot_ns=pilot,
+        stale=False,
+        power=power,
+    )
+    return topics.ACTUATION.key, message
+
+
+def health(service: str, stamp: int, sent: int, **counts: int) -> tuple[str, Health]:
+    message = Health(
+        stamp_ns=stamp,
+        service=service,
+        loop_hz=100.0,
+        lateness_p50_ms=0.1 * (stamp / MS),
+        lateness_p99_ms=None,
+        cpu_percent=10.0 * (stamp / MS),
+        rss_mb=50.0,
+        sent=sent,
+        received=0,
+        counts=counts,
+    )
+    return f"health/{service}", message
+
+
+def one_way_through(sensor: int, pilot: int, delays: list[int]) -> Said:
+    """State, reference, command and actuation of one sample, each so many ms after the last."""
+    at = sensor
+    stamps = [at := at + delay * MS for delay in delays]
+    return [
+        state(stamps[0], sensor),
+        reference(stamps[1], sensor=sensor, pilot=pilot),
+        command(stamps[2], sensor),
+        actuation(stamps[3], sensor, pilot),
+    ]
+
+
+def test_a_report_has_exactly_the_promised_keys_in_their_order(tmp_path: Path):
+    report = report_of(tmp_path / "a", [actuation(START)])
+    assert list(json.loads(encode(report))) == KEYS
+    simulated = report_of(tmp_path / "b", [], Extras(speedup=31.5, log_hash="abc"))
+    assert list(json.loads(encode(simulated))) == [*KEYS, "speedup", "log_hash"]
+
+
+def test_an_empty_recording_still_has_a_report_and_a_summary(tmp_path: Path):
+    report = report_of(tmp_path, [], Extras())
+    assert report.seconds == 0.0
+    assert report.depth_error_rms_m is None
+    assert report.peak_jerk_ratio is None
+    assert report.latency_ms.stick_to_thruster.p50 is None
+    assert "NaN" not in encode(report).decode()
+    assert "pioneer" in summary(report)
+
+
+def test_seconds_are_the_armed_ones_and_the_whole_recording_if_there_were_none(tmp_path: Path):
+    armed = [False, True, True, False, True, False]
+    said = [reference(START + n * 1000 * MS, armed=a) for n, a in enumerate(armed)]
+    assert report_of(tmp_path / "armed", said).seconds == 3.0
+    said = [reference(START + n * 1000 * MS, armed=False) for n in range(6)]
+    assert report_of(tmp_path / "never", said).seconds == 5.0
+
+
+@given(
+    delays=st.lists(st.lists(st.integers(1, 9), min_size=4, max_size=4), min_size=1, max_size=20)
+)
+@settings(max_examples=20, deadline=None)
+def test_the_stages_of_every_sample_add_up_to_the_whole_way(
+    delays: list[list[int]], tmp_path_factory: pytest.TempPathFactory
+):
+    said: Said = []
+    for n, steps in enumerate(delays):
+        sensor = START + n * 100 * MS
+        said += one_way_through(sensor, sensor - 30 * MS, steps)
+    latency = report_of(tmp_path_factory.mktemp("dive"), said).latency_ms
+    stages = [
+        "sensor_to_state",
+        "state_to_reference",
+        "reference_to_command",
+        "command_to_thruster",
+    ]
+    for column, stage in enumerate(stages):
+        assert latency.stages[stage].max == max(steps[column] for steps in delays)
+    longest = max(sum(steps) for steps in delays)
+    assert latency.sensor_to_thruster.max == longest
+    assert latency.stick_to_thruster.max == longest + 30
+    assert latency.stages["stick_to_reference"].max == max(s[0] + s[1] for s in delays) + 30
+
+
+def test_a_latency_is_measured_once_per_cause_at_the_first_effect(tmp_path: Path):
+    said = [
+        actuation(START + 5 * MS, sensor=START, pilot=START),
+        actuation(START + 50 * MS, sensor=START, pilot=START),  # the same command, still held
+        actuation(START + 60 * MS),  # nobody's
+        actuation(START + 107 * MS, sensor=START + 100 * MS, pilot=START + 100 * MS),
+    ]
+    spread = report_of(tmp_path, said).latency_ms.stick_to_thruster
+    assert (spread.p50, spread.max) == (6.0, 7.0)
+
+
+def test_errors_compare_truth_with_the_reference_at_its_own_sample_while_armed(tmp_path: Path):
+    said: Said = []
+    for n in range(0, 1001, 50):  # the truth sinks at 1 m/s and turns at 1 rad/s, seen 20 times/s
+        said += [truth(START + n * MS, depth=n / 1000, heading=n / 1000 + 2.0)]
+        said += [state(START + n * MS, START + n * MS, heading=n / 1000)]
+    for n in range(0, 1000, 10):
+        late, depth, heading = START + (n + 400) * MS, n / 1000 - 0.1, n / 1000 - radians(3.0)
+        said += [reference(late, sensor=START + n * MS, depth=depth, heading=heading)]
+    wild = reference(START + 1400 * MS, sensor=START + 999 * MS, armed=False, depth=99.0)
+    report = report_of(tmp_path, [*said, wild])
+    assert report.depth_error_rms_m == pytest.approx(0.1)
+    assert report.heading_error_rms_deg == pytest.approx(3.0)
+
+
+def test_the_peak_jerk_is_the_worse_of_both_axes_and_only_while_armed(tmp_path: Path):
+    said = [
+        reference(START, jerk=(-0.9, 2.0)),
+        reference(START + MS, jerk=(0.5, -3.0)),
+        reference(START + 2 * MS, jerk=(50.0, 50.0), armed=False),
+    ]
+    report = report_of(tmp_path / "a", said)
+    assert report.peak_jerk_ratio == pytest.approx(0.75)
+    assert report_of(tmp_path / "b", said[2:]).peak_jerk_ratio is None
+
+
+def test_energy_is_the_integral_over_time_and_thrusters(tmp_path: Path):
+    said = [actuation(START + n * 500 * MS, thrust=(3.0, -4.0, 0.0), power=72.0) for n in range(21)]
+    energy = report_of(tmp_path, said).energy
+    assert energy.thrust_squared_n2s == pytest.approx(250.0)
+    assert energy.wh == pytest.approx(0.2)
+
+
+def test_topics_are_counted_and_their_rate_is_that_between_first_and_last(tmp_path: Path):
+    said: Said = [
+        (topics.PRESSURE.key, PressureSample(stamp_ns=START + n * 25 * MS, pressure=1.0))
+        for n in range(41)
+    ]
+    report = report_of(tmp_path, [*said, truth(START)])
+    assert msgspec.to_builtins(report.topics) == {
+        "sensor/pressure": {"count": 41, "hz": 40.0},
+        "simulator/truth": {"count": 1, "hz": None},
+    }
+
+
+def test_a_service_is_followed_through_its_restarts(tmp_path: Path):
+    said: Said = [
+        health("control", 1 * MS, sent=100, stale=1),
+        health("control", 2 * MS, sent=200, stale=3),
+        health("control", 3 * MS, sent=50, stale=2, lost=7),
+    ]
+    report = report_of(tmp_path, said, Extras(restarts={"control": 1, "gamepad": 2}))
+    control = report.services["control"]
+    assert (control.sent, control.restarts) == (250, 1)
+    assert (control.lateness_p50_ms, control.lateness_p99_ms) == (0.2, None)
+    assert (control.cpu_percent, control.rss_mb) == (20.0, 50.0)
+    assert report.services["gamepad"].restarts == 2
+    assert report.losses == {"stale": 5, "lost": 7}
+
+
+def test_losses_are_summed_by_name_over_everybody_who_counted(tmp_path: Path):
+    said: Said = [
+        health("control", MS, sent=1, stale=1),
+        health("reference", MS, sent=1, stale=2, clamped=4),
+    ]
+    heard = [health("recorder", MS, sent=1, unknown=1, malformed=5)[1]]
+    extras = Extras(losses={"stale": 10, "crashed": 1}, health=heard)
+    record(tmp_path, said, losses={"unknown": "3"})
+    report = make_report(open_recording(tmp_path), extras)
+    expected = {"clamped": 4, "crashed": 1, "malformed": 5, "stale": 13, "unknown": 3}
+    assert report.losses == expected
+    assert report.services["recorder"].sent == 1
+
+
+def test_the_summary_fits_and_says_what_a_pilot_cares_about(tmp_path: Path):
+    said = one_way_through(START, START - 20 * MS, [2, 3, 1, 4])
+    said += [truth(START, depth=4.25), truth(START + MS, depth=7.96)]
+    dive = read_dive(open_recording(record(tmp_path, said)))
+    report = msgspec.structs.replace(
+        make_report(open_recording(tmp_path), Extras(exit="control kept crashing")),
+        seconds=93.2,
+        stops=[
+            StickStop("heave", 10.0, 0.012, 1.0),
+            StickStop("heave", 20.0, 0.034, 1.0),
+            StickStop("yaw", 30.0, radians(0.7), None),
+        ],
+        losses={f"{kind}:state": 2 for kind in ("lost", "stale", "expired", "odd", "malformed")},
+    )
+    text = summary(report, dive.max_depth_m, [tmp_path / "dive.mcap", tmp_path / "report.json"])
+    assert len(text.splitlines()) <= 15
+    for word in (
+        *("1 min 33 s", "8.0 m", "3.4 cm", "at 20.0 s", "0.7°", "30 ms", "tether"),
+        *("control kept crashing", "2 × odd", "report.json", "dive.mcap", str(tmp_path)),
+    ):
+        assert word in text
+
+
+def test_a_dive_without_losses_says_so(tmp_path: Path):
+    lines = summary(report_of(tmp_path, [actuation(START)])).splitlines()
+    assert lines[0].endswith("ended cleanly")
+    assert any(line.split() == ["losses", "none"] for line in lines)

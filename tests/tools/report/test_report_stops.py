@@ -1,0 +1,311 @@
+"""Stops of a dive made up of straight lines, so that every answer is known beforehand."""
+
+from collections.abc import Callable, Iterable
+from math import radians
+from typing import Literal
+
+import msgspec
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from messages import topics
+from messages.link import Clock
+from messages.message import Estimate, Message
+from messages.pilot import PilotCommand, PilotRequest
+from messages.reference import Motion, Reference
+from messages.state import VehicleState
+from messages.topic import AnyTopic
+from messages.vehicle import Truth, VehicleStatus
+from tools.recordings.recording import Raw, Recording
+from tools.report.dive import RecordedDive, read_dive
+from tools.report.stops import stops
+
+START = 7_000_000_000  # [ns] the vehicle's clock at the beginning
+RELEASE, REST, END = 4.0, 5.0, 12.0  # [s] stick let go, reference at rest, end of recording
+SPEED = 0.4  # [m/s] or [rad/s] of the reference until the release
+FINAL = SPEED * (RELEASE - 1.0) + SPEED * (REST - RELEASE) / 2  # [m, rad] where it comes to rest
+NORTH = 2.0  # [rad] true heading minus control heading
+Said = list[tuple[AnyTopic, Message]]
+
+
+class Memory(Recording):
+    """A recording that was never a file."""
+
+    def __init__(self, said: Said) -> None:
+        super().__init__([])
+        self._said = said
+
+    def raw(self) -> Iterable[Raw]:  # type: ignore[override]
+        for topic, message in self._said:
+            stamp = message.stamp_ns
+            yield Raw(topic.key, msgspec.json.encode(message), stamp, stamp)
+
+
+def ns(t: float) -> int:
+    return START + round(t * 1e9)
+
+
+def reference_at(t: float) -> Motion:
+    """At rest until 1 s, at SPEED until the release, evenly slower until at rest."""
+    if t < 1.0:
+        return Motion(0.0, 0.0, 0.0, 0.0)
+    if t < RELEASE:
+        return Motion(SPEED * (t - 1.0), SPEED, 0.0, 0.0)
+    if t < REST:
+        left = REST - t
+        slope = SPEED / (REST - RELEASE)
+        return Motion(FINAL - slope * left * left / 2, slope * left, -slope, 0.0)
+    return Motion(FINAL, 0.0, 0.0, 0.0)
+
+
+def still(_: float) -> Motion:
+    return Motion(3.0, 0.0, 0.0, 0.0)
+
+
+def moving(
+    axis: Literal["heave", "yaw"],
+    error: Callable[[float], float],
+    sign: float = 1.0,
+    armed: Callable[[float], bool] = lambda _: True,
+) -> Said:
+    """Reference, state and truth, 100 times a second; true motion is reference plus error."""
+    said: Said = []
+    for n in range(round(END * 100)):
+        t = n / 100
+        r = reference_at(t)
+        motion = Motion(sign * r.position, sign * r.velocity, sign * r.acceleration, 0.0)
+        depth, heading = (motion, still(t)) if axis == "heave" else (still(t), motion)
+        true = sign * (r.position + error(t))
+        true_depth = true if axis == "heave" else 3.0
+        true_heading = true if axis == "yaw" else 3.0
+        said += [
+            (topics.REFERENCE, reference(ns(t), depth, heading, armed(t))),
+            (topics.STATE, state(ns(t), depth.position, heading.position)),
+            (topics.TRUTH, truth(ns(t), true_depth, true_heading + NORTH)),
+        ]
+    return said
+
+
+def reference(stamp: int, depth: Motion, heading: Motion, armed: bool) -> Reference:
+    return Reference(
+        stamp_ns=stamp,
+        sensor_ns=stamp,
+        pilot_ns=None,
+        armed=armed,
+        depth=depth,
+        heading=heading,
+        surge_force=0.0,
+        sway_force=0.0,
+    )
+
+
+def state(stamp: int, depth: float, heading: float) -> VehicleState:
+    zero = Estimate(0.0, 0.0)
+    return VehicleState(
+        stamp_ns=stamp,
+        sensor_ns=stamp,
+        phase="running",
+        depth=Estimate(depth, 0.0),
+        depth_rate=zero,
+        depth_acceleration=zero,
+        attitude=(1.0, 0.0, 0.0, 0.0),
+        roll=zero,
+        pitch=zero,
+        heading=Estimate(heading, 0.0),
+        heading_navigation=None,
+        yaw_rate=zero,
+    )
+
+
+def truth(stamp: int, depth: float, heading: float) -> Truth:
+    return Truth(
+        stamp_ns=stamp,
+        position=(0.0, 0.0, depth),
+        attitude=(1.0, 0.0, 0.0, 0.0),
+        velocity=(0.0, 0.0, 0.0),
+        angular_rate=(0.0, 0.0, 0.0),
+        depth_rate=0.0,
+        roll=0.0,
+        pitch=0.0,
+        heading=heading,
+        on_floor=False,
+    )
+
+
+def sticks(
+    axis: str,
+    held: Callable[[float], float],
+    lost: Callable[[float], bool] = lambda _: False,
+    until: float = END,
+) -> Said:
+    """Stick positions, 50 times a second."""
+    return [
+        (
+            topics.PILOT_COMMAND,
+            PilotCommand(
+                stamp_ns=ns(n / 50),
+                surge=0.0,
+                sway=0.0,
+                heave=held(n / 50) if axis == "heave" else 0.0,
+                yaw=held(n / 50) if axis == "yaw" else 0.0,
+                pilot="lost" if lost(n / 50) else "present",
+            ),
+        )
+        for n in range(round(until * 50))
+    ]
+
+
+def held_until_release(t: float) -> float:
+    return 1.0 if 0.9 <= t < RELEASE else 0.0
+
+
+def bump(height: float, until: float) -> Callable[[float], float]:
+    """An error of `height` from the release until `until` [s]."""
+    return lambda t: height if RELEASE <= t < until else 0.0
+
+
+def dive_of(said: Said) -> RecordedDive:
+    return read_dive(Memory(said))
+
+
+@pytest.mark.parametrize("axis", ["heave", "yaw"])
+@given(
+    height=st.floats(min_value=-0.5, max_value=0.5),
+    sign=st.sampled_from([-1.0, 1.0]),
+    until=st.sampled_from([5.5, 8.0]),
+)
+@settings(max_examples=10, deadline=None)
+def test_overshoot_and_settling_are_those_of_the_true_motion_in_the_direction_of_travel(
+    axis: Literal["heave", "yaw"], height: float, sign: float, until: float
+):
+    said = moving(axis, bump(height, until), sign) + sticks(
+        axis, lambda t: sign * held_until_release(t)
+    )
+    (stop,) = stops(dive_of(said))
+    assert stop.axis == axis
+    assert stop.t == pytest.approx(RELEASE)
+    assert stop.overshoot == pytest.approx(max(0.0, height), abs=1e-6)
+    near = 0.05 if axis == "heave" else radians(1.0)
+    assert stop.settle_s == pytest.approx(settled_after(bump(height, until), near))
+
+
+def settled_after(error: Callable[[float], float], near: float) -> float:
+    """[s] from the release to the first sample after the last one that was not near."""
+    samples = [n / 100 for n in range(round(RELEASE * 100), round(END * 100))]
+    far = [t for t in samples if abs(reference_at(t).position + error(t) - FINAL) > near]
+    return far[-1] + 0.01 - RELEASE
+
+
+def test_a_vehicle_that_never_comes_near_has_not_settled():
+    said = moving("heave", bump(-0.2, END)) + sticks("heave", held_until_release)
+    (stop,) = stops(dive_of(said))
+    assert stop.settle_s is None
+    assert stop.overshoot == 0.0
+
+
+def test_the_true_heading_is_compared_in_the_frame_of_the_control_heading():
+    (stop,) = stops(dive_of(moving("yaw", lambda _: 0.0) + sticks("yaw", held_until_release)))
+    assert stop.overshoot == pytest.approx(0.0, abs=1e-6)
+    assert stop.settle_s is not None
+
+
+def test_a_stop_ends_with_the_next_deflection():
+    def again(t: float) -> float:
+        return 1.0 if t >= 8.0 else held_until_release(t)
+
+    said = moving("heave", lambda t: 0.3 if t >= 8.0 else 0.0) + sticks("heave", again)
+    (stop,) = stops(dive_of(said))
+    assert stop.overshoot == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_stop_cut_short_before_the_reference_rests_does_not_count():
+    def again(t: float) -> float:
+        return 1.0 if t >= REST - 0.1 else held_until_release(t)
+
+    assert stops(dive_of(moving("heave", lambda _: 0.0) + sticks("heave", again))) == []
+
+
+def test_a_stop_broken_off_by_disarming_does_not_count_nor_one_before_arming():
+    let_go = sticks("heave", held_until_release)
+    broken_off = moving("heave", lambda _: 0.0, armed=lambda t: t < REST - 0.1)
+    too_late = moving("heave", lambda _: 0.0, armed=lambda t: t > RELEASE + 0.1)
+    assert stops(dive_of(broken_off + let_go)) == []
+    assert stops(dive_of(too_late + let_go)) == []
+
+
+def test_time_counts_from_arming():
+    said = moving("heave", lambda _: 0.0, armed=lambda t: t >= 0.5)
+    (stop,) = stops(dive_of(said + sticks("heave", held_until_release)))
+    assert stop.t == pytest.approx(RELEASE - 0.5)
+
+
+def held(t: float) -> float:
+    return 1.0 if t >= 0.9 else 0.0
+
+
+def request(t: float, kind: Literal["stop", "arm"]) -> Said:
+    return [(topics.PILOT_REQUEST, PilotRequest(stamp_ns=ns(t), id="1", kind=kind))]
+
+
+def status(t: float, failsafe: Literal["none", "pilot_lost"]) -> Said:
+    message = VehicleStatus(stamp_ns=ns(t), mode="piloted", armed=True, failsafe=failsafe)
+    return [(topics.STATUS, message)]
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        sticks("heave", held, lost=lambda t: t >= RELEASE),
+        sticks("heave", held) + request(RELEASE, "stop"),
+        sticks("heave", held, until=RELEASE) + status(0.0, "none") + status(RELEASE, "pilot_lost"),
+    ],
+    ids=["pilot lost", "stop asked for", "link cut"],
+)
+def test_a_stop_is_a_stop_whoever_let_go(said: Said):
+    (stop,) = stops(dive_of(moving("heave", bump(0.1, 6.0)) + said))
+    assert stop.t == pytest.approx(RELEASE)
+    assert stop.overshoot == pytest.approx(0.1)
+    assert stop.settle_s == pytest.approx(6.0 - RELEASE, abs=0.011)
+
+
+def test_after_a_stop_request_only_centred_sticks_count_as_deflected_again():
+    def twitching(t: float) -> float:  # never centred: the drone stays stopped
+        return 1.0 if t < 6.0 else 0.5
+
+    said = moving("heave", bump(0.1, 9.0)) + sticks("heave", twitching)
+    (stop,) = stops(dive_of(said + request(RELEASE, "stop")))
+    assert stop.settle_s == pytest.approx(9.0 - RELEASE, abs=0.011)
+
+
+def test_other_requests_stop_nothing():
+    said = sticks("heave", held) + request(RELEASE, "arm")
+    assert stops(dive_of(moving("heave", lambda _: 0.0) + said)) == []
+
+
+@given(ahead=st.integers(-START, 10**16))
+@settings(max_examples=10, deadline=None)
+def test_stops_do_not_depend_on_how_far_the_clock_of_the_topside_is_ahead(ahead: int):
+    said = moving("heave", bump(0.1, 6.0))
+    hands = sticks("heave", held) + request(RELEASE, "stop")
+    clock = Clock(
+        stamp_ns=0, offset_ns=-ahead, bound_ns=0, drift_ppm=0.0,
+        rtt_ms=1.0, rtt_min_ms=1.0, answered_ms=0.0,
+    )  # fmt: skip
+    there = [
+        (topic, msgspec.structs.replace(message, stamp_ns=message.stamp_ns + ahead))
+        for topic, message in hands
+    ]
+    apart = read_dive(Memory([*said, (topics.CLOCK, clock), *there]), apart=True)
+    assert stops(apart) == stops(dive_of(said + hands)) != []
+
+
+def test_sticks_of_a_topside_whose_clock_is_not_known_stopped_nothing():
+    said = moving("heave", bump(0.1, 6.0)) + sticks("heave", held_until_release)
+    assert stops(read_dive(Memory(said), apart=True)) == []
+
+
+def test_without_truth_there_is_nothing_to_measure():
+    said = [s for s in moving("heave", lambda _: 0.0) if s[0] is not topics.TRUTH]
+    assert stops(dive_of(said + sticks("heave", held_until_release))) == []
+    assert stops(dive_of([])) == []
