@@ -112,10 +112,10 @@ def wanted_of(kind: str, **given: Any) -> PilotRequest:
             return _place(given)
         case "goto":
             try:
-                wish = goto(given["depth"], given["heading"])
+                intent = goto(given["depth"], given["heading"])
             except ValueError as error:
                 raise LindyError(str(error)) from None
-            return _wanted(known, depth=wish.depth, heading=wish.heading)
+            return _wanted(known, depth=intent.depth, heading=intent.heading)
         case "follow":
             return _wanted(known, course=_course(given["path"]))
         case "mode":

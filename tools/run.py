@@ -33,7 +33,7 @@ def run(service: str, connect: tuple[str, ...], choices: Choices) -> int:
     if (kind := FILE.get(service)) and (earlier := dive_files(out, kind)):
         raise LindyError(f"{earlier[0]} is there already; choose another --out for the {service}")
     stack = msgspec.structs.replace(stack, out=str(out))
-    with tempfile.TemporaryDirectory(prefix="lindy-") as memory:
+    with tempfile.TemporaryDirectory(prefix="lindy-") as checkpoint:
         return run_service(
             Launch(
                 service=service,
@@ -41,7 +41,7 @@ def run(service: str, connect: tuple[str, ...], choices: Choices) -> int:
                 spec=spec,
                 stack_file=str(services.file),
                 endpoints=endpoints,
-                memory=memory,
+                checkpoint=checkpoint,
             )
         )
 

@@ -44,35 +44,35 @@ def simulate(choices: Choices) -> int:
     stack = checked(choices, pilot, services)
     stack = msgspec.structs.replace(stack, virtual=True, out=str(out_folder(choices.out)))
     outcome = Outcome(stack)
-    course = DiveTimeline(pilot.script_s, choices.seconds)
+    timeline = DiveTimeline(pilot.script_s, choices.seconds)
     host, shown = VirtualHost(), LineDisplay()
 
     def show(line: LogLine) -> None:
-        shown.line(line, course.elapsed_s(line.stamp_ns))
+        shown.line(line, timeline.elapsed_s(line.stamp_ns))
 
     print(f"{title(stack)} → {stack.out_dir}", flush=True)
     with StopSignals() as stop, outcome.of_the_dive(), progress() as advance, closing(host):
         node = host.node(NAME, ["topside"])
-        node.each(topics.STATUS, course.see)
+        node.each(topics.STATUS, timeline.see)
         outcome.listen(node)
         host.add_all(services, stack)
         point_latest(stack.out_dir)
         host.show(lambda line: None if line.level == "info" else show(line))
         began = time.perf_counter()
         with rare_collections():
-            outcome.exit = run(host, course, stop, advance)
+            outcome.exit = run(host, timeline, stop, advance)
         outcome.speedup = host.now / 1e9 / (time.perf_counter() - began)
     shown.finish()
     return outcome.sum_up()
 
 
-def run(host: VirtualHost, course: DiveTimeline, stop: StopSignals, advance: Advance) -> str:
+def run(host: VirtualHost, timeline: DiveTimeline, stop: StopSignals, advance: Advance) -> str:
     """Run to the end of the dive. Returns how it ended: `clean`, or why otherwise."""
     end = None
     while end is None:
         host.run(host.now + STRIDE_NS)
-        advance(course, host.now)
-        end = "interrupted" if stop.asked else course.over(host.now)
+        advance(timeline, host.now)
+        end = "interrupted" if stop.asked else timeline.over(host.now)
     return end
 
 
@@ -86,12 +86,12 @@ def progress() -> Generator[Advance]:
     with Progress(*columns, transient=True) as bar:
         task = bar.add_task("waiting for the drone")
 
-        def advance(course: DiveTimeline, now: int) -> None:
+        def advance(timeline: DiveTimeline, now: int) -> None:
             bar.update(
                 task,
-                description="diving" if course.armed else course.note,
-                total=course.length_s,
-                completed=course.elapsed_s(now) or 0.0,
+                description="diving" if timeline.armed else timeline.note,
+                total=timeline.length_s,
+                completed=timeline.elapsed_s(now) or 0.0,
             )
 
         yield advance
@@ -100,12 +100,12 @@ def progress() -> Generator[Advance]:
 def _lines() -> Advance:
     last_s = 0.0
 
-    def advance(course: DiveTimeline, now: int) -> None:
+    def advance(timeline: DiveTimeline, now: int) -> None:
         nonlocal last_s
         if now / 1e9 - last_s >= LINE_S:
             last_s = now / 1e9
-            elapsed = course.elapsed_s(now)
-            state = "armed" if course.armed else course.note
+            elapsed = timeline.elapsed_s(now)
+            state = "armed" if timeline.armed else timeline.note
             print(f"{'':<7} {when(elapsed):>8}  {state}", flush=True)
 
     return advance

@@ -67,7 +67,7 @@ def topside(choices: Choices, connect: str, gateway: bool) -> int:
     stack = checked(choices, pilot, every, here)
     stack = msgspec.structs.replace(stack, apart=True, out=str(out_folder(choices.out)))
     # Either the two hubs are joined, or the tether process stands between them.
-    far = (
+    other_side = (
         OtherSide("topside", gateway=connect)
         if gateway
         else OtherSide("topside", connect=(connect,))
@@ -79,25 +79,25 @@ def topside(choices: Choices, connect: str, gateway: bool) -> int:
     def go(local: LocalStack, stop: StopSignals, shown: Display) -> str:
         return PilotedDive(local, pilot, choices.seconds, stop, shown).fly()
 
-    return run(stack, every, here, far, go)
+    return run(stack, every, here, other_side, go)
 
 
-def run(stack: Stack, every: Registry, here: Registry, far: OtherSide, go: Go) -> int:
+def run(stack: Stack, every: Registry, here: Registry, other_side: OtherSide, go: Go) -> int:
     """One side of a stack from its start to its last words. Returns the exit status."""
     outcome = Outcome(stack)
     with (
         StopSignals() as stop,
         display() as shown,
         outcome.of_the_dive(),
-        local_stack(stack, here, far=far) as local,
+        local_stack(stack, here, other_side=other_side) as local,
         told(outcome, local),
     ):
         point_latest(stack.out_dir)
         outcome.exit = go(local, stop, shown)
-    other = OTHER[far.side]
+    other = OTHER[other_side.side]
     if RECORDER in here:
         return outcome.sum_up(Elsewhere(other, tuple(on_side(every, other, gateway=False))))
-    return outcome.sum_up_unrecorded(far.side, other)
+    return outcome.sum_up_unrecorded(other_side.side, other)
 
 
 def on_side(every: Registry, side: str, *, gateway: bool) -> Registry:

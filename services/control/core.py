@@ -28,7 +28,7 @@ NOTHING: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 @dataclass(slots=True)
 class Controller:
     """Steps at the rate of the reference, in the time of the sensors: it does not matter how late
-    a step is handled. `happened` collects what must be counted: each passage into a clamp, a
+    a step is handled. `events` collects what must be counted: each passage into a clamp, a
     saturation or a missing input, not each step of it.
 
     Raises:
@@ -38,7 +38,7 @@ class Controller:
 
     settings: Settings
     vehicle: Vehicle
-    happened: list[str] = field(default_factory=list[str])
+    events: list[str] = field(default_factory=list[str])
     _laws: Laws = field(init=False)
     _propulsion: Propulsion = field(init=False)
     _time: SensorTime = field(default_factory=SensorTime)
@@ -67,7 +67,7 @@ class Controller:
             reference = self._hold()
         self._held = reference
         result = self._act(reference, state, dt, now)
-        self.happened.extend(sorted(self._now_true - self._was_true))
+        self.events.extend(sorted(self._now_true - self._was_true))
         self._was_true, self._now_true = self._now_true, set()
         return result
 

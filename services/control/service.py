@@ -24,8 +24,8 @@ def wire(node: Node, stack: Stack) -> None:
         wrench, command = controller.step(reference, newest, now)
         wrenches.put(wrench)
         thrusters.put(command)
-        while controller.happened:
-            node.count(controller.happened.pop())
+        while controller.events:
+            node.count(controller.events.pop())
 
     node.trigger(topics.REFERENCE, on_reference, SILENCE_S)
 

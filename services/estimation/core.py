@@ -48,14 +48,14 @@ LONGEST_STEP = 0.1  # [s] the newest angular rate says nothing about a longer ga
 
 
 class Estimator:
-    """The state of the vehicle. `noted` fills with what happened, by name, for the counters, and
+    """The state of the vehicle. `events` fills with what happened, by name, for the counters, and
     `lines` with words for people; whoever calls empties both."""
 
     def __init__(
         self,
         settings: Settings,
         floating_depth: float,
-        remembered: EstimationCheckpoint | None = None,
+        checkpoint: EstimationCheckpoint | None = None,
         vehicle: Vehicle | None = None,
     ) -> None:
         """Depth [m] of the origin when the vehicle floats; what an earlier run remembered; the
@@ -64,11 +64,11 @@ class Estimator:
         Raises:
             ValueError: a thruster without direction.
         """
-        self._journal = Events()
-        self.noted, self.lines = self._journal.noted, self._journal.lines
+        self._events = Events()
+        self.events, self.lines = self._events.names, self._events.lines
         self._settings = settings
         self._floating_depth = floating_depth
-        self._admission = SampleValidation(settings.watch, self.noted)
+        self._validation = SampleValidation(settings.watch, self.events)
         mounting = Mounting() if vehicle is None else vehicle.mounting
         self._at_origin = AtOrigin(mounting, density_of(settings.water_density))
         self._asked: float | None = None  # [m/s²] acceleration down that the reference asks for
@@ -77,12 +77,12 @@ class Estimator:
         hull = None if vehicle is None else HullModel(vehicle, settings.horizontal.wake_share)
         self._horizontal = HorizontalObserver(settings.horizontal, hull)
         self._calibrating: CalibrationPhase | None = None
-        if remembered is None:
-            self._calibrating = CalibrationPhase(settings.calibration, self._journal)
+        if checkpoint is None:
+            self._calibrating = CalibrationPhase(settings.calibration, self._events)
             self._take(initialisation.unknown(settings))
         else:
-            self._kept_ns = remembered.stamp_ns
-            self._take(initialisation.going_on(settings, remembered, self._journal))
+            self._kept_ns = checkpoint.stamp_ns
+            self._take(initialisation.going_on(settings, checkpoint, self._events))
 
     # What the sensors say.
 
@@ -93,7 +93,7 @@ class Estimator:
     def follow(self, sample: ImuSample) -> bool:
         """Move on to this sample, as `imu` does, without a state; for a sample that newer ones
         have overtaken already. False: it cannot be used."""
-        if not self._admission.imu(sample):
+        if not self._validation.imu(sample):
             return False
         sample = self._at_origin.imu(sample)
         dt = self._step_to(sample.stamp_ns)
@@ -109,43 +109,43 @@ class Estimator:
         if self._imu_ns is None:
             return None
         if self._calibrating is None:
-            self._journal.note(self._depth.predict(None, now))
-            self._journal.note(self._predict_horizontal(None, now))
+            self._events.note(self._depth.predict(None, now))
+            self._events.note(self._predict_horizontal(None, now))
         if self._hears_imu(now):
             return None
-        self._journal.note("predicted:state")
+        self._events.note("predicted:state")
         return self._state(now, self._imu_ns)
 
     def pressure(self, sample: PressureSample) -> None:
-        if not self._admission.pressure(sample):
+        if not self._validation.pressure(sample):
             return
         sample = self._at_origin.pressure(sample)
         if self._calibrating is not None:
             self._calibrating.pressure(sample.pressure)
         else:
-            self._journal.note(self._depth.pressure(sample.pressure, sample.stamp_ns))
+            self._events.note(self._depth.pressure(sample.pressure, sample.stamp_ns))
 
     def magnetometer(self, sample: MagnetometerSample) -> None:
-        if not self._admission.magnetometer(sample):
+        if not self._validation.magnetometer(sample):
             return
         sample = self._at_origin.magnetometer(sample)
         if self._calibrating is not None:
             self._calibrating.magnetometer(sample.field)
         else:
-            self._journal.note(self._attitude.magnetometer(sample.field, sample.stamp_ns))
+            self._events.note(self._attitude.magnetometer(sample.field, sample.stamp_ns))
 
     def dvl(self, sample: DvlSample) -> None:
-        if self._admission.dvl(sample) and self._calibrating is None:
-            self._journal.note(self._horizontal.dvl(self._at_origin.dvl(sample)))
+        if self._validation.dvl(sample) and self._calibrating is None:
+            self._events.note(self._horizontal.dvl(self._at_origin.dvl(sample)))
 
     def usbl(self, sample: UsblSample) -> None:
-        if self._admission.usbl(sample) and self._calibrating is None:
-            self._journal.note(self._horizontal.usbl(self._at_origin.usbl(sample)))
+        if self._validation.usbl(sample) and self._calibrating is None:
+            self._events.note(self._horizontal.usbl(self._at_origin.usbl(sample)))
 
     def actuation(self, sample: Actuation) -> None:
         """What the thrusters really do: with the hull's drag, the only thing that tells the
         current."""
-        self._journal.note(self._horizontal.actuation(sample))
+        self._events.note(self._horizontal.actuation(sample))
 
     def reference(self, newest: Reference | None) -> None:
         """The fresh reference, for the depth observer of that name; None: there is none."""
@@ -158,7 +158,7 @@ class Estimator:
         """Newest normalised innovation squared of "dvl" and "usbl", for whoever judges them."""
         return self._horizontal.surprise
 
-    def remembered(self, now: int) -> EstimationCheckpoint | None:
+    def checkpoint(self, now: int) -> EstimationCheckpoint | None:
         """What to keep for a restart; None while there is nothing worth keeping."""
         if self._calibrating is not None:
             return None
@@ -179,7 +179,7 @@ class Estimator:
         dt = (stamp_ns - before) * 1e-9
         if dt <= LONGEST_STEP:
             return dt
-        self._journal.note("gap:sensor/imu")
+        self._events.note("gap:sensor/imu")
         self._resting.moved()
         self._attitude.blind(dt - LONGEST_STEP)
         return LONGEST_STEP
@@ -191,11 +191,11 @@ class Estimator:
             self._calibrating = None
             depth, at_ns = self._floating_depth, sample.stamp_ns
             self._take(
-                initialisation.calibrated(self._settings, learnt, depth, at_ns, self._journal)
+                initialisation.calibrated(self._settings, learnt, depth, at_ns, self._events)
             )
 
     def _run(self, sample: ImuSample, dt: float) -> None:
-        force, at_ns, note = sample.specific_force, sample.stamp_ns, self._journal.note
+        force, at_ns, note = sample.specific_force, sample.stamp_ns, self._events.note
         note(self._attitude.step(sample.angular_rate, force, dt))
         note(self._resting.imu(sample.angular_rate, force, dt))
         self._attitude.gyro_bias = self._resting.bias
@@ -229,7 +229,7 @@ class Estimator:
     # What is said.
 
     def _state(self, now: int, sensor_ns: int) -> VehicleState:
-        self._admission.listen(now)
+        self._validation.listen(now)
         if self._calibrating is not None:
             left = self._calibrating.seconds_left
             return state_message.calibrating(

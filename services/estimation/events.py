@@ -9,12 +9,12 @@ class Events:
     """Whoever reads it empties it."""
 
     def __init__(self) -> None:
-        self.noted: list[str] = []
+        self.names: list[str] = []
         self.lines: list[tuple[Level, str]] = []
 
     def note(self, what: str | None) -> None:
         if what is not None:
-            self.noted.append(what)
+            self.names.append(what)
 
     def say(self, text: str) -> None:
         self.lines.append(("info", text))

@@ -35,25 +35,25 @@ def unknown(settings: Settings) -> Observers:
 
 
 def calibrated(
-    settings: Settings, learnt: Calibrated, floating_depth: float, at_ns: int, journal: Events
+    settings: Settings, learnt: Calibrated, floating_depth: float, at_ns: int, events: Events
 ) -> Observers:
     """After calibration at this time [ns], with the origin at `floating_depth` [m]."""
-    atmosphere = _atmosphere(settings, learnt, floating_depth, journal)
+    atmosphere = _atmosphere(settings, learnt, floating_depth, events)
     heading = 0.0 if learnt.heading is None else learnt.heading
     attitude = AttitudeObserver(settings.attitude, learnt.gyro_bias, heading, 0.0)
     attitude.start(learnt.specific_force)
     if learnt.field is not None and not attitude.agree(at_ns, learnt.field):
-        journal.note("disturbed:sensor/magnetometer")
-        journal.warn("the magnetic field here is not the Earth's: the compass is not used")
+        events.note("disturbed:sensor/magnetometer")
+        events.warn("the magnetic field here is not the Earth's: the compass is not used")
     depth = _depth(settings, atmosphere, learnt.accelerometer_bias)
     depth.start(learnt.pressure, learnt.pressures, at_ns)
     bias = ", ".join(f"{degrees(rate):+.3f}" for rate in learnt.gyro_bias)
     air = f"{atmosphere.pressure / 100.0:.1f} hPa"
-    journal.say(f"calibrated: gyroscope bias {bias} deg/s, atmosphere {air}")
+    events.say(f"calibrated: gyroscope bias {bias} deg/s, atmosphere {air}")
     return Observers(attitude, RestingBias(settings.calibration, learnt.gyro_bias), depth)
 
 
-def going_on(settings: Settings, kept: EstimationCheckpoint, journal: Events) -> Observers:
+def going_on(settings: Settings, kept: EstimationCheckpoint, events: Events) -> Observers:
     """Go on with the dive: no calibration under water."""
     attitude = AttitudeObserver(
         settings.attitude, kept.gyro_bias, kept.heading, min(pi, kept.heading_std)
@@ -62,7 +62,7 @@ def going_on(settings: Settings, kept: EstimationCheckpoint, journal: Events) ->
     if kept.north is not None and strength is not None and dip is not None:
         attitude.compass.go_on(kept.north, strength, dip)
     atmosphere = Atmosphere(kept.atmosphere, kept.atmosphere_std)
-    journal.warn(
+    events.warn(
         f"goes on with the dive: atmosphere {kept.atmosphere / 100.0:.1f} hPa, "
         f"heading {degrees(kept.heading):.0f} deg from before the restart"
     )
@@ -78,15 +78,15 @@ def _depth(settings: Settings, atmosphere: Atmosphere, bias: float) -> DepthObse
 
 
 def _atmosphere(
-    settings: Settings, learnt: Calibrated, floating_depth: float, journal: Events
+    settings: Settings, learnt: Calibrated, floating_depth: float, events: Events
 ) -> Atmosphere:
     """The air above the floating vehicle."""
     water = density_of(settings.water_density) * GRAVITY * floating_depth
     if range_checks.atmosphere(learnt.pressure - water):
         std = settings.depth.pressure_std / sqrt(learnt.pressures)
         return Atmosphere(learnt.pressure - water, std)
-    journal.note("implausible:atmosphere")
-    journal.warn(
+    events.note("implausible:atmosphere")
+    events.warn(
         f"{learnt.pressure / 100.0:.0f} hPa is not the air above a floating vehicle: "
         f"the standard atmosphere is used, depth may be wrong by 0.3 m"
     )

@@ -27,7 +27,7 @@ def wire(node: Node, stack: Stack) -> None:
     settings = stack.section("estimation", Settings)
     vehicle = stack.section("vehicle", Vehicle)
     estimator = Estimator(
-        settings, vehicle.floating_depth, node.recall(EstimationCheckpoint), vehicle
+        settings, vehicle.floating_depth, node.restore_checkpoint(EstimationCheckpoint), vehicle
     )
     publisher = node.publisher(topics.STATE)
     reference = reference_for(node, settings)
@@ -47,8 +47,8 @@ def wire(node: Node, stack: Stack) -> None:
         tell(node, estimator)
 
     def keep(now: int) -> None:
-        if (worth_keeping := estimator.remembered(now)) is not None:
-            node.remember(worth_keeping)
+        if (worth_keeping := estimator.checkpoint(now)) is not None:
+            node.save_checkpoint(worth_keeping)
 
     node.each(topics.PRESSURE, timeless(estimator.pressure))
     node.each(topics.MAGNETOMETER, timeless(estimator.magnetometer))
@@ -74,9 +74,9 @@ def reference_for(node: Node, settings: Settings) -> Callable[[int], Reference |
 
 def tell(node: Node, estimator: Estimator) -> None:
     """Pass on what happened: names to the counters, words to people."""
-    for name in estimator.noted:
+    for name in estimator.events:
         node.count(name)
     for level, text in estimator.lines:
         node.log(level, text)
-    estimator.noted.clear()
+    estimator.events.clear()
     estimator.lines.clear()

@@ -65,8 +65,8 @@ class Pilot:
         """
         self._reading, self._source = reading, source
         out = Effects(list(reading.lost), list(reading.notes), self._command(now))
-        for wish in reading.presses:
-            self._press(wish, waiting, out)
+        for intent in reading.presses:
+            self._press(intent, waiting, out)
         self.progress = replace(self.progress, played=played)
         return out
 
@@ -142,23 +142,23 @@ class Pilot:
             self._asked_for_rest = True
             out.notes.append(("info", "ready: let go of the sticks to arm"))
 
-    def _press(self, wish: Intent, waiting: Waiting, out: Effects) -> None:
+    def _press(self, intent: Intent, waiting: Waiting, out: Effects) -> None:
         """What the pilot asked for; a stop or a disarm also ends arming by ourselves."""
-        if wish == "arm" and not self._reading.at_rest:
+        if intent == "arm" and not self._reading.at_rest:
             out.counts.append("refused_here:arm")
             out.notes.append(("warning", "not arming: let go of the sticks first"))
-        elif wish == "arm" and not self._has_sticks:
+        elif intent == "arm" and not self._has_sticks:
             if not self._arms_next and "lease" not in waiting:
                 out.requests.append(self._request("lease"))
             self._arms_next = True
         else:
-            if wish in ("stop", "disarm"):
+            if intent in ("stop", "disarm"):
                 self._arms_next = False
                 self.progress = replace(self.progress, may_arm=False)
-            out.requests.append(self._wished(wish))
+            out.requests.append(self._wished(intent))
 
-    def _wished(self, wish: Intent) -> PilotRequest:
-        match wish:
+    def _wished(self, intent: Intent) -> PilotRequest:
+        match intent:
             case GotoIntent(depth, heading):
                 return self._request("goto", depth=depth, heading=heading)
             case FollowIntent(course):
@@ -169,7 +169,7 @@ class Pilot:
                 self._light = not self._light
                 return self._request("light", value=float(self._light))
             case _:
-                return self._request(wish)
+                return self._request(intent)
 
     def _request(self, kind: RequestKind, **more: Any) -> PilotRequest:
         """Without a stamp and an id: whoever sends it fills them in."""

@@ -12,7 +12,7 @@ from services.runtime.node.node import Node
 
 
 def wire(node: Node, stack: Stack) -> None:
-    progress = node.recall(Progress) or Progress()
+    progress = node.restore_checkpoint(Progress) or Progress()
     source = open_source(node, stack, progress.played)
     by_itself = stack.arm or stack.pilot.startswith("script:")
     Connected(node, source, Pilot(progress, by_itself))
@@ -68,6 +68,6 @@ class Connected:
             self._asking.ask(request, now)
         if self._kept != self._pilot.progress:
             self._kept = self._pilot.progress
-            self._node.remember(self._kept)
+            self._node.save_checkpoint(self._kept)
         if effects.hand_over:
             self._speak(now)

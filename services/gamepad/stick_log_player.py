@@ -12,7 +12,7 @@ QUIET_NS = 3_000_000_000  # [ns] of centred sticks after the script, before the 
 
 class Cue(NamedTuple):
     at_ns: int  # [ns] since the script began
-    wish: Intent
+    intent: Intent
 
 
 class Player:
@@ -44,7 +44,7 @@ class Player:
             sticks=row.sticks,
             present=row.event != "lost",
             at_rest=row.sticks.at_rest,
-            presses=tuple(cue.wish for cue in due),
+            presses=tuple(cue.intent for cue in due),
             notes=notes,
         )
 

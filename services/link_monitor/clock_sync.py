@@ -38,9 +38,9 @@ class RoundTrip:
 
 @dataclass(slots=True)
 class ClockSync:
-    """Fed with pongs; asked for a `Clock`. `happened` collects what must be counted."""
+    """Fed with pongs; asked for a `Clock`. `events` collects what must be counted."""
 
-    happened: list[str] = field(default_factory=list[str])
+    events: list[str] = field(default_factory=list[str])
     _heard: int = 0  # round trips
     _trips: list[RoundTrip] = field(
         default_factory=list[RoundTrip]
@@ -58,7 +58,7 @@ class ClockSync:
             rtt=(now - pong.ping_ns) - (pong.stamp_ns - pong.heard_ns),
         )
         if trip.least > trip.most + DRIFT * (now - trip.sent) + 2:  # stamps are whole nanoseconds
-            self.happened.append("impossible:clock/pong")
+            self.events.append("impossible:clock/pong")
             return
         self._heard += 1
         recent = [old for old in self._trips if old.number > trip.number - KEPT]
@@ -66,7 +66,7 @@ class ClockSync:
         least, most = self._band(now)
         if least > most + 2:
             # No two clocks that run on agree with both: one of them was set.
-            self.happened.append("jumped:clock")
+            self.events.append("jumped:clock")
             self._trips = [trip]
             self._first = None
 

@@ -11,9 +11,9 @@ from services.link_monitor.link_alarm import LinkAlarm
 
 @dataclass(slots=True)
 class LinkMonitor:
-    """`happened` collects what must be counted."""
+    """`events` collects what must be counted."""
 
-    happened: list[str] = field(default_factory=list[str])
+    events: list[str] = field(default_factory=list[str])
     budget: LatencyAccount = field(default_factory=LatencyAccount)
     _sync: ClockSync = field(default_factory=ClockSync)
     _alarm: LinkAlarm = field(default_factory=LinkAlarm)
@@ -29,8 +29,8 @@ class LinkMonitor:
         self._alarm.answered((now - pong.ping_ns) / 1e6)
         if (downward_ms := self._sync.downward_ms(pong, now)) is not None:
             self.budget.ping(downward_ms, now)
-        self.happened.extend(self._sync.happened)
-        self._sync.happened.clear()
+        self.events.extend(self._sync.events)
+        self._sync.events.clear()
 
     def news(self, now: Ns) -> str | None:
         """The alarm, if it is another one than before (empty: it is over); None: nothing new."""
@@ -39,7 +39,7 @@ class LinkMonitor:
             return None
         self._said = text
         if text:
-            self.happened.append("alarm:link")
+            self.events.append("alarm:link")
         return text
 
     def report(self, now: Ns) -> LatencyBudget:

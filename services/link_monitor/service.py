@@ -16,9 +16,9 @@ TOPSIDE, DRONE = "topside", "drone"
 
 
 def wire(node: Node, _: Stack) -> None:
-    if TOPSIDE in node.realms:
+    if TOPSIDE in node.sides:
         _measure(node)
-    if DRONE in node.realms:
+    if DRONE in node.sides:
         _answer(node)
 
 
@@ -42,9 +42,9 @@ def _measure(node: Node) -> None:
 
     def watch(now: int) -> None:
         """An alarm is said at once, and its end too."""
-        for name in monitor.happened:
+        for name in monitor.events:
             node.count(name)
-        monitor.happened.clear()
+        monitor.events.clear()
         if (news := monitor.news(now)) is not None:
             node.log("warning" if news else "info", news or "the link is as usual again")
             say(now)
@@ -64,9 +64,9 @@ def _measure(node: Node) -> None:
 
 
 def _answer(node: Node) -> None:
-    pongs = node.publisher(topics.CLOCK_PONG, realm=DRONE)
+    pongs = node.publisher(topics.CLOCK_PONG, side=DRONE)
 
     def on_ping(ping: ClockPing, now: int) -> None:
         pongs.put(pong(ping, now))
 
-    node.each(topics.CLOCK_PING, on_ping, realm=DRONE)
+    node.each(topics.CLOCK_PING, on_ping, side=DRONE)

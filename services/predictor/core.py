@@ -34,7 +34,7 @@ class Predictor:
 
     settings: Settings
     vehicle: Vehicle
-    _judge: PredictionQuality = field(default_factory=PredictionQuality)
+    _quality: PredictionQuality = field(default_factory=PredictionQuality)
     _commands: deque[PilotCommand] = field(
         default_factory=lambda: deque[PilotCommand](maxlen=COMMANDS)
     )
@@ -71,7 +71,7 @@ class Predictor:
     def state(self, state: VehicleState, _: Ns) -> None:
         self._state = state
         if state.phase == "running":
-            self._judge.truth(state.sensor_ns, _pose(state))
+            self._quality.truth(state.sensor_ns, _pose(state))
         if (u := state.surge_velocity) is not None and u.valid:
             self._surge.velocity = u.value
         if (v := state.sway_velocity) is not None and v.valid:
@@ -95,8 +95,10 @@ class Predictor:
         )  # fmt: skip
         forward, starboard = self._carried(reference, seconds)
         north, east = _moved(state, (state.heading.value + heading) / 2, forward, starboard)
-        self._judge.guessed(JudgedPrediction(now, Pose(depth, heading, north, east), _pose(state)))
-        missed, delayed = self._judge.misses()
+        self._quality.predicted(
+            JudgedPrediction(now, Pose(depth, heading, north, east), _pose(state))
+        )
+        missed, delayed = self._quality.misses()
         return Prediction(
             stamp_ns=now,
             state_ns=state.sensor_ns,

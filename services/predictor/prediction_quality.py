@@ -42,18 +42,18 @@ class PredictionQuality:
     )
     _before: tuple[Ns, Pose] | None = None  # the state before
 
-    def guessed(self, guess: JudgedPrediction) -> None:
-        self._open.append(guess)
+    def predicted(self, judged: JudgedPrediction) -> None:
+        self._open.append(judged)
 
     def truth(self, at: Ns, pose: Pose) -> None:
         """What the drone says of the moment `at` [ns], in order."""
         before, self._before = self._before, (at, pose)
         while self._open and self._open[0].at <= at:
-            guess = self._open.popleft()
-            if before is not None and before[0] <= guess.at:
-                true = _between(before, (at, pose), guess.at)
-                judged = _off(guess.predicted, true), _off(guess.delayed, true)
-                self._judged.append((at, *judged))
+            judged = self._open.popleft()
+            if before is not None and before[0] <= judged.at:
+                true = _between(before, (at, pose), judged.at)
+                errors = _off(judged.predicted, true), _off(judged.delayed, true)
+                self._judged.append((at, *errors))
         while self._judged and self._judged[0][0] < at - WINDOW_NS:
             self._judged.popleft()
 
@@ -82,15 +82,15 @@ def _mix(a: float | None, b: float | None, share: float) -> float | None:
     return None if a is None or b is None else a + share * (b - a)
 
 
-def _off(guess: Pose, true: Pose) -> SquaredErrors:
-    depth, heading = guess.depth - true.depth, guess.heading - true.heading
-    return SquaredErrors(depth * depth, heading * heading, _place(guess, true))
+def _off(judged: Pose, true: Pose) -> SquaredErrors:
+    depth, heading = judged.depth - true.depth, judged.heading - true.heading
+    return SquaredErrors(depth * depth, heading * heading, _place(judged, true))
 
 
-def _place(guess: Pose, true: Pose) -> float | None:
-    if guess.north is None or guess.east is None or true.north is None or true.east is None:
+def _place(judged: Pose, true: Pose) -> float | None:
+    if judged.north is None or judged.east is None or true.north is None or true.east is None:
         return None
-    away = hypot(guess.north - true.north, guess.east - true.east)
+    away = hypot(judged.north - true.north, judged.east - true.east)
     return away * away
 
 

@@ -41,8 +41,8 @@ class Teller(Protocol):
 
     def count(self, name: str, times: int = 1) -> None: ...
     def log(self, level: Literal["info", "warning", "error"], text: str) -> None: ...
-    def recall(self, kind: type[RecordingCheckpoint]) -> RecordingCheckpoint | None: ...
-    def remember(self, what: RecordingCheckpoint) -> None: ...
+    def restore_checkpoint(self, kind: type[RecordingCheckpoint]) -> RecordingCheckpoint | None: ...
+    def save_checkpoint(self, what: RecordingCheckpoint) -> None: ...
 
 
 class McapSession:
@@ -62,7 +62,7 @@ class McapSession:
         self._proven = False  # this part has taken rows
         self._interrupted = False  # people were told that recording stopped
         self._retry_at = 0  # [ns]
-        self._opened = node.recall(RecordingCheckpoint) or RecordingCheckpoint()
+        self._opened = node.restore_checkpoint(RecordingCheckpoint) or RecordingCheckpoint()
         path = part_path(stack.out_dir, self._opened.parts + 1)
         try:
             stack.out_dir.mkdir(parents=True, exist_ok=True)
@@ -122,7 +122,7 @@ class McapSession:
         try:
             self._preface(file)
             file.flush()
-            self._node.remember(RecordingCheckpoint(number))
+            self._node.save_checkpoint(RecordingCheckpoint(number))
         except OSError:
             file.discard()
             raise

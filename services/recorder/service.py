@@ -14,16 +14,16 @@ DEPTH = 20_000  # envelopes held while the disk is slow: some ten seconds of a d
 
 def wire(node: Node, stack: Stack) -> None:
     intake = Intake(node.wall_offset_ns, node.local_ns)
-    scribe = McapSession(node, stack)
-    home = next(iter(node.realms))
+    session = McapSession(node, stack)
+    home = next(iter(node.sides))
 
     def hear(envelope: Envelope, arrival: int) -> None:
         row = intake.take(envelope.key, envelope.encoding, envelope.payload, arrival)
         if isinstance(row, str):
             node.count(row)
         else:
-            scribe.write(row)
+            session.write(row)
 
     node.collect(home, "**", hear, depth=DEPTH)
-    node.every(FLUSH_HZ, scribe.flush)
-    node.on_close(lambda: scribe.close(intake.log_hash()))
+    node.every(FLUSH_HZ, session.flush)
+    node.on_close(lambda: session.close(intake.log_hash()))

@@ -42,7 +42,7 @@ ANEW = GuidanceCheckpoint()
 
 @dataclass(slots=True)
 class ReferenceGenerator:
-    """The state machine. Times `now` are int ns; `happened` collects what must be counted, `notes`
+    """The state machine. Times `now` are int ns; `events` collects what must be counted, `notes`
     what people want to know."""
 
     settings: Settings
@@ -52,7 +52,7 @@ class ReferenceGenerator:
     asked: Hold = field(init=False)  # in force again after a disarm
     epoch: int = field(init=False)
     stopping: bool = False  # until it stands still with the sticks centred
-    _flight: Guidance = field(init=False)
+    _guidance: Guidance = field(init=False)
     _time: SensorTime = field(default_factory=SensorTime)  # of the reference
     _failsafe: Failsafe = "none"
     _running: bool = False  # the estimator has finished its calibration
@@ -61,19 +61,21 @@ class ReferenceGenerator:
 
     def __post_init__(self) -> None:
         self.armed, self.light, hold, self.asked, self.epoch = msgspec.structs.astuple(self.before)
-        self._flight = Guidance(self.settings, hold)
+        self._guidance = Guidance(self.settings, hold)
 
     @property
-    def happened(self) -> list[str]:
-        return self._flight.happened
+    def events(self) -> list[str]:
+        return self._guidance.events
 
     @property
     def notes(self) -> list[str]:
-        return self._flight.notes
+        return self._guidance.notes
 
     @property
-    def remembered(self) -> GuidanceCheckpoint:
-        return GuidanceCheckpoint(self.armed, self.light, self._flight.hold, self.asked, self.epoch)
+    def checkpoint(self) -> GuidanceCheckpoint:
+        return GuidanceCheckpoint(
+            self.armed, self.light, self._guidance.hold, self.asked, self.epoch
+        )
 
     # Steps.
 
@@ -84,22 +86,22 @@ class ReferenceGenerator:
 
         Returns None as long as there has never been a state.
         """
-        flight = self._flight
+        guidance = self._guidance
         if state is not None:
             self._running = state.phase == "running"
-        flight.see(state, self._time.step(None if state is None else state.sensor_ns, now) / 1e9)
-        if flight.state is None:
+        guidance.see(state, self._time.step(None if state is None else state.sensor_ns, now) / 1e9)
+        if guidance.state is None:
             return None
         self._watch(state, command)
         if self.armed and self._begun:
-            flight.move_on(state)
+            guidance.move_on(state)
         else:
-            flight.rest()
+            guidance.rest()
             self._begun = True
         self._aim(command)
         if state is not None and self.armed:
-            flight.wait(state)
-        return reference_of(flight, state, command, now, armed=self.armed, epoch=self.epoch)
+            guidance.wait(state)
+        return reference_of(guidance, state, command, now, armed=self.armed, epoch=self.epoch)
 
     def _watch(self, state: VehicleState | None, command: PilotCommand | None) -> None:
         """Is everybody there? What was going on ends when somebody is not."""
@@ -109,27 +111,27 @@ class ReferenceGenerator:
         elif self.armed and (command is None or command.pilot == "lost"):
             failsafe = "pilot_lost"
         if failsafe != self._failsafe and failsafe != "none":
-            self.happened.append(f"failsafe:{failsafe}")
-            self._flight.come_to_rest()
+            self.events.append(f"failsafe:{failsafe}")
+            self._guidance.come_to_rest()
         self._failsafe = failsafe
         if command is not None and command.pilot == "present" and centred(command):
-            self.stopping = self.stopping and not self._flight.settled
+            self.stopping = self.stopping and not self._guidance.settled
 
     def _aim(self, command: PilotCommand | None) -> None:
         """Let the sticks move the axes; without them everything aims at rest."""
-        flight, axes, journey = self._flight, self._flight.axes, self._flight.journey
-        t = flight.t
+        guidance, axes, manoeuvre = self._guidance, self._guidance.axes, self._guidance.manoeuvre
+        t = guidance.t
         free = self._failsafe == "none" and self.armed and not self.stopping
-        if journey.following is not None and journey.following.ends(t):
-            flight.end_journey()
+        if manoeuvre.following is not None and manoeuvre.following.ends(t):
+            guidance.end_journey()
             self.notes.append("off the path" if self.stopping else "the end of the path")
         elif command is not None and free and not centred(command):
-            flight.end_journey()
-        journey.set_off(t)
-        moves = command is not None and free and not (journey.busy and centred(command))
+            guidance.end_journey()
+        manoeuvre.set_off(t)
+        moves = command is not None and free and not (manoeuvre.busy and centred(command))
         if not self.stopping:  # which has limits of its own
             stick = command if command is not None and moves else AT_REST
-            axes.aim(stick, flight.held, t)
+            axes.aim(stick, guidance.held, t)
         axes.turn_camera(command.tilt if command is not None and free else 0.0, t)
 
     # Requests.
@@ -158,26 +160,26 @@ class ReferenceGenerator:
 
     def _do(self, request: PilotRequest) -> str:
         """Do what is asked. Returns why it makes no sense, or nothing."""
-        flight = self._flight
+        guidance = self._guidance
         match request.kind:
             case "arm":
                 self._arm()
             case "disarm":
                 self.armed = self.stopping = False
-                flight.change(self.asked)
+                guidance.change(self.asked)
             case "stop":
-                self.stopping, self._stop = True, flight.stop()
+                self.stopping, self._stop = True, guidance.stop()
             case "light":
                 if request.value is None or request.value < 0:
                     return "light needs a brightness between 0 and 1"
                 self.light = request.value
             case "goto":
-                return requests.goto(flight, request)
+                return requests.goto(guidance, request)
             case "follow":
-                return requests.follow(flight, request.course)
+                return requests.follow(guidance, request.course)
             case "mode":
-                reason = requests.mode(flight, request.hold, armed=self.armed)
-                self.asked = self.asked if reason else flight.hold
+                reason = requests.mode(guidance, request.hold, armed=self.armed)
+                self.asked = self.asked if reason else guidance.hold
                 return reason
             case "lease":
                 self.epoch += 1
@@ -187,11 +189,11 @@ class ReferenceGenerator:
         """In the mode that was asked for, if it can be had."""
         if self.armed:
             return
-        flight, self.armed = self._flight, True
-        if reason := lacking(self.asked, flight.state, armed=True):
-            flight.happened.append(f"refused:{self.asked}")
-            flight.notes.append(f"armed without {self.asked}: {reason}")
-        flight.hold = "stabilised" if reason else self.asked
+        guidance, self.armed = self._guidance, True
+        if reason := lacking(self.asked, guidance.state, armed=True):
+            guidance.events.append(f"refused:{self.asked}")
+            guidance.notes.append(f"armed without {self.asked}: {reason}")
+        guidance.hold = "stabilised" if reason else self.asked
 
     # What is said of it.
 
@@ -200,7 +202,7 @@ class ReferenceGenerator:
             stamp_ns=now,
             mode=self.mode,
             armed=self.armed,
-            hold=self._flight.hold,
+            hold=self._guidance.hold,
             failsafe=self._failsafe,
             pilot="" if command is None else command.source,
             epoch=self.epoch,
@@ -214,7 +216,7 @@ class ReferenceGenerator:
         """Why it is not ready, in words for the pilot."""
         if self._running:
             return ""
-        state = self._flight.state
+        state = self._guidance.state
         left = None if state is None else state.calibration_left
         text = "calibrating: keep the drone still"
         return text if left is None else f"{text}, {left:.0f} s to go"
@@ -225,6 +227,6 @@ class ReferenceGenerator:
             return "ready" if self._running else "starting"
         if self.stopping:
             return "stopping"
-        if self._flight.journey.on_a_path:
+        if self._guidance.manoeuvre.on_a_path:
             return "follow"
-        return "goto" if self._flight.journey.going else "piloted"
+        return "goto" if self._guidance.manoeuvre.going else "piloted"

@@ -11,26 +11,26 @@ SILENCE_S = 0.1  # [s] without a state: stop smoothly and hold
 
 
 def wire(node: Node, stack: Stack) -> None:
-    before = node.recall(GuidanceCheckpoint) or GuidanceCheckpoint()
-    pilotage = ReferenceGenerator(stack.section("reference", Settings), before)
+    before = node.restore_checkpoint(GuidanceCheckpoint) or GuidanceCheckpoint()
+    generator = ReferenceGenerator(stack.section("reference", Settings), before)
     commands = node.latest(topics.PILOT_COMMAND)
     authority = commands.authority(before.epoch)
     reference = node.publisher(topics.REFERENCE)
     status = node.publisher(topics.STATUS)
     said: tuple[object, ...] = ()
-    kept = pilotage.remembered
+    kept = generator.checkpoint
 
     def on_state(state: VehicleState | None, now: int) -> None:
-        if (out := pilotage.step(state, commands.fresh(now), now)) is not None:
+        if (out := generator.step(state, commands.fresh(now), now)) is not None:
             reference.put(out)
-        _tell(node, pilotage)
+        _tell(node, generator)
         keep()
-        if said != _gist(pilotage, now):
+        if said != _gist(generator, now):
             say_status(now)
 
     def decide(request: PilotRequest, now: int) -> PilotAnswer:
-        answer = pilotage.answer(request, commands.fresh(now), authority.epoch, now)
-        authority.granted = pilotage.epoch
+        answer = generator.answer(request, commands.fresh(now), authority.epoch, now)
+        authority.granted = generator.epoch
         return answer
 
     def tell(request: PilotRequest, answer: PilotAnswer, now: int) -> None:
@@ -43,30 +43,30 @@ def wire(node: Node, stack: Stack) -> None:
 
     def keep() -> None:
         nonlocal kept
-        if kept != pilotage.remembered:
-            kept = pilotage.remembered
-            node.remember(kept)
+        if kept != generator.checkpoint:
+            kept = generator.checkpoint
+            node.save_checkpoint(kept)
 
     def say_status(now: int) -> None:
         nonlocal said
-        said = _gist(pilotage, now)
-        status.put(pilotage.status(commands.newest(now), now))
+        said = _gist(generator, now)
+        status.put(generator.status(commands.newest(now), now))
 
     node.trigger(topics.STATE, on_state, SILENCE_S)
     node.answers(topics.PILOT_REQUEST, topics.PILOT_ANSWER, decide, tell)
     node.every(topics.STATUS.hz, say_status)
 
 
-def _tell(node: Node, pilotage: ReferenceGenerator) -> None:
+def _tell(node: Node, generator: ReferenceGenerator) -> None:
     """Count and say what has happened."""
-    while pilotage.happened:
-        node.count(what := pilotage.happened.pop())
+    while generator.events:
+        node.count(what := generator.events.pop())
         node.log("warning", what)
-    while pilotage.notes:
-        node.log("info", pilotage.notes.pop())
+    while generator.notes:
+        node.log("info", generator.notes.pop())
 
 
-def _gist(pilotage: ReferenceGenerator, now: int) -> tuple[object, ...]:
+def _gist(generator: ReferenceGenerator, now: int) -> tuple[object, ...]:
     """A status is said at once when this has changed."""
-    status = pilotage.status(None, now)
+    status = generator.status(None, now)
     return status.mode, status.armed, status.hold, status.failsafe

@@ -58,7 +58,7 @@ class Simulator:
         self._heading = world.heading
         self._faults: faults.Faults = {}
         self._said: dict[str, Message] = {}  # first sample of each sensor since it has a fault
-        self._suffer(world.faults)
+        self._set_faults(world.faults)
         self._now = 0  # [ns] to which the world has moved
         self._begun = False
         self._gate = ActuatorGate(vehicle.thruster)
@@ -110,13 +110,13 @@ class Simulator:
         counted = self.advance(now)
         names, settles_at = self.thrusters, self._vessel.settles_at
         newtons = settles_at[names.index(request.part)] if request.part in names else 0.0
-        self._suffer(faults.changed(self._faults, request, newtons))
+        self._set_faults(faults.changed(self._faults, request, newtons))
         return counted
 
-    def _suffer(self, those: faults.Faults) -> None:
+    def _set_faults(self, those: faults.Faults) -> None:
         old, self._faults = self._faults, those
         self._told = tuple(f"{part}: {fault}" for part, fault in those.items())
-        self._vessel.suffer(those)
+        self._vessel.set_faults(those)
         self._sensors.noise_times = {
             key: fault.value for key, fault in those.items() if fault.kind == "noisy"
         }

@@ -47,7 +47,7 @@ class SimulatedThrusters:
         self._commands = thrust
         self._aim()
 
-    def suffer(self, faults: Mapping[str, Fault]) -> None:
+    def set_faults(self, faults: Mapping[str, Fault]) -> None:
         """The thrusters named in these do as their faults say, all others as they are told."""
         self._faults = faults
         self._aim()

@@ -64,7 +64,7 @@ def wire(node: Node, stack: Stack) -> None:
     node.every(topics.BATTERY.hz, measure_battery)
     _faults(node, simulator, count)
     _position_aids(node, simulator, stack.section("simulator", Settings), count)
-    node.every(REMEMBER_HZ, lambda _: node.remember(simulator.world()))
+    node.every(REMEMBER_HZ, lambda _: node.save_checkpoint(simulator.world()))
 
 
 def _faults(node: Node, simulator: Simulator, count: Callable[[list[str]], None]) -> None:
@@ -78,7 +78,7 @@ def _faults(node: Node, simulator: Simulator, count: Callable[[list[str]], None]
     def tell(request: FaultRequest, answer: FaultAnswer, _: int) -> None:
         if answer.accepted:
             node.log("warning", fault_requests.in_words(request))
-            node.remember(simulator.world())
+            node.save_checkpoint(simulator.world())
 
     node.answers(topics.FAULT_REQUEST, topics.FAULT_ANSWER, decide, tell)
 
@@ -138,7 +138,7 @@ def _simulator(node: Node, stack: Stack) -> Simulator:
     """Where the world was left before a crash, else at the surface."""
     vehicle = stack.section("vehicle", Vehicle)
     settings = stack.section("simulator", Settings)
-    world = node.recall(WorldCheckpoint)
+    world = node.restore_checkpoint(WorldCheckpoint)
     if world is not None and not world.fits(vehicle):
         node.count("malformed:memory")
         world = None

@@ -28,7 +28,7 @@ ABSURD = 1e6  # [m/s, rad/s] nothing we simulate gets there
 
 
 class Vessel:
-    """Moves in time by `advance`; `drive` and `suffer` change what happens then."""
+    """Moves in time by `advance`; `drive` and `set_faults` change what happens then."""
 
     def __init__(
         self,
@@ -62,9 +62,9 @@ class Vessel:
         """Ask the thrusters for this thrust [N] from now on."""
         self._propulsion.drive(thrust)
 
-    def suffer(self, faults: Faults) -> None:
+    def set_faults(self, faults: Faults) -> None:
         """From now on these thrusters, by name, are broken and all others are not."""
-        self._propulsion.suffer(faults)
+        self._propulsion.set_faults(faults)
 
     def advance(self, seconds: float) -> None:
         """Move on in time.

@@ -62,15 +62,15 @@ class LinkDirection(Generic[T]):
         self._advance(now)
         self._began = now if self._began is None else self._began
         self.entered += 1
-        passenger = Packet(item, size + self._leg.overhead_bytes, rank, now)
+        packet = Packet(item, size + self._leg.overhead_bytes, rank, now)
         if self._is_cut:
             self._lose(item, "outage")
         elif self.on_the_way >= self._most:
             self._lose(item, "too_many")
         elif self._leg.rate_kbit == 0.0:
-            self._depart(passenger, self._clock)
+            self._depart(packet, self._clock)
         else:
-            self._lose_all(self._waiting.put(passenger))
+            self._lose_all(self._waiting.put(packet))
             if self._leaving is None:
                 self._next(self._clock)
 
@@ -109,16 +109,16 @@ class LinkDirection(Generic[T]):
         self._set(leg)
         self._began = self._clock
         if leg.rate_kbit > 0.0:
-            for passenger in waiting:
-                self._waiting.admit(passenger)
+            for packet in waiting:
+                self._waiting.admit(packet)
             if self._leaving is None:
                 self._next(self._clock)
             return
         if self._leaving is not None:
             waiting.insert(0, self._leaving[1])
             self._leaving = None
-        for passenger in waiting:
-            self._depart(passenger, self._clock)
+        for packet in waiting:
+            self._depart(packet, self._clock)
 
     def cut(self, now: int) -> None:
         """The link is gone: whatever is on the way is lost, and whatever enters."""
@@ -190,23 +190,23 @@ class LinkDirection(Generic[T]):
         """Let leave whoever has left by `now`, each at its own time."""
         self._clock = max(self._clock, now)
         while self._leaving is not None and self._leaving[0] <= self._clock:
-            at, passenger = self._leaving
-            self._depart(passenger, at)
+            at, packet = self._leaving
+            self._depart(packet, at)
             self._next(at)
 
     def _next(self, at: int) -> None:
         """The link is free at `at` [ns]: whose turn is it?"""
-        passenger, dropped = self._waiting.take(at)
+        packet, dropped = self._waiting.take(at)
         self._lose_all(dropped)
         self._least_waiting = min(self._least_waiting, self._waiting.bytes)
         self._leaving = None
-        if passenger is not None:
-            takes = passenger.size * 8e6 / self._leg.rate_kbit  # [ns]
-            self._leaving = (at + round(takes), passenger)
+        if packet is not None:
+            takes = packet.size * 8e6 / self._leg.rate_kbit  # [ns]
+            self._leaving = (at + round(takes), packet)
 
-    def _depart(self, passenger: Packet[T], at: int) -> None:
+    def _depart(self, packet: Packet[T], at: int) -> None:
         """A message has left at `at` [ns]: its fate is decided now."""
-        self.carried_bytes += passenger.size
+        self.carried_bytes += packet.size
         delay = self._delay_ns(at)
         reason = "trace" if delay is None else self._losses.reason(self._seconds(at))
         damaged = self._streams.damage.happens(self._leg.corrupt)
@@ -217,18 +217,18 @@ class LinkDirection(Generic[T]):
         else:
             held = 0
         if delay is None or reason is not None:
-            self._lose(passenger.item, reason or "trace")
+            self._lose(packet.item, reason or "trace")
             return
         out = max(at + delay, self._last_out) + held
         if self._leg.outages.touch(self._seconds(at), self._seconds(out)):
-            self._lose(passenger.item, "outage")
+            self._lose(packet.item, "outage")
             return
         if not held:
             self._last_out = out
         self.copied += copies - 1
         for _ in range(copies):
             self._numbered += 1
-            flight = (out, self._numbered, passenger.entered, damaged, passenger.item)
+            flight = (out, self._numbered, packet.entered, damaged, packet.item)
             heappush(self._flying, flight)
 
     def _delay_ns(self, at: int) -> int | None:

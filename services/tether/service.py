@@ -66,7 +66,7 @@ def _carry(
     def let_out(now: int) -> None:
         for envelope, is_damaged in crossing.leave(now):
             payload = damaged(envelope.payload) if is_damaged else envelope.payload
-            node.realms[target].forward(envelope._replace(payload=payload))
+            node.sides[target].forward(envelope._replace(payload=payload))
         for name in crossing.counts:
             node.count(name)
         crossing.counts.clear()

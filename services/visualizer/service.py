@@ -41,9 +41,9 @@ class ViewerCheckpoint(msgspec.Struct):
 
 def wire(node: Node, stack: Stack) -> None:
     vehicle = stack.section("vehicle", Vehicle)
-    parts = node.recall(ViewerCheckpoint) or ViewerCheckpoint()
+    parts = node.restore_checkpoint(ViewerCheckpoint) or ViewerCheckpoint()
     parts.written += 1
-    node.remember(parts)
+    node.save_checkpoint(parts)
     collector = Collector(vehicle, parts.start)
     shown = node.publisher(topics.SHOWN.of(node.name))
     write, close = _outputs(node, stack, vehicle, parts.written)
@@ -54,7 +54,7 @@ def wire(node: Node, stack: Stack) -> None:
     def show_scene(now: int) -> None:
         if parts.start != collector.start:
             parts.start = collector.start
-            node.remember(parts)
+            node.save_checkpoint(parts)
         if not stack.viewer:
             collector.keep_frame()
         elif (frame := collector.frame()) is not None:
@@ -88,12 +88,12 @@ def _listen(node: Node, collector: Collector) -> None:
         if (reason := collector.hear(topic, envelope.key, message, arrived)) is not None:
             node.count(f"{reason}:{topic.key}")
 
-    home, *others = node.realms
+    home, *others = node.sides
     node.collect(home, "**", hear, RING)
-    for realm in others:
+    for side in others:
         for topic in topics.ALL:
             if topic.way is Way.STAY:
-                node.collect(realm, topic.key, hear, RING)
+                node.collect(side, topic.key, hear, RING)
 
 
 def _gate(
@@ -119,23 +119,23 @@ def _outputs(
     path = _free(stack.out_dir, part)
     # One id for file and viewer: who opens both sees one dive.
     identity = f"{stack.out_dir.resolve().name}-{part}"
-    sink = RerunWriter(identity, vehicle)
+    writer = RerunWriter(identity, vehicle)
     try:
-        sink.save(RrdFile(path, node.count, node.log))
+        writer.save(RrdFile(path, node.count, node.log))
     except OSError as error:
         raise LindyError(f"cannot write {path}: {reason(error)}; choose another --out") from None
     except ValueError as error:
         raise LindyError(f"{error}; install the rerun-sdk that `uv sync` installs") from None
     if not stack.viewer:
-        return sink.write, sink.close
+        return writer.write, writer.close
     live = LiveViewer(identity, vehicle, viewer_command(), node.count, node.log)
 
     def write(batch: Batch) -> None:
-        sink.write(batch)
+        writer.write(batch)
         live.send(batch)
 
     def close() -> None:
-        sink.close()  # the file first: the viewer may take its time
+        writer.close()  # the file first: the viewer may take its time
         live.close()
 
     return write, close

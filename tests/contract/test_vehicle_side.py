@@ -193,7 +193,7 @@ def virtual_bench(side: Side, folder: Path) -> Bench:
     services, stack = stack_of(side, folder, virtual=True)
     host = VirtualHost()
     node = host.node("contract", ["drone"])
-    say = host.realm("drone").say(topics.THRUSTERS)
+    say = host.side("drone").say(topics.THRUSTERS)
     bench = Bench(Virtual(host), node, say, stack)
     host.add_all(services, stack)
     return bench

@@ -98,9 +98,9 @@ def drawn(rng: np.random.Generator, n: int) -> States:
     near = (corner > 0.2) & (corner < 0.3)  # small changes, as a pilot's
     target[near] = v[near] + rng.normal(0.0, 1e-3, n)[near]
     for k, low in ((2, 0.3), (6, 0.33)):  # the borders of overshoot: of this law, of the thesis
-        border = (corner > low) & (corner < low + 0.03)
-        e = target[border] - v[border]
-        a[border] = np.sign(e) * np.sqrt(k * jerk[border] * np.abs(e))
+        hub_side = (corner > low) & (corner < low + 0.03)
+        e = target[hub_side] - v[hub_side]
+        a[hub_side] = np.sign(e) * np.sqrt(k * jerk[hub_side] * np.abs(e))
     return States(v, a, target, jerk, a_max)
 
 

@@ -59,9 +59,9 @@ def on_board(folder: Path) -> tuple[VirtualHost, list[Reference], list[VehicleSt
         host.add(name, rows[name], stack)
     references: list[Reference] = []
     statuses: list[VehicleStatus] = []
-    ear = host.node("ear", ["drone"])
-    ear.each(topics.REFERENCE, lambda m, _: references.append(m))
-    ear.each(topics.STATUS, lambda m, _: statuses.append(m))
+    port = host.node("ear", ["drone"])
+    port.each(topics.REFERENCE, lambda m, _: references.append(m))
+    port.each(topics.STATUS, lambda m, _: statuses.append(m))
     return host, references, statuses
 
 

@@ -77,10 +77,10 @@ class Dive:
         except (FileNotFoundError, msgspec.DecodeError):
             return None
 
-    def until(self, happened: Callable[[], bool]) -> None:
+    def until(self, events: Callable[[], bool]) -> None:
         """Wait for what must happen while the dive goes on."""
         deadline = time.monotonic() + PATIENCE_S
-        while not happened():
+        while not events():
             assert self.process.poll() is None, self.said
             assert time.monotonic() < deadline, self.said
             time.sleep(0.05)

@@ -65,10 +65,10 @@ class Dive:
         self.truth: dict[int, Truth] = {}
         self.states: list[VehicleState] = []
         self.references: list[Reference] = []
-        ear = self.host.node("observer", ["drone"])
-        ear.each(topics.TRUTH, lambda m, _: self.truth.update({m.stamp_ns: m}))
-        ear.each(topics.STATE, lambda m, _: self.states.append(m))
-        ear.each(topics.REFERENCE, lambda m, _: self.references.append(m))
+        port = self.host.node("observer", ["drone"])
+        port.each(topics.TRUTH, lambda m, _: self.truth.update({m.stamp_ns: m}))
+        port.each(topics.STATE, lambda m, _: self.states.append(m))
+        port.each(topics.REFERENCE, lambda m, _: self.references.append(m))
 
     def fly(self) -> "Dive":
         self.host.run(60 * S, done=lambda: bool(self.references) and self.references[-1].armed)
@@ -128,8 +128,8 @@ def test_a_busy_computer_costs_little(tmp_path: Path) -> None:
 
 def bytes_of(folder: Path, seed: int, jitter: Jitter | None) -> str:
     dive, sha = Dive(folder, seed, jitter), hashlib.sha256()
-    for realm in ("drone", "topside"):
-        dive.host.realm(realm).hear("**", lambda e: sha.update(e.key.encode() + e.payload))
+    for side in ("drone", "topside"):
+        dive.host.side(side).hear("**", lambda e: sha.update(e.key.encode() + e.payload))
     dive.host.run(8 * S)
     return sha.hexdigest()
 

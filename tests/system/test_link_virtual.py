@@ -162,7 +162,7 @@ class Flight:
 
     def _wire_watched(self, node: Node, stack: Stack) -> None:
         def gate(topic: Topic[M], *, onlooker: bool = False) -> Gate[M]:
-            watched = Watched(topic, node.counts, node._far, onlooker=onlooker)  # pyright: ignore[reportPrivateUsage]
+            watched = Watched(topic, node.counts, node._clock_offset, onlooker=onlooker)  # pyright: ignore[reportPrivateUsage]
             watched.book, watched.host = self.judged, self.host
             return watched
 

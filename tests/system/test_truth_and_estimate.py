@@ -72,9 +72,9 @@ def sailed(
         host.add(name, rows[name], stack)
     truth: dict[int, Truth] = {}
     states: list[VehicleState] = []
-    ear = host.node("observer", ["drone"])
-    ear.each(topics.TRUTH, lambda m, _: truth.update({m.stamp_ns: m}))
-    ear.each(topics.STATE, lambda m, _: states.append(m))
+    port = host.node("observer", ["drone"])
+    port.each(topics.TRUTH, lambda m, _: truth.update({m.stamp_ns: m}))
+    port.each(topics.STATE, lambda m, _: states.append(m))
     host.run(round((CALIBRATED + FLOWN) * S))
     assert not [name for name in host.nodes["estimation"].counts if name.startswith("clipped")]
     running = [state for state in states if state.phase == "running" and state.sensor_ns in truth]

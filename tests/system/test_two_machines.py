@@ -122,10 +122,10 @@ class OnBoard:
         return self.statuses[-1][1].failsafe if self.statuses else "no word"
 
 
-def until(happened: Callable[[], bool], what: Callable[[], str]) -> float:
+def until(events: Callable[[], bool], what: Callable[[], str]) -> float:
     """Wait for something real; returns when it happened."""
     deadline = time.monotonic() + PATIENCE_S
-    while not happened():
+    while not events():
         assert time.monotonic() < deadline, what()
         time.sleep(0.02)  # other processes do it, and nothing announces it
     return time.monotonic()
@@ -148,11 +148,11 @@ def two_machines(tmp_path: Path, *way: str) -> Generator[tuple[Cable, OnBoard, S
             "--pilot", f"script:{script}", *way,
         )  # fmt: skip
         sides.append(topside)
-        ear = OnBoard(drone.running())
+        port = OnBoard(drone.running())
         try:
-            yield cable, ear, drone, topside
+            yield cable, port, drone, topside
         finally:
-            ear.session.close()
+            port.session.close()
     finally:
         for side in reversed(sides):
             side.end()
@@ -161,29 +161,29 @@ def two_machines(tmp_path: Path, *way: str) -> Generator[tuple[Cable, OnBoard, S
 
 @pytest.mark.parametrize("way", [(), ("--gateway", "--link", "perfect")], ids=["plain", "gateway"])
 def test_a_cable_that_is_pulled_and_put_back(tmp_path: Path, way: tuple[str, ...]) -> None:
-    with two_machines(tmp_path, *way) as (cable, ear, drone, topside):
+    with two_machines(tmp_path, *way) as (cable, port, drone, topside):
 
         def said() -> str:
-            return f"{ear.failsafe()}\ndrone:\n{drone.said}\ntopside:\n{topside.said}"
+            return f"{port.failsafe()}\ndrone:\n{drone.said}\ntopside:\n{topside.said}"
 
         def armed() -> bool:
-            return bool(ear.statuses) and ear.statuses[-1][1].mode == "piloted"
+            return bool(port.statuses) and port.statuses[-1][1].mode == "piloted"
 
         until(armed, said)
         pids = drone.running().pids, topside.running().pids
-        until(lambda: bool(ear.references) and ear.references[-1].depth.velocity > 0.1, said)
+        until(lambda: bool(port.references) and port.references[-1].depth.velocity > 0.1, said)
 
         cable.pull()
-        until(lambda: ear.failsafe() == "pilot_lost", said)
+        until(lambda: port.failsafe() == "pilot_lost", said)
         time.sleep(CUT_S)  # the cut is to outlast the lease, so that the link has to come again
-        assert ear.references[-1].depth.velocity == 0.0, "it came to rest and holds"
+        assert port.references[-1].depth.velocity == 0.0, "it came to rest and holds"
 
         cable.put_back()
         back = time.monotonic()
-        again = until(lambda: ear.failsafe() == "none", said)
+        again = until(lambda: port.failsafe() == "none", said)
         assert again - back <= 2.0
 
         assert (drone.running().pids, topside.running().pids) == pids, "no process was restarted"
-        for reference in ear.references:
+        for reference in port.references:
             if reference.pilot_ns is not None:
                 assert reference.stamp_ns - reference.pilot_ns <= TTL_S * 1e9

@@ -61,9 +61,9 @@ class Side:
             return None
         return running.pids.get(name)
 
-    def until(self, happened: Callable[[], bool]) -> None:
+    def until(self, events: Callable[[], bool]) -> None:
         deadline = time.monotonic() + PATIENCE_S
-        while not happened():
+        while not events():
             assert self.process.poll() is None, self.said
             assert time.monotonic() < deadline, self.said
             time.sleep(0.05)  # other processes do it, and nothing announces it

@@ -127,8 +127,8 @@ def test_the_same_seed_gives_the_same_bytes_and_another_seed_others(tmp_path: Pa
     def digest(seed: int) -> str:
         dive = Dive(tmp_path, "0,0,0,0,0\n1,0.5,0,1,0.3\n3,0,0,0,0", seed=seed)
         sha = hashlib.sha256()
-        for realm in ("drone", "topside"):
-            dive.host.realm(realm).hear("**", lambda e: sha.update(e.key.encode() + e.payload))
+        for side in ("drone", "topside"):
+            dive.host.side(side).hear("**", lambda e: sha.update(e.key.encode() + e.payload))
         dive.run(8.0)
         return sha.hexdigest()
 
@@ -169,16 +169,16 @@ def test_garbage_on_every_key_changes_no_byte_of_what_the_drone_does(tmp_path: P
     def thrusts(*, garbage: bool) -> list[tuple[float, ...]]:
         dive = Dive(tmp_path, "0,0,0,0,0\n1,0.5,0,1,0.3\n3,0,0,0,0")
         if garbage:
-            for realm in ("drone", "topside"):
-                ear = dive.host.realm(realm)
+            for side in ("drone", "topside"):
+                port = dive.host.side(side)
 
-                def spit(_: int, ear: object = ear) -> None:
+                def spit(_: int, port: object = port) -> None:
                     for topic in topics.ALL:
                         key = topic.key.replace("*", "foreign")
-                        ear.forward(Envelope(key, b"\xc1garbage", topic.encoding))  # type: ignore[attr-defined]
-                        ear.forward(Envelope(key, b"", "text/plain"))  # type: ignore[attr-defined]
+                        port.forward(Envelope(key, b"\xc1garbage", topic.encoding))  # type: ignore[attr-defined]
+                        port.forward(Envelope(key, b"", "text/plain"))  # type: ignore[attr-defined]
 
-                dive.host.node(f"foreign-{realm}", [realm]).every(10, spit)
+                dive.host.node(f"foreign-{side}", [side]).every(10, spit)
         dive.run(8.0)
         return [command.thrust for command in dive.commands]
 

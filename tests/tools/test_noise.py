@@ -58,9 +58,9 @@ def imu(
     ]  # fmt: skip
 
 
-def pressures(seconds: float, *, step: float = 0.0, sink: float = 0.0) -> list[Message]:
+def pressures(seconds: float, *, step: float = 0.0, writer: float = 0.0) -> list[Message]:
     rng, n = np.random.default_rng(2), round(seconds * 42)
-    said = 101_325.0 + PASCAL * rng.standard_normal(n) + sink * np.arange(n) / 42
+    said = 101_325.0 + PASCAL * rng.standard_normal(n) + writer * np.arange(n) / 42
     said = np.round(said / step) * step if step else said
     return [
         PressureSample(stamp_ns=round(k * 1e9 / 42), pressure=each)
@@ -178,7 +178,7 @@ def bump(seconds: float, size: float) -> np.ndarray:
         ([imu(30, rate=bump(30, 0.3))], r"not at rest: the drone turns after 15\.\d s"),
         ([imu(30, force=bump(30, 2.0))], r"not at rest: the drone is pushed after 15\.\d s"),
         ([imu(30, rate=np.linspace(0.0, 0.1, 3000))], "not at rest: the drone turns"),
-        ([imu(30), pressures(30, sink=100.0)], "not at rest: the pressure wanders by"),
+        ([imu(30), pressures(30, writer=100.0)], "not at rest: the pressure wanders by"),
     ],
 )
 def test_a_recording_that_cannot_tell_is_refused_in_one_sentence(

@@ -21,11 +21,11 @@ class MonitorLoop:
     """Made when the hubs are up; the services are started by `keep`."""
 
     def __init__(
-        self, local: LocalStack, course: DiveTimeline, stop: StopSignals, shown: Display
+        self, local: LocalStack, timeline: DiveTimeline, stop: StopSignals, shown: Display
     ) -> None:
-        self._local, self._course, self._stop, self._shown = local, course, stop, shown
-        self._watch = Watch(local.node, list(local.services), course, shown.line)
-        local.node.each(topics.STATUS, course.see)
+        self._local, self._timeline, self._stop, self._shown = local, timeline, stop, shown
+        self._watch = Watch(local.node, list(local.services), timeline, shown.line)
+        local.node.each(topics.STATUS, timeline.see)
 
     def keep(self) -> str:
         """Returns how it ended: `clean`, or why otherwise.
@@ -35,11 +35,11 @@ class MonitorLoop:
         """
         self._local.start_services()
         self._local.wait_alive(ALIVE_S, self.look)
-        self._course.began_ns = time.monotonic_ns()
+        self._timeline.began_ns = time.monotonic_ns()
         end = None
         while end is None and not self._stop.asked:
             self.look()
-            end = self._course.over(time.monotonic_ns())
+            end = self._timeline.over(time.monotonic_ns())
         return end or "clean"
 
     def look(self) -> bool:

@@ -43,8 +43,8 @@ class PilotedDive:
         stop: StopSignals,
         shown: Display,
     ) -> None:
-        self._course = DiveTimeline(pilot.script_s, seconds)
-        self._lookout = MonitorLoop(local, self._course, stop, shown)
+        self._timeline = DiveTimeline(pilot.script_s, seconds)
+        self._monitor = MonitorLoop(local, self._timeline, stop, shown)
         self._disarming = Disarming(local.node)
 
     def fly(self) -> str:
@@ -53,13 +53,13 @@ class PilotedDive:
         Raises:
             LindyError: a service cannot start, or the drone does not arm.
         """
-        end = self._lookout.keep()
+        end = self._monitor.keep()
         self._disarm()
         return end
 
     def _disarm(self) -> None:
         """Ask the drone to stop its thrusters, and wait for its word, but not for long."""
         deadline = time.monotonic() + DISARM_S
-        while self._course.armed and not self._disarming.done and time.monotonic() < deadline:
+        while self._timeline.armed and not self._disarming.done and time.monotonic() < deadline:
             self._disarming.ask(time.monotonic_ns())
-            self._lookout.look()
+            self._monitor.look()

@@ -24,11 +24,11 @@ class Watch:
         self,
         node: Node,
         services: list[str],
-        course: DiveTimeline,
+        timeline: DiveTimeline,
         show: Callable[[LogLine, float | None], None],
     ) -> None:
         self.lines = LogLines()
-        self._course = course
+        self._timeline = timeline
         self._services = services
         self._show = show
         self._health: dict[str, Health] = {}
@@ -49,7 +49,7 @@ class Watch:
 
     def view(self, title: str, now: int, missing: list[str], restarts: dict[str, int]) -> View:
         """The screen at `now` [ns]."""
-        course = self._course
+        timeline = self._timeline
         state, reference = _recent(self._state, now), _recent(self._reference, now)
         status, pilot = self._status.newest(now), self._pilot.fresh(now)
         link, budget, clock = self._link.fresh(now), self._budget.fresh(now), self._clock.fresh(now)
@@ -57,12 +57,12 @@ class Watch:
             self._shown.put(Shown(stamp_ns=now, sensor_ns=state.sensor_ns))
         return View(
             title=title,
-            elapsed_s=course.elapsed_s(now),
-            length_s=course.length_s,
+            elapsed_s=timeline.elapsed_s(now),
+            length_s=timeline.length_s,
             mode=status.mode if status else "starting",
             armed=status.armed if status else False,
             failsafe=status.failsafe if status else "none",
-            note=status.note if status else course.note,
+            note=status.note if status else timeline.note,
             age_ms=(now - state.stamp_ns) / 1e6 if state else None,
             depth_m=state.depth.value if state else None,
             depth_wanted_m=reference.depth.position if reference else None,
@@ -96,7 +96,7 @@ class Watch:
 
     def _add(self, line: LogLine, now: int) -> None:
         """A log line that came, or was said here, at `now` [ns]."""
-        at_s = self._course.elapsed_s(now)
+        at_s = self._timeline.elapsed_s(now)
         self.lines.add(line, at_s)
         self._show(line, at_s)
 

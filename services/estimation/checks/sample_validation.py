@@ -13,33 +13,33 @@ from services.estimation.checks.sensor_watch import SensorWatch, WatchSettings
 
 
 class SampleValidation:
-    """One question for each sensor: may this sample be used? `noted` fills with why not."""
+    """One question for each sensor: may this sample be used? `events` fills with why not."""
 
-    def __init__(self, limits: WatchSettings, noted: list[str]) -> None:
-        self._noted = noted
+    def __init__(self, limits: WatchSettings, events: list[str]) -> None:
+        self._events = events
         imu, field, pressure, like = (
             topics.IMU,
             topics.MAGNETOMETER,
             topics.PRESSURE,
             limits.rate_tolerance,
         )
-        self._imu = SensorWatch(imu.key, limits.imu_frozen, noted, imu.hz, like)
+        self._imu = SensorWatch(imu.key, limits.imu_frozen, events, imu.hz, like)
         self._pressure = SensorWatch(
-            pressure.key, limits.pressure_frozen, noted, limits.pressure_rate, like
+            pressure.key, limits.pressure_frozen, events, limits.pressure_rate, like
         )
         self._field = SensorWatch(
             field.key,
             limits.magnetometer_frozen,
-            noted,
+            events,
             field.hz,
             like,
             limits.magnetometer_silent,
         )
         self._dvl = SensorWatch(
-            topics.DVL.key, limits.dvl_frozen, noted, silent_after=limits.dvl_silent
+            topics.DVL.key, limits.dvl_frozen, events, silent_after=limits.dvl_silent
         )
         self._usbl = SensorWatch(
-            topics.USBL.key, limits.usbl_frozen, noted, silent_after=limits.usbl_silent
+            topics.USBL.key, limits.usbl_frozen, events, silent_after=limits.usbl_silent
         )
         self._may_fall_silent = self._field, self._dvl, self._usbl
 
@@ -78,5 +78,5 @@ class SampleValidation:
             watch.listen(now)
 
     def _refused(self, why: str) -> bool:
-        self._noted.append(why)
+        self._events.append(why)
         return False

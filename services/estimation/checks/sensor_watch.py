@@ -39,13 +39,13 @@ class WatchSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 class SensorWatch:
     """Watches one sensor. `usable` is asked for every sample and says no to frozen ones and to
-    those whose time does not go on; `noted` fills with what is to be counted."""
+    those whose time does not go on; `events` fills with what is to be counted."""
 
     def __init__(
         self,
         key: str,
         frozen_after: float,
-        noted: list[str],
+        events: list[str],
         hz: float | None = None,
         tolerance: float = 0.2,
         silent_after: float = inf,
@@ -54,7 +54,7 @@ class SensorWatch:
         without samples."""
         self._key = key
         self._frozen_ns = round(frozen_after * 1e9)
-        self._noted = noted
+        self._events = events
         self._content: tuple[float, ...] | None = None
         self._stamp_ns: int | None = None
         self._same_since_ns = 0
@@ -69,23 +69,23 @@ class SensorWatch:
             return
         if (now - self._stamp_ns) * 1e-9 > self._silent_after:
             self._silent = True
-            self._noted.append(f"silent:{self._key}")
+            self._events.append(f"silent:{self._key}")
 
     def usable(self, content: tuple[float, ...], stamp_ns: int) -> bool:
         before, last_ns = self._content, self._stamp_ns
         if last_ns is not None and stamp_ns <= last_ns:
             same = stamp_ns == last_ns and content == before
-            self._noted.append(f"{'duplicated' if same else 'not_newer'}:{self._key}")
+            self._events.append(f"{'duplicated' if same else 'not_newer'}:{self._key}")
             return False
         self._content, self._stamp_ns, self._silent = content, stamp_ns, False
         rate = self._rate
         if rate is not None and last_ns is not None and rate.newly_wrong(stamp_ns - last_ns):
-            self._noted.append(f"rate:{self._key}")
+            self._events.append(f"rate:{self._key}")
         if content != before:
             self._same_since_ns, self._frozen = stamp_ns, False
         elif not self._frozen and stamp_ns - self._same_since_ns >= self._frozen_ns:
             self._frozen = True
-            self._noted.append(f"frozen:{self._key}")
+            self._events.append(f"frozen:{self._key}")
         return not self._frozen
 
 

@@ -80,119 +80,123 @@ def begun(settings: HorizontalSettings, heading_std: float) -> HorizontalEstimat
 
 
 def predicted(
-    belief: HorizontalEstimate, leg: Interval, settings: HorizontalSettings
+    estimate: HorizontalEstimate, interval: Interval, settings: HorizontalSettings
 ) -> HorizontalEstimate:
     """The belief one leg later."""
-    dt, push = leg.seconds, np.zeros(SIZE)
+    dt, push = interval.seconds, np.zeros(SIZE)
     keep = np.exp(-dt / _times(settings))
     F = np.diag(keep)
     F[0, 2] = F[1, 3] = dt
-    if leg.acceleration is None:
+    if interval.acceleration is None:
         q = settings.motion_noise**2
     else:
         q = settings.acceleration_noise**2
         F[0, 6] = F[1, 7] = -0.5 * dt * dt
         F[2, 6] = F[3, 7] = -dt
-        a, b = turned(leg.acceleration, heading_error(belief, leg))
+        a, b = turned(interval.acceleration, heading_error(estimate, interval))
         push[:4] = 0.5 * dt * dt * a, 0.5 * dt * dt * b, dt * a, dt * b
-        _turn(F[:4], np.array((-push[1], push[0], -push[3], push[2])), leg)
-    std = _steady_std(settings, leg.heading_std)
+        _turn(F[:4], np.array((-push[1], push[0], -push[3], push[2])), interval)
+    std = _steady_std(settings, interval.heading_std)
     Q = np.diag(std * std * (1.0 - keep * keep))
     for p, v in ((0, 2), (1, 3)):
         Q[p, p], Q[v, v] = q * dt**3 / 3.0, q * dt
         Q[p, v] = Q[v, p] = q * dt**2 / 2.0
     fading = F.copy()
     fading[:4, DEVIATION] = 0.0  # the push has it already
-    return HorizontalEstimate(fading @ belief.x + push, F @ belief.P @ F.T + Q)
+    return HorizontalEstimate(fading @ estimate.x + push, F @ estimate.P @ F.T + Q)
 
 
-def corrected(belief: HorizontalEstimate, seen: Innovation) -> HorizontalEstimate:
+def corrected(estimate: HorizontalEstimate, seen: Innovation) -> HorizontalEstimate:
     """The belief after a measurement."""
-    return weighed(belief, seen)[1]
+    return weighed(estimate, seen)[1]
 
 
-def weighed(belief: HorizontalEstimate, seen: Innovation) -> tuple[float, HorizontalEstimate]:
+def weighed(estimate: HorizontalEstimate, seen: Innovation) -> tuple[float, HorizontalEstimate]:
     """How surprising a measurement is, and the belief after it; Joseph's form keeps P symmetric and
     positive.
 
     The damping is considered, not learnt (Schmidt 1966): its spread limits what drag tells of the
     current, but a filter that learns it from a velocity which it does not know well is drawn to
     too much damping, and sure of it."""
-    HP = seen.H @ belief.P
+    HP = seen.H @ estimate.P
     both = np.linalg.solve(HP @ seen.H.T + seen.R, np.column_stack((seen.off, HP)))
     K = both[:, 1:].T
     K[DAMPING] = 0.0
     A = EYE - K @ seen.H
-    after = HorizontalEstimate(belief.x + K @ seen.off, A @ belief.P @ A.T + K @ seen.R @ K.T)
+    after = HorizontalEstimate(estimate.x + K @ seen.off, A @ estimate.P @ A.T + K @ seen.R @ K.T)
     return float(seen.off @ both[:, 0]), after
 
 
-def covariance(belief: HorizontalEstimate, seen: Innovation) -> Floats:
+def covariance(estimate: HorizontalEstimate, seen: Innovation) -> Floats:
     """(n, n) Of the innovation."""
-    return seen.H @ belief.P @ seen.H.T + seen.R
+    return seen.H @ estimate.P @ seen.H.T + seen.R
 
 
-def surprise(belief: HorizontalEstimate, seen: Innovation) -> float:
+def surprise(estimate: HorizontalEstimate, seen: Innovation) -> float:
     """Normalised innovation squared: n on average, if all is as the filter believes."""
-    return float(seen.off @ np.linalg.solve(covariance(belief, seen), seen.off))
+    return float(seen.off @ np.linalg.solve(covariance(estimate, seen), seen.off))
 
 
 # What is measured.
 
 
-def fix(belief: HorizontalEstimate, place: Pair, std: float) -> Innovation:
+def fix(estimate: HorizontalEstimate, place: Pair, std: float) -> Innovation:
     """A position [m] with the spread [m] of each component."""
     H = np.zeros((2, SIZE))
     H[0, 0] = H[1, 1] = 1.0
-    return Innovation(np.subtract(place, belief.x[POSITION]), H, std * std * np.eye(2))
+    return Innovation(np.subtract(place, estimate.x[POSITION]), H, std * std * np.eye(2))
 
 
-def velocity(belief: HorizontalEstimate, leg: Interval, measured: Vec3, std: float) -> Innovation:
+def velocity(
+    estimate: HorizontalEstimate, interval: Interval, measured: Vec3, std: float
+) -> Innovation:
     """Surge and sway of a velocity [m/s] over the ground in FRD, with the spread of each
     component, at the end of the leg: the first two rows of R_BN(heading + error, pitch, roll) v_N,
     where the depth rate is the third of v_N. The third row would measure the depth rate."""
-    R_BN = true_rotation(belief, leg)[:2]
-    north, east = belief.x[VELOCITY]
+    R_BN = true_rotation(estimate, interval)[:2]
+    north, east = estimate.x[VELOCITY]
     H = np.zeros((2, SIZE))
     H[:, VELOCITY] = R_BN[:, :2]
-    _turn(H, R_BN[:, :2] @ (east, -north), leg)
+    _turn(H, R_BN[:, :2] @ (east, -north), interval)
     down = R_BN[:, 2]
-    R = std * std * np.eye(2) + leg.depth_rate_std**2 * np.outer(down, down)
-    return Innovation(measured[:2] - R_BN @ (north, east, leg.depth_rate), H, R)
+    R = std * std * np.eye(2) + interval.depth_rate_std**2 * np.outer(down, down)
+    return Innovation(measured[:2] - R_BN @ (north, east, interval.depth_rate), H, R)
 
 
 def balance(
-    belief: HorizontalEstimate, leg: Interval, hull: HullModel, settings: HorizontalSettings
+    estimate: HorizontalEstimate, interval: Interval, hull: HullModel, settings: HorizontalSettings
 ) -> Innovation:
     """The accelerometer beside what thrust and drag should do, in surge and sway, over the leg.
 
     Raises:
         ValueError: the leg knows no acceleration or no force.
     """
-    if leg.acceleration is None or leg.force is None:
+    if interval.acceleration is None or interval.force is None:
         raise ValueError("a leg without acceleration or force has no balance")
-    R_BN = true_rotation(belief, leg)
+    R_BN = true_rotation(estimate, interval)
     level = R_BN[:2, :2]
-    north, east = belief.x[VELOCITY] - belief.x[CURRENT]
-    surge, sway, _ = (R_BN @ (north, east, leg.depth_rate)).tolist()
-    share, side = belief.x[DAMPING].tolist()
-    expected = hull.expected((surge, sway), leg.yaw_rate, leg.force, (share, side))
+    north, east = estimate.x[VELOCITY] - estimate.x[CURRENT]
+    surge, sway, _ = (R_BN @ (north, east, interval.depth_rate)).tolist()
+    share, side = estimate.x[DAMPING].tolist()
+    expected = hull.expected((surge, sway), interval.yaw_rate, interval.force, (share, side))
     by_water = np.array(expected.by_velocity) @ level
     H = np.zeros((2, SIZE))
     H[:, VELOCITY], H[:, CURRENT], H[:, LEAN] = by_water, -by_water, level
-    lean_north, lean_east = belief.x[LEAN]
+    lean_north, lean_east = estimate.x[LEAN]
     aside = by_water @ (east, -north) + level @ (lean_east, -lean_north)
-    _turn(H, aside, leg)
+    _turn(H, aside, interval)
     H[0, 9], H[1, 10] = expected.by_damping
-    true_acceleration = turned(leg.acceleration, heading_error(belief, leg))
-    off = level @ (true_acceleration - belief.x[LEAN]) - expected.acceleration
-    R = settings.model_noise**2 / leg.seconds + _bend(belief, leg, level, expected, (east, -north))
+    true_acceleration = turned(interval.acceleration, heading_error(estimate, interval))
+    off = level @ (true_acceleration - estimate.x[LEAN]) - expected.acceleration
+    R = settings.model_noise**2 / interval.seconds + _bend(
+        estimate, interval, level, expected, (east, -north)
+    )
     return Innovation(off, H, np.diag(R))
 
 
 def _bend(
-    belief: HorizontalEstimate,
-    leg: Interval,
+    estimate: HorizontalEstimate,
+    interval: Interval,
     level: Floats,
     expected: ExpectedAcceleration,
     aside: Pair,
@@ -201,47 +205,47 @@ def _bend(
     counts as noise (second-order terms, Bar-Shalom, Li and Kirubarajan 2001, section 10.3.2)."""
     W = np.zeros((2, SIZE))
     W[:, VELOCITY], W[:, CURRENT] = level, -level
-    _turn(W, level @ aside, leg)
-    water: Floats = np.diag(W @ belief.P @ W.T)  # [m²/s²] variances of surge and sway
+    _turn(W, level @ aside, interval)
+    water: Floats = np.diag(W @ estimate.P @ W.T)  # [m²/s²] variances of surge and sway
     own = np.multiply(expected.curvature, np.sqrt(water * np.max(water)))
     slopes = np.diag(expected.by_velocity)
-    return AGAIN * 3.0 * own**2 + slopes**2 * water * np.diag(belief.P)[DAMPING]
+    return AGAIN * 3.0 * own**2 + slopes**2 * water * np.diag(estimate.P)[DAMPING]
 
 
-def true_rotation(belief: HorizontalEstimate, leg: Interval) -> Floats:
+def true_rotation(estimate: HorizontalEstimate, interval: Interval) -> Floats:
     """(3, 3) R_BN at the end of the leg, the error of heading taken off."""
-    R_BN = np.array([to_body(leg.attitude, axis) for axis in AXES]).T
-    error = heading_error(belief, leg)
+    R_BN = np.array([to_body(interval.attitude, axis) for axis in AXES]).T
+    error = heading_error(estimate, interval)
     c, s = cos(error), sin(error)
     north, east = R_BN[:, 0].copy(), R_BN[:, 1].copy()
     R_BN[:, 0], R_BN[:, 1] = c * north - s * east, s * north + c * east
     return R_BN
 
 
-def card(leg: Interval) -> tuple[float, float]:
+def card(interval: Interval) -> tuple[float, float]:
     """What deviation B and C count for at the end of the leg: sin ψ and cos ψ. A counts for 1."""
-    w, x, y, z = leg.attitude
+    w, x, y, z = interval.attitude
     east, north = 2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)  # of the forward axis
     level = max(hypot(north, east), 1e-9)
     return east / level, north / level
 
 
-def heading_error(belief: HorizontalEstimate, leg: Interval) -> float:
+def heading_error(estimate: HorizontalEstimate, interval: Interval) -> float:
     """[rad] True minus measured, at the end of the leg."""
-    a, b, c = belief.x[DEVIATION].tolist()
-    sine, cosine = card(leg)
+    a, b, c = estimate.x[DEVIATION].tolist()
+    sine, cosine = card(interval)
     return a + b * sine + c * cosine
 
 
-def heading_spread(belief: HorizontalEstimate, leg: Interval) -> float:
+def heading_spread(estimate: HorizontalEstimate, interval: Interval) -> float:
     """[rad] Of the same."""
-    here = np.array((1.0, *card(leg)))
-    return sqrt(here @ belief.P[DEVIATIONS] @ here)
+    here = np.array((1.0, *card(interval)))
+    return sqrt(here @ estimate.P[DEVIATIONS] @ here)
 
 
-def _turn(J: Floats, aside: Floats, leg: Interval) -> None:
+def _turn(J: Floats, aside: Floats, interval: Interval) -> None:
     """Fill the columns of the deviation, from the slope by the heading's error."""
-    sine, cosine = card(leg)
+    sine, cosine = card(interval)
     J[:, DEVIATION[0]], J[:, DEVIATION[1]], J[:, DEVIATION[2]] = aside, sine * aside, cosine * aside
 
 
@@ -254,40 +258,40 @@ def turned(v: Pair, angle: float) -> Pair:
 # Starting anew.
 
 
-def moved_to(belief: HorizontalEstimate, place: Pair, std: float) -> HorizontalEstimate:
+def moved_to(estimate: HorizontalEstimate, place: Pair, std: float) -> HorizontalEstimate:
     """Forget the position, believe this one [m]."""
-    return _replaced(belief, POSITION, np.array(place), std)
+    return _replaced(estimate, POSITION, np.array(place), std)
 
 
 def changed_to(
-    belief: HorizontalEstimate, leg: Interval, measured: Vec3, std: float
+    estimate: HorizontalEstimate, interval: Interval, measured: Vec3, std: float
 ) -> HorizontalEstimate:
     """Forget the velocity, believe this one [m/s], FRD, at the end of the leg. Its direction is as
     wrong as the heading."""
-    north, east, _ = (true_rotation(belief, leg).T @ measured).tolist()
-    x, P = _replaced(belief, VELOCITY, np.array((north, east)), std)
-    aside = np.outer((-east, north), (1.0, *card(leg)))
+    north, east, _ = (true_rotation(estimate, interval).T @ measured).tolist()
+    x, P = _replaced(estimate, VELOCITY, np.array((north, east)), std)
+    aside = np.outer((-east, north), (1.0, *card(interval)))
     with_others = aside @ P[DEVIATION]
     P[VELOCITY, :], P[:, VELOCITY] = with_others, with_others.T
     P[VELOCITY, VELOCITY] = std * std * np.eye(2) + with_others[:, DEVIATION] @ aside.T
     return HorizontalEstimate(x, P)
 
 
-def is_sound(belief: HorizontalEstimate) -> bool:
+def is_sound(estimate: HorizontalEstimate) -> bool:
     """False when a number is not finite or a variance is not positive: start anew then."""
-    variances = np.diag(belief.P)
+    variances = np.diag(estimate.P)
     return bool(
-        np.isfinite(belief.x).all()
-        and np.isfinite(belief.P).all()
+        np.isfinite(estimate.x).all()
+        and np.isfinite(estimate.P).all()
         and (variances > 0.0).all()
         and (variances < 1e12).all()
     )
 
 
 def _replaced(
-    belief: HorizontalEstimate, states: slice, values: Floats, std: float
+    estimate: HorizontalEstimate, states: slice, values: Floats, std: float
 ) -> HorizontalEstimate:
-    x, P = belief.x.copy(), belief.P.copy()
+    x, P = estimate.x.copy(), estimate.P.copy()
     x[states] = values
     P[states, :] = P[:, states] = 0.0
     P[states, states] = std * std * np.eye(2)

@@ -70,7 +70,7 @@ class HorizontalObserver:
         self.surprise: dict[str, float] = {}  # newest normalised innovation squared, by sensor
         self._settings = settings
         self._hull = hull
-        self._trail = MeasurementBuffer(self._step, settings.oldest)
+        self._buffer = MeasurementBuffer(self._step, settings.oldest)
         self._open = OpenInterval()
         self._at_ns: int | None = None
         self._motion = VehicleMotion(LEVEL, None, 0.0, None)
@@ -108,7 +108,7 @@ class HorizontalObserver:
             measured = to_north(motion.attitude, motion.offset or 0.0, motion.specific_force)
         self._now = None
         self._open.add(dt, measured, motion.yaw_rate, self._thrust(at_ns))
-        return self._close(at_ns) if at_ns - self._trail.last.stamp_ns >= LEG_NS else None
+        return self._close(at_ns) if at_ns - self._buffer.last.stamp_ns >= LEG_NS else None
 
     def actuation(self, sample: Actuation) -> str | None:
         """What the thrusters really do. Returns what is to be counted."""
@@ -179,27 +179,27 @@ class HorizontalObserver:
 
     # How time goes on.
 
-    def _step(self, belief: HorizontalEstimate, leg: Interval) -> HorizontalEstimate:
+    def _step(self, estimate: HorizontalEstimate, interval: Interval) -> HorizontalEstimate:
         """One leg, with what thrust and drag say of it."""
-        belief = ekf.predicted(belief, leg, self._settings)
-        if self._hull is None or leg.acceleration is None or leg.force is None:
-            return belief
-        seen = ekf.balance(belief, leg, self._hull, self._settings)
-        surprise, better = ekf.weighed(belief, seen)
+        estimate = ekf.predicted(estimate, interval, self._settings)
+        if self._hull is None or interval.acceleration is None or interval.force is None:
+            return estimate
+        seen = ekf.balance(estimate, interval, self._hull, self._settings)
+        surprise, better = ekf.weighed(estimate, seen)
         self._doubted = surprise > self._settings.gate**2
-        return belief if self._doubted else better
+        return estimate if self._doubted else better
 
     def _close(self, at_ns: int) -> str | None:
         """The open leg ends now."""
-        leg = self._leg()
+        interval = self._interval()
         self._open, self._doubted = OpenInterval(), False
-        self._trail.extend(at_ns, leg)
-        if leg.force is not None and leg.acceleration is not None:
+        self._buffer.extend(at_ns, interval)
+        if interval.force is not None and interval.acceleration is not None:
             self._balanced = True
         doubted = "outlier:vehicle/actuation" if self._doubted else None
-        return self._take() or self._learn_deviation(at_ns, leg) or doubted
+        return self._take() or self._learn_deviation(at_ns, interval) or doubted
 
-    def _learn_deviation(self, now: int, leg: Interval) -> str | None:
+    def _learn_deviation(self, now: int, interval: Interval) -> str | None:
         """From a newest leg that both aids tell of; one of them alone says nothing of north."""
         if self._motion.offset is None or not (
             self._hears("usbl", now) and self._hears("dvl", now)
@@ -207,28 +207,28 @@ class HorizontalObserver:
             self._deviation.hold()
             return None
         a, b, c = (self._values[each] for each in ekf.DEVIATION)
-        std = ekf.heading_spread(self._trail.last.belief, leg)
-        heading = heading_of(leg.attitude)
-        return self._deviation.follow(Coefficients(a, b, c), std, heading, leg.seconds)
+        std = ekf.heading_spread(self._buffer.last.estimate, interval)
+        heading = heading_of(interval.attitude)
+        return self._deviation.follow(Coefficients(a, b, c), std, heading, interval.seconds)
 
     def _take(self) -> str | None:
         """Keep the newest belief as plain numbers, which is what is read at the IMU's rate."""
-        belief, leg = self._trail.last.belief, self._trail.last.leg
-        if not ekf.is_sound(belief):
+        estimate, interval = self._buffer.last.estimate, self._buffer.last.interval
+        if not ekf.is_sound(estimate):
             return self._stop("not_finite:position")
-        self._values, self._variances = belief.x.tolist(), belief.P.diagonal().tolist()
-        self._error, self._now = ekf.heading_error(belief, leg), None
+        self._values, self._variances = estimate.x.tolist(), estimate.P.diagonal().tolist()
+        self._error, self._now = ekf.heading_error(estimate, interval), None
         return None
 
-    def _leg(self) -> Interval:
-        motion, leg = self._motion, self._open
+    def _interval(self) -> Interval:
+        motion, interval = self._motion, self._open
         return Interval(
-            seconds=leg.seconds,
-            acceleration=leg.acceleration,
+            seconds=interval.seconds,
+            acceleration=interval.acceleration,
             attitude=from_north(motion.attitude, motion.offset or 0.0),
             heading_std=motion.heading_std,
-            yaw_rate=leg.yaw_rate,
-            force=leg.force,
+            yaw_rate=interval.yaw_rate,
+            force=interval.force,
             depth_rate=motion.depth_rate,
             depth_rate_std=motion.depth_rate_std,
         )
@@ -264,40 +264,42 @@ class HorizontalObserver:
             return f"too_old:sensor/{name}"
         if not self._started:
             return self._accept(name, stamp_ns, self._begin(self._at_ns), anew)
-        stone = self._stone(stamp_ns, self._at_ns)
-        if stone is None:
+        node = self._node(stamp_ns, self._at_ns)
+        if node is None:
             return f"too_old:sensor/{name}"
         if name == "usbl" and not self._fixed:
-            return self._accept(name, stamp_ns, stone, anew)
-        self.surprise[name] = ekf.surprise(stone.belief, see(stone.belief, stone.leg))
+            return self._accept(name, stamp_ns, node, anew)
+        self.surprise[name] = ekf.surprise(node.estimate, see(node.estimate, node.interval))
         if self.surprise[name] <= self._settings.gate**2:
-            return self._accept(name, stamp_ns, stone, partial(_correct, see))
+            return self._accept(name, stamp_ns, node, partial(_correct, see))
         self._outliers[name] += 1
         if self._outliers[name] < self._settings.outliers:
             return f"outlier:sensor/{name}"
-        return self._accept(name, stamp_ns, stone, anew) or f"restarted:{MEASURES[name]}"
+        return self._accept(name, stamp_ns, node, anew) or f"restarted:{MEASURES[name]}"
 
     def _accept(
-        self, name: str, stamp_ns: int, stone: BufferNode, reading: Correction
+        self, name: str, stamp_ns: int, node: BufferNode, reading: Correction
     ) -> str | None:
         self._outliers[name] = 0
         self._heard[name] = max(stamp_ns, self._heard.get(name, stamp_ns))
         self._fixed = self._fixed or name == "usbl"
-        self._trail.read(stone, reading)
+        self._buffer.read(node, reading)
         return self._take()
 
-    def _stone(self, stamp_ns: int, now: int) -> BufferNode | None:
+    def _node(self, stamp_ns: int, now: int) -> BufferNode | None:
         """Of a sample; None: from before the filter began."""
-        if stamp_ns > self._trail.last.stamp_ns and self._open.seconds > 0.0:
+        if stamp_ns > self._buffer.last.stamp_ns and self._open.seconds > 0.0:
             self._close(now)
-        return self._trail.stone_at(stamp_ns)
+        return self._buffer.node_at(stamp_ns)
 
     def _begin(self, now: int) -> BufferNode:
         self._started, self._fixed, self._balanced = True, False, False
         self._open = OpenInterval()
         self._begun_ns = now
-        self._trail.begin(now, self._leg(), ekf.begun(self._settings, self._motion.heading_std))
-        return self._trail.last
+        self._buffer.begin(
+            now, self._interval(), ekf.begun(self._settings, self._motion.heading_std)
+        )
+        return self._buffer.last
 
     def _age(self, stamp_ns: int) -> float:
         """[s] Of a sample; 0 before anything else was heard."""
@@ -341,23 +343,25 @@ def from_north(attitude: Quaternion, offset: float) -> Quaternion:
     return c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w
 
 
-def _velocity(seen: Vec3, std: float, belief: HorizontalEstimate, leg: Interval) -> Innovation:
-    return ekf.velocity(belief, leg, seen, std)
+def _velocity(
+    seen: Vec3, std: float, estimate: HorizontalEstimate, interval: Interval
+) -> Innovation:
+    return ekf.velocity(estimate, interval, seen, std)
 
 
-def _fix(place: Pair, std: float, belief: HorizontalEstimate, _: Interval) -> Innovation:
-    return ekf.fix(belief, place, std)
+def _fix(place: Pair, std: float, estimate: HorizontalEstimate, _: Interval) -> Innovation:
+    return ekf.fix(estimate, place, std)
 
 
 def _change(
-    seen: Vec3, std: float, belief: HorizontalEstimate, leg: Interval
+    seen: Vec3, std: float, estimate: HorizontalEstimate, interval: Interval
 ) -> HorizontalEstimate:
-    return ekf.changed_to(belief, leg, seen, std)
+    return ekf.changed_to(estimate, interval, seen, std)
 
 
-def _move(place: Pair, std: float, belief: HorizontalEstimate, _: Interval) -> HorizontalEstimate:
-    return ekf.moved_to(belief, place, std)
+def _move(place: Pair, std: float, estimate: HorizontalEstimate, _: Interval) -> HorizontalEstimate:
+    return ekf.moved_to(estimate, place, std)
 
 
-def _correct(see: See, belief: HorizontalEstimate, leg: Interval) -> HorizontalEstimate:
-    return ekf.corrected(belief, see(belief, leg))
+def _correct(see: See, estimate: HorizontalEstimate, interval: Interval) -> HorizontalEstimate:
+    return ekf.corrected(estimate, see(estimate, interval))

@@ -25,8 +25,8 @@ Propagation = Callable[[HorizontalEstimate, Interval], HorizontalEstimate]
 @dataclass(slots=True)
 class BufferNode:
     stamp_ns: int
-    leg: Interval  # that led here
-    belief: HorizontalEstimate
+    interval: Interval  # that led here
+    estimate: HorizontalEstimate
     readings: list[Correction] = field(default_factory=list[Correction])
 
 
@@ -35,59 +35,59 @@ class MeasurementBuffer:
         """How a belief moves along a leg, and how much [s] of the past to keep."""
         self._step = step
         self._kept_ns = round(seconds * 1e9)
-        self._stones: deque[BufferNode] = deque()
+        self._nodes: deque[BufferNode] = deque()
 
     @property
     def last(self) -> BufferNode:
-        return self._stones[-1]
+        return self._nodes[-1]
 
-    def begin(self, stamp_ns: int, leg: Interval, belief: HorizontalEstimate) -> None:
+    def begin(self, stamp_ns: int, interval: Interval, estimate: HorizontalEstimate) -> None:
         """Forget everything and start here."""
-        self._stones = deque([BufferNode(stamp_ns, leg, belief)])
+        self._nodes = deque([BufferNode(stamp_ns, interval, estimate)])
 
-    def extend(self, stamp_ns: int, leg: Interval) -> None:
+    def extend(self, stamp_ns: int, interval: Interval) -> None:
         """One leg further."""
-        self._stones.append(BufferNode(stamp_ns, leg, self._step(self.last.belief, leg)))
-        while len(self._stones) > 2 and stamp_ns - self._stones[1].stamp_ns >= self._kept_ns:
-            self._stones.popleft()
+        self._nodes.append(BufferNode(stamp_ns, interval, self._step(self.last.estimate, interval)))
+        while len(self._nodes) > 2 and stamp_ns - self._nodes[1].stamp_ns >= self._kept_ns:
+            self._nodes.popleft()
 
-    def stone_at(self, stamp_ns: int) -> BufferNode | None:
+    def node_at(self, stamp_ns: int) -> BufferNode | None:
         """The stone of this time [ns], put there if need be; None: before the trail begins. What is
         newer than the last stone belongs there."""
-        stones = self._stones
-        if stamp_ns < stones[0].stamp_ns - SAME_NS:
+        nodes = self._nodes
+        if stamp_ns < nodes[0].stamp_ns - SAME_NS:
             return None
-        after = len(stones) - 1
-        while after > 0 and stones[after - 1].stamp_ns >= stamp_ns - SAME_NS:
+        after = len(nodes) - 1
+        while after > 0 and nodes[after - 1].stamp_ns >= stamp_ns - SAME_NS:
             after -= 1
-        stone = stones[after]
-        if stone.stamp_ns - stamp_ns <= SAME_NS:
-            return stone
+        node = nodes[after]
+        if node.stamp_ns - stamp_ns <= SAME_NS:
+            return node
         return self._split(after, stamp_ns)
 
-    def read(self, stone: BufferNode, reading: Correction) -> None:
+    def read(self, node: BufferNode, reading: Correction) -> None:
         """Let an accepted sample of the stone's time change what is believed from there on."""
-        stone.readings.append(reading)
-        stone.belief = reading(stone.belief, stone.leg)
-        belief, redo = stone.belief, False
-        for each in self._stones:
+        node.readings.append(reading)
+        node.estimate = reading(node.estimate, node.interval)
+        estimate, redo = node.estimate, False
+        for each in self._nodes:
             if redo:
-                belief = self._step(belief, each.leg)
+                estimate = self._step(estimate, each.interval)
                 for old in each.readings:
-                    belief = old(belief, each.leg)
-                each.belief = belief
-            redo = redo or each is stone
+                    estimate = old(estimate, each.interval)
+                each.estimate = estimate
+            redo = redo or each is node
 
     def _split(self, after: int, stamp_ns: int) -> BufferNode:
-        before, late = self._stones[after - 1], self._stones[after]
+        before, late = self._nodes[after - 1], self._nodes[after]
         share = (stamp_ns - before.stamp_ns) / (late.stamp_ns - before.stamp_ns)
-        leg = late.leg
-        attitude = between(before.leg.attitude, leg.attitude, share)
-        first = leg._replace(seconds=share * leg.seconds, attitude=attitude)
-        stone = BufferNode(stamp_ns, first, self._step(before.belief, first))
-        late.leg = leg._replace(seconds=(1.0 - share) * leg.seconds)
-        self._stones.insert(after, stone)
-        return stone
+        interval = late.interval
+        attitude = between(before.interval.attitude, interval.attitude, share)
+        first = interval._replace(seconds=share * interval.seconds, attitude=attitude)
+        node = BufferNode(stamp_ns, first, self._step(before.estimate, first))
+        late.interval = interval._replace(seconds=(1.0 - share) * interval.seconds)
+        self._nodes.insert(after, node)
+        return node
 
 
 def between(a: Quaternion, b: Quaternion, share: float) -> Quaternion:

@@ -14,28 +14,28 @@ from services.estimation.startup.calibration import (
 class CalibrationPhase:
     """Hears the sensors until it has learnt enough of them; the journal says what it waits for."""
 
-    def __init__(self, settings: CalibrationSettings, journal: Events) -> None:
+    def __init__(self, settings: CalibrationSettings, events: Events) -> None:
         self._calibration = Calibration(settings)
         self._countdown = Countdown()
-        self._journal = journal
+        self._events = events
         self._asked_for_pressure = False
 
     def imu(self, sample: ImuSample, dt: float) -> Calibrated | None:
         """One sample, `dt` [s] after the one before. What was learnt, once there is enough."""
-        calibration, journal = self._calibration, self._journal
+        calibration, events = self._calibration, self._events
         if calibration.imu(sample.angular_rate, sample.specific_force, dt):
-            journal.note("moved:calibration")
-            journal.warn("the vehicle moves: calibration waits until it is still")
+            events.note("moved:calibration")
+            events.warn("the vehicle moves: calibration waits until it is still")
             self._countdown = Countdown()
         learnt = calibration.result()
         if learnt is not None:
             return learnt
         if calibration.lacks_pressure and not self._asked_for_pressure:
             self._asked_for_pressure = True
-            journal.note("waiting:sensor/pressure")
-            journal.warn("calibration waits for the pressure sensor")
+            events.note("waiting:sensor/pressure")
+            events.warn("calibration waits for the pressure sensor")
         elif (line := self._countdown.line(calibration.seconds_left)) is not None:
-            journal.say(line)
+            events.say(line)
         return None
 
     def pressure(self, pressure: float) -> None:

@@ -23,15 +23,15 @@ PLACE_PATIENCE_S = 2.0  # [s] a place that was not measured for longer is not he
 
 @dataclass(slots=True)
 class Guidance:
-    """`happened` collects what must be counted, `notes` what people want to know. Times `t` in
+    """`events` collects what must be counted, `notes` what people want to know. Times `t` in
     seconds, never running backwards."""
 
     settings: Settings
     hold: Hold = "stabilised"
-    happened: list[str] = field(default_factory=list[str])
+    events: list[str] = field(default_factory=list[str])
     notes: list[str] = field(default_factory=list[str])
     axes: Axes = field(init=False)
-    journey: Manoeuvre = field(init=False)
+    manoeuvre: Manoeuvre = field(init=False)
     state: VehicleState | None = None  # the newest there has ever been
     ground: GroundMotion | None = None  # None: not measured now
     t: float = 0.0  # [s] of the newest reference
@@ -42,7 +42,7 @@ class Guidance:
     def __post_init__(self) -> None:
         s = self.settings
         self.axes = Axes.of(s)
-        self.journey = Manoeuvre(self.axes)
+        self.manoeuvre = Manoeuvre(self.axes)
         self._guards = {
             "depth": ReferenceGovernor(s.heave.max_error),
             "heading": ReferenceGovernor(s.yaw.max_error),
@@ -56,7 +56,7 @@ class Guidance:
     @property
     def settled(self) -> bool:
         """Standing still, on no path."""
-        return self.journey.following is None and self.axes.settles() <= self.t
+        return self.manoeuvre.following is None and self.axes.settles() <= self.t
 
     def see(self, state: VehicleState | None, t: float) -> None:
         """A new instant `t` [s], with the state there if there is one."""
@@ -79,8 +79,8 @@ class Guidance:
     def wait(self, state: VehicleState) -> None:
         """The reference does not run away from a vehicle that is held back."""
         axes, held, t = self.axes, self.held, self.t
-        if self.journey.following is not None:
-            self.journey.following.watch(state, self.ground, t)
+        if self.manoeuvre.following is not None:
+            self.manoeuvre.following.watch(state, self.ground, t)
             return
         if held.depth:
             self._keep("depth", axes.heave, state.depth)
@@ -96,33 +96,33 @@ class Guidance:
 
     def change(self, hold: Hold) -> None:
         """Another mode; it ends whatever the drone was on the way to."""
-        self.journey.end(self.t, hold_place=HOLDS[hold].place)
+        self.manoeuvre.end(self.t, hold_place=HOLDS[hold].place)
         self.hold = hold
 
     def end_journey(self) -> None:
-        self.journey.end(self.t, hold_place=self.held.place)
+        self.manoeuvre.end(self.t, hold_place=self.held.place)
 
     def come_to_rest(self) -> None:
         """Something is missing: come to rest, smoothly, and hold."""
         self.hold = safe(self.hold)
-        self.journey.come_to_rest(self.t)
+        self.manoeuvre.come_to_rest(self.t)
 
     def stop(self) -> StopDistance:
         """Emergency stop. Says how far it still goes."""
         self.hold = safe(self.hold)
-        return self.journey.stop(self.t)
+        return self.manoeuvre.stop(self.t)
 
     # How it goes on.
 
     def _mind_the_place(self, state: VehicleState | None) -> None:
         """Begin, go on or cease to hold a place; give it up when it was not measured for long."""
-        axes, journey, t = self.axes, self.journey, self.t
-        needed = self.held.place or (journey.on_a_path and journey.measured)
+        axes, manoeuvre, t = self.axes, self.manoeuvre, self.t
+        needed = self.held.place or (manoeuvre.on_a_path and manoeuvre.measured)
         if self.ground is not None or state is None or not needed:
             self._place_seen = t
         elif t - self._place_seen > PLACE_PATIENCE_S:
             self._lose_the_place()
-        if not (journey.turns_on_the_spot or (self.held.place and journey.following is None)):
+        if not (manoeuvre.turns_on_the_spot or (self.held.place and manoeuvre.following is None)):
             axes.place.held = False
         elif axes.place.held:
             offset = axes.place.offset if state is None else north_offset(state)
@@ -131,9 +131,9 @@ class Guidance:
             axes.hold_place(self.ground, t)
 
     def _lose_the_place(self) -> None:
-        self.happened.append("lost:place")
+        self.events.append("lost:place")
         self.notes.append("the place is not measured any more: depth and heading are still held")
-        self.journey.go_blind()
+        self.manoeuvre.go_blind()
         self.hold = "stabilised" if self.held.place else self.hold
 
     def _keep(self, name: str, ramp: Ramp, estimate: Estimate) -> None:
@@ -145,9 +145,9 @@ class Guidance:
                 ramp.shift(error * by)
 
     def _share(self, name: str, size: float, *, let_go: bool) -> float:
-        guard = self._guards[name]
-        before = guard.held_back
-        share = guard.keep(size, self.t - self._stepped, let_go=let_go)
-        if guard.held_back and not before:
-            self.happened.append(f"clamped:reference.{name}")
+        governor = self._guards[name]
+        before = governor.held_back
+        share = governor.keep(size, self.t - self._stepped, let_go=let_go)
+        if governor.held_back and not before:
+            self.events.append(f"clamped:reference.{name}")
         return share

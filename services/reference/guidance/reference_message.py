@@ -9,7 +9,7 @@ from services.reference.trajectory.minimum_jerk import Ramp, Sample
 
 
 def reference_of(
-    flight: Guidance,
+    guidance: Guidance,
     state: VehicleState | None,
     command: PilotCommand | None,
     now: Ns,
@@ -18,8 +18,8 @@ def reference_of(
     epoch: int,
 ) -> Reference:
     """What a flight's axes say now, with the state and the pilot command behind it."""
-    axes, held, t = flight.axes, flight.held, flight.t
-    depth, heading, place, pace = _motions(flight)
+    axes, held, t = guidance.axes, guidance.held, guidance.t
+    depth, heading, place, pace = _motions(guidance)
     surge_force, sway_force = axes.force.at(t)
     return Reference(
         stamp_ns=now,
@@ -41,13 +41,13 @@ def reference_of(
 
 
 def _motions(
-    flight: Guidance,
+    guidance: Guidance,
 ) -> tuple[Motion, Motion, tuple[Sample, Sample] | None, Motion | None]:
     """Depth, heading, place and the pace along a path, from the path or from the axes."""
-    axes, held, t = flight.axes, flight.held, flight.t
+    axes, held, t = guidance.axes, guidance.held, guidance.t
     depth = _ramped(axes.heave, t) if held.depth else _followed(axes.heave, t)
     heading = _ramped(axes.yaw, t) if held.heading else _followed(axes.yaw, t)
-    if (following := flight.journey.following) is None:
+    if (following := guidance.manoeuvre.following) is None:
         pace = _ramped(axes.pace, t)
         place = axes.place.now if axes.place.held else None
         return depth, heading, place, pace if pace.velocity != 0.0 else None

@@ -8,66 +8,68 @@ from services.reference.guidance.modes import lacking, safe
 from services.reference.guidance.path_following import PlannedPath
 
 
-def mode(flight: Guidance, hold: Hold | None, *, armed: bool) -> str:
+def mode(guidance: Guidance, hold: Hold | None, *, armed: bool) -> str:
     """Hold other axes than before."""
     if hold is None:
         return "mode needs to be told what to hold"
-    if reason := lacking(hold, flight.state, armed=armed):
+    if reason := lacking(hold, guidance.state, armed=armed):
         return reason
-    flight.change(hold)
+    guidance.change(hold)
     return ""
 
 
-def goto(flight: Guidance, request: PilotRequest) -> str:
+def goto(guidance: Guidance, request: PilotRequest) -> str:
     """To a depth, to a heading, to both, or to a place."""
     depth, heading = request.depth, request.heading
     if depth is not None and depth < 0:
         return f"{depth:g} m is above the surface"
     if request.north is not None or request.east is not None:
-        return _to_place(flight, request)
+        return _to_place(guidance, request)
     if depth is None and heading is None:
         return "goto needs a depth or a heading"
-    _begin(flight, hold_place=flight.held.place)
-    journey, t = flight.journey, flight.t
-    journey.go(depth, None if heading is None else journey.turn_to(heading, t), t)
+    _begin(guidance, hold_place=guidance.held.place)
+    manoeuvre, t = guidance.manoeuvre, guidance.t
+    manoeuvre.go(depth, None if heading is None else manoeuvre.turn_to(heading, t), t)
     return ""
 
 
-def follow(flight: Guidance, course: Course | None) -> str:
+def follow(guidance: Guidance, course: Course | None) -> str:
     """Along a path that begins where the drone is; by measurement where it measures its place."""
     if course is None:
         return "follow needs a path"
-    return _follow(flight, course, None)
+    return _follow(guidance, course, None)
 
 
-def _to_place(flight: Guidance, request: PilotRequest) -> str:
+def _to_place(guidance: Guidance, request: PilotRequest) -> str:
     """Turn there and take the depth on the spot, then straight and level."""
     if request.north is None or request.east is None or request.heading is not None:
         return "goto a place needs north and east, and turns there by itself"
-    if flight.ground is None:
+    if guidance.ground is None:
         return "this drone does not know its position"
     there = (request.north, request.east)
-    return _follow(flight, Course(waypoints=(flight.ground.position, there)), there, request.depth)
+    return _follow(
+        guidance, Course(waypoints=(guidance.ground.position, there)), there, request.depth
+    )
 
 
 def _follow(
-    flight: Guidance, course: Course, goal: Pair | None, depth: Finite | None = None
+    guidance: Guidance, course: Course, goal: Pair | None, depth: Finite | None = None
 ) -> str:
     try:
         planned = PlannedPath(course)
     except ValueError as error:
         return f"this is no path: {error}"
-    measured = flight.ground is not None
-    offset = 0.0 if flight.state is None else north_offset(flight.state)
-    _begin(flight, hold_place=measured)
-    flight.journey.follow(planned, flight.t, measured=measured, offset=offset, goal=goal)
+    measured = guidance.ground is not None
+    offset = 0.0 if guidance.state is None else north_offset(guidance.state)
+    _begin(guidance, hold_place=measured)
+    guidance.manoeuvre.follow(planned, guidance.t, measured=measured, offset=offset, goal=goal)
     if depth is not None:
-        flight.journey.go(depth, None, flight.t)
-        flight.journey.going = False
+        guidance.manoeuvre.go(depth, None, guidance.t)
+        guidance.manoeuvre.going = False
     return ""
 
 
-def _begin(flight: Guidance, *, hold_place: bool) -> None:
+def _begin(guidance: Guidance, *, hold_place: bool) -> None:
     """End the way the drone was on; on any way it holds depth and heading."""
-    flight.journey.end(flight.t, hold_place=hold_place)
-    flight.hold = safe(flight.hold)
+    guidance.manoeuvre.end(guidance.t, hold_place=hold_place)
+    guidance.hold = safe(guidance.hold)

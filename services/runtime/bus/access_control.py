@@ -27,10 +27,10 @@ class Border(NamedTuple):
     space: str
 
 
-def access_control(border: Border) -> dict[str, Any]:
+def access_control(hub_side: Border) -> dict[str, Any]:
     """Zenoh's `access_control` for this hub."""
-    inward, outward = (Way.UP, Way.DOWN) if border.side == "topside" else (Way.DOWN, Way.UP)
-    here, there = _keys(border.space, outward), _keys(border.space, inward)
+    inward, outward = (Way.UP, Way.DOWN) if hub_side.side == "topside" else (Way.DOWN, Way.UP)
+    here, there = _keys(hub_side.space, outward), _keys(hub_side.space, inward)
     rules = [
         _rule("own", ["ingress", "egress"], ALL_MESSAGES, ["**", "**/@v1/**"]),
         _rule("in", ["ingress"], ("put", "delete"), there),

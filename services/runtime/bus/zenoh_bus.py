@@ -48,20 +48,20 @@ def config(
 
 
 def listening(
-    *endpoints: str, connect: Sequence[str] = (), border: Border | None = None
+    *endpoints: str, connect: Sequence[str] = (), hub_side: Border | None = None
 ) -> zenoh.Session:
     """A hub's session.
 
     Args:
         connect: endpoints of other machines' hubs; tried again and again while they are away.
-        border: what may pass between this machine and another; None: no other machine.
+        hub_side: what may pass between this machine and another; None: no other machine.
 
     Raises:
         LindyError: the endpoint is taken or malformed.
     """
     settings = config("router", endpoints, connect)
-    if border is not None:
-        settings.insert_json5("access_control", json.dumps(access_control(border)))
+    if hub_side is not None:
+        settings.insert_json5("access_control", json.dumps(access_control(hub_side)))
     endpoint = endpoints[-1]
     try:
         return zenoh.open(settings)

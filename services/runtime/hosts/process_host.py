@@ -43,7 +43,7 @@ class Launch(msgspec.Struct, frozen=True, kw_only=True):
     spec: ServiceSpec  # its row in …
     stack_file: str  # … this file
     endpoints: dict[str, str]  # side → hub's endpoint; the first side is home
-    memory: str  # folder of the checkpoints, for a restart after a crash
+    checkpoint: str  # folder of the checkpoints, for a restart after a crash
     parent: int | None = None  # pid; the process ends when this is no longer its parent
 
 
@@ -62,17 +62,22 @@ def run_service(launch: Launch) -> int:
     with _stoppable(launch.parent) as stop, _sentences(launch.service), ExitStack() as exits:
         vehicle = launch.stack.vehicle_name
         buses = {
-            realm: exits.enter_context(open_bus(endpoint, vehicle))
-            for realm, endpoint in launch.endpoints.items()
+            side: exits.enter_context(open_bus(endpoint, vehicle))
+            for side, endpoint in launch.endpoints.items()
         }
-        memory = CheckpointFile(Path(launch.memory) / f"{launch.service}.json")
-        exits.callback(memory.close)
+        checkpoint = CheckpointFile(Path(launch.checkpoint) / f"{launch.service}.json")
+        exits.callback(checkpoint.close)
         home = next(iter(launch.endpoints))
-        far = (
+        clock_offset = (
             ClockOffset("topside" if home == "topside" else "drone") if launch.stack.apart else None
         )
         node = Node(
-            launch.service, buses, time.monotonic_ns, memory, gateway=launch.spec.gateway, far=far
+            launch.service,
+            buses,
+            time.monotonic_ns,
+            checkpoint,
+            gateway=launch.spec.gateway,
+            clock_offset=clock_offset,
         )
         node.show, node.usage = _show, usage
         node.wall_offset_ns = time.time_ns() - time.monotonic_ns()
@@ -97,7 +102,7 @@ class HubLaunch(msgspec.Struct, frozen=True, kw_only=True):
 
     listen: list[str]  # endpoints
     connect: list[str] = []  # endpoints of other machines' hubs
-    border: Border | None = None  # where other machines can reach it
+    hub_side: Border | None = None  # where other machines can reach it
     parent: int | None = None
 
 
@@ -106,7 +111,7 @@ def run_hub(launch: HubLaunch) -> int:
     with (
         _stoppable(launch.parent) as stop,
         _sentences("hub"),
-        listening(*launch.listen, connect=launch.connect, border=launch.border),
+        listening(*launch.listen, connect=launch.connect, hub_side=launch.hub_side),
     ):
         while not stop.asked:
             time.sleep(POLL_S)  # the router works on its own threads

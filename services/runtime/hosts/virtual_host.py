@@ -55,21 +55,21 @@ class VirtualHost:
         self._lateness = lateness or {}
         self.nodes: dict[str, Node] = {}
         self._buses: dict[str, MemoryBus] = {}
-        self._memories: dict[str, CheckpointStore] = {}
+        self._checkpoints: dict[str, CheckpointStore] = {}
         self._woken: dict[str, None] = {}  # an ordered set of names
         self._due: dict[str, int] = {}  # [ns] next timer of each node, while running
 
-    def realm(self, name: str) -> MemoryBusPort:
+    def side(self, name: str) -> MemoryBusPort:
         """A fresh ear on a realm, for a test that wants to listen or to speak."""
         return MemoryBusPort(self._buses.setdefault(name, MemoryBus()))
 
-    def node(self, name: str, realms: list[str], *, gateway: bool = False) -> Node:
+    def node(self, name: str, sides: list[str], *, gateway: bool = False) -> Node:
         """A node without a service; whoever asks for it wires it."""
-        ears = {realm: self.realm(realm) for realm in realms}
-        memory = self._memories.setdefault(name, VolatileCheckpoint())
-        skew, far = self._skew(realms[0]), self._far(realms[0])
+        ears = {side: self.side(side) for side in sides}
+        checkpoint = self._checkpoints.setdefault(name, VolatileCheckpoint())
+        skew, clock_offset = self._skew(sides[0]), self._clock_offset(sides[0])
         clock = (lambda: self.now) if skew is SAME else (lambda: skew.shows(self.now))
-        node = Node(name, ears, clock, memory, gateway=gateway, far=far)
+        node = Node(name, ears, clock, checkpoint, gateway=gateway, clock_offset=clock_offset)
         node.wake = lambda: self._wake(name)
         self.nodes[name] = node
         return node
@@ -91,9 +91,9 @@ class VirtualHost:
 
     def kill(self, name: str) -> None:
         """End a service as a crash would: it says nothing more and closes nothing."""
-        for ear in self.nodes.pop(name).realms.values():
-            assert isinstance(ear, MemoryBusPort)
-            ear.close()
+        for port in self.nodes.pop(name).sides.values():
+            assert isinstance(port, MemoryBusPort)
+            port.close()
         self._woken.pop(name, None)
 
     def show(self, line: Callable[[LogLine], None]) -> None:
@@ -151,12 +151,12 @@ class VirtualHost:
         """[ns] When a node's next timer falls due, by the host's clock."""
         if self._clocks is None:
             return node.deadline()
-        return max(self.now, self._skew(next(iter(node.realms))).first_shows(node.deadline()))
+        return max(self.now, self._skew(next(iter(node.sides))).first_shows(node.deadline()))
 
-    def _skew(self, realm: str) -> Skew:
-        return SAME if self._clocks is None else self._clocks.get(realm, SAME)
+    def _skew(self, side: str) -> Skew:
+        return SAME if self._clocks is None else self._clocks.get(side, SAME)
 
-    def _far(self, realm: str) -> ClockOffset | None:
+    def _clock_offset(self, side: str) -> ClockOffset | None:
         if self._clocks is None:
             return None
-        return ClockOffset("topside" if realm == "topside" else "drone")
+        return ClockOffset("topside" if side == "topside" else "drone")

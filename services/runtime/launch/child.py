@@ -18,7 +18,7 @@ class Task:
     name: str
     command: list[str]
     log: Path  # its stdout and stderr
-    wave: int = 0  # tasks of a lower wave are stopped first
+    stop_order: int = 0  # tasks of a lower wave are stopped first
 
 
 class Child(Protocol):

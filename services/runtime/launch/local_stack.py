@@ -56,15 +56,15 @@ class LocalStack:
         services: Registry,
         folder: Path,
         listen: str | None,
-        far: "OtherSide | None",
+        other_side: "OtherSide | None",
     ) -> None:
-        self._far = far
+        self._other_side = other_side
         self.stack = stack
         self.services = services
-        self.endpoints = _endpoints(services, folder, listen, only_homes=far is not None)
+        self.endpoints = _endpoints(services, folder, listen, only_homes=other_side is not None)
         self._reach = {**self.endpoints}  # what services connect to
-        if far is not None and far.gateway is not None:
-            self._reach["drone"] = far.gateway
+        if other_side is not None and other_side.gateway is not None:
+            self._reach["drone"] = other_side.gateway
         self.supervisor = Supervisor(self._tell)
         self.node: Node  # this process's own, where the pilot is; there when the hubs are up
         self.alive: set[tuple[str, str]] = set()  # (realm, service)
@@ -81,10 +81,10 @@ class LocalStack:
         Raises:
             LindyError: a hub cannot listen on its endpoint.
         """
-        self.supervisor.add(self._hub(realm) for realm in self.endpoints)
+        self.supervisor.add(self._hub(side) for side in self.endpoints)
         deadline = time.monotonic() + HUB_TIMEOUT_S
-        for realm, endpoint in self.endpoints.items():
-            while realm not in self._buses:
+        for side, endpoint in self.endpoints.items():
+            while side not in self._buses:
                 self.pump()
                 try:
                     session = connected(endpoint, namespace(self.stack.vehicle_name), 0.0)
@@ -93,14 +93,14 @@ class LocalStack:
                         raise
                     continue
                 bus = ZenohBus(exits.enter_context(session))
-                bus.watch(partial(self._token, realm))
-                self._buses[realm] = bus
+                bus.watch(partial(self._token, side))
+                self._buses[side] = bus
         home = HOME if HOME in self._buses else next(iter(self._buses))
-        far = None if self._far is None else ClockOffset(self._far.side)
+        offset = None if self._other_side is None else ClockOffset(self._other_side.side)
         bus = {home: self._buses[home]}
         # Two machines have two of them, and each hears the other's health.
-        name = NAME if self._far is None else f"{NAME}_{self._far.side}"
-        self.node = Node(name, bus, time.monotonic_ns, VolatileCheckpoint(), far=far)
+        name = NAME if self._other_side is None else f"{NAME}_{self._other_side.side}"
+        self.node = Node(name, bus, time.monotonic_ns, VolatileCheckpoint(), clock_offset=offset)
         self.node.wake, self.node.usage = self._wake.set, usage
         self._speaks = True
 
@@ -113,7 +113,7 @@ class LocalStack:
         return [
             name
             for name, spec in self.services.items()
-            if any((realm, name) not in self.alive for realm in spec.sides if realm in self._buses)
+            if any((side, name) not in self.alive for side in spec.sides if side in self._buses)
         ]
 
     def wait_alive(self, timeout_s: float, look: Callable[[], bool]) -> None:
@@ -153,17 +153,17 @@ class LocalStack:
             self._wake.wait(min(PERIOD_S, seconds))
         self._wake.clear()
 
-    def _token(self, realm: str, service: str, alive: bool) -> None:
-        self._tokens.append((realm, service, alive))
+    def _token(self, side: str, service: str, alive: bool) -> None:
+        self._tokens.append((side, service, alive))
         self._wake.set()
 
     def _hear_tokens(self) -> None:
         while self._tokens:
-            realm, service, alive = self._tokens.popleft()
+            side, service, alive = self._tokens.popleft()
             if not alive:
-                self.alive.discard((realm, service))
+                self.alive.discard((side, service))
                 continue
-            self.alive.add((realm, service))
+            self.alive.add((side, service))
             if service not in self.missing():
                 self.supervisor.seen(service)
 
@@ -184,18 +184,18 @@ class LocalStack:
             fresh.unlink(missing_ok=True)
             self._tell("warning", f"cannot write {path}: {reason(error)}")
 
-    def _hub(self, realm: str) -> Task:
-        launch = HubLaunch(listen=[self.endpoints[realm]], parent=os.getpid())
-        if self._far is not None:
-            border = Border(self._far.side, namespace(self.stack.vehicle_name))
+    def _hub(self, side: str) -> Task:
+        launch = HubLaunch(listen=[self.endpoints[side]], parent=os.getpid())
+        if self._other_side is not None:
+            hub_side = Border(self._other_side.side, namespace(self.stack.vehicle_name))
             launch = msgspec.structs.replace(
                 launch,
-                listen=[*launch.listen, *self._far.listen],
-                connect=list(self._far.connect),
-                border=border,
+                listen=[*launch.listen, *self._other_side.listen],
+                connect=list(self._other_side.connect),
+                hub_side=hub_side,
             )
         command = [*PYTHON, "hub", msgspec.json.encode(launch).decode()]
-        return Task(f"hub_{realm}", command, self._log(f"hub_{realm}"), wave=2)
+        return Task(f"hub_{side}", command, self._log(f"hub_{side}"), stop_order=2)
 
     def _service(self, name: str) -> Task:
         spec = self.services[name]
@@ -204,12 +204,12 @@ class LocalStack:
             stack=self.stack,
             spec=spec,
             stack_file=str(self.services.file),
-            endpoints={realm: self._reach[realm] for realm in spec.sides},
-            memory=str(self._checkpoints),
+            endpoints={side: self._reach[side] for side in spec.sides},
+            checkpoint=str(self._checkpoints),
             parent=os.getpid(),
         )
         command = [*PYTHON, msgspec.json.encode(launch).decode()]
-        return Task(name, command, self._log(name), wave=1 if name in LAST else 0)
+        return Task(name, command, self._log(name), stop_order=1 if name in LAST else 0)
 
     def _log(self, name: str) -> Path:
         return self.stack.out_dir / "logs" / f"{name}.log"
@@ -224,23 +224,23 @@ def local_stack(
     stack: Stack,
     services: Registry,
     listen: str | None = None,
-    far: OtherSide | None = None,
+    other_side: OtherSide | None = None,
 ) -> Generator[LocalStack]:
     """Hubs that run, without services yet; everything is ended when the block is left.
 
     Args:
         listen: endpoint on which the pilot's hub listens instead of a private socket, so that
             programs outside the stack can connect.
-        far: the other side, where it is another machine; `services` are then those of this one.
+        other_side: where it is another machine; `services` are then those of this one.
 
     Raises:
         LindyError: the endpoint is taken or malformed.
     """
-    for endpoint in filter(None, (listen, *(far.listen if far is not None else ()))):
+    for endpoint in filter(None, (listen, *(other_side.listen if other_side is not None else ()))):
         with listening(endpoint):
             pass  # the hub would say the same, but only after strangers' hubs have answered
     with tempfile.TemporaryDirectory(prefix="lindy-", dir=_socket_folder()) as folder:
-        local = LocalStack(stack, services, Path(folder), listen, far)
+        local = LocalStack(stack, services, Path(folder), listen, other_side)
         with ExitStack() as exits:
             exits.callback((stack.out_dir / RUNNING).unlink, missing_ok=True)
             exits.callback(local.supervisor.stop)
@@ -255,10 +255,10 @@ def _endpoints(
     services: Mapping[str, ServiceSpec], folder: Path, listen: str | None, *, only_homes: bool
 ) -> dict[str, str]:
     """A hub for each realm; where the other side is another machine, for somebody's home here."""
-    realms = dict.fromkeys(
-        realm for spec in services.values() for realm in spec.sides[: 1 if only_homes else None]
+    sides = dict.fromkeys(
+        side for spec in services.values() for side in spec.sides[: 1 if only_homes else None]
     )
-    endpoints = {realm: f"unixsock-stream/{folder}/{realm}.sock" for realm in realms}
+    endpoints = {side: f"unixsock-stream/{folder}/{side}.sock" for side in sides}
     if listen is not None:
         endpoints[HOME if HOME in endpoints else next(iter(endpoints))] = listen
     return endpoints

@@ -69,8 +69,8 @@ class Supervisor:
 
     def stop(self) -> None:
         """End all children, wave by wave. Returns when none is left."""
-        for wave in sorted({task.wave for task in self._tasks.values()}):
-            names = [name for name, task in self._tasks.items() if task.wave == wave]
+        for stop_order in sorted({task.stop_order for task in self._tasks.values()}):
+            names = [name for name, task in self._tasks.items() if task.stop_order == stop_order]
             for name in names:
                 self._handle(name, Event.STOP)
             self._wait_for(names)

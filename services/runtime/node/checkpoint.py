@@ -14,7 +14,7 @@ CLOSE_S = 1.0  # [s] at most, for the last checkpoint to reach a slow disk
 
 
 class CheckpointStore(Protocol):
-    def recall(self) -> bytes | None:
+    def restore_checkpoint(self) -> bytes | None:
         """The newest checkpoint of an earlier run, or None.
 
         Raises:
@@ -22,7 +22,7 @@ class CheckpointStore(Protocol):
         """
         ...
 
-    def remember(self, data: bytes) -> None:
+    def save_checkpoint(self, data: bytes) -> None:
         """Keep this instead. Never waits for a disk."""
         ...
 
@@ -37,10 +37,10 @@ class VolatileCheckpoint:
     def __init__(self) -> None:
         self._data: bytes | None = None
 
-    def recall(self) -> bytes | None:
+    def restore_checkpoint(self) -> bytes | None:
         return self._data
 
-    def remember(self, data: bytes) -> None:
+    def save_checkpoint(self, data: bytes) -> None:
         self._data = data
 
     def failures(self) -> int:
@@ -60,13 +60,13 @@ class CheckpointFile:
         self._writer = threading.Thread(target=self._write_all, daemon=True)
         self._writer.start()
 
-    def recall(self) -> bytes | None:
+    def restore_checkpoint(self) -> bytes | None:
         try:
             return self._path.read_bytes()
         except FileNotFoundError:
             return None
 
-    def remember(self, data: bytes) -> None:
+    def save_checkpoint(self, data: bytes) -> None:
         with self._news:
             self._newest = data
             self._news.notify()

@@ -49,26 +49,28 @@ class Gate(Generic[M]):
         self,
         topic: Topic[M],
         counts: Counter[str],
-        far: ClockOffset | None = None,
+        clock_offset: ClockOffset | None = None,
         *,
         onlooker: bool = False,
     ) -> None:
         """An `onlooker` never acts on a command, so it is also shown those that are too old to.
-        `far` is the other machine's clock, where there are two."""
+        `clock_offset` is the other machine's clock, where there are two."""
         self.authority: Authority | None = None  # None: anybody's messages are let in
         self._topic = topic
         self._counts = counts
         self._encoding = topic.encoding
         self._decoder = msgspec.msgpack.Decoder(topic.message)
         self._expires = not onlooker and "ttl_ms" in topic.message.__struct_fields__
-        self._far = far if far is not None and far.concerns(topic) else None
-        self._judged = far is None or far.judges(topic)
+        self._clock_offset = (
+            clock_offset if clock_offset is not None and clock_offset.concerns(topic) else None
+        )
+        self._judged = clock_offset is None or clock_offset.judges(topic)
         self._move = mover(topic.message)
         self._last: tuple[int, int] | None = None  # (stamp, seq) of the newest admitted, as said
 
     def bound_ns(self, now: int) -> int:
         """[ns] What the age of a message admitted now may be off by."""
-        return 0 if self._far is None else self._far.bound_ns(now)
+        return 0 if self._clock_offset is None else self._clock_offset.bound_ns(now)
 
     @property
     def admitted(self) -> bool:
@@ -98,11 +100,11 @@ class Gate(Generic[M]):
     def _untimely(self, message: M, now: int) -> str | None:
         """Why a message is not of this moment, once its stamps are in local time."""
         bound = 0
-        if self._far is not None:
-            if self._far.ahead_ns is None:
+        if self._clock_offset is not None:
+            if self._clock_offset.ahead_ns is None:
                 return "unsynchronised" if self._topic.hz else None
-            self._move(message, self._far.ahead_ns)
-            bound = self._far.bound_ns(now)
+            self._move(message, self._clock_offset.ahead_ns)
+            bound = self._clock_offset.bound_ns(now)
         if self._judged and message.stamp_ns > now + FUTURE_NS + bound:
             return "from_future"
         if self._expires and age_ns(message, now) + bound > ttl_ns(message):
@@ -125,10 +127,10 @@ class Gate(Generic[M]):
 
     def _is_of_another_clock(self, said_ns: int, now: int) -> bool:
         """Was it said before the other machine's clock began anew, as after a power cut?"""
-        far = self._far
-        if far is None or far.ahead_ns is None:
+        clock_offset = self._clock_offset
+        if clock_offset is None or clock_offset.ahead_ns is None:
             return False
-        return said_ns - far.ahead_ns > now + FUTURE_NS + far.bound_ns(now)
+        return said_ns - clock_offset.ahead_ns > now + FUTURE_NS + clock_offset.bound_ns(now)
 
     def _refuse(self, reason: str, envelope: Envelope) -> None:
         # Anybody can invent members of a family: one that was never admitted has no name here.
@@ -145,14 +147,14 @@ class Gates(Generic[M]):
         self,
         topic: Topic[M],
         counts: Counter[str],
-        far: ClockOffset | None = None,
+        clock_offset: ClockOffset | None = None,
         *,
         onlooker: bool = False,
     ) -> None:
         """As of a `Gate`."""
         self._topic = topic
         self._counts = counts
-        self._new = lambda: Gate(topic, counts, far, onlooker=onlooker)
+        self._new = lambda: Gate(topic, counts, clock_offset, onlooker=onlooker)
         self._next = self._new()  # for a member of which nothing was admitted yet
         self._gates: dict[str, Gate[M]] = {}  # by key
 

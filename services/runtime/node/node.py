@@ -36,25 +36,25 @@ class Node:
     def __init__(
         self,
         name: str,
-        realms: Mapping[str, Bus],
+        sides: Mapping[str, Bus],
         clock: Now,
-        memory: CheckpointStore,
+        checkpoint: CheckpointStore,
         *,
         gateway: bool = False,
-        far: ClockOffset | None = None,
+        clock_offset: ClockOffset | None = None,
     ) -> None:
         self.name = name
-        self.realms = realms
+        self.sides = sides
         self.counts: Counter[str] = Counter()
         self.wake: Callable[[], None] = lambda: None  # the host's; called on the bus's thread
         self.show: Callable[[LogLine], None] = lambda _: None  # the host's; writes to stderr
         self.usage: Callable[[], Usage | None] = lambda: None  # the host's; asks the system
         self.wall_offset_ns = 0  # the host's: UTC minus the node's clock; 0 on virtual time
-        self.pulse = LoopStats()
+        self.loop_stats = LoopStats()
         self._clock = clock
-        self._memory = memory
-        self._home = next(iter(realms))
-        self._far = far
+        self._checkpoint = checkpoint
+        self._home = next(iter(sides))
+        self._clock_offset = clock_offset
         self._gateway = gateway
         self._publishers: list[Publisher[Any]] = []
         self._inboxes: list[Inbox] = []
@@ -65,16 +65,16 @@ class Node:
         self._log = self.publisher(topics.LOG.of(name))
         self._health = self.publisher(topics.HEALTH.of(name))
         self.every(topics.HEALTH.hz, self._report)
-        if far is not None:
-            self.each(topics.CLOCK, far.learn)
+        if clock_offset is not None:
+            self.each(topics.CLOCK, clock_offset.learn)
 
     # What a service says.
 
-    def publisher(self, topic: Topic[M], *, realm: str | None = None) -> Publisher[M]:
+    def publisher(self, topic: Topic[M], *, side: str | None = None) -> Publisher[M]:
         """Say a topic at home, or in another realm. A gateway says BOTH rows in each realm: nobody
         carries its own."""
         everywhere = self._gateway and topic.way is topics.BOTH
-        buses = self.realms.values() if everywhere else [self.realms[realm or self._home]]
+        buses = self.sides.values() if everywhere else [self.sides[side or self._home]]
         publisher = Publisher(topic, [bus.say(topic) for bus in buses])
         self._publishers.append(publisher)
         return publisher
@@ -102,18 +102,18 @@ class Node:
         handler: Callable[[M, int], None],
         *,
         onlooker: bool = False,
-        realm: str | None = None,
+        side: str | None = None,
     ) -> None:
         """Every message said at home, or in another realm, in order of arrival. An onlooker acts on
         none, so expired ones count."""
-        inbox = self._inbox(topic.key, EVENTS, realm or self._home)
-        gates = Gates(topic, self.counts, self._far, onlooker=onlooker)
+        inbox = self._inbox(topic.key, EVENTS, side or self._home)
+        gates = Gates(topic, self.counts, self._clock_offset, onlooker=onlooker)
 
         def drain() -> None:
             for arrival, envelope in inbox.take_all():
                 now = self._clock()
                 if (message := gates.admit(envelope, now)) is not None:
-                    self.pulse.handled(now - arrival)
+                    self.loop_stats.handled(now - arrival)
                     handler(message, now)
 
         self._on_arrival(inbox, drain)
@@ -147,7 +147,7 @@ class Node:
                 self.count(f"skipped:{topic.key}")
                 return
             now = self._clock()
-            self.pulse.handled(now - arrival)
+            self.loop_stats.handled(now - arrival)
             earlier(message, now)
 
         def drain() -> None:
@@ -160,7 +160,7 @@ class Node:
             if newest is None:
                 return
             now = self._clock()
-            self.pulse.handled(now - since)
+            self.loop_stats.handled(now - since)
             alarm.set(now + round(silence_s * 1e9))
             handler(newest, now)
 
@@ -168,46 +168,48 @@ class Node:
         self._on_arrival(inbox, drain)
 
     def tap(
-        self, realm: str, key: str, handler: Callable[[Envelope, int], None], depth: int = EVENTS
+        self, side: str, key: str, handler: Callable[[Envelope, int], None], depth: int = EVENTS
     ) -> None:
         """Every envelope on a key expression of one realm, unopened, with its arrival time [ns].
         For the tether."""
-        inbox = self._inbox(key, depth, realm)
+        inbox = self._inbox(key, depth, side)
 
         def drain() -> None:
             for arrival, envelope in inbox.take_all():
-                self.pulse.handled(self._clock() - arrival)
+                self.loop_stats.handled(self._clock() - arrival)
                 handler(envelope, arrival)
 
         self._on_arrival(inbox, drain)
 
     def collect(
-        self, realm: str, key: str, handler: Callable[[Envelope, int], None], depth: int
+        self, side: str, key: str, handler: Callable[[Envelope, int], None], depth: int
     ) -> None:
         """As `tap`, but arrivals do not wake the service: they wait until something else does, at
         the latest its next timer. For the recorder and the visualizer."""
-        inbox = self._inbox(key, depth, realm)
+        inbox = self._inbox(key, depth, side)
 
         def drain() -> None:
             late = max(0, self._clock() - self.deadline())  # as late as the timer that wakes us
             for arrival, envelope in inbox.take_all():
-                self.pulse.handled(late)
+                self.loop_stats.handled(late)
                 handler(envelope, arrival)
 
         self._collected.append(drain)
 
     def gate(self, topic: Topic[M], *, onlooker: bool = False) -> Gate[M]:
         """The door of a port; for those who open envelopes themselves."""
-        return Gate(topic, self.counts, self._far, onlooker=onlooker)
+        return Gate(topic, self.counts, self._clock_offset, onlooker=onlooker)
 
     def local_ns(self, topic: AnyTopic, stamp_ns: int) -> int | None:
         """[ns] A stamp of an unopened envelope by this node's clock; None where not known."""
-        return stamp_ns if self._far is None else self._far.local_ns(topic, stamp_ns)
+        return (
+            stamp_ns if self._clock_offset is None else self._clock_offset.local_ns(topic, stamp_ns)
+        )
 
     def learn_clock(self, clock: Clock) -> None:
         """For the link monitor, which does not hear itself."""
-        if self._far is not None:
-            self._far.learn(clock, clock.stamp_ns)
+        if self._clock_offset is not None:
+            self._clock_offset.learn(clock, clock.stamp_ns)
 
     # What a service asks of another one.
 
@@ -271,19 +273,19 @@ class Node:
 
     # What survives a crash, and what ends with the service.
 
-    def recall(self, kind: type[S]) -> S | None:
+    def restore_checkpoint(self, kind: type[S]) -> S | None:
         """What this service remembered before a crash in the same dive, or None."""
         try:
-            data = self._memory.recall()
+            data = self._checkpoint.restore_checkpoint()
             return None if data is None else msgspec.json.decode(data, type=kind)
         except (OSError, msgspec.DecodeError, msgspec.ValidationError):
             self.count("malformed:memory")
             return None
 
-    def remember(self, what: msgspec.Struct) -> None:
+    def save_checkpoint(self, what: msgspec.Struct) -> None:
         """Keep this instead of what was remembered before. Does not wait for the disk; what it
         could not take is counted with the next health report."""
-        self._memory.remember(msgspec.json.encode(what))
+        self._checkpoint.save_checkpoint(msgspec.json.encode(what))
 
     def on_close(self, closer: Callable[[], None]) -> None:
         self._closers.append(closer)
@@ -306,7 +308,7 @@ class Node:
         now = self._clock()
         for timer in self._timers:
             if timer.due is not None and timer.due <= now:
-                self.pulse.handled(now - timer.due)
+                self.loop_stats.handled(now - timer.due)
                 if wrong := timer.ring(now):
                     self.counts.update(wrong)
 
@@ -320,9 +322,9 @@ class Node:
         for closer in self._closers:
             closer()
 
-    def _inbox(self, key: str, depth: int, realm: str) -> Inbox:
+    def _inbox(self, key: str, depth: int, side: str) -> Inbox:
         inbox = Inbox(key, depth, self._clock, self.counts)
-        self.realms[realm].hear(key, inbox.store)
+        self.sides[side].hear(key, inbox.store)
         self._inboxes.append(inbox)
         return inbox
 
@@ -336,10 +338,10 @@ class Node:
         inbox.arrived = arrived
 
     def _report(self, now: int) -> None:
-        if failures := self._memory.failures():
+        if failures := self._checkpoint.failures():
             self.count("not_remembered:disk", failures)
         sent = sum(publisher.sent for publisher in self._publishers)
         received = sum(inbox.stored for inbox in self._inboxes)
         self._health.put(
-            self.pulse.report(self.name, now, sent, received, self.counts, self.usage())
+            self.loop_stats.report(self.name, now, sent, received, self.counts, self.usage())
         )

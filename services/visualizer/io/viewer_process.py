@@ -35,23 +35,23 @@ def main(argument: str) -> int:
     if not answers(port, viewer, OPEN_S):
         viewer.kill()
         return 1
-    sink = RerunWriter(hello.recording_id, hello.vehicle)
+    writer = RerunWriter(hello.recording_id, hello.vehicle)
     _watch()
-    sink.connect(f"rerun+http://127.0.0.1:{port}/proxy")
-    _feed(sink, sys.stdin.buffer, viewer)
+    writer.connect(f"rerun+http://127.0.0.1:{port}/proxy")
+    _feed(writer, sys.stdin.buffer, viewer)
     _watch()
-    sink.close()
+    writer.close()
     return 0
 
 
-def _feed(sink: RerunWriter, pipe: BinaryIO, viewer: subprocess.Popen[bytes]) -> None:
+def _feed(writer: RerunWriter, pipe: BinaryIO, viewer: subprocess.Popen[bytes]) -> None:
     """Until the pipe ends or the viewer does."""
     decoder = msgspec.msgpack.Decoder(Batch)
     signal.alarm(0)
     while (head := pipe.read(LENGTH_BYTES)) and viewer.poll() is None:
         batch = decoder.decode(pipe.read(int.from_bytes(head, "big")))
         _watch()
-        sink.write(batch)
+        writer.write(batch)
         signal.alarm(0)
 
 

@@ -81,7 +81,7 @@ def test_without_a_state_the_thrusters_stop_and_it_is_counted() -> None:
     law = controller()
     _, command = law.step(reference(surge=30.0), None, 0)
     assert set(command.thrust) == {0.0}
-    assert law.happened == ["stale:state"]
+    assert law.events == ["stale:state"]
 
 
 def test_when_the_reference_dies_the_last_position_is_held_without_surge() -> None:
@@ -102,14 +102,14 @@ def test_an_invalid_depth_is_not_fed_back() -> None:
     law = controller()
     wrench, _ = law.step(reference(depth=9.0), state(valid=False), 0)
     assert wrench.wanted[2] == 0.0
-    assert "invalid:state.depth" in law.happened
+    assert "invalid:state.depth" in law.events
 
 
 def test_a_result_that_is_not_finite_never_reaches_a_thruster() -> None:
     law = controller()
     _, command = law.step(reference(surge=math.inf), state(), 0)
     assert set(command.thrust) == {0.0}
-    assert "not_finite:wrench" in law.happened
+    assert "not_finite:wrench" in law.events
 
 
 def test_disarming_forgets_what_the_integrators_learnt() -> None:
@@ -131,11 +131,11 @@ def test_a_saturation_is_counted_once_per_passage() -> None:
 
     for k in range(10):
         ask(100.0, k)
-    assert len(law.happened) == 1
-    assert law.happened[0].startswith("saturated:")
+    assert len(law.events) == 1
+    assert law.events[0].startswith("saturated:")
     ask(1.0, 10)
     ask(100.0, 11)
-    assert len(law.happened) == 2
+    assert len(law.events) == 2
 
 
 # Forces of the pilot's, and changes of who decides.

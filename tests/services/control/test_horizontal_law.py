@@ -96,7 +96,7 @@ def test_the_force_points_to_the_place(
     back = (cos(psi) * x - sin(psi) * y, sin(psi) * x + cos(psi) * y)
     share = min(1.0, 0.5 / max(0.5, hypot(north, east)))  # guard 1, of the whole way
     assert back == pytest.approx((30.0 * share * north, 30.0 * share * east), abs=1e-9)
-    assert ("clamped:control.place" in law.happened) == (hypot(north, east) > 0.5)
+    assert ("clamped:control.place" in law.events) == (hypot(north, east) > 0.5)
 
 
 @settings(max_examples=50, deadline=None)
@@ -163,4 +163,4 @@ def test_without_a_measured_place_the_reference_alone_drives_it(pioneer: Vehicle
     expected = pioneer.linear_damping[0] * 0.4 + pioneer.quadratic_damping[0] * 0.16
     assert wrench.wanted[0] == pytest.approx(expected)
     assert wrench.wanted[1] == 0.0
-    assert law.happened == ["invalid:state.position"]
+    assert law.events == ["invalid:state.position"]

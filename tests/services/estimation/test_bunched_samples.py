@@ -42,11 +42,11 @@ class Bench:
     def __init__(self) -> None:
         self.host, self.states = VirtualHost(), list[VehicleState]()
         self.service: Node = self.host.add("estimation", ROW, QUICK)
-        ear = self.host.node("ear", ["drone"])
-        ear.each(topics.STATE, lambda m, _: self.states.append(m))
+        port = self.host.node("ear", ["drone"])
+        port.each(topics.STATE, lambda m, _: self.states.append(m))
         self.imu = self.host.node("vehicle", ["drone"]).publisher(topics.IMU)
         self.pressure = self.host.node("gauge", ["drone"]).publisher(topics.PRESSURE)
-        self.ear, self.k = ear, 0
+        self.port, self.k = port, 0
 
     def take(self, bunch: int) -> None:
         """So many samples arrive before the service runs."""
@@ -57,7 +57,7 @@ class Bench:
             if self.k <= CALIBRATED and self.k % 2:
                 self.pressure.put(gauge(self.k))
         self.service.step()
-        self.ear.step()
+        self.port.step()
 
 
 def flown(bunches: Sequence[int]) -> tuple[VehicleState, Counter[str], int]:

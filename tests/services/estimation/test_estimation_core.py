@@ -86,12 +86,12 @@ class Dive:
         return MagnetometerSample(stamp_ns=self.k * 10 * MS, field=body)
 
 
-def dive(seed: int = 0, remembered: EstimationCheckpoint | None = None) -> Dive:
-    return Dive(Estimator(QUICK, FLOATING, remembered), np.random.default_rng(seed))
+def dive(seed: int = 0, checkpoint: EstimationCheckpoint | None = None) -> Dive:
+    return Dive(Estimator(QUICK, FLOATING, checkpoint), np.random.default_rng(seed))
 
 
 def counts(d: Dive) -> Counter[str]:
-    return Counter(d.estimator.noted)
+    return Counter(d.estimator.events)
 
 
 STEPS = [(5, 0.0), (9, 0.5), (14, 0.0), (18, -0.5), (22, 0.5), (26, 0.0), (30, -0.5), (33, 0.0)]
@@ -162,7 +162,7 @@ def test_after_calibration_the_bias_and_the_atmosphere_are_known():
     d = dive()
     _, state = d.run(4.0)[-1]
     assert state.phase == "running"
-    kept = d.estimator.remembered(0)
+    kept = d.estimator.checkpoint(0)
     assert kept is not None
     assert kept.atmosphere == pytest.approx(AIR, abs=150.0)
     assert kept.gyro_bias == pytest.approx((0.01, 0.01, 0.01), abs=5e-4)
@@ -334,7 +334,7 @@ def test_a_restart_keeps_depth_and_heading():
     d.compass, d.turn = True, lambda t: 0.2 if t > 4 else 0.0
     d.depth, _, d.acceleration = smooth_steps()
     _, before = d.run(16.0)[-1]
-    kept = d.estimator.remembered(d.k * 10 * MS)
+    kept = d.estimator.checkpoint(d.k * 10 * MS)
     assert kept is not None
     d.turn = still
     d.estimator = Estimator(QUICK, FLOATING, kept)

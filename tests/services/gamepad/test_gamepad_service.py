@@ -129,7 +129,7 @@ def hold(hands: Hands, *, arms: bool) -> Callable[[Node, Stack], None]:
     """A wire function like the real one, with `hands` for a source."""
 
     def wired(node: Node, stack: Stack) -> None:  # noqa: ARG001
-        Connected(node, hands, Pilot(node.recall(Progress) or Progress(), arms))
+        Connected(node, hands, Pilot(node.restore_checkpoint(Progress) or Progress(), arms))
 
     return wired
 

@@ -24,8 +24,8 @@ def answer(accepted: bool, epoch: int | None = None) -> PilotAnswer:
     return PilotAnswer(stamp_ns=0, id="", accepted=accepted, epoch=epoch)
 
 
-def press(pilot: Pilot, wish: Press, now: int = 0) -> Effects:
-    return pilot.read(StickReading(presses=(wish,)), "hands", 0, NOBODY, now)
+def press(pilot: Pilot, intent: Press, now: int = 0) -> Effects:
+    return pilot.read(StickReading(presses=(intent,)), "hands", 0, NOBODY, now)
 
 
 def kinds(effects: Effects) -> list[str]:
@@ -63,9 +63,9 @@ def test_sticks_that_were_not_given_arm_nothing_later_on(then: str):
 
 
 @pytest.mark.parametrize("wish", ["stop", "disarm", "light"])
-def test_whoever_was_outdone_still_asks_and_leaves_the_answer_to_the_drone(wish: Press):
-    (asked,) = press(outdone(), wish).requests
-    assert (asked.kind, asked.epoch) == (wish, 1)
+def test_whoever_was_outdone_still_asks_and_leaves_the_answer_to_the_drone(intent: Press):
+    (asked,) = press(outdone(), intent).requests
+    assert (asked.kind, asked.epoch) == (intent, 1)
 
 
 def test_a_restarted_drone_that_has_forgotten_the_epoch_is_asked_again():
@@ -112,12 +112,12 @@ class AnyOrder(RuleBasedStateMachine):
 
     @rule(
         heave=st.sampled_from([0.0, 0.5]),
-        wish=st.none() | st.sampled_from([*get_args(Press), GotoIntent(depth=1.0)]),
+        intent=st.none() | st.sampled_from([*get_args(Press), GotoIntent(depth=1.0)]),
     )
-    def reads(self, heave: float, wish: Press | GotoIntent | None) -> None:
+    def reads(self, heave: float, intent: Press | GotoIntent | None) -> None:
         self.at_rest = heave == 0.0
-        presses = () if wish is None else (wish,)
-        self.ended = self.ended or wish in ("stop", "disarm")
+        presses = () if intent is None else (intent,)
+        self.ended = self.ended or intent in ("stop", "disarm")
         reading = StickReading(Sticks(heave=heave), at_rest=self.at_rest, presses=presses)
         self.take(self.pilot.read(reading, "hands", 0, self.waiting, 0))
 

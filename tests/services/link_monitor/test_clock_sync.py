@@ -45,7 +45,7 @@ def test_the_true_offset_is_always_inside_the_bound(
         assert clock.offset_ns is not None
         assert clock.bound_ns is not None
         assert abs(clock.offset_ns - true) <= clock.bound_ns + 2  # integer stamps
-    assert sync.happened == []
+    assert sync.events == []
 
 
 @given(offset=offsets, fast=st.integers(0, 1_000_000), slow=st.integers(0, SECOND))
@@ -73,14 +73,14 @@ def test_a_clock_that_is_set_is_noticed_counted_and_learnt_anew(jump: int, back:
         pong, arrival = trip(k * SECOND // 5, 5_000_000, 5_000_000, 0, offset, 0.0)
         sync.heard(pong, arrival)
     clock = sync.clock(4 * SECOND)
-    assert sync.happened == ["jumped:clock"]
+    assert sync.events == ["jumped:clock"]
     assert clock.offset_ns == pytest.approx(offset, abs=6_000_000)
 
 
 def test_a_pong_that_cannot_be_is_not_believed() -> None:
     sync = ClockSync()
     sync.heard(ClockPong(stamp_ns=500, ping_ns=0, heard_ns=100), 10)
-    assert sync.happened == ["impossible:clock/pong"]
+    assert sync.events == ["impossible:clock/pong"]
     assert sync.clock(20).offset_ns is None
 
 

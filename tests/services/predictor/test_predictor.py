@@ -94,15 +94,15 @@ def test_drift_never_passes_the_speed_at_which_drag_balances_the_force(
 def test_the_misses_are_the_root_mean_squares_of_what_the_guesses_were_off_by(
     depths: list[float], place: tuple[float, float] | None
 ) -> None:
-    judge, here = PredictionQuality(), Pose(3.0, 0.5, *(place or (None, None)))
-    judge.truth(0, here)
+    quality, here = PredictionQuality(), Pose(3.0, 0.5, *(place or (None, None)))
+    quality.truth(0, here)
     for k, off in enumerate(depths, 1):
         north, east = (None, None) if place is None else (place[0] + off, place[1] - off)
         predicted = Pose(3.0 + off, 0.5 - 2.0 * off, north, east)
-        judge.guessed(JudgedPrediction(k * SECOND // 25, predicted, here))
+        quality.predicted(JudgedPrediction(k * SECOND // 25, predicted, here))
     for k in range(1, len(depths) + 1):
-        judge.truth(k * SECOND // 25, here)
-    missed, delayed = judge.misses()
+        quality.truth(k * SECOND // 25, here)
+    missed, delayed = quality.misses()
     size = sqrt(sum(off * off for off in depths) / len(depths))
     assert missed is not None
     assert (missed.depth, missed.heading) == pytest.approx((size, 2.0 * size), abs=1e-6)
@@ -128,9 +128,9 @@ def test_the_predicted_now_is_at_most_a_third_as_far_off_as_the_delayed_picture(
     truths: list[Truth] = []
     states: list[VehicleState] = []
     host.node("pilot", ["topside"]).each(topics.PREDICTION, lambda m, _: said.append(m))
-    judge = host.node("judge", ["drone"])
-    judge.each(topics.TRUTH, lambda m, _: truths.append(m))
-    judge.each(topics.STATE, lambda m, _: states.append(m))
+    quality = host.node("judge", ["drone"])
+    quality.each(topics.TRUTH, lambda m, _: truths.append(m))
+    quality.each(topics.STATE, lambda m, _: states.append(m))
     host.run(40 * SECOND)
     true = {m.stamp_ns // 10_000_000: m for m in truths}
     seen = {m.sensor_ns: m for m in states}

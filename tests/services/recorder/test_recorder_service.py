@@ -233,7 +233,7 @@ def test_a_disk_with_room_for_nothing_but_a_beginning_gets_no_flood_of_parts(
 
 def test_garbage_on_the_bus_is_counted_in_the_file_and_disturbs_nothing(tmp_path: Path):
     dive = Dive(tmp_path)
-    foreign = dive.host.realm("drone")
+    foreign = dive.host.side("drone")
     dive.run(0.5)
     foreign.forward(Envelope("state", b"\xff\x00", topics.STATE.encoding))
     foreign.forward(Envelope("state", b"", "text/plain"))

@@ -19,7 +19,7 @@ class TwoPilots(RuleBasedStateMachine):
 
     def __init__(self) -> None:
         super().__init__()
-        self.pilotage = ReferenceGenerator(Settings())
+        self.generator = ReferenceGenerator(Settings())
         self.authority = Authority()
         self.epochs = {"ada": 0, "bob": 0}  # as the drone's answers have told them
         self.has_moved = 0  # epoch of the newest pilot whose command was let in
@@ -31,8 +31,8 @@ class TwoPilots(RuleBasedStateMachine):
             stamp_ns=0, id=f"{self.asked}", kind=kind, epoch=self.epochs[pilot], value=0.5
         )
         centred = PilotCommand(stamp_ns=0, surge=0.0, sway=0.0, heave=0.0, yaw=0.0)
-        answer = self.pilotage.answer(request, centred, self.authority.epoch, 0)
-        self.authority.granted = self.pilotage.epoch
+        answer = self.generator.answer(request, centred, self.authority.epoch, 0)
+        self.authority.granted = self.generator.epoch
         if answer.epoch is not None:
             self.epochs[pilot] = answer.epoch
         return answer.accepted, answer.reason

@@ -58,7 +58,7 @@ class Flight:
     """An ideal drone that is always where the reference wants it."""
 
     def __init__(self, settings: Settings | None = None) -> None:
-        self.pilotage = ReferenceGenerator(settings or Settings())
+        self.generator = ReferenceGenerator(settings or Settings())
         self.now = 0
         self.depth: float = 1.0
         self.heading: float = 0.0
@@ -72,12 +72,12 @@ class Flight:
     def request(self, kind: str, **more: object) -> PilotAnswer:
         self.asked += 1
         request = PilotRequest(stamp_ns=self.now, id=f"{self.asked}", kind=kind, **more)  # type: ignore[arg-type]
-        return self.pilotage.answer(request, sticks(self.now), 0, self.now)
+        return self.generator.answer(request, sticks(self.now), 0, self.now)
 
     def fly(self, seconds: float, command: PilotCommand | None) -> Reference:
         for _ in range(round(seconds * 100)):
             self.now += DT
-            out = self.pilotage.step(
+            out = self.generator.step(
                 state(self.now, self.depth, self.heading, place=self.place), command, self.now
             )
             assert out is not None
@@ -90,43 +90,43 @@ class Flight:
 
 
 def armed(settings: Settings | None = None) -> Flight:
-    flight = Flight(settings)
-    flight.fly(0.1, sticks(0))
-    assert flight.ask("arm") == ""
-    flight.fly(0.1, sticks(0))
-    return flight
+    guidance = Flight(settings)
+    guidance.fly(0.1, sticks(0))
+    assert guidance.ask("arm") == ""
+    guidance.fly(0.1, sticks(0))
+    return guidance
 
 
 def test_it_does_not_arm_before_the_estimator_is_ready() -> None:
-    flight = Flight()
-    flight.pilotage.step(state(DT, phase="calibrating"), sticks(DT), DT)
-    assert "does not know its depth" in flight.ask("arm")
-    assert flight.pilotage.mode == "starting"
+    guidance = Flight()
+    guidance.generator.step(state(DT, phase="calibrating"), sticks(DT), DT)
+    assert "does not know its depth" in guidance.ask("arm")
+    assert guidance.generator.mode == "starting"
 
 
 def test_it_does_not_arm_with_a_deflected_stick() -> None:
-    flight = Flight()
-    flight.fly(0.1, sticks(0))
+    guidance = Flight()
+    guidance.fly(0.1, sticks(0))
     request = PilotRequest(stamp_ns=0, id="1", kind="arm")
-    answer = flight.pilotage.answer(request, sticks(0, heave=0.5), 0, 0)
+    answer = guidance.generator.answer(request, sticks(0, heave=0.5), 0, 0)
     assert not answer.accepted
     assert "not centred" in answer.reason
-    assert not flight.pilotage.armed
+    assert not guidance.generator.armed
 
 
 def test_disarmed_the_reference_follows_the_vehicle_so_that_arming_has_no_jump() -> None:
-    flight = Flight()
-    flight.depth = 3.0
-    assert flight.fly(0.1, sticks(0, heave=1.0)).depth.position == 3.0
-    flight.ask("arm")
-    assert flight.fly(0.5, sticks(0)).depth.position == 3.0
+    guidance = Flight()
+    guidance.depth = 3.0
+    assert guidance.fly(0.1, sticks(0, heave=1.0)).depth.position == 3.0
+    guidance.ask("arm")
+    assert guidance.fly(0.5, sticks(0)).depth.position == 3.0
 
 
 def test_a_released_stick_stops_where_the_closed_form_says() -> None:
-    flight, heave = armed(), Settings().heave
-    flight.fly(4.0, sticks(0, heave=1.0))
-    cruising = flight.flown[-1].depth
-    end = flight.fly(4.0, sticks(0)).depth
+    guidance, heave = armed(), Settings().heave
+    guidance.fly(4.0, sticks(0, heave=1.0))
+    cruising = guidance.flown[-1].depth
+    end = guidance.fly(4.0, sticks(0)).depth
     # From v at a = 0 with a_max: ramp, cruise and fade take v T / 2 (Andrén 2023, 5.2.5).
     total = heave.max_velocity / heave.max_acceleration + 4 * heave.max_acceleration / (
         3 * heave.jerk
@@ -142,10 +142,10 @@ def test_a_released_stick_stops_where_the_closed_form_says() -> None:
 def test_no_stick_can_make_a_step_in_velocity_or_acceleration(
     moves: list[tuple[float, float, float, float, float]],
 ) -> None:
-    flight, s = armed(), Settings()
+    guidance, s = armed(), Settings()
     for surge, sway, heave, yaw, seconds in moves:
-        flight.fly(seconds, sticks(0, heave, yaw, surge, sway))
-    for before, after in pairwise(flight.flown):
+        guidance.fly(seconds, sticks(0, heave, yaw, surge, sway))
+    for before, after in pairwise(guidance.flown):
         for a, b, axis in (
             (before.depth, after.depth, s.heave),
             (before.heading, after.heading, s.yaw),
@@ -159,65 +159,65 @@ def test_no_stick_can_make_a_step_in_velocity_or_acceleration(
 
 
 def test_a_lost_pilot_means_a_smooth_stop_and_hold_and_is_counted_once() -> None:
-    flight = armed()
-    flight.fly(3.0, sticks(0, heave=1.0, surge=1.0))
-    end = flight.fly(5.0, None)
-    later = flight.fly(1.0, None)
+    guidance = armed()
+    guidance.fly(3.0, sticks(0, heave=1.0, surge=1.0))
+    end = guidance.fly(5.0, None)
+    later = guidance.fly(1.0, None)
     assert end.depth.velocity == end.surge_force == 0.0
     assert later.depth.position == end.depth.position
-    assert flight.pilotage.happened == ["failsafe:pilot_lost"]
-    assert flight.pilotage.status(None, 0).failsafe == "pilot_lost"
+    assert guidance.generator.events == ["failsafe:pilot_lost"]
+    assert guidance.generator.status(None, 0).failsafe == "pilot_lost"
 
 
 def test_an_unplugged_pad_is_a_lost_pilot_although_its_sticks_read_zero() -> None:
-    flight = armed()
+    guidance = armed()
     lost = PilotCommand(stamp_ns=0, surge=0, sway=0, heave=0, yaw=0, pilot="lost")
-    flight.fly(0.1, lost)
-    assert flight.pilotage.status(lost, 0).failsafe == "pilot_lost"
+    guidance.fly(0.1, lost)
+    assert guidance.generator.status(lost, 0).failsafe == "pilot_lost"
 
 
 def test_stop_ignores_the_sticks_until_they_were_centred() -> None:
-    flight = armed()
-    flight.fly(2.0, sticks(0, heave=1.0))
-    flight.ask("stop")
-    assert flight.fly(4.0, sticks(0, heave=1.0)).depth.velocity == 0.0
-    assert flight.pilotage.mode == "stopping"
-    flight.fly(0.1, sticks(0))
-    assert flight.fly(3.0, sticks(0, heave=1.0)).depth.velocity == Settings().heave.max_velocity
+    guidance = armed()
+    guidance.fly(2.0, sticks(0, heave=1.0))
+    guidance.ask("stop")
+    assert guidance.fly(4.0, sticks(0, heave=1.0)).depth.velocity == 0.0
+    assert guidance.generator.mode == "stopping"
+    guidance.fly(0.1, sticks(0))
+    assert guidance.fly(3.0, sticks(0, heave=1.0)).depth.velocity == Settings().heave.max_velocity
 
 
 def test_held_back_by_the_floor_the_reference_waits() -> None:
-    flight, s = armed(), Settings()
-    pilotage, now = flight.pilotage, flight.now
+    guidance, s = armed(), Settings()
+    generator, now = guidance.generator, guidance.now
     for _ in range(1000):
         now += DT
-        out = pilotage.step(state(now, depth=1.0), sticks(0, heave=1.0), now)
+        out = generator.step(state(now, depth=1.0), sticks(0, heave=1.0), now)
         assert out is not None
         assert out.depth.position <= 1.0 + s.heave.max_error + 1e-9
-    assert pilotage.happened.count("clamped:reference.depth") == 1
+    assert generator.events.count("clamped:reference.depth") == 1
 
 
 def test_without_a_state_it_stops_smoothly_and_keeps_its_rate() -> None:
-    flight = armed()
-    flight.fly(3.0, sticks(0, heave=1.0))
-    before = flight.flown[-1].depth
+    guidance = armed()
+    guidance.fly(3.0, sticks(0, heave=1.0))
+    before = guidance.flown[-1].depth
     outs: list[Reference] = []
     for _ in range(500):
-        flight.now += DT
-        out = flight.pilotage.step(None, sticks(0, heave=1.0), flight.now)
+        guidance.now += DT
+        out = guidance.generator.step(None, sticks(0, heave=1.0), guidance.now)
         assert out is not None
         outs.append(out)
     assert abs(outs[0].depth.velocity - before.velocity) < 0.01
     assert outs[-1].depth.velocity == 0.0
     assert outs[-1].sensor_ns is None
-    assert flight.pilotage.status(None, 0).failsafe == "state_lost"
+    assert guidance.generator.status(None, 0).failsafe == "state_lost"
 
 
 def test_light_wants_a_brightness() -> None:
-    flight = armed()
-    assert "brightness" in flight.ask("light")
-    assert flight.ask("light", value=0.7) == ""
-    assert flight.pilotage.status(None, 0).light == 0.7
+    guidance = armed()
+    assert "brightness" in guidance.ask("light")
+    assert guidance.ask("light", value=0.7) == ""
+    assert guidance.generator.status(None, 0).light == 0.7
 
 
 def continuous(flown: list[Reference]) -> None:
@@ -235,18 +235,18 @@ def continuous(flown: list[Reference]) -> None:
 
 
 def test_goto_arrives_exactly_at_depth_and_heading_the_shortest_way() -> None:
-    flight = armed()
-    flight.fly(6.0, sticks(0, yaw=1.0))
-    flight.fly(3.0, sticks(0))
-    turned = flight.heading
-    assert flight.ask("goto", depth=3.0, heading=0.5) == ""
-    assert flight.pilotage.mode == "goto"
-    end = flight.fly(15.0, sticks(0))
+    guidance = armed()
+    guidance.fly(6.0, sticks(0, yaw=1.0))
+    guidance.fly(3.0, sticks(0))
+    turned = guidance.heading
+    assert guidance.ask("goto", depth=3.0, heading=0.5) == ""
+    assert guidance.generator.mode == "goto"
+    end = guidance.fly(15.0, sticks(0))
     assert abs(end.depth.position - 3.0) < 1e-9
     assert abs(wrap(end.heading.position - 0.5)) < 1e-9
     assert abs(end.heading.position - turned) <= pi
-    assert flight.pilotage.mode == "piloted"
-    continuous(flight.flown)
+    assert guidance.generator.mode == "piloted"
+    continuous(guidance.flown)
 
 
 @settings(max_examples=15, deadline=None, phases=GENERATE)
@@ -254,12 +254,12 @@ def test_goto_arrives_exactly_at_depth_and_heading_the_shortest_way() -> None:
 def test_the_pilot_takes_over_from_goto_at_any_moment_without_a_step(
     when: float, heave: float, yaw: float
 ) -> None:
-    flight = armed()
-    flight.ask("goto", depth=3.0, heading=2.5)
-    flight.fly(when, sticks(0))
-    flight.fly(2.0, sticks(0, heave=heave, yaw=yaw))
-    flight.fly(3.0, sticks(0))
-    continuous(flight.flown)
+    guidance = armed()
+    guidance.ask("goto", depth=3.0, heading=2.5)
+    guidance.fly(when, sticks(0))
+    guidance.fly(2.0, sticks(0, heave=heave, yaw=yaw))
+    guidance.fly(3.0, sticks(0))
+    continuous(guidance.flown)
 
 
 def course(**more: object) -> Course:
@@ -268,19 +268,19 @@ def course(**more: object) -> Course:
 
 
 def test_a_path_is_followed_to_its_end_in_heading_depth_and_pace() -> None:
-    flight = armed()
-    assert flight.ask("follow", course=course()) == ""
-    assert flight.pilotage.mode == "follow"
-    flight.fly(130.0, sticks(0))
-    end = flight.flown[-1]
-    assert flight.pilotage.mode == "piloted"
-    assert flight.pilotage.notes == ["the end of the path"]
+    guidance = armed()
+    assert guidance.ask("follow", course=course()) == ""
+    assert guidance.generator.mode == "follow"
+    guidance.fly(130.0, sticks(0))
+    end = guidance.flown[-1]
+    assert guidance.generator.mode == "piloted"
+    assert guidance.generator.notes == ["the end of the path"]
     assert abs(end.heading.position - pi / 2) < 1e-9
     assert abs(end.depth.position - 3.0) < 1e-9
     assert end.surge is None
-    fastest = max(r.surge.velocity for r in flight.flown if r.surge)
+    fastest = max(r.surge.velocity for r in guidance.flown if r.surge)
     assert abs(fastest - 0.3) < 1e-9
-    continuous(flight.flown)
+    continuous(guidance.flown)
 
 
 @settings(max_examples=15, deadline=None, phases=GENERATE)
@@ -288,26 +288,26 @@ def test_a_path_is_followed_to_its_end_in_heading_depth_and_pace() -> None:
 def test_the_pilot_or_a_stop_ends_a_path_at_any_moment_without_a_step(
     when: float, heave: float, yaw: float, stop: bool
 ) -> None:
-    flight = armed()
-    flight.ask("follow", course=course())
-    flight.fly(when, sticks(0))
+    guidance = armed()
+    guidance.ask("follow", course=course())
+    guidance.fly(when, sticks(0))
     if stop:
-        flight.ask("stop")
-    flight.fly(3.0, sticks(0, heave=heave, yaw=yaw))
-    flight.fly(3.0, sticks(0))
-    continuous(flight.flown)
+        guidance.ask("stop")
+    guidance.fly(3.0, sticks(0, heave=heave, yaw=yaw))
+    guidance.fly(3.0, sticks(0))
+    continuous(guidance.flown)
     ended = stop or max(abs(heave), abs(yaw)) > 0.05
-    assert ended == (flight.flown[-1].surge is None)
+    assert ended == (guidance.flown[-1].surge is None)
 
 
 def test_a_lost_pilot_stops_on_the_path() -> None:
-    flight = armed()
-    flight.ask("follow", course=course())
-    flight.fly(50.0, sticks(0))
-    end = flight.fly(6.0, None)
+    guidance = armed()
+    guidance.ask("follow", course=course())
+    guidance.fly(50.0, sticks(0))
+    end = guidance.fly(6.0, None)
     assert end.surge is None
     assert end.depth.velocity == 0.0
-    continuous(flight.flown)
+    continuous(guidance.flown)
 
 
 @pytest.mark.parametrize("ending", ["stop", "pilot_lost", "sticks"])
@@ -315,87 +315,87 @@ def test_a_lost_pilot_stops_on_the_path() -> None:
 def test_a_path_ends_by_the_limits_of_the_place(vehicle: str, ending: str) -> None:
     """Along a path the drone moves as it moves in the plane, whatever it can do up and down."""
     s = Stack(vehicle=vehicle).section("reference", Settings)
-    flight = armed(s)
-    flight.ask("follow", course=course(acceleration=0.05, jerk=0.05))
-    flight.fly(30.0, sticks(0))
-    begun = len(flight.flown)
+    guidance = armed(s)
+    guidance.ask("follow", course=course(acceleration=0.05, jerk=0.05))
+    guidance.fly(30.0, sticks(0))
+    begun = len(guidance.flown)
     if ending == "stop":
-        flight.ask("stop")
-    flight.fly(8.0, None if ending == "pilot_lost" else sticks(0, heave=0.5))
+        guidance.ask("stop")
+    guidance.fly(8.0, None if ending == "pilot_lost" else sticks(0, heave=0.5))
     limits = s.place.stop if ending == "stop" else s.place.limits
-    paces = [r.surge for r in flight.flown[begun:] if r.surge is not None]
+    paces = [r.surge for r in guidance.flown[begun:] if r.surge is not None]
     assert paces[0].velocity > 0.25
-    assert flight.flown[-1].surge is None
+    assert guidance.flown[-1].surge is None
     braking = max(-pace.acceleration for pace in paces)
     assert 0.5 * limits.acceleration < braking <= limits.acceleration * (1 + 1e-9)
     assert max(abs(pace.jerk) for pace in paces) <= limits.jerk * (1 + 1e-9)
 
 
 def test_a_path_that_cannot_be_is_refused_with_the_reason() -> None:
-    flight = armed()
+    guidance = armed()
     bad = Course(waypoints=((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)), min_radius=9.0)
-    assert "this is no path: " in flight.ask("follow", course=bad)
-    assert flight.ask("follow") == "follow needs a path"
-    assert flight.pilotage.mode == "piloted"
+    assert "this is no path: " in guidance.ask("follow", course=bad)
+    assert guidance.ask("follow") == "follow needs a path"
+    assert guidance.generator.mode == "piloted"
 
 
 def test_goto_and_follow_are_refused_when_they_make_no_sense() -> None:
-    flight = Flight()
-    flight.fly(0.1, sticks(0))
-    assert flight.ask("goto", depth=2.0) == "the drone is not armed"
-    flight = armed()
-    assert "needs a depth or a heading" in flight.ask("goto")
-    assert "above the surface" in flight.ask("goto", depth=-1.0)
+    guidance = Flight()
+    guidance.fly(0.1, sticks(0))
+    assert guidance.ask("goto", depth=2.0) == "the drone is not armed"
+    guidance = armed()
+    assert "needs a depth or a heading" in guidance.ask("goto")
+    assert "above the surface" in guidance.ask("goto", depth=-1.0)
 
 
 def test_an_emergency_stop_says_at_once_how_far_it_goes_and_keeps_its_word() -> None:
-    flight, s = armed(), Settings()
-    flight.fly(4.0, sticks(0, heave=1.0, yaw=-1.0, surge=1.0))
-    before = flight.flown[-1]
-    stop = flight.request("stop").stop
+    guidance, s = armed(), Settings()
+    guidance.fly(4.0, sticks(0, heave=1.0, yaw=-1.0, surge=1.0))
+    before = guidance.flown[-1]
+    stop = guidance.request("stop").stop
     assert stop is not None
-    flight.fly(3.0, sticks(0, heave=1.0))
-    jerks = [abs(reference.depth.jerk) for reference in flight.flown[-300:]]
-    end = flight.flown[-1]
+    guidance.fly(3.0, sticks(0, heave=1.0))
+    jerks = [abs(reference.depth.jerk) for reference in guidance.flown[-300:]]
+    end = guidance.flown[-1]
     assert abs(end.depth.position - before.depth.position - stop.depth) < 1e-9
     assert abs(end.heading.position - before.heading.position - stop.heading) < 1e-9
     assert s.heave.jerk < max(jerks) <= s.heave.stop_jerk * (1 + 1e-9)
     assert end.surge_force == 0.0
-    assert flight.pilotage.status(None, 0).stop == stop
+    assert guidance.generator.status(None, 0).stop == stop
 
 
 def test_the_camera_stops_smoothly_at_the_end_of_its_range() -> None:
-    flight, s = armed(), Settings().tilt
+    guidance, s = armed(), Settings().tilt
     up = PilotCommand(stamp_ns=0, surge=0.0, sway=0.0, heave=0.0, yaw=0.0, tilt=1.0)
-    flight.fly(0.3, up)
-    flight.fly(1.0, sticks(0))
-    between = flight.flown[-1].tilt
+    guidance.fly(0.3, up)
+    guidance.fly(1.0, sticks(0))
+    between = guidance.flown[-1].tilt
     assert 0.0 < between.position < s.highest
     assert between.velocity == 0.0
-    flight.fly(4.0, up)
-    assert abs(flight.flown[-1].tilt.position - s.highest) < 1e-9
-    for before, after in pairwise(flight.flown):
+    guidance.fly(4.0, up)
+    assert abs(guidance.flown[-1].tilt.position - s.highest) < 1e-9
+    for before, after in pairwise(guidance.flown):
         step = abs(after.tilt.acceleration - before.tilt.acceleration)
         assert step <= s.jerk * DT * 1e-9 + 1e-9
         assert s.lowest - 1e-9 <= after.tilt.position <= s.highest + 1e-9
 
 
 def test_goto_a_place_needs_a_drone_that_knows_where_it_is() -> None:
-    flight = armed()
-    assert "does not know its position" in flight.ask("goto", north=5.0, east=0.0)
-    assert "needs north and east" in flight.ask("goto", north=5.0)
+    guidance = armed()
+    assert "does not know its position" in guidance.ask("goto", north=5.0, east=0.0)
+    assert "needs north and east" in guidance.ask("goto", north=5.0)
 
 
 def test_goto_a_place_turns_there_runs_the_distance_and_stops() -> None:
-    flight = armed()
-    flight.place = (2.0, 1.0)
-    flight.fly(0.1, sticks(0))
-    assert flight.ask("goto", north=2.0, east=9.0, depth=2.0) == ""
-    end = flight.fly(60.0, sticks(0))
-    assert flight.place is not None
-    assert dist(flight.place, (2.0, 9.0)) < 1e-6
+    guidance = armed()
+    guidance.place = (2.0, 1.0)
+    guidance.fly(0.1, sticks(0))
+    assert guidance.ask("goto", north=2.0, east=9.0, depth=2.0) == ""
+    end = guidance.fly(60.0, sticks(0))
+    assert guidance.place is not None
+    assert dist(guidance.place, (2.0, 9.0)) < 1e-6
     assert abs(end.heading.position - pi / 2) < 1e-9
     assert abs(end.depth.position - 2.0) < 1e-9
-    assert flight.pilotage.mode == "piloted"
-    assert all(r.surge is None for r in flight.flown)  # nothing of it was blind
-    continuous(flight.flown)
+    assert guidance.generator.mode == "piloted"
+    assert all(r.surge is None for r in guidance.flown)  # nothing of it was blind
+    continuous(guidance.flown)

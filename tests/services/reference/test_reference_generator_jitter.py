@@ -36,7 +36,7 @@ def state(sensor_ns: int) -> VehicleState:
 
 def flown(moves: list[tuple[int, int]], latency_ms: int) -> list[tuple[Motion, Motion]]:
     """Depth and heading of every reference, sticks away from the centre all the time."""
-    pilotage, k = ReferenceGenerator(Settings()), 100
+    generator, k = ReferenceGenerator(Settings()), 100
     said: list[tuple[Motion, Motion]] = []
 
     def step(*, heard: bool) -> None:
@@ -44,13 +44,13 @@ def flown(moves: list[tuple[int, int]], latency_ms: int) -> list[tuple[Motion, M
         k += 1
         now = (k * PERIOD_MS + latency_ms) * MS
         sticks = PilotCommand(stamp_ns=now, surge=0.0, sway=0.0, heave=1.0, yaw=1.0)
-        out = pilotage.step(state(k * PERIOD_MS * MS) if heard else None, sticks, now)
+        out = generator.step(state(k * PERIOD_MS * MS) if heard else None, sticks, now)
         assert out is not None
         said.append((out.depth, out.heading))
 
     step(heard=True)
     present = PilotCommand(stamp_ns=0, surge=0.0, sway=0.0, heave=0.0, yaw=0.0)
-    answer = pilotage.answer(PilotRequest(stamp_ns=0, id="1", kind="arm"), present, 0, 0)
+    answer = generator.answer(PilotRequest(stamp_ns=0, id="1", kind="arm"), present, 0, 0)
     assert answer.accepted, answer.reason
     for states, silence in moves:
         for _ in range(states):

@@ -51,7 +51,7 @@ class Sea:
                 )
 
         control.each(topics.IMU, on_imu)
-        self.host.realm("drone").hear("**", self._listen)
+        self.host.side("drone").hear("**", self._listen)
 
     def start(self) -> Node:
         return self.host.add("simulator", ROW, self.stack, wire)
@@ -163,7 +163,7 @@ def test_a_killed_simulator_resumes_its_dive_with_the_same_sensors() -> None:
 def test_a_memory_of_another_vehicle_is_counted_and_the_dive_begins_anew() -> None:
     host = VirtualHost()
     other = WorldCheckpoint(state=(0.0,) * 13, thrust=(0.0,) * 8, heading=0.0, used_wh=0.0)
-    host.node("simulator", ["drone"]).remember(other)
+    host.node("simulator", ["drone"]).save_checkpoint(other)
     node = host.add("simulator", ROW, Stack(), wire)
     assert node.counts["malformed:memory"] == 1
 
@@ -192,7 +192,7 @@ def test_dvl_and_usbl_come_at_their_rates_and_late_but_stamped_when_measured() -
     tables = ["simulator.dvl.rate=2.0", "simulator.dvl.latency=0.1", "simulator.usbl.latency=2.5"]
     sea = Sea(Stack(overrides=tables), *DIVE)
     arrivals: list[int] = []
-    sea.host.realm("drone").hear(topics.USBL.key, lambda _: arrivals.append(sea.host.now))
+    sea.host.side("drone").hear(topics.USBL.key, lambda _: arrivals.append(sea.host.now))
     sea.run(10.05)
     assert len(sea.messages(topics.DVL)) == 19  # the twentieth is still on its way
     stamps = [m.stamp_ns for m in sea.messages(topics.USBL)]

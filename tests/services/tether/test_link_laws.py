@@ -298,9 +298,9 @@ def test_a_command_waits_for_one_message_at_most(backlog: int, at: int) -> None:
 def test_a_full_queue_gives_up_bulk_first_and_commands_last(policy: str) -> None:
     queue = Queue(limit_bytes=1000, policy=policy)  # type: ignore[arg-type]
     line = line_of(DirectionProfile(rate_kbit=1.0, queue=queue))
-    for stance in (Qos.BULK, Qos.LIVE, Qos.EVENT, Qos.REALTIME):
+    for qos in (Qos.BULK, Qos.LIVE, Qos.EVENT, Qos.REALTIME):
         for item in range(5):
-            line.enter(10 * RANK[stance] + item, 0, 100, RANK[stance])
+            line.enter(10 * RANK[qos] + item, 0, 100, RANK[qos])
     ranks = [item // 10 for item, _ in line.take_lost()]
     bulk, live = RANK[Qos.BULK], RANK[Qos.LIVE]
     assert ranks == [bulk] * 4 + [live] * 5  # one bulk message was leaving already

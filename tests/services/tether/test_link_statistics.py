@@ -85,9 +85,9 @@ def test_independent_losses_have_their_share_and_no_memory(share: float) -> None
 def test_gilbert_elliott_has_its_mean_loss_and_its_length_of_bursts() -> None:
     model = GilbertElliott(to_bad=0.02, to_good=0.25)
     lost = np.array([reason == "burst" for reason in losses(model)])
-    memory = 1.0 - model.to_bad - model.to_good
+    checkpoint = 1.0 - model.to_bad - model.to_good
     share = model.mean
-    wide = (1.0 + memory) / (1.0 - memory)  # how much wider memory makes the band
+    wide = (1.0 + checkpoint) / (1.0 - checkpoint)  # how much wider memory makes the band
     assert abs(lost.mean() - share) < NORMAL_99 * sqrt(share * (1 - share) / N * wide)
     bursts = int(np.sum(lost[1:] & ~lost[:-1])) + int(lost[0])
     length, spread = 1.0 / model.to_good, sqrt(1.0 - model.to_good) / model.to_good

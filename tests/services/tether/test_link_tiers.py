@@ -108,20 +108,20 @@ class Overload:
         self.tether = self.host.add("tether", row, Stack(link=str(path)))
         self.statuses: list[LinkStatus] = []
         self.delays: dict[str, list[int]] = {}
-        pilot, drone = self.host.node("pilot", ["topside"]), self.host.realm("drone")
+        pilot, drone = self.host.node("pilot", ["topside"]), self.host.side("drone")
         pilot.each(topics.LINK, lambda m, _: self.statuses.append(m))
         self.request = pilot.publisher(topics.LINK_REQUEST)
         events = (topics.STATUS, topics.PILOT_ANSWER)
         for topic in (*FAST, *events):
             self.delays[topic.key] = []
-            self.host.realm("topside").hear(topic.key, self._arrived)
+            self.host.side("topside").hear(topic.key, self._arrived)
         clock = self.host.node("clock", ["drone"])
         clock.every(100.0, lambda now: [self._say(drone, t.key, now) for t in FAST])  # type: ignore[func-returns-value]
         clock.every(5.0, lambda now: [self._say(drone, t.key, now) for t in events])  # type: ignore[func-returns-value]
 
-    def _say(self, realm: object, key: str, now: int) -> None:
+    def _say(self, side: object, key: str, now: int) -> None:
         payload = now.to_bytes(8, "little") + bytes(200)
-        realm.forward(Envelope(key, payload, "x"))  # type: ignore[attr-defined]
+        side.forward(Envelope(key, payload, "x"))  # type: ignore[attr-defined]
 
     def _arrived(self, envelope: Envelope) -> None:
         sent = int.from_bytes(envelope.payload[:8], "little")

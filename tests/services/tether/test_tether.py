@@ -28,9 +28,9 @@ def crossing(row_key: str, source: str, target: str) -> list[tuple[Envelope, int
     tether = host.add("tether", GATEWAY, Stack(link="tether", seed=5))
     assert tether is not None
     arrived: list[tuple[Envelope, int]] = []
-    host.realm(target).hear(row_key, lambda e: arrived.append((e, host.now)))
+    host.side(target).hear(row_key, lambda e: arrived.append((e, host.now)))
     envelope = Envelope(row_key, b"\x00 any bytes \xff", "some/encoding", attachment=b"note")
-    host.realm(source).forward(envelope)
+    host.side(source).forward(envelope)
     host.nodes["tether"].step()
     host.run(100 * MS)
     return arrived
@@ -188,8 +188,8 @@ def test_a_link_on_which_nothing_passes_is_up_and_its_delay_unknown() -> None:
     host = VirtualHost()
     host.add("tether", GATEWAY, Stack(link="tether"))
     heard: list[LinkStatus] = []
-    ear = host.node("ear", ["topside"])
-    ear.each(topics.LINK, lambda m, _: heard.append(m))
+    port = host.node("ear", ["topside"])
+    port.each(topics.LINK, lambda m, _: heard.append(m))
     host.run(900 * MS)  # before anybody says how it is doing
     assert heard[-1].up
     assert heard[-1].rtt_ms is None
@@ -211,7 +211,7 @@ def test_what_befalls_invented_members_is_counted_under_their_family(tmp_path: P
     profile.write_text("[up]\ncorrupt = 1.0\n")
     host = VirtualHost()
     tether = host.add("tether", GATEWAY, Stack(link=str(profile)))
-    stranger = host.realm("drone")
+    stranger = host.side("drone")
     for name in [*(f"s{k}" for k in range(100)), "My ROV!"]:
         stranger.forward(Envelope(f"health/{name}", b"\x80", "any"))
     tether.step()

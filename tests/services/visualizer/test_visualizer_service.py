@@ -48,11 +48,11 @@ while os.getppid() == parent:
 """
 
 
-def speak(realms: dict[str, Node], sample: Sample) -> None:
+def speak(sides: dict[str, Node], sample: Sample) -> None:
     """Let everybody else say everything they say, five times a second."""
     publishers: list[tuple[AnyTopic, Publisher[Message]]] = []
     for topic in topics.ALL:
-        node = realms["drone" if topic.way is Way.STAY else "topside"]
+        node = sides["drone" if topic.way is Way.STAY else "topside"]
         one = topic.of("control") if topic.is_family else topic
         publishers.append((topic, node.publisher(one)))
 
@@ -60,12 +60,12 @@ def speak(realms: dict[str, Node], sample: Sample) -> None:
         for topic, publisher in publishers:
             publisher.put(sample(topic.key, now))
 
-    realms["topside"].every(5.0, say)
+    sides["topside"].every(5.0, say)
 
 
 def dive(out: Path, sample: Sample, seconds: float, *, restart: bool = False) -> VirtualHost:
     host, stack = VirtualHost(), Stack(out=str(out))
-    others = {realm: host.node(realm, [realm]) for realm in BOTH_REALMS.sides}
+    others = {side: host.node(side, [side]) for side in BOTH_REALMS.sides}
     host.add("visualizer", BOTH_REALMS, stack, wire)
     speak(others, sample)
     host.run(round(seconds * SECOND))
@@ -143,10 +143,10 @@ def test_a_restart_in_mid_dive_writes_a_second_part_on_the_same_clock(
 
 def test_garbage_is_counted_and_the_rest_still_shown(tmp_path: Path, sample: Sample) -> None:
     host, stack = VirtualHost(), Stack(out=str(tmp_path))
-    others = {realm: host.node(realm, [realm]) for realm in BOTH_REALMS.sides}
+    others = {side: host.node(side, [side]) for side in BOTH_REALMS.sides}
     node = host.add("visualizer", BOTH_REALMS, stack, wire)
     speak(others, sample)
-    stranger = host.realm("topside")
+    stranger = host.side("topside")
     wrong = msgspec.msgpack.encode({"stamp_ns": 0, "thrust": [1.0]})
     for key, payload, encoding in (
         ("state", b"\xc1garbage", topics.STATE.encoding),
@@ -205,7 +205,7 @@ def test_a_viewer_that_never_reads_costs_batches_but_no_time(
     stalled = [sys.executable, "-c", STALLED_VIEWER]
     monkeypatch.setattr("services.visualizer.service.viewer_command", lambda: stalled)
     host, stack = VirtualHost(), Stack(out=str(tmp_path), viewer=True)
-    others = {realm: host.node(realm, [realm]) for realm in BOTH_REALMS.sides}
+    others = {side: host.node(side, [side]) for side in BOTH_REALMS.sides}
     node = host.add("visualizer", BOTH_REALMS, stack, wire)
     speak(others, sample)
     host.run(30 * SECOND)

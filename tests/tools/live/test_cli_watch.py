@@ -28,8 +28,8 @@ class Scene:
         self.host = VirtualHost()
         self.shown: list[LogLine] = []
         node = self.host.node("supervisor", ["topside"])
-        self.course = DiveTimeline(None)
-        self.watch = Watch(node, ["toy"], self.course, lambda line, _: self.shown.append(line))
+        self.timeline = DiveTimeline(None)
+        self.watch = Watch(node, ["toy"], self.timeline, lambda line, _: self.shown.append(line))
         self.stack = self.host.node("drone", ["topside"])
         self.node = node
 

@@ -215,8 +215,8 @@ def test_a_service_by_hand_does_not_write_into_another_dive(
 ):
     fill(tmp_path, ("dive.mcap", "dive.rrd"))
     before = hashes(tmp_path)
-    realms = ("drone",) if service == "recorder" else ("topside", "drone")
-    connect = [word for r in realms for word in ("--connect", f"{r}=tcp/127.0.0.1:1")]
+    sides = ("drone",) if service == "recorder" else ("topside", "drone")
+    connect = [word for r in sides for word in ("--connect", f"{r}=tcp/127.0.0.1:1")]
     assert main(["run", service, *connect, "--out", str(tmp_path)]) == 1
     assert "is there already; choose another --out" in capsys.readouterr().err
     assert hashes(tmp_path) == before

@@ -22,54 +22,54 @@ def status(armed: bool, note: str = "") -> VehicleStatus:
     )
 
 
-def armed_after(course: DiveTimeline, wait_s: float) -> DiveTimeline:
-    course.see(status(armed=False), 0)
-    assert course.over(ns(wait_s)) is None
-    course.see(status(armed=True), ns(wait_s))
-    return course
+def armed_after(timeline: DiveTimeline, wait_s: float) -> DiveTimeline:
+    timeline.see(status(armed=False), 0)
+    assert timeline.over(ns(wait_s)) is None
+    timeline.see(status(armed=True), ns(wait_s))
+    return timeline
 
 
 @settings(max_examples=50, deadline=None)
 @given(LENGTHS, WAITS)
 def test_a_script_is_over_when_it_has_ended_and_the_drone_is_disarmed(length: float, wait: float):
-    course = armed_after(DiveTimeline(script_s=length), wait)
+    timeline = armed_after(DiveTimeline(script_s=length), wait)
     end = ns(wait + length)
-    assert course.over(end) is None
-    course.see(status(armed=False), end)
-    assert course.over(end) == "clean"
+    assert timeline.over(end) is None
+    timeline.see(status(armed=False), end)
+    assert timeline.over(end) == "clean"
 
 
 def test_a_disarmed_moment_in_mid_script_is_not_the_end():
-    course = armed_after(DiveTimeline(script_s=60.0), 3.0)
-    course.see(status(armed=False), ns(20))
-    assert course.over(ns(20)) is None
+    timeline = armed_after(DiveTimeline(script_s=60.0), 3.0)
+    timeline.see(status(armed=False), ns(20))
+    assert timeline.over(ns(20)) is None
 
 
 @settings(max_examples=50, deadline=None)
 @given(LENGTHS, LENGTHS, WAITS)
 def test_seconds_count_from_arming_and_end_any_dive(script: float, seconds: float, wait: float):
-    course = armed_after(DiveTimeline(script_s=script + seconds, seconds=seconds), wait)
-    assert course.over(ns(wait + seconds) - 1000) is None
-    assert course.over(ns(wait + seconds) + 1000) == "clean"
-    assert course.length_s == seconds
+    timeline = armed_after(DiveTimeline(script_s=script + seconds, seconds=seconds), wait)
+    assert timeline.over(ns(wait + seconds) - 1000) is None
+    assert timeline.over(ns(wait + seconds) + 1000) == "clean"
+    assert timeline.length_s == seconds
 
 
 def test_a_drone_that_never_disarms_does_not_hold_the_dive_for_ever():
-    course = armed_after(DiveTimeline(script_s=10.0), 0.0)
-    reason = course.over(ns(10.0 + PATIENCE_S))
+    timeline = armed_after(DiveTimeline(script_s=10.0), 0.0)
+    reason = timeline.over(ns(10.0 + PATIENCE_S))
     assert reason is not None
     assert reason != "clean"
 
 
 def test_a_script_that_waits_too_long_for_arming_ends_with_the_drones_own_reason():
-    course = DiveTimeline(script_s=10.0)
-    course.see(status(armed=False, note="calibrating: keep the drone still"), 0)
+    timeline = DiveTimeline(script_s=10.0)
+    timeline.see(status(armed=False, note="calibrating: keep the drone still"), 0)
     with pytest.raises(LindyError, match=r"did not arm .* keep the drone still"):
-        course.over(ns(ARMING_S) + 1)
+        timeline.over(ns(ARMING_S) + 1)
 
 
 def test_a_person_may_wait_for_arming_and_dive_as_long_as_wanted():
-    course = DiveTimeline(script_s=None)
-    assert course.over(ns(3600)) is None
-    course.see(status(armed=True), ns(3600))
-    assert course.over(ns(36000)) is None
+    timeline = DiveTimeline(script_s=None)
+    assert timeline.over(ns(3600)) is None
+    timeline.see(status(armed=True), ns(3600))
+    assert timeline.over(ns(36000)) is None

@@ -91,8 +91,8 @@ class Chain:
 
     def _listen(self) -> None:
         """Until it is armed, and from then on."""
-        ear, statuses = self._host.node("observer", ["drone"]), list[VehicleStatus]()
-        ear.each(topics.STATUS, lambda status, _: statuses.append(status))
+        port, statuses = self._host.node("observer", ["drone"]), list[VehicleStatus]()
+        port.each(topics.STATUS, lambda status, _: statuses.append(status))
         self._host.run(
             round(LONGEST_START * SECOND), done=lambda: bool(statuses) and statuses[-1].armed
         )
@@ -100,4 +100,4 @@ class Chain:
             raise RuntimeError(f"the drone is not armed after {LONGEST_START:.0f} s")
         self._armed_at = self._host.now
         for topic in HEARD:
-            ear.each(topic, lambda message, _, key=topic.key: self._said[key].append(message))
+            port.each(topic, lambda message, _, key=topic.key: self._said[key].append(message))

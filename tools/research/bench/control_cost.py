@@ -88,7 +88,7 @@ def _steps(vehicle: str, *, place: bool) -> Callable[[], int]:
     def turn() -> int:
         for reference, state, now in inputs:
             steers.step(reference, state, now)
-        steers.happened.clear()
+        steers.events.clear()
         return STEPS
 
     return turn

@@ -158,7 +158,7 @@ class AtRest:
     def __call__(self) -> int:
         for _ in range(STEPS):
             self._step()
-        self._estimator.noted.clear()
+        self._estimator.events.clear()
         return STEPS
 
     def _step(self) -> VehicleState | None:

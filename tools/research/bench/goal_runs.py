@@ -226,7 +226,7 @@ def dead_thruster(part: str, seed: int) -> Away:
         (26.0, HANDS_OFF),
     ]
     sortie = Sortie(rows, vehicle="bluerov2_heavy", seed=seed).until(20.0)
-    sortie.suffer(part, "dead")
+    sortie.set_faults(part, "dead")
     sortie.until(32.0)
     before, after = sortie.columns(18.0, 20.0), sortie.columns(20.0)
     turned = np.abs(after.heading - before.heading.mean())
@@ -242,7 +242,7 @@ def lost_sensor(part: str, fault: FaultKind, seed: int) -> float:
     after a sensor is lost."""
     rows: list[SortieRow] = [(1.0, (0.0, 0.0, 1.0, 0.0)), (6.0, HANDS_OFF)]
     sortie = Sortie(rows, seed=seed).until(16.0)
-    sortie.suffer(part, fault)
+    sortie.set_faults(part, fault)
     sortie.until(31.0)
     before, after = sortie.columns(12.0, 16.0).thrust, sortie.columns(16.0).thrust
     return float(np.abs(after - before.mean(axis=0)).max())

@@ -105,7 +105,7 @@ class Underway:
     def __call__(self) -> int:
         for _ in range(STEPS):
             self._step()
-        self._estimator.noted.clear()
+        self._estimator.events.clear()
         return STEPS
 
     def _step(self) -> None:

@@ -96,8 +96,8 @@ def place(seed: int, wander: float = 0.0) -> Place:
     return Place(floor_depth=20.0, wake_share=rng.uniform(0.8, 1.0), current=flow)
 
 
-def world(seed: int, where: Place, seconds: float, leg: float = LEG) -> HorizontalWorld:
-    """The vehicle turns to a new heading and pushes anew every `leg` [s]."""
+def world(seed: int, where: Place, seconds: float, interval: float = LEG) -> HorizontalWorld:
+    """The vehicle turns to a new heading and pushes anew every `interval` [s]."""
     rng = np.random.default_rng([seed, 77])
     vehicle = Stack().section("vehicle", Vehicle)
     simulator = Simulator(vehicle, where, seed, at_the_surface(vehicle, where))
@@ -107,7 +107,7 @@ def world(seed: int, where: Place, seconds: float, leg: float = LEG) -> Horizont
     for k in range(1, round((REST + seconds) * HZ) + 1):
         t, now = k / HZ - REST, k * 1_000_000_000 // HZ
         if t > 0.0:
-            if round(t * HZ) % round(leg * HZ) == 1:
+            if round(t * HZ) % round(interval * HZ) == 1:
                 heading, surge, sway = rng.uniform((-pi, 0.0, -6.0), (pi, 20.0, 6.0)).tolist()
             thrust = steered(simulator.truth(), heading, surge, sway)
             command = ThrusterCommand(
@@ -188,7 +188,7 @@ def observe(
         if k / HZ - REST >= SETTLED and state is not None:
             _note(found, moment.truth, state)
             found.held.append([*fix, *held])
-    found.counts = list(estimator.noted)
+    found.counts = list(estimator.events)
     return found
 
 

@@ -144,7 +144,7 @@ class Sortie:
         )
         self._wishes.put(request)
 
-    def suffer(self, part: str, fault: FaultKind, value: float | None = None) -> None:
+    def set_faults(self, part: str, fault: FaultKind, value: float | None = None) -> None:
         """Break a part, or mend it with `none`."""
         self._asked += 1
         request = FaultRequest(

@@ -85,9 +85,9 @@ def _through_service(seconds: float = 1.0) -> int:
     """5000 messages a second over all fast rows, with the virtual host and its bus."""
     host = VirtualHost()
     host.add("tether", GATEWAY, Stack(link="tether"))
-    drone, heard = host.realm("drone"), list[Envelope]()
+    drone, heard = host.side("drone"), list[Envelope]()
     for topic in FAST:
-        host.realm("topside").hear(topic.key, heard.append)
+        host.side("topside").hear(topic.key, heard.append)
     clock = host.node("clock", ["drone"])
     envelopes = [Envelope(topic.key, bytes(BYTES), topic.encoding) for topic in FAST]
 

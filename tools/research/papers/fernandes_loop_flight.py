@@ -204,7 +204,7 @@ def _submerged(node: Node, stack: Stack) -> None:
     vehicle, settings = stack.section("vehicle", Vehicle), stack.section("simulator", Settings)
     start = at_the_surface(vehicle, settings)
     state = (0.0, 0.0, DEPTH, *start.state[3:])
-    node.remember(msgspec.structs.replace(start, state=state))
+    node.save_checkpoint(msgspec.structs.replace(start, state=state))
     wire_of("simulator")(node, stack)
 
 
@@ -233,7 +233,7 @@ class LoopLog:
 
     def listen(self, host: VirtualHost) -> None:
         """Hear it all. What is not kept is not decoded, which saves a quarter of the time."""
-        ear = host.realm("drone")
+        port = host.side("drone")
 
         def keep(topic: Topic[M], rows: list[M], every_ns: int = EVERY_NS) -> None:
             decode = msgspec.msgpack.Decoder(topic.message).decode
@@ -243,7 +243,7 @@ class LoopLog:
                 if host.now % every_ns == 0 and not early:
                     rows.append(decode(envelope.payload))
 
-            ear.hear(topic.key, hear)
+            port.hear(topic.key, hear)
 
         keep(topics.TRUTH, self.truth)
         keep(topics.STATE, self.states)

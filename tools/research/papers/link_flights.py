@@ -99,7 +99,7 @@ def _notes(folder: Path, link: str, stick: Stick, seconds: float) -> tuple[LinkR
     pilot.each(topics.PILOT_COMMAND, lambda m, _: notes.commands.append(m))
     pilot.each(topics.STATUS, notes.on_status)
     pilot.each(topics.STATE, lambda m, now: notes.seen.append((now, m.stamp_ns)))
-    host.realm("drone").hear("**", lambda e: notes.on_telemetry(e, host.now))
+    host.side("drone").hear("**", lambda e: notes.on_telemetry(e, host.now))
     host.run(round(LONGEST_START * 1e9), done=lambda: notes.armed)
     if not notes.armed:
         raise RuntimeError(f"the drone is not armed after {LONGEST_START:.0f} s")

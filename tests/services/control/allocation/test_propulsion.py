@@ -37,7 +37,7 @@ class Dive:
     def __post_init__(self) -> None:
         at_rest = (0.0, 0.0, DEPTH, 1.0, 0.0, 0.0, 0.0, *[0.0] * 6)
         self.vessel = Vessel(self.vehicle, Place(), at_rest, [0.0] * len(self.vehicle.thruster))
-        self.vessel.suffer(self.faults)
+        self.vessel.set_faults(self.faults)
         self.controller = Controller(Settings(), self.vehicle)
         self.thrust: tuple[float, ...] = ()
 
@@ -68,8 +68,8 @@ class Dive:
         if self.thrust and not self.deaf:
             self.controller.heard(self.actuation(now), state)
         self.wrench, command = self.controller.step(self.reference(surge, sway), state, now)
-        self.counted += self.controller.happened
-        self.controller.happened.clear()
+        self.counted += self.controller.events
+        self.controller.events.clear()
         self.thrust = command.thrust
         self.vessel.drive(command.thrust)
         self.vessel.advance(TICK)
@@ -181,7 +181,7 @@ def test_a_mended_thruster_is_counted_on_again(pioneer: Vehicle) -> None:
     dive = Dive(pioneer, {"lateral": Fault("dead")})
     dive.run(3.0, sway=10.0)
     assert dive.wrench.distrusted == ("lateral",)
-    dive.vessel.suffer({})
+    dive.vessel.set_faults({})
     assert dive.run(8.0, surge=10.0) < 0.1
     assert dive.wrench.distrusted == ()
 
@@ -214,7 +214,7 @@ def test_a_lag_of_third_order_is_known_to_the_watch(heavy: Vehicle) -> None:
     for k in range(30):
         dive.run(0.1, surge=25.0 if k % 2 else -25.0)
     assert dive.wrench.distrusted == ()
-    dive.vessel.suffer({"flat_front_left": Fault("weak", 0.3)})
+    dive.vessel.set_faults({"flat_front_left": Fault("weak", 0.3)})
     dive.run(3.0, surge=25.0)
     assert dive.wrench.distrusted == ("flat_front_left",)
 

@@ -79,7 +79,7 @@ class Bench:
 
     @property
     def counts(self) -> Counter[str]:
-        return Counter(self.estimator.noted)
+        return Counter(self.estimator.events)
 
 
 def running() -> Bench:
@@ -173,13 +173,13 @@ def test_a_wrong_rate_is_counted_once_per_passage() -> None:
 
 
 def test_a_drop_out_is_not_a_wrong_rate() -> None:
-    noted: list[str] = []
-    watch = SensorWatch("sensor/x", 10.0, noted, 10.0, 0.2)
+    events: list[str] = []
+    watch = SensorWatch("sensor/x", 10.0, events, 10.0, 0.2)
     at = 0
     for k in range(500):
         at += (5000 if k % 7 == 6 else 100) * MS
         assert watch.usable((float(k),), at)
-    assert noted == []
+    assert events == []
 
 
 def test_a_pressure_sensor_that_boots_late_is_waited_for_and_said() -> None:
@@ -232,7 +232,7 @@ def test_a_frozen_position_aid_is_counted_once(frozen: str) -> None:
 def test_what_is_not_a_number_stops_at_the_gate(bad: float | None) -> None:
     host = VirtualHost()
     service = host.add("estimation", ServiceSpec(sides=["drone"]), Stack())
-    raw = host.realm("drone").say(topics.IMU)
+    raw = host.side("drone").say(topics.IMU)
     sample = {"stamp_ns": 0, "specific_force": [0.0, 0.0, bad], "angular_rate": [0.0, 0.0, 0.0]}
     if bad is None:
         sample["specific_force"] = [0.0, 0.0]  # an axis is missing

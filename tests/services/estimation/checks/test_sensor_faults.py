@@ -163,7 +163,7 @@ class Bench:
         vehicle.each(topics.HEALTH.of("estimation"), lambda health, _: self.health.append(health))
         for sensor in ("pressure", "magnetometer", "imu"):
             topic: Topic[Any] = SENSORS[sensor]
-            say, count = self.host.realm("drone").say(topic), iter(range(10**9))
+            say, count = self.host.side("drone").say(topic), iter(range(10**9))
 
             def speak(now: int, sensor: str = sensor, say: Any = say, count: Any = count) -> None:
                 sample = msgspec.to_builtins(self._measured(sensor, now)) | {"seq": next(count)}

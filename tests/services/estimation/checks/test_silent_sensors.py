@@ -16,8 +16,8 @@ PATIENCE = 2.0  # [s]
 @settings(max_examples=50, deadline=None)
 @given(st.lists(st.integers(1, 6000), min_size=1, max_size=20))
 def test_each_silence_beyond_the_patience_is_counted_once(gaps: list[int]) -> None:
-    noted: list[str] = []
-    watch = SensorWatch("sensor/x", 1e3, noted, silent_after=PATIENCE)
+    events: list[str] = []
+    watch = SensorWatch("sensor/x", 1e3, events, silent_after=PATIENCE)
     at = 0
     watch.usable((0.0,), at * MS)
     for k, gap in enumerate(gaps, start=1):
@@ -26,14 +26,14 @@ def test_each_silence_beyond_the_patience_is_counted_once(gaps: list[int]) -> No
         watch.listen((at + gap) * MS)
         at += gap
         watch.usable((float(k),), at * MS)
-    assert noted == ["silent:sensor/x"] * sum(gap > PATIENCE * 1000 for gap in gaps)
+    assert events == ["silent:sensor/x"] * sum(gap > PATIENCE * 1000 for gap in gaps)
 
 
 def test_a_sensor_that_was_never_heard_is_absent_and_not_silent() -> None:
-    noted: list[str] = []
-    watch = SensorWatch("sensor/x", 1e3, noted, silent_after=PATIENCE)
+    events: list[str] = []
+    watch = SensorWatch("sensor/x", 1e3, events, silent_after=PATIENCE)
     watch.listen(10**12)
-    assert noted == []
+    assert events == []
 
 
 def test_the_estimator_counts_its_silent_aids_and_its_compass() -> None:
@@ -53,4 +53,4 @@ def test_the_estimator_counts_its_silent_aids_and_its_compass() -> None:
         imu = ImuSample(stamp_ns=now, specific_force=(0.0, wave, -GRAVITY), angular_rate=rate)
         estimator.imu(imu, now)
     for name in ("magnetometer", "dvl", "usbl"):
-        assert estimator.noted.count(f"silent:sensor/{name}") == 1
+        assert estimator.events.count(f"silent:sensor/{name}") == 1

@@ -39,7 +39,7 @@ def test_a_pressure_sensor_on_an_arm_tells_the_depth_of_the_origin() -> None:
         water = SEA_WATER * GRAVITY * (floats + to_world(q, ARM)[2])
         said = ATMOSPHERE + water + 10.0 * (-1) ** k
         estimator.pressure(PressureSample(stamp_ns=now, pressure=said))
-    kept = estimator.remembered(600 * 10 * MS)
+    kept = estimator.checkpoint(600 * 10 * MS)
     assert kept is not None
     assert kept.atmosphere == pytest.approx(ATMOSPHERE, abs=50.0)
     assert state is not None

@@ -33,7 +33,7 @@ speed = st.floats(-1.5, 1.5)
 pairs = st.tuples(speed, speed)
 
 
-def leg(
+def interval(
     seconds: float = 0.1,
     acceleration: tuple[float, float] | None = (0.2, -0.1),
     force: tuple[float, float] | None = (10.0, -3.0),
@@ -65,7 +65,7 @@ def test_the_jacobians_are_the_slopes_of_what_is_measured(
     deviation, damping = (error, by_sine, by_cosine), (more, aside)
     x = np.array([3.0, -2.0, *over_ground, *current, 0.1, -0.05, *np.zeros(5)])
     x[ekf.DEVIATION], x[ekf.DAMPING] = deviation, damping
-    here = leg(roll=roll, pitch=pitch, heading=heading)
+    here = interval(roll=roll, pitch=pitch, heading=heading)
     P = np.eye(SIZE)
     through_water = np.subtract(over_ground, current)
     level = ekf.true_rotation(HorizontalEstimate(x, P), here)
@@ -94,7 +94,7 @@ def test_the_jacobians_are_the_slopes_of_what_is_measured(
 @given(st.integers(0, 10**6), st.integers(2, 6))
 def test_in_the_linear_case_it_is_batch_least_squares(seed: int, steps: int) -> None:
     rng = np.random.default_rng(seed)
-    belief = ekf.begun(CHOICE, 0.05)
+    estimate = ekf.begun(CHOICE, 0.05)
     rows: list[tuple[Floats, Floats, Floats]] = []  # weight the residual A z - b by W
     wide = SIZE * (steps + 1)
 
@@ -105,9 +105,9 @@ def test_in_the_linear_case_it_is_batch_least_squares(seed: int, steps: int) -> 
             big[:, SIZE * (k - 1) : SIZE * k] = -before
         rows.append((big, b, np.asarray(np.linalg.inv(np.linalg.cholesky(cov)), dtype=np.float64)))
 
-    take(0, np.eye(SIZE), belief.x, belief.P)
+    take(0, np.eye(SIZE), estimate.x, estimate.P)
     for k in range(1, steps + 1):
-        here = leg(seconds=rng.uniform(0.05, 2.0), acceleration=(0.0, 0.0))
+        here = interval(seconds=rng.uniform(0.05, 2.0), acceleration=(0.0, 0.0))
         zero = HorizontalEstimate(np.zeros(SIZE), np.zeros((SIZE, SIZE)))
         push, Q = ekf.predicted(zero, here, CHOICE)
         units = [
@@ -116,17 +116,17 @@ def test_in_the_linear_case_it_is_batch_least_squares(seed: int, steps: int) -> 
         ]
         F = np.array(units).T
         take(k, np.eye(SIZE), push, Q, F)
-        belief = ekf.predicted(belief, here, CHOICE)
+        estimate = ekf.predicted(estimate, here, CHOICE)
         H, z, R = rng.normal(size=(2, SIZE)), rng.normal(size=2), np.diag(rng.uniform(0.1, 1.0, 2))
         H[:, ekf.DAMPING] = 0.0  # what is considered is not estimated
         take(k, H, z, R)
-        belief = ekf.corrected(belief, Innovation(z - H @ belief.x, H, R))
+        estimate = ekf.corrected(estimate, Innovation(z - H @ estimate.x, H, R))
     A = np.vstack([W @ big for big, _, W in rows])
     b = np.concatenate([W @ off for _, off, W in rows])
     found, *_ = np.linalg.lstsq(A, b, rcond=None)
-    assert belief.x == pytest.approx(found[-SIZE:], abs=1e-5)
+    assert estimate.x == pytest.approx(found[-SIZE:], abs=1e-5)
     spread = np.linalg.inv(A.T @ A)[-SIZE:, -SIZE:]
-    assert np.diag(belief.P) == pytest.approx(np.diag(spread), rel=1e-4)
+    assert np.diag(estimate.P) == pytest.approx(np.diag(spread), rel=1e-4)
 
 
 def test_errors_and_innovations_are_as_large_as_their_covariances_say() -> None:
@@ -143,42 +143,42 @@ def drawn(seed: int) -> tuple[list[float], list[float]]:
     """Normalised squares of the errors once a second and of the innovations, for a truth that is
     drawn from what the filter believes of the world. As in a dive, a DVL speaks first."""
     rng = np.random.default_rng(seed)
-    belief = ekf.begun(CHOICE, 0.05)
-    truth = rng.multivariate_normal(belief.x, belief.P)
-    first = leg()
+    estimate = ekf.begun(CHOICE, 0.05)
+    truth = rng.multivariate_normal(estimate.x, estimate.P)
+    first = interval()
     v_N = *truth[ekf.VELOCITY].tolist(), first.depth_rate
-    u, v, w = (ekf.true_rotation(HorizontalEstimate(truth, belief.P), first) @ v_N).tolist()
+    u, v, w = (ekf.true_rotation(HorizontalEstimate(truth, estimate.P), first) @ v_N).tolist()
     u, v = u + 0.01 * rng.normal(), v + 0.01 * rng.normal()
-    belief = ekf.changed_to(belief, first, (u, v, w), 0.01)
+    estimate = ekf.changed_to(estimate, first, (u, v, w), 0.01)
     errors, surprises, dt = list[float](), list[float](), 0.1
     for k in range(1, round(SECONDS / dt) + 1):
         t = k * dt
         push = (12.0 + 5.0 * np.sin(0.4 * t), 4.0 * np.cos(0.23 * t))
         noise = rng.normal(size=2) * CHOICE.model_noise / dt**0.5
         truth, here = moved(truth, t, push, noise, rng)
-        belief = ekf.predicted(belief, here, CHOICE)
-        belief = ekf.corrected(belief, ekf.balance(belief, here, HULL, CHOICE))
+        estimate = ekf.predicted(estimate, here, CHOICE)
+        estimate = ekf.corrected(estimate, ekf.balance(estimate, here, HULL, CHOICE))
         if k % 10 == 0:
-            seen = seen_by_dvl(belief, truth, here, rng)
+            seen = seen_by_dvl(estimate, truth, here, rng)
             if t > SETTLED:
-                surprises.append(ekf.surprise(belief, seen))
-            belief = ekf.corrected(belief, seen)
+                surprises.append(ekf.surprise(estimate, seen))
+            estimate = ekf.corrected(estimate, seen)
         if k % 20 == 0:
             north, east = (truth[:2] + 0.5 * rng.normal(size=2)).tolist()
-            belief = ekf.corrected(belief, ekf.fix(belief, (north, east), 0.5))
+            estimate = ekf.corrected(estimate, ekf.fix(estimate, (north, east), 0.5))
         if k % 10 == 5 and t > SETTLED:
-            off: Floats = (truth - belief.x)[LEARNT]
-            errors.append(float(off @ np.linalg.solve(belief.P[np.ix_(LEARNT, LEARNT)], off)))
+            off: Floats = (truth - estimate.x)[LEARNT]
+            errors.append(float(off @ np.linalg.solve(estimate.P[np.ix_(LEARNT, LEARNT)], off)))
     return errors, surprises
 
 
 def seen_by_dvl(
-    belief: HorizontalEstimate, truth: Floats, here: Interval, rng: np.random.Generator
+    estimate: HorizontalEstimate, truth: Floats, here: Interval, rng: np.random.Generator
 ) -> Innovation:
     """What a DVL measures of the truth, beside what was expected."""
-    nothing = ekf.velocity(HorizontalEstimate(truth, belief.P), here, (0.0, 0.0, 0.0), 0.01)
+    nothing = ekf.velocity(HorizontalEstimate(truth, estimate.P), here, (0.0, 0.0, 0.0), 0.01)
     surge, sway = rng.multivariate_normal(-nothing.off, nothing.R).tolist()
-    return ekf.velocity(belief, here, (surge, sway, 0.0), 0.01)
+    return ekf.velocity(estimate, here, (surge, sway, 0.0), 0.01)
 
 
 def moved(
@@ -187,9 +187,9 @@ def moved(
     """The truth one leg later, and the leg: the accelerometer measures what thrust and drag do."""
     wander: Floats = rng.normal(size=SIZE)
     acceleration = (0.0, 0.0)
-    after, here, error = truth, leg(), 0.0
+    after, here, error = truth, interval(), 0.0
     for _ in range(4):  # the acceleration depends on where the leg ends, and that on it
-        here = leg(
+        here = interval(
             acceleration=acceleration, force=push, roll=0.05, pitch=0.1,
             heading=0.3 * t - error, depth_rate=0.1,
         )  # fmt: skip
@@ -205,7 +205,7 @@ def moved(
 
 def test_without_a_force_there_is_no_balance() -> None:
     with pytest.raises(ValueError, match="no balance"):
-        ekf.balance(ekf.begun(CHOICE, 0.1), leg(force=None), HULL, CHOICE)
+        ekf.balance(ekf.begun(CHOICE, 0.1), interval(force=None), HULL, CHOICE)
 
 
 def test_a_belief_with_a_number_that_is_not_one_is_not_sound() -> None:

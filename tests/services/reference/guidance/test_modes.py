@@ -45,7 +45,7 @@ class Sea:
         offset: float = 0.0,
         before: GuidanceCheckpoint | None = None,
     ) -> None:
-        self.pilotage = ReferenceGenerator(SETTINGS, before or GuidanceCheckpoint())
+        self.generator = ReferenceGenerator(SETTINGS, before or GuidanceCheckpoint())
         self.ns = 0
         self.measures, self.knows_place = measures, True
         self.knows_depth = True
@@ -91,7 +91,7 @@ class Sea:
     def request(self, kind: str, command: PilotCommand, **more: object) -> PilotAnswer:
         self.asked += 1
         request = PilotRequest(stamp_ns=self.ns, id=f"{self.asked}", kind=kind, **more)  # type: ignore[arg-type]
-        return self.pilotage.answer(request, command, 0, self.ns)
+        return self.generator.answer(request, command, 0, self.ns)
 
     def fly(
         self, seconds: float, command: PilotCommand | None = None, *, lost: str = ""
@@ -101,7 +101,7 @@ class Sea:
         for _ in range(max(1, round(seconds / DT))):
             self.ns += round(DT * 1e9)
             state = None if lost == "state" else self.state()
-            reference = self.pilotage.step(state, heard, self.ns)
+            reference = self.generator.step(state, heard, self.ns)
             assert reference is not None
             self.seen.append((reference, state))
             self._move(reference)
@@ -279,7 +279,7 @@ def test_what_is_held_has_a_reference_and_what_is_not_a_force(hold: Hold) -> Non
         assert reference.depth.velocity == s.heave.max_velocity
     if held.heading:
         assert reference.heading.velocity == s.yaw.max_velocity
-    assert sea.pilotage.status(None, 0).hold == hold
+    assert sea.generator.status(None, 0).hold == hold
     check(sea)
 
 
@@ -331,11 +331,11 @@ def test_a_lost_pilot_means_rest_and_hold_in_every_mode(when: float, hold: Hold)
     assert end.depth.velocity == end.heading.velocity == end.surge_force == 0.0
     assert later.depth.position == end.depth.position
     assert later.heading.position == end.heading.position
-    assert sea.pilotage.happened == ["failsafe:pilot_lost"]
+    assert sea.generator.events == ["failsafe:pilot_lost"]
     safe = "station_keeping" if hold == "station_keeping" else "stabilised"
-    assert sea.pilotage.status(None, 0).hold == safe
+    assert sea.generator.status(None, 0).hold == safe
     sea.fly(0.1)  # the pilot is back, and nothing is let go
-    assert sea.pilotage.status(None, 0).hold == safe
+    assert sea.generator.status(None, 0).hold == safe
     check(sea)
 
 
@@ -354,9 +354,9 @@ def test_an_emergency_stop_keeps_its_word_in_every_mode(when: float, hold: Hold)
     assert abs(end.heading.position - before.heading.position - stop.heading) < 1e-9
     assert end.depth.velocity == end.heading.velocity == end.surge_force == 0.0
     assert end.north is None or hypot(end.north.velocity, end.north.acceleration) == 0.0
-    assert sea.pilotage.mode == "stopping"
+    assert sea.generator.mode == "stopping"
     sea.fly(0.1)
-    assert sea.pilotage.mode == "piloted"
+    assert sea.generator.mode == "piloted"
     check(sea)
 
 
@@ -370,7 +370,7 @@ def test_station_keeping_is_refused_without_a_measured_place() -> None:
     sea.knows_place = False
     sea.fly(0.02)
     assert "does not know its position" in sea.ask("mode", hold="station_keeping")
-    assert sea.pilotage.status(None, 0).hold == "stabilised"
+    assert sea.generator.status(None, 0).hold == "stabilised"
     assert "what to hold" in sea.ask("mode")
 
 
@@ -388,9 +388,9 @@ def test_a_place_not_measured_for_too_long_is_let_go_and_said() -> None:
     sea.knows_place = False
     assert sea.fly(PLACE_PATIENCE_S - 0.05, sticks(surge=1.0)).north is not None
     assert sea.fly(0.2, sticks(surge=1.0)).north is None
-    assert sea.pilotage.happened == ["lost:place"]
-    assert len(sea.pilotage.notes) == 1
-    assert sea.pilotage.status(None, 0).hold == "stabilised"
+    assert sea.generator.events == ["lost:place"]
+    assert len(sea.generator.notes) == 1
+    assert sea.generator.status(None, 0).hold == "stabilised"
     sea.knows_place = True
     assert sea.fly(3.0).north is None  # not before it is asked for again
     assert sea.ask("mode", hold="station_keeping") == ""
@@ -409,11 +409,11 @@ def test_arming_brings_back_the_mode_that_was_asked_for() -> None:
     sea = armed("manual")
     sea.fly(0.1, lost="pilot")
     sea.fly(0.1)
-    assert sea.pilotage.status(None, 0).hold == "stabilised"
+    assert sea.generator.status(None, 0).hold == "stabilised"
     sea.ask("disarm")
-    assert sea.pilotage.status(None, 0).hold == "manual"
+    assert sea.generator.status(None, 0).hold == "manual"
     assert sea.ask("arm") == ""
-    assert sea.pilotage.status(None, 0).hold == "manual"
+    assert sea.generator.status(None, 0).hold == "manual"
 
 
 def test_armed_without_the_place_that_was_asked_for_it_says_so() -> None:
@@ -422,19 +422,19 @@ def test_armed_without_the_place_that_was_asked_for_it_says_so() -> None:
     sea.knows_place = False
     sea.fly(0.1)
     assert sea.ask("arm") == ""
-    assert sea.pilotage.status(None, 0).hold == "stabilised"
-    assert sea.pilotage.happened == ["refused:station_keeping"]
+    assert sea.generator.status(None, 0).hold == "stabilised"
+    assert sea.generator.events == ["refused:station_keeping"]
 
 
 @pytest.mark.parametrize("hold", HOLD_NAMES)
 def test_a_restart_in_mid_dive_goes_on_in_the_same_mode(hold: Hold) -> None:
-    kept = armed(hold).pilotage.remembered
+    kept = armed(hold).generator.checkpoint
     assert kept.armed
     sea = Sea(before=msgspec.json.decode(msgspec.json.encode(kept), type=GuidanceCheckpoint))
     reference = sea.fly(0.1)
     assert (reference.heave_force is None, reference.yaw_moment is None) == HOLDS[hold][:2]
     assert (reference.north is not None) == HOLDS[hold].place
-    assert sea.pilotage.status(None, 0).hold == hold
+    assert sea.generator.status(None, 0).hold == hold
 
 
 # A place that is held.
@@ -450,7 +450,7 @@ def test_held_back_the_place_waits_and_let_go_it_gives_in() -> None:
         assert out.north is not None
         assert out.east is not None
         assert dist((out.north.position, out.east.position), sea.at[:2]) <= most + 1e-9
-    assert sea.pilotage.happened == ["clamped:reference.place"]
+    assert sea.generator.events == ["clamped:reference.place"]
     out = sea.fly(6.0)
     assert out.north is not None
     assert out.east is not None
@@ -487,7 +487,7 @@ def test_a_path_begins_where_the_drone_is_and_is_run_in_four_degrees(
     begin = list(sea.at[:2])
     assert sea.ask("follow", course=WAY) == ""
     seen = len(sea.seen)
-    while sea.pilotage.mode == "follow":
+    while sea.generator.mode == "follow":
         sea.fly(1.0)
     flown = [r for r, _ in sea.seen[seen:]]
     assert dist(last_place(sea), (begin[0] + 6.0, begin[1] + 6.0)) < 1e-6
@@ -509,9 +509,9 @@ def test_goto_a_place_ends_there_however_it_drifted_before(
     assert sea.ask("goto", north=north, east=east) == ""
     for _ in range(120):
         sea.fly(1.0)
-        if sea.pilotage.mode == "piloted":
+        if sea.generator.mode == "piloted":
             break
-    assert sea.pilotage.mode == "piloted"
+    assert sea.generator.mode == "piloted"
     assert dist(last_place(sea), (north, east)) < 0.05
     check(sea)
 
@@ -527,7 +527,7 @@ def test_the_path_waits_for_a_drone_that_is_held_back_in_its_place() -> None:
     assert dist(last_place(sea), sea.at[:2]) < 1.3  # the tolerance, and the way to stand still
     sea.stuck = False
     sea.fly(60.0)
-    assert sea.pilotage.notes == ["the end of the path"]
+    assert sea.generator.notes == ["the end of the path"]
 
 
 @settings(max_examples=8, deadline=None, phases=GENERATE)
@@ -558,8 +558,8 @@ def test_a_path_whose_place_is_lost_goes_on_blind_at_the_same_pace() -> None:
     assert blind.north is None
     assert blind.surge is not None
     assert blind.surge.velocity == pytest.approx(WAY.cruise)
-    assert sea.pilotage.mode == "follow"
-    assert sea.pilotage.happened == ["lost:place"]
+    assert sea.generator.mode == "follow"
+    assert sea.generator.events == ["lost:place"]
     check(sea)
 
 
@@ -573,7 +573,7 @@ def test_a_stick_takes_over_from_a_measured_path_without_a_step(
     sea.fly(when)
     before = sea.seen[-1][0]
     after = sea.fly(DT, sticks(**{axis: 1.0}))
-    assert sea.pilotage.mode == "piloted"
+    assert sea.generator.mode == "piloted"
     if before.north is not None and before.east is not None:
         speed = hypot(before.north.velocity, before.east.velocity)
         if keeps:

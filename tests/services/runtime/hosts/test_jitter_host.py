@@ -131,7 +131,7 @@ def test_a_port_that_uses_every_message_has_room_for_half_a_second(seconds: floa
 
 def test_garbage_behind_the_newest_message_does_not_take_its_place() -> None:
     host, heard = VirtualHost(), list[int]()
-    listener, foreign = host.node("listener", DRONE), host.realm("drone")
+    listener, foreign = host.node("listener", DRONE), host.side("drone")
 
     def hear(message: ImuSample | None, _: int) -> None:
         if message is not None:

@@ -35,14 +35,14 @@ class Toys:
         self.supervisor = Supervisor(lambda _, text: self.told.append(text))
         self._folder = folder
 
-    def add(self, name: str, code: str, wave: int = 0) -> None:
+    def add(self, name: str, code: str, stop_order: int = 0) -> None:
         log = self._folder / f"{name}.log"
-        self.supervisor.add([Task(name, [sys.executable, "-S", "-c", code], log, wave)])
+        self.supervisor.add([Task(name, [sys.executable, "-S", "-c", code], log, stop_order)])
         self.supervisor.step()
 
-    def until(self, happened: Callable[[], bool]) -> None:
+    def until(self, events: Callable[[], bool]) -> None:
         deadline = time.monotonic() + PATIENCE_S
-        while not happened():
+        while not events():
             assert time.monotonic() < deadline, self.told
             self.supervisor.step()
             time.sleep(0.01)
@@ -171,8 +171,8 @@ class Stage:
         self.supervisor = Supervisor(lambda _level, _text: None, self._spawn, lambda: self.now)
         self.supervisor.add(
             [
-                Task("hub", [], Path(), wave=2),
-                Task("recorder", [], Path(), wave=1),
+                Task("hub", [], Path(), stop_order=2),
+                Task("recorder", [], Path(), stop_order=1),
                 Task("control", [], Path()),
             ]
         )

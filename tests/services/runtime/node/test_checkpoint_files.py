@@ -40,12 +40,12 @@ class SlowDisk:
 def test_a_checkpoint_is_there_for_the_next_run(tmp_path: Path):
     path = tmp_path / "worker.json"
     before = CheckpointFile(path)
-    assert before.recall() is None
+    assert before.restore_checkpoint() is None
     for depth in range(20):
-        before.remember(f"{depth}".encode())
+        before.save_checkpoint(f"{depth}".encode())
     before.close()
     after = CheckpointFile(path)
-    assert after.recall() == b"19"
+    assert after.restore_checkpoint() == b"19"
     after.close()
     assert [file.name for file in tmp_path.iterdir()] == ["worker.json"]
 
@@ -53,13 +53,13 @@ def test_a_checkpoint_is_there_for_the_next_run(tmp_path: Path):
 def test_while_the_disk_is_busy_nobody_waits_and_only_the_newest_is_written_next(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    disk, memory = SlowDisk(monkeypatch), CheckpointFile(tmp_path / "worker.json")
-    memory.remember(b"first")
+    disk, checkpoint = SlowDisk(monkeypatch), CheckpointFile(tmp_path / "worker.json")
+    checkpoint.save_checkpoint(b"first")
     assert disk.begun.acquire(timeout=PATIENCE_S)
     for number in range(100):  # would never come to an end if any of them waited
-        memory.remember(f"{number}".encode())
+        checkpoint.save_checkpoint(f"{number}".encode())
     disk.may_go_on.release(2)
-    memory.close()
+    checkpoint.close()
     assert disk.written == [b"first", b"99"]
 
 
@@ -82,20 +82,20 @@ def test_a_disk_that_takes_nothing_costs_the_checkpoints_and_is_counted_in_the_h
     tmp_path: Path,
 ):
     host, now = VirtualHost(), [0]
-    memory = CheckpointFile(tmp_path / "missing" / "worker.json")
-    ear = host.realm("drone")
+    checkpoint = CheckpointFile(tmp_path / "missing" / "worker.json")
+    port = host.side("drone")
     told: list[Health] = []
-    ear.hear(
+    port.hear(
         topics.HEALTH.of("worker").key,
         lambda e: told.append(msgspec.msgpack.decode(e.payload, type=Health)),
     )
-    node = Node("worker", {"drone": host.realm("drone")}, lambda: now[0], memory)
-    node.remember(Note(1.0))
-    memory.close()
+    node = Node("worker", {"drone": host.side("drone")}, lambda: now[0], checkpoint)
+    node.save_checkpoint(Note(1.0))
+    checkpoint.close()
     now[0] = 2 * S
     node.step()
     assert told[-1].counts == {"not_remembered:disk": 1}
-    assert node.recall(Note) is None
+    assert node.restore_checkpoint(Note) is None
 
 
 def test_checkpoints_of_another_dive_are_neither_taken_over_nor_overwritten(tmp_path: Path):

@@ -33,20 +33,20 @@ def joined(clocks: dict[str, Skew] | None, link: str = "tether") -> VirtualHost:
     return host
 
 
-def told(far: ClockOffset, ahead: int, bound: int, now: int = 0) -> None:
+def told(clock_offset: ClockOffset, ahead: int, bound: int, now: int = 0) -> None:
     """The link monitor's word on the drone's clock, heard on board."""
     clock = Clock(
         stamp_ns=0, offset_ns=ahead, bound_ns=bound, drift_ppm=None, rtt_ms=None,
         rtt_min_ms=None, answered_ms=None,
     )  # fmt: skip
-    far.learn(clock, now)
+    clock_offset.learn(clock, now)
 
 
 def test_while_the_link_monitor_is_silent_the_clocks_are_known_less_and_less() -> None:
-    far = ClockOffset("drone")
-    told(far, 0, MS, now=SECOND)
-    assert far.bound_ns(SECOND) == MS
-    assert far.bound_ns(61 * SECOND) == MS + 6 * MS
+    clock_offset = ClockOffset("drone")
+    told(clock_offset, 0, MS, now=SECOND)
+    assert clock_offset.bound_ns(SECOND) == MS
+    assert clock_offset.bound_ns(61 * SECOND) == MS + 6 * MS
 
 
 def envelope(message: PilotCommand) -> Envelope:
@@ -60,11 +60,11 @@ def test_better_knowledge_of_the_clock_lets_no_older_message_pass_a_newer_one(
     error: int, better: int, earlier: int
 ) -> None:
     """`error` and `better` [ms] are what the clock is taken to be wrong by, before and after."""
-    far, counts = ClockOffset("drone"), Counter[str]()
-    gate = Gate(topics.PILOT_COMMAND, counts, far)
-    told(far, error * MS, abs(error) * MS, SECOND)
+    clock_offset, counts = ClockOffset("drone"), Counter[str]()
+    gate = Gate(topics.PILOT_COMMAND, counts, clock_offset)
+    told(clock_offset, error * MS, abs(error) * MS, SECOND)
     newest = gate.admit(envelope(command(SECOND)), SECOND + 20 * MS)
-    told(far, better * MS, abs(better) * MS, SECOND)
+    told(clock_offset, better * MS, abs(better) * MS, SECOND)
     older = gate.admit(envelope(command(SECOND - earlier * MS)), SECOND + 40 * MS)
     assert newest is None or older is None
     assert counts["lost:pilot/command"] == 0
@@ -74,23 +74,25 @@ def test_better_knowledge_of_the_clock_lets_no_older_message_pass_a_newer_one(
 @given(error=st.integers(-300, 300), better=st.integers(-300, 300), age=st.integers(0, 1000))
 @settings(max_examples=200, deadline=None)
 def test_better_knowledge_of_the_clock_lengthens_no_life(error: int, better: int, age: int) -> None:
-    far, counts = ClockOffset("drone"), Counter[str]()
-    gate = Gate(topics.PILOT_COMMAND, counts, far)
+    clock_offset, counts = ClockOffset("drone"), Counter[str]()
+    gate = Gate(topics.PILOT_COMMAND, counts, clock_offset)
     inbox = Inbox("pilot/command", 8, lambda: 0, counts)
     newest = Latest(topics.PILOT_COMMAND, inbox, gate, counts)
-    told(far, error * MS, abs(error) * MS, SECOND)
+    told(clock_offset, error * MS, abs(error) * MS, SECOND)
     inbox.store(envelope(command(SECOND)))
     newest.newest(SECOND)
-    told(far, better * MS, abs(better) * MS, SECOND)
+    told(clock_offset, better * MS, abs(better) * MS, SECOND)
     assert newest.fresh(SECOND + age * MS) is None or age <= 300
 
 
 def test_a_machine_that_was_started_anew_is_heard_again() -> None:
-    far, counts = ClockOffset("drone"), Counter[str]()
-    gate = Gate(topics.PILOT_COMMAND, counts, far)
-    told(far, -3600 * SECOND, MS, 10 * SECOND)  # the pilot's machine has run for an hour more
+    clock_offset, counts = ClockOffset("drone"), Counter[str]()
+    gate = Gate(topics.PILOT_COMMAND, counts, clock_offset)
+    told(
+        clock_offset, -3600 * SECOND, MS, 10 * SECOND
+    )  # the pilot's machine has run for an hour more
     assert gate.admit(envelope(command(3610 * SECOND)), 10 * SECOND) is not None
-    told(far, 11 * SECOND, MS, 12 * SECOND)
+    told(clock_offset, 11 * SECOND, MS, 12 * SECOND)
     assert gate.admit(envelope(command(SECOND)), 12 * SECOND) is not None
 
 

@@ -82,14 +82,14 @@ def test_no_command_lives_longer_by_a_stamp_from_the_future_than_jitter_explains
 ) -> None:
     """`bound` [ns] is what the other machine's clock is known to; None: there is one clock."""
     counts, ahead = Counter[str](), JITTER + (bound or 0) + more
-    far = None if bound is None else ClockOffset("drone")
-    if far is not None:
+    clock_offset = None if bound is None else ClockOffset("drone")
+    if clock_offset is not None:
         told = Clock(
             stamp_ns=0, offset_ns=0, bound_ns=bound, drift_ppm=None, rtt_ms=None,
             rtt_min_ms=None, answered_ms=None,
         )  # fmt: skip
-        far.learn(told, NOW)
-    admitted = Gate(topics.PILOT_COMMAND, counts, far).admit(command(NOW + ahead), NOW)
+        clock_offset.learn(told, NOW)
+    admitted = Gate(topics.PILOT_COMMAND, counts, clock_offset).admit(command(NOW + ahead), NOW)
     assert (admitted is not None) == (more <= 0)
     assert counts["from_future:pilot/command"] == (admitted is None)
 
@@ -100,13 +100,13 @@ def test_before_the_clocks_are_known_events_are_heard_and_commands_are_not(
 ) -> None:
     """Nothing but the age of a message hangs on the clocks, and an event has none: a stop is a stop
     whenever it was pressed. What the age of a command is, nobody can say."""
-    far, counts = ClockOffset("drone"), Counter[str]()
-    events = Gate(topics.PILOT_REQUEST, counts, far)
+    clock_offset, counts = ClockOffset("drone"), Counter[str]()
+    events = Gate(topics.PILOT_REQUEST, counts, clock_offset)
     request = PilotRequest(stamp_ns=stamp, id="stop-1", kind=kind)
     encoded = msgspec.msgpack.encode(request)
     heard = events.admit(Envelope("pilot/request", encoded, topics.PILOT_REQUEST.encoding), NOW)
     assert heard == request
-    assert Gate(topics.PILOT_COMMAND, counts, far).admit(command(stamp), NOW) is None
+    assert Gate(topics.PILOT_COMMAND, counts, clock_offset).admit(command(stamp), NOW) is None
     assert counts == {"unsynchronised:pilot/command": 1}
 
 
@@ -149,13 +149,13 @@ def test_events_of_two_senders_do_not_shut_each_other_out() -> None:
 
 @given(st.lists(st.tuples(st.booleans(), st.integers(0, 6)), max_size=40))
 def test_only_epochs_from_the_one_in_force_to_the_one_granted_are_obeyed(
-    happened: list[tuple[bool, int]],
+    events: list[tuple[bool, int]],
 ) -> None:
     """Grants and commands in any order; a grant counts from the first command of its epoch on."""
     door, counts = gate()
     door.authority = authority = Authority(1, 1)
     in_force, granted, refused = 1, 1, 0
-    for k, (is_grant, epoch) in enumerate(happened):
+    for k, (is_grant, epoch) in enumerate(events):
         if is_grant:
             authority.granted = granted = max(granted, epoch)
             continue

@@ -98,7 +98,7 @@ def test_garbage_between_good_messages_disturbs_nothing() -> None:
     talker(host)
     listener, heard = host.node("listener", DRONE), list[int]()
     listener.each(topics.IMU, lambda m, _: heard.append(m.seq))
-    foreign = host.realm("drone")
+    foreign = host.side("drone")
     node = host.node("foreign", DRONE)
     node.every(50, lambda _: foreign.forward(Envelope("sensor/imu", b"\xff", "text/plain")))
     host.run(1000 * MS)
@@ -169,18 +169,18 @@ class Note(msgspec.Struct):
 def test_what_was_remembered_survives_a_kill() -> None:
     host = VirtualHost()
     node = host.node("worker", DRONE)
-    assert node.recall(Note) is None
-    node.remember(Note(3.5))
+    assert node.restore_checkpoint(Note) is None
+    node.save_checkpoint(Note(3.5))
     host.kill("worker")
     again = host.node("worker", DRONE)
-    assert again.recall(Note) == Note(3.5)
+    assert again.restore_checkpoint(Note) == Note(3.5)
 
 
 def test_a_damaged_memory_is_counted_and_treated_as_none() -> None:
     host = VirtualHost()
-    host.node("worker", DRONE).remember(msgspec.defstruct("Other", [("depth", str)])("deep"))
+    host.node("worker", DRONE).save_checkpoint(msgspec.defstruct("Other", [("depth", str)])("deep"))
     again = host.node("worker", DRONE)
-    assert again.recall(Note) is None
+    assert again.restore_checkpoint(Note) is None
     assert again.counts == {"malformed:memory": 1}
 
 
@@ -216,13 +216,13 @@ def test_what_is_collected_waits_for_the_next_timer_and_for_the_end() -> None:
 
 def test_what_is_collected_is_as_late_as_the_timer_that_takes_it() -> None:
     host, now = VirtualHost(), 0
-    listener = Node("listener", {"drone": host.realm("drone")}, lambda: now, VolatileCheckpoint())
+    listener = Node("listener", {"drone": host.side("drone")}, lambda: now, VolatileCheckpoint())
     listener.collect("drone", topics.IMU.key, lambda _, __: None, 100)
     listener.every(2.0, lambda _: None)
     host.node("talker", DRONE).publisher(topics.IMU).put(imu(0))
     now = 700 * MS  # the timer was due at 500 ms
     listener.step()
-    health = listener.pulse.report("listener", now, 0, 0, listener.counts, None)
+    health = listener.loop_stats.report("listener", now, 0, 0, listener.counts, None)
     assert (health.lateness_p50_ms, health.lateness_p99_ms, health.loop_hz) == (200.0, 200.0, 2.0)
 
 
@@ -237,7 +237,7 @@ def test_more_than_can_be_collected_is_counted() -> None:
 
 def invented(host: VirtualHost, names: list[str], payload: bytes) -> None:
     """Somebody says health under these names."""
-    stranger, encoding = host.realm("drone"), topics.HEALTH.encoding
+    stranger, encoding = host.side("drone"), topics.HEALTH.encoding
     for name in names:
         stranger.forward(Envelope(f"health/{name}", payload, encoding))
         host.nodes["listener"].step()

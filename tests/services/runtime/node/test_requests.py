@@ -193,9 +193,9 @@ def test_what_is_asked_is_done_at_most_once_whatever_is_lost_and_answered_once_o
             if left[name] > 0:
                 left[name] -= 1
             else:
-                host.realm(target).forward(envelope)  # type: ignore[arg-type]
+                host.side(target).forward(envelope)  # type: ignore[arg-type]
 
-        host.realm(source).hear(key, hand_over)
+        host.side(source).hear(key, hand_over)
 
     carry("topside", "drone", topics.PILOT_REQUEST.key, "asks")
     carry("drone", "topside", topics.PILOT_ANSWER.key, "answers")
