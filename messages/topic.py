@@ -3,7 +3,7 @@
 import re
 from dataclasses import dataclass, replace
 from enum import Enum
-from typing import Any, Generic, TypeVar, cast
+from typing import Any, Generic, Literal, TypeVar, cast
 
 from messages.message import Message
 
@@ -21,6 +21,9 @@ class Qos(Enum):
     LIVE = "live"  # the control chain: fresh or worthless
     EVENT = "event"  # rare and each one matters: senders repeat until answered
     BULK = "bulk"  # for people and files: last in every queue
+
+
+Side = Literal["topside", "drone"]  # the two ends of the tether, each with a bus of its own
 
 
 class Way(Enum):

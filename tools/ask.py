@@ -26,7 +26,7 @@ from services.runtime.config.running import RUNNING, Running
 from services.runtime.config.settings import deploy_file, nearest
 from services.runtime.node.node import Node
 from tools.checks import running_in
-from tools.live.asking import Asking, answer_to, at_once
+from tools.live.asking import OneRequest, answer_to, at_once
 
 OPTIONS: dict[str, tuple[str, ...]] = {
     "arm": (),
@@ -139,12 +139,12 @@ def dive_in(folder: Path | None) -> Running:
     return msgspec.json.decode(newest.read_bytes(), type=Running)
 
 
-def for_the_pilot(node: Node, wanted: PilotRequest) -> Asking[PilotRequest, PilotAnswer]:
+def for_the_pilot(node: Node, wanted: PilotRequest) -> OneRequest[PilotRequest, PilotAnswer]:
     """Ask in the name of whoever has the sticks, once the drone has said which epoch that is. What
     anybody may ask for waits for nothing."""
     if wanted.kind in FOR_ANYBODY:
         return at_once(node, wanted, topics.PILOT_REQUEST, topics.PILOT_ANSWER)
-    asking = Asking(node, topics.PILOT_REQUEST, topics.PILOT_ANSWER)
+    asking = OneRequest(node, topics.PILOT_REQUEST, topics.PILOT_ANSWER)
 
     def on_status(status: VehicleStatus, now: int) -> None:
         asking.ask(msgspec.structs.replace(wanted, epoch=status.epoch), now)

@@ -26,7 +26,7 @@ class Traced(NamedTuple):
     remarks: list[str]  # how it was measured
 
 
-class Heard(NamedTuple):
+class HeardCommand(NamedTuple):
     """A pilot command on board."""
 
     seq: int
@@ -39,14 +39,14 @@ def trace_of(path: Path) -> Traced:
     Raises:
         LindyError: there is no recording, or nothing in it from which delays can be told.
     """
-    commands: list[Heard] = []
+    commands: list[HeardCommand] = []
     clocks: list[Clock] = []
     recording = open_recording(path)
     for raw in recording.raw():
         if raw.key == topics.PILOT_COMMAND.key:
             message = recording.decode(raw)
             if isinstance(message, PilotCommand):
-                commands.append(Heard(message.seq, raw.publish_ns, raw.log_ns))
+                commands.append(HeardCommand(message.seq, raw.publish_ns, raw.log_ns))
         elif raw.key == topics.CLOCK.key:
             message = recording.decode(raw)
             if isinstance(message, Clock):
@@ -79,13 +79,13 @@ def one_clock(clocks: Iterable[Clock]) -> bool:
     )
 
 
-def one_way(commands: list[Heard]) -> list[TraceRow]:
+def one_way(commands: list[HeardCommand]) -> list[TraceRow]:
     """Rows in seconds since the first command was sent. A lost one was sent evenly between its
     neighbours."""
     ordered = sorted(set(commands), key=lambda heard: (heard.sent, heard.seq))
     start = ordered[0].sent
     rows: list[TraceRow] = []
-    before: Heard | None = None
+    before: HeardCommand | None = None
     for here in ordered:
         if before is not None and before.sent == here.sent:
             continue  # a copy

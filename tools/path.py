@@ -15,7 +15,7 @@ from services.reference.trajectory.minimum_jerk import Limits
 from services.reference.trajectory.profile import MotionProfile
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import deploy_file, read
-from tools.research.laws.fernandes.model_request import Request
+from tools.research.laws.fernandes.model_request import MotionRequest
 from tools.research.laws.fernandes.reference_model import plan
 
 MOST_ROWS = 10_000_000
@@ -91,7 +91,7 @@ def motion(wish: PlannedPathFile) -> MotionLaw:
 
     def fernandes(length: float, cruise: float, initial: float, final: float) -> MotionProfile:
         return plan(
-            Request(
+            MotionRequest(
                 length=length,
                 cruise=cruise,
                 initial=initial,

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from math import ceil, exp, isfinite
 
 from services.runtime.config.errors import LindyError
-from tools.research.laws.fernandes.model_request import Request
+from tools.research.laws.fernandes.model_request import MotionRequest
 from tools.research.laws.fernandes.reference_model import ReferenceModel, plan
 
 MOST_ROWS = 10_000_000
@@ -47,7 +47,7 @@ def profile(
         xi: steepness of the start of both, 10 to 15.
         dt: [s] between samples.
     """
-    request = Request(
+    request = MotionRequest(
         length=length,
         cruise=cruise,
         accel_time=accel_time,

@@ -4,16 +4,9 @@ from typing import Annotated
 
 import msgspec
 
-from messages.units import NotNegativeSetting
 from services.control.allocation.allocation import AllocationSettings
 from services.control.axis.axis_law import Gains
-
-
-class RollPitchGains(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Roll or pitch held at zero, by vehicles whose thrusters can. 0, 0 leaves it to the hull."""
-
-    kp: NotNegativeSetting = 0.0  # [N m/rad]
-    kd: NotNegativeSetting = 0.0  # [N m s/rad]
+from services.control.axis.roll_pitch_hold import RollPitchGains
 
 
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

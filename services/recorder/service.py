@@ -3,7 +3,7 @@ safely. Its own health and log lines are not in the file, because nobody hears t
 lost is in the file's `losses` record."""
 
 from services.recorder.core import Intake
-from services.recorder.mcap_session import McapSession
+from services.recorder.io.mcap_session import McapSession
 from services.runtime.bus.envelope import Envelope
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node

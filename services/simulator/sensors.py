@@ -22,7 +22,7 @@ from services.marine.mounting import Mounting
 from services.marine.vehicle import GRAVITY
 from services.marine.water import density_of
 from services.simulator.settings import Dvl, Settings, Usbl
-from services.vehicle.mounting import Axes, measured_there, seen_there
+from services.vehicle.mounting import MountedAxes, measured_there, seen_there
 
 AT_THE_ORIGIN = Mounting()
 IMU_HZ = 100.0  # [1/s] also of the magnetometer
@@ -42,8 +42,8 @@ class Sensors:
             mounting: samples are of the sensors' own places and axes, as those of real ones are.
         """
         self._mounting = mounting
-        self._imu_axes, self._dvl_axes = Axes(mounting.imu), Axes(mounting.dvl)
-        self._field_axes = Axes(mounting.magnetometer)
+        self._imu_axes, self._dvl_axes = MountedAxes(mounting.imu), MountedAxes(mounting.dvl)
+        self._field_axes = MountedAxes(mounting.magnetometer)
         drawn = np.random.default_rng([seed, BIASES]).standard_normal((3, 3))
         one_std = np.array(
             [[settings.gyro_bias], [settings.accelerometer_bias], [settings.hard_iron]]

@@ -34,7 +34,7 @@ REMEMBERED_NS = 10_000_000_000  # [ns] no sample may be older: the limit of "old
 AT_REST: Vec3 = (0.0, 0.0, 0.0)
 
 
-class Axes:
+class MountedAxes:
     """R_BS of a sensor, made exactly orthonormal."""
 
     def __init__(self, turned: Turned) -> None:
@@ -86,9 +86,9 @@ class AtOrigin:
 
     def __init__(self, mounting: Mounting, density: float) -> None:
         """Water density [kg/m³]."""
-        self._imu, self._arm = Axes(mounting.imu), mounting.imu.position
-        self._field = Axes(mounting.magnetometer)
-        self._dvl, self._dvl_arm = Axes(mounting.dvl), mounting.dvl.position
+        self._imu, self._arm = MountedAxes(mounting.imu), mounting.imu.position
+        self._field = MountedAxes(mounting.magnetometer)
+        self._dvl, self._dvl_arm = MountedAxes(mounting.dvl), mounting.dvl.position
         self._pressure_arm, self._usbl_arm = mounting.pressure.position, mounting.usbl.position
         self._per_metre = density * GRAVITY  # [Pa/m]
         self._turning = Turning()
@@ -177,7 +177,7 @@ def place_of(arm: Vec3, position: Vec3, q_NB: Quaternion) -> Vec3:
 
 
 def measured_there(
-    mount: Mount, axes: Axes, force: Vec3, rate: Vec3, acceleration: Vec3
+    mount: Mount, axes: MountedAxes, force: Vec3, rate: Vec3, acceleration: Vec3
 ) -> tuple[Vec3, Vec3]:
     """Specific force [m/s²] and angular rate [rad/s] at the origin, as a mounted IMU feels them.
 
@@ -189,7 +189,7 @@ def measured_there(
     return axes.to_sensor(force), axes.to_sensor(rate)
 
 
-def seen_there(mount: Mount, axes: Axes, velocity: Vec3, rate: Vec3) -> Vec3:
+def seen_there(mount: Mount, axes: MountedAxes, velocity: Vec3, rate: Vec3) -> Vec3:
     """Velocity [m/s] of the origin, as a mounted DVL measures it."""
     if mount.position != ORIGIN:
         velocity = _plus(velocity, velocity_at(mount.position, rate))

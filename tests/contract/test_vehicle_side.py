@@ -37,7 +37,7 @@ from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.launch.local_stack import local_stack
 from services.runtime.node.checkpoint import VolatileCheckpoint
 from services.runtime.node.node import Node
-from services.vehicle.mounting import Axes
+from services.vehicle.mounting import MountedAxes
 from tools.checks import known_tables
 
 MS, S = 1_000_000, 1_000_000_000  # [ns]
@@ -265,7 +265,7 @@ def test_at_rest_the_sensors_say_what_rest_is(bench: Bench) -> None:
     began = bench.now()
     bench.run(3.0)
     imu: list[ImuSample] = bench.all(topics.IMU, began)
-    axes = Axes(bench.vehicle.mounting.imu)
+    axes = MountedAxes(bench.vehicle.mounting.imu)
     forces = [axes.to_body(m.specific_force) for m in imu]
     force = [fmean(part) for part in zip(*forces, strict=True)]
     assert math.hypot(*force) == pytest.approx(9.81, abs=0.5), "specific force in m/s²"
@@ -326,11 +326,11 @@ def test_a_clockwise_moment_turns_clockwise(bench: Bench, still: bool) -> None:
     bench.ask(tuple(a + b for a, b in zip(down, turn, strict=True)))
     began = bench.now()
     bench.run(2.0)
-    axes = Axes(bench.vehicle.mounting.imu)
+    axes = MountedAxes(bench.vehicle.mounting.imu)
     imu: list[ImuSample] = bench.all(topics.IMU, began)
     yaw = [(m.stamp_ns, axes.to_body(m.angular_rate)[2]) for m in imu]
     assert fmean(r for _, r in yaw[len(yaw) // 2 :]) > 0.05, "a moment about +z is clockwise"
-    field = Axes(bench.vehicle.mounting.magnetometer)
+    field = MountedAxes(bench.vehicle.mounting.magnetometer)
     seen = [(m.stamp_ns, field.to_body(m.field)) for m in bench.all(topics.MAGNETOMETER, began)]
     if seen:
         turned = sum((b - a) / S * r for (a, r), (b, _) in pairwise(yaw))

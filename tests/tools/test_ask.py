@@ -25,7 +25,7 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.running import RUNNING, Running
 from services.runtime.hosts.virtual_host import VirtualHost
 from tools.ask import ask, dive_in, for_the_pilot, in_json, in_words, wanted_of
-from tools.live.asking import Asking
+from tools.live.asking import OneRequest
 from tools.path import PlannedPathFile
 
 S = 1_000_000_000  # [ns]
@@ -37,7 +37,7 @@ def wanted(kind: Any, **more: Any) -> PilotRequest:
     return PilotRequest(stamp_ns=0, id="", kind=kind, **more)
 
 
-def asking_for(host: VirtualHost, request: PilotRequest) -> Asking[PilotRequest, PilotAnswer]:
+def asking_for(host: VirtualHost, request: PilotRequest) -> OneRequest[PilotRequest, PilotAnswer]:
     return for_the_pilot(host.node("ask", ["topside"]), request)
 
 

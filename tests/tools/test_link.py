@@ -13,7 +13,7 @@ from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import ServiceSpec
 from services.runtime.hosts.virtual_host import VirtualHost
 from tools.link import link
-from tools.live.asking import Asking, at_once
+from tools.live.asking import OneRequest, at_once
 
 S = 1_000_000_000  # [ns]
 Lines = list[dict[str, str]]
@@ -78,7 +78,7 @@ def test_a_wrong_argument_is_explained(arguments: list[str], says: str) -> None:
         link(arguments, exit_on_error=False, print_error=False, result_action="return_value")
 
 
-def ask(host: VirtualHost, request: LinkRequest) -> Asking[LinkRequest, LinkAnswer]:
+def ask(host: VirtualHost, request: LinkRequest) -> OneRequest[LinkRequest, LinkAnswer]:
     node = host.node("link", ["topside"])
     return at_once(node, request, topics.LINK_REQUEST, topics.LINK_ANSWER)
 

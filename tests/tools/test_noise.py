@@ -27,7 +27,7 @@ from services.simulator.core import Settings as Simulator
 from tools.noise import noise
 from tools.recordings.allan import deviation
 from tools.recordings.allan import noise as noise_of
-from tools.recordings.at_rest import Heard, RestingSamples, resting
+from tools.recordings.at_rest import HeardAtRest, RestingSamples, resting
 from tools.up import on_side
 
 STREAMS: tuple[AnyTopic, ...] = (
@@ -227,7 +227,7 @@ def test_of_a_recording_with_motion_in_it_the_longest_rest_is_used_and_said(
 def test_motion_is_never_inside_the_rest_that_is_used(at: int, size: float):
     turn = np.zeros(6000)
     turn[10 * at : 10 * at + 100] = size
-    heard = Heard({topics.IMU.key: samples_of(imu(60, rate=turn))}, [])
+    heard = HeardAtRest({topics.IMU.key: samples_of(imu(60, rate=turn))}, [])
     rest = resting(heard, Path("x"))
     begin, end = rest.begin, rest.begin + rest.seconds
     assert end <= at / 10 + 0.51 or begin >= at / 10 + 0.99

@@ -16,7 +16,7 @@ from services.runtime.node.node import Node
 from services.runtime.node.requests import GIVE_UP_NS, A, Q
 
 
-class Asking(Generic[Q, A]):
+class OneRequest(Generic[Q, A]):
     """A request and what has come of it."""
 
     def __init__(self, node: Node, asks: Topic[Q], answers: Topic[A]) -> None:
@@ -49,14 +49,14 @@ class Asking(Generic[Q, A]):
         self.given_up = True
 
 
-def at_once(node: Node, request: Q, asks: Topic[Q], answers: Topic[A]) -> Asking[Q, A]:
+def at_once(node: Node, request: Q, asks: Topic[Q], answers: Topic[A]) -> OneRequest[Q, A]:
     """Ask as soon as the node runs."""
-    asking = Asking(node, asks, answers)
+    asking = OneRequest(node, asks, answers)
     node.alarm(lambda now: asking.ask(request, now)).set(0)
     return asking
 
 
-def answer_to(ask: Callable[[Node], Asking[Q, A]], running: Running, who: str) -> A:
+def answer_to(ask: Callable[[Node], OneRequest[Q, A]], running: Running, who: str) -> A:
     """
     Args:
         ask: asks something through the node it is given.

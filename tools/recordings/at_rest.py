@@ -38,7 +38,7 @@ class RestingSamples(NamedTuple):
 Span = tuple[float, float]  # [s] from and to
 
 
-class Heard(NamedTuple):
+class HeardAtRest(NamedTuple):
     samples: dict[
         str, RestingSamples
     ]  # of each sensor; those whose stamp does not rise are left out
@@ -53,7 +53,7 @@ class Rest(NamedTuple):
     samples: dict[str, RestingSamples]
 
 
-def read(recording: Recording) -> Heard:
+def read(recording: Recording) -> HeardAtRest:
     """The samples of each sensor, and when the drone was armed."""
     rows: dict[str, list[tuple[float, ...]]] = {key: [] for key in KEYS}
     newest: dict[str, int] = {}
@@ -70,7 +70,7 @@ def read(recording: Recording) -> Heard:
             rows[raw.key].append((message.stamp_ns * 1e-9, *_numbers(message)))
     arrays = {key: np.array(found) for key, found in rows.items() if len(found) >= FEWEST}
     samples = {key: RestingSamples(found[:, 0], found[:, 1:]) for key, found in arrays.items()}
-    return Heard(samples, _armed(said))
+    return HeardAtRest(samples, _armed(said))
 
 
 def _armed(said: list[tuple[float, bool]]) -> list[Span]:
@@ -91,7 +91,7 @@ def _numbers(sample: Message) -> tuple[float, ...]:
             return ()
 
 
-def resting(heard: Heard, recording: Path) -> Rest:
+def resting(heard: HeardAtRest, recording: Path) -> Rest:
     """What was heard in the longest time at rest.
 
     Raises:

@@ -2,9 +2,17 @@
 
 from dataclasses import dataclass
 
+import msgspec
+
 from messages.message import Estimate
-from messages.units import Ns
-from services.control.settings import RollPitchGains
+from messages.units import NotNegativeSetting, Ns
+
+
+class RollPitchGains(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Roll or pitch held at zero, by vehicles whose thrusters can. 0, 0 leaves it to the hull."""
+
+    kp: NotNegativeSetting = 0.0  # [N m/rad]
+    kd: NotNegativeSetting = 0.0  # [N m s/rad]
 
 
 @dataclass(slots=True)

@@ -8,8 +8,7 @@ only what it sends the other way is let out (Zenoh's access control, denied by d
 from typing import Any, NamedTuple
 
 from messages import topics
-from messages.topic import Way
-from services.runtime.node.clock_offset import Side
+from messages.topic import Side, Way
 
 LOCAL, NETWORK = "unixsock-stream", ("tcp", "tls", "quic", "udp")
 MESSAGES = ("put", "delete", "declare_subscriber")

@@ -26,7 +26,7 @@ from services.runtime.config.stack import BODY, Stack
 from services.runtime.node.node import Node
 
 Wire = Callable[[Node, Stack], None]
-Side = Annotated[str, msgspec.Meta(pattern="^(topside|drone)$")]
+SideName = Annotated[str, msgspec.Meta(pattern="^(topside|drone)$")]
 DEFAULT = "simulated"  # the stack of a dive for which nobody chose one
 NAME = r"[a-z0-9_]+"  # of a service: it becomes part of a key
 TAKEN = (BODY, "supervisor")  # they mean something else in a vehicle file and on the bus
@@ -35,7 +35,7 @@ TAKEN = (BODY, "supervisor")  # they mean something else in a vehicle file and o
 class ServiceSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A service of a stack file."""
 
-    sides: Annotated[list[Side], msgspec.Meta(min_length=1)]  # the first is its home
+    sides: Annotated[list[SideName], msgspec.Meta(min_length=1)]  # the first is its home
     gateway: bool = False  # says what both sides hear in each of them itself
     vehicle_side: bool = False  # it is the vehicle, or part of it: sensors, thrusters
     each_machine: bool = False  # runs on each machine, where its sides are machines of their own

@@ -15,6 +15,7 @@ from typing import Literal, NamedTuple
 
 import msgspec
 
+from messages.topic import Side
 from services.runtime.bus.access_control import Border
 from services.runtime.bus.zenoh_bus import ZenohBus, connected, listening, namespace
 from services.runtime.config.disk import reason
@@ -26,7 +27,7 @@ from services.runtime.hosts.registry import Registry, ServiceSpec
 from services.runtime.launch.child import Task
 from services.runtime.launch.supervisor import NAME, Supervisor
 from services.runtime.node.checkpoint import VolatileCheckpoint
-from services.runtime.node.clock_offset import ClockOffset, Side
+from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.node import Node
 
 CHECKPOINTS = "checkpoints"  # folder in that of the dive; DIVE/checkpoints/<service>.json

@@ -1,17 +1,14 @@
 """Two machines, two clocks: what a stamp of the other one means here.
 
-A message's stamps are in the clock of the realm it was said in. Where the drone is a machine of
+A message's stamps are in the clock of the side it was said on. Where the drone is a machine of
 its own, every node keeps what the link monitor says of the two clocks, and the gates turn the
 stamps of whatever crossed the link into local time. On one machine there is one clock and nothing
 to do.
 """
 
-from typing import Literal
-
 from messages.link import Clock, ClockPing, ClockPong
-from messages.topic import AnyTopic, Way
+from messages.topic import AnyTopic, Side, Way
 
-Side = Literal["topside", "drone"]
 DRIFT = 100e-6  # [-] at most, between two crystals of 50 ppm
 ABOUT_CLOCKS = (Clock, ClockPing, ClockPong)  # they carry each clock's own time, untouched
 

@@ -22,7 +22,7 @@ from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.gate import Gate, Gates
 from services.runtime.node.loop_stats import LoopStats, Usage
 from services.runtime.node.ports import Inbox, Latest, Now, Publisher
-from services.runtime.node.requests import A, Asking, Overrules, Q, Requests
+from services.runtime.node.requests import A, Overrules, Q, Requester, Requests
 from services.runtime.node.timers import Alarm, Tick
 
 RING = 8  # envelopes kept between two steps of a latest-wins port
@@ -222,7 +222,7 @@ class Node:
         on_given_up: Callable[[Q, int], None] = lambda _request, _now: None,
         overrules: Overrules[Q] = lambda _newer, _older: False,
         who: str | None = None,
-    ) -> Asking[Q, A]:
+    ) -> Requester[Q, A]:
         """Ask for things to be done once. Each request is repeated until it is answered or, after
         five seconds, given up.
 
@@ -232,7 +232,7 @@ class Node:
             who: what ids begin with, if not with the node's name.
         """
         requests = Requests(who or self.name, overrules)
-        asking = Asking(requests, self.publisher(asks), self.alarm, on_answer, on_given_up)
+        asking = Requester(requests, self.publisher(asks), self.alarm, on_answer, on_given_up)
         self.each(answers, asking.hear)
         return asking
 

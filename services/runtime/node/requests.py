@@ -1,6 +1,6 @@
 """The asking end of a request: repeated with the same id until it is answered or given up.
 
-`Requests` is the state machine; `Asking` gives it a publisher and a timer, and is made by
+`Requests` is the state machine; `Requester` gives it a publisher and a timer, and is made by
 `Node.request`.
 """
 
@@ -86,7 +86,7 @@ class Requests(Generic[Q]):
         return min((min(p.repeat_at, p.given_up_at) for p in self._pending), default=None)
 
 
-class Asking(Generic[Q, A]):
+class Requester(Generic[Q, A]):
     """Requests of one service on their way. Made by `Node.request`."""
 
     def __init__(

@@ -12,8 +12,8 @@ from messages.message import Estimate
 from messages.reference import Motion, Reference
 from messages.state import VehicleState
 from services.control.axis.axis_law import Gains
+from services.control.axis.roll_pitch_hold import RollPitchGains
 from services.control.core import Controller, Settings
-from services.control.settings import RollPitchGains
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
 

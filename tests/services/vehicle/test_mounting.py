@@ -24,8 +24,8 @@ from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.vehicle.mounting import (
     AtOrigin,
-    Axes,
     Moment,
+    MountedAxes,
     Turning,
     measured_there,
     place_of,
@@ -49,7 +49,7 @@ def rotation(angles: Vec3) -> Rotation:
 
 @given(ANGLES, VECTORS)
 def test_to_the_sensors_axes_and_back_is_nothing(angles: Vec3, vector: Vec3) -> None:
-    axes = Axes(Turned(rotation=rotation(angles)))
+    axes = MountedAxes(Turned(rotation=rotation(angles)))
     assert axes.to_body(axes.to_sensor(vector)) == pytest.approx(vector, abs=1e-12)
     assert axes.to_body(vector) == pytest.approx(to_world(from_euler(*angles), vector), abs=1e-9)
 
@@ -59,7 +59,7 @@ def test_a_mounted_imu_that_turns_steadily_is_put_right(
     angles: Vec3, arm: Vec3, force: Vec3, rate: Vec3
 ) -> None:
     mount = Mount(rotation=rotation(angles), position=arm)
-    felt, turned = measured_there(mount, Axes(mount), force, rate, (0.0, 0.0, 0.0))
+    felt, turned = measured_there(mount, MountedAxes(mount), force, rate, (0.0, 0.0, 0.0))
     door = AtOrigin(Mounting(imu=mount), DENSITY)
     for i in range(3):
         said = ImuSample(stamp_ns=i * S // 100, specific_force=felt, angular_rate=turned)
@@ -74,7 +74,9 @@ def test_the_angular_acceleration_is_felt_and_taken_off() -> None:
     door, felt, heard = AtOrigin(Mounting(imu=mount), DENSITY), (0.0, 0.0, 0.0), None
     for i in range(100):
         rate, acceleration = (0.0, 0.0, 0.02 * i), (0.0, 0.0, 2.0)
-        felt, turned = measured_there(mount, Axes(mount), (0.0, 0.0, -GRAVITY), rate, acceleration)
+        felt, turned = measured_there(
+            mount, MountedAxes(mount), (0.0, 0.0, -GRAVITY), rate, acceleration
+        )
         heard = door.imu(ImuSample(stamp_ns=i * S // 100, specific_force=felt, angular_rate=turned))
     assert felt == pytest.approx((-0.5 * 1.98**2, 1.0, -GRAVITY))
     assert heard is not None
@@ -89,7 +91,7 @@ def test_a_mounted_dvl_is_put_right(
     door = AtOrigin(Mounting(dvl=mount), DENSITY)
     door.moved(Moment(0, rate, q))
     height = 9.0 - place_of(arm, (0.0, 0.0, 4.0), q)[2]
-    seen = seen_there(mount, Axes(mount), velocity, rate)
+    seen = seen_there(mount, MountedAxes(mount), velocity, rate)
     heard = door.dvl(DvlSample(stamp_ns=1, velocity=seen, std=0.01, altitude=height))
     assert heard.velocity == pytest.approx(velocity, abs=1e-9)
     assert heard.altitude == pytest.approx(5.0)
@@ -143,7 +145,7 @@ def test_a_gap_says_nothing_about_acceleration() -> None:
 
 def test_a_matrix_of_few_digits_is_made_a_rotation() -> None:
     c, s = round(cos(0.3), 4), round(sin(0.3), 4)
-    axes = Axes(Turned(rotation=((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0))))
+    axes = MountedAxes(Turned(rotation=((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0))))
     columns = np.array([axes.to_body(axis) for axis in ALONG])
     assert columns @ columns.T == pytest.approx(np.eye(3), abs=1e-14)
 

@@ -15,7 +15,7 @@ import msgspec
 import pytest
 from mcap.reader import make_reader
 
-import services.recorder.mcap_session
+import services.recorder.io.mcap_session
 import services.visualizer.io.rrd_file
 import tools.recordings.recording
 from messages import topics
@@ -87,7 +87,7 @@ def test_a_disk_that_fills_during_a_simulated_dive(
         def see_nothing(_: Path, __: int) -> None:
             pass
 
-        monkeypatch.setattr(services.recorder.mcap_session, "require_room", see_nothing)
+        monkeypatch.setattr(services.recorder.io.mcap_session, "require_room", see_nothing)
         monkeypatch.setattr(services.visualizer.io.rrd_file, "require_room", see_nothing)
     (small_disk / "theirs.mcap").write_bytes(b"theirs")
     out = small_disk / "dive"

@@ -9,7 +9,7 @@ from services.reference.paths.path import Path
 from services.reference.paths.route import Route
 from services.reference.trajectory.minimum_jerk import Limits
 from services.reference.trajectory.profile_sequence import ProfileSequence, sequence
-from tools.research.laws.fernandes.model_request import Request
+from tools.research.laws.fernandes.model_request import MotionRequest
 from tools.research.laws.fernandes.reference_model import plan
 
 # Andrén 2023, figures 4.2 and 4.3.
@@ -28,7 +28,7 @@ CLAMPED_TARGETS = (0.5, 1.0, 1.5, 2.0)  # [m/s]
 
 # Fernandes et al. 2015.
 XI = 10.0  # [-] ξ_a and ξ_d; the paper allows 10 to 15. 10 is nearest to its Table 3
-SEA_TRIAL = Request(
+SEA_TRIAL = MotionRequest(
     length=50.0, cruise=0.3, accel_time=20.0, decel_time=20.0, epsilon=0.05, theta_a=0.8,
     theta_d=0.2, theta_0=exp(-100 / 9), xi_a=XI, xi_d=XI,
 )  # fmt: skip
@@ -41,9 +41,9 @@ LANE_OFFSET = 10.0  # [m] of figure 5; not printed
 
 def advanced(
     length: float, cruise: float, initial: float, final: float, time: float, xi: float = XI
-) -> Request:
+) -> MotionRequest:
     """A column of Table 2 or 3; `time` [s] is T_a and T_d."""
-    return Request(
+    return MotionRequest(
         length=length, cruise=cruise, initial=initial, final=final, accel_time=time,
         decel_time=time, epsilon=0.05, theta_a=0.8, theta_d=0.2, theta_0=exp(-13), xi_a=xi, xi_d=xi,
     )  # fmt: skip
@@ -60,7 +60,7 @@ def paper_path(*, smooth_yaw: bool = False) -> Path:
     return Path.through(WAYPOINTS, MIN_RADIUS, smooth_yaw=smooth_yaw)
 
 
-def table_3(path: Path, xi: float = XI) -> list[Request]:
+def table_3(path: Path, xi: float = XI) -> list[MotionRequest]:
     """One request for each part of the path of Table 4."""
     speeds = ((0.4, 0.0, 0.25), (0.25, 0.25, 0.25), (0.4, 0.25, 0.25), (0.25, 0.25, 0.25),
               (0.4, 0.25, 0.0))  # fmt: skip

@@ -12,7 +12,7 @@ from services.reference.paths.stretch import stretch
 from services.reference.trajectory.minimum_jerk import Limits, solve
 from services.reference.trajectory.position import pair
 from services.reference.trajectory.profile import MotionProfile
-from tools.research.laws.fernandes.model_request import Request
+from tools.research.laws.fernandes.model_request import MotionRequest
 from tools.research.laws.fernandes.reference_model import plan
 
 POINTS = [[0.0, 0.0, 2.0], [60.0, 0.0, 5.0], [0.0, 90.0, 3.0], [60.0, 90.0, 8.0]]
@@ -26,7 +26,7 @@ def mjvr(length: float, cruise: float, initial: float, final: float) -> MotionPr
 
 
 def fernandes(length: float, cruise: float, initial: float, final: float) -> MotionProfile:
-    return plan(Request(length, cruise, 20.0, 20.0, initial, final, theta_0=exp(-13)))
+    return plan(MotionRequest(length, cruise, 20.0, 20.0, initial, final, theta_0=exp(-13)))
 
 
 def motion(name: str) -> MotionLaw:

@@ -17,7 +17,7 @@ from services.reference.trajectory.time_scaling import (
     scaled,
     scaled_sample,
 )
-from tools.research.laws.fernandes.model_request import Request
+from tools.research.laws.fernandes.model_request import MotionRequest
 from tools.research.laws.fernandes.reference_model import plan
 
 many = settings(max_examples=80, deadline=None)
@@ -181,7 +181,10 @@ def greatest_error(waits: bool) -> tuple[float, float]:
     A 13.3 kg drone (linear drag 6.5 N s/m, 5 N of thrust) follows 50 m at 0.3 m/s with position
     and velocity feedback and feed-forward; from 80 s to 110 s a force of 4 N holds it back.
     """
-    motion, clock = plan(Request(50.0, 0.3, 20.0, 20.0)), WaitingClock(0.4, 0.1, Limits(0.5, 0.5))
+    motion, clock = (
+        plan(MotionRequest(50.0, 0.3, 20.0, 20.0)),
+        WaitingClock(0.4, 0.1, Limits(0.5, 0.5)),
+    )
     m, d, dt, p, v, greatest = 13.3, 6.5, 0.02, 0.0, 0.0, 0.0
     for k in range(int(300 / dt)):
         t = k * dt

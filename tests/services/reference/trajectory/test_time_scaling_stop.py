@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 from services.reference.trajectory.emergency_stop import stop, stop_motion
 from services.reference.trajectory.minimum_jerk import Limits, Sample
 from services.reference.trajectory.time_scaling import WaitingClock, scaled_sample
-from tools.research.laws.fernandes.model_request import Request
+from tools.research.laws.fernandes.model_request import MotionRequest
 from tools.research.laws.fernandes.reference_model import plan
 
 many = settings(max_examples=100, deadline=None)
 limits = st.builds(Limits, st.floats(0.05, 5.0), st.one_of(st.just(inf), st.floats(0.05, 2.0)))
-MOTION = plan(Request(-50.0, 0.8, 10.0, 6.0, 0.2, 0.3))
+MOTION = plan(MotionRequest(-50.0, 0.8, 10.0, 6.0, 0.2, 0.3))
 
 
 @many
@@ -83,7 +83,7 @@ def test_a_motion_that_waits_can_be_stopped_too() -> None:
 
 
 def test_a_motion_at_rest_is_stopped_where_it_is() -> None:
-    ending = stop(plan(Request(5.0, 0.5, 5.0, 5.0)), 1000.0, Limits(1.0))
+    ending = stop(plan(MotionRequest(5.0, 0.5, 5.0, 5.0)), 1000.0, Limits(1.0))
     assert (ending.stop_time, ending.stop_distance) == (0.0, 0.0)
     assert ending.at(2000.0) == (5.0, 0.0, 0.0, 0.0)
 

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from tools.research.laws.fernandes.model_request import Request
+from tools.research.laws.fernandes.model_request import MotionRequest
 from tools.research.laws.fernandes.reference_model import ReferenceModel, plan
 
 many = settings(max_examples=100, deadline=None)
-GOOD = Request(length=50.0, cruise=0.3, accel_time=20.0, decel_time=20.0)
+GOOD = MotionRequest(length=50.0, cruise=0.3, accel_time=20.0, decel_time=20.0)
 
 
 def motions(at_rest: bool = False) -> st.SearchStrategy[ReferenceModel]:
@@ -23,7 +23,7 @@ def motions(at_rest: bool = False) -> st.SearchStrategy[ReferenceModel]:
         length = stretch * cruise * (t_a + t_d)
         speeds = (0.0, 0.0) if at_rest else (sign * i * cruise, sign * f * cruise)
         tuning = (eps, theta_a, theta_d, exp(ln0), xi_a, xi_d)
-        request = Request(length, sign * cruise, t_a, t_d, *speeds, *tuning)
+        request = MotionRequest(length, sign * cruise, t_a, t_d, *speeds, *tuning)
         try:
             return plan(request)
         except ValueError as error:
@@ -131,8 +131,8 @@ def test_it_only_moves_forward_and_within_its_limits(
 def test_backwards_is_the_mirror_of_forwards(
     length: float, initial: float, final: float, share: float
 ) -> None:
-    there = Request(length, 1.0, 7.0, 9.0, initial, final)
-    away = Request(length, -1.0, 7.0, 9.0, -initial, -final)  # as in the paper
+    there = MotionRequest(length, 1.0, 7.0, 9.0, initial, final)
+    away = MotionRequest(length, -1.0, 7.0, 9.0, -initial, -final)  # as in the paper
     one = plan(there)
     here = one.at(share * one.duration)
     for other in (away, replace(there, length=-length), replace(away, length=-length)):
@@ -148,9 +148,9 @@ def test_backwards_is_the_mirror_of_forwards(
 def test_a_motion_can_be_stretched_in_time_and_length(
     length: float, longer: float, slower: float, share: float
 ) -> None:
-    one = plan(Request(length, 1.0, 6.0, 9.0, final=0.1))
+    one = plan(MotionRequest(length, 1.0, 6.0, 9.0, final=0.1))
     speed = longer / slower
-    slow = plan(Request(longer * length, speed, 6 * slower, 9 * slower, final=0.1 * speed))
+    slow = plan(MotionRequest(longer * length, speed, 6 * slower, 9 * slower, final=0.1 * speed))
     here, there = one.at(share * one.duration), slow.at(share * one.duration * slower)
     assert there.position == pytest.approx(longer * here.position, rel=1e-9, abs=1e-9 * longer)
     # at the ends of phases the one may be just before and the other just after the stated step
@@ -172,7 +172,7 @@ def test_a_length_that_limits_the_speed_leaves_exactly_the_least_fraction(
 ) -> None:
     """The closed form of v_c against the paper's own condition, L2 = ε L."""
     speed = length**0.5  # never reached with these times
-    m = plan(Request(length, speed, 20.0, 12.0, initial, final, epsilon))
+    m = plan(MotionRequest(length, speed, 20.0, 12.0, initial, final, epsilon))
     assert abs(m.v_m) == m.v_c < speed
     assert m.phases[2].length == pytest.approx(epsilon * length, abs=1e-12 * length)
 
@@ -206,7 +206,7 @@ def test_from_rest_to_rest_it_is_the_basic_version(m: ReferenceModel) -> None:
 def test_the_quoted_largest_final_speed_is_the_boundary(
     initial: float, time: float, share: float
 ) -> None:
-    request = Request(share * 0.2 * time, 1.0, time, time, initial, 1.0)
+    request = MotionRequest(share * 0.2 * time, 1.0, time, time, initial, 1.0)
     with pytest.raises(ValueError, match="cannot be reached") as caught:
         plan(request)
     fastest, length = map(float, re.findall(r"at (?:most|least) ([\d.e+-]+)", str(caught.value)))
@@ -225,9 +225,9 @@ def test_the_quoted_largest_final_speed_is_the_boundary(
 def test_the_quoted_smallest_final_speed_is_the_boundary(
     final: float, time: float, share: float
 ) -> None:
-    longest = plan(Request(1e3 * time, 1.0, time, time, 1.0, final)).phases
+    longest = plan(MotionRequest(1e3 * time, 1.0, time, time, 1.0, final)).phases
     needed = (longest[3].length + longest[4].length) / 0.95
-    request = Request(share * needed, 1.0, time, time, 1.0, final)
+    request = MotionRequest(share * needed, 1.0, time, time, 1.0, final)
     with pytest.raises(ValueError, match="cannot be brought down") as caught:
         plan(request)
     slowest, length = map(float, re.findall(r"at least ([\d.e+-]+)", str(caught.value)))
@@ -242,7 +242,7 @@ def test_the_quoted_smallest_final_speed_is_the_boundary(
 
 
 def test_a_motion_at_constant_speed_has_only_the_second_phase() -> None:
-    m = plan(Request(50.0, 1.0, 10.0, 10.0, 1.0, 1.0))
+    m = plan(MotionRequest(50.0, 1.0, 10.0, 10.0, 1.0, 1.0))
     assert m.t == (0.0, 0.0, 50.0, 50.0, 50.0)
     assert m.P == (0.0, 0.0, 50.0, 50.0, 50.0)
     assert m.at(20.0) == (20.0, 1.0, 0.0, 0.0)

@@ -6,7 +6,7 @@ import pytest
 
 from services.reference.trajectory.profile_sequence import sequence
 from tools.research.laws.fernandes.model_as_printed import advanced_as_printed, basic_as_printed
-from tools.research.laws.fernandes.model_request import Request
+from tools.research.laws.fernandes.model_request import MotionRequest
 from tools.research.laws.fernandes.reference_model import plan
 
 # ξ: v_c, t1 … t5, P1 … P4 of L 50, V_d 0.3, T_a = T_d = 20, θ0 = e^(−100/9), corrected times
@@ -53,8 +53,8 @@ PRINTED = {
 }  # fmt: skip
 
 
-def sea_trial(xi: float) -> Request:
-    return Request(50.0, 0.3, 20.0, 20.0, theta_0=exp(-100 / 9), xi_a=xi, xi_d=xi)
+def sea_trial(xi: float) -> MotionRequest:
+    return MotionRequest(50.0, 0.3, 20.0, 20.0, theta_0=exp(-100 / 9), xi_a=xi, xi_d=xi)
 
 
 @pytest.mark.parametrize("xi", BASIC)
@@ -78,18 +78,18 @@ def test_the_sea_trial_with_the_printed_times_misses_its_end(xi: int) -> None:
 
 def test_the_printed_basic_version_goes_from_rest_to_rest_only() -> None:
     with pytest.raises(ValueError, match="from rest to rest"):
-        basic_as_printed(Request(50.0, 0.3, 20.0, 20.0, initial=0.1))
+        basic_as_printed(MotionRequest(50.0, 0.3, 20.0, 20.0, initial=0.1))
 
 
-def table_2(xi: float) -> list[Request]:
+def table_2(xi: float) -> list[MotionRequest]:
     rows = ((100.0, 2.0, 0.0, 1.0), (50.0, 1.0, 1.0, 1.0), (100.0, 1.5, 1.0, 0.0))
     return [
-        Request(L, V, 10.0, 10.0, V_i, V_f, theta_0=exp(-13), xi_a=xi, xi_d=xi)
+        MotionRequest(L, V, 10.0, 10.0, V_i, V_f, theta_0=exp(-13), xi_a=xi, xi_d=xi)
         for L, V, V_i, V_f in rows
     ]
 
 
-def table_3(xi: float) -> list[Request]:
+def table_3(xi: float) -> list[MotionRequest]:
     straight, turn, middle = 27.4456738787, 43.1759786068, 43.0578860213
     rows = (
         (straight, 0.4, 0.0, 0.25),
@@ -99,7 +99,7 @@ def table_3(xi: float) -> list[Request]:
         (straight, 0.4, 0.25, 0.0),
     )
     return [
-        Request(L, V, 20.0, 20.0, V_i, V_f, theta_0=exp(-13), xi_a=xi, xi_d=xi)
+        MotionRequest(L, V, 20.0, 20.0, V_i, V_f, theta_0=exp(-13), xi_a=xi, xi_d=xi)
         for L, V, V_i, V_f in rows
     ]
 
@@ -128,7 +128,7 @@ RUNS = [(table_2(xi), *TABLE_2[xi]) for xi in TABLE_2] + [
 
 @pytest.mark.parametrize(("requests", "v_c", "times"), RUNS)
 def test_the_cruise_speed_is_the_exact_one(
-    requests: list[Request], v_c: tuple[float, ...], times: tuple[float, ...]
+    requests: list[MotionRequest], v_c: tuple[float, ...], times: tuple[float, ...]
 ) -> None:
     parts = [advanced_as_printed(request) for request in requests]
     chain = sequence(parts)

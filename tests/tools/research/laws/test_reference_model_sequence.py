@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from services.reference.trajectory.profile_sequence import sequence
-from tools.research.laws.fernandes.model_request import Request
+from tools.research.laws.fernandes.model_request import MotionRequest
 from tools.research.laws.fernandes.reference_model import plan
 
 many = settings(max_examples=60, deadline=None)
@@ -18,7 +18,7 @@ def test_each_part_starts_where_and_when_the_one_before_arrives(
     speed: list[float], share: float
 ) -> None:
     parts = [
-        plan(Request(40.0 + k, 1.0, 8.0, 6.0, speed[k], speed[k + 1]))
+        plan(MotionRequest(40.0 + k, 1.0, 8.0, 6.0, speed[k], speed[k + 1]))
         for k in range(len(speed) - 1)
     ]
     chain = sequence(parts)
@@ -37,8 +37,8 @@ def test_each_part_starts_where_and_when_the_one_before_arrives(
 
 
 def test_a_step_in_velocity_between_two_parts_is_refused() -> None:
-    to_half = plan(Request(40.0, 1.0, 8.0, 6.0, final=0.5))
-    from_third = plan(Request(40.0, 1.0, 8.0, 6.0, initial=0.3))
+    to_half = plan(MotionRequest(40.0, 1.0, 8.0, 6.0, final=0.5))
+    from_third = plan(MotionRequest(40.0, 1.0, 8.0, 6.0, initial=0.3))
     with pytest.raises(ValueError, match=r"part 2 starts with velocity 0.3, expected 0.5"):
         sequence([to_half, from_third])
 

@@ -6,7 +6,7 @@ For comparison with the paper's figures and tables only: the printed times leave
 
 from tools.research.laws.fernandes.model_cruise import cruise_speed
 from tools.research.laws.fernandes.model_phases import SpeedChange
-from tools.research.laws.fernandes.model_request import Request
+from tools.research.laws.fernandes.model_request import MotionRequest
 from tools.research.laws.fernandes.reference_model import (
     ReferenceModel,
     assembled,
@@ -16,7 +16,7 @@ from tools.research.laws.fernandes.reference_model import (
 )
 
 
-def basic_as_printed(request: Request) -> ReferenceModel:
+def basic_as_printed(request: MotionRequest) -> ReferenceModel:
     """T1 = ξ_a τ11 (39) and T4 = ξ_d τ31 (42) beside (27)-(30) and (41): P5 misses the length.
 
     Raises:
@@ -33,7 +33,7 @@ def basic_as_printed(request: Request) -> ReferenceModel:
     return assembled(request, corrected.v_c, phases)
 
 
-def advanced_as_printed(request: Request) -> ReferenceModel:
+def advanced_as_printed(request: MotionRequest) -> ReferenceModel:
     """T1 and T4 "defined similarly to (39)-(42)" within (65)-(79): ends at the length.
 
     Raises:

@@ -7,12 +7,12 @@ where Fernandes et al. 2015 search x on a grid.
 from math import sqrt
 
 from tools.research.laws.fernandes.model_phases import SpeedChange
-from tools.research.laws.fernandes.model_request import Request
+from tools.research.laws.fernandes.model_request import MotionRequest
 
 MARGIN = 1e-5  # relative; a limit that is quoted is still feasible after rounding to 6 digits
 
 
-def cruise_speed(request: Request, up: SpeedChange, down: SpeedChange) -> float:
+def cruise_speed(request: MotionRequest, up: SpeedChange, down: SpeedChange) -> float:
     """v_c > 0: all of the length but ε_L is used up by speeding up to v_c and slowing down again.
 
     Raises:
@@ -39,7 +39,7 @@ def _larger_root(q2: float, q1: float, q0: float) -> float:
     return -2 * q0 / (q1 + root) if q1 > 0 else (root - q1) / (2 * q2)
 
 
-def _too_fast(request: Request, up: SpeedChange, usable: float) -> str:
+def _too_fast(request: MotionRequest, up: SpeedChange, usable: float) -> str:
     v_i, v_f = abs(request.initial), abs(request.final)
     fastest = _larger_root(
         up.weight_to,
@@ -54,7 +54,7 @@ def _too_fast(request: Request, up: SpeedChange, usable: float) -> str:
     )
 
 
-def _too_slow(request: Request, down: SpeedChange, usable: float) -> str:
+def _too_slow(request: MotionRequest, down: SpeedChange, usable: float) -> str:
     v_i, v_f = abs(request.initial), abs(request.final)
     # distance(v_i, x) falls through `usable` between v_f and v_i: the larger root of a parabola
     # that opens downwards, here with all signs changed.

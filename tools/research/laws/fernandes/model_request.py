@@ -7,7 +7,7 @@ SMALLEST, LARGEST = 1e-9, 1e9  # of every length, speed and time: beyond, floats
 
 
 @dataclass(frozen=True, slots=True)
-class Request:
+class MotionRequest:
     """One motion along a line. Metres or radians; a motion backwards has a negative cruise velocity
     (as in the paper), a negative length, or both.
 

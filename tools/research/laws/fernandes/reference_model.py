@@ -20,7 +20,7 @@ from math import exp, isfinite, log
 from services.reference.trajectory.minimum_jerk import Sample
 from tools.research.laws.fernandes.model_cruise import cruise_speed
 from tools.research.laws.fernandes.model_phases import Cruise, Pull, Settle, SpeedChange
-from tools.research.laws.fernandes.model_request import Request
+from tools.research.laws.fernandes.model_request import MotionRequest
 
 Five = tuple[float, float, float, float, float]
 Phases = tuple[Pull, Settle, Cruise, Pull, Settle]
@@ -64,7 +64,7 @@ class ReferenceModel:
         return here._replace(position=start + here.position)
 
 
-def plan(request: Request) -> ReferenceModel:
+def plan(request: MotionRequest) -> ReferenceModel:
     """The motion for a request.
 
     Raises:
@@ -76,7 +76,7 @@ def plan(request: Request) -> ReferenceModel:
     return model(request, up, down, cruise_speed(request, up, down))
 
 
-def speed_changes(request: Request) -> tuple[SpeedChange, SpeedChange]:
+def speed_changes(request: MotionRequest) -> tuple[SpeedChange, SpeedChange]:
     """How this request speeds up and slows down."""
     r, speed = request, abs(request.cruise)
     return (
@@ -96,7 +96,7 @@ def speed_change(
     return SpeedChange(rate, share, xi, theta_0, pull, settle, pull - bend, settle + bend)
 
 
-def model(request: Request, up: SpeedChange, down: SpeedChange, v_c: float) -> ReferenceModel:
+def model(request: MotionRequest, up: SpeedChange, down: SpeedChange, v_c: float) -> ReferenceModel:
     """Speed up, cruise, slow down, so that the length comes out, (73)-(79)."""
     sign = request.direction
     v_i, v_m, v_f = abs(request.initial), min(abs(request.cruise), v_c), abs(request.final)
@@ -109,7 +109,7 @@ def model(request: Request, up: SpeedChange, down: SpeedChange, v_c: float) -> R
     return assembled(request, v_c, (*speeding_up, cruise, *slowing_down))
 
 
-def assembled(request: Request, v_c: float, phases: Phases) -> ReferenceModel:
+def assembled(request: MotionRequest, v_c: float, phases: Phases) -> ReferenceModel:
     """Times and positions from the phases, (44)-(48)."""
     sign = request.direction
     return ReferenceModel(
