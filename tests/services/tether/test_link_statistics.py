@@ -103,6 +103,16 @@ def test_gilbert_elliott_loses_in_the_good_state_too_when_told_to() -> None:
     assert reasons.count("burst") > 0
 
 
+@pytest.mark.parametrize("to_bad", [0.0, 0.3, 1.0])
+@pytest.mark.parametrize("to_good", [0.0, 0.3, 1.0])
+def test_only_a_link_that_would_stay_bad_for_ever_is_refused(to_bad: float, to_good: float) -> None:
+    if to_bad > 0.0 and to_good == 0.0:
+        with pytest.raises(ValueError, match="bad for ever"):
+            GilbertElliott(to_bad, to_good)
+    else:
+        assert 0.0 <= GilbertElliott(to_bad, to_good).mean < 1.0
+
+
 @pytest.mark.parametrize("first_s", [3.0, 33.0])
 def test_bursts_take_place_at_their_times_and_nowhere_else(first_s: float) -> None:
     reasons = losses(Bursts(every_s=10.0, seconds=0.5, share=0.4, first_s=first_s))

@@ -63,7 +63,7 @@ def test_each_layout_drives_what_it_can(pioneer: Vehicle, heavy: Vehicle) -> Non
 
 
 @many
-@given(st.tuples(*[share] * 6), st.floats(0.3, 1.0))
+@given(st.tuples(*[share] * 6), st.floats(0.3, 1.0) | st.floats(-1.0, -0.3))
 def test_inside_the_limits_allocation_then_mixing_is_identity(
     vehicle: Vehicle, shares: Vec6, gain: float
 ) -> None:
@@ -159,9 +159,12 @@ def test_a_reversed_thruster_is_asked_for_no_more_than_it_gives_both_ways(
 
 
 @many
-@given(wrench)
-def test_a_shortfall_names_the_thrusters(vehicle: Vehicle, wanted: Vec6) -> None:
+@given(wrench, st.integers(0, 3), st.sampled_from([1.0, 0.3, -0.5, -1.0]))
+def test_a_shortfall_names_the_thrusters(
+    vehicle: Vehicle, wanted: Vec6, index: int, gain: float
+) -> None:
     allocation = Allocation(without_dead_band(vehicle))
+    allocation.trust(index, gain)
     done = allocation.allocate(wanted)
     got = on_axes(done.achieved, allocation.axes)
     short = got != pytest.approx(on_axes(wanted, allocation.axes), abs=1e-6)
