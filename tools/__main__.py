@@ -74,6 +74,12 @@ def up(
             help="topside: put the tether process (--link) in between, not only the real link",
         ),
     ] = False,
+    resume: Annotated[
+        Path | None,
+        Parameter(
+            help="drone: folder of the dive that a power cut ended; goes on with its calibration"
+        ),
+    ] = None,
     choices: Choices | None = None,
 ) -> int:
     """Start one SIDE of a dive, topside or drone, on this machine; the other on another one.
@@ -86,7 +92,14 @@ def up(
     """
     from tools.up import up
 
-    return up(side, choices or Choices(), listen=listen, connect=connect, gateway=gateway)
+    return up(
+        side,
+        choices or Choices(),
+        listen=listen,
+        connect=connect,
+        gateway=gateway,
+        resume=resume,
+    )
 
 
 @app.command

@@ -1,6 +1,8 @@
 """`lindy up`: one side of a dive on this machine, the other side on another one."""
 
+import time
 from collections.abc import Callable, Mapping
+from pathlib import Path
 
 import msgspec
 
@@ -18,6 +20,7 @@ from tools.live.dive_timeline import DiveTimeline
 from tools.live.monitor_loop import MonitorLoop, told
 from tools.live.outcome import RECORDER, Outcome
 from tools.live.piloted_dive import PilotedDive, tell_who_flies, who_flies
+from tools.live.resume import resumed
 from tools.live.stop_signals import StopSignals
 from tools.live.viewer import runnable
 from tools.report import Elsewhere
@@ -28,7 +31,15 @@ GATEWAY = "tether"  # the service that may stand between the two
 Go = Callable[[LocalStack, StopSignals, Display], str]
 
 
-def up(side: str, choices: Choices, *, listen: str, connect: str, gateway: bool) -> int:
+def up(
+    side: str,
+    choices: Choices,
+    *,
+    listen: str,
+    connect: str,
+    gateway: bool,
+    resume: Path | None = None,
+) -> int:
     """Returns the exit status: 0 clean, 3 done but data was lost.
 
     Raises:
@@ -38,15 +49,20 @@ def up(side: str, choices: Choices, *, listen: str, connect: str, gateway: bool)
     if side not in OTHER:
         raise LindyError(f"unknown side {side!r}{nearest(side, list(OTHER))}")
     if side == "drone":
-        return drone(choices, checked_endpoint(listen, "--listen"))
+        return drone(choices, checked_endpoint(listen, "--listen"), resume)
+    if resume is not None:
+        raise LindyError(
+            "--resume is for the drone: only on board there is something to go on with"
+        )
     return topside(choices, checked_endpoint(connect, "--connect"), gateway)
 
 
-def drone(choices: Choices, listen: str) -> int:
+def drone(choices: Choices, listen: str, resume: Path | None) -> int:
     """Until Ctrl-C: on board everything goes on, whether or not the topside is there."""
     every = Registry.read(choices.stack)
     here = on_side(every, "drone", gateway=False)
     stack = checked(choices, pilot_of(choices.pilot or DEFAULT_PILOT), every, here)
+    before = resumed(resume, time.monotonic_ns(), time.time()) if resume is not None else {}
     # Who has the sticks, and what the link is like, is the topside's affair.
     stack = msgspec.structs.replace(stack, apart=True, pilot=OTHER["drone"], link=listen)
     stack = msgspec.structs.replace(stack, out=str(out_folder(choices.out)))
@@ -56,7 +72,7 @@ def drone(choices: Choices, listen: str) -> int:
     def go(local: LocalStack, stop: StopSignals, shown: Display) -> str:
         return MonitorLoop(local, DiveTimeline(None, choices.seconds), stop, shown).keep()
 
-    return run(stack, every, here, OtherSide("drone", listen=(listen,)), go)
+    return run(stack, every, here, OtherSide("drone", listen=(listen,)), go, before)
 
 
 def topside(choices: Choices, connect: str, gateway: bool) -> int:
@@ -82,14 +98,21 @@ def topside(choices: Choices, connect: str, gateway: bool) -> int:
     return run(stack, every, here, other_side, go)
 
 
-def run(stack: Stack, every: Registry, here: Registry, other_side: OtherSide, go: Go) -> int:
+def run(
+    stack: Stack,
+    every: Registry,
+    here: Registry,
+    other_side: OtherSide,
+    go: Go,
+    begin_with: Mapping[str, bytes] | None = None,
+) -> int:
     """One side of a stack from its start to its last words. Returns the exit status."""
     outcome = Outcome(stack)
     with (
         StopSignals() as stop,
         display() as shown,
         outcome.of_the_dive(),
-        local_stack(stack, here, other_side=other_side) as local,
+        local_stack(stack, here, other_side=other_side, begin_with=begin_with) as local,
         told(outcome, local),
     ):
         point_latest(stack.out_dir)

@@ -26,7 +26,7 @@ from services.runtime.hosts.process_host import HubLaunch, Launch, usage
 from services.runtime.hosts.registry import Registry, ServiceSpec
 from services.runtime.launch.child import Task
 from services.runtime.launch.supervisor import NAME, Supervisor
-from services.runtime.node.checkpoint import VolatileCheckpoint
+from services.runtime.node.checkpoint import VolatileCheckpoint, write_safely
 from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.node import Node
 
@@ -58,8 +58,10 @@ class LocalStack:
         folder: Path,
         listen: str | None,
         other_side: "OtherSide | None",
+        begin_with: Mapping[str, bytes],
     ) -> None:
         self._other_side = other_side
+        self._begin_with = begin_with
         self.stack = stack
         self.services = services
         self.endpoints = _endpoints(services, folder, listen, only_homes=other_side is not None)
@@ -107,6 +109,8 @@ class LocalStack:
 
     def start_services(self) -> None:
         self._checkpoints = _unused_folder(self._checkpoints)
+        for name, data in self._begin_with.items():
+            write_safely(self._checkpoints / f"{name}.json", data)
         self.supervisor.add(self._service(name) for name in self.services)
 
     def missing(self) -> list[str]:
@@ -226,6 +230,7 @@ def local_stack(
     services: Registry,
     listen: str | None = None,
     other_side: OtherSide | None = None,
+    begin_with: Mapping[str, bytes] | None = None,
 ) -> Generator[LocalStack]:
     """Hubs that run, without services yet; everything is ended when the block is left.
 
@@ -233,6 +238,7 @@ def local_stack(
         listen: endpoint on which the pilot's hub listens instead of a private socket, so that
             programs outside the stack can connect.
         other_side: where it is another machine; `services` are then those of this one.
+        begin_with: checkpoints by service, of an earlier start.
 
     Raises:
         LindyError: the endpoint is taken or malformed.
@@ -241,7 +247,7 @@ def local_stack(
         with listening(endpoint):
             pass  # the hub would say the same, but only after strangers' hubs have answered
     with tempfile.TemporaryDirectory(prefix="lindy-", dir=_socket_folder()) as folder:
-        local = LocalStack(stack, services, Path(folder), listen, other_side)
+        local = LocalStack(stack, services, Path(folder), listen, other_side, begin_with or {})
         with ExitStack() as exits:
             exits.callback((stack.out_dir / RUNNING).unlink, missing_ok=True)
             exits.callback(local.supervisor.stop)
