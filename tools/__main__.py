@@ -16,10 +16,10 @@ from tools.gains import gains
 from tools.link import link
 from tools.profile import profile
 from tools.ramp import ramp
-from tools.research.papers.command import figures
 
 ERROR = 1  # exit status
 DEBUG = "--debug"
+PAPERS = "tools.research"  # not in an installed package
 
 
 app = App(
@@ -311,7 +311,32 @@ def bench(
     return bench(only=only, json=json)
 
 
-app.command(figures)
+@app.command
+def figures(
+    *,
+    out: Annotated[Path, Parameter(converter=named)],
+    only: Annotated[
+        tuple[str, ...], Parameter(negative=(), consume_multiple=True, show_default=False)
+    ] = (),
+) -> int:
+    """Draw the two papers' figures on references and control, and check their numbers.
+
+    Example: lindy figures --out figures --only andren-4.2 fernandes-10
+
+    Writes ID.png and ID.svg for each figure, and claims.json: each claim with the paper's value,
+    ours, and a verdict. The same files, byte for byte, on every run.
+
+    Args:
+        out: folder, made if it is not there; where it holds such files already, a new one beside
+            it.
+        only: ids of figures to draw, instead of all; claims.json is written in any case, with
+            claims about flights (fernandes-6 to 8, 14 to 17) only where one of these is drawn.
+    """
+    from tools.research.papers.command import figures
+
+    return figures(out=out, only=only)
+
+
 app.command(profile)
 app.command(ramp)
 app.command(gains)
@@ -342,11 +367,23 @@ def _run(words: Sequence[str], explain: Callable[[], None] = lambda: None) -> in
         return complain(f"{error.filename or 'operating system'}: {error.strerror or error}")
     except Exception as error:
         explain()
+        if (absent := _papers_tools(error, words)) is not None:
+            return complain(absent)
         where = traceback.extract_tb(error.__traceback__)[-1]
         name = f"{Path(where.filename).name}:{where.lineno}"
         what = f"{type(error).__name__}: {error}"
         return complain(f"a mistake in Lindy itself ({DEBUG} shows more), at {name}: {what}")
     return status or 0
+
+
+def _papers_tools(error: Exception, words: Sequence[str]) -> str | None:
+    """What to say where the error is that an installed package has no tools/research."""
+    if not isinstance(error, ModuleNotFoundError) or error.name != PAPERS:
+        return None
+    return (
+        f"what `lindy {words[0]}` needs here belongs to the papers' tools, which are in the source "
+        f"tree, not in the installed package; run it there: uv run lindy {words[0]}"
+    )
 
 
 def complain(sentence: str) -> int:

@@ -15,8 +15,6 @@ from services.reference.trajectory.minimum_jerk import Limits
 from services.reference.trajectory.profile import MotionProfile
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import deploy_file, read
-from tools.research.laws.fernandes.model_request import MotionRequest
-from tools.research.laws.fernandes.reference_model import plan
 
 MOST_ROWS = 10_000_000
 
@@ -89,6 +87,11 @@ def motion(wish: PlannedPathFile) -> MotionLaw:
     def bounded(length: float, cruise: float, initial: float, final: float) -> MotionProfile:
         return stretch(length, limits, cruise, initial, final)
 
+    if wish.model == "mjvr":
+        return bounded
+    from tools.research.laws.fernandes.model_request import MotionRequest
+    from tools.research.laws.fernandes.reference_model import plan
+
     def fernandes(length: float, cruise: float, initial: float, final: float) -> MotionProfile:
         return plan(
             MotionRequest(
@@ -107,7 +110,7 @@ def motion(wish: PlannedPathFile) -> MotionLaw:
             )
         )
 
-    return bounded if wish.model == "mjvr" else fernandes
+    return fernandes
 
 
 def shown(wish: PlannedPathFile, way: Route) -> str:

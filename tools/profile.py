@@ -3,10 +3,12 @@
 import json
 from collections.abc import Iterator
 from math import ceil, exp, isfinite
+from typing import TYPE_CHECKING
 
 from services.runtime.config.errors import LindyError
-from tools.research.laws.fernandes.model_request import MotionRequest
-from tools.research.laws.fernandes.reference_model import ReferenceModel, plan
+
+if TYPE_CHECKING:
+    from tools.research.laws.fernandes.reference_model import ReferenceModel
 
 MOST_ROWS = 10_000_000
 
@@ -47,6 +49,9 @@ def profile(
         xi: steepness of the start of both, 10 to 15.
         dt: [s] between samples.
     """
+    from tools.research.laws.fernandes.model_request import MotionRequest
+    from tools.research.laws.fernandes.reference_model import plan
+
     request = MotionRequest(
         length=length,
         cruise=cruise,
@@ -73,13 +78,13 @@ def profile(
     return 0
 
 
-def numbers(motion: ReferenceModel) -> str:
+def numbers(motion: "ReferenceModel") -> str:
     """The pre-computed values as JSON; times in s, positions in the unit of the length."""
     shown = {name: getattr(motion, name) for name in ("v_m", "v_c", "a_m", "d_m", "t", "P")}
     return json.dumps(shown, allow_nan=False)
 
 
-def rows(motion: ReferenceModel, dt: float) -> int:
+def rows(motion: "ReferenceModel", dt: float) -> int:
     """How many steps of `dt` [s] reach the arrival.
 
     Raises:
@@ -93,7 +98,7 @@ def rows(motion: ReferenceModel, dt: float) -> int:
     return ceil(steps)
 
 
-def samples(motion: ReferenceModel, steps: int, dt: float) -> Iterator[str]:
+def samples(motion: "ReferenceModel", steps: int, dt: float) -> Iterator[str]:
     """CSV, one line per step of `dt` [s] from 0 to the first one at or after the arrival."""
     yield "t,p,v,a"
     for k in range(steps + 1):

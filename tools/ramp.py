@@ -5,19 +5,13 @@ import json
 import sys
 from collections.abc import Iterable, Iterator
 from math import floor, inf, isfinite
-from typing import Literal, TextIO
+from typing import TYPE_CHECKING, Literal, TextIO
 
 from services.reference.trajectory.minimum_jerk import Limits, Sample, Segment, solve
 from services.runtime.config.errors import LindyError
-from tools.research.laws import thesis_rule
-from tools.research.laws.baselines import (
-    BaselineReference,
-    Direct,
-    Filter,
-    PlannedBaseline,
-    Planner,
-    minimum_time,
-)
+
+if TYPE_CHECKING:
+    from tools.research.laws.baselines import BaselineReference, Planner
 
 Rule = Literal["bounded", "thesis", "direct", "filter", "minimum-time"]
 TargetRow = tuple[float, float]  # t [s], target
@@ -122,7 +116,7 @@ def read(source: TextIO) -> list[TargetRow]:
 
 
 def samples(
-    generator: BaselineReference, rows: list[TargetRow], dt: float
+    generator: "BaselineReference", rows: list[TargetRow], dt: float
 ) -> Iterator[tuple[float, Sample]]:
     """The reference at the first time of `rows`, every dt [s] from there, to the last time."""
     first, last = rows[0][0], rows[-1][0]
@@ -171,7 +165,9 @@ def _check(above_0: dict[str, float | None], finite: dict[str, float | None]) ->
 def _generator(
     rule: Rule, jerk: float | None, accel: float | None, v0: float, a0: float,
     frequency: float, damping: float,
-) -> BaselineReference:  # fmt: skip
+) -> "BaselineReference":  # fmt: skip
+    from tools.research.laws.baselines import Direct, Filter, PlannedBaseline
+
     if accel is not None and rule not in ("bounded", "minimum-time"):
         print(f"lindy: --accel has no effect: --rule {rule} has no such limit", file=sys.stderr)
     if rule == "direct":
@@ -186,7 +182,10 @@ def _generator(
     )
 
 
-def _planner(rule: Rule, limits: Limits) -> Planner:
+def _planner(rule: Rule, limits: Limits) -> "Planner":
+    from tools.research.laws import thesis_rule
+    from tools.research.laws.baselines import minimum_time
+
     def thesis(v: float, a: float, target: float) -> list[Segment]:
         part = thesis_rule.plan(v, a, target, limits.jerk)
         return [] if part is None else [part]
@@ -200,7 +199,9 @@ def _planner(rule: Rule, limits: Limits) -> Planner:
     return {"thesis": thesis, "minimum-time": quickest}.get(rule, bounded)
 
 
-def _plan(rule: Rule, generator: BaselineReference, to: float | None) -> str:
+def _plan(rule: Rule, generator: "BaselineReference", to: float | None) -> str:
+    from tools.research.laws.baselines import PlannedBaseline
+
     if to is None:
         raise LindyError("--to is missing: the velocity that --plan goes to, e.g. --to 0.3")
     if not isinstance(generator, PlannedBaseline):

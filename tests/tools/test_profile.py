@@ -9,8 +9,9 @@ from typing import Any
 import pytest
 
 from services.runtime.config.errors import LindyError
-from tools import profile as verb
 from tools.profile import profile
+from tools.research.laws.fernandes.model_request import MotionRequest
+from tools.research.laws.fernandes.reference_model import plan
 
 SEA_TRIAL = {"length": 50.0, "cruise": 0.3, "accel_time": 20.0, "decel_time": 20.0}
 
@@ -62,7 +63,7 @@ def test_every_tuning_parameter_reaches_the_model(capsys: pytest.CaptureFixture[
 
 def test_the_numbers_survive_a_round_trip(capsys: pytest.CaptureFixture[str]) -> None:
     shown = numbers(capsys, length=7.0)
-    motion = verb.plan(verb.MotionRequest(7.0, 0.3, 20.0, 20.0))
+    motion = plan(MotionRequest(7.0, 0.3, 20.0, 20.0))
     assert (shown["v_m"], tuple(shown["t"]), tuple(shown["P"])) == (motion.v_m, motion.t, motion.P)
 
 
@@ -72,7 +73,7 @@ def test_the_samples_go_from_start_to_arrival(
     capsys: pytest.CaptureFixture[str], dt: float, length: float
 ) -> None:
     table = samples(capsys, dt=dt, length=length)
-    duration = verb.plan(verb.MotionRequest(length, 0.3, 20.0, 20.0)).duration
+    duration = plan(MotionRequest(length, 0.3, 20.0, 20.0)).duration
     assert [row[0] for row in table] == [k * dt for k in range(len(table))]
     assert table[0][1:] == [0.0, 0.0, 0.0]
     assert table[-1][1:] == [length, 0.0, 0.0]

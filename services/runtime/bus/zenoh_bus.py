@@ -59,15 +59,16 @@ def listening(
     Raises:
         LindyError: the endpoint is taken or malformed.
     """
-    settings = config("router", endpoints, connect)
-    if hub_side is not None:
-        settings.insert_json5("access_control", json.dumps(access_control(hub_side)))
     endpoint = endpoints[-1]
     try:
+        settings = config("router", endpoints, connect)
+        if hub_side is not None:
+            settings.insert_json5("access_control", json.dumps(access_control(hub_side)))
         return zenoh.open(settings)
     except zenoh.ZError as error:
         taken = "in use" in str(error)
         reason = str(error).split(" at /")[0]  # what follows is Zenoh's own source line
+        reason = reason.removeprefix('Json5Err(Message { msg: "')
         why = "is already in use" if taken else f"cannot be listened on ({reason})"
         raise LindyError(
             f"endpoint {endpoint} {why}; choose another, for example tcp/127.0.0.1:7447"

@@ -2,38 +2,24 @@
 
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated
-
-from cyclopts import Parameter
 
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
 from services.runtime.config.settings import nearest
-from tools.choices import named
 from tools.fresh import fresh_folder
 
 CLAIMS = "claims.json"
 
 
-def figures(
-    *,
-    out: Annotated[Path, Parameter(converter=named)],
-    only: Annotated[
-        tuple[str, ...], Parameter(negative=(), consume_multiple=True, show_default=False)
-    ] = (),
-) -> int:
-    """Draw the two papers' figures on references and control, and check their numbers.
-
-    Example: lindy figures --out figures --only andren-4.2 fernandes-10
-
-    Writes ID.png and ID.svg for each figure, and claims.json: each claim with the paper's value,
-    ours, and a verdict. The same files, byte for byte, on every run.
-
+def figures(*, out: Path, only: tuple[str, ...] = ()) -> int:
+    """
     Args:
         out: folder, made if it is not there; where it holds such files already, a new one beside
             it.
-        only: ids of figures to draw, instead of all; claims.json is written in any case, with
-            claims about flights (fernandes-6 to 8, 14 to 17) only where one of these is drawn.
+        only: ids of figures to draw, instead of all.
+
+    Raises:
+        LindyError: there is no matplotlib, no such figure, or no place to write to.
     """
     if find_spec("matplotlib") is None:
         raise LindyError(

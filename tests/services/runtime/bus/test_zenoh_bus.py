@@ -1,0 +1,225 @@
+"""The bus over Zenoh, with real sessions through a hub of this test's own."""
+
+import socket
+import time
+from collections import deque
+from collections.abc import Callable, Generator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+import zenoh
+
+from messages import topics
+from messages.topic import AnyTopic, Side, Way
+from services.runtime.bus.access_control import Border
+from services.runtime.bus.envelope import Envelope
+from services.runtime.bus.qos import QOS_PROFILES, ZenohQos
+from services.runtime.bus.zenoh_bus import ZenohBus, connected, listening, namespace
+from services.runtime.config.errors import LindyError
+
+PATIENCE_S = 60.0  # never reached unless something is broken
+SPACE = namespace("pioneer")
+LAST = "log/last"  # said behind everything else: what has not come when it has, never comes
+
+
+def until(happened: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + PATIENCE_S
+    while not happened():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)  # Zenoh's threads do it, and announce nothing
+
+
+def socket_file(folder: Path, name: str = "hub") -> str:
+    return f"unixsock-stream/{folder}/{name}.sock"
+
+
+def free_endpoint() -> str:
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        return f"tcp/127.0.0.1:{free.getsockname()[1]}"
+
+
+class Star:
+    """A hub and its clients, which are closed in order at the end."""
+
+    def __init__(self, endpoint: str, exits: ExitStack) -> None:
+        self.endpoint, self._exits = endpoint, exits
+        exits.enter_context(listening(endpoint))
+
+    def client(self, vehicle: str = "pioneer") -> ZenohBus:
+        session = connected(self.endpoint, namespace(vehicle), PATIENCE_S)
+        return ZenohBus(self._exits.enter_context(session))
+
+
+@pytest.fixture(params=["unixsock", "tcp"])
+def star(request: pytest.FixtureRequest, tmp_path: Path) -> Generator[Star]:
+    with ExitStack() as exits:
+        yield Star(socket_file(tmp_path) if request.param == "unixsock" else free_endpoint(), exits)
+
+
+def meet(talker: ZenohBus, heard: list[Envelope]) -> None:
+    """Talk until somebody listens: a subscription takes a moment to come round."""
+    say = talker.say(topics.LOG.of("meet"))
+
+    def met() -> bool:
+        say(b"")
+        return any(e.key == "log/meet" for e in heard)
+
+    until(met)
+
+
+def news(heard: list[Envelope]) -> list[Envelope]:
+    return [e for e in heard if e.key not in ("log/meet", LAST)]
+
+
+def until_all_is_there(talker: ZenohBus, heard: list[Envelope], payload: bytes = b"") -> None:
+    talker.say(topics.LOG.of("last"))(payload)
+    until(lambda: any(e.key == LAST for e in heard))
+
+
+def test_what_is_said_is_heard_once_by_the_others_with_its_encoding_and_qos(star: Star) -> None:
+    talker, ear = star.client(), star.client()
+    own, heard = list[Envelope](), list[Envelope]()
+    talker.hear("**", own.append)
+    ear.hear("**", heard.append)
+    meet(talker, heard)
+    rows = [topic.of("x") if topic.is_family else topic for topic in topics.ALL]
+    for topic in rows:
+        talker.say(topic)(topic.key.encode())
+    until_all_is_there(talker, heard)
+    until(lambda: len(news(heard)) >= len(rows))  # the priorities overtake each other
+    by_key = {e.key: e for e in news(heard)}
+    assert len(news(heard)) == len(by_key) == len(rows)
+    for topic in rows:
+        envelope = by_key[topic.key]
+        assert envelope.payload == topic.key.encode()
+        assert envelope.encoding == topic.encoding
+        assert envelope.travelled == QOS_PROFILES[topic.qos]
+    ear.say(topics.STATE)(b"for the talker")
+    until(lambda: bool(own))
+    assert [e.payload for e in own] == [b"for the talker"]
+
+
+def test_an_envelope_is_passed_on_byte_for_byte_into_another_realm(tmp_path: Path) -> None:
+    with ExitStack() as exits:
+        here = Star(socket_file(tmp_path, "here"), exits)
+        there = Star(socket_file(tmp_path, "there"), exits)
+        foreign = exits.enter_context(connected(socket_file(tmp_path, "here"), SPACE, PATIENCE_S))
+        ear, far = here.client(), there.client()
+        carrier, carried, heard = there.client(), deque[Envelope](), list[Envelope]()
+        ear.hear("**", carried.append)
+        far.hear("**", heard.append)
+        payload, attachment = bytes(range(256)) * 4, b"\x00\xffwith"
+
+        def crossed() -> bool:
+            foreign.put(
+                "not/ours", payload, encoding="text/plain;odd", attachment=attachment,
+                priority=zenoh.Priority.DATA_LOW, express=True,
+                congestion_control=zenoh.CongestionControl.DROP,
+            )  # fmt: skip
+            while carried:
+                carrier.forward(carried.popleft())
+            return bool(heard)
+
+        until(crossed)
+    travelled = ZenohQos(zenoh.Priority.DATA_LOW, zenoh.CongestionControl.DROP, express=True)
+    expected = Envelope("not/ours", payload, "text/plain;odd", attachment, travelled)
+    assert [e for e in heard if e != expected] == []
+
+
+def test_what_is_deleted_is_no_message(tmp_path: Path) -> None:
+    with ExitStack() as exits:
+        star = Star(socket_file(tmp_path), exits)
+        foreign = exits.enter_context(connected(socket_file(tmp_path), SPACE, PATIENCE_S))
+        ear, talker, heard = star.client(), ZenohBus(foreign), list[Envelope]()
+        ear.hear("**", heard.append)
+        meet(talker, heard)
+        foreign.delete("state", priority=zenoh.Priority.BACKGROUND)
+        until_all_is_there(talker, heard)
+        assert news(heard) == []
+
+
+def test_two_vehicles_share_a_hub_and_do_not_hear_each_other(star: Star) -> None:
+    talker, ear, stranger = star.client(), star.client(), star.client("another")
+    heard, strange = list[Envelope](), list[Envelope]()
+    ear.hear("**", heard.append)
+    stranger.hear("**", strange.append)
+    meet(talker, heard)
+    until_all_is_there(talker, heard)
+    assert strange == []
+
+
+def test_a_service_is_seen_to_come_and_to_go(star: Star) -> None:
+    seen: list[tuple[str, bool]] = []
+    before, watcher = star.client(), star.client()
+    before.announce("estimation")
+    watcher.watch(lambda service, alive: seen.append((service, alive)))
+    until(lambda: ("estimation", True) in seen)  # also who was there before
+    with connected(star.endpoint, SPACE, PATIENCE_S) as session:
+        ZenohBus(session).announce("control")
+        until(lambda: ("control", True) in seen)
+    until(lambda: ("control", False) in seen)
+    assert seen == [("estimation", True), ("control", True), ("control", False)]
+
+
+@pytest.mark.parametrize("kind", ["unixsock", "tcp"])
+def test_an_endpoint_that_is_taken_is_one_sentence(tmp_path: Path, kind: str) -> None:
+    endpoint = socket_file(tmp_path) if kind == "unixsock" else free_endpoint()
+    with listening(endpoint), pytest.raises(LindyError) as refused:
+        listening(endpoint)
+    sentence = str(refused.value)
+    assert sentence.startswith(f"endpoint {endpoint} ")
+    assert sentence.endswith("; choose another, for example tcp/127.0.0.1:7447")
+    assert len(sentence.splitlines()) == 1
+
+
+@pytest.mark.parametrize("endpoint", ["tcp/127.0.0.1:port", "nonsense", "carrier-pigeon/home:1"])
+def test_an_endpoint_that_is_none_is_one_sentence(endpoint: str) -> None:
+    with pytest.raises(LindyError, match=r"^endpoint .* cannot be listened on \(.*\); choose"):
+        listening(endpoint)
+
+
+def test_a_client_without_a_hub_gives_up_with_a_sentence(tmp_path: Path) -> None:
+    endpoint = socket_file(tmp_path, "nobody")
+    with pytest.raises(LindyError) as refused:
+        connected(endpoint, SPACE, 0.2)
+    assert str(refused.value) == f"no hub answers at {endpoint} after 0.2 s"
+
+
+SIDES: tuple[Side, Side] = ("drone", "topside")
+
+
+def test_between_two_machines_each_row_crosses_in_its_own_way_only(tmp_path: Path) -> None:
+    """Two hubs joined by TCP, a client on the private socket of each."""
+    rows = [t.of("x") for t in topics.ALL if t.is_family and t is not topics.LOG]
+    rows += [t for t in topics.ALL if not t.is_family]
+    heard: dict[Side, list[Envelope]] = {"topside": [], "drone": []}
+    with ExitStack() as exits:
+        between, bus = free_endpoint(), dict[Side, ZenohBus]()
+        for side in SIDES:
+            listen, connect = ([between], []) if side == "drone" else ([], [between])
+            # The private socket is named last: it is the one of which an error would speak.
+            own, border = socket_file(tmp_path, side), Border(side, SPACE)
+            exits.enter_context(listening(*listen, own, connect=connect, hub_side=border))
+            bus[side] = ZenohBus(exits.enter_context(connected(own, SPACE, PATIENCE_S)))
+            for topic in topics.ALL:
+                bus[side].hear(topic.key, heard[side].append)
+        for side, other in (SIDES, SIDES[::-1]):
+            meet(bus[side], heard[other])
+        for side, other in (SIDES, SIDES[::-1]):
+            for topic in rows:
+                bus[side].say(topic)(topic.key.encode())
+            until_all_is_there(bus[side], heard[other])
+            until(lambda side=side, other=other: keys(heard[other]) >= crossing(rows, side))
+    assert keys(heard["drone"]) == crossing(rows, "topside")
+    assert keys(heard["topside"]) == crossing(rows, "drone")
+
+
+def keys(heard: list[Envelope]) -> set[str]:
+    return {e.key for e in news(heard)}
+
+
+def crossing(rows: list[AnyTopic], side: Side) -> set[str]:
+    """Keys that the other side is to hear of what is said here."""
+    way = Way.DOWN if side == "topside" else Way.UP
+    return {topic.key for topic in rows if topic.way in (way, Way.BOTH)}

@@ -1,0 +1,215 @@
+"""A service as a process: how it ends, what it says when it cannot start, what it knows again."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Generator
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from messages import topics
+from services.runtime.bus.envelope import Envelope
+from services.runtime.bus.zenoh_bus import ZenohBus, listening, open_bus
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.process_host import HubLaunch, Launch
+from services.runtime.hosts.registry import ServiceSpec
+
+PATIENCE_S = 60.0  # never reached unless something is broken
+PYTHON = [sys.executable, "-P", "-m", "services"]
+TOY = """
+import time
+import msgspec
+from services.runtime.config.errors import LindyError
+
+class Memory(msgspec.Struct):
+    lives: int
+
+def wire(node, stack):
+    known = node.restore_checkpoint(Memory)
+    lives = 1 if known is None else known.lives + 1
+    node.save_checkpoint(Memory(lives))
+    node.every(20.0, lambda now: node.log("info", f"life {lives}"))
+    node.on_close(lambda: print("closed", flush=True))
+"""
+HANGING = TOY + "    node.every(20.0, lambda now: time.sleep(600))\n"
+MISTAKEN = TOY + "    raise LindyError('the port is taken; choose another')\n"
+BROKEN = TOY + "    {}['x']\n"
+PARENT = """
+import subprocess, sys, time
+toy = subprocess.Popen([w.replace("PARENT", str(__import__("os").getpid())) for w in sys.argv[1:]])
+print(toy.pid, flush=True)
+time.sleep(600)
+"""
+
+
+def until(happened: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + PATIENCE_S
+    while not happened():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)  # another process does it, and nothing announces it
+
+
+def exists(pid: int) -> bool:
+    """An orphan may wait as a zombie for whoever collects it."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+
+
+class Bench:
+    """A hub, a folder with the toy's module, and an ear for what the toy says."""
+
+    def __init__(self, folder: Path, endpoint: str, bus: ZenohBus) -> None:
+        self.folder, self._endpoint = folder, endpoint
+        self.alive: list[bool] = []
+        self._lines: list[Envelope] = []
+        bus.hear("log/toy", self._lines.append)
+        bus.watch(lambda _, alive: self.alive.append(alive))
+        self._started: list[subprocess.Popen[str]] = []
+
+    def command(self, code: str, **more: int | str) -> list[str]:
+        (self.folder / "toy_module.py").write_text(code)
+        launch = Launch(
+            service="toy",
+            stack=Stack(),
+            spec=ServiceSpec(sides=["drone"], module="toy_module"),
+            stack_file=str(self.folder / "mine.toml"),
+            endpoints={"drone": self._endpoint},
+            checkpoint=str(self.folder),
+        )
+        said = msgspec.to_builtins(launch) | more
+        return [*PYTHON, msgspec.json.encode(said).decode().replace('"PARENT"', "PARENT")]
+
+    def start(self, command: list[str]) -> subprocess.Popen[str]:
+        pipe = subprocess.PIPE
+        process = subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True)
+        self._started.append(process)
+        return process
+
+    def heard(self, text: str) -> bool:
+        lines = [msgspec.msgpack.decode(e.payload)["text"] for e in self._lines]
+        return text in lines
+
+    def end(self) -> None:
+        for process in self._started:
+            process.kill()
+            process.communicate()
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Generator[Bench]:
+    endpoint = f"unixsock-stream/{tmp_path}/hub.sock"
+    with listening(endpoint), open_bus(endpoint, "pioneer") as bus:
+        bench = Bench(tmp_path, endpoint, bus)
+        yield bench
+        bench.end()
+
+
+@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGINT])
+def test_a_service_that_is_asked_to_end_closes_and_ends_well(
+    bench: Bench, how: signal.Signals
+) -> None:
+    toy = bench.start(bench.command(TOY))
+    until(lambda: bench.heard("life 1"))
+    toy.send_signal(how)
+    said, shown = toy.communicate(timeout=PATIENCE_S)
+    assert (toy.returncode, said) == (0, "closed\n")
+    assert set(shown.splitlines()) == {"info toy: life 1"}
+    until(lambda: bench.alive == [True, False])
+
+
+@pytest.mark.parametrize("code", [TOY, HANGING], ids=["well", "hanging"])
+def test_a_service_ends_when_its_parent_dies_even_if_it_hangs(bench: Bench, code: str) -> None:
+    command = bench.command(code, parent="PARENT")
+    parent = bench.start([sys.executable, "-S", "-c", PARENT, *command])
+    assert parent.stdout is not None
+    toy = int(parent.stdout.readline())
+    until(lambda: True in bench.alive)
+    assert exists(toy)
+    parent.kill()
+    until(lambda: not exists(toy))
+    until(lambda: bench.alive == [True, False])
+
+
+def test_a_mistake_of_the_users_is_one_sentence_and_status_1(bench: Bench) -> None:
+    toy = bench.start(bench.command(MISTAKEN))
+    assert toy.communicate(timeout=PATIENCE_S) == (
+        "", "lindy toy: the port is taken; choose another\n",
+    )  # fmt: skip
+    assert (toy.returncode, bench.alive) == (1, [])
+
+
+def test_a_module_that_breaks_is_one_sentence_behind_its_traceback(bench: Bench) -> None:
+    toy = bench.start(bench.command(BROKEN))
+    _, shown = toy.communicate(timeout=PATIENCE_S)
+    *trace, last = shown.splitlines()
+    assert last == "lindy toy: module toy_module: KeyError: 'x'"
+    assert "Traceback" in trace[0]
+    assert toy.returncode == 1
+
+
+def test_after_a_crash_a_service_knows_again_what_it_had_kept(bench: Bench) -> None:
+    kept = bench.folder / "toy.json"
+    for life in (1, 2, 3):
+        toy = bench.start(bench.command(TOY))
+        until(lambda life=life: bench.heard(f"life {life}"))
+        # It is written by a thread of its own: what counts is what was on the disk.
+        until(lambda life=life: kept.is_file() and f":{life}" in kept.read_text())
+        toy.kill()
+        toy.communicate(timeout=PATIENCE_S)
+        assert toy.returncode == -signal.SIGKILL
+
+
+def test_a_checkpoint_that_is_damaged_costs_only_what_was_in_it(bench: Bench) -> None:
+    (bench.folder / "toy.json").write_text('{"lives": "many')
+    bench.start(bench.command(TOY))
+    until(lambda: bench.heard("life 1"))
+
+
+def test_without_a_hub_a_service_says_where_it_looked(bench: Bench) -> None:
+    nowhere = f"unixsock-stream/{bench.folder}/nobody.sock"
+    code = "import services.runtime.bus.zenoh_bus as z; z.connected.__defaults__ = (0.2,); "
+    code += "from services.__main__ import main; import sys; sys.exit(main(sys.argv[1:]))"
+    launch = bench.command(TOY)[-1].replace(
+        f"{bench.folder}/hub.sock", f"{bench.folder}/nobody.sock"
+    )
+    toy = bench.start([sys.executable, "-P", "-c", code, launch])
+    _, shown = toy.communicate(timeout=PATIENCE_S)
+    assert (toy.returncode, shown) == (1, f"lindy toy: no hub answers at {nowhere} after 0.2 s\n")
+
+
+def hub(bench: Bench, endpoint: str) -> subprocess.Popen[str]:
+    launch = msgspec.json.encode(HubLaunch(listen=[endpoint], parent=os.getpid())).decode()
+    return bench.start([*PYTHON, "hub", launch])
+
+
+def test_a_hub_carries_messages_until_it_is_asked_to_end(bench: Bench) -> None:
+    endpoint = f"unixsock-stream/{bench.folder}/second.sock"
+    process = hub(bench, endpoint)
+    with open_bus(endpoint, "pioneer") as ear, open_bus(endpoint, "pioneer") as talker:
+        heard = list[Envelope]()
+        ear.hear(topics.STATE.key, heard.append)
+        say = talker.say(topics.STATE)
+
+        def arrived() -> bool:
+            say(b"x")
+            return bool(heard)
+
+        until(arrived)
+    process.terminate()
+    assert process.communicate(timeout=PATIENCE_S) == ("", "")
+    assert process.returncode == 0
+
+
+def test_a_hub_whose_endpoint_is_taken_says_so(bench: Bench) -> None:
+    endpoint = f"unixsock-stream/{bench.folder}/hub.sock"
+    process = hub(bench, endpoint)
+    _, shown = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 1
+    assert shown.startswith(f"lindy hub: endpoint {endpoint} ")
+    assert len(shown.splitlines()) == 1

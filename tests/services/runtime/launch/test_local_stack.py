@@ -1,0 +1,188 @@
+"""A stack of two tiny services as processes: started, kept running, ended with nothing left."""
+
+import os
+import signal
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from messages import topics
+from messages.health import LogLine
+from services.runtime.bus.zenoh_bus import ZenohBus, connected, namespace
+from services.runtime.config.errors import LindyError
+from services.runtime.config.running import RUNNING, Running
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import Registry
+from services.runtime.launch.local_stack import LocalStack, local_stack
+
+PATIENCE_S = 60.0  # never reached unless something is broken
+STACK = """
+[services.engine]
+sides = ["drone"]
+vehicle_side = true
+module = "engine_module"
+
+[services.desk]
+sides = ["topside", "drone"]
+module = "desk_module"
+"""
+QUIET = "def wire(node, stack):\n    pass\n"
+TALKING = """
+def wire(node, stack):
+    node.every(20.0, lambda now: node.log("info", "here"))
+"""
+WAITING = """
+import pathlib, time
+def wire(node, stack):
+    while not (pathlib.Path(__file__).parent / "go").exists():
+        time.sleep(0.02)
+"""
+MISTAKEN = """
+from services.runtime.config.errors import LindyError
+def wire(node, stack):
+    raise LindyError("the port is taken; choose another")
+"""
+
+
+def made(folder: Path, engine: str = TALKING, desk: str = QUIET) -> tuple[Stack, Registry]:
+    (folder / "engine_module.py").write_text(engine)
+    (folder / "desk_module.py").write_text(desk)
+    (folder / "mine.toml").write_text(STACK)
+    out = folder / "out"
+    out.mkdir()
+    return Stack(out=str(out)), Registry.read(str(folder / "mine.toml"))
+
+
+def exists(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+
+
+def pump_until(local: LocalStack, happened: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + PATIENCE_S
+    while not happened():
+        assert time.monotonic() < deadline, (local.missing(), local.supervisor.pids)
+        local.pump()
+
+
+def alive(local: LocalStack) -> None:
+    pump_until(local, lambda: not local.missing())
+
+
+def running(stack: Stack) -> Running:
+    return msgspec.json.decode((stack.out_dir / RUNNING).read_bytes(), type=Running)
+
+
+def socket_folders(local: LocalStack) -> set[Path]:
+    return {Path(e.partition("/")[2]).parent for e in local.endpoints.values()}
+
+
+def test_a_stack_comes_alive_is_found_by_its_file_and_leaves_nothing_behind(tmp_path: Path) -> None:
+    stack, services = made(tmp_path)
+    with local_stack(stack, services) as local:
+        assert set(local.endpoints) == {"topside", "drone"}
+        assert sorted(local.missing()) == ["desk", "engine"]
+        local.start_services()
+        alive(local)
+        assert local.alive >= {("drone", "engine"), ("topside", "desk"), ("drone", "desk")}
+        found = running(stack)
+        assert found == Running("pioneer", local.endpoints, os.getpid(), local.supervisor.pids)
+        assert set(found.pids) == {"hub_topside", "hub_drone", "engine", "desk"}
+        said = list[LogLine]()
+        decoder = msgspec.msgpack.Decoder(LogLine)
+        with connected(found.endpoints["drone"], namespace(found.vehicle)) as session:
+            bus = ZenohBus(session)
+            bus.hear(topics.LOG.of("engine").key, lambda e: said.append(decoder.decode(e.payload)))
+            pump_until(local, lambda: bool(said))
+        assert said[0].text == "here"
+        folders = socket_folders(local)
+        assert all(folder.is_dir() for folder in folders)
+    assert not [pid for pid in found.pids.values() if exists(pid)]
+    assert not [folder for folder in folders if folder.exists()]
+    assert not (stack.out_dir / RUNNING).exists()
+    assert set(local.supervisor.restarts.values()) == {0}
+    assert "info engine: here" in (stack.out_dir / "logs/engine.log").read_text()
+
+
+def test_what_is_killed_comes_again_and_the_file_names_the_new_process(tmp_path: Path) -> None:
+    stack, services = made(tmp_path)
+    with local_stack(stack, services) as local:
+        local.start_services()
+        alive(local)
+        before = running(stack).pids
+        for name in ("engine", "hub_drone"):
+            os.kill(before[name], signal.SIGKILL)
+        pump_until(local, lambda: bool(local.missing()))
+        alive(local)
+        pump_until(local, lambda: {"engine", "hub_drone"} <= set(running(stack).pids))
+        after = running(stack).pids
+        assert {name for name, pid in after.items() if pid != before[name]} == {
+            "engine",
+            "hub_drone",
+        }
+        restarts = {"hub_topside": 0, "hub_drone": 1, "engine": 1, "desk": 0}
+        assert local.supervisor.restarts == restarts
+    assert not [pid for pid in (*before.values(), *after.values()) if exists(pid)]
+
+
+def test_who_is_not_alive_in_time_is_named_and_may_still_come(tmp_path: Path) -> None:
+    stack, services = made(tmp_path, desk=WAITING)
+    with local_stack(stack, services) as local:
+        local.start_services()
+        pump_until(local, lambda: local.missing() == ["desk"])
+
+        def look() -> bool:
+            local.pump()
+            return True
+
+        with pytest.raises(LindyError) as late:
+            local.wait_alive(0.0, look)
+        logs = stack.out_dir / "logs"
+        assert str(late.value) == f"not alive after 0 s: desk (see {logs})"
+        local.wait_alive(0.0, lambda: False)  # whoever waits may give up without an error
+        (tmp_path / "go").touch()
+        local.wait_alive(PATIENCE_S, look)
+        assert local.missing() == []
+
+
+def test_a_service_that_cannot_start_ends_the_stack_with_its_own_sentence(tmp_path: Path) -> None:
+    stack, services = made(tmp_path, engine=MISTAKEN)
+    pids = dict[str, int]()
+
+    def start() -> None:
+        with local_stack(stack, services) as local:
+            local.start_services()
+            while True:
+                pids.update(local.supervisor.pids)
+                local.pump()
+
+    with pytest.raises(LindyError, match=r"^the port is taken; choose another$"):
+        start()
+    assert set(pids) == {"hub_topside", "hub_drone", "engine", "desk"}
+    assert not [pid for pid in pids.values() if exists(pid)]
+    assert not (stack.out_dir / RUNNING).exists()
+
+
+def test_each_start_in_one_folder_has_checkpoints_of_its_own(tmp_path: Path) -> None:
+    stack, services = made(tmp_path)
+    for folders in ({"checkpoints"}, {"checkpoints", "checkpoints-2"}):
+        with local_stack(stack, services) as local:
+            local.start_services()
+        assert {path.name for path in stack.out_dir.iterdir() if path.name != "logs"} == folders
+
+
+def test_a_taken_endpoint_is_said_before_anything_is_started(tmp_path: Path) -> None:
+    stack, services = made(tmp_path)
+    with local_stack(stack, services, listen=f"unixsock-stream/{tmp_path}/mine.sock") as local:
+        (taken,) = [e for e in local.endpoints.values() if e.endswith("mine.sock")]
+        with (
+            pytest.raises(LindyError, match=rf"^endpoint {taken} .*; choose another"),
+            local_stack(stack, services, listen=taken),
+        ):
+            raise AssertionError("it has started")
+        assert set(local.supervisor.pids) == {"hub_topside", "hub_drone"}

@@ -1,0 +1,116 @@
+"""What a service says is numbered; what it hears is the newest, for as long as it is fresh."""
+
+from collections import Counter
+
+import msgspec
+from hypothesis import given
+from hypothesis import strategies as st
+
+from messages import topics
+from messages.pilot import PilotCommand
+from messages.topic import AnyTopic
+from services.runtime.bus.envelope import Envelope
+from services.runtime.bus.memory_bus import MemoryBus, MemoryBusPort
+from services.runtime.node.checkpoint import VolatileCheckpoint
+from services.runtime.node.gate import Gate
+from services.runtime.node.node import EVENTS, RING, Node
+from services.runtime.node.ports import Inbox, Latest, Publisher
+
+MS, SECOND = 1_000_000, 1_000_000_000
+COMMAND = topics.PILOT_COMMAND
+
+
+def command(now: int, ttl_ms: float = 300.0) -> PilotCommand:
+    return PilotCommand(stamp_ns=now, surge=0.0, sway=0.0, heave=0.0, yaw=0.0, ttl_ms=ttl_ms)
+
+
+def envelope(message: PilotCommand) -> Envelope:
+    return Envelope(COMMAND.key, msgspec.msgpack.encode(message), COMMAND.encoding)
+
+
+class Ear:
+    """A latest-wins port with its counts."""
+
+    def __init__(self) -> None:
+        self.counts = Counter[str]()
+        self._inbox = Inbox(COMMAND.key, RING, lambda: 0, self.counts)
+        gate = Gate(COMMAND, self.counts)
+        self.port = Latest(COMMAND, self._inbox, gate, self.counts)
+
+    def store(self, message: PilotCommand) -> None:
+        self._inbox.store(envelope(message))
+
+
+@given(st.integers(1, 4), st.integers(0, 40))
+def test_messages_are_numbered_from_nought_alike_in_every_realm(realms: int, number: int) -> None:
+    said: list[list[int]] = [[] for _ in range(realms)]
+    decode = msgspec.msgpack.Decoder(PilotCommand).decode
+    publisher = Publisher(
+        COMMAND, [lambda payload, into=into: into.append(decode(payload).seq) for into in said]
+    )
+    for now in range(number):
+        publisher.put(command(now))
+    assert publisher.sent == number
+    assert said == [list(range(number))] * realms
+
+
+@given(st.integers(1, 1000), st.integers(0, 2000))
+def test_a_command_is_fresh_for_its_time_to_live_and_no_longer(ttl_ms: int, age_ms: int) -> None:
+    ear = Ear()
+    ear.store(command(SECOND, ttl_ms))
+    assert ear.port.newest(SECOND) is not None
+    fresh = ear.port.fresh(SECOND + age_ms * MS)
+    assert (fresh is not None) == (age_ms <= ttl_ms)
+    assert ear.port.newest(SECOND + age_ms * MS) is not None
+
+
+@given(st.lists(st.integers(0, 400), min_size=1, max_size=30))
+def test_each_passage_from_fresh_to_stale_is_counted_once(pauses: list[int]) -> None:
+    """A command, a pause [ms] in which the port is looked at each 10 ms, the next command …"""
+    ear, now = Ear(), SECOND
+    for pause in pauses:
+        ear.store(command(now))
+        for later in range(now, now + pause * MS + 1, 10 * MS):
+            ear.port.fresh(later)
+        now += (pause + 1) * MS
+    went_stale = sum(pause // 10 * 10 > 300 for pause in pauses)
+    assert ear.counts[f"stale:{COMMAND.key}"] == went_stale
+
+
+@given(st.lists(st.integers(0, 50), min_size=1, max_size=RING))
+def test_of_commands_that_come_in_any_order_the_newest_is_kept(ages: list[int]) -> None:
+    ear = Ear()
+    for age in ages:
+        ear.store(command(SECOND - age * MS))
+    newest = ear.port.newest(SECOND)
+    assert newest is not None
+    assert newest.stamp_ns == SECOND - min(ages) * MS
+
+
+@given(st.integers(0, 3 * EVENTS), st.booleans())
+def test_what_does_not_fit_between_two_steps_is_counted(number: int, every: bool) -> None:
+    bus, heard = MemoryBus(), list[int]()
+    node = Node("ear", {"drone": MemoryBusPort(bus)}, lambda: SECOND, VolatileCheckpoint())
+    depth = EVENTS if every else RING
+    port = None if every else node.latest(COMMAND)
+    if every:
+        node.each(COMMAND, lambda message, _: heard.append(message.stamp_ns))
+    talker = MemoryBusPort(bus)
+    for k in range(number):
+        talker.forward(envelope(command(SECOND - number + k)))
+    node.step()
+    kept = list(range(SECOND - number, SECOND))[-depth:]
+    if port is not None:
+        newest = port.newest(SECOND)
+        assert (newest and newest.stamp_ns) == (kept[-1] if kept else None)
+    else:
+        assert heard == kept
+    assert node.counts[f"overflowed:{COMMAND.key}"] == max(0, number - depth)
+
+
+@given(st.sampled_from([topic for topic in topics.ALL if topic.hz]))
+def test_a_stream_is_news_for_five_periods_at_least_a_tenth_of_a_second(topic: AnyTopic) -> None:
+    limit = topic.stale_after_ns
+    assert limit is not None
+    assert limit >= 100 * MS
+    assert limit == round(5e9 / topic.hz) or limit == 100 * MS
