@@ -1,1 +1,1 @@
-"""Reference and state become a wrench; the wrench becomes thruster commands."""
+"""From reference and state to a wrench, and from the wrench to thruster commands."""

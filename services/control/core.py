@@ -1,4 +1,4 @@
-"""The control law of the vehicle: every axis is held or passed on, as the reference says."""
+"""The control law of the vehicle: each axis is held, or takes the pilot's force."""
 
 from dataclasses import dataclass, field
 from math import isfinite
@@ -20,20 +20,20 @@ from services.marine.sensor_time import SensorTime
 from services.marine.vehicle import Vehicle
 
 PERIOD_S = 1 / topics.REFERENCE.hz  # [s] for which a wrench is held
-LONGEST_STEP_S = 0.05  # [s] after a pause the integrators go on as if it had been this long
-MOST = 1e6  # [N, N m] beyond every vehicle; keeps sums within what messages may say
+LONGEST_STEP_S = 0.05  # [s] a longer step counts as this long
+MOST = 1e6  # [N, N m] more than any vehicle has; keeps sums within the range of messages
 NOTHING: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(slots=True)
 class Controller:
-    """Steps at the rate of the reference, in the time of the sensors: it does not matter how late
-    a step is handled. `events` collects what must be counted: each passage into a clamp, a
-    saturation or a missing input, not each step of it.
+    """Steps at the rate of the reference, in sensor time: the delay of handling has no effect.
+    `events` collects names to count: the onset of each clamp, saturation or missing input, not
+    every step of it.
 
     Raises:
-        ValueError: gains with which the sampled loop of an axis is not stable, gains of an axis
-            that is not driven, or thrusters that cannot drive what a pilot needs.
+        ValueError: gains that make the sampled loop of an axis unstable, gains of an axis without
+            thrust, or thrusters that cannot drive the axes a pilot needs.
     """
 
     settings: Settings
@@ -43,9 +43,9 @@ class Controller:
     _propulsion: Propulsion = field(init=False)
     _time: SensorTime = field(default_factory=SensorTime)
     _last: Ns | None = None  # sensor time of the step before
-    _held: Reference | None = None
+    _newest: Reference | None = None
     _now_true: set[str] = field(default_factory=set[str])  # conditions of this step …
-    _was_true: set[str] = field(default_factory=set[str])  # … and of the one before
+    _was_true: set[str] = field(default_factory=set[str])  # … and of the previous one
 
     def __post_init__(self) -> None:
         require_stable(self.settings, self.vehicle, PERIOD_S)
@@ -59,25 +59,25 @@ class Controller:
         """One wrench and the thruster commands for it.
 
         Args:
-            reference: None when none has come for too long: the last position is held.
-            state: None when it is stale: then nothing can be held and the thrusters stop.
+            reference: None: timed out; the last position is held.
+            state: None: stale; the thrusters stop.
         """
         dt = self._elapsed(state, now)
         if reference is None:
             reference = self._hold()
-        self._held = reference
+        self._newest = reference
         result = self._act(reference, state, dt, now)
         self.events.extend(sorted(self._now_true - self._was_true))
         self._was_true, self._now_true = self._now_true, set()
         return result
 
     def heard(self, actuation: Actuation | None, state: VehicleState | None) -> None:
-        """What the thrusters did, as their driver says; judged only where the depth is known."""
+        """Take in the driver's report of the thrust; used only while the depth is known."""
         if actuation is not None and state is not None and state.depth.valid:
             self._propulsion.heard(actuation, state.depth.value)
 
     def _elapsed(self, state: VehicleState | None, now: Ns) -> float:
-        """[s] Between the measurements behind this step and the one before."""
+        """[s] Between the sensor samples of this step and of the previous one."""
         at = self._time.step(None if state is None else state.sensor_ns, now)
         dt, self._last = 0.0 if self._last is None else (at - self._last) / 1e9, at
         if dt > LONGEST_STEP_S:
@@ -104,9 +104,9 @@ class Controller:
         return self._command(reference, state, wanted, now)
 
     def _hold(self) -> Reference | None:
-        """The last reference brought to rest where it was: no velocity, no force of the pilot's.
-        An axis that was not held is not held now."""
-        last = self._held
+        """The last reference at rest: its positions, without velocity or pilot force. Held axes
+        stay held; no others are."""
+        last = self._newest
         if last is None:
             return None
         return msgspec.structs.replace(
@@ -127,7 +127,7 @@ class Controller:
     def _off(
         self, reference: Reference | None, state: VehicleState | None, now: Ns
     ) -> tuple[Wrench, ThrusterCommand]:
-        """Thrusters stopped. Disarmed also forgets what was learnt."""
+        """Thrusters stopped. Disarming also resets integrals, observers and allocation."""
         self._laws.stop()
         if reference is None or not reference.armed:
             self._laws.forget()

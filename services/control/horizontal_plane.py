@@ -1,4 +1,4 @@
-"""The horizontal plane: what is wanted in the world (NED), as the body's axes see it."""
+"""The horizontal plane: the reference in NED, resolved along the body axes."""
 
 from math import cos, hypot, sin
 from typing import NamedTuple
@@ -15,15 +15,15 @@ STILL_WATER = (0.0, 0.0)  # [m/s]
 
 
 class HorizontalSetpoint(NamedTuple):
-    """Reference seen from the body: positions are errors, velocities are over the ground."""
+    """Reference in body axes: positions are errors, velocities are over the ground."""
 
     surge: Motion
     sway: Motion
 
 
-def no_further(north: Motion, east: Motion, place: Place, most: float) -> tuple[Motion, Motion]:
-    """The same reference, brought to within `most` [m] of the place, straight ahead of it: the
-    first windup guard for a plane, where clamping each axis alone would bend the way."""
+def limited_error(north: Motion, east: Motion, place: Place, most: float) -> tuple[Motion, Motion]:
+    """The reference with its position error limited to `most` [m], in the same direction: the first
+    anti-windup guard. Clamping each axis alone would change the direction."""
     away = north.position - place[0], east.position - place[1]
     if hypot(*away) <= most:
         return north, east
@@ -35,7 +35,7 @@ def no_further(north: Motion, east: Motion, place: Place, most: float) -> tuple[
 
 
 class MeasuredMotion(NamedTuple):
-    """What the horizontal law feeds back, all of it valid."""
+    """Feedback of the horizontal law, all of it valid."""
 
     heading: float  # [rad] clockwise from north
     north: float  # [m] NED
@@ -50,7 +50,7 @@ class MeasuredMotion(NamedTuple):
 
 
 def measured(state: VehicleState) -> MeasuredMotion | None:
-    """None when place, velocity or heading are not known."""
+    """None when position, velocity or heading are not valid."""
     heading = state.heading if state.heading_navigation is None else state.heading_navigation
     parts = heading, state.north, state.east, state.surge_velocity, state.sway_velocity
     values = [part.value for part in parts if part is not None and part.valid]
@@ -58,18 +58,18 @@ def measured(state: VehicleState) -> MeasuredMotion | None:
 
 
 def water_velocity(state: VehicleState, heading: float) -> tuple[float, float]:
-    """[m/s] Of the water over the ground along surge and sway; zero where it is not known."""
+    """[m/s] Of the water over the ground along surge and sway; zero where unknown."""
     return known_water(state, heading) or STILL_WATER
 
 
 def known_water(state: VehicleState, heading: float) -> tuple[float, float] | None:
-    """[m/s] Of the water over the ground along surge and sway."""
+    """[m/s] Of the water over the ground along surge and sway; None: unknown."""
     north, east = _known(state.current_north), _known(state.current_east)
     return None if north is None or east is None else to_body(heading, north, east)
 
 
 def seen_from_body(north: Motion, east: Motion, heading: float, place: Place) -> HorizontalSetpoint:
-    """The reference along body axes at this instant.
+    """The reference resolved along the body axes.
 
     Args:
         heading: [rad] clockwise from north.
@@ -84,8 +84,8 @@ def seen_from_body(north: Motion, east: Motion, heading: float, place: Place) ->
 
 
 def turning_force(inertia: Vec6, velocity: tuple[float, float], turn: float) -> tuple[float, float]:
-    """[N] Surge and sway forces that a turning vehicle needs beside M times the acceleration over
-    the ground, because added mass differs along the axes.
+    """[N] Surge and sway forces that a turning vehicle needs in addition to M times its
+    acceleration over the ground, because added mass differs between the axes.
 
     In turning axes u' = a_x + r v, and M ν' + C(ν) ν = τ (Fossen 2011, eq. 3.46) leaves
     X = m_x (a_x + r v) - m_y r v, and likewise in sway.

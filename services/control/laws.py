@@ -1,4 +1,4 @@
-"""The laws of all axes together: from reference and state to the wrench that is wanted."""
+"""The laws of all axes together: from reference and state to the required wrench."""
 
 from collections.abc import Callable
 
@@ -28,13 +28,13 @@ class Laws:
         """
         Args:
             period: [s] for which a wrench is held.
-            count: told what happens, by name, at every step at which it does.
+            count: called with the name of a condition, at every step while it lasts.
         """
         self._inertia = system_inertia(vehicle)
         self._lags = lags_of(vehicle)
         self._count = count
-        self._produced = ActuatorModel(self._lags)
-        self._short: frozenset[str] = frozenset()
+        self._actuators = ActuatorModel(self._lags)
+        self._short: frozenset[str] = frozenset()  # axes with less force than required
         self._water: tuple[float, float] | None = None  # [m/s] along surge and sway, if known
 
         def axis(name: str, gains: Gains, row: int) -> PilotedAxis:
@@ -45,11 +45,11 @@ class Laws:
         self.sway = axis("sway", settings.sway, 1)
         self.depth = axis("depth", settings.depth, 2)
         self.heading = axis("heading", settings.heading, 5)
-        self._reach = min(settings.surge.max_error, settings.sway.max_error)  # [m]
+        self._max_error = min(settings.surge.max_error, settings.sway.max_error)  # [m]
         self._roll, self._pitch = RollPitchHold(settings.roll), RollPitchHold(settings.pitch)
 
     def wrench(self, reference: Reference, state: VehicleState, dt: float) -> Vec6:
-        """The wrench [N, N m] that is wanted now, `dt` [s] after the last one."""
+        """The required wrench [N, N m], `dt` [s] after the last one."""
         self._learn(state, dt)
         surge, sway = self._horizontal(reference, state, dt)
         r, s = reference, state
@@ -67,8 +67,8 @@ class Laws:
         return surge, sway, heave, roll, pitch, yaw
 
     def done(self, wanted: Vec6, achieved: Vec6, *, saturated: bool) -> None:
-        """What became of the wrench. An axis that lost force to a full thruster does not learn."""
-        self._produced.ask(achieved)
+        """Take in the achieved wrench. An axis short of force by saturation does not learn."""
+        self._actuators.command(achieved)
         self._short = frozenset(
             name
             for name, want, got in zip(AXES, wanted, achieved, strict=True)
@@ -77,19 +77,19 @@ class Laws:
 
     @property
     def standing(self) -> Vec6:
-        """[N, N m] What is asked for against lasting disturbances."""
+        """[N, N m] Compensation of lasting disturbances; part of the wrench."""
         axes = self.surge, self.sway, self.depth, self.heading
         x, y, z, n = [axis.law.standing for axis in axes]
         return x, y, z, 0.0, 0.0, n
 
     def pause(self) -> None:
-        """Nobody knows what happened since the last step: nothing is learnt from it."""
+        """Learn nothing from the time since the last step."""
         for axis in (self.surge, self.sway, self.depth, self.heading):
             axis.law.pause()
 
     def stop(self) -> None:
-        """The thrusters are stopped: what was learnt stays, what was going on ends."""
-        self._produced.ask((0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+        """The thrusters are stopped: what was learnt stays, transfers and rates are reset."""
+        self._actuators.command((0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
         self.pause()
         for axis in (self.surge, self.sway, self.depth, self.heading):
             axis.transfer.forget()
@@ -97,41 +97,42 @@ class Laws:
         self._pitch.forget()
 
     def forget(self) -> None:
+        """Reset integrals and disturbance observers."""
         self._water = None
         for axis in (self.surge, self.sway, self.depth, self.heading):
             axis.law.forget()
 
     def _learn(self, state: VehicleState, dt: float) -> None:
-        force = self._produced.mean(dt)
-        place = horizontal_plane.measured(state)
-        if place is not None:
-            self._see_water(place, horizontal_plane.known_water(state, place.heading))
-        along, across = (None, None) if place is None else place.through_water(state)
+        force = self._actuators.mean(dt)
+        here = horizontal_plane.measured(state)
+        if here is not None:
+            self._switch_current(here, horizontal_plane.known_water(state, here.heading))
+        surge, sway = (None, None) if here is None else here.through_water(state)
         # Without the accelerometer the depth rate comes a third of a second late, and a fast
-        # observer would learn its own echo.
+        # observer would be unstable.
         heave = _known(state.depth_rate) if state.depth_acceleration.valid else None
         yaw = _known(state.yaw_rate)
         for axis, row, velocity in (
-            (self.surge, 0, along),
-            (self.sway, 1, across),
+            (self.surge, 0, surge),
+            (self.sway, 1, sway),
             (self.depth, 2, heave),
             (self.heading, 5, yaw),
         ):
             axis.learn(None if AXES[row] in self._short else velocity, force[row], dt)
 
-    def _see_water(
-        self, place: horizontal_plane.MeasuredMotion, water: tuple[float, float] | None
+    def _switch_current(
+        self, here: horizontal_plane.MeasuredMotion, water: tuple[float, float] | None
     ) -> None:
-        """A current that is not known is learnt as a force. When it becomes known the feed-forward
-        counts with it, so that what was learnt has to give way, and the other way round: else it
-        would be fought twice, or for a while by nobody."""
+        """An unknown current is learnt as a disturbance force. Once it is known, the feed-forward
+        compensates it, so the learnt force is reduced by that much, and vice versa; otherwise the
+        current is compensated twice, or briefly not at all."""
         before, self._water = self._water, water
         if (before is None) == (water is None):
             return
-        velocities = place.surge, place.sway
-        moving = before or water or horizontal_plane.STILL_WATER
+        velocities = here.surge, here.sway
+        currents = before or water or horizontal_plane.STILL_WATER
         for axis, velocity, current in zip(
-            (self.surge, self.sway), velocities, moving, strict=True
+            (self.surge, self.sway), velocities, currents, strict=True
         ):
             plant = axis.law.plant
             force = plant.drag(velocity - current) - plant.drag(velocity)
@@ -143,7 +144,7 @@ class Laws:
     def _horizontal(
         self, reference: Reference, state: VehicleState, dt: float
     ) -> tuple[float, float]:
-        """Surge and sway [N]: the pilot's own, and what holds or follows a place."""
+        """Surge and sway [N]: the pilot's force, and the position law's if it has a reference."""
         surge, sway = reference.surge_force, reference.sway_force
         if reference.surge is not None:
             surge += self.surge.law.feed_forward(reference.surge)
@@ -159,31 +160,31 @@ class Laws:
             surge = self.surge.blind(plane.surge, dt, surge)
             return surge, self.sway.blind(plane.sway, dt, sway)
         place = here.north, here.east
-        north, east = horizontal_plane.no_further(
-            reference.north, reference.east, place, self._reach
+        north, east = horizontal_plane.limited_error(
+            reference.north, reference.east, place, self._max_error
         )
         if (north, east) != (reference.north, reference.east):
             self._count("clamped:control.place")
         plane = horizontal_plane.seen_from_body(north, east, here.heading, place)
-        return self._to_place(plane, here, state, reference.heading, (surge, sway), dt)
+        return self._hold_place(plane, here, state, reference.heading, (surge, sway), dt)
 
-    def _to_place(
+    def _hold_place(
         self,
         plane: horizontal_plane.HorizontalSetpoint,
         here: horizontal_plane.MeasuredMotion,
         state: VehicleState,
         heading: Motion,
-        besides: tuple[float, float],
+        extra: tuple[float, float],
         dt: float,
     ) -> tuple[float, float]:
         water = horizontal_plane.water_velocity(state, here.heading)
         through = plane.surge.velocity - water[0], plane.sway.velocity - water[1]
         turning = horizontal_plane.turning_force(self._inertia, through, heading.velocity)
         surge, sway = [
-            axis.fed_back(motion, 0.0, velocity, dt, water=current, besides=force + extra)
-            for axis, motion, velocity, current, force, extra in (
-                (self.surge, plane.surge, here.surge, water[0], besides[0], turning[0]),
-                (self.sway, plane.sway, here.sway, water[1], besides[1], turning[1]),
+            axis.fed_back(motion, 0.0, velocity, dt, water=current, extra=force + turn_force)
+            for axis, motion, velocity, current, force, turn_force in (
+                (self.surge, plane.surge, here.surge, water[0], extra[0], turning[0]),
+                (self.sway, plane.sway, here.sway, water[1], extra[1], turning[1]),
             )
         ]
         return surge, sway

@@ -1,7 +1,7 @@
 """Reference and state at the same instant.
 
-The newest reference is of a sensor sample that a busy computer came to some while ago; the newest
-state may be of a later one. Their difference would count the way in between as an error.
+On a busy computer the newest state may belong to a later sensor sample than the newest reference.
+The motion in between would then count as a control error.
 """
 
 from msgspec.structs import replace
@@ -9,12 +9,12 @@ from msgspec.structs import replace
 from messages.reference import Motion, Reference
 from messages.units import Ns
 
-LONGEST_NS = 100_000_000  # [ns] stamps further apart say nothing of each other
+LONGEST_NS = 100_000_000  # [ns] no extrapolation over more
 
 
 def at_sample(reference: Reference, sensor_ns: Ns) -> Reference:
-    """The reference run on to a sensor sample [ns], every axis with its jerk. One that belongs to
-    no sample, or to one too far away, stays as it is."""
+    """The reference extrapolated to a sensor sample [ns], every axis at constant jerk. Unchanged if
+    it has no sample stamp, or one too far away."""
     r = reference
     if r.sensor_ns is None or abs(sensor_ns - r.sensor_ns) > LONGEST_NS:
         return r
@@ -23,16 +23,16 @@ def at_sample(reference: Reference, sensor_ns: Ns) -> Reference:
         return r
     return replace(
         r,
-        depth=_run_on(r.depth, t),
-        heading=_run_on(r.heading, t),
-        surge=None if r.surge is None else _run_on(r.surge, t),
-        north=None if r.north is None else _run_on(r.north, t),
-        east=None if r.east is None else _run_on(r.east, t),
+        depth=_extrapolated(r.depth, t),
+        heading=_extrapolated(r.heading, t),
+        surge=None if r.surge is None else _extrapolated(r.surge, t),
+        north=None if r.north is None else _extrapolated(r.north, t),
+        east=None if r.east is None else _extrapolated(r.east, t),
     )
 
 
-def _run_on(motion: Motion, t: float) -> Motion:
-    """A motion `t` [s] later."""
+def _extrapolated(motion: Motion, t: float) -> Motion:
+    """A motion `t` [s] later, at constant jerk."""
     p, v, a, j = motion.position, motion.velocity, motion.acceleration, motion.jerk
     return replace(
         motion,

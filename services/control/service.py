@@ -1,4 +1,4 @@
-"""Control service: reference and state arrive, thruster commands leave."""
+"""Control service: reference and state in, thruster commands out."""
 
 from messages import topics
 from messages.reference import Reference
@@ -33,7 +33,7 @@ def wire(node: Node, stack: Stack) -> None:
 def _controller(stack: Stack) -> Controller:
     """
     Raises:
-        LindyError: thrusters or gains that no vehicle can be flown with.
+        LindyError: unstable gains, or thrusters that cannot drive the axes a pilot needs.
     """
     settings, vehicle = stack.section("control", Settings), stack.section("vehicle", Vehicle)
     try:

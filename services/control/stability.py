@@ -1,4 +1,4 @@
-"""Gains with which an axis would shake itself are refused before they reach a thruster."""
+"""Unstable gains are refused before they reach a thruster."""
 
 from services.control.allocation.actuator_model import lags_of
 from services.control.axis.axis_law import Gains

@@ -29,11 +29,11 @@ class SensorTime:
             stamp: [ns] of the newest sample known; None: there is none.
             now: [ns] by the clock.
         """
-        self.at = max(self.at, self._told(stamp, now))
+        self.at = max(self.at, self._sensed_or_clock(stamp, now))
         self._stepped = now
         return self.at
 
-    def _told(self, stamp: Ns | None, now: Ns) -> Ns:
+    def _sensed_or_clock(self, stamp: Ns | None, now: Ns) -> Ns:
         last = self._stamp
         if stamp is not None and stamp != last:
             if last is not None and stamp < last:
@@ -43,4 +43,4 @@ class SensorTime:
         if last is None:
             return now
         silence = now - self._heard
-        return last + self._shift + silence if silence > PATIENCE_NS else self.at
+        return last + self._shift + silence if stamp is None or silence > PATIENCE_NS else self.at

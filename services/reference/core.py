@@ -1,10 +1,10 @@
-"""From what the pilot says to where the drone should be.
+"""From pilot commands to the reference.
 
-What the drone holds by itself is chosen by the mode (`modes.py`). The sticks of what it holds are
-velocities: the position reference is their exact integral, so it stops where the stick was let go.
-The others are forces, ramped by the same jerk law. Positions and paths can be asked for; a
-deflected stick takes over at any moment. Whatever goes wrong (pilot lost, state lost, stop), the
-answer is the same: come to rest, smoothly, and hold.
+The mode (`modes.py`) says which axes the drone holds. The sticks of held axes are velocities; the
+position reference is their exact integral. The sticks of the other axes are forces, ramped by the
+same jerk-bounded law. The pilot can request positions and paths; a deflected stick overrides them
+at any moment. Every failure (pilot lost, state lost, stop) has the same response: come to rest
+smoothly, and hold.
 """
 
 from dataclasses import dataclass, field
@@ -28,13 +28,13 @@ AT_REST = PilotCommand(stamp_ns=0, surge=0.0, sway=0.0, heave=0.0, yaw=0.0)
 
 
 class GuidanceCheckpoint(msgspec.Struct, frozen=True):
-    """What a restart in mid-dive must know."""
+    """State that a restart in mid-dive needs."""
 
     armed: bool = False
     light: float = 0.0
     hold: Hold = "stabilised"  # in force
-    asked: Hold = "stabilised"  # by the pilot
-    epoch: int = 0  # newest authority epoch that was given away
+    asked: Hold = "stabilised"  # requested by the pilot
+    epoch: int = 0  # newest authority epoch granted
 
 
 ANEW = GuidanceCheckpoint()
@@ -42,26 +42,27 @@ ANEW = GuidanceCheckpoint()
 
 @dataclass(slots=True)
 class ReferenceGenerator:
-    """The state machine. Times `now` are int ns; `events` collects what must be counted, `notes`
-    what people want to know."""
+    """The state machine. Times `now` are int ns. `events` collects names to count, `notes` texts to
+    log."""
 
     settings: Settings
     before: GuidanceCheckpoint = ANEW
     armed: bool = field(init=False)
     light: float = field(init=False)
-    asked: Hold = field(init=False)  # in force again after a disarm
+    requested: Hold = field(init=False)  # by the pilot; in force again after a disarm
     epoch: int = field(init=False)
-    stopping: bool = False  # until it stands still with the sticks centred
+    stopping: bool = False  # until at rest with the sticks centred
     _guidance: Guidance = field(init=False)
     _time: SensorTime = field(default_factory=SensorTime)  # of the reference
     _failsafe: Failsafe = "none"
     _running: bool = False  # the estimator has finished its calibration
-    _begun: bool = False
+    _initialised: bool = False
     _stop: StopDistance | None = None
 
     def __post_init__(self) -> None:
-        self.armed, self.light, hold, self.asked, self.epoch = msgspec.structs.astuple(self.before)
-        self._guidance = Guidance(self.settings, hold)
+        b = self.before
+        self.armed, self.light, self.requested, self.epoch = b.armed, b.light, b.asked, b.epoch
+        self._guidance = Guidance(self.settings, b.hold)
 
     @property
     def events(self) -> list[str]:
@@ -74,7 +75,7 @@ class ReferenceGenerator:
     @property
     def checkpoint(self) -> GuidanceCheckpoint:
         return GuidanceCheckpoint(
-            self.armed, self.light, self._guidance.hold, self.asked, self.epoch
+            self.armed, self.light, self._guidance.hold, self.requested, self.epoch
         )
 
     # Steps.
@@ -82,9 +83,9 @@ class ReferenceGenerator:
     def step(
         self, state: VehicleState | None, command: PilotCommand | None, now: Ns
     ) -> Reference | None:
-        """One reference. `state` None: none has come for too long; `command` None: no fresh one.
+        """One reference. `state` None: timed out; `command` None: no fresh one.
 
-        Returns None as long as there has never been a state.
+        Returns None until the first state has arrived.
         """
         guidance = self._guidance
         if state is not None:
@@ -93,18 +94,18 @@ class ReferenceGenerator:
         if guidance.state is None:
             return None
         self._watch(state, command)
-        if self.armed and self._begun:
+        if self.armed and self._initialised:
             guidance.move_on(state)
         else:
             guidance.rest()
-            self._begun = True
+            self._initialised = True
         self._aim(command)
         if state is not None and self.armed:
             guidance.wait(state)
         return reference_of(guidance, state, command, now, armed=self.armed, epoch=self.epoch)
 
     def _watch(self, state: VehicleState | None, command: PilotCommand | None) -> None:
-        """Is everybody there? What was going on ends when somebody is not."""
+        """Set the failsafe; a new one ends the manoeuvre."""
         failsafe: Failsafe = "none"
         if state is None:
             failsafe = "state_lost"
@@ -118,18 +119,18 @@ class ReferenceGenerator:
             self.stopping = self.stopping and not self._guidance.settled
 
     def _aim(self, command: PilotCommand | None) -> None:
-        """Let the sticks move the axes; without them everything aims at rest."""
+        """Set the axes' targets from the sticks; without sticks the target is rest."""
         guidance, axes, manoeuvre = self._guidance, self._guidance.axes, self._guidance.manoeuvre
         t = guidance.t
         free = self._failsafe == "none" and self.armed and not self.stopping
         if manoeuvre.following is not None and manoeuvre.following.ends(t):
-            guidance.end_journey()
+            guidance.end_manoeuvre()
             self.notes.append("off the path" if self.stopping else "the end of the path")
         elif command is not None and free and not centred(command):
-            guidance.end_journey()
+            guidance.end_manoeuvre()
         manoeuvre.set_off(t)
         moves = command is not None and free and not (manoeuvre.busy and centred(command))
-        if not self.stopping:  # which has limits of its own
+        if not self.stopping:  # a stop has limits of its own
             stick = command if command is not None and moves else AT_REST
             axes.aim(stick, guidance.held, t)
         axes.turn_camera(command.tilt if command is not None and free else 0.0, t)
@@ -139,7 +140,7 @@ class ReferenceGenerator:
     def answer(
         self, request: PilotRequest, command: PilotCommand | None, in_force: int, now: Ns
     ) -> PilotAnswer:
-        """Do what is asked or say why not. `in_force` is the newest command's authority epoch."""
+        """Grant or refuse a request. `in_force`: authority epoch of the newest command."""
         reason = usurped(request, in_force, self.epoch) or refusal(
             request,
             command,
@@ -159,14 +160,14 @@ class ReferenceGenerator:
         )
 
     def _do(self, request: PilotRequest) -> str:
-        """Do what is asked. Returns why it makes no sense, or nothing."""
+        """Execute a request. Returns the reason for a refusal, or nothing."""
         guidance = self._guidance
         match request.kind:
             case "arm":
                 self._arm()
             case "disarm":
                 self.armed = self.stopping = False
-                guidance.change(self.asked)
+                guidance.change(self.requested)
             case "stop":
                 self.stopping, self._stop = True, guidance.stop()
             case "light":
@@ -179,23 +180,23 @@ class ReferenceGenerator:
                 return requests.follow(guidance, request.course)
             case "mode":
                 reason = requests.mode(guidance, request.hold, armed=self.armed)
-                self.asked = self.asked if reason else guidance.hold
+                self.requested = self.requested if reason else guidance.hold
                 return reason
             case "lease":
                 self.epoch += 1
         return ""
 
     def _arm(self) -> None:
-        """In the mode that was asked for, if it can be had."""
+        """Arm in the requested mode, if it is available; otherwise stabilised."""
         if self.armed:
             return
         guidance, self.armed = self._guidance, True
-        if reason := lacking(self.asked, guidance.state, armed=True):
-            guidance.events.append(f"refused:{self.asked}")
-            guidance.notes.append(f"armed without {self.asked}: {reason}")
-        guidance.hold = "stabilised" if reason else self.asked
+        if reason := lacking(self.requested, guidance.state, armed=True):
+            guidance.events.append(f"refused:{self.requested}")
+            guidance.notes.append(f"armed without {self.requested}: {reason}")
+        guidance.hold = "stabilised" if reason else self.requested
 
-    # What is said of it.
+    # Status.
 
     def status(self, command: PilotCommand | None, now: Ns) -> VehicleStatus:
         return VehicleStatus(
@@ -213,7 +214,7 @@ class ReferenceGenerator:
 
     @property
     def _note(self) -> str:
-        """Why it is not ready, in words for the pilot."""
+        """For the pilot: why the drone is not ready."""
         if self._running:
             return ""
         state = self._guidance.state

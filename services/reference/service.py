@@ -1,4 +1,4 @@
-"""Reference service: sticks and requests arrive, a smooth reference leaves with every state."""
+"""Reference service: sticks and requests in, one smooth reference out per state."""
 
 from messages import topics
 from messages.pilot import PilotAnswer, PilotRequest
@@ -17,48 +17,48 @@ def wire(node: Node, stack: Stack) -> None:
     authority = commands.authority(before.epoch)
     reference = node.publisher(topics.REFERENCE)
     status = node.publisher(topics.STATUS)
-    said: tuple[object, ...] = ()
-    kept = generator.checkpoint
+    published: tuple[object, ...] = ()
+    saved = generator.checkpoint
 
     def on_state(state: VehicleState | None, now: int) -> None:
         if (out := generator.step(state, commands.fresh(now), now)) is not None:
             reference.put(out)
-        _tell(node, generator)
-        keep()
-        if said != _gist(generator, now):
-            say_status(now)
+        _report(node, generator)
+        save()
+        if published != _summary(generator, now):
+            publish_status(now)
 
     def decide(request: PilotRequest, now: int) -> PilotAnswer:
         answer = generator.answer(request, commands.fresh(now), authority.epoch, now)
         authority.granted = generator.epoch
         return answer
 
-    def tell(request: PilotRequest, answer: PilotAnswer, now: int) -> None:
+    def report(request: PilotRequest, answer: PilotAnswer, now: int) -> None:
         if answer.accepted:
             node.log("info", f"{request.kind}: done")
         else:
             node.log("warning", f"{request.kind} refused: {answer.reason}")
-        keep()
-        say_status(now)
+        save()
+        publish_status(now)
 
-    def keep() -> None:
-        nonlocal kept
-        if kept != generator.checkpoint:
-            kept = generator.checkpoint
-            node.save_checkpoint(kept)
+    def save() -> None:
+        nonlocal saved
+        if saved != generator.checkpoint:
+            saved = generator.checkpoint
+            node.save_checkpoint(saved)
 
-    def say_status(now: int) -> None:
-        nonlocal said
-        said = _gist(generator, now)
+    def publish_status(now: int) -> None:
+        nonlocal published
+        published = _summary(generator, now)
         status.put(generator.status(commands.newest(now), now))
 
     node.trigger(topics.STATE, on_state, SILENCE_S)
-    node.answers(topics.PILOT_REQUEST, topics.PILOT_ANSWER, decide, tell)
-    node.every(topics.STATUS.hz, say_status)
+    node.answers(topics.PILOT_REQUEST, topics.PILOT_ANSWER, decide, report)
+    node.every(topics.STATUS.hz, publish_status)
 
 
-def _tell(node: Node, generator: ReferenceGenerator) -> None:
-    """Count and say what has happened."""
+def _report(node: Node, generator: ReferenceGenerator) -> None:
+    """Count and log events."""
     while generator.events:
         node.count(what := generator.events.pop())
         node.log("warning", what)
@@ -66,7 +66,7 @@ def _tell(node: Node, generator: ReferenceGenerator) -> None:
         node.log("info", generator.notes.pop())
 
 
-def _gist(generator: ReferenceGenerator, now: int) -> tuple[object, ...]:
-    """A status is said at once when this has changed."""
+def _summary(generator: ReferenceGenerator, now: int) -> tuple[object, ...]:
+    """A change of this publishes a status at once."""
     status = generator.status(None, now)
     return status.mode, status.armed, status.hold, status.failsafe

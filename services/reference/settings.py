@@ -1,4 +1,4 @@
-"""How sticks become motion: the table [reference] of a vehicle file."""
+"""Limits of the reference: the table [reference] of a vehicle file."""
 
 from typing import Annotated
 
@@ -11,12 +11,12 @@ TiltAngle = Annotated[float, msgspec.Meta(ge=-1.6, le=1.6)]
 
 
 class VelocityAxis(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A stick that is a velocity, with its position integral."""
+    """An axis whose stick is a velocity; its reference is the position integral."""
 
     max_velocity: Positive  # per s, at full stick
     max_acceleration: Positive  # per s²
     jerk: Positive  # per s³
-    max_error: Positive  # position units; the reference waits for a vehicle that is held back
+    max_error: Positive  # position units; the reference stays this close to the vehicle
     stop_acceleration: Positive  # per s², of an emergency stop
     stop_jerk: Positive  # per s³, of an emergency stop
 
@@ -30,12 +30,12 @@ class VelocityAxis(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class HorizontalForce(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Surge and sway sticks as one force, whose changes run straight. Limits are of its norm."""
+    """Surge and sway sticks as one force vector. Limits apply to its norm."""
 
     max_surge: Positive = 30.0  # [N] at full stick
     max_sway: Positive = 20.0  # [N] at full stick
-    max_rate: Positive = 40.0  # [N/s] plays the part of the acceleration
-    max_rate_change: Positive = 120.0  # [N/s²] plays the part of the jerk
+    max_rate: Positive = 40.0  # [N/s] corresponds to an acceleration
+    max_rate_change: Positive = 120.0  # [N/s²] corresponds to a jerk
     stop_rate: Positive = 80.0  # [N/s] of an emergency stop
     stop_rate_change: Positive = 400.0  # [N/s²] of an emergency stop
 
@@ -49,7 +49,7 @@ class HorizontalForce(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class StickForce(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The heave or the yaw stick where the drone does not hold that axis."""
+    """The heave or yaw stick while that axis is not held."""
 
     full: Positive  # [N] or [N m] at full stick
     max_rate: Positive  # per s
@@ -61,7 +61,7 @@ class StickForce(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class TiltAxis(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The camera, which stops smoothly at the end of its range."""
+    """Camera tilt, with a smooth stop at the ends of its range."""
 
     max_velocity: Positive = 0.6  # [rad/s] at full stick
     max_acceleration: Positive = 2.0  # [rad/s²]

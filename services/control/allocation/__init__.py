@@ -1,3 +1,3 @@
-"""From a wrench to thruster commands, and thrusters watched against a model of themselves.
-Imports no other room; the top of the service asks it for what the thrusters can do.
+"""From a wrench to thruster commands, and monitoring of the thrusters against a model.
+Imports no other room; used by the top of the service.
 """

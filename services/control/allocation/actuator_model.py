@@ -1,4 +1,4 @@
-"""What the thrusters really do to the vehicle: they follow their commands with a lag."""
+"""Model of the thrusters: the wrench follows the command with a lag."""
 
 from dataclasses import dataclass
 from math import exp
@@ -13,18 +13,18 @@ Lags = tuple[float, ...]
 
 @dataclass(slots=True)
 class ActuatorModel:
-    """A model of the wrench, axis by axis, with the lag of the axis' slowest thruster."""
+    """A model of the wrench, axis by axis, with the lag of each axis' slowest thruster."""
 
     lags: Lags  # [s] of the six axes
     _now: tuple[float, ...] = REST  # [N, N m]
     _settles_at: Vec6 = REST  # [N, N m]
 
-    def ask(self, achieved: Vec6) -> None:
-        """The wrench [N, N m] at which the thrusters settle from now on."""
+    def command(self, achieved: Vec6) -> None:
+        """Set the wrench [N, N m] at which the thrusters settle from now on."""
         self._settles_at = achieved
 
     def mean(self, dt: float) -> tuple[float, ...]:
-        """Mean wrench [N, N m] of the `dt` seconds since the last call, which it ends."""
+        """Advance by `dt` [s]; returns the mean wrench [N, N m] over that time."""
         if dt <= 0.0:
             return self._now
         means: list[float] = []

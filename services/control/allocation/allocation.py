@@ -1,11 +1,11 @@
 """From a wrench to thruster commands, for any layout of thrusters.
 
 The axes that the layout can drive independently are allocated by the pseudo-inverse (Fossen 2011,
-§12.3.2), weighted with what each thruster can do; demands on other axes are ignored and show in
-the achieved wrench. When thrusters saturate, axes are served in the order of `PRIORITY`: losing
-the attitude, depth or heading disorients the pilot, losing speed does not. Within a group the
-wrench keeps its direction, and what a full thruster cannot give the others take over as far as
-they can (redistributed pseudo-inverse: Virnig & Bodden 1994, doi 10.2514/6.1994-3550).
+§12.3.2), weighted by each thruster's capacity; demands on other axes are ignored and show in the
+achieved wrench. When thrusters saturate, axes are allocated in the order of `PRIORITY`: losing the
+attitude, depth or heading disorients the pilot, losing speed does not. Within a group the wrench
+keeps its direction, and the other thrusters replace a saturated one as far as they can
+(redistributed pseudo-inverse: Virnig & Bodden 1994, doi 10.2514/6.1994-3550).
 """
 
 from dataclasses import dataclass
@@ -21,42 +21,42 @@ from services.marine.thrusters import total_wrench
 from services.marine.vehicle import Thruster, Vehicle
 
 PRIORITY = (("roll", "pitch"), ("heave",), ("yaw",), ("surge", "sway"))
-ROUNDING = 1e-9  # [N] a thruster with this little of a demand has no part in it
+ROUNDING = 1e-9  # [N] a smaller share of a demand counts as none
 COMES_ON, GOES_OFF = 0.65, 0.35  # [-] of the dead-band: half of it, with hysteresis
 
 
 class AllocationSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    dead_band_compensation: bool = True  # ask for the dead-band's edge instead of nothing
-    biased: tuple[AxisName, ...] = ()  # thrusters of these axes turn against each other at rest
+    dead_band_compensation: bool = True  # round up to the dead-band's edge instead of to nothing
+    biased: tuple[AxisName, ...] = ()  # thrusters of these axes get a thrust bias
 
 
 @dataclass(frozen=True, slots=True)
 class Allocated:
     thrust: tuple[float, ...]  # [N] per thruster, command within its limits
-    achieved: Vec6  # [N, N m] what they add up to, dead-bands and distrust included
-    saturated: tuple[str, ...]  # names of the thrusters that could not give more
+    achieved: Vec6  # [N, N m] their wrench, dead-bands and thruster gains included
+    saturated: tuple[str, ...]  # names of the thrusters at their limits
 
 
 class Allocation:
     """Built once per vehicle. Plain floats: at this size five times faster than NumPy.
 
-    A thruster that does not do what it is told is given a gain [-] with `trust`: it yields gain
-    times the command. Inside, all forces are those that the thrusters yield.
+    A faulty thruster has a gain [-], set by `trust`: it yields gain times the command. Inside this
+    class, all forces are those that the thrusters yield.
     """
 
     def __init__(self, vehicle: Vehicle, settings: AllocationSettings | None = None) -> None:
         """
         Raises:
-            ValueError: a thruster's direction has no length, or a bias is asked for that the
-                layout does not have.
+            ValueError: a thruster's direction has no length, or the layout does not allow the
+                configured bias.
         """
         self._thrusters = vehicle.thruster
         self._settings = settings or AllocationSettings()
         self._effect = effect_matrix(vehicle)
         self._columns: list[Vec6] = [tuple(c) for c in self._effect.T.tolist()]
         self._gains = [1.0] * len(vehicle.thruster)
-        self._on = [False] * len(vehicle.thruster)  # commanded although inside the dead-band
-        self._learn_layout()
+        self._on = [False] * len(vehicle.thruster)  # driven at the dead-band's edge or beyond
+        self._update_layout()
         self._axes_when_healthy = self.axes
         if self._settings.biased and not self._bias.sets:
             raise ValueError(
@@ -65,11 +65,11 @@ class Allocation:
                 "moving the vehicle"
             )
 
-    # What the layout can do.
+    # Capability of the layout.
 
     @property
     def lost(self) -> tuple[str, ...]:
-        """Axes that distrusted thrusters have cost."""
+        """Axes lost because of distrusted thrusters."""
         return tuple(axis for axis in AXES if axis in self._axes_when_healthy - self.axes)
 
     @property
@@ -79,33 +79,33 @@ class Allocation:
         return tuple(thruster.name for thruster, gain in pairs if gain != 1.0)
 
     def trust(self, index: int, gain: float) -> None:
-        """Count on `gain` [-] times the command from this thruster: 1 healthy, 0 dead, −1
-        reversed, between them weak."""
+        """Expect `gain` [-] times the command from this thruster: 1 healthy, 0 dead, −1 reversed,
+        between 0 and 1 weak."""
         if gain != self._gains[index]:
             self._gains[index] = gain
-            self._learn_layout()
+            self._update_layout()
 
     def forget(self) -> None:
-        """Forget which thrusters were driven out of their dead-band. For disarming."""
+        """Reset the hysteresis of the dead-bands. For disarming."""
         self._on = [False] * len(self._on)
 
-    # The work.
+    # Allocation.
 
     def allocate(self, wrench: Vec6) -> Allocated:
         """Thruster commands for a wrench [N, N m], body frame, about the origin.
 
         `wrench` must be finite.
         """
-        full = set[int]()
-        yields = self._at_once(wrench) or self._in_turn(wrench, full)
+        saturated = set[int]()
+        yields = self._at_once(wrench) or self._by_priority(wrench, saturated)
         if any(wrench):
             yields = self._bias.added(yields, self._limits)
         thrust, yields = self._commands(yields)
-        names = tuple([self._thrusters[index].name for index in sorted(full)])
+        names = tuple([self._thrusters[index].name for index in sorted(saturated)])
         return Allocated(tuple(thrust), total_wrench(self._columns, yields), names)
 
     def _at_once(self, wrench: Vec6) -> list[float] | None:
-        """What each thruster gives when no order of service could matter; else None."""
+        """Forces for the whole wrench if no thruster can saturate in any order; else None."""
         x, y, z, k, m, n = wrench
         yields = list[float]()
         for (a, b, c, d, e, f), most in zip(self._all_shares, self._strength, strict=True):
@@ -115,20 +115,20 @@ class Allocation:
             yields.append(ax + by + cz + dk + em + fn)
         return yields
 
-    def _in_turn(self, wrench: Vec6, full: set[int]) -> list[float]:
-        """Group after group; adds to `full` who was in the way of the rest."""
+    def _by_priority(self, wrench: Vec6, saturated: set[int]) -> list[float]:
+        """Forces group by group; adds the limiting thrusters to `saturated`."""
         yields = [0.0] * len(self._gains)
         for rows in self._groups:
             demand = [(row, wrench[row]) for row in rows if wrench[row]]
             if demand:
-                yields = self._add(yields, demand, full)
+                yields = self._add(yields, demand, saturated)
         return yields
 
     def _add(
-        self, yields: list[float], demand: list[tuple[int, float]], full: set[int]
+        self, yields: list[float], demand: list[tuple[int, float]], saturated: set[int]
     ) -> list[float]:
-        """More of one group on top of `yields`, along its ray until all of it is there or nobody
-        is left to give more.
+        """Add one group's demand to `yields`, in its direction, until it is met or no thruster has
+        capacity left.
 
         Args:
             demand: row and value of the group's part of the wrench.
@@ -138,56 +138,56 @@ class Allocation:
             more = [0.0] * len(yields)
             for row, value in demand:
                 more = [m + value * share for m, share in zip(more, columns[row], strict=True)]
-            fits, who = self._that_fits(yields, more, left)
+            fits, limiting = self._largest_share(yields, more, left)
             yields = [force + fits * extra for force, extra in zip(yields, more, strict=True)]
-            if who is None:
+            if limiting is None:
                 return yields
             left -= fits
-            frozen.append(who)
-        full.update(frozen)
+            frozen.append(limiting)
+        saturated.update(frozen)
         return yields
 
-    def _that_fits(
+    def _largest_share(
         self, yields: list[float], more: list[float], most: float
     ) -> tuple[float, int | None]:
-        """Largest share ≤ `most` of `more` that stays within the limits, and who limits it."""
-        share, who = most, None
+        """Largest share ≤ `most` of `more` within the limits, and the thruster that limits it."""
+        share, limiting = most, None
         for index, (low, high) in enumerate(self._limits):
             force, extra = yields[index], more[index]
             if extra > ROUNDING:
                 if force + share * extra > high:
-                    share, who = max(0.0, (high - force) / extra), index
+                    share, limiting = max(0.0, (high - force) / extra), index
             elif extra < -ROUNDING and force + share * extra < low:
-                share, who = max(0.0, (low - force) / extra), index
-        return share, who
+                share, limiting = max(0.0, (low - force) / extra), index
+        return share, limiting
 
     def _commands(self, yields: list[float]) -> tuple[list[float], list[float]]:
-        """[N] Commands for which the thrusters yield these forces, with the dead-bands stepped
-        over, and what they will yield in truth (`marine.thrusters.driven`)."""
-        thrust, truth = list[float](), list[float]()
+        """[N] Commands for which the thrusters yield these forces, with dead-band compensation, and
+        the forces they will then yield (`marine.thrusters.driven`)."""
+        thrust, achieved = list[float](), list[float]()
         for index, (force, gain) in enumerate(zip(yields, self._gains, strict=True)):
             low, high, edge = self._bounds[index]
-            # Rounding may leave it a hair outside.
+            # Rounding may exceed the limits slightly.
             command = max(low, min(high, force / gain)) if gain else 0.0
             if -edge < command < edge:
                 command = self._out_of_dead_band(index, command, edge)
             else:
                 self._on[index] = True
             thrust.append(command)
-            truth.append(0.0 if -edge < command < edge else gain * command)
-        return thrust, truth
+            achieved.append(0.0 if -edge < command < edge else gain * command)
+        return thrust, achieved
 
     def _out_of_dead_band(self, index: int, command: float, edge: float) -> float:
-        """[N] Nothing or the dead-band's edge, whatever is nearer."""
+        """[N] Zero or the dead-band's edge, whichever is nearer, with hysteresis."""
         if not self._settings.dead_band_compensation:
             return command
         switch = GOES_OFF if self._on[index] else COMES_ON
         self._on[index] = abs(command) > edge * switch
         return copysign(edge, command) if self._on[index] else 0.0
 
-    # The layout, each time the trust in a thruster changes.
+    # The layout, recomputed when the gain of a thruster changes.
 
-    def _learn_layout(self) -> None:
+    def _update_layout(self) -> None:
         pairs = list(zip(self._gains, self._thrusters, strict=True))
         self._bounds = [(*_command_limits(t, gain), t.dead_band) for gain, t in pairs]  # [N]
         self._limits = [
@@ -195,22 +195,22 @@ class Allocation:
             for gain, (low, high, _) in zip(self._gains, self._bounds, strict=True)
         ]
         self._strength = [min(-low, high) for low, high in self._limits]  # [N]
-        obeys = np.array(self._gains) == 1.0
+        healthy = np.array(self._gains) == 1.0
         dead_bands = [thruster.dead_band for thruster in self._thrusters]
-        self._bias = ThrustBias(self._effect * obeys, dead_bands, self._settings.biased)
+        self._bias = ThrustBias(self._effect * healthy, dead_bands, self._settings.biased)
         driven_axes = drivable(self._effect, self._strength)
         self.axes = frozenset(driven_axes)
         self._rows = [AXES.index(axis) for axis in driven_axes]
         self._groups = [
             {AXES.index(axis) for axis in group if axis in self.axes} for group in PRIORITY
         ]
-        self._cache: dict[int, list[list[float]] | None] = {}  # by the bits of who is frozen
+        self._cache: dict[int, list[list[float]] | None] = {}  # by bit mask of frozen thrusters
         columns = self._columns_without([]) or [[0.0] * len(pairs)] * 6
         self._all_shares = list(zip(*columns, strict=True))  # per thruster, of each row
 
     def _columns_without(self, frozen: list[int]) -> list[list[float]] | None:
-        """Per row of the wrench: who gives how much of each newton, while the frozen ones stay as
-        they are. None when the others cannot drive all the axes. Remembered, for it is slow."""
+        """Per row of the wrench: each thruster's share of one newton, without the frozen ones. None
+        when the others cannot drive all axes. Cached, because it is slow."""
         key = 0
         for index in frozen:
             key |= 1 << index
@@ -230,8 +230,8 @@ class Allocation:
 
 
 def _command_limits(thruster: Thruster, gain: float) -> tuple[float, float]:
-    """[N] Of the commands that a thruster answers in proportion. A reversed one answers a forward
-    command with its weaker reverse thrust."""
+    """[N] Limits of the commands that a thruster follows in proportion. A reversed one follows a
+    forward command with its weaker reverse thrust."""
     low, high = thruster.limits
     if gain >= 0.0:
         return low, high

@@ -1,8 +1,8 @@
-"""Which axes a layout of thrusters can drive, each without moving the others.
+"""The axes that a layout of thrusters can drive, each independently of the others.
 
-The test is geometric, not merely one of rank: an axis counts as driven when it costs no more than
-`MOST_COST` newtons of thrust per newton of force with all other driven axes at zero. Two thrusters
-on the same line count once; a lever arm of a few millimetres counts for nothing.
+The test is stricter than rank: an axis counts as driven when it costs at most `MOST_COST` newtons
+of thrust per newton of force with all other driven axes at zero. Two thrusters on the same line
+count once; a lever arm of a few millimetres does not count.
 """
 
 from collections.abc import Iterable, Sequence
@@ -17,8 +17,8 @@ from services.marine.vehicle import Vehicle
 Matrix = NDArray[np.float64]
 AxisName = Literal["surge", "sway", "heave", "roll", "pitch", "yaw"]
 AXES: tuple[AxisName, ...] = get_args(AxisName)  # rows of a wrench
-GRANTED = ("heave", "yaw", "surge", "sway", "roll", "pitch")  # who goes first if not all can
-PILOTING = ("surge", "heave", "yaw")  # without these nobody can fly the vehicle
+PREFERRED = ("heave", "yaw", "surge", "sway", "roll", "pitch")  # order, if not all are possible
+PILOTING = ("surge", "heave", "yaw")  # axes that a pilot needs
 MOST_COST = 10.0  # [-] newtons of thrust per newton, or per newton metre over the longest arm
 SHORTEST_ARM = 0.01  # [m] a layout without any longer one turns nothing
 SINGULAR = 0.01  # [-] a singular value this small costs far more than that
@@ -38,17 +38,17 @@ def drivable(effect: Matrix, strength: Sequence[float]) -> tuple[str, ...]:
 
     Args:
         effect: (6, n) from `effect_matrix`.
-        strength: (n,) [N] what each thruster can do in its weaker direction; 0 when dead.
+        strength: (n,) [N] thrust limit in the weaker direction; 0 when dead.
     """
     chosen = list[str]()
-    for axis in GRANTED:
+    for axis in PREFERRED:
         if independent(effect, strength, [*chosen, axis]):
             chosen.append(axis)
     return tuple(axis for axis in AXES if axis in chosen)
 
 
 def independent(effect: Matrix, strength: Sequence[float], axes: Iterable[str]) -> bool:
-    """Whether these axes can be driven without each other; arguments as of `drivable`.
+    """Whether these axes can be driven independently; arguments as of `drivable`.
 
     Column i of the pseudo-inverse is the least thrust for one unit of axis i and none of the
     others.
@@ -60,10 +60,10 @@ def independent(effect: Matrix, strength: Sequence[float], axes: Iterable[str]) 
 
 
 def require_pilotable(vehicle: Vehicle) -> None:
-    """Refuse a vehicle that nobody could pilot.
-
+    """
     Raises:
-        ValueError: says which axes; or a thruster's direction has no length.
+        ValueError: the thrusters cannot drive the axes that a pilot needs, or a thruster's
+            direction has no length.
     """
     strength = [min(-t.limits[0], t.limits[1]) for t in vehicle.thruster]
     driven = drivable(effect_matrix(vehicle), strength)
@@ -77,8 +77,8 @@ def require_pilotable(vehicle: Vehicle) -> None:
 
 
 def _comparable(effect: Matrix, strength: Sequence[float]) -> Matrix:
-    """Rows of one size: columns as shares of the strongest thruster, moments as forces at the
-    longest arm of the layout."""
+    """Rows in comparable units: columns relative to the strongest thruster, moments as forces at
+    the longest arm of the layout."""
     strongest = max(strength, default=0.0)
     if not strongest > 0:
         return np.zeros_like(effect)

@@ -1,4 +1,4 @@
-"""All thrusters together: they are given a wrench, watched, and counted on as far as they obey."""
+"""All thrusters together: allocation, monitoring, and adaptation to faulty thrusters."""
 
 from dataclasses import dataclass, field
 
@@ -12,10 +12,10 @@ from services.marine.vehicle import Vehicle
 
 @dataclass(slots=True)
 class Propulsion:
-    """`conditions` names what is not as it should be, after each `allocate`.
+    """`conditions` names saturations and faults, after each `allocate`.
 
     Raises:
-        ValueError: the thrusters cannot drive what a pilot needs.
+        ValueError: the thrusters cannot drive the axes a pilot needs.
     """
 
     vehicle: Vehicle
@@ -31,18 +31,19 @@ class Propulsion:
 
     @property
     def axes(self) -> frozenset[str]:
-        """Axes that can be driven independently by the thrusters that obey."""
+        """Axes that the trusted thrusters can drive independently."""
         return self._allocation.axes
 
     @property
     def distrusted(self) -> tuple[str, ...]:
-        """Names of the thrusters that do not do what they are told."""
+        """Names of the thrusters that do not follow their commands."""
         return self._allocation.distrusted
 
     def allocate(self, wrench: Vec6, sensor_ns: Ns | None, now: Ns) -> Allocated:
-        """Commands for a wrench [N, N m] caused by this sensor sample. `wrench` must be finite."""
+        """Commands for a wrench [N, N m], body frame, from the sensor sample at `sensor_ns`.
+        `wrench` must be finite."""
         done = self._allocation.allocate(wrench)
-        # Nothing wanted is all thrusters stopped: the vehicle may be disarmed.
+        # A zero wrench stops all thrusters: the vehicle may be disarmed.
         thrust = self._watch.probing(done.thrust, now) if any(wrench) else done.thrust
         self._watch.sent(sensor_ns, thrust)
         self.conditions = {f"saturated:{name}" for name in done.saturated}
@@ -56,11 +57,11 @@ class Propulsion:
         return Allocated(thrust, done.achieved, done.saturated)
 
     def forget(self) -> None:
-        """For disarming. What is known of thrusters that failed stays: disarming mends nothing."""
+        """For disarming. Thruster verdicts stay: disarming repairs nothing."""
         self._allocation.forget()
 
     def heard(self, actuation: Actuation, depth: float) -> None:
-        """Learn from the driver's report which thrusters obey.
+        """Update the thruster verdicts from the driver's report.
 
         Args:
             depth: [m] of the vehicle.

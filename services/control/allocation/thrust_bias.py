@@ -1,10 +1,9 @@
-"""Thrusters that run against each other, so that none of them stands in its dead-band.
+"""Thrust bias: thrusters run against each other, so that none of them is in its dead-band.
 
-Where there are more thrusters than axes, forces can be added that make no wrench at all: vectors b
-with T b = 0. With enough of one every thruster of a set turns all the time, and the smallest force
-is as exact as a large one: a drone with little drag holds its heading without being kicked to and
-fro. Ships that keep their place do so too and call it thruster biasing. The price is the power of
-thrusters that turn idly.
+With more thrusters than axes, forces without any wrench can be added: vectors b with T b = 0. With
+a large enough b every thruster of a set turns all the time, and small forces are as exact as large
+ones: a drone with little drag holds its heading without a limit cycle. Dynamic positioning of ships
+uses the same method, thruster biasing. The price is the power of the bias.
 """
 
 from collections.abc import Collection, Sequence
@@ -17,20 +16,20 @@ from numpy.typing import NDArray
 from services.control.allocation.layout import AXES, Matrix
 
 NOTHING = 1e-6  # [-] smaller parts are rounding
-EVEN = 0.5  # [-] the smallest part of a bias over its largest; else it costs too much
+EVEN = 0.5  # [-] least ratio of smallest to largest part of a bias; below, it costs too much
 Bias = list[tuple[int, float]]  # thruster, part of a newton
-MOST = 2.0  # [-] of the dead-band; a bias that must be stronger is not worth its power
-JUST_OUT = 1.001  # [-] of the dead-band; rounding must not lead back in
+MOST = 2.0  # [-] of the dead-band; a stronger bias is not worth its power
+JUST_OUT = 1.001  # [-] of the dead-band; a margin for rounding
 WELL_OUT = 1.25  # [-] of the dead-band; beyond it no bias is needed
 
 
 class ThrustBias:
-    """Sets of thrusters that can push against each other, and whether they do now."""
+    """Sets of thrusters that can push against each other, and whether each set is biased now."""
 
     def __init__(self, effect: Matrix, dead_bands: Sequence[float], axes: Collection[str]) -> None:
         """
         Args:
-            effect: (6, n) wrench per newton; a column of zeros for a thruster to leave alone.
+            effect: (6, n) wrench per newton; a column of zeros excludes a thruster.
             dead_bands: (n,) [N]
             axes: thrusters that act on any of these are biased.
         """
@@ -45,7 +44,7 @@ class ThrustBias:
         self._on = [False] * len(self.sets)
 
     def added(self, forces: list[float], limits: Sequence[tuple[float, float]]) -> list[float]:
-        """The same wrench by forces [N] outside the dead-bands, where that is possible.
+        """Forces [N] of the same wrench outside the dead-bands, where that is possible.
 
         Args:
             forces: (n,) [N]
@@ -64,7 +63,7 @@ class ThrustBias:
     def _push_apart(
         self, forces: list[float], bias: Bias, limits: Sequence[tuple[float, float]]
     ) -> None:
-        """With the least strength that makes every thruster of the set turn as its bias says."""
+        """Add the weakest bias that takes every thruster of the set out of its dead-band."""
         strength = max(
             (copysign(JUST_OUT * self._dead_bands[index], part) - forces[index]) / part
             for index, part in bias
@@ -78,19 +77,18 @@ class ThrustBias:
 
 
 def biases(effect: Matrix) -> list[Matrix]:
-    """(n,) each: forces without a wrench, for sets of thrusters that have nothing to do with each
-    other. The smallest part of each is 1 or -1. Thrusters that nothing can balance are in none.
+    """(n,) each: forces without a wrench, one per independent set of thrusters. The smallest part
+    of each is 1 or -1. Thrusters that cannot be balanced are in none.
 
     Args:
         effect: (6, n) wrench per newton.
     """
     counts = np.any(np.abs(effect) > NOTHING, axis=0)
-    # What of a force goes into forces without a wrench: the projector onto the null space of T.
-    idle = np.diag(counts.astype(float)) - np.linalg.pinv(effect) @ effect
+    null = np.diag(counts.astype(float)) - np.linalg.pinv(effect) @ effect  # projector, null space
     found: list[Matrix] = []
-    for members in _sets(np.abs(idle) > NOTHING):
+    for members in _sets(np.abs(null) > NOTHING):
         best = max(
-            (_within(idle, members, signs) for signs in product((1.0, -1.0), repeat=len(members))),
+            (_within(null, members, signs) for signs in product((1.0, -1.0), repeat=len(members))),
             key=_evenness,
         )
         if _evenness(best) >= EVEN:
@@ -100,8 +98,8 @@ def biases(effect: Matrix) -> list[Matrix]:
     return found
 
 
-def _within(idle: Matrix, members: list[int], signs: Sequence[float]) -> Matrix:
-    return idle[np.ix_(members, members)] @ np.array(signs)
+def _within(null: Matrix, members: list[int], signs: Sequence[float]) -> Matrix:
+    return null[np.ix_(members, members)] @ np.array(signs)
 
 
 def _evenness(bias: Matrix) -> float:
@@ -110,12 +108,12 @@ def _evenness(bias: Matrix) -> float:
 
 
 def _sets(linked: NDArray[np.bool_]) -> list[list[int]]:
-    """Thrusters that are linked, directly or by others."""
+    """Connected components of the linked thrusters."""
     left = [index for index in range(len(linked)) if linked[index, index]]
     found: list[list[int]] = []
     while left:
         members = [left.pop(0)]
-        for member in members:  # grows while it is read
+        for member in members:  # the list grows during the iteration
             new = [index for index in left if linked[member, index]]
             members += new
             left = [index for index in left if index not in new]

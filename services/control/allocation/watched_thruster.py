@@ -1,7 +1,7 @@
-"""One thruster beside a model of itself, and what the difference says.
+"""One thruster compared with a model of itself.
 
-The model has the thruster's dead-band, limits and lag. Where model and report disagree for
-`PERSISTS_S`, with the thruster at work, the slope of the regression of report on model names the
+The model has the thruster's dead-band, limits and lag. If model and report disagree for
+`PERSISTS_S` while the thruster works, the slope of the regression of report on model identifies the
 fault.
 """
 
@@ -18,15 +18,15 @@ ThrusterVerdict = Literal["fine", "weak", "dead", "reversed"]
 
 WINDOW_S = 0.2  # [s] time constant of the averages
 PERSISTS_S = 0.5  # [s] before a verdict changes
-EXCITED = 0.05  # [-] of the most thrust; less than this (or two dead-bands) says nothing
+EXCITED = 0.05  # [-] of the thrust limit; less than this (or two dead-bands) is not judged
 AGREES = 0.35  # [-] error of a healthy thruster, as a share of its thrust
 WEAK, DEAD, REVERSED = 0.6, 0.25, -0.5  # [-] slopes below which the verdict is this
-FINER = 0.1  # [-] a weak thruster's gain is learnt anew when it has changed by this
-DEPTH_SURE = 0.1  # [m] depth is known to this
+FINER = 0.1  # [-] a weak thruster's gain is updated when it has changed by this
+DEPTH_SURE = 0.1  # [m] uncertainty of the depth
 
 
 class ReportInterval:
-    """The time between two reports, and what it makes of a lag."""
+    """The time between two reports, and the decay of lag modes over it."""
 
     def __init__(self, dt: float, late: float) -> None:
         """
@@ -39,7 +39,7 @@ class ReportInterval:
         self._decays: dict[complex, tuple[complex, complex]] = {}
 
     def decay(self, pole: complex) -> tuple[complex, complex]:
-        """[-] Of a mode over all of the time, and over the later part of it."""
+        """[-] Of a mode over the whole interval, and over its later part."""
         if pole not in self._decays:
             self._decays[pole] = complex_exp(pole * self.dt), complex_exp(pole * self.late)
         return self._decays[pole]
@@ -52,13 +52,11 @@ class WatchedThruster:
     gain: float = 1.0  # [-]
     _modes: list[LagMode] = field(init=False)
     _gaps: list[complex] = field(default_factory=list[complex])  # [N] of each mode of the model
-    _settles_at: float = 0.0  # [N] where the model is going
+    _settles_at: float = 0.0  # [N] final value of the model
     _mm: float = 0.0  # [N²] averages over the window: model², …
-    _mp: float = 0.0  # [N²] … model · produced …
-    _pp: float = 0.0  # [N²] … and produced²
-    _suspected: ThrusterVerdict | None = (
-        None  # what the newest reports say, other than the verdict …
-    )
+    _mp: float = 0.0  # [N²] … model · reported …
+    _pp: float = 0.0  # [N²] … and reported²
+    _suspected: ThrusterVerdict | None = None  # verdict of the newest reports, if another …
     _for: float = 0.0  # [s] … and for how long
 
     def __post_init__(self) -> None:
@@ -66,31 +64,31 @@ class WatchedThruster:
 
     @property
     def excited(self) -> float:
-        """[N] Less thrust than this says nothing about the thruster."""
+        """[N] Least thrust that can be judged."""
         return max(EXCITED * self.thruster.max_thrust, 2.0 * self.thruster.dead_band)
 
     @property
     def dry_above(self) -> float:
-        """[m] Vehicle depth above which the propeller may be in the air, whatever the attitude."""
+        """[m] Vehicle depth above which the propeller may be in the air, at any attitude."""
         x, y, z = self.thruster.position
         return (x * x + y * y + z * z) ** 0.5 + DEPTH_SURE
 
-    def begin_anew(self) -> None:
-        """The verdict stays until there is reason to change it."""
+    def reset(self) -> None:
+        """Restart the averages; the verdict stays."""
         self._gaps = []
         self._mm = self._mp = self._pp = 0.0
         self._suspected, self._for = None, 0.0
 
-    def judge(self, command: float, produced: float, pace: ReportInterval) -> None:
-        """Take in what it produced [N], and see whether the verdict still holds.
+    def judge(self, command: float, produced: float, interval: ReportInterval) -> None:
+        """Take in the reported thrust [N] and update the verdict.
 
         Args:
             command: [N] the one in effect.
         """
         if not self._gaps:
-            # A sound thruster is where it says; of a faulty one the model departs with its lag.
+            # The model starts at the report; for a faulty thruster they then diverge.
             self._gaps, self._settles_at = [0j] * len(self._modes), produced
-        model, keep = self._follow(command, pace), pace.keep
+        model, keep = self._follow(command, interval), interval.keep
         new = 1.0 - keep
         self._mm = keep * self._mm + new * model * model
         self._mp = keep * self._mp + new * model * produced
@@ -101,14 +99,14 @@ class WatchedThruster:
             if seen == "weak" and abs(self._slope - self.gain) > FINER:
                 self.gain = self._slope
         else:
-            self._suspect(seen, pace.dt)
+            self._suspect(seen, interval.dt)
 
-    def _follow(self, command: float, pace: ReportInterval) -> float:
+    def _follow(self, command: float, interval: ReportInterval) -> float:
         """[N] What a healthy thruster would produce now."""
         before, self._settles_at = self._settles_at, driven(self.thruster, command)
         step, thrust = before - self._settles_at, self._settles_at
         for index, (pole, share) in enumerate(self._modes):
-            whole, late = pace.decay(pole)
+            whole, late = interval.decay(pole)
             gap = self._gaps[index] * whole + share * step * late
             self._gaps[index] = gap
             thrust += gap.real
@@ -124,17 +122,17 @@ class WatchedThruster:
 
     @property
     def _slope(self) -> float:
-        """[-] Of the regression of what it produced on the model, through zero."""
+        """[-] Of the regression of report on model, through zero."""
         return self._mp / self._mm
 
     def _seen(self) -> ThrusterVerdict | None:
-        """What the averages say; None when they say nothing."""
+        """Verdict from the averages; None if they are inconclusive."""
         least = self.excited * self.excited
         at_work = self._mm > least
         error = self._mm - 2.0 * self._mp + self._pp
         if error <= max(0.25 * least, AGREES * AGREES * self._mm):
             return "fine" if at_work else None
-        if not at_work:  # it runs by itself: stuck, which is as good as dead
+        if not at_work:  # it turns without a command: stuck, treated as dead
             return "dead" if self._pp > 4.0 * least else None
         slope = self._slope
         if slope >= WEAK:

@@ -1,4 +1,4 @@
-"""One piloted axis: its law, who decides about it, and what is counted of it."""
+"""One piloted axis: its law, the transfer between its modes, and its counts."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,8 +21,9 @@ class PilotedAxis:
     def held(
         self, motion: Motion, position: Estimate, rate: Estimate, dt: float, *, late: bool = False
     ) -> float:
-        """Effort [N] or [N m] that brings the axis to its reference. An estimate that is not valid
-        is not fed back: the feed-forward and what was learnt remain. A late rate is trusted less.
+        """Effort [N] or [N m] that brings the axis to its reference. Without valid estimates there
+        is no feedback; feed-forward and disturbance compensation remain. `late`: the rate is
+        delayed, so feedback gains are lower.
         """
         if not (position.valid and rate.valid):
             self.count(f"invalid:state.{self.name}")
@@ -39,27 +40,27 @@ class PilotedAxis:
         dt: float,
         *,
         water: float = 0.0,
-        besides: float = 0.0,
+        extra: float = 0.0,
         late: bool = False,
     ) -> float:
-        """As `held`, in water that moves, with a force that is asked for besides."""
+        """As `held`, in a current `water` and with an additional force `extra`."""
         effort = self.law.step(motion, position, rate, dt, water, late=late)
         if effort.clamped:
             self.count(f"clamped:control.{self.name}")
-        return self.transfer.step("held", effort.total + besides, dt)
+        return self.transfer.step("held", effort.total + extra, dt)
 
-    def blind(self, motion: Motion, dt: float, besides: float = 0.0) -> float:
-        """Effort from the reference alone."""
-        total = self.law.blind(motion) + besides
+    def blind(self, motion: Motion, dt: float, extra: float = 0.0) -> float:
+        """Effort without feedback."""
+        total = self.law.blind(motion) + extra
         return self.transfer.step("blind", total, dt)
 
     def forced(self, force: float, dt: float) -> float:
-        """The pilot's own force, nothing held."""
+        """The pilot's force; the axis is not held."""
         self.law.idle()
         return self.transfer.step("forced", force, dt)
 
     def learn(self, velocity: float | None, force: float, dt: float) -> None:
-        """What the last step teaches; a velocity of None teaches nothing."""
+        """Update the disturbance observer; a velocity of None pauses it."""
         if velocity is None:
             self.law.pause()
         else:

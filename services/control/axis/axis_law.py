@@ -1,11 +1,12 @@
-"""One axis of the thesis' control law: state feedback, feed-forward and something that learns.
+"""One axis of the thesis' control law: state feedback, feed-forward, and an integral or a
+disturbance observer.
 
 u = L_r r - L x̂ + L_I e (Andrén 2023, 5.26 to 5.31), with position, velocity and acceleration
-references. The acceleration and drag references come from the vehicle's own mass and damping, so
-that feedback is left with disturbances only. What stays of those is learnt by an integral or by a
-disturbance observer in its place. Three guards keep the integral honest: the position error is
-clamped, the integral is clamped, and an integral that works against a large error decays. The
-first two guard the observer as well.
+references. The feed-forward of acceleration and drag uses the vehicle's own mass and damping, so
+feedback only acts on disturbances. Lasting disturbances are learnt by an integral, or by a
+disturbance observer in its place. Three anti-windup guards: the position error is clamped, the
+integral is clamped, and an integral that opposes a large error decays. The first two apply to the
+observer as well.
 """
 
 from dataclasses import dataclass, field
@@ -23,8 +24,8 @@ from services.control.axis.plant import Plant
 Percent = Annotated[float, msgspec.Meta(ge=0.0, le=200.0)]
 WIDEST = 50.0  # [rad/s]
 Bandwidth = Annotated[float, msgspec.Meta(ge=0.0, le=WIDEST)]
-HELD_BACK = 0.2  # [-] of the velocity asked for; a vehicle that is slower does not move freely
-LATE_SPRING, LATE_DAMPER = 0.15, 0.4  # [-] of kp and kd while the rate comes late
+BLOCKED = 0.2  # [-] of the reference velocity; a slower vehicle does not move freely
+LATE_SPRING, LATE_DAMPER = 0.15, 0.4  # [-] of kp and kd while the rate is delayed
 LEAST_DRAG_SPEED = 1e-3  # position units per second
 MOVING = 1e-6  # any smaller reference velocity or acceleration is rest
 
@@ -38,17 +39,17 @@ class Gains(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     max_error: Positive  # position units; guard 1
     max_integral: NotNegativeSetting  # [N] or [N m]; guard 2, well below a saturated thruster
     observer: Bandwidth = 0.0  # [rad/s] of the disturbance observer; 0: the integral instead
-    drag_speed: NotNegativeSetting = 0.0  # position units per second; faster, it learns drag; 0: no
-    still: NotNegativeSetting = 0.0  # position units per second; slower, it learns as slowly as ki
+    drag_speed: NotNegativeSetting = 0.0  # position units per second; drag is learnt above; 0: off
+    still: NotNegativeSetting = 0.0  # position units per second; below, it learns as slowly as ki
     decay: OpenShare = 0.98  # [-] per step; guard 3
     decay_threshold: Positive = 0.1  # position units; guard 3 acts on errors larger than this
     acceleration_percent: Percent = 100.0  # [%] of the acceleration feed-forward; 100 is exact
     drag_percent: Percent = 100.0  # [%] of the drag feed-forward
-    lead_percent: Percent = 100.0  # [%] of the thrusters' lag that the feed-forward runs ahead
+    lead_percent: Percent = 100.0  # [%] of the thrusters' lag that the feed-forward leads by
     static: StaticGains | None = None  # other gains while the reference rests
 
     def __post_init__(self) -> None:
-        # Squares of speeds over it must stay numbers.
+        # Squares of speeds divided by it must stay finite.
         if 0.0 < self.drag_speed < LEAST_DRAG_SPEED:
             raise ValueError(
                 f"drag_speed is {self.drag_speed:g}, allowed are 0 and {LEAST_DRAG_SPEED:g} or more"
@@ -56,20 +57,20 @@ class Gains(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Effort(msgspec.Struct, frozen=True, gc=False):
-    """What one axis asks for, and why."""
+    """The effort of one axis."""
 
     total: float  # [N] or [N m]
-    standing: float  # what was learnt against a lasting disturbance; part of the total
-    clamped: bool  # guard 1 or 2 was at work
+    standing: float  # compensation of lasting disturbances; part of the total
+    clamped: bool  # guard 1 or 2 was active
 
 
 @dataclass(slots=True)
 class AxisLaw:
-    """The law of one axis. Its state is what it has learnt and which gains are in force.
+    """The law of one axis. Its state is the learnt disturbance and the gains in force.
 
     Args:
         gains, plant: of this axis.
-        lag: [s] time constant of the thrusters that serve it.
+        lag: [s] time constant of its thrusters.
         period: [s] for which an effort is held.
     """
 
@@ -80,10 +81,10 @@ class AxisLaw:
     integral: float = 0.0  # [N] or [N m]
     _observer: DisturbanceObserver | None = field(init=False)
     _blend: GainBlend = field(init=False)
-    _still: float = 0.0  # position units per second; slower is without motion
-    _asked: float = 0.0  # position units per second, of the newest reference
-    _slow: float = 0.0  # [N/s] or [N m/s] at most learnt without motion
-    _feedback: FeedbackGains | None = None  # gains of the step before
+    _still: float = 0.0  # position units per second; a slower vehicle counts as not moving
+    _reference_rate: float = 0.0  # position units per second, of the newest reference
+    _slow: float = 0.0  # [N/s] or [N m/s] fastest learning without motion
+    _feedback: FeedbackGains | None = None  # gains of the previous step
 
     def __post_init__(self) -> None:
         g = self.gains
@@ -110,10 +111,10 @@ class AxisLaw:
             position, rate: estimate, same units as the reference.
             dt: [s] since the last step.
             water: velocity of the water along the axis, in the frame of `rate`.
-            late: the rate is a third of a second old, as from pressure alone: gains that suit a
-                prompt one would shake the vehicle.
+            late: the rate is a third of a second old, as from pressure alone; the full gains would
+                make the loop oscillate.
         """
-        self._asked = reference.velocity
+        self._reference_rate = reference.velocity
         error = reference.position - position
         near = clamped(error, self.gains.max_error)
         moves = abs(reference.velocity) > MOVING or abs(reference.acceleration) > MOVING
@@ -124,7 +125,7 @@ class AxisLaw:
             at_limit = self._observer.is_limited(reference.velocity)
             outside = near - clamped(near, feedback.zone)
             self._slow = 0.0 if moves else self.gains.ki * abs(outside)
-            self._still = self.gains.still + HELD_BACK * abs(reference.velocity)
+            self._still = self.gains.still + BLOCKED * abs(reference.velocity)
             if abs(error) > self.gains.decay_threshold:
                 self._still = inf
         spring, damper = (LATE_SPRING, LATE_DAMPER) if late else (1.0, 1.0)
@@ -134,11 +135,11 @@ class AxisLaw:
         return Effort(total, self.standing, clamped=near != error or at_limit)
 
     def feed_forward(self, reference: Motion, water: float = 0.0) -> float:
-        """Force, held over the period, that carries the undisturbed plant from the reference now to
-        the reference then: exact for the linear part, at mid-step for the quadratic drag.
+        """Force, held over the period, that moves the undisturbed plant from this reference to the
+        next: exact for the linear part, evaluated at mid-step for the quadratic drag.
 
-        The thrusters' lag T turns a command u into the force f with T f' + f = u, so the force is
-        asked for that will be due in T, to first order.
+        With thruster lag T a command u produces the force f with T f' + f = u, so the command is
+        the force due T later, to first order.
         """
         g, plant, half = self.gains, self.plant, self.period / 2
         a, v = reference.acceleration, reference.velocity - water
@@ -149,44 +150,49 @@ class AxisLaw:
         return (g.acceleration_percent * inertia + g.drag_percent * drag) / 100
 
     def blind(self, reference: Motion) -> float:
-        """Effort from the reference and from what was learnt, nothing fed back."""
-        self._asked = reference.velocity
+        """Feed-forward and disturbance compensation, without feedback."""
+        self._reference_rate = reference.velocity
         return self.feed_forward(reference) + self.standing
 
     @property
     def standing(self) -> float:
-        """[N] or [N m] against what the water does lastingly."""
-        return self.integral if self._observer is None else -self._observer.expected(self._asked)
+        """[N] or [N m] Compensation of lasting disturbances."""
+        return (
+            self.integral
+            if self._observer is None
+            else -self._observer.expected(self._reference_rate)
+        )
 
     def learn(self, velocity: float, force: float, dt: float) -> None:
-        """Show the observer a step: velocity relative to the water now, and the mean force that
-        was really there since the last call.
+        """Update the observer: velocity relative to the water now, and mean thruster force since
+        the last call.
 
-        A vehicle that does not move may lie on the sea floor, which pushes back with whatever it
-        is pushed. So without motion nothing is learnt faster than the integral would learn it, and
-        nothing at all while motion is asked for.
+        A vehicle that does not move may lie on the sea floor, which opposes any force. So without
+        motion it learns no faster than the integral would, and not at all while the reference
+        moves.
         """
         if self._observer is not None:
             most = self._slow * dt if abs(velocity) < self._still else inf
-            self._observer.learn(velocity, force, dt, most, self._asked)
+            self._observer.learn(velocity, force, dt, most, self._reference_rate)
 
     def give_up(self, force: float) -> None:
-        """The feed-forward gives `force` [N] or [N m] more from now on: as much of it as was
-        learnt is learnt no longer."""
+        """The feed-forward gives `force` [N] or [N m] more from now on: subtract it from the learnt
+        compensation, which does not change sign."""
         learnt = self.standing
         low, high = min(0.0, learnt), max(0.0, learnt)
-        self._stand(learnt - max(low, min(high, force)))
+        self._set_standing(learnt - max(low, min(high, force)))
 
     def take_over(self, force: float) -> None:
-        """The feed-forward gives `force` [N] or [N m] less from now on: that counts as learnt."""
-        self._stand(clamped(self.standing + force, self.gains.max_integral))
+        """The feed-forward gives `force` [N] or [N m] less from now on: add it to the learnt
+        compensation."""
+        self._set_standing(clamped(self.standing + force, self.gains.max_integral))
 
     def idle(self) -> None:
-        """The axis is not held: there is no error to learn from."""
-        self._asked, self._slow, self._still = 0.0, 0.0, self.gains.still
+        """The axis is not held: no error to learn from."""
+        self._reference_rate, self._slow, self._still = 0.0, 0.0, self.gains.still
 
     def pause(self) -> None:
-        """Nothing can be learnt from this step."""
+        """Learn nothing from this step."""
         if self._observer is not None:
             self._observer.pause()
 
@@ -195,17 +201,17 @@ class AxisLaw:
         if self._observer is not None:
             self._observer.forget()
 
-    def _stand(self, force: float) -> None:
+    def _set_standing(self, force: float) -> None:
         if self._observer is None:
             self.integral = force
         else:
-            self._observer.estimate = -force - self._observer.drag * self._asked
+            self._observer.estimate = -force - self._observer.drag * self._reference_rate
             self._observer.pause()
 
     def _integrate(self, error: float, feedback: FeedbackGains, moves: bool, dt: float) -> bool:
-        """(5.28) to (5.31). Paused during requested motion: the integral is there for buoyancy,
-        and keeps what it has learnt until the drone stands still again. Nothing is learnt inside
-        the static zone, and what the gains give up on the way to rest is taken over."""
+        """(5.28) to (5.31). Returns whether the integral is at its limit. Paused while the
+        reference moves: the integral is for buoyancy. No integration inside the static zone; the
+        feedback lost when the gains blend to rest is added to the integral."""
         g = self.gains
         before, self._feedback = self._feedback or feedback, feedback
         if self.integral * error < 0 and abs(error) > g.decay_threshold:

@@ -1,8 +1,8 @@
-"""Two sets of feedback gains, one for holding still and one for moving, without a bump between.
+"""Two sets of feedback gains, for holding still and for moving, with a smooth blend.
 
-Holding still with the gains of motion makes a thruster with a dead-band start and stop for ever;
-moving with the gains of rest follows badly (Andrén 2023, 5.4.2). The share of the moving set
-goes from 0 to 1 along a smooth curve that leaves its ends at zero speed.
+The moving gains make a thruster with a dead-band start and stop for ever at rest; the static gains
+follow a moving reference badly (Andrén 2023, 5.4.2). The share of the moving set goes from 0 to 1
+along a curve with zero slope at both ends.
 """
 
 from dataclasses import dataclass
@@ -18,8 +18,8 @@ class StaticGains(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     kp: NotNegativeSetting  # per position unit
     kd: NotNegativeSetting  # per position unit per second
-    zone: NotNegativeSetting = 0.0  # position units; an error this small is left alone
-    leave: Positive = 0.1  # position units; a larger error calls for the moving gains
+    zone: NotNegativeSetting = 0.0  # position units; dead zone of the error
+    leave: Positive = 0.1  # position units; a larger error switches to the moving gains
     blend: Annotated[float, msgspec.Meta(ge=0.01, le=10.0)] = 0.5  # [s] from one set to the other
 
     def __post_init__(self) -> None:
@@ -35,37 +35,37 @@ class FeedbackGains(msgspec.Struct, frozen=True, gc=False):
     zone: float
 
     def spring(self, error: float) -> float:
-        """Restoring force. Inside the zone none; outside it grows from nothing, so that it does
-        not step at the edge and, being passive, cannot keep a motion alive."""
+        """Restoring force, zero inside the zone. It is continuous at the edge and passive, so it
+        cannot sustain an oscillation."""
         return self.kp * (error - max(-self.zone, min(self.zone, error)))
 
 
 @dataclass(slots=True)
 class GainBlend:
-    """Which gains are in force. Begins with those of rest."""
+    """The gains in force. Begins with the static gains."""
 
     moving: FeedbackGains
     static: StaticGains | None
-    _way: float = 0.0  # [-] of the way from rest to motion, before smoothing
-    _stirred: bool = False  # the error has called for the moving gains
+    _blend: float = 0.0  # [-] from static to moving, before smoothing
+    _disturbed: bool = False  # the error has switched to the moving gains
 
     def step(self, moves: bool, error: float, dt: float) -> FeedbackGains:
-        """Gains of this step; what has changed shows from the next step on."""
+        """Gains of this step; the arguments take effect from the next step on."""
         static = self.static
         if static is None:
             return self.moving
-        now = self._mixed(static, self._way)
+        now = self._mixed(static, self._blend)
         if abs(error) > static.leave:
-            self._stirred = True
+            self._disturbed = True
         elif abs(error) <= static.leave / 2:
-            self._stirred = False
-        target = 1.0 if moves or self._stirred else 0.0
+            self._disturbed = False
+        target = 1.0 if moves or self._disturbed else 0.0
         most = dt / static.blend
-        self._way += max(-most, min(most, target - self._way))
+        self._blend += max(-most, min(most, target - self._blend))
         return now
 
-    def _mixed(self, static: StaticGains, way: float) -> FeedbackGains:
-        share = way * way * (3 - 2 * way)
+    def _mixed(self, static: StaticGains, blend: float) -> FeedbackGains:
+        share = blend * blend * (3 - 2 * blend)
         return FeedbackGains(
             static.kp + share * (self.moving.kp - static.kp),
             static.kd + share * (self.moving.kd - static.kd),

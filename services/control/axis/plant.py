@@ -1,4 +1,4 @@
-"""What the law knows of one axis of the vehicle: M v' = u - D(v) + w."""
+"""The law's model of one axis of the vehicle: M v' = u - D(v) + w."""
 
 from math import expm1
 from typing import NamedTuple
@@ -10,7 +10,7 @@ from services.marine.vehicle import Vehicle
 class Plant(NamedTuple):
     """Inertia and drag of one axis."""
 
-    inertia: float  # [kg] or [kg m²], with the water that moves along
+    inertia: float  # [kg] or [kg m²], added mass included
     linear: float = 0.0  # [N s/m] or [N m s/rad]
     quadratic: float = 0.0  # [N s²/m²] or [N m s²/rad²]
 
@@ -19,7 +19,7 @@ class Plant(NamedTuple):
         return (self.linear + self.quadratic * abs(velocity)) * velocity
 
     def sampled_inertia(self, dt: float) -> float:
-        """[kg] or [kg m²] What a force held over `dt` [s] meets.
+        """[kg] or [kg m²] Effective inertia for a force held over `dt` [s].
 
         The exact solution of m v' = u - d v over one step, v₊ = φ v + (1 - φ) u / d with
         φ = exp(-d dt / m), reads (v₊ - v) / dt = (u - d v) / m_s with this m_s. It is m + d dt / 2

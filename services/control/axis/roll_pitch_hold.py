@@ -9,7 +9,7 @@ from messages.units import NotNegativeSetting, Ns
 
 
 class RollPitchGains(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Roll or pitch held at zero, by vehicles whose thrusters can. 0, 0 leaves it to the hull."""
+    """Roll or pitch held at zero, if the thrusters can drive it. 0, 0: hydrostatic only."""
 
     kp: NotNegativeSetting = 0.0  # [N m/rad]
     kd: NotNegativeSetting = 0.0  # [N m s/rad]
@@ -19,12 +19,12 @@ class RollPitchGains(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class RollPitchHold:
     gains: RollPitchGains
     _angle: float = 0.0  # [rad] at the last step
-    _at: Ns | None = None  # [ns] of the sensor sample behind it; None: not known
+    _at: Ns | None = None  # [ns] stamp of its sensor sample; None: not known
     _rate: float = 0.0  # [rad/s]
 
     def step(self, angle: Estimate, sensor_ns: Ns) -> float:
         """Moment [N m]. The rate is the difference of two angles of the attitude filter, which
-        moves them by the gyroscope and so makes no noise of its own."""
+        integrates the gyroscope and so adds little noise."""
         if not angle.valid:
             self.forget()
             return 0.0
@@ -36,4 +36,5 @@ class RollPitchHold:
         return -self.gains.kp * angle.value - self.gains.kd * self._rate
 
     def forget(self) -> None:
+        """Restart the rate with the next sample."""
         self._at = None

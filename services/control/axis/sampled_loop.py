@@ -1,9 +1,9 @@
-"""Is the loop stable as it really runs: sampled, with a step of delay and lagging thrusters?
+"""Stability of the loop as it runs: sampled, with one step of delay and thruster lag.
 
 Between samples the plant (inertia and linear drag) and the thrusters' first-order lag are solved
-exactly under a held command. A command takes effect one step after the state it was made from.
-The loop is linear there, so its matrix is found by stepping each unit state once, and it is stable
-when all eigenvalues lie inside the unit circle. Quadratic drag only helps and is left out.
+exactly for a held command. A command takes effect one step after its state. The loop is linear, so
+its matrix is found by stepping each unit state once; it is stable when all eigenvalues lie inside
+the unit circle. Quadratic drag only adds damping and is left out.
 """
 
 from dataclasses import dataclass
@@ -17,8 +17,8 @@ from services.control.axis.gain_blend import StaticGains
 from services.control.axis.plant import Plant
 
 Matrix = NDArray[np.float64]
-# States: position, velocity, thrust, command on its way, what is learnt, velocity and thrust one
-# step ago (for the observer, which assumes that its model of the thrusters is right).
+# States: position, velocity, thrust, delayed command, learnt compensation, velocity and thrust one
+# step ago (for the observer, whose model of the thrusters is assumed exact).
 STATES = 7
 
 
@@ -32,8 +32,8 @@ class SampledLoop:
         """[-] Largest absolute eigenvalue; the loop is stable below 1.
 
         Args:
-            gains: what is learnt, and how fast.
-            feedback: kp and kd in force, of motion or of rest.
+            gains: integral or observer.
+            feedback: kp and kd in force, moving or static.
         """
         move = held(self.plant, self.lag, self.period)
         columns = [self._stepped(row, gains, feedback, move) for row in np.eye(STATES)]
@@ -43,16 +43,16 @@ class SampledLoop:
         self, state: Matrix, gains: Gains, feedback: Gains | StaticGains, move: Matrix
     ) -> Matrix:
         """The state one period later."""
-        x, v, f, coming, learnt, v_before, mean_before = state
+        x, v, f, delayed, learnt, v_before, mean_before = state
         if gains.observer > 0.0:
             inertia = self.plant.sampled_inertia(self.period)
-            found = inertia * (v - v_before) / self.period
-            found += self.plant.linear * v_before - mean_before
-            learnt -= -expm1(-gains.observer * self.period) * (found + learnt)
+            disturbance = inertia * (v - v_before) / self.period
+            disturbance += self.plant.linear * v_before - mean_before
+            learnt -= -expm1(-gains.observer * self.period) * (disturbance + learnt)
         else:
             learnt += -gains.ki * self.period * x
         command = learnt - feedback.kp * x - feedback.kd * v
-        x_new, v_new, f_new, mean = move @ (x, v, f, coming)
+        x_new, v_new, f_new, mean = move @ (x, v, f, delayed)
         return np.array([x_new, v_new, f_new, command, learnt, v, mean])
 
 
@@ -69,7 +69,7 @@ def held(plant: Plant, lag: float, period: float) -> Matrix:
 
 
 def exponential(matrix: Matrix) -> Matrix:
-    """e to the matrix: Taylor series of a small part of it, squared up again."""
+    """Matrix exponential: Taylor series with scaling and squaring."""
     halvings = max(0, int(np.ceil(np.log2(max(1e-300, np.abs(matrix).sum(axis=1).max())))) + 4)
     small = matrix / 2.0**halvings
     result = term = np.eye(len(matrix))

@@ -1,4 +1,4 @@
-"""The axes a pilot moves, and the generator behind each."""
+"""The piloted axes, and the reference generator of each."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -16,18 +16,18 @@ from services.reference.trajectory.vector import VectorRamp
 
 @dataclass(slots=True)
 class Axes:
-    """Times `t` in seconds, never running backwards."""
+    """Times `t` in seconds, never decreasing."""
 
     settings: Settings
     heave: Ramp  # [m] positive down
     yaw: Ramp  # [rad] accumulated
     place: StationKeeping  # [m] north and east
     tilt: Ramp  # [rad]
-    pace: Ramp  # [m] along a path that was followed; its end is ramped out here
+    pace: Ramp  # [m] along the heading: ramps out the speed left over from a path
     force: VectorRamp  # [N] surge and sway, as a "velocity"
     heave_force: Ramp  # [N] as a "velocity"
     yaw_moment: Ramp  # [N m] as a "velocity"
-    _tilting: float = 0.0  # [-] the tilt stick, as it was last heard
+    _tilting: float = 0.0  # [-] newest tilt stick
 
     @classmethod
     def of(cls, settings: Settings) -> Self:
@@ -44,7 +44,7 @@ class Axes:
         )
 
     def rest(self, depth: float, heading: float, t: float) -> None:
-        """Everything at rest here, no force, and no place held. The camera stays as it is."""
+        """All axes at rest here, no force, no station keeping. The camera tilt is unchanged."""
         self.heave.rest(depth, t)
         self.yaw.rest(heading, t)
         self.pace.rest(0.0, t)
@@ -54,12 +54,11 @@ class Axes:
         self.place.held = False
 
     def follow(self, state: VehicleState, held: HeldAxes, t: float) -> None:
-        """Go along with the vehicle on the axes that are not held.
+        """Follow the vehicle on the axes that are not held.
 
-        Each time the plan is to come to rest from there, so holding begins where the vehicle is
-        and as it moves, by nothing more than no longer following it. Along depth that includes
-        the measured acceleration: the feed-forward of the reference is then the force that moves
-        the vehicle already. An axis that is not measured comes to rest by that plan.
+        Every step replans a stop from the measured state, so engaging hold causes no jump. In depth
+        this includes the measured acceleration: the feed-forward then equals the force that already
+        moves the vehicle. An axis whose measurement is invalid follows its last plan to rest.
         """
         depth, rate, heading, turning = state.depth, state.depth_rate, state.heading, state.yaw_rate
         if not held.depth and depth.valid and rate.valid:
@@ -70,25 +69,25 @@ class Axes:
             self.yaw.take(Sample(heading.value, turning.value, 0.0, 0.0), t)
 
     def hold_place(self, ground: GroundMotion, t: float) -> None:
-        """Hold the place from now on: come to rest there."""
+        """Begin station keeping: come to rest, then hold."""
         self.place.take_measured(ground, t)
-        self.pace.rest(0.0, t)  # what was left of a blind path is in the measured motion
+        self.pace.rest(0.0, t)  # the measured motion includes any speed left over from a path
 
     def aim(self, stick: PilotCommand, held: HeldAxes, t: float) -> None:
-        """Let the sticks move the axes: what is held with a velocity, the others with a force."""
+        """Set targets from the sticks: velocities on held axes, forces on the others."""
         s = self.settings
         self.heave.aim(stick.heave * s.heave.max_velocity if held.depth else 0.0, t)
         self.yaw.aim(stick.yaw * s.yaw.max_velocity if held.heading else 0.0, t)
         self.heave_force.aim(0.0 if held.depth else stick.heave * s.heave_force.full, t)
         self.yaw_moment.aim(0.0 if held.heading else stick.yaw * s.yaw_moment.full, t)
-        along, aside = stick.surge, stick.sway
+        surge, sway = stick.surge, stick.sway
         if held.place:
-            self.place.aim((along * s.place.max_velocity, aside * s.place.max_velocity), t)
-            along = aside = 0.0
-        self.force.aim((along * s.horizontal.max_surge, aside * s.horizontal.max_sway), t)
+            self.place.aim((surge * s.place.max_velocity, sway * s.place.max_velocity), t)
+            surge = sway = 0.0
+        self.force.aim((surge * s.horizontal.max_surge, sway * s.horizontal.max_sway), t)
 
     def turn_camera(self, stick: float, t: float) -> None:
-        """Up or down to the end of the range, where it stops as smoothly as anywhere."""
+        """Tilt up or down, with a smooth stop at the end of the range."""
         tilt, s = self.tilt, self.settings.tilt
         if stick == 0.0:
             if self._tilting != 0.0:
@@ -102,14 +101,14 @@ class Axes:
         self._tilting = stick
 
     def brake(self, t: float) -> None:
-        """Depth, heading and place to rest."""
+        """Bring depth, heading and position to rest."""
         self.heave.brake(t)
         self.yaw.brake(t)
         if self.place.held:
             self.place.brake(t, self.settings.place.limits)
 
     def stop(self, t: float) -> None:
-        """The same with the limits of an emergency stop."""
+        """The same within the limits of an emergency stop."""
         s = self.settings
         self.heave.brake(t, s.heave.stop)
         self.yaw.brake(t, s.yaw.stop)
@@ -117,6 +116,6 @@ class Axes:
             self.place.brake(t, s.place.stop)
 
     def settles(self) -> float:
-        """[s] When depth, heading and a held place have come to where they were going."""
+        """[s] When depth, heading and a held position reach their targets."""
         place = self.place.settles() if self.place.held else 0.0
         return max(self.heave.settles(), self.yaw.settles(), place)

@@ -1,4 +1,4 @@
-"""The vehicle's motion over the ground, as it is measured."""
+"""The vehicle's measured motion over the ground."""
 
 from math import cos, sin
 from typing import NamedTuple
@@ -10,7 +10,7 @@ Pair = tuple[float, float]  # north and east, or surge and sway
 
 
 class GroundMotion(NamedTuple):
-    """Where the vehicle is and how it moves, NED."""
+    """Position and velocity over the ground, NED."""
 
     position: Pair  # [m] north, east
     velocity: Pair  # [m/s] north, east
@@ -18,9 +18,9 @@ class GroundMotion(NamedTuple):
 
 
 def ground_of(state: VehicleState) -> GroundMotion | None:
-    """None when any part of it is not known or not valid.
+    """None when any part is unknown or invalid.
 
-    Roll and pitch are taken as level: the horizontal velocity is then wrong by 1 - cos of them.
+    Roll and pitch are assumed zero: the relative error of the horizontal velocity is 1 - cos.
     """
     north, east = state.north, state.east
     surge, sway = state.surge_velocity, state.sway_velocity
@@ -34,15 +34,15 @@ def ground_of(state: VehicleState) -> GroundMotion | None:
 
 
 def north_offset(state: VehicleState) -> float:
-    """[rad] What to add to the control heading to count it from north; 0 without a compass,
-    where estimation takes the control heading for north as well."""
+    """[rad] North heading minus control heading; 0 without a compass, where estimation counts the
+    control heading from north too."""
     if state.heading_navigation is None:
         return 0.0
     return wrap(state.heading_navigation.value - state.heading.value)
 
 
 def turned(vector: Pair, angle: float) -> Pair:
-    """A horizontal vector turned clockwise seen from above: from body to NED by the heading."""
+    """A horizontal vector rotated clockwise seen from above: body to NED by the heading."""
     x, y = vector
     c, s = cos(angle), sin(angle)
     return c * x - s * y, s * x + c * y

@@ -1,8 +1,8 @@
-"""What the drone is doing: which axes it holds, where its reference is, and on which way.
+"""Guidance: the held axes, their reference, and the current manoeuvre.
 
-A change of mode is no event of its own: an axis that is not held follows the vehicle, and holding
-it is to stop following. A force reference begins at zero when its axis is let go and ends when the
-axis is held; the push that control gave or took over then is control's to blend.
+A mode change needs no special handling: the reference of an axis that is not held follows the
+vehicle, and holding the axis stops that. A force reference begins at zero when its axis is released
+and ends when the axis is held; control makes the hand-over bumpless.
 """
 
 from dataclasses import dataclass, field
@@ -14,17 +14,17 @@ from services.reference.guidance.axes import Axes
 from services.reference.guidance.ground_motion import GroundMotion, ground_of, north_offset
 from services.reference.guidance.manoeuvre import Manoeuvre
 from services.reference.guidance.modes import HOLDS, HeldAxes, safe
-from services.reference.guidance.reference_governor import ReferenceGovernor, is_let_go
+from services.reference.guidance.reference_governor import ReferenceGovernor, is_released
 from services.reference.settings import Settings
 from services.reference.trajectory.minimum_jerk import Ramp
 
-PLACE_PATIENCE_S = 2.0  # [s] a place that was not measured for longer is not held any more
+PLACE_PATIENCE_S = 2.0  # [s] without a position measurement before station keeping ends
 
 
 @dataclass(slots=True)
 class Guidance:
-    """`events` collects what must be counted, `notes` what people want to know. Times `t` in
-    seconds, never running backwards."""
+    """`events` collects names to count, `notes` texts to log. Times `t` in seconds, never
+    decreasing."""
 
     settings: Settings
     hold: Hold = "stabilised"
@@ -32,18 +32,18 @@ class Guidance:
     notes: list[str] = field(default_factory=list[str])
     axes: Axes = field(init=False)
     manoeuvre: Manoeuvre = field(init=False)
-    state: VehicleState | None = None  # the newest there has ever been
+    state: VehicleState | None = None  # newest received
     ground: GroundMotion | None = None  # None: not measured now
     t: float = 0.0  # [s] of the newest reference
     _stepped: float = 0.0  # [s] of the reference before
-    _place_seen: float = 0.0  # [s] when the place was last measured, or not needed
-    _guards: dict[str, ReferenceGovernor] = field(init=False)
+    _place_seen: float = 0.0  # [s] when the position was last measured, or not needed
+    _governors: dict[str, ReferenceGovernor] = field(init=False)
 
     def __post_init__(self) -> None:
         s = self.settings
         self.axes = Axes.of(s)
         self.manoeuvre = Manoeuvre(self.axes)
-        self._guards = {
+        self._governors = {
             "depth": ReferenceGovernor(s.heave.max_error),
             "heading": ReferenceGovernor(s.yaw.max_error),
             "place": ReferenceGovernor(s.place.max_error),
@@ -55,29 +55,29 @@ class Guidance:
 
     @property
     def settled(self) -> bool:
-        """Standing still, on no path."""
+        """At rest, and not following a path."""
         return self.manoeuvre.following is None and self.axes.settles() <= self.t
 
     def see(self, state: VehicleState | None, t: float) -> None:
-        """A new instant `t` [s], with the state there if there is one."""
+        """Take in a new instant `t` [s] with its state, if any."""
         self._stepped, self.t = self.t, max(self.t, t)
         self.ground = None if state is None else ground_of(state)
         self.state = state or self.state
 
     def rest(self) -> None:
-        """Everything where the vehicle is, at rest."""
+        """Set every axis to the vehicle's position, at rest."""
         assert self.state is not None
         self.axes.rest(self.state.depth.value, self.state.heading.value, self.t)
         self._place_seen = self.t
 
     def move_on(self, state: VehicleState | None) -> None:
-        """What is held goes on, what is not held follows the vehicle; no state, no following."""
+        """Advance held axes; the others follow the vehicle if there is a state."""
         if state is not None:
             self.axes.follow(state, self.held, self.t)
-        self._mind_the_place(state)
+        self._update_place(state)
 
     def wait(self, state: VehicleState) -> None:
-        """The reference does not run away from a vehicle that is held back."""
+        """Keep the reference close to a vehicle that cannot follow it."""
         axes, held, t = self.axes, self.held, self.t
         if self.manoeuvre.following is not None:
             self.manoeuvre.following.watch(state, self.ground, t)
@@ -88,34 +88,34 @@ class Guidance:
             self._keep("heading", axes.yaw, state.heading)
         if axes.place.held and self.ground is not None:
             (north, east), size = axes.place.error(self.ground)
-            by = self._share("place", size, let_go=is_let_go(*axes.place.now)) - 1.0
+            by = self._share("place", size, released=is_released(*axes.place.now)) - 1.0
             if by != 0.0:
                 axes.place.shift(north * by, east * by)
 
-    # What may be asked for.
+    # Requests.
 
     def change(self, hold: Hold) -> None:
-        """Another mode; it ends whatever the drone was on the way to."""
+        """Change the mode; ends the manoeuvre."""
         self.manoeuvre.end(self.t, hold_place=HOLDS[hold].place)
         self.hold = hold
 
-    def end_journey(self) -> None:
+    def end_manoeuvre(self) -> None:
         self.manoeuvre.end(self.t, hold_place=self.held.place)
 
     def come_to_rest(self) -> None:
-        """Something is missing: come to rest, smoothly, and hold."""
+        """Failsafe: come to rest smoothly, and hold."""
         self.hold = safe(self.hold)
         self.manoeuvre.come_to_rest(self.t)
 
     def stop(self) -> StopDistance:
-        """Emergency stop. Says how far it still goes."""
+        """Emergency stop. Returns the stopping distance."""
         self.hold = safe(self.hold)
         return self.manoeuvre.stop(self.t)
 
-    # How it goes on.
+    # Steps.
 
-    def _mind_the_place(self, state: VehicleState | None) -> None:
-        """Begin, go on or cease to hold a place; give it up when it was not measured for long."""
+    def _update_place(self, state: VehicleState | None) -> None:
+        """Begin, continue or end station keeping; ends when the position is not measured."""
         axes, manoeuvre, t = self.axes, self.manoeuvre, self.t
         needed = self.held.place or (manoeuvre.on_a_path and manoeuvre.measured)
         if self.ground is not None or state is None or not needed:
@@ -140,14 +140,14 @@ class Guidance:
         if estimate.valid:
             here = ramp.at(self.t)
             error = here.position - estimate.value
-            by = self._share(name, abs(error), let_go=is_let_go(here)) - 1.0
+            by = self._share(name, abs(error), released=is_released(here)) - 1.0
             if by != 0.0:
                 ramp.shift(error * by)
 
-    def _share(self, name: str, size: float, *, let_go: bool) -> float:
-        governor = self._guards[name]
-        before = governor.held_back
-        share = governor.keep(size, self.t - self._stepped, let_go=let_go)
-        if governor.held_back and not before:
+    def _share(self, name: str, size: float, *, released: bool) -> float:
+        governor = self._governors[name]
+        before = governor.blocked
+        share = governor.keep(size, self.t - self._stepped, released=released)
+        if governor.blocked and not before:
             self.events.append(f"clamped:reference.{name}")
         return share

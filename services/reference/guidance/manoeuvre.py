@@ -1,4 +1,4 @@
-"""On the way to a position or along a path that was asked for."""
+"""Manoeuvres: go to a position, or follow a path."""
 
 from dataclasses import dataclass
 from math import dist
@@ -12,21 +12,21 @@ from services.reference.settings import VelocityAxis
 from services.reference.trajectory.minimum_jerk import Ramp, Sample
 from services.reference.trajectory.position import pair
 
-AIMED = 0.01  # [rad] a path begins when the drone points along it this well …
-LEVEL = 1e-6  # [m] … and its depth reference is this near the path's
-NEAR = 0.05  # [m] so near to a place that it need not be gone to
+AIMED = 0.01  # [rad] a path begins when the heading error is at most this …
+LEVEL = 1e-6  # [m] … and the depth reference is this close to the path's
+NEAR = 0.05  # [m] a goal this close counts as reached
 
 
 @dataclass(slots=True)
 class Manoeuvre:
-    """Takes the axes where they were asked to go, and hands them back without a step. Depth and
-    heading must be held meanwhile. Times `t` in seconds."""
+    """Moves the axes to a goal; at its end the axes continue without a step. Depth and heading must
+    be held meanwhile. Times `t` in seconds."""
 
     axes: Axes
     going: bool = False  # to a depth, a heading or both
     planned: PlannedPath | None = None  # a path to follow, once the drone points along it
     following: PathFollowing | None = None
-    measured: bool = False  # the path is followed by measurement, not blind
+    measured: bool = False  # position along the path is measured, not dead-reckoned
     goal: Pair | None = None  # [m] north, east, at the end of a straight line
 
     @property
@@ -39,20 +39,20 @@ class Manoeuvre:
 
     @property
     def turns_on_the_spot(self) -> bool:
-        """The place is to be held until the path begins."""
+        """Hold position until the path begins."""
         return self.planned is not None and self.measured
 
     def go(self, depth: float | None, heading: float | None, t: float) -> None:
-        """Set off to a depth [m] and a heading [rad], counted as the drone counts it."""
+        """Go to a depth [m] and a control heading [rad], accumulated."""
         s, axes = self.axes.settings, self.axes
         if depth is not None:
-            _run(axes.heave, s.heave, depth, t)
+            _move_to(axes.heave, s.heave, depth, t)
         if heading is not None:
-            _run(axes.yaw, s.yaw, heading, t)
+            _move_to(axes.yaw, s.yaw, heading, t)
         self.going = True
 
     def turn_to(self, heading: float, t: float) -> float:
-        """[rad] A heading in (-π, π], the shortest way from where the drone points."""
+        """[rad] Accumulated heading for one in (-π, π], by the shortest turn."""
         here = self.axes.yaw.at(t).position
         return here + wrap(heading - here)
 
@@ -65,18 +65,18 @@ class Manoeuvre:
         offset: float,
         goal: Pair | None = None,
     ) -> None:
-        """Turn to where a path begins and then run along it.
+        """Turn to the path's first heading and depth, then follow it.
 
         Args:
-            measured: hold the place until the path begins, and begin it there.
-            offset: [rad] what the control heading lacks to be counted from north.
-            goal: [m] the path is a line that ends here, wherever the drone comes to stand before.
+            measured: hold the position until the path begins, and begin it there.
+            offset: [rad] north heading minus control heading.
+            goal: [m] the path is a line to here from wherever the drone comes to rest.
         """
         self.planned, self.measured, self.goal = planned, measured, goal
         self._line_up(planned, offset if measured else 0.0, t)
 
     def set_off(self, t: float) -> None:
-        """Begin a planned path as soon as the drone stands where and as it begins."""
+        """Begin a planned path once heading, depth and position are settled."""
         planned, axes = self.planned, self.axes
         if planned is None:
             self.going = self.going and axes.settles() > t
@@ -99,7 +99,7 @@ class Manoeuvre:
         self.planned, axes.place.held = None, False
 
     def go_blind(self) -> None:
-        """The place is not measured any more: go on by dead reckoning, if that makes sense."""
+        """Position measurement lost: continue by dead reckoning, except towards a goal."""
         self.measured = False
         if self.following is not None:
             self.following.shift = None
@@ -107,7 +107,7 @@ class Manoeuvre:
             self._forget()
 
     def come_to_rest(self, t: float) -> None:
-        """From the way to a position, or on the path."""
+        """End the manoeuvre at rest; on a path, the stop is along the path."""
         following = self.following
         if following is None and self.busy:
             self.axes.brake(t)
@@ -116,7 +116,7 @@ class Manoeuvre:
             self.following, _ = following.stop(self.axes.settings.place.limits, t)
 
     def stop(self, t: float) -> StopDistance:
-        """Emergency stop, along the path if there is one. Says how far it still goes."""
+        """Emergency stop, along the path if there is one. Returns the stopping distance."""
         axes, following = self.axes, self.following
         axes.force.aim((0.0, 0.0), t, axes.settings.horizontal.stop)
         self._forget()
@@ -129,8 +129,8 @@ class Manoeuvre:
         return StopDistance(axes.heave.to_go(t), axes.yaw.to_go(t), axes.settles() - t)
 
     def end(self, t: float, *, hold_place: bool) -> None:
-        """Hand the motion to the axes, without a step. What was followed by measurement goes on as
-        a place to hold, if there is to be one; else the speed is ramped out along the heading."""
+        """Hand the motion to the axes without a step. With `hold_place`, a measured path ends in
+        station keeping; otherwise the speed is ramped out along the heading."""
         axes, following = self.axes, self.following
         if self.going or self.planned is not None:
             axes.brake(t)
@@ -149,13 +149,13 @@ class Manoeuvre:
             axes.pace.take(Sample(0.0, along.velocity, along.acceleration, along.jerk), t)
 
     def _line_up(self, planned: PlannedPath, offset: float, t: float) -> None:
-        """Go to the heading and the depth with which a path begins."""
+        """Go to the path's first heading and depth."""
         heading = planned.first_heading(self.axes.yaw.at(t).position, offset)
         self.go(planned.first_depth if planned.has_depth else None, heading, t)
         self.going = False
 
     def _is_lined_up(self, planned: PlannedPath, offset: float, t: float) -> bool:
-        """A reference that was held back, or a drone that came to stand elsewhere, is not."""
+        """False if the reference governor moved the reference, or the drone rests elsewhere."""
         depth, heading = self.axes.heave.at(t).position, self.axes.yaw.at(t).position
         if planned.has_depth and abs(planned.first_depth - depth) > LEVEL:
             return False
@@ -165,9 +165,9 @@ class Manoeuvre:
         self.going, self.planned, self.following, self.goal = False, None, None, None
 
 
-def _run(ramp: Ramp, axis: VelocityAxis, end: float, t: float) -> None:
-    """Let an axis go to a position and rest there."""
+def _move_to(ramp: Ramp, axis: VelocityAxis, end: float, t: float) -> None:
+    """Move an axis to a position, ending at rest."""
     here = ramp.at(t)
-    way = end - here.position
-    plan = pair(way, axis.limits, axis.max_velocity, here.velocity, here.acceleration)
+    distance = end - here.position
+    plan = pair(distance, axis.limits, axis.max_velocity, here.velocity, here.acceleration)
     ramp.run(plan.segments, t)

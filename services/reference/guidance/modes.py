@@ -1,4 +1,4 @@
-"""What the drone holds by itself in each mode, and when a mode cannot be had."""
+"""The axes held in each mode, and what each mode requires."""
 
 from typing import NamedTuple
 
@@ -7,7 +7,7 @@ from messages.state import VehicleState
 
 
 class HeldAxes(NamedTuple):
-    """Axes the drone holds. The sticks of these are velocities, those of the others forces."""
+    """Axes the drone holds: their sticks are velocities, the others' are forces."""
 
     depth: bool
     heading: bool
@@ -24,17 +24,17 @@ HOLDS: dict[Hold, HeldAxes] = {
 
 
 def safe(hold: Hold) -> Hold:
-    """The mode in which the drone can be left alone: depth and heading are held, and whatever was
-    held besides."""
+    """The mode for a drone without a pilot: depth and heading are held, and position if it was
+    held before."""
     held = HOLDS[hold]
     return hold if held.depth and held.heading else "stabilised"
 
 
 def lacking(hold: Hold, state: VehicleState | None, *, armed: bool) -> str:
-    """What the drone would have to know for this mode and does not; empty when it knows all.
+    """What the mode requires and the drone lacks; empty when it lacks nothing.
 
-    A drone that is not armed may be told a mode before it knows depth and heading, because it
-    does not arm without them.
+    While disarmed, a mode can be chosen before depth and heading are known, because arming
+    requires them.
     """
     held = HOLDS[hold]
     if held.place and (state is None or not measures_place(state)):
@@ -48,6 +48,6 @@ def lacking(hold: Hold, state: VehicleState | None, *, armed: bool) -> str:
 
 
 def measures_place(state: VehicleState) -> bool:
-    """Whether north, east, surge and sway velocity are all there and valid."""
+    """Whether north, east, surge and sway velocity are all valid."""
     parts = (state.north, state.east, state.surge_velocity, state.sway_velocity)
     return all(part is not None and part.valid for part in parts)

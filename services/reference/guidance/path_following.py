@@ -1,9 +1,9 @@
-"""Following a path on board: turn to its first course, then run along it.
+"""Path following on board: turn to the first course, then follow the path.
 
-Where the place is measured, north, east, depth and heading all come from the path. Where it is not,
-this is dead reckoning: heading and depth follow the path exactly, the distance along it is what the
-speed reference says. It waits when the drone falls behind, and an emergency stop acts along the
-path.
+With a measured position, north, east, depth and heading all come from the path. Without, this is
+dead reckoning: heading and depth follow the path, and the distance along it is the integral of the
+speed reference. The reference waits when the drone falls behind, and an emergency stop acts along
+the path.
 """
 
 from collections.abc import Callable
@@ -30,7 +30,7 @@ WAITING = Limits(4.0, 2.0)  # of the clock's rate [1/s², 1/s]
 
 @dataclass(slots=True)
 class PathFollowing:
-    """One path, from the moment the drone points along it. Times in seconds."""
+    """One path, begun with the drone pointing along it. Times in seconds."""
 
     path: Path
     turns: float  # [rad] between the path's course and the accumulated heading
@@ -38,7 +38,7 @@ class PathFollowing:
     along: Callable[[float], Sample]  # [m] distance along the path at a time
     ends: Callable[[float], bool]  # is it over at a time?
     clock: WaitingClock
-    shift: Pair | None  # [m] NED, from the path as it is drawn to where it is flown; None: blind
+    shift: Pair | None  # [m] NED, from the path as given to where it is run; None: dead reckoning
 
     def point(self, t: float) -> RoutePoint:
         return point_on(self.path, self.along(t), t)
@@ -50,7 +50,7 @@ class PathFollowing:
         return Sample(here.down, here.v_down, here.a_down, 0.0)
 
     def place(self, here: RoutePoint) -> tuple[Sample, Sample] | None:
-        """North and east; None when the path is followed blind."""
+        """North and east; None in dead reckoning."""
         if self.shift is None:
             return None
         north, east = here.north + self.shift[0], here.east + self.shift[1]
@@ -60,7 +60,7 @@ class PathFollowing:
         )
 
     def watch(self, state: VehicleState, ground: GroundMotion | None, t: float) -> None:
-        """Wait while the drone is too far behind. What is not known is not waited for."""
+        """Wait while the drone is too far behind. Unknown errors are ignored."""
         here = self.point(t)
         errors = [abs(self.heading(here).position - state.heading.value) / HEADING_TOLERANCE]
         if self.has_depth:
@@ -72,7 +72,7 @@ class PathFollowing:
         self.clock.watch(max(errors), t)
 
     def stop(self, limits: Limits, t: float) -> "tuple[PathFollowing, float]":
-        """The same path with an emergency stop at `t`, and when [s] it stands still."""
+        """The same path with an emergency stop at `t`, and the time [s] of standstill."""
         halt = stop_motion(self.along, t, limits)
 
         def ends(now: float) -> bool:
@@ -84,7 +84,7 @@ class PathFollowing:
 
 @dataclass(slots=True)
 class PlannedPath:
-    """A path that is ready to be followed."""
+    """A validated path, ready to be followed."""
 
     course: Course
     path: Path = field(init=False)
@@ -109,13 +109,13 @@ class PlannedPath:
         return self.path.at(0.0).down
 
     def first_heading(self, heading: float, offset: float) -> float:
-        """[rad] The path's first course, the shortest way from an accumulated heading; `offset`
-        [rad] is what that lacks to be counted from north."""
+        """[rad] The path's first course, by the shortest turn from an accumulated heading; `offset`
+        [rad]: north heading minus control heading."""
         return heading + wrap(self.path.at(0.0).course - offset - heading)
 
     def begin(self, heading: float, place: Pair | None, t: float) -> PathFollowing:
-        """Set off at `t` [s] with the drone pointing at `first_heading`, from `place` [m] if the
-        path is to be followed by measurement."""
+        """Begin at `t` [s] with the drone pointing along `first_heading`, from `place` [m] if the
+        position is measured."""
         c, start = self.course, self.path.at(0.0)
         profile = stretch(self.path.length, Limits(c.jerk, c.acceleration), c.cruise)
         clock = WaitingClock(WAIT, RESUME, WAITING, since=t)

@@ -1,39 +1,39 @@
-"""First windup guard (Andrén 2023, 5.4.1): the reference does not run away from a vehicle that is
-held back, by the sea floor or by its tether."""
+"""First anti-windup guard (Andrén 2023, 5.4.1): keeps the reference close to a vehicle that is
+blocked, by the sea floor or by its tether."""
 
 from dataclasses import dataclass
 
 from services.reference.trajectory.minimum_jerk import Sample
 
-GIVE_IN_S = 0.5  # [s] time constant with which a held-back reference comes to the vehicle
+RETURN_S = 0.5  # [s] time constant of the reference's return to the vehicle
 
 
 @dataclass(slots=True)
 class ReferenceGovernor:
-    """Keeps the reference within `most` of where the vehicle really is. Once the stick is let go
-    the reference gives in and comes to the vehicle, so that nothing pushes on for ever."""
+    """Keeps the reference within `most` of the vehicle. Once the stick is released the reference
+    returns to the vehicle, so that the thrusters do not push against the obstacle for ever."""
 
     most: float  # position units
-    held_back: bool = False
+    blocked: bool = False
 
-    def keep(self, size: float, dt: float, *, let_go: bool) -> float:
+    def keep(self, size: float, dt: float, *, released: bool) -> float:
         """The share, 0 … 1, of an error of this size that may remain after `dt` [s].
 
         Args:
-            let_go: the reference slows down or stands still.
+            released: the reference slows down or is at rest.
         """
         if size > self.most:
-            self.held_back = True
+            self.blocked = True
             return self.most / size
-        if self.held_back and let_go:
-            self.held_back = size >= self.most / 10
-            return 1.0 - min(1.0, dt / GIVE_IN_S)
-        self.held_back = self.held_back and size >= self.most / 2
+        if self.blocked and released:
+            self.blocked = size >= self.most / 10
+            return 1.0 - min(1.0, dt / RETURN_S)
+        self.blocked = self.blocked and size >= self.most / 2
         return 1.0
 
 
-def is_let_go(*motions: Sample) -> bool:
-    """Whether the reference slows down or stands still; one motion per axis of a place."""
+def is_released(*motions: Sample) -> bool:
+    """Whether the reference slows down or is at rest; one motion per axis."""
     speeding_up = sum(motion.velocity * motion.acceleration for motion in motions)
     at_rest = all(motion.velocity == 0.0 == motion.acceleration for motion in motions)
     return speeding_up < 0.0 or at_rest

@@ -1,4 +1,4 @@
-"""The reference as it is said: every axis of a flight at one instant."""
+"""Guidance as a `Reference` message: every axis at one instant."""
 
 from messages.pilot import PilotCommand
 from messages.reference import Motion, Reference
@@ -17,7 +17,7 @@ def reference_of(
     armed: bool,
     epoch: int,
 ) -> Reference:
-    """What a flight's axes say now, with the state and the pilot command behind it."""
+    """All axes now, with the stamps of the state and pilot command behind them."""
     axes, held, t = guidance.axes, guidance.held, guidance.t
     depth, heading, place, pace = _motions(guidance)
     surge_force, sway_force = axes.force.at(t)
@@ -43,7 +43,7 @@ def reference_of(
 def _motions(
     guidance: Guidance,
 ) -> tuple[Motion, Motion, tuple[Sample, Sample] | None, Motion | None]:
-    """Depth, heading, place and the pace along a path, from the path or from the axes."""
+    """Depth, heading, position and speed along the path, from the path or from the axes."""
     axes, held, t = guidance.axes, guidance.held, guidance.t
     depth = _ramped(axes.heave, t) if held.depth else _followed(axes.heave, t)
     heading = _ramped(axes.yaw, t) if held.heading else _followed(axes.yaw, t)
@@ -63,10 +63,10 @@ def _ramped(ramp: Ramp, t: float) -> Motion:
 
 
 def _followed(ramp: Ramp, t: float) -> Motion:
-    """Of an axis that is not held: the vehicle sets its jerk."""
+    """Of an axis that follows the vehicle: its jerk is unknown."""
     return _moving(ramp.at(t)._replace(jerk=0.0))
 
 
 def _moving(sample: Sample) -> Motion:
-    """A motion whose pace a path, the vehicle or two axes together set."""
+    """A motion without a jerk limit of its own."""
     return Motion(*sample)

@@ -2,7 +2,7 @@
 
 from messages.pilot import FOR_ANYBODY, PilotCommand, PilotRequest
 
-CENTRED = 0.05  # [-] a stick this close to the middle counts as let go
+CENTRED = 0.05  # [-] a stick this close to the middle counts as centred
 
 
 def centred(command: PilotCommand) -> bool:
@@ -10,11 +10,11 @@ def centred(command: PilotCommand) -> bool:
 
 
 def usurped(request: PilotRequest, in_force: int, granted: int) -> str:
-    """Why whoever asks has no say; empty when he has.
+    """Why the sender has no authority; empty when it has.
 
     Args:
         in_force: authority epoch of the newest command.
-        granted: the newest epoch that was given away; its owner has not moved a stick yet.
+        granted: newest epoch granted; its owner may not have moved a stick yet.
     """
     if request.kind in FOR_ANYBODY or in_force <= request.epoch <= granted:
         return ""
@@ -31,7 +31,7 @@ def refusal(
     Args:
         command: the newest fresh stick positions.
         ready: the drone knows its depth and attitude.
-        stopping: it is coming to rest, by request or because something is missing.
+        stopping: coming to rest, by request or by failsafe.
     """
     if request.kind == "arm" and not armed:
         if not ready:

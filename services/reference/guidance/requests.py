@@ -1,4 +1,5 @@
-"""Requests that move the drone or say what it holds. Each is done, or says why it is not."""
+"""Requests that move the drone or change its mode. Each returns the reason for a refusal, or
+nothing."""
 
 from messages.pilot import Course, Hold, PilotRequest
 from messages.units import Finite
@@ -9,7 +10,7 @@ from services.reference.guidance.path_following import PlannedPath
 
 
 def mode(guidance: Guidance, hold: Hold | None, *, armed: bool) -> str:
-    """Hold other axes than before."""
+    """Change the mode."""
     if hold is None:
         return "mode needs to be told what to hold"
     if reason := lacking(hold, guidance.state, armed=armed):
@@ -19,7 +20,7 @@ def mode(guidance: Guidance, hold: Hold | None, *, armed: bool) -> str:
 
 
 def goto(guidance: Guidance, request: PilotRequest) -> str:
-    """To a depth, to a heading, to both, or to a place."""
+    """Go to a depth, a heading, both, or a position."""
     depth, heading = request.depth, request.heading
     if depth is not None and depth < 0:
         return f"{depth:g} m is above the surface"
@@ -27,21 +28,21 @@ def goto(guidance: Guidance, request: PilotRequest) -> str:
         return _to_place(guidance, request)
     if depth is None and heading is None:
         return "goto needs a depth or a heading"
-    _begin(guidance, hold_place=guidance.held.place)
+    _prepare(guidance, hold_place=guidance.held.place)
     manoeuvre, t = guidance.manoeuvre, guidance.t
     manoeuvre.go(depth, None if heading is None else manoeuvre.turn_to(heading, t), t)
     return ""
 
 
 def follow(guidance: Guidance, course: Course | None) -> str:
-    """Along a path that begins where the drone is; by measurement where it measures its place."""
+    """Follow a path from where the drone is; by dead reckoning if the position is not measured."""
     if course is None:
         return "follow needs a path"
     return _follow(guidance, course, None)
 
 
 def _to_place(guidance: Guidance, request: PilotRequest) -> str:
-    """Turn there and take the depth on the spot, then straight and level."""
+    """Change heading and depth on the spot, then go straight and level."""
     if request.north is None or request.east is None or request.heading is not None:
         return "goto a place needs north and east, and turns there by itself"
     if guidance.ground is None:
@@ -61,7 +62,7 @@ def _follow(
         return f"this is no path: {error}"
     measured = guidance.ground is not None
     offset = 0.0 if guidance.state is None else north_offset(guidance.state)
-    _begin(guidance, hold_place=measured)
+    _prepare(guidance, hold_place=measured)
     guidance.manoeuvre.follow(planned, guidance.t, measured=measured, offset=offset, goal=goal)
     if depth is not None:
         guidance.manoeuvre.go(depth, None, guidance.t)
@@ -69,7 +70,7 @@ def _follow(
     return ""
 
 
-def _begin(guidance: Guidance, *, hold_place: bool) -> None:
-    """End the way the drone was on; on any way it holds depth and heading."""
+def _prepare(guidance: Guidance, *, hold_place: bool) -> None:
+    """End the current manoeuvre, and hold depth and heading for the next."""
     guidance.manoeuvre.end(guidance.t, hold_place=hold_place)
     guidance.hold = safe(guidance.hold)

@@ -1,4 +1,4 @@
-"""Angles that do not jump at ±π."""
+"""Wrapping and unwrapping of angles at ±π."""
 
 from collections.abc import Iterable
 from math import pi, remainder
@@ -11,11 +11,11 @@ def wrap(angle: float) -> float:
 
 
 def accumulate(headings: Iterable[float]) -> list[float]:
-    """Bounded headings [rad] as one continuous heading [rad], from the first one on.
+    """Wrapped headings [rad] as one continuous heading [rad], starting at the first.
 
-    Each step is the shortest way, ψ_d += wrap(ψ_c(q) − ψ_c(q−1)). Algorithm 1 of Fernandes et al.
-    2015 is meant to do this, but leaves its counter undefined wherever nothing wraps and starts a
-    negative heading a turn too high.
+    Each step is the shortest turn, ψ_d += wrap(ψ_c(q) − ψ_c(q−1)). Algorithm 1 of Fernandes et al.
+    2015 has the same purpose, but leaves its counter undefined where nothing wraps and starts a
+    negative heading one turn too high.
     """
     total: list[float] = []
     before = 0.0

@@ -1,28 +1,28 @@
-"""The outline of a path: straight edges that meet in corners, which the turns then cut.
+"""The outline of a path: straight edges that meet in corners, later cut by the turns.
 
-An approximating path has its way-points as corners and passes inside of them:
+An approximating path has its way-points as corners and passes inside them:
 
             corner = way-point
                +
           . - '  ' - .
        . '             ' .
 
-An interpolating path passes through every way-point W, straight at that instant. The turn towards
-the next leg is made in two parts, one before and one after, so each leg is turn, line, turn:
+An interpolating path passes through every way-point W with zero curvature. The turn towards the
+next leg has two parts, one before and one after, so each leg is turn, line, turn:
 
           A           B              A and B are corners; the distances W1-A and B-W2 are the
        .-' ' - . . - ' '-.           tangents of their turns, and the line between the turns
      W1                   W2         lies on A-B
 
-Which course the path has on a way-point decides its shape. Two rules, the first where it has room:
+The course at each way-point determines the shape. Two rules, the first where there is room:
 
 1. Lane changes (Fernandes et al. 2015, figure 5). A leg that turns one way at its start and the
-   other way at its end, by less than 90° each, is a lane change, the legs beside it are the lanes:
-   its two way-points are passed on the courses of the lanes, which are flown exactly. The paper
+   other way at its end, by less than 90° each, is a lane change, and its neighbours are the lanes:
+   its two way-points are passed on the courses of the lanes, which are followed exactly. The paper
    uses one antisymmetric pair of clothoids, whose curvature jumps in the middle; two symmetric
    pairs with a line between do not jump, and are shorter.
-2. Everywhere else the course bisects the corner. When a lane change or what follows lacks room,
-   this holds on all way-points.
+2. Everywhere else the course bisects the corner. If a lane change or a later leg lacks room, this
+   applies to all way-points.
 """
 
 from collections.abc import Callable, Sequence
@@ -35,12 +35,12 @@ from services.reference.paths.turn import STRAIGHT, Turn
 from services.reference.paths.waypoints import Waypoint, course, distance
 
 TurnOf = Callable[[float], Turn]  # from the angle [rad]
-HARDLY = 1e-6  # [rad] a corner of less does not decide on which courses a path passes
-ROUNDING = 1e-9  # [m] a leg this much too short is long enough
+LEAST_CORNER = 1e-6  # [rad] a smaller corner does not make a lane change
+ROUNDING = 1e-9  # [m] tolerance of a leg that is too short
 
 
 class Knot(NamedTuple):
-    """Where a way-point is: on an edge, or in the middle of the turn at its corner."""
+    """Position of a way-point: on an edge, or in the middle of the turn at its corner."""
 
     corner: int
     beyond: float | None  # [m] along the edge from this corner; None: in the middle of its turn
@@ -91,7 +91,7 @@ def tangent(angle: float, turn_of: TurnOf) -> float:
 
 
 def _bisecting(legs: Sequence[float]) -> list[float | None]:
-    """The course on every way-point; None: free, at the ends."""
+    """The course at every way-point; None: free, at the ends."""
     inner = [before + wrap(after - before) / 2 for before, after in pairwise(legs)]
     return [None, *inner, None]
 
@@ -107,11 +107,11 @@ def _changing_lanes(legs: Sequence[float], bisecting: Sequence[float | None]) ->
 
 
 def _is_lane_change(first: float, second: float) -> bool:
-    return first * second < 0 and all(HARDLY < abs(turn) < pi / 2 for turn in (first, second))
+    return first * second < 0 and all(LEAST_CORNER < abs(turn) < pi / 2 for turn in (first, second))
 
 
 def _through(points: Sequence[Waypoint], at: Sequence[float | None], turn_of: TurnOf) -> Outline:
-    """Corners and edges of the path that passes `points` on the courses `at`."""
+    """Corners and edges of the path through `points` with the courses `at`."""
     outline = Outline([points[0]], [], [Knot(0, 0.0)])
     for number, (a, b) in enumerate(pairwise(points)):
         leg = _Leg(distance(a, b), course(a, b), at[number], at[number + 1], turn_of)
@@ -138,20 +138,20 @@ class _Leg(NamedTuple):
 
     length: float  # [m] between the way-points
     course: float  # [rad] from one to the other
-    start: float | None  # [rad] course on the first way-point; None: free
-    end: float | None  # [rad] course on the second
+    start: float | None  # [rad] course at the first way-point; None: free
+    end: float | None  # [rad] course at the second
     turn_of: TurnOf
 
     def line(self) -> float | None:
         """Course of the line [rad]; None when there is no room."""
-        here, step = self.course, self._aside(self.course) / self.length
-        aside = step * self.length
+        here, step = self.course, self._offset(self.course) / self.length
+        offset = step * self.length
         for _ in range(60):  # secant; from the leg's course the root is approached from one side
             before, here = here, here + max(-0.3, min(0.3, step))
-            last, aside = aside, self._aside(here)
-            if abs(here - before) < 1e-16 or aside in (0.0, last):
+            last, offset = offset, self._offset(here)
+            if abs(here - before) < 1e-16 or offset in (0.0, last):
                 break
-            step = -aside * (here - before) / (aside - last)
+            step = -offset * (here - before) / (offset - last)
         return here if self._fits(here) else None
 
     def need(self) -> float:
@@ -174,8 +174,8 @@ class _Leg(NamedTuple):
             0.0 if self.end is None else wrap(self.end - line),
         )
 
-    def _aside(self, line: float) -> float:
-        """[m] How far to the right of the line from corner A the corner B is."""
+    def _offset(self, line: float) -> float:
+        """[m] Offset of corner B to the right of the line from corner A."""
         first, second = self._turns(line)
         turned = _swing(first, self.turn_of) - _swing(second, self.turn_of)
         return self.length * sin(self.course - line) + turned
@@ -183,7 +183,7 @@ class _Leg(NamedTuple):
     def _fits(self, line: float) -> bool:
         first, second = self._turns(line)
         a, b = tangent(first, self.turn_of), tangent(second, self.turn_of)
-        if max(a, b) == inf or abs(self._aside(line)) > ROUNDING * max(1.0, self.length / 1e3):
+        if max(a, b) == inf or abs(self._offset(line)) > ROUNDING * max(1.0, self.length / 1e3):
             return False
         between = self.length * cos(self.course - line) - a * cos(first) - b * cos(second)
         return between >= a + b - ROUNDING

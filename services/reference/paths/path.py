@@ -1,9 +1,8 @@
 """Paths of straight lines and symmetric turns through, or near, way-points.
 
 Source: Fernandes et al. 2015, section 3. `s` is the distance along the path in the horizontal
-plane: surge and yaw follow the plane curve (81), depth is added to it as its own axis. The
-half-open intervals of (97) to (99) and (125) would leave the very end of a part without a value;
-here every part is closed at its end.
+plane: surge and yaw follow the plane curve (81), depth is a separate axis. The half-open intervals
+of (97) to (99) and (125) leave the end of a part without a value; here every part includes its end.
 """
 
 from bisect import bisect_right
@@ -25,7 +24,7 @@ Kind = Literal["approximating", "interpolating"]
 
 
 class PathPoint(NamedTuple):
-    """A point of a path and how the path runs there, per metre of horizontal distance."""
+    """A point of a path with its derivatives per metre of horizontal distance."""
 
     north: float  # [m]
     east: float  # [m]
@@ -50,7 +49,7 @@ class Part(NamedTuple):
     side: float = 1.0  # 1 turns right, -1 left
 
     def at(self, s: float) -> PathPoint:
-        """`s` [m] from the part's own begin; depth is not known here and 0."""
+        """The point `s` [m] from the start of the part; depth is not known here and 0."""
         if self.turn is None:
             x, y, course, curvature, rate = s, 0.0, 0.0, 0.0, 0.0
         else:
@@ -86,24 +85,24 @@ class Path:
         *,
         smooth_yaw: bool = False,
     ) -> Self:
-        """The path sketched by way-points `[north, east]` or `[north, east, down]` [m].
+        """The path given by way-points `[north, east]` or `[north, east, down]` [m].
 
-        Approximating paths cut the corners and visit only the first and last way-point;
-        interpolating ones visit all. How the turns lie is drawn in `outline.py`.
+        Approximating paths cut the corners and pass only the first and last way-point;
+        interpolating ones pass all. `outline.py` has a drawing.
 
         Args:
-            min_radius: [m] > 0, of every turn in its middle.
-            smooth_yaw: turns whose curvature rate is continuous too (`smooth_turn.py`).
+            min_radius: [m] > 0, in the middle of every turn.
+            smooth_yaw: turns with a continuous curvature rate too (`smooth_turn.py`).
 
         Raises:
-            ValueError: a way-point or the radius makes no sense, or a leg is too short for its
-                turns; names it, with what it is and what it needs.
+            ValueError: an invalid way-point or radius, or a leg too short for its turns; names it,
+                with what was found and what is needed.
         """
         points = checked(waypoints)
         turn_of: TurnOf = partial(
             SmoothTurn if smooth_yaw else TwinClothoids, min_radius=min_radius
         )
-        turn_of(1.0)  # a bad radius is refused even where nothing turns
+        turn_of(1.0)  # refuses a bad radius even if there is no turn
         if kind not in ("approximating", "interpolating"):
             raise ValueError(f"kind: found {kind!r}, must be 'approximating' or 'interpolating'")
         outline_of = approximating if kind == "approximating" else interpolating
@@ -154,9 +153,9 @@ class Path:
 
 
 def furthest(path: Path, other: Path, step: float = 0.1) -> float:
-    """[m] How far `path` leaves `other` at most, looked at every `step` [m].
+    """[m] Largest distance of `path` from `other`, sampled every `step` [m].
 
-    Both must come from the same way-points: the search starts at the same place of the same leg.
+    Both must come from the same way-points: the search starts at the same point of the same leg.
     """
     most = 0.0
     for leg, (begin, end) in enumerate(pairwise(path.passes)):
@@ -170,19 +169,19 @@ def furthest(path: Path, other: Path, step: float = 0.1) -> float:
 
 
 def _away(here: PathPoint, other: Path, s: float) -> float:
-    """[m] From a point to the nearest of a path, which is near `s`."""
-    aside = 0.0
+    """[m] From a point to the nearest point of a path; the search starts at `s`."""
+    cross_track = 0.0
     for _ in range(6):
         there = other.at(s)
         north, east = here.north - there.north, here.east - there.east
         ahead = north * cos(there.course) + east * sin(there.course)
-        aside = abs(east * cos(there.course) - north * sin(there.course))
+        cross_track = abs(east * cos(there.course) - north * sin(there.course))
         s += ahead
-    return aside
+    return cross_track
 
 
 def _lay(outline: Outline, turn_of: TurnOf) -> tuple[list[Part], list[float]]:
-    """Lines and turns along an outline, and where it passes the way-points."""
+    """Lines and turns along an outline, and the distances at which it passes the way-points."""
     corners, courses, knots = outline
     turns = [wrap(after - before) for before, after in pairwise(courses)]
     bends = [turn_of(abs(turn)) if abs(turn) >= STRAIGHT else None for turn in turns]

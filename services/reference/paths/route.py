@@ -1,9 +1,9 @@
-"""A path and a speed along it: the whole reference of a vehicle that points where it goes.
+"""A path and a speed along it: the full reference of a vehicle that points along its course.
 
 Source: Fernandes et al. 2015, (80) to (83) and (118) to (126). There, the speed along the path is
-multiplied by the sign of the distance, which makes it 0 for one sample when a part begins moving;
-here it is the speed of the profile, whatever the distance. The heading is the path's own course,
-which never jumps, so nothing has to be accumulated sample by sample.
+multiplied by the sign of the distance, which makes it 0 for one sample at the start of a part; here
+it is the speed of the profile. The heading is the path's course, which has no jumps, so it need not
+be accumulated.
 """
 
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ ARRIVED = 1e-6  # [m] the profile may miss the end of the path by this much, [m/
 
 class RoutePoint(NamedTuple):
     """The reference at one instant. Body velocities are those of (82), body accelerations their
-    derivatives (83): on a course that turns, sway stays 0 while the world frame accelerates."""
+    derivatives (83): in a turn, sway stays 0 although the vehicle accelerates in NED."""
 
     t: float  # [s]
     s: float  # [m] along the path
@@ -49,7 +49,7 @@ class RoutePoint(NamedTuple):
 class Route:
     """
     Raises:
-        ValueError: the profile does not come to rest at the end of the path.
+        ValueError: the profile does not end at rest at the end of the path.
     """
 
     path: Path
@@ -74,7 +74,7 @@ class Route:
 
 
 def point_on(path: Path, along: Sample, t: float) -> RoutePoint:
-    """The reference of a vehicle that moves `along` [m, m/s, m/s²] a path at time `t` [s]."""
+    """The reference of a vehicle whose motion along a path is `along` [m, m/s, m/s²] at `t` [s]."""
     s, v, a, _ = along
     here = path.at(s)
     ahead, aside = cos(here.course), sin(here.course)
@@ -103,7 +103,7 @@ def point_on(path: Path, along: Sample, t: float) -> RoutePoint:
 
 
 class MotionLaw(Protocol):
-    """How a length is covered: a generator of this package with its settings filled in."""
+    """A generator of the motion over a length, with its settings filled in."""
 
     def __call__(
         self, length: float, cruise: float, initial: float, final: float
@@ -114,8 +114,8 @@ def route(path: Path, motion: MotionLaw, speeds: Sequence[float]) -> Route:
     """A path at given speeds, from rest to rest.
 
     Args:
-        speeds: [m/s] > 0, one for the whole path, or one for each part. Where two parts meet the
-            lower of their speeds holds, as in Table 3 of the paper.
+        speeds: [m/s] > 0, one for the whole path, or one per part. Where two parts meet, the lower
+            of their speeds applies, as in Table 3 of the paper.
 
     Raises:
         ValueError: wrong number of speeds, or a part is too short to change the speed; names it.

@@ -1,11 +1,11 @@
-"""A turn whose curvature rises along a smooth step instead of a straight ramp.
+"""A turn whose curvature rises along a smooth step instead of a linear ramp.
 
-Along twin clothoids the curvature is continuous but its rate jumps at the start, in the middle and
+Along twin clothoids the curvature is continuous, but its rate jumps at the start, in the middle and
 at the end, and with it the yaw acceleration κ' v² + κ a: the yaw reference of Fernandes et al.
 2015 is C1. Here κ(u) = (3u² − 2u³)/r over the first half, u = 0 … 1, mirrored in the second, so
-the rate is 0 in those three places and the yaw reference is C2. Turn angle, length and smallest
-radius are those of the twin clothoids; the greatest curvature rate is 1.5 times theirs, and the
-turn cuts its corner a little less, so it fits wherever theirs does.
+the rate is 0 at those three points and the yaw reference is C2. Turn angle, length and smallest
+radius are those of the twin clothoids; the largest curvature rate is 1.5 times theirs, and the turn
+cuts its corner slightly less, so it fits wherever theirs does.
 """
 
 from math import cos, sin
@@ -19,7 +19,7 @@ GAUSS = [(float(1 + x) / 2, float(w) / 2) for x, w in zip(_nodes, _weights, stri
 
 
 class SmoothTurn(Turn):
-    """The turn of a yaw reference that is C2."""
+    """A turn with a C2 yaw reference."""
 
     def first_half(self, s: float) -> TurnPoint:
         """The position is a quadrature with 20 nodes."""

@@ -1,5 +1,6 @@
-"""A length covered between two given speeds with the jerk-bounded law (Andrén 2023, chapter 5, as
-bounded in `minimum_jerk.py`): up to a peak, a cruise when the peak is the limit, down again."""
+"""Motion over a given length between two given speeds, with the jerk-bounded law (Andrén 2023,
+chapter 5, as bounded in `minimum_jerk.py`): up to a peak, a cruise if the peak is the limit, down.
+"""
 
 from typing import NamedTuple
 
@@ -9,7 +10,7 @@ HALVINGS = 80  # enough to reach the last bit of a float
 
 
 class Stretch(NamedTuple):
-    """A motion that may begin and end moving. A `Profile`."""
+    """A motion that may begin and end with speed. A `MotionProfile`."""
 
     segments: tuple[Segment, ...]
     final: float  # velocity after the end
@@ -31,11 +32,10 @@ def stretch(
 
     Args:
         cruise: > 0, highest speed.
-        initial, final: speeds at the ends, 0 to cruise, reached without acceleration.
+        initial, final: speeds at the ends, 0 to cruise, with zero acceleration there.
 
     Raises:
-        ValueError: a speed is out of range, or the distance is too short to get from one to the
-            other.
+        ValueError: a speed is out of range, or the distance is too short for the change of speed.
     """
     if not (0 <= initial <= cruise and 0 <= final <= cruise and cruise > 0):
         raise ValueError(

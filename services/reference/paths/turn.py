@@ -1,4 +1,4 @@
-"""A turn that lines can join: straight at both ends, sharpest in the middle, mirror-symmetric.
+"""A mirror-symmetric turn between two lines: zero curvature at both ends, largest in the middle.
 
 Frame of a turn: it begins at the origin along +x and turns to the right, towards +y.
 """
@@ -8,11 +8,11 @@ from functools import cached_property
 from math import cos, isfinite, pi, sin, tan
 from typing import NamedTuple
 
-STRAIGHT = 1e-9  # [rad] a corner less than this is no turn, and so close to π it is a way back
+STRAIGHT = 1e-9  # [rad] a smaller corner is no turn; a corner this close to π is a reversal
 
 
 class TurnPoint(NamedTuple):
-    """A point of a turn and how the curve runs there."""
+    """A point of a turn with course and curvature."""
 
     x: float  # [m]
     y: float  # [m]
@@ -23,13 +23,13 @@ class TurnPoint(NamedTuple):
 
 @dataclass(frozen=True)
 class Turn:
-    """What every shape of turn has in common; a shape gives `first_half`.
+    """The common base of all turn shapes; a shape provides `first_half`.
 
     Raises:
         ValueError: the radius is not positive or the angle is not between 0 and half a circle.
     """
 
-    angle: float  # [rad] how far it turns
+    angle: float  # [rad] change of course
     min_radius: float  # [m] in the middle
 
     def __post_init__(self) -> None:
@@ -46,12 +46,12 @@ class Turn:
 
     @property
     def length(self) -> float:
-        """[m] (96): the mean curvature of every shape is half the greatest."""
+        """[m] (96): the mean curvature of every shape is half the largest."""
         return 2 * self.angle * self.min_radius
 
     @cached_property
     def middle(self) -> TurnPoint:
-        """Where it is sharpest."""
+        """The point of largest curvature."""
         return self.first_half(self.length / 2)
 
     @cached_property
@@ -59,7 +59,7 @@ class Turn:
         """[m] From the start to the corner, and from there to the end.
 
         Raises:
-            ValueError: it turns by 180°, so that the two tangents never meet.
+            ValueError: a turn of 180°, whose two tangents never meet.
         """
         if self.angle > pi - STRAIGHT:
             raise ValueError("a turn of 180° has no corner: the way on is parallel to the way back")
@@ -71,8 +71,8 @@ class Turn:
         return self.middle.x * sin(self.angle) + 2 * self.middle.y * sin(self.angle / 2) ** 2
 
     def at(self, s: float) -> TurnPoint:
-        """`s` [m] from the start, 0 … length. The second half is the first, walked backwards
-        from the end; replaces (104) to (109)."""
+        """`s` [m] from the start, 0 … length. The second half is the first, mirrored; replaces
+        (104) to (109)."""
         if s <= self.length / 2:
             return self.first_half(s)
         ahead, aside = cos(self.angle), sin(self.angle)

@@ -1,4 +1,4 @@
-"""The way-points of a path: checked, measured, and the corners between their legs."""
+"""The way-points of a path: validation, distances and courses."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -8,12 +8,12 @@ from typing import NamedTuple
 from services.reference.paths.heading import wrap
 from services.reference.paths.turn import STRAIGHT
 
-APART = 1e-6  # [m] way-points closer than this are the same place
-FARTHEST = 1e6  # [m] from the origin and from each other; beyond, digits are lost
+APART = 1e-6  # [m] way-points closer than this count as the same
+FARTHEST = 1e6  # [m] from the origin and from each other; limited by rounding
 
 
 class Waypoint(NamedTuple):
-    """A place the path is sketched with."""
+    """A point that defines the path."""
 
     north: float  # [m]
     east: float  # [m]
@@ -21,7 +21,7 @@ class Waypoint(NamedTuple):
 
 
 def checked(waypoints: Sequence[Sequence[float]]) -> list[Waypoint]:
-    """Way-points `[north, east]` or `[north, east, down]` [m] that a path can follow.
+    """Validate way-points `[north, east]` or `[north, east, down]` [m].
 
     Raises:
         ValueError: says which way-point, what was found and what is allowed.
@@ -47,7 +47,7 @@ def checked(waypoints: Sequence[Sequence[float]]) -> list[Waypoint]:
                 f"way-points {number} and {number + 1} are {distance(a, b):g} m apart in the"
                 f" horizontal plane, must be {APART:g} m to {FARTHEST:g} m"
             )
-    _no_way_back(points)
+    _require_no_reversal(points)
     return points
 
 
@@ -61,7 +61,7 @@ def course(a: Waypoint, b: Waypoint) -> float:
     return atan2(b.east - a.east, b.north - a.north)
 
 
-def _no_way_back(points: Sequence[Waypoint]) -> None:
+def _require_no_reversal(points: Sequence[Waypoint]) -> None:
     courses = [course(a, b) for a, b in pairwise(points)]
     for number, (before, after) in enumerate(pairwise(courses), 2):
         if abs(wrap(after - before)) > pi - STRAIGHT:

@@ -2,7 +2,7 @@
 
 On a path the coordinate is the distance along it, so the drone stops on the path. The stop is a
 minimum-jerk velocity reference (`minimum_jerk`) with limits of its own, at most four segments, so
-where it will stand still is known the moment it is asked for.
+the stopping distance is known at once.
 """
 
 from collections.abc import Callable
@@ -15,16 +15,16 @@ from services.reference.trajectory.profile import MotionProfile
 
 @dataclass(frozen=True, slots=True)
 class StoppedMotion:
-    """A `MotionProfile`: the motion before until `since`, from there on the way to standstill."""
+    """A `MotionProfile`: the original motion until `since`, then the stop."""
 
     before: Callable[[float], Sample]
-    since: float  # [s] when the stop was asked for, on the clock of the motion before
+    since: float  # [s] when the stop begins, on the clock of the original motion
     position: float  # at that moment
     segments: tuple[Segment, ...]
 
     @property
     def duration(self) -> float:
-        """[s] When it stands still, on the clock of the motion before."""
+        """[s] Time of standstill, on the clock of the original motion."""
         return self.since + self.stop_time
 
     @property
@@ -46,7 +46,7 @@ class StoppedMotion:
 
 
 def stop(profile: MotionProfile, t: float, limits: Limits) -> StoppedMotion:
-    """Stop a motion from `t` [s] on. Position, velocity and acceleration go on without a step.
+    """Stop a motion from `t` [s] on, with continuous position, velocity and acceleration.
 
     Raises:
         ValueError: a limit is not above 0, or `t` or the motion at `t` is not finite.
@@ -55,7 +55,7 @@ def stop(profile: MotionProfile, t: float, limits: Limits) -> StoppedMotion:
 
 
 def stop_motion(motion: Callable[[float], Sample], t: float, limits: Limits) -> StoppedMotion:
-    """The same for a motion that is a function of time, such as one that waits (`time_scaling`)."""
+    """The same for any function of time, such as a scaled motion (`time_scaling`)."""
     if not (limits.jerk > 0 and isfinite(limits.jerk)):
         raise ValueError(f"jerk of a stop is {limits.jerk}, expected a finite number above 0")
     if not limits.acceleration > 0:

@@ -5,13 +5,12 @@ a transition at J but lets the jerk reach 3.8 J when the target changes in mid-t
 here bounds the jerk by J and the acceleration by a_max in every case, equals the thesis wherever
 that respects both, and is continuous in the state:
 
-1. An acceleration that works against the change, or is too high to arrive without overshoot, is
-   first taken to zero at constant jerk J; one above a_max is taken down to a_max.
+1. An acceleration of the wrong sign, or too high to arrive without overshoot, is first brought to
+   zero at constant jerk J; one above a_max is brought down to a_max.
 2. From there, one minimum-jerk cubic; or, when that would exceed a_max, a parabola up to a_max,
    a cruise at a_max and a parabola down that ends with jerk J.
 
-At most four segments, found in closed form once per change of target. Units: any position unit,
-seconds. Everything is a pure function.
+At most four segments, in closed form, once per change of target. Units: any position unit, seconds.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -21,9 +20,9 @@ from typing import NamedTuple
 
 
 class Limits(NamedTuple):
-    """What a transition may not exceed."""
+    """Limits of a transition."""
 
-    jerk: float  # per s³, > 0; also the jerk with which every transition arrives
+    jerk: float  # per s³, > 0; also the jerk at the end of every transition
     acceleration: float = inf  # per s², > 0
 
 
@@ -40,7 +39,7 @@ class Sample(NamedTuple):
 
 
 class Segment(NamedTuple):
-    """A stretch of linear jerk: a(t) = a0 + j0 t + half_snap t²."""
+    """A time segment of linear jerk: a(t) = a0 + j0 t + half_snap t²."""
 
     duration: float  # [s] > 0
     v0: float
@@ -63,8 +62,8 @@ def solve(velocity: float, acceleration: float, target: float, limits: Limits) -
     """Segments from (velocity, acceleration) to (target, 0). Empty when already there.
 
     Args:
-        velocity, acceleration: where the reference is now; any finite values.
-        target: wanted velocity, finite.
+        velocity, acceleration: of the reference now; any finite values.
+        target: velocity, finite.
     """
     segments: list[Segment] = []
     v, a, e = velocity, acceleration, target - velocity
@@ -81,8 +80,8 @@ def solve(velocity: float, acceleration: float, target: float, limits: Limits) -
 
 
 def along(segments: Sequence[Segment], t: float, target: float) -> Sample:
-    """The reference `t` seconds into these segments, position counted from their start; after
-    the last one it moves on at velocity `target`."""
+    """The reference `t` seconds into these segments, position counted from their start; constant
+    velocity `target` after the last."""
     position = 0.0
     for segment in segments:
         if t < segment.duration:
@@ -94,9 +93,9 @@ def along(segments: Sequence[Segment], t: float, target: float) -> Sample:
 
 
 def reader(segments: Iterable[Segment], target: float) -> Callable[[float], State]:
-    """A plan made ready to be read often: a function of the time [s] since it began.
+    """A fast evaluator of a plan: a function of the time [s] since its start.
 
-    Position counts from the start of the plan; after its end the target velocity is held.
+    Position counts from the start; after the end the target velocity is held.
     """
     parts: list[tuple[float, float, float, float, float, float, float]] = []
     begin = x = 0.0
@@ -160,10 +159,10 @@ def _mirrored(parts: list[Segment], v: float, sign: float) -> list[Segment]:
 
 @dataclass(slots=True)
 class Ramp:
-    """A velocity reference on its way to a target, with its exact position integral.
+    """A velocity reference that moves to a target, with its exact position integral.
 
-    Time is the caller's, in seconds, and never runs backwards. Evaluating more or less often
-    changes nothing: each target change solves once, each evaluation is one polynomial.
+    Time is the caller's, in seconds, and never decreases. The result does not depend on how often
+    it is evaluated: a target change solves once, an evaluation is one polynomial.
     """
 
     limits: Limits
@@ -184,24 +183,24 @@ class Ramp:
         return Sample(self.position + x, v, a, j)
 
     def aim(self, target: float, t: float) -> None:
-        """From `t` [s] on, go to velocity `target`. No effect when that is already the aim."""
+        """From `t` [s] on, go to velocity `target`. No effect if that is the target already."""
         if target != self.target:
             here = self.at(t)
             self._begin(here, solve(*here[1:3], target, self.limits), target, t)
 
     def brake(self, t: float, limits: Limits | None = None) -> None:
-        """From `t` [s] on, come to rest, whatever was going on; by other limits if given."""
+        """From `t` [s] on, come to rest; within other limits if given."""
         here, limits = self.at(t), limits or self.limits
         self._begin(here, solve(*here[1:3], 0.0, limits), 0.0, t)
         self.in_force = limits
 
     def run(self, segments: Sequence[Segment], t: float) -> None:
-        """From `t` [s] on, do what these segments say and then rest. They begin with the velocity
-        and acceleration of the reference at `t`."""
+        """From `t` [s] on, follow these segments, then rest. They must begin with the velocity and
+        acceleration of the reference at `t`."""
         self._begin(self.at(t), segments, 0.0, t)
 
     def take(self, here: Sample, t: float) -> None:
-        """Go on from another generator's reference at `t` [s], and come to rest."""
+        """Continue from another generator's reference at `t` [s], and come to rest."""
         self._begin(here, solve(*here[1:3], 0.0, self.limits), 0.0, t)
 
     def limit(self, limits: Limits, t: float) -> None:
@@ -210,11 +209,11 @@ class Ramp:
         self._begin(here, solve(*here[1:3], self.target, limits), self.target, t)
 
     def shift(self, by: float) -> None:
-        """Move the position reference without touching its velocity."""
+        """Move the position reference; its velocity is unchanged."""
         self.position += by
 
     def rest(self, position: float, t: float) -> None:
-        """Stand still at `position` from `t` [s] on, whatever was before."""
+        """Rest at `position` from `t` [s] on; discards the plan."""
         self._begin(Sample(position, 0.0, 0.0, 0.0), (), 0.0, t)
 
     def settles(self) -> float:

@@ -1,12 +1,12 @@
-"""A position as target: a pair of jerk-bounded minimum-jerk velocity references.
+"""Position targets: a pair of jerk-bounded minimum-jerk velocity references.
 
 Andrén 2023 leaves positions as future work (7.2.2) and sketches one quintic (7.1), whose jerk may
-reach 7.5 J and which knows neither a velocity nor an acceleration limit. Here the motion is two
+reach 7.5 J and which has neither a velocity nor an acceleration limit. Here the motion is two
 bounded transitions, from the present velocity to a peak and from the peak to rest, with a cruise
 between them when the peak is the velocity limit. All limits hold from any state, and jerk is
 continuous where the two transitions meet. It ends exactly on the target.
 
-The peak is the one number that has no closed form; it is found by bisection, once per target.
+Only the peak has no closed form; it is found by bisection, once per target.
 """
 
 from collections.abc import Callable
@@ -19,7 +19,7 @@ HALVINGS = 80  # enough to reach the last bit of a float
 
 
 class PositionMove(NamedTuple):
-    """A motion to a position, from whatever the reference was doing. A `Profile`."""
+    """A motion to a position, from any state of the reference. A `MotionProfile`."""
 
     segments: tuple[Segment, ...]
     peak: float  # velocity between the two transitions
@@ -44,8 +44,8 @@ def pair(
     """The motion over `distance` (either sign) that ends at rest.
 
     Args:
-        v_max: > 0, highest speed of the cruise. A present speed above it is left, not kept.
-        velocity, acceleration: where the reference is now.
+        v_max: > 0, highest cruise speed. A present speed above it is reduced.
+        velocity, acceleration: of the reference now.
 
     Raises:
         ValueError: v_max is not positive.
@@ -54,9 +54,9 @@ def pair(
         raise ValueError(f"v_max: found {v_max}, must be more than 0")
 
     def over(peak: float, cruise: float = 0.0) -> PositionMove:
-        there = solve(velocity, acceleration, peak, limits)
+        first = solve(velocity, acceleration, peak, limits)
         middle = [Segment(cruise, peak, 0.0, 0.0, 0.0)] if cruise > 0 else []
-        return PositionMove((*there, *middle, *solve(peak, 0.0, 0.0, limits)), peak)
+        return PositionMove((*first, *middle, *solve(peak, 0.0, 0.0, limits)), peak)
 
     for fastest in (v_max, -v_max):
         missing = (distance - travelled(over(fastest).segments)) / fastest
@@ -74,13 +74,13 @@ def travelled(segments: tuple[Segment, ...] | list[Segment]) -> float:
 def _peaks(
     distance: float, limits: Limits, v_max: float, velocity: float, acceleration: float
 ) -> list[float]:
-    """Peaks that lead exactly over `distance`. The distance grows with the peak outside the
-    stretch between 0 and the velocity at which the present acceleration can be taken away; inside
-    it there is a hump, so each of the three stretches may hold a solution."""
+    """Peaks that travel exactly `distance`. The distance grows with the peak, except between 0 and
+    the velocity reached when the present acceleration is brought to zero, where it is not
+    monotonic; so each of the three ranges may hold a solution."""
 
     def excess(peak: float) -> float:
-        there = travelled(solve(velocity, acceleration, peak, limits))
-        return there + travelled(solve(peak, 0.0, 0.0, limits)) - distance
+        first = travelled(solve(velocity, acceleration, peak, limits))
+        return first + travelled(solve(peak, 0.0, 0.0, limits)) - distance
 
     coasting = velocity + acceleration * abs(acceleration) / (2 * limits.jerk)
     coasting = max(-v_max, min(v_max, coasting))

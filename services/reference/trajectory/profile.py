@@ -1,4 +1,4 @@
-"""What all generators of this package give: a motion along one coordinate, known in advance."""
+"""The common result of all generators: a motion along one coordinate, known in advance."""
 
 from typing import Protocol
 
@@ -6,7 +6,7 @@ from services.reference.trajectory.minimum_jerk import Sample
 
 
 class MotionProfile(Protocol):
-    """A motion over `duration` seconds. Before 0 and after the end it rests or cruises on."""
+    """A motion over `duration` seconds. Before 0 and after the end, velocity is constant."""
 
     @property
     def duration(self) -> float:

@@ -1,4 +1,4 @@
-"""Several motions along one coordinate, one after the other, as one motion."""
+"""Several consecutive motions along one coordinate as one motion."""
 
 from bisect import bisect_right
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from services.reference.trajectory.profile import MotionProfile
 
 @dataclass(frozen=True, slots=True)
 class ProfileSequence:
-    """A `MotionProfile` made of others; each starts where and when the one before arrives."""
+    """A `MotionProfile` of consecutive parts; each starts where and when the previous one ends."""
 
     parts: tuple[MotionProfile, ...]
     begins: tuple[float, ...]  # [s] when each part starts, the first at 0
@@ -29,7 +29,7 @@ def sequence(parts: Sequence[MotionProfile]) -> ProfileSequence:
     """Chain motions.
 
     Raises:
-        ValueError: there is none, or one does not start with the velocity the one before ends with.
+        ValueError: no motions, or one starts with another velocity than the previous one ends with.
     """
     if not parts:
         raise ValueError("a sequence of motions is empty, expected at least one")

@@ -1,13 +1,13 @@
-"""A reference that waits for the vehicle: it runs on a clock of its own, which slows to standstill.
+"""Time scaling: a reference that waits for the vehicle, on a clock that can slow to a standstill.
 
-The clock τ advances with dτ/dt = λ, and λ goes between 1 (run) and 0 (wait) as a jerk-bounded
-minimum-jerk reference itself, so λ and dλ/dt are continuous. The motion seen in real time is
+The clock τ advances with dτ/dt = λ. λ moves between 1 (run) and 0 (wait) as a jerk-bounded
+minimum-jerk reference, so λ and dλ/dt are continuous. The motion in real time is
 
     p = p_r(τ)    v = v_r(τ) λ    a = a_r(τ) λ² + v_r(τ) dλ/dt
 
-exactly consistent at every instant, in any phase of the motion, and as smooth as the reference up
-to C². It replaces the waiting of Fernandes et al. 2015 (130), which holds the position while the
-velocity reference goes on.
+exactly consistent at every instant, and as smooth as the reference up to C². It replaces the
+waiting of Fernandes et al. 2015 (130), which holds the position while the velocity reference
+continues.
 """
 
 from dataclasses import dataclass, field
@@ -53,16 +53,16 @@ class PathClock(NamedTuple):
 
 @dataclass(slots=True)
 class WaitingClock:
-    """Waits when the vehicle is too far from its reference, goes on once it is near again.
+    """Waits while the vehicle is too far from its reference, resumes once it is close again.
 
-    Time is the caller's, in seconds, and never runs backwards.
+    Time is the caller's, in seconds, and never decreases.
 
     Raises:
         ValueError: not 0 < resume_below < wait_above, or a limit is not above 0.
     """
 
-    wait_above: float  # e_hi, size of the error that makes the reference wait
-    resume_below: float  # e_lo, size of the error at which it goes on
+    wait_above: float  # e_hi, error above which the reference waits
+    resume_below: float  # e_lo, error below which it resumes
     limits: Limits  # of λ: jerk limits d²λ/dt² [1/s²], acceleration limits dλ/dt [1/s]
     since: float = 0.0  # [s] real time at which the reference starts, running
     waiting: bool = field(default=False, init=False)
@@ -79,10 +79,10 @@ class WaitingClock:
         self._ramp = Ramp(self.limits, target=1.0, since=self.since)
 
     def watch(self, error: float, t: float) -> None:
-        """At `t` [s] the vehicle is `error` away from its reference; for a vector, the norm.
+        """Take in the vehicle's error from its reference at `t` [s]; for a vector, the norm.
 
         Raises:
-            ValueError: the error or the time is not finite; the clock goes on as it was.
+            ValueError: the error or the time is not finite; the clock is unchanged.
         """
         if not (isfinite(error) and isfinite(t)):
             raise ValueError(f"error to wait for is {error} at {t} s, expected finite numbers")
@@ -93,12 +93,12 @@ class WaitingClock:
         self._ramp.aim(0.0 if self.waiting else 1.0, t)
 
     def at(self, t: float) -> PathClock:
-        """Where the clock is at `t` [s] of real time."""
+        """The clock at `t` [s] of real time."""
         return PathClock(*self._ramp.at(t))
 
 
 def scaled(reference: MovingReference[Value], clock: PathClock) -> ScaledReference[Value]:
-    """The reference taken at `clock.tau`, as it is seen in real time."""
+    """The reference at `clock.tau`, in real time."""
     rate, change = clock.rate, clock.rate_change
     return ScaledReference(
         reference.position,

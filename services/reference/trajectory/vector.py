@@ -1,8 +1,9 @@
-"""Velocity changes of two or three axes together, so that they run straight.
+"""Velocity changes of two or three axes together, along a straight line in velocity space.
 
-Axis by axis, a change of surge and sway at once curves, because the smaller change arrives first.
-Here the limits are on the norm of jerk and acceleration, and nothing depends on how the frame is
-turned. Any position unit, seconds; vectors are tuples of one float per axis, in one frame.
+Planned axis by axis, a simultaneous change of surge and sway curves, because the smaller change
+ends first. Here the limits apply to the norms of jerk and acceleration, and the result does not
+depend on the frame's orientation. Any position unit, seconds; vectors are tuples of one float per
+axis, in one frame.
 
 Source: Andrén 2023 proposes the vector form in 7.2.4. `plan` is that rule: one cubic, end jerk of
 norm J, with the faults of the scalar rule (the jerk may reach 3.9 J). `bounded_plan` is ours.
@@ -15,8 +16,8 @@ from services.reference.trajectory.minimum_jerk import Limits, Sample, Segment, 
 
 Vector = tuple[float, ...]
 Stage = tuple[Segment, ...]  # one segment per axis, all of the same duration
-SEARCHES = 44  # golden sections, each narrowing the time of turning by 0.618
-SHORTEST = 1e-100  # lengths and times below this are none
+SEARCHES = 44  # golden sections, each narrowing the turning time by 0.618
+SHORTEST = 1e-100  # lengths and times below this count as 0
 GOLDEN = (sqrt(5) - 1) / 2
 
 
@@ -34,11 +35,11 @@ def plan(velocity: Vector, acceleration: Vector, target: Vector, jerk: float) ->
 
 def duration(acceleration: Vector, e: Vector, jerk: float) -> float:
     """[s] The largest real root T of J² T⁴ - 4 |a|² T² + 24 (a·e) T - 36 |e|² = 0, where the
-    jerk at arrival has norm J; `e` is the wanted change of velocity.
+    jerk at arrival has norm J; `e` is the required change of velocity.
 
-    From the upper bound Newton falls monotonically on the root as long as the quartic is convex
-    there. Where it has no root, the only one lies on its concave part, and Newton climbs to it
-    from zero.
+    From the upper bound, Newton's method descends monotonically to the root while the quartic is
+    convex. If the convex part has no root, the only one lies on the concave part, and Newton's
+    method ascends to it from zero.
     """
     a, d = hypot(*acceleration), hypot(*e)
     # In units of the upper bound, so that nothing overflows: T = bound u, 0 ≤ u ≤ 1.
@@ -54,7 +55,7 @@ def duration(acceleration: Vector, e: Vector, jerk: float) -> float:
 
 
 def _newton(u: float, p: float, r: float, mixed: float) -> float:
-    """On u⁴ - p² u² + mixed u - r²; stops where it no longer moves on in one direction."""
+    """On u⁴ - p² u² + mixed u - r²; stops when the iteration is no longer monotonic."""
     direction = -1.0 if u > 0 else 1.0
     for _ in range(100):
         value = u * (u * (u * u - p * p) + mixed) - r * r
@@ -74,13 +75,13 @@ def bounded_plan(
     """The transition within norm limits from any state. Empty when already there.
 
     First, at constant jerk, the acceleration is turned onto the straight line that then remains
-    to the target; that line is run under the scalar bounded law. Of all times of turning, the one
-    that arrives first (found by golden section). An acceleration above the limit is first lowered.
+    to the target; the scalar bounded law follows that line. The turning time is the one with the
+    earliest arrival (golden section). An acceleration above the limit is lowered first.
 
-    Guaranteed: |jerk| ≤ J; |acceleration| ≤ a_max once inside, and never above where it started;
+    Guaranteed: |jerk| ≤ J; |acceleration| ≤ a_max once inside, and never above its initial value;
     velocity and acceleration are continuous; it arrives; it does not depend on the frame; from
     rest, or with acceleration and change on one line, it is the scalar bounded law on that line.
-    Solving again on the way may shorten the rest, so it is not bit-invariant: solve once per change
+    Solving again half-way may shorten the rest, so it is not bit-invariant: solve once per change
     of target.
 
     Raises:
@@ -118,19 +119,19 @@ def _line(a: Vector, e: Vector, turning: float) -> tuple[Vector, float, float]:
 
 
 def _possible(turning: float, across: float, jerk: float) -> bool:
-    """Whether the jerk can take away in time what is across the line."""
+    """Whether the jerk can remove the acceleration across the line in this time."""
     return across <= jerk * turning * (1 + 1e-12)
 
 
 def _turned(turning: float, along: float, across: float, jerk: float) -> float:
-    """The acceleration on the line when constant jerk has used the whole time of turning."""
+    """The acceleration along the line after the whole turning time at constant jerk."""
     reach = sqrt(max(0.0, (jerk * turning) ** 2 - across * across))
     return 0.0 if reach >= abs(along) else along - copysign(reach, along)
 
 
 def _best_turning(a: Vector, e: Vector, limits: Limits) -> float:
-    """[s] Between the quickest turning, with the jerk across the line, and stopping to
-    accelerate altogether."""
+    """[s] Between the quickest turning, with the jerk across the line, and bringing the whole
+    acceleration to zero."""
     longest = hypot(*a) / limits.jerk
     shortest = _quickest_turning(a, e, limits.jerk, longest)
     if longest - shortest <= 1e-12 * longest or _runs_on(a, e, shortest, limits.jerk):
@@ -155,8 +156,8 @@ def _best_turning(a: Vector, e: Vector, limits: Limits) -> float:
 
 
 def _runs_on(a: Vector, e: Vector, turning: float, jerk: float) -> bool:
-    """Whether the line can be run without undoing the acceleration first. Then no longer turning
-    arrives sooner (found in every one of many random states, not proved)."""
+    """Whether the line can be followed without first bringing the acceleration to zero. Then no
+    longer turning arrives sooner (found in every one of many random states, not proved)."""
     line, along, across = _line(a, e, turning)
     along = _turned(turning, along, across, jerk)
     gained = _times(_plus(a, _times(line, along)), turning / 2)
@@ -164,7 +165,7 @@ def _runs_on(a: Vector, e: Vector, turning: float, jerk: float) -> bool:
 
 
 def _quickest_turning(a: Vector, e: Vector, jerk: float, longest: float) -> float:
-    """[s] By bisection: the least time in which the jerk can take away what is across the line."""
+    """[s] By bisection: the least time to remove the acceleration across the line."""
     low, high = 0.0, longest
     for _ in range(50):
         middle = (low + high) / 2
@@ -214,7 +215,7 @@ def _cubic(velocity: Vector, acceleration: Vector, e: Vector, T: float) -> Stage
 
 @dataclass(slots=True)
 class VectorRamp:
-    """A velocity vector on its way to a target, with its position: `Ramp` for several axes."""
+    """A velocity vector that moves to a target, with its position: `Ramp` for several axes."""
 
     limits: Limits  # of the norms
     position: Vector
@@ -238,13 +239,13 @@ class VectorRamp:
         return tuple(Sample(x + v * elapsed, v, 0.0, 0.0) for x, v in pairs)
 
     def rest(self, t: float) -> None:
-        """Stand still from `t` [s] on, whatever was before."""
+        """Rest at zero from `t` [s] on; discards the plan."""
         self.position = self.target = (0.0,) * len(self.target)
         self.since, self.stages = t, ()
 
     def aim(self, target: Vector, t: float, limits: Limits | None = None) -> None:
-        """From `t` [s] on, go to velocity `target`, by other limits if given. Without, no effect
-        when that is already the aim."""
+        """From `t` [s] on, go to velocity `target`, within other limits if given. Without limits,
+        no effect if that is the target already."""
         if target == self.target and limits is None:
             return
         here = self.at(t)

@@ -53,3 +53,10 @@ def test_a_sensor_that_begins_to_count_anew_costs_no_time_and_adds_none() -> Non
     time.step(5000 * MS, 5000 * MS)
     assert time.step(10 * MS, 5040 * MS) == 5040 * MS
     assert time.step(20 * MS, 5055 * MS) == 5050 * MS
+
+
+def test_without_a_sample_it_goes_on_by_the_clock_at_once() -> None:
+    time = SensorTime()
+    time.step(1000 * MS, 1000 * MS)
+    assert time.step(None, 1010 * MS) == 1010 * MS
+    assert time.step(1020 * MS, 1020 * MS) == 1020 * MS

@@ -75,7 +75,7 @@ def test_at_a_steady_speed_it_is_learnt_as_fast_whatever_of_it_counts_as_drag(
     observer.learn(v, 0.0, DT)
     for k, force in enumerate(pushes, 1):
         v = left * v + (1 - left) / plant.linear * (force + w)
-        observer.learn(v, force, DT, asked=asked)
+        observer.learn(v, force, DT, reference=asked)
         learnt = w * (1 - exp(-bandwidth * DT * k))
         assert observer.expected(asked) == pytest.approx(learnt, abs=1e-6)
 
@@ -91,7 +91,7 @@ def test_drag_goes_with_the_motion_and_a_constant_stays(
     asked = fast if down else -fast
     for k in range(1000):
         at = asked if k >= 500 else 0.0
-        observer.learn(0.0, -(constant + drag * at), DT, asked=at)
+        observer.learn(0.0, -(constant + drag * at), DT, reference=at)
     assert observer.expected(asked) == pytest.approx(constant + drag * asked, abs=1e-3)
     left = abs(observer.expected(0.0) - constant)
     assert left <= abs(drag * asked) * 0.1**2 / (0.1**2 + asked**2) + 1e-3
@@ -107,14 +107,14 @@ def test_drag_does_not_lift_the_limit(
 ) -> None:
     observer = DisturbanceObserver(Plant(20.0, 0.4, 25.0), 3.0, 15.0, 0.1)
     for velocity, force, at in steps:
-        observer.learn(velocity, force, DT, asked=at)
+        observer.learn(velocity, force, DT, reference=at)
         assert abs(observer.expected(asked)) <= 15.0
 
 
 def test_a_limit_reached_by_drag_shows_as_well() -> None:
     observer = DisturbanceObserver(Plant(20.0), 4.0, 15.0, 0.1)
     for _ in range(500):
-        observer.learn(0.0, -100.0, DT, asked=0.5)
+        observer.learn(0.0, -100.0, DT, reference=0.5)
     assert observer.is_limited(0.5)
     assert not observer.is_limited(0.0)
 

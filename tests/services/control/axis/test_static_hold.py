@@ -37,7 +37,7 @@ class Yaw:
             if k:
                 law.learn(v + off_rate, produced.mean(DT)[5], DT)
             command = self._driven(law.step(HELD, x + off, v + off_rate, DT).total, k > 6000)
-            produced.ask((0.0, 0.0, 0.0, 0.0, 0.0, command))
+            produced.command((0.0, 0.0, 0.0, 0.0, 0.0, command))
             after = command + (f - command) * exp(-DT / LAG)
             v += ((f + after) / 2 + disturbance - PLANT.drag(v)) / PLANT.inertia * DT
             x, f = x + v * DT, after

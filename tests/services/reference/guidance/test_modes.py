@@ -7,7 +7,7 @@ from typing import cast, get_args
 
 import msgspec
 import pytest
-from hypothesis import Phase, given, settings
+from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
 
 from messages.message import Estimate
@@ -253,6 +253,7 @@ def do(sea: Sea, deed: tuple[object, ...]) -> None:
 
 @settings(max_examples=60, deadline=None, phases=GENERATE)
 @given(st.lists(deeds, max_size=14), st.floats(-pi, pi), st.booleans())
+@example([("follow",), ("wait", 0.8), ("lost", "state", 1.5)], 1.9, True)
 def test_whatever_happens_there_is_never_a_step(
     done: list[tuple[object, ...]], offset: float, measures: bool
 ) -> None:
