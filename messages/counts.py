@@ -94,6 +94,7 @@ KINDS: dict[str, Meaning] = {
     "waiting": Meaning(SENSOR, "calibration waited for a sensor"),
     "moved": Meaning(SENSOR, "the drone moved while it was calibrated"),
     "late": Meaning(LIMIT, "an axis was held by a late estimate, with gentle gains"),
+    "disarmed": Meaning(LIMIT, "thrust was asked for while the drone was disarmed"),
     "clamped": Meaning(LIMIT, "a value was held at its limit"),
     "saturated": Meaning(LIMIT, "a thruster reached its limit"),
     "undriven": Meaning(LIMIT, "a motion was asked for that the thrusters cannot make"),
