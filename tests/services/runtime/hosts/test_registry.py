@@ -51,11 +51,11 @@ def test_the_shipped_stacks_differ_in_the_vehicle_side_alone() -> None:
     ("text", "sentence"),
     [
         ("", r"mine.toml: no service is the vehicle; one of them must have vehicle_side = true"),
-        ("[service.x]", r"mine.toml: service: unknown key; did you mean 'services'"),
+        ("[service.x]", r"mine.toml:1: service: unknown key; did you mean 'services'"),
         ("[services.contrl]\nsides = ['drone']", r"no service 'contrl', .* did you mean 'control'"),
         (
             "[services.control]\nsides = ['dron']",
-            r"services.control.sides.0: expected str matching",
+            r"services.control.sides number 1: expected str matching",
         ),
         ("[services.control]\nsides = []", r"mine.toml:2: services.control.sides: expected array"),
         ("[services.control]\nside = ['drone']", r"mine.toml:2: .*did you mean 'sides'"),
