@@ -1,1 +1,1 @@
-"""What flows: msgspec Structs and the table of streams. No Zenoh, no NumPy."""
+"""What flows: message types (msgspec Structs) and the table of topics. No Zenoh, no NumPy."""

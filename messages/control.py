@@ -1,22 +1,22 @@
-"""What the thrusters are asked for. From `control`; heard by `simulator` or a vehicle driver."""
+"""Forces asked of the thrusters. From `control`; received by `simulator` or a vehicle driver."""
 
 from messages.message import Message
 from messages.units import Finite, Stamp, Ttl, Vec6
 
-THRUST_TTL_MS = 200.0  # [ms] older thruster commands are zero thrust
+THRUST_TTL_MS = 200.0  # [ms] older thruster commands count as zero thrust
 
 
 class Wrench(Message, frozen=True, kw_only=True):
     """Force and moment about the vehicle's origin, body frame FRD."""
 
     sensor_ns: Stamp | None  # [ns] sensor sample behind this wrench
-    wanted: Vec6  # [N, N m] X, Y, Z, K, M, N the law asked for
-    achieved: Vec6  # [N, N m] what the thruster commands add up to
+    wanted: Vec6  # [N, N m] X, Y, Z, K, M, N that the control law asked for
+    achieved: Vec6  # [N, N m] sum of the thruster commands
     depth_integral: Finite  # [N] integrator's share of Z
     heading_integral: Finite  # [N m] integrator's share of N
     saturated: bool  # achieved differs from wanted because a thruster is at its limit
-    disturbance: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # [N, N m] what the water is learnt to do
-    distrusted: tuple[str, ...] = ()  # thrusters that do not do what they are told
+    disturbance: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # [N, N m] estimated
+    distrusted: tuple[str, ...] = ()  # thrusters that do not follow their commands
 
 
 class ThrusterCommand(Message, frozen=True, kw_only=True):

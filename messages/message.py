@@ -1,4 +1,4 @@
-"""What every message is made of."""
+"""Base types of all messages."""
 
 import msgspec
 
@@ -6,11 +6,11 @@ from messages.units import Finite, NotNegative, Stamp
 
 
 class Message(msgspec.Struct, frozen=True, kw_only=True):
-    """Base of everything that crosses the bus.
+    """Base of everything that is published on the bus.
 
-    `seq` is written by the publisher (one count per topic and process), so that a receiver can
-    tell a lost message from a slow one. `stamp_ns` is the moment the content was true: the
-    sampling instant of a sensor, the decision instant of everything else.
+    `seq` is the sequence number, written by the publisher (one count per topic and process), so
+    that a receiver notices lost messages. `stamp_ns` is the time at which the content was valid:
+    the sampling instant of a sensor, the moment of decision of everything else.
     """
 
     seq: int = 0
@@ -24,14 +24,14 @@ class Request(Message, frozen=True, kw_only=True):
 
 
 class Answer(Message, frozen=True, kw_only=True):
-    """What came of the request with this `id`."""
+    """The answer to the request with this `id`."""
 
     id: str
     accepted: bool
 
 
 class Estimate(msgspec.Struct, frozen=True):
-    """A value with what is known about it."""
+    """A value with its uncertainty."""
 
     value: Finite  # unit of the field that holds it
     std: NotNegative  # one standard deviation, same unit

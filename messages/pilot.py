@@ -1,4 +1,4 @@
-"""What the pilot says. From `gamepad`, topside; heard on board by `reference`."""
+"""The pilot's commands and requests. From `gamepad`, topside; received on board by `reference`."""
 
 from typing import Annotated, Literal
 
@@ -12,28 +12,28 @@ TTL_MS = 300.0  # [ms] a stick position older than this moves nothing
 
 
 class PilotCommand(Message, frozen=True, kw_only=True):
-    """Where the sticks are, after dead-band, expo and gain. SNAME signs."""
+    """Stick positions after dead-band, expo and gain. SNAME signs."""
 
     surge: Stick  # [-] + forward
     sway: Stick  # [-] + starboard
     heave: Stick  # [-] + down
     yaw: Stick  # [-] + clockwise seen from above
     tilt: Stick = 0.0  # [-] camera, + upwards
-    pilot: Literal["present", "lost"] = "present"  # lost: the pad is gone, which is not "centred"
+    pilot: Literal["present", "lost"] = "present"  # lost: the pad is unplugged, unlike centred
     source: str = ""  # which pad, keyboard or script
-    device_age_ms: NotNegative = 0.0  # [ms] since the device itself last answered
+    device_age_ms: NotNegative = 0.0  # [ms] since the input device last answered
     ttl_ms: Ttl = TTL_MS  # [ms] after stamp_ns this command must not move anything
     epoch: int = 0  # authority epoch; a command of another epoch is refused
 
 
 RequestKind = Literal["arm", "disarm", "stop", "light", "goto", "follow", "mode", "lease"]
 
-# Granted whoever asks: anybody may stop the drone, and a lease is how one gets an epoch.
+# Granted to anyone: everybody may stop the drone, and a lease is how a pilot gets an epoch.
 FOR_ANYBODY: tuple[RequestKind, ...] = ("stop", "disarm", "lease")
 
-# What the drone holds by itself; the sticks of what it does not hold are forces.
-#   manual nothing, depth_hold depth, heading_hold heading, stabilised depth and heading,
-#   station_keeping depth, heading and place (for vehicles that measure where they are)
+# Hold mode: what the drone holds by itself. On an axis that is not held, the stick is a force.
+#   manual: nothing; depth_hold: depth; heading_hold: heading; stabilised: depth and heading;
+#   station_keeping: depth, heading and position (for vehicles that measure their position)
 Hold = Literal["manual", "depth_hold", "heading_hold", "stabilised", "station_keeping"]
 
 
@@ -63,7 +63,7 @@ class PilotRequest(Request, frozen=True, kw_only=True):
 
 
 class StopDistance(msgspec.Struct, frozen=True):
-    """From the moment a stop is asked for to standstill, of the reference."""
+    """How far the reference still moves from a stop request to standstill, and for how long."""
 
     depth: Finite  # [m] positive down
     heading: Finite  # [rad] positive clockwise
@@ -71,9 +71,9 @@ class StopDistance(msgspec.Struct, frozen=True):
 
 
 class PilotAnswer(Answer, frozen=True, kw_only=True):
-    """The drone's word on a request."""
+    """The drone's answer to a request."""
 
-    reason: str = ""  # why not, in words for the pilot
+    reason: str = ""  # why the request was refused, in words for the pilot
     stop: StopDistance | None = None  # stop: how far the drone still goes
-    epoch: int | None = None  # lease: the authority epoch that commands have to carry from now on
+    epoch: int | None = None  # lease: authority epoch that commands must carry from now on
     cause_ns: Stamp | None = None  # [ns] stamp of the request

@@ -1,4 +1,4 @@
-"""Where the drone should be. From `reference`; heard by `control`."""
+"""Where the drone should be. From `reference`; received by `control`."""
 
 import msgspec
 
@@ -20,16 +20,17 @@ class Reference(Message, frozen=True, kw_only=True):
     """All axes at one instant."""
 
     sensor_ns: Stamp | None  # [ns] sensor sample that caused this reference
-    pilot_ns: Stamp | None  # [ns] pilot command that shaped it
-    epoch: int = 0  # authority epoch of the pilot behind it
+    pilot_ns: Stamp | None  # [ns] pilot command that caused it
+    epoch: int = 0  # authority epoch of the pilot who sent that command
     armed: bool  # False: thrusters stay off, the rest follows the vehicle
     depth: Motion  # NED, positive down
     heading: Motion  # accumulates past ±π
-    surge_force: Finite  # [N] body, ramped by the same jerk law
+    surge_force: Finite  # [N] body, ramped with limited jerk
     sway_force: Finite  # [N] body
-    heave_force: Finite | None = None  # [N] body; None: depth is held. `depth` then follows
-    yaw_moment: Finite | None = None  # [N m] body; None: heading is held. `heading` then follows
-    surge: Motion | None = None  # [m] along a path that is followed blind; adds to the force
-    north: Motion | None = None  # [m] NED, where the place is held or followed by measurement
-    east: Motion | None = None  # [m] NED, there when north is
+    # While there is a force or a moment, `depth` or `heading` follows the measured value.
+    heave_force: Finite | None = None  # [N] body; None: depth is held
+    yaw_moment: Finite | None = None  # [N m] body; None: heading is held
+    surge: Motion | None = None  # [m] along a path followed without position; adds to the force
+    north: Motion | None = None  # [m] NED, where the measured position is held or follows a path
+    east: Motion | None = None  # [m] NED, present when north is
     tilt: Motion = Motion(0.0, 0.0, 0.0, 0.0)  # [rad] camera, + upwards

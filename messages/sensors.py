@@ -1,7 +1,8 @@
-"""What a vehicle driver measures. From `simulator` (or real hardware); heard by `estimation`.
+"""Sensor samples. From `simulator` or a vehicle driver; received by `estimation`.
 
-`stamp_ns` is the sample's time of validity. What is said is of the sensor's own axes and place:
-those of the vehicle, FRD (forward, starboard, down), unless its file has a [vehicle.mounting].
+`stamp_ns` is the sample's time of validity. Values are in the sensor's own axes, at the sensor's
+own position. Both are the vehicle's, FRD (forward, starboard, down), unless the vehicle file has a
+[vehicle.mounting].
 """
 
 from messages.message import Message
@@ -16,7 +17,7 @@ class ImuSample(Message, frozen=True, kw_only=True):
 
 
 class MagnetometerSample(Message, frozen=True, kw_only=True):
-    """Magnetic field, the vehicle's own disturbance included."""
+    """Magnetic field, including that of the vehicle itself."""
 
     field: Vec3  # [T]
 
@@ -32,13 +33,13 @@ class DvlSample(Message, frozen=True, kw_only=True):
     """Doppler velocity log: velocity over the ground."""
 
     velocity: Vec3  # [m/s] of the sensor
-    std: NotNegative  # [m/s] one standard deviation of each component, as the device states it
+    std: NotNegative  # [m/s] one standard deviation of each component, as the device reports it
     altitude: NotNegative | None = None  # [m] above the bottom
 
 
 class UsblSample(Message, frozen=True, kw_only=True):
-    """Acoustic position fix of the transponder. `stamp_ns` is when it was there, not when that was
-    told."""
+    """Acoustic position fix of the transponder. `stamp_ns` is the time of the position, not of the
+    fix's arrival."""
 
     north: Finite  # [m] NED
     east: Finite  # [m] NED
@@ -46,9 +47,9 @@ class UsblSample(Message, frozen=True, kw_only=True):
 
 
 class BatterySample(Message, frozen=True, kw_only=True):
-    """What the battery gives and has given."""
+    """Battery voltage, current and energy used."""
 
     voltage: NotNegative  # [V]
     current: Finite  # [A] + out of the battery
     used_wh: NotNegative  # [Wh] since power-on
-    capacity_wh: NotNegative | None = None  # [Wh] when full; None: the driver does not know
+    capacity_wh: NotNegative | None = None  # [Wh] when full; None: unknown to the driver

@@ -1,14 +1,14 @@
-"""Trouble on purpose: what a simulated vehicle can be asked to break. From people and tests."""
+"""Fault injection in the simulated vehicle. Requests come from people and tests."""
 
 from typing import Literal
 
 from messages.message import Answer, Request
 from messages.units import Finite, Stamp
 
-# Thrusters: dead gives nothing, reversed the opposite, weak `value` of the thrust, stuck what was
-# asked for last. Sensors: silent says nothing, frozen repeats itself, noisy has `value` times the
-# noise, biased is off by `value` (in the sensor's unit; an IMU its gyroscopes, rad/s), broken says
-# what is not a number.
+# Thrusters: dead gives no thrust, reversed the opposite thrust, weak the share `value` of it, stuck
+# the last thrust for ever. Sensors: silent publishes nothing, frozen repeats its last sample, noisy
+# has `value` times the noise, biased is off by `value` (in the sensor's unit; an IMU's gyroscopes,
+# rad/s), broken gives NaN.
 FaultKind = Literal[
     "none", "dead", "reversed", "weak", "stuck", "silent", "frozen", "noisy", "biased", "broken"
 ]
@@ -23,7 +23,7 @@ class FaultRequest(Request, frozen=True, kw_only=True):
 
 
 class FaultAnswer(Answer, frozen=True, kw_only=True):
-    """The simulator's word on it."""
+    """The simulator's answer."""
 
-    reason: str = ""  # why not
+    reason: str = ""  # why the request was refused
     cause_ns: Stamp | None = None  # [ns] stamp of the request

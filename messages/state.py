@@ -1,4 +1,4 @@
-"""Where the drone believes it is. From `estimation`; heard by `reference` and `control`."""
+"""Estimated state of the drone. From `estimation`; received by `reference` and `control`."""
 
 from typing import Literal
 
@@ -7,7 +7,7 @@ from messages.units import NotNegative, Quaternion, Stamp
 
 
 class VehicleState(Message, frozen=True, kw_only=True):
-    """Every part carries value, standard deviation and validity. Unknown is None, never zero."""
+    """Each estimate has a value, a standard deviation and a validity. Unknown is None, never 0."""
 
     sensor_ns: Stamp  # [ns] the IMU sample this state belongs to
     phase: Literal["calibrating", "running"]

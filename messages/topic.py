@@ -1,4 +1,4 @@
-"""One stream: its key, what it carries, how often, how it travels and which way it crosses."""
+"""One topic: its key, message type, rate, QoS profile and direction across the link."""
 
 import re
 from dataclasses import dataclass, replace
@@ -10,34 +10,34 @@ from messages.message import Message
 M = TypeVar("M", bound=Message)
 
 MEMBER = re.compile(r"[a-z0-9_]{1,64}")  # what a member of a family may be called
-STALE_PERIODS = 5  # a stream is stale after this many nominal periods without a message
-STALE_AT_LEAST_NS = 100_000_000  # [ns] a busy computer may be this late without being broken
+STALE_PERIODS = 5  # a topic is stale after this many nominal periods without a message
+STALE_AT_LEAST_NS = 100_000_000  # [ns] lateness of a busy computer that is no fault
 
 
 class Qos(Enum):
-    """How a stream travels: a stance. `services/runtime/bus/qos.py` says it in Zenoh's words."""
+    """QoS profile of a topic. `services/runtime/bus/qos.py` has its settings in Zenoh."""
 
-    REALTIME = "realtime"  # commands: first through every queue, newest wins
-    LIVE = "live"  # the control chain: fresh or worthless
-    EVENT = "event"  # rare and each one matters: senders repeat until answered
-    BULK = "bulk"  # for people and files: last in every queue
+    REALTIME = "realtime"  # commands: highest priority, newest wins
+    LIVE = "live"  # the control chain: useless when old
+    EVENT = "event"  # rare, and each one matters: senders repeat until answered
+    BULK = "bulk"  # for people and files: lowest priority
 
 
 Side = Literal["topside", "drone"]  # the two ends of the tether, each with a bus of its own
 
 
 class Way(Enum):
-    """Which way a stream crosses the tether."""
+    """In which direction a topic crosses the link."""
 
     DOWN = "down"  # topside to drone
     UP = "up"  # drone to topside
-    BOTH = "both"  # said in either realm, heard in both
+    BOTH = "both"  # published on either side, received on both
     STAY = "stay"  # never leaves the drone
 
 
 @dataclass(frozen=True, slots=True)
 class Topic(Generic[M]):
-    """A row of the table. A key that ends in `/*` is a family: `of("control")` names a member."""
+    """A row of the topic table. A key that ends in `/*` is a family; `of("control")` a member."""
 
     key: str
     message: type[M]
@@ -47,12 +47,12 @@ class Topic(Generic[M]):
 
     @property
     def encoding(self) -> str:
-        """What is written on the envelope, so that a reader knows the type before it opens it."""
+        """Zenoh encoding: tells a receiver the message type before it decodes the payload."""
         return f"application/msgpack;{self.message.__name__}"
 
     @property
     def stale_after_ns(self) -> int | None:
-        """[ns] Age at which a message of this stream stops counting as news; None for events."""
+        """[ns] Age beyond which a message of this topic is stale; None for events."""
         if self.hz == 0:
             return None
         return max(STALE_AT_LEAST_NS, round(STALE_PERIODS * 1e9 / self.hz))
@@ -66,7 +66,7 @@ class Topic(Generic[M]):
         return replace(self, key=self.key[:-1] + member)
 
     def covers(self, key: str) -> bool:
-        """Is `key` this stream, or a member of this family?"""
+        """Is `key` this topic, or a member of this family?"""
         if not self.is_family:
             return key == self.key
         prefix = self.key[:-1]
@@ -77,5 +77,5 @@ AnyTopic = Topic[Any]
 
 
 def rows(names: dict[str, Any]) -> tuple[AnyTopic, ...]:
-    """All topics among a module's globals, in the order they were written."""
+    """All topics among a module's globals, in their order."""
     return tuple(cast(AnyTopic, v) for v in names.values() if isinstance(v, Topic))

@@ -1,6 +1,6 @@
-"""Every stream in the system, once.
+"""The topic table: every topic in the system, once.
 
-Keys are relative to the session's namespace, `lindy/@v1/<vehicle>`, so two vehicles share one
+Keys are relative to the session's namespace, `lindy/@v1/<vehicle>`, so two vehicles can use one
 table and one network. Publishers, the tether, the recorder, the visualizer, the freshness checks
 and `docs/topics.md` all read these rows.
 """
@@ -37,7 +37,7 @@ REALTIME, LIVE, EVENT, BULK = Qos.REALTIME, Qos.LIVE, Qos.EVENT, Qos.BULK
 DOWN, UP, BOTH, STAY = Way.DOWN, Way.UP, Way.BOTH, Way.STAY
 
 # fmt: off
-#                      key                    type                Hz  how it travels  across
+#                      key                    type                Hz  QoS profile     direction
 PILOT_COMMAND  = Topic("pilot/command",       PilotCommand,       50, REALTIME,       DOWN)
 PILOT_REQUEST  = Topic("pilot/request",       PilotRequest,        0, EVENT,          DOWN)
 PILOT_ANSWER   = Topic("pilot/answer",        PilotAnswer,         0, EVENT,          UP)
@@ -73,5 +73,5 @@ ALL: tuple[AnyTopic, ...] = rows(globals())
 
 
 def find(key: str) -> AnyTopic | None:
-    """The row a key belongs to, or None for a key that is not ours."""
+    """The topic that a key belongs to, or None for a key that is not in the table."""
     return next((topic for topic in ALL if topic.covers(key)), None)

@@ -15,22 +15,22 @@ class VehicleStatus(Message, frozen=True, kw_only=True):
 
     mode: Mode
     armed: bool
-    hold: Hold = "stabilised"  # what the sticks leave to the drone
+    hold: Hold = "stabilised"  # what the drone holds by itself
     failsafe: Failsafe = "none"
     pilot: str = ""  # who has control: the source of the newest valid command
-    epoch: int = 0  # authority epoch: commands of another one are refused
+    epoch: int = 0  # authority epoch: commands with another one are refused
     light: Stick = 0.0  # [-] 0 … 1
     note: str = ""  # why it is not ready, in words for the pilot
-    stop: StopDistance | None = None  # while stopping: how far it went, or goes, since asked to
+    stop: StopDistance | None = None  # while stopping: distance from the stop request to standstill
 
 
 class Actuation(Message, frozen=True, kw_only=True):
     """What the thruster driver did with the newest command, and when."""
 
-    # [N] per thruster: where it can be measured, as its driver sees it turn (0 when dead, of the
-    # other sign when reversed); else what the driver believes of its commands.
+    # [N] per thruster: from the measured speed where there is one (0 when dead, of the opposite
+    # sign when reversed); else what the driver expects from its commands.
     thrust: tuple[Finite, ...]
-    measured: bool = False  # thrust is what was measured; False: what the driver believes
+    measured: bool = False  # thrust was measured; False: expected from the commands
     actuated_ns: Stamp | None  # [ns] when the newest command took effect
     sensor_ns: Stamp | None  # [ns] sensor sample behind that command
     pilot_ns: Stamp | None  # [ns] pilot command behind that command
@@ -39,7 +39,7 @@ class Actuation(Message, frozen=True, kw_only=True):
 
 
 class Truth(Message, frozen=True, kw_only=True):
-    """What only a simulator knows."""
+    """Ground truth, which only a simulator knows."""
 
     position: Vec3  # [m] NED
     attitude: Quaternion  # [-] q_NB as w, x, y, z

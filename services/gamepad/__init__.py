@@ -1,1 +1,1 @@
-"""The pilot's hands: a pad, the keyboard or a recorded stick log become pilot commands."""
+"""Pilot input: a gamepad, the keyboard or a recorded stick log become pilot commands."""

@@ -1,4 +1,4 @@
-"""From what a pad or a keyboard says to sticks: dead-band, expo, gain and which control is which.
+"""From a pad's controls to stick positions: dead-band, expo, gain and which control is which.
 
 A pad's state is a dictionary of SDL's GameController names, the same for every pad that SDL
 knows: sticks -1 … 1 (right and down positive), triggers 0 … 1, buttons 0 or 1.
@@ -27,7 +27,7 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class StickGain(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What a full stick commands."""
+    """Command at full stick deflection, as a share of the most there is."""
 
     slow: Share = 0.25  # [-] for careful work
     normal: Share = 0.6  # [-]
@@ -38,15 +38,15 @@ class StickGain(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError("gains must not fall from slow to normal to boost")
 
     def level(self, slow: float, boost: float) -> float:
-        """Gain for how far the two triggers are pulled (0 … 1). Without a jump in between, so
-        that a trigger is no sudden order to the vehicle; both pulled fully about cancel out."""
+        """Gain for how far the two triggers are pulled (0 … 1). Continuous, so that a trigger
+        causes no jump in the command; both pulled fully nearly cancel out."""
         more = boost * (self.boost - self.normal)
         less = slow * (self.normal - self.slow)
         return min(self.normal + more - less, self.boost)
 
 
 class StickAxes(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Which stick is which axis. SDL counts up as negative; a leading `-` turns a stick round."""
+    """Which stick controls which axis. SDL counts up as negative; a leading `-` inverts a stick."""
 
     surge: StickName = "-righty"  # stick up is forward
     sway: StickName = "rightx"
@@ -71,7 +71,7 @@ class Buttons(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Tilt(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Buttons that turn the camera at full speed while they are held; the gain is not theirs."""
+    """Buttons that tilt the camera at full speed while they are held; the gain does not apply."""
 
     up: Button = "dpup"
     down: Button = "dpdown"
@@ -80,7 +80,7 @@ class Tilt(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class PadProfile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A pad as its TOML file describes it."""
 
-    dead_band: DeadBand = 0.12  # [-] share of a stick's travel that means nothing
+    dead_band: DeadBand = 0.12  # [-] share of a stick's travel that counts as centred
     expo: Share = 0.4  # [-] 0: straight; 1: cubic, finest around the centre
     gain: StickGain = StickGain()
     axis: StickAxes = StickAxes()
@@ -105,7 +105,7 @@ class Sticks(NamedTuple):
 
     @property
     def at_rest(self) -> bool:
-        """Nothing moves the drone. The camera may turn: it is no reason not to arm."""
+        """No stick moves the drone. The camera may tilt: that does not prevent arming."""
         return not any(self[:4])
 
 
@@ -114,13 +114,13 @@ Level = Literal["info", "warning"]
 
 
 class StickReading(NamedTuple):
-    """What a source of sticks says at one instant."""
+    """What a stick source reads at one instant."""
 
     sticks: Sticks = CENTRED
-    present: bool = True  # False: the pad is gone, which is not "centred"
-    at_rest: bool = True  # the hands are off the sticks, whatever `sticks` lets through
+    present: bool = True  # False: the pad is unplugged, unlike centred
+    at_rest: bool = True  # the device's sticks are centred, even where `sticks` is held at 0
     age_ms: float = 0.0  # [ms] since the device last answered
-    presses: tuple[Intent, ...] = ()  # asked for since the last reading, with a button or a script
+    presses: tuple[Intent, ...] = ()  # requests since the last reading, from a button or a script
     notes: tuple[tuple[Level, str], ...] = ()  # for the log
     lost: tuple[str, ...] = ()  # to be counted: what was dropped or broke
 
@@ -136,14 +136,14 @@ class StickSource(Protocol):
         ...
 
     def next_ns(self, now: int, began: int) -> int | None:
-        """[ns] When the source will say something new by itself; None: when it is asked."""
+        """[ns] When the source changes by itself; None: only at the next regular reading."""
         ...
 
 
 def shape(travel: float, dead_band: float, expo: float) -> float:
     """Dead-band and expo on one stick.
 
-    Odd, never falling, 0 inside the dead-band, continuous at its edge, ±1 at full travel.
+    Odd, monotonic, 0 inside the dead-band, continuous at its edge, ±1 at full travel.
 
     Args:
         travel: [-] -1 … 1; beyond that counts as full, NaN as centred.

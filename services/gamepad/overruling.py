@@ -1,5 +1,5 @@
-"""Which older requests a newer one withdraws, so that no late repetition arms the drone or sends it
-off again after a stop, or back to where it was sent before."""
+"""Which older requests a newer one withdraws, so that no late repetition arms the drone or starts
+an older manoeuvre again."""
 
 from messages.pilot import PilotRequest, RequestKind
 
@@ -9,7 +9,7 @@ OVERRULES: dict[RequestKind, tuple[RequestKind, ...]] = {
     "goto": ("goto", "follow", "mode"),
     "follow": ("goto", "follow", "mode"),
     "mode": ("goto", "follow", "mode"),
-}  # a newer request → older ones that are not repeated any more
+}  # newer request → older requests that are no longer repeated
 
 
 def overrules(newer: PilotRequest, older: PilotRequest) -> bool:

@@ -1,6 +1,6 @@
-"""The pilot as a state machine: who has the sticks, arming, the hand-over, and what is asked for.
+"""The pilot as a state machine: which pilot is in control, arming, hand-over and requests.
 
-Pure: readings of the sticks and the drone's messages come in, what is to be said comes out.
+Pure: stick readings and the drone's messages go in, commands and requests come out.
 """
 
 from collections.abc import Set
@@ -16,42 +16,42 @@ from messages.vehicle import VehicleStatus
 from services.gamepad.core import CENTRED, Level, StickReading
 from services.gamepad.pilot_intents import FollowIntent, GotoIntent, Intent, ModeIntent
 
-PAUSE_NS = 2_000_000_000  # [ns] between two attempts to arm by ourselves
+PAUSE_NS = 2_000_000_000  # [ns] between two attempts at automatic arming
 ABSENT = StickReading(present=False, at_rest=False)  # until the source was read
 Waiting = Set[RequestKind]  # kinds of the requests that have not been answered yet
 
 
 class Progress(msgspec.Struct, frozen=True):
-    """How far the dive has come; a restart goes on from here."""
+    """Checkpoint: how far the dive has come; a restarted service continues from here."""
 
     began_ns: int | None = None  # [ns] when the sticks were handed over
     played: int = 0  # events of the script that have happened
-    epoch: int | None = None  # authority epoch we were given; None: not asked for yet
-    may_arm: bool = True  # False: a stop or a disarm has ended arming by ourselves
+    epoch: int | None = None  # authority epoch granted to this pilot; None: not requested yet
+    may_arm: bool = True  # False: a stop or a disarm has ended automatic arming
 
 
 @dataclass(slots=True)
 class Effects:
-    """What comes of one event, in the order in which it is to be done."""
+    """What one event causes, in the order in which it is to be done."""
 
     counts: list[str] = field(default_factory=list[str])
     notes: list[tuple[Level, str]] = field(default_factory=list[tuple[Level, str]])
-    command: PilotCommand | None = None  # to be said
+    command: PilotCommand | None = None  # to be published
     requests: list[PilotRequest] = field(default_factory=list[PilotRequest])
-    hand_over: bool = False  # the sticks have just been handed over: read and say them at once
+    hand_over: bool = False  # the sticks were just handed over: read and publish them at once
 
 
 @dataclass(slots=True)
 class Pilot:
-    """Says what a source of sticks says, once the drone is armed."""
+    """Makes commands from stick readings, once the drone is armed."""
 
     progress: Progress
-    arms: bool  # by itself, as soon as the drone is ready
+    arms: bool  # automatically, as soon as the drone is ready
     _arm_after: Ns = 0  # [ns]
-    _arms_next: bool = False  # as soon as the sticks are ours
+    _arms_next: bool = False  # as soon as this pilot is in control
     _asked_for_rest: bool = False
-    _outdone: bool = False  # another pilot has the sticks
-    _light: bool = False  # as it was last asked for or seen
+    _outdone: bool = False  # another pilot is in control
+    _light: bool = False  # as last requested or reported
     _source: str = ""
     _reading: StickReading = ABSENT
 
@@ -61,7 +61,8 @@ class Pilot:
         """The source was read.
 
         Args:
-            source: its name; played: events of its script that have happened.
+            source: its name.
+            played: events of its script that have happened.
         """
         self._reading, self._source = reading, source
         out = Effects(list(reading.lost), list(reading.notes), self._command(now))
@@ -122,18 +123,18 @@ class Pilot:
         return self.progress.epoch is not None and not self._outdone
 
     def _hold_lease(self, given: int, waiting: Waiting, out: Effects) -> None:
-        """Ask for the sticks once, and again where the drone has forgotten that it gave them to
-        us. When it has given them to somebody else, that is said and left so."""
+        """Request the lease once, and again after the drone has restarted without it. If another
+        pilot gets it, that is logged and accepted."""
         ours = self.progress.epoch
         if (ours is None or given < ours) and "lease" not in waiting:
             out.requests.append(self._request("lease"))
         elif ours is not None and given > ours and not self._outdone:
             out.counts.append("outdone:lease")
-            out.notes.append(("warning", "another pilot has taken the sticks"))
+            out.notes.append(("warning", "another pilot has taken control"))
         self._outdone = ours is not None and given > ours
 
     def _arm(self, waiting: Waiting, now: Ns, out: Effects) -> None:
-        """Arm by ourselves, at most once every `PAUSE_NS`, and never with a stick deflected."""
+        """Arm automatically, at most once every `PAUSE_NS`, and never with a stick deflected."""
         if "arm" in waiting or now < self._arm_after or not self._has_sticks:
             return
         if self._reading.at_rest:
@@ -143,7 +144,7 @@ class Pilot:
             out.notes.append(("info", "ready: let go of the sticks to arm"))
 
     def _press(self, intent: Intent, waiting: Waiting, out: Effects) -> None:
-        """What the pilot asked for; a stop or a disarm also ends arming by ourselves."""
+        """Make the pilot's request; a stop or a disarm also ends automatic arming."""
         if intent == "arm" and not self._reading.at_rest:
             out.counts.append("refused_here:arm")
             out.notes.append(("warning", "not arming: let go of the sticks first"))
@@ -155,9 +156,9 @@ class Pilot:
             if intent in ("stop", "disarm"):
                 self._arms_next = False
                 self.progress = replace(self.progress, may_arm=False)
-            out.requests.append(self._wished(intent))
+            out.requests.append(self._request_for(intent))
 
-    def _wished(self, intent: Intent) -> PilotRequest:
+    def _request_for(self, intent: Intent) -> PilotRequest:
         match intent:
             case GotoIntent(depth, heading):
                 return self._request("goto", depth=depth, heading=heading)
@@ -172,5 +173,5 @@ class Pilot:
                 return self._request(intent)
 
     def _request(self, kind: RequestKind, **more: Any) -> PilotRequest:
-        """Without a stamp and an id: whoever sends it fills them in."""
+        """Without stamp and id: the sender fills them in."""
         return PilotRequest(stamp_ns=0, id="", kind=kind, epoch=self.progress.epoch or 0, **more)

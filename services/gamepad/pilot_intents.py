@@ -1,4 +1,4 @@
-"""What a pilot can ask for once: with a button, or in a script with its arguments."""
+"""Requests that a pilot can make: with a button, or in a script with arguments."""
 
 import math
 from typing import Literal, NamedTuple
@@ -12,7 +12,7 @@ Press = Literal["arm", "disarm", "stop", "light"]  # what a button can ask for
 
 
 class GotoIntent(NamedTuple):
-    """Go to a depth, to a heading or to both; None: leave it as it is."""
+    """Go to a depth, to a heading or to both; None: keep it as it is."""
 
     depth: float | None = None  # [m] positive down
     heading: float | None = None  # [rad] clockwise from north
@@ -30,7 +30,7 @@ Intent = Press | GotoIntent | FollowIntent | ModeIntent
 
 
 def goto(depth: float | None, heading_deg: float | None) -> GotoIntent:
-    """What a person means, in metres and degrees, as the drone is told it.
+    """A goto in metres and degrees, as a person writes it, converted to the drone's units.
 
     Raises:
         ValueError: neither is given, or one is out of its range; says what is allowed.

@@ -1,4 +1,4 @@
-"""Gamepad service: sticks at 50 Hz, requests until they are answered."""
+"""Gamepad service: publishes the sticks at 50 Hz, and repeats requests until they are answered."""
 
 from messages import topics
 from messages.pilot import PilotAnswer, PilotRequest, RequestKind
@@ -19,13 +19,13 @@ def wire(node: Node, stack: Stack) -> None:
 
 
 class Connected:
-    """A pilot whose sticks are a source's and whose voice is a node's."""
+    """Connects a `Pilot` to its stick source and to a node."""
 
     def __init__(self, node: Node, source: StickSource, pilot: Pilot) -> None:
         self._node, self._source, self._pilot = node, source, pilot
         self._kept = pilot.progress
         self._commands = node.publisher(topics.PILOT_COMMAND)
-        self._change = node.alarm(self._speak)
+        self._change = node.alarm(self._publish)
         self._asking = node.request(
             topics.PILOT_REQUEST,
             topics.PILOT_ANSWER,
@@ -34,10 +34,10 @@ class Connected:
             overrules=overrules,
         )
         node.each(topics.STATUS, self._on_status)
-        node.every(topics.PILOT_COMMAND.hz, self._speak)
+        node.every(topics.PILOT_COMMAND.hz, self._publish)
 
-    def _speak(self, now: int) -> None:
-        """Read the source and say it. Also called at the very instant a script's row begins."""
+    def _publish(self, now: int) -> None:
+        """Read the source and publish it. Also called at the instant a script's row begins."""
         began, source = self._pilot.progress.began_ns, self._source
         reading = source.read(now, began)
         self._do(self._pilot.read(reading, source.name, source.played, self._waiting, now), now)
@@ -70,4 +70,4 @@ class Connected:
             self._kept = self._pilot.progress
             self._node.save_checkpoint(self._kept)
         if effects.hand_over:
-            self._speak(now)
+            self._publish(now)

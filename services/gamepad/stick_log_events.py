@@ -18,7 +18,7 @@ def event_of(cell: str, courses: Courses) -> Event | None:
     """What a cell of the column `event` means; nothing when it is empty.
 
     Raises:
-        ValueError: says what was found and what is allowed.
+        ValueError: names what was found and what is allowed.
     """
     word, _, rest = cell.partition(" ")
     if word == "goto":
@@ -35,7 +35,7 @@ def event_of(cell: str, courses: Courses) -> Event | None:
 
 
 def short(text: str) -> str:
-    """As it stands in an error."""
+    """Quoted for an error, long text shortened."""
     return repr(text if len(text) <= 40 else text[:40] + "…")
 
 

@@ -1,4 +1,4 @@
-"""A script as a source of sticks: plays a stick log from the moment the sticks are handed over."""
+"""A script as a stick source: plays a stick log from the moment the sticks are handed over."""
 
 from bisect import bisect_right
 from typing import NamedTuple
@@ -16,7 +16,7 @@ class Cue(NamedTuple):
 
 
 class Player:
-    """Each event happens once: `played` of them have, also before a crash and restart."""
+    """Each event happens once: `played` events have happened, before a restart included."""
 
     def __init__(self, name: str, script: StickLog, played: int = 0) -> None:
         self.name = f"script {name}"

@@ -1,1 +1,1 @@
-"""Watches the link from both its ends: the two clocks, the latency budget, the alarm."""
+"""Measures the link from both ends: clock offset, latency budget, link alarm."""

@@ -1,23 +1,23 @@
-"""How far the drone's clock is ahead of the topside's, with a bound that holds.
+"""Clock synchronisation: offset of the drone's clock from the topside's, with a guaranteed bound.
 
-A ping leaves at t1 (topside), is heard at t2 (drone), answered at t3 (drone) and heard back at t4
-(topside). Whatever the two delays are, they are not negative, so the drone's clock is ahead by at
-least t3 - t4 and at most t2 - t1. Every round trip gives such a band; the truth lies in all of
-them, so in their overlap (Marzullo and Owicki 1983). Nothing is assumed about symmetry: a link
-that is slow one way only makes the band wide. The best round trip of each direction counts, which
-is the minimum filter of NTP (RFC 5905, section 10) for each side by itself.
+A ping is sent at t1 (topside), received at t2 (drone), answered at t3 (drone) and received back at
+t4 (topside). Neither delay is negative, so the drone's clock is ahead by at least t3 - t4 and at
+most t2 - t1. Every round trip gives such an interval; the true offset lies in all of them, so in
+their intersection (Marzullo and Owicki 1983). Symmetry is not assumed: a link that is slow in one
+direction only makes the interval wider. The fastest message of each direction counts, which is
+NTP's minimum filter (RFC 5905, section 10) for each direction by itself.
 
-Crystals differ, so an old band is widened by `DRIFT` for every second of its age.
+Crystals differ, so an interval is widened by `DRIFT` for every second of its age.
 """
 
 from dataclasses import dataclass, field
 
 from messages.link import Clock, ClockPong
 
-DRIFT = 100e-6  # [-] two crystals are no further apart: each 50 ppm, over temperature
+DRIFT = 100e-6  # [-] greatest difference of two crystals: 50 ppm each, over temperature
 KEPT = 600  # round trips; two minutes at 5 Hz
-SHORTEST_S = 20.0  # [s] between two estimates for a drift worth showing
-SILENT_NS = 1_000_000_000  # [ns] without an answer the round trip is not known any more
+SHORTEST_S = 20.0  # [s] between two estimates, for a useful drift
+SILENT_NS = 1_000_000_000  # [ns] without an answer the round trip time is unknown
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,20 +31,21 @@ class RoundTrip:
     most: int  # [ns] t2 - t1: … and by no more
     rtt: int  # [ns] without the drone's own time
 
-    def tells_more_than(self, newer: "RoundTrip") -> bool:
-        """Is its band narrower anywhere than that of a newer trip? If not, it never will be."""
+    def adds_to(self, newer: "RoundTrip") -> bool:
+        """Does its interval still bound the offset where that of a newer trip does not? If not, it
+        never will."""
         return self.sent > newer.sent or self.least > newer.least or self.most < newer.most
 
 
 @dataclass(slots=True)
 class ClockSync:
-    """Fed with pongs; asked for a `Clock`. `events` collects what must be counted."""
+    """Takes pongs, gives a `Clock`. `events` collects what must be counted."""
 
     events: list[str] = field(default_factory=list[str])
     _heard: int = 0  # round trips
     _trips: list[RoundTrip] = field(
         default_factory=list[RoundTrip]
-    )  # of the last KEPT those that tell most
+    )  # of the last KEPT, those that bound the offset
     _first: tuple[int, float] | None = None  # ([ns] when, [ns] ahead) to measure the drift from
 
     def heard(self, pong: ClockPong, now: int) -> None:
@@ -62,16 +63,16 @@ class ClockSync:
             return
         self._heard += 1
         recent = [old for old in self._trips if old.number > trip.number - KEPT]
-        self._trips = [*(old for old in recent if old.tells_more_than(trip)), trip]
+        self._trips = [*(old for old in recent if old.adds_to(trip)), trip]
         least, most = self._band(now)
         if least > most + 2:
-            # No two clocks that run on agree with both: one of them was set.
+            # Two steady clocks cannot give both intervals: one of them was set.
             self.events.append("jumped:clock")
             self._trips = [trip]
             self._first = None
 
     def clock(self, now: int) -> Clock:
-        """What is known at `now` [ns]; None instead of what would be old or guessed."""
+        """The estimate at `now` [ns]; None for whatever is not known now."""
         if not self._trips:
             return _unknown(now)
         least, most = self._band(now)
@@ -89,20 +90,20 @@ class ClockSync:
         )
 
     def downward_ms(self, pong: ClockPong, now: int) -> float | None:
-        """[ms] How long this ping took down to the drone, by the best knowledge of the clocks."""
+        """[ms] Latency of this ping from topside to drone, by the estimated clock offset."""
         if not self._trips:
             return None
         least, most = self._band(now)
         return max(0.0, (pong.heard_ns - pong.ping_ns - (least + most) / 2) / 1e6)
 
     def _band(self, now: int) -> tuple[float, float]:
-        """[ns] The drone's clock is ahead by no less and no more than this."""
+        """[ns] The drone's clock is ahead by at least and at most this."""
         least = max(trip.least - DRIFT * (now - trip.sent) for trip in self._trips)
         most = min(trip.most + DRIFT * (now - trip.sent) for trip in self._trips)
         return least, most
 
     def _drift(self, ahead: float, now: int) -> float | None:
-        """[ppm] How fast the drone's clock gains on the topside's; None until that can be told."""
+        """[ppm] How fast the drone's clock gains on the topside's; None until it is known."""
         if self._first is None:
             self._first = (now, ahead)
         since, then = self._first

@@ -1,4 +1,4 @@
-"""What the link monitor knows of the link, of both clocks and of where the time goes."""
+"""State of the link monitor: link alarm, clock synchronisation and latency budget."""
 
 from dataclasses import dataclass, field
 
@@ -17,10 +17,10 @@ class LinkMonitor:
     budget: LatencyAccount = field(default_factory=LatencyAccount)
     _sync: ClockSync = field(default_factory=ClockSync)
     _alarm: LinkAlarm = field(default_factory=LinkAlarm)
-    _said: str = ""  # the alarm as it was last said
+    _published: str = ""  # the alarm as last published
 
     def ping(self, now: Ns) -> Clock:
-        """A ping leaves; what is known of the clocks goes with it."""
+        """A ping is sent; returns the clock offset to publish with it."""
         self._alarm.sent(now)
         return self._sync.clock(now)
 
@@ -33,11 +33,11 @@ class LinkMonitor:
         self._sync.events.clear()
 
     def news(self, now: Ns) -> str | None:
-        """The alarm, if it is another one than before (empty: it is over); None: nothing new."""
+        """The alarm when it begins (empty text: it is over); None: no change."""
         text = self._alarm.text(now)
-        if bool(text) == bool(self._said):
+        if bool(text) == bool(self._published):
             return None
-        self._said = text
+        self._published = text
         if text:
             self.events.append("alarm:link")
         return text

@@ -1,11 +1,12 @@
-"""Where the time goes, from the stick to the thruster and from the sensor to the screen.
+"""Latency from the stick to the thruster and from the sensor to the screen, stage by stage.
 
-Every message carries the stamps of what caused it, so each stage is a difference of two of them.
-Only the moment at which a command comes out of the tether is written nowhere: that stage is what
-the pings measure, and what `reference` waits for the next state is the rest.
+Every message carries the stamps of its causes, so each stage is a difference of two stamps. Only
+the time at which a command leaves the tether is not recorded: that stage is measured by the pings,
+and the rest is the time `reference` waits for the next state.
 
-The stages shown are those of the median command, the mean over those of the middle fifth that took
-as long, so that they add up to the end-to-end median; medians of stages taken one by one would not.
+The stages reported are those of the median command: the mean over the commands of the middle fifth
+with the same total latency, so that they add up to the end-to-end median. The medians of the single
+stages would not.
 """
 
 from collections import deque
@@ -20,25 +21,25 @@ from messages.state import VehicleState
 from messages.units import Ns
 from messages.vehicle import Actuation
 
-WINDOW_NS = 2_000_000_000  # [ns] the budget is about the last two seconds
+WINDOW_NS = 2_000_000_000  # [ns] the budget covers the last two seconds
 SAME_NS = 5_000_000  # [ns] a quarter of the time between two commands
-AT_LEAST = 5  # ways that must have come through before anything is said
-ALIKE = 0.02  # [-] ways that took as long as the median one, within this share of it
+AT_LEAST = 5  # commands or samples that a median needs
+ALIKE = 0.02  # [-] a total latency within this share of the median's counts as the same
 
 
 @dataclass(slots=True)
 class CommandTrace:
-    """One pilot command on its way, all stamps in the topside's clock."""
+    """Stamps of one pilot command on its way to the thrusters, all in the topside's clock."""
 
-    sample_ms: float  # [ms] the pad's own age
-    heard: Ns  # [ns] by the link monitor, on the topside's bus
+    sample_ms: float  # [ms] age of the pad's reading
+    published: Ns  # [ns] received by the link monitor, on the topside's bus
     reference: Ns | None = None  # [ns]
     control: Ns | None = None  # [ns]
 
 
 @dataclass(slots=True)
 class LatencyAccount:
-    """Fed with what goes by; asked for a `LatencyBudget`."""
+    """Takes the messages of the control chain, gives a `LatencyBudget`."""
 
     _under_way: dict[Ns, CommandTrace] = field(default_factory=dict[int, CommandTrace])
     _down: deque[tuple[Ns, tuple[float, ...]]] = field(
@@ -49,9 +50,9 @@ class LatencyAccount:
     _shown: deque[tuple[Ns, float]] = field(default_factory=deque[tuple[int, float]])
     _down_link: deque[tuple[Ns, float]] = field(default_factory=deque[tuple[int, float]])
 
-    _answered: Ns = 0  # [ns] stamp of the newest command whose way is told
+    _accounted: Ns = 0  # [ns] stamp of the newest command whose latency is known
 
-    # What goes by.
+    # Messages received.
 
     def command(self, command: PilotCommand, now: Ns) -> None:
         self._under_way[command.stamp_ns] = CommandTrace(command.device_age_ms, now)
@@ -74,24 +75,24 @@ class LatencyAccount:
         sent, done, link = self._sent(actuation.pilot_ns), actuation.actuated_ns, self._link()
         if sent is None or done is None or link is None:
             return
-        way, self._answered = self._under_way.pop(sent), sent
-        if way.reference is None or way.control is None:
-            return  # a telemetry message of this way was thinned out or lost
-        publish = (way.heard - sent) / 1e6
-        arrived = (way.reference - sent) / 1e6
+        trace, self._accounted = self._under_way.pop(sent), sent
+        if trace.reference is None or trace.control is None:
+            return  # a telemetry message for this command was thinned out or lost
+        publish = (trace.published - sent) / 1e6
+        arrived = (trace.reference - sent) / 1e6
         link = min(link, max(0.0, arrived - publish))
         stages = (
-            way.sample_ms,
+            trace.sample_ms,
             publish,
             link,
             arrived - publish - link,
-            (way.control - way.reference) / 1e6,
-            (done - way.control) / 1e6,
+            (trace.control - trace.reference) / 1e6,
+            (done - trace.control) / 1e6,
         )
         self._down.append((now, stages))
 
     def ping(self, downward_ms: float, now: Ns) -> None:
-        """What a ping took to the drone [ms]."""
+        """Latency of a ping from topside to drone [ms]."""
         self._down_link.append((now, downward_ms))
 
     def state(self, state: VehicleState, now: Ns) -> None:
@@ -101,7 +102,7 @@ class LatencyAccount:
     def shown(self, shown: Shown, now: Ns) -> None:
         self._shown.append((now, (shown.stamp_ns - shown.sensor_ns) / 1e6))
 
-    # What there is to say.
+    # The report.
 
     def report(self, now: Ns, bound_ms: float | None, alarm: str) -> LatencyBudget:
         for kept in (self._estimation, self._up_link, self._shown, self._down_link, self._down):
@@ -134,12 +135,13 @@ class LatencyAccount:
         )
 
     def _sent(self, pilot_ns: Ns | None) -> Ns | None:
-        """[ns] The stamp of the command this names. A stamp that went to another machine and came
-        back is off by what the clocks were corrected by in between."""
+        """[ns] The stamp of the command that this stamp names; None: of none under way. A stamp
+        converted to the other machine's clock and back differs by the change of the estimated clock
+        offset in between."""
         if pilot_ns is None or pilot_ns in self._under_way:
             return pilot_ns
-        if pilot_ns < self._answered + SAME_NS or not self._under_way:
-            return None  # a later message of a way that is told already: every second one
+        if pilot_ns < self._accounted + SAME_NS or not self._under_way:
+            return None  # another message for a command already accounted for
         nearest = min(self._under_way, key=lambda sent: abs(sent - pilot_ns))
         return nearest if abs(nearest - pilot_ns) < SAME_NS else None
 
@@ -147,30 +149,30 @@ class LatencyAccount:
         return _median([ms for _, ms in self._down_link])
 
 
-def _stages(names: tuple[str, ...], ways: list[tuple[float, ...]]) -> tuple[Stage, ...] | None:
-    if len(ways) < AT_LEAST:
+def _stages(names: tuple[str, ...], commands: list[tuple[float, ...]]) -> tuple[Stage, ...] | None:
+    if len(commands) < AT_LEAST:
         return None
-    ways = sorted(ways, key=sum)
-    half = max(1, len(ways) // 10)
-    whole = sum(ways[len(ways) // 2])
+    commands = sorted(commands, key=sum)
+    half = max(1, len(commands) // 10)
+    median = sum(commands[len(commands) // 2])
     middle = [
-        way
-        for way in ways[len(ways) // 2 - half : len(ways) // 2 + half + 1]
-        if abs(sum(way) - whole) <= ALIKE * abs(whole)
+        stages
+        for stages in commands[len(commands) // 2 - half : len(commands) // 2 + half + 1]
+        if abs(sum(stages) - median) <= ALIKE * abs(median)
     ]
     return tuple(
         Stage(
             name,
-            max(0.0, sum(way[k] for way in middle) / len(middle)),
-            max(0.0, _high([way[k] for way in ways])),
+            max(0.0, sum(stages[k] for stages in middle) / len(middle)),
+            max(0.0, _high([stages[k] for stages in commands])),
         )
         for k, name in enumerate(names)
     )
 
 
 def _median(values: Sequence[float]) -> float | None:
-    """[ms] Below zero, by the error of two clocks, counts as zero; `bound_ms` says how large it
-    may be."""
+    """[ms] A negative latency, caused by the error of the clock offset, counts as zero; `bound_ms`
+    is the greatest such error."""
     return max(0.0, sorted(values)[len(values) // 2]) if len(values) >= AT_LEAST else None
 
 

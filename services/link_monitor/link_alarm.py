@@ -1,4 +1,4 @@
-"""When the pilot should know about the link, within a second of its getting worse."""
+"""The link alarm: raised within a second of the link getting worse."""
 
 from collections import deque
 from dataclasses import dataclass, field
@@ -6,8 +6,8 @@ from statistics import median
 
 from messages.units import Ns
 
-USUAL = 300  # round trips that say what is usual; a minute at 5 Hz
-IN_A_ROW = 2  # slow answers before the alarm; one may be chance
+USUAL = 300  # round trips whose median is the usual one; a minute at 5 Hz
+IN_A_ROW = 2  # slow answers before the alarm; a single one may be chance
 RISE_MS = 50.0  # [ms] above the usual round trip, at least
 RISE = 1.0  # [-] and at least this share of the usual one
 START_MS = 3000.0  # [ms] for the drone's first answer: the other side may still be starting
@@ -16,12 +16,12 @@ SILENT_MS = 500.0  # [ms] without an answer, beyond the usual round trip
 
 @dataclass(slots=True)
 class LinkAlarm:
-    """Fed with pings and answers; `text` says what is wrong, or nothing."""
+    """Takes pings and answers; `text` is what is wrong, or empty."""
 
     _usual: deque[float] = field(default_factory=lambda: deque[float](maxlen=USUAL))
     _slow: int = 0  # answers in a row
     _newest_ms: float = 0.0
-    _unanswered: Ns | None = None  # [ns] when the oldest ping that still waits was sent
+    _unanswered: Ns | None = None  # [ns] when the oldest unanswered ping was sent
     _ever: bool = False
 
     def sent(self, now: Ns) -> None:
@@ -36,7 +36,7 @@ class LinkAlarm:
             self._slow += 1
         else:
             self._slow = 0
-        # A link that stays slow becomes the usual one, half a minute later.
+        # For a link that stays slow, that becomes usual after half a minute.
         self._usual.append(rtt_ms)
 
     def text(self, now: Ns) -> str:

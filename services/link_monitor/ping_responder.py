@@ -1,9 +1,9 @@
-"""The drone's end: what is answered to a ping, with the drone's own clock."""
+"""The drone's end: answers a ping with the drone's own time."""
 
 from messages.link import ClockPing, ClockPong
 from messages.units import Ns
 
 
 def pong(ping: ClockPing, heard_ns: Ns) -> ClockPong:
-    """The answer to a ping that is handled now, `heard_ns` by the drone's clock."""
+    """The answer to a ping that is handled at `heard_ns` by the drone's clock."""
     return ClockPong(stamp_ns=heard_ns, ping_ns=ping.stamp_ns, heard_ns=heard_ns)

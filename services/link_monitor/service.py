@@ -1,8 +1,7 @@
-"""Link monitor: pings go down the tether and are answered on board; clocks, latencies and alarms
-come of the answers.
+"""Link monitor: sends pings to the drone, where they are answered; from the answers it estimates
+the clock offset, measures latencies and raises the link alarm.
 
-Where topside and drone are machines of their own it runs on both: topside it measures, on board it
-answers.
+Where topside and drone are two machines it runs on both: topside it measures, on board it answers.
 """
 
 from messages import topics
@@ -41,15 +40,15 @@ def _measure(node: Node) -> None:
         watch(now)
 
     def watch(now: int) -> None:
-        """An alarm is said at once, and its end too."""
+        """Publish the begin and the end of an alarm at once."""
         for name in monitor.events:
             node.count(name)
         monitor.events.clear()
         if (news := monitor.news(now)) is not None:
-            node.log("warning" if news else "info", news or "the link is as usual again")
-            say(now)
+            node.log("warning" if news else "info", news or "the link is back to normal")
+            report(now)
 
-    def say(now: int) -> None:
+    def report(now: int) -> None:
         budgets.put(monitor.report(now))
 
     node.each(topics.CLOCK_PONG, on_pong)
@@ -60,7 +59,7 @@ def _measure(node: Node) -> None:
     node.each(topics.ACTUATION, budget.actuation, onlooker=True)
     node.each(topics.SHOWN, budget.shown, onlooker=True)
     node.every(topics.CLOCK_PING.hz, ping)
-    node.every(topics.LATENCY.hz, say)
+    node.every(topics.LATENCY.hz, report)
 
 
 def _answer(node: Node) -> None:

@@ -1,1 +1,1 @@
-"""Runs the drone's reference ahead over the commands on the way: where it is by now."""
+"""Predicts the drone's present state: propagates its reference with the commands on the link."""

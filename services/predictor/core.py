@@ -1,7 +1,7 @@
-"""Where the drone is by now, though its newest state is a link delay old.
+"""The drone's present state, predicted from a newest state that is a link delay old.
 
-The drone follows its reference, and the reference follows a known law; so the newest reference
-that arrived is run ahead by that same law over the stick positions that had time to get there.
+The drone follows its reference, and the reference follows a known law. So the newest reference that
+arrived is propagated by the same law, with the stick positions that have reached the drone since.
 """
 
 from collections import deque
@@ -24,13 +24,13 @@ from services.reference.settings import Settings, VelocityAxis
 from services.reference.trajectory.minimum_jerk import Sample
 
 COMMANDS = 200  # changes of the sticks kept; at least four seconds
-DELAYS = 50  # commands that tell how long one takes to act
-LONGEST_S = 2.0  # [s] further ahead is no prediction any more
+DELAYS = 50  # commands whose median delay is used
+LONGEST_S = 2.0  # [s] nothing is predicted further ahead
 
 
 @dataclass(slots=True)
 class Predictor:
-    """Fed with commands, states and references as they arrive; all stamps in local time."""
+    """Takes commands, states and references as they arrive; all stamps in local time."""
 
     settings: Settings
     vehicle: Vehicle
@@ -50,7 +50,7 @@ class Predictor:
         self._surge, self._sway = Drift.of(self.vehicle, 0), Drift.of(self.vehicle, 1)
 
     def command(self, command: PilotCommand, _: Ns) -> None:
-        """A stick position that is the same as the one before changes nothing."""
+        """Keep a command if its sticks differ from those of the previous one."""
         if not self._commands or _sticks(command) != _sticks(self._commands[-1]):
             self._commands.append(command)
 
@@ -78,7 +78,7 @@ class Predictor:
             self._sway.velocity = v.value
 
     def predict(self, now: Ns) -> Prediction | None:
-        """None while there is nothing to start from, or it is too old."""
+        """The prediction; None while there is no state to start from, or it is too old."""
         state, reference = self._state, self._reference
         if state is None or reference is None or state.phase != "running":
             return None
@@ -93,7 +93,7 @@ class Predictor:
             reference.heading, reference, self.settings.yaw, "yaw", state.heading,
             state.yaw_rate, now,
         )  # fmt: skip
-        forward, starboard = self._carried(reference, seconds)
+        forward, starboard = self._displacement(reference, seconds)
         north, east = _moved(state, (state.heading.value + heading) / 2, forward, starboard)
         self._quality.predicted(
             JudgedPrediction(now, Pose(depth, heading, north, east), _pose(state))
@@ -125,7 +125,7 @@ class Predictor:
         rate: Estimate,
         now: Ns,
     ) -> tuple[float, float]:
-        """Position and rate of one axis by now."""
+        """Predicted position and rate of one axis."""
         begun, seconds = reference.stamp_ns / 1e9, (now - reference.stamp_ns) / 1e9
         if not reference.armed:
             ahead = Sample(motion.position, 0.0, 0.0, 0.0)
@@ -138,20 +138,20 @@ class Predictor:
         return joined(ahead, motion, position.value, rate.value, max(0.0, seconds))
 
     def _changes(self, stick: str, axis: VelocityAxis, reference: Reference) -> list[Change]:
-        """The stick positions the reference has not answered yet, when they will take effect."""
-        takes = median(self._delays) if self._delays else 0.0
-        answered = reference.pilot_ns or 0
+        """The stick positions that the reference does not include yet, with the time of effect."""
+        delay = median(self._delays) if self._delays else 0.0
+        included = reference.pilot_ns or 0
         changes: list[Change] = []
         for command in self._commands:
             target = getattr(command, stick) * axis.max_velocity
-            if command.stamp_ns <= answered:
+            if command.stamp_ns <= included:
                 changes = [Change(0.0, target)]
             else:
-                changes.append(Change((command.stamp_ns + takes) / 1e9, target))
+                changes.append(Change((command.stamp_ns + delay) / 1e9, target))
         return changes
 
-    def _carried(self, reference: Reference, seconds: float) -> tuple[float, float]:
-        """[m] Forward and to starboard since the state, by the forces that act."""
+    def _displacement(self, reference: Reference, seconds: float) -> tuple[float, float]:
+        """[m] Forward and to starboard since the state, by the reference's horizontal forces."""
         if reference.surge is not None:
             return reference.surge.velocity * seconds, 0.0
         surge = Drift.of(self.vehicle, 0)
@@ -173,7 +173,7 @@ def _pose(state: VehicleState) -> Pose:
 def _moved(
     state: VehicleState, heading: float, forward: float, starboard: float
 ) -> tuple[float | None, float | None]:
-    """[m] North and east after this way; None where the drone does not measure its place."""
+    """[m] North and east after this displacement; None where the position is not measured."""
     pose = _pose(state)
     if pose.north is None or pose.east is None:
         return None, None

@@ -1,4 +1,4 @@
-"""How far the horizontal force carries the drone: m v̇ = F - d v - q v|v| along one body axis."""
+"""Motion under a horizontal force: m v̇ = F - d v - q v|v| along one body axis."""
 
 from dataclasses import dataclass
 
@@ -9,9 +9,9 @@ STEP = 0.02  # [s]
 
 @dataclass(slots=True)
 class Drift:
-    """One body axis of the drone's model, kept going on the forces that are heard of."""
+    """Model of one body axis, driven by the reference forces that arrive."""
 
-    inertia: float  # [kg] with the water that moves along
+    inertia: float  # [kg] with added mass
     linear: float  # [N s/m]
     quadratic: float  # [N s²/m²]
     velocity: float = 0.0  # [m/s]
@@ -26,13 +26,13 @@ class Drift:
         )
 
     def go(self, force: float, seconds: float) -> float:
-        """[m] Moved while this force [N] acts; the velocity goes on from there."""
+        """[m] Displacement while this force [N] acts; the velocity is kept for the next call."""
         steps = max(1, round(seconds / STEP))
         dt, moved = seconds / steps, 0.0
         for _ in range(steps):
             v = self.velocity
             drag = self.linear + self.quadratic * abs(v)
-            # Implicit in the drag, so that no step is too long.
+            # Implicit in the drag, so that any step is stable.
             self.velocity = (self.inertia * v + force * dt) / (self.inertia + drag * dt)
             moved += (v + self.velocity) / 2 * dt
         return moved

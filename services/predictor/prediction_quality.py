@@ -1,4 +1,4 @@
-"""How good the predictions were, told by the states that arrive later."""
+"""Errors of past predictions, measured with the states that arrive later."""
 
 from collections import deque
 from dataclasses import dataclass, field
@@ -19,15 +19,15 @@ class Pose(NamedTuple):
 
 
 class JudgedPrediction(NamedTuple):
-    """A prediction, and the delayed picture it was made from."""
+    """A prediction, and the delayed state it was made from."""
 
-    at: Ns  # [ns] the moment it is about
+    at: Ns  # [ns] the time it predicts
     predicted: Pose
     delayed: Pose
 
 
 class SquaredErrors(NamedTuple):
-    """Squares of what a guess was off by."""
+    """Squared errors of a prediction or of a delayed state."""
 
     depth: float  # [m²]
     heading: float  # [rad²]
@@ -36,29 +36,29 @@ class SquaredErrors(NamedTuple):
 
 @dataclass(slots=True)
 class PredictionQuality:
-    _open: deque[JudgedPrediction] = field(default_factory=deque[JudgedPrediction])
+    _pending: deque[JudgedPrediction] = field(default_factory=deque[JudgedPrediction])
     _judged: deque[tuple[Ns, SquaredErrors, SquaredErrors]] = field(
         default_factory=deque[tuple[int, SquaredErrors, SquaredErrors]]
     )
-    _before: tuple[Ns, Pose] | None = None  # the state before
+    _before: tuple[Ns, Pose] | None = None  # the previous state
 
     def predicted(self, judged: JudgedPrediction) -> None:
-        self._open.append(judged)
+        self._pending.append(judged)
 
     def truth(self, at: Ns, pose: Pose) -> None:
-        """What the drone says of the moment `at` [ns], in order."""
+        """The drone's state at `at` [ns]; call in order of time."""
         before, self._before = self._before, (at, pose)
-        while self._open and self._open[0].at <= at:
-            judged = self._open.popleft()
+        while self._pending and self._pending[0].at <= at:
+            judged = self._pending.popleft()
             if before is not None and before[0] <= judged.at:
                 true = _between(before, (at, pose), judged.at)
-                errors = _off(judged.predicted, true), _off(judged.delayed, true)
+                errors = _errors(judged.predicted, true), _errors(judged.delayed, true)
                 self._judged.append((at, *errors))
         while self._judged and self._judged[0][0] < at - WINDOW_NS:
             self._judged.popleft()
 
     def misses(self) -> tuple[Miss | None, Miss | None]:
-        """Of the predictions, and of the delayed picture."""
+        """Rms errors of the predictions, and of the delayed state."""
         if not self._judged:
             return None, None
         return (
@@ -82,7 +82,7 @@ def _mix(a: float | None, b: float | None, share: float) -> float | None:
     return None if a is None or b is None else a + share * (b - a)
 
 
-def _off(judged: Pose, true: Pose) -> SquaredErrors:
+def _errors(judged: Pose, true: Pose) -> SquaredErrors:
     depth, heading = judged.depth - true.depth, judged.heading - true.heading
     return SquaredErrors(depth * depth, heading * heading, _place(judged, true))
 
@@ -90,15 +90,15 @@ def _off(judged: Pose, true: Pose) -> SquaredErrors:
 def _place(judged: Pose, true: Pose) -> float | None:
     if judged.north is None or judged.east is None or true.north is None or true.east is None:
         return None
-    away = hypot(judged.north - true.north, judged.east - true.east)
-    return away * away
+    distance = hypot(judged.north - true.north, judged.east - true.east)
+    return distance * distance
 
 
-def _miss(those: list[SquaredErrors]) -> Miss:
-    places = [off.place for off in those if off.place is not None]
+def _miss(errors: list[SquaredErrors]) -> Miss:
+    places = [error.place for error in errors if error.place is not None]
     return Miss(
-        depth=_root_mean([off.depth for off in those]),
-        heading=_root_mean([off.heading for off in those]),
+        depth=_root_mean([error.depth for error in errors]),
+        heading=_root_mean([error.heading for error in errors]),
         place=_root_mean(places) if places else None,
     )
 

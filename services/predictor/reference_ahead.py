@@ -1,4 +1,4 @@
-"""One axis run ahead: the drone's own law over the stick positions that are on their way."""
+"""Propagates one axis of the reference with the drone's own law and the commands on the link."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,12 +7,12 @@ from math import exp
 from messages.reference import Motion
 from services.reference.trajectory.minimum_jerk import Limits, Ramp, Sample
 
-CATCH_UP = 0.5  # [s] in which a vehicle that is faster or slower than its reference joins it
+CATCH_UP = 0.5  # [s] time constant with which the vehicle's rate error decays
 
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """A stick position on its way."""
+    """A stick position on the link."""
 
     at: float  # [s] when the drone acts on it
     target: float  # per second
@@ -25,8 +25,8 @@ def reference_ahead(
 
     Args:
         motion: the newest reference that has arrived.
-        changes: stick positions in the order of their effect. The first is the one the reference
-            was already on its way to.
+        changes: stick positions in the order of their effect. The first is the one that the
+            reference already includes.
     """
     ramp = Ramp(limits)
     ramp.take(Sample(motion.position, motion.velocity, motion.acceleration, motion.jerk), begun)
@@ -38,7 +38,7 @@ def reference_ahead(
 
 
 def coasting(motion: Motion, seconds: float) -> Sample:
-    """Where a path or a turn sets the pace: the reference goes on as it does."""
+    """Extrapolation with constant jerk, for a reference along a path or a turn."""
     v, a, j = motion.velocity, motion.acceleration, motion.jerk
     velocity = v + seconds * (a + seconds * j / 2)
     position = motion.position + seconds * (v + seconds * (a / 2 + seconds * j / 6))
@@ -48,13 +48,13 @@ def coasting(motion: Motion, seconds: float) -> Sample:
 def joined(
     ahead: Sample, motion: Motion, position: float, rate: float, seconds: float
 ) -> tuple[float, float]:
-    """Position and rate of the vehicle: what it was off its reference stays, what it was faster
-    fades.
+    """Position and rate of the vehicle: its position error stays, its rate error decays.
 
     Args:
-        ahead, motion: the reference then and `seconds` before.
-        position, rate: of the vehicle before.
+        ahead: predicted reference.
+        motion: reference `seconds` before.
+        position, rate: of the vehicle at that time.
     """
-    faster, kept = rate - motion.velocity, exp(-seconds / CATCH_UP)
-    off = position - motion.position + faster * CATCH_UP * (1.0 - kept)
-    return ahead.position + off, ahead.velocity + faster * kept
+    rate_error, decay = rate - motion.velocity, exp(-seconds / CATCH_UP)
+    error = position - motion.position + rate_error * CATCH_UP * (1.0 - decay)
+    return ahead.position + error, ahead.velocity + rate_error * decay

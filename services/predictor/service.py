@@ -1,4 +1,4 @@
-"""Predictor service: what arrives from the drone late leaves as where the drone is by now."""
+"""Predictor service: from delayed telemetry it publishes the drone's predicted present state."""
 
 from messages import topics
 from services.marine.vehicle import Vehicle
@@ -12,7 +12,7 @@ def wire(node: Node, stack: Stack) -> None:
     predictor = Predictor(stack.section("reference", Settings), stack.section("vehicle", Vehicle))
     predictions = node.publisher(topics.PREDICTION)
 
-    def say(now: int) -> None:
+    def publish(now: int) -> None:
         if (prediction := predictor.predict(now)) is not None:
             predictions.put(prediction)
 
@@ -20,4 +20,4 @@ def wire(node: Node, stack: Stack) -> None:
     node.each(topics.STATE, predictor.state)
     node.each(topics.REFERENCE, predictor.reference)
     node.each(topics.STATUS, predictor.status)
-    node.every(topics.PREDICTION.hz, say)
+    node.every(topics.PREDICTION.hz, publish)

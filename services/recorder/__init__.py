@@ -1,1 +1,1 @@
-"""Recorder: every stream of the vehicle into one MCAP file that any MCAP tool can open."""
+"""Recorder: writes every topic of the vehicle to one MCAP file that any MCAP tool can open."""

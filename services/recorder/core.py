@@ -1,7 +1,7 @@
-"""What came off the bus becomes rows of a recording, or a name under which the loss is counted.
+"""Envelopes from the bus become rows of a recording, or are counted as lost.
 
-Nothing that arrives may raise, and nothing that arrives may make the counters or the list of
-channels grow without end: a flood of invented keys ends up under one shared name.
+No input may raise, and no input may make the counters or the list of channels grow without limit:
+many invented keys are counted under one shared name.
 """
 
 import hashlib
@@ -39,7 +39,7 @@ class _Stream:
     decoder: msgspec.msgpack.Decoder[Message]
 
 
-def _as_said(_: AnyTopic, stamp_ns: int) -> int | None:
+def _unchanged(_: AnyTopic, stamp_ns: int) -> int | None:
     return stamp_ns
 
 
@@ -48,16 +48,16 @@ class Intake:
 
     Args:
         wall_offset_ns: [ns] UTC minus the recorder's clock, which is that of arrivals.
-        local_ns: a stamp [ns] of a stream by the recorder's clock; None where that is not known,
-            and the arrival then stands for it. By default there is one clock.
+        local_ns: converts a stamp [ns] of a topic to the recorder's clock; None where that is not
+            known, then the arrival time is used. By default there is one clock.
     """
 
     def __init__(
-        self, wall_offset_ns: int, local_ns: Callable[[AnyTopic, int], int | None] = _as_said
+        self, wall_offset_ns: int, local_ns: Callable[[AnyTopic, int], int | None] = _unchanged
     ) -> None:
         self._offset = wall_offset_ns
         self._local_ns = local_ns
-        self._streams: dict[str, _Stream] = {}  # every topic of the table, and members met
+        self._streams: dict[str, _Stream] = {}  # every topic of the table, and members seen
         self._members: dict[str, int] = {}  # family → how many members are recorded
         self._unknown: set[str] = set()
         self._hash = hashlib.sha256()
@@ -68,7 +68,7 @@ class Intake:
             )
 
     def take(self, key: str, encoding: str, payload: bytes, arrival: int) -> RecordedRow | str:
-        """The row to be written, or the name under which the refusal is to be counted.
+        """The row to write, or the name under which its loss is counted.
 
         Args:
             arrival: [ns] by the recorder's clock.
@@ -76,7 +76,7 @@ class Intake:
         stream = self._streams.get(key) or self._family_of(key)
         if stream is None:
             return self._name_unknown(key)
-        # A refused member of a family is counted under the family: anybody can invent members.
+        # A rejected member of a family is counted under the family: anybody can invent members.
         name = key if key in self._streams else stream.topic.key
         if encoding != stream.encoding:
             return f"wrong_type:{name}"
@@ -96,7 +96,7 @@ class Intake:
 
     def log_hash(self) -> str:
         """SHA-256 over key, payload and arrival of every row so far, in order: two runs with the
-        same hash heard the same bytes at the same instants."""
+        same hash received the same bytes at the same times."""
         return self._hash.hexdigest()
 
     def _family_of(self, key: str) -> _Stream | None:
@@ -104,7 +104,7 @@ class Intake:
         return None if topic is None else self._streams[topic.key]
 
     def _admit(self, key: str, family: _Stream) -> bool:
-        """A member of a family, heard for the first time."""
+        """Accept a new member of a family, if there are not too many."""
         members = self._members.get(family.topic.key, 0)
         if members >= MEMBERS:
             return False
@@ -121,7 +121,7 @@ class Intake:
         return f"unknown:{name}"
 
     def _add_to_hash(self, key: str, payload: bytes, arrival: int) -> None:
-        # Lengths first, so that bytes cannot wander from one field into the next unnoticed.
+        # Lengths first, so that different fields never give the same bytes.
         self._hash.update(f"{len(key)} {len(payload)} {arrival} {key}".encode())
         self._hash.update(payload)
 

@@ -1,9 +1,9 @@
 """JSON Schemas that Foxglove and Lichtblick accept.
 
-Their parser wants `"type": "object"` at the top and knows neither `$ref`, `anyOf`, `enum` nor
-`prefixItems`; a schema with one of them loses its whole channel. So everything is written out:
-references are replaced by what they point at, a value that may be null by the value, a choice by
-its type, a tuple by an array of its first item.
+Their parser needs `"type": "object"` at the top and supports neither `$ref`, `anyOf`, `enum` nor
+`prefixItems`; a channel whose schema has one of them is not shown. So schemas are flattened:
+references are replaced by their target, a nullable value by the value, an enumeration by its type,
+a tuple by an array of its first item.
 """
 
 import json

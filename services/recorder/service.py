@@ -1,6 +1,6 @@
-"""Recorder service: hears every stream of the vehicle and writes it down, five times a second
-safely. Its own health and log lines are not in the file, because nobody hears themselves; what it
-lost is in the file's `losses` record."""
+"""Recorder service: records every topic of the vehicle, flushed five times a second. Its own health
+and log lines are not in the file, because nobody receives their own messages; what it lost is in
+the file's `losses` metadata."""
 
 from services.recorder.core import Intake
 from services.recorder.io.mcap_session import McapSession
@@ -17,13 +17,13 @@ def wire(node: Node, stack: Stack) -> None:
     session = McapSession(node, stack)
     home = next(iter(node.sides))
 
-    def hear(envelope: Envelope, arrival: int) -> None:
+    def record(envelope: Envelope, arrival: int) -> None:
         row = intake.take(envelope.key, envelope.encoding, envelope.payload, arrival)
         if isinstance(row, str):
             node.count(row)
         else:
             session.write(row)
 
-    node.collect(home, "**", hear, depth=DEPTH)
+    node.collect(home, "**", record, depth=DEPTH)
     node.every(FLUSH_HZ, session.flush)
     node.on_close(lambda: session.close(intake.log_hash()))

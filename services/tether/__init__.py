@@ -1,1 +1,2 @@
-"""The only way across: carries the table's DOWN and UP rows between the two realms."""
+"""The emulated link: the only connection between topside and drone. It forwards the topics of
+direction DOWN, UP and BOTH."""

@@ -1,4 +1,4 @@
-"""What is asked of the running link, and the answer."""
+"""Requests that change the running link, and their answers."""
 
 from collections.abc import Callable
 from typing import Any
@@ -8,13 +8,12 @@ from messages.units import Ns
 from services.tether.core import Link
 from services.tether.profile import Named
 
-# The profile that a request asks for, beside the one in force, and in words what changes; or why
-# it cannot be had.
+# (request, profile in force) → the new profile and what changes, in words; or why it is refused.
 Read = Callable[[LinkRequest, Named], tuple[Named, str] | str]
 
 
 class Changer:
-    """Knows the profile in force; `read` reads files."""
+    """Keeps the profile in force; `read` reads profile files."""
 
     def __init__(self, link: Link[Any], in_force: Named, read: Read) -> None:
         self._link = link
@@ -22,7 +21,7 @@ class Changer:
         self._read = read
 
     def answer(self, request: LinkRequest, now: Ns) -> LinkAnswer:
-        """Change the link, or say why not; nothing has changed then."""
+        """Change the link, or refuse with a reason and change nothing."""
         change, reason = self._carry_out(request, now)
         return LinkAnswer(
             stamp_ns=now,
@@ -35,13 +34,13 @@ class Changer:
         )
 
     def _carry_out(self, request: LinkRequest, now: Ns) -> tuple[str, str]:
-        """In words: what has changed, or why nothing has."""
+        """In words: (what has changed, why nothing has); one of the two is empty."""
         if request.kind == "down":
             self._link.cut(now)
             return "the link is cut", ""
         if request.kind == "up":
             self._link.restore(now)
-            return "the link is there again", ""
+            return "the link is restored", ""
         found = self._read(request, self._in_force)
         if isinstance(found, str):
             return "", found

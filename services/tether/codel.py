@@ -1,4 +1,4 @@
-"""CoDel: keeps the wait in a queue short without knowing the rate of the link.
+"""CoDel: keeps the waiting time in a queue short without knowing the link's rate.
 
 Nichols & Jacobson 2012, *Controlling queue delay*; RFC 8289 section 4. A queue that has not once
 been shorter than `target` for a whole `interval` drops messages as they leave, ever faster.

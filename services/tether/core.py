@@ -1,5 +1,4 @@
-"""The link as a whole: both directions, what is changed about them, what is thinned out and what is
-said of it."""
+"""The link as a whole: both directions, changes, telemetry rate control and the status."""
 
 from typing import Generic, TypeVar
 
@@ -24,26 +23,26 @@ class Link(Generic[T]):
         self.up: LinkDirection[T] = LinkDirection(profile.up, np.random.default_rng(seed + 1))
         self.changes = 0  # since start
         self._profile = profile
-        self._tiers = RateLadder()
-        self._thinner = TelemetryRateControl()
+        self._ladder = RateLadder()
+        self._rate_control = TelemetryRateControl()
         self._judged = (0, 0, 0)  # [ns], bytes carried and messages lost in the queue, until then
 
-    # What is asked of it.
+    # Changes.
 
     def change(self, name: str, profile: LinkProfile, now: int) -> None:
-        """Another model from now on; what is on the way stays on its way."""
+        """Use another model from now on; messages on the link still arrive."""
         self.changes += 1
-        roomier = _carries_more(profile.up.rate_kbit, self._profile.up.rate_kbit)
+        faster = _carries_more(profile.up.rate_kbit, self._profile.up.rate_kbit)
         self.name, self._profile = name, profile
         self.down.change(profile.down, now)
         self.up.change(profile.up, now)
-        if roomier or not profile.thin:
-            # What the link before could carry, and lost, says nothing about this one.
-            self._tiers, self._thinner.rates = RateLadder(), {}
+        if faster or not profile.thin:
+            # The old link's capacity and losses do not apply to this one.
+            self._ladder, self._rate_control.rates = RateLadder(), {}
             self._judged = (now, self.up.carried_bytes, self.up.lost_in_queue)
 
     def cut(self, now: int) -> None:
-        """Everything on the way is lost, and everything that enters until `restore`."""
+        """Lose every message on the link, and every message that enters until `restore`."""
         self.changes += 1
         self.down.cut(now)
         self.up.cut(now)
@@ -53,32 +52,31 @@ class Link(Generic[T]):
         self.down.restore(now)
         self.up.restore(now)
 
-    # Telemetry fits the link.
+    # Telemetry rate control.
 
     def admits_up(self, key: str, size: int, now: int) -> bool:
         """May this message of `size` bytes go up, or is its topic thinned out?"""
-        return self._thinner.admits(key, size + self._profile.up.overhead_bytes, now)
+        return self._rate_control.admits(key, size + self._profile.up.overhead_bytes, now)
 
     def judge(self, now: int) -> bool:
-        """Look at the way up since the last look. True: other topics are thinned out from now on,
-        or to other rates."""
+        """Check the upward direction since the last call. True: the rates have changed."""
         before, carried, lost = self._judged
         seconds = (now - before) / 1e9
-        standing, offered = self.up.standing_bytes(now), self._thinner.offered(now)
+        standing, offered = self.up.standing_bytes(now), self._rate_control.offered(now)
         self._judged = (now, self.up.carried_bytes, self.up.lost_in_queue)
         if not self._profile.thin or seconds <= 0.0:
             return False
         kilobits = (self.up.carried_bytes - carried) * 8e-3 / seconds
         new = self.up.lost_in_queue - lost
-        if not self._tiers.judge(standing, new, kilobits, offered, now):
+        if not self._ladder.judge(standing, new, kilobits, offered, now):
             return False
-        self._thinner.rates = limits(self._tiers.level)
+        self._rate_control.rates = limits(self._ladder.level)
         return True
 
     @property
     def thinned(self) -> dict[str, float]:
         """[1/s] Topics that are thinned out, and to what rate."""
-        return self._thinner.rates
+        return self._rate_control.rates
 
     @property
     def telemetry(self) -> str:
@@ -86,21 +84,21 @@ class Link(Generic[T]):
         rates = ", ".join(f"{key} {hz:g}/s" for key, hz in self.thinned.items())
         return f"telemetry thinned out to {rates}" if rates else "full telemetry"
 
-    # What is said of it.
+    # Status.
 
     def status(self, now: int, clock: Clock | None) -> LinkStatus:
         """What passed since the last status; None where nothing is known."""
         down, up = self.down.report(now), self.up.report(now, dict(self.thinned))
         there = self.down.is_up(now) and self.up.is_up(now)
-        halves = down.delay_p50_ms, up.delay_p50_ms
-        known = there and halves[0] is not None and halves[1] is not None
+        one_way = down.delay_p50_ms, up.delay_p50_ms
+        known = there and one_way[0] is not None and one_way[1] is not None
         return LinkStatus(
             stamp_ns=now,
             profile=self.name,
             up=there,
             down_link=down,
             up_link=up,
-            rtt_ms=(halves[0] or 0.0) + (halves[1] or 0.0) if known else None,
+            rtt_ms=(one_way[0] or 0.0) + (one_way[1] or 0.0) if known else None,
             changes=self.changes,
             clock=clock,
         )

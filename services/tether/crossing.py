@@ -1,4 +1,4 @@
-"""One direction of the link as its gateway uses it: what enters, comes out and is counted."""
+"""One direction of the link, as the tether service uses it, with counts of what was not carried."""
 
 from collections.abc import Callable
 from typing import Generic, TypeVar
@@ -24,14 +24,14 @@ class Crossing(Generic[T]):
         self._admits = admits
 
     def enter(self, key: str, item: T, size: int, rank: int, now: Ns) -> None:
-        """`size` [B] of a message on a key; `rank` as in `waiting.RANK`."""
+        """`size` [B] of a message on a key; `rank` as in `priority_queue.RANK`."""
         if self._admits(key, size, now):
             self._line.enter((key, item), now, size, rank)
         else:
             self.counts.append(f"thinned:{key}")
 
     def leave(self, now: Ns) -> list[tuple[T, bool]]:
-        """Whatever has arrived, and whether it was damaged on the way."""
+        """The messages that have arrived, and whether each was damaged on the link."""
         arrived: list[tuple[T, bool]] = []
         while (arrival := self._line.leave(now)) is not None:
             key, item = arrival.item
@@ -42,5 +42,5 @@ class Crossing(Generic[T]):
         return arrived
 
     def due(self) -> Ns | None:
-        """[ns] When something comes out or is lost; None: nothing is on the way."""
+        """[ns] When the next message leaves or is lost; None: there is none on the link."""
         return self._line.due()

@@ -4,10 +4,10 @@ NEVER_USED = 0xC1  # the one byte that no msgpack value begins with
 
 
 def damaged(payload: bytes) -> bytes:
-    """Every bit of the last byte turned, and a first byte that no decoder accepts.
+    """Every bit of the last byte flipped, and a first byte that no decoder accepts.
 
-    A real link has a checksum on every frame. The bus has none above it, so a flipped bit in the
-    middle of a number would pass for another number; nobody must ever act on such a message.
+    A real link has a checksum on every frame. The bus has none, so a flipped bit inside a number
+    would be taken for another number; no service may act on such a message.
     """
     if not payload:
         return bytes([NEVER_USED])

@@ -1,4 +1,4 @@
-"""How long a message is under way: distributions, each given by its quantile function."""
+"""Delay distributions of the link, each given by its quantile function."""
 
 from bisect import bisect_right
 from statistics import NormalDist
@@ -9,7 +9,7 @@ import numpy as np
 
 from services.tether.random_streams import BLOCK, Floats, correlated
 
-LONGEST_MS = 60_000.0  # [ms] no message is under way longer than a minute
+LONGEST_MS = 60_000.0  # [ms] longest delay of a message
 TAIL = 1e-9  # [-] a distribution ends at this quantile and its opposite: nothing is infinite
 Milliseconds = Annotated[float, msgspec.Meta(ge=0.0, le=LONGEST_MS)]
 Likeness = Annotated[float, msgspec.Meta(ge=0.0, lt=1.0)]
@@ -46,7 +46,7 @@ class UniformDelay(DelayDistribution, frozen=True, tag="uniform"):
 
 
 class Normal(DelayDistribution, frozen=True, tag="normal"):
-    """Gaussian. The one in thirty thousand below zero counts as zero."""
+    """Gaussian. Values below zero, one in thirty thousand, count as zero."""
 
     mean_ms: Milliseconds  # [ms]
     std_ms: Milliseconds  # [ms]
@@ -87,7 +87,7 @@ class Pareto(DelayDistribution, frozen=True, tag="pareto"):
 
 
 class Table(DelayDistribution, frozen=True, tag="table"):
-    """Measured delays: straight lines between their quantiles."""
+    """Measured delays: linear interpolation between their quantiles."""
 
     ms: Annotated[tuple[Milliseconds, ...], msgspec.Meta(min_length=2, max_length=100_000)]  # [ms]
     correlation: Likeness = 0.0  # [-]
@@ -98,7 +98,7 @@ class Table(DelayDistribution, frozen=True, tag="table"):
 
 
 class Trace(DelayDistribution, frozen=True, tag="trace"):
-    """A recorded link, replayed: at every moment the delay or loss it had then; again and again."""
+    """A recorded link, replayed in a loop: at every moment the delay or loss it had then."""
 
     file: str = (
         ""  # CSV `sent_s,arrived_s` beside the profile; its rows become the two fields below

@@ -1,4 +1,4 @@
-"""Which messages never arrive."""
+"""Loss models: which messages never arrive."""
 
 from typing import Annotated
 
@@ -14,7 +14,7 @@ Period = Annotated[float, msgspec.Meta(gt=0.0, le=86_400.0)]
 class Independent(
     msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="independent"
 ):
-    """Each message on its own."""
+    """Each message independently of the others."""
 
     share: Share  # [-]
 
@@ -49,7 +49,7 @@ class GilbertElliott(
 class Bursts(
     msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="bursts"
 ):
-    """At fixed times, as from a thruster that starts or a radar that turns."""
+    """Losses at fixed times, as from a starting thruster or a rotating radar."""
 
     every_s: Period  # [s] from the beginning of one burst to that of the next
     seconds: UpToADay  # [s] each

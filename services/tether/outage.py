@@ -1,4 +1,4 @@
-"""When the link is not there at all."""
+"""Outages: when the link is interrupted."""
 
 from itertools import pairwise
 
@@ -17,7 +17,7 @@ class Outage(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Outages(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A schedule. It begins anew every `repeat_s`."""
+    """A schedule of outages. It repeats every `repeat_s`."""
 
     windows: tuple[Outage, ...] = ()  # ascending
     repeat_s: UpToADay = 0.0  # [s] 0: once only
@@ -36,7 +36,7 @@ class Outages(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             )
 
     def touch(self, since_s: float, until_s: float) -> bool:
-        """Is the link away at any moment from `since_s` to `until_s` [s], both included?"""
+        """Is there an outage at any moment from `since_s` to `until_s` [s], both included?"""
         if not self.windows:
             return False
         if self.repeat_s == 0.0:

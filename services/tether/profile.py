@@ -1,4 +1,4 @@
-"""A file of deploy/links/: what one link is like, each direction by itself."""
+"""Link profile, a file of deploy/links/: the properties of each direction of a link."""
 
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
@@ -17,7 +17,7 @@ NO_OUTAGES = Outages()
 
 
 class Queue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What waits for a link of limited rate. A full queue gives way to what is more urgent."""
+    """The queue of a link of limited rate. When it is full, less urgent messages are dropped."""
 
     limit_bytes: Annotated[int, msgspec.Meta(ge=1, le=100_000_000)] = 64_000  # [B] with overhead
     policy: Literal["drop_tail", "drop_oldest", "codel"] = "drop_tail"
@@ -25,7 +25,7 @@ class Queue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Late(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Some messages take longer, and those behind pass them."""
+    """Some messages take longer, and later ones overtake them."""
 
     share: Share  # [-]
     ms: Milliseconds  # [ms] longer
@@ -35,10 +35,10 @@ class DirectionProfile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One direction of the link."""
 
     delay_ms: Milliseconds = 0.0  # [ms] shortest one-way delay
-    jitter_ms: Milliseconds = 0.0  # [ms] mean of an exponential part on top of it
-    delay: Delay | None = None  # what comes on top of delay_ms, instead of jitter_ms
+    jitter_ms: Milliseconds = 0.0  # [ms] mean of an exponential delay added to delay_ms
+    delay: Delay | None = None  # distribution of the delay added to delay_ms, not with jitter_ms
     loss: Loss | None = None
-    late: Late | None = None  # the only way in which messages of one stance change places
+    late: Late | None = None  # the only cause for messages of one QoS profile to change order
     duplicate: Share = 0.0  # [-] of the messages arrive twice
     corrupt: Share = 0.0  # [-] of the messages arrive damaged
     rate_kbit: Kilobits = 0.0  # [kbit/s] 0: no limit
@@ -50,7 +50,7 @@ class DirectionProfile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         if self.queue is not None and self.rate_kbit == 0.0:
             raise ValueError("a queue needs rate_kbit above 0; without a limit nothing waits")
         if self.delay is not None and self.jitter_ms > 0.0:
-            raise ValueError("say jitter_ms or delay, not both")
+            raise ValueError("expected jitter_ms or delay, not both")
 
 
 class LinkProfile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -63,9 +63,9 @@ class LinkProfile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Named(NamedTuple):
-    """A profile and where it is from."""
+    """A profile and the file it was read from."""
 
     name: str
-    tree: dict[str, Any]  # as in the file, for those who change single keys
+    tree: dict[str, Any]  # as in the file, to change single keys
     path: Path
     profile: LinkProfile

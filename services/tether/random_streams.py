@@ -1,6 +1,6 @@
-"""Random numbers of a link, drawn in blocks; every purpose has a stream of its own.
+"""Random numbers of a link, drawn in blocks; every purpose has its own stream.
 
-So the same seed loses the same messages, whatever else a profile says of delays or copies.
+So the same seed loses the same messages, whatever a profile's delays or copies are.
 """
 
 from math import erf, sqrt
@@ -48,7 +48,7 @@ def streams(random: np.random.Generator) -> Streams:
 def correlated(
     random: np.random.Generator, correlation: float, last: float
 ) -> tuple[Floats, float]:
-    """A block of uniform numbers of which neighbours are alike, and the state to go on from.
+    """A block of uniform numbers with correlated neighbours, and the state to continue from.
 
     A Gaussian copula: z follows a first-order autoregression of unit variance, and Φ(z) is uniform,
     so any distribution drawn by its quantile function keeps exactly its shape. (Linux netem mixes

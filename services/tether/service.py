@@ -1,4 +1,4 @@
-"""Tether service: what goes in at one end comes out at the other, late, byte for byte."""
+"""Tether service: forwards messages from one side to the other, delayed, byte for byte."""
 
 from collections.abc import Callable
 
@@ -16,9 +16,9 @@ from services.tether.io.profile_file import asked_for, named
 from services.tether.priority_queue import RANK
 
 TOPSIDE, DRONE = "topside", "drone"
-SELF_SAID = (topics.LINK, topics.LINK_ANSWER)  # said by the tether itself, in both realms
+OWN_TOPICS = (topics.LINK, topics.LINK_ANSWER)  # published by the tether itself, on both sides
 DOWN, UP = (Way.DOWN, Way.BOTH), (Way.UP, Way.BOTH)
-JUDGE_HZ = 5.0  # [1/s] how often the way up is looked at
+JUDGE_HZ = 5.0  # [1/s] how often telemetry rate control checks the upward direction
 
 
 def wire(node: Node, stack: Stack) -> None:
@@ -51,7 +51,7 @@ def _carry(
     target: str,
     ways: tuple[Way, ...],
 ) -> Callable[[int], None]:
-    """Connect one direction of the link; returns what lets out whatever has arrived."""
+    """Connect one direction of the link; returns a function that publishes what has arrived."""
 
     def entrance(topic: AnyTopic) -> Callable[[Envelope, int], None]:
         rank = RANK[topic.qos]
@@ -74,12 +74,12 @@ def _carry(
 
     release = node.alarm(let_out)
     for topic in topics.ALL:
-        if topic.way in ways and topic not in SELF_SAID:
+        if topic.way in ways and topic not in OWN_TOPICS:
             node.tap(source, topic.key, entrance(topic))
     return let_out
 
 
 def _stream(key: str) -> str:
-    """What a stream is counted under: anybody can invent members of a family."""
+    """The key that a message is counted under: anybody can invent members of a family."""
     topic = topics.find(key)
     return "unknown" if topic is None else topic.key

@@ -1,8 +1,8 @@
-"""Which telemetry is thinned out when the link cannot carry all of it: state first, truth last.
+"""Telemetry rate control: reduces telemetry rates when the link cannot carry all of it.
 
-A pure controller on what the upward direction has been measured to do. Events, and whatever is
-slow by nature, are never touched. Nobody topside acts on the fast streams: on board they keep
-their full rate.
+Simulator ground truth is throttled first, vehicle state last. A pure controller on measurements of
+the upward direction. Events and slow topics are never throttled. Nothing on the topside controls
+the vehicle by the throttled topics; on board they keep their full rate.
 """
 
 from collections.abc import Mapping
@@ -14,7 +14,7 @@ COLUMNS = (
     topics.TRUTH, topics.WRENCH, topics.ACTUATION, topics.THRUSTERS, topics.REFERENCE, topics.STATE,
 )  # fmt: skip
 LADDER = (
-    # [1/s] at most, level by level; columns as above, the least missed first
+    # [1/s] at most, level by level; columns as above, the least important first
     (100, 100, 100, 100, 100, 100),
     (20, 100, 100, 100, 100, 100),
     (5, 50, 50, 100, 100, 100),
@@ -27,30 +27,30 @@ LADDER = (
     (1, 1, 1, 1, 1, 5),
 )
 WORST = len(LADDER) - 1
-LONG_WAIT_S = 0.06  # [s] to empty the queue: the link is overloaded
-SHORT_WAIT_S = 0.02  # [s] to empty the queue: there is room
-SHRINKING = 0.95  # [-] of the queue at the last look: it is being worked off
-ROOM = 0.85  # [-] of the measured capacity that may be asked for
+LONG_WAIT_S = 0.06  # [s] to empty the queue: above this the link is overloaded
+SHORT_WAIT_S = 0.02  # [s] to empty the queue: below this there is spare capacity
+SHRINKING = 0.95  # [-] of the queue at the last check: below this it is shrinking
+ROOM = 0.85  # [-] share of the measured capacity that may be used
 SETTLE_NS = 1_000_000_000  # [ns] after a change, before its effect is judged
-PATIENCE_NS = 3_000_000_000  # [ns] of room before a better level that should fit is tried
-DOUBT_NS = 15_000_000_000  # [ns] of room before one is tried that did not fit the last time
-MOST_DOUBT_NS = 120_000_000_000  # [ns] the same, after many trials that failed
+PATIENCE_NS = 3_000_000_000  # [ns] of spare capacity before a higher rate that should fit is tried
+DOUBT_NS = 15_000_000_000  # [ns] the same, for a rate that did not fit the last time
+MOST_DOUBT_NS = 120_000_000_000  # [ns] the same, after many failed trials
 
 
 def limits(level: int) -> dict[str, float]:
-    """[1/s] Topics that are thinned out at a level, and to what rate."""
+    """[1/s] Topics that are throttled at a level, and to what rate."""
     rates = zip(COLUMNS, LADDER[level], strict=True)
     return {topic.key: float(hz) for topic, hz in rates if hz < topic.hz}
 
 
 @dataclass(slots=True)
 class RateLadder:
-    """How far down the ladder, and why it may go up again."""
+    """The level of `LADDER` in force, and the conditions for changing it."""
 
     level: int = 0
     capacity_kbit: float | None = None  # [kbit/s] carried when it was last overloaded
     _settled_at: int = 0  # [ns] not judged before
-    _standing: int = 0  # [B] at the last look
+    _standing: int = 0  # [B] at the last check
     _roomy_since: int | None = None  # [ns]
     _doubt: int = DOUBT_NS  # [ns]
     _was_trial: bool = False  # the last change was to a level that had not fitted
@@ -58,14 +58,14 @@ class RateLadder:
     def judge(
         self, standing: int, lost: int, carried_kbit: float, offered: Mapping[str, float], now: int
     ) -> bool:
-        """One look at the last period. Returns whether the level has changed.
+        """Check the last period. Returns whether the level has changed.
 
         Args:
-            standing: [B] least that was in the queue: a burst alone is no overload.
+            standing: [B] shortest queue of the period: a burst alone is no overload.
             lost: messages lost because the queue was too long.
             carried_kbit: [kbit/s]
-            offered: [kbit/s] what each topic would take at its full rate; `""` is the sum of all
-                that is never thinned out.
+            offered: [kbit/s] load of each topic at its full rate; `""` is the sum of all topics
+                that are never throttled.
         """
         shrinks, self._standing = standing < SHRINKING * self._standing, standing
         if now < self._settled_at:
@@ -80,7 +80,7 @@ class RateLadder:
         return self._better(offered, now)
 
     def _worse(self, carried_kbit: float, offered: Mapping[str, float], now: int) -> bool:
-        """At once as far down as the capacity that was just measured demands."""
+        """Reduce the rates at once to what the capacity just measured can carry."""
         self._roomy_since = None
         self.capacity_kbit = carried_kbit
         if self.level == WORST:
@@ -94,7 +94,7 @@ class RateLadder:
         return True
 
     def _better(self, offered: Mapping[str, float], now: int) -> bool:
-        """One level up after a long enough time with room."""
+        """One level up after enough time with spare capacity."""
         if self._roomy_since is None:
             self._roomy_since = now
         if self.level == 0:
@@ -102,7 +102,7 @@ class RateLadder:
         fits = load_kbit(self.level - 1, offered) <= ROOM * (self.capacity_kbit or 0.0)
         if now - self._roomy_since < (PATIENCE_NS if fits else self._doubt):
             return False
-        if self._was_trial and not fits:  # the trial before this one went well: the link is better
+        if self._was_trial and not fits:  # the trial before this one succeeded: the link is better
             self._doubt = PATIENCE_NS
         self.level -= 1
         self._roomy_since, self._was_trial = now, not fits
@@ -110,7 +110,7 @@ class RateLadder:
 
 
 def load_kbit(level: int, offered: Mapping[str, float]) -> float:
-    """[kbit/s] What would be asked of the link at a level."""
+    """[kbit/s] Load of the link at a level."""
     capped = limits(level)
     return sum(
         kilobits * (capped[topic] / FULL[topic] if topic in capped else 1.0)
@@ -123,7 +123,7 @@ FULL = {topic.key: topic.hz for topic in COLUMNS}
 
 @dataclass(slots=True)
 class TelemetryRateControl:
-    """Lets through every so many messages of a topic, and measures what was offered."""
+    """Throttles topics to given rates, and measures the load that was offered."""
 
     rates: dict[str, float] = field(default_factory=dict[str, float])  # [1/s] by key
     _due: dict[str, int] = field(default_factory=dict[str, int])  # [ns]
@@ -131,7 +131,7 @@ class TelemetryRateControl:
     _since: int | None = None  # [ns]
 
     def admits(self, key: str, size: int, now: int) -> bool:
-        """Does this message of `size` bytes go on?"""
+        """May this message of `size` bytes be sent?"""
         if self._since is None:
             self._since = now
         name = key if key in FULL else ""
@@ -146,7 +146,7 @@ class TelemetryRateControl:
         return True
 
     def offered(self, now: int) -> dict[str, float]:
-        """[kbit/s] by key since the last call; the period starts anew."""
+        """[kbit/s] Load by key since the last call; a new period begins."""
         seconds = 0.0 if self._since is None else (now - self._since) / 1e9
         total, self._bytes, self._since = self._bytes, {}, now
         if seconds <= 0.0:

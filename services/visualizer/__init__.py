@@ -1,1 +1,1 @@
-"""Shows a dive: every stream into a rerun recording, and into a live viewer where wanted."""
+"""Shows a dive: writes every topic to a rerun recording, and to a live viewer where wanted."""

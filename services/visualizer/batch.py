@@ -1,6 +1,7 @@
-"""What the visualizer has to show, free of any viewer: columns, notes and scene frames.
+"""What the visualizer draws, independent of any viewer: columns, notes and scene frames.
 
-Times are [ns] since the dive began. Batches cross a pipe to the live end, so they are Structs.
+Times are [ns] since the dive began. Batches are sent to the viewer process through a pipe, so they
+are Structs.
 """
 
 from collections.abc import Sequence
@@ -8,7 +9,7 @@ from typing import Literal
 
 import msgspec
 
-Point = tuple[float, float, float]  # without limits: nothing computed is refused by the pipe
+Point = tuple[float, float, float]  # without limits: the pipe must accept any computed value
 
 
 class CurveColumns(msgspec.Struct, frozen=True, array_like=True):
@@ -20,7 +21,7 @@ class CurveColumns(msgspec.Struct, frozen=True, array_like=True):
 
 
 class Note(msgspec.Struct, frozen=True, array_like=True):
-    """Something that is said once: a new state, a log line, a new status page."""
+    """Something that is shown once: a new state, a log line, a new status page."""
 
     path: str
     time: int  # [ns]
@@ -33,17 +34,17 @@ class Frame(msgspec.Struct, frozen=True, array_like=True):
     """The 3-D scene at one moment. World NED, body FRD."""
 
     time: int  # [ns]
-    position: Point  # [m] NED; north and east are 0 where nobody knows them
+    position: Point  # [m] NED; north and east are 0 where unknown
     attitude: tuple[float, float, float, float]  # [-] q_NB as w, x, y, z
     thrust: list[float]  # [N] per thruster; empty where unknown
     wanted_depth: float | None  # [m] reference
     wanted_heading: float | None  # [rad] reference
-    now: Point | None = None  # [m] NED, where it is predicted to be by now …
-    now_heading: float = 0.0  # [rad] … and how it points
+    now: Point | None = None  # [m] NED, predicted present position …
+    now_heading: float = 0.0  # [rad] … and heading
 
 
 class Batch(msgspec.Struct, frozen=True, array_like=True):
-    """All there is to draw since the last batch."""
+    """Everything to draw since the last batch."""
 
     columns: list[CurveColumns] = []
     notes: list[Note] = []

@@ -1,4 +1,4 @@
-"""How a dive is laid out: what a pilot looks at first, and five pages behind it."""
+"""Layout of the viewer: the page a pilot looks at first, and five more pages."""
 
 from collections.abc import Callable
 
@@ -158,7 +158,7 @@ def _sensors() -> rrb.Grid:
 def _link() -> rrb.Grid:
     """The whole first, then what the link does to the messages, then what is made of it."""
     ends = ["$origin/**", "/latency/stick", "/latency/sensor"]
-    said = [f"$origin/{name}" for name in ("link_monitor", "tether", "predictor")]
+    logs = [f"$origin/{name}" for name in ("link_monitor", "tether", "predictor")]
     return rrb.Grid(
         _plot("whole", "End to end [ms]", contents=ends),
         rrb.Tabs(
@@ -168,17 +168,17 @@ def _link() -> rrb.Grid:
         ),
         _plot("link_p99", "Link delay p99, round trip [ms]"),
         _plot("link_loss", "Lost [%]"),
-        _plot("link_queue", "Messages on the way"),
+        _plot("link_queue", "Messages on the link"),
         _plot("link_rate", "Carried [kbit/s]"),
         rrb.Tabs(
-            _plot("foresight", "Depth, off by [cm]"),
-            _plot("foresight_heading", "Heading, off by [°]"),
+            _plot("foresight", "Depth prediction error [cm]"),
+            _plot("foresight_heading", "Heading prediction error [°]"),
         ),
         rrb.Tabs(
-            _plot("clock", "Clocks: drone less topside [ms]"),
+            _plot("clock", "Clocks: drone minus topside [ms]"),
             _plot("pings", "Pings sent"),
         ),
-        _log("Alarms of the link", said),
+        _log("Link alarms", logs),
         grid_columns=3,
         name="Link",
     )

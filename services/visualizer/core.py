@@ -1,7 +1,7 @@
-"""Messages in, batches out: nothing is thinned but the path and the scene.
+"""Messages in, batches out: every sample is kept, except of the path and the scene.
 
-A message costs one append when it comes. Half a second of them become columns at once, because
-writing a thousand samples costs little more than writing one.
+A message costs one append when it arrives. Half a second of messages become columns at once,
+because writing a thousand samples costs little more than writing one.
 """
 
 from collections import defaultdict
@@ -23,9 +23,9 @@ from services.visualizer.status import NOTED, Status, part_of_path
 WITH_THRUST = (Actuation, ThrusterCommand)
 OLDEST_NS = 60_000_000_000  # [ns] a stamp further back than this is wrong, not late
 
-# Streams whose stamps may be of another machine's clock, and that nobody translates: rows said on
-# either side, the answer to a ping, and events, which are let in before the clocks are known. They
-# are shown at the moment they came.
+# Topics whose stamps may be of another machine's clock and are not converted: those published on
+# either side, the answer to a ping, and events, which are admitted before the clock offset is
+# known. They are shown at the time of their arrival.
 BY_ARRIVAL = frozenset(
     topic.key
     for topic in topics.ALL
@@ -34,7 +34,7 @@ BY_ARRIVAL = frozenset(
 
 
 class Collector:
-    """All that was heard since the last batch."""
+    """Collects messages between two batches."""
 
     def __init__(self, vehicle: Vehicle, start: int | None = None) -> None:
         self.start = start  # [ns] when the dive began: the first message's arrival
@@ -52,7 +52,7 @@ class Collector:
         self._status = Status()
 
     def hear(self, topic: AnyTopic, key: str, message: Message, now: int) -> str | None:
-        """Keep a message that arrived at `now` [ns]. Returns why not, or None."""
+        """Keep a message that arrived at `now` [ns]. Returns why it is rejected, or None."""
         by_arrival = topic.key in BY_ARRIVAL
         if not by_arrival and now - message.stamp_ns > OLDEST_NS:
             return "too_old"
@@ -69,7 +69,7 @@ class Collector:
         return None
 
     def newest_sample(self) -> int | None:
-        """[ns] Sensor sample behind the newest state heard."""
+        """[ns] Sensor sample of the newest state."""
         return self._scene.newest_sample()
 
     def frame(self) -> Frame | None:
@@ -77,7 +77,7 @@ class Collector:
         return None if self.start is None else self._scene.frame(self.start)
 
     def keep_frame(self) -> None:
-        """Have the scene as it is now in the next batch."""
+        """Add the present scene to the next batch."""
         if (frame := self.frame()) is not None:
             self._frames.append(frame)
 
@@ -101,9 +101,9 @@ class Collector:
                 columns = self._columns(curve, key, messages, times)
                 if columns.rows:
                     batch.columns.append(columns)
-            # Of streams that give rise to no notes, the status page wants the newest alone.
-            telling = 0 if topic.message in NOTED else -1
-            for message, time in zip(messages[telling:], times[telling:], strict=True):
+            # Of topics that make no notes, the status page needs only the newest message.
+            first = 0 if topic.message in NOTED else -1
+            for message, time in zip(messages[first:], times[first:], strict=True):
                 batch.notes.extend(self._status.hear(key, message, time))
         batch.notes.extend(self._status.pages(now - start))
         return batch
@@ -111,7 +111,7 @@ class Collector:
     def _columns(
         self, curve: Curve, key: str, messages: list[Message], times: list[int]
     ) -> CurveColumns:
-        """What one curve draws of these messages."""
+        """The samples of one curve in these messages."""
         path = curve.path
         if curve.topic.is_family:
             path += "/" + part_of_path(key.rpartition("/")[2])
@@ -127,8 +127,8 @@ class Collector:
 def _broken(
     times: list[int], rows: list[CurveRow | None], width: int
 ) -> tuple[list[int], list[CurveRow]]:
-    """What is known, and where it ceases to be known, one row of NaN: there the line breaks off,
-    and is not drawn straight on to when it is known again. `width` is of the row before."""
+    """The known rows, and one row of NaN where a value becomes unknown, so that the line ends there
+    instead of being connected to the next known value. `width` is of the previous row."""
     kept_times: list[int] = []
     kept: list[CurveRow] = []
     for time, row in zip(times, rows, strict=True):

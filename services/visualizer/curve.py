@@ -1,4 +1,4 @@
-"""One curve: where a message keeps the number, and how it is drawn."""
+"""One curve: how to read its numbers from a message, and how it is drawn."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -15,15 +15,15 @@ Read = Callable[[Any], CurveRow | None]
 REFERENCE, ESTIMATE, TRUTH = 0xFF9F2E, 0x4CA6FF, 0x9AA0A6
 AXES = (0xEF6C6C, 0x66C285, 0x6C9DF0, 0xE0B04C, 0xB57EDC, 0x4FC4C4)
 DOWN, UP, STICK = 0x5FD0C0, 0xC58BE8, 0xF2D34F
-PREDICTED = 0xFF6FD8  # where it is by now: like nothing else, for a pilot steers by it
+PREDICTED = 0xFF6FD8  # predicted present state: a colour of its own, because a pilot steers by it
 TRUTHS = (TRUTH, 0xC8CCD0, 0x6E747A)  # of several axes in one panel
 MANY = (*AXES, 0xF2D34F, 0xB6E34A, 0xF27FB2, 0xE8E8E8, 0xB08968, 0x7F8C8D)  # thrusters, services
-LONGEST_MS = 60_000.0  # [ms] a longer way is a wrong stamp, not a latency
+LONGEST_MS = 60_000.0  # [ms] anything longer is a wrong stamp, not a latency
 
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """Curves that one message feeds at once; they share an entity."""
+    """Curves that are read from one message; they share an entity."""
 
     path: str
     topic: AnyTopic

@@ -1,7 +1,7 @@
-"""Which number of which message is which curve: path, names, colours and the way to read it.
+"""All curves: path, topic, names, colours and how to read the numbers from a message.
 
-Angles become degrees, times milliseconds, fields microtesla. A reader that returns None has
-nothing to plot: what is unknown leaves a gap, never a zero.
+Angles are converted to degrees, times to milliseconds, magnetic fields to microtesla. A reader
+returns None where a value is unknown: that leaves a gap, never a zero.
 """
 
 from collections.abc import Callable
@@ -234,7 +234,7 @@ def _sensor_way(m: Actuation) -> CurveRow | None:
 
 
 def _stick_way(m: Actuation) -> CurveRow | None:
-    """How old the stick is that the thrusters obey: rises where commands do not arrive."""
+    """Age of the pilot command behind the thrust: rises while commands do not arrive."""
     return way_ms(m.pilot_ns, m.actuated_ns)
 
 

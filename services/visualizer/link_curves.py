@@ -1,4 +1,4 @@
-"""The curves of the link: its delays, the clocks, where the time goes, and the predicted now."""
+"""The curves of the link: delays, clocks, the latency budget and the prediction."""
 
 from collections.abc import Callable
 from math import degrees
@@ -143,7 +143,7 @@ def _turn_miss(m: Prediction) -> CurveRow | None:
 
 
 def _misses(m: Prediction, read: Callable[[Miss], float]) -> CurveRow | None:
-    """Prediction beside the delayed picture; nothing until both have been judged."""
+    """Errors of the prediction and of the delayed state; None until both are known."""
     if m.missed is None or m.delayed is None:
         return None
     return (read(m.missed), read(m.delayed))

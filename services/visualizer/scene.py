@@ -16,13 +16,13 @@ from services.marine.vehicle import Vehicle
 from services.visualizer.batch import Frame
 
 STEP_M = 0.05  # [m] points of the path are at least this far apart
-TRAIL_POINTS = 5_000  # points waiting to be drawn; a viewer that is not asked loses the oldest
+TRAIL_POINTS = 5_000  # points waiting to be drawn; beyond that the oldest are dropped
 FLOOR_STEP_M = 0.2  # [m] the floor is drawn anew when it is found this much deeper
 SCENE_KINDS = (VehicleState, Truth, Reference, Actuation)
 
 
 class Scene:
-    """Keeps the newest of what the scene is made of."""
+    """Keeps the newest messages that the scene is drawn from."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._half_height = vehicle.size[2] / 2
@@ -54,7 +54,7 @@ class Scene:
             self._thrust = list(message.thrust) if len(message.thrust) == self._thrusters else []
 
     def frame(self, start: int) -> Frame | None:
-        """The scene as it is now, or None when the vehicle has not been heard of since."""
+        """The present scene, or None when there is no new pose since the last call."""
         pose = self._truth or self._state
         if pose is None or pose is self._shown:
             return None
@@ -76,14 +76,15 @@ class Scene:
         return None if self._state is None else self._state.sensor_ns
 
     def take_trail(self) -> list[Vec3]:
-        """Points flown since the last call, from the last one drawn on; fewer than two: none."""
+        """Points of the path since the last call, starting with the last one drawn; empty if fewer
+        than two."""
         if len(self._trail) < 2:
             return []
         points, self._trail = self._trail, self._trail[-1:]
         return points
 
     def take_floor(self) -> Vec3 | None:
-        """Where the sea floor was found since the last call."""
+        """Where the vehicle has touched the sea floor since the last call; None: nowhere."""
         floor, self._floor = self._floor, None
         return floor
 
@@ -101,8 +102,8 @@ class Scene:
 
 
 def _ahead(here: Vec3, ahead: Prediction) -> Vec3:
-    """Where a vehicle drawn at `here` is predicted to be by now: only the way it has moved since is
-    asked for, because what is drawn may be the truth, and the estimate elsewhere."""
+    """Predicted present position of a vehicle drawn at `here`: only the predicted displacement is
+    added, because the vehicle may be drawn at its true position instead of the estimated one."""
     c, s = cos(ahead.heading), sin(ahead.heading)
     north = here[0] + c * ahead.forward - s * ahead.starboard
     east = here[1] + s * ahead.forward + c * ahead.starboard
@@ -124,7 +125,7 @@ def _position(pose: Truth | VehicleState) -> Vec3:
 
 
 def _place(state: VehicleState) -> Vec3 | None:
-    """Estimated place, where the vehicle knows one."""
+    """Estimated position, where it is known."""
     if state.north is None or state.east is None:
         return None
     return (state.north.value, state.east.value, state.depth.value)

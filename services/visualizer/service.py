@@ -1,4 +1,4 @@
-"""Visualizer service: every stream into `dive.rrd`, and into a live viewer where wanted."""
+"""Visualizer service: writes every topic to `dive.rrd`, and to a live viewer where wanted."""
 
 import msgspec
 
@@ -20,11 +20,11 @@ from services.visualizer.io.outputs import outputs
 FLUSH_HZ, FILE_FLUSH_HZ = 4.0, 0.25
 SCENE_HZ, FILE_SCENE_HZ = 20.0, 10.0
 RING = 4096  # envelopes; seconds of a whole dive's traffic
-KEYS = 256  # different keys; a stranger may invent more, we do not draw them
+KEYS = 256  # different keys that are drawn; anybody can invent more
 
 
 class ViewerCheckpoint(msgspec.Struct):
-    """What a restart in mid-dive must know."""
+    """Checkpoint for a restart during a dive."""
 
     written: int = 0  # files of this dive so far
     start: int | None = None  # [ns] when the dive began
@@ -64,10 +64,11 @@ def wire(node: Node, stack: Stack) -> None:
 
 
 def _listen(node: Node, collector: Collector) -> None:
-    """Everything at home; from the drone's own realm what never crosses the tether."""
+    """Subscribe to everything on the home side, and on the drone's side to the topics that never
+    cross the link."""
     gates: dict[str, tuple[AnyTopic, Gate[Message]]] = {}
 
-    def hear(envelope: Envelope, arrived: int) -> None:
+    def collect(envelope: Envelope, arrived: int) -> None:
         known = gates.get(envelope.key) or _gate(node, gates, envelope.key)
         if known is None:
             node.count("unknown_key")
@@ -80,11 +81,11 @@ def _listen(node: Node, collector: Collector) -> None:
             node.count(f"{reason}:{topic.key}")
 
     home, *others = node.sides
-    node.collect(home, "**", hear, RING)
+    node.collect(home, "**", collect, RING)
     for side in others:
         for topic in topics.ALL:
             if topic.way is Way.STAY:
-                node.collect(side, topic.key, hear, RING)
+                node.collect(side, topic.key, collect, RING)
 
 
 def _gate(

@@ -1,4 +1,4 @@
-"""What is said rather than measured: states, log lines, the status page and the services'."""
+"""Text that is shown: states, log lines, the status page and the page of the services."""
 
 import re
 from collections.abc import Callable
@@ -19,7 +19,7 @@ from services.visualizer.batch import Note
 
 SERVICES = 32  # services on the status page
 
-# What each state lane says of a message. The sink colours these words.
+# Text of each state lane for a message. `rerun_writer.STATES` has a colour for each text.
 LANES: dict[type[Message], list[tuple[str, Callable[[Any], str]]]] = {
     VehicleStatus: [
         ("mode", lambda m: m.mode),
@@ -40,11 +40,11 @@ ANSWERS = PilotAnswer | LinkAnswer | FaultAnswer
 NOTED = {
     *(*LANES, Health, LogLine),
     *(PilotRequest, PilotAnswer, LinkRequest, LinkAnswer, FaultRequest, FaultAnswer),
-}  # may give rise to notes
+}  # may make notes
 
 
 class Status:
-    """Turns messages into notes: only what is new."""
+    """Makes notes of messages, only of what has changed."""
 
     def __init__(self) -> None:
         self._lanes: dict[str, str] = {}
@@ -55,7 +55,7 @@ class Status:
         self._pages: dict[str, str] = {}  # by path, as last shown
 
     def hear(self, key: str, message: Message, time: int) -> list[Note]:
-        """Notes this message gives rise to. `time` is [ns] since the dive began."""
+        """Notes that this message makes. `time` is [ns] since the dive began."""
         self._newest[type(message)] = message
         if isinstance(message, Health):
             if key in self._health or len(self._health) < SERVICES:
@@ -64,7 +64,7 @@ class Status:
         return [*self._changes(message, time), *self._lines(key, message, time)]
 
     def pages(self, time: int) -> list[Note]:
-        """The pages that read differently from when they were last shown."""
+        """The pages that have changed since they were last shown."""
         notes: list[Note] = []
         for path, text in (("status", self._status()), ("services", self._services())):
             if self._pages.get(path) != text:
@@ -145,7 +145,7 @@ class Status:
         return "\n".join([row, *self._latency()])
 
     def _latency(self) -> list[str]:
-        """Numbers that would be old or guessed are not shown: a dash is."""
+        """A number that is not known now is shown as a dash."""
         rows: list[str] = []
         budget, clock = self._newest.get(LatencyBudget), self._newest.get(Clock)
         if isinstance(budget, LatencyBudget):
@@ -172,12 +172,12 @@ class Status:
 
 
 def part_of_path(name: str) -> str:
-    """A name somebody gave himself, as one part of an entity's path."""
+    """A name as one part of an entity's path."""
     return re.sub(r"[^a-z0-9_]", "_", name)
 
 
 def _bearing(radians: float) -> str:
-    """As on a compass, whatever turns were made before."""
+    """Compass heading, 0° to 359°, from a heading that accumulates."""
     return f"{round(degrees(radians)) % 360}°"
 
 

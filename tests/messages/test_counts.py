@@ -17,12 +17,16 @@ GATE = {
     "wrong_type", "malformed", "wrong_epoch", "unsynchronised", "from_future", "expired",
     "duplicated", "reordered",
 }  # fmt: skip
+ACTUATOR_GATE = {
+    "malformed", "wrong_length", "from_future", "expired", "reordered", "wrong_epoch",
+}  # fmt: skip
 LINE = {"outage", "too_many", "trace", "loss", "burst", "queue_full", "codel"}
 VARIABLE = {
-    "runtime/gate.py": GATE,
+    "runtime/node/gate.py": GATE,
     "tether/crossing.py": LINE,
+    "vehicle/actuator_gate.py": ACTUATOR_GATE,
     "visualizer/service.py": {"too_old", "wrong_length"},
-    "estimation/sensor_watch.py": {"duplicated", "not_newer"},
+    "estimation/checks/sensor_watch.py": {"duplicated", "not_newer"},
 }
 
 
@@ -49,7 +53,7 @@ def used() -> dict[str, str]:
         found |= dict.fromkeys(names_in(tree), str(path.relative_to(SERVICES)))
     for file, kinds in VARIABLE.items():
         found |= dict.fromkeys(kinds, file)
-    found["missed_deadline"] = "runtime/timers.py"
+    found["missed_deadline"] = "runtime/node/timers.py"
     return found
 
 
@@ -84,8 +88,9 @@ def test_counts_whose_first_word_is_a_variable_are_all_listed():
 @pytest.mark.parametrize(
     ("kinds", "files"),
     [
-        (GATE, ["runtime/gate.py"]),
-        (LINE, ["tether/link_model.py", "tether/waiting.py", "tether/loss.py"]),
+        (GATE, ["runtime/node/gate.py"]),
+        (ACTUATOR_GATE, ["vehicle/actuator_gate.py"]),
+        (LINE, ["tether/link_model.py", "tether/priority_queue.py", "tether/loss.py"]),
     ],
 )
 def test_the_listed_words_are_those_in_the_code(kinds: set[str], files: list[str]):

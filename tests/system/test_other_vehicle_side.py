@@ -108,7 +108,7 @@ def test_a_driver_that_needs_real_time_says_so(
     )
     stack = stack_with(tmp_path, "real_time_driver", code)
     assert main(["simulate", *stack, *pilot, "--out", str(tmp_path / "out")]) == 1
-    assert "driver needs real time: fly it with `lindy dive`" in capsys.readouterr().err
+    assert "driver needs real time: use `lindy dive`" in capsys.readouterr().err
 
 
 def test_a_fault_is_for_simulated_vehicles_only(

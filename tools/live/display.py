@@ -35,7 +35,9 @@ class ScreenDisplay:
     def show(self, look: Callable[[], View]) -> None:
         if (now := time.monotonic()) >= self._next_s:
             self._next_s = now + SCREEN_S
-            self._live.update(render(look()), refresh=True)
+            # A row is left free: a terminal scrolls when its last one is full.
+            height = self._live.console.height - 1
+            self._live.update(render(look(), height), refresh=True)
 
     def line(self, line: LogLine, at_s: float | None) -> None:
         pass

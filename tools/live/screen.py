@@ -1,4 +1,9 @@
-"""What the pilot reads in the terminal during a dive. Pure: a view in, something printable out."""
+"""What the pilot reads in the terminal during a dive. Pure: a view in, something printable out.
+
+The screen fits the terminal's height. What a pilot needs comes first and is never left out: armed,
+mode, alarm, depth, heading, hold, battery, sticks and link, then the newest log lines. The services
+get the rows that are left; those that are gone or were restarted are shown before the others.
+"""
 
 from dataclasses import dataclass, field
 
@@ -12,6 +17,9 @@ from tools.live.log_lines import Told, brief
 STICKS = ("surge", "sway", "heave", "yaw")
 HALF = 6  # [characters] of a stick's bar on either side of its centre
 LINES = 6  # newest log lines shown
+PILOT_ROWS = 8  # above the log lines: title, state, motion, vehicle, 2 of sticks, 2 of the link
+GAP = 1  # empty row
+TABLE_HEADING = 1  # row
 OLD_MS = 150.0  # [ms] a picture older than this says so
 UNKNOWN = "–"
 LEVELS = {"info": "", "warning": "yellow", "error": "bold red"}
@@ -36,6 +44,11 @@ class View:
     elapsed_s: float | None = None  # [s] since arming
     length_s: float | None = None  # [s]
     mode: str = "starting"
+    hold: str = ""  # what the sticks leave to the drone
+    light: float | None = None  # [-] 0 … 1
+    battery_v: float | None = None  # [V]
+    used_wh: float | None = None  # [Wh] since power-on
+    capacity_wh: float | None = None  # [Wh] when full
     armed: bool = False
     failsafe: str = "none"
     note: str = ""
@@ -56,12 +69,25 @@ class View:
     lines: list[Told] = field(default_factory=list[Told])
 
 
-def render(view: View) -> RenderableType:
-    """The whole screen. Nothing in it wraps from 80 columns on."""
-    return Group(
-        _head(view), Text(), _motion(view), _sticks(view), _link(view), Text(), _services(view),
-        Text(), *_lines(view),
-    )  # fmt: skip
+def render(view: View, height: int | None = None) -> RenderableType:
+    """The whole screen. Nothing in it wraps from 80 columns on.
+
+    Args:
+        height: rows there are; None: as many as are needed.
+    """
+    pilot: list[RenderableType] = [_title(view), _state(view), *_alarm(view), _motion(view)]
+    pilot += [_vehicle(view), _sticks(view), _link(view)]
+    lines, services = LINES, len(view.services)
+    if height is not None:
+        rows = PILOT_ROWS + len(_alarm(view))
+        lines = max(0, min(LINES, height - rows - GAP))
+        services = max(0, min(services, height - rows - GAP - lines - GAP - TABLE_HEADING))
+    shown: list[RenderableType] = [*pilot]
+    if lines:
+        shown += [Text(), *_lines(view, lines)]
+    if services:
+        shown += [Text(), _services(view, services)]
+    return Group(*shown)
 
 
 def plain(view: View) -> str:
@@ -86,22 +112,32 @@ def _failsafe(view: View) -> str:
     return "" if view.failsafe == "none" else f"FAILSAFE {short(f'failsafe:{view.failsafe}')}"
 
 
-def _head(view: View) -> Table:
-    head = Table.grid(expand=True, padding=(0, 1))
-    head.add_column(no_wrap=True, overflow="ellipsis", ratio=1)
-    head.add_column(no_wrap=True, justify="right")
+def _title(view: View) -> Table:
+    row = Table.grid(expand=True, padding=(0, 1))
+    row.add_column(no_wrap=True, overflow="ellipsis", ratio=1)
+    row.add_column(no_wrap=True, justify="right")
     clock = _clock(view.elapsed_s)
     if view.length_s is not None:
         clock += f" of {_clock(view.length_s)}"
-    head.add_row(Text(f"Lindy  {view.title}", style="bold"), clock)
-    state = Text.assemble(
+    row.add_row(Text(f"Lindy  {view.title}", style="bold"), clock)
+    return row
+
+
+def _state(view: View) -> Text:
+    return Text.assemble(
         (" ARMED " if view.armed else " DISARMED ", "bold white on red" if view.armed else "dim"),
         f"  {view.mode}",
         (f"  {_failsafe(view)}", "bold red"),
         (f"  {view.note}" if view.note else "", "yellow"),
-    )
-    head.add_row(state, "")
-    return head
+        overflow="ellipsis", no_wrap=True,
+    )  # fmt: skip
+
+
+def _alarm(view: View) -> list[Text]:
+    """A row of its own, so that it is never cut; none when all is well."""
+    if not view.alarm:
+        return []
+    return [Text(f"LINK   {view.alarm}", "bold red", overflow="ellipsis", no_wrap=True)]
 
 
 def _motion(view: View) -> Text:
@@ -111,6 +147,20 @@ def _motion(view: View) -> Text:
         ("depth  ", "dim"), (f"{depth} m", "bold"), (f"  reference {wanted_depth} m", "dim"),
         ("     heading ", "dim"), (f"{heading}°", "bold"), (f"  reference {wanted}°", "dim"),
         (_old(view.age_ms), "yellow"),
+        overflow="ellipsis", no_wrap=True,
+    )  # fmt: skip
+
+
+def _vehicle(view: View) -> Text:
+    light = None if view.light is None else 100.0 * view.light
+    battery = f"{_number(view.battery_v, '.1f')} V"
+    if view.used_wh is not None:
+        battery += f", {view.used_wh:.1f} Wh used"
+        battery += "" if view.capacity_wh is None else f" of {view.capacity_wh:.0f}"
+    return Text.assemble(
+        ("hold   ", "dim"), f"{view.hold.replace('_', ' ') or UNKNOWN:<15}",
+        ("  light ", "dim"), f"{_number(light, '.0f')} %",
+        ("   battery ", "dim"), battery,
         overflow="ellipsis", no_wrap=True,
     )  # fmt: skip
 
@@ -147,17 +197,21 @@ def _link(view: View) -> Text:
         ("\n       ", ""),
         f"stick to thruster {_number(view.stick_ms, '.1f')} ms",
         f"   sensor to screen {_number(view.screen_ms, '.1f')} ms",
-        (f"   {view.alarm}" if view.alarm else "", "bold red"),
         overflow="ellipsis", no_wrap=True,
     )  # fmt: skip
 
 
-def _services(view: View) -> Table:
+def _services(view: View, rows: int) -> Table:
+    """At most so many rows below the heading; where that is not enough, the last says how many
+    services are left out."""
+    shown = view.services
+    if len(shown) > rows:
+        shown = most_important(shown, rows - 1)
     table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False, header_style="dim")
     table.add_column(Text("service"), no_wrap=True, min_width=12)
     for title in ("sent/s", "late p99 [ms]", "CPU [%]", "restarts", "counted"):
         table.add_column(Text(title), justify="right", no_wrap=True)
-    for row in view.services:
+    for row in shown:
         style = "" if row.alive else "bold red"
         table.add_row(
             Text(row.name if row.alive else f"{row.name} gone", style=style),
@@ -167,15 +221,24 @@ def _services(view: View) -> Table:
             Text(str(row.restarts), style="yellow" if row.restarts else "dim"),
             Text(str(row.troubles), style="yellow" if row.troubles else "dim"),
         )
+    if left_out := len(view.services) - len(shown):
+        table.add_row(Text(f"and {left_out} more", style="dim"))
     return table
 
 
-def _lines(view: View) -> list[Text]:
+def most_important(services: list[ServiceView], most: int) -> list[ServiceView]:
+    """Those that are gone first, then those that were restarted, then the rest; shown in the order
+    of the stack."""
+    ranked = sorted(services, key=lambda service: (service.alive, -service.restarts))
+    return [service for service in services if service in ranked[:most]]
+
+
+def _lines(view: View, most: int) -> list[Text]:
     lines = [
         Text(brief(told), LEVELS[told.line.level], overflow="ellipsis", no_wrap=True)
-        for told in view.lines[-LINES:]
+        for told in view.lines[-most:]
     ]
-    return lines + [Text()] * (LINES - len(lines))
+    return lines + [Text()] * (most - len(lines))
 
 
 def _number(value: float | None, form: str) -> str:

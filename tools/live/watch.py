@@ -40,6 +40,7 @@ class Watch:
         self._link = node.latest(topics.LINK)
         node.each(topics.HEALTH, self._hear_health)
         node.each(topics.LOG, self._add)
+        self._battery = node.latest(topics.BATTERY)
         self._budget = node.latest(topics.LATENCY)
         self._clock = node.latest(topics.CLOCK)
         self._shown = node.publisher(topics.SHOWN.of("screen"))
@@ -52,6 +53,7 @@ class Watch:
         timeline = self._timeline
         state, reference = _recent(self._state, now), _recent(self._reference, now)
         status, pilot = self._status.newest(now), self._pilot.fresh(now)
+        battery = self._battery.fresh(now)
         link, budget, clock = self._link.fresh(now), self._budget.fresh(now), self._clock.fresh(now)
         if state is not None:
             self._shown.put(Shown(stamp_ns=now, sensor_ns=state.sensor_ns))
@@ -60,6 +62,11 @@ class Watch:
             elapsed_s=timeline.elapsed_s(now),
             length_s=timeline.length_s,
             mode=status.mode if status else "starting",
+            hold=status.hold if status else "",
+            light=status.light if status else None,
+            battery_v=battery.voltage if battery else None,
+            used_wh=battery.used_wh if battery else None,
+            capacity_wh=battery.capacity_wh if battery else None,
             armed=status.armed if status else False,
             failsafe=status.failsafe if status else "none",
             note=status.note if status else timeline.note,
@@ -110,7 +117,7 @@ class Watch:
 
     def _look(self, now: int) -> None:
         ports = (self._state, self._status, self._reference, self._pilot, self._link)
-        for port in (*ports, self._budget, self._clock):
+        for port in (*ports, self._battery, self._budget, self._clock):
             port.newest(now)
 
 

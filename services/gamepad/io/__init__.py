@@ -1,1 +1,1 @@
-"""Pads, the keyboard and the files a pilot names."""
+"""Pads, the keyboard, and the files that a pilot names."""

@@ -1,8 +1,7 @@
 """The keyboard as a pad, in a small window of its own.
 
-While the window does not have the focus all keys count as released, and the pilot is still
-present: somebody who looks at another window has stopped steering, not vanished. Who closes the
-window has: then the pilot is lost.
+While the window does not have the focus, all keys count as released and the pilot counts as
+present. When the window is closed, the pilot is lost.
 """
 
 import pygame
@@ -59,8 +58,8 @@ class Keyboard:
         self._down: set[int] = set()
         self._closed_at: int | None = None  # [ns]
 
-    def read(self, now: int, began: int | None) -> StickReading:  # noqa: ARG002 - a hand needs no start
-        """Ask SDL for news. Call from one thread only, the one that made the window."""
+    def read(self, now: int, began: int | None) -> StickReading:  # noqa: ARG002 - only a script needs it
+        """Read SDL's events. Call only from the thread that made the window."""
         presses: list[Press] = []
         notes: tuple[tuple[Level, str], ...] = ()
         for event in pygame.event.get():
@@ -85,14 +84,14 @@ class Keyboard:
         pygame.display.quit()
 
     def _key(self, event: pygame.event.Event) -> list[Press]:
-        """Keep the set of keys that are down; returns what a key asks for."""
+        """Update the set of keys that are down; returns the requests of a key press."""
         if event.type == pygame.KEYDOWN:
             self._down.add(event.key)
             return [REQUESTS[event.key]] if event.key in REQUESTS else []
         if event.type == pygame.KEYUP:
             self._down.discard(event.key)
         elif event.type == pygame.WINDOWFOCUSLOST:
-            self._down.clear()  # their release will be told to another window
+            self._down.clear()  # another window will get their release
         return []
 
     def _sticks(self) -> Sticks:

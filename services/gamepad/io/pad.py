@@ -1,13 +1,13 @@
 """A game pad through SDL's GameController mapping, plugged in whenever the pilot likes.
 
-A pulled pad reads as centred sticks, so its absence is said in its own word: `present=False`. A
-pad that is plugged in, again or for the first time, moves nothing until its sticks were seen at
-rest once, and until then of its buttons only stop and disarm are heard: pads open with a burst of
-events that nobody has pressed.
+An unplugged pad reads as centred sticks, so its absence has its own field: `present=False`. A pad
+that is plugged in, again or for the first time, moves nothing until its sticks were centred once,
+and until then only its stop and disarm buttons work, because pads send a burst of false events when
+they are opened.
 
-`age_ms` is the time since the pad last answered when it was asked: 0 for a plugged-in pad, however
-still its sticks are, and growing from the moment it is gone. (A pad only says what has changed, so
-the age of its last event would tell a steady hand from a broken cable no better than a guess.)
+`age_ms` is the time since the pad last answered when it was read: 0 for a plugged-in pad, even with
+still sticks, and growing from the moment it is unplugged. (A pad only reports changes, so the age
+of its last event cannot distinguish still sticks from a broken cable.)
 """
 
 import pygame
@@ -23,12 +23,12 @@ BUTTONS = (
     "a", "b", "x", "y", "back", "guide", "start", "leftstick", "rightstick",
     "leftshoulder", "rightshoulder", "dpup", "dpdown", "dpleft", "dpright",
 )  # fmt: skip
-URGENT: tuple[Press, ...] = ("stop", "disarm")  # heard from any pad at any time
+URGENT: tuple[Press, ...] = ("stop", "disarm")  # accepted from a pad at any time
 FULL = 32767  # SDL's full travel; the other way it is one more, which counts as full
 
 
 class Pad:
-    """The first pad that SDL knows. Others are named in the log and left alone."""
+    """The first pad that SDL knows. Others are named in the log and ignored."""
 
     played = 0
 
@@ -43,10 +43,10 @@ class Pad:
         self._answered_at: int | None = None  # [ns]
         self._notes: list[tuple[Level, str]] = []
         self._lost: list[str] = []
-        self._greeted = False
+        self._announced = False  # the log says whether there is a pad
 
-    def read(self, now: int, began: int | None) -> StickReading:  # noqa: ARG002 - a hand needs no start
-        """Ask SDL for news. Call from one thread only, the one that made the pad."""
+    def read(self, now: int, began: int | None) -> StickReading:  # noqa: ARG002 - only a script needs it
+        """Read SDL's events. Call only from the thread that made the pad."""
         self._notes, self._lost = [], []
         events = pygame.event.get()
         self._notice_loss()
@@ -81,9 +81,9 @@ class Pad:
         pygame.display.quit()
 
     def _absent(self, now: int) -> StickReading:
-        if not self._greeted:
-            self._greeted = True
-            self._say("warning", "no pad is plugged in; waiting for one")
+        if not self._announced:
+            self._announced = True
+            self._log("warning", "no pad is plugged in; waiting for one")
         assert self._answered_at is not None
         return StickReading(
             present=False,
@@ -95,7 +95,7 @@ class Pad:
 
     def _notice_loss(self) -> None:
         if self._pad is not None and not self._pad.attached():
-            self._say("warning", f"the pad {self._pad.name} was unplugged: pilot lost")
+            self._log("warning", f"the pad {self._pad.name} was unplugged: pilot lost")
             self._lost.append("unplugged:pad")
             self._pad.quit()
             self._pad = None
@@ -105,11 +105,11 @@ class Pad:
             if self._pad is None:
                 self._adopt(event.device_index)
             else:
-                self._say("info", f"another pad is ignored while {self._pad.name} is plugged in")
+                self._log("info", f"another pad is ignored while {self._pad.name} is plugged in")
         elif event.type == pygame.JOYDEVICEADDED and not controller.is_controller(
             event.device_index
         ):
-            self._say(
+            self._log(
                 "warning",
                 f"SDL does not know the pad {_name(event.device_index)}, so it is ignored; "
                 "describe it in the environment variable SDL_GAMECONTROLLERCONFIG",
@@ -118,13 +118,13 @@ class Pad:
     def _adopt(self, index: int) -> None:
         try:
             self._pad = controller.Controller(index)
-        except pygame.error as error:  # pulled again before we could look at it
-            self._say("warning", f"a pad was plugged in and cannot be opened: {error}")
+        except pygame.error as error:  # unplugged again before it could be opened
+            self._log("warning", f"a pad was plugged in and cannot be opened: {error}")
             return
         self.name = f"gamepad {self._pad.name}"
         self._trusted = False
-        self._greeted = True
-        self._say("info", f"the pad {self._pad.name} is plugged in")
+        self._announced = True
+        self._log("info", f"the pad {self._pad.name} is plugged in")
 
     def _controls(self, pad: controller.Controller) -> dict[str, float]:
         return {name: pad.get_axis(axis) / FULL for axis, name in enumerate(AXES)} | {
@@ -142,12 +142,12 @@ class Pad:
             and event.button < len(BUTTONS)
         ]
 
-    def _say(self, level: Level, text: str) -> None:
+    def _log(self, level: Level, text: str) -> None:
         self._notes.append((level, text))
 
 
 def _name(index: int) -> str:
     try:
         return repr(pygame.joystick.Joystick(index).get_name())
-    except pygame.error:  # pulled again before we could look at it
+    except pygame.error:  # unplugged again before it could be opened
         return "that was plugged in"

@@ -15,7 +15,7 @@ Waypoints = Annotated[tuple[Place, ...], msgspec.Meta(min_length=2, max_length=1
 
 
 class PathFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The keys of a file in deploy/paths; the same that `lindy path` knows."""
+    """The keys of a file in deploy/paths; the same as those of `lindy path`."""
 
     waypoints: Waypoints  # [m] [north, east] or [north, east, down]
     min_radius: PathQuantity = 5.0  # [m] of every turn
@@ -25,8 +25,8 @@ class PathFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     jerk: PathQuantity = 0.3  # [m/s³] at most
     model: Literal["mjvr", "fernandes"] = "mjvr"  # how the speed changes
     speeds: list[PathQuantity] = []  # [m/s] of each part, instead of `cruise`
-    # What follows means nothing to a course: its turns are always smooth in yaw, and the rest
-    # belongs to the other model.
+    # Ignored on board: the turns of a followed path are always smooth in yaw, and the other keys
+    # belong to the model `fernandes`.
     smooth_yaw: bool = False
     accel_time: PathQuantity = 20.0  # [s]
     decel_time: PathQuantity = 20.0  # [s]
@@ -38,7 +38,7 @@ class PathFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def course_of(path: Path) -> Course:
-    """The course in a path file. Whether the turns fit its legs is for the drone to say.
+    """The course in a path file. The drone checks whether the turns fit between the waypoints.
 
     Raises:
         LindyError: the file cannot be read, a key of it is wrong, or it asks for a motion that

@@ -1,4 +1,4 @@
-"""Starts pygame with what a pilot needs and nothing else: no sound, no window unless asked for."""
+"""Starts pygame with pads and keyboard only: no sound, and no window unless it is needed."""
 
 import importlib
 import os
@@ -17,7 +17,7 @@ QUIETLY = {
 
 
 def has_display() -> bool:
-    """Whether a window can be shown; whoever has chosen SDL's video driver has said so."""
+    """Can a window be shown? Also true where the user has set SDL's video driver."""
     wanted = ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER")
     return sys.platform in ("darwin", "win32") or any(os.environ.get(name) for name in wanted)
 
@@ -32,7 +32,7 @@ def load() -> None:
         os.environ.setdefault(name, value)
     try:
         with warnings.catch_warnings():
-            # pygame asks for setuptools' pkg_resources, which warns whoever asks for it.
+            # pygame imports setuptools' pkg_resources, which warns about being imported.
             warnings.filterwarnings("ignore", message=".*pkg_resources", category=Warning)
             importlib.import_module("pygame")
     except ImportError:
@@ -43,9 +43,9 @@ def load() -> None:
 
 
 def start_events() -> None:
-    """SDL's events without a window: with no display at all, or when it cannot be reached.
+    """Start SDL's events without a window, also where there is no display or it does not work.
 
-    Pads are heard through the same events, so they need this too.
+    Pads report through the same events, so they need this too.
     """
     import pygame
 

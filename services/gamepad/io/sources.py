@@ -1,4 +1,4 @@
-"""Picks the source of sticks that `--pilot` names."""
+"""Opens the stick source that `--pilot` names."""
 
 from pathlib import Path
 

@@ -1,5 +1,5 @@
-"""One MCAP file being written: https://mcap.dev/spec. Any method raises OSError when the disk
-does; the file is then to be abandoned, and what was flushed can be read by any reader."""
+"""Writes one MCAP file: https://mcap.dev/spec. Any method raises OSError when the disk fails; the
+file must then be abandoned, and what was flushed can be read by any reader."""
 
 import contextlib
 import io
@@ -10,7 +10,7 @@ from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 
 MAGIC = b"\x89MCAP0\r\n"  # first and last bytes of a whole file
-# The shortest end a file may have: DataEnd and Footer without an index. A reader then reads on.
+# The shortest valid end of a file: DataEnd and Footer without an index.
 ENDING = struct.pack("<BQI", 0x0F, 4, 0) + struct.pack("<BQQQI", 0x02, 20, 0, 0, 0) + MAGIC
 CHUNK_BYTES = 256 * 1024  # before compression; a flush closes a chunk earlier
 
@@ -26,7 +26,7 @@ class McapFile:
         self.path = path
         self._file = path.open("xb", buffering=0)
         self._stream = io.BufferedWriter(io.FileIO(self._file.fileno(), "w", closefd=False))
-        self._flushed = 0  # [bytes] from here on nothing is sure
+        self._flushed = 0  # [bytes] up to here the file is certainly written
         self._writer = Writer(
             self._stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD
         )
@@ -38,7 +38,7 @@ class McapFile:
         self._writer.add_metadata(name, entries)
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
-        """Put a file inside the file. Its times are left at 0: unknown."""
+        """Add a file as an attachment. Its times are 0: unknown."""
         self._writer.add_attachment(0, 0, name, media_type, data)
 
     def has_channel(self, key: str) -> bool:
@@ -60,8 +60,8 @@ class McapFile:
         self._writer.add_message(self._channels[key], log_ns, data, publish_ns, sequence)
 
     def flush(self) -> None:
-        """Close the chunk in progress and hand it to the operating system: from here on it
-        survives the death of this process."""
+        """Close the chunk in progress and give it to the operating system: from then on it
+        survives a crash of this process."""
         self._writer.flush()
         self._flushed = self._stream.tell()
 
@@ -72,17 +72,16 @@ class McapFile:
         self._file.close()
 
     def abandon(self) -> None:
-        """After an error: cut off what came after the last flush, end the file there and close
-        it."""
+        """After an error: truncate the file to the last flush, end it there and close it."""
         with contextlib.suppress(OSError):
-            self._stream.close()  # tries to write what it still holds
+            self._stream.close()  # tries to write its buffer
         with contextlib.suppress(OSError), self._file as file:
             file.truncate(self._flushed)
             file.seek(self._flushed)
-            file.write(ENDING)  # no room even for this: whole chunks can be read all the same
+            file.write(ENDING)  # if even this fails: whole chunks can still be read
 
     def discard(self) -> None:
-        """Close the file and remove it: nothing in it is worth keeping."""
+        """Close the file and remove it: it contains no messages."""
         self.abandon()
         with contextlib.suppress(OSError):
             self.path.unlink()

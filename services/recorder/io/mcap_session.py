@@ -1,11 +1,11 @@
-"""Keeps writing whatever the disk does.
+"""Records a dive to MCAP files, part after part, and survives disk errors.
 
-At the start of a dive a disk that cannot be written is a mistake the user can mend, and stops the
-service with a sentence. In mid-dive it must not disturb anybody: the recording stops with one
-log line, everything not written is counted, and every few seconds a fresh part is tried. A fresh
-one, because the old one was ended where it was sure.
+At the start of a dive, a disk that cannot be written is an error the user can correct, and stops
+the service with one sentence. During a dive it must not affect anything else: the recording stops
+with one log line, everything not written is counted, and every few seconds a new part is tried. A
+new one, because the old one was truncated and ended after its last flush.
 
-No file that is there already is written to, whoever made it.
+Existing files are never written to.
 """
 
 import json
@@ -28,13 +28,13 @@ RETRY_NS = 5_000_000_000  # [ns] between two attempts to record again
 
 
 class RecordingCheckpoint(msgspec.Struct):
-    """What must be remembered across a crash: how many parts this dive has."""
+    """Checkpoint: how many parts this dive has."""
 
     parts: int = 0
 
 
-class Teller(Protocol):
-    """Whom the scribe tells what becomes of the recording; in a dive the service's node."""
+class SessionNode(Protocol):
+    """What the session needs of the service's node: counters, log and checkpoints."""
 
     counts: Counter[str]
     wall_offset_ns: int  # [ns] UTC minus the clock of stamps
@@ -48,7 +48,7 @@ class Teller(Protocol):
 class McapSession:
     """Writes the rows of one dive, part after part."""
 
-    def __init__(self, node: Teller, stack: Stack) -> None:
+    def __init__(self, node: SessionNode, stack: Stack) -> None:
         """Open the next part of this dive.
 
         Raises:
@@ -58,9 +58,9 @@ class McapSession:
         self._stack = stack
         self._vehicle_file = stack.vehicle_path.read_bytes()
         self._file: McapFile | None = None
-        self._unflushed = 0  # rows that a failing disk would take with it
-        self._proven = False  # this part has taken rows
-        self._interrupted = False  # people were told that recording stopped
+        self._unflushed = 0  # rows that a failing disk would lose
+        self._proven = False  # rows were flushed to this part
+        self._interrupted = False  # the log says that recording has stopped
         self._retry_at = 0  # [ns]
         self._opened = node.restore_checkpoint(RecordingCheckpoint) or RecordingCheckpoint()
         path = part_path(stack.out_dir, self._opened.parts + 1)
@@ -85,7 +85,7 @@ class McapSession:
             self._fail(self._file, error)
 
     def flush(self, now: int) -> None:
-        """Make what was written safe from the death of this process; or try a fresh part."""
+        """Flush, so that the rows survive a crash of this process; or try a new part."""
         if self._file is None:
             if now >= self._retry_at:
                 self._retry_at = now + RETRY_NS
@@ -102,7 +102,7 @@ class McapSession:
             self._succeed(self._file)
 
     def close(self, log_hash: str) -> None:
-        """Write the losses, the hash and the index."""
+        """Write the counts of losses, the hash and the index."""
         if self._file is None:
             return
         try:
@@ -131,7 +131,7 @@ class McapSession:
         self._proven = False
 
     def _preface(self, file: McapFile) -> None:
-        """What a reader needs to know before the first message."""
+        """Metadata that a reader needs before the first message."""
         stack = self._stack
         about = {
             "vehicle": stack.vehicle_name,
@@ -155,12 +155,12 @@ class McapSession:
         self._proven = True
         if self._interrupted:
             self._interrupted = False
-            self._node.log("info", f"recording goes on in {file.path}")
+            self._node.log("info", f"recording continues in {file.path}")
 
     def _fail(self, file: McapFile, error: OSError) -> None:
         if self._proven:
             file.abandon()
-        else:  # nothing in it: the next attempt may have its name
+        else:  # nothing in it: the next attempt can use its name
             file.discard()
             self._opened = RecordingCheckpoint(self._opened.parts - 1)
         self._file = None

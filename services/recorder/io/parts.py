@@ -1,4 +1,4 @@
-"""The files of one dive: `dive.mcap`, and `dive.part2.mcap` … when recording had to begin anew,
+"""The files of one dive: `dive.mcap`, and `dive.part2.mcap` … where recording was interrupted,
 because the recorder was restarted or the disk failed for a while."""
 
 import re
@@ -21,7 +21,7 @@ def free_part(folder: Path, number: int) -> int:
 
 
 def parts_in(folder: Path) -> list[Path]:
-    """The parts there are, in the order they were recorded."""
+    """The existing parts, in the order they were recorded."""
     first = folder / FIRST
     later = {int(m[1]): path for path in folder.iterdir() if (m := LATER.fullmatch(path.name))}
     return [*([first] if first.is_file() else []), *(later[number] for number in sorted(later))]

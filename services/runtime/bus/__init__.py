@@ -1,3 +1,3 @@
-"""The bus: envelopes, Zenoh with its QoS and access control, and the same in memory.
-Builds on config. Only nodes and hosts come in.
+"""The bus: envelopes, Zenoh with its QoS and access control, and a bus in memory.
+Builds on config. Only nodes and hosts import it.
 """

@@ -1,8 +1,9 @@
-"""What may pass between a hub and another machine: the topic table, and nothing else.
+"""Access control of a hub: only topics of the topic table may pass to and from another machine.
 
-A hub whose services come over a private socket and whose other end comes over the network tells
-the two apart by the protocol. From the network only what the table sends this way is let in, and
-only what it sends the other way is let out (Zenoh's access control, denied by default).
+Services connect to the hub over a private socket, the other machine over the network; the hub
+tells them apart by the protocol. From the network, only topics that the table sends in this
+direction are let in, and only those of the other direction are let out (Zenoh's access control,
+denied by default).
 """
 
 from typing import Any, NamedTuple
@@ -19,14 +20,14 @@ ALL_MESSAGES = (
 )
 
 
-class Border(NamedTuple):
+class HubSide(NamedTuple):
     """Which side of the tether a hub is on, and the namespace of its vehicle's keys."""
 
     side: Side
     space: str
 
 
-def access_control(hub_side: Border) -> dict[str, Any]:
+def access_control(hub_side: HubSide) -> dict[str, Any]:
     """Zenoh's `access_control` for this hub."""
     inward, outward = (Way.UP, Way.DOWN) if hub_side.side == "topside" else (Way.DOWN, Way.UP)
     here, there = _keys(hub_side.space, outward), _keys(hub_side.space, inward)

@@ -1,4 +1,4 @@
-"""What a node needs of a bus: hear keys, say topics, pass an envelope on unopened."""
+"""What a node needs of a bus: subscribe, publish, and forward an envelope without decoding it."""
 
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
@@ -7,30 +7,30 @@ from messages.topic import AnyTopic
 
 
 class Envelope(NamedTuple):
-    """A message as it came off the wire, not yet opened."""
+    """A message as received, not yet decoded."""
 
     key: str
     payload: bytes
     encoding: str
     attachment: bytes | None = None
-    travelled: object = None  # priority and the like, understood only by the bus that made it
+    travelled: object = None  # its QoS, understood only by the bus that made it
 
 
-Store = Callable[[Envelope], None]
-Say = Callable[[bytes], None]
+Store = Callable[[Envelope], None]  # receives each envelope of a subscription
+Say = Callable[[bytes], None]  # publishes an encoded message
 
 
 class Bus(Protocol):
-    """One realm. Nobody hears what they said themselves."""
+    """The bus of one side. Nobody receives their own messages."""
 
     def hear(self, key_expression: str, store: Store) -> None:
-        """Hand every envelope on these keys to `store`, perhaps on another thread."""
+        """Subscribe: pass every envelope on these keys to `store`, perhaps on another thread."""
         ...
 
     def say(self, topic: AnyTopic) -> Say:
-        """A function that puts an encoded message on this topic and never blocks."""
+        """Publisher: a function that publishes an encoded message on this topic, never blocking."""
         ...
 
     def forward(self, envelope: Envelope) -> None:
-        """Put an envelope of another realm on this one, byte for byte."""
+        """Publish an envelope of the other side's bus on this one, byte for byte."""
         ...

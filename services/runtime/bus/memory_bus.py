@@ -1,4 +1,4 @@
-"""A bus inside one process, for the virtual host. Messages cross it encoded, like on the wire."""
+"""A bus inside one process, for the virtual host. Messages are encoded, as on a network."""
 
 from messages.topic import AnyTopic
 from services.runtime.bus.envelope import Envelope, Say, Store
@@ -15,28 +15,30 @@ def matches(key_expression: str, key: str) -> bool:
 
 
 class MemoryBus:
-    """One realm shared by all its listeners; each node gets its own `MemoryBusPort` on it."""
+    """The bus of one side; each node gets its own `MemoryBusPort` on it."""
 
     def __init__(self) -> None:
-        self._listeners: list[tuple[str, Store, object]] = []
+        self._listeners: list[tuple[str, Store, object]] = []  # (key expression, store, port)
         self._routes: dict[str, list[tuple[Store, object]]] = {}
 
-    def listen(self, key_expression: str, store: Store, who: object) -> None:
-        self._listeners.append((key_expression, store, who))
+    def listen(self, key_expression: str, store: Store, port: object) -> None:
+        self._listeners.append((key_expression, store, port))
         self._routes.clear()
 
-    def leave(self, who: object) -> None:
-        """Forget a listener, as when its process ends."""
-        self._listeners = [entry for entry in self._listeners if entry[2] is not who]
+    def leave(self, port: object) -> None:
+        """Remove a port's subscriptions, as when its process ends."""
+        self._listeners = [entry for entry in self._listeners if entry[2] is not port]
         self._routes.clear()
 
     def deliver(self, envelope: Envelope, sender: object) -> None:
         route = self._routes.get(envelope.key)
         if route is None:
-            route = [(store, who) for k, store, who in self._listeners if matches(k, envelope.key)]
+            route = [
+                (store, port) for k, store, port in self._listeners if matches(k, envelope.key)
+            ]
             self._routes[envelope.key] = route
-        for store, who in route:
-            if who is not sender:
+        for store, port in route:
+            if port is not sender:
                 store(envelope)
 
 

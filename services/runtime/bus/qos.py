@@ -1,4 +1,4 @@
-"""The four stances in Zenoh's words.
+"""The four QoS profiles as Zenoh settings.
 
 Nothing blocks: a `put` that waits for a slow reader would stall a control loop for seconds, so
 even events are DROP and their senders repeat until answered. Batching stays on (express off),
@@ -14,7 +14,7 @@ from messages.topic import Qos
 
 @dataclass(frozen=True, slots=True)
 class ZenohQos:
-    """How one envelope travels, in Zenoh's terms."""
+    """Zenoh's QoS of one envelope."""
 
     priority: Priority
     congestion_control: CongestionControl

@@ -1,4 +1,5 @@
-"""A realm over Zenoh: a star with one hub, every service a client of it with explicit endpoints."""
+"""The bus of one side over Zenoh: a star with one hub; every service is a client of that hub, with
+explicit endpoints."""
 
 import json
 import time
@@ -9,14 +10,14 @@ from typing import Literal
 import zenoh
 
 from messages.topic import AnyTopic
-from services.runtime.bus.access_control import Border, access_control
+from services.runtime.bus.access_control import HubSide, access_control
 from services.runtime.bus.envelope import Envelope, Say, Store
 from services.runtime.bus.qos import QOS_PROFILES, ZenohQos
 from services.runtime.config.errors import LindyError
 
 SessionMode = Literal["router", "client"]
-VERSION = "@v1"  # one verbatim chunk keeps incompatible generations apart
-HUB_PATIENCE_S = 10.0  # how long a client waits for its hub to appear
+VERSION = "@v1"  # a verbatim chunk of the key: incompatible versions do not see each other
+HUB_PATIENCE_S = 10.0  # [s] a client waits for its hub to start
 
 
 def namespace(vehicle: str) -> str:
@@ -38,7 +39,7 @@ def config(
         "listen/endpoints": list(listen),
         "connect/endpoints": list(connect),
         "transport/shared_memory/enabled": False,  # it would bypass a shaped link
-        "transport/link/tx/lease": 1000,  # [ms] a pulled cable is noticed after this
+        "transport/link/tx/lease": 1000,  # [ms] a disconnected cable is noticed after this
         "connect/retry": {"period_init_ms": 50, "period_max_ms": 200, "period_increase_factor": 2},
     }.items():
         settings.insert_json5(key, json.dumps(value))
@@ -48,13 +49,13 @@ def config(
 
 
 def listening(
-    *endpoints: str, connect: Sequence[str] = (), hub_side: Border | None = None
+    *endpoints: str, connect: Sequence[str] = (), hub_side: HubSide | None = None
 ) -> zenoh.Session:
     """A hub's session.
 
     Args:
-        connect: endpoints of other machines' hubs; tried again and again while they are away.
-        hub_side: what may pass between this machine and another; None: no other machine.
+        connect: endpoints of other machines' hubs; retried while they cannot be reached.
+        hub_side: side of this hub, for access control; None: there is no other machine.
 
     Raises:
         LindyError: the endpoint is taken or malformed.
@@ -76,7 +77,7 @@ def listening(
 
 
 def connected(endpoint: str, space: str, patience_s: float = HUB_PATIENCE_S) -> zenoh.Session:
-    """A client's session; waits for the hub, because a client's `open` raises when none is there.
+    """A client's session; waits for the hub, because a client's `open` raises without one.
 
     Raises:
         LindyError: no hub answered within `patience_s`.
@@ -88,11 +89,11 @@ def connected(endpoint: str, space: str, patience_s: float = HUB_PATIENCE_S) -> 
         except zenoh.ZError:
             if time.monotonic() > deadline:
                 raise LindyError(f"no hub answers at {endpoint} after {patience_s:g} s") from None
-            time.sleep(0.05)  # between two attempts; the hub's start-up is not announced anywhere
+            time.sleep(0.05)  # between two attempts; nothing announces that the hub has started
 
 
 class ZenohBus:
-    """One node's end of a realm."""
+    """One node's connection to the bus of one side."""
 
     def __init__(self, session: zenoh.Session) -> None:
         self._session = session
@@ -100,7 +101,7 @@ class ZenohBus:
 
     def hear(self, key_expression: str, store: Store) -> None:
         # `indirect=False`: store on Zenoh's own thread; it only appends and wakes. A queue with
-        # a thread behind it fills up, and one full queue deafens the whole session.
+        # a thread behind it fills up, and one full queue blocks reception for the whole session.
         def on_sample(sample: zenoh.Sample) -> None:
             if sample.kind == zenoh.SampleKind.PUT:
                 store(_envelope(sample))
@@ -113,13 +114,13 @@ class ZenohBus:
         )
 
     def say(self, topic: AnyTopic) -> Say:
-        travel = QOS_PROFILES[topic.qos]
+        qos = QOS_PROFILES[topic.qos]
         publisher = self._session.declare_publisher(
             topic.key,
             encoding=topic.encoding,
-            priority=travel.priority,
-            congestion_control=travel.congestion_control,
-            express=travel.express,
+            priority=qos.priority,
+            congestion_control=qos.congestion_control,
+            express=qos.express,
         )
 
         def put(payload: bytes) -> None:
@@ -128,24 +129,24 @@ class ZenohBus:
         return put
 
     def forward(self, envelope: Envelope) -> None:
-        travel = envelope.travelled
-        assert isinstance(travel, ZenohQos)
+        qos = envelope.travelled
+        assert isinstance(qos, ZenohQos)
         self._session.put(
             envelope.key,
             envelope.payload,
             encoding=envelope.encoding,
             attachment=envelope.attachment,
-            priority=travel.priority,
-            congestion_control=travel.congestion_control,
-            express=travel.express,
+            priority=qos.priority,
+            congestion_control=qos.congestion_control,
+            express=qos.express,
         )
 
     def announce(self, service: str) -> None:
-        """Liveliness token: its disappearance tells everyone within milliseconds."""
+        """Declare a liveliness token; when it disappears, everyone knows within milliseconds."""
         self._keep.append(self._session.liveliness().declare_token(f"alive/{service}"))
 
     def watch(self, changed: Callable[[str, bool], None]) -> None:
-        """Call `changed(service, alive)` for every token now and from now on."""
+        """Call `changed(service, alive)` for every liveliness token, present and future."""
 
         def on_token(sample: zenoh.Sample) -> None:
             service = str(sample.key_expr).rsplit("/", 1)[-1]

@@ -1,4 +1,4 @@
-"""A disk that fills up: noticed while there is still room to end files well, and said plainly."""
+"""A disk that fills up is noticed while there is still room to finish files, and reported."""
 
 import errno
 import os
@@ -14,10 +14,10 @@ def require_room(folder: Path, size: int) -> None:
         size: [bytes] that must be free in the folder.
 
     Raises:
-        OSError: there is less, or the folder cannot be asked.
+        OSError: there is less, or the free space cannot be read.
     """
     usage = shutil.disk_usage(folder)
-    if usage.free < size and usage.total > 0:  # some network disks say nothing of themselves
+    if usage.free < size and usage.total > 0:  # some network disks report 0
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(folder))
 
 

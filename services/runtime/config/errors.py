@@ -2,7 +2,7 @@
 
 
 class LindyError(Exception):
-    """Something the user can mend: one sentence that says what, where and what is allowed.
+    """Something the user can correct: one sentence that says what, where and what is allowed.
 
     Every entry point prints it to stderr without a traceback and exits with status 1.
     """
@@ -13,6 +13,6 @@ class NeedsRealTimeError(LindyError):
 
     def __init__(self, who: str) -> None:
         super().__init__(
-            f"{who} needs real time: fly it with `lindy dive` or `lindy up drone`, or simulate "
-            f"another stack"
+            f"{who} needs real time: use `lindy dive` or `lindy up drone`, or simulate another "
+            f"stack"
         )

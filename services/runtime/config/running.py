@@ -1,4 +1,4 @@
-"""The file `run.json` in a dive's folder, while the dive goes on: how to reach its processes."""
+"""The file `run.json` in the folder of a running dive: how to reach its processes."""
 
 import msgspec
 

@@ -15,7 +15,7 @@ from services.runtime.config.errors import LindyError
 
 DEPLOY = Path(__file__).resolve().parents[3] / "deploy"
 S = TypeVar("S")
-Key = tuple[str | int, ...]  # names, and the places of entries in arrays, from 0
+Key = tuple[str | int, ...]  # names, and indices of entries in arrays, from 0
 HEADING = re.compile(r"\s*(\[\[?)([\w.\-\"' ]+)\]\]?\s*(#.*)?$")
 ASSIGNMENT = re.compile(r"\s*([\w.\-]+)\s*=")
 ENTRY = re.compile(r"(\w+) number (\d+)")  # an entry of an array, as sentences name it
@@ -25,7 +25,7 @@ def deploy_file(folder: str, name: str, suffix: str = ".toml") -> Path:
     """The file of a named vehicle, link, stack, pad or dive; or `name` itself when it is a path.
 
     Raises:
-        LindyError: there is no such file; says which names there are.
+        LindyError: there is no such file; lists the known names.
     """
     if name.endswith(suffix):
         if Path(name).is_file():

@@ -23,7 +23,7 @@ BODY = "vehicle"  # the table of the vehicle file that describes the vehicle its
 
 
 class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
-    """One dive's choices, as given on the command line."""
+    """The settings of one dive, as given on the command line."""
 
     vehicle: str = "pioneer"
     link: str = "tether"
@@ -31,7 +31,7 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
     out: str = "."  # folder for recordings
     seed: Annotated[int, msgspec.Meta(ge=0)] = 0
     viewer: bool = False  # open a live viewer
-    apart: bool = False  # topside and drone are machines of their own, each with its own clock
+    apart: bool = False  # topside and drone are two machines, each with its own clock
     arm: bool = True  # the gamepad arms the drone as soon as it is ready
     virtual: bool = False  # on virtual time: a driver that needs real time refuses to start
     overrides: list[str] = []  # key.path=value into the vehicle file
@@ -45,7 +45,7 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         """Name of the vehicle in keys: [a-z0-9_].
 
         Raises:
-            LindyError: its file has a name that no key may have.
+            LindyError: its file has a name that is not allowed in a key.
         """
         name = self.vehicle_path.stem.lower().replace("-", "_")
         if re.fullmatch(r"[a-z0-9_]+", name) is None:
@@ -77,10 +77,10 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         starts.
 
         Args:
-            known: the tables that there may be, and what each is read into.
+            known: the tables that are allowed, and the type each is read into.
 
         Raises:
-            LindyError: an unknown table, a mistake in one, or a name that no key may have.
+            LindyError: an unknown table, a mistake in one, or a name that is not allowed in a key.
         """
         _ = self.vehicle_name
         tree = _vehicle_tree(self.vehicle_path, tuple(self.overrides))
@@ -94,7 +94,7 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
             self.section(name, kind)
 
     def _blamed(self, sentence: str) -> LindyError:
-        """An error about a key that `--set` brought in is not the file's fault."""
+        """The error; about a key that came from `--set` it names that option, not the file."""
         about = re.fullmatch(
             rf"{re.escape(str(self.vehicle_path))}(:\d+)?: ([^:]+): (.*)", sentence
         )

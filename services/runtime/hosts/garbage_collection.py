@@ -1,5 +1,5 @@
-"""Python's search for reference cycles, made rare. A service makes thousands of short-lived
-messages a second and no cycles; looking for some among them costs an eighth of its time."""
+"""Rare garbage collection. A service makes thousands of short-lived messages a second and no
+reference cycles; searching for cycles would cost an eighth of its CPU time."""
 
 import gc
 from collections.abc import Generator
@@ -10,7 +10,7 @@ ALLOCATIONS = 20_000  # between two searches; Python's default is 700
 
 @contextmanager
 def rare_collections() -> Generator[None]:
-    """Enter once everything is set up: what exists then is not looked at until the end."""
+    """Enter after everything is set up: existing objects are not searched until the end."""
     before = gc.get_threshold()
     gc.freeze()
     gc.set_threshold(ALLOCATIONS, 20, 50)

@@ -1,5 +1,5 @@
-"""How late a busy computer steps a node, for the virtual host: every wake-up is handled after a
-random delay, and now and then the process stalls and handles nothing at all."""
+"""Scheduling jitter of a busy computer, for the virtual host: every wake-up is handled after a
+random delay, and sometimes the process stalls."""
 
 from bisect import bisect_right
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from numpy.random import Generator
 
 @dataclass(frozen=True, slots=True)
 class Jitter:
-    """What a node suffers. All zero: it is stepped at the very instant that it is woken."""
+    """Delays and stalls of a node. All zero: it is stepped at the instant it is woken."""
 
     delay: float = 0.0  # [s] of a wake-up, uniform between 0 and this
     stall: float = 0.0  # [s] for which a stalled node is not stepped
@@ -22,8 +22,8 @@ class Lateness:
     def __init__(self, jitter: Jitter, generator: Generator) -> None:
         self._jitter = jitter
         self._generator = generator
-        self._stalls: list[int] = []  # [ns] when each begins, drawn as far as was asked
-        self._drawn_ns = 0  # [ns] no stall before this is still to be drawn
+        self._stalls: list[int] = []  # [ns] begin of each stall that was drawn
+        self._drawn_ns = 0  # [ns] all stalls before this are drawn
         self._arrival_ns: int | None = None  # [ns] when what arrived is handled
         self._deadline = -1  # [ns] timer for which a delay was drawn …
         self._timer_ns = 0  # [ns] … and when it is handled

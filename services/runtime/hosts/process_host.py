@@ -1,7 +1,7 @@
-"""One service as one OS process: one Zenoh session per realm, wall time, a clean end.
+"""One service as one OS process: one Zenoh session per side, real time, a clean end.
 
 The process ends on SIGINT or SIGTERM, when its parent dies (within two seconds, even if a handler
-hangs), or with one sentence and status 1 when something is set wrongly.
+hangs), or with one sentence and status 1 when a setting is wrong.
 """
 
 import contextlib
@@ -20,7 +20,7 @@ from pathlib import Path
 import msgspec
 
 from messages.health import LogLine
-from services.runtime.bus.access_control import Border
+from services.runtime.bus.access_control import HubSide
 from services.runtime.bus.zenoh_bus import listening, open_bus
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
@@ -36,19 +36,19 @@ GRACE_S = 1.0  # after the parent's death: time to close files before the proces
 
 
 class Launch(msgspec.Struct, frozen=True, kw_only=True):
-    """All a service process needs to know, as one JSON argument."""
+    """Everything a service process needs, as one JSON argument."""
 
     service: str
     stack: Stack
-    spec: ServiceSpec  # its row in …
-    stack_file: str  # … this file
+    spec: ServiceSpec  # its table in the stack file
+    stack_file: str
     endpoints: dict[str, str]  # side → hub's endpoint; the first side is home
     checkpoint: str  # folder of the checkpoints, for a restart after a crash
     parent: int | None = None  # pid; the process ends when this is no longer its parent
 
 
 class StopFlag:
-    """A flag that signals and the parent's death raise."""
+    """Set by SIGINT, SIGTERM and the parent's death."""
 
     def __init__(self) -> None:
         self.asked = False
@@ -92,22 +92,22 @@ def run_service(launch: Launch) -> int:
         while not stop.asked:
             node.step()
             _wait(node, event)
-        node.step()  # what came in with the signal is still handled
+        node.step()  # messages that arrived with the signal are still handled
         return 0
     return 1
 
 
 class HubLaunch(msgspec.Struct, frozen=True, kw_only=True):
-    """All a hub process needs to know, as one JSON argument."""
+    """Everything a hub process needs, as one JSON argument."""
 
     listen: list[str]  # endpoints
     connect: list[str] = []  # endpoints of other machines' hubs
-    hub_side: Border | None = None  # where other machines can reach it
+    hub_side: HubSide | None = None  # for access control, where other machines can reach it
     parent: int | None = None
 
 
 def run_hub(launch: HubLaunch) -> int:
-    """Run a realm's hub until it is asked to stop: a Zenoh router and nothing else."""
+    """Run a side's hub, which is a Zenoh router, until it is asked to stop."""
     with (
         _stoppable(launch.parent) as stop,
         _sentences("hub"),
@@ -120,7 +120,7 @@ def run_hub(launch: HubLaunch) -> int:
 
 
 def _wait(node: Node, event: threading.Event) -> None:
-    """Until something arrives, falls due, or it is time to look at the stop flag."""
+    """Wait until a message arrives, a timer is due, or it is time to check the stop flag."""
     seconds = min(POLL_S, (node.deadline() - time.monotonic_ns()) / 1e9)
     if seconds > 0:
         event.wait(seconds)
@@ -140,17 +140,17 @@ def _stoppable(parent: int | None) -> Generator[StopFlag]:
 
 @contextmanager
 def _sentences(who: str) -> Generator[None]:
-    """A mistake of the user's becomes one sentence on stderr; the caller then returns 1."""
+    """Print a user error as one sentence on stderr; the caller then returns 1."""
     try:
         yield
     except LindyError as error:
-        if error.__cause__ is not None:  # a module that is not ours: details for the log
+        if error.__cause__ is not None:  # an error in a user's module: details for the log
             traceback.print_exception(error.__cause__)
         print(f"lindy {who}: {error}", file=sys.stderr, flush=True)
 
 
 def _follow(parent: int, stop: StopFlag) -> None:
-    """Raise the flag when the parent is gone; end the process if nobody looks at the flag."""
+    """Set the flag when the parent has ended; end the process if that does not stop it."""
     while os.getppid() == parent:
         time.sleep(0.2)  # the kernel does not tell a process that its parent died
     stop.ask()
@@ -170,10 +170,10 @@ def _show(line: LogLine) -> None:
 
 
 def usage() -> Usage:
-    """What the operating system says of this process."""
+    """CPU time and memory of this process."""
     try:
         pages = int(Path("/proc/self/statm").read_text().split()[1])
         rss_mb = pages * resource.getpagesize() / 1e6
-    except OSError:  # not Linux: the peak is the best there is
+    except OSError:  # not Linux: only the peak is known
         rss_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
     return Usage(cpu_s=time.process_time(), rss_mb=rss_mb)

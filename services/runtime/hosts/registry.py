@@ -1,9 +1,9 @@
-"""Which services a stack is made of, and where the code of each is found: name → module → `wire`.
+"""The services of a stack, and where the code of each is found: name → module → `wire`.
 
 One of Lindy's own services is `services.<name>`: its `wire` is in `.service`, its `Settings`, if it
-has any, in `.core`. Somebody else's is the module that its row in the stack file names, with `wire`
-and `Settings` in that module itself. Such a module is looked for among the installed packages and
-then in the folder of the stack file.
+has any, in `.core`. Any other service is the module that its table in the stack file names, with
+`wire` and `Settings` in that module itself. Such a module is looked for among the installed
+packages and then in the folder of the stack file.
 """
 
 import importlib
@@ -27,20 +27,20 @@ from services.runtime.node.node import Node
 
 Wire = Callable[[Node, Stack], None]
 SideName = Annotated[str, msgspec.Meta(pattern="^(topside|drone)$")]
-DEFAULT = "simulated"  # the stack of a dive for which nobody chose one
+DEFAULT = "simulated"  # the stack of a dive without --stack
 NAME = r"[a-z0-9_]+"  # of a service: it becomes part of a key
-TAKEN = (BODY, "supervisor")  # they mean something else in a vehicle file and on the bus
+TAKEN = (BODY, "supervisor")  # reserved: they mean something else in vehicle files or on the bus
 
 
 class ServiceSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A service of a stack file."""
 
-    sides: Annotated[list[SideName], msgspec.Meta(min_length=1)]  # the first is its home
-    gateway: bool = False  # says what both sides hear in each of them itself
+    sides: Annotated[list[SideName], msgspec.Meta(min_length=1)]  # the first is its home side
+    gateway: bool = False  # it connects the sides, and publishes its own BOTH topics on each
     vehicle_side: bool = False  # it is the vehicle, or part of it: sensors, thrusters
-    each_machine: bool = False  # runs on each machine, where its sides are machines of their own
-    service: str | None = None  # whose code it runs; None: that of its name
-    module: str | None = None  # None: one of Lindy's own
+    each_machine: bool = False  # runs on each machine, where its sides are two machines
+    service: str | None = None  # Lindy's service whose code it runs; None: that of its name
+    module: str | None = None  # a user's module; None: one of Lindy's own services
 
 
 class StackFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -71,7 +71,7 @@ class Registry(Mapping[str, ServiceSpec]):
             registry._require_known(name)
         if not registry.vehicle_side:
             raise LindyError(
-                f"{file}: no service is the vehicle; one of them must say vehicle_side = true"
+                f"{file}: no service is the vehicle; one of them must have vehicle_side = true"
             )
         return registry
 
@@ -94,8 +94,9 @@ class Registry(Mapping[str, ServiceSpec]):
         return replace(self, specs=specs)
 
     def apart(self) -> "Registry":
-        """The same stack where topside and drone are machines of their own: what runs on each of
-        them has a name of its own away from home, because each hears the other's health."""
+        """The same stack where topside and drone are two machines. A service that runs on each
+        machine has its own name on the second one, because each side receives the other's health
+        messages."""
         split: dict[str, ServiceSpec] = {}
         for name, spec in self.specs.items():
             if not spec.each_machine:
@@ -109,7 +110,7 @@ class Registry(Mapping[str, ServiceSpec]):
         return self.only(split)
 
     def wire(self, name: str) -> Wire:
-        """The function that connects a service's thinking to its ports. Whatever it raises is one
+        """The function that connects a service's core to its ports. Whatever it raises becomes one
         sentence.
 
         Raises:
@@ -133,8 +134,8 @@ class Registry(Mapping[str, ServiceSpec]):
         all of Lindy's own, because a vehicle file suits more than one stack.
 
         Args:
-            here: the services that run on this machine; None: all. Somebody else's modules need not
-                be installed on the other one, so their tables are not looked into there.
+            here: the services that run on this machine; None: all. A user's module need not be
+                installed on the other machine, so its table is not checked there.
 
         Raises:
             LindyError: a module of this stack cannot be used.
@@ -194,7 +195,7 @@ class Registry(Mapping[str, ServiceSpec]):
         """Import a module that is not Lindy's own."""
         module, folder = self._module(name), str(self.file.parent)
         if folder not in sys.path:
-            sys.path.append(folder)  # at the end: nothing there can stand in for what is installed
+            sys.path.append(folder)  # at the end: nothing there can replace an installed module
         try:
             return importlib.import_module(module)
         except (Exception, SystemExit) as error:
@@ -216,7 +217,7 @@ def own_services() -> list[str]:
 
 
 def own_settings(name: str) -> type | None:
-    """What one of Lindy's own services reads from a vehicle file."""
+    """The settings that one of Lindy's own services reads from a vehicle file."""
     return getattr(importlib.import_module(f"services.{name}.core"), "Settings", None)
 
 
@@ -226,7 +227,7 @@ def wire_of(name: str) -> Wire:
 
 
 def _is_part(found: str | None, module: str) -> bool:
-    """Is it the module, or a package on the way to it, that was not found?"""
+    """Was the module itself, or a package that contains it, not found?"""
     return found is not None and (module == found or module.startswith(f"{found}."))
 
 

@@ -1,9 +1,9 @@
 """Any set of services in one process on virtual time.
 
-Messages are encoded, carried over an in-memory bus and decoded, as on the wire. Nothing depends
-on wall time or on the order of threads, so the same stack and seed give the same bytes. Compute
-takes no virtual time: latencies here are the link's and the scheduling's. A node with a `Lateness`
-is stepped late, as on a busy computer; until then what arrives piles up in its ports.
+Messages are encoded, sent over an in-memory bus and decoded, as on a network. Nothing depends on
+real time or on the order of threads, so the same stack and seed give the same bytes. Computing
+takes no virtual time: latencies come from the link and the scheduling only. A node with a
+`Lateness` is stepped late, as on a busy computer; until then messages wait in its ports.
 """
 
 from collections.abc import Callable, Mapping
@@ -19,12 +19,12 @@ from services.runtime.node.checkpoint import CheckpointStore, VolatileCheckpoint
 from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.node import Node
 
-ROUNDS = 1000  # deliveries at one instant before we call it an endless conversation
+ROUNDS = 1000  # steps at one instant before it counts as an endless loop
 
 
 @dataclass(frozen=True, slots=True)
 class Skew:
-    """A machine's clock beside the host's."""
+    """A machine's clock relative to the host's."""
 
     ahead_ns: int = 0  # [ns] at the beginning
     drift: float = 0.0  # [-] seconds gained per second
@@ -33,7 +33,7 @@ class Skew:
         return host_ns + self.ahead_ns + round(self.drift * host_ns)
 
     def first_shows(self, local_ns: int) -> int:
-        """[ns] Host time at which the clock has come to `local_ns`."""
+        """[ns] Host time at which the clock reaches `local_ns`."""
         return ceil((local_ns - self.ahead_ns) / (1.0 + self.drift))
 
 
@@ -41,15 +41,18 @@ SAME = Skew()
 
 
 class VirtualHost:
-    """Owns virtual time, the realms and the nodes."""
+    """Owns virtual time, the bus of each side and the nodes."""
 
     def __init__(
         self,
         clocks: Mapping[str, Skew] | None = None,
         lateness: Mapping[str, Lateness] | None = None,
     ) -> None:
-        """Clocks of realms that are machines of their own; without them there is one clock.
-        Lateness of nodes by name; the others are punctual."""
+        """
+        Args:
+            clocks: clock of each side, where they are two machines; None: one clock.
+            lateness: of nodes by name; the others are punctual.
+        """
         self.now = 0  # [ns]
         self._clocks = clocks
         self._lateness = lateness or {}
@@ -60,16 +63,16 @@ class VirtualHost:
         self._due: dict[str, int] = {}  # [ns] next timer of each node, while running
 
     def side(self, name: str) -> MemoryBusPort:
-        """A fresh ear on a realm, for a test that wants to listen or to speak."""
+        """A new port on the bus of a side, for a test that subscribes or publishes."""
         return MemoryBusPort(self._buses.setdefault(name, MemoryBus()))
 
     def node(self, name: str, sides: list[str], *, gateway: bool = False) -> Node:
-        """A node without a service; whoever asks for it wires it."""
-        ears = {side: self.side(side) for side in sides}
+        """A node without a service; the caller wires it."""
+        ports = {side: self.side(side) for side in sides}
         checkpoint = self._checkpoints.setdefault(name, VolatileCheckpoint())
         skew, clock_offset = self._skew(sides[0]), self._clock_offset(sides[0])
         clock = (lambda: self.now) if skew is SAME else (lambda: skew.shows(self.now))
-        node = Node(name, ears, clock, checkpoint, gateway=gateway, clock_offset=clock_offset)
+        node = Node(name, ports, clock, checkpoint, gateway=gateway, clock_offset=clock_offset)
         node.wake = lambda: self._wake(name)
         self.nodes[name] = node
         return node
@@ -90,7 +93,7 @@ class VirtualHost:
             self.add(name, spec, stack, services.wire(name))
 
     def kill(self, name: str) -> None:
-        """End a service as a crash would: it says nothing more and closes nothing."""
+        """End a service as a crash would: it publishes nothing more and closes nothing."""
         for port in self.nodes.pop(name).sides.values():
             assert isinstance(port, MemoryBusPort)
             port.close()
@@ -118,7 +121,7 @@ class VirtualHost:
             node.close()
 
     def _settle(self, names: list[str]) -> None:
-        """Step these nodes, then whoever they woke, until nobody has anything more to say now."""
+        """Step these nodes, then those they woke, until no node is woken at this instant."""
         for _ in range(ROUNDS):
             for name in names:
                 self._woken.pop(name, None)
@@ -132,7 +135,7 @@ class VirtualHost:
         raise RuntimeError(f"services keep waking each other at {self.now} ns: {names}")
 
     def _wake(self, name: str) -> None:
-        """Something arrived for a node: step it in this instant, or when it is late."""
+        """A message arrived for a node: step it at this instant, or later if it has lateness."""
         late = self._lateness.get(name)
         if late is None:
             self._woken.setdefault(name)

@@ -1,4 +1,4 @@
-"""One child process: started, watched, ended. The thin part that talks to the operating system."""
+"""One child process: start, watch, end. Only this module talks to the operating system."""
 
 import contextlib
 import os
@@ -13,12 +13,12 @@ TAIL = 4096  # [bytes] of a log in which its last line is looked for
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """What to run under which name."""
+    """A command to run as a process, under a name."""
 
     name: str
     command: list[str]
     log: Path  # its stdout and stderr
-    stop_order: int = 0  # tasks of a lower wave are stopped first
+    stop_order: int = 0  # tasks with a lower number are stopped first
 
 
 class Child(Protocol):
@@ -40,12 +40,12 @@ class Child(Protocol):
         ...
 
     def last_words(self) -> str:
-        """The last line this process has written, or nothing."""
+        """The last line this process has written; empty if none."""
         ...
 
 
 class OsChild:
-    """A process in a session of its own, so that Ctrl-C in the terminal reaches only us."""
+    """A process in its own session, so that Ctrl-C in the terminal reaches only this program."""
 
     def __init__(self, task: Task) -> None:
         task.log.parent.mkdir(parents=True, exist_ok=True)
@@ -66,7 +66,7 @@ class OsChild:
 
     def ended(self) -> int | None:
         if self._process.returncode is None and self._process.poll() is not None:
-            self._signal_group(signal.SIGKILL)  # what it had started must not outlive it
+            self._signal_group(signal.SIGKILL)  # processes it started must not outlive it
         return self._process.returncode
 
     def terminate(self) -> None:

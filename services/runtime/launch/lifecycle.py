@@ -1,9 +1,9 @@
 """When a child process is started, restarted or given up.
 
-Pure: what happened and `now` are arguments, what to do is the answer. A service that ends with
-status 1 before it was ever alive has said that the user set something wrongly; starting it again
-would not help. Every other unexpected end is a crash, and the dive goes on without a pilot having
-to do anything: the service is started again, sooner the first time than the fifth.
+Pure: the event and `now` are arguments, the action is returned. A service that ends with status 1
+before it was ever alive reports a wrong setting; starting it again would not help. Every other
+unexpected end is a crash: the service is started again without the pilot having to do anything,
+after a pause that grows with each crash in a row.
 """
 
 from dataclasses import dataclass, replace
@@ -11,8 +11,8 @@ from enum import Enum
 from typing import Literal
 
 BACK_OFF_S = (0.25, 0.5, 1.0, 2.0, 4.0)  # [s] before each restart in a row; the last one repeats
-STEADY_S = 10.0  # [s] a life this long was a good one: the back-off starts anew
-MISTAKE = 1  # exit status that says "a setting is wrong", with one sentence on stderr
+STEADY_S = 10.0  # [s] after running this long the back-off starts again from the shortest pause
+MISTAKE = 1  # exit status for a wrong setting, with one sentence on stderr
 
 Phase = Literal["waiting", "running", "stopping", "ended", "failed"]
 
@@ -21,34 +21,34 @@ class Event(Enum):
     """What can happen to a child besides its end."""
 
     TICK = "tick"  # time has passed
-    SEEN = "seen"  # it said on the bus that it is alive
-    STOP = "stop"  # it is no longer wanted
+    SEEN = "seen"  # its liveliness token appeared on the bus
+    STOP = "stop"  # it is to end
 
 
 @dataclass(frozen=True, slots=True)
 class Ended:
-    """The process is gone. `status` is its exit status, or minus the signal that ended it."""
+    """The process has ended. `status` is its exit status, or minus the signal that ended it."""
 
     status: int
 
 
 class Action(Enum):
-    """What the supervisor must do now."""
+    """What the supervisor must do."""
 
     START = "start"
     TERMINATE = "terminate"
-    GIVE_UP = "give up"  # stop everything and show the user this child's last words
+    GIVE_UP = "give up"  # stop everything and show the user this child's last line
 
 
 @dataclass(frozen=True, slots=True)
 class Life:
-    """Where a child stands."""
+    """State of a child."""
 
     phase: Phase = "waiting"
     at: int = 0  # [ns] waiting: when to start it; otherwise when it was started
     lives: int = 0  # times it was started
     seen: bool = False  # it was alive once
-    crashes: int = 0  # in a row, without a steady life in between
+    crashes: int = 0  # in a row, without `STEADY_S` of running in between
 
     @property
     def restarts(self) -> int:
@@ -56,7 +56,7 @@ class Life:
 
 
 def advance(life: Life, event: Event | Ended, now: int) -> tuple[Life, Action | None]:
-    """The child's next standing at `now` [ns], and what to do about it."""
+    """The child's next state at `now` [ns], and what to do about it."""
     if isinstance(event, Ended):
         return _after_end(life, event.status, now)
     if event is Event.SEEN:

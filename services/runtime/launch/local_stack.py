@@ -1,4 +1,4 @@
-"""A whole stack as processes on this machine: a hub for each realm and every service."""
+"""A whole stack as processes on this machine: a hub for each side and every service."""
 
 import os
 import sys
@@ -16,7 +16,7 @@ from typing import Literal, NamedTuple
 import msgspec
 
 from messages.topic import Side
-from services.runtime.bus.access_control import Border
+from services.runtime.bus.access_control import HubSide
 from services.runtime.bus.zenoh_bus import ZenohBus, connected, listening, namespace
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
@@ -30,11 +30,11 @@ from services.runtime.node.checkpoint import VolatileCheckpoint, write_safely
 from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.node import Node
 
-CHECKPOINTS = "checkpoints"  # folder in that of the dive; DIVE/checkpoints/<service>.json
-HOME = "topside"  # where it listens: it sees what the pilot sees
-LAST = ("recorder", "visualizer")  # stopped after the others, so that they get everything
+CHECKPOINTS = "checkpoints"  # folder in the dive's folder; DIVE/checkpoints/<service>.json
+HOME = "topside"  # the side this process's own node is on: it sees what the pilot sees
+LAST = ("recorder", "visualizer")  # stopped after the others, so that they receive everything
 PYTHON = [sys.executable, "-P", "-m", "services"]  # -P: nothing in the user's folder is imported
-PERIOD_S = 0.04  # [s] between two looks: ports that keep the newest 8 must not fill at 100 Hz
+PERIOD_S = 0.04  # [s] between two steps: ports that keep the newest 8 must not fill at 100 Hz
 HUB_TIMEOUT_S = 20.0
 LONGEST_FOLDER = 60  # [bytes] a socket's path must stay below 107
 
@@ -42,7 +42,7 @@ LONGEST_FOLDER = 60  # [bytes] a socket's path must stay below 107
 class OtherSide(NamedTuple):
     """The other side, where it is another machine."""
 
-    side: Side  # the one this machine is
+    side: Side  # of this machine
     listen: tuple[str, ...] = ()  # endpoints at which the other side reaches this hub
     connect: tuple[str, ...] = ()  # … or at which this hub reaches the other's
     gateway: str | None = None  # endpoint of the drone's hub, for a tether process between them
@@ -69,14 +69,14 @@ class LocalStack:
         if other_side is not None and other_side.gateway is not None:
             self._reach["drone"] = other_side.gateway
         self.supervisor = Supervisor(self._tell)
-        self.node: Node  # this process's own, where the pilot is; there when the hubs are up
-        self.alive: set[tuple[str, str]] = set()  # (realm, service)
-        self._checkpoints = stack.out_dir / CHECKPOINTS  # until there is one of our own
+        self.node: Node  # this process's own, on the pilot's side; set when the hubs are up
+        self.alive: set[tuple[str, str]] = set()  # (side, service)
+        self._checkpoints = stack.out_dir / CHECKPOINTS  # numbered by start_services if it exists
         self._tokens: deque[tuple[str, str, bool]] = deque()  # filled on the bus's thread
         self._buses: dict[str, ZenohBus] = {}
         self._wake = threading.Event()
         self._pids: dict[str, int] = {}
-        self._speaks = False  # the node is there
+        self._has_node = False
 
     def start_hubs(self, exits: ExitStack) -> None:
         """Start the hubs and connect to them.
@@ -101,11 +101,11 @@ class LocalStack:
         home = HOME if HOME in self._buses else next(iter(self._buses))
         offset = None if self._other_side is None else ClockOffset(self._other_side.side)
         bus = {home: self._buses[home]}
-        # Two machines have two of them, and each hears the other's health.
+        # Two machines have two supervisors, and each receives the other's health messages.
         name = NAME if self._other_side is None else f"{NAME}_{self._other_side.side}"
         self.node = Node(name, bus, time.monotonic_ns, VolatileCheckpoint(), clock_offset=offset)
         self.node.wake, self.node.usage = self._wake.set, usage
-        self._speaks = True
+        self._has_node = True
 
     def start_services(self) -> None:
         self._checkpoints = _unused_folder(self._checkpoints)
@@ -114,7 +114,7 @@ class LocalStack:
         self.supervisor.add(self._service(name) for name in self.services)
 
     def missing(self) -> list[str]:
-        """Services that are not alive in all of their realms."""
+        """Services that are not alive on all of their sides."""
         return [
             name
             for name, spec in self.services.items()
@@ -122,8 +122,8 @@ class LocalStack:
         ]
 
     def wait_alive(self, timeout_s: float, look: Callable[[], bool]) -> None:
-        """Until every service is alive. `look` is called again and again and must call `pump`;
-        it may give up by returning False.
+        """Wait until every service is alive. `look` is called repeatedly and must call `pump`; it
+        ends the wait by returning False.
 
         Raises:
             LindyError: names those that are missing after `timeout_s`.
@@ -136,23 +136,23 @@ class LocalStack:
                 raise LindyError(f"not alive after {timeout_s:g} s: {names} (see {logs})")
 
     def pump(self) -> None:
-        """One look at everything, then a short rest. Call it in a loop.
+        """Handle whatever is due, then wait for a short time. Call it in a loop.
 
         Raises:
-            LindyError: a service cannot start; its own sentence.
+            LindyError: a service cannot start; the sentence is the service's own.
         """
         self._hear_tokens()
         self.supervisor.step()
         if self.supervisor.failure is not None:
             raise LindyError(self.supervisor.failure)
         self._note_pids()
-        if self._speaks:
+        if self._has_node:
             self.node.step()
-        self._rest()
+        self._wait()
 
-    def _rest(self) -> None:
-        """Until something arrives or falls due, or it is time to look again."""
-        due = self.node.deadline() if self._speaks else None
+    def _wait(self) -> None:
+        """Wait until a message arrives or a timer is due, at most `PERIOD_S`."""
+        due = self.node.deadline() if self._has_node else None
         seconds = PERIOD_S if due is None else (due - time.monotonic_ns()) / 1e9
         if seconds > 0:
             self._wake.wait(min(PERIOD_S, seconds))
@@ -179,7 +179,7 @@ class LocalStack:
             self._publish(msgspec.json.format(msgspec.json.encode(running)))
 
     def _publish(self, data: bytes) -> None:
-        """Write `run.json` at once or not at all: on a full disk the older one still helps."""
+        """Write `run.json` atomically: on a full disk the older one stays."""
         path = self.stack.out_dir / RUNNING
         fresh = path.with_name(f".{RUNNING}-{os.getpid()}")
         try:
@@ -192,7 +192,7 @@ class LocalStack:
     def _hub(self, side: str) -> Task:
         launch = HubLaunch(listen=[self.endpoints[side]], parent=os.getpid())
         if self._other_side is not None:
-            hub_side = Border(self._other_side.side, namespace(self.stack.vehicle_name))
+            hub_side = HubSide(self._other_side.side, namespace(self.stack.vehicle_name))
             launch = msgspec.structs.replace(
                 launch,
                 listen=[*launch.listen, *self._other_side.listen],
@@ -220,7 +220,7 @@ class LocalStack:
         return self.stack.out_dir / "logs" / f"{name}.log"
 
     def _tell(self, level: Literal["info", "warning", "error"], text: str) -> None:
-        if self._speaks:
+        if self._has_node:
             self.node.log(level, text)
 
 
@@ -232,7 +232,7 @@ def local_stack(
     other_side: OtherSide | None = None,
     begin_with: Mapping[str, bytes] | None = None,
 ) -> Generator[LocalStack]:
-    """Hubs that run, without services yet; everything is ended when the block is left.
+    """Running hubs, without services yet; everything is ended when the block is left.
 
     Args:
         listen: endpoint on which the pilot's hub listens instead of a private socket, so that
@@ -245,7 +245,7 @@ def local_stack(
     """
     for endpoint in filter(None, (listen, *(other_side.listen if other_side is not None else ()))):
         with listening(endpoint):
-            pass  # the hub would say the same, but only after strangers' hubs have answered
+            pass  # fails now if it is taken; the hub would fail too, but later and less clearly
     with tempfile.TemporaryDirectory(prefix="lindy-", dir=_socket_folder()) as folder:
         local = LocalStack(stack, services, Path(folder), listen, other_side, begin_with or {})
         with ExitStack() as exits:
@@ -255,13 +255,13 @@ def local_stack(
             try:
                 yield local
             finally:
-                local.supervisor.stop()  # the bus is still open: the last events are said
+                local.supervisor.stop()  # the bus is still open, for the last log lines
 
 
 def _endpoints(
     services: Mapping[str, ServiceSpec], folder: Path, listen: str | None, *, only_homes: bool
 ) -> dict[str, str]:
-    """A hub for each realm; where the other side is another machine, for somebody's home here."""
+    """A hub for each side; with two machines, only for sides that are a service's home here."""
     sides = dict.fromkeys(
         side for spec in services.values() for side in spec.sides[: 1 if only_homes else None]
     )
@@ -272,8 +272,8 @@ def _endpoints(
 
 
 def _unused_folder(wanted: Path) -> Path:
-    """A new folder of this name, or with a number where an earlier dive has left one: what was
-    known in another dive must neither be taken for this one's nor be overwritten.
+    """A new folder of this name, or with a number where an earlier dive has left one: checkpoints
+    of another dive must neither be restored in this one nor be overwritten.
 
     Raises:
         LindyError: it cannot be made.

@@ -1,7 +1,7 @@
-"""Keeps a set of processes running, and leaves none behind.
+"""Keeps a set of processes running, and ends all of them.
 
-`lifecycle.py` decides; `child.py` talks to the operating system; the supervisor carries the
-decisions out, once per `step`. It knows nothing of services, hubs or Zenoh.
+`lifecycle.py` decides; `child.py` talks to the operating system; the supervisor carries out the
+decisions, once per `step`. It knows nothing of services, hubs or Zenoh.
 """
 
 import signal
@@ -13,9 +13,9 @@ from typing import Literal
 from services.runtime.launch.child import Child, OsChild, Task
 from services.runtime.launch.lifecycle import Action, Ended, Event, Life, advance
 
-NAME = "supervisor"  # under which it speaks on the bus
-PATIENCE_S = 5.0  # [s] between asking a process to end and ending it
-POLL_S = 0.02  # [s] between two looks while processes are stopping
+NAME = "supervisor"  # its name on the bus
+PATIENCE_S = 5.0  # [s] between asking a process to end and killing it
+POLL_S = 0.02  # [s] between two checks while processes are stopping
 
 Tell = Callable[[Literal["info", "warning", "error"], str], None]
 
@@ -30,7 +30,7 @@ class Supervisor:
         clock: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         self.lives: dict[str, Life] = {}
-        self.failure: str | None = None  # why everything must stop: the last words of a child
+        self.failure: str | None = None  # why everything must stop: the last line of a child
         self._tasks: dict[str, Task] = {}
         self._children: dict[str, Child] = {}
         self._seen: deque[str] = deque()  # filled from the bus's thread
@@ -45,7 +45,7 @@ class Supervisor:
             self.lives[task.name] = Life(at=self._clock())
 
     def seen(self, name: str) -> None:
-        """A child said that it is alive. May be called from any thread."""
+        """A child's liveliness token appeared. May be called from any thread."""
         self._seen.append(name)
 
     @property
@@ -54,11 +54,11 @@ class Supervisor:
 
     @property
     def pids(self) -> dict[str, int]:
-        """Of the processes that run now."""
+        """Process ids of the children that run now."""
         return {name: child.pid for name, child in self._children.items()}
 
     def step(self) -> None:
-        """Look at every child once and do what is due."""
+        """Check every child once and do what is due."""
         while self._seen:
             self._handle(self._seen.popleft(), Event.SEEN)
         for name, child in list(self._children.items()):
@@ -68,7 +68,7 @@ class Supervisor:
             self._handle(name, Event.TICK)
 
     def stop(self) -> None:
-        """End all children, wave by wave. Returns when none is left."""
+        """End all children, in their stop order. Returns when none is left."""
         for stop_order in sorted({task.stop_order for task in self._tasks.values()}):
             names = [name for name, task in self._tasks.items() if task.stop_order == stop_order]
             for name in names:
@@ -90,7 +90,7 @@ class Supervisor:
 
     def _handle(self, name: str, event: Event | Ended) -> None:
         if name not in self.lives:
-            return  # a stranger's token on our bus
+            return  # a token of a process that is not ours
         self.lives[name], action = advance(self.lives[name], event, self._clock())
         if action is Action.START:
             if self.lives[name].restarts:
@@ -121,8 +121,8 @@ def how(status: int) -> str:
 
 
 def in_words(name: str, words: str, task: Task) -> str:
-    """The sentence for the user. A child that prints `lindy <name>: …` has found it itself."""
-    for told in (f"lindy {name}: ", f"lindy {name.partition('_')[0]}: "):  # hub_drone is a hub
-        if words.startswith(told):
-            return words.removeprefix(told)
-    return f"{name} cannot start: {words or 'it says nothing'} (see {task.log})"
+    """The sentence for the user. A child that prints `lindy <name>: …` has written it itself."""
+    for prefix in (f"lindy {name}: ", f"lindy {name.partition('_')[0]}: "):  # hub_drone is a hub
+        if words.startswith(prefix):
+            return words.removeprefix(prefix)
+    return f"{name} cannot start: {words or 'it printed nothing'} (see {task.log})"

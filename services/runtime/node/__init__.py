@@ -1,3 +1,3 @@
 """A service's end of the bus: ports, gates, timers, requests and answers, checkpoints,
-loop statistics. Builds on bus and config. Every `service.py` comes in here, and nowhere deeper.
+loop statistics. Builds on bus and config. Every `service.py` imports from here, and nothing deeper.
 """

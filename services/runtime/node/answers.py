@@ -1,5 +1,5 @@
-"""The answering end of a request: it is repeated until its answer arrives, so it is decided once
-and the answer said each time."""
+"""The answering end of a request: a request is repeated until its answer arrives, so it is decided
+once, and its answer is sent for every repetition."""
 
 from collections.abc import Callable
 from typing import Generic, TypeVar
@@ -22,7 +22,7 @@ class AnswerBook(Generic[Q, A]):
         self._answers: dict[str, A] = {}  # the oldest first
 
     def answer(self, request: Q, now: Ns) -> tuple[A, bool]:
-        """The answer to be said now, and whether the request was decided just now."""
+        """The answer to send now, and whether the request was decided just now."""
         if (known := self._answers.get(request.id)) is not None:
             return msgspec.structs.replace(known, stamp_ns=now), False
         answer = self._answers[request.id] = self._decide(request, now)

@@ -1,8 +1,7 @@
-"""Checkpoints: what a service knows again after a crash, so that a restart in mid-dive goes on with
-the dive.
+"""Checkpoints: what a service restores after a crash, so that it can continue the dive.
 
-An atmosphere measured at the surface, the moment a stick log began: small things that cannot be
-learnt again under water. One Struct per service, written whole.
+For example the air pressure measured at the surface, or the time at which a stick log began: small
+data that cannot be measured again under water. One Struct per service, written whole.
 """
 
 import os
@@ -23,7 +22,7 @@ class CheckpointStore(Protocol):
         ...
 
     def save_checkpoint(self, data: bytes) -> None:
-        """Keep this instead. Never waits for a disk."""
+        """Replace the checkpoint. Never waits for a disk."""
         ...
 
     def failures(self) -> int:
@@ -48,15 +47,15 @@ class VolatileCheckpoint:
 
 
 class CheckpointFile:
-    """For the process host: one small file, written by a thread of its own, because a disk may take
-    its time. While one checkpoint is being written only the newest of those that follow waits."""
+    """For the process host: one small file, written by its own thread, because a disk may be slow.
+    While one checkpoint is being written, only the newest of the following ones is kept."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
         self._newest: bytes | None = None  # waits to be written
         self._failed = 0
-        self._ends = False
-        self._news = threading.Condition()
+        self._closing = False
+        self._changed = threading.Condition()
         self._writer = threading.Thread(target=self._write_all, daemon=True)
         self._writer.start()
 
@@ -67,20 +66,20 @@ class CheckpointFile:
             return None
 
     def save_checkpoint(self, data: bytes) -> None:
-        with self._news:
+        with self._changed:
             self._newest = data
-            self._news.notify()
+            self._changed.notify()
 
     def failures(self) -> int:
-        with self._news:
+        with self._changed:
             failed, self._failed = self._failed, 0
             return failed
 
     def close(self) -> None:
-        """Write what waits, if the disk is quick enough, and end the thread."""
-        with self._news:
-            self._ends = True
-            self._news.notify()
+        """Write what still waits, if the disk is fast enough, and end the thread."""
+        with self._changed:
+            self._closing = True
+            self._changed.notify()
         self._writer.join(CLOSE_S)
 
     def _write_all(self) -> None:
@@ -88,22 +87,22 @@ class CheckpointFile:
             try:
                 write_safely(self._path, data)
             except OSError:
-                with self._news:
+                with self._changed:
                     self._failed += 1
 
     def _next(self) -> bytes | None:
-        """Waits for the newest checkpoint; None: there is none and the end has come."""
-        with self._news:
-            self._news.wait_for(lambda: self._newest is not None or self._ends)
+        """Wait for a checkpoint to write; None: there is none and the file is being closed."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._newest is not None or self._closing)
             data, self._newest = self._newest, None
             return data
 
 
 def write_safely(path: Path, data: bytes) -> None:
-    """Replace a file in one move that also a power cut finds either not done or done.
+    """Replace a file atomically: after a power cut it is either the old or the new one.
 
     Raises:
-        OSError: the disk does not take it; the file is as it was.
+        OSError: the disk failed; the file is unchanged.
     """
     fresh = path.with_suffix(".new")
     with fresh.open("wb") as file:
@@ -113,6 +112,6 @@ def write_safely(path: Path, data: bytes) -> None:
     fresh.replace(path)
     folder = os.open(path.parent, os.O_RDONLY)
     try:
-        os.fsync(folder)  # the move itself
+        os.fsync(folder)  # the replacement itself
     finally:
         os.close(folder)

@@ -1,6 +1,7 @@
-"""The door of every port: opens envelopes and lets in only what is whole, in order and in time.
+"""Input validation of every port: decodes envelopes and admits only messages that are well-formed,
+in order and in time.
 
-Pure: `now` is an argument. Everything turned away is counted by reason.
+Pure: `now` is an argument. Every rejected message is counted by reason.
 """
 
 from collections import Counter
@@ -14,17 +15,17 @@ from services.runtime.bus.envelope import Envelope
 from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.stamps import mover
 
-MEMBERS = 64  # of one family, such as health/*, that one port hears
-FUTURE_NS = 100_000_000  # [ns] a stamp further ahead than this is a lie, not jitter
+MEMBERS = 64  # of one family, such as health/*, that one port receives
+FUTURE_NS = 100_000_000  # [ns] a stamp further ahead than this is wrong, not jitter
 
 
 @dataclass(slots=True)
 class Authority:
-    """Whose commands count. Whoever was granted the next epoch has it from the first command on
-    that carries it; until then the one before goes on, so that a hand-over leaves no gap."""
+    """Which pilot's commands are accepted. A newly granted epoch is in force from the first command
+    that carries it; until then the old one stays in force, so that a hand-over leaves no gap."""
 
     epoch: int = 0  # in force
-    granted: int = 0  # the newest that was given away
+    granted: int = 0  # the newest that was granted
 
     def admits(self, epoch: int) -> bool:
         return self.epoch <= epoch <= self.granted
@@ -36,13 +37,13 @@ class Authority:
 class Gate(Generic[M]):
     """Admits the messages of one key. Reasons counted: wrong_type, malformed, from_future,
     expired, reordered, duplicated, wrong_epoch, unsynchronised (from another machine, whose clock
-    is not known yet); and `lost` for gaps in the sequence, which are let through.
+    is not known yet); and `lost` for gaps in the sequence numbers, which are admitted.
 
-    Ages are counted by the worst case of what is known of the clocks, so that nothing too old is
-    ever taken for fresh.
+    Ages include the greatest error of the clock offset, so that no message is taken to be fresher
+    than it is.
 
-    Events may come from several senders, so they are not put in order: whoever acts on one knows
-    it by its id.
+    Events may come from several senders, so their order is not checked: receivers recognise them by
+    their id.
     """
 
     def __init__(
@@ -53,9 +54,9 @@ class Gate(Generic[M]):
         *,
         onlooker: bool = False,
     ) -> None:
-        """An `onlooker` never acts on a command, so it is also shown those that are too old to.
-        `clock_offset` is the other machine's clock, where there are two."""
-        self.authority: Authority | None = None  # None: anybody's messages are let in
+        """An `onlooker` never acts on commands, so it also gets expired ones. `clock_offset`: of
+        the other machine's clock, where there are two machines."""
+        self.authority: Authority | None = None  # None: messages of every epoch are admitted
         self._topic = topic
         self._counts = counts
         self._encoding = topic.encoding
@@ -66,15 +67,15 @@ class Gate(Generic[M]):
         )
         self._judged = clock_offset is None or clock_offset.judges(topic)
         self._move = mover(topic.message)
-        self._last: tuple[int, int] | None = None  # (stamp, seq) of the newest admitted, as said
+        self._last: tuple[int, int] | None = None  # (stamp, seq) of the newest admitted, as sent
 
     def bound_ns(self, now: int) -> int:
-        """[ns] What the age of a message admitted now may be off by."""
+        """[ns] Greatest error of the age of a message admitted now."""
         return 0 if self._clock_offset is None else self._clock_offset.bound_ns(now)
 
     @property
     def admitted(self) -> bool:
-        """Has anything ever come through?"""
+        """Was any message admitted yet?"""
         return self._last is not None
 
     def admit(self, envelope: Envelope, now: int) -> M | None:
@@ -87,18 +88,18 @@ class Gate(Generic[M]):
             return self._refuse("malformed", envelope)
         if self.authority is not None and not self.authority.admits(epoch_of(message)):
             return self._refuse("wrong_epoch", envelope)
-        said = (message.stamp_ns, message.seq)  # by the clock of who said it
+        sent = (message.stamp_ns, message.seq)  # by the sender's clock
         if (reason := self._untimely(message, now)) is not None:
             return self._refuse(reason, envelope)
-        if self._topic.hz and (reason := self._out_of_order(said, envelope.key, now)) is not None:
+        if self._topic.hz and (reason := self._out_of_order(sent, envelope.key, now)) is not None:
             return self._refuse(reason, envelope)
         if self.authority is not None:
             self.authority.heard(epoch_of(message))
-        self._last = said
+        self._last = sent
         return message
 
     def _untimely(self, message: M, now: int) -> str | None:
-        """Why a message is not of this moment, once its stamps are in local time."""
+        """Why a message is not in time, once its stamps are in local time; None: it is."""
         bound = 0
         if self._clock_offset is not None:
             if self._clock_offset.ahead_ns is None:
@@ -111,35 +112,35 @@ class Gate(Generic[M]):
             return "expired"
         return None
 
-    def _out_of_order(self, said: tuple[int, int], key: str, now: int) -> str | None:
-        """Order is judged by the clock of who said it: what is known of that clock changes, and
+    def _out_of_order(self, sent: tuple[int, int], key: str, now: int) -> str | None:
+        """Order is checked by the sender's clock: the estimated offset of that clock changes, and
         must not make an old message look newer than the one before."""
         if self._last is None or self._is_of_another_clock(self._last[0], now):
             return None
-        if said == self._last:
+        if sent == self._last:
             return "duplicated"
-        if said[0] < self._last[0]:
+        if sent[0] < self._last[0]:
             return "reordered"
-        missed = said[1] - self._last[1] - 1
+        missed = sent[1] - self._last[1] - 1
         if missed > 0:  # negative: the publisher was restarted and counts anew
             self._counts[f"lost:{key}"] += missed
         return None
 
-    def _is_of_another_clock(self, said_ns: int, now: int) -> bool:
-        """Was it said before the other machine's clock began anew, as after a power cut?"""
+    def _is_of_another_clock(self, sent_ns: int, now: int) -> bool:
+        """Was it sent before the other machine's clock restarted, as after a power cut?"""
         clock_offset = self._clock_offset
         if clock_offset is None or clock_offset.ahead_ns is None:
             return False
-        return said_ns - clock_offset.ahead_ns > now + FUTURE_NS + clock_offset.bound_ns(now)
+        return sent_ns - clock_offset.ahead_ns > now + FUTURE_NS + clock_offset.bound_ns(now)
 
     def _refuse(self, reason: str, envelope: Envelope) -> None:
-        # Anybody can invent members of a family: one that was never admitted has no name here.
+        # Anybody can invent members of a family: one never admitted is not counted by its name.
         name = envelope.key if self.admitted else self._topic.key
         self._counts[f"{reason}:{name}"] += 1
 
 
 class Gates(Generic[M]):
-    """A gate for each member of a family; or the one gate of a topic. Members beyond the first
+    """One gate for each member of a family, or one gate for a topic. Members beyond the first
     `MEMBERS`, and keys that no member may have, are counted under the family's name:
     too_many_keys, unknown_key."""
 
@@ -151,7 +152,7 @@ class Gates(Generic[M]):
         *,
         onlooker: bool = False,
     ) -> None:
-        """As of a `Gate`."""
+        """Arguments as of a `Gate`."""
         self._topic = topic
         self._counts = counts
         self._new = lambda: Gate(topic, counts, clock_offset, onlooker=onlooker)
@@ -164,7 +165,7 @@ class Gates(Generic[M]):
         return self._first(envelope, now) if gate is None else gate.admit(envelope, now)
 
     def _first(self, envelope: Envelope, now: int) -> M | None:
-        """Perhaps the first message of a member: only what is admitted takes up a place."""
+        """Perhaps the first message of a member: only an admitted message makes a new gate."""
         if not self._topic.covers(envelope.key):
             self._counts[f"unknown_key:{self._topic.key}"] += 1
             return None

@@ -1,4 +1,4 @@
-"""How a service is doing: its own `Health`, gathered between two reports."""
+"""Loop statistics of a service: its `Health` message, gathered between two reports."""
 
 from collections import Counter
 from dataclasses import dataclass
@@ -34,7 +34,7 @@ class LoopStats:
         counts: Counter[str],
         usage: Usage | None,
     ) -> Health:
-        """The period since the last report, which starts anew."""
+        """Health over the period since the last report; a new period begins."""
         seconds = 1.0 if self._reported_at is None else (now - self._reported_at) / 1e9
         lateness = sorted(self._lateness)
         cpu = None if usage is None else 100.0 * (usage.cpu_s - self._cpu_s) / seconds

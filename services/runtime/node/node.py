@@ -1,8 +1,8 @@
-"""What a service holds: its ports, its timers and its counters. The same in every host.
+"""A service's ports, timers and counters. The same in every host.
 
-A service declares in its `wire` function what it hears and says; the host then calls `step`
-whenever something arrived or fell due. Handlers run one at a time with `now` [ns] passed in; they
-do not block, sleep, read a clock or draw unseeded randomness.
+A service declares its subscriptions and publishers in its `wire` function; the host then calls
+`step` whenever a message arrived or a timer is due. Handlers run one at a time with `now` [ns]
+passed in; they do not block, sleep, read a clock or use unseeded randomness.
 """
 
 from collections import Counter, deque
@@ -58,8 +58,8 @@ class Node:
         self._gateway = gateway
         self._publishers: list[Publisher[Any]] = []
         self._inboxes: list[Inbox] = []
-        self._pending: deque[Callable[[], None]] = deque()  # rings that something arrived in
-        self._collected: list[Callable[[], None]] = []  # rings that wait for the next step
+        self._pending: deque[Callable[[], None]] = deque()  # drain inboxes with new messages
+        self._collected: list[Callable[[], None]] = []  # drain inboxes at the next step
         self._timers: list[Tick | Alarm] = []
         self._closers: list[Callable[[], None]] = []
         self._log = self.publisher(topics.LOG.of(name))
@@ -68,11 +68,11 @@ class Node:
         if clock_offset is not None:
             self.each(topics.CLOCK, clock_offset.learn)
 
-    # What a service says.
+    # What a service publishes.
 
     def publisher(self, topic: Topic[M], *, side: str | None = None) -> Publisher[M]:
-        """Say a topic at home, or in another realm. A gateway says BOTH rows in each realm: nobody
-        carries its own."""
+        """Publish a topic on the home side, or on another side. A gateway publishes topics of
+        direction BOTH on each side, because nobody forwards its own messages."""
         everywhere = self._gateway and topic.way is topics.BOTH
         buses = self.sides.values() if everywhere else [self.sides[side or self._home]]
         publisher = Publisher(topic, [bus.say(topic) for bus in buses])
@@ -80,16 +80,16 @@ class Node:
         return publisher
 
     def log(self, level: Literal["info", "warning", "error"], text: str) -> None:
-        """Say something to people: on the bus, in the recording and on stderr."""
+        """A line for people: on the bus, in the recording and on stderr."""
         line = LogLine(stamp_ns=self._clock(), service=self.name, level=level, text=text)
         self._log.put(line)
         self.show(line)
 
     def count(self, name: str, times: int = 1) -> None:
-        """Never silent: a clamp, a drop, a refusal. Shown in `health/<service>`."""
+        """Count a clamp, a drop, a refusal or the like. Published in `health/<service>`."""
         self.counts[name] += times
 
-    # What a service hears.
+    # What a service receives.
 
     def latest(self, topic: Topic[M]) -> Latest[M]:
         """The newest message, read when wanted; arrivals do not wake the service."""
@@ -104,8 +104,8 @@ class Node:
         onlooker: bool = False,
         side: str | None = None,
     ) -> None:
-        """Every message said at home, or in another realm, in order of arrival. An onlooker acts on
-        none, so expired ones count."""
+        """Every message on the home side, or on another side, in order of arrival. An onlooker acts
+        on no command, so it also gets expired ones."""
         inbox = self._inbox(topic.key, EVENTS, side or self._home)
         gates = Gates(topic, self.counts, self._clock_offset, onlooker=onlooker)
 
@@ -126,11 +126,11 @@ class Node:
         *,
         earlier: Callable[[M, int], None] | None = None,
     ) -> None:
-        """The newest message drives the service. After `silence_s` without one, the handler is
-        called with None at the topic's own rate until messages return.
+        """Call the handler with the newest message. After `silence_s` without one, the handler is
+        called with None at the topic's own rate until messages arrive again.
 
-        Messages that are passed over, because newer ones have arrived before the service came to
-        them, go to `earlier`, in order; without it they are counted as skipped.
+        Older messages that arrived since the last step go to `earlier`, in order; without it they
+        are counted as skipped.
         """
         inbox = self._inbox(topic.key, RING if earlier is None else EVENTS, self._home)
         gate = self.gate(topic)
@@ -170,7 +170,7 @@ class Node:
     def tap(
         self, side: str, key: str, handler: Callable[[Envelope, int], None], depth: int = EVENTS
     ) -> None:
-        """Every envelope on a key expression of one realm, unopened, with its arrival time [ns].
+        """Every envelope on a key expression of one side, not decoded, with its arrival time [ns].
         For the tether."""
         inbox = self._inbox(key, depth, side)
 
@@ -184,8 +184,8 @@ class Node:
     def collect(
         self, side: str, key: str, handler: Callable[[Envelope, int], None], depth: int
     ) -> None:
-        """As `tap`, but arrivals do not wake the service: they wait until something else does, at
-        the latest its next timer. For the recorder and the visualizer."""
+        """As `tap`, but arrivals do not wake the service: they are handled at its next step, at the
+        latest when its next timer is due. For the recorder and the visualizer."""
         inbox = self._inbox(key, depth, side)
 
         def drain() -> None:
@@ -197,21 +197,21 @@ class Node:
         self._collected.append(drain)
 
     def gate(self, topic: Topic[M], *, onlooker: bool = False) -> Gate[M]:
-        """The door of a port; for those who open envelopes themselves."""
+        """A gate, for services that decode envelopes themselves."""
         return Gate(topic, self.counts, self._clock_offset, onlooker=onlooker)
 
     def local_ns(self, topic: AnyTopic, stamp_ns: int) -> int | None:
-        """[ns] A stamp of an unopened envelope by this node's clock; None where not known."""
+        """[ns] A stamp of an envelope by this node's clock; None where not known."""
         return (
             stamp_ns if self._clock_offset is None else self._clock_offset.local_ns(topic, stamp_ns)
         )
 
     def learn_clock(self, clock: Clock) -> None:
-        """For the link monitor, which does not hear itself."""
+        """For the link monitor, which does not receive its own messages."""
         if self._clock_offset is not None:
             self._clock_offset.learn(clock, clock.stamp_ns)
 
-    # What a service asks of another one.
+    # Requests and answers.
 
     def request(
         self,
@@ -223,13 +223,12 @@ class Node:
         overrules: Overrules[Q] = lambda _newer, _older: False,
         who: str | None = None,
     ) -> Requester[Q, A]:
-        """Ask for things to be done once. Each request is repeated until it is answered or, after
-        five seconds, given up.
+        """Send requests. Each is repeated until it is answered or, after five seconds, given up.
 
         Args:
             on_answer: called with (request, answer, now), once per request.
-            overrules: (newer, older): is the older one withdrawn by asking the newer one?
-            who: what ids begin with, if not with the node's name.
+            overrules: (newer, older): does the newer request withdraw the older one?
+            who: prefix of the ids; default: the node's name.
         """
         requests = Requests(who or self.name, overrules)
         asking = Requester(requests, self.publisher(asks), self.alarm, on_answer, on_given_up)
@@ -243,11 +242,11 @@ class Node:
         decide: Callable[[Q, int], A],
         then: Callable[[Q, A, int], None] = lambda _request, _answer, _now: None,
     ) -> None:
-        """Do what is asked, once, and say the answer to every repetition.
+        """Answer requests: each is carried out once, and every repetition gets the same answer.
 
         Args:
             decide: called with (request, now), once per id.
-            then: called with (request, answer, now), once per id, when the answer has been said.
+            then: called with (request, answer, now), once per id, after the answer was published.
         """
         publisher, book = self.publisher(answers), AnswerBook(decide)
 
@@ -259,7 +258,7 @@ class Node:
 
         self.each(asks, hear)
 
-    # When a service acts by itself.
+    # Timers.
 
     def every(self, hz: float, handler: Callable[[int], None]) -> None:
         """Call `handler(now)` at a fixed rate, without drift."""
@@ -271,10 +270,10 @@ class Node:
         self._timers.append(alarm)
         return alarm
 
-    # What survives a crash, and what ends with the service.
+    # Checkpoints, and the end of the service.
 
     def restore_checkpoint(self, kind: type[S]) -> S | None:
-        """What this service remembered before a crash in the same dive, or None."""
+        """The checkpoint this service saved before a crash in the same dive, or None."""
         try:
             data = self._checkpoint.restore_checkpoint()
             return None if data is None else msgspec.json.decode(data, type=kind)
@@ -283,8 +282,8 @@ class Node:
             return None
 
     def save_checkpoint(self, what: msgspec.Struct) -> None:
-        """Keep this instead of what was remembered before. Does not wait for the disk; what it
-        could not take is counted with the next health report."""
+        """Replace the checkpoint. Does not wait for the disk; a failed write is counted with the
+        next health report."""
         self._checkpoint.save_checkpoint(msgspec.json.encode(what))
 
     def on_close(self, closer: Callable[[], None]) -> None:
@@ -293,7 +292,7 @@ class Node:
     # What the host calls.
 
     def step(self) -> None:
-        """Handle all that arrived and all that is due."""
+        """Handle all messages that arrived and all timers that are due."""
         while True:
             for drain in self._collected:
                 drain()

@@ -1,5 +1,5 @@
-"""What a service says and hears. Ports cannot queue: between two steps only a small ring is kept,
-and of a command or a state only the newest survives."""
+"""Publishers and subscribers of a service. They do not queue: between two steps only a small ring
+is kept, and of a command or a state only the newest is used."""
 
 from collections import Counter, deque
 from collections.abc import Callable, Iterator
@@ -15,23 +15,23 @@ Now = Callable[[], int]  # [ns] the clock
 
 
 class Inbox:
-    """The ring between the bus's thread (`store`) and the service's thread (`take_all`).
+    """The ring buffer between the bus's thread (`store`) and the service's thread (`take_all`).
 
-    `arrived` is called when something is in the ring that the service has not been told of: once,
-    however much comes before the service takes it.
+    `arrived` notifies the service that there are envelopes: once, however many arrive before the
+    service takes them.
 
-    Why this needs no lock, with one thread on each side: CPython appends to and pops from a deque
-    in one step that no other thread can see half done, and the steps of both threads have one
-    order. `store` appends and then reads `_told`; `take_all` clears `_told` and then takes. So
-    when `store` finds it set, the service is still to clear it and will then find the envelope;
-    otherwise `store` tells the service. And every envelope is popped by one side only: taken by the
-    service, or counted as overflowed by the bus's thread.
+    Why this needs no lock, with one thread on each end: CPython's append to and pop from a deque
+    are atomic, and the operations of both threads have one order. `store` appends and then reads
+    `_notified`; `take_all` clears `_notified` and then takes. So when `store` finds it set, the
+    service has yet to clear it and will then find the envelope; otherwise `store` notifies the
+    service. Every envelope is popped by one thread only: taken by the service, or counted as
+    overflowed by the bus's thread.
     """
 
     def __init__(self, name: str, depth: int, clock: Now, counts: Counter[str]) -> None:
         self._ring: deque[tuple[int, Envelope]] = deque()
         self._depth = depth
-        self._told = False  # the service knows that something is here
+        self._notified = False  # the service knows that there are envelopes
         self._name = name
         self._clock = clock
         self._counts = counts
@@ -44,16 +44,16 @@ class Inbox:
         self.stored += 1
         if len(self._ring) > self._depth and self._pop() is not None:
             self._counts[f"overflowed:{self._name}"] += 1
-        if self.arrived is not None and not self._told:
-            self._told = True
+        if self.arrived is not None and not self._notified:
+            self._notified = True
             self.arrived()
 
     def take_all(self) -> Iterator[tuple[int, Envelope]]:
         """(arrival [ns], envelope), oldest first.
 
-        Bounded, however fast they come: of what is left after a whole ring, `arrived` has told.
+        At most one whole ring, however fast they arrive; for the rest `arrived` was called again.
         """
-        self._told = False
+        self._notified = False
         for _ in range(self._depth):
             oldest = self._pop()
             if oldest is None:
@@ -68,7 +68,7 @@ class Inbox:
 
 
 class Publisher(Generic[M]):
-    """Says one topic. `put` numbers the message, encodes it and never blocks."""
+    """Publishes one topic. `put` numbers the message, encodes it and never blocks."""
 
     def __init__(self, topic: Topic[M], says: list[Say]) -> None:
         self.topic = topic
@@ -77,7 +77,7 @@ class Publisher(Generic[M]):
         self._encode = msgspec.msgpack.Encoder().encode
 
     def put(self, message: M) -> None:
-        # The one place that may write to a frozen message: it is not yet anybody's.
+        # The only place that may write to a frozen message: nobody else has it yet.
         msgspec.structs.force_setattr(message, "seq", self.sent)
         self.sent += 1
         payload = self._encode(message)
@@ -94,12 +94,12 @@ class Latest(Generic[M]):
         self._gate = gate
         self._counts = counts
         self._newest: M | None = None
-        self._bound_ns = 0  # [ns] what its age may be off by
+        self._bound_ns = 0  # [ns] greatest error of its age
         self._was_fresh = False
         self._has_ttl = "ttl_ms" in topic.message.__struct_fields__
 
     def authority(self, epoch: int) -> Authority:
-        """From now on only commands of this authority epoch, and of those granted after it."""
+        """From now on admit only commands of this authority epoch, and of epochs granted later."""
         if self._gate.authority is None:
             self._gate.authority = Authority(epoch, epoch)
         return self._gate.authority
@@ -114,12 +114,12 @@ class Latest(Generic[M]):
 
     def fresh(self, now: int) -> M | None:
         """The newest message, or None once it is older than its time-to-live or the topic's
-        staleness limit. Each passage from fresh to stale is counted once."""
+        staleness limit. Each change from fresh to stale is counted once."""
         message = self.newest(now)
         if message is None:
             return None
-        # A command's life is counted by the worst case of the clocks, as they were known when its
-        # stamp was turned into local time; what is learnt later does not move that stamp.
+        # A command's age includes the greatest error of the clock offset when its stamp was
+        # converted to local time; a later offset does not change that stamp.
         limit = ttl_ns(message) if self._has_ttl else self._topic.stale_after_ns
         bound = self._bound_ns if self._has_ttl else 0
         if limit is None or age_ns(message, now) + bound <= limit:

@@ -19,7 +19,7 @@ REPEAT_NS = 200_000_000  # [ns]
 GIVE_UP_NS = 5_000_000_000  # [ns]
 Q = TypeVar("Q", bound=Request)
 A = TypeVar("A", bound=Answer)
-Overrules = Callable[[Q, Q], bool]  # (newer, older): is the older one not repeated any more?
+Overrules = Callable[[Q, Q], bool]  # (newer, older): does the newer withdraw the older one?
 
 
 @dataclass(slots=True)
@@ -33,7 +33,7 @@ class Pending(Generic[Q]):
 
 
 class Requests(Generic[Q]):
-    """What was asked and not yet answered. `who` and the time of asking make the ids unique."""
+    """Requests that are not answered yet. `who` and the time of sending make the ids unique."""
 
     def __init__(self, who: str, overrules: Overrules[Q] = lambda _newer, _older: False) -> None:
         self._who = who
@@ -49,7 +49,7 @@ class Requests(Generic[Q]):
     def ask(self, request: Q, now: Ns) -> Q:
         """The request with a stamp and an id, to be sent at once.
 
-        It withdraws what it overrules, so that no late repetition undoes it.
+        It withdraws the older requests that it overrules, so that no late repetition undoes it.
         """
         asked = msgspec.structs.replace(
             request, stamp_ns=now, id=f"{self._who}-{now}-{self._asked}"
@@ -68,7 +68,7 @@ class Requests(Generic[Q]):
         return None
 
     def given_up(self, now: Ns) -> list[Q]:
-        """Requests that have waited too long; they are forgotten."""
+        """Requests that have waited too long; they are removed."""
         late = [p for p in self._pending if p.given_up_at <= now]
         self._pending = [p for p in self._pending if p not in late]
         return [p.request for p in late]
@@ -87,7 +87,7 @@ class Requests(Generic[Q]):
 
 
 class Requester(Generic[Q, A]):
-    """Requests of one service on their way. Made by `Node.request`."""
+    """Sends the requests of one service. Made by `Node.request`."""
 
     def __init__(
         self,
@@ -105,11 +105,11 @@ class Requester(Generic[Q, A]):
 
     @property
     def pending(self) -> list[Q]:
-        """Requests that wait for their answer, as they were first sent."""
+        """Requests that are not answered yet, as they were first sent."""
         return self._requests.pending
 
     def ask(self, request: Q, now: int) -> None:
-        """Send a request now and until it is answered; its stamp and its id are filled in."""
+        """Send a request now and repeat it until it is answered; fills in its stamp and id."""
         self._publisher.put(self._requests.ask(request, now))
         self._alarm.set(self._requests.due())
 
@@ -120,7 +120,7 @@ class Requester(Generic[Q, A]):
             self._on_answer(request, answer, now)
 
     def _look(self, now: int) -> None:
-        """Something is to be repeated or given up."""
+        """Repeat or give up what is due."""
         given_up, repeats = self._requests.given_up(now), self._requests.repeats(now)
         self._alarm.set(self._requests.due())
         for request in given_up:

@@ -1,7 +1,7 @@
-"""Which numbers of a message are moments, and how they are turned into another clock's time.
+"""Which fields of a message are stamps, and how they are converted to another clock.
 
-The type says it: a field, or anything within a field, that is a `Stamp` (messages/units.py) is
-moved; everything else, durations among it, stays as it is.
+The type decides: every field, or part of a field, of type `Stamp` (messages/units.py) is shifted;
+everything else, including durations, stays as it is.
 """
 
 from collections.abc import Callable
@@ -15,16 +15,16 @@ from msgspec.structs import force_setattr
 from messages.message import Message
 from messages.units import STAMP
 
-# Moves a value by [ns]; by the class of the value, because a field may have several.
+# Shifts a value by [ns]; by the class of the value, because a field may have several.
 Shift = Callable[[Any, int], Any]
 Shifts = dict[type, Shift]
 
 
 @cache
 def mover(kind: type[Message]) -> Callable[[Message, int], None]:
-    """A function that takes `ahead_ns` [ns] off every stamp of a message that was just decoded.
+    """A function that subtracts `ahead_ns` [ns] from every stamp of a message just decoded.
 
-    Worked out once for each type of message, because thousands are moved every second.
+    Made once for each message type, because thousands of messages are converted every second.
     """
     fields = _fields(kind)
     own = tuple(name for name, shifts in fields.items() if shifts == {int: _earlier})
@@ -39,7 +39,7 @@ def mover(kind: type[Message]) -> Callable[[Message, int], None]:
 
     def move_all(message: Message, ahead_ns: int) -> None:
         move_own(message, ahead_ns)
-        # A part that was not sent is the default that all messages share: parts are made anew.
+        # A part that was not sent is the default, which all messages share: parts are copied.
         for name, shifts in within:
             force_setattr(message, name, _shifted(getattr(message, name), shifts, ahead_ns))
 
@@ -64,7 +64,7 @@ def _fields(kind: type[msgspec.Struct]) -> dict[str, Shifts]:
 
 
 def _shifts(kind: inspect.Type) -> Shifts:
-    """How values of a type are moved; empty where they hold no stamps."""
+    """How values of a type are shifted; empty where they hold no stamps."""
     match kind:
         case inspect.Metadata():
             return {int: _earlier} if kind.extra == STAMP else _shifts(kind.type)

@@ -1,4 +1,4 @@
-"""When a service acts by itself. Pure: the node asks what is due and passes `now`."""
+"""Timers of a service. Pure: the node asks what is due and passes `now`."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -18,8 +18,8 @@ class Tick:
         self.due: int | None = start + self._period  # [ns]
 
     def ring(self, now: int) -> Counter[str]:
-        """Call the handler; returns what went wrong. After a long stall the missed ticks are
-        counted and left out, instead of being run in a burst."""
+        """Call the handler; returns what is to be counted. After a long stall the missed ticks are
+        counted and skipped, instead of being run in a burst."""
         assert self.due is not None
         missed = (now - self.due) // self._period
         if missed > MISSABLE:
@@ -32,14 +32,14 @@ class Tick:
 
 
 class Alarm:
-    """Rings once each time it is set."""
+    """A one-shot timer: rings once each time it is set."""
 
     def __init__(self, handler: Callable[[int], None]) -> None:
         self._handler = handler
         self.due: int | None = None  # [ns]
 
     def set(self, at: int | None) -> None:
-        """Ring at `at` [ns] instead of whenever it was set before; None: not at all."""
+        """Ring at `at` [ns], replacing any earlier setting; None: do not ring."""
         self.due = at
 
     def ring(self, now: int) -> Counter[str]:

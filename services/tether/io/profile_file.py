@@ -1,4 +1,4 @@
-"""Link profiles read from files, and changed key by key."""
+"""Link profiles: read from files, or changed key by key."""
 
 import copy
 import csv
@@ -43,7 +43,7 @@ def named(name: str) -> Named:
 
 
 def asked_for(request: LinkRequest, in_force: Named) -> tuple[Named, str] | str:
-    """The profile that is to be in force instead, and in words what changes; or why it cannot."""
+    """The new profile and what changes, in words; or why the request is refused."""
     try:
         if request.kind == "set":
             return adjusted(in_force, request.settings)
@@ -56,7 +56,7 @@ def asked_for(request: LinkRequest, in_force: Named) -> tuple[Named, str] | str:
 
 
 def adjusted(before: Named, settings: Sequence[str]) -> tuple[Named, str]:
-    """The profile with `up.delay_ms=80` style settings in it, and in words what has changed.
+    """The profile with `up.delay_ms=80` style settings applied, and what has changed, in words.
 
     Raises:
         LindyError: a setting is malformed, unknown or outside its limits.
@@ -90,7 +90,7 @@ def _checked(tree: Tree, path: Path | None, folder: Path | None = None) -> LinkP
 
 
 def _check_kind(table: Tree, kinds: dict[str, Any], where: str, path: Path | None) -> None:
-    """One kind by itself, so that an error can name the nearest kind or key."""
+    """Check the table of one kind alone, so that an error can name the nearest kind or key."""
     kind = table.get("kind")
     if not isinstance(kind, str) or kind not in kinds:
         before = f"{path}: " if path else ""
@@ -106,11 +106,11 @@ def _read_trace(leg: Tree, folder: Path) -> None:
         trace = cast(Tree, table)
         path = folder / str(trace["file"])
         trace["sent_s"], trace["arrived_s"] = read_trace(path)
-        convert(trace, delay.Trace, "", path)  # a mistake in it is told of that file
+        convert(trace, delay.Trace, "", path)  # so that an error names the trace file
 
 
 def read_trace(path: Path) -> tuple[list[float], list[float | None]]:
-    """Columns sent_s and arrived_s of a trace; lines that begin with # are remarks.
+    """Columns sent_s and arrived_s of a trace; lines that begin with # are comments.
 
     Raises:
         LindyError: it cannot be read or is not such a file; says where.

@@ -1,8 +1,8 @@
-"""The live viewer, kept at arm's length: a process of its own does the talking.
+"""The live viewer, fed by a process of its own.
 
 rerun's client blocks when a viewer stalls, and then even the end of the process hangs. So batches
-go through a pipe that is never waited for to `feeder.py`, which may stall or die as it likes. The
-viewer's window belongs to the user: it stays open after the dive, until he closes it.
+go through a non-blocking pipe to `viewer_process.py`, which may stall or crash without affecting
+the visualizer. The viewer's window stays open after the dive, until the user closes it.
 """
 
 import contextlib
@@ -19,24 +19,24 @@ import msgspec
 from services.marine.vehicle import Vehicle
 from services.visualizer.batch import Batch
 
-WAITING_BYTES = 16_000_000  # more than this unread, and a batch is left out
+WAITING_BYTES = 16_000_000  # with more than this unread, a batch is dropped
 LENGTH_BYTES = 4  # before each batch
-END_S = 2.0  # for the feeder to finish after the pipe is closed
+END_S = 2.0  # for the viewer process to finish after the pipe is closed
 
 Count = Callable[[str], None]
 Log = Callable[[Literal["info", "warning", "error"], str], None]
 
 
 class ViewerLaunch(msgspec.Struct):
-    """The feeder's only argument."""
+    """The viewer process's only argument."""
 
     recording_id: str
     vehicle: Vehicle
-    viewer: list[str]  # program and arguments, but for its port
+    viewer: list[str]  # program and arguments, without the port
 
 
 class LiveViewer:
-    """Our end of the pipe."""
+    """The visualizer's end of the pipe."""
 
     def __init__(
         self, recording_id: str, vehicle: Vehicle, viewer: list[str], count: Count, log: Log
@@ -45,25 +45,25 @@ class LiveViewer:
         self._log = log
         self._waiting = bytearray()
         self._encode = msgspec.msgpack.Encoder().encode
-        hello = msgspec.json.encode(ViewerLaunch(recording_id, vehicle, viewer)).decode()
+        launch = msgspec.json.encode(ViewerLaunch(recording_id, vehicle, viewer)).decode()
         self.process: subprocess.Popen[bytes] | None = subprocess.Popen(
-            [sys.executable, "-m", "services.visualizer.io.viewer_process", hello],
+            [sys.executable, "-m", "services.visualizer.io.viewer_process", launch],
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
-            start_new_session=True,  # Ctrl-C ends the dive first, and the dive ends the feeder
+            start_new_session=True,  # Ctrl-C ends the dive first; the dive ends this process
         )
         assert self.process.stdin is not None
         self._pipe = self.process.stdin.fileno()
         os.set_blocking(self._pipe, False)
         log(
             "info",
-            "opening the rerun viewer (it sends usage figures to its makers unless you "
-            "say `rerun analytics disable`)",
+            "opening the rerun viewer (it sends usage statistics to its developers unless you "
+            "run `rerun analytics disable`)",
         )
 
     def send(self, batch: Batch) -> None:
-        """Pass a batch on, or leave it out and count it. Never waits."""
+        """Send a batch, or drop and count it. Never blocks."""
         if self.process is None:
             return
         frame = self._encode(batch)
@@ -75,12 +75,12 @@ class LiveViewer:
             while self._waiting and (written := os.write(self._pipe, self._waiting)):
                 del self._waiting[:written]
         except BlockingIOError:
-            pass  # the feeder is behind; the rest goes with the next batch
+            pass  # the pipe is full; the rest is sent with the next batch
         except OSError:
             self._lose()
 
     def close(self) -> None:
-        """Let the feeder finish what it has, but not for long."""
+        """Wait for the viewer process to finish, at most `END_S`."""
         if self.process is not None:
             self._end(self.process)
 
@@ -89,7 +89,8 @@ class LiveViewer:
         self._end(self.process)
         self._count("lost:live_viewer")
         self._log(
-            "warning", "the live viewer is gone or could not open a window; the recording goes on"
+            "warning",
+            "the live viewer was closed or could not open a window; the recording continues",
         )
 
     def _end(self, process: subprocess.Popen[bytes]) -> None:
@@ -106,8 +107,8 @@ class LiveViewer:
 
 
 def viewer_command() -> list[str]:
-    """The viewer itself: the `rerun` on the path is a wrapper that leaves it behind when ended,
-    and without `--bind` it would listen to the whole network."""
+    """The viewer itself: the `rerun` on the path is a wrapper that leaves it running when ended,
+    and without `--bind` it would listen on all network interfaces."""
     spec = find_spec("rerun_cli")
     folder = Path(spec.origin).parent if spec is not None and spec.origin else Path()
     program = folder / ("rerun.exe" if os.name == "nt" else "rerun")

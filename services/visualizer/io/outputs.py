@@ -1,4 +1,4 @@
-"""Where a dive is drawn to: a file of its own, and a live viewer where one is wanted."""
+"""Where a dive is drawn: a file, and a live viewer where one is wanted."""
 
 import os
 from collections.abc import Callable
@@ -14,18 +14,18 @@ from services.visualizer.batch import Batch
 from services.visualizer.io.live_viewer import LiveViewer, viewer_command
 from services.visualizer.io.rrd_file import RrdFile
 
-RERUN_SAYS = "warn"  # and worse, of all that rerun tells on stderr
+LOG_LEVEL = "warn"  # of rerun's own log on stderr
 
 
 def outputs(
     node: Node, stack: Stack, vehicle: Vehicle, part: int
 ) -> tuple[Callable[[Batch], None], Callable[[], None]]:
-    """How to write to, and how to end, the file and the live viewer where one is wanted.
+    """Functions that write a batch to, and that close, the file and the live viewer.
 
     Raises:
         LindyError: rerun is not installed, or the file cannot be made.
     """
-    os.environ.setdefault("RUST_LOG", RERUN_SAYS)  # read when rerun is imported
+    os.environ.setdefault("RUST_LOG", LOG_LEVEL)  # read when rerun is imported
     try:
         from services.visualizer.io.rerun_writer import RerunWriter
     except ImportError:
@@ -33,7 +33,7 @@ def outputs(
             f"the visualizer needs rerun, which is not installed; {how_to_install('viewer')}"
         ) from None
     path = _free(stack.out_dir, part)
-    # One id for file and viewer: who opens both sees one dive.
+    # One id for file and viewer: opened together they show one dive.
     identity = f"{stack.out_dir.resolve().name}-{part}"
     writer = RerunWriter(identity, vehicle)
     try:
@@ -51,7 +51,7 @@ def outputs(
         live.send(batch)
 
     def close() -> None:
-        writer.close()  # the file first: the viewer may take its time
+        writer.close()  # the file first: the viewer may be slow
         live.close()
 
     return write, close

@@ -1,4 +1,4 @@
-"""Batches into a rerun recording. With `blueprint.py`, the only code that knows rerun."""
+"""Writes batches to a rerun recording. With `blueprint.py`, the only code that imports rerun."""
 
 from collections.abc import Iterable
 from itertools import chain
@@ -46,10 +46,10 @@ class RerunWriter:
     def __init__(self, recording_id: str, vehicle: Vehicle) -> None:
         self._rec = rr.RecordingStream("lindy", recording_id=recording_id)
         self._vehicle = vehicle
-        self._bytes: rr.BinaryStream | None = None  # on their way …
-        self._file: RrdFile | None = None  # … into this file, if there is one
+        self._bytes: rr.BinaryStream | None = None  # encoded, not yet written …
+        self._file: RrdFile | None = None  # … to this file, if there is one
         self._times: list[int] = []  # [ns] of the columns written last …
-        self._when = _index([])  # … and as rerun wants them
+        self._when = _index([])  # … and as a rerun column
         self._styled = {curve.path for curve in curves(vehicle) if curve.names}
         self._services: dict[str, int] = {}  # colour of each, in every panel
 
@@ -59,7 +59,7 @@ class RerunWriter:
         Raises:
             OSError: its beginning cannot be written.
         """
-        # A stream of bytes has no index; its makers would keep one in memory until the end.
+        # Bytes, not rerun's own file: that keeps an index in memory until the end.
         self._bytes = self._rec.binary_stream()
         self._prepare()
         file.begin(self._bytes.read() or b"")
@@ -82,22 +82,22 @@ class RerunWriter:
             self._rec.log("world/path", rr.LineStrips3D.from_fields(strips=[batch.trail]))
         if batch.floor is not None:
             self._floor(batch.floor)
-        self._hand_over()
+        self._write_bytes()
 
     def close(self) -> None:
         """Write everything out and end the recording."""
         self._rec.flush(timeout_sec=5.0)
-        self._hand_over()
+        self._write_bytes()
         self._rec.disconnect()
         if self._file is not None:
             self._file.close()
 
-    def _hand_over(self) -> None:
+    def _write_bytes(self) -> None:
         if self._bytes is not None and self._file is not None and (data := self._bytes.read()):
             self._file.append(data)
 
     def _columns(self, columns: CurveColumns) -> None:
-        # A third of the time of np.array(rows), which must look at every row for its shape.
+        # A third of the time of np.array(rows), which inspects the shape of every row.
         values = np.fromiter(chain.from_iterable(columns.rows), np.float64)
         if columns.path not in self._styled:
             self._style_service(columns.path)
@@ -110,7 +110,7 @@ class RerunWriter:
         )
 
     def _style_service(self, path: str) -> None:
-        """One of a family of curves, heard for the first time."""
+        """Style the curve of a new member of a family."""
         self._styled.add(path)
         name = path.rpartition("/")[2]
         rgb = self._services.setdefault(name, MANY[len(self._services) % len(MANY)])
@@ -128,14 +128,13 @@ class RerunWriter:
             self._rec.log(note.path, page)
 
     def _frames(self, frames: list[Frame]) -> None:
-        """Many moments of the scene in a few sends, because each send costs as much as a hundred
-        moments."""
+        """Send many frames at once, because each send costs as much as a hundred frames."""
         when = [_index([frame.time for frame in frames])]
         places = [frame.position for frame in frames]
         pose = rr.Transform3D.columns(
             translation=places, quaternion=[_xyzw(frame.attitude) for frame in frames]
         )
-        # The grids follow in whole metres, so that they look endless and standing still.
+        # The grids follow in whole metres, so that they look endless and at rest.
         here = [(float(round(north)), float(round(east)), 0.0) for north, east, _ in places]
         plumbs = [[(north, east, 0.0), (north, east, depth)] for north, east, depth in places]
         self._rec.send_columns("world/vehicle", when, pose)
@@ -161,7 +160,8 @@ class RerunWriter:
         )
 
     def _ghost(self, frames: list[Frame]) -> None:
-        """The reference, drawn where the vehicle is and as deep and as turned as wanted."""
+        """The reference: at the vehicle's horizontal position, at the reference's depth and
+        heading."""
         times: list[int] = []
         places: list[Vec3] = []
         turns: list[Quaternion] = []
@@ -176,7 +176,7 @@ class RerunWriter:
             self._rec.send_columns("world/reference", [_index(times)], pose)
 
     def _predicted(self, frames: list[Frame]) -> None:
-        """A second ghost: the vehicle by now, ahead of the delayed one."""
+        """A second ghost: the predicted present pose, ahead of the delayed one."""
         times: list[int] = []
         places: list[Vec3] = []
         turns: list[Quaternion] = []
@@ -194,7 +194,7 @@ class RerunWriter:
         self._rec.set_time(TIMELINE, duration=np.timedelta64(time, "ns"))
 
     def _prepare(self) -> None:
-        """What never changes: layout, names, colours, the hull."""
+        """Send what never changes: layout, names, colours, the hull."""
         self._rec.send_blueprint(blueprint(self._vehicle))
         for curve in curves(self._vehicle):
             if curve.names:
@@ -237,7 +237,7 @@ class RerunWriter:
             self._static(path, rr.LineStrips3D.from_fields(colors=[colour], radii=[width]))
 
     def _floor(self, place: Vec3) -> None:
-        """Drawn as if it had always been there: it has."""
+        """Draw the sea floor for the whole recording."""
         depth, half = place[2], GRID_HALF
         corners = [(-half, -half, depth), (-half, half, depth), (half, half, depth)]
         sand = rr.Mesh3D(
@@ -265,8 +265,8 @@ def _line_style(curve: Curve) -> rr.SeriesLines:
 
 
 def _grid(depth: float, colour: int) -> rr.LineStrips3D:
-    """Lines a metre apart at one depth, in short pieces: a long one would be drawn as thick near
-    the eye as it must be to be seen at its far end."""
+    """Lines a metre apart at one depth, in short pieces: rerun draws a long line with one width,
+    which would be too thick at its near end."""
     sides = range(-GRID_HALF, GRID_HALF + 1)
     along = [[(x, y, depth) for x in sides] for y in sides]
     across = [[(x, y, depth) for y in sides] for x in sides]
@@ -284,7 +284,7 @@ def _frame(half: Vec3, rgb: int, points: float) -> rr.Boxes3D:
 
 
 def _on_screen(points: float) -> float:
-    """A radius in points of the screen, whatever the distance: rerun says so by the sign."""
+    """A radius in screen points, independent of distance: in rerun a negative radius."""
     return -points
 
 

@@ -1,10 +1,10 @@
-"""The file `dive.rrd` being written. What rerun has encoded comes here as bytes, because rerun's
-own file writer ends at a full disk without a word to us, and then hangs at the end of the process.
+"""Writes the file `dive.rrd`. rerun's encoded output is written here as bytes, because rerun's own
+file writer stops at a full disk without reporting it, and then hangs at the end of the process.
 
-Every time we ask rerun for bytes, it gives a whole stream: a header, messages, and an index that is
-half as large again. The file gets the first header and all messages; viewers and readers do without
-the index. Layout of a stream, from rerun's re_log_encoding: 12 bytes of header; messages, each with
-its kind and its length as unsigned 64 bit; the last is of kind 0 and holds the index.
+Each read from rerun gives a whole stream: a header, messages, and an index that adds half to its
+size. The file gets the first header and all messages; viewers and readers do not need the index.
+Layout of a stream, from rerun's re_log_encoding: 12 bytes of header; messages, each with its kind
+and its length as unsigned 64 bit; the last is of kind 0 and contains the index.
 """
 
 import struct
@@ -15,12 +15,12 @@ from services.visualizer.io.live_viewer import Count, Log
 
 MAGIC, HEADER_BYTES, INDEX = b"RRF2", 12, 0
 MESSAGE = struct.Struct("<QQ")  # kind, length
-RESERVE = 1_000_000  # [bytes] left free: the recording is worth more than its picture
+RESERVE = 1_000_000  # [bytes] left free for the recorder, whose file matters more
 
 
 class RrdFile:
-    """Ends up with whole batches only. After its beginning a failing disk costs batches, which are
-    counted, and is said once."""
+    """Contains whole batches only. When the disk fails, batches are dropped and counted, and one
+    warning is logged."""
 
     def __init__(self, path: Path, count: Count, log: Log) -> None:
         """
@@ -35,7 +35,7 @@ class RrdFile:
         self._failing = False
 
     def begin(self, data: bytes) -> None:
-        """Without these nobody can read the rest.
+        """Write the header and the first messages.
 
         Raises:
             OSError: they cannot be written; there is no file then.
@@ -49,7 +49,7 @@ class RrdFile:
             raise
 
     def append(self, data: bytes) -> None:
-        """Write a batch, or leave it out."""
+        """Write a batch, or drop and count it."""
         try:
             self._write(data[HEADER_BYTES : index_at(data)])
         except OSError as error:
@@ -59,7 +59,7 @@ class RrdFile:
             self._failing = True
             return
         if self._failing:
-            self._log("info", f"{self._path} goes on")
+            self._log("info", f"{self._path} continues")
         self._failing = False
 
     def close(self) -> None:
@@ -74,7 +74,7 @@ class RrdFile:
                 rest = rest[self._stream.write(rest) :]
         except OSError:
             self._stream.seek(begin)
-            self._stream.truncate()  # half a batch would make what follows unreadable
+            self._stream.truncate()  # half a batch would make the rest unreadable
             raise
 
 
@@ -82,7 +82,7 @@ def index_at(stream: bytes) -> int:
     """Where the index begins, which is where the messages end.
 
     Raises:
-        ValueError: this is not a whole stream as we know it.
+        ValueError: this is not a whole stream of the known layout.
     """
     at = HEADER_BYTES
     while stream.startswith(MAGIC) and at + MESSAGE.size <= len(stream):
@@ -90,4 +90,4 @@ def index_at(stream: bytes) -> int:
         if kind == INDEX:
             return at
         at += MESSAGE.size + length
-    raise ValueError("rerun encodes recordings in a way that is not known here")
+    raise ValueError("this version of rerun encodes recordings in an unknown way")

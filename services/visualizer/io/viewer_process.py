@@ -1,7 +1,7 @@
-"""The live end: opens the viewer and hands it the batches that come down the pipe.
+"""The viewer process: opens the viewer and sends it the batches from the pipe.
 
-Whatever happens here, the visualizer does not notice: a viewer that stalls stalls this process,
-and the alarm clock then ends it, even when nobody is left to do so.
+Nothing here affects the visualizer: a viewer that stalls only stalls this process, which SIGALRM
+then ends, even when its parent has already ended.
 """
 
 import os
@@ -23,10 +23,10 @@ STALL_S = 10  # a viewer that takes nothing for this long is given up
 
 
 def main(argument: str) -> int:
-    hello = msgspec.json.decode(argument, type=ViewerLaunch)
+    launch = msgspec.json.decode(argument, type=ViewerLaunch)
     port = free_port()
     viewer = subprocess.Popen(
-        [*hello.viewer, "--port", str(port)],
+        [*launch.viewer, "--port", str(port)],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
@@ -35,7 +35,7 @@ def main(argument: str) -> int:
     if not answers(port, viewer, OPEN_S):
         viewer.kill()
         return 1
-    writer = RerunWriter(hello.recording_id, hello.vehicle)
+    writer = RerunWriter(launch.recording_id, launch.vehicle)
     _watch()
     writer.connect(f"rerun+http://127.0.0.1:{port}/proxy")
     _feed(writer, sys.stdin.buffer, viewer)
@@ -45,7 +45,7 @@ def main(argument: str) -> int:
 
 
 def _feed(writer: RerunWriter, pipe: BinaryIO, viewer: subprocess.Popen[bytes]) -> None:
-    """Until the pipe ends or the viewer does."""
+    """Send batches until the pipe is closed or the viewer has ended."""
     decoder = msgspec.msgpack.Decoder(Batch)
     signal.alarm(0)
     while (head := pipe.read(LENGTH_BYTES)) and viewer.poll() is None:
@@ -56,7 +56,7 @@ def _feed(writer: RerunWriter, pipe: BinaryIO, viewer: subprocess.Popen[bytes]) 
 
 
 def _watch() -> None:
-    """From here on something must happen, or the system ends this process."""
+    """Start the alarm that ends this process after `STALL_S`, unless it is set again."""
     signal.signal(signal.SIGALRM, signal.SIG_DFL)
     signal.alarm(STALL_S)
 
@@ -84,4 +84,4 @@ if __name__ == "__main__":
         status = main(sys.argv[1])
     except Exception:  # the pipe's other end reports it
         status = 1
-    os._exit(status)  # the client's own ending waits for a viewer that may never answer
+    os._exit(status)  # a normal exit would wait for a viewer that may never answer

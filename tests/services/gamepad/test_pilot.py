@@ -62,7 +62,7 @@ def test_sticks_that_were_not_given_arm_nothing_later_on(then: str):
     assert kinds(pilot.answered(lease, answer(True, epoch=3), 2)) == []
 
 
-@pytest.mark.parametrize("wish", ["stop", "disarm", "light"])
+@pytest.mark.parametrize("intent", ["stop", "disarm", "light"])
 def test_whoever_was_outdone_still_asks_and_leaves_the_answer_to_the_drone(intent: Press):
     (asked,) = press(outdone(), intent).requests
     assert (asked.kind, asked.epoch) == (intent, 1)

@@ -157,7 +157,7 @@ def test_a_prediction_has_one_clock_whoever_reads_it(tmp_path: Path) -> None:
     """The topside's, in which it is made and said; on board the gate has turned all of it."""
     ahead = 10**13
     host, rows = VirtualHost({"drone": Skew(ahead)}), Registry.read().apart()
-    for name in CHAIN:
+    for name in (*CHAIN, "link_monitor_drone"):
         host.add(name, rows[name], Stack(out=str(tmp_path)))
     above, below = list[Prediction](), list[Prediction]()
     sampled = set[int]()

@@ -17,7 +17,7 @@ from services.recorder.service import wire
 from services.runtime.bus.envelope import Envelope
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import ServiceSpec
+from services.runtime.hosts.registry import Registry, ServiceSpec
 from services.runtime.hosts.virtual_host import Skew, VirtualHost
 from tools.recordings.recording import log_hash, open_recording
 
@@ -113,9 +113,9 @@ def test_log_time_is_utc(tmp_path: Path):
 def test_with_two_clocks_every_publish_time_is_by_the_recorders(tmp_path: Path, side: str):
     """Before the two clocks are known, and for rows said on both sides, it is the arrival."""
     host, stack = VirtualHost({"drone": Skew(10**13)}), Stack(out=str(tmp_path))
-    host.add("tether", ServiceSpec(["topside", "drone"], gateway=True), stack)
-    host.add("link_monitor", ServiceSpec(["topside"]), stack)
-    host.add("echo", HOME, stack)
+    rows = Registry.read().apart()
+    for name in ("tether", "link_monitor", "link_monitor_drone"):
+        host.add(name, rows[name], stack)
     host.add("recorder", ServiceSpec([side]), stack)
     pilot, drone = host.node("pilot", ["topside"]), host.node("driver", ["drone"])
     down, up = pilot.publisher(topics.PILOT_COMMAND), drone.publisher(topics.BATTERY)

@@ -174,7 +174,7 @@ def test_without_rerun_the_sentence_says_how_to_get_it(
 ) -> None:
     monkeypatch.delitem(sys.modules, "services.visualizer.io.rerun_writer", raising=False)
     monkeypatch.setitem(sys.modules, "rerun", None)
-    with pytest.raises(LindyError, match=r"lindy\[viewer\]"):
+    with pytest.raises(LindyError, match=r"needs rerun, .*`uv sync --extra viewer`"):
         VirtualHost().add("visualizer", BOTH_REALMS, Stack(out=str(tmp_path)), wire)
 
 

@@ -1,5 +1,7 @@
 """The status screen as text: nothing wraps, nothing is lost, unknown is said so."""
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -34,6 +36,12 @@ FULL = View(
     up_ms=108.9,
     rtt_ms=221.2,
     lost=123456,
+    alarm="round trip has risen from 1234 to 12345 ms",
+    hold="station_keeping",
+    light=0.5,
+    battery_v=15.94,
+    used_wh=123.4,
+    capacity_wh=266.0,
     services=[
         *(ServiceView(name, True, 444.4, 12.34, 99.9, 0, 1234567) for name in NAMES),
         ServiceView("visualizer", False, 1.0, 10.0, 20.0, 3, 0),
@@ -45,16 +53,17 @@ FULL = View(
 )
 
 
-def text_of(view: View, width: int) -> list[str]:
+def text_of(view: View, width: int, height: int | None = None) -> list[str]:
     console = Console(width=width, color_system=None)
     with console.capture() as capture:
-        console.print(render(view))
-    return capture.get().split("\n")
+        console.print(render(view, height))
+    return capture.get().removesuffix("\n").split("\n")
 
 
 @WIDTHS
 def test_a_full_screen_fits_and_has_as_many_lines_as_an_empty_one(width: int):
-    full, empty = text_of(FULL, width), text_of(View(title="x", services=FULL.services), width)
+    blank = View(title="x", alarm="x", services=FULL.services)
+    full, empty = text_of(FULL, width), text_of(blank, width)
     assert max(map(len, full)) <= width
     assert len(full) == len(empty)
 
@@ -65,10 +74,40 @@ def test_every_value_is_shown_whole(width: int):
     for value in (
         "12.35 m", "12.40 m", "359.9°", "0.1°", "112.3 ms", "108.9 ms", "221.2 ms", "lost 123456",
         "01:23 of 01:35", "ARMED", "piloted", "FAILSAFE pilot lost", "+0.50", "-1.00", "-0.25",
-        "visualizer gone", "1234567", "late p99 [ms]", "CPU [%]",
+        "visualizer gone", "1234567", FULL.alarm, "station keeping", "50 %", "15.9 V",
+        "123.4 Wh used of 266", "late p99 [ms]", "CPU [%]",
     ):  # fmt: skip
         assert value in text
     assert "DISARMED" not in text
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(9, 40), st.integers(0, 14), st.booleans())
+def test_whatever_the_height_nothing_that_a_pilot_needs_is_cut(
+    height: int, services: int, alarm: bool
+):
+    rows = [ServiceView(f"service_{n}", n != services - 1) for n in range(services)]
+    view = replace(FULL, services=rows, alarm=FULL.alarm if alarm else "")
+    lines = text_of(view, 80, height)
+    text = "\n".join(lines)
+    assert len(lines) <= height
+    assert "ARMED" in text
+    assert "12.35 m" in text
+    assert "15.9 V" in text
+    assert "lost 123456" in text
+    assert (FULL.alarm in text) == alarm
+    if height >= 8 + alarm + 1 + LINES:  # there is room for every log line
+        assert all(f"line {n} [ms]" in text for n in range(3, LINES + 3))
+    if height >= 8 + alarm + 1 + LINES + 4 and services:  # … and for a service or two
+        assert f"service_{services - 1} gone" in text
+
+
+def test_a_terminal_of_24_rows_shows_all_log_lines_and_says_how_many_services_are_left_out():
+    lines = text_of(FULL, 80, 23)
+    assert len(lines) == 23
+    assert sum(" [ms] long" in line for line in lines) == LINES
+    assert lines[-1].startswith("and 4 more")
+    assert any(line.startswith("visualizer gone") for line in lines)
 
 
 def test_units_in_brackets_survive_in_log_lines_and_only_the_newest_are_shown():

@@ -50,7 +50,7 @@ def test_the_shipped_stacks_differ_in_the_vehicle_side_alone() -> None:
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("", r"mine.toml: no service is the vehicle; one of them must say vehicle_side = true"),
+        ("", r"mine.toml: no service is the vehicle; one of them must have vehicle_side = true"),
         ("[service.x]", r"mine.toml:1: service: unknown key; did you mean 'services'"),
         (
             "[services.contrl]\nsides = ['drone']",
