@@ -25,6 +25,11 @@ WHOLE = {  # shown from the first line to the last
         "examples/depth_alarm/depth_alarm.py",
         "examples/depth_alarm/alarm_service.py",
     ],
+    "library": [
+        "examples/library/ramp_plot.py",
+        "examples/library/pd_control.py",
+        "examples/library/link_monte_carlo.py",
+    ],
 }
 
 

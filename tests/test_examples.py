@@ -2,6 +2,8 @@
 
 import json
 import re
+import subprocess
+import sys
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
@@ -74,3 +76,76 @@ def test_a_mistyped_setting_of_the_alarm_is_one_sentence(
     assert main(["simulate", *ALARM, "--set", "depth_alarm.deepst=3"]) == 1
     said = "lindy: --set depth_alarm.deepst=3: unknown key; did you mean 'deepest'? known: deepest"
     assert capsys.readouterr().err == f"{said}\n"
+
+
+# The programs of docs/library.md.
+
+LIBRARY = EXAMPLES / "library"
+PROGRAMS = sorted(LIBRARY.glob("*.py"))
+PD = ("--stack", str(LIBRARY / "pd_stack.toml"))
+
+
+def run(name: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, str(LIBRARY / name), *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60.0, check=False)
+
+
+@pytest.mark.parametrize("path", PROGRAMS, ids=lambda path: path.stem)
+def test_a_program_of_the_library_page_is_short(path: Path) -> None:
+    lines = filter(None, path.read_text(encoding="utf-8").splitlines())
+    assert len([line for line in lines if not line.startswith(("import ", "from "))]) <= 40
+
+
+def test_the_ramp_is_plotted_and_keeps_its_limits(tmp_path: Path) -> None:
+    out = tmp_path / "ramp.png"
+    done = run("ramp_plot.py", str(out))
+    assert done.returncode == 0, done.stderr
+    assert out.read_bytes().startswith(b"\x89PNG")
+    velocity, acceleration, jerk = map(float, re.findall(r"\d\.\d+", done.stdout))
+    assert velocity == 0.5
+    assert acceleration <= 0.5
+    assert jerk <= 1.5
+
+
+def test_the_ramp_leaves_a_picture_that_is_there(tmp_path: Path) -> None:
+    out = tmp_path / "ramp.png"
+    out.write_text("mine")
+    done = run("ramp_plot.py", str(out))
+    assert (done.returncode, out.read_text()) == (1, "mine")
+    assert done.stderr == f"{out} exists already; name another file\n"
+
+
+def test_an_own_controller_flies_the_whole_stack(tmp_path: Path, pilot: tuple[str, str]) -> None:
+    out = tmp_path / "out"
+    assert main(["simulate", *PD, *QUICK, *pilot, "--out", str(out)]) == 0
+    report = json.loads((out / "report.json").read_text())
+    assert report["exit"] == "clean"
+    assert "control" not in report["services"]
+    assert report["services"]["pd_control"]["sent"] > 1000
+    assert report["depth_error_rms_m"] < 0.2  # without thrust it would be a metre
+
+
+def test_a_mistyped_gain_of_an_own_controller_is_one_sentence(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["simulate", *PD, "--set", "pd_control.depht=[80, 70]"]) == 1
+    said = "lindy: --set pd_control.depht=[80, 70]: unknown key; did you mean 'depth'?"
+    assert capsys.readouterr().err == f"{said} known: depth, heading\n"
+
+
+def test_the_links_are_ordered_as_their_names_promise() -> None:
+    done = run("link_monte_carlo.py", "perfect", "tether", "severe")
+    assert done.returncode == 0, done.stderr
+    rows = [line.split() for line in done.stdout.splitlines()[1:]]
+    assert [row[0] for row in rows] == ["perfect", "tether", "severe"]
+    for column in range(1, 5):  # three percentiles and the loss
+        values = [float(row[column]) for row in rows]
+        assert values == sorted(values)
+    assert float(rows[2][4]) > 1.0  # [%] lost
+
+
+def test_a_link_that_there_is_not_is_one_sentence() -> None:
+    done = run("link_monte_carlo.py", "sever")
+    assert done.returncode == 1
+    assert done.stderr.startswith("unknown link 'sever'; did you mean 'severe'? known: ")
+    assert done.stderr.count("\n") == 1

@@ -18,6 +18,8 @@ DT, END = 0.01, 6.0  # [s]
 
 def main() -> None:
     out = Path(sys.argv[1] if len(sys.argv) > 1 else "ramp.png")
+    if out.exists():
+        sys.exit(f"{out} exists already; name another file")
     ramp, due, rows = Ramp(LIMITS), sorted(STICK.items()), list[tuple[float, ...]]()
     for t in np.arange(0.0, END, DT).tolist():
         while due and due[0][0] <= t:
@@ -30,8 +32,7 @@ def main() -> None:
     for axes, name, curve in zip(figure.subplots(4, sharex=True), names, curves, strict=True):
         axes.plot(t, curve)
         axes.set_ylabel(name)
-    with out.open("xb") as file:  # a picture that is there already stays
-        figure.savefig(file)
+    figure.savefig(out)
     most = [float(abs(curve).max()) for curve in curves[1:]]
     print("most velocity {:.3f} m/s, acceleration {:.3f} m/s², jerk {:.3f} m/s³".format(*most))
 
