@@ -1,13 +1,18 @@
 """Code in the documentation is code that runs: every block that names a file is part of it."""
 
 import re
+import sys
 import tomllib
 from pathlib import Path
+from types import FrameType
 
 import msgspec
 import pytest
 
 from services.marine.mounting import Mounting
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.virtual_host import VirtualHost
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -61,3 +66,70 @@ def test_the_mounting_that_is_shown_is_one() -> None:
 def test_a_link_leads_to_a_file(page: Path) -> None:
     links = re.findall(r"\]\((?!https?:|#)([^)#]+)", page.read_text(encoding="utf-8"))
     assert [link for link in links if not (page.parent / link).exists()] == []
+
+
+# docs/architecture.md names files. They are there, and are called in the order it says.
+
+WAYS_MS = {"The way of a stick": 30, "The way of a sample": 10}  # in which each is gone once
+NOT_IN_A_SCRIPT = {"services/gamepad/io/pad.py", "services/gamepad/core.py"}  # of a real pad
+
+
+def files_of(section: str) -> list[str]:
+    _, _, after = text("architecture").partition(f"## {section}\n")
+    return re.findall(r"services/[\w/]+\.py", after.partition("\n## ")[0])
+
+
+def test_every_file_and_folder_of_the_architecture_is_there() -> None:
+    named = re.findall(r"`?((?:messages|services|deploy|tools|docs)/[\w/.]*)", text("architecture"))
+    assert [path for path in named if not (ROOT / path).exists()] == []
+
+
+def test_the_tree_shows_every_room() -> None:
+    _, _, after = text("architecture").partition("messages/    ")
+    tree = after.partition("```")[0]
+    shown = re.findall(r"^ +(\w+)/ ", tree, flags=re.MULTILINE)
+    rooms = [
+        path.parent.name
+        for package in ("services", "tools")
+        for path in (ROOT / package).glob("**/__init__.py")
+        if len(path.relative_to(ROOT / package).parts) in (2, 3)
+        and "research" not in path.parent.parent.name
+    ]
+    assert sorted(shown) == sorted(rooms)
+
+
+def called(folder: Path, ms: int) -> list[str]:
+    """The files of all functions that are called in `ms` while the sticks move, in order."""
+    rows = [f"{k / 10},0.{k % 7},0.{k % 3},0.{k % 5},0.{k % 2}" for k in range(100)]
+    (folder / "sticks.csv").write_text("\n".join(["t,surge,sway,heave,yaw", *rows]))
+    stack = Stack(
+        pilot=f"script:{folder / 'sticks.csv'}",
+        out=str(folder),
+        virtual=True,
+        overrides=["estimation.calibration.still_time=1"],
+    )
+    host, services = VirtualHost(), Registry.read()
+    chain = ("simulator", "estimation", "reference", "control", "tether", "gamepad")
+    host.add_all(services.only({name: services[name] for name in chain}), stack)
+    host.run(8_000_000_000)
+    files: list[str] = []
+
+    def note(frame: FrameType, event: str, _: object) -> None:
+        path = Path(frame.f_code.co_filename)
+        if event == "call" and path.is_relative_to(ROOT):
+            files.append(path.relative_to(ROOT).as_posix())
+
+    sys.setprofile(note)
+    try:
+        host.run(host.now + ms * 1_000_000)
+    finally:
+        sys.setprofile(None)
+    return files
+
+
+@pytest.mark.parametrize(("way", "ms"), WAYS_MS.items())
+def test_files_of_a_way_are_called_in_its_order(way: str, ms: int, tmp_path: Path) -> None:
+    steps = [file for file in files_of(way) if file not in NOT_IN_A_SCRIPT]
+    rest = iter(called(tmp_path, ms))
+    assert len(steps) > 20
+    assert [step for step in steps if step not in rest] == []
