@@ -70,7 +70,7 @@ def test_a_link_leads_to_a_file(page: Path) -> None:
 
 # docs/architecture.md names files. They are there, and are called in the order it says.
 
-WAYS_MS = {"The way of a stick": 30, "The way of a sample": 10}  # in which each is gone once
+WAYS_MS = {"The way of a stick": 11, "The way of a sample": 10}  # in which each is gone once
 NOT_IN_A_SCRIPT = {"services/gamepad/io/pad.py", "services/gamepad/core.py"}  # of a real pad
 
 
