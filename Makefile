@@ -46,8 +46,9 @@ laws: $(READY) ## the laws of the reference over millions of states, into docs/l
 stops: $(READY) ## a hundred dives with random sticks: bounce-back and overshoot at every stop
 	$(BIN)/python tests/long/stops.py
 
-docs: $(READY) ## pages written from the code
+docs: $(READY) ## pages and pictures written from the code
 	$(BIN)/python -m tools.docs.topics_page
+	$(BIN)/python -m tools.docs.import_picture
 
 $(READY): pyproject.toml uv.lock
 	test -d .venv || $(PYTHON) -m venv .venv

@@ -1,18 +1,45 @@
 """Code in the documentation is code that runs: every block that names a file is part of it."""
 
 import re
+import sys
 import tomllib
 from pathlib import Path
+from types import FrameType
 
 import msgspec
 import pytest
 
 from services.marine.mounting import Mounting
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.virtual_host import VirtualHost
 
 ROOT = Path(__file__).parents[1]
-PAGE = (ROOT / "docs" / "your-own-vehicle.md").read_text(encoding="utf-8")
-NAMED = re.findall(r"```\w+ (\S+)\n(.*?)```", PAGE, flags=re.DOTALL)
-DRIVER = "examples/point_vehicle/driver.py"
+DOCS = ROOT / "docs"
+PAGES = sorted(DOCS.glob("*.md"))
+NAMED = [
+    pytest.param(*found, id=f"{page.stem}-{found[0]}-{number}")
+    for page in PAGES
+    for number, found in enumerate(
+        re.findall(r"```\w+ (\S+)\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    )
+]
+WHOLE = {  # shown from the first line to the last
+    "your-own-vehicle": ["examples/point_vehicle/driver.py"],
+    "your-own-service": [
+        "examples/depth_alarm/depth_alarm.py",
+        "examples/depth_alarm/alarm_service.py",
+    ],
+    "library": [
+        "examples/library/ramp_plot.py",
+        "examples/library/pd_control.py",
+        "examples/library/link_monte_carlo.py",
+    ],
+}
+
+
+def text(page: str) -> str:
+    return (DOCS / f"{page}.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(("file", "block"), NAMED)
@@ -20,12 +47,89 @@ def test_a_block_that_names_a_file_is_part_of_it(file: str, block: str) -> None:
     assert block in (ROOT / file).read_text(encoding="utf-8")
 
 
-def test_the_driver_is_shown_whole() -> None:
-    assert (DRIVER, (ROOT / DRIVER).read_text(encoding="utf-8")) in NAMED
+@pytest.mark.parametrize(
+    ("page", "file"), [(page, file) for page, files in WHOLE.items() for file in files]
+)
+def test_a_program_is_shown_whole(page: str, file: str) -> None:
+    whole = (ROOT / file).read_text(encoding="utf-8")
+    assert f"```python {file}\n{whole}```" in text(page)
 
 
 def test_the_mounting_that_is_shown_is_one() -> None:
-    (block,) = re.findall(r"```toml\n(.*?)```", PAGE, flags=re.DOTALL)
+    (block,) = re.findall(r"```toml\n(.*?)```", text("your-own-vehicle"), flags=re.DOTALL)
     mounting = msgspec.convert(tomllib.loads(block)["vehicle"]["mounting"], Mounting)
     assert mounting.imu.position == (0.12, 0.0, -0.03)
     assert [row[0] for row in mounting.imu.rotation] == [0.0, -1.0, 0.0]  # x points to port
+
+
+@pytest.mark.parametrize("page", [ROOT / "README.md", *PAGES], ids=lambda page: page.stem)
+def test_a_link_leads_to_a_file(page: Path) -> None:
+    links = re.findall(r"\]\((?!https?:|#)([^)#]+)", page.read_text(encoding="utf-8"))
+    assert [link for link in links if not (page.parent / link).exists()] == []
+
+
+# docs/architecture.md names files. They are there, and are called in the order it says.
+
+WAYS_MS = {"The way of a stick": 11, "The way of a sample": 10}  # in which each is gone once
+NOT_IN_A_SCRIPT = {"services/gamepad/io/pad.py", "services/gamepad/core.py"}  # of a real pad
+
+
+def files_of(section: str) -> list[str]:
+    _, _, after = text("architecture").partition(f"## {section}\n")
+    return re.findall(r"services/[\w/]+\.py", after.partition("\n## ")[0])
+
+
+def test_every_file_and_folder_of_the_architecture_is_there() -> None:
+    named = re.findall(r"`?((?:messages|services|deploy|tools|docs)/[\w/.]*)", text("architecture"))
+    assert [path for path in named if not (ROOT / path).exists()] == []
+
+
+def test_the_tree_shows_every_room() -> None:
+    _, _, after = text("architecture").partition("messages/    ")
+    tree = after.partition("```")[0]
+    shown = re.findall(r"^ +(\w+)/ ", tree, flags=re.MULTILINE)
+    rooms = [
+        path.parent.name
+        for package in ("services", "tools")
+        for path in (ROOT / package).glob("**/__init__.py")
+        if len(path.relative_to(ROOT / package).parts) in (2, 3)
+        and "research" not in path.parent.parent.name
+    ]
+    assert sorted(shown) == sorted(rooms)
+
+
+def called(folder: Path, ms: int) -> list[str]:
+    """The files of all functions that are called in `ms` while the sticks move, in order."""
+    rows = [f"{k / 10},0.{k % 7},0.{k % 3},0.{k % 5},0.{k % 2}" for k in range(100)]
+    (folder / "sticks.csv").write_text("\n".join(["t,surge,sway,heave,yaw", *rows]))
+    stack = Stack(
+        pilot=f"script:{folder / 'sticks.csv'}",
+        out=str(folder),
+        virtual=True,
+        overrides=["estimation.calibration.still_time=1"],
+    )
+    host, services = VirtualHost(), Registry.read()
+    chain = ("simulator", "estimation", "reference", "control", "tether", "gamepad")
+    host.add_all(services.only({name: services[name] for name in chain}), stack)
+    host.run(8_000_000_000)
+    files: list[str] = []
+
+    def note(frame: FrameType, event: str, _: object) -> None:
+        path = Path(frame.f_code.co_filename)
+        if event == "call" and path.is_relative_to(ROOT):
+            files.append(path.relative_to(ROOT).as_posix())
+
+    sys.setprofile(note)
+    try:
+        host.run(host.now + ms * 1_000_000)
+    finally:
+        sys.setprofile(None)
+    return files
+
+
+@pytest.mark.parametrize(("way", "ms"), WAYS_MS.items())
+def test_files_of_a_way_are_called_in_its_order(way: str, ms: int, tmp_path: Path) -> None:
+    steps = [file for file in files_of(way) if file not in NOT_IN_A_SCRIPT]
+    rest = iter(called(tmp_path, ms))
+    assert len(steps) > 20
+    assert [step for step in steps if step not in rest] == []
