@@ -60,7 +60,8 @@ def test_words_need_no_quotes_unless_they_mean_something(text: str) -> None:
     ("text", "value"),
     [
         ("", ""), (" 3 ", 3), ("1_000", 1000), ("0x10", 16), ("1e-3", 1e-3), ("'3'", "3"),
-        ("2026-01-02", date(2026, 1, 2)), ("{a = 1}", {"a": 1}), ("a=b", "a=b"), ("[]", []), ("1e", "1e"),
+        ("2026-01-02", date(2026, 1, 2)), ("{a = 1}", {"a": 1}), ("a=b", "a=b"), ("[]", []),
+        ("1e", "1e"),
     ],
 )  # fmt: skip
 def test_what_toml_knows_is_read_as_toml(text: str, value: object) -> None:
