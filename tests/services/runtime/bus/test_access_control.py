@@ -9,7 +9,13 @@ from hypothesis import strategies as st
 
 from messages import topics
 from messages.topic import AnyTopic, Side, Way
-from services.runtime.bus.access_control import ALL_MESSAGES, LOCAL, NETWORK, Border, access_control
+from services.runtime.bus.access_control import (
+    ALL_MESSAGES,
+    LOCAL,
+    NETWORK,
+    HubSide,
+    access_control,
+)
 from services.runtime.bus.zenoh_bus import namespace
 
 SPACE = namespace("pioneer")
@@ -26,7 +32,7 @@ STRANGE = st.lists(CHUNK, min_size=1, max_size=4).map("/".join)
 
 def passes(side: Side, link: str, flow: str, message: str, key: str) -> bool:
     """As Zenoh judges: a rule covers a message when one of its keys includes the message's."""
-    table: dict[str, Any] = access_control(Border(side, SPACE))
+    table: dict[str, Any] = access_control(HubSide(side, SPACE))
     assert table["enabled"]
     assert table["default_permission"] == "deny"
     subjects = {s["id"] for s in table["subjects"] if link in s["link_protocols"]}

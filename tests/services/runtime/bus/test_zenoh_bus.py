@@ -12,7 +12,7 @@ import zenoh
 
 from messages import topics
 from messages.topic import AnyTopic, Side, Way
-from services.runtime.bus.access_control import Border
+from services.runtime.bus.access_control import HubSide
 from services.runtime.bus.envelope import Envelope
 from services.runtime.bus.qos import QOS_PROFILES, ZenohQos
 from services.runtime.bus.zenoh_bus import ZenohBus, connected, listening, namespace
@@ -199,7 +199,7 @@ def test_between_two_machines_each_row_crosses_in_its_own_way_only(tmp_path: Pat
         for side in SIDES:
             listen, connect = ([between], []) if side == "drone" else ([], [between])
             # The private socket is named last: it is the one of which an error would speak.
-            own, border = socket_file(tmp_path, side), Border(side, SPACE)
+            own, border = socket_file(tmp_path, side), HubSide(side, SPACE)
             exits.enter_context(listening(*listen, own, connect=connect, hub_side=border))
             bus[side] = ZenohBus(exits.enter_context(connected(own, SPACE, PATIENCE_S)))
             for topic in topics.ALL:
