@@ -1,4 +1,4 @@
-"""`lindy up`: one side of a dive on this machine, the other side on another one."""
+"""`lindy up`: one side of a dive on this machine, while the other side runs on another machine."""
 
 from collections.abc import Callable, Mapping
 
@@ -15,7 +15,7 @@ from tools.choices import Choices
 from tools.live.display import Display, display
 from tools.live.dive_folder import out_folder, point_latest
 from tools.live.dive_timeline import DiveTimeline
-from tools.live.monitor_loop import MonitorLoop, told
+from tools.live.monitor_loop import MonitorLoop, followed_by
 from tools.live.outcome import RECORDER, Outcome
 from tools.live.piloted_dive import PilotedDive, tell_who_flies, who_flies
 from tools.live.stop_signals import StopSignals
@@ -32,8 +32,7 @@ def up(side: str, choices: Choices, *, listen: str, connect: str, gateway: bool)
     """Returns the exit status: 0 clean, 3 done but data was lost.
 
     Raises:
-        LindyError: something is set wrongly, a service cannot start, or the dive ended before its
-            time.
+        LindyError: a wrong setting, a service cannot start, or the dive was aborted.
     """
     if side not in OTHER:
         raise LindyError(f"unknown side {side!r}{nearest(side, list(OTHER))}")
@@ -43,11 +42,11 @@ def up(side: str, choices: Choices, *, listen: str, connect: str, gateway: bool)
 
 
 def drone(choices: Choices, listen: str) -> int:
-    """Until Ctrl-C: on board everything goes on, whether or not the topside is there."""
+    """Run the drone's side until Ctrl-C, whether or not the topside is connected."""
     every = Registry.read(choices.stack)
     here = on_side(every, "drone", gateway=False)
     stack = checked(choices, pilot_of(choices.pilot or DEFAULT_PILOT), every, here)
-    # Who has the sticks, and what the link is like, is the topside's affair.
+    # The pilot and the link are chosen on the topside.
     stack = msgspec.structs.replace(stack, apart=True, pilot=OTHER["drone"], link=listen)
     stack = msgspec.structs.replace(stack, out=str(out_folder(choices.out)))
     print(f"drone {stack.vehicle}, for the topside at {listen} → {stack.out_dir}", flush=True)
@@ -60,13 +59,13 @@ def drone(choices: Choices, listen: str) -> int:
 
 
 def topside(choices: Choices, connect: str, gateway: bool) -> int:
-    """A dive as `lindy dive` flies it; what is recorded is recorded on board."""
+    """The topside of a dive as in `lindy dive`; the recording is made on board."""
     every = Registry.read(choices.stack)
     here = runnable(on_side(every, "topside", gateway=gateway))
     pilot = who_flies(choices)
     stack = checked(choices, pilot, every, here)
     stack = msgspec.structs.replace(stack, apart=True, out=str(out_folder(choices.out)))
-    # Either the two hubs are joined, or the tether process stands between them.
+    # Either the two hubs are connected, or the tether service forwards between them.
     other_side = (
         OtherSide("topside", gateway=connect)
         if gateway
@@ -83,14 +82,14 @@ def topside(choices: Choices, connect: str, gateway: bool) -> int:
 
 
 def run(stack: Stack, every: Registry, here: Registry, other_side: OtherSide, go: Go) -> int:
-    """One side of a stack from its start to its last words. Returns the exit status."""
+    """One side of a stack from its start to its summary. Returns the exit status."""
     outcome = Outcome(stack)
     with (
         StopSignals() as stop,
         display() as shown,
         outcome.of_the_dive(),
         local_stack(stack, here, other_side=other_side) as local,
-        told(outcome, local),
+        followed_by(outcome, local),
     ):
         point_latest(stack.out_dir)
         outcome.exit = go(local, stop, shown)
@@ -101,7 +100,7 @@ def run(stack: Stack, every: Registry, here: Registry, other_side: OtherSide, go
 
 
 def on_side(every: Registry, side: str, *, gateway: bool) -> Registry:
-    """The services whose home is on this side; they hear no other side but through the link."""
+    """The services whose home is this side; they are connected to this side only."""
     specs: dict[str, ServiceSpec] = {}
     for name, spec in every.apart().items():
         if name == GATEWAY:

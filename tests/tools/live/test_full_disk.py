@@ -102,7 +102,7 @@ def test_a_disk_that_fills_during_a_simulated_dive(
         assert read_by_others(path) == sum(1 for _ in open_recording(path).raw()) > 1000
     if warned:
         assert status == 3
-        assert f"the recording in {out} is not whole: the disk was full" in complaint
+        assert f"the recording in {out} is incomplete: the disk was full" in complaint
         report = json.loads((out / "report.json").read_text())
         assert report["losses"]["not_recorded"] > 0
     else:

@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 
 from tools.__main__ import main
 from tools.recordings.recording import open_recording
-from tools.report.losses import HAD, NOT_CARRIED, losses
+from tools.report.losses import NOT_CARRIED, NOT_USED, losses
 from tools.report.report import Extras, make_report
 from tools.report.summary import ending, summary
 
-FATES = {"lost", *NOT_CARRIED, *(kind for kind in HAD if kind != "overflowed")}
+FATES = {"lost", *NOT_CARRIED, *(kind for kind in NOT_USED if kind != "overflowed")}
 STATE = "state"  # goes up
 COMMAND = "pilot/command"  # goes down
 
