@@ -109,7 +109,7 @@ class Outcome:
         ended = merged or log_hash(folder) is not None
         if "disk_error" in report.losses or not ended:
             full = "disk_error" in report.losses
-            why = "the disk was full or failed" if full else "it has no end"
+            why = "the disk was full or failed" if full else "it was not finished"
             print(f"lindy: the recording in {folder} is incomplete: {why}", file=sys.stderr)
         return data_was_lost(dive, report) or not ended
 

@@ -99,7 +99,12 @@ def test_failsafes_are_never_pushed_out_and_what_is_left_out_is_the_least_import
     counts |= {"failsafe:state_lost": 1, "failsafe:pilot_lost": 1, "empty:battery": 1}
     counts |= {"distrusted:port": 1, "saturated:port": 500}
     text = summary(msgspec.structs.replace(report, losses=counts))
-    for words in ("drone's state lost", "pilot lost", "battery was empty", "thruster did not do"):
+    for words in (
+        "drone's state lost",
+        "pilot lost",
+        "battery was empty",
+        "thruster did not follow",
+    ):
         assert words in text
     assert "reached its limit" in text
     assert "and 3 less important kinds" in text
