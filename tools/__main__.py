@@ -1,5 +1,5 @@
 """The `lindy` command. Each verb imports what it needs only when it is called, so that `--help`
-and a typing error answer at once."""
+and a mistyped command answer at once."""
 
 import sys
 import traceback
@@ -43,10 +43,10 @@ def dive(
     ] = False,
     listen: Annotated[
         str | None,
-        Parameter(help="endpoint for outside tools at the pilot's end, e.g. tcp/127.0.0.1:7447"),
+        Parameter(help="endpoint for other programs on the topside, e.g. tcp/127.0.0.1:7447"),
     ] = None,
 ) -> int:
-    """Start every service on this machine, pilot the drone, record it, show it, sum it up.
+    """Start every service on this machine, pilot the drone, record the dive and report on it.
 
     Example: lindy dive --pilot script:first_dive --link remote --out dives/first
              lindy dive --stack real --set driver.port=/dev/ttyACM0
@@ -71,7 +71,7 @@ def up(
         Parameter(
             negative=(),
             show_default=False,
-            help="topside: put the tether process (--link) in between, not only the real link",
+            help="topside: add the emulated link (--link) to the real one",
         ),
     ] = False,
     resume: Annotated[
@@ -82,10 +82,10 @@ def up(
     ] = None,
     choices: Choices | None = None,
 ) -> int:
-    """Start one SIDE of a dive, topside or drone, on this machine; the other on another one.
+    """Start one SIDE of a dive, topside or drone, on this machine; the other side runs on another.
 
-    Start the drone first. Each side has its own clock; what is between them is measured. By default
-    both find each other on this machine.
+    Start the drone first. Each side has its own clock; the clock offset is measured. By default
+    both connect on this machine.
 
     Example: lindy up drone --listen tcp/192.168.2.2:7447
              lindy up topside --connect tcp/192.168.2.2:7447
@@ -104,7 +104,7 @@ def up(
 
 @app.command
 def simulate(*, choices: Choices | None = None) -> int:
-    """The same dive on virtual time, as fast as it goes, with the same files.
+    """The same dive on virtual time, as fast as the computer can, with the same files.
 
     Example: lindy simulate --seed 7 --set control.depth.kp=3 --out dives/simulated
     """
@@ -127,7 +127,7 @@ def run(
     ] = (),
     choices: Choices | None = None,
 ) -> int:
-    """Run one service in the foreground, on hubs that are there already.
+    """Run one service in the foreground, on hubs that are already running.
 
     Example: lindy run control --connect drone=tcp/127.0.0.1:7448
     """
@@ -159,7 +159,7 @@ def picture(
     ] = None,
     page: Annotated[str, Parameter(help="dive, motion, control, sensors, link or health")] = "dive",
 ) -> int:
-    """A picture of a recorded dive as the viewer shows it, made without a display.
+    """Write a picture of a recorded dive as the viewer shows it, without a display.
 
     RECORDING is a dive's folder, or the dive.rrd in it. It needs Vulkan, in software at least; on
     Debian: apt install mesa-vulkan-drivers libvulkan1
@@ -178,7 +178,7 @@ def path(
     *,
     dt: Annotated[float | None, Parameter(help="[s] between samples, for the reference")] = None,
 ) -> int:
-    """Show a path (JSON), or with --dt the whole reference along it (CSV).
+    """Print a path (JSON), or with --dt the whole reference along it (CSV).
 
     FILE is a TOML file or a name in deploy/paths. Keys: waypoints, min_radius, kind, smooth_yaw;
     cruise, speeds; model, acceleration, jerk, accel_time, decel_time, epsilon, theta_a, theta_d,
@@ -204,7 +204,7 @@ def ask(
         float | None, Parameter(help="goto: [deg] clockwise from north, shortest way")
     ] = None,
     north: Annotated[
-        float | None, Parameter(help="goto: [m], with --east, where the drone measures its place")
+        float | None, Parameter(help="goto: [m], with --east; needs a drone that measures position")
     ] = None,
     east: Annotated[float | None, Parameter(help="goto: [m]")] = None,
     path: Annotated[
@@ -218,7 +218,7 @@ def ask(
         bool, Parameter(negative=(), show_default=False, help="answer as JSON")
     ] = False,
 ) -> int:
-    """Send a request to a dive that is going on, and print the drone's answer.
+    """Send a request to a running dive, and print the drone's answer.
 
     KIND is arm, disarm, stop, light, goto, follow or mode.
 
@@ -253,10 +253,11 @@ def fault(
         Path | None, Parameter(help="folder of a dive that is going on; default: the newest")
     ] = None,
 ) -> int:
-    """Break a part of the simulated vehicle while it dives, or mend it.
+    """Make a part of the simulated vehicle fail during a dive, or repair it.
 
-    PART is a thruster's name, a sensor's key such as sensor/pressure, or all. KIND is none (mend);
-    dead, reversed, weak or stuck (a thruster); silent, frozen, noisy, biased or broken (a sensor).
+    PART is a thruster's name, a sensor's key such as sensor/pressure, or all. KIND is none (to
+    repair); dead, reversed, weak or stuck (a thruster); silent, frozen, noisy, biased or broken (a
+    sensor).
 
     Example: lindy fault port dead
     """
@@ -265,7 +266,7 @@ def fault(
     return fault(part, kind, value, dive)
 
 
-log = App(name="log", help="Look into recordings.")
+log = App(name="log", help="Analyse recordings.")
 app.command(log)
 
 
@@ -280,9 +281,9 @@ def noise(
     """Noise, rate and drift of the sensors, from a recording of a drone that lies still.
 
     RECORDING is a dive's folder or its MCAP file. Prints the lines to paste into the vehicle file.
-    Used is the longest time in which the drone was neither armed nor moved, 20 s at least. To make
-    a recording, start the drone's side alone, so that nobody arms it; Ctrl-C after a minute or
-    longer.
+    It uses the longest time in which the drone was neither armed nor moved, at least 20 s. To make
+    a recording, start the drone's side alone, so that nobody arms it, and press Ctrl-C after a
+    minute or longer.
 
     Example: lindy up drone --out dives/on_the_bench
              lindy log noise dives/on_the_bench
@@ -302,7 +303,7 @@ def bench(
         bool, Parameter(negative=(), show_default=False, help="no table, JSON")
     ] = False,
 ) -> int:
-    """Measure Lindy's speed beside other ways of doing the same, as ratios with their goals.
+    """Compare Lindy's speed with other implementations, as ratios with their goals.
 
     Example: lindy bench --only reference --json
     """
@@ -372,7 +373,7 @@ def _run(words: Sequence[str], explain: Callable[[], None] = lambda: None) -> in
         where = traceback.extract_tb(error.__traceback__)[-1]
         name = f"{Path(where.filename).name}:{where.lineno}"
         what = f"{type(error).__name__}: {error}"
-        return complain(f"a mistake in Lindy itself ({DEBUG} shows more), at {name}: {what}")
+        return complain(f"an error in Lindy itself ({DEBUG} shows more), at {name}: {what}")
     return status or 0
 
 

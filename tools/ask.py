@@ -1,4 +1,4 @@
-"""`lindy ask`: one request to a dive that is going on, and the drone's word on it."""
+"""`lindy ask`: sends one request to a running dive, and prints the drone's answer."""
 
 import json
 import math
@@ -36,9 +36,9 @@ OPTIONS: dict[str, tuple[str, ...]] = {
     "goto": ("depth", "heading", "north", "east"),
     "follow": ("path",),
     "mode": ("hold",),
-}  # what a kind of request may be told
+}  # the options of each kind of request
 HOLDS: tuple[str, ...] = get_args(Hold)
-FARTHEST = 100_000.0  # [m] no drone goes that far
+FARTHEST = 100_000.0  # [m] greatest north or east
 
 
 def ask(
@@ -125,7 +125,7 @@ def wanted_of(kind: str, **given: Any) -> PilotRequest:
 
 
 def dive_in(folder: Path | None) -> Running:
-    """The dive that is going on in a folder; by default in this one or in dives/, the newest.
+    """The running dive in a folder; by default the newest in this folder or in dives/.
 
     Raises:
         LindyError: there is none.
@@ -140,8 +140,8 @@ def dive_in(folder: Path | None) -> Running:
 
 
 def for_the_pilot(node: Node, wanted: PilotRequest) -> OneRequest[PilotRequest, PilotAnswer]:
-    """Ask in the name of whoever has the sticks, once the drone has said which epoch that is. What
-    anybody may ask for waits for nothing."""
+    """Send a request with the epoch of the pilot in control, once the drone's status has arrived.
+    Requests that are granted to anyone are sent at once."""
     if wanted.kind in FOR_ANYBODY:
         return at_once(node, wanted, topics.PILOT_REQUEST, topics.PILOT_ANSWER)
     asking = OneRequest(node, topics.PILOT_REQUEST, topics.PILOT_ANSWER)
@@ -192,7 +192,7 @@ def _wanted(kind: RequestKind, **more: Any) -> PilotRequest:
 def _place(given: dict[str, Any]) -> PilotRequest:
     """
     Raises:
-        LindyError: half a place, a heading too, or not a number.
+        LindyError: only one coordinate, a heading as well, or not a number.
     """
     place = (given.get("north"), given.get("east"))
     if None in place or given["heading"] is not None:

@@ -1,4 +1,4 @@
-"""Everything that can be checked before a dive starts, so that a mistake costs no waiting."""
+"""Everything that can be checked before a dive starts, so that a mistake is reported at once."""
 
 import os
 from collections.abc import Collection
@@ -28,7 +28,7 @@ LONGEST_S = 86_400.0  # [s] a day
 
 @dataclass(frozen=True, slots=True)
 class PilotChoice:
-    """Who has the sticks, checked."""
+    """The pilot, checked."""
 
     name: str  # as services read it: gamepad, keyboard or script:FILE
     script_s: float | None = None  # [s] length of the script; None: a person
@@ -62,7 +62,7 @@ def pilot_of(choice: str) -> PilotChoice:
 def checked(
     choices: Choices, pilot: PilotChoice, services: Registry, here: Collection[str] | None = None
 ) -> Stack:
-    """The choices as services take them, after everything that can be checked has been.
+    """The choices as the services' `Stack`, after every possible check.
 
     Args:
         here: names of the services that run on this machine; None: all.
@@ -90,7 +90,7 @@ def checked(
 
 
 def known_tables(services: Registry, here: Collection[str] | None = None) -> dict[str, type]:
-    """What a vehicle file may say: the vehicle itself, and a table for each service.
+    """The tables of a vehicle file: the vehicle itself, and one for each service.
 
     Raises:
         LindyError: a module of the stack cannot be used.
@@ -99,7 +99,7 @@ def known_tables(services: Registry, here: Collection[str] | None = None) -> dic
 
 
 def _controllable(stack: Stack) -> None:
-    """Would the controller fly this vehicle with these gains?"""
+    """Check that the controller accepts this vehicle with these gains."""
     try:
         Controller(stack.section("control", Settings), stack.section("vehicle", Vehicle))
     except ValueError as error:
@@ -107,7 +107,7 @@ def _controllable(stack: Stack) -> None:
 
 
 def running_in(folder: Path) -> int | None:
-    """Process id of the dive that is going on in a folder."""
+    """Process id of the running dive in a folder; None: there is none."""
     try:
         pid = msgspec.json.decode((folder / RUNNING).read_bytes(), type=Running).supervisor
     except (FileNotFoundError, msgspec.DecodeError):

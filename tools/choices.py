@@ -1,4 +1,4 @@
-"""What `dive` and `simulate` are told on the command line."""
+"""Command line options that `dive`, `up`, `simulate` and `run` share."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,8 +11,8 @@ from tools.whole import Whole
 
 
 def named(_: object, tokens: Sequence[Token]) -> Path:
-    """A path that was given. An empty one, such as from an unset variable of a shell, would mean
-    the current folder."""
+    """A path from the command line. An empty one, such as from an unset shell variable, is refused,
+    because it would mean the current folder."""
     if not tokens[0].value:
         raise ValueError("it is empty; name one, such as dives/mine, or . for this folder")
     return Path(tokens[0].value)

@@ -11,7 +11,7 @@ from tools.checks import checked
 from tools.choices import Choices
 from tools.live.display import display
 from tools.live.dive_folder import out_folder, point_latest
-from tools.live.monitor_loop import told
+from tools.live.monitor_loop import followed_by
 from tools.live.outcome import Outcome, title
 from tools.live.piloted_dive import PilotedDive, tell_who_flies, who_flies
 from tools.live.stop_signals import StopSignals
@@ -22,7 +22,7 @@ def dive(choices: Choices, *, headless: bool, listen: str | None) -> int:
     """Returns the exit status: 0 clean, 3 done but data was lost.
 
     Raises:
-        LindyError: something is set wrongly, or the dive ended before its time.
+        LindyError: a wrong setting, or the dive was aborted.
     """
     if listen is not None:
         checked_endpoint(listen, "--listen")
@@ -39,7 +39,7 @@ def dive(choices: Choices, *, headless: bool, listen: str | None) -> int:
         display() as shown,
         outcome.of_the_dive(),
         local_stack(stack, services, listen) as local,
-        told(outcome, local),
+        followed_by(outcome, local),
     ):
         point_latest(stack.out_dir)
         outcome.exit = PilotedDive(local, pilot, choices.seconds, stop, shown).fly()

@@ -1,4 +1,4 @@
-"""`lindy fault`: break a thruster or a sensor of the simulated vehicle, or mend it."""
+"""`lindy fault`: makes a thruster or a sensor of the simulated vehicle fail, or repairs it."""
 
 from pathlib import Path
 from typing import get_args

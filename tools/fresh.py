@@ -1,4 +1,4 @@
-"""Places for new files. Nothing that is there already is ever deleted or overwritten."""
+"""New files and folders. Nothing that exists is ever deleted or overwritten."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -39,7 +39,7 @@ def _beside(folder: Path) -> Path:
 
 
 def refuse_existing(path: Path) -> None:
-    """Before the work of making a file is begun.
+    """Check, before the work of making a file begins, that it does not exist.
 
     Raises:
         LindyError: there is such a file.
@@ -68,5 +68,5 @@ def _fill(file: BinaryIO, data: bytes, path: Path) -> None:
         file.write(data)
         file.flush()
     except OSError:
-        path.unlink()  # half a file of ours would be in the way of the next attempt
+        path.unlink()  # an incomplete file would block the next attempt
         raise

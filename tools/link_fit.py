@@ -1,5 +1,5 @@
-"""Can a drone be piloted over a link at all? Where even the fastest command comes too late to be
-obeyed, it never arms."""
+"""Checks whether a drone can be piloted over a link. Where even the fastest command arrives too
+late, it never arms."""
 
 import msgspec
 import numpy as np
@@ -16,8 +16,7 @@ COMMAND_BYTES = len(msgspec.msgpack.encode(COMMAND))
 
 
 def shortest_ms(leg: DirectionProfile) -> float:
-    """[ms] One-way delay that no pilot command over this direction of a link can be faster than:
-    of a command that waits for nothing, from a pad that has answered just now."""
+    """[ms] Shortest one-way delay of a pilot command over this direction of a link."""
     sending = 0.0
     if leg.rate_kbit > 0.0:
         sending = (COMMAND_BYTES + leg.overhead_bytes) * 8.0 / leg.rate_kbit
@@ -46,8 +45,8 @@ def check_can_be_flown(link: Named) -> None:
     if can_be_flown(link):
         return
     raise LindyError(
-        f"--link {link.name} cannot be flown: a command takes {shortest_ms(link.profile.down):.0f}"
-        f" ms down to the drone at best, and one older than {TTL_MS:g} ms moves nothing, so the"
+        f"--link {link.name} cannot be flown: a command needs {shortest_ms(link.profile.down):.0f}"
+        f" ms to the drone at best, and is ignored when older than {TTL_MS:g} ms, so the"
         f" drone would never arm; links that can be flown: {', '.join(flyable())}"
         f" (`lindy link --profile {link.name}` shows what this one does to messages)"
     )

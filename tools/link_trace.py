@@ -1,8 +1,8 @@
-"""A link as it was during a recorded dive: when messages were sent, and when they arrived.
+"""A trace of the link during a recorded dive: when messages were sent, and when they arrived.
 
-The recorder is on board. Where both ends have one clock, the pilot's commands show the way down:
-arrival − stamp, and what is missing in the count was lost. Where clocks differ, only whole round
-trips can be measured, and half of each is the best guess of either way.
+The recorder is on board. Where both ends have one clock, the pilot's commands give the delay from
+topside to drone: arrival − stamp; a gap in the sequence numbers is a loss. Where the clocks differ,
+only whole round trips can be measured, and half of each is the best estimate of either direction.
 """
 
 from collections.abc import Iterable
@@ -16,7 +16,7 @@ from services.runtime.config.errors import LindyError
 from services.tether.delay import LONGEST_MS
 from tools.recordings.recording import open_recording
 
-ONE_CLOCK_NS = 1_000_000  # [ns] clocks that differ by less, or by less than is known, are one
+ONE_CLOCK_NS = 1_000_000  # [ns] clocks that differ by less, or by less than the error, count as one
 MOST_MISSING = 1000  # a larger gap in the count is another publisher, not a loss
 TraceRow = tuple[float, float | None]  # sent [s], arrived [s] or lost
 
@@ -37,7 +37,7 @@ class HeardCommand(NamedTuple):
 def trace_of(path: Path) -> Traced:
     """
     Raises:
-        LindyError: there is no recording, or nothing in it from which delays can be told.
+        LindyError: there is no recording, or nothing in it that gives delays.
     """
     commands: list[HeardCommand] = []
     clocks: list[Clock] = []
@@ -54,19 +54,19 @@ def trace_of(path: Path) -> Traced:
     # Before the clocks were known, the recorder took a command's arrival for its stamp.
     commands = [command for command in commands if command.sent != command.arrived] or commands
     if one_clock(clocks) and len(commands) > 1:
-        said = (
+        clock = (
             "known to be one"
             if clocks
-            else "taken to be one: the link monitor says nothing of them"
+            else "assumed to be one: there is no clock offset in the recording"
         )
         how = "one way, down: arrival of pilot/command on board minus its stamp"
         return Traced(
-            _checked(one_way(commands), path), [how, f"the clocks of both ends are {said}"]
+            _checked(one_way(commands), path), [how, f"the clocks of both ends are {clock}"]
         )
     rows = half_trips(clocks)
     if not rows:
         raise LindyError(f"{path} holds neither pilot commands on one clock nor clock round trips")
-    how = "half of each round trip of clock/ping, so the same either way"
+    how = "half of each round trip of clock/ping, so the same in both directions"
     return Traced(_checked(rows, path), [how, "the clocks of both ends differ"])
 
 
@@ -119,6 +119,6 @@ def _checked(rows: list[TraceRow], path: Path) -> list[TraceRow]:
         if arrived is not None and not 0.0 <= arrived - sent <= LONGEST_MS / 1e3:
             raise LindyError(
                 f"{path}: a message sent at {sent:.3f} s arrived {arrived - sent:.3f} s later; "
-                "the clocks of both ends differ and no clock messages tell by how much"
+                "the clocks of both ends differ, and their offset was not recorded"
             )
     return rows

@@ -1,4 +1,4 @@
-"""`lindy log noise`: what the sensors' noise is, from a recording of a drone that lies still."""
+"""`lindy log noise`: noise of the sensors, from a recording of a drone at rest."""
 
 import json as json_text
 from collections.abc import Iterator
@@ -20,7 +20,7 @@ from tools.recordings.recording import open_recording
 
 
 class NoiseAxis(NamedTuple):
-    """One number that a sensor says."""
+    """One component of a sensor's samples."""
 
     name: str
     unit: str
@@ -124,7 +124,7 @@ def _pressure_std(pressure: NoiseAxis) -> SettingLine:
 
 
 def _line(section: str, key: str, value: float, why: str) -> SettingLine:
-    """A sensor that always says the same has no noise to be told: frozen, or too coarse."""
+    """A sensor whose samples are all the same gives no noise: it is frozen, or too coarse."""
     if value > 0.0:
         return SettingLine(section, key, float(f"{value:.3g}"), why)
     told = why if why.startswith("no") else "every sample is the same: frozen, or too coarse"

@@ -1,4 +1,4 @@
-"""`lindy path`: a path of lines and clothoids through way-points, and the motion along it."""
+"""`lindy path`: a path of lines and clothoids through waypoints, and the motion along it."""
 
 import json
 from collections.abc import Iterator
@@ -20,7 +20,7 @@ MOST_ROWS = 10_000_000
 
 
 class PlannedPathFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What a path file says. Only the way-points must be there."""
+    """The keys of a path file. Only the waypoints are required."""
 
     waypoints: list[list[float]]  # [m] [north, east] or [north, east, down]
     min_radius: PathQuantity = 5.0  # [m] of every turn
@@ -56,33 +56,33 @@ def path(file: str, *, dt: float | None = None) -> int:
         dt: [s] between samples.
     """
     source = deploy_file("paths", file)
-    wish = read(source, PlannedPathFile)
+    settings = read(source, PlannedPathFile)
     try:
-        way = planned(wish)
+        planned_route = planned(settings)
     except ValueError as error:
         raise LindyError(f"{source}: {error}") from None
     if dt is None:
-        print(shown(wish, way))
+        print(shown(settings, planned_route))
         return 0
-    steps = rows(way, dt)
+    steps = rows(planned_route, dt)
     print(",".join(RoutePoint._fields))
-    for line in samples(way, steps, dt):
+    for line in samples(planned_route, steps, dt):
         print(line)
     return 0
 
 
-def planned(wish: PlannedPathFile) -> Route:
+def planned(file: PlannedPathFile) -> Route:
     """
     Raises:
-        ValueError: the file asks for something that cannot be.
+        ValueError: the file asks for a path that is not possible.
     """
-    way = Path.through(wish.waypoints, wish.min_radius, wish.kind, smooth_yaw=wish.smooth_yaw)
-    return route(way, motion(wish), wish.speeds or [wish.cruise])
+    path = Path.through(file.waypoints, file.min_radius, file.kind, smooth_yaw=file.smooth_yaw)
+    return route(path, motion(file), file.speeds or [file.cruise])
 
 
-def motion(wish: PlannedPathFile) -> MotionLaw:
+def motion(file: PlannedPathFile) -> MotionLaw:
     """How the speed changes."""
-    limits = Limits(wish.jerk, wish.acceleration)
+    limits = Limits(file.jerk, file.acceleration)
 
     def bounded(length: float, cruise: float, initial: float, final: float) -> MotionProfile:
         return stretch(length, limits, cruise, initial, final)
@@ -99,21 +99,21 @@ def motion(wish: PlannedPathFile) -> MotionLaw:
                 cruise=cruise,
                 initial=initial,
                 final=final,
-                accel_time=wish.accel_time,
-                decel_time=wish.decel_time,
-                epsilon=wish.epsilon,
-                theta_a=wish.theta_a,
-                theta_d=wish.theta_d,
-                theta_0=wish.theta_0,
-                xi_a=wish.xi,
-                xi_d=wish.xi,
+                accel_time=file.accel_time,
+                decel_time=file.decel_time,
+                epsilon=file.epsilon,
+                theta_a=file.theta_a,
+                theta_d=file.theta_d,
+                theta_0=file.theta_0,
+                xi_a=file.xi,
+                xi_d=file.xi,
             )
         )
 
     return fernandes
 
 
-def shown(wish: PlannedPathFile, way: Route) -> str:
+def shown(file: PlannedPathFile, route: Route) -> str:
     """The path as JSON: lengths in m, duration in s."""
     parts = [
         {
@@ -122,26 +122,26 @@ def shown(wish: PlannedPathFile, way: Route) -> str:
             "start": list(part.at(0.0)[:2]),
             "end": list(part.at(part.length)[:2]),
         }
-        for part in way.path.parts
+        for part in route.path.parts
     ]
     about: dict[str, Any] = {
-        "lengths": [part.length for part in way.path.parts],
-        "total": way.path.length,
+        "lengths": [part.length for part in route.path.parts],
+        "total": route.path.length,
         "parts": parts,
-        "max_curvature": way.path.max_curvature,
-        "duration": way.duration,
-        "smooth_yaw": wish.smooth_yaw,
-        "smooth_yaw_deviation": smooth_yaw_deviation(wish),
+        "max_curvature": route.path.max_curvature,
+        "duration": route.duration,
+        "smooth_yaw": file.smooth_yaw,
+        "smooth_yaw_deviation": smooth_yaw_deviation(file),
     }
     return json.dumps(about, allow_nan=False)
 
 
-def smooth_yaw_deviation(wish: PlannedPathFile) -> float | None:
+def smooth_yaw_deviation(file: PlannedPathFile) -> float | None:
     """[m] How far the path with smooth turns is from the one with clothoids: the price of a C2 yaw
     reference, whichever of the two was asked for. None where only one of them has room."""
     try:
         smooth, clothoids = (
-            Path.through(wish.waypoints, wish.min_radius, wish.kind, smooth_yaw=smooth_yaw)
+            Path.through(file.waypoints, file.min_radius, file.kind, smooth_yaw=smooth_yaw)
             for smooth_yaw in (True, False)
         )
     except ValueError:
@@ -149,22 +149,22 @@ def smooth_yaw_deviation(wish: PlannedPathFile) -> float | None:
     return furthest(smooth, clothoids)
 
 
-def rows(way: Route, dt: float) -> int:
+def rows(route: Route, dt: float) -> int:
     """How many steps of `dt` [s] reach the arrival.
 
     Raises:
-        LindyError: dt is no step for this motion.
+        LindyError: dt is not possible for this motion.
     """
     if not (isfinite(dt) and dt > 0):
         raise LindyError(f"--dt is {dt}, expected more than 0 s")
-    if way.duration / dt > MOST_ROWS:
+    if route.duration / dt > MOST_ROWS:
         raise LindyError(
-            f"--dt {dt} gives {way.duration / dt:.3g} rows, expected at most {MOST_ROWS}"
+            f"--dt {dt} gives {route.duration / dt:.3g} rows, expected at most {MOST_ROWS}"
         )
-    return ceil(way.duration / dt)
+    return ceil(route.duration / dt)
 
 
-def samples(way: Route, steps: int, dt: float) -> Iterator[str]:
+def samples(route: Route, steps: int, dt: float) -> Iterator[str]:
     """CSV lines, one per step of `dt` [s] from 0 to the first one at or after the arrival."""
     for k in range(steps + 1):
-        yield ",".join(map(repr, way.at(k * dt)))
+        yield ",".join(map(repr, route.at(k * dt)))

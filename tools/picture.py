@@ -1,4 +1,4 @@
-"""A picture of a dive: the recording in a viewer without a window, photographed."""
+"""`lindy picture`: a screenshot of a recorded dive in a viewer without a window."""
 
 import contextlib
 import os
@@ -39,7 +39,7 @@ T = TypeVar("T")
 
 
 def picture(recording: Path, out: Path, at_s: float | None = None, page: str = FIRST) -> None:
-    """Write a page of a recorded dive as a PNG, and tell how far it is meanwhile.
+    """Write a page of a recorded dive as a PNG, and print the progress.
 
     Args:
         recording: a dive's folder, or what the visualizer recorded.

@@ -1,4 +1,4 @@
-"""`lindy run` and `lindy hub`: one process of a stack in the foreground, for a stack by hand."""
+"""`lindy run` and `lindy hub`: one process of a stack in the foreground, to start it by hand."""
 
 import tempfile
 from pathlib import Path
@@ -18,7 +18,7 @@ FILE = {"recorder": "mcap", "visualizer": "rrd"}  # of one dive only
 
 
 def run(service: str, connect: tuple[str, ...], choices: Choices) -> int:
-    """One service until Ctrl-C. Returns its exit status.
+    """Run one service until Ctrl-C. Returns its exit status.
 
     Raises:
         LindyError: an unknown service, or a side that is missing or has no endpoint.
@@ -47,7 +47,7 @@ def run(service: str, connect: tuple[str, ...], choices: Choices) -> int:
 
 
 def hub(endpoint: str) -> int:
-    """A side's hub until Ctrl-C. Returns its exit status."""
+    """Run a side's hub until Ctrl-C. Returns its exit status."""
     return run_hub(HubLaunch(listen=[checked_endpoint(endpoint, "endpoint")]))
 
 
@@ -67,5 +67,5 @@ def endpoints_of(service: str, spec: ServiceSpec, connect: tuple[str, ...]) -> d
         given[side] = checked_endpoint(endpoint, f"--connect {side} =")
     if missing := [side for side in spec.sides if side not in given]:
         example = f"--connect {missing[0]}=tcp/127.0.0.1:7447"
-        raise LindyError(f"{service} lives in {', '.join(spec.sides)}; add {example}")
+        raise LindyError(f"{service} needs a hub for {' and '.join(spec.sides)}; add {example}")
     return {side: given[side] for side in spec.sides}

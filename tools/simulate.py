@@ -1,4 +1,4 @@
-"""`lindy simulate`: the same stack, script and files on virtual time, as fast as it goes."""
+"""`lindy simulate`: the same stack, script and files on virtual time, as fast as possible."""
 
 import sys
 import time
@@ -25,7 +25,7 @@ from tools.live.outcome import Outcome, title
 from tools.live.stop_signals import StopSignals
 from tools.live.viewer import runnable
 
-STRIDE_NS = 100_000_000  # [ns] of virtual time between two looks at the dive
+STRIDE_NS = 100_000_000  # [ns] of virtual time between two checks of the dive
 LINE_S = 10.0  # [s] of virtual time between two lines
 
 Advance = Callable[[DiveTimeline, int], None]
@@ -35,7 +35,7 @@ def simulate(choices: Choices) -> int:
     """Returns the exit status: 0 clean, 3 done but data was lost.
 
     Raises:
-        LindyError: something is set wrongly, or the dive ended before its time.
+        LindyError: a wrong setting, or the dive was aborted.
     """
     pilot = pilot_of(choices.pilot or DEFAULT_PILOT)
     if pilot.script_s is None:
@@ -78,7 +78,7 @@ def run(host: VirtualHost, timeline: DiveTimeline, stop: StopSignals, advance: A
 
 @contextmanager
 def progress() -> Generator[Advance]:
-    """A bar on a terminal, a line now and then elsewhere."""
+    """A progress bar on a terminal, otherwise a line every `LINE_S`."""
     if not sys.stdout.isatty():
         yield _lines()
         return

@@ -1,4 +1,4 @@
-"""`lindy up`: one side of a dive on this machine, the other side on another one."""
+"""`lindy up`: one side of a dive on this machine, while the other side runs on another machine."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -17,7 +17,7 @@ from tools.choices import Choices
 from tools.live.display import Display, display
 from tools.live.dive_folder import out_folder, point_latest
 from tools.live.dive_timeline import DiveTimeline
-from tools.live.monitor_loop import MonitorLoop, told
+from tools.live.monitor_loop import MonitorLoop, followed_by
 from tools.live.outcome import RECORDER, Outcome
 from tools.live.piloted_dive import PilotedDive, tell_who_flies, who_flies
 from tools.live.resume import resumed
@@ -43,8 +43,7 @@ def up(
     """Returns the exit status: 0 clean, 3 done but data was lost.
 
     Raises:
-        LindyError: something is set wrongly, a service cannot start, or the dive ended before its
-            time.
+        LindyError: a wrong setting, a service cannot start, or the dive was aborted.
     """
     if side not in OTHER:
         raise LindyError(f"unknown side {side!r}{nearest(side, list(OTHER))}")
@@ -58,12 +57,12 @@ def up(
 
 
 def drone(choices: Choices, listen: str, resume: Path | None) -> int:
-    """Until Ctrl-C: on board everything goes on, whether or not the topside is there."""
+    """Run the drone's side until Ctrl-C, whether or not the topside is connected."""
     every = Registry.read(choices.stack)
     here = on_side(every, "drone", gateway=False)
     stack = checked(choices, pilot_of(choices.pilot or DEFAULT_PILOT), every, here)
     before = resumed(resume, time.monotonic_ns(), time.time()) if resume is not None else {}
-    # Who has the sticks, and what the link is like, is the topside's affair.
+    # The pilot and the link are chosen on the topside.
     stack = msgspec.structs.replace(stack, apart=True, pilot=OTHER["drone"], link=listen)
     stack = msgspec.structs.replace(stack, out=str(out_folder(choices.out)))
     print(f"drone {stack.vehicle}, for the topside at {listen} → {stack.out_dir}", flush=True)
@@ -76,13 +75,13 @@ def drone(choices: Choices, listen: str, resume: Path | None) -> int:
 
 
 def topside(choices: Choices, connect: str, gateway: bool) -> int:
-    """A dive as `lindy dive` flies it; what is recorded is recorded on board."""
+    """The topside of a dive as in `lindy dive`; the recording is made on board."""
     every = Registry.read(choices.stack)
     here = runnable(on_side(every, "topside", gateway=gateway))
     pilot = who_flies(choices)
     stack = checked(choices, pilot, every, here)
     stack = msgspec.structs.replace(stack, apart=True, out=str(out_folder(choices.out)))
-    # Either the two hubs are joined, or the tether process stands between them.
+    # Either the two hubs are connected, or the tether service forwards between them.
     other_side = (
         OtherSide("topside", gateway=connect)
         if gateway
@@ -106,14 +105,14 @@ def run(
     go: Go,
     begin_with: Mapping[str, bytes] | None = None,
 ) -> int:
-    """One side of a stack from its start to its last words. Returns the exit status."""
+    """One side of a stack from its start to its summary. Returns the exit status."""
     outcome = Outcome(stack)
     with (
         StopSignals() as stop,
         display() as shown,
         outcome.of_the_dive(),
         local_stack(stack, here, other_side=other_side, begin_with=begin_with) as local,
-        told(outcome, local),
+        followed_by(outcome, local),
     ):
         point_latest(stack.out_dir)
         outcome.exit = go(local, stop, shown)
@@ -124,7 +123,7 @@ def run(
 
 
 def on_side(every: Registry, side: str, *, gateway: bool) -> Registry:
-    """The services whose home is on this side; they hear no other side but through the link."""
+    """The services whose home is this side; they are connected to this side only."""
     specs: dict[str, ServiceSpec] = {}
     for name, spec in every.apart().items():
         if name == GATEWAY:

@@ -1,4 +1,4 @@
-"""Whole numbers on the command line: 1.5 is none, and is not rounded either."""
+"""Whole numbers on the command line: 1.5 is refused, not rounded."""
 
 from collections.abc import Sequence
 from typing import Annotated, Any

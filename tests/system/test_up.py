@@ -125,7 +125,7 @@ def test_the_drone_reports_on_a_dive_whose_pilot_has_another_clock(tmp_path: Pat
     assert abs(report["stops"][0]["t"] - 2.0) < 0.5
     assert report["latency_ms"]["stick_to_thruster"]["p50"] > 0.0
     assert report["link"] == endpoint
-    for line in ("ended cleanly", "report.json in", "elsewhere         only the topside knows"):
+    for line in ("ended cleanly", "report.json in", "elsewhere         the topside's restarts"):
         assert line in drone.said
     assert "on the drone" in topside.said
     assert not (topside.out / "report.json").exists()

@@ -33,7 +33,7 @@ def complaint(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
     assert err.startswith("lindy: ")
     assert err.count("\n") == 1
     assert "Traceback" not in err
-    assert "mistake in Lindy" not in err
+    assert "error in Lindy" not in err
     return err
 
 

@@ -93,7 +93,7 @@ def test_where_clocks_differ_half_of_each_round_trip_counts(tmp_path: Path) -> N
     write(tmp_path / "dive.mcap", [command(n, 5010.0) for n in range(100)] + clocks)
     found = trace_of(tmp_path)
     assert found.remarks == [
-        "half of each round trip of clock/ping, so the same either way",
+        "half of each round trip of clock/ping, so the same in both directions",
         "the clocks of both ends differ",
     ]
     assert found.rows[3][1] is None

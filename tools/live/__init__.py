@@ -1,1 +1,1 @@
-"""What the verbs that fly share: who has the sticks, the screen, the end of a dive, its files."""
+"""Shared by `dive`, `up` and `simulate`: the pilot, the screen, the end of a dive, its files."""

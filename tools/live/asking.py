@@ -1,4 +1,4 @@
-"""One request to a service of a dive that is going on, and its answer."""
+"""One request to a service of a running dive, and its answer."""
 
 import os
 import threading
@@ -17,7 +17,7 @@ from services.runtime.node.requests import GIVE_UP_NS, A, Q
 
 
 class OneRequest(Generic[Q, A]):
-    """A request and what has come of it."""
+    """A request, and its answer."""
 
     def __init__(self, node: Node, asks: Topic[Q], answers: Topic[A]) -> None:
         self.answer: A | None = None
@@ -33,7 +33,7 @@ class OneRequest(Generic[Q, A]):
         node.every(1e9 / GIVE_UP_NS, self._look)
 
     def ask(self, request: Q, now: int) -> None:
-        """Only the first time; the request is repeated by itself."""
+        """Send the request; later calls do nothing, because it is repeated automatically."""
         if not self._asked:
             self._asked = True
             self._asking.ask(request, now)
@@ -42,7 +42,7 @@ class OneRequest(Generic[Q, A]):
         self.answer = answer
 
     def _look(self, _: int) -> None:
-        """What had to be known before anything could be asked has not come either."""
+        """Give up if the request could not be sent at all."""
         self.given_up = self.given_up or not self._asked
 
     def _give_up(self, _request: Q, _now: int) -> None:

@@ -1,4 +1,4 @@
-"""The request that ends a dive: no thruster turns any more, and the drone has said so."""
+"""The request that ends a dive: disarm, repeated until the drone answers."""
 
 from messages import topics
 from messages.pilot import PilotAnswer, PilotRequest
@@ -15,7 +15,7 @@ class Disarming:
         )
 
     def ask(self, now: int) -> None:
-        """Call as often as you like from `now` [ns] on; it is asked once, until it is answered."""
+        """Send the request at `now` [ns]; later calls do nothing while it is pending or done."""
         if not self.done and not self._asking.pending:
             self._asking.ask(PilotRequest(stamp_ns=now, id="", kind="disarm"), now)
 

@@ -1,4 +1,4 @@
-"""Shows a dive while it goes on: one screen on a terminal, a line now and then elsewhere."""
+"""Shows a running dive: a screen on a terminal, otherwise a line every few seconds."""
 
 import sys
 import time
@@ -19,11 +19,11 @@ LINE_S = 5.0  # [s] between two lines
 
 class Display(Protocol):
     def show(self, look: Callable[[], View]) -> None:
-        """Show the view that `look` makes, if it is time for one."""
+        """Show the view that `look` makes, if the next one is due."""
         ...
 
     def line(self, line: LogLine, at_s: float | None) -> None:
-        """A log line has come, so long after arming [s]; the screen gets it with the next view."""
+        """A log line has arrived, `at_s` [s] after arming; the screen gets it with its view."""
         ...
 
 
@@ -54,18 +54,18 @@ class LineDisplay:
             print(plain(look()), flush=True)
 
     def line(self, line: LogLine, at_s: float | None) -> None:
-        if (told := self._lines.add(line, at_s)) is not None:
-            print(full(told), flush=True)
+        if (entry := self._lines.add(line, at_s)) is not None:
+            print(full(entry), flush=True)
 
     def finish(self) -> None:
-        """Say what has come again since it was said last."""
-        for told in self._lines.unsaid():
-            print(full(told), flush=True)
+        """Print the lines that were repeated since they were printed last."""
+        for entry in self._lines.unprinted():
+            print(full(entry), flush=True)
 
 
 @contextmanager
 def display() -> Generator[Display]:
-    """The display that suits where the output goes."""
+    """A screen if stdout is a terminal, otherwise lines."""
     if not sys.stdout.isatty():
         shown = LineDisplay()
         try:
@@ -73,6 +73,6 @@ def display() -> Generator[Display]:
         finally:
             shown.finish()
         return
-    # Refreshed by us, not by a thread: the screen must not compete with the bus.
+    # No refresh thread: the screen must not compete with the bus for the processor.
     with Live(console=Console(), auto_refresh=False, transient=True) as live:
         yield ScreenDisplay(live)

@@ -1,4 +1,4 @@
-"""The folder of a dive: one without a dive in it, so that none is ever lost; and `dives/latest`."""
+"""The folder of a dive: always one without an earlier dive in it; and the link `dives/latest`."""
 
 import atexit
 import contextlib
@@ -13,15 +13,15 @@ from services.runtime.config.errors import LindyError
 from tools.checks import running_in
 from tools.fresh import fresh_folder
 
-DIVES = Path("dives")  # where dives go that were given no --out
+DIVES = Path("dives")  # for dives without --out
 LATEST = "latest"  # in it: a link to the newest of them
 LOGS = "logs"
 WRITTEN = re.compile(r"dive(\.part\d+)?\.(mcap|rrd)|merging\.mcap|report\.json|run\.json")
 
 
 def out_folder(out: Path | None) -> Path:
-    """A writable folder that holds no dive: `out`, or where that holds one already a new folder
-    beside it, which is said. If it stays empty, it is removed at the end of the program.
+    """A writable folder that holds no dive: `out`, or, where that holds one already, a new folder
+    beside it, which is printed. If it stays empty, it is removed at the end of the program.
 
     Raises:
         LindyError: it cannot be made or written to, or a dive is going on in it.
@@ -46,7 +46,7 @@ def out_folder(out: Path | None) -> Path:
 
 
 def holds_dive(folder: Path) -> bool:
-    """Is there a file in it under a name that a dive writes? Others are no concern of ours."""
+    """Is there a file in it with a name that a dive writes? Other files do not matter."""
     names = {path.name for path in folder.iterdir()}
     if LOGS in names and not _is_empty(folder / LOGS):
         return True
@@ -59,8 +59,8 @@ def dive_files(folder: Path, kind: str) -> list[Path]:
 
 
 def point_latest(folder: Path) -> None:
-    """Make `dives/latest` a link to this dive, if it is one of `dives/`. Whatever else may have
-    that name is left alone, and that is said."""
+    """Make `dives/latest` a link to this dive, if it is in `dives/`. Anything else with that name
+    is left as it is, and that is printed."""
     home = DIVES.resolve()
     if folder.parent != home or folder.name == LATEST:
         return
@@ -72,11 +72,11 @@ def point_latest(folder: Path) -> None:
         fresh.symlink_to(folder.name, target_is_directory=True)
         fresh.replace(pointer)  # at once: it always points somewhere
     except OSError as error:
-        print(f"cannot let {pointer} point to this dive: {reason(error)}", flush=True)
+        print(f"cannot make {pointer} point to this dive: {reason(error)}", flush=True)
 
 
 def _is_ours(pointer: Path) -> bool:
-    """A link to a neighbour, as we make them."""
+    """A link to a folder beside it, as `point_latest` makes it."""
     return pointer.is_symlink() and len(pointer.readlink().parts) == 1
 
 

@@ -1,25 +1,25 @@
-"""When a dive has begun and when it is over. The same for real and for virtual time."""
+"""When a dive begins and ends. The same for real and for virtual time."""
 
 from dataclasses import dataclass
 
 from messages.vehicle import VehicleStatus
 from services.runtime.config.errors import LindyError
 
-PATIENCE_S = 60.0  # [s] past a script's length before a dive is ended anyway
-ARMING_S = 30.0  # [s] a script may wait for the drone to arm; a person may wait for ever
-EARLY_S = 1.0  # [s] the script's clock may have started before we saw the drone armed
+PATIENCE_S = 60.0  # [s] after a script's end, before a dive is ended anyway
+ARMING_S = 30.0  # [s] a script waits for the drone to arm; a person may wait for ever
+EARLY_S = 1.0  # [s] by which the script may have started before the drone was seen armed
 
 
 @dataclass(slots=True)
 class DiveTimeline:
-    """Follows `vehicle/status` from the first look to the end of the dive."""
+    """Follows `vehicle/status` from the start to the end of the dive."""
 
-    script_s: float | None  # [s] length of the stick log; None: a person has the sticks
+    script_s: float | None  # [s] length of the stick log; None: a person is the pilot
     seconds: float | None = None  # [s] after arming, as asked for with --seconds
     began_ns: int = 0  # [ns] when we began to wait for arming
     armed_ns: int | None = None  # [ns] when the drone was first armed
     armed: bool = False  # now
-    note: str = "no word from the drone yet"
+    note: str = "no status from the drone yet"
 
     def see(self, status: VehicleStatus, now: int) -> None:
         """The newest status arrived at `now` [ns]."""
@@ -42,7 +42,7 @@ class DiveTimeline:
         """None while the dive goes on; then `clean`, or why it ended otherwise.
 
         Raises:
-            LindyError: nobody is there to wait any longer for the drone to arm.
+            LindyError: a script has waited too long for the drone to arm.
         """
         elapsed = self.elapsed_s(now)
         if elapsed is None:

@@ -1,4 +1,4 @@
-"""Log lines as a pilot reads them: in plain words, with their time, a repeated one once."""
+"""Log lines for the pilot: in plain words, with their time; a repeated line is shown once."""
 
 import re
 from collections import OrderedDict
@@ -7,11 +7,11 @@ from typing import NamedTuple
 from messages.counts import in_words
 from messages.health import LogLine
 
-MOST = 200  # different lines that are kept; of more, those not heard for longest are let go
+MOST = 200  # different lines that are kept; beyond that the oldest are dropped
 NUMBER = re.compile(r"\d+(\.\d+)?")  # lines that differ in numbers alone are the same line
 
 
-class Told(NamedTuple):
+class LogEntry(NamedTuple):
     """A line, and how often it came. Times [s] since the drone was first armed; None: before."""
 
     line: LogLine  # the newest of them
@@ -24,47 +24,49 @@ class LogLines:
     """Every different line of a dive, the newest last."""
 
     def __init__(self) -> None:
-        self._told: OrderedDict[tuple[str, ...], Told] = OrderedDict()
-        self._said: dict[tuple[str, ...], int] = {}  # times when it was said last
+        self._entries: OrderedDict[tuple[str, ...], LogEntry] = OrderedDict()
+        self._printed: dict[tuple[str, ...], int] = {}  # times when it was printed last
 
-    def add(self, line: LogLine, at_s: float | None) -> Told | None:
-        """A line has come. Returns it where it is to be said at once: when it comes for the first,
-        tenth, hundredth … time. The rest is said by `unsaid`, so that nothing floods a terminal."""
+    def add(self, line: LogLine, at_s: float | None) -> LogEntry | None:
+        """A line has arrived. Returns it if it is to be printed now: for the first, tenth,
+        hundredth … time. `unprinted` has the rest, so that no line floods the terminal."""
         key = (line.service, line.level, NUMBER.sub("#", line.text))
         at_s = None if at_s is None or at_s < 0.0 else at_s
-        before = self._told.pop(key, None)
+        before = self._entries.pop(key, None)
         if before is None:
-            told = Told(line, 1, at_s, at_s)
+            entry = LogEntry(line, 1, at_s, at_s)
         else:
-            told = Told(line, before.times + 1, before.first_s, at_s)
-        self._told[key] = told
-        if len(self._told) > MOST:
-            gone, _ = self._told.popitem(last=False)
-            self._said.pop(gone, None)
-        if str(told.times).rstrip("0") != "1":
+            entry = LogEntry(line, before.times + 1, before.first_s, at_s)
+        self._entries[key] = entry
+        if len(self._entries) > MOST:
+            dropped, _ = self._entries.popitem(last=False)
+            self._printed.pop(dropped, None)
+        if str(entry.times).rstrip("0") != "1":
             return None
-        self._said[key] = told.times
-        return told
+        self._printed[key] = entry.times
+        return entry
 
-    def newest(self, most: int) -> list[Told]:
-        return list(self._told.values())[-most:]
+    def newest(self, most: int) -> list[LogEntry]:
+        return list(self._entries.values())[-most:]
 
-    def unsaid(self) -> list[Told]:
-        """Lines that came again since they were said last."""
-        return [told for key, told in self._told.items() if told.times != self._said.get(key)]
+    def unprinted(self) -> list[LogEntry]:
+        """Lines that were repeated since they were printed last."""
+        return [
+            entry for key, entry in self._entries.items() if entry.times != self._printed.get(key)
+        ]
 
 
-def full(told: Told) -> str:
+def full(entry: LogEntry) -> str:
     """A line where there is no screen."""
-    line = told.line
-    again = "" if told.times == 1 else f" ({told.times} times, last {_at(told.last_s)})"
-    return f"{line.level:<7} {when(told.first_s):>8}  {line.service}: {in_words(line.text)}{again}"
+    line = entry.line
+    again = "" if entry.times == 1 else f" ({entry.times} times, last {_at(entry.last_s)})"
+    return f"{line.level:<7} {when(entry.first_s):>8}  {line.service}: {in_words(line.text)}{again}"
 
 
-def brief(told: Told) -> str:
-    """A line of the screen: what matters comes first, for the end may be cut."""
-    again = "" if told.times == 1 else f"{told.times} × "
-    return f"{when(told.last_s):>8}  {again}{told.line.service}: {in_words(told.line.text)}"
+def brief(entry: LogEntry) -> str:
+    """A line of the screen: what matters comes first, because the end may be cut."""
+    again = "" if entry.times == 1 else f"{entry.times} × "
+    return f"{when(entry.last_s):>8}  {again}{entry.line.service}: {in_words(entry.line.text)}"
 
 
 def when(at_s: float | None) -> str:

@@ -1,5 +1,5 @@
-"""The look-out of a real dive: starts the services of this machine, then follows and shows what
-happens, until it is over or the user has had enough."""
+"""The main loop of a real dive: starts the services of this machine, then shows the dive until it
+is over or the user stops it."""
 
 import time
 from collections.abc import Generator
@@ -28,7 +28,7 @@ class MonitorLoop:
         local.node.each(topics.STATUS, timeline.see)
 
     def keep(self) -> str:
-        """Returns how it ended: `clean`, or why otherwise.
+        """Run until the end. Returns how it ended: `clean`, or why otherwise.
 
         Raises:
             LindyError: a service cannot start, or the drone does not arm.
@@ -43,7 +43,7 @@ class MonitorLoop:
         return end or "clean"
 
     def look(self) -> bool:
-        """Let everything happen that is due. False: the user wants to stop."""
+        """Handle everything that is due. False: the user wants to stop."""
         self._local.pump()
         self._shown.show(self._view)
         return not self._stop.asked
@@ -59,8 +59,8 @@ class MonitorLoop:
 
 
 @contextmanager
-def told(outcome: Outcome, local: LocalStack) -> Generator[None]:
-    """The outcome is told what the supervisor and the services say while their processes run."""
+def followed_by(outcome: Outcome, local: LocalStack) -> Generator[None]:
+    """The outcome collects restarts and health messages while the processes run."""
     outcome.restarts = lambda: local.supervisor.restarts
     outcome.listen(local.node)
     try:

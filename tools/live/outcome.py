@@ -1,4 +1,4 @@
-"""What is left when a dive is over: files, a report, a summary and an exit status."""
+"""The outcome of a dive: files, report, summary and exit status."""
 
 import sys
 from collections import Counter, defaultdict
@@ -35,13 +35,13 @@ from tools.report import (
 
 CLEAN, DATA_LOST = 0, 3  # exit statuses
 RECORDER, HUB = "recorder", "hub_"
-# What the recorder counts when something that was said is not in the file.
+# What the recorder counts for messages that are not in its file.
 NOT_IN_FILE = {"not_recorded", "overflowed", "unreadable"}
 WRITTEN = ("dive.mcap", "dive.rrd", "report.json")
 
 
 class Outcome:
-    """Filled while the dive goes on, summed up after it."""
+    """Collected during the dive, summed up after it."""
 
     def __init__(self, stack: Stack) -> None:
         self.exit = "clean"  # or why it ended otherwise
@@ -53,12 +53,12 @@ class Outcome:
         self._error: LindyError | None = None
 
     def listen(self, node: Node) -> None:
-        """Keep what services say of themselves; the recorder cannot hear itself."""
+        """Keep the health of all services; the recorder does not receive its own."""
         node.each(topics.HEALTH, lambda health, _: self._health.append(health))
 
     @contextmanager
     def of_the_dive(self) -> Generator[None]:
-        """A dive that breaks off is still summed up, as far as it was recorded."""
+        """An aborted dive is still summed up, as far as it was recorded."""
         try:
             yield
         except LindyError as error:
@@ -66,11 +66,11 @@ class Outcome:
             self.exit = str(error)
 
     def sum_up(self, other: Elsewhere | None = None) -> int:
-        """Write `report.json` and print the summary, and what is with the other machine, if there
-        is one. Returns the exit status.
+        """Write `report.json` and print the summary, and what only the other machine recorded, if
+        there is one. Returns the exit status.
 
         Raises:
-            LindyError: why the dive broke off, or why there is no report.
+            LindyError: why the dive was aborted, or why there is no report.
         """
         folder = self._stack.out_dir
         if not parts_in(folder):
@@ -88,7 +88,7 @@ class Outcome:
         """Print what is known on the side without a recorder. Returns the exit status.
 
         Raises:
-            LindyError: why the dive broke off.
+            LindyError: why the dive was aborted.
         """
         restarts, folder = self.restarts(), self._stack.out_dir
         how = f"{side} of {self._stack.vehicle_name}, {ending(self.exit, self._counted())}"
@@ -105,11 +105,12 @@ class Outcome:
         print(summary(report, dive.max_depth_m, written(folder)), flush=True)
         if other is not None:
             print(elsewhere(report, other), flush=True)
-        # The recorder's last word is the hash; merged parts have none.
+        # The recorder writes the hash last; merged parts have none.
         ended = merged or log_hash(folder) is not None
         if "disk_error" in report.losses or not ended:
-            why = "the disk was full or failed" if "disk_error" in report.losses else "it was cut"
-            print(f"lindy: the recording in {folder} is not whole: {why}", file=sys.stderr)
+            full = "disk_error" in report.losses
+            why = "the disk was full or failed" if full else "it was not finished"
+            print(f"lindy: the recording in {folder} is incomplete: {why}", file=sys.stderr)
         return data_was_lost(dive, report) or not ended
 
     def _kept(self, folder: Path, error: Exception) -> str:
@@ -120,7 +121,7 @@ class Outcome:
         return f"{before}the report failed ({why}), but the recording is kept: {names} in {folder}"
 
     def _counted(self) -> Counter[str]:
-        """What services said they counted, as far as it was heard here."""
+        """The services' counts, as far as their health messages arrived here."""
         heard: defaultdict[str, list[Health]] = defaultdict(list)
         for health in self._health:
             heard[health.service].append(health)
@@ -143,8 +144,8 @@ class Outcome:
 
 
 def merge(folder: Path) -> bool:
-    """Make one file of the parts of the recording, or leave them as they are where they cannot be
-    copied, which is said."""
+    """Merge the parts of the recording into one file, or leave them as they are where they cannot
+    be copied, and print that."""
     try:
         return merge_parts(folder)
     except LindyError as error:
@@ -153,14 +154,14 @@ def merge(folder: Path) -> bool:
 
 
 def data_was_lost(dive: RecordedDive, report: Report) -> bool:
-    """Is there something that was said in this dive and that the recording does not have?"""
+    """Were there messages in this dive that the recording does not have?"""
     kinds = {name.partition(":")[0] for name in dive.losses}
     restarts = {name: service.restarts for name, service in report.services.items()}
     return bool(kinds & NOT_IN_FILE) or was_deaf(restarts)
 
 
 def was_deaf(restarts: Mapping[str, int]) -> bool:
-    """A recorder or a hub that had to be started again heard nothing for a while."""
+    """A restarted recorder or hub received nothing for a while."""
     return any(
         count > 0 and (name == RECORDER or name.startswith(HUB)) for name, count in restarts.items()
     )
@@ -171,6 +172,6 @@ def written(folder: Path) -> list[Path]:
 
 
 def title(stack: Stack) -> str:
-    """What a dive is called on the screen."""
+    """Title of a dive on the screen."""
     pilot = stack.pilot.replace(":", " ").rpartition("/")[2]
     return f"{stack.vehicle} · {stack.link} · {pilot}"

@@ -21,8 +21,8 @@ QUIET = {
 
 
 def pad_is_there() -> bool:
-    """Ask SDL in a short process of its own. A joystick that SDL has no mapping for, such as an
-    accelerometer or a wheel, flies nothing and is none. Without pygame there is no pad."""
+    """Ask SDL in a short process of its own. A joystick without an SDL mapping, such as an
+    accelerometer or a steering wheel, does not count. Without pygame there is no pad."""
     try:
         answer = subprocess.run(
             [sys.executable, "-P", "-c", QUESTION],

@@ -1,4 +1,4 @@
-"""A dive as its pilot flies it from this machine: who has the sticks, and a disarmed end."""
+"""A dive that is piloted from this machine: chooses the pilot, and disarms at the end."""
 
 import time
 
@@ -16,7 +16,7 @@ DISARM_S = 1.0  # [s] at most, for the drone's answer at the end
 
 
 def who_flies(choices: Choices) -> PilotChoice:
-    """Whom the user chose; else the gamepad; else, where none is plugged in, a script.
+    """The pilot that the user chose; else the gamepad; else, where none is plugged in, a script.
 
     Raises:
         LindyError: no such pilot, or a mistake in the script.
@@ -27,7 +27,7 @@ def who_flies(choices: Choices) -> PilotChoice:
 
 
 def tell_who_flies(choices: Choices, pilot: PilotChoice) -> None:
-    """A script that nobody chose is announced."""
+    """Announce a script that the user did not choose."""
     if choices.pilot is None and pilot.script_s is not None:
         print(f"no gamepad is plugged in: {DEFAULT_PILOT} flies", flush=True)
 
@@ -48,7 +48,7 @@ class PilotedDive:
         self._disarming = Disarming(local.node)
 
     def fly(self) -> str:
-        """How it ended: `clean`, or why not.
+        """Run the dive. Returns how it ended: `clean`, or why not.
 
         Raises:
             LindyError: a service cannot start, or the drone does not arm.
@@ -58,7 +58,7 @@ class PilotedDive:
         return end
 
     def _disarm(self) -> None:
-        """Ask the drone to stop its thrusters, and wait for its word, but not for long."""
+        """Ask the drone to disarm, and wait for its answer, at most `DISARM_S`."""
         deadline = time.monotonic() + DISARM_S
         while self._timeline.armed and not self._disarming.done and time.monotonic() < deadline:
             self._disarming.ask(time.monotonic_ns())

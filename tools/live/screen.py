@@ -12,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from messages.counts import short
-from tools.live.log_lines import Told, brief
+from tools.live.log_lines import LogEntry, brief
 
 STICKS = ("surge", "sway", "heave", "yaw")
 HALF = 6  # [characters] of a stick's bar on either side of its centre
@@ -20,7 +20,7 @@ LINES = 6  # newest log lines shown
 PILOT_ROWS = 8  # above the log lines: title, state, motion, vehicle, 2 of sticks, 2 of the link
 GAP = 1  # empty row
 TABLE_HEADING = 1  # row
-OLD_MS = 150.0  # [ms] a picture older than this says so
+OLD_MS = 150.0  # [ms] the age of depth and heading is shown from here on
 UNKNOWN = "–"
 LEVELS = {"info": "", "warning": "yellow", "error": "bold red"}
 
@@ -44,7 +44,7 @@ class View:
     elapsed_s: float | None = None  # [s] since arming
     length_s: float | None = None  # [s]
     mode: str = "starting"
-    hold: str = ""  # what the sticks leave to the drone
+    hold: str = ""  # what the drone holds by itself
     light: float | None = None  # [-] 0 … 1
     battery_v: float | None = None  # [V]
     used_wh: float | None = None  # [Wh] since power-on
@@ -66,7 +66,7 @@ class View:
     alarm: str = ""  # what is wrong with the link
     lost: int = 0  # messages the link has dropped
     services: list[ServiceView] = field(default_factory=list[ServiceView])
-    lines: list[Told] = field(default_factory=list[Told])
+    lines: list[LogEntry] = field(default_factory=list[LogEntry])
 
 
 def render(view: View, height: int | None = None) -> RenderableType:
@@ -145,7 +145,7 @@ def _motion(view: View) -> Text:
     heading, wanted = _number(view.heading_deg, "6.1f"), _number(view.heading_wanted_deg, ".1f")
     return Text.assemble(
         ("depth  ", "dim"), (f"{depth} m", "bold"), (f"  reference {wanted_depth} m", "dim"),
-        ("     heading ", "dim"), (f"{heading}°", "bold"), (f"  reference {wanted}°", "dim"),
+        ("   heading ", "dim"), (f"{heading}°", "bold"), (f"  reference {wanted}°", "dim"),
         (_old(view.age_ms), "yellow"),
         overflow="ellipsis", no_wrap=True,
     )  # fmt: skip
@@ -166,7 +166,7 @@ def _vehicle(view: View) -> Text:
 
 
 def _old(age_ms: float | None) -> str:
-    return "" if age_ms is None or age_ms <= OLD_MS else f"     {age_ms / 1e3:.1f} s old"
+    return "" if age_ms is None or age_ms <= OLD_MS else f"  {age_ms / 1e3:.1f} s old"
 
 
 def _sticks(view: View) -> Table:
@@ -235,8 +235,8 @@ def most_important(services: list[ServiceView], most: int) -> list[ServiceView]:
 
 def _lines(view: View, most: int) -> list[Text]:
     lines = [
-        Text(brief(told), LEVELS[told.line.level], overflow="ellipsis", no_wrap=True)
-        for told in view.lines[-most:]
+        Text(brief(entry), LEVELS[entry.line.level], overflow="ellipsis", no_wrap=True)
+        for entry in view.lines[-most:]
     ]
     return lines + [Text()] * (most - len(lines))
 

@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM as a flag, so that whoever is in the middle of something can end it well."""
+"""Ctrl-C and SIGTERM as a flag, so that a dive is ended cleanly."""
 
 import signal
 from types import TracebackType
@@ -7,7 +7,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 class StopSignals:
-    """Listens inside its `with` block."""
+    """Active inside its `with` block."""
 
     def __init__(self) -> None:
         self.asked = False

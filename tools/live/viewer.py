@@ -9,7 +9,7 @@ VIEWER = "visualizer"
 
 
 def runnable(services: Registry) -> Registry:
-    """The services that can run here. Without rerun there is no visualizer, which is said."""
+    """The services that can run here. Without rerun there is no visualizer, which is printed."""
     if VIEWER not in services or find_spec("rerun") is not None:
         return services
     print(

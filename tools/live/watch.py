@@ -1,4 +1,4 @@
-"""What is to be seen of a dive from topside, gathered for the screen."""
+"""Collects what the screen shows of a dive, on the topside."""
 
 import math
 from collections.abc import Callable
@@ -13,12 +13,12 @@ from tools.live.dive_timeline import DiveTimeline
 from tools.live.log_lines import LogLines
 from tools.live.screen import LINES, ServiceView, View
 
-RECENT_NS = 3_000_000_000  # [ns] an older picture is not shown
+RECENT_NS = 3_000_000_000  # [ns] an older state or reference is not shown
 LOOK_HZ = 25.0  # [1/s] often enough that ports that keep the newest 8 do not overflow at 100 Hz
 
 
 class Watch:
-    """Ears for everything that the screen shows."""
+    """Subscribes to everything that the screen shows."""
 
     def __init__(
         self,
@@ -44,7 +44,7 @@ class Watch:
         self._budget = node.latest(topics.LATENCY)
         self._clock = node.latest(topics.CLOCK)
         self._shown = node.publisher(topics.SHOWN.of("screen"))
-        # Nobody hears themselves on the bus.
+        # Nobody receives their own messages on the bus.
         node.show = lambda line: self._add(line, line.stamp_ns)
         node.every(LOOK_HZ, self._look)
 
@@ -102,7 +102,7 @@ class Watch:
         )
 
     def _add(self, line: LogLine, now: int) -> None:
-        """A log line that came, or was said here, at `now` [ns]."""
+        """A log line that arrived, or was logged by this process, at `now` [ns]."""
         at_s = self._timeline.elapsed_s(now)
         self.lines.add(line, at_s)
         self._show(line, at_s)
@@ -110,7 +110,7 @@ class Watch:
     def _hear_health(self, health: Health, _: int) -> None:
         before = self._health.get(health.service)
         self._health[health.service] = health
-        if before is None or health.sent < before.sent:  # first word, or it was restarted
+        if before is None or health.sent < before.sent:  # the first one, or it was restarted
             return
         if (seconds := (health.stamp_ns - before.stamp_ns) / 1e9) > 0:
             self._sent_hz[health.service] = (health.sent - before.sent) / seconds
@@ -122,7 +122,7 @@ class Watch:
 
 
 def _recent(port: Latest[M], now: int) -> M | None:
-    """The newest word of the drone over however slow a link; nothing once it says nothing more."""
+    """The newest message, even over a slow link; None once it is older than `RECENT_NS`."""
     message = port.newest(now)
     return message if message is not None and now - message.stamp_ns <= RECENT_NS else None
 

@@ -1,1 +1,1 @@
-"""Reading recordings back: messages of a dive in order, stretches at rest, Allan deviation."""
+"""Reading recordings: messages of a dive in order, periods at rest, Allan deviation."""

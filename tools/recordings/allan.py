@@ -1,4 +1,4 @@
-"""Allan deviation: noise of a sensor at rest, told apart by how slowly it comes.
+"""Allan deviation: separates white noise, bias instability and random walk of a sensor at rest.
 
 Source: IEEE Std 952-1997, annex C: for white noise of density N, bias instability B and random walk
 K the Allan variance over τ is N²/τ + (2 ln 2 / π) B² + K² τ / 3.
@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 FLAT = 2.0 * log(2.0) / pi  # [-] share of B² in the variance, where the curve is flat
-LONGEST = 9.0  # parts: longer averages than a ninth of the recording say nothing sure
+LONGEST = 9.0  # parts: averages longer than a ninth of the recording are too uncertain
 PER_DECADE = 10
-SURE = 3.0  # [σ] by which slow drift must stand out of the white noise's own scatter
+SURE = 3.0  # [σ] of the white noise's scatter that slow drift must exceed
 
 
 class AllanNoise(NamedTuple):
-    """Of one axis; unit² stands for the square of the sensor's unit."""
+    """Noise of one axis, in the sensor's unit."""
 
     density: float  # [unit/√Hz] white noise
     instability: float | None  # [unit] None: not seen, the recording is too short for it
@@ -40,7 +40,7 @@ def deviation(values: Floats, rate: float) -> tuple[Floats, Floats]:
     most = max(1, int(len(values) / LONGEST))
     steps = range(int(PER_DECADE * log10(most)) + 1)
     lengths = sorted({round(10.0 ** (k / PER_DECADE)) for k in steps})
-    # From the mean on, so that the sum stays small and exact.
+    # Without the mean, so that the sum stays small and exact.
     total = np.concatenate(([0.0], np.cumsum(values - np.mean(values))))
     found = [_variance(total, length) for length in lengths]
     return np.array(lengths) / rate, np.sqrt(np.array(found))

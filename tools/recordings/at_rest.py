@@ -1,4 +1,4 @@
-"""A recording of a drone that lies still: its sensor samples, and when it really did."""
+"""A recording of a drone at rest: its sensor samples, and when it really was at rest."""
 
 from collections.abc import Iterator
 from itertools import pairwise
@@ -18,10 +18,10 @@ from tools.recordings.allan import Floats
 from tools.recordings.recording import Recording
 
 SHORTEST = 20.0  # [s]
-FEWEST = 100  # samples of a sensor that is to be judged
-BLOCK = 0.5  # [s] over which a drone at rest is judged
-SINKING = 500.0  # [Pa] 5 cm: more between the seconds of a recording is not rest
-CALM = 5.0  # [s] after disarming, for the drone and the water around it
+FEWEST = 100  # samples that a sensor must have
+BLOCK = 0.5  # [s] over which rest is checked
+SINKING = 500.0  # [Pa] 5 cm: a larger change between seconds is not rest
+CALM = 5.0  # [s] after disarming, for the drone and the water to come to rest
 HOW = (
     "to make such a recording, let nobody arm the drone: `lindy up drone --out dives/on_the_bench`"
     " without a topside, and Ctrl-C after a minute or longer"
@@ -57,26 +57,26 @@ def read(recording: Recording) -> HeardAtRest:
     """The samples of each sensor, and when the drone was armed."""
     rows: dict[str, list[tuple[float, ...]]] = {key: [] for key in KEYS}
     newest: dict[str, int] = {}
-    said: list[tuple[float, bool]] = []  # [s] and whether it was armed
+    statuses: list[tuple[float, bool]] = []  # [s] and whether it was armed
     for raw in recording.raw():
         if raw.key not in rows and raw.key != topics.STATUS.key:
             continue
         if (message := recording.decode(raw)) is None:
             continue
         if isinstance(message, VehicleStatus):
-            said.append((message.stamp_ns * 1e-9, message.armed))
+            statuses.append((message.stamp_ns * 1e-9, message.armed))
         elif raw.key not in newest or message.stamp_ns > newest[raw.key]:
             newest[raw.key] = message.stamp_ns
             rows[raw.key].append((message.stamp_ns * 1e-9, *_numbers(message)))
     arrays = {key: np.array(found) for key, found in rows.items() if len(found) >= FEWEST}
     samples = {key: RestingSamples(found[:, 0], found[:, 1:]) for key, found in arrays.items()}
-    return HeardAtRest(samples, _armed(said))
+    return HeardAtRest(samples, _armed(statuses))
 
 
-def _armed(said: list[tuple[float, bool]]) -> list[Span]:
-    """From the first word that it is armed until a while after the word that it is not."""
-    ends = [at for at, _ in said[1:]] + [inf]
-    return [(at, end + CALM) for (at, armed), end in zip(said, ends, strict=False) if armed]
+def _armed(statuses: list[tuple[float, bool]]) -> list[Span]:
+    """Spans from an armed status to `CALM` after the next status."""
+    ends = [at for at, _ in statuses[1:]] + [inf]
+    return [(at, end + CALM) for (at, armed), end in zip(statuses, ends, strict=False) if armed]
 
 
 def _numbers(sample: Message) -> tuple[float, ...]:
@@ -92,14 +92,14 @@ def _numbers(sample: Message) -> tuple[float, ...]:
 
 
 def resting(heard: HeardAtRest, recording: Path) -> Rest:
-    """What was heard in the longest time at rest.
+    """The samples in the longest time at rest.
 
     Raises:
-        LindyError: nothing to judge, too short, or the drone was never long enough at rest.
+        LindyError: too few samples, too short, or the drone was never long enough at rest.
     """
     if topics.IMU.key not in heard.samples:
         raise LindyError(
-            f"{recording} holds fewer than {FEWEST} IMU samples: without them nobody can tell"
+            f"{recording} holds fewer than {FEWEST} IMU samples, which are needed to find out"
             " whether the drone was at rest"
         )
     imu = heard.samples[topics.IMU.key]
@@ -156,7 +156,7 @@ def _armed_within(armed: list[Span], begin: float) -> str:
 
 
 def _beyond(spread: Floats) -> str:
-    """What six numbers [rad/s, m/s²] tell of motion; nothing for those of a drone at rest."""
+    """The motion in six numbers [rad/s, m/s²], in words; empty for a drone at rest."""
     if np.any(spread[:3] > STILL.rate_std):
         return "turns"
     return "is pushed" if np.any(spread[3:] > STILL.force_std) else ""

@@ -1,4 +1,4 @@
-"""A recording read back as typed messages, also after a crash.
+"""Reads a recording as typed messages, also after a crash.
 
 Every file is read from its beginning, chunk by chunk, so a file without an index (the recorder
 was killed) reads like any other: up to its last whole chunk. Messages come in the order of their
@@ -27,12 +27,12 @@ from services.runtime.config.disk import reason, require_room
 from services.runtime.config.errors import LindyError
 
 RESERVE = 256_000  # [bytes] left free by merging, for the report
-# What the reader raises where a file is cut or damaged; a damaged length asks for all memory.
+# What the reader raises for a truncated or damaged file; a damaged length can exhaust the memory.
 DAMAGE = (McapError, struct.error, zstandard.ZstdError, ValueError, OverflowError, MemoryError)
 
 
 class Raw(NamedTuple):
-    """A message as it stands in the file."""
+    """A message as stored in the file."""
 
     key: str
     data: bytes  # JSON
@@ -50,8 +50,7 @@ class RecordedMessage(NamedTuple):
 
 
 class Recording:
-    """One dive: its messages, and what was written about it. Iterating gives every
-    `RecordedMessage`."""
+    """One dive: its messages, metadata and attachments. Iterating gives every `RecordedMessage`."""
 
     def __init__(self, files: list[Path]) -> None:
         self.files = files
@@ -64,7 +63,7 @@ class Recording:
                 yield RecordedMessage(raw.key, message, raw.log_ns, raw.publish_ns)
 
     def raw(self) -> Iterator[Raw]:
-        """Every message, not yet opened: for those who need few of many."""
+        """Every message, not decoded: for readers that need few of them."""
         for path in self.files:
             channels: dict[int, str] = {}
             for record in records(path):
@@ -86,7 +85,7 @@ class Recording:
         return None
 
     def metadata(self, name: str) -> dict[str, str]:
-        """Key and value of every metadata record of that name; the last word counts."""
+        """Keys and values of all metadata records of that name; the last value counts."""
         found: dict[str, str] = {}
         for record in self.described():
             if isinstance(record, Metadata) and record.name == name:
@@ -103,7 +102,7 @@ class Recording:
         return losses
 
     def attachment(self, name: str) -> bytes | None:
-        """A file inside the file, such as `topics.json`."""
+        """An attached file, such as `topics.json`."""
         attachments = (r for r in self.described() if isinstance(r, Attachment))
         return next((a.data for a in attachments if a.name == name), None)
 
@@ -148,14 +147,14 @@ def log_hash(path: Path) -> str | None:
 
 
 def merge_parts(folder: Path) -> bool:
-    """After a dive: make one clean `dive.mcap` of several parts, or of one that was cut short.
+    """After a dive: make one complete `dive.mcap` of several parts, or of one without an end.
 
-    Whole chunks are kept; what the dive's files said of themselves is kept too, except the hash,
-    which no longer fits. A metadata record `merged` says how many messages came from which part.
-    The parts are all this dive's: it began in a folder without a dive.
+    Whole chunks and metadata are kept, except the hash, which no longer applies. A metadata record
+    `merged` has the number of messages of each part. All parts belong to this dive, because it
+    began in a folder without a dive.
 
     Returns:
-        False when there was nothing to mend.
+        False when there was nothing to do.
 
     Raises:
         LindyError: as `open_recording`, or the folder cannot be written.
@@ -207,7 +206,7 @@ def _copy(path: Path, file: McapFile, first: bool) -> int:
 
 
 def records(path: Path, *, open_chunks: bool = True) -> Iterator[McapRecord]:
-    """The records of a file, in order, up to its end or to where it is cut or damaged."""
+    """The records of a file, in order, up to its end or to where it is truncated or damaged."""
     with path.open("rb") as stream:
         limit = path.stat().st_size  # no record is longer than its file
         reader = StreamReader(

@@ -1,4 +1,4 @@
-"""What a dive was like, in figures: `report.json`, and the summary a pilot reads."""
+"""The report of a dive: `report.json`, and the summary that a pilot reads."""
 
 from tools.report.dive import RecordedDive, read_dive
 from tools.report.elsewhere import Elsewhere, elsewhere

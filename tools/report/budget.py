@@ -1,4 +1,4 @@
-"""Where the time went, by the link monitor's own account, and how far the two clocks were apart."""
+"""The latency budget and the clock offset, as the link monitor measured them during the dive."""
 
 import msgspec
 import numpy as np
@@ -10,38 +10,38 @@ from tools.report.dive import RecordedDive
 
 
 class ReportedBudget(msgspec.Struct, frozen=True):
-    """[ms] Medians over the dive of what `link/latency` said; None: it never knew."""
+    """[ms] Medians of `link/latency` over the dive; None: never known."""
 
     down: dict[str, float | None]  # stick to thruster, by stage
     stick_to_thruster: float | None  # from end to end
-    up: dict[str, float | None]  # sensor to screen, by stage; None where nobody had a screen
+    up: dict[str, float | None]  # sensor to screen, by stage; None where there was no screen
     sensor_to_screen: float | None
 
 
 class Clocks(msgspec.Struct, frozen=True):
-    """The drone's clock minus the topside's, as it was last known."""
+    """The drone's clock minus the topside's, as last known."""
 
     offset_ms: float | None
-    bound_ms: float | None  # the true offset is no further off
+    bound_ms: float | None  # greatest error of the offset
     drift_ppm: float | None
 
 
 def budget(dive: RecordedDive) -> ReportedBudget:
-    said = dive[topics.LATENCY]
+    measured = dive[topics.LATENCY]
     return ReportedBudget(
-        down={stage: _median(said[f"down {stage}"]) for stage in DOWN_STAGES},
-        stick_to_thruster=_median(said["stick"]),
-        up={stage: _median(said[f"up {stage}"]) for stage in UP_STAGES},
-        sensor_to_screen=_median(said["screen"]),
+        down={stage: _median(measured[f"down {stage}"]) for stage in DOWN_STAGES},
+        stick_to_thruster=_median(measured["stick"]),
+        up={stage: _median(measured[f"up {stage}"]) for stage in UP_STAGES},
+        sensor_to_screen=_median(measured["screen"]),
     )
 
 
 def clocks(dive: RecordedDive) -> Clocks:
-    said = dive[topics.CLOCK]
+    clock = dive[topics.CLOCK]
     return Clocks(
-        offset_ms=_last(said["offset"] / 1e6),
-        bound_ms=_last(said["bound"] / 1e6),
-        drift_ppm=_last(said["drift"]),
+        offset_ms=_last(clock["offset"] / 1e6),
+        bound_ms=_last(clock["bound"] / 1e6),
+        drift_ppm=_last(clock["drift"]),
     )
 
 

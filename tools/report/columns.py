@@ -1,4 +1,4 @@
-"""The streams a report is made of, as columns of figures.
+"""The topics that a report is made from, as columns of numbers.
 
 A dive of hours has millions of messages, so each one is reduced to a few figures as it is read. A
 column is a float64 array with one figure per message; None becomes NaN. Times are in ns of the
@@ -41,7 +41,7 @@ class StreamColumns:
 
 
 class Gathering:
-    """Columns while they grow."""
+    """Collects the rows of one topic."""
 
     def __init__(self, names: tuple[str, ...], figures: Callable[[Any], Figures]) -> None:
         self._names = names

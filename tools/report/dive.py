@@ -1,4 +1,4 @@
-"""A dive as the report sees it: read once from the recording, then only looked at."""
+"""A dive as the report needs it, read once from the recording."""
 
 from collections import Counter
 from dataclasses import dataclass, field
@@ -18,7 +18,7 @@ from tools.report.columns import WANTED, Array, Gathering, StreamColumns
 
 @dataclass(slots=True)
 class Traffic:
-    """How much went over one key."""
+    """Messages of one key."""
 
     count: int
     first_ns: int  # [ns] UTC
@@ -27,7 +27,7 @@ class Traffic:
 
 @dataclass(frozen=True)
 class RecordedDive:
-    """Everything a report is made of."""
+    """Everything a report is made from."""
 
     about: dict[str, str]  # vehicle, link, pilot, seed, overrides
     traffic: dict[str, Traffic]  # by key
@@ -67,8 +67,8 @@ class RecordedDive:
     def truth(self, axis: str) -> tuple[Array, Array] | None:
         """(times [ns], true depth [m] or heading [rad]), or None on a dive without a simulator.
 
-        The true heading is given in the frame of the control heading, which knows no north: the
-        difference between the two at the instant of arming is taken off.
+        The true heading is given in the frame of the control heading, which is not relative to
+        north: the difference between the two at the instant of arming is subtracted.
         """
         truth = self[topics.TRUTH]
         if not truth.count:
@@ -85,13 +85,13 @@ class RecordedDive:
 
 
 def read_dive(recording: Recording, *, apart: bool = False) -> RecordedDive:
-    """Read a recording once, opening only what the report needs.
+    """Read a recording once, decoding only what the report needs.
 
     Args:
-        apart: it was made on a drone that was a machine of its own: what came from the topside
-            has stamps of the topside's clock.
+        apart: topside and drone were two machines: messages from the topside have stamps of the
+            topside's clock.
     """
-    far = _TopsideClock() if apart else None
+    topside_clock = _TopsideClock() if apart else None
     traffic: dict[str, Traffic] = {}
     gathering = {wanted.topic.key: Gathering(wanted.names, wanted.figures) for wanted in WANTED}
     health: dict[str, list[Health]] = {}
@@ -102,7 +102,9 @@ def read_dive(recording: Recording, *, apart: bool = False) -> RecordedDive:
         seen.last_ns = raw.log_ns
         if raw.key in gathering:
             message = recording.decode(raw)
-            if message is not None and (far is None or far.turn(raw, message)):
+            if message is not None and (
+                topside_clock is None or topside_clock.convert(raw, message)
+            ):
                 gathering[raw.key].add(message)
         elif topics.HEALTH.covers(raw.key):
             message = recording.decode(raw)
@@ -118,13 +120,13 @@ def read_dive(recording: Recording, *, apart: bool = False) -> RecordedDive:
 
 
 class _TopsideClock:
-    """Turns stamps into the drone's time, by what the drone knew of the two clocks just then."""
+    """Converts stamps to the drone's clock, with the offset that the drone knew at the time."""
 
     def __init__(self) -> None:
         self._clock = ClockOffset("drone")
 
-    def turn(self, raw: Raw, message: Message) -> bool:
-        """False: no stamp of the topside meant anything yet, and nobody on board went by it."""
+    def convert(self, raw: Raw, message: Message) -> bool:
+        """False: the offset was not known yet, and the message was not used on board."""
         if isinstance(message, Clock):
             self._clock.learn(message, raw.log_ns)
         topic = topics.find(raw.key)

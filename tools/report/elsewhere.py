@@ -1,4 +1,4 @@
-"""What the report of one of two machines cannot have, because only the other machine has it."""
+"""Lists what the report of one machine lacks because only the other machine recorded it."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -11,7 +11,7 @@ class Elsewhere(NamedTuple):
     """The other machine."""
 
     side: str  # topside or drone
-    services: tuple[str, ...]  # whose home is there
+    services: tuple[str, ...]  # services whose home side it is
 
 
 def elsewhere(report: Report, other: Elsewhere) -> str:
@@ -20,7 +20,7 @@ def elsewhere(report: Report, other: Elsewhere) -> str:
     if len(silent) == len(other.services):
         text = f"the {other.side} was never heard: nothing of it is in this report"
         return lined_up([("elsewhere", text)])
-    text = f"only the {other.side} knows its own restarts and what it said that never came here"
+    text = f"the {other.side}'s restarts, and its messages that never arrived, are not in here"
     if unknown := _unknown(report):
         text += f"; not known here: {in_a_row(unknown)}"
     if silent:
@@ -34,10 +34,10 @@ def in_a_row(names: Sequence[str]) -> str:
 
 
 def _unknown(report: Report) -> list[str]:
-    """Figures that rest on the topside's word and that nobody gave."""
+    """Figures that come from the topside's messages and did not arrive."""
     figures = {
         "stick to thruster": report.latency_ms.stick_to_thruster.p50,
         "sensor to screen": report.budget_ms.sensor_to_screen,
-        "the difference of the clocks": report.clocks.offset_ms,
+        "the clock offset": report.clocks.offset_ms,
     }
     return [name for name, value in figures.items() if value is None]

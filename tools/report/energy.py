@@ -1,4 +1,4 @@
-"""What thrusters, computer, camera and sensors used."""
+"""Energy used by thrusters, computer, camera and sensors."""
 
 import msgspec
 import numpy as np
@@ -10,7 +10,7 @@ from tools.report.dive import RecordedDive
 class Energy(msgspec.Struct, frozen=True):
     thrust_squared_n2s: float  # [N² s] sum of thrust² over all thrusters and time
     wh: float  # [Wh] electrical, thrusters and all the rest, from `Actuation`
-    battery_wh: float | None  # [Wh] all that the battery gave
+    battery_wh: float | None  # [Wh] out of the battery
     endurance_h: float | None  # [h] a full battery lasts, used as in this dive
 
 
@@ -28,7 +28,7 @@ def energy(dive: RecordedDive) -> Energy:
 
 
 def _battery(dive: RecordedDive) -> tuple[float | None, float | None]:
-    """[Wh] used and [h] of endurance, where the battery says so."""
+    """[Wh] used and [h] of endurance, where the battery reports them."""
     battery = dive[topics.BATTERY]
     if battery.count < 2:
         return None, None

@@ -1,14 +1,14 @@
-"""How long things took, from the stamps the messages carry.
+"""Latencies of a dive, from the stamps in the messages.
 
 Every message derived from a sensor sample and a pilot command carries both stamps, so each latency
-is a subtraction. Where topside and drone are two machines, the drone has turned the stamps of pilot
-commands into its own time before it passed them on; they are as exact as it knew the two clocks.
+is a difference. Where topside and drone are two machines, the drone has converted the stamps of
+pilot commands to its own clock; they are as exact as the clock offset it knew.
 
-From end to end, over `Actuation`:
+End to end, from `Actuation`:
   stick_to_thruster   actuated − stamp of the pilot command, once per pilot command
   sensor_to_thruster  actuated − stamp of the sensor sample, once per sample
-The way in between:
-  stick_to_reference    first reference shaped by a pilot command − its stamp; with the tether
+Stages in between:
+  stick_to_reference    first reference caused by a pilot command − its stamp; includes the tether
   sensor_to_state       stamp of the state − sensor sample
   state_to_reference    stamp of the reference − stamp of the state of the same sensor sample
   reference_to_command  stamp of the thruster command − stamp of the reference of the same sample
@@ -24,7 +24,7 @@ from tools.report.dive import RecordedDive
 
 
 class LatencySpread(msgspec.Struct, frozen=True):
-    """[ms] None: there was nothing to measure."""
+    """[ms] None: nothing was measured."""
 
     p50: float | None
     p99: float | None

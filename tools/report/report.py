@@ -1,4 +1,4 @@
-"""`report.json`: a dive in figures. Its keys are fixed, so that tools can rely on them."""
+"""`report.json`: a dive in numbers. Its keys are fixed, so that tools can rely on them."""
 
 from collections import Counter
 from math import degrees
@@ -18,12 +18,12 @@ from tools.report.tracking import error_rms, peak_jerk_ratio
 
 
 class Extras(msgspec.Struct, frozen=True):
-    """What the recording cannot know and whoever ran the dive does."""
+    """What is not in the recording, from the program that ran the dive."""
 
     exit: str = "clean"  # or the reason
     restarts: dict[str, int] = {}  # service → times it was started again
     losses: dict[str, int] = {}  # counted by the supervisor itself
-    health: list[Health] = []  # of services the recorder does not hear, such as itself
+    health: list[Health] = []  # of services the recorder does not receive, such as itself
     speedup: float | msgspec.UnsetType = msgspec.UNSET  # [-] virtual over real time; simulate only
     log_hash: str | msgspec.UnsetType = msgspec.UNSET  # SHA-256; simulate only
 
@@ -42,7 +42,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     services: dict[str, Service]  # by name
     topics: dict[str, Stream]  # by key
     latency_ms: LatencyReport  # [ms]
-    budget_ms: ReportedBudget  # [ms] the same by the link monitor on the way, stage by stage
+    budget_ms: ReportedBudget  # [ms] the same as the link monitor measured it, stage by stage
     clocks: Clocks  # topside and drone
     stops: list[StickStop]  # one per stick release on heave or yaw
     depth_error_rms_m: float | None  # [m] true depth minus reference, while armed
@@ -91,7 +91,7 @@ def encode(report: Report) -> bytes:
 
 
 def _all_health(dive: RecordedDive, others: list[Health]) -> dict[str, list[Health]]:
-    """What the recorder heard, and for services it did not hear what somebody else did."""
+    """Health from the recording, and for services that are not in it from elsewhere."""
     health = dict(dive.health)
     for report in others:
         if report.service not in dive.health:
@@ -102,8 +102,8 @@ def _all_health(dive: RecordedDive, others: list[Health]) -> dict[str, list[Heal
 def _losses(
     dive: RecordedDive, health: dict[str, list[Health]], supervisor: dict[str, int]
 ) -> dict[str, int]:
-    """By name, each message once. Of the recorder's own, its file has the last word of its last
-    life, and `Health` what it said before a crash; the larger of both is kept."""
+    """By name, each message once. The recorder's own counts are in its file since its last restart,
+    and in `Health` from before; the larger of both is kept."""
     counts = by_service(health)
     counts["recorder"] = Counter(dive.losses) | counts.get("recorder", Counter())
     counts["supervisor"] = counts.get("supervisor", Counter()) + Counter(supervisor)

@@ -1,7 +1,7 @@
-"""How each service did, and what was lost, from the `Health` everybody says once a second.
+"""Figures and counts of each service, from the `Health` that it publishes once a second.
 
-Health counts since the start of a process; when `sent` falls back, the service was restarted, and
-what it counted in its earlier life still counts.
+Health counts since the start of a process; when `sent` decreases, the service was restarted, and
+its counts from before are added.
 """
 
 from collections import Counter
@@ -26,17 +26,17 @@ class Service(msgspec.Struct, frozen=True):
 
 
 def services(health: dict[str, list[Health]], restarts: dict[str, int]) -> dict[str, Service]:
-    """Every service that was heard of.
+    """Every service with a health message or a restart.
 
     Args:
-        restarts: as the supervisor counted them; a service that never spoke is in here only.
+        restarts: as the supervisor counted them; a service without any health message is only here.
     """
     names = sorted(set(health) | set(restarts))
     return {name: _service(health.get(name, []), restarts.get(name, 0)) for name in names}
 
 
 def by_service(health: Mapping[str, list[Health]]) -> dict[str, Counter[str]]:
-    """What each service counted, summed by name over its lives."""
+    """What each service counted, summed by name over its restarts."""
     counts: dict[str, Counter[str]] = {}
     for name, reports in health.items():
         counts[name] = Counter()
@@ -58,7 +58,7 @@ def _service(reports: list[Health], restarts: int) -> Service:
 
 
 def _lives(reports: list[Health]) -> list[Health]:
-    """The last report of each life of a service."""
+    """The last report of a service before each restart, and its last one."""
     ordered = sorted(reports, key=lambda report: report.stamp_ns)
     ends = [report for report, following in pairwise(ordered) if following.sent < report.sent]
     return [*ends, *ordered[-1:]]

@@ -2,9 +2,9 @@
 it took to stay there. The bounce-back a pilot sees when letting go of the stick.
 
 A stop begins when the stick of heave or yaw goes from deflected to zero: because the pilot let
-go, asked for a stop, or was lost. It ends when that stick is deflected again, the drone is
-disarmed or the recording ends. A stop counts if the reference is at rest when it ends; one that
-was cut short has no final reference to run past.
+go, requested a stop, or was lost. It ends when that stick is deflected again, the drone is
+disarmed or the recording ends. A stop counts if the reference is at rest when it ends; a shorter
+one has no final reference to run past.
 """
 
 from collections.abc import Iterator
@@ -35,7 +35,7 @@ class StickStop(msgspec.Struct, frozen=True):
 
 @dataclass(frozen=True, slots=True)
 class StickRelease:
-    """One letting-go of a stick."""
+    """One release of a stick."""
 
     begin: float  # [ns]
     end: float  # [ns] next deflection of the same stick, or infinity
@@ -83,7 +83,7 @@ def _wanted(dive: RecordedDive, axis: StopAxis) -> Iterator[tuple[float, float]]
 
 
 def _events(dive: RecordedDive, axis: StopAxis) -> list[tuple[float, str, float]]:
-    """(time [ns], what, value) of all that decides what a stick means, in order of time."""
+    """(time [ns], kind, value) of everything that decides whether a stick counts, by time."""
     command, request = dive[topics.PILOT_COMMAND], dive[topics.PILOT_REQUEST]
     status = dive[topics.STATUS]
     sources = [
@@ -104,10 +104,10 @@ def _events(dive: RecordedDive, axis: StopAxis) -> list[tuple[float, str, float]
 def _measure(
     dive: RecordedDive, axis: StopAxis, release: StickRelease, truth: tuple[Array, Array]
 ) -> StickStop | None:
-    """One stop against the truth (times [ns], motion), or None if it does not count.
+    """One stop compared with the truth (times [ns], motion), or None if it does not count.
 
-    The direction is that of the reference's velocity at the release; a stick tapped so briefly
-    that the reference had not begun to move gives the direction itself.
+    The direction is that of the reference's velocity at the release, or, if the reference was still
+    at rest after a very short deflection, that of the stick.
     """
     reference = dive[topics.REFERENCE]
     first, last = _armed_span(dive, release)

@@ -1,4 +1,4 @@
-"""The end of a dive in a few lines a pilot cares about."""
+"""The summary of a dive: the few lines that matter to a pilot."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
@@ -17,7 +17,7 @@ def summary(report: Report, max_depth_m: float | None = None, files: Sequence[Pa
     """At most 15 lines, and one more for each kind of failsafe.
 
     Args:
-        max_depth_m: as `Dive.max_depth_m` knows it; left out when None.
+        max_depth_m: as `RecordedDive.max_depth_m`; left out when None.
         files: what was written.
     """
     stick = report.latency_ms.stick_to_thruster
@@ -63,7 +63,7 @@ def ending(exit_reason: str, counts: Mapping[str, int]) -> str:
     """How a dive ended, in words: `clean` only where no failsafe acted.
 
     Args:
-        exit_reason: `clean`, or why it broke off.
+        exit_reason: `clean`, or why it was aborted.
         counts: name → times, as in a report's losses.
     """
     if exit_reason != "clean":
@@ -81,7 +81,7 @@ def _times(count: int) -> str:
 
 
 def _failsafes(losses: Mapping[str, int]) -> list[tuple[str, str]]:
-    """One row each: they are never left out."""
+    """One row for each kind; none is left out."""
     acted = sorted(((n, name) for name, n in losses.items() if n and _acts(name)), reverse=True)
     return [("failsafe", f"{count} × {sentence(name)}") for count, name in acted]
 

@@ -1,5 +1,5 @@
-"""The end of a dive on the one of two machines that has no recorder: there is no report to make,
-but what its own supervisor saw is nowhere else."""
+"""Summary of a dive on the machine without a recorder: there is no report there, but only its own
+supervisor knows its restarts."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -18,7 +18,7 @@ def unrecorded(
         restarts: times each process here was started again.
         gone: services that were not alive at the end.
         other: the side that has the recorder.
-        files: what was written here all the same, such as the viewer's.
+        files: files that were written here, such as the viewer's.
     """
     again = [f"{name} {count} ×" for name, count in sorted(restarts.items()) if count]
     rows = [

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from messages.health import LogLine
-from tools.live.log_lines import Told
+from tools.live.log_lines import LogEntry
 from tools.live.screen import HALF, LINES, ServiceView, View, bar, plain, render
 
 NAMES = ["simulator", "estimation", "reference", "control", "tether", "gamepad", "recorder"]
@@ -47,7 +47,9 @@ FULL = View(
         ServiceView("visualizer", False, 1.0, 10.0, 20.0, 3, 0),
     ],
     lines=[
-        Told(LogLine(stamp_ns=n, service="control", level="error", text=text_of_line(n)), 1, n, n)
+        LogEntry(
+            LogLine(stamp_ns=n, service="control", level="error", text=text_of_line(n)), 1, n, n
+        )
         for n in range(LINES + 3)
     ],
 )

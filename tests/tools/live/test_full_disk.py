@@ -102,7 +102,7 @@ def test_a_disk_that_fills_during_a_simulated_dive(
         assert read_by_others(path) == sum(1 for _ in open_recording(path).raw()) > 1000
     if warned:
         assert status == 3
-        assert f"the recording in {out} is not whole: the disk was full" in complaint
+        assert f"the recording in {out} is incomplete: the disk was full" in complaint
         report = json.loads((out / "report.json").read_text())
         assert report["losses"]["not_recorded"] > 0
     else:
@@ -147,7 +147,7 @@ def test_parts_for_whose_copy_there_is_no_room_stay_and_are_reported_on(
     assert Outcome(Stack(out=str(tmp_path))).sum_up() == 3
     out, err = capsys.readouterr()
     assert f"cannot merge the recording in {tmp_path}: the disk is full; its parts stay" in out
-    assert f"lindy: the recording in {tmp_path} is not whole" in err
+    assert f"lindy: the recording in {tmp_path} is incomplete" in err
     assert {name: (tmp_path / name).read_bytes() for name in before} == before
     report = json.loads((tmp_path / "report.json").read_text())
     assert sum(topic["count"] for topic in report["topics"].values()) == 39
@@ -205,7 +205,7 @@ def test_a_viewer_s_file_that_cannot_begin_is_not_there(
     def make() -> RrdFile:
         return RrdFile(tmp_path / "dive.rrd", lambda _: None, lambda _, __: None)
 
-    with pytest.raises(ValueError, match="not known here"):
+    with pytest.raises(ValueError, match="in an unknown way"):
         make().begin(b"RRF9 and so on")
     monkeypatch.setattr(services.visualizer.io.rrd_file, "require_room", no_room)
     with pytest.raises(OSError, match="No space left"):

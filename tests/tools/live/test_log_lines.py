@@ -17,7 +17,7 @@ def said(text: str, service: str = "reference") -> LogLine:
 def test_however_often_a_line_comes_it_is_said_a_few_times_and_its_count_is_right(times: int):
     lines = LogLines()
     at_once = [lines.add(said("failsafe:pilot_lost"), n / 10) for n in range(times)]
-    told = [one for one in at_once if one is not None] + lines.unsaid()
+    told = [one for one in at_once if one is not None] + lines.unprinted()
     assert len(told) <= 5
     assert told[0].times == 1
     assert told[-1].times == times
@@ -26,13 +26,13 @@ def test_however_often_a_line_comes_it_is_said_a_few_times_and_its_count_is_righ
 
 
 @given(st.lists(st.sampled_from("abc"), max_size=60))
-def test_no_line_is_ever_left_unsaid(texts: list[str]):
+def test_no_line_is_ever_left_out(texts: list[str]):
     lines = LogLines()
     said_last: dict[str, int] = {}
     for text in texts:
         if (told := lines.add(said(text), 1.0)) is not None:
             said_last[text] = told.times
-    said_last |= {told.line.text: told.times for told in lines.unsaid()}
+    said_last |= {told.line.text: told.times for told in lines.unprinted()}
     assert said_last == {text: texts.count(text) for text in texts}
 
 

@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 
 from tools.__main__ import main
 from tools.recordings.recording import open_recording
-from tools.report.losses import HAD, NOT_CARRIED, losses
+from tools.report.losses import NOT_CARRIED, NOT_USED, losses
 from tools.report.report import Extras, make_report
 from tools.report.summary import ending, summary
 
-FATES = {"lost", *NOT_CARRIED, *(kind for kind in HAD if kind != "overflowed")}
+FATES = {"lost", *NOT_CARRIED, *(kind for kind in NOT_USED if kind != "overflowed")}
 STATE = "state"  # goes up
 COMMAND = "pilot/command"  # goes down
 
@@ -99,7 +99,12 @@ def test_failsafes_are_never_pushed_out_and_what_is_left_out_is_the_least_import
     counts |= {"failsafe:state_lost": 1, "failsafe:pilot_lost": 1, "empty:battery": 1}
     counts |= {"distrusted:port": 1, "saturated:port": 500}
     text = summary(msgspec.structs.replace(report, losses=counts))
-    for words in ("drone's state lost", "pilot lost", "battery was empty", "thruster did not do"):
+    for words in (
+        "drone's state lost",
+        "pilot lost",
+        "battery was empty",
+        "thruster did not follow",
+    ):
         assert words in text
     assert "reached its limit" in text
     assert "and 3 less important kinds" in text

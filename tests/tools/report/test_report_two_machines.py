@@ -26,7 +26,7 @@ def test_services_of_the_other_machine_that_nobody_heard_are_named(heard: set[st
     said = elsewhere(report, Elsewhere("topside", TOPSIDE))
     assert "\n" not in said
     assert said.startswith("elsewhere ")
-    assert "not known here: stick to thruster, sensor to screen and the difference" in said
+    assert "not known here: stick to thruster, sensor to screen and the clock offset" in said
     _, _, silent = said.partition("; never heard: ")
     assert {name for name in TOPSIDE if name in silent} == set(TOPSIDE) - heard
 
