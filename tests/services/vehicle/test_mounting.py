@@ -128,7 +128,7 @@ def test_a_sensor_at_the_origin_passes_untouched() -> None:
         UsblSample(stamp_ns=0, north=1.0, east=2.0, std=0.5),
     )
     imu, field, pressure, dvl, usbl = samples
-    assert not door.curious
+    assert not door.needs_motion
     assert door.imu(imu) is imu
     assert door.magnetometer(field) is field
     assert door.pressure(pressure) is pressure
@@ -171,7 +171,10 @@ def test_a_mounting_that_is_no_rotation_is_refused(rows: str) -> None:
     [
         ("vehicle.mounting.pressure.rotation=[]", "unknown key; did you mean 'position'"),
         ("vehicle.mounting.imu.position=[0.1, 0.2]", "expected array of length 3"),
-        ("vehicle.mounting.imu.position=[0.1, 0.2, nan]", "mounting.imu.position number 3: expected fl"),
+        (
+            "vehicle.mounting.imu.position=[0.1, 0.2, nan]",
+            "mounting.imu.position number 3: expected fl",
+        ),
         ("vehicle.mounting.lidar.position=[0, 0, 0]", "lidar: unknown key"),
     ],
 )
