@@ -181,7 +181,7 @@ def _mean(values: list[Vec3]) -> Vec3:
 
 
 def observe(seen: DepthWorld, way: str, settings: DepthSettings) -> Estimates:
-    """Run one of the observers of `depth_ways.py` through a world."""
+    """Run one of the observers of `depth_variants.py` through a world."""
     observer = DepthObserver(
         settings, Atmosphere(TYPICAL.atmosphere, 1.0), SEA_WATER, 0.0, VARIANTS[way]
     )
