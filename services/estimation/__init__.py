@@ -1,1 +1,1 @@
-"""Pressure, IMU and magnetometer become `VehicleState`: depth, attitude and two headings."""
+"""From sensor samples to `VehicleState`: depth, attitude, two headings, horizontal motion."""

@@ -1,4 +1,4 @@
-"""What a restart in mid-dive cannot learn again, because the vehicle no longer floats at rest."""
+"""State for a restart in mid-dive: what can only be measured while the vehicle floats at rest."""
 
 import msgspec
 
@@ -8,9 +8,9 @@ from services.estimation.depth.depth_observer import DepthObserver
 
 
 class EstimationCheckpoint(msgspec.Struct, frozen=True, kw_only=True):
-    """Of the newest moment that was written down."""
+    """The estimator's state at `stamp_ns`."""
 
-    stamp_ns: Stamp  # [ns] when this was true
+    stamp_ns: Stamp  # [ns] time of validity
     atmosphere: NotNegative  # [Pa]
     atmosphere_std: NotNegative  # [Pa]
     gyro_bias: tuple[Finite, Finite, Finite]  # [rad/s] FRD
@@ -25,7 +25,7 @@ class EstimationCheckpoint(msgspec.Struct, frozen=True, kw_only=True):
 def worth_keeping(
     attitude: AttitudeObserver, depth: DepthObserver, now: int
 ) -> EstimationCheckpoint:
-    """What a running estimator knows now [ns]."""
+    """The checkpoint of a running estimator at `now` [ns]."""
     control, compass = attitude.control, attitude.compass
     return EstimationCheckpoint(
         stamp_ns=now,

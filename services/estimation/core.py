@@ -1,17 +1,17 @@
-"""Sensor samples in, `VehicleState` out: one state for each IMU sample, or for the newest of
-several that come at once.
+"""Sensor samples in, `VehicleState` out: one state per IMU sample, or for the newest of several
+that arrive at once.
 
-    IMU            attitude and headings, depth between pressure samples, place between fixes
+    IMU            attitude and headings, depth between pressure samples, position between fixes
     pressure       depth
     magnetometer   north
-    DVL, USBL      place and velocity over the ground
+    DVL, USBL      position and velocity over the ground
     actuation      with the hull's drag, the current
-    reference      depth, for the one observer that asks for it
+    reference      depth, for the observer "reference" only
 
-Samples are of the sensors' own axes and places; inside this class they are of the
-vehicle's origin, in body axes (services/vehicle/mounting.py).
+Samples arrive in the sensors' own axes and positions; this class transforms them to the vehicle's
+origin and body axes (services/vehicle/mounting.py).
 
-While calibrating, the first three are only averaged. What is valid when: status.py.
+While calibrating, the first three are only averaged. Validity: see state_message.py.
 """
 
 from messages.reference import Reference
@@ -28,14 +28,11 @@ from messages.vehicle import Actuation
 from services.estimation import initialisation, state_message
 from services.estimation.checkpoint import EstimationCheckpoint, worth_keeping
 from services.estimation.checks.sample_validation import SampleValidation
-from services.estimation.depth.reference_input import asked_acceleration
+from services.estimation.depth.reference_input import reference_acceleration
 from services.estimation.events import Events
-from services.estimation.horizontal.horizontal_observer import (
-    HorizontalObserver,
-    VehicleMotion,
-    from_north,
-)
+from services.estimation.horizontal.horizontal_observer import HorizontalObserver
 from services.estimation.horizontal.hull_model import HullModel
+from services.estimation.horizontal.vehicle_motion import VehicleMotion, from_north
 from services.estimation.initialisation import Observers
 from services.estimation.settings import Settings
 from services.estimation.startup.calibration_phase import CalibrationPhase
@@ -44,12 +41,12 @@ from services.marine.vehicle import Vehicle
 from services.marine.water import density_of
 from services.vehicle.mounting import AtOrigin, Moment
 
-LONGEST_STEP = 0.1  # [s] the newest angular rate says nothing about a longer gap
+LONGEST_STEP = 0.1  # [s] the angular rate is not integrated over a longer gap
 
 
 class Estimator:
-    """The state of the vehicle. `events` fills with what happened, by name, for the counters, and
-    `lines` with words for people; whoever calls empties both."""
+    """The state of the vehicle. `events` collects names to count, `lines` texts to log; the caller
+    empties both."""
 
     def __init__(
         self,
@@ -58,8 +55,11 @@ class Estimator:
         checkpoint: EstimationCheckpoint | None = None,
         vehicle: Vehicle | None = None,
     ) -> None:
-        """Depth [m] of the origin when the vehicle floats; what an earlier run remembered; the
-        vehicle, for what thrust and drag tell of the current: without it that stays unknown.
+        """
+        Args:
+            floating_depth: [m] of the origin when the vehicle floats.
+            checkpoint: of an earlier run; None: calibrate.
+            vehicle: for thrust and drag; None: the current stays unknown.
 
         Raises:
             ValueError: a thruster without direction.
@@ -71,28 +71,28 @@ class Estimator:
         self._validation = SampleValidation(settings.watch, self.events)
         mounting = Mounting() if vehicle is None else vehicle.mounting
         self._at_origin = AtOrigin(mounting, density_of(settings.water_density))
-        self._asked: float | None = None  # [m/s²] acceleration down that the reference asks for
+        self._reference_acceleration: float | None = None  # [m/s²] along down
         self._imu_ns: int | None = None  # [ns] newest IMU sample used
-        self._kept_ns: int | None = None  # [ns] when what was remembered was true
+        self._checkpoint_ns: int | None = None  # [ns] time of validity of the checkpoint
         hull = None if vehicle is None else HullModel(vehicle, settings.horizontal.wake_share)
         self._horizontal = HorizontalObserver(settings.horizontal, hull)
         self._calibrating: CalibrationPhase | None = None
         if checkpoint is None:
             self._calibrating = CalibrationPhase(settings.calibration, self._events)
-            self._take(initialisation.unknown(settings))
+            self._start(initialisation.unknown(settings))
         else:
-            self._kept_ns = checkpoint.stamp_ns
-            self._take(initialisation.going_on(settings, checkpoint, self._events))
+            self._checkpoint_ns = checkpoint.stamp_ns
+            self._start(initialisation.resumed(settings, checkpoint, self._events))
 
-    # What the sensors say.
+    # Sensor samples.
 
     def imu(self, sample: ImuSample, now: int) -> VehicleState | None:
-        """The state at this sample. A sample that cannot be used is as good as none."""
+        """The state at this sample. An unusable sample counts as silence."""
         return self._state(now, sample.stamp_ns) if self.follow(sample) else self.silence(now)
 
     def follow(self, sample: ImuSample) -> bool:
-        """Move on to this sample, as `imu` does, without a state; for a sample that newer ones
-        have overtaken already. False: it cannot be used."""
+        """Use this sample without a state, because newer ones have arrived already. False: it
+        cannot be used."""
         if not self._validation.imu(sample):
             return False
         sample = self._at_origin.imu(sample)
@@ -105,7 +105,7 @@ class Estimator:
         return True
 
     def silence(self, now: int) -> VehicleState | None:
-        """No IMU sample has come in time: a prediction, or None while it is too early for one."""
+        """No IMU sample in time: a predicted state, or None before `imu_patience` has passed."""
         if self._imu_ns is None:
             return None
         if self._calibrating is None:
@@ -143,38 +143,37 @@ class Estimator:
             self._events.note(self._horizontal.usbl(self._at_origin.usbl(sample)))
 
     def actuation(self, sample: Actuation) -> None:
-        """What the thrusters really do: with the hull's drag, the only thing that tells the
-        current."""
+        """Thrust as reported: with the hull's drag, the only measurement of the current."""
         self._events.note(self._horizontal.actuation(sample))
 
     def reference(self, newest: Reference | None) -> None:
-        """The fresh reference, for the depth observer of that name; None: there is none."""
-        self._asked = asked_acceleration(newest)
+        """The fresh reference, for the depth observer "reference"; None: there is none."""
+        self._reference_acceleration = reference_acceleration(newest)
 
-    # What else is asked of it.
+    # Monitoring and restart.
 
     @property
     def horizontal_surprise(self) -> dict[str, float]:
-        """Newest normalised innovation squared of "dvl" and "usbl", for whoever judges them."""
+        """Newest normalised innovation squared of "dvl" and "usbl"."""
         return self._horizontal.surprise
 
     def checkpoint(self, now: int) -> EstimationCheckpoint | None:
-        """What to keep for a restart; None while there is nothing worth keeping."""
+        """State for a restart; None while calibrating."""
         if self._calibrating is not None:
             return None
         return worth_keeping(self._attitude, self._depth, now)
 
-    # How the state moves on.
+    # Steps.
 
-    def _take(self, observers: Observers) -> None:
+    def _start(self, observers: Observers) -> None:
         self._attitude, self._resting, self._depth = observers
 
     def _step_to(self, stamp_ns: int) -> float:
-        """[s] To integrate over, from the sample before to this one."""
+        """[s] Integration time, from the previous sample to this one."""
         before, self._imu_ns = self._imu_ns, stamp_ns
         if before is None:
-            if self._kept_ns is not None:
-                self._attitude.blind(abs(stamp_ns - self._kept_ns) * 1e-9)
+            if self._checkpoint_ns is not None:
+                self._attitude.blind(abs(stamp_ns - self._checkpoint_ns) * 1e-9)
             return 0.0
         dt = (stamp_ns - before) * 1e-9
         if dt <= LONGEST_STEP:
@@ -186,12 +185,12 @@ class Estimator:
 
     def _calibrate(self, calibrating: CalibrationPhase, sample: ImuSample, dt: float) -> None:
         self._attitude.start(sample.specific_force)
-        learnt = calibrating.imu(sample, dt)
-        if learnt is not None:
+        result = calibrating.imu(sample, dt)
+        if result is not None:
             self._calibrating = None
             depth, at_ns = self._floating_depth, sample.stamp_ns
-            self._take(
-                initialisation.calibrated(self._settings, learnt, depth, at_ns, self._events)
+            self._start(
+                initialisation.calibrated(self._settings, result, depth, at_ns, self._events)
             )
 
     def _run(self, sample: ImuSample, dt: float) -> None:
@@ -200,33 +199,34 @@ class Estimator:
         note(self._resting.imu(sample.angular_rate, force, dt))
         self._attitude.gyro_bias = self._resting.bias
         follows = self._settings.depth.observer == "reference"
-        input_ = self._asked if follows else self._attitude.acceleration_down(force)
+        measured = self._attitude.acceleration_down(force)
+        input_ = self._reference_acceleration if follows else measured
         note(self._depth.predict(input_, at_ns, self._attitude.lean))
         note(self._predict_horizontal(force, at_ns))
 
     def _note_motion(self, sample: ImuSample) -> None:
-        """How the vehicle lies and turns, for sensors that sit on an arm."""
-        if not self._at_origin.curious:
+        """Attitude and angular rate, for sensors with a lever arm."""
+        if not self._at_origin.needs_motion:
             return
-        seen, (p, q, r) = self._attitude, sample.angular_rate
-        a, b, c = seen.gyro_bias
-        attitude = from_north(seen.attitude, seen.compass.offset or 0.0)
+        observer, (p, q, r) = self._attitude, sample.angular_rate
+        a, b, c = observer.gyro_bias
+        attitude = from_north(observer.attitude, observer.compass.offset or 0.0)
         self._at_origin.moved(Moment(sample.stamp_ns, (p - a, q - b, r - c), attitude))
 
     def _predict_horizontal(self, force: Vec3 | None, at_ns: int) -> str | None:
-        seen, (depth_rate, depth_rate_std) = self._attitude, self._depth.rate
+        observer, (depth_rate, depth_rate_std) = self._attitude, self._depth.rate
         motion = VehicleMotion(
-            attitude=seen.attitude,
-            offset=seen.compass.offset,
-            heading_std=seen.north_std,
+            attitude=observer.attitude,
+            offset=observer.compass.offset,
+            heading_std=observer.north_std,
             specific_force=force,
-            yaw_rate=seen.control.yaw_rate,
+            yaw_rate=observer.control.yaw_rate,
             depth_rate=depth_rate,
             depth_rate_std=depth_rate_std,
         )
         return self._horizontal.predict(motion, at_ns)
 
-    # What is said.
+    # Messages.
 
     def _state(self, now: int, sensor_ns: int) -> VehicleState:
         self._validation.listen(now)

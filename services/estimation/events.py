@@ -1,4 +1,4 @@
-"""What happened: by name for the counters, and in words for people."""
+"""Events: names to count and texts to log."""
 
 from typing import Literal
 
@@ -6,7 +6,7 @@ Level = Literal["info", "warning"]
 
 
 class Events:
-    """Whoever reads it empties it."""
+    """The reader empties both lists."""
 
     def __init__(self) -> None:
         self.names: list[str] = []

@@ -1,5 +1,5 @@
-"""Observers of attitude and depth, as they begin: with nothing known, after a calibration, or in
-mid-dive with what an earlier run remembered."""
+"""Initial observers of attitude and depth: with nothing known, after a calibration, or from a
+checkpoint in mid-dive."""
 
 from math import degrees, pi, sqrt
 from typing import NamedTuple
@@ -15,7 +15,7 @@ from services.estimation.startup.resting_bias import RestingBias
 from services.marine.vehicle import ATMOSPHERE, GRAVITY
 from services.marine.water import density_of
 
-STANDARD = Atmosphere(ATMOSPHERE, 2000.0)  # weather moves it by about this
+STANDARD = Atmosphere(ATMOSPHERE, 2000.0)  # [Pa] 1σ of the weather
 NO_BIAS = (0.0, 0.0, 0.0)  # [rad/s]
 
 
@@ -26,7 +26,7 @@ class Observers(NamedTuple):
 
 
 def unknown(settings: Settings) -> Observers:
-    """Before anything was measured."""
+    """Before any measurement."""
     return Observers(
         AttitudeObserver(settings.attitude, NO_BIAS, 0.0, pi),
         RestingBias(settings.calibration, NO_BIAS),
@@ -53,14 +53,14 @@ def calibrated(
     return Observers(attitude, RestingBias(settings.calibration, learnt.gyro_bias), depth)
 
 
-def going_on(settings: Settings, kept: EstimationCheckpoint, events: Events) -> Observers:
-    """Go on with the dive: no calibration under water."""
+def resumed(settings: Settings, kept: EstimationCheckpoint, events: Events) -> Observers:
+    """Resume a dive from a checkpoint: no calibration under water."""
     attitude = AttitudeObserver(
         settings.attitude, kept.gyro_bias, kept.heading, min(pi, kept.heading_std)
     )
     strength, dip = kept.field_strength, kept.field_dip
     if kept.north is not None and strength is not None and dip is not None:
-        attitude.compass.go_on(kept.north, strength, dip)
+        attitude.compass.resume(kept.north, strength, dip)
     atmosphere = Atmosphere(kept.atmosphere, kept.atmosphere_std)
     events.warn(
         f"goes on with the dive: atmosphere {kept.atmosphere / 100.0:.1f} hPa, "

@@ -1,9 +1,9 @@
-"""Estimation service: each IMU sample becomes one state; pressure and compass correct it.
+"""Estimation service: one state per IMU sample; the other sensors correct it.
 
-Of samples that have piled up every one is used and the newest becomes a state: control has no use
-for the others.
+Of several queued IMU samples all are used, but only the newest becomes a state.
 
-It hears the reference only if the vehicle file says `[estimation.depth] observer = "reference"`.
+It subscribes to the reference only if the vehicle file says `[estimation.depth] observer =
+"reference"`.
 """
 
 from collections.abc import Callable
@@ -19,7 +19,7 @@ from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 
 SILENCE_S = 0.05  # [s] five IMU periods
-REMEMBER_HZ = 1.0  # [1/s]
+CHECKPOINT_HZ = 1.0  # [1/s]
 Sample = TypeVar("Sample")
 
 
@@ -35,20 +35,20 @@ def wire(node: Node, stack: Stack) -> None:
     def on_imu(sample: ImuSample | None, now: int) -> None:
         estimator.reference(reference(now))
         state = estimator.silence(now) if sample is None else estimator.imu(sample, now)
-        say(state)
+        publish(state)
 
     def on_earlier(sample: ImuSample, now: int) -> None:
         estimator.reference(reference(now))
         estimator.follow(sample)
 
-    def say(state: VehicleState | None) -> None:
+    def publish(state: VehicleState | None) -> None:
         if state is not None:
             publisher.put(state)
-        tell(node, estimator)
+        report(node, estimator)
 
-    def keep(now: int) -> None:
-        if (worth_keeping := estimator.checkpoint(now)) is not None:
-            node.save_checkpoint(worth_keeping)
+    def save(now: int) -> None:
+        if (checkpoint := estimator.checkpoint(now)) is not None:
+            node.save_checkpoint(checkpoint)
 
     node.each(topics.PRESSURE, timeless(estimator.pressure))
     node.each(topics.MAGNETOMETER, timeless(estimator.magnetometer))
@@ -56,24 +56,24 @@ def wire(node: Node, stack: Stack) -> None:
     node.each(topics.USBL, timeless(estimator.usbl))
     node.each(topics.ACTUATION, timeless(estimator.actuation))
     node.trigger(topics.IMU, on_imu, SILENCE_S, earlier=on_earlier)
-    node.every(REMEMBER_HZ, keep)
-    tell(node, estimator)
+    node.every(CHECKPOINT_HZ, save)
+    report(node, estimator)
 
 
 def timeless(use: Callable[[Sample], None]) -> Callable[[Sample, int], None]:
-    """A handler of samples that does not ask what time it is."""
+    """A handler that ignores the time."""
     return lambda sample, _: use(sample)
 
 
 def reference_for(node: Node, settings: Settings) -> Callable[[int], Reference | None]:
-    """The fresh reference, for the one depth observer that wants it."""
+    """The fresh reference, for the depth observer "reference" only."""
     if settings.depth.observer != "reference":
         return lambda _: None
     return node.latest(topics.REFERENCE).fresh
 
 
-def tell(node: Node, estimator: Estimator) -> None:
-    """Pass on what happened: names to the counters, words to people."""
+def report(node: Node, estimator: Estimator) -> None:
+    """Count and log events."""
     for name in estimator.events:
         node.count(name)
     for level, text in estimator.lines:

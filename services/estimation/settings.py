@@ -1,4 +1,4 @@
-"""What the table [estimation] of a vehicle file may say."""
+"""The table [estimation] of a vehicle file."""
 
 from typing import Annotated
 

@@ -1,15 +1,14 @@
-"""What the observers know, as one `VehicleState`.
+"""The observers' estimates as one `VehicleState`.
 
-What is valid when:
+Validity:
 
-- calibrating: nothing. Depth is given as the depth at which the vehicle floats, because it should
-  be floating, but that is not a measurement.
-- running: attitude, headings and yaw rate as long as the IMU is heard; depth and depth rate for
-  two seconds after an accepted pressure sample.
-- IMU silent: nothing new is said at first, and whoever listens sees the state grow old. From
-  `imu_patience` on, states come at the topic's rate with everything the IMU gives marked invalid.
-  Depth and depth rate go on from pressure alone, with the spread of a filter that has no
-  accelerometer. `sensor_ns` stays at the last IMU sample.
+- calibrating: nothing. Depth is the floating depth, which is not a measurement.
+- running: attitude, headings and yaw rate while IMU samples arrive; depth and depth rate for two
+  seconds after an accepted pressure sample.
+- IMU silent: at first no states, so receivers see the last one age. After `imu_patience`, states
+  come at the topic's rate with everything from the IMU invalid. Depth and depth rate continue from
+  pressure alone, with the standard deviation of a filter without accelerometer. `sensor_ns` stays
+  at the last IMU sample.
 """
 
 from messages.message import Estimate
@@ -24,7 +23,7 @@ UNKNOWN = (None, None)
 def calibrating(
     now: int, sensor_ns: int, attitude: AttitudeObserver, floating_depth: float, seconds_left: float
 ) -> VehicleState:
-    """Floating depth [m] of the origin; [s] of rest still to come."""
+    """State during calibration; `floating_depth` [m] of the origin, `seconds_left` [s] of rest."""
     roll, pitch = attitude.tilt(valid=False)
     return VehicleState(
         stamp_ns=now,
@@ -58,7 +57,7 @@ def running(
     depth: DepthObserver,
     horizontal: HorizontalObserver,
 ) -> VehicleState:
-    """Of a calibrated vehicle."""
+    """State of a calibrated vehicle."""
     down, rate, acceleration = depth.estimates(now)
     roll, pitch = attitude.tilt(hears_imu)
     north, east = horizontal.position(now) or UNKNOWN

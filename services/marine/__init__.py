@@ -1,1 +1,1 @@
-"""Shared physics: pure functions on plain floats, every one cites its equation."""
+"""Shared physics: pure functions on plain floats, with their sources."""

@@ -1,4 +1,4 @@
-"""Unit quaternions q_NB as (w, x, y, z), scalar first: how the body (FRD) lies in the world (NED).
+"""Unit quaternions q_NB as (w, x, y, z), scalar first: the body's (FRD) attitude in NED.
 
 Plain floats instead of arrays: at three or four numbers NumPy costs ten times the arithmetic.
 Source of all: Fossen 2011, §2.2.
@@ -39,7 +39,7 @@ def heading_of(q_NB: Quaternion) -> float:
 
 
 def normalised(q_NB: Quaternion) -> Quaternion:
-    """The same attitude with length 1, which integration loses by rounding."""
+    """The same attitude with length 1; integration changes the length by rounding."""
     w, x, y, z = q_NB
     length = sqrt(w * w + x * x + y * y + z * z)
     return w / length, x / length, y / length, z / length

@@ -1,8 +1,8 @@
-"""What still water does to a hull: drag, and buoyancy with the moment that rights it.
+"""Forces of still water on a hull: drag, buoyancy and righting moment.
 
 The centre of gravity is the origin; the centre of buoyancy lies the metacentric height above it.
 Buoyancy acts there also when part of the hull is out of the water: the shift of the submerged
-volume's centre, which matters for a boat, is left out.
+volume's centre, which matters for a boat, is neglected.
 """
 
 from messages.units import Vec3, Vec6
@@ -38,7 +38,7 @@ def restoring(weight: float, buoyancy: float, metacentric_height: float, down_B:
 
 
 def full_buoyancy(vehicle: Vehicle) -> float:
-    """[N] Buoyancy of the wholly submerged hull."""
+    """[N] Buoyancy of the fully submerged hull."""
     return vehicle.mass * GRAVITY + vehicle.net_buoyancy
 
 

@@ -1,7 +1,7 @@
-"""Where the sensors sit in the vehicle and how they are turned: the tables [vehicle.mounting…].
+"""Position and orientation of the sensors: the tables [vehicle.mounting…].
 
-A sensor that is not named sits at the vehicle's origin, along its axes. What is made of this stands
-in services/vehicle/mounting.py.
+A sensor without a table is at the vehicle's origin, along its axes. The transformation of samples
+is in services/vehicle/mounting.py.
 """
 
 from math import isclose
@@ -17,7 +17,7 @@ Arm = tuple[Metres, Metres, Metres]
 
 ALONG: Rotation = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 ORIGIN: Arm = (0.0, 0.0, 0.0)
-TOLERANCE = 1e-3  # [-] of lengths, angles and the determinant; what is written has three digits
+TOLERANCE = 1e-3  # [-] of lengths, angles and the determinant; files have three digits
 
 
 def _dot(a: RotationRow, b: RotationRow) -> float:
@@ -29,14 +29,14 @@ def _cross(a: RotationRow, b: RotationRow) -> RotationRow:
 
 
 class Turned(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """How a sensor is turned.
+    """Orientation of a sensor.
 
     Raises:
         ValueError: the matrix is no rotation.
     """
 
     # [-] R_BS, from the sensor's axes to the body's: v_B = R_BS v_S. Its columns are the sensor's
-    # axes as the body (forward, starboard, down) sees them.
+    # axes in body coordinates (forward, starboard, down).
     rotation: Rotation = ALONG
 
     def __post_init__(self) -> None:
@@ -52,23 +52,23 @@ class Turned(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
 
 
 class Placed(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Where a sensor sits."""
+    """Position of a sensor."""
 
     position: Arm = ORIGIN  # [m] FRD, from the vehicle's origin
 
 
 class Mount(Turned, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Where a sensor sits and how it is turned."""
+    """Position and orientation of a sensor."""
 
     position: Arm = ORIGIN  # [m] FRD, from the vehicle's origin
 
 
 class Mounting(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """All sensors. A magnetic field is the same everywhere in the vehicle; pressure and an acoustic
-    fix have no axes."""
+    """All sensors. The magnetic field is uniform within the vehicle; pressure and an acoustic fix
+    have no axes."""
 
     imu: Mount = Mount()
     magnetometer: Turned = Turned()
-    pressure: Placed = Placed()  # it must be under water when the vehicle floats
+    pressure: Placed = Placed()  # must be under water when the vehicle floats
     dvl: Mount = Mount()
     usbl: Placed = Placed()

@@ -1,32 +1,32 @@
-"""Time as the sensors tell it, for a law that runs whenever a computer comes to it.
+"""Time by sensor stamps, for laws that are handled with a random delay.
 
-What a law compares is measured at the sensor's instants, and handled a random while later. So its
-time goes on by the differences of the sensor stamps; by the clock only while no new ones come.
+A law's inputs are measured at the sensor's instants and handled later. So its time advances by the
+differences of sensor stamps, and by the clock only while there are no new samples.
 """
 
 from dataclasses import dataclass
 
 from messages.units import Ns
 
-PATIENCE_NS = 50_000_000  # [ns] five IMU periods; a stamp older than this is no longer waited for
+PATIENCE_NS = 50_000_000  # [ns] five IMU periods without a new stamp, then the clock counts
 
 
 @dataclass(slots=True)
 class SensorTime:
-    """`at` never runs backwards, and counts no interval twice: neither when it goes on by the
-    clock and stamps return, nor when a sensor begins to count anew."""
+    """`at` never decreases and counts no interval twice: neither when stamps return after a time by
+    the clock, nor when a sensor restarts its stamps."""
 
-    at: Ns = 0  # [ns] to which the law has come
+    at: Ns = 0  # [ns] time of the law
     _stamp: Ns | None = None  # [ns] newest of the sensor
     _heard: Ns = 0  # [ns] by the clock, when it was new
     _stepped: Ns = 0  # [ns] by the clock, at the last step
-    _shift: int = 0  # [ns] from stamps to `at`; other than 0 after the sensor began anew
+    _shift: int = 0  # [ns] from stamps to `at`; not 0 after the sensor restarted
 
     def step(self, stamp: Ns | None, now: Ns) -> Ns:
-        """Where the law's time is now [ns].
+        """The law's time now [ns].
 
         Args:
-            stamp: [ns] of the newest sample known; None: there is none.
+            stamp: [ns] of the newest sample; None: none in time, so the clock counts at once.
             now: [ns] by the clock.
         """
         self.at = max(self.at, self._sensed_or_clock(stamp, now))

@@ -1,8 +1,7 @@
-"""What a propeller gives for its share of the voltage, and the way back, which its driver goes.
+"""Thrust of a propeller as a function of voltage, and the inverse, for its driver.
 
-Commands are newtons, so a driver that inverts the curve hides its shape. What remains of the curve
-is what it cannot hide: the most that it can ask for, and the gap in the middle where the motor
-does not turn.
+Commands are in newtons, and the driver inverts the curve. Two properties remain: the largest
+thrust, and the dead-band in the middle where the motor does not turn.
 """
 
 from collections.abc import Callable
@@ -19,9 +18,9 @@ class ThrustCurve(NamedTuple):
     silent: float  # [-] any smaller share does not turn the motor
 
     def share(self, newtons: float) -> float:
-        """[-] Of the voltage for this thrust; the nearest it can give beyond its most.
+        """[-] Share of the voltage for this thrust, limited to `top`.
 
-        By halving: the polynomial has no inverse in closed form.
+        By bisection: the polynomial has no inverse in closed form.
         """
         low, high = 0.0, self.top
         for _ in range(HALVINGS):
@@ -36,7 +35,7 @@ class ThrustCurve(NamedTuple):
 
     @property
     def dead_band(self) -> float:
-        """[N] Thrust at the edge of the gap in the middle."""
+        """[N] Thrust at the edge of the dead-band."""
         return self.thrust(self.silent)
 
 
@@ -47,7 +46,7 @@ def t200(share: float) -> float:
     return share * (8.9 + square * (176.0 + square * (-404.1 + square * (389.9 - 140.3 * square))))
 
 
-# The polynomial has its top at 97.2 %; what it says beyond, 0.2 N less, is the fit and not the
-# motor. The ESC is silent for pulses of 1464 to 1532 µs of 1100 to 1900 (a public fit).
+# The polynomial has its maximum at 97.2 %; the decrease beyond, 0.2 N, is an artefact of the fit.
+# The ESC does not turn for pulses of 1464 to 1532 µs of 1100 to 1900 (a public fit).
 CURVES: dict[str, ThrustCurve] = {"t200": ThrustCurve(t200, top=0.9716, silent=0.085)}
-LINEAR = "linear"  # no curve: limits and dead-band are what the vehicle file says
+LINEAR = "linear"  # no curve: limits and dead-band are those of the vehicle file

@@ -1,8 +1,8 @@
-"""How thrust follows a command: as a sum of modes that decay, which is exact for any step of time.
+"""Thruster lag as a sum of decaying modes, exact for any time step.
 
-A lag G(s) = b(s)/a(s) with G(0) = 1 and poles p that differ has the step response
-f(t) = 1 − Σ c exp(p t), with c = −b(p) / (p a'(p)) (partial fractions, Heaviside). So all there is
-to know about a thruster is what it settles at and how far each mode still is from it.
+A lag G(s) = b(s)/a(s) with G(0) = 1 and distinct poles p has the step response
+f(t) = 1 − Σ c exp(p t), with c = −b(p) / (p a'(p)) (partial fractions, Heaviside). So a thruster's
+state is its final value and the remaining gap of each mode.
 """
 
 from cmath import exp as complex_exp
@@ -20,7 +20,7 @@ class LagMode(NamedTuple):
     """A real pole, or one of a conjugate pair that stands for both: its thrust is the real part."""
 
     pole: complex  # [1/s]
-    share: complex  # [-] of a step that this mode still lacks when the step is made
+    share: complex  # [-] c: this mode's initial gap, as a share of the step
 
 
 class Lag(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -74,5 +74,5 @@ def modes_of(lag: Lag) -> list[LagMode]:
 
 
 def decay(pole: complex, seconds: float) -> complex:
-    """[-] What is left of a mode; real for a real pole."""
+    """[-] Remaining share of a mode; real for a real pole."""
     return exp(pole * seconds) if isinstance(pole, float) else complex_exp(pole * seconds)

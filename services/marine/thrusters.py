@@ -1,5 +1,4 @@
-"""Thrusters: what each one does to the vehicle, what it can do. How fast it follows is
-in thruster_lag.py."""
+"""Thrusters: wrench per newton, limits and dead-band. Their lag is in thruster_lag.py."""
 
 from collections.abc import Sequence
 from math import sqrt
@@ -39,7 +38,7 @@ def driven(thruster: Thruster, command: float) -> float:
     """[N] Thrust the thruster settles at: nothing inside the dead-band, the whole command just
     outside of it (the aggressive start described in Andrén 2023, §6.2.2).
 
-    Its driver inverts the thrust curve, so that of the curve only limits and dead-band are left.
+    The driver inverts the thrust curve, so only its limits and dead-band remain.
     """
     return limited(thruster, command) if abs(command) >= thruster.dead_band else 0.0
 

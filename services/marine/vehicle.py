@@ -39,7 +39,7 @@ class Thruster(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     dead_band: NotNegativeSetting = 0.0  # [N] commands smaller than this produce nothing
     time_constant: Positive = 0.08  # [s] first-order lag of the thrust …
     lag: Lag | None = None  # … unless a transfer function is given
-    curve: str = LINEAR  # what it gives for its voltage, see thrust_curve.py
+    curve: str = LINEAR  # thrust over voltage, see thrust_curve.py
 
     def __post_init__(self) -> None:
         reverse, forward = self.limits
@@ -94,7 +94,7 @@ class Vehicle(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     metacentric_height: NotNegativeSetting  # [m] centre of buoyancy above centre of gravity
     size: tuple[Positive, Positive, Positive]  # [m] length, width, height; origin in the middle
     thruster: Annotated[list[Thruster], msgspec.Meta(min_length=1)]
-    mounting: Mounting = Mounting()  # where the sensors sit
+    mounting: Mounting = Mounting()  # of the sensors
 
     def __post_init__(self) -> None:
         names = [thruster.name for thruster in self.thruster]

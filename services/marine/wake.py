@@ -1,10 +1,10 @@
-"""What a real hull's wake takes back of the Munk moment.
+"""The part of the Munk moment cancelled by a real hull's wake.
 
 In ideal flow, C_A(ν)ν turns a moving hull broadside on (the Munk moment, e.g. (Zẇ − Xu̇) u w in
-pitch; Fossen 2011, §6.3.1). With nothing against it a small vehicle without pitch thrusters
-tumbles above about 0.7 m/s, which real ones do not: the flow leaves the downstream end and pushes
-it back in line. We put a fin there for each pair of axes, whose moment is −share times Munk's,
-after the body-lift terms of Prestero 2001. A fin only ever brakes.
+pitch; Fossen 2011, §6.3.1). With that alone, a small vehicle without pitch thrusters tumbles above
+about 0.7 m/s, unlike real ones: flow separation at the downstream end causes a restoring lift. The
+model is a fin there for each pair of axes, whose moment is −share times Munk's, after the body-lift
+terms of Prestero 2001. A fin only dissipates energy.
 """
 
 from typing import NamedTuple
@@ -12,7 +12,7 @@ from typing import NamedTuple
 from messages.units import Vec6
 from services.marine.vehicle import Vehicle
 
-ARM_SHARE = 0.4  # [-] the fin's place, as a share of the hull's length along the flow; assumed
+ARM_SHARE = 0.4  # [-] the fin's lever arm over the hull's length along the flow; assumed
 PAIRS = ((0, 1, 2, 1), (0, 2, 1, -1), (1, 2, 0, 1))  # axes i, j, the third axis k, sign of i j k
 
 

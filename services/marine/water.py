@@ -1,4 +1,4 @@
-"""How heavy water is."""
+"""Density of water."""
 
 from math import sqrt
 from typing import Annotated, Literal
@@ -11,13 +11,13 @@ FRESH_WATER = 1000.0  # [kg/m³]
 
 
 class Water(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Water as an oceanographer describes it; the limits are those of the formula."""
+    """Temperature and salinity; the limits are those of the formula."""
 
     temperature: Annotated[float, msgspec.Meta(ge=-2.0, le=40.0)]  # [°C]
     salinity: Annotated[float, msgspec.Meta(ge=0.0, le=42.0)]  # [-] practical; the ocean's is 35
 
 
-# What may stand in a vehicle file: [kg/m³], a name, or { temperature = 8.0, salinity = 20.0 }.
+# Setting in a vehicle file: [kg/m³], a name, or { temperature = 8.0, salinity = 20.0 }.
 Density = Annotated[float, msgspec.Meta(ge=900.0, le=1300.0)] | Literal["fresh", "sea"] | Water
 
 
@@ -33,7 +33,7 @@ def density_of(water: Density) -> float:
 def density(temperature: float, salinity: float) -> float:
     """[kg/m³] At atmospheric pressure, by the international equation of state EOS-80.
 
-    A hundred metres of water press it together by 0.05 %, which is left out.
+    Compression, 0.05 % per hundred metres of depth, is neglected.
 
     Source: Fofonoff and Millard 1983, UNESCO technical papers in marine science 44, after
     Millero and Poisson 1981. Within 0.004 kg/m³ for 0 to 40 °C and 0 to 42 of salinity.

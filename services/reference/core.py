@@ -37,7 +37,7 @@ class GuidanceCheckpoint(msgspec.Struct, frozen=True):
     epoch: int = 0  # newest authority epoch granted
 
 
-ANEW = GuidanceCheckpoint()
+INITIAL = GuidanceCheckpoint()
 
 
 @dataclass(slots=True)
@@ -46,7 +46,7 @@ class ReferenceGenerator:
     log."""
 
     settings: Settings
-    before: GuidanceCheckpoint = ANEW
+    before: GuidanceCheckpoint = INITIAL
     armed: bool = field(init=False)
     light: float = field(init=False)
     requested: Hold = field(init=False)  # by the pilot; in force again after a disarm

@@ -1,1 +1,1 @@
-"""A vehicle that is not there: physics, sensors and thrusters, said as a real driver would."""
+"""A simulated vehicle: physics, sensors and thrusters, with the messages of a real driver."""

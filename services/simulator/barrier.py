@@ -1,8 +1,8 @@
-"""The sea floor and walls: flat, stiff, damped planes that push on the corners of the hull, with
-friction.
+"""Contact with the sea floor and walls: flat, stiff, damped planes with friction, acting on the
+corners of the hull.
 
-The stiffness is chosen by how fast the contact answers, so that it suits a vehicle of any mass:
-the hull on its corners is an oscillator of about ANSWER rad/s.
+The stiffness scales with the vehicle's mass: the hull on its corners is an oscillator of about
+FREQUENCY rad/s.
 """
 
 from itertools import product
@@ -10,13 +10,13 @@ from math import sqrt
 
 from messages.units import Vec3, Vec6
 
-ANSWER = 40.0  # [rad/s] at 1.2 m/s the hull then sinks in about 2 cm
-DAMPING_RATIO = 0.7  # [-] it lands with hardly a bounce
+FREQUENCY = 40.0  # [rad/s] at 1.2 m/s the hull then sinks in about 2 cm
+DAMPING_RATIO = 0.7  # [-] little rebound
 FRICTION = 0.5  # [-] Coulomb, a hull on sand or clay; assumed
 
 
 class Barrier:
-    """What lies beyond `limit` in one direction of the world is solid."""
+    """Solid space beyond `limit` in one direction of NED."""
 
     def __init__(self, limit: float, hull_size: Vec3, inertia: float) -> None:
         """
@@ -33,11 +33,11 @@ class Barrier:
             for x, y, z in product((1, -1), repeat=3)
         ]
         # A level hull stands on four corners.
-        self._stiffness = inertia * ANSWER**2 / 4  # [N/m] per corner
-        self._damping = inertia * 2 * DAMPING_RATIO * ANSWER / 4  # [N s/m] per corner
+        self._stiffness = inertia * FREQUENCY**2 / 4  # [N/m] per corner
+        self._damping = inertia * 2 * DAMPING_RATIO * FREQUENCY / 4  # [N s/m] per corner
 
     def near(self, place: float) -> bool:
-        """Might the hull touch it?
+        """Whether the hull can touch it at some attitude.
 
         Args:
             place: [m] of the origin, in the direction of the limit.
@@ -45,7 +45,7 @@ class Barrier:
         return place + self._reach > self._limit
 
     def touches(self, place: float, towards_B: Vec3) -> bool:
-        """Does any corner of the hull touch it? Arguments as of `push`."""
+        """Whether any corner of the hull touches it. Arguments as of `push`."""
         return any(self._sunk(corner, place, towards_B) > 0 for corner in self._corners)
 
     def push(self, place: float, towards_B: Vec3, nu: Vec6) -> Vec6:
@@ -67,7 +67,7 @@ class Barrier:
         return surge, sway, heave, roll, pitch, yaw
 
     def _sunk(self, corner: Vec3, place: float, towards_B: Vec3) -> float:
-        """[m] How far a corner is inside."""
+        """[m] Penetration of a corner."""
         x, y, z = corner
         return place + towards_B[0] * x + towards_B[1] * y + towards_B[2] * z - self._limit
 
@@ -81,6 +81,6 @@ class Barrier:
         push = max(0.0, self._stiffness * sunk + self._damping * sinking)  # [N]
         u, v, w = u - sinking * a, v - sinking * b, w - sinking * c  # along the plane
         sliding = sqrt(u * u + v * v + w * w)  # [m/s]
-        # Coulomb friction is a jump at rest, which no fixed step can take; near rest it is viscous.
+        # Coulomb friction is discontinuous at rest, unsuitable for a fixed step: viscous near rest.
         grip = min(self._damping, FRICTION * push / sliding) if sliding > 0 else 0.0  # [N s/m]
         return -push * a - grip * u, -push * b - grip * v, -push * c - grip * w

@@ -1,4 +1,4 @@
-"""The battery: what thrust costs in electricity, and what is left.
+"""The battery: power of the thrusters, and the remaining energy.
 
 Power of a thruster grows with |thrust| to the power 1.5 (momentum theory of a propeller at rest in
 the water: P = T √(T / 2ρA)), scaled to the known power at full thrust, each way.
@@ -19,7 +19,7 @@ class Battery:
         self._limits = [thruster.limits for thruster in vehicle.thruster]  # [N]
 
     def feed(self, thrust: Sequence[float], seconds: float) -> None:
-        """Feed the thrusters, which produce this [N] now, for the `seconds` just passed."""
+        """Draw the power of this thrust [N] per thruster for `seconds`."""
         load = 0.0  # [-] one for each thruster at its limit
         for newtons, (reverse, forward) in zip(thrust, self._limits, strict=True):
             share = newtons / forward if newtons >= 0 else newtons / reverse
@@ -34,19 +34,19 @@ class Battery:
 
     @property
     def empty(self) -> bool:
-        """The vehicle goes on all the same: a dive is not spoilt by our guess of its battery."""
+        """The vehicle still runs: the battery model is too rough to end a dive."""
         return self.left_wh == 0.0
 
     def sample(self, now: int) -> BatterySample:
         """Voltage falls linearly with the charge, and with the current."""
-        about = self._settings
-        left = self.left_wh / about.battery_capacity
-        open_circuit = about.battery_empty + left * (about.battery_full - about.battery_empty)
+        s = self._settings
+        left = self.left_wh / s.battery_capacity
+        open_circuit = s.battery_empty + left * (s.battery_full - s.battery_empty)
         current = self.power / open_circuit
         return BatterySample(
             stamp_ns=now,
-            voltage=max(0.0, open_circuit - about.battery_resistance * current),
+            voltage=max(0.0, open_circuit - s.battery_resistance * current),
             current=current,
             used_wh=self.used_wh,
-            capacity_wh=about.battery_capacity,
+            capacity_wh=s.battery_capacity,
         )

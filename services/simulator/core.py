@@ -1,8 +1,8 @@
-"""The simulator's thinking: commands in, samples and the truth out, time passed in.
+"""The simulator as a pure state machine: commands and time in, samples and ground truth out.
 
-The world moves only when told to what time; in between nothing happens. A thruster command takes
-effect at the very instant it is heard, and ends at the very instant its time-to-live does. What
-is broken is broken between the world and its messages: the truth stays the truth.
+The simulation advances only to the times given. A thruster command takes effect exactly on arrival
+and ends exactly with its time-to-live. Sensor faults change only the messages: ground truth stays
+correct.
 """
 
 from typing import TypeVar
@@ -45,7 +45,7 @@ class Simulator:
 
         Args:
             seed: [-] 0 or more, of biases and noise.
-            world: where to begin, see `at_the_surface`.
+            world: initial state, see `at_the_surface`.
 
         Raises:
             ValueError: a thruster without direction, or a negative seed.
@@ -57,16 +57,16 @@ class Simulator:
         self._battery = Battery(vehicle, settings, world.used_wh)
         self._heading = world.heading
         self._faults: faults.Faults = {}
-        self._said: dict[str, Message] = {}  # first sample of each sensor since it has a fault
+        self._first: dict[str, Message] = {}  # first sample of each sensor since its fault began
         self._set_faults(world.faults)
-        self._now = 0  # [ns] to which the world has moved
-        self._begun = False
+        self._now = 0  # [ns] time of the simulation
+        self._started = False
         self._gate = ActuatorGate(vehicle.thruster)
 
-    # Time and commands. Each returns the names of what is to be counted.
+    # Time and commands. Each returns the names to count.
 
     def advance(self, now: int) -> list[str]:
-        """Move the world to `now` [ns]."""
+        """Advance the simulation to `now` [ns]."""
         ends = self._gate.ends_ns
         if ends is None or now <= ends:
             self._move(now)
@@ -78,7 +78,7 @@ class Simulator:
         return counted
 
     def obey(self, command: ThrusterCommand, now: int) -> list[str]:
-        """Let a command take effect at `now` [ns], until then the old one holds."""
+        """Apply a command at `now` [ns]; until then the previous one holds."""
         counted = [*self.advance(now), *self._gate.obey(command, now)]
         if self._gate.command is command:
             self._vessel.drive(self._gate.output(now))
@@ -106,33 +106,33 @@ class Simulator:
         return faults.refusal(request, self.thrusters)
 
     def break_or_mend(self, request: FaultRequest, now: int) -> list[str]:
-        """Grant a request at `now` [ns]; returns the names of what is to be counted."""
+        """Grant a request at `now` [ns]; returns the names to count."""
         counted = self.advance(now)
         names, settles_at = self.thrusters, self._vessel.settles_at
         newtons = settles_at[names.index(request.part)] if request.part in names else 0.0
         self._set_faults(faults.changed(self._faults, request, newtons))
         return counted
 
-    def _set_faults(self, those: faults.Faults) -> None:
-        old, self._faults = self._faults, those
-        self._told = tuple(f"{part}: {fault}" for part, fault in those.items())
-        self._vessel.set_faults(those)
+    def _set_faults(self, new: faults.Faults) -> None:
+        old, self._faults = self._faults, new
+        self._fault_texts = tuple(f"{part}: {fault}" for part, fault in new.items())
+        self._vessel.set_faults(new)
         self._sensors.noise_times = {
-            key: fault.value for key, fault in those.items() if fault.kind == "noisy"
+            key: fault.value for key, fault in new.items() if fault.kind == "noisy"
         }
-        for key in [key for key in self._said if those.get(key) != old.get(key)]:
-            del self._said[key]
+        for key in [key for key in self._first if new.get(key) != old.get(key)]:
+            del self._first[key]
 
-    def _says(self, key: str, sample: M) -> M | None:
-        """What a sensor says instead of its sample; None when it keeps silent."""
+    def _with_fault(self, key: str, sample: M) -> M | None:
+        """The sample with the sensor's fault, if any; None when it is silent."""
         if key not in self._faults:
             return sample
-        first = self._said.setdefault(key, sample)
-        return faults.said(key, sample, self._faults[key], first)
+        first = self._first.setdefault(key, sample)
+        return faults.faulty(key, sample, self._faults[key], first)
 
     def _move(self, now: int) -> None:
-        if not self._begun:
-            self._begun, self._now = True, now
+        if not self._started:
+            self._started, self._now = True, now
         if now <= self._now:
             return
         seconds = (now - self._now) / 1e9
@@ -142,38 +142,38 @@ class Simulator:
         self._heading += wrapped(heading - self._heading)
         self._now = now
 
-    # What can be measured now; None where a sensor keeps silent.
+    # Samples now; None where a sensor is silent.
 
     def imu(self) -> ImuSample | None:
-        """Through the water as over the ground: a steady current accelerates nothing."""
-        ship = self._vessel
-        sample = self._sensors.imu(self._now, ship.attitude, ship.through_water, ship.acceleration)
-        return self._says("sensor/imu", sample)
+        """From the motion through the water: a steady current causes no acceleration."""
+        v = self._vessel
+        sample = self._sensors.imu(self._now, v.attitude, v.through_water, v.acceleration)
+        return self._with_fault("sensor/imu", sample)
 
     def magnetometer(self) -> MagnetometerSample | None:
         sample = self._sensors.magnetometer(self._now, self._vessel.attitude)
-        return self._says("sensor/magnetometer", sample)
+        return self._with_fault("sensor/magnetometer", sample)
 
     def pressure(self) -> PressureSample | None:
         sample = self._sensors.pressure(self._now, self._place(self._mounting.pressure)[2])
-        return self._says("sensor/pressure", sample)
+        return self._with_fault("sensor/pressure", sample)
 
     def dvl(self, device: Dvl) -> DvlSample | None:
-        """None also when the bottom is out of reach."""
+        """None also when the bottom is out of range."""
         altitude = self._settings.floor_depth - self._place(self._mounting.dvl)[2]
         sample = self._sensors.dvl(self._now, self._vessel.velocity, altitude, device)
-        return None if sample is None else self._says("sensor/dvl", sample)
+        return None if sample is None else self._with_fault("sensor/dvl", sample)
 
     def usbl(self, device: Usbl) -> UsblSample | None:
         north, east, _ = self._place(self._mounting.usbl)
-        return self._says("sensor/usbl", self._sensors.usbl(self._now, north, east, device))
+        return self._with_fault("sensor/usbl", self._sensors.usbl(self._now, north, east, device))
 
     def _place(self, mount: Placed | Mount) -> Vec3:
-        """[m] NED, where a sensor is."""
+        """[m] NED position of a sensor."""
         return place_of(mount.position, self._vessel.position, self._vessel.attitude)
 
     def battery(self) -> BatterySample | None:
-        return self._says("sensor/battery", self._battery.sample(self._now))
+        return self._with_fault("sensor/battery", self._battery.sample(self._now))
 
     @property
     def battery_empty(self) -> bool:
@@ -209,11 +209,11 @@ class Simulator:
             on_floor=self._vessel.on_floor,
             current=self._vessel.current,
             tether_pull=self._vessel.tether_pull,
-            faults=self._told,
+            faults=self._fault_texts,
         )
 
     def world(self) -> WorldCheckpoint:
-        """What to remember."""
+        """State for a restart."""
         return WorldCheckpoint(
             state=self._vessel.state,
             thrust=tuple(self._vessel.thrust),

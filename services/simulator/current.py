@@ -1,4 +1,4 @@
-"""The ocean current: a steady part and one that wanders, the same everywhere, horizontal."""
+"""The ocean current: horizontal, uniform, a mean plus a random part."""
 
 from math import exp, sqrt
 
@@ -6,14 +6,14 @@ from messages.units import Vec3
 from services.simulator.sensors import CURRENT, white_noise
 from services.simulator.settings import CurrentSettings
 
-HELD = 0.1  # [s] the wandering part changes in steps of this length, small beside its memory
+HELD = 0.1  # [s] step of the random part; short compared with its time constant
 
 
 class Current:
     """First-order Gauss-Markov process about the mean (Fossen 2011, §8.4), solved exactly."""
 
     def __init__(self, settings: CurrentSettings, seed: int) -> None:
-        """It begins at its mean.
+        """Starts at the mean.
 
         Args:
             seed: [-] 0 or more.
@@ -27,7 +27,7 @@ class Current:
         self._until = HELD  # [s]
 
     def at(self, seconds: float) -> Vec3:
-        """[m/s] NED, `seconds` after the beginning; never ask for the past."""
+        """[m/s] NED, `seconds` after the start; must not decrease between calls."""
         while seconds >= self._until and not self._steady:
             (a, b), (x, y) = next(self._noise), self._off
             self._off = self._keep * x + a, self._keep * y + b

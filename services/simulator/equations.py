@@ -1,5 +1,5 @@
-"""The equations of motion as one straight line of formulas, with the hydrodynamic derivatives
-worked out beforehand, because they are evaluated four hundred times in a simulated second.
+"""The equations of motion as one sequence of formulas, with precomputed hydrodynamic derivatives,
+because they are evaluated four hundred times per simulated second.
 
     M ν̇ᵣ = τ − C(νᵣ)νᵣ − D(νᵣ)νᵣ − g(η)        (Fossen 2011, eq. 6.1 to 6.3, §8.3)
 
@@ -7,7 +7,7 @@ worked out beforehand, because they are evaluated four hundred times in a simula
 still water written in νᵣ (Fossen 2011, Property 8.1), so the current appears only where the
 position is integrated. Derivatives are named as in SNAME notation: `X_vr` is the surge force per
 (sway velocity × yaw rate), `Y_vv` per |v| v, `Y_uv` per |u| v. Textbook forms of the single terms
-are in services/marine (rigid_body, hydrodynamics, wake); the tests hold this file against them.
+are in services/marine (rigid_body, hydrodynamics, wake); tests compare this file with them.
 """
 
 from collections.abc import Callable
@@ -25,13 +25,13 @@ Acceleration = Callable[[float, Quaternion, Vec6, Vec6], Vec6]
 
 
 def equations_of_motion(vehicle: Vehicle, wake_share: float) -> Acceleration:
-    """The function that accelerates this vehicle.
+    """The acceleration function of this vehicle.
 
     Args:
-        wake_share: [-] of the Munk moment that the wake takes back, see `wake_fins`.
+        wake_share: [-] of the Munk moment cancelled by the wake, see `wake_fins`.
     """
     m_u, m_v, m_w, i_p, i_q, i_r = system_inertia(vehicle)
-    # Each fin of the wake takes `munk` off the added mass in two products of C, and brakes.
+    # Each fin of the wake subtracts `munk` from the added mass in two products of C, and damps.
     munk, brake = np.zeros((3, 3)), np.zeros((6, 3))
     for fin in wake_fins(vehicle, wake_share):
         munk[fin.across, fin.along] = fin.grip * fin.arm
@@ -69,7 +69,7 @@ def equations_of_motion(vehicle: Vehicle, wake_share: float) -> Acceleration:
         b = 2.0 * (qy * qz + qw * qx)
         c = 1.0 - 2.0 * (qx * qx + qy * qy)
 
-        # −g(η) (eq. 4.6): what sinks, and what turns upright.
+        # −g(η) (eq. 4.6): net weight, and righting moment.
         share = 1.0 if depth > wet_below else max(0.0, 0.5 + depth / height)
         sinks = weight - share * all_buoyancy
         rights = share * all_buoyancy * arm

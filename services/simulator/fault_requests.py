@@ -1,4 +1,4 @@
-"""What the simulator answers to whoever wants something broken or mended."""
+"""Answers to requests that set or clear faults."""
 
 from collections.abc import Callable, Sequence
 
@@ -13,7 +13,7 @@ Nearest = Callable[[str, Sequence[str]], str]  # (wrong name, known ones) → wo
 def decide(
     simulator: Simulator, request: FaultRequest, now: Ns, nearest: Nearest
 ) -> tuple[FaultAnswer, list[str]]:
-    """Break or mend the part, or say why not; and what is to be counted."""
+    """Set or clear a fault, or refuse; returns the answer and the names to count."""
     parts = [*simulator.thrusters, *simulator.sensors, ALL]
     if request.part in parts:
         reason = simulator.refusal(request)

@@ -1,7 +1,6 @@
-"""What is broken: which part, how, and what that does to commands and samples.
+"""Simulated faults: parts, kinds, and their effects on commands and samples.
 
-Sensors lie on the wire, as real ones do: a broken one says NaN, which every receiver's gate turns
-away.
+A broken sensor publishes NaN, as real ones do; every receiver's gate refuses it.
 """
 
 from collections.abc import Iterable, Mapping
@@ -19,7 +18,7 @@ from services.marine.vehicle import Thruster
 
 OF_THRUSTERS = ("dead", "reversed", "weak", "stuck")
 OF_SENSORS = ("silent", "frozen", "noisy", "biased", "broken")
-ALL = "all"  # the part that stands for all of them, to mend them at once
+ALL = "all"  # stands for all parts, to clear all faults at once
 # What `value` may be; the others take none.
 LIMITS = {
     "weak": (0.0, 1.0),  # [-] share of the thrust
@@ -34,7 +33,7 @@ MEASURED: dict[str, tuple[str, ...]] = {
     "sensor/usbl": ("north", "east"),  # [m]
     "sensor/battery": ("voltage",),  # [V]
 }
-# What a bias acts on, and so its unit, where it is not all of that.
+# The fields with the bias, where not all of them; they set its unit.
 BIASED = {"sensor/imu": ("angular_rate",)}
 S = TypeVar("S", bound=Message)
 
@@ -79,7 +78,7 @@ def changed(faults: Faults, request: FaultRequest, settles_at: float) -> dict[st
 
 
 def settles_at(thruster: Thruster, command: float, fault: Fault | None) -> float:
-    """[N] What a thruster makes of a command in the end."""
+    """[N] Thrust at which a thruster settles for a command."""
     if fault is None:
         return driven(thruster, command)
     match fault:
@@ -93,13 +92,13 @@ def settles_at(thruster: Thruster, command: float, fault: Fault | None) -> float
             return fault.value
 
 
-def said(part: str, sample: S, fault: Fault, first: Message) -> S | None:
-    """What a sensor says instead of a sample; None when it keeps silent.
+def faulty(part: str, sample: S, fault: Fault, first: Message) -> S | None:
+    """The sample with the fault applied; None when the sensor is silent.
 
     Args:
-        first: its first sample since it has this fault.
+        first: its first sample since the fault began.
     """
-    if fault.kind == "noisy":  # the sensor itself makes the noise
+    if fault.kind == "noisy":  # the sensor model adds the noise
         return sample
     if fault.kind == "silent":
         return None
@@ -112,5 +111,5 @@ def said(part: str, sample: S, fault: Fault, first: Message) -> S | None:
 
 
 def _off(measured: float | tuple[float, ...], by: float) -> float | tuple[float, ...]:
-    """A number or a tuple of them, each off by so much."""
+    """A number or a tuple of numbers, with an offset."""
     return tuple(x + by for x in measured) if isinstance(measured, tuple) else measured + by

@@ -1,8 +1,8 @@
-"""The thrusters of a vessel: what each gives now and soon, and what they add up to.
+"""The thrusters of a vessel: their thrust over time, and their wrench.
 
-A thruster's thrust is what it settles at less a sum of modes that decay (marine/thruster_lag.py).
-That is solved exactly, so nothing is integrated here: between two commands the wrench of all
-thrusters is a constant less one decaying six-vector per mode.
+A thruster's thrust is its final value minus a sum of decaying modes (marine/thruster_lag.py). That
+is solved exactly, without integration: between two commands the wrench of all thrusters is a
+constant minus one decaying six-vector per mode.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,12 +19,12 @@ Gaps = list[complex]  # [N] what a mode lacks, per thruster; its real part count
 
 
 class SimulatedThrusters:
-    """Moves on by `pass_time`."""
+    """Advances by `pass_time`."""
 
     def __init__(self, vehicle: Vehicle, thrust: Sequence[float]) -> None:
         """
         Args:
-            thrust: [N] per thruster at the beginning; nothing is asked of them yet.
+            thrust: [N] per thruster at the start; the commands are zero.
         """
         self.settles_at = [0.0] * len(thrust)  # [N] per thruster
         self._thrusters = vehicle.thruster
@@ -43,17 +43,17 @@ class SimulatedThrusters:
         self._add_up()
 
     def drive(self, thrust: Sequence[float]) -> None:
-        """Ask for this thrust [N] from now on."""
+        """Command this thrust [N] from now on."""
         self._commands = thrust
-        self._aim()
+        self._settle()
 
     def set_faults(self, faults: Mapping[str, Fault]) -> None:
-        """The thrusters named in these do as their faults say, all others as they are told."""
+        """Set the faults by thruster name; all others work."""
         self._faults = faults
-        self._aim()
+        self._settle()
 
     def leave_water(self, dry: list[int]) -> None:
-        """These thrusters, by number, are in the air and produce nothing; all others are in."""
+        """Set the thrusters, by index, that are in the air and produce nothing."""
         if dry != self._dry:
             self._dry = dry
             self._add_up()
@@ -88,9 +88,9 @@ class SimulatedThrusters:
             yaw -= (left * n).real
         return surge, sway, heave, roll, pitch, yaw
 
-    def _aim(self) -> None:
-        """Settle at something else from now on. Thrust itself does not jump, for the shares of a
-        thruster's modes add up to one."""
+    def _settle(self) -> None:
+        """Set new final values. Thrust is continuous, because the shares of a thruster's modes add
+        up to one."""
         pairs = zip(self._thrusters, self._commands, strict=True)
         if self._faults:
             wanted = [settles_at(t, command, self._faults.get(t.name)) for t, command in pairs]
@@ -107,7 +107,7 @@ class SimulatedThrusters:
         self._add_up()
 
     def _add_up(self) -> None:
-        """From thrusters to wrenches."""
+        """Sum the thrusters to wrenches."""
         self._settled = total_wrench(self._columns, self._in_water(self.settles_at))
         self._decaying = [
             (pole, total_wrench(self._columns, self._in_water(gaps)))

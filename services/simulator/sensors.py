@@ -1,7 +1,7 @@
-"""What the sensors make of the truth: biases, noise, rounding.
+"""Sensor models: biases, noise, rounding.
 
-Every random number comes from the seed. Biases have a stream of their own, so that a simulator
-which is restarted in mid-dive carries the same sensors on.
+Every random number comes from the seed. Biases have their own stream, so a simulator restarted in
+mid-dive keeps the same biases.
 """
 
 from collections.abc import Iterator, Sequence
@@ -27,7 +27,7 @@ from services.vehicle.mounting import MountedAxes, measured_there, seen_there
 AT_THE_ORIGIN = Mounting()
 IMU_HZ = 100.0  # [1/s] also of the magnetometer
 BLOCK = 1024  # samples whose noise is drawn at once, because a single draw is slow
-DRIFT_TIME = 300.0  # [s] correlation time of the bias that wanders
+DRIFT_TIME = 300.0  # [s] correlation time of the bias drift
 # Random streams.
 BIASES, IMU_NOISE, FIELD_NOISE, PRESSURE_NOISE, DVL_NOISE, USBL_NOISE, GYRO_DRIFT, CURRENT = range(
     8
@@ -39,7 +39,7 @@ class Sensors:
         """
         Args:
             seed: [-] 0 or more; the same seed gives the same biases and noise.
-            mounting: samples are of the sensors' own places and axes, as those of real ones are.
+            mounting: samples are in the sensors' own positions and axes, as from real ones.
         """
         self._mounting = mounting
         self._imu_axes, self._dvl_axes = MountedAxes(mounting.imu), MountedAxes(mounting.dvl)
@@ -83,7 +83,7 @@ class Sensors:
         )
 
     def magnetometer(self, now: int, q_NB: Quaternion) -> MagnetometerSample:
-        """The place's field, with the vehicle's own iron and noise."""
+        """The local field, with the vehicle's own iron and noise."""
         field = self._field_axes.to_sensor(to_body(q_NB, self._settings.magnetic_field))
         return MagnetometerSample(
             stamp_ns=now,
@@ -104,8 +104,8 @@ class Sensors:
         return PressureSample(stamp_ns=now, pressure=pressure, temperature=place.water_temperature)
 
     def dvl(self, now: int, nu: Vec6, altitude: float, device: Dvl) -> DvlSample | None:
-        """Of the vehicle's velocity over the ground [m/s, rad/s], FRD; None when the bottom [m] is
-        out of reach."""
+        """Sample for a velocity over the ground [m/s, rad/s], FRD; None when the bottom [m] is out
+        of range."""
         if not 0.0 < altitude <= device.reach:
             return None
         u, v, w, p, q, r = nu
@@ -116,7 +116,7 @@ class Sensors:
         return DvlSample(stamp_ns=now, velocity=measured, std=s, altitude=altitude)
 
     def usbl(self, now: int, north: float, east: float, device: Usbl) -> UsblSample:
-        """Where the vehicle is [m], NED."""
+        """Position [m], NED, with noise."""
         a, b = self._noise("sensor/usbl", self._usbl_noise)
         s = device.std
         return UsblSample(stamp_ns=now, north=north + s * a, east=east + s * b, std=s)

@@ -1,4 +1,4 @@
-"""The simulator on the bus: thruster commands in; sensors, actuation and the truth out."""
+"""Simulator service: thruster commands in; sensors, actuation and ground truth out."""
 
 from collections import deque
 from collections.abc import Callable
@@ -16,7 +16,7 @@ from services.runtime.node.ports import Publisher
 from services.simulator import fault_requests
 from services.simulator.core import Settings, Simulator, WorldCheckpoint, at_the_surface
 
-REMEMBER_HZ = 5.0  # [1/s] a killed simulator resumes from at most this long ago
+CHECKPOINT_HZ = 5.0  # [1/s] a restarted simulator loses at most one period
 
 
 def wire(node: Node, stack: Stack) -> None:
@@ -32,7 +32,7 @@ def wire(node: Node, stack: Stack) -> None:
         for name in names:
             node.count(name)
 
-    def say(publisher: Publisher[M], sample: M | None) -> None:
+    def publish(publisher: Publisher[M], sample: M | None) -> None:
         if sample is None:
             node.count(f"silent_by_fault:{publisher.topic.key}")
         else:
@@ -43,18 +43,18 @@ def wire(node: Node, stack: Stack) -> None:
 
     def measure_motion(now: int) -> None:
         count(simulator.advance(now))
-        say(magnetometer, simulator.magnetometer())
-        say(imu, simulator.imu())  # drives the whole chain, so its companion goes first
+        publish(magnetometer, simulator.magnetometer())
+        publish(imu, simulator.imu())  # last, because it triggers estimation
         actuation.put(simulator.actuation())
         truth.put(simulator.truth())
 
     def measure_pressure(now: int) -> None:
         count(simulator.advance(now))
-        say(pressure, simulator.pressure())
+        publish(pressure, simulator.pressure())
 
     def measure_battery(now: int) -> None:
         count(simulator.advance(now))
-        say(battery, simulator.battery())
+        publish(battery, simulator.battery())
         if simulator.battery_empty:
             node.count("empty:battery")
 
@@ -64,23 +64,23 @@ def wire(node: Node, stack: Stack) -> None:
     node.every(topics.BATTERY.hz, measure_battery)
     _faults(node, simulator, count)
     _position_aids(node, simulator, stack.section("simulator", Settings), count)
-    node.every(REMEMBER_HZ, lambda _: node.save_checkpoint(simulator.world()))
+    node.every(CHECKPOINT_HZ, lambda _: node.save_checkpoint(simulator.world()))
 
 
 def _faults(node: Node, simulator: Simulator, count: Callable[[list[str]], None]) -> None:
-    """Break or mend parts by request."""
+    """Set and clear faults by request."""
 
     def decide(request: FaultRequest, now: int) -> FaultAnswer:
         answer, counts = fault_requests.decide(simulator, request, now, nearest)
         count(counts)
         return answer
 
-    def tell(request: FaultRequest, answer: FaultAnswer, _: int) -> None:
+    def report(request: FaultRequest, answer: FaultAnswer, _: int) -> None:
         if answer.accepted:
             node.log("warning", fault_requests.in_words(request))
             node.save_checkpoint(simulator.world())
 
-    node.answers(topics.FAULT_REQUEST, topics.FAULT_ANSWER, decide, tell)
+    node.answers(topics.FAULT_REQUEST, topics.FAULT_ANSWER, decide, report)
 
 
 def _position_aids(
@@ -88,7 +88,7 @@ def _position_aids(
 ) -> None:
     """DVL and USBL, if the vehicle has them."""
     if (dvl := settings.dvl) is not None:
-        say_velocity = _late_publisher(node, topics.DVL, dvl.latency)
+        publish_velocity = _late_publisher(node, topics.DVL, dvl.latency)
 
         def measure_velocity(now: int) -> None:
             count(simulator.advance(now))
@@ -97,45 +97,45 @@ def _position_aids(
                 silent = "sensor/dvl" in simulator.silent
                 node.count("silent_by_fault:sensor/dvl" if silent else "no_bottom:sensor/dvl")
             else:
-                say_velocity(sample, now)
+                publish_velocity(sample, now)
 
         node.every(dvl.rate, measure_velocity)
     if (usbl := settings.usbl) is not None:
-        say_place = _late_publisher(node, topics.USBL, usbl.latency)
+        publish_position = _late_publisher(node, topics.USBL, usbl.latency)
 
-        def measure_place(now: int) -> None:
+        def measure_position(now: int) -> None:
             count(simulator.advance(now))
             sample = simulator.usbl(usbl)
             if sample is None:
                 node.count("silent_by_fault:sensor/usbl")
             else:
-                say_place(sample, now)
+                publish_position(sample, now)
 
-        node.every(usbl.rate, measure_place)
+        node.every(usbl.rate, measure_position)
 
 
 def _late_publisher(node: Node, topic: Topic[M], latency: float) -> Callable[[M, int], None]:
-    """Says a message `latency` [s] after it is given."""
+    """Publishes a message with a delay of `latency` [s]."""
     publisher = node.publisher(topic)
     waiting: deque[tuple[int, M]] = deque()
 
-    def speak(now: int) -> None:
+    def publish_due(now: int) -> None:
         while waiting and waiting[0][0] <= now:
             publisher.put(waiting.popleft()[1])
         if waiting:
             alarm.set(waiting[0][0])
 
-    alarm = node.alarm(speak)
+    alarm = node.alarm(publish_due)
 
-    def give(message: M, now: int) -> None:
+    def enqueue(message: M, now: int) -> None:
         waiting.append((now + round(latency * 1e9), message))
-        speak(now)
+        publish_due(now)
 
-    return give
+    return enqueue
 
 
 def _simulator(node: Node, stack: Stack) -> Simulator:
-    """Where the world was left before a crash, else at the surface."""
+    """From the checkpoint, if there is one; else at the surface."""
     vehicle = stack.section("vehicle", Vehicle)
     settings = stack.section("simulator", Settings)
     world = node.restore_checkpoint(WorldCheckpoint)

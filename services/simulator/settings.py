@@ -1,4 +1,4 @@
-"""What the table [simulator] of a vehicle file may say: the place, the sensors, the battery."""
+"""The table [simulator] of a vehicle file: site, sensors, battery."""
 
 from typing import Annotated
 
@@ -33,7 +33,7 @@ class Usbl(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     rate: FixRate = 0.5  # [1/s]
     std: Annotated[float, msgspec.Meta(gt=0.0, le=100.0)] = 0.5  # [m] of each component
-    latency: SensorLatency = 0.5  # [s] of sound, and of the way back down to the vehicle
+    latency: SensorLatency = 0.5  # [s] of sound, and of the link back down to the vehicle
 
 
 class CurrentSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -42,11 +42,11 @@ class CurrentSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     north: Velocity = 0.0  # [m/s] mean, where to
     east: Velocity = 0.0  # [m/s]
     std: Annotated[float, msgspec.Meta(ge=0.0, le=2.0)] = 0.0  # [m/s] of each component about it
-    time_constant: Annotated[float, msgspec.Meta(ge=1.0, le=1e5)] = 60.0  # [s] its memory
+    time_constant: Annotated[float, msgspec.Meta(ge=1.0, le=1e5)] = 60.0  # [s] correlation time
 
 
 class TetherSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What hangs behind the vehicle, see tether.py."""
+    """The tether's drag, see tether.py."""
 
     diameter: Annotated[float, msgspec.Meta(gt=0.0, le=0.2)] = 0.0076  # [m] of a thin ROV tether
     drag_coefficient: Annotated[float, msgspec.Meta(ge=0.0, le=5.0)] = 1.2  # [-] of a cylinder
@@ -73,7 +73,7 @@ class Walls(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    # The place.
+    # The site.
     floor_depth: Annotated[float, msgspec.Meta(gt=0.0, le=11_000.0)] = 20.0  # [m]
     start_heading: StartHeading = 0.0  # [rad] clockwise from north
     atmosphere: Annotated[float, msgspec.Meta(ge=50_000.0, le=120_000.0)] = ATMOSPHERE  # [Pa]
@@ -81,17 +81,17 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     water_temperature: Annotated[float, msgspec.Meta(ge=-5.0, le=50.0)] = 8.0  # [°C]
     magnetic_field: tuple[Field, Field, Field] = (15e-6, 0.0, 49e-6)  # [T] NED; dip 73°
 
-    # What the vehicle meets only if its file has the table.
+    # Optional tables: absent means none.
     current: CurrentSettings | None = None
     tether: TetherSettings | None = None
     walls: Walls | None = None
 
-    # [-] of the Munk moment that the wake takes back (services/marine/wake.py); 0 is ideal flow.
+    # [-] of the Munk moment cancelled by the wake (services/marine/wake.py); 0 is ideal flow.
     wake_share: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 1.0
 
     # The sensors: a typical small MEMS unit. Biases are drawn once per seed.
     gyro_bias: ImuNoise = 0.0105  # [rad/s] 1σ per axis, 0.6 °/s
-    gyro_drift: ImuNoise = 4.8e-5  # [rad/s] 1σ per axis, 10 °/h: the part of the bias that wanders
+    gyro_drift: ImuNoise = 4.8e-5  # [rad/s] 1σ per axis, 10 °/h: bias drift
     gyro_noise: ImuNoise = 1.22e-4  # [rad/s/√Hz] 0.007 °/s/√Hz
     accelerometer_bias: ImuNoise = 0.098  # [m/s²] 1σ per axis, 10 mg
     accelerometer_noise: ImuNoise = 1.5e-3  # [m/s²/√Hz] 150 µg/√Hz
@@ -101,11 +101,11 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     pressure_rate: Annotated[float, msgspec.Meta(ge=1.0, le=100.0)] = topics.PRESSURE.hz  # [1/s]
     pressure_step: Annotated[float, msgspec.Meta(ge=0.0, le=5000.0)] = 0.0  # [Pa] 0: unrounded
 
-    # Sensors that the vehicle has only if its file has the table.
+    # Optional sensors: absent means none.
     dvl: Dvl | None = None
     usbl: Usbl | None = None
 
-    # The battery and what it feeds.
+    # The battery and its loads.
     battery_capacity: Positive = 96.0  # [Wh] Blueye Pioneer (Andrén 2023, §2.1)
     battery_full: Positive = 16.8  # [V] open circuit; four lithium cells, assumed
     battery_empty: Positive = 12.8  # [V] open circuit, assumed

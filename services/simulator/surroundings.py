@@ -1,4 +1,4 @@
-"""What else acts on the vessel besides open water: sea floor, walls, tether."""
+"""Forces on the vessel other than those of open water: sea floor, walls, tether."""
 
 from messages.units import Quaternion, Vec3, Vec6
 from services.marine.attitude import to_body, to_world
@@ -37,7 +37,7 @@ class Surroundings:
         ]
 
     def floor_felt(self, position: Vec3, q_NB: Quaternion) -> bool:
-        """Does the hull touch the floor?"""
+        """Whether the hull touches the floor."""
         _, floor = self._sides[0]
         depth = position[2]
         return floor.near(depth) and floor.touches(depth, to_body(q_NB, DOWN))

@@ -1,13 +1,13 @@
-"""The tether's drag on the vehicle, the more of it the deeper the vehicle is.
+"""The tether's drag on the vehicle, which grows with depth.
 
-The tether hangs about upright between ship and vehicle. Of the drag across it, half is carried at
-each end. A length L across a flow v has the drag of a cylinder, ½ ρ C_d d L |v| v (Morison's drag
-term; C_d of a cylinder 1.2, Hoerner 1965, p. 3-9), so the vehicle feels
+The tether hangs approximately vertically between ship and vehicle; each end carries half of its
+transverse drag. A length L across a flow v has the drag of a cylinder, ½ ρ C_d d L |v| v (Morison's
+drag term; C_d of a cylinder 1.2, Hoerner 1965, p. 3-9), so the force on the vehicle is
 
     F = −¼ ρ C_d d L |v| v      horizontally, L = depth + slack,
 
-and lengthwise, where the tether slides along itself, a small share of that. v is the vehicle's
-velocity through the water. Its mass, its weight in water (about none) and its shape are left out.
+and vertically, along the tether, a small share of that. v is the vehicle's velocity through the
+water. The tether's mass, weight in water (about zero) and shape are neglected.
 """
 
 from math import hypot

@@ -1,8 +1,8 @@
 """The vehicle in the water: six degrees of freedom, thrusters with lag, current, surroundings.
 
-The equations of motion (equations.py) are solved by the explicit midpoint rule, of second order,
-two hundred times a second, with quaternion kinematics; the thrusters' lag is solved exactly beside
-it. Plain floats throughout: at this size that is several times faster than NumPy.
+The equations of motion (equations.py) are integrated by the explicit midpoint rule, of second
+order, at 200 Hz, with quaternion kinematics; the thrusters' lag is solved exactly. Plain floats
+throughout: at this size that is several times faster than NumPy.
 """
 
 from collections.abc import Sequence
@@ -23,12 +23,12 @@ from services.simulator.surroundings import Surroundings
 State = tuple[float, ...]  # 13 numbers
 
 STEP = 0.005  # [s] longest step in open water
-STEP_AT_BARRIER = 0.001  # [s] longest step where floor or walls may push, for they are stiff
-ABSURD = 1e6  # [m/s, rad/s] nothing we simulate gets there
+STEP_AT_BARRIER = 0.001  # [s] longest step near floor or walls, because they are stiff
+ABSURD = 1e6  # [m/s, rad/s] a larger velocity means divergence
 
 
 class Vessel:
-    """Moves in time by `advance`; `drive` and `set_faults` change what happens then."""
+    """Advances in time by `advance`; `drive` and `set_faults` set its inputs."""
 
     def __init__(
         self,
@@ -40,7 +40,7 @@ class Vessel:
     ) -> None:
         """
         Args:
-            thrust: [N] per thruster at the beginning.
+            thrust: [N] per thruster at the start.
             seed: [-] 0 or more, of the current.
         """
         self.vehicle = vehicle
@@ -59,18 +59,18 @@ class Vessel:
         self._look_around()
 
     def drive(self, thrust: Sequence[float]) -> None:
-        """Ask the thrusters for this thrust [N] from now on."""
+        """Command this thrust [N] from now on."""
         self._propulsion.drive(thrust)
 
     def set_faults(self, faults: Faults) -> None:
-        """From now on these thrusters, by name, are broken and all others are not."""
+        """Set the faults by thruster name; all others work."""
         self._propulsion.set_faults(faults)
 
     def advance(self, seconds: float) -> None:
-        """Move on in time.
+        """Advance by `seconds`.
 
         Raises:
-            FloatingPointError: the motion has become absurd; the vehicle's parameters are wrong.
+            FloatingPointError: the motion has diverged; the vehicle's parameters are wrong.
         """
         steps = int(seconds / STEP - 1e-9) + 1
         for _ in range(steps):
@@ -78,7 +78,7 @@ class Vessel:
         if not sum(map(abs, self.through_water)) < ABSURD:  # NaN is not smaller than anything
             raise FloatingPointError(f"the vehicle's motion has diverged: {self.state}")
 
-    # What there is to read.
+    # Outputs.
 
     @property
     def state(self) -> State:
@@ -91,7 +91,7 @@ class Vessel:
 
     @property
     def settles_at(self) -> list[float]:
-        """[N] per thruster, what it would come to if nothing changed."""
+        """[N] per thruster, final value for the present command."""
         return self._propulsion.settles_at
 
     @property
@@ -118,10 +118,10 @@ class Vessel:
     def on_floor(self) -> bool:
         return self._around.floor_felt(self.position, self.attitude)
 
-    # How it moves.
+    # Integration.
 
     def _go(self, seconds: float) -> None:
-        """One step, in shorter ones where it may touch something."""
+        """One step, divided into shorter ones near a barrier."""
         parts = int(seconds / STEP_AT_BARRIER - 1e-9) + 1 if self._near else 1
         for _ in range(parts):
             self._step(seconds / parts)
@@ -173,14 +173,14 @@ class Vessel:
         return self._acceleration(position[2], q_NB, nu, tau)
 
     def _look_around(self) -> None:
-        """What the next step and the sensors must know about where the vessel has come to."""
+        """Update barriers, dry thrusters and acceleration for the new position."""
         self._near = self._around.near(self.position)
         if self.position[2] < self._always_wet_below:
             self._propulsion.leave_water(self._thrusters_in_air())
         self._nu_dot = self._slope(0.0, self.position, self.attitude, self.through_water)
 
     def _flow(self, seconds: float) -> None:
-        """Where the current changes, the vessel's own velocity over the ground does not."""
+        """Update the current; a change does not alter the velocity over the ground."""
         if self._water is None:
             return
         self._elapsed += seconds

@@ -1,4 +1,4 @@
-"""What a simulated world is made of: what must survive a restart, and how it begins."""
+"""The simulation's state for a restart, and its initial state."""
 
 import msgspec
 
@@ -10,7 +10,7 @@ from services.simulator.settings import Settings
 
 
 class WorldCheckpoint(msgspec.Struct, frozen=True):
-    """All that must survive a restart in mid-dive."""
+    """State for a restart in mid-dive."""
 
     state: tuple[Finite, ...]  # 13 numbers, see vessel.State
     thrust: tuple[Finite, ...]  # [N] per thruster

@@ -1,8 +1,8 @@
-"""Between newtons and an ESC: what to ask of it, and what an open-loop thruster is believed to do.
+"""From newtons to an ESC command, and a model of open-loop thrusters.
 
-An ESC without feedback does not say what its motor does. What is believed of it is the command
-through the thrust curve (its dead-band and limits; the driver inverts the rest) and the thruster's
-lag, and `Actuation.measured` says that it is only believed.
+An ESC without feedback does not report its thrust. It is modelled from the command by dead-band,
+limits (the driver inverts the rest of the thrust curve) and lag; then `Actuation.measured` is
+False.
 """
 
 from collections.abc import Sequence
@@ -14,8 +14,8 @@ from services.marine.vehicle import Thruster
 
 
 def share_of_voltage(thruster: Thruster, newtons: float) -> float:
-    """[-] −1 … 1: what to ask of the ESC for a thrust, by the thruster's curve; without one, a
-    share of its limit. Zero inside the dead-band."""
+    """[-] −1 … 1: ESC command for a thrust [N], by the thruster's curve; without one, a share of
+    its limit. Zero inside the dead-band."""
     settles_at = driven(thruster, newtons)
     if settles_at == 0.0:
         return 0.0
@@ -26,28 +26,28 @@ def share_of_voltage(thruster: Thruster, newtons: float) -> float:
 
 
 class OpenLoopThrust:
-    """What thrusters without feedback are believed to produce, from rest."""
+    """Modelled thrust of thrusters without feedback, from rest."""
 
     def __init__(self, thrusters: Sequence[Thruster]) -> None:
         self._lags = [_Lagging(thruster) for thruster in thrusters]
 
     def drive(self, thrust: Sequence[float], now: int) -> None:
-        """From `now` [ns] on they are asked for this thrust [N]."""
+        """Command this thrust [N] per thruster from `now` [ns] on."""
         for lagging, newtons in zip(self._lags, thrust, strict=True):
             lagging.drive(newtons, now)
 
     def believed(self, now: int) -> tuple[float, ...]:
-        """[N] Per thruster at `now` [ns]."""
+        """[N] Modelled thrust per thruster at `now` [ns]."""
         return tuple([lagging.at(now) for lagging in self._lags])
 
 
 class _Lagging:
-    """One thruster: what it settles at, less modes that decay (services/marine/thruster_lag.py)."""
+    """One thruster: final value minus decaying modes (services/marine/thruster_lag.py)."""
 
     def __init__(self, thruster: Thruster) -> None:
         self._thruster = thruster
         self._modes = thruster.modes
-        self._gaps: list[complex] = [0.0] * len(self._modes)  # [N] what each mode lacked at `since`
+        self._gaps: list[complex] = [0.0] * len(self._modes)  # [N] gap of each mode at `since`
         self._settles_at = 0.0  # [N]
         self._since = 0  # [ns]
 
@@ -65,7 +65,7 @@ class _Lagging:
         return self._settles_at - sum(gap.real for gap in self._left(now))
 
     def _left(self, now: int) -> list[complex]:
-        """[N] What each mode lacks at `now`."""
+        """[N] Gap of each mode at `now`."""
         seconds = max(0, now - self._since) / 1e9
         return [
             decay(mode.pole, seconds) * gap

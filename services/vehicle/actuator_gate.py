@@ -1,7 +1,7 @@
-"""Which thruster commands act, and for how long: the last door before the thrusters.
+"""The last check of thruster commands before the thrusters: validity and time-to-live.
 
-Pure: a command and `now` go in, the thrust that may be applied comes out. What is not obeyed leaves
-the command in force as it is, which ends by itself.
+Pure: a command and `now` go in, the permitted thrust comes out. A refused command does not change
+the one in force, which ends with its time-to-live.
 """
 
 from collections.abc import Sequence
@@ -12,18 +12,18 @@ from services.marine.thrusters import limited
 from services.marine.vehicle import Thruster
 
 THRUSTERS = "control/thrusters"  # named in what is counted
-LONGEST_MS = 1000.0  # [ms] nobody may claim a longer life
-FUTURE_NS = 100_000_000  # [ns] a stamp further ahead than this is a lie, not jitter
+LONGEST_MS = 1000.0  # [ms] longest time-to-live allowed
+FUTURE_NS = 100_000_000  # [ns] a stamp further ahead than this is an error, not jitter
 
 
 class ActuatorGate:
-    """A command acts if it is whole, of this vehicle's length, in time, in order and of the epoch
-    in force or a newer one. It is held to the thrusters' limits, is zero unless armed, and ends at
-    the very instant its life does.
+    """A command takes effect if it is well-formed, of this vehicle's length, in time, in order, and
+    of the epoch in force or a newer one. It is limited to the thrusters' limits, is zero unless
+    armed, and ends exactly with its time-to-live.
 
     Everything refused or changed is counted by reason: malformed, wrong_length, from_future,
-    expired, reordered, wrong_epoch, disarmed (thrust was asked for all the same), saturated:<name>,
-    and stale when a command ended without a next one.
+    expired, reordered, wrong_epoch, disarmed (with thrust not zero), saturated:<name>, and stale
+    when a command ended without a successor.
     """
 
     def __init__(self, thrusters: Sequence[Thruster]) -> None:
@@ -31,16 +31,16 @@ class ActuatorGate:
         Args:
             thrusters: of the vehicle file, in its order.
         """
-        self.command: ThrusterCommand | None = None  # the newest that was obeyed, as it was said
-        self.obeyed_ns: int | None = None  # [ns] when that was
-        self.ends_ns: int | None = None  # [ns] last instant it holds; None: nothing to obey
+        self.command: ThrusterCommand | None = None  # newest accepted, as received
+        self.obeyed_ns: int | None = None  # [ns] when it was accepted
+        self.ends_ns: int | None = None  # [ns] last instant it holds; None: none in force
         self._thrusters = tuple(thrusters)
         self._zeros = (0.0,) * len(self._thrusters)
         self._thrust = self._zeros  # [N] within the limits
-        self._epoch = 0  # newest authority epoch that was obeyed
+        self._epoch = 0  # newest authority epoch accepted
 
     def obey(self, command: ThrusterCommand, now: int) -> list[str]:
-        """A command has come at `now` [ns]. Returns the names of what is to be counted."""
+        """Take in a command at `now` [ns]. Returns the names to count."""
         counted = self.lapse(now)
         if (reason := self._refusal(command, now)) is not None:
             return [*counted, f"{reason}:{THRUSTERS}"]
@@ -56,26 +56,26 @@ class ActuatorGate:
         ]
 
     def lapse(self, now: int) -> list[str]:
-        """Time has passed. Returns the names of what is to be counted: once, when a command's life
-        has ended."""
+        """End a command whose time-to-live has passed at `now` [ns]. Returns the names to count,
+        once per command."""
         if self.ends_ns is None or now <= self.ends_ns:
             return []
         self.ends_ns, self._thrust = None, self._zeros
         return [f"stale:{THRUSTERS}"]
 
     def output(self, now: int) -> tuple[float, ...]:
-        """[N] Per thruster, what may be applied at `now` [ns]."""
+        """[N] Permitted thrust per thruster at `now` [ns]."""
         return self._thrust if self._holds(now) else self._zeros
 
     def armed(self, now: int) -> bool:
-        """May the thrusters turn at `now` [ns]?"""
+        """Whether the thrusters may turn at `now` [ns]."""
         return self._holds(now) and self.command is not None and self.command.armed
 
     def _holds(self, now: int) -> bool:
         return self.ends_ns is not None and now <= self.ends_ns
 
     def _refusal(self, command: ThrusterCommand, now: int) -> str | None:
-        """Why a command cannot be obeyed; None when it can."""
+        """Why a command is refused; None when it is accepted."""
         if not all(map(isfinite, command.thrust)) or not 0.0 <= command.ttl_ms <= LONGEST_MS:
             return "malformed"
         if len(command.thrust) != len(self._thrusters):

@@ -1,8 +1,8 @@
-"""From where a sensor sits to the vehicle's origin, and back.
+"""From a sensor's position and axes to the vehicle's origin and axes, and back.
 
-A driver says what its sensor says: in the sensor's own axes, at the sensor's own place. Estimation
-puts it right at its door (`AtOrigin`); the simulator measures there with the inverse. A sensor
-that sits at the origin along the body's axes passes untouched.
+A driver publishes raw samples, in the sensor's own axes and position. Estimation transforms them on
+arrival (`AtOrigin`); the simulator uses the inverse. Samples of a sensor at the origin along the
+body's axes are unchanged.
 
 Rigid-body kinematics (Fossen 2011, §2.2 and eq. 7.8): a point at r has the velocity v + ω × r and
 the specific force f + ω × (ω × r) + ω̇ × r.
@@ -28,8 +28,8 @@ from services.marine.attitude import LEVEL, Quaternion, to_world
 from services.marine.mounting import ALONG, ORIGIN, Mount, Mounting, Rotation, Turned
 from services.marine.vehicle import GRAVITY
 
-SMOOTHING = 0.02  # [s] of the gyroscope before it is differenced; two samples of most
-LONGEST_STEP = 0.1  # [s] a rate that was heard longer ago says nothing about acceleration
+SMOOTHING = 0.02  # [s] of the gyroscope before it is differenced; typically two samples
+LONGEST_STEP = 0.1  # [s] no differencing over a longer gap
 REMEMBERED_NS = 10_000_000_000  # [ns] no sample may be older: the limit of "oldest" in estimation
 AT_REST: Vec3 = (0.0, 0.0, 0.0)
 
@@ -59,18 +59,18 @@ class MountedAxes:
 
 
 def force_at(r: Vec3, rate: Vec3, acceleration: Vec3) -> Vec3:
-    """[m/s²] By how much the specific force at r [m] differs from that at the origin, for an
-    angular rate [rad/s] and its derivative [rad/s²]; all in body axes."""
+    """[m/s²] Specific force at r [m] minus that at the origin, for an angular rate [rad/s] and its
+    derivative [rad/s²]; all in body axes."""
     return _plus(cross(rate, cross(rate, r)), cross(acceleration, r))
 
 
 def velocity_at(r: Vec3, rate: Vec3) -> Vec3:
-    """[m/s] By how much the velocity at r [m] differs from that at the origin."""
+    """[m/s] Velocity at r [m] minus that at the origin, body axes."""
     return cross(rate, r)
 
 
 class Moment(NamedTuple):
-    """How the vehicle lay and turned."""
+    """Attitude and angular rate at one instant."""
 
     stamp_ns: int
     rate: Vec3 = AT_REST  # [rad/s] body
@@ -78,10 +78,10 @@ class Moment(NamedTuple):
 
 
 class AtOrigin:
-    """Samples of mounted sensors into samples of the vehicle's origin, in body axes.
+    """Transforms samples of mounted sensors to the vehicle's origin and body axes.
 
-    Pressure and fixes of an arm need the attitude, and a DVL's the angular rate, at the time of the
-    sample: they are told with `moved` after each IMU sample, if `curious`.
+    With a lever arm, pressure and fixes need the attitude at the time of the sample, and a DVL the
+    angular rate too: call `moved` after each IMU sample, if `needs_motion`.
     """
 
     def __init__(self, mounting: Mounting, density: float) -> None:
@@ -94,10 +94,10 @@ class AtOrigin:
         self._turning = Turning()
         self._moments = deque[Moment]()
         arms = self._dvl_arm, self._pressure_arm, self._usbl_arm
-        self.curious = any(arm != ORIGIN for arm in arms)
+        self.needs_motion = any(arm != ORIGIN for arm in arms)
 
     def moved(self, moment: Moment) -> None:
-        """What is known of the newest instant."""
+        """Store the newest attitude and angular rate."""
         if self._moments and moment.stamp_ns <= self._moments[-1].stamp_ns:
             self._moments.clear()
         self._moments.append(moment)
@@ -143,7 +143,7 @@ class AtOrigin:
         return replace(sample, north=sample.north - north, east=sample.east - east)
 
     def _at(self, stamp_ns: int) -> Moment:
-        """The newest moment not after this time; else the oldest there is."""
+        """The newest moment not after this time; else the oldest."""
         if not self._moments:
             return Moment(stamp_ns)
         after = bisect_right(self._moments, stamp_ns, key=lambda moment: moment.stamp_ns)
@@ -172,14 +172,14 @@ class Turning:
 
 
 def place_of(arm: Vec3, position: Vec3, q_NB: Quaternion) -> Vec3:
-    """[m] NED, where something mounted at `arm` [m] is."""
+    """[m] NED position of a sensor mounted at `arm` [m]."""
     return position if arm == ORIGIN else _plus(position, to_world(q_NB, arm))
 
 
 def measured_there(
     mount: Mount, axes: MountedAxes, force: Vec3, rate: Vec3, acceleration: Vec3
 ) -> tuple[Vec3, Vec3]:
-    """Specific force [m/s²] and angular rate [rad/s] at the origin, as a mounted IMU feels them.
+    """Specific force [m/s²] and angular rate [rad/s] at the origin, as a mounted IMU measures them.
 
     Args:
         acceleration: [rad/s²] derivative of the angular rate, in body axes.

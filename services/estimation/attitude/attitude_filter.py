@@ -1,9 +1,9 @@
 """Attitude by Madgwick's filter for gyroscope and accelerometer (Madgwick 2010, section 3.2).
 
-The gyroscope turns the quaternion; a small step of gradient descent then leans it towards what the
-accelerometer says about down. The step never turns about the vertical, so heading is the
-gyroscope's alone. Andrén 2023, eq. 4.22 to 4.25, is this filter; printed there without dt on the
-step and without normalisation, which both belong to it.
+The gyroscope rotates the quaternion; a small gradient descent step then tilts it towards the
+accelerometer's down. The step never rotates about the vertical, so heading comes from the gyroscope
+alone. Andrén 2023, eq. 4.22 to 4.25, is this filter, printed there without dt on the step and
+without normalisation, which both belong to it.
 
 q_NB is w, x, y, z and turns body (FRD) vectors into NED. Roll is about x and pitch about y;
 Andrén's eq. 5.24 has the same expressions with these two names exchanged.
@@ -26,25 +26,25 @@ class AttitudeSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Attitude and headings."""
 
     # Madgwick's β: fastest step towards the accelerometer. In a turn under way the accelerometer
-    # points up to 5° beside down, and what it drags the tilt along then turns the heading too: in
-    # simulated dives 0.02 rad/s costs 1.4° of tilt and 0.2 °/min of heading, 0.002 a third and
-    # nothing. A gyroscope's bias needs no more than ten times itself, which is 0.0005 rad/s.
+    # is off by up to 5°, and the tilt error this causes disturbs the heading too: in simulated
+    # dives 0.02 rad/s costs 1.4° of tilt and 0.2 °/min of heading, 0.002 a third and nothing. A
+    # gyroscope's bias needs no more than ten times itself, which is 0.0005 rad/s.
     correction: CorrectionRate = 0.002  # [rad/s]
-    recovery: CorrectionRate = 0.02  # [rad/s] while the tilt is known half as well as `tilt_std`
+    recovery: CorrectionRate = 0.02  # [rad/s] while the tilt's std is above twice `tilt_std`
     gravity_tolerance: UpToTen = 0.5  # [m/s²] | |f| - g | beyond it: accelerating, no correction
     tilt_std: UpToTen = 0.02  # [rad] of roll and pitch while corrected
     tilt_drift: UpToTen = 0.001  # [rad/s] growth of that while not corrected
-    heading_std: UpToTen = 0.002  # [rad] of the control heading while pitching, besides its drift
-    heading_drift: UpToTen = 7e-5  # [rad/s] growth of the control heading's spread; 0.25 deg/min
+    heading_std: UpToTen = 0.002  # [rad] of the control heading while pitching, without drift
+    heading_drift: UpToTen = 7e-5  # [rad/s] growth of the control heading's std; 0.25 deg/min
     yaw_rate_std: UpToTen = 0.005  # [rad/s]
     yaw_rate_cutoff: UpToTen = 8.0  # [Hz] of the exponential low-pass
-    compass_time: Annotated[float, msgspec.Meta(gt=0.0, le=1e3)] = 10.0  # [s] blend with gyroscope
+    compass_time: Annotated[float, msgspec.Meta(gt=0.0, le=1e3)] = 10.0  # [s] filter time constant
     compass_std: UpToTen = 0.07  # [rad] of the navigation heading, with soft and hard iron
     compass_gate: Annotated[float, msgspec.Meta(ge=2.0, le=180.0)] = 10.0  # [deg] from gyroscope
     compass_hold_off: WithinAnHour = 3.0  # [s] normal field before the compass is used again
     field_tolerance: Annotated[float, msgspec.Meta(gt=0.0, le=50.0)] = 4.0  # [µT] of strength
     dip_tolerance: Annotated[float, msgspec.Meta(gt=0.0, le=90.0)] = 5.0  # [deg]
-    field_relearn: WithinAnHour = 120.0  # [s] a field that has changed for good is the new normal
+    field_relearn: WithinAnHour = 120.0  # [s] a field this long unchanged is the new normal
     earth_field: Annotated[float, msgspec.Meta(ge=20.0, le=70.0)] | None = None  # [µT] None: learn
     earth_dip: Annotated[float, msgspec.Meta(ge=-90.0, le=90.0)] | None = None  # [deg] + is down
 
@@ -60,14 +60,14 @@ class AttitudeFilter:
         self.q: Quaternion = (1.0, 0.0, 0.0, 0.0)
 
     def start(self, specific_force: Vec3, heading: float) -> None:
-        """Begin with the tilt the accelerometer shows at rest [m/s²] and a given heading [rad]."""
+        """Begin with the tilt of a specific force at rest [m/s²], FRD, and a heading [rad]."""
         roll, pitch = tilt_of(specific_force)
         self.q = from_euler(roll, pitch, heading)
 
     def step(self, rate: Vec3, specific_force: Vec3, dt: float, beta: float | None = None) -> bool:
-        """Move on by `dt` [s] with the angular rate [rad/s], bias removed, and the specific force
-        [m/s²], both in FRD, and a gain [rad/s] other than `correction`. False: accelerating too
-        much, the accelerometer was not used."""
+        """Advance by `dt` [s] with the angular rate [rad/s], bias removed, and the specific force
+        [m/s²], both in FRD; `beta` [rad/s] replaces `correction`. False: accelerating too much, the
+        accelerometer was not used."""
         self.q = turned(self.q, rate, dt)
         fx, fy, fz = specific_force
         size = sqrt(fx * fx + fy * fy + fz * fz)
@@ -104,7 +104,7 @@ def corrected(q: Quaternion, down: Vec3, step: float) -> Quaternion:
     slope = sqrt(gw * gw + gx * gx + gy * gy + gz * gz)
     if slope < 1e-12:
         return q
-    # A quarter of the slope is the whole way there: a longer step would only chatter.
+    # A quarter of the slope is the full correction: a longer step would overshoot.
     k = min(step, slope / 4.0) / slope
     return unit(w - k * gw, x - k * gx, y - k * gy, z - k * gz)
 

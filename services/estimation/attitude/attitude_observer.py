@@ -1,4 +1,4 @@
-"""From IMU and magnetometer samples to attitude, headings and yaw rate with their spreads."""
+"""From IMU and magnetometer samples to attitude, headings and yaw rate, each with its std."""
 
 from math import isfinite, pi
 
@@ -15,20 +15,21 @@ from services.estimation.attitude.heading import (
 from services.marine.attitude import down_in_body, to_euler
 from services.marine.vehicle import GRAVITY
 
-STEEPEST = 1.4  # [rad] of pitch; nearer to the vertical, heading means nothing
-UNSURE = 0.1  # [rad] of tilt, taken from the accelerometer of a vehicle that moves
-UNSURE_AFTER = 0.2  # [rad/s] of tilt, for each second in which nobody looked
-COMPASS_MEMORY_NS = 60_000_000_000  # [ns] the gyroscope carries north on for this long
+STEEPEST = 1.4  # [rad] of pitch; closer to the vertical, heading is invalid
+UNSURE = 0.1  # [rad] 1σ of a tilt taken from the accelerometer of a moving vehicle
+UNSURE_AFTER = 0.2  # [rad/s] growth of the tilt's std without IMU samples
+COMPASS_HOLD_NS = 60_000_000_000  # [ns] north stays valid on the gyroscope for this long
 
 
 class AttitudeObserver:
     """Attitude, control heading and navigation heading of a calibrated vehicle."""
 
     def __init__(self, settings: AttitudeSettings, gyro_bias: Vec3, heading: float, std: float):
-        """Bias [rad/s]; control heading [rad] at the start and its spread [rad].
-
-        The control heading is whatever it was at the end of calibration plus the turns since, so
-        its spread is what the gyroscope has drifted, not what north is worth.
+        """
+        Args:
+            gyro_bias: [rad/s] FRD.
+            heading, std: [rad] control heading at the start and its standard deviation. It counts
+                turns since calibration, so `std` is gyroscope drift, not the uncertainty of north.
         """
         self.gyro_bias = gyro_bias
         self.control = ControlHeading(settings, heading, std)
@@ -48,14 +49,14 @@ class AttitudeObserver:
         return self._filter.q
 
     def start(self, specific_force: Vec3) -> None:
-        """Take roll and pitch from the accelerometer [m/s²] and the heading from where it was."""
+        """Take roll and pitch from the specific force [m/s²]; the heading stays."""
         self._filter.start(specific_force, self.control.heading)
         self._euler = to_euler(self._filter.q)
         self._started = True
 
     def agree(self, at_ns: int, field: Vec3) -> bool:
-        """Both headings are the same now [ns]: the control heading is the bearing of this field
-        [T], FRD, measured at rest. False: the field cannot be the Earth's, north is not known."""
+        """Align both headings now [ns]: the control heading is the bearing of this field [T], FRD,
+        measured at rest. False: the field cannot be the Earth's, north is not known."""
         if not self.compass.field.learn(*strength_and_dip(self._filter.q, field)):
             return False
         self.compass.offset = 0.0
@@ -63,15 +64,14 @@ class AttitudeObserver:
         return True
 
     def step(self, angular_rate: Vec3, specific_force: Vec3, dt: float) -> str | None:
-        """One IMU sample [rad/s, m/s²], `dt` [s] after the one before. Returns what is worth
-        counting."""
+        """One IMU sample [rad/s, m/s²], `dt` [s] after the previous one. Returns an event."""
         if not self._started:
             self.start(specific_force)
             self._tilt_std = UNSURE
         p, q, r = angular_rate
         bp, bq, br = self.gyro_bias
         rate = (p - bp, q - bq, r - br)
-        # The mean of both ends: the newest sample alone would be half a step early.
+        # The mean of both ends: the newest sample alone would lead by half a step.
         before, self._rate = self._rate or rate, rate
         (a, b, c), (d, e, f) = before, rate
         mean = (0.5 * (a + d), 0.5 * (b + e), 0.5 * (c + f))
@@ -86,13 +86,13 @@ class AttitudeObserver:
         return None if used else "accelerating:sensor/imu"
 
     def blind(self, seconds: float) -> None:
-        """Nobody has measured anything for this long."""
+        """No IMU samples for this long [s]."""
         self.control.blind(seconds)
         self.compass.blind(seconds)
         self._tilt_std = min(pi, self._tilt_std + UNSURE_AFTER * seconds)
 
     def magnetometer(self, field: Vec3, stamp_ns: int) -> str | None:
-        """One plausible sample [T]. Returns what is worth counting."""
+        """One validated sample [T], FRD. Returns an event to count."""
         if not self._started:
             return None
         before, self._field_ns = self._field_ns, stamp_ns
@@ -127,13 +127,13 @@ class AttitudeObserver:
         """Navigation heading [rad] in (-π, π]; None without a magnetometer."""
         if self.compass.offset is None or self._compass_ns is None:
             return None
-        recent = now - self._compass_ns <= COMPASS_MEMORY_NS and abs(self._euler[1]) < STEEPEST
+        recent = now - self._compass_ns <= COMPASS_HOLD_NS and abs(self._euler[1]) < STEEPEST
         heading = wrapped(self.control.heading + self.compass.offset)
         return Estimate(heading, self.compass.std, valid and recent)
 
     @property
     def north_std(self) -> float:
-        """[rad] Spread of the heading from north; of the control heading without a compass."""
+        """[rad] 1σ of the heading from north; of the control heading without a compass."""
         return self.control.std if self.compass.offset is None else self.compass.std
 
     def yaw_rate(self, valid: bool) -> Estimate:
@@ -142,12 +142,12 @@ class AttitudeObserver:
 
     @property
     def _gain(self) -> float:
-        """[rad/s] Slow while the tilt is known: the accelerometer is only right on average."""
+        """[rad/s] Low while the tilt is known: the accelerometer is only right on average."""
         s = self._settings
         return s.recovery if self._tilt_std > 2.0 * s.tilt_std else s.correction
 
     def _spread(self, beta: float | None, dt: float) -> None:
-        """The gain [rad/s] with which the accelerometer has corrected; None: not at all."""
+        """Update the tilt's std; `beta` [rad/s] is the gain used, None: no correction."""
         least, drift = self._settings.tilt_std, self._settings.tilt_drift
         if beta is None:
             self._tilt_std = min(pi, self._tilt_std + drift * dt)
@@ -158,7 +158,7 @@ class AttitudeObserver:
         return isfinite(sum(self._filter.q) + self.control.heading + self.control.yaw_rate)
 
     def _reset(self, specific_force: Vec3) -> str:
-        """Last line of defence against numbers that are not finite."""
+        """Start again after a number that is not finite."""
         self.control = ControlHeading(self._settings, 0.0, pi)
         self.start(specific_force)
         self._tilt_std = UNSURE

@@ -1,7 +1,7 @@
-"""The two headings: one for control that never sees a magnetometer, one for navigation that does.
+"""The two headings: one for control, without magnetometer, and one for navigation, with it.
 
-Iron nearby bends the compass by tens of degrees. On the pilot's screen that is a nuisance; in the
-control loop it turns the vehicle (Andrén 2023, section 5.3.2).
+Iron nearby deflects the compass by tens of degrees. On the pilot's screen that is a nuisance; in
+the control loop it turns the vehicle (Andrén 2023, section 5.3.2).
 """
 
 from math import atan2, exp, hypot, pi, radians, remainder
@@ -12,9 +12,9 @@ from services.estimation.attitude.attitude_filter import AttitudeSettings
 from services.estimation.attitude.magnetic_field import MagneticField
 from services.marine.attitude import down_in_body
 
-LEAST_HORIZONTAL = 2e-6  # [T] less horizontal field than this shows no direction
-PERIOD = 1.0 / topics.IMU.hz  # [s] a gyroscope heard half as often drifts twice as fast
-UNKNOWN_TURN = 0.5  # [rad/s] how fast the vehicle may have turned while nobody looked
+LEAST_HORIZONTAL = 2e-6  # [T] less horizontal field than this has no usable direction
+PERIOD = 1.0 / topics.IMU.hz  # [s] a gyroscope sampled half as often drifts twice as fast
+UNKNOWN_TURN = 0.5  # [rad/s] possible rate of turn without IMU samples
 
 
 def wrapped(angle: float) -> float:
@@ -37,22 +37,22 @@ class ControlHeading:
         self._yaw = wrapped(heading)
 
     def step(self, yaw: float, rate: float, dt: float) -> None:
-        """Yaw [rad] of the attitude and rate [rad/s] about z after another `dt` [s]."""
+        """Take in yaw [rad] of the attitude and rate [rad/s] about z, `dt` [s] later."""
         self.heading += wrapped(yaw - self._yaw)
         self._yaw = yaw
         self.yaw_rate += (1.0 - exp(-self._cutoff * dt)) * (rate - self.yaw_rate)
         self.std = min(pi, self.std + self._drift * dt * max(1.0, dt / PERIOD))
 
     def blind(self, seconds: float) -> None:
-        """Nobody has measured the rate for this long."""
+        """No IMU samples for this long [s]."""
         self.std = min(pi, self.std + UNKNOWN_TURN * seconds)
 
 
 class Compass:
-    """How far north is from where the control heading believes it is.
+    """The offset from control heading to navigation heading.
 
-    A complementary filter: what the gyroscope says quickly, what the magnetometer says slowly, and
-    nothing of the magnetometer while the field is not the Earth's. North is magnetic north.
+    A complementary filter: high frequencies from the gyroscope, low ones from the magnetometer,
+    which is ignored while the field is not the Earth's. North is magnetic north.
     """
 
     __slots__ = ("_drift", "_gate", "_least_std", "_time", "field", "offset", "std")
@@ -67,42 +67,42 @@ class Compass:
         self.std = settings.compass_std  # [rad]
 
     def step(self, q: Quaternion, field: Vec3, dt: float) -> str | None:
-        """A field [T] in FRD, `dt` [s] after the one before, with the control attitude q_NB.
-        Returns what is to be counted; `field.trusted` says whether it was used."""
+        """A field [T] in FRD, `dt` [s] after the previous one, with the control attitude q_NB.
+        Returns an event to count; `field.trusted` says whether it was used."""
         north, east = horizontal(q, field)
         level = hypot(north, east)
         if level < LEAST_HORIZONTAL:
             return "steep"
-        seen = -atan2(east, north)
+        measured = -atan2(east, north)
         down = down_along(q, field)
         strength, dip = 1e6 * hypot(level, down), atan2(down, level)
-        surprise = 0.0 if self.offset is None else wrapped(seen - self.offset)
-        # A heading that is not known well cannot accuse the compass.
+        innovation = 0.0 if self.offset is None else wrapped(measured - self.offset)
+        # An uncertain heading widens the gate.
         gate = max(self._gate, 3.0 * (self.std - self._least_std))
-        event = self.field.judge(strength, dip, seen, surprise, gate, dt)
+        event = self.field.judge(strength, dip, measured, innovation, gate, dt)
         if self.field.trusted:
-            self._use(seen, surprise, dt, abs(surprise) > gate)
+            self._use(measured, innovation, dt, abs(innovation) > gate)
         return event
 
-    def go_on(self, offset: float, strength: float, dip: float) -> None:
-        """As before a restart: north's offset [rad] and the normal field [µT, rad]."""
+    def resume(self, offset: float, strength: float, dip: float) -> None:
+        """Restore a checkpoint: offset [rad] and the normal field [µT, rad]."""
         self.offset = wrapped(offset)
         self.field.learn(strength, dip)
 
     def drift(self, dt: float) -> None:
-        """Another `dt` [s] on the gyroscope alone."""
+        """Advance by `dt` [s] on the gyroscope alone."""
         self.std = min(pi, self.std + self._drift * dt * max(1.0, dt / PERIOD))
 
     def blind(self, seconds: float) -> None:
-        """Nobody has measured the rate for this long."""
+        """No IMU samples for this long [s]."""
         self.std = min(pi, self.std + UNKNOWN_TURN * seconds)
 
-    def _use(self, seen: float, surprise: float, dt: float, anew: bool) -> None:
-        if self.offset is None or anew:
-            self.offset, self.std = wrapped(seen), self._least_std
+    def _use(self, measured: float, innovation: float, dt: float, restart: bool) -> None:
+        if self.offset is None or restart:
+            self.offset, self.std = wrapped(measured), self._least_std
             return
         share = 1.0 - exp(-dt / self._time)
-        self.offset = wrapped(self.offset + share * surprise)
+        self.offset = wrapped(self.offset + share * innovation)
         self.std += share * (self._least_std - self.std)
 
 
@@ -113,8 +113,8 @@ def strength_and_dip(q: Quaternion, field: Vec3) -> tuple[float, float]:
 
 
 def bearing(q: Quaternion, field: Vec3) -> float | None:
-    """How far [rad] magnetic north lies to the left of where the attitude q_NB believes it is; for
-    an attitude with yaw 0, the magnetic heading. None: the field [T], FRD, is too steep."""
+    """[rad] Offset from the yaw of the attitude q_NB to the magnetic heading; for yaw 0, the
+    magnetic heading. None: the field [T], FRD, is too steep."""
     north, east = horizontal(q, field)
     return None if hypot(north, east) < LEAST_HORIZONTAL else -atan2(east, north)
 

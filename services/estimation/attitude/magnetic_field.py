@@ -1,7 +1,7 @@
-"""Is the magnetic field the Earth's, or is there iron?
+"""Detection of magnetic disturbances.
 
-The Earth's field has one strength and one dip at a place, and it does not turn when the vehicle
-does. Iron nearby breaks at least one of the three: strength, dip, or agreement with the gyroscope.
+At one place the Earth's field has a constant strength, dip and direction. Iron nearby changes at
+least one of strength, dip and agreement with the gyroscope.
 """
 
 from math import degrees, radians
@@ -12,13 +12,13 @@ LEAST_EARTH, MOST_EARTH = 20.0, 70.0  # [µT] the Earth's field is 22 to 67 µT
 
 
 class MagneticField:
-    """Says for every sample whether the compass may be used.
+    """Decides for every sample whether the compass may be used.
 
-    The field learnt at calibration, or the one the settings name, is what is normal. After a
-    passage of disturbance the compass comes back once the field has been normal for
-    `compass_hold_off`. A disturbance that stays the same for `field_relearn` is the new normal,
-    unless the settings name the field: from inside, a vehicle that came near iron to stay looks
-    like one that left the iron it was calibrated at.
+    The normal field is the one learnt at calibration, or the one in the settings. After a
+    disturbance the compass is used again once the field has been normal for `compass_hold_off`. A
+    disturbance that stays constant for `field_relearn` becomes the new normal, unless the settings
+    give the field: a vehicle that stays near iron cannot be told from one that has left the iron at
+    its calibration site.
     """
 
     def __init__(self, settings: AttitudeSettings) -> None:
@@ -29,41 +29,41 @@ class MagneticField:
         self._good_for = 0.0  # [s] normal so far, after a disturbance
         self._steady_for = 0.0  # [s] the same so far, though not normal
         self._first = (0.0, 0.0, 0.0)  # strength, dip, bearing when that began
-        self._told = False  # this disturbance has been counted
+        self._counted = False  # this disturbance has been counted
 
     def learn(self, strength: float, dip: float) -> bool:
-        """Take a field [µT, rad] measured at rest for normal. False: it cannot be the Earth's."""
+        """Set the normal field [µT, rad], measured at rest. False: it cannot be the Earth's."""
         if not self._can_be_the_earths(strength, dip):
-            self._told = True
+            self._counted = True
             return False
         if self._settings.earth_field is None:
             self.strength = strength
         if self._settings.earth_dip is None:
             self.dip = dip
-        self.trusted, self._told = True, False
+        self.trusted, self._counted = True, False
         return True
 
     def judge(
-        self, strength: float, dip: float, bearing: float, surprise: float, gate: float, dt: float
+        self, strength: float, dip: float, bearing: float, innovation: float, gate: float, dt: float
     ) -> str | None:
-        """One sample, `dt` [s] after the one before; `surprise` [rad] is how far it is from where
-        the gyroscope says north is, and `gate` how far it may be. Returns what is to be counted;
+        """One sample, `dt` [s] after the previous one; `innovation` [rad] is its difference from
+        the gyroscope's north, `gate` [rad] the largest allowed. Returns an event to count;
         `trusted` then says whether the sample may be used."""
-        if self._is_normal(strength, dip) and abs(surprise) <= gate:
+        if self._is_normal(strength, dip) and abs(innovation) <= gate:
             self._steady_for = 0.0
             if not self.trusted:
                 self._good_for += dt
                 self.trusted = self._good_for >= self._settings.compass_hold_off
-                self._told = self._told and not self.trusted
+                self._counted = self._counted and not self.trusted
             return None
         self._good_for, self.trusted = 0.0, False
         if self._is_new_normal(strength, dip, bearing, dt):
             self.learn(strength, dip)
             return "learnt"
         unknown = self.strength is None or self.dip is None
-        if self._told or (unknown and self._can_be_the_earths(strength, dip)):
+        if self._counted or (unknown and self._can_be_the_earths(strength, dip)):
             return None
-        self._told = True
+        self._counted = True
         return "disturbed"
 
     def _is_normal(self, strength: float, dip: float) -> bool:

@@ -1,3 +1,3 @@
-"""Which samples may be used: range checks, silent, frozen and noisy sensors.
-Imports no other room; every sample passes here before an observer sees it.
+"""Validation of samples: range checks, silent and frozen sensors, wrong rates.
+Imports no other room; every sample is validated here before an observer uses it.
 """

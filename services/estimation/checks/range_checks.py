@@ -1,4 +1,4 @@
-"""Which samples can be true at all. What a broken or saturated sensor says is not used.
+"""Range checks, against broken and saturated sensors.
 
 Ports have already refused NaN and infinities.
 """
@@ -17,12 +17,12 @@ from messages.sensors import (
 LEAST_FORCE, MOST_FORCE = 0.5, 156.0
 MOST_RATE = 34.8  # [rad/s] ±2000 deg/s parts end at 34.9
 LEAST_PRESSURE, MOST_PRESSURE = 50e3, 12e6  # [Pa] from a mountain lake to 1100 m of sea
-# [Pa] Beyond, the vehicle did not float: from a mountain lake at 3000 m to the highest air pressure
-# ever measured below 750 m, 1083.8 hPa (Agata, 1968; WMO archive of extremes). A calibration less
-# than 0.7 m under water, in standard air, still passes as weather.
+# [Pa] Outside, the vehicle did not float: from a mountain lake at 3000 m to the highest pressure of
+# the air measured below 750 m, 1083.8 hPa (Agata, 1968; WMO archive of extremes). A calibration
+# less than 0.7 m under water, in standard air, cannot be told from high pressure.
 LEAST_ATMOSPHERE, MOST_ATMOSPHERE = 70e3, 108.4e3
 MOST_SPEED = 15.0  # [m/s] over the ground
-MOST_DISTANCE = 20e3  # [m] the reach of acoustic positioning
+MOST_DISTANCE = 20e3  # [m] range of acoustic positioning
 LEAST_FIELD, MOST_FIELD = 15e-6, 100e-6  # [T] the Earth's is 22 to 67 µT
 
 
@@ -31,7 +31,7 @@ def imu(sample: ImuSample) -> bool:
 
 
 def saturated(sample: ImuSample) -> bool:
-    """An axis is at the end of its range: the true value may be anything beyond."""
+    """Whether an axis is at the end of its range; the true value is then unknown."""
     fx, fy, fz = sample.specific_force
     p, q, r = sample.angular_rate
     force, rate = max(abs(fx), abs(fy), abs(fz)), max(abs(p), abs(q), abs(r))

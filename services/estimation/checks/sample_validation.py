@@ -1,4 +1,4 @@
-"""Which samples are used at all: those that can be true, of a sensor that is alive."""
+"""Validation of samples: in range, and from a working sensor."""
 
 from messages import topics
 from messages.sensors import (
@@ -13,7 +13,7 @@ from services.estimation.checks.sensor_watch import SensorWatch, WatchSettings
 
 
 class SampleValidation:
-    """One question for each sensor: may this sample be used? `events` fills with why not."""
+    """One method per sensor: may this sample be used? `events` collects the refusals."""
 
     def __init__(self, limits: WatchSettings, events: list[str]) -> None:
         self._events = events
@@ -72,8 +72,8 @@ class SampleValidation:
         return self._usbl.usable((sample.north, sample.east), sample.stamp_ns)
 
     def listen(self, now: int) -> None:
-        """Count the sensors that have fallen silent. The IMU's silence shows in the state, and the
-        pressure sensor's in the age of its sample."""
+        """Count sensors that have fallen silent. A silent IMU shows in the state, a silent pressure
+        sensor in the age of its sample."""
         for watch in self._may_fall_silent:
             watch.listen(now)
 

@@ -1,7 +1,7 @@
-"""Is a sensor alive? What can be told from one stream of samples without knowing what is true.
+"""Is a sensor working? Checks that need only its own samples.
 
-Port gates have already refused what is malformed or out of order. Each passage from good to bad
-is counted once, not each sample of it.
+Port gates have already refused malformed and out-of-order samples. Each change from good to bad is
+counted once, not every bad sample.
 """
 
 from math import inf
@@ -14,13 +14,13 @@ from messages.units import OpenShare, WithinAnHour
 
 PressureRate = Annotated[float, msgspec.Meta(ge=1.0, le=100.0)]
 WINDOW = 2.0  # [s] over which a rate is judged
-GAP = 5.0  # [periods] a longer break is a drop-out and says nothing about the rate
+GAP = 5.0  # [periods] a longer break is a drop-out and does not count in the rate
 
 
 class WatchSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How long the very same numbers may come, and how far the rate may be off.
+    """How long identical values are allowed, and the tolerance of the rate.
 
-    A noisy sensor never repeats itself. One that rounds coarsely does, at rest: give it longer.
+    A noisy sensor never repeats a value. One with coarse resolution does, at rest: allow longer.
     """
 
     imu_frozen: WithinAnHour = 0.2  # [s]
@@ -31,15 +31,15 @@ class WatchSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     usbl_frozen: WithinAnHour = 20.0  # [s]
     rate_tolerance: OpenShare = 0.2  # [-] of the topic's rate
 
-    # A sensor that was heard and then says nothing for so long is silent.
+    # A sensor without samples for this long, after its first, is silent.
     magnetometer_silent: WithinAnHour = 1.0  # [s]
     dvl_silent: WithinAnHour = 5.0  # [s]
     usbl_silent: WithinAnHour = 20.0  # [s]
 
 
 class SensorWatch:
-    """Watches one sensor. `usable` is asked for every sample and says no to frozen ones and to
-    those whose time does not go on; `events` fills with what is to be counted."""
+    """Watches one sensor. `usable` refuses frozen samples and stamps that do not increase; `events`
+    collects names to count."""
 
     def __init__(
         self,
@@ -50,8 +50,13 @@ class SensorWatch:
         tolerance: float = 0.2,
         silent_after: float = inf,
     ) -> None:
-        """Topic, [s] of identical samples, the rate [1/s] with its tolerance (None: any), and [s]
-        without samples."""
+        """
+        Args:
+            key: topic.
+            frozen_after: [s] of identical samples.
+            hz, tolerance: [1/s], [-] of it; None: any rate.
+            silent_after: [s] without samples.
+        """
         self._key = key
         self._frozen_ns = round(frozen_after * 1e9)
         self._events = events
@@ -64,7 +69,7 @@ class SensorWatch:
         self._rate = None if hz is None else _Rate(hz, tolerance)
 
     def listen(self, now: int) -> None:
-        """Count a silence once; a sensor that was never heard is not silent but absent."""
+        """Count a silence once; a sensor without any sample so far is absent, not silent."""
         if self._stamp_ns is None or self._silent:
             return
         if (now - self._stamp_ns) * 1e-9 > self._silent_after:
@@ -110,7 +115,7 @@ class _Rate:
         self._count, self._span_ns, self._wrong = 0, 0, False
 
     def newly_wrong(self, period_ns: int) -> bool:
-        """Another period. True when a whole window is wrong after a good one."""
+        """Take in a period. True when a whole window is wrong after a good one."""
         if period_ns > self._gap_ns:
             self._count = self._span_ns = 0
             return False

@@ -1,13 +1,12 @@
 """Kalman filter of the vertical channel, driven by the accelerometer, corrected by pressure.
 
 States: depth [m], depth rate [m/s], bias of the vertical accelerometer [m/s²], all along NED down;
-and the bias of the forward accelerometer [m/s²], of which a pitching vehicle feels a share along
-down. With 10 mg and 10° that share is 0.017 m/s², far more than the sensor's noise.
-The thesis' filter (Andrén 2023, eq. 5.21 to 5.23) is the case without accelerometer: it must guess
-the motion from pressure alone and so lags. Feeding the measured acceleration in removes the lag;
-its bias (sensor, local gravity, tilt) is one more state. A vehicle that hardly rolls needs no state
-for the accelerometer to starboard: what that adds while it rolls counts as noise, as does what the
-attitude is wrong by.
+and the bias of the forward accelerometer [m/s²], of which a pitched vehicle has a share along down.
+With 10 mg and 10° that share is 0.017 m/s², far more than the sensor's noise.
+The thesis' filter (Andrén 2023, eq. 5.21 to 5.23) is the case without accelerometer: it estimates
+the motion from pressure alone and so lags. The measured acceleration as an input removes the lag;
+its bias (sensor, local gravity, tilt) is one more state. A vehicle with little roll needs no state
+for the starboard accelerometer: its share in roll counts as noise, as does the attitude error.
 
 Written out in plain floats, because NumPy costs more than it saves on 4 × 4.
 """
@@ -24,32 +23,32 @@ Latency = Annotated[float, msgspec.Meta(ge=0.0, le=0.3)]
 
 Lean = tuple[float, float]  # [-] sines: how far the forward and starboard axes point down
 LEVEL: Lean = (0.0, 0.0)
-MOST = 1e12  # a variance beyond it is no number any more
-LEAST_MOTION_NOISE = 0.5  # [m/s²/√Hz] with 0.2 the simulated vehicle swings, with 0.1 it is lost
+MOST = 1e12  # a larger variance counts as diverged
+LEAST_MOTION_NOISE = 0.5  # [m/s²/√Hz] with 0.2 the simulated vehicle oscillates, 0.1 is unstable
 
 
 class DepthSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How far each measurement of the vertical channel is trusted."""
+    """Noise and limits of the vertical channel's measurements."""
 
     observer: Observer = (
-        "accelerometer"  # see depth_ways.py, and asked_motion.py before the reference
+        "accelerometer"  # see depth_variants.py; for "reference" reference_input.py
     )
     pressure_std: Positive = 500.0  # [Pa] noise of one pressure sample; 5 mbar
-    pressure_latency: Latency = 0.0  # [s] a sample is true this long before its stamp
+    pressure_latency: Latency = 0.0  # [s] from a sample's time of validity to its stamp
     acceleration_noise: Positive = 0.0025  # [m/s²/√Hz] of the accelerometer, while level
-    pitch_noise: Positive = 0.02  # [m/s²/√Hz] more, times the sine of pitch: errors of attitude
+    pitch_noise: Positive = 0.02  # [m/s²/√Hz] added, times the sine of pitch: attitude errors
     roll_noise: Positive = 0.1  # [m/s²/√Hz] … of roll: and the starboard accelerometer's bias
-    bias_walk: Positive = 0.0003  # [m/s²/√s] how fast the accelerometer's bias wanders
-    forward_bias_std: Positive = 0.1  # [m/s²] forward accelerometer; 10 mg, not seen at rest
+    bias_walk: Positive = 0.0003  # [m/s²/√s] random walk of the accelerometer's bias
+    forward_bias_std: Positive = 0.1  # [m/s²] forward accelerometer; 10 mg, unobservable at rest
     motion_noise: Positive = 0.2  # [m/s²/√Hz] unknown motion without accelerometer
     gate: Annotated[float, msgspec.Meta(ge=3.0, le=100.0)] = 6.0  # [σ] innovations beyond: outlier
-    outlier_run: Positive = 1.5  # [s] outliers only for this long: the sensor has really jumped
+    outlier_run: Positive = 1.5  # [s] of outliers only: the filter restarts at the newest sample
     valid_for: Positive = 2.0  # [s] depth is valid this long after an accepted pressure sample
-    clip: Annotated[float, msgspec.Meta(ge=1.0, le=100.0)] = 1.5  # [σ] innovations count as no more
-    lost_after: Positive = 10.0  # [s] without pressure: prediction is worthless, depth is held
+    clip: Annotated[float, msgspec.Meta(ge=1.0, le=100.0)] = 1.5  # [σ] innovations are clipped here
+    lost_after: Positive = 10.0  # [s] without pressure: prediction is useless, depth is held
 
     def __post_init__(self) -> None:
-        # Below, the control loop hears its own reference instead of the vehicle: no damping.
+        # Below, control feeds back its own reference instead of the vehicle's rate: no damping.
         if self.observer == "reference" and self.motion_noise < LEAST_MOTION_NOISE:
             raise ValueError(
                 f"estimation.depth.motion_noise: found {self.motion_noise}, but observer "
@@ -58,7 +57,7 @@ class DepthSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class DepthFilter:
-    """Mean and covariance of (depth, rate, bias, forward bias). The caller keeps the time."""
+    """Mean and covariance of (depth, rate, bias, forward bias). The caller keeps time."""
 
     depth: float  # [m]
     rate: float  # [m/s]
@@ -91,8 +90,8 @@ class DepthFilter:
         bias: float = 0.0,
         bias_std: float = 0.1,
     ) -> None:
-        """Begin anew at `depth` [m] with a rate of zero; spreads in m, m/s and m/s². What is known
-        of the forward bias stays."""
+        """Restart at `depth` [m] with a rate of zero; standard deviations in m, m/s and m/s². The
+        forward bias stays."""
         self.depth, self.rate, self.bias = depth, 0.0, bias
         self.p00, self.p11, self.p22 = depth_std**2, rate_std**2, bias_std**2
         self.p01 = self.p02 = self.p03 = self.p12 = self.p13 = self.p23 = 0.0
@@ -100,20 +99,20 @@ class DepthFilter:
     def predict(
         self, acceleration: float | None, dt: float, measured: bool = True, lean: Lean = LEVEL
     ) -> None:
-        """Move the estimate on by `dt` [s].
+        """Advance the estimate by `dt` [s].
 
         Args:
             acceleration: [m/s²] along down, mean over the interval. None: unknown, so constant
                 rate with `motion_noise`, as in the thesis.
-            measured: by the accelerometer, bias included. False: the motion that is asked for;
-                `motion_noise` is then what the vehicle does besides.
+            measured: by the accelerometer, bias included. False: the reference acceleration;
+                `motion_noise` is then the deviation from it.
             lean: down components of the body's forward and starboard axes.
         """
         forward, _ = lean
         if acceleration is not None and measured:
             a = self.unbiased(acceleration, lean)
             db, hb, q = dt, 0.5 * dt * dt, self.noise(lean) * dt
-        else:  # the bias plays no part
+        else:  # the bias has no effect
             a, db, hb, q = acceleration or 0.0, 0.0, 0.0, self._qm * dt
         self.depth += (self.rate + 0.5 * a * dt) * dt
         self.rate += a * dt
@@ -136,7 +135,7 @@ class DepthFilter:
         self.p33 += self._qb * dt
 
     def unbiased(self, acceleration: float, lean: Lean) -> float:
-        """[m/s²] What of a measured acceleration [m/s²] is true, as far as is known."""
+        """[m/s²] A measured acceleration [m/s²] with the estimated biases removed."""
         forward, _ = lean
         return acceleration - self.bias - forward * self.forward_bias
 
@@ -146,27 +145,27 @@ class DepthFilter:
         return self._qa + self._q_pitch * forward**2 + self._q_roll * starboard**2
 
     def innovation(self, depth: float, std: float, age: float) -> tuple[float, float]:
-        """What a sample would tell: (surprise [m], its variance [m²]).
+        """Innovation of a sample and its variance: [m], [m²].
 
         Args:
-            depth: [m] measured `age` [s] before the filter's time; a negative age lies ahead.
+            depth: [m] measured `age` [s] before the filter's time; negative: after.
             std: [m] of the measurement.
         """
-        surprise = depth - (self.depth - age * self.rate)
-        return surprise, self.p00 - 2.0 * age * self.p01 + age * age * self.p11 + std * std
+        innovation = depth - (self.depth - age * self.rate)
+        return innovation, self.p00 - 2.0 * age * self.p01 + age * age * self.p11 + std * std
 
-    def update(self, surprise: float, variance: float, age: float) -> None:
-        """Correct with what `innovation` said: H = [1, -age, 0, 0], so that a late sample corrects
-        the moment it belongs to."""
+    def update(self, innovation: float, variance: float, age: float) -> None:
+        """Correct by an `innovation` [m] and its variance [m²]: H = [1, -age, 0, 0], so that a late
+        sample applies at its own time."""
         h0 = self.p00 - age * self.p01  # P Hᵀ
         h1 = self.p01 - age * self.p11
         h2 = self.p02 - age * self.p12
         h3 = self.p03 - age * self.p13
         k0, k1, k2, k3 = h0 / variance, h1 / variance, h2 / variance, h3 / variance
-        self.depth += k0 * surprise
-        self.rate += k1 * surprise
-        self.bias += k2 * surprise
-        self.forward_bias += k3 * surprise
+        self.depth += k0 * innovation
+        self.rate += k1 * innovation
+        self.bias += k2 * innovation
+        self.forward_bias += k3 * innovation
         self.p00 -= k0 * h0
         self.p01 -= k0 * h1
         self.p02 -= k0 * h2
@@ -194,7 +193,7 @@ class DepthFilter:
         return sqrt(self.p22)
 
     def is_sound(self) -> bool:
-        """False once a number is not finite or a variance is not positive: start anew then."""
+        """False if a number is not finite or a variance is not positive; then restart."""
         total = self.depth + self.rate + self.bias + self.forward_bias
         total += self.p01 + self.p02 + self.p03 + self.p12 + self.p13 + self.p23
         sound = total - total == 0.0  # NaN and infinities fail

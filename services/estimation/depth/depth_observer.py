@@ -5,10 +5,10 @@ from math import hypot, sqrt
 
 from messages.message import Estimate
 from services.estimation.depth.depth_filter import LEVEL, DepthFilter, DepthSettings, Lean
-from services.estimation.depth.depth_variants import WAYS, DepthVariant
+from services.estimation.depth.depth_variants import VARIANTS, DepthVariant
 from services.marine.vehicle import GRAVITY
 
-LATEST_AGE = 0.5  # [s] a sample older than this says too little about now
+LATEST_AGE = 0.5  # [s] an older sample is not used
 AHEAD = 0.2  # [s] a sample may be this much newer than the newest IMU sample
 LONGEST_STEP = 0.5  # [s] no prediction over a longer gap
 RATE_STD = 0.5  # [m/s] when the filter starts under way
@@ -28,21 +28,20 @@ class Atmosphere:
 class DepthObserver:
     """Depth of the vehicle's origin below the surface.
 
-    Each innovation counts as no more than `clip` σ (Huber 1964), which costs nothing when the noise
-    is Gaussian and keeps a disturbance just inside the gate from kicking the rate so hard that the
-    good samples after it look like outliers.
+    Innovations are clipped at `clip` σ (Huber 1964). This costs nothing with Gaussian noise and
+    keeps a disturbance just inside the gate from changing the rate so much that the good samples
+    after it look like outliers.
 
-    Clipping one sample in eight is the rule. Clipping on one side for more than a second is not:
-    filter and sensor disagree, and whatever is true, the depth is known no better than their
-    distance. It is counted once (`clipped:`), and the stated spread grows to it while it lasts.
+    Clipping one sample in eight is normal. Clipping on one side for more than a second is not:
+    filter and sensor disagree, and the depth is known no better than their distance. It is counted
+    once (`clipped:`), and the standard deviation includes that distance while it lasts.
 
-    An innovation beyond `gate` σ is an outlier and is not used. When outliers, and nothing else,
-    have come for `outlier_run` seconds, the world has changed and not the sample: the filter
-    starts anew at the newest one. After `lost_after` seconds without an accepted sample the depth
-    is held, and the next plausible sample starts the filter anew.
+    An innovation beyond `gate` σ is an outlier and is not used. After `outlier_run` seconds of
+    outliers only, the filter restarts at the newest sample. After `lost_after` seconds without an
+    accepted sample the depth is held, and the next valid sample restarts the filter.
 
-    A timed observer uses a sample when it comes, with H = [1, -age, 0]. One that is not reads the
-    sensor at each step, as if the newest sample were of that moment.
+    A timed observer uses a sample on arrival, with H = [1, -age, 0]. The others read the sensor at
+    each step, as if the newest sample were of that moment.
     """
 
     def __init__(
@@ -51,20 +50,20 @@ class DepthObserver:
         atmosphere: Atmosphere,
         density: float,
         bias: float,
-        way: DepthVariant | None = None,
+        variant: DepthVariant | None = None,
     ) -> None:
-        """Water density [kg/m³], accelerometer bias [m/s²]; a way other than the settings'."""
-        self.surprise = 0.0  # [σ] newest innovation, over the spread the filter expected of it
+        """Water density [kg/m³], accelerometer bias [m/s²]; `variant` replaces the settings'."""
+        self.surprise = 0.0  # [σ] newest innovation, normalised by its standard deviation
         self.atmosphere = atmosphere
         self._settings = settings
-        self._way = WAYS[settings.observer] if way is None else way
+        self._variant = VARIANTS[settings.observer] if variant is None else variant
         self._latency_ns = round(settings.pressure_latency * 1e9)
         self._per_metre = density * GRAVITY  # [Pa/m]
         self._datum_std = atmosphere.std / self._per_metre  # [m]
         self._sample_std = settings.pressure_std / self._per_metre  # [m]
         self._filter = DepthFilter(settings)
         self._filter.bias = bias
-        self._at_ns = 0  # [ns] the filter stands here
+        self._at_ns = 0  # [ns] time of the filter
         self._input: float | None = None  # [m/s²] newest acceleration, bias included
         self._lean = LEVEL
         self._started = False
@@ -84,29 +83,29 @@ class DepthObserver:
         return (pressure - self.atmosphere.pressure) / self._per_metre
 
     def predict(self, acceleration: float | None, at_ns: int, lean: Lean = LEVEL) -> str | None:
-        """Move on to `at_ns`. The acceleration [m/s²] along down is the one there, measured or,
-        for the way "reference", asked for; None: unknown. `lean` are the down components of the
-        body's forward and starboard axes. Returns what went wrong, for the counters."""
+        """Advance to `at_ns`. `acceleration` [m/s²] along down is measured or, for the observer
+        "reference", of the reference; None: unknown. `lean`: down components of the body's forward
+        and starboard axes. Returns an event to count."""
         dt = (at_ns - self._at_ns) * 1e-9
         if dt <= 0.0:
             return None
-        if not self._way.driven:
+        if not self._variant.driven:
             acceleration = None
         before, self._input, self._lean, self._at_ns = self._input, acceleration, lean, at_ns
         if not self._started:
             return None
         if dt > LONGEST_STEP or not self._heard_within(self._settings.lost_after, at_ns):
             return self._stop("lost:depth")
-        # The mean of both ends: the newest sample alone would be half a step early.
+        # The mean of both ends: the newest sample alone would lead by half a step.
         if before is not None and acceleration is not None:
             acceleration = (before + acceleration) / 2.0
-        self._filter.predict(acceleration, dt, self._way.measured, lean)
+        self._filter.predict(acceleration, dt, self._variant.measured, lean)
         if not self._filter.is_sound():
             return self._reset()
         return None if self._unread is None else self._read(self._unread)
 
     def pressure(self, pressure: float, stamp_ns: int) -> str | None:
-        """Use a plausible sample [Pa]. Returns what went wrong, for the counters."""
+        """Use a validated sample [Pa]. Returns an event to count."""
         depth = self.depth_of(pressure)
         stamp_ns -= self._latency_ns
         if not self._started:
@@ -116,17 +115,17 @@ class DepthObserver:
         age = (self._at_ns - stamp_ns) * 1e-9
         if not -AHEAD <= age <= LATEST_AGE:
             return "late:sensor/pressure"
-        if self._way.timed:
+        if self._variant.timed:
             return self._correct(depth, stamp_ns, age)
         self._unread = depth, stamp_ns
         return None
 
     def estimates(self, now: int) -> tuple[Estimate, Estimate, Estimate]:
         """Depth [m], rate [m/s], acceleration [m/s²]; positive down. Valid for `valid_for` after
-        an accepted sample; the acceleration only while the accelerometer is heard. The spread of
-        the depth includes the atmosphere's, which stays the same all dive."""
+        an accepted sample; the acceleration only with accelerometer samples. The depth's standard
+        deviation includes the atmosphere's, which is constant during a dive."""
         f, valid = self._filter, self._heard_within(self._settings.valid_for, now)
-        measured = self._input is not None and self._way.measured
+        measured = self._input is not None and self._variant.measured
         if measured:
             acceleration = f.unbiased(self._input or 0.0, self._lean)
             acceleration_std = sqrt(f.p22 + f.noise(self._lean) * BANDWIDTH)
@@ -145,7 +144,7 @@ class DepthObserver:
 
     @property
     def rate(self) -> tuple[float, float]:
-        """[m/s] Down, and its spread."""
+        """[m/s] Depth rate, positive down, and its standard deviation."""
         return self._filter.rate, self._filter.rate_std
 
     @property
@@ -154,23 +153,23 @@ class DepthObserver:
         return self._filter.bias
 
     def _read(self, sample: tuple[float, int]) -> str | None:
-        """The newest sample as if it were of this moment."""
-        if not self._way.held:
+        """Use the newest sample as if it were of this moment."""
+        if not self._variant.held:
             self._unread = None
         return self._correct(*sample, age=0.0)
 
     def _correct(self, depth: float, stamp_ns: int, age: float) -> str | None:
-        surprise, variance = self._filter.innovation(depth, self._sample_std, age)
-        spread = sqrt(variance)
-        self.surprise = surprise / spread
+        innovation, variance = self._filter.innovation(depth, self._sample_std, age)
+        std = sqrt(variance)
+        self.surprise = innovation / std
         if abs(self.surprise) > self._settings.gate:
             return self._outlier(depth, stamp_ns)
-        most = self._settings.clip * spread
-        self._filter.update(max(-most, min(most, surprise)), variance, age)
+        most = self._settings.clip * std
+        self._filter.update(max(-most, min(most, innovation)), variance, age)
         self._accept(stamp_ns)
         if not self._filter.is_sound():
             return self._reset()
-        lasts = self._clipped.lasts(surprise, most, stamp_ns)
+        lasts = self._clipped.lasts(innovation, most, stamp_ns)
         return "clipped:sensor/pressure" if lasts else None
 
     def _outlier(self, depth: float, stamp_ns: int) -> str:
@@ -216,24 +215,23 @@ class DepthObserver:
 class _Clipped:
     """How long innovations have been clipped on one side."""
 
-    __slots__ = ("_above", "_since_ns", "_told", "distance")
+    __slots__ = ("_above", "_counted", "_since_ns", "distance")
 
     def __init__(self) -> None:
         self.distance = 0.0  # [m] between filter and sensor, while it lasts
         self._above = False
         self._since_ns: int | None = None
-        self._told = False
+        self._counted = False
 
-    def lasts(self, surprise: float, most: float, stamp_ns: int) -> bool:
-        """Another innovation [m] of which no more than `most` counted. True once, when it has
-        lasted."""
-        above = surprise > 0.0
-        if abs(surprise) <= most or above != self._above or self._since_ns is None:
-            self.distance, self._told = 0.0, False
-            self._above, self._since_ns = above, stamp_ns if abs(surprise) > most else None
+    def lasts(self, innovation: float, most: float, stamp_ns: int) -> bool:
+        """Take in an innovation [m] clipped at `most` [m]. True once, when clipping has lasted."""
+        above = innovation > 0.0
+        if abs(innovation) <= most or above != self._above or self._since_ns is None:
+            self.distance, self._counted = 0.0, False
+            self._above, self._since_ns = above, stamp_ns if abs(innovation) > most else None
             return False
         if (stamp_ns - self._since_ns) * 1e-9 < LASTING:
             return False
-        self.distance = abs(surprise)
-        newly, self._told = not self._told, True
+        self.distance = abs(innovation)
+        newly, self._counted = not self._counted, True
         return newly

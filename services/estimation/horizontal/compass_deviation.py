@@ -1,30 +1,30 @@
 """The deviation of the compass, and when the compass is corrected by it.
 
-What a vehicle's own iron adds to the Earth's field turns with the vehicle, and so does an error of
-tilt, which lets a share of the steep field in. Both bend the compass by
+The field of a vehicle's own iron turns with the vehicle, and so does a tilt error, which adds a
+share of the steep field. Both deflect the compass by
 
     A + B sin ψ + C cos ψ      ψ: heading by the compass
 
-which are the first coefficients of a ship's deviation card. With a DVL and acoustic fixes they show
-as soon as the vehicle goes somewhere: the way it went over the ground by its own account is turned
-against the way between the fixes. The horizontal filter estimates them; here is what is told of it.
+which are the first coefficients of a ship's deviation card. With a DVL and acoustic fixes they are
+observable as soon as the vehicle moves: its dead-reckoned track is rotated against the fixes. The
+horizontal filter estimates them; this module decides which correction is published.
 
-What DVL and positioning system have in common cannot be told from deviation: a DVL or a transducer
-that is mounted askew. Place and heading then agree with each other, in the fixes' own directions.
+A DVL or transducer mounted at a wrong angle cannot be told from deviation. Position and heading are
+then consistent with each other, in the fixes' frame.
 """
 
 from math import cos, exp, hypot, radians, sin
 from typing import NamedTuple
 
-KNOWN = radians(1.5)  # [rad] a deviation known less well than this is not followed
-LAG = 15.0  # [s] after which most of it is: the coefficients are steadier than what is seen of them
-FADE = 60.0  # [s] in which it is forgotten when the place is lost
-FORGOTTEN = 1e-4  # [rad] so little is none
-MOST = 0.2  # [rad] a larger deviation is not corrected: that compass wants adjusting
+KNOWN = radians(1.5)  # [rad] a deviation with a larger std is not followed
+LAG = 15.0  # [s] low-pass: the coefficients vary less than their estimates
+FADE = 60.0  # [s] time constant of the decay without a position
+FORGOTTEN = 1e-4  # [rad] a smaller deviation counts as none
+MOST = 0.2  # [rad] the correction is limited to this: that compass needs adjustment
 
 
 class Coefficients(NamedTuple):
-    """[rad] What is to be added to the compass, with the signs of the error of heading."""
+    """[rad] Corrections to add to the compass heading."""
 
     A: float = 0.0
     B: float = 0.0
@@ -35,13 +35,13 @@ class Coefficients(NamedTuple):
         return self.A + self.B * sin(heading) + self.C * cos(heading)
 
     def towards(self, goal: "Coefficients", share: float) -> "Coefficients":
-        """This share [-] of the way."""
+        """Interpolation by this share [-]."""
         a, b, c = (old + share * (new - old) for old, new in zip(self, goal, strict=True))
         return Coefficients(a, b, c)
 
     @property
     def largest(self) -> float:
-        """[rad] At any heading, at most."""
+        """[rad] Upper bound over all headings."""
         return abs(self.A) + hypot(self.B, self.C)
 
 
@@ -49,48 +49,48 @@ NONE = Coefficients()
 
 
 class CompassDeviation:
-    """Follows what the filter sees while that is worth it, holds it while it is not, and forgets it
-    when the place is lost."""
+    """Follows the filter's estimate while it is accurate, holds it while it is not, and lets it
+    decay when the position is lost."""
 
-    __slots__ = ("_limited", "_spread", "told")
+    __slots__ = ("_limited", "_std", "correction")
 
     def __init__(self) -> None:
-        self.told = NONE
-        self._spread: float | None = None  # [rad] of the corrected heading; None: not followed
+        self.correction = NONE
+        self._std: float | None = None  # [rad] of the corrected heading; None: not followed
         self._limited = False
 
-    def follow(self, seen: Coefficients, std: float, heading: float, dt: float) -> str | None:
-        """After another `dt` [s], with the spread [rad] of what is seen for this heading [rad].
-        Returns what is to be counted."""
+    def follow(self, estimate: Coefficients, std: float, heading: float, dt: float) -> str | None:
+        """Follow for `dt` [s] an estimate with this std [rad] at this heading [rad]. Returns an
+        event to count."""
         if std > KNOWN:
-            self._spread = None
+            self._std = None
             return None
         event = None
-        if seen.largest > MOST:
+        if estimate.largest > MOST:
             event = None if self._limited else "limited:deviation"
-            share = MOST / seen.largest
-            seen = Coefficients(*(share * each for each in seen))
+            share = MOST / estimate.largest
+            estimate = Coefficients(*(share * each for each in estimate))
             self._limited = True
         else:
             self._limited = False
-        self.told = self.told.towards(seen, 1.0 - exp(-dt / LAG))
-        self._spread = hypot(std, self.told.at(heading) - seen.at(heading))
+        self.correction = self.correction.towards(estimate, 1.0 - exp(-dt / LAG))
+        self._std = hypot(std, self.correction.at(heading) - estimate.at(heading))
         return event
 
     def hold(self) -> None:
-        """The aids say too little at the moment."""
-        self._spread = None
+        """Keep the correction; the estimate is not updated."""
+        self._std = None
 
     def forget(self, dt: float) -> None:
-        """Without a place for another `dt` [s]."""
+        """Let the correction decay for `dt` [s] without a position."""
         self.hold()
-        if self.told == NONE:
+        if self.correction == NONE:
             return
-        if self.told.largest < FORGOTTEN:
-            self.told = NONE
+        if self.correction.largest < FORGOTTEN:
+            self.correction = NONE
             return
-        self.told = self.told.towards(NONE, 1.0 - exp(-dt / FADE))
+        self.correction = self.correction.towards(NONE, 1.0 - exp(-dt / FADE))
 
     def corrected_std(self, std: float) -> float:
-        """[rad] Of the corrected heading, where the compass alone has this one."""
-        return std if self._spread is None else min(std, self._spread)
+        """[rad] Std of the corrected heading, for this std of the compass alone."""
+        return std if self._std is None else min(std, self._std)

@@ -1,22 +1,20 @@
-"""Extended Kalman filter of the horizontal motion and of the water it happens in.
+"""Extended Kalman filter of the horizontal motion and the current.
 
-States, all in NED because the accelerometer's step is linear there and a turning body needs no
-Coriolis terms:
+States, in NED because there the accelerometer's step is linear and needs no Coriolis terms:
 
      0, 1   position [m]
      2, 3   velocity over the ground [m/s]
      4, 5   current: velocity of the water over the ground [m/s]
-     6, 7   lean [m/s²]: what the error of tilt lets gravity add to the accelerometer
-     8      deviation A [rad]: what of the heading's error is the same at every heading
-     9, 10  share by which the damping in surge and sway is larger than the vehicle file says [-]
-    11, 12  deviation B and C [rad]: the error of heading is A + B sin ψ + C cos ψ (deviation.py)
+     6, 7   lean [m/s²]: gravity component in the accelerometer, due to the tilt error
+     8      deviation A [rad]: the part of the heading error that is the same at every heading
+     9, 10  share by which the damping in surge and sway exceeds the vehicle file's [-]
+    11, 12  deviation B and C [rad]: heading error A + B sin ψ + C cos ψ (compass_deviation.py)
 
-All but position and velocity are first-order Gauss-Markov processes. The accelerometer moves the
-velocity. What the vehicle's model expects of thrust and drag is one more measurement of the same
-acceleration, and the only thing that tells the current: drag depends on the velocity through the
-water.
+All but position and velocity are first-order Gauss-Markov processes. The accelerometer drives the
+velocity. The model's acceleration from thrust and drag is a second measurement of the same
+acceleration, and the only one of the current: drag depends on the velocity through the water.
 
-Pure functions from belief to belief (Bar-Shalom, Li and Kirubarajan 2001, section 10.3).
+Pure functions from estimate to estimate (Bar-Shalom, Li and Kirubarajan 2001, section 10.3).
 """
 
 from functools import cache
@@ -38,12 +36,12 @@ EYE = np.eye(SIZE)
 POSITION, VELOCITY, CURRENT, LEAN = slice(0, 2), slice(2, 4), slice(4, 6), slice(6, 8)
 DAMPING, DEVIATION = slice(9, 11), [8, 11, 12]  # A, B, C
 DEVIATIONS = np.ix_(DEVIATION, DEVIATION)
-MOST_IRON = 0.98  # [-] of the spread of the heading, at most
-DAMPING_TIME = 600.0  # [s] drag is not quite quadratic: at another speed it is another share
-UNMEASURED = 1.0  # [m/s] spread of the velocity before anybody has measured it
+MOST_IRON = 0.98  # [-] of the heading's std, at most
+DAMPING_TIME = 600.0  # [s] drag is not quite quadratic: the share changes with speed
+UNMEASURED = 1.0  # [m/s] std of the velocity before any measurement
 AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))  # north, east, down
-AGAIN = 10.0  # legs in a row that are bent in the same way; a DVL speaks once in so many
-START_STD = 0.01  # [m] of the position from which it is counted
+AGAIN = 10.0  # consecutive intervals with the same linearisation error: one DVL period
+START_STD = 0.01  # [m] of the initial position
 
 
 class HorizontalEstimate(NamedTuple):
@@ -52,7 +50,7 @@ class HorizontalEstimate(NamedTuple):
 
 
 class Interval(NamedTuple):
-    """What is known of a short time without DVL and USBL. Means, unless it says end."""
+    """The data of one filter step. Means over the interval, unless it says end."""
 
     seconds: float
     acceleration: Pair | None  # [m/s²] north and east by the compass, lean included; None: silent
@@ -65,15 +63,15 @@ class Interval(NamedTuple):
 
 
 class Innovation(NamedTuple):
-    """A measurement of n numbers beside what was expected."""
+    """The innovation of a measurement of n numbers."""
 
     off: Floats  # (n,) measured minus expected
     H: Floats  # (n, 13) Jacobian of the measurement
     R: Floats  # (n, n) covariance of its noise
 
 
-def begun(settings: HorizontalSettings, heading_std: float) -> HorizontalEstimate:
-    """At rest at zero, and nothing known but the position, from which counting begins."""
+def initial(settings: HorizontalSettings, heading_std: float) -> HorizontalEstimate:
+    """At rest at zero; only the position is known, as the origin."""
     std = _steady_std(settings, heading_std)
     std[POSITION], std[VELOCITY] = START_STD, UNMEASURED
     return HorizontalEstimate(np.zeros(SIZE), np.diag(std * std))
@@ -82,8 +80,8 @@ def begun(settings: HorizontalSettings, heading_std: float) -> HorizontalEstimat
 def predicted(
     estimate: HorizontalEstimate, interval: Interval, settings: HorizontalSettings
 ) -> HorizontalEstimate:
-    """The belief one leg later."""
-    dt, push = interval.seconds, np.zeros(SIZE)
+    """The estimate one interval later."""
+    dt, step = interval.seconds, np.zeros(SIZE)
     keep = np.exp(-dt / _times(settings))
     F = np.diag(keep)
     F[0, 2] = F[1, 3] = dt
@@ -94,30 +92,30 @@ def predicted(
         F[0, 6] = F[1, 7] = -0.5 * dt * dt
         F[2, 6] = F[3, 7] = -dt
         a, b = turned(interval.acceleration, heading_error(estimate, interval))
-        push[:4] = 0.5 * dt * dt * a, 0.5 * dt * dt * b, dt * a, dt * b
-        _turn(F[:4], np.array((-push[1], push[0], -push[3], push[2])), interval)
+        step[:4] = 0.5 * dt * dt * a, 0.5 * dt * dt * b, dt * a, dt * b
+        _set_deviation(F[:4], np.array((-step[1], step[0], -step[3], step[2])), interval)
     std = _steady_std(settings, interval.heading_std)
     Q = np.diag(std * std * (1.0 - keep * keep))
     for p, v in ((0, 2), (1, 3)):
         Q[p, p], Q[v, v] = q * dt**3 / 3.0, q * dt
         Q[p, v] = Q[v, p] = q * dt**2 / 2.0
-    fading = F.copy()
-    fading[:4, DEVIATION] = 0.0  # the push has it already
-    return HorizontalEstimate(fading @ estimate.x + push, F @ estimate.P @ F.T + Q)
+    linear = F.copy()
+    linear[:4, DEVIATION] = 0.0  # contained in the step already
+    return HorizontalEstimate(linear @ estimate.x + step, F @ estimate.P @ F.T + Q)
 
 
 def corrected(estimate: HorizontalEstimate, seen: Innovation) -> HorizontalEstimate:
-    """The belief after a measurement."""
+    """The estimate after a measurement."""
     return weighed(estimate, seen)[1]
 
 
 def weighed(estimate: HorizontalEstimate, seen: Innovation) -> tuple[float, HorizontalEstimate]:
-    """How surprising a measurement is, and the belief after it; Joseph's form keeps P symmetric and
-    positive.
+    """Normalised innovation squared of a measurement, and the estimate after it; Joseph's form
+    keeps P symmetric and positive.
 
-    The damping is considered, not learnt (Schmidt 1966): its spread limits what drag tells of the
-    current, but a filter that learns it from a velocity which it does not know well is drawn to
-    too much damping, and sure of it."""
+    The damping is a considered parameter, not estimated (Schmidt 1966): its variance limits how
+    well drag determines the current. Estimated from an uncertain velocity, the damping would become
+    too large, with too small a variance."""
     HP = seen.H @ estimate.P
     both = np.linalg.solve(HP @ seen.H.T + seen.R, np.column_stack((seen.off, HP)))
     K = both[:, 1:].T
@@ -133,15 +131,15 @@ def covariance(estimate: HorizontalEstimate, seen: Innovation) -> Floats:
 
 
 def surprise(estimate: HorizontalEstimate, seen: Innovation) -> float:
-    """Normalised innovation squared: n on average, if all is as the filter believes."""
+    """Normalised innovation squared; its mean is n if the filter is consistent."""
     return float(seen.off @ np.linalg.solve(covariance(estimate, seen), seen.off))
 
 
-# What is measured.
+# Measurement models.
 
 
 def fix(estimate: HorizontalEstimate, place: Pair, std: float) -> Innovation:
-    """A position [m] with the spread [m] of each component."""
+    """A position [m] with the std [m] of each component."""
     H = np.zeros((2, SIZE))
     H[0, 0] = H[1, 1] = 1.0
     return Innovation(np.subtract(place, estimate.x[POSITION]), H, std * std * np.eye(2))
@@ -150,14 +148,14 @@ def fix(estimate: HorizontalEstimate, place: Pair, std: float) -> Innovation:
 def velocity(
     estimate: HorizontalEstimate, interval: Interval, measured: Vec3, std: float
 ) -> Innovation:
-    """Surge and sway of a velocity [m/s] over the ground in FRD, with the spread of each
-    component, at the end of the leg: the first two rows of R_BN(heading + error, pitch, roll) v_N,
-    where the depth rate is the third of v_N. The third row would measure the depth rate."""
+    """Surge and sway of a velocity [m/s] over the ground in FRD, with the std of each component, at
+    the end of the interval: the first two rows of R_BN(heading + error, pitch, roll) v_N, where the
+    depth rate is the third of v_N. The third row would measure the depth rate."""
     R_BN = true_rotation(estimate, interval)[:2]
     north, east = estimate.x[VELOCITY]
     H = np.zeros((2, SIZE))
     H[:, VELOCITY] = R_BN[:, :2]
-    _turn(H, R_BN[:, :2] @ (east, -north), interval)
+    _set_deviation(H, R_BN[:, :2] @ (east, -north), interval)
     down = R_BN[:, 2]
     R = std * std * np.eye(2) + interval.depth_rate_std**2 * np.outer(down, down)
     return Innovation(measured[:2] - R_BN @ (north, east, interval.depth_rate), H, R)
@@ -166,13 +164,14 @@ def velocity(
 def balance(
     estimate: HorizontalEstimate, interval: Interval, hull: HullModel, settings: HorizontalSettings
 ) -> Innovation:
-    """The accelerometer beside what thrust and drag should do, in surge and sway, over the leg.
+    """Accelerometer minus the model's acceleration by thrust and drag, surge and sway, over the
+    interval.
 
     Raises:
-        ValueError: the leg knows no acceleration or no force.
+        ValueError: the interval has no acceleration or no force.
     """
     if interval.acceleration is None or interval.force is None:
-        raise ValueError("a leg without acceleration or force has no balance")
+        raise ValueError("an interval without acceleration or force has no balance")
     R_BN = true_rotation(estimate, interval)
     level = R_BN[:2, :2]
     north, east = estimate.x[VELOCITY] - estimate.x[CURRENT]
@@ -183,29 +182,29 @@ def balance(
     H = np.zeros((2, SIZE))
     H[:, VELOCITY], H[:, CURRENT], H[:, LEAN] = by_water, -by_water, level
     lean_north, lean_east = estimate.x[LEAN]
-    aside = by_water @ (east, -north) + level @ (lean_east, -lean_north)
-    _turn(H, aside, interval)
+    by_heading = by_water @ (east, -north) + level @ (lean_east, -lean_north)
+    _set_deviation(H, by_heading, interval)
     H[0, 9], H[1, 10] = expected.by_damping
     true_acceleration = turned(interval.acceleration, heading_error(estimate, interval))
     off = level @ (true_acceleration - estimate.x[LEAN]) - expected.acceleration
-    R = settings.model_noise**2 / interval.seconds + _bend(
+    R = settings.model_noise**2 / interval.seconds + _curvature_noise(
         estimate, interval, level, expected, (east, -north)
     )
     return Innovation(off, H, np.diag(R))
 
 
-def _bend(
+def _curvature_noise(
     estimate: HorizontalEstimate,
     interval: Interval,
     level: Floats,
     expected: ExpectedAcceleration,
-    aside: Pair,
+    by_heading: Pair,
 ) -> Floats:
-    """[m²/s⁴] (2,) Drag is no straight line: what the spreads of velocity and damping bend it by
-    counts as noise (second-order terms, Bar-Shalom, Li and Kirubarajan 2001, section 10.3.2)."""
+    """[m²/s⁴] (2,) Noise of linearising drag: the second-order terms in velocity and damping
+    (Bar-Shalom, Li and Kirubarajan 2001, section 10.3.2)."""
     W = np.zeros((2, SIZE))
     W[:, VELOCITY], W[:, CURRENT] = level, -level
-    _turn(W, level @ aside, interval)
+    _set_deviation(W, level @ by_heading, interval)
     water: Floats = np.diag(W @ estimate.P @ W.T)  # [m²/s²] variances of surge and sway
     own = np.multiply(expected.curvature, np.sqrt(water * np.max(water)))
     slopes = np.diag(expected.by_velocity)
@@ -213,7 +212,7 @@ def _bend(
 
 
 def true_rotation(estimate: HorizontalEstimate, interval: Interval) -> Floats:
-    """(3, 3) R_BN at the end of the leg, the error of heading taken off."""
+    """(3, 3) R_BN at the end of the interval, corrected for the heading error."""
     R_BN = np.array([to_body(interval.attitude, axis) for axis in AXES]).T
     error = heading_error(estimate, interval)
     c, s = cos(error), sin(error)
@@ -223,7 +222,7 @@ def true_rotation(estimate: HorizontalEstimate, interval: Interval) -> Floats:
 
 
 def card(interval: Interval) -> tuple[float, float]:
-    """What deviation B and C count for at the end of the leg: sin ψ and cos ψ. A counts for 1."""
+    """Factors of deviation B and C at the end of the interval: sin ψ and cos ψ. That of A is 1."""
     w, x, y, z = interval.attitude
     east, north = 2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)  # of the forward axis
     level = max(hypot(north, east), 1e-9)
@@ -231,54 +230,54 @@ def card(interval: Interval) -> tuple[float, float]:
 
 
 def heading_error(estimate: HorizontalEstimate, interval: Interval) -> float:
-    """[rad] True minus measured, at the end of the leg."""
+    """[rad] True minus measured heading, at the end of the interval."""
     a, b, c = estimate.x[DEVIATION].tolist()
     sine, cosine = card(interval)
     return a + b * sine + c * cosine
 
 
-def heading_spread(estimate: HorizontalEstimate, interval: Interval) -> float:
-    """[rad] Of the same."""
+def heading_std(estimate: HorizontalEstimate, interval: Interval) -> float:
+    """[rad] Standard deviation of the heading error."""
     here = np.array((1.0, *card(interval)))
     return sqrt(here @ estimate.P[DEVIATIONS] @ here)
 
 
-def _turn(J: Floats, aside: Floats, interval: Interval) -> None:
-    """Fill the columns of the deviation, from the slope by the heading's error."""
+def _set_deviation(J: Floats, slope: Floats, interval: Interval) -> None:
+    """Set the deviation's columns of a Jacobian from its `slope` by the heading error."""
     sine, cosine = card(interval)
-    J[:, DEVIATION[0]], J[:, DEVIATION[1]], J[:, DEVIATION[2]] = aside, sine * aside, cosine * aside
+    J[:, DEVIATION[0]], J[:, DEVIATION[1]], J[:, DEVIATION[2]] = slope, sine * slope, cosine * slope
 
 
 def turned(v: Pair, angle: float) -> Pair:
-    """A horizontal vector, turned clockwise by an angle [rad]."""
+    """A horizontal vector, rotated clockwise by an angle [rad]."""
     c, s = cos(angle), sin(angle)
     return v[0] * c - v[1] * s, v[0] * s + v[1] * c
 
 
-# Starting anew.
+# Restarts.
 
 
 def moved_to(estimate: HorizontalEstimate, place: Pair, std: float) -> HorizontalEstimate:
-    """Forget the position, believe this one [m]."""
+    """Replace the position [m]."""
     return _replaced(estimate, POSITION, np.array(place), std)
 
 
 def changed_to(
     estimate: HorizontalEstimate, interval: Interval, measured: Vec3, std: float
 ) -> HorizontalEstimate:
-    """Forget the velocity, believe this one [m/s], FRD, at the end of the leg. Its direction is as
-    wrong as the heading."""
+    """Replace the velocity by this one [m/s], FRD, at the end of the interval. The heading error
+    also rotates the velocity in NED."""
     north, east, _ = (true_rotation(estimate, interval).T @ measured).tolist()
     x, P = _replaced(estimate, VELOCITY, np.array((north, east)), std)
-    aside = np.outer((-east, north), (1.0, *card(interval)))
-    with_others = aside @ P[DEVIATION]
+    by_deviation = np.outer((-east, north), (1.0, *card(interval)))
+    with_others = by_deviation @ P[DEVIATION]
     P[VELOCITY, :], P[:, VELOCITY] = with_others, with_others.T
-    P[VELOCITY, VELOCITY] = std * std * np.eye(2) + with_others[:, DEVIATION] @ aside.T
+    P[VELOCITY, VELOCITY] = std * std * np.eye(2) + with_others[:, DEVIATION] @ by_deviation.T
     return HorizontalEstimate(x, P)
 
 
 def is_sound(estimate: HorizontalEstimate) -> bool:
-    """False when a number is not finite or a variance is not positive: start anew then."""
+    """False if a number is not finite or a variance is not positive; then restart."""
     variances = np.diag(estimate.P)
     return bool(
         np.isfinite(estimate.x).all()
@@ -300,7 +299,7 @@ def _replaced(
 
 @cache
 def _times(settings: HorizontalSettings) -> Floats:
-    """[s] of the Gauss-Markov processes; position and velocity do not fade."""
+    """[s] Correlation times of the Gauss-Markov processes; none for position and velocity."""
     current, lean = settings.current_time, settings.lean_time
     never = np.inf
     return np.array(
@@ -314,7 +313,7 @@ def _times(settings: HorizontalSettings) -> Floats:
 
 
 def _steady_std(settings: HorizontalSettings, heading_std: float) -> Floats:
-    """In the long run, when nothing is measured; position and velocity have none."""
+    """Steady-state std of the Gauss-Markov processes; 0 for position and velocity."""
     current, lean, damping = settings.current_std, settings.lean_std, settings.damping_share
     iron = min(settings.iron_std, MOST_IRON * heading_std)
     rest = sqrt(heading_std**2 - iron**2)

@@ -1,4 +1,4 @@
-"""The acceleration that the vehicle's own model expects in surge and sway.
+"""The acceleration in surge and sway expected by the vehicle's model.
 
 Fossen 2011, eq. 6.1 to 6.3 with ν_r, the velocity through the water, in the added mass and the
 drag. The current is steady and the same everywhere, and heave, roll and pitch rates are left out:
@@ -6,8 +6,8 @@ drag. The current is steady and the same everywhere, and heave, roll and pitch r
     (m − X_u̇) a_x = X − (1 + k_x)(X_u + X_uu |u|) u + (A_y − A_x) r v
     (m − Y_v̇) a_y = Y − (1 + k_y)(Y_v + Y_vv |v|) v + (A_y − A_x) r u
 
-where a is what an ideal accelerometer without gravity measures, A is the added mass and k says by
-how much the true damping is larger than the file's. The lift of the hull's wake is added as in
+where a is the reading of an ideal accelerometer without gravity, A the added mass, and k the share
+by which the true damping exceeds the file's. The lift of the hull's wake is added as in
 services/marine/wake.py.
 """
 
@@ -33,7 +33,7 @@ class ExpectedAcceleration(NamedTuple):
 
 class HullModel:
     def __init__(self, vehicle: Vehicle, wake_share: float) -> None:
-        """Share [-] of the Munk moment that the wake takes back, see `wake_fins`.
+        """`wake_share` [-] of the Munk moment is cancelled by the wake, see `wake_fins`.
 
         Raises:
             ValueError: a thruster without direction.
@@ -63,7 +63,7 @@ class HullModel:
             velocity: [m/s] surge and sway through the water.
             yaw_rate: [rad/s].
             force: [N] of the thrusters.
-            damping: [-] by how much the damping is larger than the vehicle file's, 0 for as there.
+            damping: [-] share by which the damping exceeds the vehicle file's; 0: as there.
         """
         u, v = velocity
         drag = [(self._linear[i] + self._quadratic[i] * abs(velocity[i])) * velocity[i]

@@ -1,11 +1,11 @@
-"""What happens between two steps of the filter, summed up at the IMU's rate."""
+"""Sums over one filter interval, at the IMU's rate."""
 
 from services.estimation.horizontal.horizontal_filter import Pair
 
 
 class OpenInterval:
-    """A leg that is not yet closed. One sample without acceleration or force leaves the whole leg
-    without."""
+    """An interval not yet closed. One sample without acceleration or force makes that quantity
+    unknown for the whole interval."""
 
     __slots__ = ("_force", "_gained", "_turned", "seconds")
 
@@ -18,7 +18,7 @@ class OpenInterval:
     def add(
         self, dt: float, acceleration: Pair | None, yaw_rate: float, force: Pair | None
     ) -> None:
-        """Another `dt` [s] with this acceleration [m/s²], yaw rate [rad/s] and thrust [N]."""
+        """Add `dt` [s] with this acceleration [m/s²], yaw rate [rad/s] and thrust [N]."""
         self.seconds += dt
         self._turned += yaw_rate * dt
         self._gained = _sum(self._gained, acceleration, dt)
@@ -26,7 +26,7 @@ class OpenInterval:
 
     @property
     def gained(self) -> Pair | None:
-        """[m/s] North and east, lean included; None: IMU silent."""
+        """[m/s] Change of velocity, north and east, lean included; None: IMU silent."""
         return self._gained
 
     @property

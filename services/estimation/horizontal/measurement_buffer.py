@@ -1,9 +1,9 @@
-"""The recent past of the horizontal filter, so that a late sample is used where it belongs.
+"""The recent past of the horizontal filter, so that a late sample is used at its own time.
 
-The trail is a row of stones, each with the belief after all samples of its time. A sample from
-between two stones gets a stone of its own: the leg between them is split there. From that stone on
-everything is done once more (Bar-Shalom, Li and Kirubarajan 2001, section 6.5.1 calls such samples
-out of sequence; to filter anew is the exact answer).
+The buffer is a sequence of nodes, each with the estimate after all measurements of its time. A
+sample between two nodes gets a node of its own, which splits the interval. From that node on, the
+filter is run again (out-of-sequence measurements, Bar-Shalom, Li and Kirubarajan 2001, section
+6.5.1; running the filter again is the exact solution).
 """
 
 from collections import deque
@@ -14,25 +14,24 @@ from messages.units import Quaternion
 from services.estimation.horizontal.horizontal_filter import HorizontalEstimate, Interval
 from services.marine.attitude import normalised
 
-SAME_NS = 1_000_000  # [ns] a sample as near as this to a stone belongs there
+SAME_NS = 1_000_000  # [ns] a sample this close to a node uses that node
 
-Correction = Callable[
-    [HorizontalEstimate, Interval], HorizontalEstimate
-]  # how an accepted sample changes a belief
+# Measurement update by an accepted sample, and time update over an interval.
+Correction = Callable[[HorizontalEstimate, Interval], HorizontalEstimate]
 Propagation = Callable[[HorizontalEstimate, Interval], HorizontalEstimate]
 
 
 @dataclass(slots=True)
 class BufferNode:
     stamp_ns: int
-    interval: Interval  # that led here
+    interval: Interval  # that ends here
     estimate: HorizontalEstimate
-    readings: list[Correction] = field(default_factory=list[Correction])
+    corrections: list[Correction] = field(default_factory=list[Correction])
 
 
 class MeasurementBuffer:
     def __init__(self, step: Propagation, seconds: float) -> None:
-        """How a belief moves along a leg, and how much [s] of the past to keep."""
+        """`step` propagates an estimate over an interval; `seconds` of the past are kept."""
         self._step = step
         self._kept_ns = round(seconds * 1e9)
         self._nodes: deque[BufferNode] = deque()
@@ -42,18 +41,18 @@ class MeasurementBuffer:
         return self._nodes[-1]
 
     def begin(self, stamp_ns: int, interval: Interval, estimate: HorizontalEstimate) -> None:
-        """Forget everything and start here."""
+        """Discard everything and start here."""
         self._nodes = deque([BufferNode(stamp_ns, interval, estimate)])
 
     def extend(self, stamp_ns: int, interval: Interval) -> None:
-        """One leg further."""
+        """Append a node after this interval."""
         self._nodes.append(BufferNode(stamp_ns, interval, self._step(self.last.estimate, interval)))
         while len(self._nodes) > 2 and stamp_ns - self._nodes[1].stamp_ns >= self._kept_ns:
             self._nodes.popleft()
 
     def node_at(self, stamp_ns: int) -> BufferNode | None:
-        """The stone of this time [ns], put there if need be; None: before the trail begins. What is
-        newer than the last stone belongs there."""
+        """The node of this time [ns], inserted if necessary; None: before the first node. The last
+        node, if the time is later."""
         nodes = self._nodes
         if stamp_ns < nodes[0].stamp_ns - SAME_NS:
             return None
@@ -65,18 +64,18 @@ class MeasurementBuffer:
             return node
         return self._split(after, stamp_ns)
 
-    def read(self, node: BufferNode, reading: Correction) -> None:
-        """Let an accepted sample of the stone's time change what is believed from there on."""
-        node.readings.append(reading)
-        node.estimate = reading(node.estimate, node.interval)
-        estimate, redo = node.estimate, False
+    def correct(self, node: BufferNode, correction: Correction) -> None:
+        """Apply an accepted sample at its node, and run the filter again from there on."""
+        node.corrections.append(correction)
+        node.estimate = correction(node.estimate, node.interval)
+        estimate, later = node.estimate, False
         for each in self._nodes:
-            if redo:
+            if later:
                 estimate = self._step(estimate, each.interval)
-                for old in each.readings:
+                for old in each.corrections:
                     estimate = old(estimate, each.interval)
                 each.estimate = estimate
-            redo = redo or each is node
+            later = later or each is node
 
     def _split(self, after: int, stamp_ns: int) -> BufferNode:
         before, late = self._nodes[after - 1], self._nodes[after]
@@ -91,7 +90,7 @@ class MeasurementBuffer:
 
 
 def between(a: Quaternion, b: Quaternion, share: float) -> Quaternion:
-    """The attitude at this share [-] of the way from a to b, which are not far apart."""
+    """The attitude at this share [-] between a and b, which must be close (normalised lerp)."""
     sign = 1.0 if sum(p * q for p, q in zip(a, b, strict=True)) >= 0.0 else -1.0
     w, x, y, z = (p + share * (sign * q - p) for p, q in zip(a, b, strict=True))
     return normalised((w, x, y, z))

@@ -1,13 +1,13 @@
-"""What can only be learnt at the surface and at rest: the gyroscope's bias and the atmosphere.
+"""Calibration at the surface and at rest: gyroscope bias and atmosphere.
 
-Uncalibrated, a small gyroscope turns the heading by tens of degrees a minute; a few seconds at
-rest bring that under one (Andrén 2023, section 5.3.2). Waves and hands must not end up in the
-average, so any motion begins it anew.
+Uncalibrated, a small gyroscope drifts by tens of degrees of heading per minute; a few seconds of
+averaging at rest bring that under one (Andrén 2023, section 5.3.2). Motion by waves or handling
+must not enter the average, so any motion restarts it.
 
-How many seconds? White noise of density n leaves n / √T in a mean over T seconds, and no filter
-does better. A typical 0.007 °/s/√Hz is 0.42 °/min after 1 s, 0.24 after 3 s, 0.13 after 10 s. The
-bias that wanders during a dive of five minutes adds 0.10 °/min (10 °/h, τ 300 s), which no
-calibration takes away: longer than 10 s gains little, shorter than 8 s misses 0.2 °/min.
+Duration: white noise of density n leaves n / √T in a mean over T seconds, and no filter does
+better. A typical 0.007 °/s/√Hz is 0.42 °/min after 1 s, 0.24 after 3 s, 0.13 after 10 s. Bias drift
+during a dive of five minutes adds 0.10 °/min (10 °/h, τ 300 s), which no calibration removes:
+longer than 10 s gains little, shorter than 8 s misses 0.2 °/min.
 """
 
 from dataclasses import dataclass
@@ -23,30 +23,30 @@ from services.marine.attitude import from_euler
 from services.marine.vehicle import GRAVITY
 
 UpTo600 = Annotated[float, msgspec.Meta(gt=0.0, le=600.0)]
-TOLD_EVERY = 2.0  # [s] of rest between two words to the pilot
+COUNTDOWN_STEP = 2.0  # [s] of rest between two messages to the pilot
 BLOCK = 50  # IMU samples judged together; half a second
 ENOUGH_PRESSURES = 20  # samples; fewer do not average 5 mbar away
 
 
 class CalibrationSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What counts as still."""
+    """Limits of rest."""
 
     still_time: UpTo600 = 10.0  # [s] at rest without a break; 0.17 deg/min of drift, see above
-    rate_std: UpTo600 = 0.02  # [rad/s] more spread than this within half a second is motion
+    rate_std: UpTo600 = 0.02  # [rad/s] a larger std within half a second is motion
     force_std: UpTo600 = 0.2  # [m/s²] likewise, of the specific force
     largest_bias: UpTo600 = 0.1  # [rad/s] a mean rate beyond this is a turn, not a bias
 
-    # While running, the bias is learnt on at rest; rest must be stiller than at the start.
+    # While running, the bias is updated at rest; the limits of rest are tighter than at the start.
     rest_time: UpTo600 = 3.0  # [s] still without a break before it counts
     rest_rate_std: UpTo600 = 0.004  # [rad/s] within half a second, sensor noise included
     rest_force_std: UpTo600 = 0.06  # [m/s²] likewise
     rest_change: UpTo600 = 0.0017  # [rad/s] 0.1 deg/s; a bias does not change by more at once
-    rest_memory: UpTo600 = 60.0  # [s] of rest that the running mean weighs at most
+    rest_memory: UpTo600 = 60.0  # [s] longest averaging time of the running mean
 
 
 @dataclass(frozen=True, slots=True)
 class Calibrated:
-    """What the vehicle has learnt at rest."""
+    """The result of the calibration."""
 
     gyro_bias: Vec3  # [rad/s] FRD
     specific_force: Vec3  # [m/s²] FRD, mean
@@ -57,12 +57,12 @@ class Calibrated:
 
     @property
     def accelerometer_bias(self) -> float:
-        """[m/s²] along down: at rest the specific force should be as long as gravity."""
+        """[m/s²] along down: at rest the specific force should have the magnitude of gravity."""
         return GRAVITY - hypot(*self.specific_force)
 
 
 class Mean:
-    """Mean and spread of vectors of one length."""
+    """Mean and standard deviation of vectors of one length."""
 
     def __init__(self, length: int) -> None:
         self.count = 0
@@ -89,7 +89,7 @@ class Mean:
 
 
 class Calibration:
-    """Averages until it has seen `still_time` of rest, and enough pressure samples."""
+    """Averages over `still_time` of rest and at least `ENOUGH_PRESSURES` pressure samples."""
 
     def __init__(self, settings: CalibrationSettings) -> None:
         self._settings = settings
@@ -97,8 +97,8 @@ class Calibration:
         self._begin()
 
     def imu(self, rate: Vec3, specific_force: Vec3, dt: float) -> bool:
-        """One sample, `dt` [s] after the one before. True: the vehicle has begun to move, and the
-        average begins anew (said once for each time it is disturbed)."""
+        """One sample [rad/s, m/s²], `dt` [s] after the previous one. True: the vehicle has begun to
+        move and the average restarts (once per disturbance)."""
         self._block_seconds += dt
         self._block.add((*rate, *specific_force))
         if self._block.count < BLOCK:
@@ -115,25 +115,25 @@ class Calibration:
         return disturbed
 
     def pressure(self, pressure: float) -> None:
-        """One plausible sample [Pa]."""
+        """One validated sample [Pa]."""
         self._pressures.add((pressure,))
 
     def magnetometer(self, field: Vec3) -> None:
-        """One plausible sample [T], FRD."""
+        """One validated sample [T], FRD."""
         self._fields.add(field)
 
     @property
     def seconds_left(self) -> float:
-        """[s] of rest still to come."""
+        """[s] of rest still needed."""
         return max(0.0, self._settings.still_time - self._seconds)
 
     @property
     def lacks_pressure(self) -> bool:
-        """Everything else is there."""
+        """Whether only pressure samples are missing."""
         return self._rested() and self._pressures.count < ENOUGH_PRESSURES
 
     def result(self) -> Calibrated | None:
-        """What was learnt, or None as long as there is not enough to learn it from."""
+        """The result; None until there are enough samples."""
         if not self._rested() or self.lacks_pressure:
             return None
         p, q, r, fx, fy, fz = self._total.mean()
@@ -181,14 +181,14 @@ class Calibration:
 
 
 class Countdown:
-    """Tells the pilot how long the vehicle must still be still: at once, then every 2 s."""
+    """Texts for the pilot with the remaining time at rest: at once, then every 2 s."""
 
     def __init__(self) -> None:
-        self._tell_at = inf  # [s] left
+        self._next = inf  # [s] left
 
     def line(self, seconds_left: float) -> str | None:
-        """What to say now, if anything."""
-        if seconds_left <= 0.0 or seconds_left > self._tell_at:
+        """The text to log now, if any."""
+        if seconds_left <= 0.0 or seconds_left > self._next:
             return None
-        self._tell_at = seconds_left - TOLD_EVERY
+        self._next = seconds_left - COUNTDOWN_STEP
         return f"calibrating: {seconds_left:.0f} s at rest to go"

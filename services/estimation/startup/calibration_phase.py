@@ -1,4 +1,4 @@
-"""The time before the dive: the vehicle floats at rest, and the pilot is told how long it takes."""
+"""Calibration before the dive: the vehicle floats at rest, and the pilot sees the time left."""
 
 from messages.sensors import ImuSample
 from messages.units import Vec3
@@ -12,26 +12,26 @@ from services.estimation.startup.calibration import (
 
 
 class CalibrationPhase:
-    """Hears the sensors until it has learnt enough of them; the journal says what it waits for."""
+    """Runs the calibration; `events` gets what it waits for."""
 
     def __init__(self, settings: CalibrationSettings, events: Events) -> None:
         self._calibration = Calibration(settings)
         self._countdown = Countdown()
         self._events = events
-        self._asked_for_pressure = False
+        self._pressure_warned = False
 
     def imu(self, sample: ImuSample, dt: float) -> Calibrated | None:
-        """One sample, `dt` [s] after the one before. What was learnt, once there is enough."""
+        """One sample, `dt` [s] after the previous one. Returns the result once it is complete."""
         calibration, events = self._calibration, self._events
         if calibration.imu(sample.angular_rate, sample.specific_force, dt):
             events.note("moved:calibration")
             events.warn("the vehicle moves: calibration waits until it is still")
             self._countdown = Countdown()
-        learnt = calibration.result()
-        if learnt is not None:
-            return learnt
-        if calibration.lacks_pressure and not self._asked_for_pressure:
-            self._asked_for_pressure = True
+        result = calibration.result()
+        if result is not None:
+            return result
+        if calibration.lacks_pressure and not self._pressure_warned:
+            self._pressure_warned = True
             events.note("waiting:sensor/pressure")
             events.warn("calibration waits for the pressure sensor")
         elif (line := self._countdown.line(calibration.seconds_left)) is not None:
@@ -39,14 +39,14 @@ class CalibrationPhase:
         return None
 
     def pressure(self, pressure: float) -> None:
-        """One usable sample [Pa]."""
+        """One validated sample [Pa]."""
         self._calibration.pressure(pressure)
 
     def magnetometer(self, field: Vec3) -> None:
-        """One usable sample [T], FRD."""
+        """One validated sample [T], FRD."""
         self._calibration.magnetometer(field)
 
     @property
     def seconds_left(self) -> float:
-        """[s] of rest still to come."""
+        """[s] of rest still needed."""
         return self._calibration.seconds_left

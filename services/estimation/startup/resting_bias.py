@@ -1,10 +1,10 @@
-"""The gyroscope's bias, learnt on while the vehicle provably rests.
+"""Updates of the gyroscope bias while the vehicle is at rest.
 
-Start-up averaging leaves an error of noise / √seconds, and the bias wanders. A vehicle that still
-floats, or lies on the sea floor, shows its bias as plainly as it did at start-up. Thrusters and
-moving water shake it more than the sensor's own noise, so what is averaged is silence only.
+Start-up averaging leaves an error of noise / √seconds, and the bias drifts. A vehicle that still
+floats, or lies on the sea floor, measures its bias as well as at start-up. Thrusters and moving
+water exceed the sensor's own noise, so only true rest is averaged.
 
-A steady turn slower than `rest_change` cannot be told from a bias; that is why the average is slow.
+A steady turn slower than `rest_change` cannot be told from a bias; so the average is slow.
 """
 
 from messages.units import Vec3
@@ -14,11 +14,11 @@ from services.estimation.startup.calibration import BLOCK, CalibrationSettings, 
 class RestingBias:
     """A running mean of the rate at rest, in blocks of half a second.
 
-    A block counts only when the next one is still too: motion begins gently.
+    A block counts only if the next one is at rest too, because motion begins slowly.
     """
 
     def __init__(self, settings: CalibrationSettings, bias: Vec3) -> None:
-        """Bias [rad/s] as known now, with the weight of the calibration."""
+        """Start with this bias [rad/s], with the weight of the calibration."""
         self.bias = bias
         self._settings = settings
         self._known_for = settings.still_time  # [s] of rest in the mean
@@ -27,7 +27,7 @@ class RestingBias:
         self._waiting: Vec3 | None = None  # mean of the block before
 
     def imu(self, rate: Vec3, specific_force: Vec3, dt: float) -> str | None:
-        """One sample, bias included [rad/s, m/s²]. Returns what is worth counting."""
+        """One sample, bias included [rad/s, m/s²]. Returns an event to count."""
         self._seconds += dt
         self._block.add((*rate, *specific_force))
         if self._block.count < BLOCK:
@@ -48,7 +48,7 @@ class RestingBias:
         return "resting:gyro_bias" if began else None
 
     def moved(self) -> None:
-        """A gap in the samples: nobody knows what happened in it."""
+        """A gap in the samples counts as motion."""
         self._block, self._seconds = Mean(6), 0.0
         self._still_for, self._waiting = 0.0, None
 

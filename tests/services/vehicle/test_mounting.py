@@ -128,7 +128,7 @@ def test_a_sensor_at_the_origin_passes_untouched() -> None:
         UsblSample(stamp_ns=0, north=1.0, east=2.0, std=0.5),
     )
     imu, field, pressure, dvl, usbl = samples
-    assert not door.curious
+    assert not door.needs_motion
     assert door.imu(imu) is imu
     assert door.magnetometer(field) is field
     assert door.pressure(pressure) is pressure

@@ -12,7 +12,7 @@ from services.estimation.attitude.attitude_filter import AttitudeSettings
 from services.estimation.attitude.attitude_observer import AttitudeObserver
 from services.estimation.depth.depth_filter import DepthSettings
 from services.estimation.depth.depth_observer import Atmosphere, DepthObserver
-from services.estimation.depth.depth_variants import WAYS
+from services.estimation.depth.depth_variants import VARIANTS
 from services.marine.attitude import to_body
 from services.marine.vehicle import GRAVITY, SEA_WATER
 from services.runtime.config.stack import Stack
@@ -181,9 +181,9 @@ def _mean(values: list[Vec3]) -> Vec3:
 
 
 def observe(seen: DepthWorld, way: str, settings: DepthSettings) -> Estimates:
-    """Run one of the observers of `depth_ways.py` through a world."""
+    """Run one of the observers of `depth_variants.py` through a world."""
     observer = DepthObserver(
-        settings, Atmosphere(TYPICAL.atmosphere, 1.0), SEA_WATER, 0.0, WAYS[way]
+        settings, Atmosphere(TYPICAL.atmosphere, 1.0), SEA_WATER, 0.0, VARIANTS[way]
     )
     inputs = (seen.asked if way == "reference" else seen.measured).tolist()
     stamps = [round(stamp * 1e9) for stamp in seen.stamps.tolist()]

@@ -13,7 +13,7 @@ from messages.sensors import ImuSample, MagnetometerSample, PressureSample
 from messages.state import VehicleState
 from services.estimation.core import Estimator, Settings
 from services.estimation.depth.depth_filter import DepthSettings
-from services.estimation.depth.depth_variants import WAYS
+from services.estimation.depth.depth_variants import VARIANTS
 from services.marine.vehicle import GRAVITY
 from tools.research.bench.depth_runs import (
     PRESSURE_RATE,
@@ -63,7 +63,7 @@ def _observers() -> Iterator[Figure]:
     for sensor in SENSORS:
         tuning = world(sensor, TUNING_SEED)
         dives = [world(sensor, seed) for seed in SEEDS]
-        scores = {way: _scored(dives, way, tuned(tuning, sensor, way)) for way in WAYS}
+        scores = {way: _scored(dives, way, tuned(tuning, sensor, way)) for way in VARIANTS}
         for way, ours in scores.items():
             if way != THESIS:
                 yield from _rows(f"{sensor.name}, {way}", ours, scores[THESIS])

@@ -119,7 +119,7 @@ def test_blind_nothing_is_known_but_how_fast_it_may_have_turned(seconds: float):
 @given(st.floats(-10.0, 10.0))
 def test_after_a_restart_north_is_where_it_was(offset: float):
     compass = Compass(SET)
-    compass.go_on(offset, 50.0, 1.0)
+    compass.resume(offset, 50.0, 1.0)
     assert compass.offset == pytest.approx(wrapped(offset))
 
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from services.estimation.depth.depth_filter import LEAST_MOTION_NOISE, DepthFilter, DepthSettings
 from services.estimation.depth.depth_observer import Atmosphere, DepthObserver
-from services.estimation.depth.depth_variants import WAYS
+from services.estimation.depth.depth_variants import VARIANTS
 from services.marine.vehicle import ATMOSPHERE, GRAVITY, SEA_WATER
 from services.reference.trajectory.minimum_jerk import Limits, Ramp
 
@@ -33,7 +33,7 @@ sample = st.tuples(
 
 
 def observer(way: str, told: DepthSettings | None = None) -> DepthObserver:
-    return DepthObserver(told or DepthSettings(), AIR, SEA_WATER, 0.0, WAYS[way])
+    return DepthObserver(told or DepthSettings(), AIR, SEA_WATER, 0.0, VARIANTS[way])
 
 
 def pressure(depth: float) -> float:
@@ -82,7 +82,7 @@ def test_sample_by_sample_is_what_all_samples_at_once_would_give(
     f = DepthFilter(SET)
     f.start(0.0, float(START[0]), float(START[1]), 0.0, float(START[2]))
     for acceleration, dt, depth, age in steps:
-        f.predict(acceleration if WAYS[way].driven else None, dt, WAYS[way].measured)
+        f.predict(acceleration if VARIANTS[way].driven else None, dt, VARIANTS[way].measured)
         f.update(*f.innovation(depth, STD, age), age)
     assert [f.depth, f.rate, f.bias] == pytest.approx(batch(steps, way).tolist(), abs=1e-9)
 
@@ -186,7 +186,7 @@ def test_a_held_outlier_is_counted_once_and_then_forgotten():
     assert o.estimates(0)[0].value == pytest.approx(5.0, abs=0.05)
 
 
-@pytest.mark.parametrize("way", list(WAYS))
+@pytest.mark.parametrize("way", list(VARIANTS))
 def test_every_way_settles_on_a_depth_holds_it_when_pressure_goes_and_comes_back(way: str):
     o = observer(way)
     for k in range(1, 1000):
@@ -205,7 +205,7 @@ def test_every_way_settles_on_a_depth_holds_it_when_pressure_goes_and_comes_back
     assert o.estimates(2201 * STEP_NS)[0].value == pytest.approx(7.0, abs=0.1)
 
 
-@pytest.mark.parametrize("way", list(WAYS))
+@pytest.mark.parametrize("way", list(VARIANTS))
 @settings(max_examples=30, deadline=None)
 @given(
     events=st.lists(
@@ -328,7 +328,7 @@ def test_a_sensor_that_jumps_within_the_gate_is_counted_and_doubted_while_it_las
 decode: Callable[..., DepthSettings] = msgspec.toml.decode
 
 
-@pytest.mark.parametrize("way", list(WAYS))
+@pytest.mark.parametrize("way", list(VARIANTS))
 def test_the_vehicle_file_chooses_the_observer(way: str):
     chosen = decode(f'observer = "{way}"\nmotion_noise = 0.5', type=DepthSettings)
     assert chosen.observer == way

@@ -16,8 +16,9 @@ from services.estimation.horizontal.compass_deviation import (
     Coefficients,
     CompassDeviation,
 )
-from services.estimation.horizontal.horizontal_observer import HorizontalObserver, VehicleMotion
+from services.estimation.horizontal.horizontal_observer import HorizontalObserver
 from services.estimation.horizontal.horizontal_settings import HorizontalSettings
+from services.estimation.horizontal.vehicle_motion import VehicleMotion
 from services.marine.attitude import from_euler
 from services.marine.vehicle import GRAVITY
 
@@ -156,6 +157,6 @@ def test_a_deviation_that_no_compass_should_have_is_limited_and_counted_once() -
     deviation, wild = CompassDeviation(), Coefficients(0.1, -0.3, 0.4)
     counts = Counter(deviation.follow(wild, 0.01, 0.5, 0.1) for _ in range(2000))
     assert counts == {"limited:deviation": 1, None: 1999}
-    assert deviation.told.largest == pytest.approx(MOST, rel=1e-4)
-    most = max(abs(deviation.told.at(x)) for x in np.linspace(-pi, pi, 200).tolist())
+    assert deviation.correction.largest == pytest.approx(MOST, rel=1e-4)
+    most = max(abs(deviation.correction.at(x)) for x in np.linspace(-pi, pi, 200).tolist())
     assert most <= MOST

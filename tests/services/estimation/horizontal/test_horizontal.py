@@ -13,8 +13,9 @@ from messages.sensors import DvlSample, UsblSample
 from messages.state import VehicleState
 from messages.units import Quaternion
 from messages.vehicle import Truth
-from services.estimation.horizontal.horizontal_observer import HorizontalObserver, VehicleMotion
+from services.estimation.horizontal.horizontal_observer import HorizontalObserver
 from services.estimation.horizontal.horizontal_settings import HorizontalSettings
+from services.estimation.horizontal.vehicle_motion import VehicleMotion
 from services.marine.attitude import from_euler
 from services.marine.vehicle import GRAVITY
 from services.runtime.config.stack import Stack

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from messages.sensors import DvlSample, UsblSample
 from messages.units import Quaternion
 from messages.vehicle import Actuation
-from services.estimation.horizontal.horizontal_observer import HorizontalObserver, VehicleMotion
+from services.estimation.horizontal.horizontal_observer import HorizontalObserver
 from services.estimation.horizontal.horizontal_settings import HorizontalSettings
 from services.estimation.horizontal.hull_model import HullModel
 from services.estimation.horizontal.measurement_buffer import between
+from services.estimation.horizontal.vehicle_motion import VehicleMotion
 from services.marine.attitude import from_euler
 from services.marine.vehicle import GRAVITY, Vehicle
 from services.runtime.config.stack import Stack

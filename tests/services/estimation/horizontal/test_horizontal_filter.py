@@ -94,7 +94,7 @@ def test_the_jacobians_are_the_slopes_of_what_is_measured(
 @given(st.integers(0, 10**6), st.integers(2, 6))
 def test_in_the_linear_case_it_is_batch_least_squares(seed: int, steps: int) -> None:
     rng = np.random.default_rng(seed)
-    estimate = ekf.begun(CHOICE, 0.05)
+    estimate = ekf.initial(CHOICE, 0.05)
     rows: list[tuple[Floats, Floats, Floats]] = []  # weight the residual A z - b by W
     wide = SIZE * (steps + 1)
 
@@ -143,7 +143,7 @@ def drawn(seed: int) -> tuple[list[float], list[float]]:
     """Normalised squares of the errors once a second and of the innovations, for a truth that is
     drawn from what the filter believes of the world. As in a dive, a DVL speaks first."""
     rng = np.random.default_rng(seed)
-    estimate = ekf.begun(CHOICE, 0.05)
+    estimate = ekf.initial(CHOICE, 0.05)
     truth = rng.multivariate_normal(estimate.x, estimate.P)
     first = interval()
     v_N = *truth[ekf.VELOCITY].tolist(), first.depth_rate
@@ -205,11 +205,11 @@ def moved(
 
 def test_without_a_force_there_is_no_balance() -> None:
     with pytest.raises(ValueError, match="no balance"):
-        ekf.balance(ekf.begun(CHOICE, 0.1), interval(force=None), HULL, CHOICE)
+        ekf.balance(ekf.initial(CHOICE, 0.1), interval(force=None), HULL, CHOICE)
 
 
 def test_a_belief_with_a_number_that_is_not_one_is_not_sound() -> None:
-    good = ekf.begun(CHOICE, 0.1)
+    good = ekf.initial(CHOICE, 0.1)
     assert ekf.is_sound(good)
     for bad in (np.nan, np.inf):
         assert not ekf.is_sound(HorizontalEstimate(good.x + bad, good.P))
