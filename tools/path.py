@@ -87,7 +87,7 @@ def motion(file: PlannedPathFile) -> MotionLaw:
     def bounded(length: float, cruise: float, initial: float, final: float) -> MotionProfile:
         return stretch(length, limits, cruise, initial, final)
 
-    if wish.model == "mjvr":
+    if file.model == "mjvr":
         return bounded
     from tools.research.laws.fernandes.model_request import MotionRequest
     from tools.research.laws.fernandes.reference_model import plan
