@@ -127,6 +127,10 @@ EQUIVALENT: dict[tuple[str, str], str] = {
         "asked is only whether the sum is a number"
     ),
     ("services/tether/delay.py", "Delays.next_ms: 1.0  →  1.5"): "one in a thousand million",
+    (
+        "services/tether/delay.py",
+        "Delays.next_ms: np.clip(share, TAIL",
+    ): "both are a maximum of two",
     ("services/tether/codel.py", "Dropper.__init__: 0  →  1"): "counts only once dropping began",
     ("services/tether/codel.py", "Dropper.__init__: False  →  True"): (
         "the first wait cannot have lasted, so it ends dropping"

@@ -39,7 +39,7 @@ def test_a_report_tells_of_its_own_period(delay_ms: float, periods: list[tuple[i
         assert (said.loss, said.queued, said.lost) == (0.0 if messages else None, 0, {})
         for percentile in (said.delay_p50_ms, said.delay_p99_ms):
             assert (percentile is None) == (messages == 0)
-            assert percentile is None or abs(percentile - delay_ms) <= 1e-6
+            assert percentile is None or abs(percentile - delay_ms) < 0.6e-6  # [ms] rounded
 
 
 def test_half_of_the_messages_are_no_slower_than_the_median_and_99_of_100_than_the_other() -> None:
