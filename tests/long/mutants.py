@@ -146,7 +146,7 @@ COUNTED: dict[type[ast.operator], type[ast.operator]] = {
 }  # fmt: skip
 TYPES = {"annotation", "returns", "decorator_list", "bases"}  # fields of nodes
 EXTREME = {"min": "max", "max": "min"}
-SYMMETRIC = {"hypot", "min", "max", "add"}
+SYMMETRIC = {"hypot", "min", "max", "add", "_plus", "_dot"}
 
 
 Outcome = Literal["passed", "failed", "no end"]
@@ -176,6 +176,8 @@ def _every(law: str, text: str) -> Iterator[Fault]:
     tree = ast.parse(text)
     for place, parent, field, index, node in _places(tree):
         for other in _instead(node):
+            if ast.dump(other) == ast.dump(node):
+                continue
             _put(parent, field, index, other)
             line = f"{place}: {_short(node)}  →  {_short(other)}"
             yield Fault(law, line, ast.unparse(ast.fix_missing_locations(tree)))

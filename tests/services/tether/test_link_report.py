@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from services.tether.delay import Trace
 from services.tether.link_model import Line
 from services.tether.loss import Independent
+from services.tether.outage import Outage, Outages
 from services.tether.profile import Leg
 
 MS, SECOND = 1_000_000, 1_000_000_000
@@ -64,6 +65,37 @@ def test_the_loss_of_a_period_is_the_share_of_what_was_settled_in_it(
         lost, before = line.lost.total() - before, line.lost.total()
         assert said.loss == pytest.approx(lost / 50)
         assert said.dropped == line.lost.total() == sum(said.lost.values())
+
+
+@given(st.lists(st.tuples(st.integers(0, 40), st.integers(1, 800)), min_size=1, max_size=30))
+def test_whoever_asks_when_something_is_due_hears_all_as_early_as_whoever_asks_all_the_time(
+    entering: list[tuple[int, int]],
+) -> None:
+    leg = Leg(delay_ms=3.0, jitter_ms=5.0, rate_kbit=200.0)
+    asked, often = (Line[int](leg, np.random.default_rng(4)) for _ in range(2))
+    times: list[list[int]] = [[], []]
+    now = 0
+    for k, (gap, size) in enumerate(entering):
+        for line in (asked, often):
+            line.enter(k, now, size)
+        then = now + gap * MS
+        while (due := asked.due()) is not None and due <= then:
+            if asked.leave(due) is not None:
+                times[0].append(-(-due // MS))
+        for tick in range(now, then + 1, MS):
+            while often.leave(tick) is not None:
+                times[1].append(tick // MS)
+        now = then
+    assert times[0] == times[1]
+
+
+def test_a_schedule_counts_from_the_change_to_it() -> None:
+    line = Line[int](Leg(), np.random.default_rng(1))
+    line.enter(0, 0)
+    away = Outages((Outage(start_s=2.0, seconds=1.0),))
+    line.change(Leg(outages=away), 10 * SECOND)
+    up = [line.is_up(10 * SECOND + at) for at in range(0, 5 * SECOND, SECOND // 2)]
+    assert up == [True] * 4 + [False] * 2 + [True] * 4
 
 
 def test_a_line_that_is_cut_has_no_delay() -> None:
