@@ -30,9 +30,7 @@ from typing import Literal, cast
 EACH = 15  # faults in each law
 GOAL = 0.9  # of the faults are to be noticed
 WORKERS = 2
-PATIENCE = (
-    4.0  # times as long as without a fault, and LEAST_PATIENCE [s]; then it counts as noticed
-)
+PATIENCE = 4.0  # times as long as without a fault, and LEAST_PATIENCE; then it counts as noticed
 LEAST_PATIENCE = 15.0
 MEMORY = 8_000_000  # [KiB] address space; a fault may make a list that never ends
 PARTS = ("messages", "services", "tools", "tests", "deploy", "pyproject.toml")  # of the copy
@@ -142,9 +140,10 @@ EQUIVALENT: dict[tuple[str, str], str] = {
     ("services/reference/trajectory/position.py", "_peaks: (low, high)  →  (high, low)"): (
         "a bisection has no direction"
     ),
-    ("services/reference/trajectory/emergency_stop.py", "Stop.stop_distance: 0.0  →  1.0"): (
-        "a velocity held for the time that is left at the end, which is none"
-    ),
+    (
+        "services/reference/trajectory/emergency_stop.py",
+        "StoppedMotion.stop_distance: 0.0  →  1.0",
+    ): ("a velocity held for the time that is left at the end, which is none"),
     ("services/control/allocation/allocation.py", "Allocation._at_once: yields.append"): (
         "one after the other comes to the same as all at once"
     ),
@@ -152,6 +151,10 @@ EQUIVALENT: dict[tuple[str, str], str] = {
         "asked is only whether the sum is a number"
     ),
     ("services/tether/delay.py", "Delays.next_ms: 1.0  →  1.5"): "one in a thousand million",
+    (
+        "services/tether/delay.py",
+        "Delays.next_ms: np.clip(share, TAIL",
+    ): "both are a maximum of two",
     ("services/tether/codel.py", "Dropper.__init__: 0  →  1"): "counts only once dropping began",
     ("services/tether/codel.py", "Dropper.__init__: False  →  True"): (
         "the first wait cannot have lasted, so it ends dropping"
@@ -167,7 +170,7 @@ COUNTED: dict[type[ast.operator], type[ast.operator]] = {
 }  # fmt: skip
 TYPES = {"annotation", "returns", "decorator_list", "bases"}  # fields of nodes
 EXTREME = {"min": "max", "max": "min"}
-SYMMETRIC = {"hypot", "min", "max", "add"}
+SYMMETRIC = {"hypot", "min", "max", "add", "_plus", "_dot"}
 
 
 Outcome = Literal["passed", "failed", "no end"]
@@ -197,6 +200,8 @@ def _every(law: str, text: str) -> Iterator[Fault]:
     tree = ast.parse(text)
     for place, parent, field, index, node in _places(tree):
         for other in _instead(node):
+            if ast.dump(other) == ast.dump(node):
+                continue
             _put(parent, field, index, other)
             line = f"{place}: {_short(node)}  →  {_short(other)}"
             yield Fault(law, line, ast.unparse(ast.fix_missing_locations(tree)))

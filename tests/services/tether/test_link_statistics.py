@@ -94,6 +94,10 @@ def test_gilbert_elliott_has_its_mean_loss_and_its_length_of_bursts() -> None:
     assert abs(lost.sum() / bursts - length) < NORMAL_99 * spread / sqrt(bursts)
 
 
+def test_a_gilbert_elliott_link_begins_good() -> None:
+    assert set(losses(GilbertElliott(to_bad=0.0, to_good=0.0))) == {None}
+
+
 def test_gilbert_elliott_loses_in_the_good_state_too_when_told_to() -> None:
     model = GilbertElliott(to_bad=0.02, to_good=0.25, loss_bad=0.6, loss_good=0.01)
     reasons = losses(model)

@@ -114,7 +114,8 @@ def minimum_time(
     peak = min(sqrt(max(0.0, a * a / 2 + jerk * e)), a_max)
     peak = max(peak, min(a, a_max), 0.0)  # rounding must not turn the first part round
     rise, fall = abs(peak - a) / jerk, peak / jerk
-    cruise = max(0.0, (e - (a + peak) / 2 * rise - peak / 2 * fall) / peak) if peak > 0 else 0.0
+    left = e - (a + peak) / 2 * rise - peak / 2 * fall  # below a_max it is rounding
+    cruise = max(0.0, left / peak) if peak == a_max else 0.0
     parts: list[Segment] = []
     v = velocity
     for duration, a0, a1 in ((rise, a, peak), (cruise, peak, peak), (fall, peak, 0.0)):

@@ -106,6 +106,7 @@ def test_achieved_is_what_the_thrusters_will_really_do(
 
 
 @many
+@example(wanted=(-1e-05, 0.0, 0.0, 5.0, 0.0, 30.0))
 @given(wrench)
 @example((0.0, 1.537e-5, 0.0, 0.0, 0.0, -7.0))  # all is given to the yaw, nothing to the sway
 def test_within_a_group_the_wrench_keeps_its_direction(vehicle: Vehicle, wanted: Vec6) -> None:

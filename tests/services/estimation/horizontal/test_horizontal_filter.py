@@ -90,6 +90,42 @@ def test_the_jacobians_are_the_slopes_of_what_is_measured(
             assert H[:, k] == pytest.approx(numeric, abs=1e-4), (see.__name__, k)
 
 
+@settings(max_examples=40, deadline=None)
+@given(pairs, pairs, st.tuples(angle, angle, angle), st.floats(-3.0, 3.0), st.integers(0, 10**6))
+def test_the_spread_moves_as_the_mean_does(
+    over_ground: tuple[float, float],
+    acceleration: tuple[float, float],
+    deviation: tuple[float, float, float],
+    heading: float,
+    seed: int,
+) -> None:
+    """P becomes J P Jᵀ and noise, with J the slopes of the predicted mean."""
+    x, here = np.zeros(SIZE), interval(0.5, acceleration, heading=heading)
+    x[ekf.VELOCITY], x[ekf.DEVIATION] = over_ground, deviation
+    known = np.zeros((SIZE, SIZE))
+    slopes = [
+        (ekf.predicted(HorizontalEstimate(x + e, known), here, CHOICE).x)
+        - (ekf.predicted(HorizontalEstimate(x - e, known), here, CHOICE).x)
+        for e in 1e-5 * np.eye(SIZE)
+    ]
+    J = np.array(slopes).T / 2e-5
+    root = np.random.default_rng(seed).normal(size=(SIZE, SIZE))
+    P = root @ root.T
+    more = (
+        ekf.predicted(HorizontalEstimate(x, P), here, CHOICE).P
+        - ekf.predicted(HorizontalEstimate(x, known), here, CHOICE).P
+    )
+    assert more == pytest.approx(J @ P @ J.T, abs=1e-5)
+
+
+@given(st.floats(-3.0, 3.0), st.floats(-1.4, 1.4), st.floats(-3.0, 3.0))
+def test_deviation_goes_with_sine_and_cosine_of_the_heading_however_it_is_tilted(
+    roll: float, pitch: float, heading: float
+) -> None:
+    found = ekf.card(interval(roll=roll, pitch=pitch, heading=heading))
+    assert found == pytest.approx((np.sin(heading), np.cos(heading)))
+
+
 @settings(max_examples=15, deadline=None)
 @given(st.integers(0, 10**6), st.integers(2, 6))
 def test_in_the_linear_case_it_is_batch_least_squares(seed: int, steps: int) -> None:

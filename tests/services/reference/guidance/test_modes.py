@@ -19,6 +19,7 @@ from services.reference.guidance.ground_motion import turned
 from services.reference.guidance.guidance import PLACE_PATIENCE_S
 from services.reference.guidance.modes import HOLDS
 from services.reference.paths.heading import wrap
+from services.reference.settings import StickForce
 
 DT = 0.01  # [s]
 GENERATE = [Phase.explicit, Phase.generate]  # half a minute of flight is too long to be shrunk
@@ -150,7 +151,8 @@ def armed(hold: Hold = "stabilised", **sea: object) -> Sea:
 def check(sea: Sea) -> None:
     """The laws of every flight: no step on a held axis, none in a force, holding begins where the
     vehicle is and as it moves, and every number is a number."""
-    remains = [0.0, 0.0]  # of heave force and yaw moment, when they were last said
+    remains = [0.0, 0.0]  # [N, N m] heave force and yaw moment, when they were last said
+    since = [0, 0]  # steps for which they were not said
     for (before, _), (after, state) in pairwise(sea.seen):
         assert all(map(isfinite, numbers(after)))
         if not (before.armed and after.armed):
@@ -168,10 +170,10 @@ def check(sea: Sea) -> None:
                     assert abs(a.position - b.value) <= (0.02 if name == "depth" else radians(0.5))
             i = int(name == "heading")
             if now is not None:
-                assert abs(now - (remains[i] if was is None else was)) <= most.max_rate * DT + 1e-9
-                remains[i] = now
+                assert_no_step(now, was, remains[i], since[i] * DT, most)
+                remains[i], since[i] = now, 0
             else:
-                remains[i] = max(0.0, abs(remains[i])) if was is None else was
+                since[i] += 1
         rate = SETTINGS.horizontal.stop_rate * DT + 1e-9
         forces = ((r.surge_force, r.sway_force) for r in (before, after))
         assert dist(*forces) <= rate
@@ -187,6 +189,20 @@ def check(sea: Sea) -> None:
         elif state is not None and state.north is not None and state.east is not None:
             here = (state.north.value, state.east.value)
             assert dist((after.north.position, after.east.position), here) <= 0.02
+
+
+def assert_no_step(
+    now: float, was: float | None, remains: float, since: float, most: StickForce
+) -> None:
+    """A force changes no faster than it may. While an axis is held, what remains of its force fades
+    unsaid for `since` [s]: it comes back as a part of itself, and after twice the fade as none."""
+    step = most.max_rate * DT + 1e-9
+    if was is not None:
+        assert abs(now - was) <= step
+        return
+    fade = most.full / most.max_rate + most.max_rate / most.max_rate_change
+    left = 0.0 if since > 2 * fade else remains
+    assert min(0.0, left) - step <= now <= max(0.0, left) + step
 
 
 def follows(a: Motion, b: Motion, jerk: float) -> None:
@@ -251,7 +267,23 @@ def do(sea: Sea, deed: tuple[object, ...]) -> None:
             raise AssertionError(deed)
 
 
+UP = (0.0, 0.0, -1.0, 0.0)
+
+
+def held_between(seconds: float, deflection: tuple[float, ...]) -> list[tuple[object, ...]]:
+    """A force up, then depth is held for a while, then the stick is a force again."""
+    return [
+        ("mode", "heading_hold"),
+        ("sticks", UP, 2.0),
+        ("lost", "state", 0.3),
+        ("sticks", deflection, seconds),
+        ("mode", "heading_hold"),
+    ]
+
+
 @settings(max_examples=60, deadline=None, phases=GENERATE)
+@example(done=held_between(1.1, (0.0, 0.0, 0.0, 0.0)), offset=0.0, measures=False)
+@example(done=held_between(2.0, UP), offset=0.0, measures=False)
 @given(st.lists(deeds, max_size=14), st.floats(-pi, pi), st.booleans())
 @example([("follow",), ("wait", 0.8), ("lost", "state", 1.5)], 1.9, True)
 def test_whatever_happens_there_is_never_a_step(

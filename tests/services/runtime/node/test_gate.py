@@ -110,6 +110,24 @@ def test_before_the_clocks_are_known_events_are_heard_and_commands_are_not(
     assert counts == {"unsynchronised:pilot/command": 1}
 
 
+@given(st.integers(-(10**12), 10**12), st.integers(1, 200 * MS))
+def test_what_was_overtaken_is_refused_however_far_apart_the_clocks_are(
+    ahead: int, earlier: int
+) -> None:
+    counts, offset = Counter[str](), ClockOffset("drone")
+    told = Clock(
+        stamp_ns=0, offset_ns=-ahead, bound_ns=0, drift_ppm=None, rtt_ms=None,
+        rtt_min_ms=None, answered_ms=None,
+    )  # fmt: skip
+    offset.learn(told, NOW)
+    door = Gate(topics.PILOT_COMMAND, counts, offset)
+    newest = door.admit(command(NOW + ahead), NOW)
+    assert newest is not None
+    assert newest.stamp_ns == NOW
+    assert door.admit(command(NOW + ahead - earlier), NOW) is None
+    assert counts == {"reordered:pilot/command": 1}
+
+
 def test_what_was_overtaken_or_doubled_is_refused_and_a_gap_is_counted() -> None:
     door, counts = gate()
     for stamp, seq in ((0, 0), (20, 1), (10, 7), (20, 1), (50, 5)):

@@ -5,7 +5,7 @@ from math import inf, sqrt
 from typing import Any
 
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from services.reference.trajectory.minimum_jerk import Limits, Ramp, solve
@@ -52,6 +52,7 @@ def test_nothing_is_quicker_than_minimum_time(
 
 
 @many
+@example(v=0.0, a=5e-324, target=5e-324, lim=Limits(0.5, inf))
 @given(velocity, acceleration, velocity, limits)
 def test_minimum_time_is_as_quick_as_ruckig(v: float, a: float, target: float, lim: Limits) -> None:
     ruckig: Any = pytest.importorskip("ruckig")
