@@ -113,5 +113,6 @@ def _losses(losses: Mapping[str, int]) -> list[tuple[str, str]]:
         return [("losses", "none")]
     rows = [f"{count} × {what.words}" for what, count in ordered[:KINDS]]
     if len(ordered) > KINDS:
-        rows.append(f"and {len(ordered) - KINDS} less important kinds, see report.json")
+        more = len(ordered) - KINDS
+        rows.append(f"and {more} less important kind{'s' * (more > 1)}, see report.json")
     return [("losses" if n == 0 else "", row) for n, row in enumerate(rows)]
