@@ -2,6 +2,7 @@
 
 import atexit
 import contextlib
+import fcntl
 import os
 import re
 import tempfile
@@ -16,6 +17,7 @@ from tools.fresh import fresh_folder
 DIVES = Path("dives")  # for dives without --out
 LATEST = "latest"  # in it: a link to the newest of them
 LOGS = "logs"
+CLAIMS: dict[Path, int] = {}  # open folders that this program has locked
 WRITTEN = re.compile(r"dive(\.part\d+)?\.(mcap|rrd)|merging\.mcap|report\.json|run\.json")
 
 
@@ -33,6 +35,9 @@ def out_folder(out: Path | None) -> Path:
             raise LindyError(f"a dive (process {pid}) is going on in --out {wanted}")
         # Two dives may begin in the same second: a folder named by the time is always a new one.
         folder = fresh_folder(wanted, Path.exists if out is None else holds_dive)
+        if not _claimed(folder):  # another dive has just begun in it and not written anything yet
+            folder = fresh_folder(wanted, Path.exists)
+            _claimed(folder)
         with tempfile.TemporaryFile(dir=folder):
             pass  # it can be written to
     except OSError as error:
@@ -43,6 +48,22 @@ def out_folder(out: Path | None) -> Path:
             print(f"{wanted} holds a dive already; this one goes to {folder}", flush=True)
     atexit.register(_remove_empty, missing)
     return folder
+
+
+def _claimed(folder: Path) -> bool:
+    """Lock a folder until the dive's first files are in it. False: another program has it. A file
+    system without locks counts as locked."""
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(handle)
+        return False
+    except OSError:
+        os.close(handle)
+    else:
+        CLAIMS[folder] = handle  # closing it ends the lock
+    return True
 
 
 def holds_dive(folder: Path) -> bool:
@@ -61,6 +82,8 @@ def dive_files(folder: Path, kind: str) -> list[Path]:
 def point_latest(folder: Path) -> None:
     """Make `dives/latest` a link to this dive, if it is in `dives/`. Anything else with that name
     is left as it is, and that is printed."""
+    if (handle := CLAIMS.pop(folder, None)) is not None:
+        os.close(handle)  # the first files are there, and say by themselves whose folder it is
     home = DIVES.resolve()
     if folder.parent != home or folder.name == LATEST:
         return

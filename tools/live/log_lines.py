@@ -60,13 +60,20 @@ def full(entry: LogEntry) -> str:
     """A line where there is no screen."""
     line = entry.line
     again = "" if entry.times == 1 else f" ({entry.times} times, last {_at(entry.last_s)})"
-    return f"{line.level:<7} {when(entry.first_s):>8}  {line.service}: {in_words(line.text)}{again}"
+    return f"{line.level:<7} {when(entry.first_s):>8}  {printable(line)}{again}"
 
 
 def brief(entry: LogEntry) -> str:
     """A line of the screen: what matters comes first, because the end may be cut."""
     again = "" if entry.times == 1 else f"{entry.times} × "
-    return f"{when(entry.last_s):>8}  {again}{entry.line.service}: {in_words(entry.line.text)}"
+    return f"{when(entry.last_s):>8}  {again}{printable(entry.line)}"
+
+
+def printable(line: LogLine) -> str:
+    """Service and text without control characters: anybody on the bus may have sent them, and a
+    terminal would obey them."""
+    text = f"{line.service}: {in_words(line.text)}"
+    return "".join(sign if sign.isprintable() else "�" for sign in text)
 
 
 def when(at_s: float | None) -> str:

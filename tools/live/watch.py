@@ -71,7 +71,7 @@ class Watch:
             failsafe=status.failsafe if status else "none",
             note=status.note if status else timeline.note,
             age_ms=(now - state.stamp_ns) / 1e6 if state else None,
-            depth_m=state.depth.value if state else None,
+            depth_m=state.depth.value if state and state.depth.valid else None,
             depth_wanted_m=reference.depth.position if reference else None,
             heading_deg=_compass(state.heading.value) if state else None,
             heading_wanted_deg=_compass(reference.heading.position) if reference else None,

@@ -257,3 +257,17 @@ def test_an_empty_logs_folder_holds_no_dive(tmp_path: Path):
     assert not holds_dive(tmp_path)
     (tmp_path / "logs").mkdir()
     assert not holds_dive(tmp_path)
+
+
+def test_two_dives_that_begin_together_do_not_share_a_folder(tmp_path: Path) -> None:
+    """The first has made the folder and not written anything yet."""
+    wanted = tmp_path / "same"
+    hold = "import sys; from pathlib import Path; from tools.live.dive_folder import out_folder; "
+    code = hold + "print(out_folder(Path(sys.argv[1])), flush=True); sys.stdin.read()"
+    command = [sys.executable, "-c", code, str(wanted)]
+    first = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    assert first.stdout is not None
+    assert first.stdout.readline().strip() == str(wanted)
+    second = subprocess.run(command, input="", capture_output=True, text=True, check=True)
+    assert second.stdout.splitlines()[-1] == str(tmp_path / "same-2")
+    first.communicate("")

@@ -84,3 +84,13 @@ def test_a_pipe_gets_the_first_line_at_once_and_the_count_at_the_end(
     assert [line.partition("(")[2] for line in printed] == [
         "", "10 times, last at 9.0 s)", "12 times, last at 11.0 s)",
     ]  # fmt: skip
+
+
+@given(st.text(max_size=40))
+def test_nothing_that_a_terminal_would_obey_is_printed(text: str):
+    """Anybody on the bus can send a line."""
+    lines = LogLines()
+    entry = lines.add(said(f"\x1b[2J{text}\n", service=f"a\x07{text}"), 1.0)
+    assert entry is not None
+    assert full(entry).isprintable()
+    assert brief(entry).isprintable()
