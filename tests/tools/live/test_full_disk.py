@@ -49,7 +49,7 @@ def small_disk(tmp_path: Path) -> Generator[Path]:
     if made.returncode != 0:
         pytest.skip("mounting a small file system is not allowed here")
     yield disk
-    subprocess.run([umount, str(disk)], check=True)
+    subprocess.run([umount, "-l", str(disk)], check=True)  # at once, even if it is still in use
 
 
 def simulate(tmp_path: Path, out: Path) -> int:
