@@ -1,7 +1,7 @@
 """Forces asked of the thrusters. From `control`; received by `simulator` or a vehicle driver."""
 
 from messages.message import Message
-from messages.units import Finite, Stamp, Ttl, Vec6
+from messages.units import Count, Finite, Names, Stamp, Thrusts, Ttl, Vec6
 
 THRUST_TTL_MS = 200.0  # [ms] older thruster commands count as zero thrust
 
@@ -16,7 +16,7 @@ class Wrench(Message, frozen=True, kw_only=True):
     heading_integral: Finite  # [N m] integrator's share of N
     saturated: bool  # achieved differs from wanted because a thruster is at its limit
     disturbance: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # [N, N m] estimated
-    distrusted: tuple[str, ...] = ()  # thrusters that do not follow their commands
+    distrusted: Names = ()  # thrusters that do not follow their commands
 
 
 class ThrusterCommand(Message, frozen=True, kw_only=True):
@@ -24,7 +24,7 @@ class ThrusterCommand(Message, frozen=True, kw_only=True):
 
     sensor_ns: Stamp | None  # [ns] sensor sample that caused it
     pilot_ns: Stamp | None  # [ns] pilot command that caused it
-    thrust: tuple[Finite, ...]  # [N] per thruster, in the order of the vehicle file
+    thrust: Thrusts  # [N] per thruster, in the order of the vehicle file
     ttl_ms: Ttl = THRUST_TTL_MS  # [ms] after stamp_ns the driver stops the thrusters
-    epoch: int = 0
+    epoch: Count = 0
     armed: bool = False  # False: the thrusters must not turn, and their ESCs may be off

@@ -3,26 +3,26 @@
 from typing import Literal
 
 from messages.message import Message
-from messages.units import NotNegative
+from messages.units import Count, Counts, Name, NotNegative, Text
 
 
 class Health(Message, frozen=True, kw_only=True):
     """The last second of a service, and its counts since start."""
 
-    service: str
+    service: Name
     loop_hz: NotNegative  # [1/s] handler calls over the last period
     lateness_p50_ms: NotNegative | None  # [ms] handled after it was due or arrived
     lateness_p99_ms: NotNegative | None  # [ms]
     cpu_percent: NotNegative | None  # [%] of one core; None on virtual time
     rss_mb: NotNegative | None  # [MB] resident memory; None on virtual time
-    sent: int  # messages since start
-    received: int  # messages since start
-    counts: dict[str, int]  # every dropped, stale, malformed, saturated … thing since start
+    sent: Count  # messages since start
+    received: Count  # messages since start
+    counts: Counts  # every dropped, stale, malformed, saturated … thing since start
 
 
 class LogLine(Message, frozen=True, kw_only=True):
     """One line for people."""
 
-    service: str
+    service: Name
     level: Literal["info", "warning", "error"]
-    text: str
+    text: Text

@@ -1,11 +1,24 @@
 """The measured state of the link between topside and drone. From `tether` and `link_monitor`."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import msgspec
 
 from messages.message import Answer, Message, Request
-from messages.units import DurationNs, Finite, NotNegative, Share, Stamp
+from messages.units import (
+    Count,
+    Counts,
+    DurationNs,
+    Finite,
+    Name,
+    NotNegative,
+    Share,
+    Stamp,
+    Text,
+)
+
+Tiers = Annotated[dict[Name, Finite], msgspec.Meta(max_length=100)]
+Changes = Annotated[tuple[Name, ...], msgspec.Meta(max_length=10)]
 
 
 class Direction(msgspec.Struct, frozen=True):
@@ -13,13 +26,13 @@ class Direction(msgspec.Struct, frozen=True):
 
     delay_p50_ms: NotNegative | None  # [ms] None: no message arrived
     delay_p99_ms: NotNegative | None  # [ms]
-    forwarded: int  # messages since start
-    dropped: int  # messages since start
-    queued: int  # messages on the link now
-    lost: dict[str, int] = {}  # messages lost since start, by reason
+    forwarded: Count  # messages since start
+    dropped: Count  # messages since start
+    queued: Count  # messages on the link now
+    lost: Counts = {}  # messages lost since start, by reason
     loss: Share | None = None  # [-] of the last period's messages; None: nothing entered
     rate_kbit: NotNegative = 0.0  # [kbit/s] carried, overhead included
-    tiers: dict[str, Finite] = {}  # [1/s] topics whose rate is reduced, and to what rate
+    tiers: Tiers = {}  # [1/s] topics whose rate is reduced, and to what rate
 
 
 class Clock(Message, frozen=True, kw_only=True):
@@ -36,12 +49,12 @@ class Clock(Message, frozen=True, kw_only=True):
 class LinkStatus(Message, frozen=True, kw_only=True):
     """Both directions, as measured by the tether service itself."""
 
-    profile: str
+    profile: Text
     up: bool  # the link is not interrupted
     down_link: Direction  # topside to drone
     up_link: Direction  # drone to topside
     rtt_ms: NotNegative | None  # [ms] sum of both medians
-    changes: int = 0  # of the link's model since start
+    changes: Count = 0  # of the link's model since start
     clock: Clock | None = None  # newest message of the link monitor
 
 
@@ -49,16 +62,16 @@ class LinkRequest(Request, frozen=True, kw_only=True):
     """Change the emulated link. Repeated with the same id until a `LinkAnswer` names that id."""
 
     kind: Literal["profile", "set", "down", "up"]
-    profile: str | None = None  # profile: a name in deploy/links
-    settings: tuple[str, ...] = ()  # set: key=value into the profile in force, `up.delay_ms=80`
+    profile: Text | None = None  # profile: a name in deploy/links
+    settings: Changes = ()  # set: key=value into the profile in force, `up.delay_ms=80`
 
 
 class LinkAnswer(Answer, frozen=True, kw_only=True):
     """The tether's answer, published on both sides, so that every change is recorded."""
 
-    kind: str
-    change: str = ""  # what has changed, in words
-    reason: str = ""  # why the request was refused
+    kind: Name
+    change: Text = ""  # what has changed, in words
+    reason: Text = ""  # why the request was refused
     cause_ns: Stamp | None = None  # [ns] stamp of the request
 
 
@@ -82,9 +95,12 @@ UP_STAGES = ("estimation", "link", "screen")
 class Stage(msgspec.Struct, frozen=True):
     """Latency of one stage, over the last report period."""
 
-    name: str
+    name: Name
     p50_ms: NotNegative
     p99_ms: NotNegative
+
+
+Stages = Annotated[tuple[Stage, ...], msgspec.Meta(max_length=16)]
 
 
 class LatencyBudget(Message, frozen=True, kw_only=True):
@@ -93,12 +109,12 @@ class LatencyBudget(Message, frozen=True, kw_only=True):
     From `link_monitor`. None where it is not known now.
     """
 
-    down: tuple[Stage, ...] | None  # DOWN_STAGES, in their order
-    up: tuple[Stage, ...] | None  # UP_STAGES, in their order
+    down: Stages | None  # DOWN_STAGES, in their order
+    up: Stages | None  # UP_STAGES, in their order
     stick_to_thruster_ms: NotNegative | None  # [ms] median, measured end to end
     sensor_to_screen_ms: NotNegative | None  # [ms] median, measured end to end
     bound_ms: NotNegative | None  # [ms] greatest error of the clock offset
-    alarm: str = ""  # what is wrong with the link, in words for the pilot; empty: nothing
+    alarm: Text = ""  # what is wrong with the link, in words for the pilot; empty: nothing
 
 
 class Shown(Message, frozen=True, kw_only=True):

@@ -2,7 +2,7 @@
 
 import msgspec
 
-from messages.units import Finite, NotNegative, Stamp
+from messages.units import Count, Finite, Name, NotNegative, Stamp
 
 
 class Message(msgspec.Struct, frozen=True, kw_only=True):
@@ -13,20 +13,20 @@ class Message(msgspec.Struct, frozen=True, kw_only=True):
     the sampling instant of a sensor, the moment of decision of everything else.
     """
 
-    seq: int = 0
+    seq: Count = 0
     stamp_ns: Stamp
 
 
 class Request(Message, frozen=True, kw_only=True):
     """Something to be done once. Repeated with the same `id` until an `Answer` names that id."""
 
-    id: str
+    id: Name
 
 
 class Answer(Message, frozen=True, kw_only=True):
     """The answer to the request with this `id`."""
 
-    id: str
+    id: Name
     accepted: bool
 
 

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 import msgspec
 
 from messages.message import Answer, Message, Request
-from messages.units import Finite, NotNegative, Stamp, Stick, Ttl
+from messages.units import Count, Finite, Name, NotNegative, Stamp, Stick, Text, Ttl
 
 Place = Annotated[tuple[Finite, ...], msgspec.Meta(min_length=2, max_length=3)]  # n, e(, down)
 TTL_MS = 300.0  # [ms] a stick position older than this moves nothing
@@ -20,10 +20,10 @@ class PilotCommand(Message, frozen=True, kw_only=True):
     yaw: Stick  # [-] + clockwise seen from above
     tilt: Stick = 0.0  # [-] camera, + upwards
     pilot: Literal["present", "lost"] = "present"  # lost: the pad is unplugged, unlike centred
-    source: str = ""  # which pad, keyboard or script
+    source: Name = ""  # which pad, keyboard or script
     device_age_ms: NotNegative = 0.0  # [ms] since the input device last answered
     ttl_ms: Ttl = TTL_MS  # [ms] after stamp_ns this command must not move anything
-    epoch: int = 0  # authority epoch; a command of another epoch is refused
+    epoch: Count = 0  # authority epoch; a command of another epoch is refused
 
 
 RequestKind = Literal["arm", "disarm", "stop", "light", "goto", "follow", "mode", "lease"]
@@ -59,7 +59,7 @@ class PilotRequest(Request, frozen=True, kw_only=True):
     east: Finite | None = None  # [m] goto
     course: Course | None = None  # follow
     hold: Hold | None = None  # mode
-    epoch: int = 0  # authority epoch; of another one only FOR_ANYBODY is granted
+    epoch: Count = 0  # authority epoch; of another one only FOR_ANYBODY is granted
 
 
 class StopDistance(msgspec.Struct, frozen=True):
@@ -73,7 +73,7 @@ class StopDistance(msgspec.Struct, frozen=True):
 class PilotAnswer(Answer, frozen=True, kw_only=True):
     """The drone's answer to a request."""
 
-    reason: str = ""  # why the request was refused, in words for the pilot
+    reason: Text = ""  # why the request was refused, in words for the pilot
     stop: StopDistance | None = None  # stop: how far the drone still goes
-    epoch: int | None = None  # lease: authority epoch that commands must carry from now on
+    epoch: Count | None = None  # lease: authority epoch that commands must carry from now on
     cause_ns: Stamp | None = None  # [ns] stamp of the request

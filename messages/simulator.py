@@ -3,7 +3,7 @@
 from typing import Literal
 
 from messages.message import Answer, Request
-from messages.units import Finite, Stamp
+from messages.units import Finite, Name, Stamp, Text
 
 # Thrusters: dead gives no thrust, reversed the opposite thrust, weak the share `value` of it, stuck
 # the last thrust for ever. Sensors: silent publishes nothing, frozen repeats its last sample, noisy
@@ -17,7 +17,7 @@ FaultKind = Literal[
 class FaultRequest(Request, frozen=True, kw_only=True):
     """Break or mend a part. Repeated with the same id until a `FaultAnswer` names that id."""
 
-    part: str  # a thruster's name, a sensor's key such as sensor/pressure, or "all" to mend
+    part: Name  # a thruster's name, a sensor's key such as sensor/pressure, or "all" to mend
     fault: FaultKind
     value: Finite | None = None
 
@@ -25,5 +25,5 @@ class FaultRequest(Request, frozen=True, kw_only=True):
 class FaultAnswer(Answer, frozen=True, kw_only=True):
     """The simulator's answer."""
 
-    reason: str = ""  # why the request was refused
+    reason: Text = ""  # why the request was refused
     cause_ns: Stamp | None = None  # [ns] stamp of the request

@@ -33,9 +33,19 @@ OpenShare = Annotated[float, msgspec.Meta(gt=0.0, lt=1.0)]  # [-] neither nothin
 # A stamp is a time of the sender's clock. A receiver on another machine converts it to its own
 # clock, wherever in a message it is. A duration is the same on every machine.
 STAMP, DURATION = {"ns": "stamp"}, {"ns": "duration"}  # they distinguish the two types
-Stamp = Annotated[int, msgspec.Meta(extra=STAMP)]  # [ns]
-DurationNs = Annotated[int, msgspec.Meta(extra=DURATION)]  # [ns]
+FARTHEST_NS = 4_000_000_000_000_000_000  # [ns] 127 years; the sum of two still fits into 64 bits
+Stamp = Annotated[int, msgspec.Meta(ge=-FARTHEST_NS, le=FARTHEST_NS, extra=STAMP)]  # [ns]
+DurationNs = Annotated[int, msgspec.Meta(ge=-FARTHEST_NS, le=FARTHEST_NS, extra=DURATION)]  # [ns]
 Ns = int  # [ns] in code: of the process's own clock
+
+# Whatever counts, and whatever is written in words: far more than Lindy sends, and little enough
+# that no message fills the memory of a receiver or overflows its sums.
+Count = Annotated[int, msgspec.Meta(ge=0, le=2**53)]  # exact in every language's numbers
+Name = Annotated[str, msgspec.Meta(max_length=128)]  # of a service, a part, a file, a request
+Text = Annotated[str, msgspec.Meta(max_length=2000)]  # in words, for people
+Names = Annotated[tuple[Name, ...], msgspec.Meta(max_length=64)]
+Counts = Annotated[dict[Name, Count], msgspec.Meta(max_length=1000)]
+Thrusts = Annotated[tuple[Finite, ...], msgspec.Meta(max_length=32)]  # [N] per thruster
 
 Vec3 = tuple[Finite, Finite, Finite]
 Vec6 = tuple[Finite, Finite, Finite, Finite, Finite, Finite]

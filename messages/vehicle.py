@@ -4,7 +4,19 @@ from typing import Literal
 
 from messages.message import Message
 from messages.pilot import Hold, StopDistance
-from messages.units import Finite, NotNegative, Quaternion, Stamp, Stick, Vec3
+from messages.units import (
+    Count,
+    Finite,
+    Name,
+    Names,
+    NotNegative,
+    Quaternion,
+    Stamp,
+    Stick,
+    Text,
+    Thrusts,
+    Vec3,
+)
 
 Mode = Literal["starting", "ready", "piloted", "stopping", "goto", "follow"]
 Failsafe = Literal["none", "pilot_lost", "state_lost"]
@@ -17,10 +29,10 @@ class VehicleStatus(Message, frozen=True, kw_only=True):
     armed: bool
     hold: Hold = "stabilised"  # what the drone holds by itself
     failsafe: Failsafe = "none"
-    pilot: str = ""  # who has control: the source of the newest valid command
-    epoch: int = 0  # authority epoch: commands with another one are refused
+    pilot: Name = ""  # who has control: the source of the newest valid command
+    epoch: Count = 0  # authority epoch: commands with another one are refused
     light: Stick = 0.0  # [-] 0 … 1
-    note: str = ""  # why it is not ready, in words for the pilot
+    note: Text = ""  # why it is not ready, in words for the pilot
     stop: StopDistance | None = None  # while stopping: distance from the stop request to standstill
 
 
@@ -29,7 +41,7 @@ class Actuation(Message, frozen=True, kw_only=True):
 
     # [N] per thruster: from the measured speed where there is one (0 when dead, of the opposite
     # sign when reversed); else what the driver expects from its commands.
-    thrust: tuple[Finite, ...]
+    thrust: Thrusts
     measured: bool = False  # thrust was measured; False: expected from the commands
     actuated_ns: Stamp | None  # [ns] when the newest command took effect
     sensor_ns: Stamp | None  # [ns] sensor sample behind that command
@@ -52,4 +64,4 @@ class Truth(Message, frozen=True, kw_only=True):
     on_floor: bool
     current: Vec3 = (0.0, 0.0, 0.0)  # [m/s] of the water over the ground, NED
     tether_pull: Vec3 = (0.0, 0.0, 0.0)  # [N] of the tether on the vehicle, NED
-    faults: tuple[str, ...] = ()  # simulated faults in force, as `part: fault`
+    faults: Names = ()  # simulated faults in force, as `part: fault`

@@ -113,7 +113,7 @@ class Pilot:
             **(reading.sticks if acts else CENTRED)._asdict(),
             stamp_ns=now,
             pilot="present" if reading.present else "lost",
-            source=self._source,
+            source=self._source[:128],
             device_age_ms=reading.age_ms,
             epoch=self.progress.epoch or 0,
         )

@@ -13,6 +13,7 @@ import msgspec
 
 from messages import topics
 from messages.message import Message
+from messages.payload import PayloadDecoder
 from messages.topic import AnyTopic
 
 MEMBERS = 64  # recorded members of one family, such as health/*
@@ -36,7 +37,7 @@ class RecordedRow(NamedTuple):
 class _Stream:
     topic: AnyTopic
     encoding: str
-    decoder: msgspec.msgpack.Decoder[Message]
+    decoder: PayloadDecoder[Message]
 
 
 def _unchanged(_: AnyTopic, stamp_ns: int) -> int | None:
@@ -63,9 +64,7 @@ class Intake:
         self._hash = hashlib.sha256()
         self._encode = msgspec.json.Encoder().encode
         for topic in topics.ALL:
-            self._streams[topic.key] = _Stream(
-                topic, topic.encoding, msgspec.msgpack.Decoder(topic.message)
-            )
+            self._streams[topic.key] = _Stream(topic, topic.encoding, PayloadDecoder(topic))
 
     def take(self, key: str, encoding: str, payload: bytes, arrival: int) -> RecordedRow | str:
         """The row to write, or the name under which its loss is counted.
@@ -80,7 +79,7 @@ class Intake:
         name = key if key in self._streams else stream.topic.key
         if encoding != stream.encoding:
             return f"wrong_type:{name}"
-        message = _open(stream, payload)
+        message = stream.decoder.decode(payload)
         if message is None:
             return f"malformed:{name}"
         stamp_ns = self._local_ns(stream.topic, message.stamp_ns)
@@ -124,10 +123,3 @@ class Intake:
         # Lengths first, so that different fields never give the same bytes.
         self._hash.update(f"{len(key)} {len(payload)} {arrival} {key}".encode())
         self._hash.update(payload)
-
-
-def _open(stream: _Stream, payload: bytes) -> Message | None:
-    try:
-        return stream.decoder.decode(payload)
-    except (msgspec.DecodeError, msgspec.ValidationError, RecursionError):
-        return None

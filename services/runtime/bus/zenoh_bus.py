@@ -9,6 +9,7 @@ from typing import Literal
 
 import zenoh
 
+from messages.payload import LONGEST
 from messages.topic import AnyTopic
 from services.runtime.bus.access_control import HubSide, access_control
 from services.runtime.bus.envelope import Envelope, Say, Store
@@ -39,6 +40,8 @@ def config(
         "listen/endpoints": list(listen),
         "connect/endpoints": list(connect),
         "transport/shared_memory/enabled": False,  # it would bypass a shaped link
+        "transport/link/rx/max_message_size": 4
+        * LONGEST,  # what is longer closes its sender's link
         "transport/link/tx/lease": 1000,  # [ms] a disconnected cable is noticed after this
         "connect/retry": {"period_init_ms": 50, "period_max_ms": 200, "period_increase_factor": 2},
     }.items():

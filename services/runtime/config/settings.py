@@ -18,6 +18,7 @@ S = TypeVar("S")
 Key = tuple[str | int, ...]  # names, and indices of entries in arrays, from 0
 HEADING = re.compile(r"\s*(\[\[?)([\w.\-\"' ]+)\]\]?\s*(#.*)?$")
 ASSIGNMENT = re.compile(r"\s*([\w.\-]+)\s*=")
+LARGEST_FILE = 50_000_000  # [bytes] a trace of many hours
 ENTRY = re.compile(r"(\w+) number (\d+)")  # an entry of an array, as sentences name it
 
 
@@ -28,14 +29,21 @@ def deploy_file(folder: str, name: str, suffix: str = ".toml") -> Path:
         LindyError: there is no such file; lists the known names.
     """
     if name.endswith(suffix):
-        if Path(name).is_file():
+        if _is_file(Path(name)):
             return Path(name)
         raise LindyError(f"there is no file {name}")
     path = DEPLOY / folder / f"{name}{suffix}"
-    if path.is_file():
+    if _is_file(path):
         return path
     known = sorted(file.stem for file in (DEPLOY / folder).glob(f"*{suffix}"))
     raise LindyError(f"unknown {folder.rstrip('s')} {name!r}{nearest(name, known)}")
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:  # a name longer than the operating system allows
+        return False
 
 
 def nearest(found: str, known: Sequence[str]) -> str:
@@ -52,11 +60,31 @@ def read_toml(path: Path) -> dict[str, Any]:
         LindyError: it cannot be read or is not TOML.
     """
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(read_text(path))
+    except RecursionError:
+        raise LindyError(f"{path}: not valid TOML: tables or arrays too deep") from None
+    except ValueError as error:  # not TOML, or a number of thousands of digits
+        raise LindyError(f"{path}: not valid TOML: {error}") from None
+
+
+def read_text(path: Path) -> str:
+    """A whole text file. Only a regular file of at most `LARGEST_FILE`, because a name can come
+    from another machine, and a device may have no end.
+
+    Raises:
+        LindyError: it cannot be read or is not text.
+    """
+    try:
+        if path.exists() and not path.is_file():
+            raise LindyError(f"cannot read {path}: not a regular file")
+        if (size := path.stat().st_size) > LARGEST_FILE:
+            most = LARGEST_FILE // 10**6
+            raise LindyError(f"cannot read {path}: {size // 10**6} MB, at most {most} are allowed")
+        return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError:
+        raise LindyError(f"cannot read {path}: it is not text") from None
     except OSError as error:
         raise LindyError(f"cannot read {path}: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise LindyError(f"{path}: not valid TOML: {error}") from None
 
 
 def override(tree: dict[str, Any], assignments: Sequence[str]) -> None:
@@ -110,7 +138,9 @@ def _value(text: str) -> Any:
     """
     try:
         return tomllib.loads(f"v = {text}")["v"]
-    except tomllib.TOMLDecodeError as error:
+    except RecursionError:
+        raise ValueError("not valid TOML (arrays or tables too deep)") from None
+    except ValueError as error:  # not TOML, or a number of thousands of digits
         if not text.startswith(("[", "{", '"', "'")) and not _is_number(text):
             return text  # a bare word is a string, so that shells need no quotes inside quotes
         why = str(error).partition(" (at")[0].lower()

@@ -6,7 +6,7 @@ import signal
 import subprocess
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import IO, Protocol
 
 TAIL = 4096  # [bytes] of a log in which its last line is looked for
 
@@ -48,9 +48,9 @@ class OsChild:
     """A process in its own session, so that Ctrl-C in the terminal reaches only this program."""
 
     def __init__(self, task: Task) -> None:
-        task.log.parent.mkdir(parents=True, exist_ok=True)
-        with task.log.open("ab") as log:
-            self._log, self._begin = task.log, log.tell()
+        self._log = task.log
+        with _log_file(task.log) as log:
+            self._begin = log.tell() if log.seekable() else 0
             # Started, never forked: Zenoh's threads would not survive in a forked copy.
             self._process = subprocess.Popen(
                 task.command,
@@ -77,12 +77,25 @@ class OsChild:
         self._process.wait()
 
     def last_words(self) -> str:
-        with self._log.open("rb") as log:
-            size = log.seek(0, os.SEEK_END)
-            log.seek(max(self._begin, size - TAIL))
-            lines = log.read().decode(errors="replace").split("\n")
+        try:
+            with self._log.open("rb") as log:
+                size = log.seek(0, os.SEEK_END)
+                log.seek(max(self._begin, size - TAIL))
+                lines = log.read().decode(errors="replace").split("\n")
+        except OSError:  # the log was removed, or never made
+            return ""
         return next((line.strip() for line in reversed(lines) if line.strip()), "")
 
     def _signal_group(self, number: signal.Signals) -> None:
         with contextlib.suppress(ProcessLookupError, PermissionError):  # nobody is left in it
             os.killpg(self._process.pid, number)
+
+
+def _log_file(path: Path) -> IO[bytes]:
+    """The log, opened to append to it; nowhere, if it cannot be: a service matters more than what
+    it prints."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        return path.open("ab")
+    except OSError:
+        return Path(os.devnull).open("ab")

@@ -5,6 +5,7 @@ import sys
 import tempfile
 import threading
 import time
+import traceback
 from collections import deque
 from collections.abc import Callable, Generator, Mapping
 from contextlib import ExitStack, contextmanager
@@ -147,8 +148,19 @@ class LocalStack:
             raise LindyError(self.supervisor.failure)
         self._note_pids()
         if self._has_node:
-            self.node.step()
+            self._step_node()
         self._wait()
+
+    def _step_node(self) -> None:
+        """Whatever a message does to the screen or to the summary: the services go on."""
+        try:
+            self.node.step()
+        except LindyError:
+            raise
+        except Exception:
+            self.node.count("mistake")
+            if self.node.counts["mistake"] == 1:  # the others are most likely the same
+                traceback.print_exc()
 
     def _wait(self) -> None:
         """Wait until a message arrives or a timer is due, at most `PERIOD_S`."""

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from dataclasses import dataclass
+from itertools import islice
 
 from messages.health import Health
 
@@ -48,12 +49,17 @@ class LoopStats:
             rss_mb=None if usage is None else usage.rss_mb,
             sent=sent,
             received=received,
-            counts=dict(counts),
+            counts=_bounded(counts),
         )
         self._lateness = []
         self._reported_at = now
         self._cpu_s = 0.0 if usage is None else usage.cpu_s
         return health
+
+
+def _bounded(counts: Counter[str]) -> dict[str, int]:
+    """As many counts as a message may hold; names are cut to what it may hold."""
+    return {name[:128]: count for name, count in islice(counts.items(), 1000)}
 
 
 def _percentile_ms(ordered: list[int], percent: int) -> float | None:

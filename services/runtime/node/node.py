@@ -81,7 +81,7 @@ class Node:
 
     def log(self, level: Literal["info", "warning", "error"], text: str) -> None:
         """A line for people: on the bus, in the recording and on stderr."""
-        line = LogLine(stamp_ns=self._clock(), service=self.name, level=level, text=text)
+        line = LogLine(stamp_ns=self._clock(), service=self.name, level=level, text=text[:2000])
         self._log.put(line)
         self.show(line)
 

@@ -7,6 +7,7 @@ from typing import Generic
 
 import msgspec
 
+from messages.payload import LONGEST
 from messages.topic import M, Topic
 from services.runtime.bus.envelope import Envelope, Say
 from services.runtime.node.gate import Authority, Gate, age_ns, ttl_ns
@@ -40,6 +41,9 @@ class Inbox:
 
     def store(self, envelope: Envelope) -> None:
         """Keep the envelope with its arrival time; the oldest falls out of a full ring."""
+        if len(envelope.payload) > LONGEST:  # a ring of such would fill the memory
+            self._counts[f"oversized:{self._name}"] += 1
+            return
         self._ring.append((self._clock(), envelope))
         self.stored += 1
         if len(self._ring) > self._depth and self._pop() is not None:

@@ -8,7 +8,14 @@ from typing import Any, cast
 
 from messages.link import LinkRequest
 from services.runtime.config.errors import LindyError
-from services.runtime.config.settings import convert, deploy_file, nearest, override, read_toml
+from services.runtime.config.settings import (
+    convert,
+    deploy_file,
+    nearest,
+    override,
+    read_text,
+    read_toml,
+)
 from services.tether import delay, loss
 from services.tether.profile import LinkProfile, Named
 
@@ -115,11 +122,7 @@ def read_trace(path: Path) -> tuple[list[float], list[float | None]]:
     Raises:
         LindyError: it cannot be read or is not such a file; says where.
     """
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        why = error.strerror if isinstance(error, OSError) else "it is not text"
-        raise LindyError(f"cannot read the trace {path}: {why}") from None
+    lines = read_text(path).splitlines()
     sent: list[float] = []
     arrived: list[float | None] = []
     for number, cells in enumerate(csv.reader(lines), 1):

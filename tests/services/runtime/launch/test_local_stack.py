@@ -1,6 +1,7 @@
 """A stack of two tiny services as processes: started, kept running, ended with nothing left."""
 
 import os
+import shutil
 import signal
 import time
 from collections.abc import Callable
@@ -186,3 +187,31 @@ def test_a_taken_endpoint_is_said_before_anything_is_started(tmp_path: Path) -> 
         ):
             raise AssertionError("it has started")
         assert set(local.supervisor.pids) == {"hub_topside", "hub_drone"}
+
+
+def test_a_removed_folder_ends_nothing(tmp_path: Path) -> None:
+    stack, services = made(tmp_path)
+    with local_stack(stack, services) as local:
+        local.start_services()
+        alive(local)
+        shutil.rmtree(stack.out_dir)
+        os.kill(local.supervisor.pids["engine"], signal.SIGKILL)
+        pump_until(local, lambda: bool(local.missing()))
+        alive(local)
+        assert local.supervisor.restarts["engine"] == 1
+
+
+def test_a_mistake_in_what_listens_ends_nothing_and_is_printed_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    stack, services = made(tmp_path, desk=TALKING)
+    with local_stack(stack, services) as local:
+
+        def wrong(line: LogLine, _: int) -> None:
+            raise KeyError(line.text)
+
+        local.node.each(topics.LOG, wrong)
+        local.start_services()
+        pump_until(local, lambda: local.node.counts["mistake"] > 3)
+        assert local.missing() == []
+    assert capsys.readouterr().err.count("KeyError: 'here'") == 1

@@ -217,3 +217,16 @@ def test_whatever_crashes_when_all_are_running_again_later_or_a_mistake_is_repor
     assert (stage.supervisor.failure is not None) == bool(failed)
     stage.supervisor.stop()
     assert stage.running == []
+
+
+def test_a_child_whose_log_cannot_be_written_or_read_runs_all_the_same(
+    toys: Toys, tmp_path: Path
+) -> None:
+    (tmp_path / "file").touch()
+    toys.supervisor.add([Task("toy", [sys.executable, "-S", "-c", SLEEP], tmp_path / "file/log")])
+    toys.supervisor.step()
+    toys.supervisor.seen("toy")
+    first = toys.supervisor.pids["toy"]
+    os.kill(first, 9)
+    toys.until(lambda: toys.supervisor.pids.get("toy", first) != first)
+    assert toys.supervisor.failure is None

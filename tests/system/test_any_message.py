@@ -1,0 +1,214 @@
+"""No message ends a service: neither bytes without meaning nor messages that are whole, within
+their limits and absurd."""
+
+import math
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from msgspec import inspect
+
+from messages import topics
+from messages.health import LogLine
+from messages.message import Message
+from messages.payload import LONGEST, PayloadDecoder
+from messages.topic import AnyTopic
+from messages.vehicle import Actuation
+from services.recorder.core import Intake
+from services.runtime.bus.envelope import Envelope
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.virtual_host import VirtualHost
+from services.runtime.node.gate import Gate
+from services.runtime.node.loop_stats import LoopStats
+from services.runtime.node.ports import Inbox
+from tools.live.dive_timeline import DiveTimeline
+from tools.live.watch import Watch
+
+SECOND = 1_000_000_000
+every_topic = st.sampled_from(topics.ALL)
+
+
+def values(kind: inspect.Type) -> st.SearchStrategy[Any]:  # noqa: C901 - one case for each type
+    """Values of a message's field, the ends of its range often among them."""
+    match kind:
+        case inspect.Metadata():
+            return values(kind.type)
+        case inspect.IntType(ge=int(least), le=int(most)):
+            return st.sampled_from([least, most, max(least, 0)]) | st.integers(least, most)
+        case inspect.FloatType():
+            least = kind.gt if kind.ge is None else kind.ge
+            most = kind.lt if kind.le is None else kind.le
+            ends = {"exclude_min": kind.ge is None, "exclude_max": kind.le is None}
+            assert not {least, most} & {None}, "without limits"
+            return st.floats(least, most, **ends)
+        case inspect.StrType():
+            assert kind.max_length is not None, "without limits"
+            return st.text(max_size=min(kind.max_length, 200))
+        case inspect.LiteralType():
+            return st.sampled_from(kind.values)
+        case inspect.BoolType():
+            return st.booleans()
+        case inspect.NoneType():
+            return st.none()
+        case inspect.UnionType():
+            return st.one_of([values(each) for each in kind.types])
+        case inspect.StructType():
+            return whole(kind.cls)
+        case inspect.TupleType():
+            return st.tuples(*[values(each) for each in kind.item_types])
+        case inspect.VarTupleType() | inspect.ListType():
+            assert kind.max_length is not None, "without limits"
+            most = min(kind.max_length, 12)
+            items = st.lists(values(kind.item_type), min_size=kind.min_length or 0, max_size=most)
+            return items.map(tuple)
+        case inspect.DictType():
+            assert kind.max_length is not None, "without limits"
+            return st.dictionaries(values(kind.key_type), values(kind.value_type), max_size=8)
+        case _:
+            raise AssertionError(f"no limits are known for {kind}")
+
+
+def whole(cls: type) -> st.SearchStrategy[Any]:
+    info = inspect.type_info(cls)
+    assert isinstance(info, inspect.StructType)
+    return st.builds(cls, **{field.name: values(field.type) for field in info.fields})
+
+
+@st.composite
+def said(draw: st.DrawFn) -> tuple[AnyTopic, Message]:
+    topic = draw(every_topic)
+    if topic.is_family:
+        topic = topic.of(draw(st.sampled_from(["control", "supervisor", "z"])))
+    return topic, draw(whole(topic.message))
+
+
+@pytest.mark.parametrize("topic", topics.ALL, ids=lambda topic: topic.key)
+def test_every_field_of_every_message_has_limits(topic: AnyTopic) -> None:
+    whole(topic.message)
+
+
+@st.composite
+def damaged(draw: st.DrawFn) -> bytes:
+    """A message with some of its bytes replaced, taken out or doubled."""
+    _, message = draw(said())
+    payload = bytearray(msgspec.msgpack.encode(message))
+    for _ in range(draw(st.integers(1, 4))):
+        at = draw(st.integers(0, max(0, len(payload) - 1)))
+        payload[at : at + draw(st.integers(0, 2))] = draw(st.binary(max_size=3))
+    return bytes(payload)
+
+
+@given(payload=st.binary(max_size=200) | damaged(), topic=every_topic)
+@settings(max_examples=600)
+@example(payload=b"\x81\xa6source\xa1\xff", topic=topics.PILOT_COMMAND)  # text not in UTF-8
+@example(payload=b"\x81\xa3seq\xcf" + b"\xff" * 8, topic=topics.CLOCK)  # beyond 63 bit
+@example(payload=b"\x91" * 100_000, topic=topics.PILOT_REQUEST)  # deeper than any stack
+def test_no_bytes_are_more_than_a_refused_message(payload: bytes, topic: AnyTopic) -> None:
+    counts: Counter[str] = Counter()
+    Gate(topic, counts).admit(Envelope(topic.key, payload, topic.encoding), SECOND)
+    Intake(0).take(topic.key, topic.encoding, payload, SECOND)
+    assert set(counts.values()) <= {1}
+
+
+def test_what_is_too_long_is_not_kept() -> None:
+    counts: Counter[str] = Counter()
+    inbox = Inbox("clock", 8, lambda: 0, counts)
+    for size in (LONGEST, LONGEST + 1):
+        inbox.store(Envelope("clock", bytes(size), "any"))
+    assert [len(envelope.payload) for _, envelope in inbox.take_all()] == [LONGEST]
+    assert counts == {"oversized:clock": 1}
+
+
+@given(numbers=st.lists(st.sampled_from([0, 1, 2**53]) | st.integers(0, 2**53)))
+def test_no_sequence_of_numbers_makes_a_count_that_cannot_be_sent(numbers: list[int]) -> None:
+    counts: Counter[str] = Counter()
+    gate = Gate(topics.LOG.of("z"), counts)
+    for at, number in enumerate([0, 2**53, *numbers]):
+        line = LogLine(stamp_ns=at, seq=number, service="z", level="info", text="")
+        gate.admit(Envelope("log/z", msgspec.msgpack.encode(line), topics.LOG.encoding), at)
+    health = LoopStats().report("z", SECOND, 0, 0, counts, None)
+    payload = msgspec.msgpack.encode(health)
+    assert PayloadDecoder(topics.HEALTH).decode(payload) == health
+
+
+@given(
+    names=st.lists(st.text(max_size=300), max_size=30),
+    many=st.integers(0, 3000),
+    text=st.text(max_size=5000),
+)
+@settings(max_examples=30)
+def test_whatever_a_service_counts_or_logs_is_within_the_limits(
+    names: list[str], many: int, text: str
+) -> None:
+    host = VirtualHost()
+    talker, listener = host.node("talker", ["drone"]), host.node("listener", ["drone"])
+    heard: list[Message] = []
+    listener.each(topics.HEALTH.of("talker"), lambda health, _: heard.append(health))
+    listener.each(topics.LOG, lambda line, _: heard.append(line))
+    for name in (*names, *map(str, range(many))):
+        talker.count(name)
+    talker.log("info", text)
+    host.run(round(1.5 * SECOND))
+    assert len(heard) == 2
+
+
+class Flown:
+    """A dive that is never restarted, with a stranger on both sides of the tether."""
+
+    def __init__(self, folder: Path) -> None:
+        script = folder / "script.csv"
+        script.write_text("t,surge,sway,heave,yaw\n0,0.3,0,0.2,0\n3,0,0,0,0\n600,0,0,0,0\n")
+        every = Registry.read()
+        still = "estimation.calibration.still_time=3"  # [s] less to wait for
+        stack = Stack(pilot=f"script:{script}", out=str(folder), overrides=[still])
+        self.host = VirtualHost()
+        for name, spec in every.items():
+            if name not in ("recorder", "visualizer"):
+                self.host.add(name, spec, stack)
+        self.strangers = [self.host.side("topside"), self.host.side("drone")]
+        self.screen = self.host.node("screen", ["topside"])
+        self.watch = Watch(self.screen, list(every), DiveTimeline(None), lambda _line, _at: None)
+        self.armed = False
+        self.actuated: list[Actuation] = []
+        observer = self.host.node("observer", ["drone"])
+        observer.each(topics.ACTUATION, lambda message, _: self.actuated.append(message))
+        observer.each(topics.STATUS, lambda status, _: self.see(status.armed))
+        self.host.run(30 * SECOND, done=lambda: self.armed)
+
+    def see(self, armed: bool) -> None:
+        self.armed = self.armed or armed
+
+    def say(self, topic: AnyTopic, message: Message) -> None:
+        """A message of now, or it would not even be looked at."""
+        fresh = msgspec.structs.replace(message, stamp_ns=self.host.now)
+        payload = msgspec.msgpack.encode(fresh)
+        for stranger in self.strangers:
+            stranger.forward(Envelope(topic.key, payload, topic.encoding, None, None))
+
+    def go_on(self) -> None:
+        self.actuated.clear()
+        self.host.run(self.host.now + SECOND // 4)
+        self.watch.view("", self.host.now, [], {})
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Flown:
+    flown = Flown(tmp_path_factory.mktemp("flown"))
+    assert flown.armed
+    return flown
+
+
+@given(messages=st.lists(said(), min_size=20, max_size=40))
+@settings(max_examples=40)
+def test_no_message_ends_a_service_or_reaches_a_thruster_as_no_number(
+    flown: Flown, messages: list[tuple[AnyTopic, Message]]
+) -> None:
+    for topic, message in messages:
+        flown.say(topic, message)
+    flown.go_on()  # raises what a handler raises
+    assert all(math.isfinite(force) for sent in flown.actuated for force in sent.thrust)
