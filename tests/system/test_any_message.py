@@ -43,9 +43,9 @@ def values(kind: inspect.Type) -> st.SearchStrategy[Any]:  # noqa: C901 - one ca
         case inspect.FloatType():
             least = kind.gt if kind.ge is None else kind.ge
             most = kind.lt if kind.le is None else kind.le
-            ends = {"exclude_min": kind.ge is None, "exclude_max": kind.le is None}
             assert not {least, most} & {None}, "without limits"
-            return st.floats(least, most, **ends)
+            open_below, open_above = kind.ge is None, kind.le is None
+            return st.floats(least, most, exclude_min=open_below, exclude_max=open_above)
         case inspect.StrType():
             assert kind.max_length is not None, "without limits"
             return st.text(max_size=min(kind.max_length, 200))

@@ -8,6 +8,7 @@ from messages import topics
 from messages.health import LogLine
 from messages.pilot import PilotRequest
 from messages.sensors import PressureSample
+from messages.units import FARTHEST_NS
 from services.recorder.core import LATEST_NS, MEMBERS, UNKNOWN, Intake, RecordedRow
 
 KEYS = [topic.key for topic in topics.ALL]
@@ -53,9 +54,9 @@ def test_garbage_is_refused_under_a_name_that_can_be_sent(
 def test_a_row_fits_the_file_and_says_what_the_message_said(stamp_ns: int, seq: int, value: float):
     row = take_pressure(Intake(OFFSET), pressure(stamp_ns, seq, value))
     if isinstance(row, str):
-        in_time = 0 <= stamp_ns + OFFSET <= LATEST_NS
+        in_time = 0 <= stamp_ns + OFFSET <= LATEST_NS and abs(stamp_ns) <= FARTHEST_NS
         assert row == "malformed:sensor/pressure"
-        assert not (in_time and 0.0 <= value <= 1e9)
+        assert not (in_time and 0 <= seq <= 2**53 and 0.0 <= value <= 1e9)
         return
     assert (row.log_ns, row.publish_ns) == (ARRIVAL + OFFSET, stamp_ns + OFFSET)
     assert row.sequence == seq % 2**32
