@@ -55,6 +55,9 @@ NAMES: dict[str, Meaning] = {
     "on_its_side:sensor/imu": Meaning(
         DANGER, "the IMU read as if the drone lay on its side or end"
     ),
+    "moving:calibration": Meaning(
+        DANGER, "the drone did not come to rest, or its gyroscope is not in rad/s"
+    ),
     "implausible:atmosphere": Meaning(
         SENSOR, "the air pressure measured at the start is not plausible"
     ),
@@ -92,7 +95,7 @@ KINDS: dict[str, Meaning] = {
     "refused": Meaning(PILOT, "a request was refused"),
     "refused_here": Meaning(PILOT, "a request was not sent because a stick was deflected"),
     "unanswered": Meaning(PILOT, "a request was not answered"),
-    "wrong_unit": Meaning(DANGER, "a sensor read what it cannot read in its unit"),
+    "wrong_unit": Meaning(DANGER, "the values of a sensor did not fit its unit"),
     "old_stamps": Meaning(DANGER, "samples of a sensor were too old when they arrived"),
     "unusable": Meaning(DANGER, "no sample of a sensor could be used"),
     "silent_by_fault": Meaning(SENSOR, "a simulated fault silenced a sensor"),

@@ -220,7 +220,10 @@ class ReferenceGenerator:
         if self._running:
             return ""
         if self._silent:
-            return "not ready: no state of the drone; is its IMU silent, or ahead of the clock?"
+            return (
+                "not ready: no state of the drone: no usable samples of its IMU, or estimation "
+                "does not run"
+            )
         state = self._guidance.state
         if state is not None and state.blocked_by:
             return f"not ready: {sentence(state.blocked_by)}; see the warning of estimation"

@@ -99,7 +99,7 @@ class ArrivalCheck:
     def _verdict(self) -> Finding | None:
         a, mean = self._allowed, self._sum / self._count
         if not a.least <= mean <= a.most:
-            read = f"{a.quantity} {mean:.3g} {a.unit}".strip()
+            read = f"{a.quantity} {mean:.4g} {a.unit}".strip()
             return Finding(
                 f"wrong_unit:{a.key}",
                 f"the {a.sensor} reads {read}, allowed are {a.least:g} to {a.most:g}: {a.hint}",

@@ -94,6 +94,7 @@ class Calibration:
     def __init__(self, settings: CalibrationSettings) -> None:
         self._settings = settings
         self._moving = False
+        self.unrest: tuple[float, float] | None = None  # [rad/s, m/s²] largest std; None: at rest
         self._begin()
 
     def imu(self, rate: Vec3, specific_force: Vec3, dt: float) -> bool:
@@ -104,13 +105,15 @@ class Calibration:
         if self._block.count < BLOCK:
             return False
         if self._is_still():
-            self._moving = False
+            self._moving, self.unrest = False, None
             self._seconds += self._block_seconds
             self._total.add_all(self._block)
             self._block, self._block_seconds = Mean(6), 0.0
             return False
         disturbed = not self._moving
         self._moving = True
+        spread = self._block.std()
+        self.unrest = max(spread[:3]), max(spread[3:])
         self._begin()
         return disturbed
 

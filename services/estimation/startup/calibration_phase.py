@@ -23,6 +23,7 @@ from services.estimation.startup.calibration import (
 from services.estimation.startup.resting_check import wrong_at_rest
 
 PATIENCE_NS = 5_000_000_000  # [ns] without a usable IMU sample; drivers may start a little later
+UNREST_NS = 15_000_000_000  # [ns] longer than it takes to lay a vehicle down and let go of it
 
 
 class StartLimits(NamedTuple):
@@ -50,6 +51,7 @@ class CalibrationPhase:
         self._resting: Finding | None = None  # what was wrong with the last rest
         self._finding: Finding | None = None  # what blocks now
         self._warned: set[str] = set()
+        self._unrest_ns: int | None = None  # [ns] since when it has not been at rest
         self._used_ns: int | None = None  # [ns] when the newest usable IMU sample was judged
         self._now: int | None = None  # [ns]
         self._begin()
@@ -77,7 +79,7 @@ class CalibrationPhase:
         sensor = self._wrong_sensor(now)
         if sensor is not None:
             self._begin()
-        self._block(sensor or self._resting or self._lack())
+        self._block(sensor or self._resting or self._lack() or self._unrest(now))
 
     def imu(self, sample: ImuSample, dt: float) -> Calibrated | None:
         """One usable sample, `dt` [s] after the previous one. Returns the result once it is
@@ -125,6 +127,24 @@ class CalibrationPhase:
             return None
         why = self._why(topics.IMU.key) or f"nothing arrives on {topics.IMU.key}"
         return Finding("unusable:sensor/imu", f"no sample of the IMU can be used: {why}")
+
+    def _unrest(self, now: int) -> Finding | None:
+        unrest = self._calibration.unrest
+        if unrest is None:
+            self._unrest_ns = None
+            return None
+        if self._unrest_ns is None:
+            self._unrest_ns = now
+        if now - self._unrest_ns <= UNREST_NS:
+            return None
+        (rate, force), s = unrest, self._settings
+        return Finding(
+            "moving:calibration",
+            f"the IMU has read no rest for {UNREST_NS / 1e9:.0f} s: within half a second rates "
+            f"spread by {rate:.2g} rad/s and specific forces by {force:.2g} m/s², allowed are "
+            f"{s.rate_std:g} and {s.force_std:g}: keep the vehicle still; if it is, its driver "
+            f"must say rad/s, not deg/s",
+        )
 
     def _lack(self) -> Finding | None:
         if not self._calibration.lacks_pressure:
