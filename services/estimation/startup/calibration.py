@@ -12,7 +12,7 @@ longer than 10 s gains little, shorter than 8 s misses 0.2 °/min.
 
 from dataclasses import dataclass
 from math import hypot, inf
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import msgspec
 
@@ -88,13 +88,21 @@ class Mean:
         return [max(0.0, square / self.count - mean * mean) ** 0.5 for square, mean in means]
 
 
+class Unrest(NamedTuple):
+    """The worst axis of half a second that was no rest."""
+
+    rate: float  # [rad/s] mean
+    rate_std: float  # [rad/s]
+    force_std: float  # [m/s²]
+
+
 class Calibration:
     """Averages over `still_time` of rest and at least `ENOUGH_PRESSURES` pressure samples."""
 
     def __init__(self, settings: CalibrationSettings) -> None:
         self._settings = settings
         self._moving = False
-        self.unrest: tuple[float, float] | None = None  # [rad/s, m/s²] largest std; None: at rest
+        self.unrest: Unrest | None = None  # None: at rest
         self._begin()
 
     def imu(self, rate: Vec3, specific_force: Vec3, dt: float) -> bool:
@@ -112,8 +120,8 @@ class Calibration:
             return False
         disturbed = not self._moving
         self._moving = True
-        spread = self._block.std()
-        self.unrest = max(spread[:3]), max(spread[3:])
+        spread, turns = self._block.std(), self._block.mean()[:3]
+        self.unrest = Unrest(max(map(abs, turns)), max(spread[:3]), max(spread[3:]))
         self._begin()
         return disturbed
 

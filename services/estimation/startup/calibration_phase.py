@@ -137,13 +137,14 @@ class CalibrationPhase:
             self._unrest_ns = now
         if now - self._unrest_ns <= UNREST_NS:
             return None
-        (rate, force), s = unrest, self._settings
+        s = self._settings
         return Finding(
             "moving:calibration",
-            f"the IMU has read no rest for {UNREST_NS / 1e9:.0f} s: within half a second rates "
-            f"spread by {rate:.2g} rad/s and specific forces by {force:.2g} m/s², allowed are "
-            f"{s.rate_std:g} and {s.force_std:g}: keep the vehicle still; if it is, its driver "
-            f"must say rad/s, not deg/s",
+            f"the IMU has read no rest for {UNREST_NS / 1e9:.0f} s: rates of {unrest.rate:.2g} "
+            f"rad/s that spread by {unrest.rate_std:.2g}, specific forces that spread by "
+            f"{unrest.force_std:.2g} m/s², allowed are {s.largest_bias:g}, {s.rate_std:g} and "
+            f"{s.force_std:g}: keep the vehicle still; if it is, its driver must say rad/s, not "
+            f"deg/s",
         )
 
     def _lack(self) -> Finding | None:
