@@ -48,6 +48,16 @@ NAMES: dict[str, Meaning] = {
     "late:sensor/pressure": Meaning(SENSOR, "pressure samples arrived late"),
     "outlier:vehicle/actuation": Meaning(SENSOR, "a thruster's report did not fit the motion"),
     "saturated:sensor/imu": Meaning(SENSOR, "the IMU reached the end of its range"),
+    "wrong_force:sensor/imu": Meaning(
+        DANGER, "the IMU's specific force at rest was not that of gravity"
+    ),
+    "upside_down:sensor/imu": Meaning(DANGER, "the IMU read as if the drone lay upside down"),
+    "on_its_side:sensor/imu": Meaning(
+        DANGER, "the IMU read as if the drone lay on its side or end"
+    ),
+    "moving:calibration": Meaning(
+        DANGER, "the drone did not come to rest, or its gyroscope is not in rad/s"
+    ),
     "implausible:atmosphere": Meaning(
         SENSOR, "the air pressure measured at the start is not plausible"
     ),
@@ -86,6 +96,9 @@ KINDS: dict[str, Meaning] = {
     "refused": Meaning(PILOT, "a request was refused"),
     "refused_here": Meaning(PILOT, "a request was not sent because a stick was deflected"),
     "unanswered": Meaning(PILOT, "a request was not answered"),
+    "wrong_unit": Meaning(DANGER, "the values of a sensor did not fit its unit"),
+    "old_stamps": Meaning(DANGER, "samples of a sensor were too old when they arrived"),
+    "unusable": Meaning(DANGER, "no sample of a sensor could be used"),
     "silent_by_fault": Meaning(SENSOR, "a simulated fault silenced a sensor"),
     "frozen": Meaning(SENSOR, "a sensor kept repeating the same value"),
     "silent": Meaning(SENSOR, "a stream stopped arriving"),

@@ -11,9 +11,14 @@ that arrive at once.
 Samples arrive in the sensors' own axes and positions; this class transforms them to the vehicle's
 origin and body axes (services/vehicle/mounting.py).
 
-While calibrating, the first three are only averaged. Validity: see state_message.py.
+While calibrating, the first three are only averaged, and judged: a sensor that cannot be right
+keeps the calibration from ending. Validity: see state_message.py.
 """
 
+from collections.abc import Mapping
+from math import hypot
+
+from messages import topics
 from messages.reference import Reference
 from messages.sensors import (
     DvlSample,
@@ -27,7 +32,9 @@ from messages.units import Vec3
 from messages.vehicle import Actuation
 from services.estimation import initialisation, state_message
 from services.estimation.checkpoint import EstimationCheckpoint, worth_keeping
+from services.estimation.checks import range_checks
 from services.estimation.checks.sample_validation import SampleValidation
+from services.estimation.depth.depth_observer import LATEST_AGE
 from services.estimation.depth.reference_input import reference_acceleration
 from services.estimation.events import Events
 from services.estimation.horizontal.horizontal_observer import HorizontalObserver
@@ -35,7 +42,8 @@ from services.estimation.horizontal.hull_model import HullModel
 from services.estimation.horizontal.vehicle_motion import VehicleMotion, from_north
 from services.estimation.initialisation import Observers
 from services.estimation.settings import Settings
-from services.estimation.startup.calibration_phase import CalibrationPhase
+from services.estimation.startup import arrival_check
+from services.estimation.startup.calibration_phase import CalibrationPhase, StartLimits
 from services.marine.mounting import Mounting
 from services.marine.vehicle import Vehicle
 from services.marine.water import density_of
@@ -54,12 +62,14 @@ class Estimator:
         floating_depth: float,
         checkpoint: EstimationCheckpoint | None = None,
         vehicle: Vehicle | None = None,
+        refused: Mapping[str, int] | None = None,
     ) -> None:
         """
         Args:
             floating_depth: [m] of the origin when the vehicle floats.
             checkpoint: of an earlier run; None: calibrate.
             vehicle: for thrust and drag; None: the current stays unknown.
+            refused: counts of refused samples as they grow, to name the cause of a missing sensor.
 
         Raises:
             ValueError: a thruster without direction.
@@ -73,12 +83,18 @@ class Estimator:
         self._at_origin = AtOrigin(mounting, density_of(settings.water_density))
         self._reference_acceleration: float | None = None  # [m/s²] along down
         self._imu_ns: int | None = None  # [ns] newest IMU sample used
+        self._now: int | None = None  # [ns] of the newest IMU sample or silence
         self._checkpoint_ns: int | None = None  # [ns] time of validity of the checkpoint
         hull = None if vehicle is None else HullModel(vehicle, settings.horizontal.wake_share)
         self._horizontal = HorizontalObserver(settings.horizontal, hull)
         self._calibrating: CalibrationPhase | None = None
         if checkpoint is None:
-            self._calibrating = CalibrationPhase(settings.calibration, self._events)
+            self._calibrating = CalibrationPhase(
+                settings.calibration,
+                start_limits(settings),
+                {} if refused is None else refused,
+                self._events,
+            )
             self._start(initialisation.unknown(settings))
         else:
             self._checkpoint_ns = checkpoint.stamp_ns
@@ -87,13 +103,19 @@ class Estimator:
     # Sensor samples.
 
     def imu(self, sample: ImuSample, now: int) -> VehicleState | None:
-        """The state at this sample. An unusable sample counts as silence."""
-        return self._state(now, sample.stamp_ns) if self.follow(sample) else self.silence(now)
+        """The state at this sample. An unusable sample counts as silence, but before the dive it
+        has a state that says what is wrong."""
+        self._now = now
+        if self.follow(sample) or self._blocked:
+            return self._state(now, sample.stamp_ns)
+        return self.silence(now)
 
     def follow(self, sample: ImuSample) -> bool:
         """Use this sample without a state, because newer ones have arrived already. False: it
         cannot be used."""
-        if not self._validation.imu(sample):
+        usable = self._validation.imu(sample)
+        self._judge(topics.IMU.key, hypot(*sample.specific_force), sample.stamp_ns)
+        if not usable:
             return False
         sample = self._at_origin.imu(sample)
         dt = self._step_to(sample.stamp_ns)
@@ -106,6 +128,9 @@ class Estimator:
 
     def silence(self, now: int) -> VehicleState | None:
         """No IMU sample in time: a predicted state, or None before `imu_patience` has passed."""
+        self._now = now
+        if self._calibrating is not None:
+            self._calibrating.judge(now)
         if self._imu_ns is None:
             return None
         if self._calibrating is None:
@@ -117,6 +142,7 @@ class Estimator:
         return self._state(now, self._imu_ns)
 
     def pressure(self, sample: PressureSample) -> None:
+        self._judge(topics.PRESSURE.key, sample.pressure, sample.stamp_ns)
         if not self._validation.pressure(sample):
             return
         sample = self._at_origin.pressure(sample)
@@ -126,6 +152,7 @@ class Estimator:
             self._events.note(self._depth.pressure(sample.pressure, sample.stamp_ns))
 
     def magnetometer(self, sample: MagnetometerSample) -> None:
+        self._judge(topics.MAGNETOMETER.key, hypot(*sample.field), sample.stamp_ns)
         if not self._validation.magnetometer(sample):
             return
         sample = self._at_origin.magnetometer(sample)
@@ -164,6 +191,15 @@ class Estimator:
         return worth_keeping(self._attitude, self._depth, now)
 
     # Steps.
+
+    @property
+    def _blocked(self) -> bool:
+        return self._calibrating is not None and self._calibrating.blocked_by is not None
+
+    def _judge(self, key: str, magnitude: float, stamp_ns: int) -> None:
+        """Before the dive: can this sample be right? Judged whether it is usable or not."""
+        if self._calibrating is not None and self._now is not None:
+            self._calibrating.arrived(key, magnitude, stamp_ns, self._now)
 
     def _start(self, observers: Observers) -> None:
         self._attitude, self._resting, self._depth = observers
@@ -231,9 +267,9 @@ class Estimator:
     def _state(self, now: int, sensor_ns: int) -> VehicleState:
         self._validation.listen(now)
         if self._calibrating is not None:
-            left = self._calibrating.seconds_left
+            left, blocked_by = self._calibrating.seconds_left, self._calibrating.blocked_by
             return state_message.calibrating(
-                now, sensor_ns, self._attitude, self._floating_depth, left
+                now, sensor_ns, self._attitude, self._floating_depth, left, blocked_by
             )
         return state_message.running(
             now, sensor_ns, self._hears_imu(now), self._attitude, self._depth, self._horizontal
@@ -241,3 +277,15 @@ class Estimator:
 
     def _hears_imu(self, now: int) -> bool:
         return self._imu_ns is not None and now - self._imu_ns <= self._settings.imu_patience * 1e9
+
+
+def start_limits(settings: Settings) -> StartLimits:
+    """What the sensors may say before the dive: as much as the observers can use in it."""
+    least, most = range_checks.LEAST_PRESSURE, range_checks.MOST_PRESSURE
+    late = LATEST_AGE - settings.depth.pressure_latency
+    sensors = (
+        arrival_check.of_imu(settings.imu_patience),
+        arrival_check.of_pressure(least, most, late),
+        arrival_check.of_magnetometer(LATEST_AGE),
+    )
+    return StartLimits(settings.attitude.gravity_tolerance, sensors)

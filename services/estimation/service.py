@@ -26,9 +26,8 @@ Sample = TypeVar("Sample")
 def wire(node: Node, stack: Stack) -> None:
     settings = stack.section("estimation", Settings)
     vehicle = stack.section("vehicle", Vehicle)
-    estimator = Estimator(
-        settings, vehicle.floating_depth, node.restore_checkpoint(EstimationCheckpoint), vehicle
-    )
+    before = node.restore_checkpoint(EstimationCheckpoint)
+    estimator = Estimator(settings, vehicle.floating_depth, before, vehicle, node.counts)
     publisher = node.publisher(topics.STATE)
     reference = reference_for(node, settings)
 

@@ -2,7 +2,8 @@
 
 Validity:
 
-- calibrating: nothing. Depth is the floating depth, which is not a measurement.
+- calibrating: nothing. Depth is the floating depth, which is not a measurement. While something is
+  wrong with a sensor, `blocked_by` is the name of its count.
 - running: attitude, headings and yaw rate while IMU samples arrive; depth and depth rate for two
   seconds after an accepted pressure sample.
 - IMU silent: at first no states, so receivers see the last one age. After `imu_patience`, states
@@ -10,6 +11,8 @@ Validity:
   pressure alone, with the standard deviation of a filter without accelerometer. `sensor_ns` stays
   at the last IMU sample.
 """
+
+from msgspec import UNSET
 
 from messages.message import Estimate
 from messages.state import VehicleState
@@ -21,7 +24,12 @@ UNKNOWN = (None, None)
 
 
 def calibrating(
-    now: int, sensor_ns: int, attitude: AttitudeObserver, floating_depth: float, seconds_left: float
+    now: int,
+    sensor_ns: int,
+    attitude: AttitudeObserver,
+    floating_depth: float,
+    seconds_left: float,
+    blocked_by: str | None,
 ) -> VehicleState:
     """State during calibration; `floating_depth` [m] of the origin, `seconds_left` [s] of rest."""
     roll, pitch = attitude.tilt(valid=False)
@@ -29,7 +37,8 @@ def calibrating(
         stamp_ns=now,
         sensor_ns=sensor_ns,
         phase="calibrating",
-        calibration_left=seconds_left,
+        calibration_left=seconds_left if blocked_by is None else None,
+        blocked_by=blocked_by or UNSET,
         depth=Estimate(floating_depth, 0.5, valid=False),
         depth_rate=Estimate(0.0, 0.5, valid=False),
         depth_acceleration=Estimate(0.0, 1.0, valid=False),

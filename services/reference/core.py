@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 import msgspec
 
+from messages.counts import sentence
 from messages.pilot import Hold, PilotAnswer, PilotCommand, PilotRequest, StopDistance
 from messages.reference import Reference
 from messages.state import VehicleState
@@ -56,6 +57,7 @@ class ReferenceGenerator:
     _time: SensorTime = field(default_factory=SensorTime)  # of the reference
     _failsafe: Failsafe = "none"
     _running: bool = False  # the estimator has finished its calibration
+    _silent: bool = False  # the estimator
     _initialised: bool = False
     _stop: StopDistance | None = None
 
@@ -87,7 +89,7 @@ class ReferenceGenerator:
 
         Returns None until the first state has arrived.
         """
-        guidance = self._guidance
+        guidance, self._silent = self._guidance, state is None
         if state is not None:
             self._running = state.phase == "running"
         guidance.see(state, self._time.step(None if state is None else state.sensor_ns, now) / 1e9)
@@ -217,7 +219,14 @@ class ReferenceGenerator:
         """For the pilot: why the drone is not ready."""
         if self._running:
             return ""
+        if self._silent:
+            return (
+                "not ready: no state of the drone: no usable samples of its IMU, or estimation "
+                "does not run"
+            )
         state = self._guidance.state
+        if state is not None and state.blocked_by:
+            return f"not ready: {sentence(state.blocked_by)}; see the warning of estimation"
         left = None if state is None else state.calibration_left
         text = "calibrating: keep the drone still"
         return text if left is None else f"{text}, {left:.0f} s to go"

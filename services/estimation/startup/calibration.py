@@ -12,7 +12,7 @@ longer than 10 s gains little, shorter than 8 s misses 0.2 °/min.
 
 from dataclasses import dataclass
 from math import hypot, inf
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import msgspec
 
@@ -88,12 +88,21 @@ class Mean:
         return [max(0.0, square / self.count - mean * mean) ** 0.5 for square, mean in means]
 
 
+class Unrest(NamedTuple):
+    """The worst axis of half a second that was no rest."""
+
+    rate: float  # [rad/s] mean
+    rate_std: float  # [rad/s]
+    force_std: float  # [m/s²]
+
+
 class Calibration:
     """Averages over `still_time` of rest and at least `ENOUGH_PRESSURES` pressure samples."""
 
     def __init__(self, settings: CalibrationSettings) -> None:
         self._settings = settings
         self._moving = False
+        self.unrest: Unrest | None = None  # None: at rest
         self._begin()
 
     def imu(self, rate: Vec3, specific_force: Vec3, dt: float) -> bool:
@@ -104,13 +113,15 @@ class Calibration:
         if self._block.count < BLOCK:
             return False
         if self._is_still():
-            self._moving = False
+            self._moving, self.unrest = False, None
             self._seconds += self._block_seconds
             self._total.add_all(self._block)
             self._block, self._block_seconds = Mean(6), 0.0
             return False
         disturbed = not self._moving
         self._moving = True
+        spread, turns = self._block.std(), self._block.mean()[:3]
+        self.unrest = Unrest(max(map(abs, turns)), max(spread[:3]), max(spread[3:]))
         self._begin()
         return disturbed
 

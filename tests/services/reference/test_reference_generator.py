@@ -6,6 +6,7 @@ from math import dist, pi
 import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from messages.message import Estimate
 from messages.pilot import Course, PilotAnswer, PilotCommand, PilotRequest
@@ -102,6 +103,22 @@ def test_it_does_not_arm_before_the_estimator_is_ready() -> None:
     guidance.generator.step(state(DT, phase="calibrating"), sticks(DT), DT)
     assert "does not know its depth" in guidance.ask("arm")
     assert guidance.generator.mode == "starting"
+
+
+def test_the_pilot_reads_what_keeps_the_drone_from_being_ready() -> None:
+    generator = Flight().generator
+
+    def note(seen: VehicleState | None) -> str:
+        generator.step(seen, None, DT)
+        return generator.status(None, DT).note
+
+    calibrating = replace(state(DT, phase="calibrating"), calibration_left=7.0)
+    assert note(None).startswith("not ready: no state of the drone: no usable samples of its IMU")
+    assert note(calibrating) == "calibrating: keep the drone still, 7 s to go"
+    blocked = replace(calibrating, calibration_left=None, blocked_by="upside_down:sensor/imu")
+    assert note(blocked).startswith("not ready: the IMU read as if the drone lay upside down")
+    assert note(None).startswith("not ready: no state")
+    assert note(state(DT)) == ""
 
 
 def test_it_does_not_arm_with_a_deflected_stick() -> None:
