@@ -11,6 +11,7 @@ import importlib.util
 import pkgutil
 import re
 import sys
+import traceback
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -124,10 +125,21 @@ class Registry(Mapping[str, ServiceSpec]):
                 wire(node, stack)
             except LindyError:
                 raise
-            except Exception as error:
+            except (Exception, SystemExit) as error:
                 raise LindyError(f"module {self._module(name)}: {_in_words(error)}") from error
 
         return wired
+
+    def failure(self, name: str, error: BaseException) -> LindyError:
+        """What a handler of a service raised in mid-dive, in one sentence: which service, which
+        module, which line."""
+        module = sys.modules.get(self._module(name))
+        line = _line_in(module, error)
+        whose = f"{name} (module {self._module(name)})"
+        if self.specs[name].module is None:
+            whose = f"an error in Lindy itself: {whose}"
+        what = "ended itself" if isinstance(error, SystemExit) else "failed"
+        return LindyError(f"{whose} {what} at {line}: {_in_words(error)}")
 
     def tables(self, here: Collection[str] | None = None) -> dict[str, type]:
         """The tables that a vehicle file may have for services: for those of this stack, and for
@@ -236,6 +248,16 @@ def _is_strict(settings: Any) -> bool:
     if not isinstance(settings, type) or not issubclass(settings, msgspec.Struct):
         return False
     return settings.__struct_config__.forbid_unknown_fields
+
+
+def _line_in(module: ModuleType | None, error: BaseException) -> str:
+    """File and line of an error: the innermost line of the module or of a file beside it, because
+    what it called there is seldom at fault; else the innermost line of all."""
+    frames = traceback.extract_tb(error.__traceback__)
+    file = getattr(module, "__file__", None)
+    own = [f for f in frames if file is not None and Path(f.filename).parent == Path(file).parent]
+    where = (own or frames)[-1]
+    return f"{where.filename}:{where.lineno}"
 
 
 def _in_words(error: BaseException) -> str:
