@@ -46,6 +46,7 @@ class Outcome:
     def __init__(self, stack: Stack) -> None:
         self.exit = "clean"  # or why it ended otherwise
         self.restarts: Callable[[], dict[str, int]] = dict
+        self.hung: Callable[[], dict[str, int]] = dict  # times each did not answer
         self.gone: list[str] = []  # services that were not alive at the end
         self.speedup: float | None = None  # [-] virtual over real time
         self._stack = stack
@@ -94,7 +95,7 @@ class Outcome:
         how = f"{side} of {self._stack.vehicle_name}, {ending(self.exit, self._counted())}"
         print(unrecorded(how, restarts, self.gone, other, written(folder)), flush=True)
         self._complain()
-        return DATA_LOST if was_deaf(restarts) else CLEAN
+        return DATA_LOST if was_deaf(restarts) or any(self.hung().values()) else CLEAN
 
     def _report(self, folder: Path, other: Elsewhere | None) -> bool:
         """Was something lost?"""
@@ -111,7 +112,7 @@ class Outcome:
             full = "disk_error" in report.losses
             why = "the disk was full or failed" if full else "it was not finished"
             print(f"lindy: the recording in {folder} is incomplete: {why}", file=sys.stderr)
-        return data_was_lost(dive, report) or not ended
+        return data_was_lost(dive, report) or not ended or any(self.hung().values())
 
     def _kept(self, folder: Path, error: Exception) -> str:
         """In one sentence: there is no report, but nothing else is lost."""
@@ -125,7 +126,11 @@ class Outcome:
         heard: defaultdict[str, list[Health]] = defaultdict(list)
         for health in self._health:
             heard[health.service].append(health)
-        return losses(by_service(heard))
+        return losses(by_service(heard)) + self._silences()
+
+    def _silences(self) -> Counter[str]:
+        """How often each process ran but did not answer, as counts have it."""
+        return Counter({f"hung:{name}": times for name, times in self.hung().items()})
 
     def _complain(self) -> None:
         if self.exit != "clean":
@@ -135,6 +140,7 @@ class Outcome:
         extras = Extras(
             exit=self.exit,
             restarts=self.restarts(),
+            losses=self._silences(),
             health=self._health,
         )
         if self.speedup is None:
@@ -157,7 +163,7 @@ def data_was_lost(dive: RecordedDive, report: Report) -> bool:
     """Were there messages in this dive that the recording does not have?"""
     kinds = {name.partition(":")[0] for name in dive.losses}
     restarts = {name: service.restarts for name, service in report.services.items()}
-    return bool(kinds & NOT_IN_FILE) or was_deaf(restarts)
+    return bool(kinds & NOT_IN_FILE) or bool(report.holes) or was_deaf(restarts)
 
 
 def was_deaf(restarts: Mapping[str, int]) -> bool:

@@ -9,11 +9,13 @@ from messages import topics
 from messages.health import Health
 from messages.link import Clock
 from messages.message import Message
+from messages.reference import Reference
 from messages.topic import AnyTopic
 from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.stamps import mover
 from tools.recordings.recording import Raw, Recording
 from tools.report.columns import WANTED, Array, Gathering, StreamColumns
+from tools.report.holes import HoleFinder
 
 
 @dataclass(slots=True)
@@ -34,6 +36,8 @@ class RecordedDive:
     streams: dict[str, StreamColumns]  # by key; every stream of WANTED, perhaps with no rows
     health: dict[str, list[Health]] = field(default_factory=dict[str, list[Health]])
     losses: dict[str, int] = field(default_factory=dict[str, int])  # the recorder's own
+    holes: list[tuple[int, int]] = field(default_factory=list[tuple[int, int]])  # [ns] UTC
+    armed_utc_ns: int | None = None  # when the first armed reference was recorded
 
     def __getitem__(self, topic: AnyTopic) -> StreamColumns:
         return self.streams[topic.key]
@@ -53,8 +57,12 @@ class RecordedDive:
             return (self.armed[1] - self.armed[0]) / 1e9
         if not self.traffic:
             return 0.0
-        first = min(traffic.first_ns for traffic in self.traffic.values())
-        return (max(traffic.last_ns for traffic in self.traffic.values()) - first) / 1e9
+        return (max(traffic.last_ns for traffic in self.traffic.values()) - self.first_ns) / 1e9
+
+    @property
+    def first_ns(self) -> int:
+        """[ns] UTC of the first message; 0 without any."""
+        return min((traffic.first_ns for traffic in self.traffic.values()), default=0)
 
     @property
     def max_depth_m(self) -> float | None:
@@ -93,9 +101,11 @@ def read_dive(recording: Recording, *, apart: bool = False) -> RecordedDive:
     """
     topside_clock = _TopsideClock() if apart else None
     traffic: dict[str, Traffic] = {}
+    finder, armed_utc_ns = HoleFinder(), None
     gathering = {wanted.topic.key: Gathering(wanted.names, wanted.figures) for wanted in WANTED}
     health: dict[str, list[Health]] = {}
     for raw in recording.raw():
+        finder.see(raw.log_ns)
         if (seen := traffic.get(raw.key)) is None:
             seen = traffic[raw.key] = Traffic(0, raw.log_ns, raw.log_ns)
         seen.count += 1
@@ -106,6 +116,8 @@ def read_dive(recording: Recording, *, apart: bool = False) -> RecordedDive:
                 topside_clock is None or topside_clock.convert(raw, message)
             ):
                 gathering[raw.key].add(message)
+                if armed_utc_ns is None and isinstance(message, Reference) and message.armed:
+                    armed_utc_ns = raw.log_ns
         elif topics.HEALTH.covers(raw.key):
             message = recording.decode(raw)
             if isinstance(message, Health):
@@ -116,6 +128,8 @@ def read_dive(recording: Recording, *, apart: bool = False) -> RecordedDive:
         streams={key: gathered.columns() for key, gathered in gathering.items()},
         health=health,
         losses=recording.losses() + _unreadable(recording),
+        holes=finder.found,
+        armed_utc_ns=armed_utc_ns,
     )
 
 

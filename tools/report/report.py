@@ -10,6 +10,7 @@ from tools.recordings.recording import Recording
 from tools.report.budget import Clocks, ReportedBudget, budget, clocks
 from tools.report.dive import RecordedDive, Traffic, read_dive
 from tools.report.energy import Energy, energy
+from tools.report.holes import Hole, holes
 from tools.report.latency import LatencyReport, latency
 from tools.report.losses import losses
 from tools.report.services import Service, by_service, services
@@ -49,6 +50,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     heading_error_rms_deg: float | None  # [°] true heading minus reference, while armed
     peak_jerk_ratio: float | None  # [-] largest |reference jerk| over the limit in force
     energy: Energy
+    holes: list[Hole]  # times in which nothing was recorded
     losses: dict[str, int]  # everything dropped, stale, expired, clamped …; by name
     exit: str  # "clean" or the reason
     speedup: float | msgspec.UnsetType = msgspec.UNSET
@@ -78,6 +80,7 @@ def report_on(dive: RecordedDive, extras: Extras) -> Report:
         heading_error_rms_deg=None if heading_error is None else degrees(heading_error),
         peak_jerk_ratio=peak_jerk_ratio(dive),
         energy=energy(dive),
+        holes=holes(dive.holes, dive.first_ns if dive.armed_utc_ns is None else dive.armed_utc_ns),
         losses=_losses(dive, health, extras.losses),
         exit=extras.exit,
         speedup=extras.speedup,

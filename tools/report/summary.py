@@ -5,11 +5,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from math import degrees
 from pathlib import Path
 
-from messages.counts import Meaning, Rank, meaning, sentence, short
+from messages.counts import Meaning, Rank, is_hung, meaning, sentence, short
+from tools.report.holes import in_words
 from tools.report.report import Report
 from tools.report.stops import StickStop, StopAxis
 
 LABEL = 18  # columns before the values
+NAMED = 3  # services in the first row
 KINDS = 4  # lines for losses; the rest is in report.json
 
 
@@ -32,7 +34,7 @@ def summary(report: Report, max_depth_m: float | None = None, files: Sequence[Pa
         rows.append(("stick to thruster", delay))
     rows.append(("link", report.link))
     rows.append(("energy", _energy(report)))
-    rows += _losses(report.losses)
+    rows += _losses(report)
     return lined_up([*rows, *written(files)])
 
 
@@ -69,11 +71,20 @@ def ending(exit_reason: str, counts: Mapping[str, int]) -> str:
     if exit_reason != "clean":
         return f"broke off: {exit_reason}"
     acted = [f"{short(name)} {_times(n)}" for name, n in counts.items() if n and _acts(name)]
+    acted += _silences(counts)
     return f"ended; {', '.join(acted)}" if acted else "ended cleanly"
 
 
 def _acts(name: str) -> bool:
     return meaning(name).rank is Rank.FAILSAFE
+
+
+def _silences(counts: Mapping[str, int]) -> list[str]:
+    """Which services did not answer, in one row however many they are."""
+    hung = {name: n for name, n in counts.items() if n and is_hung(name)}
+    if len(hung) > NAMED:
+        return [f"{len(hung)} services did not answer, see report.json"]
+    return [f"{short(name)} {_times(n)}" for name, n in hung.items()]
 
 
 def _times(count: int) -> str:
@@ -102,16 +113,17 @@ def _past(stop: StickStop) -> str:
     return f"{degrees(stop.overshoot):.1f}°"
 
 
-def _losses(losses: Mapping[str, int]) -> list[tuple[str, str]]:
+def _losses(report: Report) -> list[tuple[str, str]]:
     """Counts with the same words together; the most important first, of those the largest."""
     times: defaultdict[Meaning, int] = defaultdict(int)
-    for name, count in losses.items():
+    for name, count in report.losses.items():
         if count and Rank.FAILSAFE < meaning(name).rank < Rank.ROUTINE:
             times[meaning(name)] += count
     ordered = sorted(times.items(), key=lambda found: (found[0].rank, -found[1], found[0].words))
-    if not ordered:
+    rows = [in_words(report.holes)] if report.holes else []
+    if not ordered and not rows:
         return [("losses", "none")]
-    rows = [f"{count} × {what.words}" for what, count in ordered[:KINDS]]
+    rows += [f"{count} × {what.words}" for what, count in ordered[:KINDS]]
     if len(ordered) > KINDS:
         more = len(ordered) - KINDS
         rows.append(f"and {more} less important kind{'s' * (more > 1)}, see report.json")

@@ -139,7 +139,8 @@ class Registry(Mapping[str, ServiceSpec]):
         if self.specs[name].module is None:
             whose = f"an error in Lindy itself: {whose}"
         what = "ended itself" if isinstance(error, SystemExit) else "failed"
-        return LindyError(f"{whose} {what} at {line}: {_in_words(error)}")
+        at = f"{line.filename}:{line.lineno}:"
+        return LindyError(f"{whose} {what} at {at} {_in_words(error)}")
 
     def tables(self, here: Collection[str] | None = None) -> dict[str, type]:
         """The tables that a vehicle file may have for services: for those of this stack, and for
@@ -250,14 +251,13 @@ def _is_strict(settings: Any) -> bool:
     return settings.__struct_config__.forbid_unknown_fields
 
 
-def _line_in(module: ModuleType | None, error: BaseException) -> str:
-    """File and line of an error: the innermost line of the module or of a file beside it, because
+def _line_in(module: ModuleType | None, error: BaseException) -> traceback.FrameSummary:
+    """Where an error came from: the innermost line of the module or of a file beside it, because
     what it called there is seldom at fault; else the innermost line of all."""
     frames = traceback.extract_tb(error.__traceback__)
     file = getattr(module, "__file__", None)
     own = [f for f in frames if file is not None and Path(f.filename).parent == Path(file).parent]
-    where = (own or frames)[-1]
-    return f"{where.filename}:{where.lineno}"
+    return (own or frames)[-1]
 
 
 def _in_words(error: BaseException) -> str:

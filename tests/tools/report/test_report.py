@@ -38,7 +38,8 @@ KEYS = [
         "clocks",
         "stops",
     ),
-    *("depth_error_rms_m", "heading_error_rms_deg", "peak_jerk_ratio", "energy", "losses", "exit"),
+    *("depth_error_rms_m", "heading_error_rms_deg", "peak_jerk_ratio", "energy", "holes"),
+    *("losses", "exit"),
 ]
 Said = list[tuple[str, Message]]
 
@@ -232,6 +233,31 @@ def test_a_latency_is_measured_once_per_cause_at_the_first_effect(tmp_path: Path
     ]
     spread = report_of(tmp_path, said).latency_ms.stick_to_thruster
     assert (spread.p50, spread.max) == (6.0, 7.0)
+
+
+@given(
+    pauses=st.lists(st.integers(1, 4000), min_size=1, max_size=20),
+    armed_at=st.none() | st.integers(0, 19),
+)
+@settings(max_examples=30, deadline=None)
+def test_every_second_without_any_message_is_in_the_report_and_never_called_no_losses(
+    pauses: list[int], armed_at: int | None, tmp_path_factory: pytest.TempPathFactory
+):
+    times = [START + sum(pauses[:n]) * MS for n in range(len(pauses) + 1)]
+    said = [reference(at, armed=n == armed_at) for n, at in enumerate(times)]
+    began = times[armed_at] if armed_at is not None and armed_at < len(times) else START
+    report = report_of(tmp_path_factory.mktemp("dive"), said)
+    expected = [
+        ((times[n] - began) / 1e9, (times[n + 1] - began) / 1e9)
+        for n, pause in enumerate(pauses)
+        if pause > 1000
+    ]
+    assert [(hole.begin, hole.end) for hole in report.holes] == [
+        (pytest.approx(begin, abs=0.006), pytest.approx(end, abs=0.006)) for begin, end in expected
+    ]
+    (losses,) = [line for line in summary(report).splitlines() if line.startswith("losses")]
+    assert ("nothing was recorded from " in losses) == bool(expected)
+    assert (losses.split() == ["losses", "none"]) == (not expected)
 
 
 def test_errors_compare_truth_with_the_reference_at_its_own_sample_while_armed(tmp_path: Path):

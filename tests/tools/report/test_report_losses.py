@@ -117,6 +117,7 @@ def test_failsafes_are_never_pushed_out_and_what_is_left_out_is_the_least_import
         ("clean", {"thinned:state": 5, "failsafe:pilot_lost": 0}, "ended cleanly"),
         ("clean", {"failsafe:pilot_lost": 106}, "ended; pilot lost 106 times"),
         ("clean", {"failsafe:leak": 1}, "ended; leak once"),
+        ("clean", {"hung:control": 2}, "ended; control did not answer 2 times"),
         ("interrupted", {"failsafe:pilot_lost": 1}, "broke off: interrupted"),
     ],
 )
