@@ -19,7 +19,7 @@ from tools.live.viewer import runnable
 
 
 def dive(choices: Choices, *, headless: bool, listen: str | None) -> int:
-    """Returns the exit status: 0 clean, 3 done but data was lost.
+    """Returns the exit status: 0 clean, 3 done but data or a service was lost.
 
     Raises:
         LindyError: a wrong setting, or the dive was aborted.

@@ -32,7 +32,7 @@ Advance = Callable[[DiveTimeline, int], None]
 
 
 def simulate(choices: Choices) -> int:
-    """Returns the exit status: 0 clean, 3 done but data was lost.
+    """Returns the exit status: 0 clean, 3 done but data or a service was lost.
 
     Raises:
         LindyError: a wrong setting, or the dive was aborted.

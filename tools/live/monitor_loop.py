@@ -65,6 +65,7 @@ def followed_by(outcome: Outcome, local: LocalStack) -> Generator[None]:
     outcome.restarts = lambda: local.supervisor.restarts
     outcome.hung = lambda: dict(local.answering.times)
     outcome.listen(local.node)
+    local.node.each(topics.STATUS, outcome.see_status)
     try:
         yield
     finally:

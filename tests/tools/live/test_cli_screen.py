@@ -77,8 +77,8 @@ def test_every_value_is_shown_whole(width: int):
     for value in (
         "12.35 m", "12.40 m", "359.9°", "0.1°", "112.3 ms", "108.9 ms", "221.2 ms", "lost 123456",
         "01:23 of 01:35", "ARMED", "piloted", "FAILSAFE pilot lost", "+0.50", "-1.00", "-0.25",
-        "visualizer gone", "1234567", FULL.alarm, "SILENT link_monitor_drone +1", "station keeping", "50 %", "15.9 V",
-        "123.4 Wh used of 266", "late p99 [ms]", "CPU [%]",
+        "visualizer gone", "1234567", FULL.alarm, "station keeping", "50 %", "15.9 V",
+        "123.4 Wh used of 266", "late p99 [ms]", "CPU [%]", "SILENT link_monitor_drone +1",
     ):  # fmt: skip
         assert value in text
     assert "DISARMED" not in text

@@ -12,7 +12,8 @@ from tools.__main__ import main
 from tools.recordings.recording import open_recording
 from tools.report.losses import NOT_CARRIED, NOT_USED, losses
 from tools.report.report import Extras, make_report
-from tools.report.summary import ending, summary
+from tools.report.summary import summary
+from tools.report.troubles import counted, ending
 
 FATES = {"lost", *NOT_CARRIED, *(kind for kind in NOT_USED if kind != "overflowed")}
 STATE = "state"  # goes up
@@ -122,4 +123,4 @@ def test_failsafes_are_never_pushed_out_and_what_is_left_out_is_the_least_import
     ],
 )
 def test_how_a_dive_ended(reason: str, counts: dict[str, int], words: str):
-    assert ending(reason, counts) == words
+    assert ending(reason, counted(counts)) == words
