@@ -25,7 +25,7 @@ from services.runtime.config.stack import Stack
 from services.runtime.hosts.process_host import HubLaunch, Launch, usage
 from services.runtime.hosts.registry import Registry, ServiceSpec
 from services.runtime.launch.answering import Answering
-from services.runtime.launch.child import Task
+from services.runtime.launch.child import Task, ran_ns
 from services.runtime.launch.supervisor import NAME, Supervisor
 from services.runtime.node.checkpoint import VolatileCheckpoint, write_safely
 from services.runtime.node.clock_offset import ClockOffset
@@ -187,15 +187,16 @@ class LocalStack:
             else:
                 self._tell("error", f"{name} does not answer any more")
 
-    def _unheard(self) -> set[str]:
+    def _unheard(self) -> dict[str, int | None]:
         """Services and hubs without a liveliness token. A hub has none of its own; where none of
-        its services is heard, it is the one that is silent."""
+        its services is heard, it is the one that is silent. With the processor time of each."""
         unheard: set[str] = set()
         for side in self._buses:
             here = [name for name, spec in self.services.items() if side in spec.sides]
             silent = {name for name in here if (side, name) not in self.alive}
             unheard |= {f"hub_{side}"} if len(here) > 1 and len(silent) == len(here) else silent
-        return unheard
+        pids = self.supervisor.pids
+        return {name: ran_ns(pids[name]) if name in pids else None for name in unheard}
 
     def _note_pids(self) -> None:
         if (pids := self.supervisor.pids) != self._pids:
