@@ -21,6 +21,8 @@ from typing import Annotated, Any
 import msgspec
 
 import services
+from messages import topics
+from messages.topic import AnyTopic
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import convert, deploy_file, line_of, nearest, read_toml
 from services.runtime.config.stack import BODY, Stack
@@ -30,6 +32,14 @@ Wire = Callable[[Node, Stack], None]
 SideName = Annotated[str, msgspec.Meta(pattern="^(topside|drone)$")]
 DEFAULT = "simulated"  # the stack of a dive without --stack
 NAME = r"[a-z0-9_]+"  # of a service: it becomes part of a key
+SIMULATOR = "simulator"  # a whole vehicle; a driver may be one part of several
+# What somebody must publish in a dive, and which of Lindy's own services does.
+NEEDED: dict[str, AnyTopic] = {
+    "gamepad": topics.PILOT_COMMAND,
+    "estimation": topics.STATE,
+    "reference": topics.REFERENCE,
+    "control": topics.THRUSTERS,
+}
 TAKEN = (BODY, "supervisor")  # reserved: they mean something else in vehicle files or on the bus
 
 
@@ -70,10 +80,12 @@ class Registry(Mapping[str, ServiceSpec]):
         registry = cls(file.resolve(), specs)
         for name in specs:
             registry._require_known(name)
+            registry._require_possible_sides(name)
         if not registry.vehicle_side:
             raise LindyError(
                 f"{file}: no service is the vehicle; one of them must have vehicle_side = true"
             )
+        registry._require_one_of_a_kind()
         return registry
 
     def __getitem__(self, name: str) -> ServiceSpec:
@@ -109,6 +121,51 @@ class Registry(Mapping[str, ServiceSpec]):
                     spec, sides=[side], each_machine=False, service=self._code(name)
                 )
         return self.only(split)
+
+    def require_whole(self) -> None:
+        """Check that there is a service for everything that a dive needs. What a module of the
+        user's publishes is not known before it runs, so each may replace one of Lindy's own.
+
+        Raises:
+            LindyError: names what nobody publishes.
+        """
+        codes = [self._code(name) for name, spec in self.specs.items() if spec.module is None]
+        missing = [own for own in NEEDED if own not in codes and own not in self.specs]
+        others = [s for n, s in self.specs.items() if s.module is not None and n not in NEEDED]
+        if len(missing) > sum(not spec.vehicle_side for spec in others):
+            raise self._unpublished(missing)
+        if not any(spec.gateway for spec in self.specs.values()):
+            raise LindyError(
+                f"{self.file}: services: none connects the topside with the drone; one must have "
+                f"gateway = true, such as Lindy's own tether"
+            )
+
+    def require_published(self, published: Mapping[str, Collection[AnyTopic]]) -> None:
+        """Check it again where it is known what each service publishes.
+
+        Args:
+            published: topics by service.
+
+        Raises:
+            LindyError: names what nobody publishes, or two that both are the vehicle.
+        """
+        everything = {topic for own in published.values() for topic in own}
+        if missing := [own for own, topic in NEEDED.items() if topic not in everything]:
+            raise self._unpublished(missing)
+        vehicles = [name for name, own in published.items() if topics.ACTUATION in own]
+        if len(vehicles) > 1:
+            raise LindyError(
+                f"{self._at(vehicles[1])}: it publishes {topics.ACTUATION.key}, and so does "
+                f"{vehicles[0]}; allowed is one vehicle"
+            )
+
+    def _unpublished(self, missing: Collection[str]) -> LindyError:
+        keys = " and ".join(NEEDED[own].key for own in missing)
+        tables = " and ".join(f"[services.{own}]" for own in missing)
+        return LindyError(
+            f"{self.file}: services: nobody publishes {keys}, without which no dive begins; "
+            f"allowed: {tables}, or a module of your own that publishes it"
+        )
 
     def wire(self, name: str) -> Wire:
         """The function that connects a service's core to its ports. Whatever it raises becomes one
@@ -171,6 +228,38 @@ class Registry(Mapping[str, ServiceSpec]):
             raise LindyError(
                 f"{self._at(name)}: Lindy has no service {code!r}, and no module is named for it"
                 f"{nearest(code, own_services())}"
+            )
+
+    def _require_possible_sides(self, name: str) -> None:
+        spec = self.specs[name]
+        at = self._at(name, "sides")
+        if len(set(spec.sides)) < len(spec.sides):
+            raise LindyError(f"{at}: {spec.sides[0]!r} is there twice; allowed is each side once")
+        if spec.vehicle_side and spec.sides != ["drone"]:
+            raise LindyError(
+                f'{at}: a service with vehicle_side = true is on board; allowed is ["drone"], '
+                f"found {spec.sides}"
+            )
+        if spec.gateway and len(spec.sides) < 2:
+            raise LindyError(
+                f"{at}: a service with gateway = true connects the sides; allowed is "
+                f'["topside", "drone"], found {spec.sides}'
+            )
+
+    def _require_one_of_a_kind(self) -> None:
+        gateways = [name for name, spec in self.specs.items() if spec.gateway]
+        if len(gateways) > 1:
+            raise LindyError(
+                f"{self._at(gateways[1], 'gateway')}: {gateways[0]} is the gateway already, and "
+                f"every message would cross twice; allowed is one"
+            )
+        vehicles = [*self.vehicle_side]
+        simulators = [n for n in vehicles if self._module(n) == f"services.{SIMULATOR}"]
+        if simulators and len(vehicles) > 1:
+            other = next(name for name in reversed(vehicles) if name != simulators[0])
+            raise LindyError(
+                f"{self._at(other, 'vehicle_side')}: {simulators[0]} is a whole vehicle already; "
+                f"allowed is one of the two"
             )
 
     def _code(self, name: str) -> str:
