@@ -93,6 +93,11 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         for name, kind in known.items():
             self.section(name, kind)
 
+    def mistake(self, key: tuple[str, str], why: str) -> LindyError:
+        """The error for a key of the vehicle file, or for the `--set` that it came from."""
+        path = self.vehicle_path
+        return self._blamed(f"{path}{line_of(path, key)}: {'.'.join(key)}: {why}")
+
     def _blamed(self, sentence: str) -> LindyError:
         """The error; about a key that came from `--set` it names that option, not the file."""
         about = re.fullmatch(
