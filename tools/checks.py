@@ -90,7 +90,7 @@ def checked(
     return stack
 
 
-def known_tables(services: Registry, here: Collection[str] | None = None) -> dict[str, type]:
+def known_tables(services: Registry, here: Collection[str] | None = None) -> dict[str, type | None]:
     """The tables of a vehicle file: the vehicle itself, and one for each service.
 
     Raises:

@@ -199,9 +199,10 @@ class Registry(Mapping[str, ServiceSpec]):
         at = f"{line.filename}:{line.lineno}:"
         return LindyError(f"{whose} {what} at {at} {_in_words(error)}")
 
-    def tables(self, here: Collection[str] | None = None) -> dict[str, type]:
+    def tables(self, here: Collection[str] | None = None) -> dict[str, type | None]:
         """The tables that a vehicle file may have for services: for those of this stack, and for
-        all of Lindy's own, because a vehicle file suits more than one stack.
+        all of Lindy's own, because a vehicle file suits more than one stack. None: a user's module
+        has no settings.
 
         Args:
             here: the services that run on this machine; None: all. A user's module need not be
@@ -210,12 +211,13 @@ class Registry(Mapping[str, ServiceSpec]):
         Raises:
             LindyError: a module of this stack cannot be used.
         """
-        found = {name: own_settings(name) for name in own_services()}
+        own = {name: own_settings(name) for name in own_services()}
+        found: dict[str, type | None] = {n: kind for n, kind in own.items() if kind is not None}
         for name, spec in self.specs.items():
             if spec.module is not None:
                 at_home = here is None or name in here
                 found[name] = self._settings_of_others(name) if at_home else dict
-        return {name: settings for name, settings in found.items() if settings is not None}
+        return found
 
     def _require_known(self, name: str) -> None:
         if name in TAKEN or not re.fullmatch(NAME, name):
@@ -223,8 +225,14 @@ class Registry(Mapping[str, ServiceSpec]):
                 f"{self._at(name)}: a service cannot be called {name!r}; allowed are a to z, 0 to "
                 f"9 and _, and not {' or '.join(TAKEN)}"
             )
-        code = self._code(name)
-        if self.specs[name].module is None and code not in own_services():
+        code, module = self._code(name), self.specs[name].module
+        if module is not None and not all(part.isidentifier() for part in module.split(".")):
+            raise LindyError(
+                f"{self._at(name, 'module')}: {module!r} is no name of a module; allowed: that of "
+                f"an installed one such as my_lab.my_driver, or of a file beside the stack file, "
+                f"without .py"
+            )
+        if module is None and code not in own_services():
             raise LindyError(
                 f"{self._at(name)}: Lindy has no service {code!r}, and no module is named for it"
                 f"{nearest(code, own_services())}"

@@ -196,6 +196,35 @@ def test_a_drivers_settings_are_checked_like_lindys_own(tmp_path: Path) -> None:
         Stack(overrides=["driver.baud=fast"]).check(known)
 
 
+@pytest.mark.parametrize("module", ["", "../x", "a b", ".x", "x.", "my-driver", "/opt/driver.py"])
+def test_what_cannot_be_a_module_is_refused_with_what_can(tmp_path: Path, module: str) -> None:
+    text = f"[services.driver]\nsides = ['drone']\nvehicle_side = true\nmodule = '{module}'"
+    with pytest.raises(LindyError) as refused:
+        stack_file(tmp_path, text)
+    sentence = f"mine.toml:4: services.driver.module: {module!r} is no name of a module; allowed: "
+    assert sentence in str(refused.value)
+
+
+def test_settings_of_a_module_that_declares_none_are_refused_with_how_to(tmp_path: Path) -> None:
+    known = known_tables(with_driver(tmp_path, WIRE + "pass"))
+    Stack().check(known)
+    with pytest.raises(
+        LindyError, match=r"^--set driver.port=x: driver: the module .* declare them"
+    ):
+        Stack(overrides=["driver.port=x"]).check(known)
+    path = tmp_path / "boat.toml"
+    path.write_text(deploy_file("vehicles", "pioneer").read_text() + "\n[driver]\nport = 'x'\n")
+    line = len(path.read_text().splitlines()) - 1
+    with pytest.raises(
+        LindyError, match=rf"boat.toml:{line}: driver: .* class Settings\(msgspec.S"
+    ):
+        Stack(vehicle=str(path)).check(known)
+    with pytest.raises(
+        LindyError, match=r"unknown table of a vehicle file; did you mean 'control'"
+    ):
+        Stack(overrides=["contrl.x=1"]).check(known)
+
+
 def test_the_other_machine_needs_no_driver(tmp_path: Path) -> None:
     services = with_driver(tmp_path, None)
     Stack(overrides=["driver.port=x"]).check(known_tables(services, here={"gamepad"}))
