@@ -165,6 +165,22 @@ def test_a_dive_whose_hub_and_recorder_die_goes_on_and_says_that_data_was_lost(t
     assert report["topics"]["state"]["count"] > 500
 
 
+def test_a_recorder_that_hangs_is_named_and_the_gap_in_its_file_is_said(tmp_path: Path):
+    with dive(tmp_path) as flown:
+        running = flown.until_armed()
+        os.kill(running.pids["recorder"], signal.SIGSTOP)
+        flown.until(lambda: "recorder does not answer any more" in flown.said)
+        os.kill(running.pids["recorder"], signal.SIGCONT)
+        flown.until(lambda: "recorder answers again" in flown.said)
+        report = flown.end(status=3)
+    assert report["exit"] == "clean"
+    assert report["losses"]["hung:recorder"] == 1
+    assert {"recorder did not answer once", "the recording has a gap"} <= set(report["troubles"])
+    assert max(hole["end"] - hole["begin"] for hole in report["holes"]) > 2.0
+    assert "ended cleanly" not in flown.said
+    assert "nothing was recorded from " in flown.said
+
+
 def test_two_dives_side_by_side_do_not_notice_each_other(tmp_path: Path):
     with dive(tmp_path / "one") as one, dive(tmp_path / "two") as two:
         reports = [one.end(), two.end()]
