@@ -64,6 +64,7 @@ NAMES: dict[str, Meaning] = {
     "impossible:clock/pong": Meaning(
         MESSAGE, "a reply to a clock ping was inconsistent and not used"
     ),
+    "hung:recorder": Meaning(DATA, "the recorder did not answer"),
     "malformed:memory": Meaning(DATA, "a service's checkpoint could not be read"),
     "not_remembered:disk": Meaning(DATA, "a service's checkpoint could not be written to the disk"),
     "wrong_length:vehicle/actuation": Meaning(
@@ -80,6 +81,7 @@ KINDS: dict[str, Meaning] = {
     "failsafe": Meaning(FAILSAFE, "the drone acted by itself"),
     "alarm": Meaning(DANGER, "an alarm was raised"),
     "empty": Meaning(DANGER, "the battery was empty"),
+    "hung": Meaning(DANGER, "a service ran but did not answer"),
     "unplugged": Meaning(DANGER, "the gamepad was unplugged"),
     "closed": Meaning(DANGER, "the keyboard's window was closed"),
     "outdone": Meaning(DANGER, "another pilot took control"),
@@ -176,8 +178,15 @@ def sentence(name: str) -> str:
 
 
 def short(name: str) -> str:
-    """A failsafe in two or three words."""
+    """A failsafe, or a service that did not answer, in two or three words."""
+    if is_hung(name):
+        return f"{name.partition(':')[2]} did not answer"
     return SHORT.get(name, name.partition(":")[2].replace("_", " "))
+
+
+def is_hung(name: str) -> bool:
+    """Does it count how often a service ran but did not answer?"""
+    return name.partition(":")[0] == "hung"
 
 
 def in_words(text: str) -> str:

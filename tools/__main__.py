@@ -345,7 +345,8 @@ app.command(link)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a verb. Returns the exit status: 0 clean, 1 error, 3 done but data was lost."""
+    """Run a verb. Returns the exit status: 0 clean, 1 error, 3 done but data or a service was
+    lost."""
     words = [*(sys.argv[1:] if arguments is None else arguments)]
     if DEBUG not in words:
         return _run(words)

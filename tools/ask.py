@@ -133,8 +133,12 @@ def dive_in(folder: Path | None) -> Running:
     folders = [Path(), *Path("dives").glob("*")] if folder is None else [folder]
     files = [place / RUNNING for place in folders if running_in(place) is not None]
     if not files:
-        where = "here or in dives/" if folder is None else f"in {folder}"
-        raise LindyError(f"no dive is going on {where}; start one with `lindy dive`")
+        if folder is None:
+            raise LindyError(
+                "no dive is going on here or in dives/; name the folder of one with --dive, or "
+                "start one with `lindy dive`"
+            )
+        raise LindyError(f"no dive is going on in {folder}; start one with `lindy dive`")
     newest = max(files, key=lambda file: file.stat().st_mtime)
     return msgspec.json.decode(newest.read_bytes(), type=Running)
 

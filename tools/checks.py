@@ -84,12 +84,13 @@ def checked(
     )
     stack.check(known_tables(services, here))
     check_can_be_flown(named(choices.link))
+    _submergible(stack)
     if (control := services.get("control")) is not None and control.module is None:
         _controllable(stack)
     return stack
 
 
-def known_tables(services: Registry, here: Collection[str] | None = None) -> dict[str, type]:
+def known_tables(services: Registry, here: Collection[str] | None = None) -> dict[str, type | None]:
     """The tables of a vehicle file: the vehicle itself, and one for each service.
 
     Raises:
@@ -104,6 +105,19 @@ def _controllable(stack: Stack) -> None:
         Controller(stack.section("control", Settings), stack.section("vehicle", Vehicle))
     except ValueError as error:
         raise LindyError(f"{stack.vehicle_path}: {error}") from None
+
+
+def _submergible(stack: Stack) -> None:
+    """Check that the thrusters can hold the vehicle under water, and keep it from sinking."""
+    vehicle = stack.section(BODY, Vehicle)
+    up, down = vehicle.vertical_thrust
+    most, way = (down, "down") if vehicle.net_buoyancy > 0.0 else (up, "up")
+    if abs(vehicle.net_buoyancy) >= most and vehicle.net_buoyancy:
+        raise stack.mistake(
+            (BODY, "net_buoyancy"),
+            f"is {vehicle.net_buoyancy:g} N, but the thrusters push {way} with at most {most:.1f} N"
+            f"; expected less than that",
+        )
 
 
 def running_in(folder: Path) -> int | None:

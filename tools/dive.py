@@ -19,7 +19,7 @@ from tools.live.viewer import runnable
 
 
 def dive(choices: Choices, *, headless: bool, listen: str | None) -> int:
-    """Returns the exit status: 0 clean, 3 done but data was lost.
+    """Returns the exit status: 0 clean, 3 done but data or a service was lost.
 
     Raises:
         LindyError: a wrong setting, or the dive was aborted.
@@ -29,6 +29,7 @@ def dive(choices: Choices, *, headless: bool, listen: str | None) -> int:
     services = runnable(Registry.read(choices.stack))
     pilot = who_flies(choices)
     viewer = not headless and bool({"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys())
+    services.require_whole()
     stack = checked(choices, pilot, services)
     stack = msgspec.structs.replace(stack, viewer=viewer, out=str(out_folder(choices.out)))
     outcome = Outcome(stack)

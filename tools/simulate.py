@@ -32,7 +32,7 @@ Advance = Callable[[DiveTimeline, int], None]
 
 
 def simulate(choices: Choices) -> int:
-    """Returns the exit status: 0 clean, 3 done but data was lost.
+    """Returns the exit status: 0 clean, 3 done but data or a service was lost.
 
     Raises:
         LindyError: a wrong setting, or the dive was aborted.
@@ -41,6 +41,7 @@ def simulate(choices: Choices) -> int:
     if pilot.script_s is None:
         raise LindyError(f"--pilot {pilot.name} needs real time; simulate flies script:FILE only")
     services = runnable(Registry.read(choices.stack))
+    services.require_whole()
     stack = checked(choices, pilot, services)
     stack = msgspec.structs.replace(stack, virtual=True, out=str(out_folder(choices.out)))
     outcome = Outcome(stack)
@@ -56,6 +57,7 @@ def simulate(choices: Choices) -> int:
         node.each(topics.STATUS, timeline.see)
         outcome.listen(node)
         host.add_all(services, stack)
+        services.require_published({name: host.nodes[name].published for name in services})
         point_latest(stack.out_dir)
         host.show(lambda line: None if line.level == "info" else show(line))
         began = time.perf_counter()

@@ -40,7 +40,7 @@ def up(
     gateway: bool,
     resume: Path | None = None,
 ) -> int:
-    """Returns the exit status: 0 clean, 3 done but data was lost.
+    """Returns the exit status: 0 clean, 3 done but data or a service was lost.
 
     Raises:
         LindyError: a wrong setting, a service cannot start, or the dive was aborted.

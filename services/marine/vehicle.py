@@ -3,6 +3,7 @@
 Six-vectors are in SNAME order X, Y, Z, K, M, N about the vehicle's origin, body frame FRD.
 """
 
+from math import hypot
 from typing import Annotated
 
 import msgspec
@@ -104,6 +105,17 @@ class Vehicle(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                     f"thruster number {first} and thruster number {number} are both called "
                     f"{name!r}, expected a name of its own for each"
                 )
+
+    @property
+    def vertical_thrust(self) -> tuple[float, float]:
+        """[N] Most upwards and downwards, with every thruster that helps, when level."""
+        up = down = 0.0
+        for thruster in self.thruster:
+            length = hypot(*thruster.direction)
+            share = thruster.direction[2] / length if length > 0.0 else 0.0
+            ends = [share * limit for limit in thruster.limits]
+            up, down = up - min(ends), down + max(ends)
+        return up, down
 
     @property
     def floating_depth(self) -> float:

@@ -39,7 +39,8 @@ SCRIPT = """t,surge,sway,heave,yaw
 6,0,0,0,0
 """
 KEYS = {
-    "seconds", "vehicle", "link", "services", "topics", "latency_ms", "stops", "depth_error_rms_m",
+    "seconds", "armed_seconds", "vehicle", "link", "services", "topics", "holes", "troubles",
+    "latency_ms", "stops", "depth_error_rms_m",
     "budget_ms", "clocks", "heading_error_rms_deg", "peak_jerk_ratio", "energy", "losses", "exit",
 }  # fmt: skip
 SERVICES = {
@@ -130,7 +131,7 @@ def test_a_dive_ends_cleanly_with_all_its_files_and_leaves_no_process_behind(tmp
     assert set(report["services"]) >= SERVICES
     assert not any(service["restarts"] for service in report["services"].values())
     assert [stop["axis"] for stop in report["stops"]] == ["heave", "yaw"]
-    assert report["seconds"] >= 6.0
+    assert report["seconds"] > report["armed_seconds"] >= 6.0
     assert "Traceback" not in flown.said
 
 
@@ -139,7 +140,8 @@ def test_a_killed_service_is_started_again_and_the_dive_goes_on(tmp_path: Path):
         running = flown.until_armed()
         os.kill(running.pids["control"], signal.SIGKILL)
         flown.until(lambda: "control is started again" in flown.said)
-        report = flown.end()
+        report = flown.end(status=3)
+    assert "control started again once" in flown.said
     restarts = {name: service["restarts"] for name, service in report["services"].items()}
     assert restarts.pop("control") == 1
     assert not any(restarts.values())
@@ -161,6 +163,22 @@ def test_a_dive_whose_hub_and_recorder_die_goes_on_and_says_that_data_was_lost(t
     assert report["exit"] == "clean"
     assert [path.name for path in flown.out.glob("*.mcap")] == ["dive.mcap"]
     assert report["topics"]["state"]["count"] > 500
+
+
+def test_a_recorder_that_hangs_is_named_and_the_gap_in_its_file_is_said(tmp_path: Path):
+    with dive(tmp_path) as flown:
+        running = flown.until_armed()
+        os.kill(running.pids["recorder"], signal.SIGSTOP)
+        flown.until(lambda: "recorder does not answer any more" in flown.said)
+        os.kill(running.pids["recorder"], signal.SIGCONT)
+        flown.until(lambda: "recorder answers again" in flown.said)
+        report = flown.end(status=3)
+    assert report["exit"] == "clean"
+    assert report["losses"]["hung:recorder"] == 1
+    assert {"recorder did not answer once", "the recording has a gap"} <= set(report["troubles"])
+    assert max(hole["end"] - hole["begin"] for hole in report["holes"]) > 2.0
+    assert "ended cleanly" not in flown.said
+    assert "nothing was recorded from " in flown.said
 
 
 def test_two_dives_side_by_side_do_not_notice_each_other(tmp_path: Path):

@@ -3,6 +3,7 @@ and drivers that cannot start."""
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -12,7 +13,7 @@ import pytest
 
 from services.runtime.config.running import RUNNING, Running
 from tools.__main__ import main
-from tools.recordings.recording import open_recording
+from tools.recordings.recording import log_hash, open_recording
 from tools.report import read_dive
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "point_vehicle"
@@ -95,6 +96,51 @@ def test_a_stack_that_cannot_be_started_leaves_no_folder(
     said = capsys.readouterr().err
     assert "stack.toml:6: services.driver.module: module 'wireless_driver'" in said
     assert not out.exists()
+
+
+DYING = """
+from examples_driver import Settings, wire as wire_all
+def wire(node, stack):
+    wire_all(node, stack)
+    def handle(now):
+        CODE
+    node.alarm(handle).set(4_000_000_000)
+CLOSER"""
+
+
+@pytest.mark.parametrize("closer", ["", "    node.on_close(lambda: {}['port'])\n"])
+@pytest.mark.parametrize(
+    ("code", "how"),
+    [
+        ("raise SystemExit(0)", "ended itself at {}: SystemExit: 0"),
+        ("{}['thrust']", "failed at {}: KeyError: 'thrust'"),
+    ],
+)
+def test_a_driver_that_dies_in_mid_dive_is_named_with_its_line_and_what_was_flown_is_kept(
+    tmp_path: Path,
+    pilot: tuple[str, str],
+    capsys: pytest.CaptureFixture[str],
+    code: str,
+    how: str,
+    closer: str,
+) -> None:
+    name = f"dying_driver_{abs(hash(code + closer))}"  # a module of its own in this process
+    driver = (EXAMPLE / "driver.py").read_text()
+    (tmp_path / "examples_driver.py").write_text(driver)
+    shutil.copy(EXAMPLE / "pretend_hardware.py", tmp_path)
+    code_file = DYING.replace("CODE", code).replace("CLOSER", closer)
+    stack = stack_with(tmp_path, name, code_file)
+    out = tmp_path / "out"
+    vehicle = ("--vehicle", f"{EXAMPLE}/vehicle.toml")
+    assert main(["simulate", *stack, *vehicle, *QUICK, *pilot, "--out", str(out)]) == 1
+    said = capsys.readouterr()
+    line = 1 + code_file[: code_file.index(code)].count("\n")
+    sentence = f"driver (module {name}) {how.format(f'{tmp_path / name}.py:{line}')}"
+    assert said.err.strip() == f"lindy: {sentence}"
+    assert f"broke off: {sentence}" in said.out
+    assert json.loads((out / "report.json").read_text())["exit"] == sentence
+    assert log_hash(out) is not None  # closed, not cut off
+    assert max(entry.log_ns for entry in open_recording(out)) >= 3_900_000_000
 
 
 def test_a_driver_that_needs_real_time_says_so(

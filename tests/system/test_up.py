@@ -163,6 +163,7 @@ def test_the_topside_says_what_was_restarted_and_that_nothing_was_recorded(tmp_p
         topside.kill("hub_topside")
         assert topside.end(signal.SIGINT) == 3, topside.said  # the hub heard nothing for a while
     lines = topside.said.splitlines()
+    assert "topside of pioneer, ended; the drone was never heard, " in topside.said
     assert "restarted         hub_topside 1 × and link_monitor 1 ×" in lines
     assert "recorded          nothing here: recording and report.json are on the drone" in lines
     assert [path.name for path in topside.out.glob("*.mcap")] == []

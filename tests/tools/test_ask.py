@@ -151,7 +151,9 @@ def test_where_nobody_dives_one_sentence_says_so(
 ):
     monkeypatch.chdir(tmp_path)
     write(tmp_path / "dives/crashed", "x", ended)
-    with pytest.raises(LindyError, match=r"^no dive is going on here or in dives/; start one"):
+    with pytest.raises(
+        LindyError, match=r"^no dive is going on here or in dives/; name .* with --dive"
+    ):
         dive_in(None)
     with pytest.raises(LindyError, match="no dive is going on in dives/crashed"):
         dive_in(Path("dives/crashed"))

@@ -55,14 +55,17 @@ class MonitorLoop:
             time.monotonic_ns(),
             local.missing(),
             local.supervisor.restarts,
+            list(local.answering.silent),
         )
 
 
 @contextmanager
 def followed_by(outcome: Outcome, local: LocalStack) -> Generator[None]:
-    """The outcome collects restarts and health messages while the processes run."""
+    """The outcome collects restarts, silences and health messages while the processes run."""
     outcome.restarts = lambda: local.supervisor.restarts
+    outcome.hung = lambda: dict(local.answering.times)
     outcome.listen(local.node)
+    local.node.each(topics.STATUS, outcome.see_status)
     try:
         yield
     finally:

@@ -11,6 +11,7 @@ from msgspec.structs import replace
 
 from messages import topics
 from messages.health import Health
+from messages.vehicle import VehicleStatus
 from services.recorder.io.parts import parts_in
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
@@ -23,17 +24,19 @@ from tools.report import (
     RecordedDive,
     Report,
     by_service,
+    counted,
     elsewhere,
     encode,
     ending,
     losses,
+    processes,
     read_dive,
     report_on,
     summary,
     unrecorded,
 )
 
-CLEAN, DATA_LOST = 0, 3  # exit statuses
+CLEAN, DATA_LOST = 0, 3  # exit statuses; 3 also where a service did not work for a while
 RECORDER, HUB = "recorder", "hub_"
 # What the recorder counts for messages that are not in its file.
 NOT_IN_FILE = {"not_recorded", "overflowed", "unreadable"}
@@ -46,11 +49,13 @@ class Outcome:
     def __init__(self, stack: Stack) -> None:
         self.exit = "clean"  # or why it ended otherwise
         self.restarts: Callable[[], dict[str, int]] = dict
+        self.hung: Callable[[], dict[str, int]] = dict  # times each did not answer
         self.gone: list[str] = []  # services that were not alive at the end
         self.speedup: float | None = None  # [-] virtual over real time
         self._stack = stack
         self._health: list[Health] = []
         self._error: LindyError | None = None
+        self._drone_heard = self._armed = False
 
     def listen(self, node: Node) -> None:
         """Keep the health of all services; the recorder does not receive its own."""
@@ -91,27 +96,46 @@ class Outcome:
             LindyError: why the dive was aborted.
         """
         restarts, folder = self.restarts(), self._stack.out_dir
-        how = f"{side} of {self._stack.vehicle_name}, {ending(self.exit, self._counted())}"
+        troubles = [
+            *self._unarmed(side),
+            *processes(restarts, self.gone),
+            *counted(self._counted()),
+        ]
+        how = f"{side} of {self._stack.vehicle_name}, {ending(self.exit, troubles)}"
         print(unrecorded(how, restarts, self.gone, other, written(folder)), flush=True)
         self._complain()
-        return DATA_LOST if was_deaf(restarts) else CLEAN
+        return DATA_LOST if self._was_away(restarts) else CLEAN
+
+    def see_status(self, status: VehicleStatus, _: int) -> None:
+        """A status of the drone has arrived."""
+        self._drone_heard = True
+        self._armed = self._armed or status.armed
+
+    def _unarmed(self, side: str) -> list[str]:
+        if side == "topside" and not self._drone_heard:
+            return ["the drone was never heard"]
+        return [] if self._armed else ["never armed"]
+
+    def _was_away(self, restarts: Mapping[str, int]) -> bool:
+        """Was there a time in which a service did not work?"""
+        return any(restarts.values()) or any(self.hung().values())
 
     def _report(self, folder: Path, other: Elsewhere | None) -> bool:
-        """Was something lost?"""
+        """Was something lost, or did a service not work for a while?"""
         merged = merge(folder)
         dive = read_dive(open_recording(folder), apart=self._stack.apart)
-        report = report_on(dive, self._extras())
+        # The recorder writes the hash last; merged parts have none.
+        ended = merged or log_hash(folder) is not None
+        report = report_on(dive, self._extras(finished=ended))
         write_fresh(folder / "report.json", encode(report))
         print(summary(report, dive.max_depth_m, written(folder)), flush=True)
         if other is not None:
             print(elsewhere(report, other), flush=True)
-        # The recorder writes the hash last; merged parts have none.
-        ended = merged or log_hash(folder) is not None
         if "disk_error" in report.losses or not ended:
             full = "disk_error" in report.losses
             why = "the disk was full or failed" if full else "it was not finished"
             print(f"lindy: the recording in {folder} is incomplete: {why}", file=sys.stderr)
-        return data_was_lost(dive, report) or not ended
+        return data_was_lost(dive, report) or not ended or self._was_away(self.restarts())
 
     def _kept(self, folder: Path, error: Exception) -> str:
         """In one sentence: there is no report, but nothing else is lost."""
@@ -125,16 +149,23 @@ class Outcome:
         heard: defaultdict[str, list[Health]] = defaultdict(list)
         for health in self._health:
             heard[health.service].append(health)
-        return losses(by_service(heard))
+        return losses(by_service(heard)) + self._silences()
+
+    def _silences(self) -> Counter[str]:
+        """How often each process ran but did not answer, as counts have it."""
+        return Counter({f"hung:{name}": times for name, times in self.hung().items()})
 
     def _complain(self) -> None:
         if self.exit != "clean":
             raise self._error or LindyError(self.exit)
 
-    def _extras(self) -> Extras:
+    def _extras(self, *, finished: bool) -> Extras:
         extras = Extras(
             exit=self.exit,
+            gone=self.gone,
+            finished=finished,
             restarts=self.restarts(),
+            losses=self._silences(),
             health=self._health,
         )
         if self.speedup is None:
@@ -157,7 +188,7 @@ def data_was_lost(dive: RecordedDive, report: Report) -> bool:
     """Were there messages in this dive that the recording does not have?"""
     kinds = {name.partition(":")[0] for name in dive.losses}
     restarts = {name: service.restarts for name, service in report.services.items()}
-    return bool(kinds & NOT_IN_FILE) or was_deaf(restarts)
+    return bool(kinds & NOT_IN_FILE) or bool(report.holes) or was_deaf(restarts)
 
 
 def was_deaf(restarts: Mapping[str, int]) -> bool:

@@ -64,6 +64,7 @@ class View:
     stick_ms: float | None = None  # [ms] stick to thruster
     screen_ms: float | None = None  # [ms] sensor to screen
     alarm: str = ""  # what is wrong with the link
+    silent: tuple[str, ...] = ()  # processes that run but do not answer
     lost: int = 0  # messages the link has dropped
     services: list[ServiceView] = field(default_factory=list[ServiceView])
     lines: list[LogEntry] = field(default_factory=list[LogEntry])
@@ -101,6 +102,8 @@ def plain(view: View) -> str:
         parts.append(failsafe)
     if view.alarm:
         parts.append(f"LINK {view.alarm}")
+    if view.silent:
+        parts.append(f"NOT ANSWERING {', '.join(view.silent)}")
     if view.note:
         parts.append(view.note)
     if restarts := sum(service.restarts for service in view.services):
@@ -135,9 +138,13 @@ def _state(view: View) -> Text:
 
 def _alarm(view: View) -> list[Text]:
     """A row of its own, so that it is never cut; none when all is well."""
-    if not view.alarm:
+    alarms = [f"LINK   {view.alarm}"] if view.alarm else []
+    if view.silent:
+        more = len(view.silent) - 1
+        alarms.insert(0, f"SILENT {view.silent[0]}" + (f" +{more}" if more else ""))
+    if not alarms:
         return []
-    return [Text(f"LINK   {view.alarm}", "bold red", overflow="ellipsis", no_wrap=True)]
+    return [Text("  ".join(alarms), "bold red", overflow="ellipsis", no_wrap=True)]
 
 
 def _motion(view: View) -> Text:

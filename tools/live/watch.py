@@ -1,7 +1,7 @@
 """Collects what the screen shows of a dive, on the topside."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from messages import topics
 from messages.health import Health, LogLine
@@ -48,8 +48,20 @@ class Watch:
         node.show = lambda line: self._add(line, line.stamp_ns)
         node.every(LOOK_HZ, self._look)
 
-    def view(self, title: str, now: int, missing: list[str], restarts: dict[str, int]) -> View:
-        """The screen at `now` [ns]."""
+    def view(
+        self,
+        title: str,
+        now: int,
+        missing: list[str],
+        restarts: dict[str, int],
+        silent: Sequence[str] = (),
+    ) -> View:
+        """The screen at `now` [ns].
+
+        Args:
+            missing: services that are not alive.
+            silent: processes that run but do not answer.
+        """
         timeline = self._timeline
         state, reference = _recent(self._state, now), _recent(self._reference, now)
         status, pilot = self._status.newest(now), self._pilot.fresh(now)
@@ -82,6 +94,7 @@ class Watch:
             stick_ms=budget.stick_to_thruster_ms if budget else None,
             screen_ms=budget.sensor_to_screen_ms if budget else None,
             alarm=budget.alarm if budget else "",
+            silent=tuple(silent),
             lost=link.down_link.dropped + link.up_link.dropped if link else 0,
             services=[
                 self._service(name, name not in missing, restarts) for name in self._services

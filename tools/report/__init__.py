@@ -5,7 +5,8 @@ from tools.report.elsewhere import Elsewhere, elsewhere
 from tools.report.losses import losses
 from tools.report.report import Extras, Report, encode, make_report, report_on
 from tools.report.services import by_service
-from tools.report.summary import ending, summary
+from tools.report.summary import summary
+from tools.report.troubles import counted, ending, processes
 from tools.report.unrecorded import unrecorded
 
 __all__ = [
@@ -14,11 +15,13 @@ __all__ = [
     "RecordedDive",
     "Report",
     "by_service",
+    "counted",
     "elsewhere",
     "encode",
     "ending",
     "losses",
     "make_report",
+    "processes",
     "read_dive",
     "report_on",
     "summary",

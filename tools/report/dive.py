@@ -6,14 +6,18 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from messages import topics
-from messages.health import Health
+from messages.health import Health, LogLine
 from messages.link import Clock
 from messages.message import Message
+from messages.reference import Reference
 from messages.topic import AnyTopic
 from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.stamps import mover
 from tools.recordings.recording import Raw, Recording
 from tools.report.columns import WANTED, Array, Gathering, StreamColumns
+from tools.report.holes import HOLE_NS, HoleFinder
+
+ENDING_NS = 6_000_000_000  # [ns] the recorder may be stopped so long after the vehicle
 
 
 @dataclass(slots=True)
@@ -34,6 +38,10 @@ class RecordedDive:
     streams: dict[str, StreamColumns]  # by key; every stream of WANTED, perhaps with no rows
     health: dict[str, list[Health]] = field(default_factory=dict[str, list[Health]])
     losses: dict[str, int] = field(default_factory=dict[str, int])  # the recorder's own
+    holes: list[tuple[int, int]] = field(default_factory=list[tuple[int, int]])  # [ns] UTC
+    vehicle_holes: list[tuple[int, int]] = field(default_factory=list[tuple[int, int]])
+    errors: Counter[str] = field(default_factory=Counter[str])  # lines of level error, by service
+    armed_utc_ns: int | None = None  # when the first armed reference was recorded
 
     def __getitem__(self, topic: AnyTopic) -> StreamColumns:
         return self.streams[topic.key]
@@ -47,14 +55,40 @@ class RecordedDive:
 
     @property
     def seconds(self) -> float:
-        """[s] From the first arming to the last disarming or the end of the recording. A dive
-        that was never armed is as long as its recording."""
-        if self.armed is not None:
-            return (self.armed[1] - self.armed[0]) / 1e9
-        if not self.traffic:
-            return 0.0
-        first = min(traffic.first_ns for traffic in self.traffic.values())
-        return (max(traffic.last_ns for traffic in self.traffic.values()) - first) / 1e9
+        """[s] From the first message to the last."""
+        return (self.last_ns - self.first_ns) / 1e9
+
+    @property
+    def armed_seconds(self) -> float:
+        """[s] Sum of the times in which the drone was armed."""
+        reference = self[topics.REFERENCE]
+        begins = reference["armed"][:-1] > 0
+        return float(np.sum(np.diff(reference["valid"])[begins])) / 1e9
+
+    @property
+    def vehicle_silences(self) -> list[float]:
+        """[s] Each time in which everything but the vehicle was recorded. At its end a dive goes
+        on for a while after the vehicle has been stopped."""
+        traffic = self.traffic.get(topics.ACTUATION.key)
+        if traffic is None:
+            return [self.seconds]
+        last = traffic.last_ns
+        ended = [(last, self.last_ns)] if self.last_ns - last > ENDING_NS else []
+        silences = [
+            end - begin - sum(max(0, min(end, b) - max(begin, a)) for a, b in self.holes)
+            for begin, end in [*self.vehicle_holes, *ended]
+        ]
+        return [silence / 1e9 for silence in silences if silence > HOLE_NS]
+
+    @property
+    def first_ns(self) -> int:
+        """[ns] UTC of the first message; 0 without any."""
+        return min((traffic.first_ns for traffic in self.traffic.values()), default=0)
+
+    @property
+    def last_ns(self) -> int:
+        """[ns] UTC of the last message; 0 without any."""
+        return max((traffic.last_ns for traffic in self.traffic.values()), default=0)
 
     @property
     def max_depth_m(self) -> float | None:
@@ -93,9 +127,13 @@ def read_dive(recording: Recording, *, apart: bool = False) -> RecordedDive:
     """
     topside_clock = _TopsideClock() if apart else None
     traffic: dict[str, Traffic] = {}
+    finder, vehicle, errors = HoleFinder(), HoleFinder(), Counter[str]()
+    armed_utc_ns = None
     gathering = {wanted.topic.key: Gathering(wanted.names, wanted.figures) for wanted in WANTED}
     health: dict[str, list[Health]] = {}
     for raw in recording.raw():
+        for found in (finder, vehicle) if raw.key == topics.ACTUATION.key else (finder,):
+            found.see(raw.log_ns)
         if (seen := traffic.get(raw.key)) is None:
             seen = traffic[raw.key] = Traffic(0, raw.log_ns, raw.log_ns)
         seen.count += 1
@@ -106,16 +144,24 @@ def read_dive(recording: Recording, *, apart: bool = False) -> RecordedDive:
                 topside_clock is None or topside_clock.convert(raw, message)
             ):
                 gathering[raw.key].add(message)
-        elif topics.HEALTH.covers(raw.key):
+                if armed_utc_ns is None and isinstance(message, Reference) and message.armed:
+                    armed_utc_ns = raw.log_ns
+        elif topics.HEALTH.covers(raw.key) or topics.LOG.covers(raw.key):
             message = recording.decode(raw)
             if isinstance(message, Health):
                 health.setdefault(message.service, []).append(message)
+            elif isinstance(message, LogLine):
+                errors[message.service] += message.level == "error"
     return RecordedDive(
         about=recording.metadata("dive"),
         traffic=traffic,
         streams={key: gathered.columns() for key, gathered in gathering.items()},
         health=health,
         losses=recording.losses() + _unreadable(recording),
+        holes=finder.found,
+        vehicle_holes=vehicle.found,
+        errors=+errors,
+        armed_utc_ns=armed_utc_ns,
     )
 
 

@@ -10,11 +10,13 @@ from tools.recordings.recording import Recording
 from tools.report.budget import Clocks, ReportedBudget, budget, clocks
 from tools.report.dive import RecordedDive, Traffic, read_dive
 from tools.report.energy import Energy, energy
+from tools.report.holes import Hole, holes
 from tools.report.latency import LatencyReport, latency
 from tools.report.losses import losses
 from tools.report.services import Service, by_service, services
 from tools.report.stops import StickStop, stops
 from tools.report.tracking import error_rms, peak_jerk_ratio
+from tools.report.troubles import armed_for, counted, logged, processes, vehicle_silent
 
 
 class Extras(msgspec.Struct, frozen=True):
@@ -23,6 +25,8 @@ class Extras(msgspec.Struct, frozen=True):
     exit: str = "clean"  # or the reason
     restarts: dict[str, int] = {}  # service → times it was started again
     losses: dict[str, int] = {}  # counted by the supervisor itself
+    gone: list[str] = []  # services that were not alive at the end
+    finished: bool = True  # the recorder ended its file itself
     health: list[Health] = []  # of services the recorder does not receive, such as itself
     speedup: float | msgspec.UnsetType = msgspec.UNSET  # [-] virtual over real time; simulate only
     log_hash: str | msgspec.UnsetType = msgspec.UNSET  # SHA-256; simulate only
@@ -36,7 +40,8 @@ class Stream(msgspec.Struct, frozen=True):
 class Report(msgspec.Struct, frozen=True, kw_only=True):
     """Definitions are in the modules the values come from. None: not measurable on this dive."""
 
-    seconds: float  # [s] first arming to last disarming or end; whole recording if never armed
+    seconds: float  # [s] first to last message
+    armed_seconds: float  # [s] of them, armed
     vehicle: str
     link: str
     services: dict[str, Service]  # by name
@@ -49,7 +54,9 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     heading_error_rms_deg: float | None  # [°] true heading minus reference, while armed
     peak_jerk_ratio: float | None  # [-] largest |reference jerk| over the limit in force
     energy: Energy
+    holes: list[Hole]  # times in which nothing was recorded
     losses: dict[str, int]  # everything dropped, stale, expired, clamped …; by name
+    troubles: list[str]  # why it did not end cleanly, in words; empty: it did
     exit: str  # "clean" or the reason
     speedup: float | msgspec.UnsetType = msgspec.UNSET
     log_hash: str | msgspec.UnsetType = msgspec.UNSET
@@ -63,12 +70,14 @@ def make_report(recording: Recording, extras: Extras) -> Report:
 def report_on(dive: RecordedDive, extras: Extras) -> Report:
     """Report on a dive that was read already."""
     health = _all_health(dive, extras.health)
+    figures, lost = services(health, extras.restarts), _losses(dive, health, extras.losses)
     heading_error = error_rms(dive, "yaw")
     return Report(
         seconds=dive.seconds,
+        armed_seconds=dive.armed_seconds,
         vehicle=dive.about.get("vehicle", ""),
         link=dive.about.get("link", ""),
-        services=services(health, extras.restarts),
+        services=figures,
         topics={key: _stream(traffic) for key, traffic in sorted(dive.traffic.items())},
         latency_ms=latency(dive),
         budget_ms=budget(dive),
@@ -78,7 +87,9 @@ def report_on(dive: RecordedDive, extras: Extras) -> Report:
         heading_error_rms_deg=None if heading_error is None else degrees(heading_error),
         peak_jerk_ratio=peak_jerk_ratio(dive),
         energy=energy(dive),
-        losses=_losses(dive, health, extras.losses),
+        holes=holes(dive.holes, dive.first_ns if dive.armed_utc_ns is None else dive.armed_utc_ns),
+        losses=lost,
+        troubles=_troubles(dive, figures, lost, extras),
         exit=extras.exit,
         speedup=extras.speedup,
         log_hash=extras.log_hash,
@@ -88,6 +99,22 @@ def report_on(dive: RecordedDive, extras: Extras) -> Report:
 def encode(report: Report) -> bytes:
     """The text of `report.json`."""
     return msgspec.json.format(msgspec.json.encode(report), indent=2) + b"\n"
+
+
+def _troubles(
+    dive: RecordedDive, figures: dict[str, Service], lost: dict[str, int], extras: Extras
+) -> list[str]:
+    """In the order of importance."""
+    restarts = {name: service.restarts for name, service in figures.items()}
+    return [
+        *armed_for(dive.armed_seconds),
+        *vehicle_silent(dive.vehicle_silences),
+        *processes(restarts, extras.gone),
+        *counted(lost),
+        *(["the recording has a gap"] if dive.holes else []),
+        *([] if extras.finished else ["the recording was not finished"]),
+        *logged(dive.errors),
+    ]
 
 
 def _all_health(dive: RecordedDive, others: list[Health]) -> dict[str, list[Health]]:

@@ -5,9 +5,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from math import degrees
 from pathlib import Path
 
-from messages.counts import Meaning, Rank, meaning, sentence, short
+from messages.counts import Meaning, Rank, meaning, sentence
+from tools.report.holes import in_words
 from tools.report.report import Report
 from tools.report.stops import StickStop, StopAxis
+from tools.report.troubles import ending
 
 LABEL = 18  # columns before the values
 KINDS = 4  # lines for losses; the rest is in report.json
@@ -21,8 +23,8 @@ def summary(report: Report, max_depth_m: float | None = None, files: Sequence[Pa
         files: what was written.
     """
     stick = report.latency_ms.stick_to_thruster
-    how = ending(report.exit, report.losses)
-    rows = [("Dive", f"{report.vehicle}, {_duration(report.seconds)}, {how}")]
+    how = ending(report.exit, report.troubles)
+    rows = [("Dive", f"{report.vehicle}, {_length(report)}, {how}")]
     rows += _failsafes(report.losses)
     if max_depth_m is not None:
         rows.append(("deepest", f"{max_depth_m:.1f} m"))
@@ -32,7 +34,7 @@ def summary(report: Report, max_depth_m: float | None = None, files: Sequence[Pa
         rows.append(("stick to thruster", delay))
     rows.append(("link", report.link))
     rows.append(("energy", _energy(report)))
-    rows += _losses(report.losses)
+    rows += _losses(report)
     return lined_up([*rows, *written(files)])
 
 
@@ -54,30 +56,19 @@ def _energy(report: Report) -> str:
     return text if hours is None else f"{text}; a full battery lasts {hours:.1f} h like this"
 
 
+def _length(report: Report) -> str:
+    """Of the recording, and how much of it the drone was armed."""
+    whole, armed = _duration(report.seconds), _duration(report.armed_seconds)
+    return f"{whole}, armed {armed}" if report.armed_seconds > 0.0 else whole
+
+
 def _duration(seconds: float) -> str:
     minutes, rest = divmod(round(seconds), 60)
     return f"{minutes} min {rest:02d} s" if minutes else f"{rest} s"
 
 
-def ending(exit_reason: str, counts: Mapping[str, int]) -> str:
-    """How a dive ended, in words: `clean` only where no failsafe acted.
-
-    Args:
-        exit_reason: `clean`, or why it was aborted.
-        counts: name → times, as in a report's losses.
-    """
-    if exit_reason != "clean":
-        return f"broke off: {exit_reason}"
-    acted = [f"{short(name)} {_times(n)}" for name, n in counts.items() if n and _acts(name)]
-    return f"ended; {', '.join(acted)}" if acted else "ended cleanly"
-
-
 def _acts(name: str) -> bool:
     return meaning(name).rank is Rank.FAILSAFE
-
-
-def _times(count: int) -> str:
-    return "once" if count == 1 else f"{count} times"
 
 
 def _failsafes(losses: Mapping[str, int]) -> list[tuple[str, str]]:
@@ -102,16 +93,17 @@ def _past(stop: StickStop) -> str:
     return f"{degrees(stop.overshoot):.1f}°"
 
 
-def _losses(losses: Mapping[str, int]) -> list[tuple[str, str]]:
+def _losses(report: Report) -> list[tuple[str, str]]:
     """Counts with the same words together; the most important first, of those the largest."""
     times: defaultdict[Meaning, int] = defaultdict(int)
-    for name, count in losses.items():
+    for name, count in report.losses.items():
         if count and Rank.FAILSAFE < meaning(name).rank < Rank.ROUTINE:
             times[meaning(name)] += count
     ordered = sorted(times.items(), key=lambda found: (found[0].rank, -found[1], found[0].words))
-    if not ordered:
+    rows = [in_words(report.holes)] if report.holes else []
+    if not ordered and not rows:
         return [("losses", "none")]
-    rows = [f"{count} × {what.words}" for what, count in ordered[:KINDS]]
+    rows += [f"{count} × {what.words}" for what, count in ordered[:KINDS]]
     if len(ordered) > KINDS:
         more = len(ordered) - KINDS
         rows.append(f"and {more} less important kind{'s' * (more > 1)}, see report.json")

@@ -19,6 +19,10 @@ from services.runtime.config.settings import (
 )
 
 S = TypeVar("S")
+NO_SETTINGS = (
+    "the module of this service has no settings; declare them in it as "
+    "class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True)"
+)
 BODY = "vehicle"  # the table of the vehicle file that describes the vehicle itself
 
 
@@ -72,12 +76,13 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         except LindyError as error:
             raise self._blamed(str(error)) from None
 
-    def check(self, known: Mapping[str, type]) -> None:
+    def check(self, known: Mapping[str, type | None]) -> None:
         """Read every table of the vehicle file once, so that a mistake stops a dive before it
         starts.
 
         Args:
-            known: the tables that are allowed, and the type each is read into.
+            known: the tables that are allowed, and the type each is read into; None: that of a
+                service whose module declares no settings.
 
         Raises:
             LindyError: an unknown table, a mistake in one, or a name that is not allowed in a key.
@@ -85,13 +90,22 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         _ = self.vehicle_name
         tree = _vehicle_tree(self.vehicle_path, tuple(self.overrides))
         for name in tree:
-            if name not in known:
+            if known.get(name) is None:
                 where = f"{self.vehicle_path}{line_of(self.vehicle_path, (name,))}: {name}"
+                if name in known:
+                    raise self._blamed(f"{where}: {NO_SETTINGS}")
+                allowed = sorted(name for name, kind in known.items() if kind is not None)
                 raise self._blamed(
-                    f"{where}: unknown table of a vehicle file{nearest(name, sorted(known))}"
+                    f"{where}: unknown table of a vehicle file{nearest(name, allowed)}"
                 )
         for name, kind in known.items():
-            self.section(name, kind)
+            if kind is not None:
+                self.section(name, kind)
+
+    def mistake(self, key: tuple[str, str], why: str) -> LindyError:
+        """The error for a key of the vehicle file, or for the `--set` that it came from."""
+        path = self.vehicle_path
+        return self._blamed(f"{path}{line_of(path, key)}: {'.'.join(key)}: {why}")
 
     def _blamed(self, sentence: str) -> LindyError:
         """The error; about a key that came from `--set` it names that option, not the file."""

@@ -85,6 +85,7 @@ def run_service(launch: Launch) -> int:
         node.wake = event.set
         registry = Registry(Path(launch.stack_file), {launch.service: launch.spec})
         registry.wire(launch.service)(node, launch.stack)
+        exits.enter_context(_blaming(registry, launch.service))
         exits.callback(node.close)
         for bus in buses.values():
             bus.announce(launch.service)
@@ -136,6 +137,18 @@ def _stoppable(parent: int | None) -> Generator[StopFlag]:
     if parent is not None:
         threading.Thread(target=_follow, args=(parent, stop), daemon=True).start()
     yield stop
+
+
+@contextmanager
+def _blaming(registry: Registry, service: str) -> Generator[None]:
+    """Name the line where a handler failed. One that calls `sys.exit` fails as well, whatever
+    status it asks for."""
+    try:
+        yield
+    except LindyError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise registry.failure(service, error) from error
 
 
 @contextmanager

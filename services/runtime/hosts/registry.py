@@ -11,6 +11,7 @@ import importlib.util
 import pkgutil
 import re
 import sys
+import traceback
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,6 +21,8 @@ from typing import Annotated, Any
 import msgspec
 
 import services
+from messages import topics
+from messages.topic import AnyTopic
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import convert, deploy_file, line_of, nearest, read_toml
 from services.runtime.config.stack import BODY, Stack
@@ -29,6 +32,14 @@ Wire = Callable[[Node, Stack], None]
 SideName = Annotated[str, msgspec.Meta(pattern="^(topside|drone)$")]
 DEFAULT = "simulated"  # the stack of a dive without --stack
 NAME = r"[a-z0-9_]+"  # of a service: it becomes part of a key
+SIMULATOR = "simulator"  # a whole vehicle; a driver may be one part of several
+# What somebody must publish in a dive, and which of Lindy's own services does.
+NEEDED: dict[str, AnyTopic] = {
+    "gamepad": topics.PILOT_COMMAND,
+    "estimation": topics.STATE,
+    "reference": topics.REFERENCE,
+    "control": topics.THRUSTERS,
+}
 TAKEN = (BODY, "supervisor")  # reserved: they mean something else in vehicle files or on the bus
 
 
@@ -69,10 +80,12 @@ class Registry(Mapping[str, ServiceSpec]):
         registry = cls(file.resolve(), specs)
         for name in specs:
             registry._require_known(name)
+            registry._require_possible_sides(name)
         if not registry.vehicle_side:
             raise LindyError(
                 f"{file}: no service is the vehicle; one of them must have vehicle_side = true"
             )
+        registry._require_one_of_a_kind()
         return registry
 
     def __getitem__(self, name: str) -> ServiceSpec:
@@ -109,6 +122,51 @@ class Registry(Mapping[str, ServiceSpec]):
                 )
         return self.only(split)
 
+    def require_whole(self) -> None:
+        """Check that there is a service for everything that a dive needs. What a module of the
+        user's publishes is not known before it runs, so each may replace one of Lindy's own.
+
+        Raises:
+            LindyError: names what nobody publishes.
+        """
+        codes = [self._code(name) for name, spec in self.specs.items() if spec.module is None]
+        missing = [own for own in NEEDED if own not in codes and own not in self.specs]
+        others = [s for n, s in self.specs.items() if s.module is not None and n not in NEEDED]
+        if len(missing) > sum(not spec.vehicle_side for spec in others):
+            raise self._unpublished(missing)
+        if not any(spec.gateway for spec in self.specs.values()):
+            raise LindyError(
+                f"{self.file}: services: none connects the topside with the drone; one must have "
+                f"gateway = true, such as Lindy's own tether"
+            )
+
+    def require_published(self, published: Mapping[str, Collection[AnyTopic]]) -> None:
+        """Check it again where it is known what each service publishes.
+
+        Args:
+            published: topics by service.
+
+        Raises:
+            LindyError: names what nobody publishes, or two that both are the vehicle.
+        """
+        everything = {topic for own in published.values() for topic in own}
+        if missing := [own for own, topic in NEEDED.items() if topic not in everything]:
+            raise self._unpublished(missing)
+        vehicles = [name for name, own in published.items() if topics.ACTUATION in own]
+        if len(vehicles) > 1:
+            raise LindyError(
+                f"{self._at(vehicles[1])}: it publishes {topics.ACTUATION.key}, and so does "
+                f"{vehicles[0]}; allowed is one vehicle"
+            )
+
+    def _unpublished(self, missing: Collection[str]) -> LindyError:
+        keys = " and ".join(NEEDED[own].key for own in missing)
+        tables = " and ".join(f"[services.{own}]" for own in missing)
+        return LindyError(
+            f"{self.file}: services: nobody publishes {keys}, without which no dive begins; "
+            f"allowed: {tables}, or a module of your own that publishes it"
+        )
+
     def wire(self, name: str) -> Wire:
         """The function that connects a service's core to its ports. Whatever it raises becomes one
         sentence.
@@ -124,14 +182,27 @@ class Registry(Mapping[str, ServiceSpec]):
                 wire(node, stack)
             except LindyError:
                 raise
-            except Exception as error:
+            except (Exception, SystemExit) as error:
                 raise LindyError(f"module {self._module(name)}: {_in_words(error)}") from error
 
         return wired
 
-    def tables(self, here: Collection[str] | None = None) -> dict[str, type]:
+    def failure(self, name: str, error: BaseException) -> LindyError:
+        """What a handler of a service raised in mid-dive, in one sentence: which service, which
+        module, which line."""
+        module = sys.modules.get(self._module(name))
+        line = _line_in(module, error)
+        whose = f"{name} (module {self._module(name)})"
+        if self.specs[name].module is None:
+            whose = f"an error in Lindy itself: {whose}"
+        what = "ended itself" if isinstance(error, SystemExit) else "failed"
+        at = f"{line.filename}:{line.lineno}:"
+        return LindyError(f"{whose} {what} at {at} {_in_words(error)}")
+
+    def tables(self, here: Collection[str] | None = None) -> dict[str, type | None]:
         """The tables that a vehicle file may have for services: for those of this stack, and for
-        all of Lindy's own, because a vehicle file suits more than one stack.
+        all of Lindy's own, because a vehicle file suits more than one stack. None: a user's module
+        has no settings.
 
         Args:
             here: the services that run on this machine; None: all. A user's module need not be
@@ -140,12 +211,13 @@ class Registry(Mapping[str, ServiceSpec]):
         Raises:
             LindyError: a module of this stack cannot be used.
         """
-        found = {name: own_settings(name) for name in own_services()}
+        own = {name: own_settings(name) for name in own_services()}
+        found: dict[str, type | None] = {n: kind for n, kind in own.items() if kind is not None}
         for name, spec in self.specs.items():
             if spec.module is not None:
                 at_home = here is None or name in here
                 found[name] = self._settings_of_others(name) if at_home else dict
-        return {name: settings for name, settings in found.items() if settings is not None}
+        return found
 
     def _require_known(self, name: str) -> None:
         if name in TAKEN or not re.fullmatch(NAME, name):
@@ -153,11 +225,49 @@ class Registry(Mapping[str, ServiceSpec]):
                 f"{self._at(name)}: a service cannot be called {name!r}; allowed are a to z, 0 to "
                 f"9 and _, and not {' or '.join(TAKEN)}"
             )
-        code = self._code(name)
-        if self.specs[name].module is None and code not in own_services():
+        code, module = self._code(name), self.specs[name].module
+        if module is not None and not all(part.isidentifier() for part in module.split(".")):
+            raise LindyError(
+                f"{self._at(name, 'module')}: {module!r} is no name of a module; allowed: that of "
+                f"an installed one such as my_lab.my_driver, or of a file beside the stack file, "
+                f"without .py"
+            )
+        if module is None and code not in own_services():
             raise LindyError(
                 f"{self._at(name)}: Lindy has no service {code!r}, and no module is named for it"
                 f"{nearest(code, own_services())}"
+            )
+
+    def _require_possible_sides(self, name: str) -> None:
+        spec = self.specs[name]
+        at = self._at(name, "sides")
+        if len(set(spec.sides)) < len(spec.sides):
+            raise LindyError(f"{at}: {spec.sides[0]!r} is there twice; allowed is each side once")
+        if spec.vehicle_side and spec.sides != ["drone"]:
+            raise LindyError(
+                f'{at}: a service with vehicle_side = true is on board; allowed is ["drone"], '
+                f"found {spec.sides}"
+            )
+        if spec.gateway and len(spec.sides) < 2:
+            raise LindyError(
+                f"{at}: a service with gateway = true connects the sides; allowed is "
+                f'["topside", "drone"], found {spec.sides}'
+            )
+
+    def _require_one_of_a_kind(self) -> None:
+        gateways = [name for name, spec in self.specs.items() if spec.gateway]
+        if len(gateways) > 1:
+            raise LindyError(
+                f"{self._at(gateways[1], 'gateway')}: {gateways[0]} is the gateway already, and "
+                f"every message would cross twice; allowed is one"
+            )
+        vehicles = [*self.vehicle_side]
+        simulators = [n for n in vehicles if self._module(n) == f"services.{SIMULATOR}"]
+        if simulators and len(vehicles) > 1:
+            other = next(name for name in reversed(vehicles) if name != simulators[0])
+            raise LindyError(
+                f"{self._at(other, 'vehicle_side')}: {simulators[0]} is a whole vehicle already; "
+                f"allowed is one of the two"
             )
 
     def _code(self, name: str) -> str:
@@ -236,6 +346,15 @@ def _is_strict(settings: Any) -> bool:
     if not isinstance(settings, type) or not issubclass(settings, msgspec.Struct):
         return False
     return settings.__struct_config__.forbid_unknown_fields
+
+
+def _line_in(module: ModuleType | None, error: BaseException) -> traceback.FrameSummary:
+    """Where an error came from: the innermost line of the module or of a file beside it, because
+    what it called there is seldom at fault; else the innermost line of all."""
+    frames = traceback.extract_tb(error.__traceback__)
+    file = getattr(module, "__file__", None)
+    own = [f for f in frames if file is not None and Path(f.filename).parent == Path(file).parent]
+    return (own or frames)[-1]
 
 
 def _in_words(error: BaseException) -> str:

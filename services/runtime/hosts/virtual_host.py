@@ -7,11 +7,13 @@ takes no virtual time: latencies come from the link and the scheduling only. A n
 """
 
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass
 from math import ceil
 
 from messages.health import LogLine
 from services.runtime.bus.memory_bus import MemoryBus, MemoryBusPort
+from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.jitter import Lateness
 from services.runtime.hosts.registry import Registry, ServiceSpec, Wire, wire_of
@@ -60,6 +62,8 @@ class VirtualHost:
         self._buses: dict[str, MemoryBus] = {}
         self._checkpoints: dict[str, CheckpointStore] = {}
         self._woken: dict[str, None] = {}  # an ordered set of names
+        self._services: Registry | None = None  # of `add_all`; they say whose an error is
+        self._failed: set[str] = set()
         self._due: dict[str, int] = {}  # [ns] next timer of each node, while running
 
     def side(self, name: str) -> MemoryBusPort:
@@ -89,6 +93,7 @@ class VirtualHost:
         Raises:
             LindyError: a service cannot start.
         """
+        self._services = services
         for name, spec in services.items():
             self.add(name, spec, stack, services.wire(name))
 
@@ -105,7 +110,11 @@ class VirtualHost:
             node.show = line
 
     def run(self, until: int, done: Callable[[], bool] = lambda: False) -> None:
-        """Advance to `until` [ns], or to the first instant at which `done()` is true."""
+        """Advance to `until` [ns], or to the first instant at which `done()` is true.
+
+        Raises:
+            LindyError: a handler of a service of `add_all` raised; names it, its module and line.
+        """
         self._due = {name: self._deadline(name) for name in self.nodes}
         while not done():
             due = min(self._due.values())
@@ -116,9 +125,16 @@ class VirtualHost:
             self._settle([name for name, at in self._due.items() if at <= due])
 
     def close(self) -> None:
-        """End all services in order, as a clean stop would."""
-        for node in self.nodes.values():
-            node.close()
+        """End all services in order, as a clean stop would. One that fails to end does not keep the
+        others, such as the recorder, from ending.
+
+        Raises:
+            LindyError: a service of `add_all` failed to end.
+        """
+        with ExitStack() as exits:
+            for name in reversed(self.nodes):
+                if name not in self._failed:  # its next error would hide the first one
+                    exits.callback(self._call, name, self.nodes[name].close)
 
     def _settle(self, names: list[str]) -> None:
         """Step these nodes, then those they woke, until no node is woken at this instant."""
@@ -127,12 +143,24 @@ class VirtualHost:
                 self._woken.pop(name, None)
                 if (late := self._lateness.get(name)) is not None:
                     late.stepped()
-                self.nodes[name].step()
+                self._call(name, self.nodes[name].step)
                 self._due[name] = self._deadline(name)
             if not self._woken:
                 return
             names = list(self._woken)
         raise RuntimeError(f"services keep waking each other at {self.now} ns: {names}")
+
+    def _call(self, name: str, what: Callable[[], None]) -> None:
+        """Run a service's code. In a process of its own it could end nothing but itself."""
+        try:
+            what()
+        except LindyError:
+            raise
+        except (Exception, SystemExit) as error:
+            if self._services is None or name not in self._services:
+                raise  # somebody else's node
+            self._failed.add(name)
+            raise self._services.failure(name, error) from error
 
     def _wake(self, name: str) -> None:
         """A message arrived for a node: step it at this instant, or later if it has lateness."""

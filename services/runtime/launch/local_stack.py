@@ -25,7 +25,8 @@ from services.runtime.config.running import RUNNING, Running
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.process_host import HubLaunch, Launch, usage
 from services.runtime.hosts.registry import Registry, ServiceSpec
-from services.runtime.launch.child import Task
+from services.runtime.launch.answering import Answering
+from services.runtime.launch.child import Task, ran_ns
 from services.runtime.launch.supervisor import NAME, Supervisor
 from services.runtime.node.checkpoint import VolatileCheckpoint, write_safely
 from services.runtime.node.clock_offset import ClockOffset
@@ -72,12 +73,14 @@ class LocalStack:
         self.supervisor = Supervisor(self._tell)
         self.node: Node  # this process's own, on the pilot's side; set when the hubs are up
         self.alive: set[tuple[str, str]] = set()  # (side, service)
+        self.answering = Answering()
         self._checkpoints = stack.out_dir / CHECKPOINTS  # numbered by start_services if it exists
         self._tokens: deque[tuple[str, str, bool]] = deque()  # filled on the bus's thread
         self._buses: dict[str, ZenohBus] = {}
         self._wake = threading.Event()
         self._pids: dict[str, int] = {}
         self._has_node = False
+        self._complete = False  # all services were alive once
 
     def start_hubs(self, exits: ExitStack) -> None:
         """Start the hubs and connect to them.
@@ -146,6 +149,7 @@ class LocalStack:
         self.supervisor.step()
         if self.supervisor.failure is not None:
             raise LindyError(self.supervisor.failure)
+        self._note_silence()
         self._note_pids()
         if self._has_node:
             self._step_node()
@@ -183,6 +187,28 @@ class LocalStack:
             self.alive.add((side, service))
             if service not in self.missing():
                 self.supervisor.seen(service)
+
+    def _note_silence(self) -> None:
+        self._complete = self._complete or not self.missing()
+        if not self._complete:
+            return  # the computer is busy with the start
+        lives = self.supervisor.lives
+        for name, again in self.answering.look(self._unheard(), lives, time.monotonic_ns()):
+            if again:
+                self._tell("warning", f"{name} answers again")
+            else:
+                self._tell("error", f"{name} does not answer any more")
+
+    def _unheard(self) -> dict[str, int | None]:
+        """Services and hubs without a liveliness token. A hub has none of its own; where none of
+        its services is heard, it is the one that is silent. With the processor time of each."""
+        unheard: set[str] = set()
+        for side in self._buses:
+            here = [name for name, spec in self.services.items() if side in spec.sides]
+            silent = {name for name in here if (side, name) not in self.alive}
+            unheard |= {f"hub_{side}"} if len(here) > 1 and len(silent) == len(here) else silent
+        pids = self.supervisor.pids
+        return {name: ran_ns(pids[name]) if name in pids else None for name in unheard}
 
     def _note_pids(self) -> None:
         if (pids := self.supervisor.pids) != self._pids:

@@ -107,7 +107,9 @@ class Supervisor:
         if phase == "failed" and self.failure is None:
             self.failure = in_words(name, words, self._tasks[name])
         elif phase == "waiting":
-            self._tell("error", f"{name} ended unexpectedly ({how(status)})")
+            said = own_sentence(name, words)
+            why = how(status) if said is None else f"{how(status)}: {said}"
+            self._tell("error", f"{name} ended unexpectedly ({why})")
 
 
 def how(status: int) -> str:
@@ -121,8 +123,14 @@ def how(status: int) -> str:
 
 
 def in_words(name: str, words: str, task: Task) -> str:
-    """The sentence for the user. A child that prints `lindy <name>: …` has written it itself."""
+    """The sentence for the user."""
+    said = own_sentence(name, words)
+    return said or f"{name} cannot start: {words or 'it printed nothing'} (see {task.log})"
+
+
+def own_sentence(name: str, words: str) -> str | None:
+    """What a child that prints `lindy <name>: …` says itself; None where it prints no such line."""
     for prefix in (f"lindy {name}: ", f"lindy {name.partition('_')[0]}: "):  # hub_drone is a hub
         if words.startswith(prefix):
             return words.removeprefix(prefix)
-    return f"{name} cannot start: {words or 'it printed nothing'} (see {task.log})"
+    return None

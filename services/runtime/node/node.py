@@ -79,6 +79,11 @@ class Node:
         self._publishers.append(publisher)
         return publisher
 
+    @property
+    def published(self) -> list[AnyTopic]:
+        """Topics it may publish."""
+        return [publisher.topic for publisher in self._publishers]
+
     def log(self, level: Literal["info", "warning", "error"], text: str) -> None:
         """A line for people: on the bus, in the recording and on stderr."""
         line = LogLine(stamp_ns=self._clock(), service=self.name, level=level, text=text[:2000])

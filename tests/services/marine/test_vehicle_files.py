@@ -1,5 +1,7 @@
 """Every vehicle file describes a vehicle that can exist, and says so where it cannot."""
 
+import re
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -12,11 +14,14 @@ from services.marine.thrust_curve import CURVES
 from services.marine.thrusters import wrench_per_newton
 from services.marine.vehicle import Vehicle
 from services.runtime.config.errors import LindyError
+from services.runtime.config.settings import deploy_file
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
-from tools.checks import known_tables
+from tools.checks import PilotChoice, checked, known_tables
+from tools.choices import Choices
 
 NAMES = ("pioneer", "bluerov2_heavy", "minerva")
+PILOT = PilotChoice("script:first_dive")
 HEADROOM = 0.7  # [-] of its thrust a vehicle may need for the motion that its sticks ask for
 
 
@@ -103,6 +108,34 @@ def _reference(stack: Stack) -> Any:
 def test_a_body_that_cannot_exist_is_refused(override: str) -> None:
     with pytest.raises(LindyError, match=override.partition("=")[0].replace(".", r"\.")):
         Stack(overrides=[override]).section("vehicle", Vehicle)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize("share", [0.0, 0.2, 0.99, 1.01, 3.0])
+def test_a_net_buoyancy_is_refused_exactly_where_the_thrusters_cannot_hold_it(
+    name: str, way: int, share: float
+) -> None:
+    least, most = reach(vehicle(name), 2)
+    limit, push = (most, "down") if way > 0 else (-least, "up")
+    newtons = f"{way * share * limit:.3f}"
+    choices = Choices(vehicle=name, set_=(f"vehicle.net_buoyancy={newtons}",))
+    if share > 1.0:
+        sentence = rf"^--set .*={newtons}: is {float(newtons):g} N, .* push {push} with at most "
+        with pytest.raises(LindyError, match=rf"{sentence}{limit:.1f} N"):
+            checked(choices, PILOT, Registry.read())
+    else:
+        checked(choices, PILOT, Registry.read())
+
+
+def test_a_net_buoyancy_in_the_file_is_refused_with_its_line(tmp_path: Path) -> None:
+    text = deploy_file("vehicles", "pioneer").read_text()
+    path = tmp_path / "mine.toml"
+    path.write_text(re.sub("(?m)^net_buoyancy = .*$", "net_buoyancy = 200.0", text))
+    line = 1 + path.read_text()[: path.read_text().index("net_buoyancy =")].count("\n")
+    with pytest.raises(LindyError) as refused:
+        checked(Choices(vehicle=str(path)), PILOT, Registry.read())
+    assert str(refused.value).startswith(f"{path}:{line}: vehicle.net_buoyancy: is 200 N, but ")
 
 
 @pytest.mark.parametrize(

@@ -36,6 +36,7 @@ FULL = View(
     up_ms=108.9,
     rtt_ms=221.2,
     lost=123456,
+    silent=("link_monitor_drone", "hub_drone"),
     alarm="round trip has risen from 1234 to 12345 ms",
     hold="station_keeping",
     light=0.5,
@@ -77,7 +78,7 @@ def test_every_value_is_shown_whole(width: int):
         "12.35 m", "12.40 m", "359.9°", "0.1°", "112.3 ms", "108.9 ms", "221.2 ms", "lost 123456",
         "01:23 of 01:35", "ARMED", "piloted", "FAILSAFE pilot lost", "+0.50", "-1.00", "-0.25",
         "visualizer gone", "1234567", FULL.alarm, "station keeping", "50 %", "15.9 V",
-        "123.4 Wh used of 266", "late p99 [ms]", "CPU [%]",
+        "123.4 Wh used of 266", "late p99 [ms]", "CPU [%]", "SILENT link_monitor_drone +1",
     ):  # fmt: skip
         assert value in text
     assert "DISARMED" not in text

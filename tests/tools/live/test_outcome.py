@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import tools.live.outcome
 from messages import topics
-from messages.vehicle import Actuation
+from messages.vehicle import Actuation, VehicleStatus
 from services.recorder.foxglove_schema import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
 from services.runtime.config.errors import LindyError
@@ -28,6 +28,7 @@ def record(path: Path, stamps: range) -> None:
             stale=False, power=1.0,
         )  # fmt: skip
         file.write(topics.ACTUATION.key, msgspec.json.encode(message), stamp, stamp, stamp)
+    file.metadata("hash", {"sha256": "0"})  # as a recorder that ended by itself
     file.finish()
 
 
@@ -88,3 +89,37 @@ def test_only_a_recorder_or_a_hub_that_was_away_leaves_a_gap(others: dict[str, i
     assert not was_deaf({**others, "recorder": 0, "hub_drone": 0})
     assert was_deaf({**others, "recorder": 1})
     assert was_deaf({**others, "hub_topside": 1})
+
+
+@pytest.mark.parametrize(
+    ("side", "statuses", "words"),
+    [
+        ("topside", [], "ended; the drone was never heard"),
+        ("topside", [False], "ended; never armed"),
+        ("drone", [], "ended; never armed"),
+        ("topside", [False, True, False], "ended cleanly"),
+    ],
+)
+def test_a_side_without_a_recorder_ended_cleanly_only_if_the_drone_was_there_and_armed(
+    capsys: pytest.CaptureFixture[str], side: str, statuses: list[bool], words: str
+):
+    outcome = Outcome(Stack())
+    for armed in statuses:
+        outcome.see_status(VehicleStatus(stamp_ns=0, armed=armed, mode="ready"), 0)
+    assert outcome.sum_up_unrecorded(side, "other") == 0
+    assert capsys.readouterr().out.splitlines()[0].endswith(f" of pioneer, {words}")
+
+
+@pytest.mark.parametrize("trouble", ["restarts", "hung"])
+def test_a_service_that_did_not_work_for_a_while_costs_the_exit_status(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], trouble: str
+):
+    record(tmp_path / "dive.mcap", range(1, 40))
+    outcome = Outcome(Stack(out=str(tmp_path)))
+    assert outcome.sum_up() == 0
+    (tmp_path / "report.json").unlink()
+    setattr(outcome, trouble, lambda: {"control": 1})
+    assert outcome.sum_up() == 3
+    assert outcome.sum_up_unrecorded("drone", "topside") == 3
+    words = {"restarts": "control started again once", "hung": "control did not answer once"}
+    assert capsys.readouterr().out.count(words[trouble]) == 2

@@ -3,6 +3,7 @@
 import json
 from math import radians
 from pathlib import Path
+from typing import Literal
 
 import msgspec
 import pytest
@@ -11,7 +12,7 @@ from hypothesis import strategies as st
 
 from messages import topics
 from messages.control import ThrusterCommand
-from messages.health import Health
+from messages.health import Health, LogLine
 from messages.message import Estimate, Message
 from messages.reference import Motion, Reference
 from messages.sensors import PressureSample
@@ -29,6 +30,7 @@ START = 5_000 * MS
 KEYS = [
     *(
         "seconds",
+        "armed_seconds",
         "vehicle",
         "link",
         "services",
@@ -38,9 +40,11 @@ KEYS = [
         "clocks",
         "stops",
     ),
-    *("depth_error_rms_m", "heading_error_rms_deg", "peak_jerk_ratio", "energy", "losses", "exit"),
+    *("depth_error_rms_m", "heading_error_rms_deg", "peak_jerk_ratio", "energy", "holes"),
+    *("losses", "troubles", "exit"),
 ]
 Said = list[tuple[str, Message]]
+Level = Literal["info", "warning", "error"]
 
 
 def record(folder: Path, said: Said, losses: dict[str, str] | None = None) -> Path:
@@ -83,6 +87,11 @@ def reference(
         sway_force=0.0,
     )
     return topics.REFERENCE.key, message
+
+
+def log_line(service: str, level: Level, stamp: int = START) -> tuple[str, Message]:
+    message = LogLine(stamp_ns=stamp, service=service, level=level, text="x")
+    return f"log/{service}", message
 
 
 def state(stamp: int, sensor: int, heading: float = 0.0) -> tuple[str, Message]:
@@ -189,12 +198,18 @@ def test_an_empty_recording_still_has_a_report_and_a_summary(tmp_path: Path):
     assert "pioneer" in summary(report)
 
 
-def test_seconds_are_the_armed_ones_and_the_whole_recording_if_there_were_none(tmp_path: Path):
+def test_the_whole_length_and_the_armed_length_are_both_said(tmp_path: Path):
     armed = [False, True, True, False, True, False]
     said = [reference(START + n * 1000 * MS, armed=a) for n, a in enumerate(armed)]
-    assert report_of(tmp_path / "armed", said).seconds == 3.0
+    report = report_of(tmp_path / "armed", said)
+    assert (report.seconds, report.armed_seconds) == (5.0, 3.0)
+    assert (
+        summary(report).splitlines()[0].split(maxsplit=1)[1].startswith("pioneer, 5 s, armed 3 s")
+    )
     said = [reference(START + n * 1000 * MS, armed=False) for n in range(6)]
-    assert report_of(tmp_path / "never", said).seconds == 5.0
+    report = report_of(tmp_path / "never", said)
+    assert (report.seconds, report.armed_seconds) == (5.0, 0.0)
+    assert "pioneer, 5 s, ended; never armed" in summary(report)
 
 
 @given(
@@ -232,6 +247,31 @@ def test_a_latency_is_measured_once_per_cause_at_the_first_effect(tmp_path: Path
     ]
     spread = report_of(tmp_path, said).latency_ms.stick_to_thruster
     assert (spread.p50, spread.max) == (6.0, 7.0)
+
+
+@given(
+    pauses=st.lists(st.integers(1, 4000), min_size=1, max_size=20),
+    armed_at=st.none() | st.integers(0, 19),
+)
+@settings(max_examples=30, deadline=None)
+def test_every_second_without_any_message_is_in_the_report_and_never_called_no_losses(
+    pauses: list[int], armed_at: int | None, tmp_path_factory: pytest.TempPathFactory
+):
+    times = [START + sum(pauses[:n]) * MS for n in range(len(pauses) + 1)]
+    said = [reference(at, armed=n == armed_at) for n, at in enumerate(times)]
+    began = times[armed_at] if armed_at is not None and armed_at < len(times) else START
+    report = report_of(tmp_path_factory.mktemp("dive"), said)
+    expected = [
+        ((times[n] - began) / 1e9, (times[n + 1] - began) / 1e9)
+        for n, pause in enumerate(pauses)
+        if pause > 1000
+    ]
+    assert [(hole.begin, hole.end) for hole in report.holes] == [
+        (pytest.approx(begin, abs=0.006), pytest.approx(end, abs=0.006)) for begin, end in expected
+    ]
+    (losses,) = [line for line in summary(report).splitlines() if line.startswith("losses")]
+    assert ("nothing was recorded from " in losses) == bool(expected)
+    assert (losses.split() == ["losses", "none"]) == (not expected)
 
 
 def test_errors_compare_truth_with_the_reference_at_its_own_sample_while_armed(tmp_path: Path):
@@ -331,6 +371,55 @@ def test_the_summary_fits_and_says_what_a_pilot_cares_about(tmp_path: Path):
 
 
 def test_a_dive_without_losses_says_so(tmp_path: Path):
-    lines = summary(report_of(tmp_path, [actuation(START)])).splitlines()
+    lines = summary(report_of(tmp_path, CLEAN)).splitlines()
     assert lines[0].endswith("ended cleanly")
     assert any(line.split() == ["losses", "none"] for line in lines)
+
+
+CLEAN = [
+    actuation(START),
+    reference(START),
+    reference(START + 500 * MS),
+    actuation(START + 900 * MS),
+]
+
+
+@pytest.mark.parametrize(
+    ("more", "extras", "words"),
+    [
+        ([log_line("control", "warning")], Extras(), "ended cleanly"),
+        ([log_line("supervisor", "error")], Extras(), "ended cleanly"),
+        ([], Extras(losses={"saturated:port": 9, "lost:state": 3}), "ended cleanly"),
+        ([log_line("control", "error")] * 2, Extras(), "ended; control logged 2 errors"),
+        ([], Extras(restarts={"driver": 2}), "ended; driver started again 2 times"),
+        ([], Extras(restarts=dict.fromkeys("abcd", 1)), "ended; 4 processes started again"),
+        ([], Extras(gone=["control"]), "ended; control not alive at the end"),
+        ([], Extras(finished=False), "ended; the recording was not finished"),
+        ([], Extras(losses={"hung:control": 1}), "ended; control did not answer once"),
+        ([], Extras(losses={"malformed:state": 1, "unknown:x": 2}), "ended; 3 messages refused"),
+        ([], Extras(losses={"disk_error": 1}), "ended; not everything was recorded"),
+        (
+            [state(START + n * 100 * MS, START) for n in range(9, 51)]
+            + [actuation(START + 5000 * MS)],
+            Extras(),
+            "ended; the vehicle was silent for 4.1 s",
+        ),
+        (
+            [state(START + n * 100 * MS, START) for n in range(9, 90)],
+            Extras(),
+            "ended; the vehicle was silent for 8.0 s",
+        ),
+        ([actuation(START + 5000 * MS)], Extras(), "ended; the recording has a gap"),
+        ([], Extras(exit="interrupted", restarts={"driver": 2}), "broke off: interrupted"),
+    ],
+)
+def test_only_a_dive_without_trouble_ended_cleanly(
+    tmp_path: Path, more: Said, extras: Extras, words: str
+):
+    first = summary(report_of(tmp_path, [*CLEAN, *more], extras)).splitlines()[0]
+    assert first.split(", ", 3)[3] == words
+
+
+def test_a_vehicle_that_says_nothing_at_all_is_no_clean_end(tmp_path: Path):
+    said = [reference(START + n * 100 * MS) for n in range(21)]
+    assert "ended; the vehicle was silent for 2.0 s" in summary(report_of(tmp_path, said))

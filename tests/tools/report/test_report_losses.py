@@ -12,7 +12,8 @@ from tools.__main__ import main
 from tools.recordings.recording import open_recording
 from tools.report.losses import NOT_CARRIED, NOT_USED, losses
 from tools.report.report import Extras, make_report
-from tools.report.summary import ending, summary
+from tools.report.summary import summary
+from tools.report.troubles import counted, ending
 
 FATES = {"lost", *NOT_CARRIED, *(kind for kind in NOT_USED if kind != "overflowed")}
 STATE = "state"  # goes up
@@ -117,8 +118,9 @@ def test_failsafes_are_never_pushed_out_and_what_is_left_out_is_the_least_import
         ("clean", {"thinned:state": 5, "failsafe:pilot_lost": 0}, "ended cleanly"),
         ("clean", {"failsafe:pilot_lost": 106}, "ended; pilot lost 106 times"),
         ("clean", {"failsafe:leak": 1}, "ended; leak once"),
+        ("clean", {"hung:control": 2}, "ended; control did not answer 2 times"),
         ("interrupted", {"failsafe:pilot_lost": 1}, "broke off: interrupted"),
     ],
 )
 def test_how_a_dive_ended(reason: str, counts: dict[str, int], words: str):
-    assert ending(reason, counts) == words
+    assert ending(reason, counted(counts)) == words

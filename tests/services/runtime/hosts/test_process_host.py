@@ -38,6 +38,15 @@ def wire(node, stack):
 HANGING = TOY + "    node.every(20.0, lambda now: time.sleep(600))\n"
 MISTAKEN = TOY + "    raise LindyError('the port is taken; choose another')\n"
 BROKEN = TOY + "    {}['x']\n"
+ENDING = (
+    TOY
+    + """
+    def handle(now):
+        if now > 0 and lives:
+            LATER
+    node.alarm(handle).set(node.deadline() + 200_000_000)
+"""
+)
 PARENT = """
 import subprocess, sys, time
 toy = subprocess.Popen([w.replace("PARENT", str(__import__("os").getpid())) for w in sys.argv[1:]])
@@ -151,6 +160,25 @@ def test_a_module_that_breaks_is_one_sentence_behind_its_traceback(bench: Bench)
     assert last == "lindy toy: module toy_module: KeyError: 'x'"
     assert "Traceback" in trace[0]
     assert toy.returncode == 1
+
+
+@pytest.mark.parametrize(
+    ("code", "sentence"),
+    [
+        ("__import__('sys').exit(0)", "ended itself at {}: SystemExit: 0"),
+        ("{}['x']", "failed at {}: KeyError: 'x'"),
+    ],
+)
+def test_a_handler_that_fails_or_exits_is_one_sentence_with_its_line_and_status_1(
+    bench: Bench, code: str, sentence: str
+) -> None:
+    whole = ENDING.replace("LATER", code)
+    line = 1 + whole[: whole.index(code)].count("\n")
+    toy = bench.start(bench.command(whole))
+    said, shown = toy.communicate(timeout=PATIENCE_S)
+    where = sentence.format(f"{bench.folder}/toy_module.py:{line}")
+    assert shown.splitlines()[-1] == f"lindy toy: toy (module toy_module) {where}"
+    assert (toy.returncode, said) == (1, "closed\n")
 
 
 def test_after_a_crash_a_service_knows_again_what_it_had_kept(bench: Bench) -> None:

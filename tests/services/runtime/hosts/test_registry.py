@@ -7,13 +7,16 @@ import pytest
 
 from messages import topics
 from services.runtime.config.errors import LindyError
+from services.runtime.config.settings import deploy_file
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import Registry, own_services
+from services.runtime.hosts.registry import NEEDED, Registry, own_services
 from services.runtime.hosts.virtual_host import VirtualHost
 from tools.checks import known_tables
 
 NUMBERS = count()
 WIRE = "def wire(node, stack):\n    "
+SIMULATOR = "[services.simulator]\nsides = ['drone']\nvehicle_side = true\n"
+GATEWAY = "[services.tether]\nsides = ['topside', 'drone']\ngateway = true\n"
 STRICT = """
 import msgspec
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -64,11 +67,85 @@ def test_the_shipped_stacks_differ_in_the_vehicle_side_alone() -> None:
         ("[services.control]\nside = ['drone']", r"mine.toml:2: .*did you mean 'sides'"),
         ("[services.vehicle]\nsides = ['drone']\nmodule = 'x'", "cannot be called 'vehicle'"),
         ("[services.Driver]\nsides = ['drone']\nmodule = 'x'", "cannot be called 'Driver'"),
+        (
+            "[services.control]\nsides = ['drone', 'drone']",
+            r"mine.toml:2: services.control.sides: 'drone' is there twice; allowed is each",
+        ),
+        (
+            "[services.simulator]\nsides = ['drone', 'topside']\nvehicle_side = true",
+            r"mine.toml:2: services.simulator.sides: .* allowed is \[\"drone\"\], found \['dr",
+        ),
+        (
+            "[services.simulator]\nsides = ['topside']\nvehicle_side = true",
+            r"mine.toml:2: services.simulator.sides: .* allowed is \[\"drone\"\]",
+        ),
+        (
+            "[services.tether]\nsides = ['drone']\ngateway = true",
+            r"mine.toml:2: services.tether.sides: .* allowed is \[\"topside\", \"drone\"\], found",
+        ),
+        (
+            SIMULATOR + GATEWAY + GATEWAY.replace("tether]", "cable]\nservice = 'tether'"),
+            r"mine.toml:10: services.cable.gateway: tether is the gateway already, .* is one",
+        ),
+        (
+            SIMULATOR + "[services.driver]\nsides = ['drone']\nvehicle_side = true\nmodule = 'x'",
+            r"mine.toml:6: services.driver.vehicle_side: simulator is a whole vehicle already",
+        ),
     ],
 )
 def test_a_mistake_in_a_stack_file_is_named(tmp_path: Path, text: str, sentence: str) -> None:
     with pytest.raises(LindyError, match=sentence):
         stack_file(tmp_path, text)
+
+
+def without(folder: Path, *names: str, more: str = "") -> Registry:
+    """The simulated stack without these services."""
+    tables = deploy_file("stacks", "simulated").read_text().split("[services.")
+    kept = [table for table in tables if table.partition("]")[0] not in names]
+    return stack_file(folder, "[services.".join(kept) + more)
+
+
+OWN = '[services.mine]\nsides = ["drone"]\nmodule = "mine"\n'
+
+
+@pytest.mark.parametrize("name", ["gamepad", "estimation", "reference", "control"])
+def test_a_stack_without_a_needed_service_is_refused_unless_a_module_may_replace_it(
+    tmp_path: Path, name: str
+) -> None:
+    with pytest.raises(LindyError) as refused:
+        without(tmp_path, name).require_whole()
+    key = NEEDED[name].key
+    assert f"mine.toml: services: nobody publishes {key}, " in str(refused.value)
+    assert f"allowed: [services.{name}], or a module of your own" in str(refused.value)
+    without(tmp_path, name, more=OWN).require_whole()
+    without(tmp_path, name, more=OWN.replace("services.mine", f"services.{name}")).require_whole()
+    two_missing = without(tmp_path, name, *({"control", "estimation"} - {name}), more=OWN)
+    with pytest.raises(LindyError, match="nobody publishes"):
+        two_missing.require_whole()
+
+
+def test_a_stack_whose_sides_nothing_connects_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(LindyError, match="none connects the topside with the drone; one must have"):
+        without(tmp_path, "tether").require_whole()
+
+
+@pytest.mark.parametrize(
+    "name", ["", "recorder", "visualizer", "predictor", "link_monitor", "recorder visualizer"]
+)
+def test_a_service_that_only_looks_on_may_be_left_out(tmp_path: Path, name: str) -> None:
+    without(tmp_path, *name.split()).require_whole()
+
+
+def test_what_is_published_is_checked_where_it_is_known(tmp_path: Path) -> None:
+    services = without(tmp_path, "control", more=OWN)
+    published = {own: [topic] for own, topic in NEEDED.items()} | {"simulator": [topics.ACTUATION]}
+    services.require_published({**published, "control": [], "mine": [topics.THRUSTERS]})
+    with pytest.raises(LindyError, match=r"nobody publishes control/thrusters, "):
+        services.require_published({**published, "control": [], "mine": [topics.WRENCH]})
+    with pytest.raises(
+        LindyError, match=r"services.mine: it publishes vehicle/actuation, and so d"
+    ):
+        services.require_published({**published, "mine": [topics.ACTUATION]})
 
 
 @pytest.mark.parametrize(
@@ -117,6 +194,35 @@ def test_a_drivers_settings_are_checked_like_lindys_own(tmp_path: Path) -> None:
         Stack(overrides=["driver.prot=1"]).check(known)
     with pytest.raises(LindyError, match=r"--set driver.baud=fast: expected int, got str"):
         Stack(overrides=["driver.baud=fast"]).check(known)
+
+
+@pytest.mark.parametrize("module", ["", "../x", "a b", ".x", "x.", "my-driver", "/opt/driver.py"])
+def test_what_cannot_be_a_module_is_refused_with_what_can(tmp_path: Path, module: str) -> None:
+    text = f"[services.driver]\nsides = ['drone']\nvehicle_side = true\nmodule = '{module}'"
+    with pytest.raises(LindyError) as refused:
+        stack_file(tmp_path, text)
+    sentence = f"mine.toml:4: services.driver.module: {module!r} is no name of a module; allowed: "
+    assert sentence in str(refused.value)
+
+
+def test_settings_of_a_module_that_declares_none_are_refused_with_how_to(tmp_path: Path) -> None:
+    known = known_tables(with_driver(tmp_path, WIRE + "pass"))
+    Stack().check(known)
+    with pytest.raises(
+        LindyError, match=r"^--set driver.port=x: driver: the module .* declare them"
+    ):
+        Stack(overrides=["driver.port=x"]).check(known)
+    path = tmp_path / "boat.toml"
+    path.write_text(deploy_file("vehicles", "pioneer").read_text() + "\n[driver]\nport = 'x'\n")
+    line = len(path.read_text().splitlines()) - 1
+    with pytest.raises(
+        LindyError, match=rf"boat.toml:{line}: driver: .* class Settings\(msgspec.S"
+    ):
+        Stack(vehicle=str(path)).check(known)
+    with pytest.raises(
+        LindyError, match=r"unknown table of a vehicle file; did you mean 'control'"
+    ):
+        Stack(overrides=["contrl.x=1"]).check(known)
 
 
 def test_the_other_machine_needs_no_driver(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """The laws of a child's life, whatever happens in whatever order."""
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -101,6 +102,13 @@ def test_status_1_before_it_was_ever_alive_is_the_users_mistake():
 def test_status_1_of_a_service_that_was_alive_is_a_crash():
     life, action = advance(after(Life(), Event.TICK, Event.SEEN), Ended(MISTAKE), 1)
     assert (life.phase, action) == ("waiting", None)
+
+
+@pytest.mark.parametrize("seen", [False, True])
+def test_status_0_of_a_service_that_nobody_asked_to_end_is_a_crash(seen: bool):
+    life = after(Life(seen=seen), Event.TICK)
+    life, action = advance(life, Ended(0), 1)
+    assert (life.phase, life.crashes, action) == ("waiting", 1, None)
 
 
 def test_a_child_that_waits_for_its_restart_ends_at_once_when_it_is_no_longer_wanted():

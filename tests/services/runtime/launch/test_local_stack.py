@@ -131,6 +131,32 @@ def test_what_is_killed_comes_again_and_the_file_names_the_new_process(tmp_path:
     assert not [pid for pid in (*before.values(), *after.values()) if exists(pid)]
 
 
+@pytest.mark.parametrize("name", ["engine", "desk", "hub_topside"])
+def test_what_hangs_is_named_once_and_again_when_it_answers(tmp_path: Path, name: str) -> None:
+    stack, services = made(tmp_path)
+    # A second service on the topside: where one alone is silent, it is not the hub.
+    text = (tmp_path / "mine.toml").read_text()
+    more = '[services.chair]\nsides = ["topside"]\nmodule = "desk_module"\n'
+    (tmp_path / "mine.toml").write_text(text + more)
+    services = Registry.read(str(tmp_path / "mine.toml"))
+    with local_stack(stack, services) as local:
+        said = list[str]()
+        local.node.show = lambda line: said.append(line.text)
+        local.start_services()
+        alive(local)
+        os.kill(running(stack).pids[name], signal.SIGSTOP)
+        pump_until(local, lambda: bool(said))
+        assert said == [f"{name} does not answer any more"]
+        assert list(local.answering.silent) == [name]
+        os.kill(running(stack).pids[name], signal.SIGCONT)
+        pump_until(local, lambda: len(said) > 1)
+        assert said[1:] == [f"{name} answers again"]
+        alive(local)
+        assert not local.answering.silent
+    assert local.answering.times == {name: 1}
+    assert set(local.supervisor.restarts.values()) == {0}
+
+
 def test_who_is_not_alive_in_time_is_named_and_may_still_come(tmp_path: Path) -> None:
     stack, services = made(tmp_path, desk=WAITING)
     with local_stack(stack, services) as local:

@@ -1,0 +1,107 @@
+"""Why a dive did not end cleanly, in a few words each. What was merely at a limit, late, or lost or
+damaged on the link is in the losses of the report and no trouble."""
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+
+from messages.counts import Rank, is_hung, meaning, short
+
+NAMED = 3  # services by name; of more only the number
+# Messages that nobody could use; on a link that damages messages they are nobody's fault.
+REFUSED = (
+    "malformed", "wrong_type", "wrong_length", "from_future", "unknown", "unknown_key",
+    "too_many_keys",
+)  # fmt: skip
+UNRECORDED = ("not_recorded", "disk_error", "unreadable")
+
+
+def counted(counts: Mapping[str, int]) -> list[str]:
+    """What the services' counts say.
+
+    Args:
+        counts: name → times, as in a report's losses.
+    """
+    there = {name: times for name, times in counts.items() if times}
+    failsafes = [name for name in there if meaning(name).rank is Rank.FAILSAFE]
+    hung = [f"{short(name)} {_times(n)}" for name, n in there.items() if is_hung(name)]
+    refused = sum(n for name, n in there.items() if _kind(name) in REFUSED and not _is_data(name))
+    if any(_kind(name) == "damaged" for name in there):
+        refused = 0
+    lost = any(_kind(name) in UNRECORDED for name in there)
+    return [
+        *(f"{short(name)} {_times(there[name])}" for name in failsafes),
+        *_few(hung, "services did not answer"),
+        *_if(refused, f"{refused} message{'s' * (refused > 1)} refused"),
+        *_if(lost, "not everything was recorded"),
+    ]
+
+
+def processes(restarts: Mapping[str, int], gone: Sequence[str]) -> list[str]:
+    """
+    Args:
+        restarts: times each process was started again.
+        gone: services that were not alive at the end.
+    """
+    again = [f"{name} started again {_times(n)}" for name, n in sorted(restarts.items()) if n]
+    missing = [f"{name} not alive at the end" for name in gone]
+    return [
+        *_few(again, "processes started again"),
+        *_few(missing, "services not alive at the end"),
+    ]
+
+
+def armed_for(seconds: float) -> list[str]:
+    return [] if seconds > 0.0 else ["never armed"]
+
+
+def vehicle_silent(silences: Iterable[float]) -> list[str]:
+    """
+    Args:
+        silences: [s] each time in which the vehicle side published nothing.
+    """
+    longest = max(silences, default=0.0)
+    return [f"the vehicle was silent for {longest:.1f} s"] if longest > 0.0 else []
+
+
+def logged(errors: Counter[str]) -> list[str]:
+    """
+    Args:
+        errors: lines of level error, by service. The supervisor's are about restarts and silences,
+            which are troubles of their own.
+    """
+    return [
+        f"{service} logged {n} error{'s' * (n > 1)}"
+        for service, n in sorted(errors.items())
+        if not service.startswith("supervisor")
+    ]
+
+
+def ending(exit_reason: str, troubles: Sequence[str]) -> str:
+    """How a dive ended, in words: cleanly only without any trouble.
+
+    Args:
+        exit_reason: `clean`, or why it was aborted.
+    """
+    if exit_reason != "clean":
+        return f"broke off: {exit_reason}"
+    return f"ended; {', '.join(troubles)}" if troubles else "ended cleanly"
+
+
+def _kind(name: str) -> str:
+    return name.partition(":")[0]
+
+
+def _is_data(name: str) -> bool:
+    return meaning(name).rank is Rank.DATA  # such as a service's checkpoint
+
+
+def _few(each: Sequence[str], together: str) -> Sequence[str]:
+    return each if len(each) <= NAMED else [f"{len(each)} {together}"]
+
+
+def _if(there: object, words: str) -> list[str]:
+    return [words] if there else []
+
+
+def _times(count: int) -> str:
+    return "once" if count == 1 else f"{count} times"
