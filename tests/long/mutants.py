@@ -89,11 +89,13 @@ LAWS: dict[str, tuple[str, ...]] = {
         "tests/services/tether/test_link_laws.py",
     ),
     "services/tether/delay.py": (
+        "tests/services/tether/test_link_delays.py",
         "tests/services/tether/test_link_report.py",
         "tests/services/tether/test_link_statistics.py",
         "tests/services/tether/test_link_laws.py",
     ),
     "services/tether/link_model.py": (
+        "tests/services/tether/test_link_exact.py",
         "tests/services/tether/test_link_report.py",
         "tests/services/tether/test_link_laws.py",
         "tests/services/tether/test_link_statistics.py",
@@ -150,7 +152,26 @@ EQUIVALENT: dict[tuple[str, str], str] = {
     ("services/estimation/depth/depth_filter.py", "DepthFilter.is_sound: self.p01 + self.p02"): (
         "asked is only whether the sum is a number"
     ),
-    ("services/tether/delay.py", "Delays.next_ms: 1.0  →  1.5"): "one in a thousand million",
+    (
+        "services/tether/delay.py",
+        "Delays.__init__: 0.0  →  1.0",
+    ): "a constant delay is the same at every share",
+    (
+        "services/tether/delay.py",
+        "Delays.next_ms: 0.0  →  1.0",
+    ): "neighbours of correlation 0 are drawn independent that way too",
+    (
+        "services/tether/delay.py",
+        "Delays.next_ms: np.minimum(drawn",
+    ): "a minimum of two has no order",
+    (
+        "services/tether/delay.py",
+        "Normal.quantile: np.maximum(0.0",
+    ): "a maximum of two has no order",
+    (
+        "services/tether/link_model.py",
+        ": ('queue_full', 'codel')  →",
+    ): "a sum has no order",
     (
         "services/tether/delay.py",
         "Delays.next_ms: np.clip(share, TAIL",
