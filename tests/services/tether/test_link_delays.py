@@ -1,6 +1,7 @@
 """Delay distributions by themselves: what each refuses, and its quantiles by formula."""
 
 from collections.abc import Callable
+from itertools import pairwise
 from math import log
 from statistics import NormalDist
 from typing import cast
@@ -49,7 +50,7 @@ def test_a_trace_is_rows_in_order_each_lost_or_arrived_within_a_minute(
     elif more < 0:
         arrived = arrived[:-1]
     as_long = len(sent) == len(arrived)
-    ascending = all(before < after for before, after in zip(sent, sent[1:], strict=False))
+    ascending = all(before < after for before, after in pairwise(sent))
     in_time = all(b is None or 0.0 <= b - a <= 60.0 for a, b in zip(sent, arrived, strict=False))
     if as_long and (sent or file) and ascending and in_time:
         assert Trace(file, sent, arrived).arrived_s == arrived
@@ -111,7 +112,7 @@ def spreads(draw: st.DrawFn) -> tuple[Drawn, Callable[[float], float]]:
     return draw(
         st.sampled_from(
             [
-                (Constant(one), lambda u: one),
+                (Constant(one), lambda u: one + 0.0 * u),
                 (UniformDelay(low, high), lambda u: (1.0 - u) * low + u * high),
                 (
                     Normal(one, std),
