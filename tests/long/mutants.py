@@ -81,6 +81,7 @@ LAWS: dict[str, tuple[str, ...]] = {
         "tests/services/estimation/attitude/test_heading_disturbance.py",
     ),
     "services/estimation/horizontal/horizontal_filter.py": (
+        "tests/services/estimation/horizontal/test_horizontal_filter_laws.py",
         "tests/services/estimation/horizontal/test_horizontal_filter.py",
         "tests/services/estimation/horizontal/test_horizontal.py",
     ),
@@ -138,6 +139,46 @@ EQUIVALENT: dict[tuple[str, str], str] = {
         "services/reference/trajectory/vector.py",
         "_best_turning: 1e-12",
     ): "the search finds the same",
+    (
+        "services/reference/trajectory/vector.py",
+        ": 44  →",
+    ): "the search is already at the last bits",
+    (
+        "services/reference/trajectory/vector.py",
+        "_quickest_turning: 50  →",
+    ): "50 halvings reach the last bit",
+    (
+        "services/reference/trajectory/vector.py",
+        ": 1e-100  →",
+    ): "no velocity or time is so small",
+    (
+        "services/reference/trajectory/vector.py",
+        "_possible: 1e-12  →",
+    ): "both are far more than rounding and far less than a jerk one could notice",
+    (
+        "services/reference/trajectory/vector.py",
+        "_line: 1.0  →",
+    ): "the vector is divided by its length",
+    (
+        "services/reference/trajectory/vector.py",
+        "_line: 0.0  →",
+    ): "where nothing remains to be done any line will do",
+    (
+        "services/reference/trajectory/vector.py",
+        "_line: _minus(a, _times",
+    ): "only the length is taken",
+    (
+        "services/reference/trajectory/vector.py",
+        "_best_turning: (low, high)  →  (high, low)",
+    ): "a golden section has no direction",
+    (
+        "services/reference/trajectory/vector.py",
+        "_best_turning: (shortest, longest)  →",
+    ): "a golden section has no direction",
+    (
+        "services/reference/trajectory/vector.py",
+        "_best_turning: (shortest, longest, left, right)",
+    ): "of two that arrive together either is the best",
     ("services/reference/trajectory/position.py", ": 80  →  81"): "80 halvings reach the last bit",
     ("services/reference/trajectory/position.py", "_peaks: (low, high)  →  (high, low)"): (
         "a bisection has no direction"
@@ -176,6 +217,22 @@ EQUIVALENT: dict[tuple[str, str], str] = {
         "services/tether/delay.py",
         "Delays.next_ms: np.clip(share, TAIL",
     ): "both are a maximum of two",
+    (
+        "services/estimation/horizontal/horizontal_filter.py",
+        "_steady_std: 0.0  →",
+    ): "what never decays takes no noise from it, and the start sets it",
+    (
+        "services/estimation/horizontal/horizontal_filter.py",
+        "predicted: ((0, 2), (1, 3))",
+    ): "north and east do not depend on each other",
+    (
+        "services/estimation/horizontal/horizontal_filter.py",
+        "_curvature_noise: np.multiply",
+    ): "a product has no order",
+    (
+        "services/estimation/horizontal/horizontal_filter.py",
+        "card: 1e-09",
+    ): "straight up or down there is no heading",
     ("services/tether/codel.py", "Dropper.__init__: 0  →  1"): "counts only once dropping began",
     ("services/tether/codel.py", "Dropper.__init__: False  →  True"): (
         "the first wait cannot have lasted, so it ends dropping"
