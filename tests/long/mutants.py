@@ -179,6 +179,10 @@ EQUIVALENT: dict[tuple[str, str], str] = {
         "services/reference/trajectory/vector.py",
         "_best_turning: (shortest, longest, left, right)",
     ): "of two that arrive together either is the best",
+    (
+        "services/reference/trajectory/position.py",
+        "pair: min(candidates",
+    ): "one range at most holds a peak, because the distances at their ends rise",
     ("services/reference/trajectory/position.py", ": 80  →  81"): "80 halvings reach the last bit",
     ("services/reference/trajectory/position.py", "_peaks: (low, high)  →  (high, low)"): (
         "a bisection has no direction"
@@ -187,6 +191,10 @@ EQUIVALENT: dict[tuple[str, str], str] = {
         "services/reference/trajectory/emergency_stop.py",
         "StoppedMotion.stop_distance: 0.0  →  1.0",
     ): ("a velocity held for the time that is left at the end, which is none"),
+    (
+        "services/control/allocation/allocation.py",
+        "Allocation._at_once: (ax, by",
+    ): "a sum has no order",
     ("services/control/allocation/allocation.py", "Allocation._at_once: yields.append"): (
         "one after the other comes to the same as all at once"
     ),
