@@ -9,7 +9,7 @@ from itertools import accumulate
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from services.tether.codel import CoDel
@@ -257,7 +257,6 @@ def test_the_late_arrive_that_much_later_and_hold_up_nobody(
     assert sorted(out_of(line)) == [(item, arrives + ms * MS) for item, arrives in on_time]
 
 
-@settings(max_examples=200)
 @given(
     st.lists(st.tuples(seconds, st.integers(1, 10)), max_size=3),
     st.booleans(),

@@ -24,6 +24,7 @@ triple = st.tuples(number, number, number)
 state = st.one_of(st.tuples(pair, pair, pair), st.tuples(triple, triple, triple))
 limits = st.builds(Limits, st.floats(0.2, 10.0), st.one_of(st.just(inf), st.floats(0.1, 3.0)))
 many = settings(max_examples=200, deadline=None)
+few = settings(max_examples=50, deadline=None)
 State = tuple[Vector, Vector, Vector]
 
 
@@ -168,6 +169,7 @@ def scaled(p: Vector, by: float) -> Vector:
     return tuple(by * x for x in p)
 
 
+@few
 @given(state, limits, st.floats(0.1, 10.0) | st.floats(-10.0, -0.1), st.floats(0.1, 10.0))
 def test_neither_units_nor_direction_matter(
     s: State, lim: Limits, unit: float, faster: float
@@ -183,6 +185,7 @@ def test_neither_units_nor_direction_matter(
     assert found == pytest.approx(duration(s[1], e, lim.jerk), rel=1e-5)
 
 
+@few
 @given(state, limits, st.floats(0.2, 10.0))
 def test_who_is_there_already_has_nothing_to_do(s: State, lim: Limits, jerk: float) -> None:
     rest = (0.0,) * len(s[0])
@@ -190,6 +193,7 @@ def test_who_is_there_already_has_nothing_to_do(s: State, lim: Limits, jerk: flo
     assert plan(s[0], rest, s[0], jerk) == ()
 
 
+@few
 @given(state, limits, st.floats(0.0, 5.0), st.floats(0.0, 5.0), st.floats(1e-3, 0.05))
 def test_position_is_what_the_velocity_adds_up_to(
     s: State, lim: Limits, since: float, later: float, dt: float
@@ -209,6 +213,7 @@ def test_position_is_what_the_velocity_adds_up_to(
             assert end[k] - begin[k] == pytest.approx(mean * dt, abs=1e-7)
 
 
+@few
 @given(pair, pair | st.none(), limits, limits, st.floats(0.0, 1.0))
 def test_other_limits_count_from_when_they_are_given(
     first: Vector, other_target: Vector | None, lim: Limits, other: Limits, when: float
@@ -305,6 +310,7 @@ def norm(ramp: VectorRamp, t: float) -> float:
 not_finite = st.sampled_from([inf, -inf, float("nan")])
 
 
+@few
 @given(state, st.integers(0, 2), st.integers(0, 1), not_finite, st.booleans())
 def test_a_number_that_is_not_finite_is_refused_wherever_it_is(
     s: State, which: int, axis: int, bad: float, bounded: bool
