@@ -81,6 +81,7 @@ LAWS: dict[str, tuple[str, ...]] = {
         "tests/services/estimation/attitude/test_heading_disturbance.py",
     ),
     "services/estimation/horizontal/horizontal_filter.py": (
+        "tests/services/estimation/horizontal/test_horizontal_filter_laws.py",
         "tests/services/estimation/horizontal/test_horizontal_filter.py",
         "tests/services/estimation/horizontal/test_horizontal.py",
     ),
@@ -89,11 +90,13 @@ LAWS: dict[str, tuple[str, ...]] = {
         "tests/services/tether/test_link_laws.py",
     ),
     "services/tether/delay.py": (
+        "tests/services/tether/test_link_delays.py",
         "tests/services/tether/test_link_report.py",
         "tests/services/tether/test_link_statistics.py",
         "tests/services/tether/test_link_laws.py",
     ),
     "services/tether/link_model.py": (
+        "tests/services/tether/test_link_exact.py",
         "tests/services/tether/test_link_report.py",
         "tests/services/tether/test_link_laws.py",
         "tests/services/tether/test_link_statistics.py",
@@ -136,6 +139,50 @@ EQUIVALENT: dict[tuple[str, str], str] = {
         "services/reference/trajectory/vector.py",
         "_best_turning: 1e-12",
     ): "the search finds the same",
+    (
+        "services/reference/trajectory/vector.py",
+        ": 44  →",
+    ): "the search is already at the last bits",
+    (
+        "services/reference/trajectory/vector.py",
+        "_quickest_turning: 50  →",
+    ): "50 halvings reach the last bit",
+    (
+        "services/reference/trajectory/vector.py",
+        ": 1e-100  →",
+    ): "no velocity or time is so small",
+    (
+        "services/reference/trajectory/vector.py",
+        "_possible: 1e-12  →",
+    ): "both are far more than rounding and far less than a jerk one could notice",
+    (
+        "services/reference/trajectory/vector.py",
+        "_line: 1.0  →",
+    ): "the vector is divided by its length",
+    (
+        "services/reference/trajectory/vector.py",
+        "_line: 0.0  →",
+    ): "where nothing remains to be done any line will do",
+    (
+        "services/reference/trajectory/vector.py",
+        "_line: _minus(a, _times",
+    ): "only the length is taken",
+    (
+        "services/reference/trajectory/vector.py",
+        "_best_turning: (low, high)  →  (high, low)",
+    ): "a golden section has no direction",
+    (
+        "services/reference/trajectory/vector.py",
+        "_best_turning: (shortest, longest)  →",
+    ): "a golden section has no direction",
+    (
+        "services/reference/trajectory/vector.py",
+        "_best_turning: (shortest, longest, left, right)",
+    ): "of two that arrive together either is the best",
+    (
+        "services/reference/trajectory/position.py",
+        "pair: min(candidates",
+    ): "one range at most holds a peak, because the distances at their ends rise",
     ("services/reference/trajectory/position.py", ": 80  →  81"): "80 halvings reach the last bit",
     ("services/reference/trajectory/position.py", "_peaks: (low, high)  →  (high, low)"): (
         "a bisection has no direction"
@@ -144,17 +191,56 @@ EQUIVALENT: dict[tuple[str, str], str] = {
         "services/reference/trajectory/emergency_stop.py",
         "StoppedMotion.stop_distance: 0.0  →  1.0",
     ): ("a velocity held for the time that is left at the end, which is none"),
+    (
+        "services/control/allocation/allocation.py",
+        "Allocation._at_once: (ax, by",
+    ): "a sum has no order",
     ("services/control/allocation/allocation.py", "Allocation._at_once: yields.append"): (
         "one after the other comes to the same as all at once"
     ),
     ("services/estimation/depth/depth_filter.py", "DepthFilter.is_sound: self.p01 + self.p02"): (
         "asked is only whether the sum is a number"
     ),
-    ("services/tether/delay.py", "Delays.next_ms: 1.0  →  1.5"): "one in a thousand million",
+    (
+        "services/tether/delay.py",
+        "Delays.__init__: 0.0  →  1.0",
+    ): "a constant delay is the same at every share",
+    (
+        "services/tether/delay.py",
+        "Delays.next_ms: 0.0  →  1.0",
+    ): "neighbours of correlation 0 are drawn independent that way too",
+    (
+        "services/tether/delay.py",
+        "Delays.next_ms: np.minimum(drawn",
+    ): "a minimum of two has no order",
+    (
+        "services/tether/delay.py",
+        "Normal.quantile: np.maximum(0.0",
+    ): "a maximum of two has no order",
+    (
+        "services/tether/link_model.py",
+        ": ('queue_full', 'codel')  →",
+    ): "a sum has no order",
     (
         "services/tether/delay.py",
         "Delays.next_ms: np.clip(share, TAIL",
     ): "both are a maximum of two",
+    (
+        "services/estimation/horizontal/horizontal_filter.py",
+        "_steady_std: 0.0  →",
+    ): "what never decays takes no noise from it, and the start sets it",
+    (
+        "services/estimation/horizontal/horizontal_filter.py",
+        "predicted: ((0, 2), (1, 3))",
+    ): "north and east do not depend on each other",
+    (
+        "services/estimation/horizontal/horizontal_filter.py",
+        "_curvature_noise: np.multiply",
+    ): "a product has no order",
+    (
+        "services/estimation/horizontal/horizontal_filter.py",
+        "card: 1e-09",
+    ): "straight up or down there is no heading",
     ("services/tether/codel.py", "Dropper.__init__: 0  →  1"): "counts only once dropping began",
     ("services/tether/codel.py", "Dropper.__init__: False  →  True"): (
         "the first wait cannot have lasted, so it ends dropping"

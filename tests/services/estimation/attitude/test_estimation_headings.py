@@ -1,7 +1,7 @@
-from math import exp, pi, radians
+from math import cos, exp, hypot, pi, radians, sin
 
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from messages.units import Vec3
@@ -12,11 +12,13 @@ from services.estimation.attitude.heading import (
     UNKNOWN_TURN,
     Compass,
     ControlHeading,
+    bearing,
     down_along,
     horizontal,
+    strength_and_dip,
     wrapped,
 )
-from services.marine.attitude import from_euler, to_world
+from services.marine.attitude import from_euler, to_body, to_world
 from services.marine.vehicle import GRAVITY
 
 REST: Vec3 = (0.0, 0.0, -GRAVITY)
@@ -121,6 +123,103 @@ def test_after_a_restart_north_is_where_it_was(offset: float):
     compass = Compass(SET)
     compass.resume(offset, 50.0, 1.0)
     assert compass.offset == pytest.approx(wrapped(offset))
+
+
+attitudes = st.tuples(angle, st.floats(-1.5, 1.5), angle)
+dips = st.floats(-1.3, 1.3)
+strengths = st.floats(25.0, 65.0)  # [µT]
+bearings = st.floats(-3.1, 3.1)
+
+
+def earth(strength: float, dip: float, north: float = 0.0) -> Vec3:
+    """[T] NED, of a field [µT, rad] whose north is `north` [rad] to the right of yaw 0."""
+    level = 1e-6 * strength * cos(dip)
+    return level * cos(north), level * sin(north), 1e-6 * strength * sin(dip)
+
+
+@given(attitudes, strengths, dips, bearings)
+def test_a_field_has_its_strength_dip_and_bearing_however_the_vehicle_lies(
+    euler: tuple[float, float, float], strength: float, dip: float, north: float
+) -> None:
+    q = from_euler(*euler)
+    seen = to_body(q, earth(strength, dip, north))
+    assert strength_and_dip(q, seen) == pytest.approx((strength, dip))
+    assert bearing(q, seen) == pytest.approx(-north)
+
+
+@given(attitudes, st.floats(1.0, 3.0), st.floats(0.0, 70.0), angle)
+def test_a_field_of_less_than_two_microtesla_across_has_no_bearing(
+    euler: tuple[float, float, float], level: float, down: float, north: float
+) -> None:
+    q, compass = from_euler(*euler), Compass(SET)
+    compass.resume(0.3, 50.0, 1.0)
+    seen = to_body(q, (1e-6 * level * cos(north), 1e-6 * level * sin(north), 1e-6 * down))
+    is_steep = hypot(*horizontal(q, seen)) < 2e-6
+    assert is_steep == (level < 2.0) or abs(level - 2.0) < 1e-9
+    assert (bearing(q, seen) is None) == is_steep
+    assert (compass.step(q, seen, 0.01) == "steep") == is_steep
+    if is_steep:
+        assert (compass.offset, compass.std) == (0.3, SET.compass_std)
+
+
+@given(attitudes, strengths, dips, bearings, st.floats(0.0, 0.6), st.floats(-1.0, 1.0))
+def test_the_compass_is_trusted_up_to_its_gate_or_three_times_what_its_spread_has_grown(
+    euler: tuple[float, float, float],
+    strength: float,
+    dip: float,
+    offset: float,
+    grown: float,
+    share: float,
+) -> None:
+    """And then it comes back to north in the compass time, and its spread to that of a compass."""
+    q, compass, dt = from_euler(*euler), Compass(SET), 0.5
+    compass.resume(offset, strength, dip)
+    compass.std = SET.compass_std + grown
+    gate = max(radians(SET.compass_gate), 3.0 * grown)
+    innovation = share * 2.0 * gate if abs(share * 2.0 * gate) < 3.0 else 0.0
+    compass.step(q, to_body(q, earth(strength, dip, -offset - innovation)), dt)
+    if abs(abs(innovation) - gate) < 1e-6:
+        return
+    used = abs(innovation) < gate
+    assert compass.field.trusted == used
+    nearer = 1.0 - exp(-dt / SET.compass_time) if used else 0.0
+    assert compass.offset is not None
+    assert wrapped(compass.offset - offset) == pytest.approx(nearer * innovation, abs=1e-9)
+    assert -pi < compass.offset <= pi
+    assert compass.std - SET.compass_std == pytest.approx((1.0 - nearer) * grown)
+
+
+@given(attitudes, strengths, dips, bearings, bearings)
+def test_north_is_where_the_compass_first_shows_it_and_where_a_field_is_learnt_anew(
+    euler: tuple[float, float, float], strength: float, dip: float, north: float, later: float
+) -> None:
+    q, compass = from_euler(*euler), Compass(SET)
+    compass.field.learn(strength, dip)
+    compass.step(q, to_body(q, earth(strength, dip, north)), 0.01)
+    assert compass.offset == pytest.approx(-north)
+    compass.std = 0.2
+    assume(abs(wrapped(later - north)) > max(radians(SET.compass_gate), 3.0 * 0.2))
+    seen = to_body(q, earth(strength, dip, later))
+    events = [compass.step(q, seen, SET.field_relearn / 4) for _ in range(5)]
+    assert events == ["disturbed", None, None, None, "learnt"]
+    assert compass.field.trusted
+    assert compass.offset == pytest.approx(-later)
+    assert compass.std == SET.compass_std
+
+
+@given(st.lists(st.tuples(st.floats(-1.0, 1.0), st.floats(-2.0, 2.0)), max_size=8))
+def test_a_control_heading_adds_up_the_turns_and_follows_the_rate_through_its_low_pass(
+    turns: list[tuple[float, float]],
+) -> None:
+    heading, dt = ControlHeading(SET, 3.0, 0.0), 0.02
+    yaw, rate = 3.0, 0.0
+    for turn, measured in turns:
+        yaw += turn
+        heading.step(wrapped(yaw), measured, dt)
+        keep = exp(-2 * pi * SET.yaw_rate_cutoff * dt)
+        rate = keep * rate + (1.0 - keep) * measured
+        assert heading.heading == pytest.approx(yaw)
+        assert heading.yaw_rate == pytest.approx(rate, abs=1e-12)
 
 
 def test_nose_straight_up_has_no_valid_heading():

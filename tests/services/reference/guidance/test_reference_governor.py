@@ -1,5 +1,8 @@
 """The guard that makes a reference wait for a vehicle that is held back."""
 
+from math import exp
+
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -49,6 +52,30 @@ def test_it_holds_back_until_half_the_limit_and_once_released_until_a_tenth(
     guard.keep(share * most, 0.01, released=released)
     end = 0.1 if released else 0.5
     assert guard.blocked == (share >= end) or abs(share - end) < 1e-9
+
+
+@given(most, st.floats(0.2, 1.0), st.floats(0.0, 2.0))
+def test_once_released_the_error_falls_to_a_third_every_half_second(
+    most: float, begin: float, seconds: float
+) -> None:
+    """e⁻¹, with a tick of a thousandth of a second, until a tenth of the limit is left."""
+    guard, error = ReferenceGovernor(most, blocked=True), begin * most
+    for _ in range(round(1000 * seconds)):
+        error *= guard.keep(error, 0.001, released=True)
+    expected = max(begin * exp(-seconds / 0.5), 0.1)
+    assert error == pytest.approx(expected * most, rel=0.01)
+
+
+@given(most, st.floats(0.11, 1.0), st.floats(0.0, 5.0), st.floats(0.0, 5.0))
+def test_a_longer_tick_leaves_less_and_the_longest_nothing(
+    most: float, share: float, one: float, other: float
+) -> None:
+    short, long = (
+        ReferenceGovernor(most, blocked=True).keep(share * most, dt, released=True)
+        for dt in sorted((one, other))
+    )
+    assert 1.0 >= short >= long >= 0.0
+    assert (long == 0.0) == (max(one, other) >= 0.5)
 
 
 speed = st.floats(0.01, 2.0)

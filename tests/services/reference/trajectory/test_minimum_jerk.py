@@ -6,7 +6,15 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from services.reference.trajectory.minimum_jerk import Limits, Ramp, Segment, along, reader, solve
+from services.reference.trajectory.minimum_jerk import (
+    Limits,
+    Ramp,
+    Sample,
+    Segment,
+    along,
+    reader,
+    solve,
+)
 
 velocity = st.floats(-3.0, 3.0)
 acceleration = st.floats(-4.0, 4.0)
@@ -202,6 +210,54 @@ def test_the_limits_in_force_are_those_that_the_plan_respects(
         if sum(part.duration for part in ramp.segments) > 1e-3:
             last = ramp.segments[-1]
             assert abs(last.at(last.duration).jerk) == pytest.approx(ramp.in_force.jerk)
+
+
+sample = st.builds(Sample, velocity, velocity, acceleration, st.just(0.0))
+ORDERS = ("aim", "brake", "brake so", "limit", "take", "rest", "shift")
+
+
+@given(
+    limits,
+    limits,
+    st.lists(
+        st.tuples(st.sampled_from(ORDERS), velocity, sample, st.floats(0.0, 2.0)),
+        min_size=1,
+        max_size=6,
+    ),
+)
+def test_whatever_is_ordered_it_goes_on_from_where_it_is_and_comes_to_what_was_ordered(
+    own: Limits, other: Limits, orders: list[tuple[str, float, Sample, float]]
+) -> None:
+    ramp, now, target = Ramp(own), 0.0, 0.0
+    for order, number, elsewhere, wait in orders:
+        now += wait
+        here = ramp.at(now)
+        match order:
+            case "aim":
+                ramp.aim(number, now)
+                target = number
+            case "limit":
+                ramp.limit(other, now)
+            case "take":
+                ramp.take(elsewhere, now)
+                here, target = elsewhere, 0.0
+            case "rest":
+                ramp.rest(number, now)
+                here, target = Sample(number, 0.0, 0.0, 0.0), 0.0
+            case "shift":
+                ramp.shift(number)
+                here = here._replace(position=here.position + number)
+            case _:
+                ramp.brake(now, other if order == "brake so" else None)
+                target = 0.0
+        assert ramp.at(now)[:3] == pytest.approx(here[:3], abs=1e-6)
+        end = max(now, ramp.settles())
+        there = ramp.at(end)
+        assert there[1:3] == pytest.approx((target, 0.0), abs=1e-5)
+        assert ramp.to_go(now) == pytest.approx(there.position - ramp.at(now).position)
+        assert ramp.to_go(end + 1.0) == 0.0
+        assert ramp.at(end + 2.0)[1:] == (target, 0.0, 0.0)
+        assert ramp.at(end + 2.0).position == pytest.approx(there.position + 2 * target, abs=1e-5)
 
 
 @many

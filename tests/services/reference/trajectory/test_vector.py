@@ -24,6 +24,7 @@ triple = st.tuples(number, number, number)
 state = st.one_of(st.tuples(pair, pair, pair), st.tuples(triple, triple, triple))
 limits = st.builds(Limits, st.floats(0.2, 10.0), st.one_of(st.just(inf), st.floats(0.1, 3.0)))
 many = settings(max_examples=200, deadline=None)
+few = settings(max_examples=50, deadline=None)
 State = tuple[Vector, Vector, Vector]
 
 
@@ -130,6 +131,109 @@ def test_turning_the_frame_changes_nothing(
     assert duration(turned(a, angle), turned(e, angle), lim.jerk) == pytest.approx(rule, rel=1e-5)
 
 
+def total_with(turning: float, a: Vector, e: Vector, lim: Limits) -> float:
+    """[s] Until arrival, if constant jerk for `turning` leaves a straight line; inf: it cannot."""
+    before, left = np.array(a), np.array(e) - np.array(a) * turning / 2
+    if not left.any():
+        return inf
+    line = left / np.linalg.norm(left)
+    along = float(before @ line)
+    room = (lim.jerk * turning) ** 2 - (float(before @ before) - along**2)
+    if room < 0.0:
+        return inf
+    after = along - min(max(along, -(room**0.5)), room**0.5)  # as near to zero as the jerk brings
+    rest = float((left - after * line * turning / 2) @ line)
+    return turning + sum(part.duration for part in solve(0.0, after, rest, lim))
+
+
+# The change of velocity in units of |a|²/J, and its angle to the acceleration. With the second
+# ones the acceleration is too high by so little that neither the quickest nor the longest turning
+# is the best.
+anywhere = st.tuples(st.floats(0.03, 10.0), st.floats(-pi, pi))
+nearly_there = st.tuples(st.floats(0.47, 0.82), st.floats(0.05, 0.47))
+
+
+@given(st.floats(0.2, 2.0), anywhere | nearly_there | nearly_there, limits)
+def test_no_other_turning_arrives_sooner(
+    a: float, change: tuple[float, float], lim: Limits
+) -> None:
+    assume(a <= lim.acceleration)
+    size, angle = change[0] * a * a / lim.jerk, change[1]
+    e = (size * cos(angle), size * sin(angle))
+    found = length(bounded_plan((0.0, 0.0), (a, 0.0), e, lim))
+    others = (total_with(k / 20 * a / lim.jerk, (a, 0.0), e, lim) for k in range(1, 21))
+    assert found <= min(others) * (1 + 1e-6)
+
+
+def scaled(p: Vector, by: float) -> Vector:
+    return tuple(by * x for x in p)
+
+
+@few
+@given(state, limits, st.floats(0.1, 10.0) | st.floats(-10.0, -0.1), st.floats(0.1, 10.0))
+def test_neither_units_nor_direction_matter(
+    s: State, lim: Limits, unit: float, faster: float
+) -> None:
+    """The same change in other units, mirrored, and with the time run faster."""
+    v, a, target = (scaled(p, unit * faster**n) for p, n in zip(s, (1, 2, 1), strict=True))
+    there = Limits(lim.jerk * abs(unit) * faster**3, lim.acceleration * abs(unit) * faster**2)
+    here = length(bounded_plan(*s, lim))
+    assert length(bounded_plan(v, a, target, there)) * faster == pytest.approx(here, rel=1e-5)
+    e = difference(s[2], s[0])
+    assume(abs(hypot(*s[1]) ** 2 - 6 * lim.jerk * hypot(*e)) > 1e-3)
+    found = duration(a, difference(target, v), there.jerk) * faster
+    assert found == pytest.approx(duration(s[1], e, lim.jerk), rel=1e-5)
+
+
+@few
+@given(state, limits, st.floats(0.2, 10.0))
+def test_who_is_there_already_has_nothing_to_do(s: State, lim: Limits, jerk: float) -> None:
+    rest = (0.0,) * len(s[0])
+    assert bounded_plan(s[0], rest, s[0], lim) == []
+    assert plan(s[0], rest, s[0], jerk) == ()
+
+
+@few
+@given(state, limits, st.floats(0.0, 5.0), st.floats(0.0, 5.0), st.floats(1e-3, 0.05))
+def test_position_is_what_the_velocity_adds_up_to(
+    s: State, lim: Limits, since: float, later: float, dt: float
+) -> None:
+    """By Simpson's rule over a short time, in mid-transition and after it; velocity likewise."""
+    place = tuple(3.0 * x for x in s[1])
+    stages = tuple(bounded_plan(*s, lim))
+    ramp = VectorRamp(lim, place, s[2], since, stages)
+    assume(all(abs(later - end) > dt for end in np.cumsum([part[0].duration for part in stages])))
+    if stages:
+        assert tuple(x.position for x in ramp.at(since)) == pytest.approx(place)
+    for begin, middle, end in zip(
+        *(ramp.at(since + later + share * dt) for share in (0.0, 0.5, 1.0)), strict=True
+    ):
+        for k in (0, 1):
+            mean = (begin[k + 1] + 4 * middle[k + 1] + end[k + 1]) / 6
+            assert end[k] - begin[k] == pytest.approx(mean * dt, abs=1e-7)
+
+
+@few
+@given(pair, pair | st.none(), limits, limits, st.floats(0.0, 1.0))
+def test_other_limits_count_from_when_they_are_given(
+    first: Vector, other_target: Vector | None, lim: Limits, other: Limits, when: float
+) -> None:
+    """For this plan only, and also if the target is the same; told that again without limits, the
+    ramp goes on as it was."""
+    target = other_target or first
+    ramp, as_planned = (VectorRamp(lim, (0.0, 0.0), (0.0, 0.0)) for _ in range(2))
+    for each in (ramp, as_planned):
+        each.aim(first, 0.0)
+    ramp.aim(first, when)
+    assert ramp == as_planned
+    here = ramp.at(when)
+    ramp.aim(target, when, other)
+    v, a = tuple(s.velocity for s in here), tuple(s.acceleration for s in here)
+    assert ramp.stages == tuple(bounded_plan(v, a, target, other))
+    assert (ramp.target, ramp.since) == (target, when)
+    assert ramp.limits == lim
+
+
 @many
 @given(state, limits, st.floats(0.02, 0.98))
 def test_solving_again_on_the_way_never_delays_the_arrival(
@@ -203,6 +307,21 @@ def norm(ramp: VectorRamp, t: float) -> float:
     return hypot(*(axis.acceleration for axis in ramp.at(t)))
 
 
+not_finite = st.sampled_from([inf, -inf, float("nan")])
+
+
+@few
+@given(state, st.integers(0, 2), st.integers(0, 1), not_finite, st.booleans())
+def test_a_number_that_is_not_finite_is_refused_wherever_it_is(
+    s: State, which: int, axis: int, bad: float, bounded: bool
+) -> None:
+    found = [list(part) for part in s]
+    found[which][axis] = bad
+    v, a, target = map(tuple, found)
+    with pytest.raises(ValueError, match="finite"):
+        bounded_plan(v, a, target, Limits(1.0)) if bounded else plan(v, a, target, 1.0)
+
+
 def test_wrong_vectors_are_refused() -> None:
     with pytest.raises(ValueError, match="one number per axis"):
         bounded_plan((0.0,), (0.0, 0.0), (1.0,), Limits(1.0))
@@ -210,3 +329,22 @@ def test_wrong_vectors_are_refused() -> None:
         plan((0.0,), (inf,), (1.0,), 1.0)
     with pytest.raises(ValueError, match="above 0"):
         plan((0.0,), (0.0,), (1.0,), 0.0)
+    with pytest.raises(ValueError, match="found 1, 1 and 2"):
+        bounded_plan((0.0,), (0.0,), (1.0, 1.0), Limits(1.0))
+    with pytest.raises(ValueError, match="found 2, 1 and 1"):
+        plan((0.0, 0.0), (0.0,), (1.0,), 1.0)
+    with pytest.raises(ValueError, match="found 0, 0 and 0"):
+        plan((), (), (), 1.0)
+
+
+hundredths = st.integers(-100, 100).map(lambda k: k / 100)
+
+
+@given(hundredths, hundredths)
+def test_only_limits_above_zero_are_taken(jerk: float, acceleration: float) -> None:
+    there = Limits(jerk, acceleration)
+    if jerk > 0.0 and acceleration > 0.0:
+        assert bounded_plan((0.0,), (0.0,), (1.0,), there)
+        return
+    with pytest.raises(ValueError, match="above 0"):
+        bounded_plan((0.0,), (0.0,), (1.0,), there)

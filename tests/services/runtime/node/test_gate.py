@@ -8,11 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages import topics
+from messages.health import Health
 from messages.link import Clock
 from messages.pilot import PilotCommand, PilotRequest, RequestKind
 from services.runtime.bus.envelope import Envelope
 from services.runtime.node.clock_offset import ClockOffset
-from services.runtime.node.gate import Authority, Gate
+from services.runtime.node.gate import Authority, Gate, Gates
 
 NOW = 10**12
 MS = 1_000_000
@@ -193,3 +194,165 @@ def test_with_one_clock_an_age_is_exact() -> None:
 def test_an_onlooker_sees_commands_that_are_too_old_to_act_on() -> None:
     door = Gate(topics.PILOT_COMMAND, Counter[str](), onlooker=True)
     assert door.admit(command(NOW - 10**9), NOW) is not None
+
+
+@given(st.lists(st.tuples(st.integers(0, 5), st.integers(0, 9)), max_size=40))
+def test_whatever_is_not_newer_is_refused_by_its_reason_and_every_gap_is_counted(
+    arrivals: list[tuple[int, int]],
+) -> None:
+    door, counts = gate()
+    newest: tuple[int, int] | None = None
+    expected: Counter[str] = Counter()
+    for stamp, seq in arrivals:
+        if newest is not None and (stamp, seq) == newest:
+            expected["duplicated:pilot/command"] += 1
+        elif newest is not None and stamp < newest[0]:
+            expected["reordered:pilot/command"] += 1
+        else:
+            if newest is not None and seq > newest[1] + 1:
+                expected["lost:pilot/command"] += seq - newest[1] - 1
+            newest = stamp, seq
+            assert door.admit(command(NOW + stamp, seq), NOW) is not None
+            continue
+        assert door.admit(command(NOW + stamp, seq), NOW) is None
+    assert counts == expected
+    assert door.admitted == (newest is not None)
+
+
+def known(ahead: int, bound: int, now: int) -> ClockOffset:
+    """On the drone: the topside's clock is so far ahead [ns], or this [ns] more or less."""
+    offset = ClockOffset("drone")
+    teach(offset, ahead, bound, now)
+    return offset
+
+
+def teach(offset: ClockOffset, ahead: int, bound: int, now: int) -> None:
+    told = Clock(
+        stamp_ns=0, offset_ns=-ahead, bound_ns=bound, drift_ppm=None, rtt_ms=None,
+        rtt_min_ms=None, answered_ms=None,
+    )  # fmt: skip
+    offset.learn(told, now)
+
+
+ahead = st.integers(-(10**12), 10**12)
+bound = st.integers(0, 200 * MS)
+
+
+@given(ahead, bound, st.integers(0, 600) | st.just(300), st.integers(-2, 2))
+def test_the_age_of_a_command_is_taken_at_its_greatest(
+    ahead: int, bound: int, ttl_ms: int, more: int
+) -> None:
+    """It acts if it is in time even though the clock is known no better."""
+    counts: Counter[str] = Counter()
+    door = Gate(topics.PILOT_COMMAND, counts, known(ahead, bound, NOW))
+    assert door.bound_ns(NOW) == bound
+    age = ttl_ms * MS - bound + more
+    admitted = door.admit(command(NOW + ahead - age, ttl_ms=float(ttl_ms)), NOW)
+    in_future = -age > JITTER + bound
+    assert (admitted is not None) == (more <= 0 and not in_future)
+    if admitted is not None:
+        assert admitted.stamp_ns == NOW - age
+    assert counts["expired:pilot/command"] == (more > 0 and not in_future)
+
+
+@given(ahead, bound, st.integers(1, 10**9), st.integers(-2, 2) | st.integers(-(10**9), 10**9))
+def test_an_older_stamp_is_of_a_clock_started_anew_only_if_the_newest_cannot_be_of_this_one(
+    ahead: int, bound: int, earlier: int, more: int
+) -> None:
+    counts: Counter[str] = Counter()
+    offset = known(ahead, 0, NOW)
+    door = Gate(topics.PILOT_COMMAND, counts, offset, onlooker=True)
+    sent = NOW + ahead
+    assert door.admit(command(sent, seq=7), NOW) is not None
+    # By what is learnt of the clock now, the newest would be from further ahead than jitter.
+    teach(offset, ahead - JITTER - bound - more, bound, NOW)
+    again = door.admit(command(sent - earlier, seq=earlier), NOW)
+    still_ahead = JITTER + bound + more - earlier > JITTER + bound
+    assert (again is not None) == (more > 0 and not still_ahead)
+    if still_ahead:
+        assert counts == {"from_future:pilot/command": 1}
+    else:
+        assert counts == ({} if more > 0 else {"reordered:pilot/command": 1})
+
+
+def health(stamp_ns: int, seq: int) -> bytes:
+    said = Health(
+        stamp_ns=stamp_ns, seq=seq, service="s", loop_hz=1.0, lateness_p50_ms=None,
+        lateness_p99_ms=None, cpu_percent=None, rss_mb=None, sent=0, received=0, counts={},
+    )  # fmt: skip
+    return msgspec.msgpack.encode(said)
+
+
+heard = st.lists(
+    st.tuples(
+        st.sampled_from(["health/a", "health/b", "health/c", "health/", "health/B!", "state"]),
+        st.integers(0, 5),
+        st.integers(0, 9),
+        st.sampled_from([topics.HEALTH.encoding, topics.HEALTH.encoding, TYPE]),
+        st.booleans(),
+    ),
+    max_size=40,
+)
+
+
+@given(heard)
+def test_a_family_is_one_door_for_each_member(
+    heard: list[tuple[str, int, int, str, bool]],
+) -> None:
+    """Counted under a member's own name once it was admitted, until then under the family's."""
+    counts: Counter[str] = Counter()
+    family = Gates(topics.HEALTH, counts)
+    alone: dict[str, Gate[Health]] = {}
+    expected: Counter[str] = Counter()
+    for key, stamp, seq, encoding, is_whole in heard:
+        payload = health(NOW + stamp, seq) if is_whole else b"garbage"
+        envelope = Envelope(key, payload, encoding)
+        found = family.admit(envelope, NOW)
+        if key not in {"health/a", "health/b", "health/c"}:
+            assert found is None
+            expected["unknown_key:health/*"] += 1
+            continue
+        door = alone.setdefault(key, Gate(topics.HEALTH, expected))
+        assert found == door.admit(envelope, NOW)
+    assert counts == expected
+
+
+@given(st.integers(0, 80), st.booleans())
+def test_a_family_has_sixty_four_members_and_the_rest_are_counted_under_its_name(
+    count: int, is_onlooker: bool
+) -> None:
+    counts: Counter[str] = Counter()
+    family = Gates(topics.HEALTH, counts, onlooker=is_onlooker)
+    for stamp in (0, 1):
+        admitted = [
+            k
+            for k in range(count)
+            if family.admit(
+                Envelope(f"health/s{k}", health(NOW + stamp, stamp), topics.HEALTH.encoding), NOW
+            )
+        ]
+        assert admitted == list(range(min(count, 64)))
+    rest = max(0, count - 64)
+    assert counts == ({"too_many_keys:health/*": 2 * rest} if rest else {})
+
+
+@given(st.integers(0, 10**9))
+def test_only_an_onlooker_of_all_doors_gets_what_is_too_old(age: int) -> None:
+    for is_onlooker in (False, True):
+        door = Gates(topics.PILOT_COMMAND, Counter[str](), onlooker=is_onlooker)
+        found = door.admit(command(NOW - age), NOW)
+        assert (found is not None) == (is_onlooker or age <= 300 * MS)
+    by_default = Gates(topics.PILOT_COMMAND, Counter[str]()).admit(command(NOW - age), NOW)
+    assert (by_default is not None) == (age <= 300 * MS)
+
+
+@given(ahead, st.integers(0, 10**13))
+def test_what_either_side_may_have_sent_has_no_stamp_to_judge(ahead: int, stamp: int) -> None:
+    """With one clock it has; with two it may be of either, and so it is never moved."""
+    envelope = Envelope("health/a", health(stamp, 0), topics.HEALTH.encoding)
+    for offset in (known(ahead, 0, NOW), ClockOffset("drone")):
+        found = Gates(topics.HEALTH, Counter[str](), offset).admit(envelope, NOW)
+        assert found is not None
+        assert found.stamp_ns == stamp
+    alone = Gates(topics.HEALTH, Counter[str]()).admit(envelope, NOW)
+    assert (alone is not None) == (stamp <= NOW + JITTER)
