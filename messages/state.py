@@ -14,7 +14,7 @@ class VehicleState(Message, frozen=True, kw_only=True):
     sensor_ns: Stamp  # [ns] the IMU sample this state belongs to
     phase: Literal["calibrating", "running"]
     calibration_left: NotNegative | None = None  # [s] at rest still to go; None: done, or not known
-    blocked_by: Name | UnsetType = UNSET  # name of the count that keeps it from ending; absent: none
+    blocked_by: Name | UnsetType = UNSET  # count that keeps it from ending; absent: none
     depth: Estimate  # [m] positive down, of the vehicle's origin below the surface
     depth_rate: Estimate  # [m/s] positive down
     depth_acceleration: Estimate  # [m/s²] positive down
