@@ -19,7 +19,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
 from mcap.stream_reader import get_chunk_data_stream
 
-from services.recorder.io.mcap_file import MAGIC
+from services.recorder.io.open_chunk import MAGIC
 
 # What reading a truncated or damaged file raises; a damaged length can exhaust the memory.
 DAMAGE = (McapError, struct.error, zstandard.ZstdError, ValueError, OverflowError, MemoryError)

@@ -16,7 +16,8 @@ from mcap.records import Attachment, Channel, Metadata, Schema
 
 from messages import topics
 from messages.message import Message
-from services.recorder.io.mcap_file import MAGIC, McapFile
+from services.recorder.io.mcap_file import McapFile
+from services.recorder.io.open_chunk import MAGIC
 from services.recorder.io.parts import FIRST, parts_in
 from services.runtime.config.disk import reason, require_room
 from services.runtime.config.errors import LindyError

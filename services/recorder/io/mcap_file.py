@@ -6,7 +6,6 @@ index in memory that grew with every flush. So only its records are used.
 """
 
 import contextlib
-import struct
 from pathlib import Path
 
 from mcap.records import (
@@ -23,11 +22,8 @@ from mcap.records import (
 from mcap.well_known import MessageEncoding, SchemaEncoding
 
 from services.recorder.io.mcap_summary import McapSummary
-from services.recorder.io.open_chunk import OpenChunk, encoded, write_at
+from services.recorder.io.open_chunk import ENDING, MAGIC, OpenChunk, encoded, write_at
 
-MAGIC = b"\x89MCAP0\r\n"  # first and last bytes of a whole file
-# The shortest valid end of a file: DataEnd and Footer without an index.
-ENDING = struct.pack("<BQI", 0x0F, 4, 0) + struct.pack("<BQQQI", 0x02, 20, 0, 0, 0) + MAGIC
 CHUNK_BYTES = 512 * 1024  # before compression; 1.4 s of a dive
 
 

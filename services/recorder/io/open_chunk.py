@@ -21,6 +21,12 @@ COMPRESSION = b"zstd"
 CHUNK_HEAD = struct.Struct("<BQQQQII4sQ")
 RECORD_HEAD = struct.Struct("<BQ")  # opcode, length
 MESSAGE_HEAD = struct.Struct("<BQHIQQ")  # … channel, sequence, log time, publish time
+MAGIC = b"\x89MCAP0\r\n"  # first and last bytes of a whole file
+# The shortest valid end of a file: DataEnd and Footer without an index.
+ENDING = struct.pack("<BQI", 0x0F, 4, 0) + struct.pack("<BQQQI", 0x02, 20, 0, 0, 0) + MAGIC
+# A record that readers pass over, behind all that is flushed: on a full disk it is replaced by the
+# ending, for which there may be no room otherwise.
+ROOM = struct.pack("<BQ", 0x80, len(ENDING) - 9) + bytes(len(ENDING) - 9)
 END_OF_FRAME = b"\x01\x00\x00"  # RFC 8878, 3.1.1.2: a last block, raw, of no bytes
 
 
@@ -95,10 +101,10 @@ class OpenChunk:
         if begun:
             # A reader can tell when only the first of these two was done: the head still describes
             # the beginning of the frame.
-            write_at(self._file, at, piece)
+            write_at(self._file, at, piece + ROOM)
             write_at(self._file, self._position, head)
         else:
-            write_at(self._file, self._position, head + piece)
+            write_at(self._file, self._position, head + piece + ROOM)
         self._head, self._crc, self.end = head, crc, end
         self._fresh.clear()
 
@@ -109,7 +115,7 @@ class OpenChunk:
         for channel, entries in self._index.items():
             offsets[channel] = self.end + len(indices)
             indices += _message_index(channel, entries)
-        write_at(self._file, self.end, indices)
+        write_at(self._file, self.end, indices + ROOM)
         return ChunkIndex(
             chunk_length=self.end - self._position,
             chunk_start_offset=self._position,
