@@ -70,8 +70,10 @@ LOG            = Topic("log/*",               LogLine,             0, BULK,     
 # fmt: on
 
 ALL: tuple[AnyTopic, ...] = rows(globals())
+_SINGLE = {topic.key: topic for topic in ALL if not topic.is_family}
+_FAMILIES = [topic for topic in ALL if topic.is_family]
 
 
 def find(key: str) -> AnyTopic | None:
     """The topic that a key belongs to, or None for a key that is not in the table."""
-    return next((topic for topic in ALL if topic.covers(key)), None)
+    return _SINGLE.get(key) or next((topic for topic in _FAMILIES if topic.covers(key)), None)

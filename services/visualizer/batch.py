@@ -4,7 +4,7 @@ Times are [ns] since the dive began. Batches are sent to the viewer process thro
 are Structs.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Literal
 
 import msgspec
@@ -52,3 +52,17 @@ class Batch(msgspec.Struct, frozen=True, array_like=True):
     trail: list[Point] = []  # [m] NED points newly flown, from the last one drawn; none or ≥ 2
     trail_time: int = 0  # [ns] of its last point
     floor: Point | None = None  # [m] NED, where the vehicle has just found the sea floor
+
+
+def joined_columns(batches: Iterable[Batch]) -> list[CurveColumns]:
+    """The columns of several batches, each curve's in one."""
+    joined: dict[tuple[str, int], CurveColumns] = {}
+    for batch in batches:
+        for columns in batch.columns:
+            key = columns.path, len(columns.rows[0])
+            if (known := joined.get(key)) is None:
+                joined[key] = CurveColumns(columns.path, [*columns.times], [*columns.rows])
+            else:
+                known.times.extend(columns.times)
+                known.rows.extend(columns.rows)
+    return list(joined.values())

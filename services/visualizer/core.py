@@ -1,6 +1,6 @@
 """Messages in, batches out: every sample is kept, except of the path and the scene.
 
-A message costs one append when it arrives. Half a second of messages become columns at once,
+A message costs one append when it arrives. All of some seconds become columns at once,
 because writing a thousand samples costs little more than writing one.
 """
 

@@ -16,7 +16,7 @@ from services.visualizer.core import Collector
 from services.visualizer.io.outputs import outputs
 
 # Curves, states and log; every sample is kept, this is only how often they are handed over.
-# Somebody who watches wants them soon, a file does not care, and fewer, longer batches are cheap.
+# Somebody who watches wants them soon; a file does not care, and takes several batches at once.
 FLUSH_HZ, FILE_FLUSH_HZ = 4.0, 0.25
 SCENE_HZ, FILE_SCENE_HZ = 20.0, 10.0
 RING = 4096  # envelopes; seconds of a whole dive's traffic
@@ -40,7 +40,7 @@ def wire(node: Node, stack: Stack) -> None:
     write, close = outputs(node, stack, vehicle, parts.written)
 
     def flush(now: int) -> None:
-        write(collector.drain(now))
+        write(collector.drain(now), now)
 
     def show_scene(now: int) -> None:
         if parts.start != collector.start:
@@ -49,7 +49,7 @@ def wire(node: Node, stack: Stack) -> None:
         if not stack.viewer:
             collector.keep_frame()
         elif (frame := collector.frame()) is not None:
-            write(Batch(frames=[frame]))
+            write(Batch(frames=[frame]), now)
             if (sensor_ns := collector.newest_sample()) is not None:
                 shown.put(Shown(stamp_ns=now, sensor_ns=sensor_ns))
 

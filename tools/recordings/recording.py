@@ -5,7 +5,6 @@ was killed) reads like any other: up to its last whole chunk. Messages come in t
 arrival at the recorder, which is the order of `log_ns`.
 """
 
-import struct
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import suppress
@@ -13,22 +12,18 @@ from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
-import zstandard
-from mcap.exceptions import McapError
-from mcap.records import Attachment, Channel, McapRecord, Metadata, Schema
-from mcap.records import Message as McapMessage
-from mcap.stream_reader import StreamReader
+from mcap.records import Attachment, Channel, Metadata, Schema
 
 from messages import topics
 from messages.message import Message
-from services.recorder.io.mcap_file import MAGIC, McapFile
+from services.recorder.io.mcap_file import McapFile
+from services.recorder.io.open_chunk import MAGIC
 from services.recorder.io.parts import FIRST, parts_in
 from services.runtime.config.disk import reason, require_room
 from services.runtime.config.errors import LindyError
+from tools.recordings.mcap_records import StoredMessage, records
 
 RESERVE = 256_000  # [bytes] left free by merging, for the report
-# What the reader raises for a truncated or damaged file; a damaged length can exhaust the memory.
-DAMAGE = (McapError, struct.error, zstandard.ZstdError, ValueError, OverflowError, MemoryError)
 
 
 class Raw(NamedTuple):
@@ -67,9 +62,9 @@ class Recording:
         for path in self.files:
             channels: dict[int, str] = {}
             for record in records(path):
-                if isinstance(record, McapMessage):
+                if isinstance(record, StoredMessage):
                     if (key := channels.get(record.channel_id)) is not None:
-                        yield Raw(key, record.data, record.log_time, record.publish_time)
+                        yield Raw(key, record.data, record.log_ns, record.publish_ns)
                 elif isinstance(record, Channel):
                     channels[record.id] = record.topic
 
@@ -187,8 +182,8 @@ def _copy(path: Path, file: McapFile, first: bool) -> int:
     channels: dict[int, str] = {}
     messages = 0
     for record in records(path):
-        if isinstance(record, McapMessage):
-            times = record.log_time, record.publish_time
+        if isinstance(record, StoredMessage):
+            times = record.log_ns, record.publish_ns
             file.write(channels[record.channel_id], record.data, *times, record.sequence)
             messages += 1
         elif isinstance(record, Schema):
@@ -203,17 +198,6 @@ def _copy(path: Path, file: McapFile, first: bool) -> int:
         elif isinstance(record, Attachment) and first:
             file.attach(record.name, record.media_type, record.data)
     return messages
-
-
-def records(path: Path, *, open_chunks: bool = True) -> Iterator[McapRecord]:
-    """The records of a file, in order, up to its end or to where it is truncated or damaged."""
-    with path.open("rb") as stream:
-        limit = path.stat().st_size  # no record is longer than its file
-        reader = StreamReader(
-            stream, emit_chunks=not open_chunks, validate_crcs=True, record_size_limit=limit
-        )
-        with suppress(*DAMAGE):
-            yield from reader.records
 
 
 def is_whole(path: Path) -> bool:

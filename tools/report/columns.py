@@ -32,8 +32,9 @@ class StreamColumns:
     """The figures of one stream in the order of their first column, a time."""
 
     def __init__(self, names: tuple[str, ...], rows: Array) -> None:
-        ordered = rows[np.argsort(rows[:, 0], kind="stable")]
-        self._columns = dict(zip(names, ordered.T, strict=True))
+        if np.any(rows[1:, 0] < rows[:-1, 0]):  # else no copy: of a day these are gigabytes
+            rows = rows[np.argsort(rows[:, 0], kind="stable")]
+        self._columns = dict(zip(names, rows.T, strict=True))
         self.count = len(rows)
 
     def __getitem__(self, name: str) -> Array:
@@ -53,7 +54,8 @@ class Gathering:
         self._values.extend(math.nan if figure is None else figure for figure in figures)
 
     def columns(self) -> StreamColumns:
-        rows = np.array(self._values, dtype=np.float64).reshape(-1, len(self._names))
+        """The rows so far; no more can be added then."""
+        rows = np.asarray(self._values).reshape(-1, len(self._names))
         return StreamColumns(self._names, rows)
 
 

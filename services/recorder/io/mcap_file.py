@@ -1,22 +1,39 @@
 """Writes one MCAP file: https://mcap.dev/spec. Any method raises OSError when the disk fails; the
-file must then be abandoned, and what was flushed can be read by any reader."""
+file must then be abandoned, and what was flushed can be read by any reader.
+
+The mcap library's own writer closes a chunk at each flush, which made files larger and kept an
+index in memory that grew with every flush. So only its records are used.
+"""
 
 import contextlib
-import io
-import struct
 from pathlib import Path
 
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    DataEnd,
+    Header,
+    McapRecord,
+    Metadata,
+    MetadataIndex,
+    Schema,
+)
 from mcap.well_known import MessageEncoding, SchemaEncoding
-from mcap.writer import CompressionType, Writer
 
-MAGIC = b"\x89MCAP0\r\n"  # first and last bytes of a whole file
-# The shortest valid end of a file: DataEnd and Footer without an index.
-ENDING = struct.pack("<BQI", 0x0F, 4, 0) + struct.pack("<BQQQI", 0x02, 20, 0, 0, 0) + MAGIC
-CHUNK_BYTES = 256 * 1024  # before compression; a flush closes a chunk earlier
+from services.recorder.io.mcap_summary import McapSummary
+from services.recorder.io.open_chunk import ENDING, MAGIC, OpenChunk, encoded, write_at
+
+CHUNK_BYTES = 512 * 1024  # before compression; 1.4 s of a dive
 
 
 class McapFile:
-    """JSON messages, one channel per key, in zstd chunks."""
+    """JSON messages, one channel per key, in zstd chunks.
+
+    Attributes:
+        flushed: messages that are certainly in the file.
+        unflushed: messages that would be lost if the process were killed now.
+    """
 
     def __init__(self, path: Path) -> None:
         """
@@ -24,22 +41,25 @@ class McapFile:
             FileExistsError: there is such a file already.
         """
         self.path = path
+        self.flushed = 0
+        self.unflushed = 0
         self._file = path.open("xb", buffering=0)
-        self._stream = io.BufferedWriter(io.FileIO(self._file.fileno(), "w", closefd=False))
-        self._flushed = 0  # [bytes] up to here the file is certainly written
-        self._writer = Writer(
-            self._stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD
-        )
+        self._end = 0  # [bytes] up to here the file is certainly written, without the open chunk
+        self._chunk: OpenChunk | None = None
+        self._summary = McapSummary()
         self._schemas: dict[tuple[str, bytes], int] = {}
         self._channels: dict[str, int] = {}
-        self._writer.start(library="lindy")
+        self._append(MAGIC + encoded(Header(profile="", library="lindy")))
 
     def metadata(self, name: str, entries: dict[str, str]) -> None:
-        self._writer.add_metadata(name, entries)
+        at, length = self._append_record(Metadata(name, entries))
+        self._summary.metadata.append(MetadataIndex(at, length, name))
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
         """Add a file as an attachment. Its times are 0: unknown."""
-        self._writer.add_attachment(0, 0, name, media_type, data)
+        at, length = self._append_record(Attachment(0, 0, name, media_type, data))
+        index = AttachmentIndex(at, length, 0, 0, len(data), name, media_type)
+        self._summary.attachments.append(index)
 
     def has_channel(self, key: str) -> bool:
         return key in self._channels
@@ -48,40 +68,74 @@ class McapFile:
         """Before the first message of a key."""
         known = (schema_name, schema)
         if known not in self._schemas:
-            self._schemas[known] = self._writer.register_schema(
-                schema_name, SchemaEncoding.JSONSchema, schema
-            )
-        self._channels[key] = self._writer.register_channel(
-            key, MessageEncoding.JSON, self._schemas[known]
-        )
+            self._schemas[known] = len(self._schemas) + 1
+            record = Schema(self._schemas[known], schema, SchemaEncoding.JSONSchema, schema_name)
+            self._summary.schemas.append(record)
+            self._open_chunk().add(encoded(record))
+        number = self._channels[key] = len(self._channels) + 1
+        channel = Channel(number, key, MessageEncoding.JSON, {}, self._schemas[known])
+        self._summary.channels.append(channel)
+        self._open_chunk().add(encoded(channel))
 
     def write(self, key: str, data: bytes, log_ns: int, publish_ns: int, sequence: int) -> None:
         """Add a message to the chunk in progress. Times in ns UTC."""
-        self._writer.add_message(self._channels[key], log_ns, data, publish_ns, sequence)
+        chunk = self._chunk or self._open_chunk()
+        self.unflushed += 1
+        chunk.add_message(self._channels[key], data, log_ns, publish_ns, sequence)
+        if chunk.size > CHUNK_BYTES:
+            self._close_chunk()
 
     def flush(self) -> None:
-        """Close the chunk in progress and give it to the operating system: from then on it
-        survives a crash of this process."""
-        self._writer.flush()
-        self._flushed = self._stream.tell()
+        """Give everything to the operating system: from then on it survives a crash of this
+        process."""
+        if self._chunk is not None:
+            self._chunk.flush()
+            self.flushed += self.unflushed
+            self.unflushed = 0
 
     def finish(self) -> None:
         """Write the index and close the file."""
-        self._writer.finish()
-        self._stream.close()
+        self._close_chunk()
+        end = encoded(DataEnd(0))
+        self._append(end + self._summary.encode(self._end + len(end)) + MAGIC)
         self._file.close()
 
     def abandon(self) -> None:
         """After an error: truncate the file to the last flush, end it there and close it."""
-        with contextlib.suppress(OSError):
-            self._stream.close()  # tries to write its buffer
-        with contextlib.suppress(OSError), self._file as file:
-            file.truncate(self._flushed)
-            file.seek(self._flushed)
-            file.write(ENDING)  # if even this fails: whole chunks can still be read
+        with contextlib.suppress(OSError), self._file:
+            if self._chunk is not None:
+                self._chunk.restore()
+                self._end = self._chunk.end
+            self._file.truncate(self._end)
+            self._append(ENDING)  # if even this fails: whole chunks can still be read
 
     def discard(self) -> None:
         """Close the file and remove it: it contains no messages."""
         self.abandon()
         with contextlib.suppress(OSError):
             self.path.unlink()
+
+    def _open_chunk(self) -> OpenChunk:
+        if self._chunk is None:
+            self._chunk = OpenChunk(self._file, self._end)
+        return self._chunk
+
+    def _close_chunk(self) -> None:
+        if self._chunk is None:
+            return
+        self.flush()
+        index = self._chunk.finish()
+        self._summary.add_chunk(index, self._chunk.messages())
+        self._end = self._chunk.end + index.message_index_length
+        self._chunk = None
+
+    def _append_record(self, record: McapRecord) -> tuple[int, int]:
+        """Write it behind everything else; returns its position and length [bytes]."""
+        self._close_chunk()
+        data, at = encoded(record), self._end
+        self._append(data)
+        return at, len(data)
+
+    def _append(self, data: bytes) -> None:
+        write_at(self._file, self._end, data)
+        self._end += len(data)

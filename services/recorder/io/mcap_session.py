@@ -58,8 +58,6 @@ class McapSession:
         self._stack = stack
         self._vehicle_file = stack.vehicle_path.read_bytes()
         self._file: McapFile | None = None
-        self._unflushed = 0  # rows that a failing disk would lose
-        self._proven = False  # rows were flushed to this part
         self._interrupted = False  # the log says that recording has stopped
         self._retry_at = 0  # [ns]
         self._opened = node.restore_checkpoint(RecordingCheckpoint) or RecordingCheckpoint()
@@ -75,7 +73,6 @@ class McapSession:
         if self._file is None:
             self._node.count("not_recorded")
             return
-        self._unflushed += 1
         try:
             if not self._file.has_channel(row.key):
                 kind = row.topic.message
@@ -98,8 +95,9 @@ class McapSession:
             self._retry_at = now + RETRY_NS
             self._fail(self._file, error)
             return
-        if self._unflushed > 0:
-            self._succeed(self._file)
+        if self._interrupted and self._file.flushed > 0:
+            self._interrupted = False
+            self._node.log("info", f"recording continues in {self._file.path}")
 
     def close(self, log_hash: str) -> None:
         """Write the counts of losses, the hash and the index."""
@@ -107,7 +105,6 @@ class McapSession:
             return
         try:
             self._file.flush()
-            self._unflushed = 0
             losses = {name: str(count) for name, count in sorted(self._node.counts.items())}
             self._file.metadata("losses", losses)
             self._file.metadata("hash", {"sha256": log_hash})
@@ -128,7 +125,6 @@ class McapSession:
             raise
         self._opened = RecordingCheckpoint(number)
         self._file = file
-        self._proven = False
 
     def _preface(self, file: McapFile) -> None:
         """Metadata that a reader needs before the first message."""
@@ -150,23 +146,15 @@ class McapSession:
         file.attach(stack.vehicle_path.name, "application/toml", self._vehicle_file)
         file.attach("topics.json", "application/json", _topic_table())
 
-    def _succeed(self, file: McapFile) -> None:
-        self._unflushed = 0
-        self._proven = True
-        if self._interrupted:
-            self._interrupted = False
-            self._node.log("info", f"recording continues in {file.path}")
-
     def _fail(self, file: McapFile, error: OSError) -> None:
-        if self._proven:
+        if file.flushed > 0:
             file.abandon()
         else:  # nothing in it: the next attempt can use its name
             file.discard()
             self._opened = RecordingCheckpoint(self._opened.parts - 1)
         self._file = None
         self._node.count("disk_error")
-        self._node.count("not_recorded", self._unflushed)
-        self._unflushed = 0
+        self._node.count("not_recorded", file.unflushed)
         if not self._interrupted:
             self._interrupted = True
             self._node.log(

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from messages import topics
-from messages.message import Message
+from messages.message import Estimate, Message
+from messages.state import VehicleState
 from messages.topic import AnyTopic, Way
 from services.marine.vehicle import Vehicle
 from services.runtime.bus.envelope import Envelope
@@ -112,11 +113,33 @@ def test_every_stream_of_both_realms_is_in_the_file(tmp_path: Path, sample: Samp
 
 
 def test_each_sample_comes_back_with_its_own_time(tmp_path: Path, sample: Sample) -> None:
-    dive(tmp_path, sample, 2.3).close()  # between two flushes: the end must not be lost
+    def sinking(key: str, now: int) -> Message:
+        message = sample(key, now)
+        if isinstance(message, VehicleState):
+            return msgspec.structs.replace(message, depth=Estimate(now / SECOND, 0.1))
+        return message
+
+    dive(tmp_path, sinking, 30.3).close()  # between two writes: the end must not be lost
     times, values = read_back(tmp_path / "dive.rrd", "/depth/estimate")
     # The first message begins the dive at 0.2 s.
-    np.testing.assert_allclose(times, np.arange(11) * 0.2, atol=1e-9)
-    assert values == [1.0] * 11
+    np.testing.assert_allclose(times, np.arange(151) * 0.2, atol=1e-9)
+    np.testing.assert_allclose(values, np.arange(1, 152) * 0.2, atol=1e-9)
+
+
+def test_of_equal_samples_only_the_ends_are_written(tmp_path: Path, sample: Sample) -> None:
+    """The same line is drawn. The end is drawn anew with each write of the file."""
+
+    def stepping(key: str, now: int) -> Message:
+        message = sample(key, now)
+        if isinstance(message, VehicleState):
+            depth = Estimate(float(now > 5 * SECOND), 0.1)
+            return msgspec.structs.replace(message, depth=depth)
+        return message
+
+    dive(tmp_path, stepping, 10.1).close()
+    times, values = read_back(tmp_path / "dive.rrd", "/depth/estimate")
+    assert values == [0.0, 0.0, 0.0, 0.0, 1.0, 1.0]
+    np.testing.assert_allclose(times, [0.0, 3.8, 4.0, 4.8, 5.0, 9.8], atol=1e-9)
 
 
 def test_a_service_has_one_colour_in_every_panel(tmp_path: Path, sample: Sample) -> None:
@@ -211,7 +234,8 @@ def test_a_viewer_that_never_reads_costs_batches_but_no_time(
     host.run(30 * SECOND)
     host.close()
     assert node.counts["dropped:live"] > 0
-    assert len(read_back(tmp_path / "dive.rrd", "/depth/truth")[0]) == 150
+    times, _ = read_back(tmp_path / "dive.rrd", "/depth/truth")
+    assert (times[0], times[-1]) == pytest.approx((0.0, 29.8))
 
 
 def test_a_stalled_viewer_leaves_no_process_of_ours_behind() -> None:

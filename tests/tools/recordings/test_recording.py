@@ -31,7 +31,7 @@ def write(path: Path, first: int = 0, chunks: int = CHUNKS, sha256: str = "abc")
         sample = PressureSample(stamp_ns=n, pressure=1e5 + n)
         file.write(KEY, msgspec.json.encode(sample), 10 * n, n, n)
         if (n - first) % PER_CHUNK == PER_CHUNK - 1:
-            file.flush()
+            file.metadata("here", {"a chunk": "ends"})
     file.metadata("losses", {"overflowed:**": "2"})
     file.metadata("hash", {"sha256": sha256})
     file.finish()

@@ -18,6 +18,7 @@ SECTIONS = {
     "horizontal": "tools.research.bench.horizontal",
     "control": "tools.research.bench.control",
     "simulator": "tools.research.bench.simulator",
+    "simulate": "tools.research.bench.simulate",
     "tether": "tools.research.bench.tether",
 }
 
