@@ -1,4 +1,5 @@
-"""Messages in, batches out: every sample is kept, except of the path and the scene.
+"""Messages in, batches out: every change is kept, except of the path and the scene; a sample equal
+to its neighbours draws nothing. The recording has every message.
 
 A message costs one append when it arrives. All of some seconds become columns at once,
 because writing a thousand samples costs little more than writing one.
