@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from messages.prediction import Miss
 from messages.units import Ns
+from services.marine.summation import plain_sum
 
 WINDOW_NS = 5_000_000_000  # [ns] of judged predictions
 
@@ -104,4 +105,4 @@ def _miss(errors: list[SquaredErrors]) -> Miss:
 
 
 def _root_mean(squares: list[float]) -> float:
-    return sqrt(sum(squares) / len(squares))
+    return sqrt(plain_sum(squares) / len(squares))
