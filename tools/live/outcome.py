@@ -81,7 +81,7 @@ class Outcome:
             lost = self._report(folder, other)
         except Exception as error:  # whatever it is: the recording is worth more than its report
             raise LindyError(self._kept(folder, error)) from error
-        self._complain()
+        self.complain()
         return DATA_LOST if lost else CLEAN
 
     def sum_up_unrecorded(self, side: str, other: str) -> int:
@@ -93,7 +93,7 @@ class Outcome:
         restarts, folder = self.restarts(), self._stack.out_dir
         how = f"{side} of {self._stack.vehicle_name}, {ending(self.exit, self._counted())}"
         print(unrecorded(how, restarts, self.gone, other, written(folder)), flush=True)
-        self._complain()
+        self.complain()
         return DATA_LOST if was_deaf(restarts) else CLEAN
 
     def _report(self, folder: Path, other: Elsewhere | None) -> bool:
@@ -127,20 +127,25 @@ class Outcome:
             heard[health.service].append(health)
         return losses(by_service(heard))
 
-    def _complain(self) -> None:
+    def complain(self) -> None:
+        """
+        Raises:
+            LindyError: why the dive was aborted, if it was.
+        """
         if self.exit != "clean":
             raise self._error or LindyError(self.exit)
 
     def _extras(self) -> Extras:
-        extras = Extras(
-            exit=self.exit,
-            restarts=self.restarts(),
-            health=self._health,
-        )
+        extras = Extras(exit=self.exit, restarts=self.restarts(), health=self._health)
         if self.speedup is None:
             return extras
         hashed = log_hash(self._stack.out_dir)
         return replace(extras, speedup=self.speedup, log_hash=hashed or UNSET)
+
+    def report_in_memory(self, dive: RecordedDive, hashed: str) -> Report:
+        """The report of a dive without files."""
+        extras = Extras(exit=self.exit, health=self._health, log_hash=hashed)
+        return report_on(dive, replace(extras, speedup=self.speedup or UNSET))
 
 
 def merge(folder: Path) -> bool:

@@ -92,31 +92,57 @@ def read_dive(recording: Recording, *, apart: bool = False) -> RecordedDive:
             topside's clock.
     """
     topside_clock = _TopsideClock() if apart else None
-    traffic: dict[str, Traffic] = {}
-    gathering = {wanted.topic.key: Gathering(wanted.names, wanted.figures) for wanted in WANTED}
-    health: dict[str, list[Health]] = {}
+    gathered = GatheredDive()
     for raw in recording.raw():
-        if (seen := traffic.get(raw.key)) is None:
-            seen = traffic[raw.key] = Traffic(0, raw.log_ns, raw.log_ns)
+        gathered.pass_by(raw.key, raw.log_ns)
+        if not gathered.wants(raw.key):
+            continue
+        message = recording.decode(raw)
+        if message is not None and (topside_clock is None or topside_clock.convert(raw, message)):
+            gathered.add(raw.key, message)
+    return gathered.dive(recording.metadata("dive"), recording.losses() + _unreadable(recording))
+
+
+class GatheredDive:
+    """Collects what a report needs, message by message in the order of their arrival."""
+
+    def __init__(self) -> None:
+        self._traffic: dict[str, Traffic] = {}
+        self._streams = {
+            wanted.topic.key: Gathering(wanted.names, wanted.figures) for wanted in WANTED
+        }
+        self._health: dict[str, list[Health]] = {}
+
+    def pass_by(self, key: str, log_ns: int) -> None:
+        """Any message, with its arrival [ns] UTC."""
+        if (seen := self._traffic.get(key)) is None:
+            seen = self._traffic[key] = Traffic(0, log_ns, log_ns)
         seen.count += 1
-        seen.last_ns = raw.log_ns
-        if raw.key in gathering:
-            message = recording.decode(raw)
-            if message is not None and (
-                topside_clock is None or topside_clock.convert(raw, message)
-            ):
-                gathering[raw.key].add(message)
-        elif topics.HEALTH.covers(raw.key):
-            message = recording.decode(raw)
-            if isinstance(message, Health):
-                health.setdefault(message.service, []).append(message)
-    return RecordedDive(
-        about=recording.metadata("dive"),
-        traffic=traffic,
-        streams={key: gathered.columns() for key, gathered in gathering.items()},
-        health=health,
-        losses=recording.losses() + _unreadable(recording),
-    )
+        seen.last_ns = log_ns
+
+    def wants(self, key: str) -> bool:
+        """Are the messages of this key to be added?"""
+        return key in self._streams or topics.HEALTH.covers(key)
+
+    def add(self, key: str, message: Message) -> None:
+        if (stream := self._streams.get(key)) is not None:
+            stream.add(message)
+        elif isinstance(message, Health):
+            self._health.setdefault(message.service, []).append(message)
+
+    def dive(self, about: dict[str, str], losses: dict[str, int]) -> RecordedDive:
+        """
+        Args:
+            about: vehicle, link, pilot, seed, overrides.
+            losses: what the recorder itself counted.
+        """
+        return RecordedDive(
+            about=about,
+            traffic=self._traffic,
+            streams={key: stream.columns() for key, stream in self._streams.items()},
+            health=self._health,
+            losses=losses,
+        )
 
 
 class _TopsideClock:
