@@ -55,13 +55,13 @@ class FinishedDives:
             self._file = self._path.open("r+b", buffering=0)
         except OSError as error:
             raise LindyError(f"cannot write {self._path}: {reason(error)}") from None
-        self._lock()
-        self._read(self._file, about)
-        if table.exists() and _checksum(table.read_bytes()) not in self._tables:
-            raise LindyError(
-                f"{table} was changed since this sweep wrote it; move it away, or choose another "
-                "--out"
-            )
+        try:
+            self._lock()
+            self._read(self._file, about)
+            self._check_table()
+        except LindyError:
+            self._file.close()
+            raise
 
     def add(self, row: Row) -> None:
         """
@@ -96,7 +96,6 @@ class FinishedDives:
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            self._file.close()
             raise LindyError(f"another lindy sweep is at work on {self._path}") from None
         except OSError:
             pass  # a file system without locks
@@ -127,6 +126,13 @@ class FinishedDives:
                     f"{self._path} is of another sweep: {key} is {_short(there)} there and "
                     f"{_short(here)} here; choose another --out"
                 )
+
+    def _check_table(self) -> None:
+        if self._table.exists() and _checksum(self._table.read_bytes()) not in self._tables:
+            raise LindyError(
+                f"{self._table} was changed since this sweep wrote it; move it away, or choose "
+                "another --out"
+            )
 
     def _append(self, line: bytes) -> None:
         before = self._file.tell()

@@ -4,7 +4,7 @@ import hashlib
 import sys
 import time
 from collections.abc import Callable, Generator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from importlib.metadata import version
 from pathlib import Path
 
@@ -60,11 +60,27 @@ def sweep(axes: Axes, wanted: Wanted) -> int:
     with closing(FinishedDives(wanted.out, about)) as finished:
         try:
             stopped = _fly(axes, wanted, finished)
-        finally:
-            rows = [finished.rows[number] for number in sorted(finished.rows)]
-            finished.replace_table(encoded(rows, list(axes.settings), wanted.out.suffix))
+        except LindyError as error:
+            with suppress(LindyError):
+                _write_table(axes, wanted, finished)
+            raise LindyError(f"{error}; {_kept(len(finished.rows), axes, wanted)}") from error
+        rows = _write_table(axes, wanted, finished)
     _show(rows, axes, wanted)
     return _ending(rows, axes, wanted, stopped=stopped)
+
+
+def _write_table(axes: Axes, wanted: Wanted, finished: FinishedDives) -> list[Row]:
+    """Returns its rows, in the order of the dives."""
+    rows = [finished.rows[number] for number in sorted(finished.rows)]
+    finished.replace_table(encoded(rows, list(axes.settings), wanted.out.suffix))
+    return rows
+
+
+def _kept(done: int, axes: Axes, wanted: Wanted) -> str:
+    return (
+        f"{done} of {axes.count} dives are kept in {rows_file(wanted.out)}, and the same command "
+        "goes on with the rest"
+    )
 
 
 def _checked(axes: Axes, wanted: Wanted) -> About:
@@ -164,10 +180,7 @@ def _show(rows: Sequence[Row], axes: Axes, wanted: Wanted) -> None:
 
 def _ending(rows: Sequence[Row], axes: Axes, wanted: Wanted, *, stopped: bool) -> int:
     if stopped and len(rows) < axes.count:
-        raise LindyError(
-            f"interrupted: {len(rows)} of {axes.count} dives are kept in "
-            f"{rows_file(wanted.out)}; the same command goes on with the rest"
-        )
+        raise LindyError(f"interrupted; {_kept(len(rows), axes, wanted)}")
     failed = [row for row in rows if row["end"] != CLEAN]
     if failed:
         raise LindyError(
