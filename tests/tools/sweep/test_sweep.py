@@ -188,7 +188,10 @@ def test_a_picture_that_is_there_is_refused(tmp_path: Path, capsys: pytest.Captu
 def test_without_pyarrow_parquet_is_refused_with_what_installs_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr("tools.sweep.tables.find_spec", lambda _: None)
+    def absent(_name: str) -> None:
+        return None
+
+    monkeypatch.setattr("tools.sweep.tables.find_spec", absent)
     assert main(["sweep", "--out", str(tmp_path / "x.parquet")]) == 1
     assert "uv sync --extra tables" in capsys.readouterr().err
 
