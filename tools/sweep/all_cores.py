@@ -75,6 +75,12 @@ def on_all_cores(
             ) from None
 
 
+def in_order(work: Callable[[J], R], jobs: Sequence[J], workers: int | None = None) -> list[R]:
+    """All results, in the order of the jobs. Arguments and errors as of `on_all_cores`."""
+    results = dict(result for result in on_all_cores(work, jobs, workers) if result is not None)
+    return [results[index] for index in range(len(jobs))]
+
+
 @contextmanager
 def _pool(workers: int) -> Generator[tuple[ProcessPoolExecutor, Event]]:
     told = SPAWN.Event()

@@ -19,6 +19,7 @@ SECTIONS = {
     "control": "tools.research.bench.control",
     "simulator": "tools.research.bench.simulator",
     "tether": "tools.research.bench.tether",
+    "sweep": "tools.research.bench.sweep",
 }
 
 
