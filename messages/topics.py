@@ -70,8 +70,12 @@ LOG            = Topic("log/*",               LogLine,             0, BULK,     
 # fmt: on
 
 ALL: tuple[AnyTopic, ...] = rows(globals())
+SINGLE = {topic.key: topic for topic in ALL if not topic.is_family}
+FAMILIES = [topic for topic in ALL if topic.is_family]
 
 
 def find(key: str) -> AnyTopic | None:
     """The topic that a key belongs to, or None for a key that is not in the table."""
-    return next((topic for topic in ALL if topic.covers(key)), None)
+    if (topic := SINGLE.get(key)) is not None:
+        return topic
+    return next((family for family in FAMILIES if family.covers(key)), None)

@@ -15,6 +15,8 @@ from services.runtime.node.stamps import mover
 from tools.recordings.recording import Raw, Recording
 from tools.report.columns import WANTED, Array, Gathering, StreamColumns
 
+HEALTH = topics.HEALTH.key.removesuffix("*")  # how the keys of the family begin
+
 
 @dataclass(slots=True)
 class Traffic:
@@ -122,7 +124,7 @@ class GatheredDive:
 
     def wants(self, key: str) -> bool:
         """Are the messages of this key to be added?"""
-        return key in self._streams or topics.HEALTH.covers(key)
+        return key in self._streams or key.startswith(HEALTH)
 
     def add(self, key: str, message: Message) -> None:
         if (stream := self._streams.get(key)) is not None:
