@@ -29,7 +29,7 @@ class PlannedDive(NamedTuple):
     seed: int
 
 
-class Axes(msgspec.Struct, frozen=True):
+class SweepAxes(msgspec.Struct, frozen=True):
     """The values of each axis, in the order of the command line."""
 
     vehicle: tuple[str, ...]
@@ -68,14 +68,14 @@ def axes(
     pilot: Sequence[str],
     settings: Sequence[str],
     seed: Sequence[str],
-) -> Axes:
+) -> SweepAxes:
     """Read the options; each may be given several times, and has values with commas between them.
 
     Raises:
         LindyError: a value is empty or there twice, a key is set twice, a seed is none, or the
             dives are too many.
     """
-    found = Axes(
+    found = SweepAxes(
         vehicle=_values("--vehicle", vehicle),
         link=_values("--link", link),
         pilot=_values("--pilot", pilot),

@@ -21,7 +21,7 @@ from tools.fresh import refuse_existing, write_fresh
 from tools.live.stop_signals import StopSignals
 from tools.live.virtual_dive import without_files
 from tools.sweep.all_cores import cores, on_all_cores
-from tools.sweep.axes import Axes
+from tools.sweep.axes import SweepAxes
 from tools.sweep.finished import About, FinishedDives, rows_file
 from tools.sweep.one_dive import Job, fly_one
 from tools.sweep.picture import check_picture, drawn
@@ -43,7 +43,7 @@ class Wanted(msgspec.Struct, frozen=True, kw_only=True):
     picture: Path | None = None
 
 
-def sweep(axes: Axes, wanted: Wanted) -> int:
+def sweep(axes: SweepAxes, wanted: Wanted) -> int:
     """Returns the exit status.
 
     Raises:
@@ -69,21 +69,21 @@ def sweep(axes: Axes, wanted: Wanted) -> int:
     return _ending(rows, axes, wanted, stopped=stopped)
 
 
-def _write_table(axes: Axes, wanted: Wanted, finished: FinishedDives) -> list[Row]:
+def _write_table(axes: SweepAxes, wanted: Wanted, finished: FinishedDives) -> list[Row]:
     """Returns its rows, in the order of the dives."""
     rows = [finished.rows[number] for number in sorted(finished.rows)]
     finished.replace_table(encoded(rows, list(axes.settings), wanted.out.suffix))
     return rows
 
 
-def _kept(done: int, axes: Axes, wanted: Wanted) -> str:
+def _kept(done: int, axes: SweepAxes, wanted: Wanted) -> str:
     return (
         f"{done} of {axes.count} dives are kept in {rows_file(wanted.out)}, and the same command "
         "goes on with the rest"
     )
 
 
-def _checked(axes: Axes, wanted: Wanted) -> About:
+def _checked(axes: SweepAxes, wanted: Wanted) -> About:
     """Check every combination before the first dive.
 
     Raises:
@@ -117,7 +117,7 @@ def _checksum(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
 
 
-def _fly(axes: Axes, wanted: Wanted, finished: FinishedDives) -> bool:
+def _fly(axes: SweepAxes, wanted: Wanted, finished: FinishedDives) -> bool:
     """Fly what is missing. Was it interrupted?"""
     keep = str(wanted.out.with_name(f"{wanted.out.name}.dives")) if wanted.record else ""
     jobs = [
@@ -165,7 +165,7 @@ def _lines(total: int, before: int) -> Callable[[int], None]:
     return advance
 
 
-def _show(rows: Sequence[Row], axes: Axes, wanted: Wanted) -> None:
+def _show(rows: Sequence[Row], axes: SweepAxes, wanted: Wanted) -> None:
     groups = pooled(rows, axes.varied)
     if groups:
         print("p50 / p95 / max over the dives of each combination:")
@@ -178,7 +178,7 @@ def _show(rows: Sequence[Row], axes: Axes, wanted: Wanted) -> None:
         print(f"written {wanted.picture}", flush=True)
 
 
-def _ending(rows: Sequence[Row], axes: Axes, wanted: Wanted, *, stopped: bool) -> int:
+def _ending(rows: Sequence[Row], axes: SweepAxes, wanted: Wanted, *, stopped: bool) -> int:
     if stopped and len(rows) < axes.count:
         raise LindyError(f"interrupted; {_kept(len(rows), axes, wanted)}")
     failed = [row for row in rows if row["end"] != CLEAN]

@@ -1,14 +1,14 @@
-"""Axes of a sweep: what the command line means, and every mistake in one sentence."""
+"""SweepAxes of a sweep: what the command line means, and every mistake in one sentence."""
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from services.runtime.config.errors import LindyError
-from tools.sweep.axes import Axes, axes
+from tools.sweep.axes import SweepAxes, axes
 
 
-def read(**options: str) -> Axes:
+def read(**options: str) -> SweepAxes:
     given = {name: [text] for name, text in options.items()}
     defaults = {"vehicle": ["pioneer"], "link": ["tether"], "pilot": ["script:a"], "seed": ["0"]}
     return axes(**{"settings": [], **defaults, **given})

@@ -9,7 +9,7 @@ import pytest
 from tools.__main__ import main
 from tools.report import Report
 from tools.sweep import sweep as module
-from tools.sweep.axes import Axes, Combination, PlannedDive, axes
+from tools.sweep.axes import SweepAxes, Combination, PlannedDive, axes
 from tools.sweep.finished import rows_file
 from tools.sweep.one_dive import Job, fly_one
 from tools.sweep.rows import Row, columns
@@ -201,7 +201,7 @@ def test_ctrl_c_keeps_what_is_finished(
 ):
     out = tmp_path / "x.csv"
 
-    def interrupted(axes: Axes, wanted: module.Wanted, finished: module.FinishedDives) -> bool:
+    def interrupted(axes: SweepAxes, wanted: module.Wanted, finished: module.FinishedDives) -> bool:
         dive = next(iter(axes.dives()))
         row = fly_one(Job(dive, wanted.stack, wanted.seconds, ""))
         assert row is not None
