@@ -37,8 +37,9 @@ def drawn(groups: Sequence[Pooled]) -> bytes:
             values = [float("nan") if spread is None else spread[n] for spread in spreads]
             axes.plot(places, values, mark, label=name, color=f"C{n}")
         axes.set_ylabel(f"{main.title}\n[{main.unit}]")
-        axes.margins(x=0.1, y=0.15)
-        axes.set_ylim(bottom=0.0)
+        most = max((s.max for group in groups if (s := group.spreads[main.column])), default=0.0)
+        axes.set_ylim(0.0, 1.15 * most or 1.0)
+        axes.margins(x=0.1)
         axes.grid(axis="y", alpha=0.3)
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     labels = ["\n".join(group.label.values()) or "all dives" for group in groups]

@@ -9,7 +9,7 @@ import pytest
 from tools.__main__ import main
 from tools.report import Report
 from tools.sweep import sweep as module
-from tools.sweep.axes import SweepAxes, Combination, PlannedDive, axes
+from tools.sweep.axes import Combination, PlannedDive, SweepAxes, axes
 from tools.sweep.finished import rows_file
 from tools.sweep.one_dive import Job, fly_one
 from tools.sweep.rows import Row, columns
