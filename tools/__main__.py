@@ -16,6 +16,7 @@ from tools.gains import gains
 from tools.link import link
 from tools.profile import profile
 from tools.ramp import ramp
+from tools.sweep.command import sweep
 
 ERROR = 1  # exit status
 DEBUG = "--debug"
@@ -103,14 +104,27 @@ def up(
 
 
 @app.command
-def simulate(*, choices: Choices | None = None) -> int:
+def simulate(
+    *,
+    choices: Choices | None = None,
+    files: Annotated[
+        bool,
+        Parameter(
+            name="--files",
+            negative="--no-files",
+            show_default=False,
+            help="--no-files: no recording, no viewer, no folder; the report only, sooner",
+        ),
+    ] = True,
+) -> int:
     """The same dive on virtual time, as fast as the computer can, with the same files.
 
     Example: lindy simulate --seed 7 --set control.depth.kp=3 --out dives/simulated
+             lindy simulate --no-files --link severe
     """
     from tools.simulate import simulate
 
-    return simulate(choices or Choices())
+    return simulate(choices or Choices(), files=files)
 
 
 @app.command
@@ -342,6 +356,7 @@ app.command(profile)
 app.command(ramp)
 app.command(gains)
 app.command(link)
+app.command(sweep)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -9,6 +9,7 @@ import msgspec
 
 from services.control.core import Controller, Settings
 from services.gamepad import stick_log
+from services.gamepad.incidents import Incident
 from services.gamepad.io.path_file import course_named
 from services.gamepad.pilot_intents import FollowIntent
 from services.marine.vehicle import Vehicle
@@ -20,6 +21,7 @@ from services.runtime.config.stack import BODY, Stack
 from services.runtime.hosts.registry import Registry
 from services.tether.io.profile_file import named
 from tools.choices import Choices
+from tools.incident_checks import check_incidents
 from tools.link_fit import check_can_be_flown
 
 DEFAULT_PILOT = "script:first_dive"
@@ -32,6 +34,7 @@ class PilotChoice:
 
     name: str  # as services read it: gamepad, keyboard or script:FILE
     script_s: float | None = None  # [s] length of the script; None: a person
+    incidents: tuple[Incident, ...] = ()  # of the script, in their order
 
 
 def pilot_of(choice: str) -> PilotChoice:
@@ -56,7 +59,9 @@ def pilot_of(choice: str) -> PilotChoice:
         raise LindyError(f"cannot read {path}: {error.strerror}") from None
     except ValueError as error:
         raise LindyError(f"{path}: {error}") from None
-    return PilotChoice(f"script:{path if name.endswith('.csv') else name}", log.duration)
+    incidents = tuple(row.event for row in log.rows if isinstance(row.event, Incident))
+    script = f"script:{path if name.endswith('.csv') else name}"
+    return PilotChoice(script, log.duration, incidents)
 
 
 def checked(
@@ -85,6 +90,7 @@ def checked(
     stack.check(known_tables(services, here))
     check_can_be_flown(named(choices.link))
     _submergible(stack)
+    check_incidents(pilot.incidents, stack, services)
     if (control := services.get("control")) is not None and control.module is None:
         _controllable(stack)
     return stack

@@ -1,81 +1,110 @@
 """`lindy simulate`: the same stack, script and files on virtual time, as fast as possible."""
 
 import sys
-import time
 from collections.abc import Callable, Generator
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
+from functools import partial
+from tempfile import TemporaryDirectory
 
 import msgspec
 from rich.progress import BarColumn, Progress, TextColumn
 
-from messages import topics
 from messages.health import LogLine
 from services.runtime.config.errors import LindyError
-from services.runtime.hosts.garbage_collection import rare_collections
+from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
-from services.runtime.hosts.virtual_host import VirtualHost
-from services.runtime.launch.supervisor import NAME
-from tools.checks import DEFAULT_PILOT, checked, pilot_of
+from tools.checks import DEFAULT_PILOT, PilotChoice, checked, pilot_of
 from tools.choices import Choices
 from tools.live.display import LineDisplay
 from tools.live.dive_folder import out_folder, point_latest
 from tools.live.dive_timeline import DiveTimeline
 from tools.live.log_lines import when
-from tools.live.outcome import Outcome, title
+from tools.live.memory_recorder import MemoryRecorder
+from tools.live.outcome import CLEAN, Outcome, title
 from tools.live.stop_signals import StopSignals
 from tools.live.viewer import runnable
+from tools.live.virtual_dive import Advance, fly, without_files
+from tools.report import summary
 
-STRIDE_NS = 100_000_000  # [ns] of virtual time between two checks of the dive
 LINE_S = 10.0  # [s] of virtual time between two lines
 
-Advance = Callable[[DiveTimeline, int], None]
 
-
-def simulate(choices: Choices) -> int:
+def simulate(choices: Choices, *, files: bool = True) -> int:
     """Returns the exit status: 0 clean, 3 done but data or a service was lost.
+
+    Args:
+        files: False: no recorder, no viewer, no folder; the report comes from memory.
 
     Raises:
         LindyError: a wrong setting, or the dive was aborted.
     """
+    pilot, services = scripted(choices), Registry.read(choices.stack)
+    services.require_whole()
+    return _recorded(choices, pilot, services) if files else _in_memory(choices, pilot, services)
+
+
+def scripted(choices: Choices) -> PilotChoice:
+    """
+    Raises:
+        LindyError: there is no such script, or the pilot is a person.
+    """
     pilot = pilot_of(choices.pilot or DEFAULT_PILOT)
     if pilot.script_s is None:
         raise LindyError(f"--pilot {pilot.name} needs real time; simulate flies script:FILE only")
-    services = runnable(Registry.read(choices.stack))
-    services.require_whole()
+    return pilot
+
+
+def _recorded(choices: Choices, pilot: PilotChoice, services: Registry) -> int:
+    services = runnable(services)
     stack = checked(choices, pilot, services)
     stack = msgspec.structs.replace(stack, virtual=True, out=str(out_folder(choices.out)))
+    print(f"{title(stack)} → {stack.out_dir}", flush=True)
     outcome = Outcome(stack)
-    timeline = DiveTimeline(pilot.script_s, choices.seconds)
-    host, shown = VirtualHost(), LineDisplay()
+    begun = partial(point_latest, stack.out_dir)
+    _fly_and_show(stack, services, DiveTimeline(pilot.script_s, choices.seconds), outcome, begun)
+    return outcome.sum_up()
+
+
+def _in_memory(choices: Choices, pilot: PilotChoice, services: Registry) -> int:
+    if choices.out is not None:
+        raise LindyError("--out names a folder for files, and --no-files writes none; drop one")
+    services = without_files(services)
+    stack = checked(choices, pilot, services)
+    memory = MemoryRecorder()
+    with TemporaryDirectory(prefix="lindy-") as folder:  # for a user's service that writes files
+        stack = msgspec.structs.replace(stack, virtual=True, out=folder)
+        print(f"{title(stack)}, without files", flush=True)
+        outcome, timeline = Outcome(stack), DiveTimeline(pilot.script_s, choices.seconds)
+        _fly_and_show(stack, services, timeline, outcome, memory=memory)
+    dive = memory.dive()
+    print(summary(outcome.report_in_memory(dive, memory.log_hash()), dive.max_depth_m), flush=True)
+    outcome.complain()
+    return CLEAN
+
+
+def _fly_and_show(
+    stack: Stack,
+    services: Registry,
+    timeline: DiveTimeline,
+    outcome: Outcome,
+    begun: Callable[[], None] = lambda: None,
+    memory: MemoryRecorder | None = None,
+) -> None:
+    shown = LineDisplay()
 
     def show(line: LogLine) -> None:
         shown.line(line, timeline.elapsed_s(line.stamp_ns))
 
-    print(f"{title(stack)} → {stack.out_dir}", flush=True)
-    with StopSignals() as stop, outcome.of_the_dive(), progress() as advance, closing(host):
-        node = host.node(NAME, ["topside"])
-        node.each(topics.STATUS, timeline.see)
-        outcome.listen(node)
-        host.add_all(services, stack)
-        services.require_published({name: host.nodes[name].published for name in services})
-        point_latest(stack.out_dir)
-        host.show(lambda line: None if line.level == "info" else show(line))
-        began = time.perf_counter()
-        with rare_collections():
-            outcome.exit = run(host, timeline, stop, advance)
-        outcome.speedup = host.now / 1e9 / (time.perf_counter() - began)
+    with StopSignals() as stop, progress() as advance:
+        fly(
+            *(stack, services, timeline, outcome),
+            stop=lambda: stop.asked,
+            memory=memory,
+            begun=begun,
+            advance=advance,
+            show=show,
+        )
     shown.finish()
-    return outcome.sum_up()
-
-
-def run(host: VirtualHost, timeline: DiveTimeline, stop: StopSignals, advance: Advance) -> str:
-    """Run to the end of the dive. Returns how it ended: `clean`, or why otherwise."""
-    end = None
-    while end is None:
-        host.run(host.now + STRIDE_NS)
-        advance(timeline, host.now)
-        end = "interrupted" if stop.asked else timeline.over(host.now)
-    return end
 
 
 @contextmanager

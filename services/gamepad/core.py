@@ -11,6 +11,7 @@ from typing import Annotated, Literal, NamedTuple, Protocol
 import msgspec
 
 from messages.units import Share
+from services.gamepad.incidents import Incident
 from services.gamepad.pilot_intents import Intent, Press
 
 DeadBand = Annotated[float, msgspec.Meta(ge=0.0, le=0.9)]
@@ -121,6 +122,7 @@ class StickReading(NamedTuple):
     at_rest: bool = True  # the device's sticks are centred, even where `sticks` is held at 0
     age_ms: float = 0.0  # [ms] since the device last answered
     presses: tuple[Intent, ...] = ()  # requests since the last reading, from a button or a script
+    incidents: tuple[Incident, ...] = ()  # of a script, since the last reading
     notes: tuple[tuple[Level, str], ...] = ()  # for the log
     lost: tuple[str, ...] = ()  # to be counted: what was dropped or broke
 

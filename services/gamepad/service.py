@@ -1,9 +1,12 @@
 """Gamepad service: publishes the sticks at 50 Hz, and repeats requests until they are answered."""
 
 from messages import topics
+from messages.link import LinkAnswer
 from messages.pilot import PilotAnswer, PilotRequest, RequestKind
+from messages.simulator import FaultAnswer, FaultRequest
 from messages.vehicle import VehicleStatus
 from services.gamepad.core import StickSource
+from services.gamepad.incidents import Incident, in_words
 from services.gamepad.io.sources import open_source
 from services.gamepad.overruling import overrules
 from services.gamepad.pilot import Effects, Pilot, Progress
@@ -33,6 +36,7 @@ class Connected:
             on_given_up=self._on_given_up,
             overrules=overrules,
         )
+        self._causing = CausedIncidents(node)
         node.each(topics.STATUS, self._on_status)
         node.every(topics.PILOT_COMMAND.hz, self._publish)
 
@@ -41,6 +45,8 @@ class Connected:
         began, source = self._pilot.progress.began_ns, self._source
         reading = source.read(now, began)
         self._do(self._pilot.read(reading, source.name, source.played, self._waiting, now), now)
+        for incident in reading.incidents:
+            self._causing.cause(incident, now)
         if began is not None:
             self._change.set(source.next_ns(now, began))
 
@@ -71,3 +77,38 @@ class Connected:
             self._node.save_checkpoint(self._kept)
         if effects.hand_over:
             self._publish(now)
+
+
+class CausedIncidents:
+    """Sends a script's incidents to the simulator and the tether; a refusal is counted and shown.
+    They do not depend on who is in control."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._faults = node.request(
+            topics.FAULT_REQUEST,
+            topics.FAULT_ANSWER,
+            on_answer=self._on_answer,
+            on_given_up=self._on_given_up,
+        )
+        self._links = node.request(
+            topics.LINK_REQUEST,
+            topics.LINK_ANSWER,
+            on_answer=self._on_answer,
+            on_given_up=self._on_given_up,
+        )
+
+    def cause(self, incident: Incident, now: int) -> None:
+        if isinstance(incident, FaultRequest):
+            self._faults.ask(incident, now)
+        else:
+            self._links.ask(incident, now)
+
+    def _on_answer(self, request: Incident, answer: FaultAnswer | LinkAnswer, _now: int) -> None:
+        if not answer.accepted:
+            self._node.count("refused:incident")
+            self._node.log("warning", f"{in_words(request)}: refused: {answer.reason}")
+
+    def _on_given_up(self, request: Incident, _now: int) -> None:
+        self._node.count("unanswered:incident")
+        self._node.log("warning", f"{in_words(request)}: nobody answered")

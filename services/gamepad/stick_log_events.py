@@ -1,16 +1,21 @@
-"""An event of a stick log: one word, `goto depth=3 heading=90`, `follow inspection_box` or
-`mode depth_hold`."""
+"""An event of a stick log: one word, `goto depth=3 heading=90`, `follow inspection_box`,
+`mode depth_hold`, `fault port dead` or `link profile severe`."""
 
 from collections.abc import Callable
 from typing import Literal, cast, get_args
 
 from messages.pilot import Course, Hold
+from services.gamepad import incidents
+from services.gamepad.incidents import Incident
 from services.gamepad.pilot_intents import FollowIntent, GotoIntent, Intent, ModeIntent, Press, goto
 
-Event = Intent | Literal["lost"]
+Event = Intent | Incident | Literal["lost"]
 Courses = Callable[[str], Course]  # reads the path of a name; ValueError: why it cannot
 WORDS: tuple[str, ...] = (*get_args(Press), "lost")
-ALLOWED = f"{', '.join(WORDS)}, goto depth=M heading=DEG, follow PATH, mode HOLD"
+ALLOWED = (
+    f"{', '.join(WORDS)}, goto depth=M heading=DEG, follow PATH, mode HOLD, "
+    "fault PART KIND [VALUE], link down, link up, link profile NAME, link set KEY=VALUE"
+)
 HOLDS: tuple[str, ...] = get_args(Hold)
 
 
@@ -21,12 +26,22 @@ def event_of(cell: str, courses: Courses) -> Event | None:
         ValueError: names what was found and what is allowed.
     """
     word, _, rest = cell.partition(" ")
-    if word == "goto":
-        return _goto(rest)
-    if word == "follow":
-        return _follow(rest.strip(), courses)
-    if word == "mode":
-        return _mode(rest.strip())
+    match word:
+        case "goto":
+            return _goto(rest)
+        case "follow":
+            return _follow(rest.strip(), courses)
+        case "mode":
+            return _mode(rest.strip())
+        case "fault":
+            return incidents.fault(rest.split())
+        case "link":
+            return incidents.link(rest.split())
+        case _:
+            return _one_word(cell)
+
+
+def _one_word(cell: str) -> Event | None:
     if not cell:
         return None
     if cell not in WORDS:

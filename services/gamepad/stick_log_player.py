@@ -4,6 +4,7 @@ from bisect import bisect_right
 from typing import NamedTuple
 
 from services.gamepad.core import Level, StickReading
+from services.gamepad.incidents import Incident
 from services.gamepad.pilot_intents import Intent
 from services.gamepad.stick_log import StickLog
 
@@ -12,7 +13,7 @@ QUIET_NS = 3_000_000_000  # [ns] of centred sticks after the script, before the 
 
 class Cue(NamedTuple):
     at_ns: int  # [ns] since the script began
-    intent: Intent
+    what: Intent | Incident
 
 
 class Player:
@@ -44,7 +45,8 @@ class Player:
             sticks=row.sticks,
             present=row.event != "lost",
             at_rest=row.sticks.at_rest,
-            presses=tuple(cue.intent for cue in due),
+            presses=tuple(cue.what for cue in due if not isinstance(cue.what, Incident)),
+            incidents=tuple(cue.what for cue in due if isinstance(cue.what, Incident)),
             notes=notes,
         )
 

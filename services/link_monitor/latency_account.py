@@ -20,6 +20,7 @@ from messages.reference import Reference
 from messages.state import VehicleState
 from messages.units import Ns
 from messages.vehicle import Actuation
+from services.marine.summation import plain_sum
 
 WINDOW_NS = 2_000_000_000  # [ns] the budget covers the last two seconds
 SAME_NS = 5_000_000  # [ns] a quarter of the time between two commands
@@ -114,7 +115,7 @@ class LatencyAccount:
             stamp_ns=now,
             down=_stages(DOWN_STAGES, down),
             up=self._up(shown),
-            stick_to_thruster_ms=_median([sum(stages) for stages in down]),
+            stick_to_thruster_ms=_median([plain_sum(stages) for stages in down]),
             sensor_to_screen_ms=_median(shown),
             bound_ms=bound_ms,
             alarm=alarm,
@@ -152,18 +153,18 @@ class LatencyAccount:
 def _stages(names: tuple[str, ...], commands: list[tuple[float, ...]]) -> tuple[Stage, ...] | None:
     if len(commands) < AT_LEAST:
         return None
-    commands = sorted(commands, key=sum)
+    commands = sorted(commands, key=plain_sum)
     half = max(1, len(commands) // 10)
-    median = sum(commands[len(commands) // 2])
+    median = plain_sum(commands[len(commands) // 2])
     middle = [
         stages
         for stages in commands[len(commands) // 2 - half : len(commands) // 2 + half + 1]
-        if abs(sum(stages) - median) <= ALIKE * abs(median)
+        if abs(plain_sum(stages) - median) <= ALIKE * abs(median)
     ]
     return tuple(
         Stage(
             name,
-            max(0.0, sum(stages[k] for stages in middle) / len(middle)),
+            max(0.0, plain_sum(stages[k] for stages in middle) / len(middle)),
             max(0.0, _high([stages[k] for stages in commands])),
         )
         for k, name in enumerate(names)

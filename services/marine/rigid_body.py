@@ -5,6 +5,7 @@ matrix M = M_RB + M_A is diagonal and is kept as six numbers.
 """
 
 from messages.units import Vec6
+from services.marine.summation import plain_sum
 from services.marine.vehicle import Vehicle
 
 
@@ -36,4 +37,4 @@ def coriolis(M: Vec6, nu: Vec6) -> Vec6:
 
 def kinetic_energy(M: Vec6, nu: Vec6) -> float:
     """½ νᵀMν [J], of the body and of the water it moves (Fossen 2011, §6.3.1)."""
-    return 0.5 * sum(m * n * n for m, n in zip(M, nu, strict=True))
+    return 0.5 * plain_sum(m * n * n for m, n in zip(M, nu, strict=True))

@@ -1,12 +1,14 @@
 """Errors of past predictions, measured with the states that arrive later."""
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import hypot, sqrt
 from typing import NamedTuple
 
 from messages.prediction import Miss
 from messages.units import Ns
+from services.marine.summation import plain_sum
 
 WINDOW_NS = 5_000_000_000  # [ns] of judged predictions
 
@@ -61,10 +63,8 @@ class PredictionQuality:
         """Rms errors of the predictions, and of the delayed state."""
         if not self._judged:
             return None, None
-        return (
-            _miss([predicted for _, predicted, _ in self._judged]),
-            _miss([delayed for _, _, delayed in self._judged]),
-        )
+        _, predicted, delayed = zip(*self._judged, strict=True)
+        return _miss(predicted), _miss(delayed)
 
 
 def _between(before: tuple[Ns, Pose], after: tuple[Ns, Pose], at: Ns) -> Pose:
@@ -94,14 +94,15 @@ def _place(judged: Pose, true: Pose) -> float | None:
     return distance * distance
 
 
-def _miss(errors: list[SquaredErrors]) -> Miss:
-    places = [error.place for error in errors if error.place is not None]
+def _miss(errors: Sequence[SquaredErrors]) -> Miss:
+    depths, headings, maybe_places = zip(*errors, strict=True)
+    places = [place for place in maybe_places if place is not None]
     return Miss(
-        depth=_root_mean([error.depth for error in errors]),
-        heading=_root_mean([error.heading for error in errors]),
+        depth=_root_mean(depths),
+        heading=_root_mean(headings),
         place=_root_mean(places) if places else None,
     )
 
 
-def _root_mean(squares: list[float]) -> float:
-    return sqrt(sum(squares) / len(squares))
+def _root_mean(squares: Sequence[float]) -> float:
+    return sqrt(plain_sum(squares) / len(squares))

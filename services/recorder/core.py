@@ -33,6 +33,15 @@ class RecordedRow(NamedTuple):
     sequence: int  # the publisher's count, modulo 2³²
 
 
+class CheckedMessage(NamedTuple):
+    """One message that belongs into a recording."""
+
+    topic: AnyTopic  # the row of the topic table; for health/control that of health/*
+    message: Message
+    log_ns: int  # [ns] UTC of arrival
+    publish_ns: int  # [ns] UTC of the message's own stamp, or of arrival: see `Intake`
+
+
 @dataclass(frozen=True, slots=True)
 class _Stream:
     topic: AnyTopic
@@ -72,6 +81,19 @@ class Intake:
         Args:
             arrival: [ns] by the recorder's clock.
         """
+        found = self.check(key, encoding, payload, arrival)
+        if isinstance(found, str):
+            return found
+        topic, message, log_ns, publish_ns = found
+        data = self._encode(message)
+        return RecordedRow(topic, key, data, log_ns, publish_ns, message.seq & 0xFFFFFFFF)
+
+    def check(self, key: str, encoding: str, payload: bytes, arrival: int) -> CheckedMessage | str:
+        """The message, counted into the hash; or the name under which its loss is counted.
+
+        Args:
+            arrival: [ns] by the recorder's clock.
+        """
         stream = self._streams.get(key) or self._family_of(key)
         if stream is None:
             return self._name_unknown(key)
@@ -90,8 +112,7 @@ class Intake:
         if key not in self._streams and not self._admit(key, stream):
             return f"too_many_keys:{name}"
         self._add_to_hash(key, payload, arrival)
-        data = self._encode(message)
-        return RecordedRow(stream.topic, key, data, log_ns, publish_ns, message.seq & 0xFFFFFFFF)
+        return CheckedMessage(stream.topic, message, log_ns, publish_ns)
 
     def log_hash(self) -> str:
         """SHA-256 over key, payload and arrival of every row so far, in order: two runs with the

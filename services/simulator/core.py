@@ -37,6 +37,12 @@ from services.vehicle.mounting import place_of
 M = TypeVar("M", bound=Message)
 
 
+def sensors_of(settings: Settings) -> list[str]:
+    """Keys of the sensors that a vehicle with these settings has."""
+    missing = {"sensor/dvl": settings.dvl, "sensor/usbl": settings.usbl}
+    return [key for key in faults.MEASURED if missing.get(key, True) is not None]
+
+
 class Simulator:
     def __init__(
         self, vehicle: Vehicle, settings: Settings, seed: int, world: WorldCheckpoint
@@ -93,17 +99,12 @@ class Simulator:
     @property
     def sensors(self) -> list[str]:
         """Keys of those the vehicle has."""
-        missing = {"sensor/dvl": self._settings.dvl, "sensor/usbl": self._settings.usbl}
-        return [key for key in faults.MEASURED if missing.get(key, True) is not None]
+        return sensors_of(self._settings)
 
     @property
     def silent(self) -> list[str]:
         """Keys of the sensors that a fault keeps silent."""
         return [key for key, fault in self._faults.items() if fault.kind == "silent"]
-
-    def refusal(self, request: FaultRequest) -> str:
-        """Why a request for a part that exists cannot be granted; empty when it can."""
-        return faults.refusal(request, self.thrusters)
 
     def break_or_mend(self, request: FaultRequest, now: int) -> list[str]:
         """Grant a request at `now` [ns]; returns the names to count."""

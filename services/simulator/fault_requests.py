@@ -4,8 +4,8 @@ from collections.abc import Callable, Sequence
 
 from messages.simulator import FaultAnswer, FaultRequest
 from messages.units import Ns
+from services.simulator import faults
 from services.simulator.core import Simulator
-from services.simulator.faults import ALL
 
 Nearest = Callable[[str, Sequence[str]], str]  # (wrong name, known ones) → words that help
 
@@ -14,11 +14,7 @@ def decide(
     simulator: Simulator, request: FaultRequest, now: Ns, nearest: Nearest
 ) -> tuple[FaultAnswer, list[str]]:
     """Set or clear a fault, or refuse; returns the answer and the names to count."""
-    parts = [*simulator.thrusters, *simulator.sensors, ALL]
-    if request.part in parts:
-        reason = simulator.refusal(request)
-    else:
-        reason = f"there is no part {request.part!r}{nearest(request.part, parts)}"
+    reason = refusal(request, simulator.thrusters, simulator.sensors, nearest)
     counts = ["refused:simulator/request"] if reason else simulator.break_or_mend(request, now)
     answer = FaultAnswer(
         stamp_ns=now,
@@ -28,6 +24,16 @@ def decide(
         cause_ns=request.stamp_ns,
     )
     return answer, counts
+
+
+def refusal(
+    request: FaultRequest, thrusters: Sequence[str], sensors: Sequence[str], nearest: Nearest
+) -> str:
+    """Why a vehicle with these parts cannot grant a request; empty when it can."""
+    parts = [*thrusters, *sensors, faults.ALL]
+    if request.part not in parts:
+        return f"there is no part {request.part!r}{nearest(request.part, parts)}"
+    return faults.refusal(request, thrusters)
 
 
 def in_words(request: FaultRequest) -> str:

@@ -2,6 +2,7 @@
 
 from messages.units import Quaternion, Vec3, Vec6
 from services.marine.attitude import to_body, to_world
+from services.marine.summation import plain_sum
 from services.marine.water import density_of
 from services.simulator.barrier import Barrier
 from services.simulator.settings import Settings
@@ -25,7 +26,7 @@ class Surroundings:
             sides += [(NORTH, walls.north[1]), (_minus(NORTH), -walls.north[0])]
             sides += [(EAST, walls.east[1]), (_minus(EAST), -walls.east[0])]
         self._sides = [(way, Barrier(limit, hull_size, inertia)) for way, limit in sides]
-        self._open_above = place.floor_depth - sum(hull_size)  # [m] far from the floor
+        self._open_above = place.floor_depth - plain_sum(hull_size)  # [m] far from the floor
         self._open_sideways = walls is None
 
     def near(self, position: Vec3) -> list[tuple[Vec3, Barrier]]:

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from messages.units import Quaternion, Vec3, Vec6
 from services.marine.attitude import attitude_rate, down_in_body, normalised, to_body, to_world
 from services.marine.rigid_body import system_inertia
+from services.marine.summation import plain_sum
 from services.marine.vehicle import Vehicle
 from services.simulator.current import Current
 from services.simulator.equations import equations_of_motion
@@ -50,7 +51,7 @@ class Vessel:
         self._acceleration = equations_of_motion(vehicle, place.wake_share)
         self._propulsion = SimulatedThrusters(vehicle, thrust)
         self._around = Surroundings(place, vehicle.size, system_inertia(vehicle)[2])
-        self._always_wet_below = max(sum(map(abs, t.position)) for t in vehicle.thruster)
+        self._always_wet_below = max(plain_sum(map(abs, t.position)) for t in vehicle.thruster)
         x, y, z, qw, qx, qy, qz, u, v, w, p, q, r = state
         self.position: Vec3 = (x, y, z)  # [m] NED
         self.attitude = normalised((qw, qx, qy, qz))  # q_NB
@@ -75,7 +76,7 @@ class Vessel:
         steps = int(seconds / STEP - 1e-9) + 1
         for _ in range(steps):
             self._go(seconds / steps)
-        if not sum(map(abs, self.through_water)) < ABSURD:  # NaN is not smaller than anything
+        if not plain_sum(map(abs, self.through_water)) < ABSURD:  # NaN is not smaller than anything
             raise FloatingPointError(f"the vehicle's motion has diverged: {self.state}")
 
     # Outputs.

@@ -38,7 +38,8 @@ class Crossing(Generic[T]):
             if arrival.damaged:
                 self.counts.append(f"damaged:{key}")
             arrived.append((item, arrival.damaged))
-        self.counts += [f"{reason}:{key}" for (key, _), reason in self._line.take_lost()]
+        if lost := self._line.take_lost():
+            self.counts += [f"{reason}:{key}" for (key, _), reason in lost]
         return arrived
 
     def due(self) -> Ns | None:

@@ -77,10 +77,11 @@ class LinkDirection(Generic[T]):
 
     def due(self) -> int | None:
         """[ns] When a message arrives or the next one can be sent; None: there is none."""
-        times = [self._in_flight[0][0]] if self._in_flight else []
-        if self._sending is not None:
-            times.append(self._sending[0])
-        return min(times, default=None)
+        arrives = self._in_flight[0][0] if self._in_flight else None
+        if self._sending is None:
+            return arrives
+        sent = self._sending[0]
+        return sent if arrives is None else min(sent, arrives)
 
     def leave(self, now: int) -> Arrival[T] | None:
         """The next message that has arrived by `now`, or None."""
@@ -94,6 +95,8 @@ class LinkDirection(Generic[T]):
 
     def take_lost(self) -> list[tuple[T, str]]:
         """Messages lost since the last call, with the reason."""
+        if not self._newly_lost:  # nearly always
+            return []
         lost, self._newly_lost = self._newly_lost, []
         return lost
 

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from messages import topics
+from services.marine.summation import plain_sum
 
 COLUMNS = (
     topics.TRUTH, topics.WRENCH, topics.ACTUATION, topics.THRUSTERS, topics.REFERENCE, topics.STATE,
@@ -112,7 +113,7 @@ class RateLadder:
 def load_kbit(level: int, offered: Mapping[str, float]) -> float:
     """[kbit/s] Load of the link at a level."""
     capped = limits(level)
-    return sum(
+    return plain_sum(
         kilobits * (capped[topic] / FULL[topic] if topic in capped else 1.0)
         for topic, kilobits in offered.items()
     )

@@ -7,6 +7,7 @@ False.
 
 from collections.abc import Sequence
 
+from services.marine.summation import plain_sum
 from services.marine.thrust_curve import CURVES
 from services.marine.thruster_lag import decay
 from services.marine.thrusters import driven
@@ -62,7 +63,7 @@ class _Lagging:
         self._settles_at, self._since = settles_at, now
 
     def at(self, now: int) -> float:
-        return self._settles_at - sum(gap.real for gap in self._left(now))
+        return self._settles_at - plain_sum(gap.real for gap in self._left(now))
 
     def _left(self, now: int) -> list[complex]:
         """[N] Gap of each mode at `now`."""

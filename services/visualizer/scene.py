@@ -12,6 +12,7 @@ from messages.reference import Reference
 from messages.state import VehicleState
 from messages.units import Quaternion, Vec3
 from messages.vehicle import Actuation, Truth
+from services.marine.summation import plain_sum
 from services.marine.vehicle import Vehicle
 from services.visualizer.batch import Frame
 
@@ -112,7 +113,7 @@ def _ahead(here: Vec3, ahead: Prediction) -> Vec3:
 
 def unit(q: Quaternion) -> Quaternion:
     """A quaternion of length one; no rotation where `q` is nothing."""
-    length = sum(part * part for part in q) ** 0.5
+    length = plain_sum(part * part for part in q) ** 0.5
     if length < 1e-6:
         return (1.0, 0.0, 0.0, 0.0)
     return (q[0] / length, q[1] / length, q[2] / length, q[3] / length)

@@ -9,13 +9,13 @@ more than a stop does; what the stop itself does shows with a sensor of 1 mbar.
 """
 
 import sys
-from concurrent.futures import ProcessPoolExecutor
 from math import degrees
 
 import numpy as np
 
 from tools.research.bench.control_goals import FINE
 from tools.research.bench.goal_runs import ReleaseResult, releases
+from tools.sweep.all_cores import in_order
 
 SEEDS = 100
 SIDES = ("centred", "released", "kept")
@@ -27,9 +27,8 @@ AXES = {
 
 
 def main(seeds: int) -> int:
-    with ProcessPoolExecutor(max_workers=2) as pool:
-        coarse = [release for dive in pool.map(releases, range(seeds)) for release in dive]
-        fine = [release for dive in pool.map(with_a_fine_sensor, range(seeds)) for release in dive]
+    coarse = [release for dive in in_order(releases, range(seeds)) for release in dive]
+    fine = [release for dive in in_order(with_a_fine_sensor, range(seeds)) for release in dive]
     print(f"{seeds} dives of the Pioneer, random sticks, depth sensor of 5 mbar")
     overshoot = _show(coarse, "yaw")
     _show(coarse, "heave")

@@ -203,7 +203,7 @@ def test_there_is_a_pad_only_when_sdl_says_so(
     assert pads.pad_is_there() is there
 
 
-@pytest.mark.parametrize("verb", ["dive", "simulate", "run", "hub"])
+@pytest.mark.parametrize("verb", ["dive", "simulate", "sweep", "run", "hub"])
 def test_every_verb_has_help_with_an_example(capsys: pytest.CaptureFixture[str], verb: str):
     assert main([verb, "--help"]) == 0
     assert f"Example: lindy {verb} " in capsys.readouterr().out
@@ -235,6 +235,23 @@ def test_a_simulated_dive_writes_its_files_and_the_same_seed_gives_the_same_byte
         hashes.append(report["log_hash"])
     assert hashes[0] == hashes[1] != hashes[2]
     assert "report.json" in capsys.readouterr().out
+
+
+def test_a_dive_without_files_reports_and_writes_nothing(
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    script: str,
+    monkeypatch: pytest.MonkeyPatch,
+):
+    monkeypatch.chdir(tmp_path)
+    before = sorted(tmp_path.iterdir())
+    arguments = ["simulate", "--no-files", "--pilot", script, "--seconds", "1"]
+    assert main(arguments) == 0
+    said = capsys.readouterr().out
+    assert "ended cleanly" in said
+    assert "energy" in said
+    assert sorted(tmp_path.iterdir()) == before
+    assert "drop one" in complaint(capsys, *arguments, "--out", "x")
 
 
 @pytest.mark.parametrize("seed", ["1.5", "1e3", "one", ""])

@@ -86,7 +86,7 @@ class Outcome:
             lost = self._report(folder, other)
         except Exception as error:  # whatever it is: the recording is worth more than its report
             raise LindyError(self._kept(folder, error)) from error
-        self._complain()
+        self.complain()
         return DATA_LOST if lost else CLEAN
 
     def sum_up_unrecorded(self, side: str, other: str) -> int:
@@ -103,7 +103,7 @@ class Outcome:
         ]
         how = f"{side} of {self._stack.vehicle_name}, {ending(self.exit, troubles)}"
         print(unrecorded(how, restarts, self.gone, other, written(folder)), flush=True)
-        self._complain()
+        self.complain()
         return DATA_LOST if self._was_away(restarts) else CLEAN
 
     def see_status(self, status: VehicleStatus, _: int) -> None:
@@ -155,7 +155,11 @@ class Outcome:
         """How often each process ran but did not answer, as counts have it."""
         return Counter({f"hung:{name}": times for name, times in self.hung().items()})
 
-    def _complain(self) -> None:
+    def complain(self) -> None:
+        """
+        Raises:
+            LindyError: why the dive was aborted, if it was.
+        """
         if self.exit != "clean":
             raise self._error or LindyError(self.exit)
 
@@ -172,6 +176,11 @@ class Outcome:
             return extras
         hashed = log_hash(self._stack.out_dir)
         return replace(extras, speedup=self.speedup, log_hash=hashed or UNSET)
+
+    def report_in_memory(self, dive: RecordedDive, hashed: str) -> Report:
+        """The report of a dive without files."""
+        extras = Extras(exit=self.exit, health=self._health, log_hash=hashed)
+        return report_on(dive, replace(extras, speedup=self.speedup or UNSET))
 
 
 def merge(folder: Path) -> bool:

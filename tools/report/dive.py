@@ -19,6 +19,8 @@ from tools.report.holes import HOLE_NS, HoleFinder
 
 ENDING_NS = 6_000_000_000  # [ns] the recorder may be stopped so long after the vehicle
 
+HEALTH, LOG = topics.HEALTH.key[:-1], topics.LOG.key[:-1]  # how the keys of the families begin
+
 
 @dataclass(slots=True)
 class Traffic:
@@ -126,43 +128,71 @@ def read_dive(recording: Recording, *, apart: bool = False) -> RecordedDive:
             topside's clock.
     """
     topside_clock = _TopsideClock() if apart else None
-    traffic: dict[str, Traffic] = {}
-    finder, vehicle, errors = HoleFinder(), HoleFinder(), Counter[str]()
-    armed_utc_ns = None
-    gathering = {wanted.topic.key: Gathering(wanted.names, wanted.figures) for wanted in WANTED}
-    health: dict[str, list[Health]] = {}
+    gathered = GatheredDive()
     for raw in recording.raw():
-        for found in (finder, vehicle) if raw.key == topics.ACTUATION.key else (finder,):
-            found.see(raw.log_ns)
-        if (seen := traffic.get(raw.key)) is None:
-            seen = traffic[raw.key] = Traffic(0, raw.log_ns, raw.log_ns)
+        gathered.pass_by(raw.key, raw.log_ns)
+        if not gathered.wants(raw.key):
+            continue
+        message = recording.decode(raw)
+        if message is not None and (topside_clock is None or topside_clock.convert(raw, message)):
+            gathered.add(raw.key, message, raw.log_ns)
+    return gathered.dive(recording.metadata("dive"), recording.losses() + _unreadable(recording))
+
+
+class GatheredDive:
+    """Collects what a report needs, message by message in the order of their arrival."""
+
+    def __init__(self) -> None:
+        self._traffic: dict[str, Traffic] = {}
+        self._streams = {
+            wanted.topic.key: Gathering(wanted.names, wanted.figures) for wanted in WANTED
+        }
+        self._health: dict[str, list[Health]] = {}
+        self._holes, self._vehicle_holes = HoleFinder(), HoleFinder()
+        self._errors = Counter[str]()
+        self._armed_utc_ns: int | None = None
+
+    def pass_by(self, key: str, log_ns: int) -> None:
+        """Any message, with its arrival [ns] UTC."""
+        self._holes.see(log_ns)
+        if key == topics.ACTUATION.key:
+            self._vehicle_holes.see(log_ns)
+        if (seen := self._traffic.get(key)) is None:
+            seen = self._traffic[key] = Traffic(0, log_ns, log_ns)
         seen.count += 1
-        seen.last_ns = raw.log_ns
-        if raw.key in gathering:
-            message = recording.decode(raw)
-            if message is not None and (
-                topside_clock is None or topside_clock.convert(raw, message)
-            ):
-                gathering[raw.key].add(message)
-                if armed_utc_ns is None and isinstance(message, Reference) and message.armed:
-                    armed_utc_ns = raw.log_ns
-        elif topics.HEALTH.covers(raw.key) or topics.LOG.covers(raw.key):
-            message = recording.decode(raw)
-            if isinstance(message, Health):
-                health.setdefault(message.service, []).append(message)
-            elif isinstance(message, LogLine):
-                errors[message.service] += message.level == "error"
-    return RecordedDive(
-        about=recording.metadata("dive"),
-        traffic=traffic,
-        streams={key: gathered.columns() for key, gathered in gathering.items()},
-        health=health,
-        losses=recording.losses() + _unreadable(recording),
-        holes=finder.found,
-        vehicle_holes=vehicle.found,
-        errors=+errors,
-        armed_utc_ns=armed_utc_ns,
-    )
+        seen.last_ns = log_ns
+
+    def wants(self, key: str) -> bool:
+        """Are the messages of this key to be added?"""
+        return key in self._streams or key.startswith((HEALTH, LOG))
+
+    def add(self, key: str, message: Message, log_ns: int) -> None:
+        if (stream := self._streams.get(key)) is not None:
+            stream.add(message)
+            if self._armed_utc_ns is None and isinstance(message, Reference) and message.armed:
+                self._armed_utc_ns = log_ns
+        elif isinstance(message, Health):
+            self._health.setdefault(message.service, []).append(message)
+        elif isinstance(message, LogLine):
+            self._errors[message.service] += message.level == "error"
+
+    def dive(self, about: dict[str, str], losses: dict[str, int]) -> RecordedDive:
+        """
+        Args:
+            about: vehicle, link, pilot, seed, overrides.
+            losses: what the recorder itself counted.
+        """
+        return RecordedDive(
+            about=about,
+            traffic=self._traffic,
+            streams={key: stream.columns() for key, stream in self._streams.items()},
+            health=self._health,
+            losses=losses,
+            holes=self._holes.found,
+            vehicle_holes=self._vehicle_holes.found,
+            errors=+self._errors,
+            armed_utc_ns=self._armed_utc_ns,
+        )
 
 
 class _TopsideClock:

@@ -13,6 +13,7 @@ from services.estimation.attitude.heading import (
     wrapped,
 )
 from services.marine.attitude import down_in_body, to_euler
+from services.marine.summation import plain_sum
 from services.marine.vehicle import GRAVITY
 
 STEEPEST = 1.4  # [rad] of pitch; closer to the vertical, heading is invalid
@@ -155,7 +156,7 @@ class AttitudeObserver:
             self._tilt_std = max(least, self._tilt_std - beta * dt)
 
     def _is_sound(self) -> bool:
-        return isfinite(sum(self._filter.q) + self.control.heading + self.control.yaw_rate)
+        return isfinite(plain_sum(self._filter.q) + self.control.heading + self.control.yaw_rate)
 
     def _reset(self, specific_force: Vec3) -> str:
         """Start again after a number that is not finite."""

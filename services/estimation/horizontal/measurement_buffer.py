@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from messages.units import Quaternion
 from services.estimation.horizontal.horizontal_filter import HorizontalEstimate, Interval
 from services.marine.attitude import normalised
+from services.marine.summation import plain_sum
 
 SAME_NS = 1_000_000  # [ns] a sample this close to a node uses that node
 
@@ -91,6 +92,6 @@ class MeasurementBuffer:
 
 def between(a: Quaternion, b: Quaternion, share: float) -> Quaternion:
     """The attitude at this share [-] between a and b, which must be close (normalised lerp)."""
-    sign = 1.0 if sum(p * q for p, q in zip(a, b, strict=True)) >= 0.0 else -1.0
+    sign = 1.0 if plain_sum(p * q for p, q in zip(a, b, strict=True)) >= 0.0 else -1.0
     w, x, y, z = (p + share * (sign * q - p) for p, q in zip(a, b, strict=True))
     return normalised((w, x, y, z))

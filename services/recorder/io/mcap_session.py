@@ -129,14 +129,7 @@ class McapSession:
     def _preface(self, file: McapFile) -> None:
         """Metadata that a reader needs before the first message."""
         stack = self._stack
-        about = {
-            "vehicle": stack.vehicle_name,
-            "link": stack.link,
-            "pilot": stack.pilot,
-            "seed": str(stack.seed),
-            "overrides": json.dumps(stack.overrides),
-        }
-        file.metadata("dive", about)
+        file.metadata("dive", about(stack))
         clock = {
             "utc_minus_stamp_ns": str(self._node.wall_offset_ns),
             "publish_time": "the stamp by this clock; the arrival where the stamp is of another "
@@ -168,6 +161,17 @@ class McapSession:
             self._open()
         except OSError:
             self._node.count("disk_error")
+
+
+def about(stack: Stack) -> dict[str, str]:
+    """What a recording says of its dive."""
+    return {
+        "vehicle": stack.vehicle_name,
+        "link": stack.link,
+        "pilot": stack.pilot,
+        "seed": str(stack.seed),
+        "overrides": json.dumps(stack.overrides),
+    }
 
 
 def _topic_table() -> bytes:

@@ -3,6 +3,7 @@ blocked, by the sea floor or by its tether."""
 
 from dataclasses import dataclass
 
+from services.marine.summation import plain_sum
 from services.reference.trajectory.minimum_jerk import Sample
 
 RETURN_S = 0.5  # [s] time constant of the reference's return to the vehicle
@@ -34,6 +35,6 @@ class ReferenceGovernor:
 
 def is_released(*motions: Sample) -> bool:
     """Whether the reference slows down or is at rest; one motion per axis."""
-    speeding_up = sum(motion.velocity * motion.acceleration for motion in motions)
+    speeding_up = plain_sum(motion.velocity * motion.acceleration for motion in motions)
     at_rest = all(motion.velocity == 0.0 == motion.acceleration for motion in motions)
     return speeding_up < 0.0 or at_rest

@@ -16,6 +16,7 @@ constant heading, of fourth order while turning.
 from dataclasses import dataclass, field
 from math import hypot
 
+from services.marine.summation import plain_sum
 from services.reference.guidance.ground_motion import GroundMotion, Pair, turned
 from services.reference.trajectory.minimum_jerk import Limits, Sample
 from services.reference.trajectory.vector import VectorRamp, bounded_plan
@@ -95,7 +96,9 @@ class StationKeeping:
     def settles(self) -> float:
         """[s] When the target velocity is reached."""
         ramps = (self._initial, self._stick)
-        return max(ramp.since + sum(stage[0].duration for stage in ramp.stages) for ramp in ramps)
+        return max(
+            ramp.since + plain_sum(stage[0].duration for stage in ramp.stages) for ramp in ramps
+        )
 
     def error(self, ground: GroundMotion) -> tuple[Pair, float]:
         """[m] From the vehicle to the reference: north and east, and the norm."""

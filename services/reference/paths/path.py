@@ -13,6 +13,7 @@ from itertools import pairwise
 from math import cos, isfinite, sin
 from typing import Literal, NamedTuple, Self
 
+from services.marine.summation import plain_sum
 from services.reference.paths.clothoid import TwinClothoids
 from services.reference.paths.heading import wrap
 from services.reference.paths.outline import ROUNDING, Outline, TurnOf, approximating, interpolating
@@ -203,7 +204,7 @@ def _lay(outline: Outline, turn_of: TurnOf) -> tuple[list[Part], list[float]]:
         spans.append((s, s := s + bend.length if bend else s))
         heading += turns[i] if i < len(turns) else 0.0
     passes = [
-        sum(spans[corner]) / 2 if beyond is None else spans[corner][1] + beyond - cut[corner]
+        plain_sum(spans[corner]) / 2 if beyond is None else spans[corner][1] + beyond - cut[corner]
         for corner, beyond in knots
     ]
     return parts, passes

@@ -12,6 +12,7 @@ from math import cos, sin
 
 import numpy as np
 
+from services.marine.summation import plain_sum
 from services.reference.paths.turn import Turn, TurnPoint
 
 _nodes, _weights = np.polynomial.legendre.leggauss(20)  # 1e-15 of the length for turns up to π
@@ -27,8 +28,8 @@ class SmoothTurn(Turn):
         u = s / half
         courses = [(weight, self._course(u * node)) for node, weight in GAUSS]
         return TurnPoint(
-            s * sum(weight * cos(course) for weight, course in courses),
-            s * sum(weight * sin(course) for weight, course in courses),
+            s * plain_sum(weight * cos(course) for weight, course in courses),
+            s * plain_sum(weight * sin(course) for weight, course in courses),
             self._course(u),
             u * u * (3 - 2 * u) / self.min_radius,
             6 * u * (1 - u) / (half * self.min_radius),

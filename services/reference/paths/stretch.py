@@ -4,6 +4,7 @@ chapter 5, as bounded in `minimum_jerk.py`): up to a peak, a cruise if the peak 
 
 from typing import NamedTuple
 
+from services.marine.summation import plain_sum
 from services.reference.trajectory.minimum_jerk import Limits, Sample, Segment, along, solve
 
 HALVINGS = 80  # enough to reach the last bit of a float
@@ -18,7 +19,7 @@ class Stretch(NamedTuple):
     @property
     def duration(self) -> float:
         """[s]"""
-        return sum(segment.duration for segment in self.segments)
+        return plain_sum(segment.duration for segment in self.segments)
 
     def at(self, t: float) -> Sample:
         """Position from the start, velocity, acceleration and jerk."""
@@ -64,4 +65,4 @@ def stretch(
 
 
 def _length(segments: list[Segment]) -> float:
-    return sum(segment.at(segment.duration).position for segment in segments)
+    return plain_sum(segment.at(segment.duration).position for segment in segments)

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import isfinite
 
+from services.marine.summation import plain_sum
 from services.reference.trajectory.minimum_jerk import Limits, Sample, Segment, along, solve
 from services.reference.trajectory.profile import MotionProfile
 
@@ -30,7 +31,7 @@ class StoppedMotion:
     @property
     def stop_time(self) -> float:
         """[s] From `since` to standstill."""
-        return sum(segment.duration for segment in self.segments)
+        return plain_sum(segment.duration for segment in self.segments)
 
     @property
     def stop_distance(self) -> float:

@@ -18,6 +18,8 @@ from dataclasses import dataclass, field
 from math import inf, sqrt
 from typing import NamedTuple
 
+from services.marine.summation import plain_sum
+
 
 class Limits(NamedTuple):
     """Limits of a transition."""
@@ -218,7 +220,7 @@ class Ramp:
 
     def settles(self) -> float:
         """[s] When the target velocity is reached."""
-        return self.since + sum(segment.duration for segment in self.segments)
+        return self.since + plain_sum(segment.duration for segment in self.segments)
 
     def to_go(self, t: float) -> float:
         """Distance from `t` [s] to where the target velocity is reached."""

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from itertools import pairwise
 from typing import NamedTuple
 
+from services.marine.summation import plain_sum
 from services.reference.trajectory.minimum_jerk import Limits, Sample, Segment, along, solve
 
 HALVINGS = 80  # enough to reach the last bit of a float
@@ -27,7 +28,7 @@ class PositionMove(NamedTuple):
     @property
     def duration(self) -> float:
         """[s]"""
-        return sum(segment.duration for segment in self.segments)
+        return plain_sum(segment.duration for segment in self.segments)
 
     def at(self, t: float) -> Sample:
         """Position from the start, velocity, acceleration and jerk; at rest after the end."""
@@ -68,7 +69,7 @@ def pair(
 
 def travelled(segments: tuple[Segment, ...] | list[Segment]) -> float:
     """Distance over a whole list of segments."""
-    return sum(segment.at(segment.duration).position for segment in segments)
+    return plain_sum(segment.at(segment.duration).position for segment in segments)
 
 
 def _peaks(

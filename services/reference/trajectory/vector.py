@@ -12,6 +12,7 @@ norm J, with the faults of the scalar rule (the jerk may reach 3.9 J). `bounded_
 from dataclasses import dataclass
 from math import copysign, hypot, inf, isfinite, sqrt
 
+from services.marine.summation import plain_sum
 from services.reference.trajectory.minimum_jerk import Limits, Sample, Segment, solve
 
 Vector = tuple[float, ...]
@@ -183,7 +184,7 @@ def _duration_after(a: Vector, e: Vector, turning: float, limits: Limits) -> flo
     along = _turned(turning, along, across, limits.jerk)
     gained = _times(_plus(a, _times(line, along)), turning / 2)
     parts = solve(0.0, along, _dot(_minus(e, gained), line), limits)
-    return sum(part.duration for part in parts)
+    return plain_sum(part.duration for part in parts)
 
 
 def _turn(
@@ -279,4 +280,4 @@ def _times(a: Vector, by: float) -> Vector:
 
 
 def _dot(a: Vector, b: Vector) -> float:
-    return sum(x * y for x, y in zip(a, b, strict=True))
+    return plain_sum(x * y for x, y in zip(a, b, strict=True))

@@ -9,6 +9,7 @@ takes no virtual time: latencies come from the link and the scheduling only. A n
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from math import ceil
 
 from messages.health import LogLine
@@ -77,7 +78,8 @@ class VirtualHost:
         skew, clock_offset = self._skew(sides[0]), self._clock_offset(sides[0])
         clock = (lambda: self.now) if skew is SAME else (lambda: skew.shows(self.now))
         node = Node(name, ports, clock, checkpoint, gateway=gateway, clock_offset=clock_offset)
-        node.wake = lambda: self._wake(name)
+        late = name in self._lateness
+        node.wake = partial(self._wake if late else self._woken.setdefault, name)
         self.nodes[name] = node
         return node
 
@@ -163,25 +165,22 @@ class VirtualHost:
             raise self._services.failure(name, error) from error
 
     def _wake(self, name: str) -> None:
-        """A message arrived for a node: step it at this instant, or later if it has lateness."""
-        late = self._lateness.get(name)
-        if late is None:
-            self._woken.setdefault(name)
-            return
-        late.arrived(self.now)
+        """A message arrived for a node with lateness: step it now or later. The others are stepped
+        at this instant."""
+        self._lateness[name].arrived(self.now)
         self._due[name] = self._deadline(name)
         if self._due[name] <= self.now:
             self._woken.setdefault(name)
 
     def _deadline(self, name: str) -> int:
         """[ns] When a node is stepped next if nothing else wakes it, by the host's clock."""
-        due, late = self._timer(self.nodes[name]), self._lateness.get(name)
+        node = self.nodes[name]
+        due = node.deadline() if self._clocks is None else self._timer(node)
+        late = self._lateness.get(name)
         return due if late is None else late.next_step(due)
 
     def _timer(self, node: Node) -> int:
         """[ns] When a node's next timer falls due, by the host's clock."""
-        if self._clocks is None:
-            return node.deadline()
         return max(self.now, self._skew(next(iter(node.sides))).first_shows(node.deadline()))
 
     def _skew(self, side: str) -> Skew:

@@ -3,6 +3,7 @@ is kept, and of a command or a state only the newest is used."""
 
 from collections import Counter, deque
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from typing import Generic
 
 import msgspec
@@ -44,10 +45,13 @@ class Inbox:
         if len(envelope.payload) > LONGEST:  # a ring of such would fill the memory
             self._counts[f"oversized:{self._name}"] += 1
             return
-        self._ring.append((self._clock(), envelope))
+        ring = self._ring
+        ring.append((self._clock(), envelope))
         self.stored += 1
-        if len(self._ring) > self._depth and self._pop() is not None:
-            self._counts[f"overflowed:{self._name}"] += 1
+        if len(ring) > self._depth:
+            with suppress(IndexError):  # the other thread was here in between
+                ring.popleft()
+                self._counts[f"overflowed:{self._name}"] += 1
         if self.arrived is not None and not self._notified:
             self._notified = True
             self.arrived()
@@ -58,17 +62,14 @@ class Inbox:
         At most one whole ring, however fast they arrive; for the rest `arrived` was called again.
         """
         self._notified = False
-        for _ in range(self._depth):
-            oldest = self._pop()
-            if oldest is None:
+        ring, left = self._ring, self._depth
+        while ring and left:
+            left -= 1
+            try:
+                oldest = ring.popleft()
+            except IndexError:  # the other thread was here in between
                 return
             yield oldest
-
-    def _pop(self) -> tuple[int, Envelope] | None:
-        try:
-            return self._ring.popleft()
-        except IndexError:  # the other thread was here in between
-            return None
 
 
 class Publisher(Generic[M]):

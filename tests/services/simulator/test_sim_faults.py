@@ -12,6 +12,7 @@ from messages.simulator import FaultRequest
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
 from services.simulator.core import Settings, Simulator, WorldCheckpoint, at_the_surface
+from services.simulator.faults import refusal
 
 MS = 1_000_000  # [ns]
 PIONEER = Stack().section("vehicle", Vehicle)
@@ -160,7 +161,7 @@ def test_a_broken_sensor_says_what_no_receiver_can_read() -> None:
 def test_what_makes_no_sense_is_refused(
     part: str, fault: str, value: float | None, words: str
 ) -> None:
-    reason = simulator().refusal(request(part, fault, value))
+    reason = refusal(request(part, fault, value), NAMES)
     assert reason.startswith(words)
     assert bool(reason) == bool(words)
 

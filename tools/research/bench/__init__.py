@@ -20,6 +20,7 @@ SECTIONS = {
     "simulator": "tools.research.bench.simulator",
     "simulate": "tools.research.bench.simulate",
     "tether": "tools.research.bench.tether",
+    "sweep": "tools.research.bench.sweep",
 }
 
 

@@ -4,6 +4,7 @@ A few seeds each, so that it takes a minute; tests/long/stops.py flies a hundred
 """
 
 from collections.abc import Iterable
+from functools import partial
 from math import degrees
 
 from messages.simulator import FaultKind
@@ -21,6 +22,7 @@ from tools.research.bench.goal_runs import (
     still,
 )
 from tools.research.bench.table import Figure
+from tools.sweep.all_cores import in_order
 
 SEEDS = range(3)
 FINE = ("simulator.pressure_std=100", "estimation.depth.pressure_std=100")  # [Pa]
@@ -48,12 +50,12 @@ def figures() -> list[Figure]:
 
 
 def _stops() -> Iterable[Figure]:
-    found = [release for seed in SEEDS for release in releases(seed, 45.0)]
+    found = [release for dive in in_order(_coarse, SEEDS) for release in dive]
     note = f"worst of {len(SEEDS)} dives, random sticks; "
     alone = note + "surge and sway centred"
     yield _mm("bounce back at release", _worst(found, "heave", "centred"), 30.0, alone)
     yield _deg("heading overshoot at release", _worst(found, "yaw", "centred"), 1.0, alone)
-    fine = [release for seed in SEEDS[:2] for release in releases(seed, 45.0, overrides=FINE)]
+    fine = [release for dive in in_order(_fine, SEEDS[:2]) for release in dive]
     heave = max(r.overshoot for r in fine if r.axis == "heave")
     yield _mm("bounce back, sensor of 1 mbar", heave, 30.0, "all sticks, 2 dives")
     beside = "surge or sway let go at once or kept: it pitches by up to 20°; not judged"
@@ -62,6 +64,14 @@ def _stops() -> Iterable[Figure]:
     yaw = max(_worst(found, "yaw", side) for side in sides)
     yield _mm("bounce back, all sticks", heave, 30.0, beside, judged=False)
     yield _deg("heading overshoot, all sticks", yaw, 1.0, beside, judged=False)
+
+
+def _coarse(seed: int) -> list[ReleaseResult]:
+    return releases(seed, 45.0)
+
+
+def _fine(seed: int) -> list[ReleaseResult]:
+    return releases(seed, 45.0, overrides=FINE)
 
 
 def _worst(found: list[ReleaseResult], axis: str, side: str) -> float:
@@ -109,7 +119,7 @@ def _at_rest() -> Iterable[Figure]:
 
 def _modes() -> Iterable[Figure]:
     for vehicle in ("pioneer", "minerva"):
-        bumps = [mode_changes(vehicle, seed) for seed in SEEDS]
+        bumps = in_order(partial(mode_changes, vehicle), SEEDS)
         note = "3 random sequences of 8, noise in it"
         yield _mm(f"{vehicle}: mode change, depth", max(b.depth for b in bumps), 20.0, note)
         yield _deg(f"{vehicle}: mode change, heading", max(b.heading for b in bumps), 0.5, note)

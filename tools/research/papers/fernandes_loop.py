@@ -5,7 +5,6 @@ Lindy's, in the same water and with the same sensors.
 """
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from functools import cache
 from math import degrees
 from typing import NamedTuple
@@ -27,6 +26,7 @@ from tools.research.papers.fernandes_loop_flight import (
 from tools.research.papers.fernandes_paths import edges
 from tools.research.papers.fernandes_turns import map_of
 from tools.research.papers.setups import WAYPOINTS, paper_route
+from tools.sweep.all_cores import in_order
 
 
 class RoutePair(NamedTuple):
@@ -74,8 +74,8 @@ def surveys() -> RoutePair:
 
 def _at_once(fly: Callable[[LawName], LoopRun]) -> RoutePair:
     """Both flights, each in a process of its own: a flight of twelve minutes takes half of one."""
-    with ProcessPoolExecutor(2) as pool:
-        return RoutePair(*pool.map(fly, ("paper", "lindy")))
+    names: tuple[LawName, LawName] = ("paper", "lindy")
+    return RoutePair(*in_order(fly, names))
 
 
 # The figures.

@@ -1,0 +1,50 @@
+"""Sums that fly have the same bits under every Python."""
+
+import ast
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import messages
+import services
+from services.marine.summation import plain_sum
+
+# Where the builtin `sum` counts whole numbers, which are exact.
+COUNTING = {
+    "services/runtime/node/node.py",
+    "services/tether/link_model.py",
+    "services/tether/priority_queue.py",
+    "services/visualizer/curves.py",
+    "services/visualizer/status.py",
+}
+ROOT = Path(services.__path__[0]).parent
+FILES = [
+    path for package in (services, messages) for path in Path(package.__path__[0]).rglob("*.py")
+]
+
+
+@given(st.lists(st.floats(-1e9, 1e9), max_size=50))
+def test_it_rounds_after_each_addition(values: list[float]):
+    total = 0.0
+    for value in values:
+        total += value
+    assert plain_sum(values) == total
+
+
+def test_it_does_not_compensate():
+    assert plain_sum([1e16, 1.0, -1e16]) == 0.0
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_no_service_adds_floats_with_the_builtin_sum(path: Path):
+    name = path.relative_to(ROOT).as_posix()
+    lines = [
+        node.lineno
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Name) and node.id in ("sum", "fsum", "sumprod")
+    ]
+    assert name in COUNTING or not lines, (
+        f"{name}:{lines}: use plain_sum, or count in whole numbers"
+    )

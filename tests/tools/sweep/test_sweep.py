@@ -1,0 +1,230 @@
+"""The verb, on short dives: rows are the report's figures, and an interruption loses none."""
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+
+from tools.__main__ import main
+from tools.report import Report
+from tools.sweep import sweep as module
+from tools.sweep.axes import Combination, PlannedDive, SweepAxes, axes
+from tools.sweep.finished import rows_file
+from tools.sweep.one_dive import Job, fly_one
+from tools.sweep.rows import Row, columns
+
+STICKS = "t,surge,sway,heave,yaw\n0,0,0,0,0\n0.2,0,0,0.6,0.4\n1.5,0,0,0,0\n4,0,0,0,0\n"
+QUICK = "estimation.calibration.still_time=2"  # [s]
+
+
+@pytest.fixture
+def script(tmp_path: Path) -> str:
+    path = tmp_path / "sticks.csv"
+    path.write_text(STICKS)
+    return f"script:{path}"
+
+
+def table_of(path: Path) -> list[dict[str, str]]:
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_a_sweep_writes_a_row_per_dive_and_goes_on_where_it_was_cut(
+    tmp_path: Path, script: str, capsys: pytest.CaptureFixture[str]
+):
+    out = tmp_path / "kp.csv"
+    arguments = ["sweep", "--pilot", script, "--set", QUICK, "--set", "control.depth.kp=40,60"]
+    arguments += ["--seed", "1..2", "--out", str(out)]
+    assert main(arguments) == 0
+    whole = table_of(out)
+    assert [(row["control.depth.kp"], row["seed"]) for row in whole] == [
+        ("40", "1"), ("40", "2"), ("60", "1"), ("60", "2"),
+    ]  # fmt: skip
+    assert {row["end"] for row in whole} == {"clean"}
+    assert len({row["log_hash"] for row in whole}) == 4
+    said = capsys.readouterr().out
+    assert "p50 / p95 / max over the dives of each combination" in said
+    assert "control.depth.kp  dives  depth overshoot [cm]" in said
+
+    lines = rows_file(out).read_bytes().splitlines(keepends=True)
+    rows_file(out).write_bytes(b"".join(lines[:2]) + lines[2][:30])  # killed in the second row
+    out.unlink()
+    assert main(arguments) == 0
+    assert "4 dives, 1 of them done before" in capsys.readouterr().out
+    again = table_of(out)
+    for before, after in zip(whole, again, strict=True):
+        assert {k: v for k, v in before.items() if k != "wall_s"} == {
+            k: v for k, v in after.items() if k != "wall_s"
+        }
+    assert main(arguments) == 0  # nothing is missing
+    assert table_of(out) == again
+
+
+def test_a_dive_that_fails_is_a_row_and_the_exit_status_says_so(
+    tmp_path: Path, script: str, capsys: pytest.CaptureFixture[str]
+):
+    out = tmp_path / "x.csv"
+    times = "estimation.calibration.still_time=2,60"
+    assert main(["sweep", "--pilot", script, "--set", times, "--out", str(out)]) == 1
+    good, bad = table_of(out)
+    assert good["end"] == "clean"
+    assert "the drone did not arm within 30 s" in bad["end"]
+    error = capsys.readouterr().err
+    assert "1 of 2 dives ended with an error; the first, dive 1: the drone did not arm" in error
+
+
+def test_the_row_is_the_report(script: str, tmp_path: Path):
+    """Of the same dive, once in memory and once recorded."""
+    dive = PlannedDive(3, Combination("pioneer", "severe", script, (QUICK,)), 5)
+    in_memory = fly_one(Job(dive, "simulated", None, ""))
+    recorded = fly_one(Job(dive, "simulated", None, str(tmp_path / "kept")))
+    assert in_memory is not None
+    assert recorded is not None
+    folder = recorded.pop("folder")
+    assert in_memory.pop("folder") is None
+    assert in_memory.pop("wall_s") != recorded.pop("wall_s")
+    assert in_memory == recorded
+    report = json.loads((Path(str(folder)) / "report.json").read_bytes())
+    assert in_memory["log_hash"] == report["log_hash"]
+    assert in_memory["energy_wh"] == report["energy"]["wh"]
+    assert in_memory["depth_error_rms_m"] == report["depth_error_rms_m"]
+    assert json.loads(str(in_memory["losses"])) == report["losses"]
+
+
+def test_a_dive_in_memory_reports_what_its_recording_would(script: str, tmp_path: Path):
+    import msgspec
+
+    from services.runtime.config.stack import Stack
+    from services.runtime.hosts.registry import Registry
+    from tools.checks import pilot_of
+    from tools.live.dive_timeline import DiveTimeline
+    from tools.live.memory_recorder import MemoryRecorder
+    from tools.live.outcome import Outcome
+    from tools.live.virtual_dive import fly, without_files
+    from tools.recordings.recording import log_hash, open_recording
+    from tools.report import read_dive
+
+    pilot, services = pilot_of(script), without_files(Registry.read())
+    reports: list[Report] = []
+    for memory in (MemoryRecorder(), None):
+        stack = Stack(
+            pilot=script, link="severe", virtual=True, out=str(tmp_path), overrides=[QUICK]
+        )
+        outcome = Outcome(stack)
+        timeline = DiveTimeline(pilot.script_s)
+        fly(stack, services, timeline, outcome, stop=lambda: False, memory=memory)
+        if memory is not None:
+            report = outcome.report_in_memory(memory.dive(), memory.log_hash())
+        else:
+            dive = read_dive(open_recording(tmp_path))
+            report = outcome.report_in_memory(dive, log_hash(tmp_path) or "")
+        reports.append(msgspec.structs.replace(report, speedup=0.0))
+    assert reports[0] == reports[1]
+    assert reports[0].log_hash
+
+
+def test_parquet_has_the_same_rows_with_types(tmp_path: Path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    from tools.sweep.tables import encoded
+
+    names = columns(["control.depth.kp", "simulator.model"])
+    row: Row = dict.fromkeys(names)
+    rows: list[Row] = [
+        row | {"dive": 0, "seed": 1, "control.depth.kp": 2, "simulator.model": "a"},
+        row | {"dive": 1, "seed": 2, "control.depth.kp": 2.5, "simulator.model": 3},
+    ]
+    out = tmp_path / "x.parquet"
+    out.write_bytes(encoded(rows, ["control.depth.kp", "simulator.model"], ".parquet"))
+    table = parquet.read_table(out)
+    assert table.column_names == list(names)
+    assert table["seed"].to_pylist() == [1, 2]
+    assert table["control.depth.kp"].to_pylist() == [2.0, 2.5]
+    assert table["simulator.model"].to_pylist() == ["a", "3"]
+    assert table["energy_wh"].to_pylist() == [None, None]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--set", "control.depth.kpp=1,2"], "did you mean 'kp'?"),
+        (["--set", "control.depth.kp=1,-2"], "control.depth.kp=-2: expected float >= 0.0"),
+        (["--vehicle", "pioneer,minevra"], "did you mean 'minerva'?"),
+        (["--link", "tether,tehter"], "did you mean 'tether'?"),
+        (["--link", "tether,acoustic"], "cannot be flown"),
+        (["--pilot", "gamepad"], "needs real time"),
+        (["--pilot", "script:nobody"], "unknown dive 'nobody'"),
+        (["--seed", "9..1"], "goes backwards"),
+        (["--seconds", "-1"], "--seconds is -1"),
+        (["--workers", "0"], "--workers is 0, expected 1 or more"),
+        (["--workers", "1.5"], "expected a whole number"),
+        (["--stack", "nothing"], "unknown stack 'nothing'"),
+        (["--wing", "3"], "--wing"),
+        (["--out", "x.xlsx"], "expected a name that ends in .csv or .parquet"),
+        (["--out", "/dev/null/x.csv"], "cannot write /dev/null/x.csv"),
+    ],
+)
+def test_a_mistake_is_one_sentence_before_the_first_dive(
+    arguments: list[str], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    words = arguments if "--out" in arguments else [*arguments, "--out", str(tmp_path / "x.csv")]
+    assert main(["sweep", *words]) == 1
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert says in err
+    assert err.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_picture_that_is_there_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    picture = tmp_path / "x.png"
+    picture.write_text("mine")
+    words = ["--out", str(tmp_path / "x.csv"), "--picture", str(picture)]
+    assert main(["sweep", *words]) == 1
+    assert "it exists already" in capsys.readouterr().err
+    assert picture.read_text() == "mine"
+
+
+def test_without_pyarrow_parquet_is_refused_with_what_installs_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    def absent(_name: str) -> None:
+        return None
+
+    monkeypatch.setattr("tools.sweep.tables.find_spec", absent)
+    assert main(["sweep", "--out", str(tmp_path / "x.parquet")]) == 1
+    assert "uv sync --extra tables" in capsys.readouterr().err
+
+
+def test_ctrl_c_keeps_what_is_finished(
+    tmp_path: Path, script: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    out = tmp_path / "x.csv"
+
+    def interrupted(axes: SweepAxes, wanted: module.Wanted, finished: module.FinishedDives) -> bool:
+        dive = next(iter(axes.dives()))
+        row = fly_one(Job(dive, wanted.stack, wanted.seconds, ""))
+        assert row is not None
+        finished.add(row)
+        return True
+
+    monkeypatch.setattr(module, "_fly", interrupted)
+    words = ["sweep", "--pilot", script, "--set", QUICK, "--seed", "1..3", "--out", str(out)]
+    assert main(words) == 1
+    assert "interrupted; 1 of 3 dives are kept" in capsys.readouterr().err
+    assert len(table_of(out)) == 1
+
+
+def test_the_picture_is_a_png_with_every_figure():
+    from tools.sweep.picture import drawn
+    from tools.sweep.pooled import pooled
+
+    found = axes(["pioneer"], ["tether", "remote"], ["script:a"], [], ["1..2"])
+    empty: Row = dict.fromkeys(columns([]))
+    rows: list[Row] = [
+        empty | {"link": dive.combination.link, "end": "clean", "energy_wh": 1.0}
+        for dive in found.dives()
+    ]
+    groups = pooled(rows, found.varied)
+    assert [group.dives for group in groups] == [2, 2]
+    assert drawn(groups).startswith(b"\x89PNG")

@@ -1,0 +1,77 @@
+"""A whole stack on virtual time, from its start to the end of the dive."""
+
+import time
+from collections.abc import Callable
+from contextlib import closing
+
+from messages import topics
+from messages.health import LogLine
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.garbage_collection import rare_collections
+from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.virtual_host import VirtualHost
+from services.runtime.launch.supervisor import NAME
+from tools.live.dive_timeline import DiveTimeline
+from tools.live.memory_recorder import MemoryRecorder
+from tools.live.outcome import RECORDER, Outcome
+from tools.live.viewer import VIEWER
+
+STRIDE_NS = 100_000_000  # [ns] of virtual time between two checks of the dive
+INTERRUPTED = "interrupted"  # how a dive ended that was to stop
+
+Advance = Callable[[DiveTimeline, int], None]
+
+
+def fly(
+    stack: Stack,
+    services: Registry,
+    timeline: DiveTimeline,
+    outcome: Outcome,
+    *,
+    stop: Callable[[], bool],
+    memory: MemoryRecorder | None = None,
+    begun: Callable[[], None] = lambda: None,
+    advance: Advance = lambda _timeline, _now: None,
+    show: Callable[[LogLine], None] = lambda _line: None,
+) -> None:
+    """Fly a dive; how it ended is in `outcome`.
+
+    Args:
+        memory: takes the place of the stack's recorder; None: the recorder writes its files.
+        begun: called when all services have started.
+        advance: called every `STRIDE_NS` with the timeline and the time [ns].
+        show: called with every log line that is not merely information.
+    """
+    with outcome.of_the_dive(), closing(VirtualHost()) as host:
+        node = host.node(NAME, ["topside"])
+        node.each(topics.STATUS, timeline.see)
+        outcome.listen(node)
+        for name, spec in services.items():
+            wire = services.wire(name) if memory is None or name != RECORDER else memory.wire
+            host.add(name, spec, stack, wire)
+        services.require_published({name: host.nodes[name].published for name in services})
+        begun()
+        host.show(lambda line: None if line.level == "info" else show(line))
+        began = time.perf_counter()
+        with rare_collections():
+            outcome.exit = _to_the_end(host, timeline, stop, advance)
+        outcome.speedup = host.now / 1e9 / (time.perf_counter() - began)
+
+
+def without_files(services: Registry) -> Registry:
+    """The stack without its viewer, and with a recorder, whose place is taken in memory."""
+    kept = {name: spec for name, spec in services.items() if name != VIEWER}
+    kept.setdefault(RECORDER, Registry.read()[RECORDER])
+    return services.only(kept)
+
+
+def _to_the_end(
+    host: VirtualHost, timeline: DiveTimeline, stop: Callable[[], bool], advance: Advance
+) -> str:
+    """Returns how the dive ended: `clean`, or why otherwise."""
+    end = None
+    while end is None:
+        host.run(host.now + STRIDE_NS)
+        advance(timeline, host.now)
+        end = INTERRUPTED if stop() else timeline.over(host.now)
+    return end

@@ -1,0 +1,107 @@
+"""The same function for many jobs, on all cores.
+
+Each worker is a fresh process. Ctrl-C reaches only the process that started them, and a worker
+whose parent is gone, however it ended, ends too.
+"""
+
+import os
+import signal
+import threading
+from collections.abc import Callable, Generator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from multiprocessing import get_context, parent_process
+from multiprocessing.synchronize import Event
+from typing import TypeVar
+
+from services.runtime.config.errors import LindyError
+
+J = TypeVar("J")
+R = TypeVar("R")
+POLL_S = 0.2  # [s] between two looks at whether to stop
+SPAWN = get_context("spawn")
+
+_stop: Event | None = None  # in a worker: set when it is to stop
+
+
+def cores() -> int:
+    """That this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def asked_to_stop() -> bool:
+    """In a worker: is the rest not wanted any more?"""
+    return _stop is not None and _stop.is_set()
+
+
+def on_all_cores(
+    work: Callable[[J], R],
+    jobs: Sequence[J],
+    workers: int | None = None,
+    stop: Callable[[], bool] = lambda: False,
+) -> Generator[tuple[int, R] | None]:
+    """(index of the job, its result) in the order in which they are finished, and None every now
+    and then while nothing is.
+
+    Args:
+        work: can be pickled, as its arguments and results can; it may ask `asked_to_stop`.
+        workers: processes; None: one for each core.
+        stop: ask for the end; the jobs at hand are then finished, and no others are begun.
+
+    Raises:
+        LindyError: a worker was killed.
+        Exception: what `work` raised.
+    """
+    with _pool(workers or cores()) as (pool, told):
+        pending: dict[Future[R], int] = {pool.submit(work, job): n for n, job in enumerate(jobs)}
+        try:
+            while pending:
+                if stop() and not told.is_set():
+                    told.set()
+                    for future in [future for future in pending if future.cancel()]:
+                        del pending[future]
+                done, _ = wait(pending, timeout=POLL_S, return_when=FIRST_COMPLETED)
+                for future in done:
+                    yield pending.pop(future), future.result()
+                if not done:
+                    yield None
+        except BrokenProcessPool:
+            raise LindyError(
+                "a worker process was killed, perhaps because the memory was full; "
+                "with fewer --workers less is needed"
+            ) from None
+
+
+def in_order(work: Callable[[J], R], jobs: Sequence[J], workers: int | None = None) -> list[R]:
+    """All results, in the order of the jobs. Arguments and errors as of `on_all_cores`."""
+    results = dict(result for result in on_all_cores(work, jobs, workers) if result is not None)
+    return [results[index] for index in range(len(jobs))]
+
+
+@contextmanager
+def _pool(workers: int) -> Generator[tuple[ProcessPoolExecutor, Event]]:
+    told = SPAWN.Event()
+    pool = ProcessPoolExecutor(workers, SPAWN, _begin, (told,))
+    try:
+        yield pool, told
+    finally:
+        told.set()
+        pool.shutdown(cancel_futures=True)
+
+
+def _begin(told: Event) -> None:
+    """In a new worker."""
+    global _stop
+    _stop = told
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_the_parent, daemon=True).start()
+
+
+def _end_with_the_parent() -> None:
+    parent = parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)

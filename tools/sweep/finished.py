@@ -1,0 +1,166 @@
+"""The finished dives of a sweep, in an append-only file of JSON lines beside the table.
+
+The first line says what the sweep is, and every other line is the row of one dive, or the checksum
+of a table that was written from the rows. A killed program can leave an incomplete last line, which
+is removed when the sweep goes on.
+"""
+
+import fcntl
+import hashlib
+import json
+import os
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from services.runtime.config.disk import reason
+from services.runtime.config.errors import LindyError
+from tools.fresh import write_fresh
+from tools.sweep.rows import Row
+
+SUFFIX = ".rows.jsonl"
+FORMAT = "lindy sweep"  # key of the first line; its value is the format's number
+TABLE = "table_sha256"
+
+About = dict[str, Any]  # what a sweep is: JSON, one key for everything that may differ
+
+
+def rows_file(table: Path) -> Path:
+    return table.with_name(table.name + SUFFIX)
+
+
+class FinishedDives:
+    """The rows so far. Keep it open while the sweep goes on: it locks the file."""
+
+    def __init__(self, table: Path, about: About) -> None:
+        """Begin a sweep, or go on with one.
+
+        Raises:
+            LindyError: it cannot be written; it is of another sweep, or is not a sweep's; another
+                program is at it; or the table is not one that this sweep wrote.
+        """
+        self._table = table
+        self._path = rows_file(table)
+        self.rows: dict[int, Row] = {}  # by the dive's number
+        self._tables: set[str] = set()  # checksums of the tables written so far
+        begun = self._path.exists()
+        if table.exists() and not begun:
+            raise LindyError(
+                f"cannot write {table}: it exists already, and there is no {self._path.name} of a "
+                "sweep to go on with; choose another --out"
+            )
+        try:
+            table.parent.mkdir(parents=True, exist_ok=True)
+            if not begun:
+                write_fresh(self._path, _line({FORMAT: 1, **about}))
+            self._file = self._path.open("r+b", buffering=0)
+        except OSError as error:
+            raise LindyError(f"cannot write {self._path}: {reason(error)}") from None
+        try:
+            self._lock()
+            self._read(self._file, about)
+            self._check_table()
+        except LindyError:
+            self._file.close()
+            raise
+
+    def add(self, row: Row) -> None:
+        """
+        Raises:
+            LindyError: the row cannot be written; those before it are.
+        """
+        self._append(_line(row))
+        number = row["dive"]
+        assert isinstance(number, int)
+        self.rows[number] = row
+
+    def replace_table(self, data: bytes) -> None:
+        """Write the table, whole or not at all, in the place of the one before.
+
+        Raises:
+            LindyError: it cannot be written; the one before stays.
+        """
+        fresh = self._table.with_name(f".{self._table.name}-{os.getpid()}")
+        try:
+            write_fresh(fresh, data)
+            self._append(_line({TABLE: _checksum(data)}))  # before it is in place: see __init__
+            fresh.replace(self._table)
+        except OSError as error:
+            raise LindyError(f"cannot write {self._table}: {reason(error)}") from None
+        finally:
+            fresh.unlink(missing_ok=True)
+
+    def close(self) -> None:
+        self._file.close()
+
+    def _lock(self) -> None:
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise LindyError(f"another lindy sweep is at work on {self._path}") from None
+        except OSError:
+            pass  # a file system without locks
+
+    def _read(self, file: BinaryIO, about: About) -> None:
+        data = file.read()
+        whole = data.rfind(b"\n") + 1
+        first, *lines = data[:whole].split(b"\n")[:-1] or [b""]
+        self._check(first, about)
+        file.seek(whole)
+        file.truncate()  # what a killed program left of a row
+        for number, line in enumerate(lines, 2):
+            entry = _parsed(line)
+            if entry is None:
+                raise LindyError(f"{self._path}:{number}: this is not the row of a dive")
+            if TABLE in entry:
+                self._tables.add(entry[TABLE])
+            elif isinstance(entry.get("dive"), int):
+                self.rows[entry["dive"]] = entry
+
+    def _check(self, line: bytes, about: About) -> None:
+        found = _parsed(line)
+        if found is None or FORMAT not in found:
+            raise LindyError(f"{self._path} is not the file of a sweep; choose another --out")
+        for key, here in json.loads(json.dumps({FORMAT: 1, **about})).items():
+            if (there := found.get(key)) != here:
+                raise LindyError(
+                    f"{self._path} is of another sweep: {key} is {_short(there)} there and "
+                    f"{_short(here)} here; choose another --out"
+                )
+
+    def _check_table(self) -> None:
+        if self._table.exists() and _checksum(self._table.read_bytes()) not in self._tables:
+            raise LindyError(
+                f"{self._table} was changed since this sweep wrote it; move it away, or choose "
+                "another --out"
+            )
+
+    def _append(self, line: bytes) -> None:
+        before = self._file.tell()
+        try:
+            if self._file.write(line) != len(line):
+                raise OSError(28, os.strerror(28))
+        except OSError as error:
+            self._file.seek(before)
+            self._file.truncate()
+            raise LindyError(f"cannot write {self._path}: {reason(error)}") from None
+
+
+def _line(entry: Row | About) -> bytes:
+    return json.dumps(entry, ensure_ascii=False, allow_nan=False).encode() + b"\n"
+
+
+def _parsed(line: bytes) -> dict[str, Any] | None:
+    try:
+        entry = json.loads(line)
+    except ValueError:
+        return None
+    return entry if isinstance(entry, dict) else None  # pyright: ignore[reportUnknownVariableType]
+
+
+def _checksum(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()
+
+
+def _short(value: object) -> str:
+    text = json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= 60 else text[:60] + "…"
