@@ -4,7 +4,8 @@ By itself Zenoh starts five pools of threads, and every message passes through t
 some hundred small messages a second, the switches between the threads cost more than the messages.
 With one thread, that thread also empties the queues of what is to be sent; so they must hold what
 is published in one go: 16 batches of 64 kB, the most that Zenoh allows, so 1 MB per priority. What
-is published beyond that before the thread is free again is dropped.
+is published beyond that before the thread is free again is dropped: also a small message right
+behind 1 MB. Messages of 300 kB leave room for others.
 """
 
 import ctypes
