@@ -152,7 +152,8 @@ class ZenohBus:
             encoding=envelope.encoding,
             attachment=envelope.attachment,
             priority=qos.priority,
-            congestion_control=qos.congestion_control,
+            # Whatever its sender wanted: this thread also empties the queue, so it must not wait.
+            congestion_control=zenoh.CongestionControl.DROP,
             express=qos.express,
         )
 

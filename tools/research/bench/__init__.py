@@ -19,6 +19,8 @@ SECTIONS = {
     "control": "tools.research.bench.control",
     "simulator": "tools.research.bench.simulator",
     "tether": "tools.research.bench.tether",
+    "transport": "tools.research.bench.transport",
+    "busy": "tools.research.bench.busy",
 }
 
 
