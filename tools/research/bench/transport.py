@@ -55,10 +55,10 @@ def run(transport: str, environment: Mapping[str, str]) -> Run:
         try:
             if transport == "zenoh":
                 workers["hub"] = _hub(folder, environment)
-            for role in reversed(HEARS):  # the source last
+            for role in HEARS:
                 command = [sys.executable, "-P", "-m", "tools.research.bench.transport_chain"]
                 workers[role] = _start([*command, role, transport, folder], environment)
-                assert workers[role].stdout is not None
+            for role in HEARS:
                 assert _line(workers[role]) == "ready\n"
             return _measured(workers)
         finally:
