@@ -136,9 +136,8 @@ def test_every_priority_in_use_has_its_queue() -> None:
 def test_zenoh_has_one_thread_unless_the_environment_says_otherwise(hub: str) -> None:
     ours = run(THREADS, hub, **{VARIABLE: ""}).communicate(timeout=PATIENCE_S)[0]
     zenohs = run(THREADS, hub, **{VARIABLE: "()"}).communicate(timeout=PATIENCE_S)[0]
-    pools = {name.partition("-")[0] for name in ours.split()}
-    assert pools == {"python", "rx"}
-    assert {"tx", "net", "app"} < {name.partition("-")[0] for name in zenohs.split()}
+    assert {name.partition("-")[0] for name in ours.split()} <= {"python", "rx"}
+    assert "app-0" in zenohs.split()
 
 
 def test_a_variable_that_zenoh_cannot_read_is_one_sentence(hub: str) -> None:
