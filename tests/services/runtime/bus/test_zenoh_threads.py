@@ -5,6 +5,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Generator
+from contextlib import ExitStack
 from itertools import count
 from pathlib import Path
 
@@ -87,8 +88,10 @@ def topic_of(qos: Qos) -> AnyTopic:
 @pytest.mark.parametrize("qos", Qos)
 def test_large_messages_and_bursts_arrive_at_every_priority(hub: str, qos: Qos) -> None:
     topic, heard, numbers = topic_of(qos), list[bytes](), count()
-    talker = run(TALKER, hub, topic.key)
-    with open_bus(hub, "pioneer") as bus:
+    with ExitStack() as exits:
+        talker = run(TALKER, hub, topic.key)
+        exits.callback(talker.kill)
+        bus = exits.enter_context(open_bus(hub, "pioneer"))
         bus.hear(topic.key, lambda envelope: heard.append(envelope.payload))
         ask = bus.say(PLAN)
 
