@@ -26,12 +26,12 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.garbage_collection import rare_collections
 from services.runtime.hosts.registry import Registry, ServiceSpec
+from services.runtime.hosts.stepper import POLL_S, Stepper
 from services.runtime.node.checkpoint import CheckpointFile
 from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.loop_stats import Usage
 from services.runtime.node.node import Node
 
-POLL_S = 0.1  # longest wait between two looks at the stop flag
 GRACE_S = 1.0  # after the parent's death: time to close files before the process is ended
 
 
@@ -81,19 +81,19 @@ def run_service(launch: Launch) -> int:
         )
         node.show, node.usage = _show, usage
         node.wall_offset_ns = time.time_ns() - time.monotonic_ns()
-        event = threading.Event()
-        node.wake = event.set
         registry = Registry(Path(launch.stack_file), {launch.service: launch.spec})
         registry.wire(launch.service)(node, launch.stack)
         exits.enter_context(_blaming(registry, launch.service))
         exits.callback(node.close)
+        # What writes files, or is somebody else's, may hold up the thread that it runs on.
+        quick = launch.spec.module is None and not node.collects
+        stepper = Stepper(node, on_arrival=quick)
         for bus in buses.values():
             bus.announce(launch.service)
         exits.enter_context(rare_collections())
         while not stop.asked:
-            node.step()
-            _wait(node, event)
-        node.step()  # messages that arrived with the signal are still handled
+            stepper.step_and_wait()
+        stepper.finish()  # messages that arrived with the signal are still handled
         return 0
     return 1
 
@@ -118,14 +118,6 @@ def run_hub(launch: HubLaunch) -> int:
             time.sleep(POLL_S)  # the router works on its own threads
         return 0
     return 1
-
-
-def _wait(node: Node, event: threading.Event) -> None:
-    """Wait until a message arrives, a timer is due, or it is time to check the stop flag."""
-    seconds = min(POLL_S, (node.deadline() - time.monotonic_ns()) / 1e9)
-    if seconds > 0:
-        event.wait(seconds)
-    event.clear()
 
 
 @contextmanager

@@ -36,7 +36,7 @@ CHECKPOINTS = "checkpoints"  # folder in the dive's folder; DIVE/checkpoints/<se
 HOME = "topside"  # the side this process's own node is on: it sees what the pilot sees
 LAST = ("recorder", "visualizer")  # stopped after the others, so that they receive everything
 PYTHON = [sys.executable, "-P", "-m", "services"]  # -P: nothing in the user's folder is imported
-PERIOD_S = 0.04  # [s] between two steps: ports that keep the newest 8 must not fill at 100 Hz
+PERIOD_S = 0.04  # [s] between two steps: ports that keep the newest 16 must not fill at 100 Hz
 HUB_TIMEOUT_S = 20.0
 LONGEST_FOLDER = 60  # [bytes] a socket's path must stay below 107
 

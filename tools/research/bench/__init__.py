@@ -21,6 +21,8 @@ SECTIONS = {
     "simulate": "tools.research.bench.simulate",
     "tether": "tools.research.bench.tether",
     "sweep": "tools.research.bench.sweep",
+    "transport": "tools.research.bench.transport",
+    "busy": "tools.research.bench.busy",
 }
 
 

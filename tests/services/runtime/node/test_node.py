@@ -15,7 +15,7 @@ from services.runtime.bus.envelope import Envelope
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.node.checkpoint import VolatileCheckpoint
 from services.runtime.node.gate import MEMBERS
-from services.runtime.node.node import Node
+from services.runtime.node.node import RING, Node
 
 MS = 1_000_000
 DRONE = ["drone"]
@@ -90,7 +90,7 @@ def test_a_latest_port_cannot_queue() -> None:
     newest = hears.fresh(1000)
     assert newest is not None
     assert newest.heave == 0.999
-    assert listener.counts["overflowed:pilot/command"] == 1000 - 8
+    assert listener.counts["overflowed:pilot/command"] == 1000 - RING
 
 
 def test_garbage_between_good_messages_disturbs_nothing() -> None:

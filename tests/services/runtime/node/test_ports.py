@@ -11,6 +11,7 @@ from messages.pilot import PilotCommand
 from messages.topic import AnyTopic
 from services.runtime.bus.envelope import Envelope
 from services.runtime.bus.memory_bus import MemoryBus, MemoryBusPort
+from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.node.checkpoint import VolatileCheckpoint
 from services.runtime.node.gate import Gate
 from services.runtime.node.node import EVENTS, RING, Node
@@ -114,3 +115,16 @@ def test_a_stream_is_news_for_five_periods_at_least_a_tenth_of_a_second(topic: A
     assert limit is not None
     assert limit >= 100 * MS
     assert limit == round(5e9 / topic.hz) or limit == 100 * MS
+
+
+def test_before_its_first_trigger_nothing_overflows_that_a_service_reads_at_100_hz() -> None:
+    """As control, which reads the state when a reference comes, and there is none yet."""
+    host = VirtualHost()
+    control, estimation = host.node("control", ["drone"]), host.node("estimation", ["drone"])
+    state, read = control.latest(topics.STATE), list[bool]()
+    control.trigger(topics.REFERENCE, lambda _, now: read.append(bool(state.fresh(now))), 0.1)
+    said = estimation.sides["drone"].say(topics.STATE)
+    estimation.every(topics.STATE.hz, lambda _: said(b""))
+    host.run(10**9)
+    assert read
+    assert "overflowed:state" not in control.counts
