@@ -46,6 +46,7 @@ class Outcome:
     def __init__(self, stack: Stack) -> None:
         self.exit = "clean"  # or why it ended otherwise
         self.restarts: Callable[[], dict[str, int]] = dict
+        self.shared: dict[str, str] = {}  # service → OS process, where it shares one
         self.gone: list[str] = []  # services that were not alive at the end
         self.speedup: float | None = None  # [-] virtual over real time
         self._stack = stack
@@ -92,7 +93,8 @@ class Outcome:
         """
         restarts, folder = self.restarts(), self._stack.out_dir
         how = f"{side} of {self._stack.vehicle_name}, {ending(self.exit, self._counted())}"
-        print(unrecorded(how, restarts, self.gone, other, written(folder)), flush=True)
+        files = written(folder)
+        print(unrecorded(how, restarts, self.gone, other, files, self.shared), flush=True)
         self._complain()
         return DATA_LOST if was_deaf(restarts) else CLEAN
 
@@ -135,6 +137,7 @@ class Outcome:
         extras = Extras(
             exit=self.exit,
             restarts=self.restarts(),
+            shared=self.shared,
             health=self._health,
         )
         if self.speedup is None:

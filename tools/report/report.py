@@ -22,6 +22,7 @@ class Extras(msgspec.Struct, frozen=True):
 
     exit: str = "clean"  # or the reason
     restarts: dict[str, int] = {}  # service → times it was started again
+    shared: dict[str, str] = {}  # service → OS process, where it shares one
     losses: dict[str, int] = {}  # counted by the supervisor itself
     health: list[Health] = []  # of services the recorder does not receive, such as itself
     speedup: float | msgspec.UnsetType = msgspec.UNSET  # [-] virtual over real time; simulate only
@@ -68,7 +69,7 @@ def report_on(dive: RecordedDive, extras: Extras) -> Report:
         seconds=dive.seconds,
         vehicle=dive.about.get("vehicle", ""),
         link=dive.about.get("link", ""),
-        services=services(health, extras.restarts),
+        services=services(health, extras.restarts, extras.shared),
         topics={key: _stream(traffic) for key, traffic in sorted(dive.traffic.items())},
         latency_ms=latency(dive),
         budget_ms=budget(dive),

@@ -1,4 +1,4 @@
-"""One service as one OS process: one Zenoh session per side, real time, a clean end.
+"""One service, or several, as one OS process: one Zenoh session per side, real time, a clean end.
 
 The process ends on SIGINT or SIGTERM, when its parent dies (within two seconds, even if a handler
 hangs), or with one sentence and status 1 when a setting is wrong.
@@ -10,21 +10,23 @@ import os
 import resource
 import signal
 import sys
-import threading
 import time
 import traceback
 from collections.abc import Generator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from threading import Thread
 
 import msgspec
 
 from messages.health import LogLine
 from services.runtime.bus.access_control import HubSide
+from services.runtime.bus.shared_bus import SharedBus, SharedBusPort
 from services.runtime.bus.zenoh_bus import listening, open_bus
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.garbage_collection import rare_collections
+from services.runtime.hosts.group_host import GroupHost
 from services.runtime.hosts.registry import Registry, ServiceSpec
 from services.runtime.node.checkpoint import CheckpointFile
 from services.runtime.node.clock_offset import ClockOffset
@@ -36,13 +38,13 @@ GRACE_S = 1.0  # after the parent's death: time to close files before the proces
 
 
 class Launch(msgspec.Struct, frozen=True, kw_only=True):
-    """Everything a service process needs, as one JSON argument."""
+    """Everything a process with services needs, as one JSON argument."""
 
-    service: str
+    process: str  # its name
+    services: dict[str, ServiceSpec]  # in the order of their turns; the first is closed last
     stack: Stack
-    spec: ServiceSpec  # its table in the stack file
     stack_file: str
-    endpoints: dict[str, str]  # side → hub's endpoint; the first side is home
+    endpoints: dict[str, str]  # side → hub's endpoint, for every side of these services
     checkpoint: str  # folder of the checkpoints, for a restart after a crash
     parent: int | None = None  # pid; the process ends when this is no longer its parent
 
@@ -57,44 +59,55 @@ class StopFlag:
         self.asked = True
 
 
-def run_service(launch: Launch) -> int:
-    """Run a service until it is asked to stop. Returns the exit status."""
-    with _stoppable(launch.parent) as stop, _sentences(launch.service), ExitStack() as exits:
-        vehicle = launch.stack.vehicle_name
-        buses = {
-            side: exits.enter_context(open_bus(endpoint, vehicle))
+def run_services(launch: Launch) -> int:
+    """Run the services of a process until it is asked to stop. Returns the exit status."""
+    with _stoppable(launch.parent) as stop, _sentences(launch.process), ExitStack() as exits:
+        registry = Registry(Path(launch.stack_file), launch.services)
+        # Imports take long: all of them are done before the first node hears anything.
+        wires = {name: registry.wire(name) for name in launch.services}
+        sessions = {
+            side: exits.enter_context(open_bus(endpoint, launch.stack.vehicle_name))
             for side, endpoint in launch.endpoints.items()
         }
-        checkpoint = CheckpointFile(Path(launch.checkpoint) / f"{launch.service}.json")
-        exits.callback(checkpoint.close)
-        home = next(iter(launch.endpoints))
-        clock_offset = (
-            ClockOffset("topside" if home == "topside" else "drone") if launch.stack.apart else None
-        )
-        node = Node(
-            launch.service,
-            buses,
-            time.monotonic_ns,
-            checkpoint,
-            gateway=launch.spec.gateway,
-            clock_offset=clock_offset,
-        )
-        node.show, node.usage = _show, usage
-        node.wall_offset_ns = time.time_ns() - time.monotonic_ns()
-        event = threading.Event()
-        node.wake = event.set
-        registry = Registry(Path(launch.stack_file), {launch.service: launch.spec})
-        registry.wire(launch.service)(node, launch.stack)
-        exits.callback(node.close)
-        for bus in buses.values():
-            bus.announce(launch.service)
+        buses = {side: SharedBus(session) for side, session in sessions.items()}
+        nodes: list[Node] = []
+        for name, wire in wires.items():
+            node = _node(name, launch, buses, exits)
+            wire(node, launch.stack)
+            exits.callback(node.close)
+            nodes.append(node)
+        host = GroupHost(nodes, usage)
+        for name, spec in launch.services.items():
+            for side in spec.sides:
+                sessions[side].announce(name)
         exits.enter_context(rare_collections())
         while not stop.asked:
-            node.step()
-            _wait(node, event)
-        node.step()  # messages that arrived with the signal are still handled
+            if not host.step():
+                host.wait(POLL_S)
+        host.step_all()  # messages that arrived with the signal are still handled
         return 0
     return 1
+
+
+def _node(name: str, launch: Launch, buses: dict[str, SharedBus], exits: ExitStack) -> Node:
+    """The node of a service, not yet wired."""
+    spec, home = launch.services[name], launch.services[name].sides[0]
+    checkpoint = CheckpointFile(Path(launch.checkpoint) / f"{name}.json")
+    exits.callback(checkpoint.close)
+    clock_offset = (
+        ClockOffset("topside" if home == "topside" else "drone") if launch.stack.apart else None
+    )
+    node = Node(
+        name,
+        {side: SharedBusPort(buses[side]) for side in spec.sides},
+        time.monotonic_ns,
+        checkpoint,
+        gateway=spec.gateway,
+        clock_offset=clock_offset,
+    )
+    node.show = _show
+    node.wall_offset_ns = time.time_ns() - time.monotonic_ns()
+    return node
 
 
 class HubLaunch(msgspec.Struct, frozen=True, kw_only=True):
@@ -119,14 +132,6 @@ def run_hub(launch: HubLaunch) -> int:
     return 1
 
 
-def _wait(node: Node, event: threading.Event) -> None:
-    """Wait until a message arrives, a timer is due, or it is time to check the stop flag."""
-    seconds = min(POLL_S, (node.deadline() - time.monotonic_ns()) / 1e9)
-    if seconds > 0:
-        event.wait(seconds)
-    event.clear()
-
-
 @contextmanager
 def _stoppable(parent: int | None) -> Generator[StopFlag]:
     stop = StopFlag()
@@ -134,7 +139,7 @@ def _stoppable(parent: int | None) -> Generator[StopFlag]:
     signal.signal(signal.SIGTERM, stop.ask)
     _exact_timers()
     if parent is not None:
-        threading.Thread(target=_follow, args=(parent, stop), daemon=True).start()
+        Thread(target=_follow, args=(parent, stop), daemon=True).start()
     yield stop
 
 

@@ -68,6 +68,7 @@ class LocalStack:
         self._reach = {**self.endpoints}  # what services connect to
         if other_side is not None and other_side.gateway is not None:
             self._reach["drone"] = other_side.gateway
+        self.processes = services.processes
         self.supervisor = Supervisor(self._tell)
         self.node: Node  # this process's own, on the pilot's side; set when the hubs are up
         self.alive: set[tuple[str, str]] = set()  # (side, service)
@@ -111,7 +112,7 @@ class LocalStack:
         self._checkpoints = _unused_folder(self._checkpoints)
         for name, data in self._begin_with.items():
             write_safely(self._checkpoints / f"{name}.json", data)
-        self.supervisor.add(self._service(name) for name in self.services)
+        self.supervisor.add(self._process(name) for name in self.processes)
 
     def missing(self) -> list[str]:
         """Services that are not alive on all of their sides."""
@@ -169,11 +170,26 @@ class LocalStack:
                 self.alive.discard((side, service))
                 continue
             self.alive.add((side, service))
-            if service not in self.missing():
-                self.supervisor.seen(service)
+            spec, missing = self.services.get(service), self.missing()
+            process = service if spec is None else spec.process or service
+            if not any(name in missing for name in self.processes.get(process, ())):
+                self.supervisor.seen(process)
+
+    @property
+    def restarts(self) -> dict[str, int]:
+        """How often each hub and service was started again, by itself or with its process."""
+        return self._each(self.supervisor.restarts)
+
+    def _each(self, of_tasks: Mapping[str, int]) -> dict[str, int]:
+        """What is known of each process, by the names of its services, and of each hub."""
+        return {
+            name: value
+            for task, value in of_tasks.items()
+            for name in self.processes.get(task, [task])
+        }
 
     def _note_pids(self) -> None:
-        if (pids := self.supervisor.pids) != self._pids:
+        if (pids := self._each(self.supervisor.pids)) != self._pids:
             self._pids = pids
             running = Running(self.stack.vehicle_name, self.endpoints, os.getpid(), pids)
             self._publish(msgspec.json.format(msgspec.json.encode(running)))
@@ -202,19 +218,27 @@ class LocalStack:
         command = [*PYTHON, "hub", msgspec.json.encode(launch).decode()]
         return Task(f"hub_{side}", command, self._log(f"hub_{side}"), stop_order=2)
 
-    def _service(self, name: str) -> Task:
-        spec = self.services[name]
+    def _process(self, process: str) -> Task:
+        names = self.processes[process]
+        last = [name for name in names if name in LAST]  # first in the list, to be closed last
+        specs = {name: self.services[name] for name in dict.fromkeys([*last, *names])}
         launch = Launch(
-            service=name,
+            process=process,
+            services=specs,
             stack=self.stack,
-            spec=spec,
             stack_file=str(self.services.file),
-            endpoints={side: self._reach[side] for side in spec.sides},
+            endpoints={side: self._reach[side] for spec in specs.values() for side in spec.sides},
             checkpoint=str(self._checkpoints),
             parent=os.getpid(),
         )
         command = [*PYTHON, msgspec.json.encode(launch).decode()]
-        return Task(name, command, self._log(name), stop_order=1 if name in LAST else 0)
+        return Task(
+            process,
+            command,
+            self._log(process),
+            stop_order=1 if last else 0,
+            parts=() if names == [process] else tuple(names),
+        )
 
     def _log(self, name: str) -> Path:
         return self.stack.out_dir / "logs" / f"{name}.log"

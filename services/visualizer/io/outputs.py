@@ -2,6 +2,8 @@
 
 import os
 from collections.abc import Callable
+from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
 
 from services.marine.vehicle import Vehicle
@@ -15,6 +17,10 @@ from services.visualizer.io.live_viewer import LiveViewer, viewer_command
 from services.visualizer.io.rrd_file import RrdFile
 
 LOG_LEVEL = "warn"  # of rerun's own log on stderr
+os.environ.setdefault("RUST_LOG", LOG_LEVEL)  # read when rerun is imported
+with suppress(ImportError):  # `outputs` reports it
+    # It takes a second: before anything is wired, because services may share a process.
+    import_module("services.visualizer.io.rerun_writer")
 
 
 def outputs(
@@ -25,7 +31,6 @@ def outputs(
     Raises:
         LindyError: rerun is not installed, or the file cannot be made.
     """
-    os.environ.setdefault("RUST_LOG", LOG_LEVEL)  # read when rerun is imported
     try:
         from services.visualizer.io.rerun_writer import RerunWriter
     except ImportError:
