@@ -29,12 +29,12 @@ LEVELS = {"info": "", "warning": "yellow", "error": "bold red"}
 class ServiceView:
     name: str
     alive: bool
-    process: str = ""  # that it shares with others
     sent_hz: float | None = None  # [1/s] messages
     late_ms: float | None = None  # [ms] 99th percentile
     cpu_percent: float | None = None  # [%] of a core
     restarts: int = 0
     troubles: int = 0  # everything counted as dropped, stale, malformed, saturated …
+    process: str = ""  # that it shares with others
 
 
 @dataclass(frozen=True, slots=True)
