@@ -157,6 +157,9 @@ def test_a_killed_process_is_started_again_and_the_dive_goes_on(
         running = flown.until_armed()
         same = {name for name, pid in running.pids.items() if pid == running.pids["control"]}
         assert same == set(killed)
+        kept = [flown.out / f"checkpoints/{name}.json" for name in ("estimation", "reference")]
+        flown.until(lambda: all(path.is_file() for path in kept))
+        killed_ns = time.monotonic_ns()
         os.kill(running.pids["control"], signal.SIGKILL)
         flown.until(lambda: f"{who} is started again" in flown.said)
         report = flown.end()
@@ -167,8 +170,13 @@ def test_a_killed_process_is_started_again_and_the_dive_goes_on(
     assert report["topics"]["log/supervisor"]["count"] == 2
     row = "control" if len(killed) == 1 else f"onboard ({', '.join(killed)})"
     assert f"restarted         {row} 1 ×" in flown.said
-    depths = [m.depth.value for m in open_messages(flown.out, VehicleState) if m.depth.valid]
-    assert max(depths) > 0.8, "it went on down"
+    states = [m for m in open_messages(flown.out, VehicleState) if m.depth.valid]
+    before = [m.depth.value for m in states if m.stamp_ns < killed_ns]
+    after = [m.depth.value for m in states if m.stamp_ns > killed_ns]
+    assert abs(after[0] - before[-1]) < 0.3, "it knows its depth again"
+    assert max(after) > max(before), "it goes on down"
+    statuses = [m for m in open_messages(flown.out, VehicleStatus) if m.stamp_ns > killed_ns]
+    assert statuses[0].armed, "and was armed all the while"
 
 
 def open_messages(folder: Path, kind: type[M]) -> list[M]:

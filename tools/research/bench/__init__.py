@@ -19,6 +19,8 @@ SECTIONS = {
     "control": "tools.research.bench.control",
     "simulator": "tools.research.bench.simulator",
     "tether": "tools.research.bench.tether",
+    "dive": "tools.research.bench.dive",
+    "onboard": "tools.research.bench.onboard",
 }
 
 

@@ -1,0 +1,102 @@
+"""What a whole real dive costs this computer: one process per service, beside `--grouped`.
+
+Both shapes take turns, so whatever else the machine does hits both. Every process counts: hubs,
+services and the supervisor.
+"""
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from statistics import median
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
+
+from tools.report.report import Report
+from tools.research.bench.processes import Load
+from tools.research.bench.real_dives import PILOT, real_dive, watched
+from tools.research.bench.table import Figure
+
+ROUNDS = 2  # of each shape; the median counts
+MANY = 4  # dives side by side
+SHAPES = {"separate": (), "grouped": ("--grouped",)}
+
+
+class Goals(NamedTuple):
+    cores: float
+    p50_ms: float  # [ms] sensor to thruster
+    p99_ms: float  # [ms]
+    switches_hz: float  # [1/s]
+    rss_mb: float | None  # [MB]
+
+
+GOALS = {
+    "separate": Goals(0.65, 2.5, 8.0, 9000.0, None),
+    "grouped": Goals(0.35, 0.8, 5.0, 4500.0, 350.0),
+}
+
+
+def figures() -> list[Figure]:
+    with TemporaryDirectory(prefix="lindy-bench-") as folder:
+        flown: dict[str, list[tuple[Load, Report]]] = {shape: [] for shape in SHAPES}
+        for turn in range(ROUNDS):
+            for shape, options in SHAPES.items():
+                flown[shape].append(_fly(Path(folder) / f"{shape}-{turn}", options))
+        shown = [figure for shape in SHAPES for figure in _of_shape(shape, flown[shape])]
+        both = [median(load.cores for load, _ in flown[shape]) for shape in SHAPES]
+        shown.append(
+            Figure(
+                section="dive", name="processor, grouped beside separate", unit="cores",
+                ours=both[1], baseline_name="separate", baseline=both[0], goal=0.5,
+            )
+        )  # fmt: skip
+        return [*shown, _many(Path(folder))]
+
+
+def _fly(out: Path, options: tuple[str, ...]) -> tuple[Load, Report]:
+    with real_dive(out, "dive", "--headless", *PILOT, *options) as dive:
+        return watched([dive], [dive]), dive.report()
+
+
+def _of_shape(shape: str, flown: list[tuple[Load, Report]]) -> Iterator[Figure]:
+    loads, goals = [load for load, _ in flown], GOALS[shape]
+    delays = [report.latency_ms.sensor_to_thruster for _, report in flown]
+    p50s = [delay.p50 for delay in delays if delay.p50 is not None]
+    p99s = [delay.p99 for delay in delays if delay.p99 is not None]
+    user, system = median(load.user for load in loads), median(load.system for load in loads)
+    split, pss = f"user {user:.2f}, system {system:.2f}", median(load.pss_mb for load in loads)
+    yield _beside(shape, "processor", "cores", [load.cores for load in loads], goals.cores, split)
+    yield _beside(shape, "sensor to thruster, p50", "ms", p50s, goals.p50_ms)
+    yield _beside(shape, "sensor to thruster, p99", "ms", p99s, goals.p99_ms)
+    switches = [load.switches_hz for load in loads]
+    yield _beside(shape, "thread switches", "1/s", switches, goals.switches_hz)
+    memory, shared = [load.rss_mb for load in loads], f"what is shared counted once: {pss:.0f} MB"
+    yield _beside(shape, "memory", "MB", memory, goals.rss_mb, shared)
+
+
+def _beside(
+    shape: str, name: str, unit: str, measured: list[float], goal: float | None, note: str = ""
+) -> Figure:
+    return Figure(
+        section="dive", name=f"{shape}, {name}", unit=unit, ours=median(measured),
+        baseline_name="" if goal is None else "goal", baseline=goal,
+        goal=None if goal is None else 1.0, note=note,
+    )  # fmt: skip
+
+
+def _many(folder: Path) -> Figure:
+    """Several grouped dives at once."""
+    with ExitStack() as exits:
+        dives = [
+            exits.enter_context(
+                real_dive(folder / f"many-{n}", "dive", "--headless", "--grouped", *PILOT)
+            )
+            for n in range(MANY)
+        ]
+        together = watched(dives, dives)
+        p99s = [dive.report().latency_ms.sensor_to_thruster.p99 for dive in dives]
+    worst = max(p99 for p99 in p99s if p99 is not None)
+    return Figure(
+        section="dive", name=f"{MANY} grouped dives side by side, processor", unit="cores",
+        ours=together.cores, baseline_name="goal", baseline=1.0, goal=1.0,
+        note=f"worst sensor to thruster p99 {worst:.1f} ms",
+    )  # fmt: skip
