@@ -63,14 +63,14 @@ def _of_shape(shape: str, flown: list[tuple[Load, Report]]) -> Iterator[Figure]:
     p50s = [delay.p50 for delay in delays if delay.p50 is not None]
     p99s = [delay.p99 for delay in delays if delay.p99 is not None]
     user, system = median(load.user for load in loads), median(load.system for load in loads)
-    split, pss = f"user {user:.2f}, system {system:.2f}", median(load.pss_mb for load in loads)
+    split = f"user {user:.2f}, system {system:.2f}"
     yield _beside(shape, "processor", "cores", [load.cores for load in loads], goals.cores, split)
     yield _beside(shape, "sensor to thruster, p50", "ms", p50s, goals.p50_ms)
     yield _beside(shape, "sensor to thruster, p99", "ms", p99s, goals.p99_ms)
     switches = [load.switches_hz for load in loads]
     yield _beside(shape, "thread switches", "1/s", switches, goals.switches_hz)
-    memory, shared = [load.rss_mb for load in loads], f"what is shared counted once: {pss:.0f} MB"
-    yield _beside(shape, "memory", "MB", memory, goals.rss_mb, shared)
+    private = f"not shared: {median(load.private_mb for load in loads):.0f} MB"
+    yield _beside(shape, "memory", "MB", [load.rss_mb for load in loads], goals.rss_mb, private)
 
 
 def _beside(

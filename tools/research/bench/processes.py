@@ -18,7 +18,7 @@ class Load:
     system: float  # [cores]
     switches_hz: float  # [1/s] times a thread stopped by itself, to wait for something
     rss_mb: float  # [MB] resident memory at the end; what processes share is counted in each
-    pss_mb: float  # [MB] the same, but what processes share is divided among them
+    private_mb: float  # [MB] of it what no other process has
 
     @property
     def cores(self) -> float:
@@ -38,8 +38,8 @@ def load(pids: Collection[int], seconds: float) -> Load:
         user,
         system,
         switches,
-        rss_mb=sum(_rss_mb(pid) for pid in pids),
-        pss_mb=sum(_pss_mb(pid) for pid in pids),
+        rss_mb=sum(rss_mb(pid) for pid in pids),
+        private_mb=sum(_private_mb(pid) for pid in pids),
     )
 
 
@@ -51,12 +51,14 @@ def _counted(pid: int) -> tuple[float, float, int]:
     return int(fields[11]) / TICKS, int(fields[12]) / TICKS, switches
 
 
-def _rss_mb(pid: int) -> float:
+def rss_mb(pid: int) -> float:
+    """[MB] Resident memory of a process."""
     return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * PAGE / 1e6
 
 
-def _pss_mb(pid: int) -> float:
-    return _number(Path(f"/proc/{pid}/smaps_rollup").read_text(), "Pss:") * 1024 / 1e6
+def _private_mb(pid: int) -> float:
+    text = Path(f"/proc/{pid}/smaps_rollup").read_text()
+    return sum(_number(text, f"Private_{kind}:") for kind in ("Clean", "Dirty")) * 1024 / 1e6
 
 
 def _number(text: str, name: str) -> int:

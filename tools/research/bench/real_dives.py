@@ -17,9 +17,8 @@ from tools.research.bench.processes import Load, load
 PATIENCE_S = 90.0  # [s] until a dive is armed, on a slow and busy computer
 SETTLE_S = 2.0  # [s] after arming, before it is watched
 WATCH_S = 12.0  # [s] of steady flight
-SECONDS = SETTLE_S + WATCH_S + 6.0  # [s] a dive takes after arming
 QUICK = ("--set", "estimation.calibration.still_time=3")  # [s] less to wait for
-PILOT = ("--pilot", "script:first_dive", "--seconds", f"{SECONDS:g}")
+PILOT = ("--pilot", "script:first_dive")  # a minute and a half
 HAS_STICKS = "has the sticks"  # the pilot's line when the drone is armed
 
 
@@ -47,14 +46,14 @@ class RealDive:
                 raise LindyError(f"a dive of the benchmark does not get to {text!r}: {last}")
             time.sleep(0.05)  # another process does it, and nothing announces it
 
-    def pids(self) -> set[int]:
-        """Process ids of its hubs, services and supervisor."""
+    def processes(self) -> dict[int, str]:
+        """Its hubs, services and supervisor: process id and one of the names in it."""
         running = msgspec.json.decode((self._out / RUNNING).read_bytes(), type=Running)
-        return {running.supervisor, *running.pids.values()}
+        return {running.supervisor: "supervisor"} | {p: n for n, p in running.pids.items()}
 
     def report(self) -> Report:
-        """Wait for the end, and read its report."""
-        self._process.wait(PATIENCE_S)
+        """End it, and read its report."""
+        self.end()
         return msgspec.json.decode((self._out / "report.json").read_bytes(), type=Report)
 
     def end(self) -> None:
@@ -78,4 +77,4 @@ def watched(dives: Collection[RealDive], pilots: Collection[RealDive]) -> Load:
     for pilot in pilots:
         pilot.until_said(HAS_STICKS)
     time.sleep(SETTLE_S)  # the first seconds after arming are not steady
-    return load(set[int]().union(*(dive.pids() for dive in dives)), WATCH_S)
+    return load([pid for dive in dives for pid in dive.processes()], WATCH_S)

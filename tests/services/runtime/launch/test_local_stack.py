@@ -192,6 +192,24 @@ def test_a_killed_process_takes_its_services_with_it_and_brings_them_back(tmp_pa
     assert not exists(after["engine"])
 
 
+CLOSING = """
+def wire(node, stack):
+    node.on_close(lambda: print(node.name, flush=True))
+"""
+
+
+def test_of_one_process_the_recorder_is_closed_last(tmp_path: Path) -> None:
+    with_recorder = ONE_PROCESS + '[services.recorder]\nsides = ["drone"]\nprocess = "onboard"\n'
+    with_recorder += 'module = "engine_module"\n'
+    stack, services = made(tmp_path, engine=CLOSING, stack=with_recorder)
+    with local_stack(stack, services) as local:
+        local.start_services()
+        alive(local)
+    closed = (stack.out_dir / "logs/onboard.log").read_text().split()
+    assert sorted(closed) == ["engine", "recorder", "sounder"]
+    assert closed[-1] == "recorder"
+
+
 def test_who_is_not_alive_in_time_is_named_and_may_still_come(tmp_path: Path) -> None:
     stack, services = made(tmp_path, desk=WAITING)
     with local_stack(stack, services) as local:
