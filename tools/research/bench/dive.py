@@ -12,8 +12,8 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from tools.report.report import Report
-from tools.research.bench.processes import Load
-from tools.research.bench.real_dives import PILOT, real_dive, watched
+from tools.research.bench.processes import Cost, total
+from tools.research.bench.started_dives import PILOT, started, watched
 from tools.research.bench.table import Figure
 
 ROUNDS = 2  # of each shape; the median counts
@@ -37,12 +37,12 @@ GOALS = {
 
 def figures() -> list[Figure]:
     with TemporaryDirectory(prefix="lindy-bench-") as folder:
-        flown: dict[str, list[tuple[Load, Report]]] = {shape: [] for shape in SHAPES}
+        flown: dict[str, list[tuple[Cost, Report]]] = {shape: [] for shape in SHAPES}
         for turn in range(ROUNDS):
             for shape, options in SHAPES.items():
                 flown[shape].append(_fly(Path(folder) / f"{shape}-{turn}", options))
         shown = [figure for shape in SHAPES for figure in _of_shape(shape, flown[shape])]
-        both = [median(load.cores for load, _ in flown[shape]) for shape in SHAPES]
+        both = [median(cost.cpu for cost, _ in flown[shape]) / 100.0 for shape in SHAPES]
         shown.append(
             Figure(
                 section="dive", name="processor, grouped beside separate", unit="cores",
@@ -52,25 +52,24 @@ def figures() -> list[Figure]:
         return [*shown, _many(Path(folder))]
 
 
-def _fly(out: Path, options: tuple[str, ...]) -> tuple[Load, Report]:
-    with real_dive(out, "dive", "--headless", *PILOT, *options) as dive:
-        return watched([dive], [dive]), dive.report()
+def _fly(out: Path, options: tuple[str, ...]) -> tuple[Cost, Report]:
+    with started(out, "dive", "--headless", *PILOT, *options) as dive:
+        return total(watched([dive], [dive])), dive.report()
 
 
-def _of_shape(shape: str, flown: list[tuple[Load, Report]]) -> Iterator[Figure]:
-    loads, goals = [load for load, _ in flown], GOALS[shape]
+def _of_shape(shape: str, flown: list[tuple[Cost, Report]]) -> Iterator[Figure]:
+    costs, goals = [cost for cost, _ in flown], GOALS[shape]
     delays = [report.latency_ms.sensor_to_thruster for _, report in flown]
     p50s = [delay.p50 for delay in delays if delay.p50 is not None]
     p99s = [delay.p99 for delay in delays if delay.p99 is not None]
-    user, system = median(load.user for load in loads), median(load.system for load in loads)
-    split = f"user {user:.2f}, system {system:.2f}"
-    yield _beside(shape, "processor", "cores", [load.cores for load in loads], goals.cores, split)
+    cores = [cost.cpu / 100.0 for cost in costs]
+    system = f"of it system {median(cost.system / 100.0 for cost in costs):.2f}"
+    yield _beside(shape, "processor", "cores", cores, goals.cores, system)
     yield _beside(shape, "sensor to thruster, p50", "ms", p50s, goals.p50_ms)
     yield _beside(shape, "sensor to thruster, p99", "ms", p99s, goals.p99_ms)
-    switches = [load.switches_hz for load in loads]
+    switches, memory = [cost.switches for cost in costs], [cost.rss_mb for cost in costs]
     yield _beside(shape, "thread switches", "1/s", switches, goals.switches_hz)
-    private = f"not shared: {median(load.private_mb for load in loads):.0f} MB"
-    yield _beside(shape, "memory", "MB", [load.rss_mb for load in loads], goals.rss_mb, private)
+    yield _beside(shape, "memory", "MB", memory, goals.rss_mb)
 
 
 def _beside(
@@ -88,15 +87,15 @@ def _many(folder: Path) -> Figure:
     with ExitStack() as exits:
         dives = [
             exits.enter_context(
-                real_dive(folder / f"many-{n}", "dive", "--headless", "--grouped", *PILOT)
+                started(folder / f"many-{n}", "dive", "--headless", "--grouped", *PILOT)
             )
             for n in range(MANY)
         ]
-        together = watched(dives, dives)
+        together = total(watched(dives, dives))
         p99s = [dive.report().latency_ms.sensor_to_thruster.p99 for dive in dives]
     worst = max(p99 for p99 in p99s if p99 is not None)
     return Figure(
         section="dive", name=f"{MANY} grouped dives side by side, processor", unit="cores",
-        ours=together.cores, baseline_name="goal", baseline=1.0, goal=1.0,
+        ours=together.cpu / 100.0, baseline_name="goal", baseline=1.0, goal=1.0,
         note=f"worst sensor to thruster p99 {worst:.1f} ms",
     )  # fmt: skip

@@ -10,24 +10,35 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from services.runtime.config.settings import deploy_file
-from tools.research.bench.processes import Load, rss_mb
-from tools.research.bench.real_dives import PILOT, real_dive, watched
+from tools.research.bench.processes import Cost, total
+from tools.research.bench.started_dives import PILOT, started, watched
 from tools.research.bench.table import Figure
 
 CORES, RSS_MB = 0.15, 90.0  # goals
 LEFT_OUT = ("recorder", "visualizer")
-_PARTS = {"supervisor": "supervisor", "hub_drone": "hub"}
+PARTS = {"0/supervisor": "supervisor", "0/hub_drone": "hub"}
 
 
 def figures() -> list[Figure]:
     with TemporaryDirectory(prefix="lindy-bench-") as folder:
-        load, memory = _fly(Path(folder))
-    split = f"user {load.user:.2f}, system {load.system:.2f}"
+        costs = _fly(Path(folder))
+    whole = total(costs)
     return [
-        _figure("processor", "cores", load.cores, CORES, split),
-        _figure("memory", "MB", load.rss_mb, RSS_MB, memory),
-        _figure("thread switches", "1/s", load.switches_hz),
-    ]
+        _figure(
+            "processor", "cores", whole.cpu / 100.0, CORES,
+            _parts({name: f"{cost.cpu / 100.0:.3f}" for name, cost in costs.items()}),
+        ),
+        _figure(
+            "memory", "MB", whole.rss_mb, RSS_MB,
+            _parts({name: f"{cost.rss_mb:.0f}" for name, cost in costs.items()}),
+        ),
+        _figure("thread switches", "1/s", whole.switches),
+    ]  # fmt: skip
+
+
+def _parts(values: dict[str, str]) -> str:
+    """`supervisor 0.02, hub 0.03, services 0.10`"""
+    return ", ".join(f"{PARTS.get(name, 'services')} {value}" for name, value in values.items())
 
 
 def _figure(name: str, unit: str, ours: float, goal: float | None = None, note: str = "") -> Figure:
@@ -38,19 +49,14 @@ def _figure(name: str, unit: str, ours: float, goal: float | None = None, note: 
     )  # fmt: skip
 
 
-def _fly(folder: Path) -> tuple[Load, str]:
-    """The load, and in words how its memory is divided."""
+def _fly(folder: Path) -> dict[str, Cost]:
     stack, endpoint = ("--stack", str(_stack(folder / "stack.toml"))), _free_endpoint()
     below = "up", "drone", "--grouped", "--listen", endpoint, *stack
     above = "up", "topside", "--grouped", "--connect", endpoint, *stack, *PILOT
-    with real_dive(folder / "drone", *below) as drone:
+    with started(folder / "drone", *below) as drone:
         drone.until_said("calibrating")
-        with real_dive(folder / "topside", *above) as topside:
-            load, processes = watched([drone], [topside]), drone.processes()
-            parts = [
-                f"{_PARTS.get(name, 'services')} {rss_mb(p):.0f}" for p, name in processes.items()
-            ]
-            return load, f"{', '.join(parts)}; not shared: {load.private_mb:.0f}"
+        with started(folder / "topside", *above) as topside:
+            return watched([drone], [topside])
 
 
 def _stack(path: Path) -> Path:

@@ -1,66 +1,102 @@
-"""What processes cost, as Linux counts it: processor time, thread switches, memory."""
+"""What processes cost over a window of time, as /proc counts it (Linux only)."""
 
 import os
 import time
-from collections.abc import Collection
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-TICKS = os.sysconf("SC_CLK_TCK")  # [1/s] of processor time
+TICKS = os.sysconf("SC_CLK_TCK")  # [1/s] unit of CPU times in /proc/PID/stat
 PAGE = os.sysconf("SC_PAGE_SIZE")  # [B]
 
 
 @dataclass(frozen=True, slots=True)
-class Load:
-    """Of several processes together, over a while."""
+class Cost:
+    """Of one process or, added up, of several."""
 
-    user: float  # [cores]
-    system: float  # [cores]
-    switches_hz: float  # [1/s] times a thread stopped by itself, to wait for something
-    rss_mb: float  # [MB] resident memory at the end; what processes share is counted in each
-    private_mb: float  # [MB] of it what no other process has
+    user: float  # [% of one core]
+    system: float  # [% of one core]
+    switches: float  # [1/s] voluntary context switches of all threads: waits
+    rss_mb: float  # [MB] resident at the end of the window
+    threads: int  # at the end of the window
 
     @property
-    def cores(self) -> float:
+    def cpu(self) -> float:
+        """[% of one core]"""
         return self.user + self.system
 
+    def __add__(self, other: "Cost") -> "Cost":
+        return Cost(
+            self.user + other.user,
+            self.system + other.system,
+            self.switches + other.switches,
+            self.rss_mb + other.rss_mb,
+            self.threads + other.threads,
+        )
 
-def load(pids: Collection[int], seconds: float) -> Load:
-    """Watch these processes for `seconds`. One that ends meanwhile raises FileNotFoundError."""
-    began, before = time.monotonic(), [_counted(pid) for pid in pids]
+
+NOTHING = Cost(0.0, 0.0, 0.0, 0.0, 0)
+
+
+@dataclass(frozen=True, slots=True)
+class _Count:
+    at: float  # [s]
+    user: float  # [s]
+    system: float  # [s]
+    switches: dict[str, int]  # by thread
+    rss_mb: float
+
+
+def costs(pids: Mapping[str, int], seconds: float) -> dict[str, Cost]:
+    """Cost of each process over the next `seconds`; a process that has ended is left out."""
+    before = {name: _count(pid) for name, pid in pids.items()}
     time.sleep(seconds)
-    took, after = time.monotonic() - began, [_counted(pid) for pid in pids]
-    user, system, switches = (
-        (sum(later[n] for later in after) - sum(earlier[n] for earlier in before)) / took
-        for n in range(3)
+    after = {name: _count(pid) for name, pid in pids.items()}
+    return {
+        name: _between(begin, end)
+        for name in pids
+        if (begin := before[name]) is not None and (end := after[name]) is not None
+    }
+
+
+def total(costs: Mapping[str, Cost]) -> Cost:
+    return sum(costs.values(), NOTHING)
+
+
+def _between(begin: _Count, end: _Count) -> Cost:
+    seconds = end.at - begin.at
+    switches = sum(n - begin.switches.get(thread, 0) for thread, n in end.switches.items())
+    return Cost(
+        user=100.0 * (end.user - begin.user) / seconds,
+        system=100.0 * (end.system - begin.system) / seconds,
+        switches=switches / seconds,
+        rss_mb=end.rss_mb,
+        threads=len(end.switches),
     )
-    return Load(
-        user,
-        system,
-        switches,
-        rss_mb=sum(rss_mb(pid) for pid in pids),
-        private_mb=sum(_private_mb(pid) for pid in pids),
-    )
 
 
-def _counted(pid: int) -> tuple[float, float, int]:
-    """[s] of processor time, user and system, and voluntary thread switches since its start."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
-    threads = Path(f"/proc/{pid}/task").glob("*/status")
-    switches = sum(_number(path.read_text(), "voluntary_ctxt_switches:") for path in threads)
-    return int(fields[11]) / TICKS, int(fields[12]) / TICKS, switches
+def _count(pid: int) -> _Count | None:
+    """All that /proc has counted until now; None: there is no such process."""
+    folder = Path(f"/proc/{pid}")
+    try:
+        # The name, in brackets, may hold anything; `state` is the first field behind it.
+        fields = (folder / "stat").read_text().rsplit(")", 1)[1].split()
+        threads = [path.name for path in (folder / "task").iterdir()]
+        switches = {thread: _switches(folder / "task" / thread) for thread in threads}
+        return _Count(
+            at=time.monotonic(),
+            user=int(fields[11]) / TICKS,
+            system=int(fields[12]) / TICKS,
+            switches={thread: n for thread, n in switches.items() if n is not None},
+            rss_mb=int(fields[21]) * PAGE / 1e6,
+        )
+    except (FileNotFoundError, ProcessLookupError):
+        return None
 
 
-def rss_mb(pid: int) -> float:
-    """[MB] Resident memory of a process."""
-    return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * PAGE / 1e6
-
-
-def _private_mb(pid: int) -> float:
-    text = Path(f"/proc/{pid}/smaps_rollup").read_text()
-    return sum(_number(text, f"Private_{kind}:") for kind in ("Clean", "Dirty")) * 1024 / 1e6
-
-
-def _number(text: str, name: str) -> int:
-    """The number behind a name at the beginning of a line."""
-    return next(int(row.split()[1]) for row in text.splitlines() if row.startswith(name))
+def _switches(thread: Path) -> int | None:
+    try:
+        lines = (thread / "status").read_text().splitlines()
+    except (FileNotFoundError, ProcessLookupError):  # it has just ended
+        return None
+    return next(int(s.split()[1]) for s in lines if s.startswith("voluntary_ctxt_switches"))

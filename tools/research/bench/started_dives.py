@@ -12,7 +12,7 @@ import msgspec
 from services.runtime.config.errors import LindyError
 from services.runtime.config.running import RUNNING, Running
 from tools.report.report import Report
-from tools.research.bench.processes import Load, load
+from tools.research.bench.processes import Cost, costs
 
 PATIENCE_S = 90.0  # [s] until a dive is armed, on a slow and busy computer
 SETTLE_S = 2.0  # [s] after arming, before it is watched
@@ -22,7 +22,7 @@ PILOT = ("--pilot", "script:first_dive")  # a minute and a half
 HAS_STICKS = "has the sticks"  # the pilot's line when the drone is armed
 
 
-class RealDive:
+class StartedDive:
     """One `lindy` command that is running. Its folder is `out`."""
 
     def __init__(self, out: Path, words: Collection[str]) -> None:
@@ -46,10 +46,11 @@ class RealDive:
                 raise LindyError(f"a dive of the benchmark does not get to {text!r}: {last}")
             time.sleep(0.05)  # another process does it, and nothing announces it
 
-    def processes(self) -> dict[int, str]:
-        """Its hubs, services and supervisor: process id and one of the names in it."""
+    def pids(self) -> dict[str, int]:
+        """Its supervisor, hubs and services; of services that share a process, one."""
         running = msgspec.json.decode((self._out / RUNNING).read_bytes(), type=Running)
-        return {running.supervisor: "supervisor"} | {p: n for n, p in running.pids.items()}
+        by_pid = {pid: name for name, pid in running.pids.items()}
+        return {name: pid for pid, name in by_pid.items()} | {"supervisor": running.supervisor}
 
     def report(self) -> Report:
         """End it, and read its report."""
@@ -64,17 +65,20 @@ class RealDive:
 
 
 @contextmanager
-def real_dive(out: Path, *words: str) -> Generator[RealDive]:
-    dive = RealDive(out, words)
+def started(out: Path, *words: str) -> Generator[StartedDive]:
+    dive = StartedDive(out, words)
     try:
         yield dive
     finally:
         dive.end()
 
 
-def watched(dives: Collection[RealDive], pilots: Collection[RealDive]) -> Load:
-    """What all processes of these dives need together, from the time the pilots are armed."""
+def watched(dives: Collection[StartedDive], pilots: Collection[StartedDive]) -> dict[str, Cost]:
+    """What each process of these dives costs, while all pilots fly."""
     for pilot in pilots:
         pilot.until_said(HAS_STICKS)
     time.sleep(SETTLE_S)  # the first seconds after arming are not steady
-    return load([pid for dive in dives for pid in dive.processes()], WATCH_S)
+    return costs(
+        {f"{n}/{name}": pid for n, dive in enumerate(dives) for name, pid in dive.pids().items()},
+        WATCH_S,
+    )
