@@ -50,7 +50,7 @@ def _figure(name: str, unit: str, ours: float, goal: float | None = None, note: 
 
 
 def _fly(folder: Path) -> dict[str, Cost]:
-    stack, endpoint = ("--stack", str(_stack(folder / "stack.toml"))), _free_endpoint()
+    stack, endpoint = ("--stack", str(without_files(folder / "stack.toml"))), _free_endpoint()
     below = "up", "drone", "--grouped", "--listen", endpoint, *stack
     above = "up", "topside", "--grouped", "--connect", endpoint, *stack, *PILOT
     with started(folder / "drone", *below) as drone:
@@ -59,7 +59,7 @@ def _fly(folder: Path) -> dict[str, Cost]:
             return watched([drone], [topside])
 
 
-def _stack(path: Path) -> Path:
+def without_files(path: Path) -> Path:
     """The simulated stack without what writes files."""
     tables = re.split(r"(?m)^(?=\[)", deploy_file("stacks", "simulated").read_text())
     left = tuple(f"[services.{name}]" for name in LEFT_OUT)
