@@ -1,4 +1,4 @@
-"""Benchmarks with real dives: what they start. Their figures are measured by `lindy bench` alone."""
+"""Benchmarks with real dives: what they start. Their figures are for `lindy bench` to measure."""
 
 import os
 from pathlib import Path
