@@ -2,6 +2,7 @@
 explicit endpoints."""
 
 import json
+import os
 import time
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
@@ -13,6 +14,7 @@ from messages.topic import AnyTopic
 from services.runtime.bus.access_control import HubSide, access_control
 from services.runtime.bus.envelope import Envelope, Say, Store
 from services.runtime.bus.qos import QOS_PROFILES, ZenohQos
+from services.runtime.bus.zenoh_threads import QUEUES, VARIABLE, keep_thread_state, use_one_thread
 from services.runtime.config.errors import LindyError
 
 SessionMode = Literal["router", "client"]
@@ -40,6 +42,7 @@ def config(
         "connect/endpoints": list(connect),
         "transport/shared_memory/enabled": False,  # it would bypass a shaped link
         "transport/link/tx/lease": 1000,  # [ms] a disconnected cable is noticed after this
+        "transport/link/tx/queue/size": QUEUES,
         "connect/retry": {"period_init_ms": 50, "period_max_ms": 200, "period_increase_factor": 2},
     }.items():
         settings.insert_json5(key, json.dumps(value))
@@ -65,7 +68,7 @@ def listening(
         settings = config("router", endpoints, connect)
         if hub_side is not None:
             settings.insert_json5("access_control", json.dumps(access_control(hub_side)))
-        return zenoh.open(settings)
+        return _open(settings)
     except zenoh.ZError as error:
         taken = "in use" in str(error)
         reason = str(error).split(" at /")[0]  # what follows is Zenoh's own source line
@@ -85,11 +88,22 @@ def connected(endpoint: str, space: str, patience_s: float = HUB_PATIENCE_S) -> 
     deadline = time.monotonic() + patience_s
     while True:
         try:
-            return zenoh.open(config("client", connect=[endpoint], space=space))
+            return _open(config("client", connect=[endpoint], space=space))
         except zenoh.ZError:
             if time.monotonic() > deadline:
                 raise LindyError(f"no hub answers at {endpoint} after {patience_s:g} s") from None
             time.sleep(0.05)  # between two attempts; nothing announces that the hub has started
+
+
+def _open(settings: zenoh.Config) -> zenoh.Session:
+    use_one_thread()
+    try:
+        return zenoh.open(settings)
+    except BaseException as error:
+        if type(error).__name__ != "PanicException":  # Zenoh gives it no other name
+            raise
+        reason = f"{VARIABLE} is {os.environ[VARIABLE]!r}, and Zenoh does not start with it"
+        raise LindyError(f"{reason}; without it, one thread is used") from None
 
 
 class ZenohBus:
@@ -103,6 +117,7 @@ class ZenohBus:
         # `indirect=False`: store on Zenoh's own thread; it only appends and wakes. A queue with
         # a thread behind it fills up, and one full queue blocks reception for the whole session.
         def on_sample(sample: zenoh.Sample) -> None:
+            keep_thread_state()
             if sample.kind == zenoh.SampleKind.PUT:
                 store(_envelope(sample))
 
@@ -137,7 +152,8 @@ class ZenohBus:
             encoding=envelope.encoding,
             attachment=envelope.attachment,
             priority=qos.priority,
-            congestion_control=qos.congestion_control,
+            # Whatever its sender wanted: this thread also empties the queue, so it must not wait.
+            congestion_control=zenoh.CongestionControl.DROP,
             express=qos.express,
         )
 

@@ -3,7 +3,6 @@
 They are stepped one at a time. `Turns` decides which; the process host waits and talks.
 """
 
-import threading
 import time
 from collections.abc import Callable
 
@@ -31,6 +30,16 @@ class Turns:
     def wake(self, node: int) -> None:
         """Something arrived for this node."""
         self._woken.add(node)
+
+    @property
+    def anybody_woken(self) -> bool:
+        return bool(self._woken)
+
+    def woken(self) -> list[int]:
+        """Those for which something arrived, in order; what arrives from now on wakes again."""
+        nodes = sorted(self._woken.copy())
+        self._woken.difference_update(nodes)
+        return nodes
 
     def next(self, now: int) -> int | None:
         """The node to step at `now` [ns]; None: nobody has anything to do."""
@@ -65,57 +74,56 @@ class GroupHost:
             nodes: in the order in which they are stepped.
             of_process: what the process uses. A node that is alone in it reports just that; one
                 that shares it reports the processor time of its own steps instead.
-            cpu_clock: [ns] processor time of this thread.
+            cpu_clock: [ns] processor time of the thread that asks.
         """
-        self._arrived = threading.Event()  # a message, from outside of this thread
+        self.wake: Callable[[], None] = lambda: None  # the stepper's; a message arrived
         self._nodes = nodes
         self._turns = Turns(len(nodes))
         self._clock = clock
         self._cpu_clock = cpu_clock
-        self._cpu_ns = [0] * len(nodes)  # [ns] processor time of each node's steps …
-        self._cpu_until = cpu_clock()  # [ns] … up to this one
-        self._thread = threading.get_ident()
+        self._cpu_ns = [0] * len(nodes)  # [ns] processor time of each node's steps
         for k, node in enumerate(nodes):
             node.wake = self._waker(k)
             node.usage = of_process if len(nodes) == 1 else self._share(k, of_process)
             node.start()
 
-    def step(self) -> bool:
-        """Step the node whose turn it is. False: nobody has anything to do."""
-        if (k := self._turns.next(self._clock())) is None:
-            return False
-        self._step(k)
-        return True
+    @property
+    def has_arrivals(self) -> bool:
+        """Did anything arrive that is not handled yet?"""
+        return self._turns.anybody_woken
 
-    def step_all(self) -> None:
-        """Step every node once, as before the end."""
-        for k in range(len(self._nodes)):
-            self._step(k)
+    def handle_arrivals(self) -> None:
+        """Handle messages that arrived, one round, but no timers."""
+        for k in self._turns.woken():
+            self._run(k, self._nodes[k].handle_arrivals)
+            if self._nodes[k].has_arrivals:
+                self._turns.wake(k)
 
-    def wait(self, longest_s: float) -> None:
-        """After `step` has found nothing to do: wait until a message arrives or a timer is due, at
-        most `longest_s` [s]."""
-        seconds = min(longest_s, (self._turns.until() - self._clock()) / 1e9)
-        if seconds > 0:
-            self._arrived.wait(seconds)
-        self._arrived.clear()
+    def step(self) -> None:
+        """Step the nodes that have something to do, at most one round."""
+        for _ in self._nodes:
+            if (k := self._turns.next(self._clock())) is None:
+                return
+            self._run(k, self._nodes[k].step)
 
-    def _step(self, k: int) -> None:
-        node = self._nodes[k]
-        node.step()
-        self._turns.stepped(k, node.deadline())
-        if len(self._nodes) > 1:
-            cpu = self._cpu_clock()  # includes waking up for it
-            self._cpu_ns[k] += cpu - self._cpu_until
-            self._cpu_until = cpu
+    def deadline(self) -> int:
+        """[ns] When the next timer of all nodes falls due."""
+        return self._turns.until()
+
+    def _run(self, k: int, what: Callable[[], None]) -> None:
+        alone = len(self._nodes) == 1
+        began = 0 if alone else self._cpu_clock()
+        what()
+        self._turns.stepped(k, self._nodes[k].deadline())
+        if not alone:
+            self._cpu_ns[k] += self._cpu_clock() - began
 
     def _waker(self, k: int) -> Callable[[], None]:
-        turns, arrived, own = self._turns, self._arrived, self._thread
+        turns = self._turns
 
         def wake() -> None:
             turns.wake(k)
-            if threading.get_ident() != own:  # this thread looks whose turn it is before it waits
-                arrived.set()
+            self.wake()
 
         return wake
 

@@ -28,12 +28,12 @@ from services.runtime.config.stack import Stack
 from services.runtime.hosts.garbage_collection import rare_collections
 from services.runtime.hosts.group_host import GroupHost
 from services.runtime.hosts.registry import Registry, ServiceSpec
+from services.runtime.hosts.stepper import POLL_S, Stepper
 from services.runtime.node.checkpoint import CheckpointFile
 from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.loop_stats import Usage
 from services.runtime.node.node import Node
 
-POLL_S = 0.1  # longest wait between two looks at the stop flag
 GRACE_S = 1.0  # after the parent's death: time to close files before the process is ended
 
 
@@ -77,14 +77,16 @@ def run_services(launch: Launch) -> int:
             exits.callback(node.close)
             nodes.append(node)
         host = GroupHost(nodes, usage)
+        # What writes files, or is somebody else's, may hold up the thread that it runs on.
+        own = all(spec.module is None for spec in launch.services.values())
+        stepper = Stepper(host, on_arrival=own and not any(node.collects for node in nodes))
         for name, spec in launch.services.items():
             for side in spec.sides:
                 sessions[side].announce(name)
         exits.enter_context(rare_collections())
         while not stop.asked:
-            if not host.step():
-                host.wait(POLL_S)
-        host.step_all()  # messages that arrived with the signal are still handled
+            stepper.step_and_wait()
+        stepper.finish()  # messages that arrived with the signal are still handled
         return 0
     return 1
 

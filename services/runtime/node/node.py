@@ -1,8 +1,9 @@
 """A service's ports, timers and counters. The same in every host.
 
 A service declares its subscriptions and publishers in its `wire` function; the host then calls
-`step` whenever a message arrived or a timer is due. Handlers run one at a time with `now` [ns]
-passed in; they do not block, sleep, read a clock or use unseeded randomness.
+`step` whenever a message arrived or a timer is due. Handlers run one at a time, perhaps on
+different threads, with `now` [ns] passed in; they do not block, sleep, read a clock or use unseeded
+randomness.
 """
 
 from collections import Counter, deque
@@ -306,11 +307,26 @@ class Node:
         """
         for drain in self._collected:
             drain()
-        for _ in range(min(len(self._pending), EVENTS)):
-            self._pending.popleft()()
+        self.handle_arrivals()
         self._ring_timers()
         if self._pending:
             self.wake()
+
+    def handle_arrivals(self) -> None:
+        """Handle messages that arrived, but no timers. Bounded, so that a flood of messages cannot
+        starve the timers."""
+        for _ in range(min(len(self._pending), EVENTS)):
+            self._pending.popleft()()
+
+    @property
+    def has_arrivals(self) -> bool:
+        """Did anything arrive that wakes the service and is not handled yet?"""
+        return bool(self._pending)
+
+    @property
+    def collects(self) -> bool:
+        """Does the service collect envelopes between its timers?"""
+        return bool(self._collected)
 
     def _ring_timers(self) -> None:
         now = self._clock()

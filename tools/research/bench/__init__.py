@@ -21,6 +21,8 @@ SECTIONS = {
     "tether": "tools.research.bench.tether",
     "dive": "tools.research.bench.dive",
     "onboard": "tools.research.bench.onboard",
+    "transport": "tools.research.bench.transport",
+    "busy": "tools.research.bench.busy",
 }
 
 
