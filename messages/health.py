@@ -13,8 +13,10 @@ class Health(Message, frozen=True, kw_only=True):
     loop_hz: NotNegative  # [1/s] handler calls over the last period
     lateness_p50_ms: NotNegative | None  # [ms] handled after it was due or arrived
     lateness_p99_ms: NotNegative | None  # [ms]
+    # Of its whole process, with Zenoh's threads; of a service that shares its process, of its own
+    # handlers alone: what Zenoh's threads of that process need is then in nobody's figure.
     cpu_percent: NotNegative | None  # [%] of one core; None on virtual time
-    rss_mb: NotNegative | None  # [MB] resident memory; None on virtual time
+    rss_mb: NotNegative | None  # [MB] resident memory of its process; None on virtual time
     sent: Count  # messages since start
     received: Count  # messages since start
     counts: Counts  # every dropped, stale, malformed, saturated … thing since start

@@ -7,13 +7,13 @@ import sys
 
 import msgspec
 
-from services.runtime.hosts.process_host import HubLaunch, Launch, run_hub, run_service
+from services.runtime.hosts.process_host import HubLaunch, Launch, run_hub, run_services
 
 
 def main(arguments: list[str]) -> int:
     if arguments[0] == "hub":
         return run_hub(msgspec.json.decode(arguments[1], type=HubLaunch))
-    return run_service(msgspec.json.decode(arguments[0], type=Launch))
+    return run_services(msgspec.json.decode(arguments[0], type=Launch))
 
 
 if __name__ == "__main__":

@@ -21,6 +21,15 @@ from tools.sweep.command import sweep
 ERROR = 1  # exit status
 DEBUG = "--debug"
 PAPERS = "tools.research"  # not in an installed package
+Grouped = Annotated[
+    bool,
+    Parameter(
+        negative=(),
+        show_default=False,
+        help="few processes instead of one per service, for a small computer: services that have "
+        "none of their own in the stack file share one per side",
+    ),
+]
 
 
 app = App(
@@ -46,6 +55,7 @@ def dive(
         str | None,
         Parameter(help="endpoint for other programs on the topside, e.g. tcp/127.0.0.1:7447"),
     ] = None,
+    grouped: Grouped = False,
 ) -> int:
     """Start every service on this machine, pilot the drone, record the dive and report on it.
 
@@ -54,7 +64,7 @@ def dive(
     """
     from tools.dive import dive
 
-    return dive(choices or Choices(), headless=headless, listen=listen)
+    return dive(choices or Choices(), headless=headless, listen=listen, grouped=grouped)
 
 
 @app.command
@@ -81,6 +91,7 @@ def up(
             help="drone: folder of the dive that a power cut ended; goes on with its calibration"
         ),
     ] = None,
+    grouped: Grouped = False,
     choices: Choices | None = None,
 ) -> int:
     """Start one SIDE of a dive, topside or drone, on this machine; the other side runs on another.
@@ -99,6 +110,7 @@ def up(
         listen=listen,
         connect=connect,
         gateway=gateway,
+        grouped=grouped,
         resume=resume,
     )
 

@@ -18,7 +18,7 @@ from tools.live.stop_signals import StopSignals
 from tools.live.viewer import runnable
 
 
-def dive(choices: Choices, *, headless: bool, listen: str | None) -> int:
+def dive(choices: Choices, *, headless: bool, listen: str | None, grouped: bool) -> int:
     """Returns the exit status: 0 clean, 3 done but data or a service was lost.
 
     Raises:
@@ -27,6 +27,8 @@ def dive(choices: Choices, *, headless: bool, listen: str | None) -> int:
     if listen is not None:
         checked_endpoint(listen, "--listen")
     services = runnable(Registry.read(choices.stack))
+    if grouped:
+        services = services.grouped()
     pilot = who_flies(choices)
     viewer = not headless and bool({"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys())
     services.require_whole()

@@ -8,7 +8,7 @@ import msgspec
 from services.runtime.bus.endpoint import checked_endpoint
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import nearest
-from services.runtime.hosts.process_host import HubLaunch, Launch, run_hub, run_service
+from services.runtime.hosts.process_host import HubLaunch, Launch, run_hub, run_services
 from services.runtime.hosts.registry import Registry, ServiceSpec
 from tools.checks import checked, pilot_of
 from tools.choices import Choices
@@ -34,11 +34,11 @@ def run(service: str, connect: tuple[str, ...], choices: Choices) -> int:
         raise LindyError(f"{earlier[0]} is there already; choose another --out for the {service}")
     stack = msgspec.structs.replace(stack, out=str(out))
     with tempfile.TemporaryDirectory(prefix="lindy-") as checkpoint:
-        return run_service(
+        return run_services(
             Launch(
-                service=service,
+                process=service,
+                services={service: spec},
                 stack=stack,
-                spec=spec,
                 stack_file=str(services.file),
                 endpoints=endpoints,
                 checkpoint=checkpoint,

@@ -38,6 +38,7 @@ def up(
     listen: str,
     connect: str,
     gateway: bool,
+    grouped: bool,
     resume: Path | None = None,
 ) -> int:
     """Returns the exit status: 0 clean, 3 done but data or a service was lost.
@@ -48,18 +49,20 @@ def up(
     if side not in OTHER:
         raise LindyError(f"unknown side {side!r}{nearest(side, list(OTHER))}")
     if side == "drone":
-        return drone(choices, checked_endpoint(listen, "--listen"), resume)
+        return drone(choices, checked_endpoint(listen, "--listen"), resume, grouped=grouped)
     if resume is not None:
         raise LindyError(
             "--resume is for the drone: only on board there is something to go on with"
         )
-    return topside(choices, checked_endpoint(connect, "--connect"), gateway)
+    endpoint = checked_endpoint(connect, "--connect")
+    return topside(choices, endpoint, gateway=gateway, grouped=grouped)
 
 
-def drone(choices: Choices, listen: str, resume: Path | None) -> int:
+def drone(choices: Choices, listen: str, resume: Path | None, *, grouped: bool) -> int:
     """Run the drone's side until Ctrl-C, whether or not the topside is connected."""
     every = Registry.read(choices.stack)
     here = on_side(every, "drone", gateway=False)
+    here = here.grouped() if grouped else here
     stack = checked(choices, pilot_of(choices.pilot or DEFAULT_PILOT), every, here)
     before = resumed(resume, time.monotonic_ns(), time.time()) if resume is not None else {}
     # The pilot and the link are chosen on the topside.
@@ -74,10 +77,11 @@ def drone(choices: Choices, listen: str, resume: Path | None) -> int:
     return run(stack, every, here, OtherSide("drone", listen=(listen,)), go, before)
 
 
-def topside(choices: Choices, connect: str, gateway: bool) -> int:
+def topside(choices: Choices, connect: str, *, gateway: bool, grouped: bool) -> int:
     """The topside of a dive as in `lindy dive`; the recording is made on board."""
     every = Registry.read(choices.stack)
     here = runnable(on_side(every, "topside", gateway=gateway))
+    here = here.grouped() if grouped else here
     pilot = who_flies(choices)
     stack = checked(choices, pilot, every, here)
     stack = msgspec.structs.replace(stack, apart=True, out=str(out_folder(choices.out)))

@@ -21,6 +21,8 @@ import pytest
 from messages import topics
 from messages.control import ThrusterCommand
 from messages.pilot import PilotCommand
+from messages.state import VehicleState
+from messages.topic import M
 from messages.vehicle import VehicleStatus
 from services.runtime.bus.zenoh_bus import connected, namespace
 from services.runtime.config.running import RUNNING, Running
@@ -118,10 +120,8 @@ def exists(pid: int) -> bool:
     return stat.rsplit(")", 1)[1].split()[0] != "Z"
 
 
-def test_a_dive_ends_cleanly_with_all_its_files_and_leaves_no_process_behind(tmp_path: Path):
-    with dive(tmp_path) as flown:
-        running = flown.until_armed()
-        report = flown.end()
+def must_have_all(flown: Dive, running: Running, report: dict[str, Any]) -> None:
+    """What every dive that ends cleanly leaves behind, and nothing else."""
     assert set(running.pids) == SERVICES | {"hub_topside", "hub_drone"}
     assert not [name for name, pid in running.pids.items() if exists(pid)]
     files = {path.name for path in flown.out.iterdir()}
@@ -129,26 +129,60 @@ def test_a_dive_ends_cleanly_with_all_its_files_and_leaves_no_process_behind(tmp
     assert set(report) >= KEYS
     assert report["exit"] == "clean"
     assert set(report["services"]) >= SERVICES
-    assert not any(service["restarts"] for service in report["services"].values())
     assert [stop["axis"] for stop in report["stops"]] == ["heave", "yaw"]
     assert report["seconds"] > report["armed_seconds"] >= 6.0
     assert "Traceback" not in flown.said
 
 
-def test_a_killed_service_is_started_again_and_the_dive_goes_on(tmp_path: Path):
+def test_a_dive_ends_cleanly_with_all_its_files_and_leaves_no_process_behind(tmp_path: Path):
     with dive(tmp_path) as flown:
         running = flown.until_armed()
+        report = flown.end()
+    must_have_all(flown, running, report)
+    assert len(set(running.pids.values())) == len(running.pids)
+    assert not any(service["restarts"] for service in report["services"].values())
+
+
+ONBOARD = ("control", "estimation", "reference", "simulator")
+SHAPES = {
+    "separate": ((), ("control",), "control"),
+    "grouped": (("--grouped",), ONBOARD, "onboard (simulator, estimation, reference, control)"),
+}
+
+
+@pytest.mark.parametrize(("options", "killed", "who"), SHAPES.values(), ids=SHAPES)
+def test_a_killed_process_is_started_again_and_the_dive_goes_on(
+    tmp_path: Path, options: tuple[str, ...], killed: tuple[str, ...], who: str
+):
+    with dive(tmp_path, *options) as flown:
+        running = flown.until_armed()
+        same = {name for name, pid in running.pids.items() if pid == running.pids["control"]}
+        assert same == set(killed)
+        kept = [flown.out / f"checkpoints/{name}.json" for name in ("estimation", "reference")]
+        flown.until(lambda: all(path.is_file() for path in kept))
+        killed_ns = time.monotonic_ns()
         os.kill(running.pids["control"], signal.SIGKILL)
-        flown.until(lambda: "control is started again" in flown.said)
+        flown.until(lambda: f"{who} is started again" in flown.said)
         report = flown.end(status=3)
-    assert "control started again once" in flown.said
+    assert f"{same.pop() if len(same) == 1 else 'onboard'} started again once" in flown.said
+    must_have_all(flown, running, report)
     restarts = {name: service["restarts"] for name, service in report["services"].items()}
-    assert restarts.pop("control") == 1
-    assert not any(restarts.values())
-    assert report["exit"] == "clean"
-    assert "supervisor: control ended unexpectedly (signal SIGKILL)" in flown.said
+    assert {name: count for name, count in restarts.items() if count} == dict.fromkeys(killed, 1)
+    assert f"supervisor: {who} ended unexpectedly (signal SIGKILL)" in flown.said
     assert report["topics"]["log/supervisor"]["count"] == 2
-    assert [stop["axis"] for stop in report["stops"]] == ["heave", "yaw"]
+    row = "control" if len(killed) == 1 else f"onboard ({', '.join(killed)})"
+    assert f"restarted         {row} 1 ×" in flown.said
+    states = [m for m in open_messages(flown.out, VehicleState) if m.depth.valid]
+    before = [m.depth.value for m in states if m.stamp_ns < killed_ns]
+    after = [m.depth.value for m in states if m.stamp_ns > killed_ns]
+    assert abs(after[0] - before[-1]) < 0.3, "it knows its depth again"
+    assert max(after) > max(before), "it goes on down"
+    statuses = [m for m in open_messages(flown.out, VehicleStatus) if m.stamp_ns > killed_ns]
+    assert statuses[0].armed, "and was armed all the while"
+
+
+def open_messages(folder: Path, kind: type[M]) -> list[M]:
+    return [e.message for e in open_recording(folder) if isinstance(e.message, kind)]
 
 
 def test_a_dive_whose_hub_and_recorder_die_goes_on_and_says_that_data_was_lost(tmp_path: Path):
@@ -253,8 +287,7 @@ def test_ctrl_c_disarms_and_ends_the_dive_with_a_summary(tmp_path: Path):
         report = flown.end()
     assert report["exit"] == "clean"
     assert "ended cleanly" in flown.said
-    said = [entry.message for entry in open_recording(flown.out)]
-    armed = [message.armed for message in said if isinstance(message, VehicleStatus)]
+    armed = [status.armed for status in open_messages(flown.out, VehicleStatus)]
     assert True in armed
     assert armed[-1] is False
 

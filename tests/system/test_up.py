@@ -110,7 +110,7 @@ def test_the_drone_reports_on_a_dive_whose_pilot_has_another_clock(tmp_path: Pat
     script = tmp_path / "script.csv"
     script.write_text(SCRIPT)
     endpoint = free_endpoint()
-    hands = "--connect", endpoint, "--pilot", f"script:{script}"
+    hands = "--connect", endpoint, "--pilot", f"script:{script}", "--grouped"  # one side is
     with ExitStack() as sides:
         drone = sides.enter_context(side(tmp_path / "drone", "drone", "--listen", endpoint))
         drone.until(lambda: drone.pid("recorder") is not None)
@@ -127,6 +127,9 @@ def test_the_drone_reports_on_a_dive_whose_pilot_has_another_clock(tmp_path: Pat
     assert report["link"] == endpoint
     for line in ("ended cleanly", "report.json in", "elsewhere         the topside's restarts"):
         assert line in drone.said
+    assert {path.stem for path in (topside.out / "logs").iterdir()} == {
+        "hub_topside", "topside", "visualizer",
+    }  # fmt: skip
     assert "on the drone" in topside.said
     assert not (topside.out / "report.json").exists()
 

@@ -24,7 +24,8 @@ class MonitorLoop:
         self, local: LocalStack, timeline: DiveTimeline, stop: StopSignals, shown: Display
     ) -> None:
         self._local, self._timeline, self._stop, self._shown = local, timeline, stop, shown
-        self._watch = Watch(local.node, list(local.services), timeline, shown.line)
+        services = local.services
+        self._watch = Watch(local.node, list(services), timeline, shown.line, services.shared)
         local.node.each(topics.STATUS, timeline.see)
 
     def keep(self) -> str:
@@ -54,7 +55,7 @@ class MonitorLoop:
             title(local.stack),
             time.monotonic_ns(),
             local.missing(),
-            local.supervisor.restarts,
+            local.restarts,
             list(local.answering.silent),
         )
 
@@ -62,8 +63,9 @@ class MonitorLoop:
 @contextmanager
 def followed_by(outcome: Outcome, local: LocalStack) -> Generator[None]:
     """The outcome collects restarts, silences and health messages while the processes run."""
-    outcome.restarts = lambda: local.supervisor.restarts
+    outcome.restarts = lambda: local.restarts
     outcome.hung = lambda: dict(local.answering.times)
+    outcome.shared = local.services.shared
     outcome.listen(local.node)
     local.node.each(topics.STATUS, outcome.see_status)
     try:

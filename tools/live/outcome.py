@@ -50,6 +50,7 @@ class Outcome:
         self.exit = "clean"  # or why it ended otherwise
         self.restarts: Callable[[], dict[str, int]] = dict
         self.hung: Callable[[], dict[str, int]] = dict  # times each did not answer
+        self.shared: dict[str, str] = {}  # service → OS process, where it shares one
         self.gone: list[str] = []  # services that were not alive at the end
         self.speedup: float | None = None  # [-] virtual over real time
         self._stack = stack
@@ -98,11 +99,12 @@ class Outcome:
         restarts, folder = self.restarts(), self._stack.out_dir
         troubles = [
             *self._unarmed(side),
-            *processes(restarts, self.gone),
+            *processes(restarts, self.gone, self.shared),
             *counted(self._counted()),
         ]
         how = f"{side} of {self._stack.vehicle_name}, {ending(self.exit, troubles)}"
-        print(unrecorded(how, restarts, self.gone, other, written(folder)), flush=True)
+        files = written(folder)
+        print(unrecorded(how, restarts, self.gone, other, files, self.shared), flush=True)
         self.complain()
         return DATA_LOST if self._was_away(restarts) else CLEAN
 
@@ -170,6 +172,7 @@ class Outcome:
             finished=finished,
             restarts=self.restarts(),
             losses=self._silences(),
+            shared=self.shared,
             health=self._health,
         )
         if self.speedup is None:

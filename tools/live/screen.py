@@ -34,6 +34,7 @@ class ServiceView:
     cpu_percent: float | None = None  # [%] of a core
     restarts: int = 0
     troubles: int = 0  # everything counted as dropped, stale, malformed, saturated …
+    process: str = ""  # that it shares with others
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +107,8 @@ def plain(view: View) -> str:
         parts.append(f"NOT ANSWERING {', '.join(view.silent)}")
     if view.note:
         parts.append(view.note)
-    if restarts := sum(service.restarts for service in view.services):
+    processes = {service.process or service.name: service.restarts for service in view.services}
+    if restarts := sum(processes.values()):
         parts.append(f"restarts {restarts}")
     return "  ".join(parts)
 
@@ -216,12 +218,15 @@ def _services(view: View, rows: int) -> Table:
         shown = most_important(shown, rows - 1)
     table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False, header_style="dim")
     table.add_column(Text("service"), no_wrap=True, min_width=12)
+    if shared := any(row.process for row in view.services):
+        table.add_column(Text("process"), no_wrap=True)
     for title in ("sent/s", "late p99 [ms]", "CPU [%]", "restarts", "counted"):
         table.add_column(Text(title), justify="right", no_wrap=True)
     for row in shown:
         style = "" if row.alive else "bold red"
         table.add_row(
             Text(row.name if row.alive else f"{row.name} gone", style=style),
+            *([Text(row.process, style="dim")] if shared else []),
             _number(row.sent_hz, ".0f"),
             _number(row.late_ms, ".2f"),
             _number(row.cpu_percent, ".0f"),

@@ -1,7 +1,7 @@
 """Collects what the screen shows of a dive, on the topside."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from messages import topics
 from messages.health import Health, LogLine
@@ -26,10 +26,12 @@ class Watch:
         services: list[str],
         timeline: DiveTimeline,
         show: Callable[[LogLine, float | None], None],
+        shared: Mapping[str, str] | None = None,
     ) -> None:
+        """`shared`: the process of each service that is not alone in a process of its own name."""
         self.lines = LogLines()
         self._timeline = timeline
-        self._services = services
+        self._services, self._shared = services, shared or {}
         self._show = show
         self._health: dict[str, Health] = {}
         self._sent_hz: dict[str, float] = {}
@@ -107,6 +109,7 @@ class Watch:
         return ServiceView(
             name=name,
             alive=alive,
+            process=self._shared.get(name, ""),
             sent_hz=self._sent_hz.get(name),
             late_ms=health.lateness_p99_ms if health else None,
             cpu_percent=health.cpu_percent if health else None,

@@ -24,6 +24,7 @@ class Extras(msgspec.Struct, frozen=True):
 
     exit: str = "clean"  # or the reason
     restarts: dict[str, int] = {}  # service → times it was started again
+    shared: dict[str, str] = {}  # service → OS process, where it shares one
     losses: dict[str, int] = {}  # counted by the supervisor itself
     gone: list[str] = []  # services that were not alive at the end
     finished: bool = True  # the recorder ended its file itself
@@ -70,7 +71,10 @@ def make_report(recording: Recording, extras: Extras) -> Report:
 def report_on(dive: RecordedDive, extras: Extras) -> Report:
     """Report on a dive that was read already."""
     health = _all_health(dive, extras.health)
-    figures, lost = services(health, extras.restarts), _losses(dive, health, extras.losses)
+    figures, lost = (
+        services(health, extras.restarts, extras.shared),
+        _losses(dive, health, extras.losses),
+    )
     heading_error = error_rms(dive, "yaw")
     return Report(
         seconds=dive.seconds,
@@ -109,7 +113,7 @@ def _troubles(
     return [
         *armed_for(dive.armed_seconds),
         *vehicle_silent(dive.vehicle_silences),
-        *processes(restarts, extras.gone),
+        *processes(restarts, extras.gone, extras.shared),
         *counted(lost),
         *(["the recording has a gap"] if dive.holes else []),
         *([] if extras.finished else ["the recording was not finished"]),

@@ -22,17 +22,24 @@ class Service(msgspec.Struct, frozen=True):
     lateness_p99_ms: float | None  # [ms] median over the seconds of each second's 99th percentile
     cpu_percent: float | None  # [%] of one core, mean
     rss_mb: float | None  # [MB] most
-    restarts: int
+    restarts: int  # with its process
+    process: str | None  # the OS process it shares with others; None: one of its own
 
 
-def services(health: dict[str, list[Health]], restarts: dict[str, int]) -> dict[str, Service]:
+def services(
+    health: dict[str, list[Health]], restarts: dict[str, int], shared: Mapping[str, str]
+) -> dict[str, Service]:
     """Every service with a health message or a restart.
 
     Args:
         restarts: as the supervisor counted them; a service without any health message is only here.
+        shared: the process of each service that is not alone in a process of its own name.
     """
     names = sorted(set(health) | set(restarts))
-    return {name: _service(health.get(name, []), restarts.get(name, 0)) for name in names}
+    return {
+        name: _service(health.get(name, []), restarts.get(name, 0), shared.get(name))
+        for name in names
+    }
 
 
 def by_service(health: Mapping[str, list[Health]]) -> dict[str, Counter[str]]:
@@ -45,7 +52,7 @@ def by_service(health: Mapping[str, list[Health]]) -> dict[str, Counter[str]]:
     return counts
 
 
-def _service(reports: list[Health], restarts: int) -> Service:
+def _service(reports: list[Health], restarts: int, process: str | None) -> Service:
     lives = _lives(reports)
     return Service(
         sent=sum(last.sent for last in lives),
@@ -54,6 +61,7 @@ def _service(reports: list[Health], restarts: int) -> Service:
         cpu_percent=_mean(report.cpu_percent for report in reports),
         rss_mb=max((r.rss_mb for r in reports if r.rss_mb is not None), default=None),
         restarts=max(restarts, len(lives) - 1),
+        process=process,
     )
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from messages.counts import Meaning, Rank, meaning, sentence
 from tools.report.holes import in_words
 from tools.report.report import Report
+from tools.report.restarted import restarted
 from tools.report.stops import StickStop, StopAxis
 from tools.report.troubles import ending
 
@@ -16,7 +17,8 @@ KINDS = 4  # lines for losses; the rest is in report.json
 
 
 def summary(report: Report, max_depth_m: float | None = None, files: Sequence[Path] = ()) -> str:
-    """At most 15 lines, and one more for each kind of failsafe.
+    """At most 15 lines, one more for each kind of failsafe, and one for each process that was
+    started again.
 
     Args:
         max_depth_m: as `RecordedDive.max_depth_m`; left out when None.
@@ -34,6 +36,7 @@ def summary(report: Report, max_depth_m: float | None = None, files: Sequence[Pa
         rows.append(("stick to thruster", delay))
     rows.append(("link", report.link))
     rows.append(("energy", _energy(report)))
+    rows += _restarts(report)
     rows += _losses(report)
     return lined_up([*rows, *written(files)])
 
@@ -75,6 +78,13 @@ def _failsafes(losses: Mapping[str, int]) -> list[tuple[str, str]]:
     """One row for each kind; none is left out."""
     acted = sorted(((n, name) for name, n in losses.items() if n and _acts(name)), reverse=True)
     return [("failsafe", f"{count} × {sentence(name)}") for count, name in acted]
+
+
+def _restarts(report: Report) -> list[tuple[str, str]]:
+    restarts = {name: service.restarts for name, service in report.services.items()}
+    shared = {name: s.process for name, s in report.services.items() if s.process is not None}
+    rows = restarted(restarts, shared)
+    return [("restarted" if n == 0 else "", row) for n, row in enumerate(rows)]
 
 
 def _stops(report: Report, axis: StopAxis) -> list[tuple[str, str]]:

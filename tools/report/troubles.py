@@ -36,13 +36,20 @@ def counted(counts: Mapping[str, int]) -> list[str]:
     ]
 
 
-def processes(restarts: Mapping[str, int], gone: Sequence[str]) -> list[str]:
+def processes(
+    restarts: Mapping[str, int], gone: Sequence[str], shared: Mapping[str, str]
+) -> list[str]:
     """
     Args:
-        restarts: times each process was started again.
+        restarts: times each service and hub was started again.
         gone: services that were not alive at the end.
+        shared: the process of each service that is not alone in a process of its own name.
     """
-    again = [f"{name} started again {_times(n)}" for name, n in sorted(restarts.items()) if n]
+    times: dict[str, int] = {}
+    for name, count in sorted(restarts.items()):
+        process = shared.get(name, name)
+        times[process] = max(count, times.get(process, 0))
+    again = [f"{name} started again {_times(n)}" for name, n in times.items() if n]
     missing = [f"{name} not alive at the end" for name in gone]
     return [
         *_few(again, "processes started again"),

@@ -5,22 +5,29 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from tools.report.elsewhere import in_a_row
+from tools.report.restarted import restarted
 from tools.report.summary import lined_up, written
 
 
 def unrecorded(
-    how: str, restarts: Mapping[str, int], gone: Sequence[str], other: str, files: Sequence[Path]
+    how: str,
+    restarts: Mapping[str, int],
+    gone: Sequence[str],
+    other: str,
+    files: Sequence[Path],
+    shared: Mapping[str, str] | None = None,
 ) -> str:
     """At most six lines.
 
     Args:
         how: the side, the vehicle and how the dive ended.
-        restarts: times each process here was started again.
+        restarts: times each service and hub here was started again.
         gone: services that were not alive at the end.
         other: the side that has the recorder.
         files: files that were written here, such as the viewer's.
+        shared: the process of each service that is not alone in a process of its own name.
     """
-    again = [f"{name} {count} ×" for name, count in sorted(restarts.items()) if count]
+    again = restarted(restarts, shared or {})
     rows = [
         ("Dive", how),
         ("restarted", in_a_row(again) or "nothing"),

@@ -9,5 +9,5 @@ class Running(msgspec.Struct, frozen=True):
     vehicle: str  # its name in keys
     endpoints: dict[str, str]  # side → hub's endpoint
     supervisor: int  # process id
-    pids: dict[str, int]  # process id of every hub and service
+    pids: dict[str, int]  # process id of every hub and service; some services may share one
     stack_file: str = ""  # path of the stack file

@@ -1,4 +1,4 @@
-"""One service as one OS process: one Zenoh session per side, real time, a clean end.
+"""One service, or several, as one OS process: one Zenoh session per side, real time, a clean end.
 
 The process ends on SIGINT or SIGTERM, when its parent dies (within two seconds, even if a handler
 hangs), or with one sentence and status 1 when a setting is wrong.
@@ -10,21 +10,23 @@ import os
 import resource
 import signal
 import sys
-import threading
 import time
 import traceback
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from threading import Thread
 
 import msgspec
 
 from messages.health import LogLine
 from services.runtime.bus.access_control import HubSide
+from services.runtime.bus.shared_bus import SharedBus, SharedBusPort
 from services.runtime.bus.zenoh_bus import listening, open_bus
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.garbage_collection import rare_collections
+from services.runtime.hosts.group_host import GroupHost
 from services.runtime.hosts.registry import Registry, ServiceSpec
 from services.runtime.hosts.stepper import POLL_S, Stepper
 from services.runtime.node.checkpoint import CheckpointFile
@@ -36,13 +38,13 @@ GRACE_S = 1.0  # after the parent's death: time to close files before the proces
 
 
 class Launch(msgspec.Struct, frozen=True, kw_only=True):
-    """Everything a service process needs, as one JSON argument."""
+    """Everything a process with services needs, as one JSON argument."""
 
-    service: str
+    process: str  # its name
+    services: dict[str, ServiceSpec]  # in the order of their turns; the first is closed last
     stack: Stack
-    spec: ServiceSpec  # its table in the stack file
     stack_file: str
-    endpoints: dict[str, str]  # side → hub's endpoint; the first side is home
+    endpoints: dict[str, str]  # side → hub's endpoint, for every side of these services
     checkpoint: str  # folder of the checkpoints, for a restart after a crash
     parent: int | None = None  # pid; the process ends when this is no longer its parent
 
@@ -57,45 +59,59 @@ class StopFlag:
         self.asked = True
 
 
-def run_service(launch: Launch) -> int:
-    """Run a service until it is asked to stop. Returns the exit status."""
-    with _stoppable(launch.parent) as stop, _sentences(launch.service), ExitStack() as exits:
-        vehicle = launch.stack.vehicle_name
-        buses = {
-            side: exits.enter_context(open_bus(endpoint, vehicle))
+def run_services(launch: Launch) -> int:
+    """Run the services of a process until it is asked to stop. Returns the exit status."""
+    with _stoppable(launch.parent) as stop, _sentences(launch.process), ExitStack() as exits:
+        registry = Registry(Path(launch.stack_file), launch.services)
+        # Imports take long: all of them are done before the first node hears anything.
+        wires = {name: registry.wire(name) for name in launch.services}
+        sessions = {
+            side: exits.enter_context(open_bus(endpoint, launch.stack.vehicle_name))
             for side, endpoint in launch.endpoints.items()
         }
-        checkpoint = CheckpointFile(Path(launch.checkpoint) / f"{launch.service}.json")
-        exits.callback(checkpoint.close)
-        home = next(iter(launch.endpoints))
-        clock_offset = (
-            ClockOffset("topside" if home == "topside" else "drone") if launch.stack.apart else None
-        )
-        node = Node(
-            launch.service,
-            buses,
-            time.monotonic_ns,
-            checkpoint,
-            gateway=launch.spec.gateway,
-            clock_offset=clock_offset,
-        )
-        node.show, node.usage = _show, usage
-        node.wall_offset_ns = time.time_ns() - time.monotonic_ns()
-        registry = Registry(Path(launch.stack_file), {launch.service: launch.spec})
-        registry.wire(launch.service)(node, launch.stack)
-        exits.enter_context(_blaming(registry, launch.service))
-        exits.callback(node.close)
+        buses = {side: SharedBus(session) for side, session in sessions.items()}
+        nodes: list[Node] = []
+        for name, wire in wires.items():
+            node = _node(name, launch, buses, exits)
+            wire(node, launch.stack)
+            exits.enter_context(_blaming(registry, lambda name=name: name))
+            exits.callback(node.close)
+            nodes.append(node)
+        host = GroupHost(nodes, usage)
+        exits.enter_context(_blaming(registry, lambda: host.running))
         # What writes files, or is somebody else's, may hold up the thread that it runs on.
-        quick = launch.spec.module is None and not node.collects
-        stepper = Stepper(node, on_arrival=quick)
-        for bus in buses.values():
-            bus.announce(launch.service)
+        own = all(spec.module is None for spec in launch.services.values())
+        stepper = Stepper(host, on_arrival=own and not any(node.collects for node in nodes))
+        for name, spec in launch.services.items():
+            for side in spec.sides:
+                sessions[side].announce(name)
         exits.enter_context(rare_collections())
         while not stop.asked:
             stepper.step_and_wait()
         stepper.finish()  # messages that arrived with the signal are still handled
         return 0
     return 1
+
+
+def _node(name: str, launch: Launch, buses: dict[str, SharedBus], exits: ExitStack) -> Node:
+    """The node of a service, not yet wired."""
+    spec, home = launch.services[name], launch.services[name].sides[0]
+    checkpoint = CheckpointFile(Path(launch.checkpoint) / f"{name}.json")
+    exits.callback(checkpoint.close)
+    clock_offset = (
+        ClockOffset("topside" if home == "topside" else "drone") if launch.stack.apart else None
+    )
+    node = Node(
+        name,
+        {side: SharedBusPort(buses[side]) for side in spec.sides},
+        time.monotonic_ns,
+        checkpoint,
+        gateway=spec.gateway,
+        clock_offset=clock_offset,
+    )
+    node.show = _show
+    node.wall_offset_ns = time.time_ns() - time.monotonic_ns()
+    return node
 
 
 class HubLaunch(msgspec.Struct, frozen=True, kw_only=True):
@@ -127,20 +143,20 @@ def _stoppable(parent: int | None) -> Generator[StopFlag]:
     signal.signal(signal.SIGTERM, stop.ask)
     _exact_timers()
     if parent is not None:
-        threading.Thread(target=_follow, args=(parent, stop), daemon=True).start()
+        Thread(target=_follow, args=(parent, stop), daemon=True).start()
     yield stop
 
 
 @contextmanager
-def _blaming(registry: Registry, service: str) -> Generator[None]:
-    """Name the line where a handler failed. One that calls `sys.exit` fails as well, whatever
-    status it asks for."""
+def _blaming(registry: Registry, service: Callable[[], str]) -> Generator[None]:
+    """Name the service and the line where a handler failed. One that calls `sys.exit` fails as
+    well, whatever status it asks for."""
     try:
         yield
     except LindyError:
         raise
     except (Exception, SystemExit) as error:
-        raise registry.failure(service, error) from error
+        raise registry.failure(service(), error) from error
 
 
 @contextmanager

@@ -40,7 +40,8 @@ NEEDED: dict[str, AnyTopic] = {
     "reference": topics.REFERENCE,
     "control": topics.THRUSTERS,
 }
-TAKEN = (BODY, "supervisor")  # reserved: they mean something else in vehicle files or on the bus
+TAKEN = (BODY, "supervisor", "hub_topside", "hub_drone")  # they mean something else
+PROCESS_OF_SIDE = {"topside": "topside", "drone": "onboard"}  # with --grouped
 
 
 class ServiceSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -50,6 +51,7 @@ class ServiceSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     gateway: bool = False  # it connects the sides, and publishes its own BOTH topics on each
     vehicle_side: bool = False  # it is the vehicle, or part of it: sensors, thrusters
     each_machine: bool = False  # runs on each machine, where its sides are two machines
+    process: str | None = None  # services with the same name here share an OS process
     service: str | None = None  # Lindy's service whose code it runs; None: that of its name
     module: str | None = None  # a user's module; None: one of Lindy's own services
 
@@ -81,6 +83,7 @@ class Registry(Mapping[str, ServiceSpec]):
         for name in specs:
             registry._require_known(name)
             registry._require_possible_sides(name)
+        registry._require_processes()
         if not registry.vehicle_side:
             raise LindyError(
                 f"{file}: no service is the vehicle; one of them must have vehicle_side = true"
@@ -118,7 +121,11 @@ class Registry(Mapping[str, ServiceSpec]):
             for side in spec.sides:
                 instance = name if side == spec.sides[0] else f"{name}_{side}"
                 split[instance] = msgspec.structs.replace(
-                    spec, sides=[side], each_machine=False, service=self._code(name)
+                    spec,
+                    sides=[side],
+                    each_machine=False,
+                    service=self._code(name),
+                    process=instance if spec.process == name else spec.process,
                 )
         return self.only(split)
 
@@ -166,6 +173,42 @@ class Registry(Mapping[str, ServiceSpec]):
             f"{self.file}: services: nobody publishes {keys}, without which no dive begins; "
             f"allowed: {tables}, or a module of your own that publishes it"
         )
+
+    def grouped(self) -> "Registry":
+        """The same stack with few processes: services that have none of their own share one for
+        each home side.
+
+        Raises:
+            LindyError: a service that is not in such a process has its name.
+        """
+        grouped = self.only(
+            {
+                name: msgspec.structs.replace(
+                    spec, process=spec.process or PROCESS_OF_SIDE[spec.sides[0]]
+                )
+                for name, spec in self.specs.items()
+            }
+        )
+        grouped._require_processes()
+        return grouped
+
+    @property
+    def processes(self) -> dict[str, list[str]]:
+        """The OS processes by name, and the services in each."""
+        processes: dict[str, list[str]] = {}
+        for name, spec in self.specs.items():
+            processes.setdefault(spec.process or name, []).append(name)
+        return processes
+
+    @property
+    def shared(self) -> dict[str, str]:
+        """The process of each service that is not alone in a process of its own name."""
+        return {
+            name: process
+            for process, names in self.processes.items()
+            if names != [process]
+            for name in names
+        }
 
     def wire(self, name: str) -> Wire:
         """The function that connects a service's core to its ports. Whatever it raises becomes one
@@ -269,6 +312,29 @@ class Registry(Mapping[str, ServiceSpec]):
                 f"{self._at(other, 'vehicle_side')}: {simulators[0]} is a whole vehicle already; "
                 f"allowed is one of the two"
             )
+
+    def _require_processes(self) -> None:
+        first: dict[str, str] = {}  # service of each process
+        for name, spec in self.specs.items():
+            if (process := spec.process) is None:
+                continue
+            at, other = self._at(name, "process"), first.setdefault(process, name)
+            if process in TAKEN or not re.fullmatch(NAME, process):
+                raise LindyError(
+                    f"{at}: a process cannot be called {process!r}; allowed are a to z, 0 to 9 and "
+                    f"_, and not {' or '.join(TAKEN)}"
+                )
+            if process in self.specs and self.specs[process].process != process:
+                raise LindyError(
+                    f"{at}: {process!r} is a service that is not in this process; allowed is a "
+                    f"name that no service has, or process = {process!r} for it as well"
+                )
+            if spec.sides[0] != (side := self.specs[other].sides[0]):
+                raise LindyError(
+                    f"{at}: process {process!r} has {other}, whose home is the {side}, and {name}, "
+                    f"whose home is the {spec.sides[0]}; allowed are services with the same home, "
+                    f"the first of their sides"
+                )
 
     def _code(self, name: str) -> str:
         return self.specs[name].service or name

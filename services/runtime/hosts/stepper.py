@@ -7,16 +7,28 @@ has let go. So the bus's thread never waits, and no message is left lying.
 
 import threading
 import time
-
-from services.runtime.node.node import Node
+from collections.abc import Callable
+from typing import Protocol
 
 POLL_S = 0.1  # longest wait between two looks at the stop flag
+
+
+class Steppable(Protocol):
+    """A node, or a group of them."""
+
+    wake: Callable[[], None]  # the stepper's; called when something arrived
+
+    @property
+    def has_arrivals(self) -> bool: ...
+    def handle_arrivals(self) -> None: ...
+    def step(self) -> None: ...
+    def deadline(self) -> int: ...
 
 
 class Stepper:
     """Takes over `node.wake`. Nothing is handled before the first `step_and_wait`."""
 
-    def __init__(self, node: Node, *, on_arrival: bool) -> None:
+    def __init__(self, node: Steppable, *, on_arrival: bool) -> None:
         """
         Args:
             on_arrival: False: the bus's thread only wakes the service's own, for a service whose

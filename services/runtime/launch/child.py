@@ -19,6 +19,12 @@ class Task:
     command: list[str]
     log: Path  # its stdout and stderr
     stop_order: int = 0  # tasks with a lower number are stopped first
+    parts: tuple[str, ...] = ()  # what runs in it, where that is more than its name says
+
+    @property
+    def in_words(self) -> str:
+        """For people: `onboard (estimation, reference)`."""
+        return f"{self.name} ({', '.join(self.parts)})" if self.parts else self.name
 
 
 class Child(Protocol):

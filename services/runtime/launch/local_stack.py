@@ -70,6 +70,7 @@ class LocalStack:
         self._reach = {**self.endpoints}  # what services connect to
         if other_side is not None and other_side.gateway is not None:
             self._reach["drone"] = other_side.gateway
+        self.processes = services.processes
         self.supervisor = Supervisor(self._tell)
         self.node: Node  # this process's own, on the pilot's side; set when the hubs are up
         self.alive: set[tuple[str, str]] = set()  # (side, service)
@@ -115,7 +116,7 @@ class LocalStack:
         self._checkpoints = _unused_folder(self._checkpoints)
         for name, data in self._begin_with.items():
             write_safely(self._checkpoints / f"{name}.json", data)
-        self.supervisor.add(self._service(name) for name in self.services)
+        self.supervisor.add(self._process(name) for name in self.processes)
 
     def missing(self) -> list[str]:
         """Services that are not alive on all of their sides."""
@@ -185,8 +186,23 @@ class LocalStack:
                 self.alive.discard((side, service))
                 continue
             self.alive.add((side, service))
-            if service not in self.missing():
-                self.supervisor.seen(service)
+            spec, missing = self.services.get(service), self.missing()
+            process = service if spec is None else spec.process or service
+            if not any(name in missing for name in self.processes.get(process, ())):
+                self.supervisor.seen(process)
+
+    @property
+    def restarts(self) -> dict[str, int]:
+        """How often each hub and service was started again, by itself or with its process."""
+        return self._each(self.supervisor.restarts)
+
+    def _each(self, of_tasks: Mapping[str, int]) -> dict[str, int]:
+        """What is known of each process, by the names of its services, and of each hub."""
+        return {
+            name: value
+            for task, value in of_tasks.items()
+            for name in self.processes.get(task, [task])
+        }
 
     def _note_silence(self) -> None:
         self._complete = self._complete or not self.missing()
@@ -200,18 +216,22 @@ class LocalStack:
                 self._tell("error", f"{name} does not answer any more")
 
     def _unheard(self) -> dict[str, int | None]:
-        """Services and hubs without a liveliness token. A hub has none of its own; where none of
-        its services is heard, it is the one that is silent. With the processor time of each."""
+        """Processes without a liveliness token, with the processor time of each. A hub has no token
+        of its own; where none of its processes is heard, it is the one that is silent."""
         unheard: set[str] = set()
         for side in self._buses:
-            here = [name for name, spec in self.services.items() if side in spec.sides]
-            silent = {name for name in here if (side, name) not in self.alive}
+            here: dict[str, bool] = {}  # process → is any of its services heard?
+            for name, spec in self.services.items():
+                if side in spec.sides:
+                    process = spec.process or name
+                    here[process] = here.get(process, False) or (side, name) in self.alive
+            silent = {process for process, heard in here.items() if not heard}
             unheard |= {f"hub_{side}"} if len(here) > 1 and len(silent) == len(here) else silent
         pids = self.supervisor.pids
         return {name: ran_ns(pids[name]) if name in pids else None for name in unheard}
 
     def _note_pids(self) -> None:
-        if (pids := self.supervisor.pids) != self._pids:
+        if (pids := self._each(self.supervisor.pids)) != self._pids:
             self._pids = pids
             running = Running(self.stack.vehicle_name, self.endpoints, os.getpid(), pids)
             self._publish(msgspec.json.format(msgspec.json.encode(running)))
@@ -240,19 +260,27 @@ class LocalStack:
         command = [*PYTHON, "hub", msgspec.json.encode(launch).decode()]
         return Task(f"hub_{side}", command, self._log(f"hub_{side}"), stop_order=2)
 
-    def _service(self, name: str) -> Task:
-        spec = self.services[name]
+    def _process(self, process: str) -> Task:
+        names = self.processes[process]
+        last = [name for name in names if name in LAST]  # first in the list, to be closed last
+        specs = {name: self.services[name] for name in dict.fromkeys([*last, *names])}
         launch = Launch(
-            service=name,
+            process=process,
+            services=specs,
             stack=self.stack,
-            spec=spec,
             stack_file=str(self.services.file),
-            endpoints={side: self._reach[side] for side in spec.sides},
+            endpoints={side: self._reach[side] for spec in specs.values() for side in spec.sides},
             checkpoint=str(self._checkpoints),
             parent=os.getpid(),
         )
         command = [*PYTHON, msgspec.json.encode(launch).decode()]
-        return Task(name, command, self._log(name), stop_order=1 if name in LAST else 0)
+        return Task(
+            process,
+            command,
+            self._log(process),
+            stop_order=1 if last else 0,
+            parts=() if names == [process] else tuple(names),
+        )
 
     def _log(self, name: str) -> Path:
         return self.stack.out_dir / "logs" / f"{name}.log"

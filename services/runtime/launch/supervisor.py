@@ -84,7 +84,8 @@ class Supervisor:
             time.sleep(POLL_S)  # an ending process announces nothing
         for name in names:
             if (child := self._children.get(name)) is not None:
-                self._tell("warning", f"{name} did not end within {PATIENCE_S:g} s and was killed")
+                who = self._tasks[name].in_words
+                self._tell("warning", f"{who} did not end within {PATIENCE_S:g} s and was killed")
                 child.kill()
         self.step()
 
@@ -94,7 +95,7 @@ class Supervisor:
         self.lives[name], action = advance(self.lives[name], event, self._clock())
         if action is Action.START:
             if self.lives[name].restarts:
-                self._tell("warning", f"{name} is started again")
+                self._tell("warning", f"{self._tasks[name].in_words} is started again")
             self._children[name] = self._spawn(self._tasks[name])
         elif action is Action.TERMINATE:
             self._children[name].terminate()
@@ -109,7 +110,7 @@ class Supervisor:
         elif phase == "waiting":
             said = own_sentence(name, words)
             why = how(status) if said is None else f"{how(status)}: {said}"
-            self._tell("error", f"{name} ended unexpectedly ({why})")
+            self._tell("error", f"{self._tasks[name].in_words} ended unexpectedly ({why})")
 
 
 def how(status: int) -> str:

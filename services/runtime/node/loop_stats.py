@@ -9,10 +9,10 @@ from messages.health import Health
 
 @dataclass(frozen=True, slots=True)
 class Usage:
-    """What the operating system says of this process."""
+    """What the operating system says of this process, or of this node's share of it."""
 
     cpu_s: float  # [s] processor time since start
-    rss_mb: float  # [MB] resident memory
+    rss_mb: float  # [MB] resident memory, always of the process
 
 
 class LoopStats:

@@ -299,15 +299,25 @@ class Node:
 
     # What the host calls.
 
+    def start(self) -> None:
+        """Everything is wired: fixed rates count from now, so that a slow start is no delay."""
+        now = self._clock()
+        for timer in self._timers:
+            if isinstance(timer, Tick):
+                timer.start(now)
+
     def step(self) -> None:
-        """Handle all messages that arrived and all timers that are due."""
-        while True:
-            for drain in self._collected:
-                drain()
-            self.handle_arrivals()
-            self._ring_timers()
-            if not self._pending:
-                return
+        """Handle the messages that arrived and the timers that are due.
+
+        Bounded, so that a flood of messages starves neither the timers nor the other nodes of a
+        process; `wake` is called for the rest.
+        """
+        for drain in self._collected:
+            drain()
+        self.handle_arrivals()
+        self._ring_timers()
+        if self._pending:
+            self.wake()
 
     def handle_arrivals(self) -> None:
         """Handle messages that arrived, but no timers. Bounded, so that a flood of messages cannot

@@ -17,17 +17,18 @@ Now = Callable[[], int]  # [ns] the clock
 
 
 class Inbox:
-    """The ring buffer between the bus's thread (`store`) and the service's thread (`take_all`).
+    """The ring buffer between the bus (`store`) and the service's thread (`take_all`). The bus is
+    one thread for each connection, and for messages from a service of the same process its thread.
 
     `arrived` notifies the service that there are envelopes: once, however many arrive before the
     service takes them.
 
-    Why this needs no lock, with one thread on each end: CPython's append to and pop from a deque
-    are atomic, and the operations of both threads have one order. `store` appends and then reads
-    `_notified`; `take_all` clears `_notified` and then takes. So when `store` finds it set, the
-    service has yet to clear it and will then find the envelope; otherwise `store` notifies the
-    service. Every envelope is popped by one thread only: taken by the service, or counted as
-    overflowed by the bus's thread.
+    Why this needs no lock: CPython's append to and pop from a deque are atomic, and the operations
+    of all threads have one order. `store` appends and then reads `_notified`; `take_all` clears
+    `_notified` and then takes. So when `store` finds it set, either the service has yet to clear it
+    and will then find the envelope, or another `store` has just set it and is about to notify;
+    otherwise `store` notifies the service, perhaps once too often. Every envelope is popped once:
+    taken by the service, or counted as overflowed.
     """
 
     def __init__(self, name: str, depth: int, clock: Now, counts: Counter[str]) -> None:

@@ -15,7 +15,12 @@ class Tick:
     def __init__(self, hz: float, start: int, handler: Callable[[int], None]) -> None:
         self._period = round(1e9 / hz)
         self._handler = handler
-        self.due: int | None = start + self._period  # [ns]
+        self.due: int | None = None  # [ns]
+        self.start(start)
+
+    def start(self, now: int) -> None:
+        """Ring for the first time one period after `now` [ns]."""
+        self.due = now + self._period
 
     def ring(self, now: int) -> Counter[str]:
         """Call the handler; returns what is to be counted. After a long stall the missed ticks are

@@ -2,6 +2,8 @@
 
 import os
 from collections.abc import Callable
+from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
 
 from services.marine.vehicle import Vehicle
@@ -18,6 +20,10 @@ LOG_LEVEL = "warn"  # of rerun's own log on stderr
 # [ns] between two writes to the file: fewer, longer ones are smaller and cheaper, but a live viewer
 # must wait for each (some 50 ms after twelve seconds, 25 ms after four).
 FILE_NS, FILE_NS_WHEN_LIVE = 12_000_000_000, 4_000_000_000
+os.environ.setdefault("RUST_LOG", LOG_LEVEL)  # read when rerun is imported
+with suppress(ImportError):  # `outputs` reports it
+    # It takes a second: before anything is wired, because services may share a process.
+    import_module("services.visualizer.io.rerun_writer")
 
 
 def outputs(
@@ -28,7 +34,6 @@ def outputs(
     Raises:
         LindyError: rerun is not installed, or the file cannot be made.
     """
-    os.environ.setdefault("RUST_LOG", LOG_LEVEL)  # read when rerun is imported
     try:
         from services.visualizer.io.rerun_writer import RerunWriter
     except ImportError:

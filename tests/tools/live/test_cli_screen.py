@@ -44,7 +44,7 @@ FULL = View(
     used_wh=123.4,
     capacity_wh=266.0,
     services=[
-        *(ServiceView(name, True, 444.4, 12.34, 99.9, 0, 1234567) for name in NAMES),
+        *(ServiceView(name, True, 444.4, 12.34, 99.9, 0, 1234567, "onboard") for name in NAMES),
         ServiceView("visualizer", False, 1.0, 10.0, 20.0, 3, 0),
     ],
     lines=[

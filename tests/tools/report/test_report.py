@@ -331,6 +331,17 @@ def test_a_service_is_followed_through_its_restarts(tmp_path: Path):
     assert (control.cpu_percent, control.rss_mb) == (20.0, 50.0)
     assert report.services["gamepad"].restarts == 2
     assert report.losses == {"stale": 5, "lost": 7}
+    assert "restarted         control 1 ×\n                  gamepad 2 ×\n" in summary(report)
+
+
+def test_services_that_share_a_process_are_reported_with_it(tmp_path: Path):
+    shared = {"control": "onboard", "reference": "onboard"}
+    extras = Extras(restarts={"control": 1, "reference": 1, "gamepad": 0}, shared=shared)
+    report = report_of(tmp_path, [], extras)
+    assert [report.services[name].process for name in extras.restarts] == [
+        "onboard", "onboard", None,
+    ]  # fmt: skip
+    assert "restarted         onboard (control, reference) 1 ×\n" in summary(report)
 
 
 def test_losses_are_summed_by_name_over_everybody_who_counted(tmp_path: Path):

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from messages.health import Health
 from tools.recordings.recording import Recording
 from tools.report import Elsewhere, Extras, elsewhere, make_report, unrecorded
+from tools.report.restarted import restarted
 
 TOPSIDE = ("gamepad", "visualizer", "link_monitor", "predictor")
 PROCESSES = st.sampled_from(["gamepad", "link_monitor", "predictor", "hub_topside"])
@@ -36,6 +37,14 @@ def test_a_machine_that_was_never_there_is_said_in_one_sentence():
     assert (
         said.split(maxsplit=1)[1] == "the topside was never heard: nothing of it is in this report"
     )
+
+
+def test_services_of_one_process_are_one_restart():
+    restarts = {"estimation": 2, "control": 2, "recorder": 1, "gamepad": 0, "hub_drone": 0}
+    shared = {"estimation": "onboard", "control": "onboard", "gamepad": "topside"}
+    assert restarted(restarts, shared) == ["onboard (control, estimation) 2 ×", "recorder 1 ×"]
+    text = unrecorded("topside of pioneer", restarts, [], "drone", [], shared)
+    assert "restarted         onboard (control, estimation) 2 × and recorder 1 ×" in text
 
 
 @given(

@@ -21,6 +21,8 @@ SECTIONS = {
     "simulate": "tools.research.bench.simulate",
     "tether": "tools.research.bench.tether",
     "sweep": "tools.research.bench.sweep",
+    "dive": "tools.research.bench.dive",
+    "onboard": "tools.research.bench.onboard",
     "transport": "tools.research.bench.transport",
     "busy": "tools.research.bench.busy",
 }

@@ -84,9 +84,9 @@ class Bench:
     def command(self, code: str, **more: int | str) -> list[str]:
         (self.folder / "toy_module.py").write_text(code)
         launch = Launch(
-            service="toy",
+            process="toy",
+            services={"toy": ServiceSpec(sides=["drone"], module="toy_module")},
             stack=Stack(),
-            spec=ServiceSpec(sides=["drone"], module="toy_module"),
             stack_file=str(self.folder / "mine.toml"),
             endpoints={"drone": self._endpoint},
             checkpoint=str(self.folder),

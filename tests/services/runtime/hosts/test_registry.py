@@ -91,6 +91,31 @@ def test_the_shipped_stacks_differ_in_the_vehicle_side_alone() -> None:
             SIMULATOR + "[services.driver]\nsides = ['drone']\nvehicle_side = true\nmodule = 'x'",
             r"mine.toml:6: services.driver.vehicle_side: simulator is a whole vehicle already",
         ),
+        ("[services.hub_drone]\nsides = ['drone']\nmodule = 'x'", "cannot be called 'hub_drone'"),
+        (
+            "[services.control]\nsides = ['drone']\nprocess = 'On board'",
+            r"mine.toml:3: services.control.process: a process cannot be called 'On board'; all",
+        ),
+        (
+            "[services.control]\nsides = ['drone']\nprocess = 'hub_drone'",
+            r"mine.toml:3: services.control.process: a process cannot be called 'hub_drone'",
+        ),
+        (
+            "[services.control]\nsides = ['drone']\nprocess = 3",
+            r"mine.toml:3: services.control.process: expected .*str.*, found 3",
+        ),
+        (
+            "[services.control]\nsides = ['drone']\n"
+            "[services.estimation]\nsides = ['drone']\nprocess = 'control'",
+            r"mine.toml:5: services.estimation.process: 'control' is a service that is not in this "
+            r"process; allowed is a name that no service has, or process = 'control' for it as",
+        ),
+        (
+            "[services.control]\nsides = ['drone']\nprocess = 'mine'\n"
+            "[services.gamepad]\nsides = ['topside', 'drone']\nprocess = 'mine'",
+            r"mine.toml:6: services.gamepad.process: process 'mine' has control, whose home is the "
+            r"drone, and gamepad, whose home is the topside; allowed are .* the same home",
+        ),
     ],
 )
 def test_a_mistake_in_a_stack_file_is_named(tmp_path: Path, text: str, sentence: str) -> None:
@@ -146,6 +171,60 @@ def test_what_is_published_is_checked_where_it_is_known(tmp_path: Path) -> None:
         LindyError, match=r"services.mine: it publishes vehicle/actuation, and so d"
     ):
         services.require_published({**published, "mine": [topics.ACTUATION]})
+
+
+def test_without_shared_names_every_service_is_a_process_of_its_own_name() -> None:
+    for stack in ("simulated", "real"):
+        services = Registry.read(stack)
+        assert services.processes == {name: [name] for name in services}
+        assert services.shared == {}
+
+
+def test_grouped_services_without_a_process_share_that_of_their_home() -> None:
+    grouped = Registry.read("simulated").grouped()
+    assert grouped.processes == {
+        "onboard": ["simulator", "estimation", "reference", "control"],
+        "topside": ["tether", "gamepad", "link_monitor", "predictor"],
+        "recorder": ["recorder"],
+        "visualizer": ["visualizer"],
+    }
+    assert grouped.shared == {
+        name: process for process in ("onboard", "topside") for name in grouped.processes[process]
+    }
+    assert "driver" in Registry.read("real").grouped().processes
+
+
+def test_processes_of_the_stack_file_are_kept_and_joined(tmp_path: Path) -> None:
+    more = "".join(
+        f"[services.{name}]\nsides = ['drone']\nprocess = '{process}'\n"
+        for name, process in (
+            ("estimation", "chain"),
+            ("control", "chain"),
+            ("reference", "onboard"),
+        )
+    )
+    services = with_driver(tmp_path, None, more)
+    assert services.processes == {
+        "driver": ["driver"], "chain": ["estimation", "control"], "onboard": ["reference"],
+    }  # fmt: skip
+    assert services.shared == {"estimation": "chain", "control": "chain", "reference": "onboard"}
+    assert services.grouped().processes == {
+        "onboard": ["driver", "reference"], "chain": ["estimation", "control"],
+    }  # fmt: skip
+
+
+def test_a_service_with_the_name_of_a_side_s_process_is_in_it_or_refused(tmp_path: Path) -> None:
+    mine = "module = 'x'\n[services.topside]\nmodule = 'x'\nsides = ['drone']\n"
+    services = with_driver(tmp_path, None, "[services.desk]\nsides = ['topside']\n" + mine)
+    with pytest.raises(LindyError, match=r"services.desk.process: 'topside' is a service"):
+        services.grouped()
+
+
+def test_on_two_machines_each_instance_keeps_a_process_of_its_own(tmp_path: Path) -> None:
+    twice = "[services.link_monitor]\nsides = ['topside', 'drone']\neach_machine = true\n"
+    services = with_driver(tmp_path, None, twice + "process = 'link_monitor'\n").apart()
+    assert services.shared == {}
+    assert {"link_monitor", "link_monitor_drone"} <= services.processes.keys()
 
 
 @pytest.mark.parametrize(

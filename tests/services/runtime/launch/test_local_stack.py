@@ -48,13 +48,43 @@ def wire(node, stack):
 """
 
 
-def made(folder: Path, engine: str = TALKING, desk: str = QUIET) -> tuple[Stack, Registry]:
+def made(
+    folder: Path, engine: str = TALKING, desk: str = QUIET, stack: str = STACK
+) -> tuple[Stack, Registry]:
     (folder / "engine_module.py").write_text(engine)
     (folder / "desk_module.py").write_text(desk)
-    (folder / "mine.toml").write_text(STACK)
+    (folder / "mine.toml").write_text(stack)
     out = folder / "out"
     out.mkdir()
     return Stack(out=str(out)), Registry.read(str(folder / "mine.toml"))
+
+
+REMEMBERING = """
+import msgspec
+class Memory(msgspec.Struct):
+    lives: int
+def wire(node, stack):
+    known = node.restore_checkpoint(Memory)
+    lives = 1 if known is None else known.lives + 1
+    node.save_checkpoint(Memory(lives))
+    node.every(20.0, lambda now: node.log("info", f"life {lives}"))
+"""
+ONE_PROCESS = """
+[services.engine]
+sides = ["drone"]
+vehicle_side = true
+module = "engine_module"
+process = "onboard"
+
+[services.sounder]
+sides = ["drone"]
+module = "engine_module"
+process = "onboard"
+
+[services.desk]
+sides = ["topside", "drone"]
+module = "desk_module"
+"""
 
 
 def exists(pid: int) -> bool:
@@ -155,6 +185,56 @@ def test_what_hangs_is_named_once_and_again_when_it_answers(tmp_path: Path, name
         assert not local.answering.silent
     assert local.answering.times == {name: 1}
     assert set(local.supervisor.restarts.values()) == {0}
+
+
+def test_a_killed_process_takes_its_services_with_it_and_brings_them_back(tmp_path: Path) -> None:
+    stack, services = made(tmp_path, engine=REMEMBERING, stack=ONE_PROCESS)
+    with local_stack(stack, services) as local:
+        said = list[LogLine]()
+        local.node.show = said.append
+        local.start_services()
+        alive(local)
+        pump_until(local, lambda: "onboard" in local.supervisor.pids)
+        assert local.supervisor.lives["onboard"].seen
+        before = running(stack).pids
+        assert set(before) == {"hub_topside", "hub_drone", "engine", "sounder", "desk"}
+        assert before["engine"] == before["sounder"] != before["desk"]
+        kept = [tmp_path / f"out/checkpoints/{name}.json" for name in ("engine", "sounder")]
+        pump_until(local, lambda: all(path.is_file() for path in kept))
+        os.kill(before["engine"], signal.SIGKILL)
+        pump_until(local, lambda: sorted(local.missing()) == ["engine", "sounder"])
+        alive(local)
+        after = running(stack).pids
+        assert after["engine"] == after["sounder"] != before["engine"]
+        assert after["desk"] == before["desk"]
+        restarts = {"hub_topside": 0, "hub_drone": 0, "engine": 1, "sounder": 1, "desk": 0}
+        assert local.restarts == restarts
+        assert [line.text for line in said] == [
+            "onboard (engine, sounder) ended unexpectedly (signal SIGKILL)",
+            "onboard (engine, sounder) is started again",
+        ]
+        log = stack.out_dir / "logs/onboard.log"
+        lines = {f"info {name}: life {life}" for name in ("engine", "sounder") for life in (1, 2)}
+        pump_until(local, lambda: lines <= set(log.read_text().splitlines()))
+    assert not exists(after["engine"])
+
+
+CLOSING = """
+def wire(node, stack):
+    node.on_close(lambda: print(node.name, flush=True))
+"""
+
+
+def test_of_one_process_the_recorder_is_closed_last(tmp_path: Path) -> None:
+    with_recorder = ONE_PROCESS + '[services.recorder]\nsides = ["drone"]\nprocess = "onboard"\n'
+    with_recorder += 'module = "engine_module"\n'
+    stack, services = made(tmp_path, engine=CLOSING, stack=with_recorder)
+    with local_stack(stack, services) as local:
+        local.start_services()
+        alive(local)
+    closed = (stack.out_dir / "logs/onboard.log").read_text().split()
+    assert sorted(closed) == ["engine", "recorder", "sounder"]
+    assert closed[-1] == "recorder"
 
 
 def test_who_is_not_alive_in_time_is_named_and_may_still_come(tmp_path: Path) -> None:

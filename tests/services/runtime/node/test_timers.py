@@ -34,6 +34,15 @@ def test_a_tick_stays_on_its_grid_and_accounts_for_every_period(
     assert passed // period(hz) == 1 + len(rung) + counts["missed_deadline"]
 
 
+@given(HZ, STARTS, st.integers(0, 10**10))
+def test_a_slow_start_is_no_missed_tick(hz: float, made: int, took: int) -> None:
+    tick = Tick(hz, made, lambda _: None)
+    tick.start(made + took)
+    due = made + took + period(hz)
+    assert tick.due == due
+    assert not tick.ring(due)
+
+
 @given(HZ, STARTS, st.lists(st.floats(0.0, 0.99), min_size=1, max_size=200))
 def test_jitter_below_a_period_shifts_no_later_tick(
     hz: float, start: int, lateness: list[float]
