@@ -46,9 +46,7 @@ def fly(
         node = host.node(NAME, ["topside"])
         node.each(topics.STATUS, timeline.see)
         outcome.listen(node)
-        for name, spec in services.items():
-            wire = services.wire(name) if memory is None or name != RECORDER else memory.wire
-            host.add(name, spec, stack, wire)
+        host.add_all(services, stack, {} if memory is None else {RECORDER: memory.wire})
         services.require_published({name: host.nodes[name].published for name in services})
         begun()
         host.show(lambda line: None if line.level == "info" else show(line))

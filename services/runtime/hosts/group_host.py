@@ -100,12 +100,13 @@ class GroupHost:
             if self._nodes[k].has_arrivals:
                 self._turns.wake(k)
 
-    def step(self) -> None:
-        """Step the nodes that have something to do, at most one round."""
-        for _ in self._nodes:
+    def step(self) -> int:
+        """Step the nodes that have something to do, at most one round; returns how many."""
+        for count in range(len(self._nodes)):
             if (k := self._turns.next(self._clock())) is None:
-                return
+                return count
             self._run(k, self._nodes[k].step)
+        return len(self._nodes)
 
     def deadline(self) -> int:
         """[ns] When the next timer of all nodes falls due."""

@@ -89,7 +89,9 @@ class VirtualHost:
         (wire or wire_of(spec.service or name))(node, stack)
         return node
 
-    def add_all(self, services: Registry, stack: Stack) -> None:
+    def add_all(
+        self, services: Registry, stack: Stack, instead: Mapping[str, Wire] | None = None
+    ) -> None:
         """Start a whole stack now.
 
         Raises:
@@ -97,7 +99,7 @@ class VirtualHost:
         """
         self._services = services
         for name, spec in services.items():
-            self.add(name, spec, stack, services.wire(name))
+            self.add(name, spec, stack, (instead or {}).get(name) or services.wire(name))
 
     def kill(self, name: str) -> None:
         """End a service as a crash would: it publishes nothing more and closes nothing."""

@@ -13,6 +13,9 @@ from services.marine.summation import plain_sum
 
 # Where the builtin `sum` counts whole numbers, which are exact.
 COUNTING = {
+    "services/recorder/io/mcap_summary.py",
+    "services/runtime/hosts/registry.py",
+    "services/runtime/launch/child.py",
     "services/runtime/node/node.py",
     "services/tether/link_model.py",
     "services/tether/priority_queue.py",

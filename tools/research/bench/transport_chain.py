@@ -40,7 +40,7 @@ SAYS = {"source": "imu", "estimation": "state", "reference": "reference", "contr
 SAYER = {stream: role for role, stream in SAYS.items()}
 
 
-class Message(msgspec.Struct):
+class ChainMessage(msgspec.Struct):
     seq: int
     stamp_ns: int  # of the source
     values: list[float]
@@ -150,7 +150,7 @@ class Worker:
         self.heard_of: Counter[str] = Counter()
         self.transport: Transport  # set before anything is heard
         self._encode = msgspec.msgpack.Encoder().encode
-        self._decode = msgspec.msgpack.Decoder(Message).decode
+        self._decode = msgspec.msgpack.Decoder(ChainMessage).decode
 
     def hear(self, stream: str, payload: bytes) -> None:
         message = self._decode(payload)
@@ -163,7 +163,7 @@ class Worker:
     def speak(self, seq: int, stamp_ns: int) -> None:
         stream = SAYS[self.role]
         values = [float(seq)] * FLOATS[stream]
-        self.transport.say(stream, self._encode(Message(seq, stamp_ns, values)))
+        self.transport.say(stream, self._encode(ChainMessage(seq, stamp_ns, values)))
 
     def tick(self, ended: threading.Event) -> int:
         """The source's loop, until the end. Returns how many messages it has said."""

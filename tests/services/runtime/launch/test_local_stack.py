@@ -201,8 +201,10 @@ def test_a_killed_process_takes_its_services_with_it_and_brings_them_back(tmp_pa
         assert before["engine"] == before["sounder"] != before["desk"]
         kept = [tmp_path / f"out/checkpoints/{name}.json" for name in ("engine", "sounder")]
         pump_until(local, lambda: all(path.is_file() for path in kept))
+        log = stack.out_dir / "logs/onboard.log"
+        pump_until(local, lambda: log.read_text().count("life 1") > 1)
         os.kill(before["engine"], signal.SIGKILL)
-        pump_until(local, lambda: sorted(local.missing()) == ["engine", "sounder"])
+        pump_until(local, lambda: {"engine", "sounder"} <= set(local.missing()))
         alive(local)
         after = running(stack).pids
         assert after["engine"] == after["sounder"] != before["engine"]
@@ -213,7 +215,6 @@ def test_a_killed_process_takes_its_services_with_it_and_brings_them_back(tmp_pa
             "onboard (engine, sounder) ended unexpectedly (signal SIGKILL)",
             "onboard (engine, sounder) is started again",
         ]
-        log = stack.out_dir / "logs/onboard.log"
         lines = {f"info {name}: life {life}" for name in ("engine", "sounder") for life in (1, 2)}
         pump_until(local, lambda: lines <= set(log.read_text().splitlines()))
     assert not exists(after["engine"])
