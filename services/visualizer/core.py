@@ -1,5 +1,5 @@
-"""Messages in, batches out: every change is kept, except of the path and the scene; a sample equal
-to its neighbours draws nothing. The recording has every message.
+"""Messages in, batches out. Curves have at most some 40 points a second, more than a screen shows
+of a dive; that halves the file. The recording has every message.
 
 A message costs one append when it arrives. All of some seconds become columns at once,
 because writing a thousand samples costs little more than writing one.
@@ -22,6 +22,7 @@ from services.visualizer.scene import Scene
 from services.visualizer.status import NOTED, Status, part_of_path
 
 WITH_THRUST = (Actuation, ThrusterCommand)
+SPACING_NS = 22_000_000  # [ns] between two points of a fast curve: of 100 Hz every third is drawn
 OLDEST_NS = 60_000_000_000  # [ns] a stamp further back than this is wrong, not late
 
 # Topics whose stamps may be of another machine's clock and are not converted: those published on
@@ -31,6 +32,10 @@ BY_ARRIVAL = frozenset(
     topic.key
     for topic in topics.ALL
     if topic.hz == 0 or topic.way is Way.BOTH or topic.message is ClockPong
+)
+# Topics of which not every sample becomes a point.
+FAST = frozenset(
+    topic.key for topic in topics.ALL if topic.hz * SPACING_NS > 1e9 and topic.key not in BY_ARRIVAL
 )
 
 
@@ -47,6 +52,7 @@ class Collector:
         self._heard: dict[str, list[Message]] = defaultdict(list)  # by key
         self._arrivals: dict[str, list[int]] = defaultdict(list)  # [ns] by key, of BY_ARRIVAL
         self._topics: dict[str, AnyTopic] = {}  # by key
+        self._drawn_ns: dict[str, int] = {}  # [ns] time of the newest point by key
         self._widths: dict[str, int] = {}  # of the last row by path; 0: not known at the time
         self._scene = Scene(vehicle)
         self._frames: list[Frame] = []
@@ -62,11 +68,11 @@ class Collector:
         if self.start is None:
             self.start = now
         self.newest = now
+        self._scene.hear(message)
         self._heard[key].append(message)
         if by_arrival:
             self._arrivals[key].append(now)
         self._topics[key] = topic
-        self._scene.hear(message)
         return None
 
     def newest_sample(self) -> int | None:
@@ -98,8 +104,9 @@ class Collector:
             topic = self._topics[key]
             stamps = arrivals.get(key) or [message.stamp_ns for message in messages]
             times = [stamp - start for stamp in stamps]
+            points = self._points(key, messages, times) if topic.key in FAST else (messages, times)
             for curve in self._curves[topic.key]:
-                columns = self._columns(curve, key, messages, times)
+                columns = self._columns(curve, key, *points)
                 if columns.rows:
                     batch.columns.append(columns)
             # Of topics that make no notes, the status page needs only the newest message.
@@ -109,6 +116,18 @@ class Collector:
         batch.notes.extend(self._status.pages(now - start))
         return batch
 
+    def _points(
+        self, key: str, messages: list[Message], times: list[int]
+    ) -> tuple[list[Message], list[int]]:
+        """Those that become points of the curves: none too soon after another."""
+        drawn = list[int]()
+        for index, time in enumerate(times):
+            last = self._drawn_ns.get(key)
+            if last is None or not last <= time < last + SPACING_NS:
+                self._drawn_ns[key] = time
+                drawn.append(index)
+        return [messages[index] for index in drawn], [times[index] for index in drawn]
+
     def _columns(
         self, curve: Curve, key: str, messages: list[Message], times: list[int]
     ) -> CurveColumns:
@@ -116,6 +135,8 @@ class Collector:
         path = curve.path
         if curve.topic.is_family:
             path += "/" + part_of_path(key.rpartition("/")[2])
+        if not messages:
+            return CurveColumns(path, [], [])
         rows = [curve.read(message) for message in messages]
         known = [row for row in rows if row is not None]
         width = self._widths.get(path, 0)

@@ -15,7 +15,7 @@ from services.visualizer.batch import Batch
 from services.visualizer.core import Collector
 from services.visualizer.io.outputs import outputs
 
-# Curves, states and log; no change is lost, this is only how often they are handed over.
+# Curves, states and log: how often they are handed over.
 # Somebody who watches wants them soon; a file does not care, and takes several batches at once.
 FLUSH_HZ, FILE_FLUSH_HZ = 4.0, 0.25
 SCENE_HZ, FILE_SCENE_HZ = 20.0, 10.0

@@ -35,6 +35,7 @@ from services.runtime.node.node import Node
 CHECKPOINTS = "checkpoints"  # folder in the dive's folder; DIVE/checkpoints/<service>.json
 HOME = "topside"  # the side this process's own node is on: it sees what the pilot sees
 LAST = ("recorder", "visualizer")  # stopped after the others, so that they receive everything
+SLOW = ("visualizer",)  # started when the others are alive: its libraries take a second to load
 PYTHON = [sys.executable, "-P", "-m", "services"]  # -P: nothing in the user's folder is imported
 PERIOD_S = 0.04  # [s] between two steps: ports that keep the newest 16 must not fill at 100 Hz
 HUB_TIMEOUT_S = 20.0
@@ -81,6 +82,7 @@ class LocalStack:
         self._wake = threading.Event()
         self._pids: dict[str, int] = {}
         self._has_node = False
+        self._later: list[str] = []  # processes that are not started yet
         self._complete = False  # all services were alive once
 
     def start_hubs(self, exits: ExitStack) -> None:
@@ -116,7 +118,15 @@ class LocalStack:
         self._checkpoints = _unused_folder(self._checkpoints)
         for name, data in self._begin_with.items():
             write_safely(self._checkpoints / f"{name}.json", data)
-        self.supervisor.add(self._process(name) for name in self.processes)
+        self._later = [name for name, parts in self.processes.items() if set(parts) <= set(SLOW)]
+        self.supervisor.add(self._process(n) for n in self.processes if n not in self._later)
+
+    def _start_slow(self) -> None:
+        """Start the slow services, once they keep no other from the processor."""
+        slow = {name for process in self._later for name in self.processes[process]}
+        if slow and slow >= set(self.missing()):
+            self.supervisor.add(self._process(name) for name in self._later)
+            self._later = []
 
     def missing(self) -> list[str]:
         """Services that are not alive on all of their sides."""
@@ -147,6 +157,7 @@ class LocalStack:
             LindyError: a service cannot start; the sentence is the service's own.
         """
         self._hear_tokens()
+        self._start_slow()
         self.supervisor.step()
         if self.supervisor.failure is not None:
             raise LindyError(self.supervisor.failure)

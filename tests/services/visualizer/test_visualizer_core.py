@@ -16,7 +16,7 @@ from messages.vehicle import Actuation, Truth
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
 from services.visualizer.batch import Batch
-from services.visualizer.core import BY_ARRIVAL, OLDEST_NS, Collector
+from services.visualizer.core import BY_ARRIVAL, OLDEST_NS, SPACING_NS, Collector
 from services.visualizer.curves import curves
 from services.visualizer.scene import STEP_M, TRAIL_POINTS
 
@@ -57,17 +57,31 @@ def test_every_row_of_the_table_leads_to_something_shown(topic: AnyTopic, sample
     assert shown(collector.drain(SECOND))
 
 
-@given(stamps=st.lists(st.integers(0, 10**6), min_size=1, max_size=40, unique=True))
+@given(stamps=st.lists(st.integers(0, 10**9), min_size=1, max_size=40, unique=True))
 @settings(max_examples=50, deadline=None)
-def test_no_sample_is_lost_and_columns_are_rectangular(stamps: list[int]) -> None:
-    collector = Collector(VEHICLE)
+def test_points_are_as_dense_as_a_screen_shows_and_columns_are_rectangular(
+    stamps: list[int],
+) -> None:
+    """Every sample is a point, or soon after one; points are never nearer than that."""
+    collector = Collector(VEHICLE, start=0)
     for stamp in sorted(stamps):
         collector.hear(topics.TRUTH, "simulator/truth", truth(stamp), stamp)
     batch = collector.drain(max(stamps))
+    assert batch.columns
     for columns in batch.columns:
-        assert len(columns.times) == len(columns.rows) == len(stamps)
+        assert len(columns.times) == len(columns.rows)
         assert len({len(row) for row in columns.rows}) == 1
+        assert all(after - before >= SPACING_NS for before, after in pairwise(columns.times))
+        for stamp in stamps:
+            assert any(0 <= stamp - time < SPACING_NS for time in columns.times)
     assert not shown(collector.drain(max(stamps)))
+
+
+def test_a_sender_whose_clock_starts_anew_is_drawn_at_once() -> None:
+    collector = Collector(VEHICLE, start=0)
+    for stamp in (50 * SECOND, 10 * SECOND):
+        collector.hear(topics.TRUTH, "simulator/truth", truth(stamp), 50 * SECOND)
+    assert {len(columns.rows) for columns in collector.drain(50 * SECOND).columns} == {2}
 
 
 def test_names_colours_and_numbers_of_a_curve_agree(sample: Sample) -> None:

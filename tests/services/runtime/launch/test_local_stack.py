@@ -322,3 +322,15 @@ def test_a_mistake_in_what_listens_ends_nothing_and_is_printed_once(
         pump_until(local, lambda: local.node.counts["mistake"] > 3)
         assert local.missing() == []
     assert capsys.readouterr().err.count("KeyError: 'here'") == 1
+
+
+def test_a_viewer_is_started_when_the_others_are_alive(tmp_path: Path) -> None:
+    viewer = '[services.visualizer]\nsides = ["topside"]\nmodule = "engine_module"\n'
+    stack, services = made(tmp_path, engine=QUIET, desk=WAITING, stack=STACK + viewer)
+    with local_stack(stack, services) as local:
+        local.start_services()
+        pump_until(local, lambda: ("drone", "engine") in local.alive)
+        assert "visualizer" not in local.supervisor.pids
+        (tmp_path / "go").touch()
+        alive(local)
+        assert "visualizer" in local.supervisor.pids
