@@ -27,6 +27,7 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.garbage_collection import rare_collections
 from services.runtime.hosts.group_host import GroupHost
+from services.runtime.hosts.heartbeat import Heartbeat
 from services.runtime.hosts.registry import Registry, ServiceSpec
 from services.runtime.hosts.stepper import POLL_S, Stepper
 from services.runtime.node.checkpoint import CheckpointFile
@@ -46,6 +47,7 @@ class Launch(msgspec.Struct, frozen=True, kw_only=True):
     stack_file: str
     endpoints: dict[str, str]  # side → hub's endpoint, for every side of these services
     checkpoint: str  # folder of the checkpoints, for a restart after a crash
+    heartbeat: str | None = None  # file for the sign of life; None: nobody watches
     parent: int | None = None  # pid; the process ends when this is no longer its parent
 
 
@@ -86,7 +88,9 @@ def run_services(launch: Launch) -> int:
             for side in spec.sides:
                 sessions[side].announce(name)
         exits.enter_context(rare_collections())
+        heartbeat = Heartbeat(None if launch.heartbeat is None else Path(launch.heartbeat))
         while not stop.asked:
+            heartbeat.beat(time.monotonic_ns())
             stepper.step_and_wait()
         stepper.finish()  # messages that arrived with the signal are still handled
         return 0
@@ -120,6 +124,7 @@ class HubLaunch(msgspec.Struct, frozen=True, kw_only=True):
     listen: list[str]  # endpoints
     connect: list[str] = []  # endpoints of other machines' hubs
     hub_side: HubSide | None = None  # for access control, where other machines can reach it
+    heartbeat: str | None = None  # file for the sign of life; None: nobody watches
     parent: int | None = None
 
 
@@ -130,7 +135,9 @@ def run_hub(launch: HubLaunch) -> int:
         _sentences("hub"),
         listening(*launch.listen, connect=launch.connect, hub_side=launch.hub_side),
     ):
+        heartbeat = Heartbeat(None if launch.heartbeat is None else Path(launch.heartbeat))
         while not stop.asked:
+            heartbeat.beat(time.monotonic_ns())
             time.sleep(POLL_S)  # the router works on its own threads
         return 0
     return 1

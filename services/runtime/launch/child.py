@@ -50,15 +50,6 @@ class Child(Protocol):
         ...
 
 
-def ran_ns(pid: int) -> int | None:
-    """[ns] Processor time of all threads of a process; None where the system does not tell."""
-    try:
-        threads = [*Path(f"/proc/{pid}/task").iterdir()]
-        return sum(int((thread / "schedstat").read_text().split()[0]) for thread in threads)
-    except (OSError, ValueError, IndexError):  # not Linux, or a thread has just ended
-        return None
-
-
 class OsChild:
     """A process in its own session, so that Ctrl-C in the terminal reaches only this program."""
 

@@ -23,10 +23,11 @@ from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
 from services.runtime.config.running import RUNNING, Running
 from services.runtime.config.stack import Stack
+from services.runtime.hosts.heartbeat import last_beat
 from services.runtime.hosts.process_host import HubLaunch, Launch, usage
 from services.runtime.hosts.registry import Registry, ServiceSpec
 from services.runtime.launch.answering import Answering
-from services.runtime.launch.child import Task, ran_ns
+from services.runtime.launch.child import Task
 from services.runtime.launch.supervisor import NAME, Supervisor
 from services.runtime.node.checkpoint import VolatileCheckpoint, write_safely
 from services.runtime.node.clock_offset import ClockOffset
@@ -36,6 +37,7 @@ CHECKPOINTS = "checkpoints"  # folder in the dive's folder; DIVE/checkpoints/<se
 HOME = "topside"  # the side this process's own node is on: it sees what the pilot sees
 LAST = ("recorder", "visualizer")  # stopped after the others, so that they receive everything
 SLOW = ("visualizer",)  # started when the others are alive: its libraries take a second to load
+DISK_PATIENCE_S = 10.0  # [s] a slow disk may stop those of LAST before they are started again
 PYTHON = [sys.executable, "-P", "-m", "services"]  # -P: nothing in the user's folder is imported
 PERIOD_S = 0.04  # [s] between two steps: ports that keep the newest 16 must not fill at 100 Hz
 HUB_TIMEOUT_S = 20.0
@@ -75,7 +77,8 @@ class LocalStack:
         self.supervisor = Supervisor(self._tell)
         self.node: Node  # this process's own, on the pilot's side; set when the hubs are up
         self.alive: set[tuple[str, str]] = set()  # (side, service)
-        self.answering = Answering()
+        self.answering = Answering(dict.fromkeys(LAST, DISK_PATIENCE_S))
+        self._folder = folder
         self._checkpoints = stack.out_dir / CHECKPOINTS  # numbered by start_services if it exists
         self._tokens: deque[tuple[str, str, bool]] = deque()  # filled on the bus's thread
         self._buses: dict[str, ZenohBus] = {}
@@ -83,7 +86,6 @@ class LocalStack:
         self._pids: dict[str, int] = {}
         self._has_node = False
         self._later: list[str] = []  # processes that are not started yet
-        self._complete = False  # all services were alive once
 
     def start_hubs(self, exits: ExitStack) -> None:
         """Start the hubs and connect to them.
@@ -161,7 +163,7 @@ class LocalStack:
         self.supervisor.step()
         if self.supervisor.failure is not None:
             raise LindyError(self.supervisor.failure)
-        self._note_silence()
+        self._watch()
         self._note_pids()
         if self._has_node:
             self._step_node()
@@ -215,31 +217,21 @@ class LocalStack:
             for name in self.processes.get(task, [task])
         }
 
-    def _note_silence(self) -> None:
-        self._complete = self._complete or not self.missing()
-        if not self._complete:
-            return  # the computer is busy with the start
-        lives = self.supervisor.lives
-        for name, again in self.answering.look(self._unheard(), lives, time.monotonic_ns()):
-            if again:
+    def _watch(self) -> None:
+        """Name what does not answer, and start it again where waiting longer is of no use."""
+        beats = {name: last_beat(self.heartbeat(name)) for name in self.supervisor.lives}
+        now = time.monotonic_ns()
+        for name, what in self.answering.look(beats, self.supervisor.lives, now):
+            if what == "silent":
+                self._tell("error", f"{name} does not answer any more")
+            elif what == "again":
                 self._tell("warning", f"{name} answers again")
             else:
-                self._tell("error", f"{name} does not answer any more")
+                self.supervisor.kill(name)
 
-    def _unheard(self) -> dict[str, int | None]:
-        """Processes without a liveliness token, with the processor time of each. A hub has no token
-        of its own; where none of its processes is heard, it is the one that is silent."""
-        unheard: set[str] = set()
-        for side in self._buses:
-            here: dict[str, bool] = {}  # process → is any of its services heard?
-            for name, spec in self.services.items():
-                if side in spec.sides:
-                    process = spec.process or name
-                    here[process] = here.get(process, False) or (side, name) in self.alive
-            silent = {process for process, heard in here.items() if not heard}
-            unheard |= {f"hub_{side}"} if len(here) > 1 and len(silent) == len(here) else silent
-        pids = self.supervisor.pids
-        return {name: ran_ns(pids[name]) if name in pids else None for name in unheard}
+    def heartbeat(self, process: str) -> Path:
+        """The file with the sign of life of a process."""
+        return self._folder / f"{process}.beat"
 
     def _note_pids(self) -> None:
         if (pids := self._each(self.supervisor.pids)) != self._pids:
@@ -259,7 +251,9 @@ class LocalStack:
             self._tell("warning", f"cannot write {path}: {reason(error)}")
 
     def _hub(self, side: str) -> Task:
-        launch = HubLaunch(listen=[self.endpoints[side]], parent=os.getpid())
+        name = f"hub_{side}"
+        beat = str(self.heartbeat(name))
+        launch = HubLaunch(listen=[self.endpoints[side]], heartbeat=beat, parent=os.getpid())
         if self._other_side is not None:
             hub_side = HubSide(self._other_side.side, namespace(self.stack.vehicle_name))
             launch = msgspec.structs.replace(
@@ -269,7 +263,7 @@ class LocalStack:
                 hub_side=hub_side,
             )
         command = [*PYTHON, "hub", msgspec.json.encode(launch).decode()]
-        return Task(f"hub_{side}", command, self._log(f"hub_{side}"), stop_order=2)
+        return Task(name, command, self._log(name), stop_order=2)
 
     def _process(self, process: str) -> Task:
         names = self.processes[process]
@@ -282,6 +276,7 @@ class LocalStack:
             stack_file=str(self.services.file),
             endpoints={side: self._reach[side] for spec in specs.values() for side in spec.sides},
             checkpoint=str(self._checkpoints),
+            heartbeat=str(self.heartbeat(process)),
             parent=os.getpid(),
         )
         command = [*PYTHON, msgspec.json.encode(launch).decode()]

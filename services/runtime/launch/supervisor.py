@@ -57,6 +57,11 @@ class Supervisor:
         """Process ids of the children that run now."""
         return {name: child.pid for name, child in self._children.items()}
 
+    def kill(self, name: str) -> None:
+        """End a child that does not answer; it is started again like one that has crashed."""
+        if (child := self._children.get(name)) is not None:
+            child.kill()
+
     def step(self) -> None:
         """Check every child once and do what is due."""
         while self._seen:

@@ -3,52 +3,66 @@
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.runtime.launch.answering import STILL_S, UNHEARD_S, Answering
+from services.runtime.launch.answering import LATE_S, SILENT_S, Answering, Change
 from services.runtime.launch.lifecycle import Life, Phase
 
-STEP_NS = 200_000_000  # [ns] between two looks
-STILL, UNHEARD = (round(s * 1e9 / STEP_NS) for s in (STILL_S, UNHEARD_S))  # looks
+STEP_NS = 100_000_000  # [ns] between two looks
+PATIENCE_S = 3.0
 PHASES: tuple[Phase, ...] = ("waiting", "running", "stopping", "ended")
 STORIES = st.lists(
-    st.tuples(
-        st.booleans(), st.sampled_from(PHASES), st.integers(0, 1), st.booleans(), st.integers(1, 90)
-    ),
-    max_size=12,
-)  # is it heard, in which phase, started again, does it work, for how many looks
+    st.tuples(st.booleans(), st.sampled_from(PHASES), st.booleans(), st.integers(1, 60)),
+    max_size=10,
+)  # does its loop go round, in which phase, was it started again, for how many looks
 
 
 @settings(max_examples=300, deadline=None)
-@given(STORIES, st.booleans())
-def test_only_a_life_that_was_heard_and_then_silent_for_long_enough_is_named(
-    story: list[tuple[bool, Phase, int, bool, int]], tells: bool
-):
-    answering, now, lives, ran = Answering(), 0, 1, 0
-    heard_in, quiet, still, hangs = 0, 0, 0, False  # the last life heard, looks, what we expect
-    for heard, phase, again, works, looks in story:
-        lives += again
+@given(STORIES, st.sampled_from([SILENT_S, PATIENCE_S]))
+def test_only_a_life_that_has_beaten_and_then_stopped_is_named(
+    story: list[tuple[bool, Phase, bool, int]], patience_s: float
+) -> None:
+    answering = Answering({"control": patience_s})
+    now, life, beat, named, given_up = 0, Life(lives=1), None, False, False
+    for beats, phase, again, looks in story:
+        life = Life(phase=phase, lives=life.lives + again, at=now if again else life.at)
         for _ in range(looks):
             now += STEP_NS
-            ran += works
-            life = Life(phase=phase, lives=lives)
-            unheard = {} if heard else {"control": ran if tells else None}
-            changes = answering.look(unheard, {"control": life}, now)
-            if heard:
-                heard_in = lives
-            counts = not heard and phase == "running" and heard_in == lives
-            quiet = quiet + 1 if counts else 0
-            still = (1 if works or quiet == 1 else still + 1) if counts else 0
-            before = hangs
-            hangs = counts and (before or quiet > UNHEARD or (tells and still > STILL))
-            named, recovered = hangs and not before, before and heard
-            assert changes == ([("control", recovered)] if named or recovered else [])
-            assert ("control" in answering.silent) == hangs
+            beat = now if beats else beat
+            changes = answering.look({"control": beat}, {"control": life}, now)
+            judged = phase == "running" and beat is not None and beat >= life.at
+            silence_s = 0.0 if beat is None else (now - max(beat, STEP_NS)) / 1e9
+            silent = judged and silence_s > SILENT_S
+            hopeless = judged and silence_s > max(SILENT_S, patience_s)
+            expected = [
+                *([Change("control", "silent")] if silent and not named else []),
+                *([Change("control", "hopeless")] if hopeless and not given_up else []),
+                *([Change("control", "again")] if judged and named and not silent else []),
+            ]
+            assert changes == expected
+            assert ("control" in answering.silent) == silent
+            named, given_up = silent, hopeless
 
 
-def test_each_time_is_counted():
-    answering, life, now = Answering(), {"control": Life(phase="running", lives=1)}, 0
+def test_a_computer_that_was_asleep_is_nobodys_fault() -> None:
+    answering, life = Answering(), {"control": Life(phase="running", lives=1)}
+    assert answering.look({"control": 0}, life, 0) == []
+    asleep = round((LATE_S + 100.0) * 1e9)
+    assert answering.look({"control": 0}, life, asleep) == []
+    soon = asleep + round(0.9 * SILENT_S * 1e9)
+    for now in range(asleep, soon, STEP_NS):
+        assert answering.look({"control": 0}, life, now) == []
+    late = [
+        change
+        for now in range(soon, soon + 2 * STEP_NS, STEP_NS // 2)
+        for change in answering.look({"control": 0}, life, now)
+    ]
+    assert [change.what for change in late] == ["silent", "hopeless"]
+
+
+def test_each_time_is_counted() -> None:
+    answering, life, now = Answering({"control": 1e3}), {"control": Life("running", lives=1)}, 0
     for times in range(1, 4):
-        for unheard in ({}, {"control": 7}):
-            for _ in range(STILL + 2):
-                now += STEP_NS
-                answering.look(unheard, life, now)
+        beat = now + STEP_NS
+        for _ in range(20):
+            now += STEP_NS
+            answering.look({"control": beat}, life, now)
         assert answering.times == {"control": times}
