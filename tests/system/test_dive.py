@@ -54,10 +54,10 @@ SERVICES = {
 class Dive:
     """`lindy dive` as a user starts it."""
 
-    def __init__(self, folder: Path, *options: str) -> None:
+    def __init__(self, folder: Path, *options: str, flies: str = SCRIPT) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         script = folder / "script.csv"
-        script.write_text(SCRIPT)
+        script.write_text(flies)
         self.out = folder / "out"
         self._log = folder / "screen.txt"
         command = [sys.executable, "-P", "-m", "tools", "dive", "--pilot", f"script:{script}"]
@@ -94,6 +94,11 @@ class Dive:
         assert running is not None
         return running
 
+    def ask(self, kind: str) -> int:
+        """`lindy ask`. Returns its exit status."""
+        command = [sys.executable, "-P", "-m", "tools", "ask", kind, "--dive", str(self.out)]
+        return subprocess.run(command, capture_output=True, check=False).returncode
+
     def end(self, status: int = 0) -> dict[str, Any]:
         """Wait for the end and read the report."""
         assert self.process.wait(PATIENCE_S) == status, self.said
@@ -101,8 +106,8 @@ class Dive:
 
 
 @contextmanager
-def dive(folder: Path, *options: str) -> Generator[Dive]:
-    started = Dive(folder, *options)
+def dive(folder: Path, *options: str, flies: str = SCRIPT) -> Generator[Dive]:
+    started = Dive(folder, *options, flies=flies)
     try:
         yield started
     finally:
@@ -203,7 +208,9 @@ def test_a_recorder_that_hangs_is_named_and_the_gap_in_its_file_is_said(tmp_path
     with dive(tmp_path) as flown:
         running = flown.until_armed()
         os.kill(running.pids["recorder"], signal.SIGSTOP)
+        enough = time.monotonic() + 3.0  # [s] a gap that nobody overlooks
         flown.until(lambda: "recorder does not answer any more" in flown.said)
+        flown.until(lambda: time.monotonic() > enough)
         os.kill(running.pids["recorder"], signal.SIGCONT)
         flown.until(lambda: "recorder answers again" in flown.said)
         report = flown.end(status=3)
@@ -213,6 +220,22 @@ def test_a_recorder_that_hangs_is_named_and_the_gap_in_its_file_is_said(tmp_path
     assert max(hole["end"] - hole["begin"] for hole in report["holes"]) > 2.0
     assert "ended cleanly" not in flown.said
     assert "nothing was recorded from " in flown.said
+
+
+def test_with_any_process_stopped_the_drone_can_be_disarmed(tmp_path: Path):
+    with dive(tmp_path, flies="t,surge,sway,heave,yaw\n0,0,0,0,0\n600,0,0,0,0\n") as flown:
+        flown.until_armed()
+        for name in ("reference", "control", "hub_drone"):
+            running = flown.running
+            assert running is not None
+            os.kill(running.pids[name], signal.SIGSTOP)
+            assert flown.ask("disarm") == 0, name
+            flown.until(lambda name=name: f"{name} is started again" in flown.said)
+            flown.until(lambda: flown.ask("arm") == 0)
+        flown.process.send_signal(signal.SIGINT)
+        report = flown.end(status=3)
+    hung = {name for name in report["losses"] if name.startswith("hung:")}
+    assert hung == {"hung:reference", "hung:control", "hung:hub_drone"}
 
 
 def test_two_dives_side_by_side_do_not_notice_each_other(tmp_path: Path):
