@@ -16,8 +16,10 @@ from services.gamepad.pilot_intents import GotoIntent, Press
 NOBODY: frozenset[RequestKind] = frozenset()
 
 
-def status(epoch: int, *, armed: bool = False, mode: Mode = "ready") -> VehicleStatus:
-    return VehicleStatus(stamp_ns=0, mode=mode, armed=armed, epoch=epoch)
+def status(
+    epoch: int, *, pilot: str = "", armed: bool = False, mode: Mode = "ready"
+) -> VehicleStatus:
+    return VehicleStatus(stamp_ns=0, mode=mode, armed=armed, pilot=pilot, epoch=epoch)
 
 
 def answer(accepted: bool, epoch: int | None = None) -> PilotAnswer:
@@ -35,7 +37,7 @@ def kinds(effects: Effects) -> list[str]:
 def outdone() -> Pilot:
     """Had the sticks with epoch 1, until another one took them with epoch 2."""
     pilot = Pilot(Progress(epoch=1), arms=False)
-    effects = pilot.status(status(2), NOBODY, 0)
+    effects = pilot.status(status(2, pilot="bob"), NOBODY, 0)
     assert effects.counts == ["outdone:lease"]
     return pilot
 
@@ -56,7 +58,7 @@ def test_sticks_that_were_not_given_arm_nothing_later_on(then: str):
     if then == "refused":
         assert kinds(pilot.answered(lease, answer(False), 1)) == []
     elif then == "given up":
-        pilot.given_up(lease)
+        pilot.given_up(lease, 1)
     else:
         press(pilot, "stop" if then == "stop" else "disarm")
     assert kinds(pilot.answered(lease, answer(True, epoch=3), 2)) == []

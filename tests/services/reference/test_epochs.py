@@ -31,7 +31,7 @@ class TwoPilots(RuleBasedStateMachine):
             stamp_ns=0, id=f"{self.asked}", kind=kind, epoch=self.epochs[pilot], value=0.5
         )
         centred = PilotCommand(stamp_ns=0, surge=0.0, sway=0.0, heave=0.0, yaw=0.0)
-        answer = self.generator.answer(request, centred, self.authority.epoch, 0)
+        answer = self.generator.answer(request, centred, 0)
         self.authority.granted = self.generator.epoch
         if answer.epoch is not None:
             self.epochs[pilot] = answer.epoch

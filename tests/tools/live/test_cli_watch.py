@@ -15,6 +15,7 @@ from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.node.node import Node
 from tools.live.disarming import Disarming
 from tools.live.dive_timeline import DiveTimeline
+from tools.live.own_pilot import OwnPilot
 from tools.live.screen import ServiceView, View
 from tools.live.watch import Watch
 
@@ -146,7 +147,7 @@ def drone(host: VirtualHost, deaf_for: int, heard: list[PilotRequest]) -> Node:
 def test_disarming_is_asked_for_with_one_id_until_it_is_answered(deaf_for: int):
     host, heard = VirtualHost(), list[PilotRequest]()
     pilot = host.node("supervisor", ["topside"])
-    disarming = Disarming(pilot)
+    disarming = Disarming(pilot, OwnPilot(pilot))
     pilot.every(50.0, disarming.ask)
     drone(host, deaf_for, heard)
     host.run(2 * SECOND, lambda: disarming.done)
@@ -158,7 +159,7 @@ def test_disarming_is_asked_for_with_one_id_until_it_is_answered(deaf_for: int):
 def test_the_answer_to_somebody_elses_request_is_not_ours():
     host = VirtualHost()
     pilot = host.node("supervisor", ["topside"])
-    disarming = Disarming(pilot)
+    disarming = Disarming(pilot, OwnPilot(pilot))
     pilot.every(50.0, disarming.ask)
     other = host.node("reference", ["topside"]).publisher(topics.PILOT_ANSWER)
     host.run(SECOND // 2)
