@@ -20,7 +20,7 @@ PAUSE_NS = 2_000_000_000  # [ns] between two attempts at automatic arming
 BACK_OFF_NS = (
     2_000_000_000,
     10_000_000_000,
-)  # [ns] after a refused lease; doubles up to the longest
+)  # [ns] after a lease; doubles when it was refused
 ABSENT = StickReading(present=False, at_rest=False)  # until the source was read
 Waiting = Set[RequestKind]  # kinds of the requests that have not been answered yet
 
@@ -149,7 +149,7 @@ class Pilot:
     def _space_out(self, accepted: bool, now: Ns) -> None:
         """The next automatic request for control comes later after each that was not granted."""
         shortest, longest = BACK_OFF_NS
-        self._take_after = now if accepted else now + self._back_off_ns
+        self._take_after = now + self._back_off_ns
         self._back_off_ns = shortest if accepted else min(2 * self._back_off_ns, longest)
 
     def _hold_lease(self, status: VehicleStatus, waiting: Waiting, now: Ns, out: Effects) -> None:
