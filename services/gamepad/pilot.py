@@ -56,6 +56,7 @@ class Pilot:
 
     progress: Progress
     arms: bool  # automatically, as soon as the drone is ready
+    source: str = ""  # name of the pilot, else of the pad, keyboard or script
     _arm_after: Ns = 0  # [ns]
     _arms_next: bool = False  # as soon as this pilot is in control
     _asked_for_rest: bool = False
@@ -64,7 +65,6 @@ class Pilot:
     _take_after: Ns = 0  # [ns]
     _back_off_ns: Ns = BACK_OFF_NS[0]
     _light: bool = False  # as last requested or reported
-    _source: str = ""
     _reading: StickReading = ABSENT
 
     def read(
@@ -76,7 +76,7 @@ class Pilot:
             source: its name.
             played: events of its script that have happened.
         """
-        self._reading, self._source = reading, source
+        self._reading, self.source = reading, source
         out = Effects(list(reading.lost), list(reading.notes), self._command(now))
         for intent in reading.presses:
             self._press(intent, waiting, out)
@@ -92,7 +92,7 @@ class Pilot:
             return out
         if status.armed:
             self.progress = replace(self.progress, began_ns=now)
-            out.notes.append(("info", f"armed: {self._source} has the sticks"))
+            out.notes.append(("info", f"armed: {self.source} has the sticks"))
             out.hand_over = True
         elif self.arms and self.progress.may_arm and status.mode == "ready":
             self._arm(waiting, now, out)
@@ -115,7 +115,8 @@ class Pilot:
 
     def overheard(self, request: PilotRequest, answer: PilotAnswer) -> Effects:
         """Another process on this side, such as `lindy ask`, made a request and was answered."""
-        if (request.source, request.epoch) == (self._source[:128], self.progress.epoch or 0):
+        name, epoch = self.source[:128], self.progress.epoch or 0
+        if name and (request.source, request.epoch) == (name, epoch):
             self._learn(request, answer)
         return Effects()
 
@@ -133,7 +134,7 @@ class Pilot:
             **(reading.sticks if acts else CENTRED)._asdict(),
             stamp_ns=now,
             pilot="present" if reading.present else "lost",
-            source=self._source[:128],
+            source=self.source[:128],
             device_age_ms=reading.age_ms,
             epoch=self.progress.epoch or 0,
         )
@@ -224,7 +225,7 @@ class Pilot:
             stamp_ns=0,
             id="",
             kind=kind,
-            source=self._source[:128],
+            source=self.source[:128],
             epoch=self.progress.epoch or 0,
             **more,
         )

@@ -27,6 +27,7 @@ class Connected:
     def __init__(self, node: Node, source: StickSource, pilot: Pilot, name: str = "") -> None:
         """`name`: of the pilot; empty: that of the source."""
         self._node, self._source, self._pilot, self._name = node, source, pilot, name
+        pilot.source = name or source.name
         self._overheard: dict[str, PilotRequest] = {}  # by id, the oldest first
         self._kept = pilot.progress
         self._commands = node.publisher(topics.PILOT_COMMAND)

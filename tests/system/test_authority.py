@@ -1,5 +1,6 @@
 """Who has control: commands of another authority epoch never move the drone."""
 
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,14 @@ from messages.control import ThrusterCommand
 from messages.pilot import Course, PilotAnswer, PilotCommand, PilotRequest
 from messages.reference import Reference
 from messages.vehicle import Truth, VehicleStatus
+from services.gamepad.core import StickReading, Sticks
+from services.gamepad.pilot import Pilot, Progress
+from services.gamepad.service import Connected
 from services.reference.guidance.authority import SILENT_NS
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.registry import Registry, ServiceSpec
 from services.runtime.hosts.virtual_host import VirtualHost
+from services.runtime.node.node import Node
 
 SECOND = 1_000_000_000
 ON_BOARD = ("simulator", "estimation", "reference", "control")
@@ -242,6 +247,56 @@ def test_an_epoch_that_was_never_given_opens_no_door(hand_over: Scene) -> None:
     host, _, first, _ = hand_over
     first.epoch = 7
     assert asked(host, first, "light", value=1.0).startswith("second has control since ")
+
+
+# Real gamepads.
+
+
+class Hands:
+    """A device with a stick out."""
+
+    played = 0
+
+    def __init__(self, name: str, heave: float) -> None:
+        self.name, self.sticks = name, Sticks(heave=heave)
+
+    def read(self, now: int, began: int | None) -> StickReading:  # noqa: ARG002
+        return StickReading(self.sticks, at_rest=self.sticks.at_rest)
+
+    def next_ns(self, now: int, began: int) -> int | None:  # noqa: ARG002
+        return None
+
+
+@pytest.mark.parametrize("heave", [0.0, 0.7])
+@pytest.mark.parametrize("count", [2, 5])
+def test_of_many_gamepads_one_has_control_and_the_others_do_not_storm_for_it(
+    tmp_path: Path, count: int, heave: float
+) -> None:
+    host, _, statuses = on_board(tmp_path)
+    requests: list[PilotRequest] = []
+    host.node("request ear", ["drone"]).each(topics.PILOT_REQUEST, lambda m, _: requests.append(m))
+    names = [f"pilot {k}" for k in range(count)]
+    for k, name in enumerate(names):
+        hands = Hands(name, heave if k else 0.0)  # the first one arms
+
+        def wire(node: Node, _: Stack, hands: Hands = hands) -> None:
+            Connected(node, hands, Pilot(Progress(), arms=True))
+
+        host.add(name, ServiceSpec(sides=["drone"]), Stack(), wire)
+    host.run(20 * SECOND)
+    assert (statuses[-1].pilot, statuses[-1].armed) == (names[0], True)
+    for name in names:
+        leases = [r.stamp_ns for r in requests if r.source == name and r.kind == "lease"]
+        assert len(leases) <= 1
+
+    begin = len(requests)
+    host.kill(names[0])
+    host.run(40 * SECOND)
+    assert statuses[-1].pilot in names[1:]
+    for name in names:
+        at = [r.stamp_ns for r in requests[begin:] if r.source == name]
+        assert all(after - before >= SECOND for before, after in pairwise(at))
+    assert len({s.pilot for s in statuses} - {""}) == 2, "one after the other"
 
 
 # Memory lost, and numbers that nobody gave.
