@@ -69,11 +69,14 @@ class Statuses:
     def __init__(self, folder: Path) -> None:
         running = msgspec.json.decode((folder / RUNNING).read_bytes(), type=Running)
         self.all: list[VehicleStatus] = []
-        self.session = connected(running.endpoints["drone"], namespace(running.vehicle))
+        self._session = connected(running.endpoints["drone"], namespace(running.vehicle))
         decoder = msgspec.msgpack.Decoder(VehicleStatus)
-        self._ear = self.session.declare_subscriber(
+        self._ear = self._session.declare_subscriber(
             topics.STATUS.key, lambda s: self.all.append(decoder.decode(s.payload.to_bytes()))
         )
+
+    def close(self) -> None:
+        self._session.close()  # type: ignore[no-untyped-call]
 
     def until(self, pilot: str, *, armed: bool) -> None:
         until(lambda: self._is(pilot, armed), lambda: self.all[-1:])
@@ -97,7 +100,7 @@ def test_of_two_topsides_exactly_one_flies(tmp_path: Path) -> None:
         sides.enter_context(side(drone, "drone", "--listen", endpoint))
         until(lambda: (drone / RUNNING).is_file(), drone.with_suffix(".txt").read_text)
         heard = Statuses(drone)
-        sides.callback(heard.session.close)
+        sides.callback(heard.close)
         sides.enter_context(side(ann, *topside(ann)))
         heard.until("ann", armed=True)
         second = sides.enter_context(side(bob, *topside(bob)))
