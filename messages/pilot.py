@@ -20,16 +20,16 @@ class PilotCommand(Message, frozen=True, kw_only=True):
     yaw: Stick  # [-] + clockwise seen from above
     tilt: Stick = 0.0  # [-] camera, + upwards
     pilot: Literal["present", "lost"] = "present"  # lost: the pad is unplugged, unlike centred
-    source: Name = ""  # which pad, keyboard or script
+    source: Name = ""  # name of the pilot; else which pad, keyboard or script
     device_age_ms: NotNegative = 0.0  # [ms] since the input device last answered
     ttl_ms: Ttl = TTL_MS  # [ms] after stamp_ns this command must not move anything
     epoch: Count = 0  # authority epoch; a command of another epoch is refused
 
 
-RequestKind = Literal["arm", "disarm", "stop", "light", "goto", "follow", "mode", "lease"]
-
-# Granted to anyone: everybody may stop the drone, and a lease is how a pilot gets an epoch.
-FOR_ANYBODY: tuple[RequestKind, ...] = ("stop", "disarm", "lease")
+# lease: take control, or accept it where it is offered; force: take it from whoever has it
+RequestKind = Literal[
+    "arm", "disarm", "stop", "light", "goto", "follow", "mode", "lease", "offer", "release", "force"
+]
 
 # Hold mode: what the drone holds by itself. On an axis that is not held, the stick is a force.
 #   manual: nothing; depth_hold: depth; heading_hold: heading; stabilised: depth and heading;
@@ -59,7 +59,9 @@ class PilotRequest(Request, frozen=True, kw_only=True):
     east: Finite | None = None  # [m] goto
     course: Course | None = None  # follow
     hold: Hold | None = None  # mode
-    epoch: Count = 0  # authority epoch; of another one only FOR_ANYBODY is granted
+    to: Name = ""  # offer: name of one pilot; empty: to anybody
+    source: Name = ""  # who asks, as in PilotCommand
+    epoch: Count = 0  # authority epoch; who has another one may stop the drone, and ask for control
 
 
 class StopDistance(msgspec.Struct, frozen=True):
@@ -75,5 +77,5 @@ class PilotAnswer(Answer, frozen=True, kw_only=True):
 
     reason: Text = ""  # why the request was refused, in words for the pilot
     stop: StopDistance | None = None  # stop: how far the drone still goes
-    epoch: Count | None = None  # lease: authority epoch that commands must carry from now on
+    epoch: Count | None = None  # lease, force: authority epoch that commands must carry from now on
     cause_ns: Stamp | None = None  # [ns] stamp of the request

@@ -21,7 +21,7 @@ class Reference(Message, frozen=True, kw_only=True):
 
     sensor_ns: Stamp | None  # [ns] sensor sample that caused this reference
     pilot_ns: Stamp | None  # [ns] pilot command that caused it
-    epoch: Count = 0  # authority epoch of the pilot who sent that command
+    epoch: Count = 0  # authority epoch of the newest command
     armed: bool  # False: thrusters stay off, the rest follows the vehicle
     depth: Motion  # NED, positive down
     heading: Motion  # accumulates past ±π

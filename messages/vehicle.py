@@ -29,8 +29,8 @@ class VehicleStatus(Message, frozen=True, kw_only=True):
     armed: bool
     hold: Hold = "stabilised"  # what the drone holds by itself
     failsafe: Failsafe = "none"
-    pilot: Name = ""  # who has control: the source of the newest valid command
-    epoch: Count = 0  # authority epoch: commands with another one are refused
+    pilot: Name = ""  # who has control; empty: nobody
+    epoch: Count = 0  # authority epoch granted last: commands with another one are refused
     light: Stick = 0.0  # [-] 0 … 1
     note: Text = ""  # why it is not ready, in words for the pilot
     stop: StopDistance | None = None  # while stopping: distance from the stop request to standstill

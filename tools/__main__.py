@@ -237,6 +237,13 @@ def ask(
         str | None, Parameter(help="follow: a name in deploy/paths, or a TOML file")
     ] = None,
     value: Annotated[float | None, Parameter(help="light: brightness 0 … 1")] = None,
+    force: Annotated[
+        bool,
+        Parameter(negative=(), show_default=False, help="take: from whoever has control"),
+    ] = False,
+    to: Annotated[
+        str | None, Parameter(help="offer: to the pilot of this name only; default: to any")
+    ] = None,
     dive: Annotated[
         Path | None, Parameter(help="folder of a dive that is going on; default: the newest")
     ] = None,
@@ -246,7 +253,8 @@ def ask(
 ) -> int:
     """Send a request to a running dive, and print the drone's answer.
 
-    KIND is arm, disarm, stop, light, goto, follow or mode.
+    KIND is arm, disarm, stop, light, goto, follow or mode; take, offer or release control. It is
+    asked in the name of the pilot of that dive.
 
     Example: lindy ask goto --depth 3 --heading 90
     """
@@ -261,6 +269,8 @@ def ask(
         east=east,
         path=path,
         value=value,
+        force=force,
+        to=to,
         dive=dive,
         as_json=json,
     )

@@ -9,21 +9,21 @@ import msgspec
 
 from messages import topics
 from messages.pilot import (
-    FOR_ANYBODY,
     Course,
     Hold,
     PilotAnswer,
+    PilotCommand,
     PilotRequest,
     RequestKind,
     StopDistance,
 )
-from messages.vehicle import VehicleStatus
 from services.gamepad.io.path_file import course_of
 from services.gamepad.pilot_intents import goto
 from services.reference.guidance.path_following import PlannedPath
 from services.runtime.config.errors import LindyError
 from services.runtime.config.running import RUNNING, Running
 from services.runtime.config.settings import deploy_file, nearest
+from services.runtime.launch.local_stack import HOME
 from services.runtime.node.node import Node
 from tools.checks import running_in
 from tools.live.asking import OneRequest, answer_to, at_once
@@ -36,9 +36,15 @@ OPTIONS: dict[str, tuple[str, ...]] = {
     "goto": ("depth", "heading", "north", "east"),
     "follow": ("path",),
     "mode": ("hold",),
+    "take": ("force",),
+    "offer": ("to",),
+    "release": (),
 }  # the options of each kind of request
 HOLDS: tuple[str, ...] = get_args(Hold)
 FARTHEST = 100_000.0  # [m] greatest north or east
+LONGEST_NAME = 128  # [letters] of a `Name`
+ABOUT_CONTROL: tuple[RequestKind, ...] = ("lease", "force", "offer", "release")
+NO_PILOT_NS = 1_000_000_000  # [ns] without a command: there is no pilot on this side
 
 
 def ask(
@@ -51,19 +57,23 @@ def ask(
     east: float | None = None,
     path: str | None = None,
     value: float | None = None,
+    force: bool = False,
+    to: str | None = None,
     dive: Path | None = None,
     as_json: bool = False,
 ) -> int:
     """Send a request and print the answer.
 
     Args:
-        kind: arm, disarm, stop, light, goto, follow or mode.
+        kind: arm, disarm, stop, light, goto, follow, mode, take, offer or release.
         hold: mode: what the drone is to hold by itself.
         depth: [m] goto.
         heading: [deg] goto.
         north, east: [m] goto a place, on a drone that measures its position.
         path: follow: a name in deploy/paths, or a TOML file.
         value: light: 0 … 1.
+        force: take: even if another pilot has control.
+        to: offer: name of the pilot who may take control; default: any.
         dive: folder of a dive that is going on; default: the newest.
 
     Raises:
@@ -78,18 +88,20 @@ def ask(
         east=east,
         path=path,
         value=value,
+        force=force or None,
+        to=to,
     )
-    answer = answer_to(
-        lambda node: for_the_pilot(node, wanted),
-        dive_in(dive),
-        "drone",
-    )
+    running = dive_in(dive)
+    if HOME not in running.endpoints and wanted.kind in ABOUT_CONTROL:
+        raise LindyError(f"{kind}: there is no pilot on this side; ask in the topside's folder")
+    who = "drone, or the gamepad of this side," if wanted.kind in ABOUT_CONTROL else "drone"
+    answer = answer_to(lambda node: for_the_pilot(node, wanted), running, who)
     if as_json:
-        print(in_json(wanted.kind, answer))
+        print(in_json(kind, answer))
     if not answer.accepted:
         raise LindyError(f"the drone refuses to {kind}: {answer.reason}")
     if not as_json:
-        print(in_words(wanted.kind, answer.stop))
+        print(in_words(kind, answer.stop))
     return 0
 
 
@@ -98,13 +110,10 @@ def wanted_of(kind: str, **given: Any) -> PilotRequest:
     Raises:
         LindyError: an unknown kind, or options that make no sense with it.
     """
-    if kind not in OPTIONS:
-        raise LindyError(f"unknown request {kind!r}{nearest(kind, list(OPTIONS))}")
-    known = cast(RequestKind, kind)
-    for name in given:
-        if given[name] is not None and name not in OPTIONS[kind]:
-            what = f"second word, found {given[name]!r}" if name == "hold" else f"--{name}"
-            raise LindyError(f"{kind} takes no {what}")
+    _check_options(kind, given)
+    known = cast(
+        RequestKind, kind if kind != "take" else "force" if given.get("force") else "lease"
+    )
     match known:
         case "light":
             return _wanted(known, value=_brightness(given["value"]))
@@ -120,6 +129,8 @@ def wanted_of(kind: str, **given: Any) -> PilotRequest:
             return _wanted(known, course=_course(given["path"]))
         case "mode":
             return _wanted(known, hold=_hold(given["hold"]))
+        case "offer":
+            return _wanted(known, to=_pilot_name(given.get("to") or ""))
         case _:
             return _wanted(known)
 
@@ -144,16 +155,21 @@ def dive_in(folder: Path | None) -> Running:
 
 
 def for_the_pilot(node: Node, wanted: PilotRequest) -> OneRequest[PilotRequest, PilotAnswer]:
-    """Send a request with the epoch of the pilot in control, once the drone's status has arrived.
-    Requests that are granted to anyone are sent at once."""
-    if wanted.kind in FOR_ANYBODY:
+    """Send a request in the name of this side's pilot, as soon as one of its commands is heard. A
+    stop is sent at once. Without a pilot on this side, a request about control is not sent, and any
+    other one is sent in nobody's name."""
+    if wanted.kind == "stop":
         return at_once(node, wanted, topics.PILOT_REQUEST, topics.PILOT_ANSWER)
     asking = OneRequest(node, topics.PILOT_REQUEST, topics.PILOT_ANSWER)
 
-    def on_status(status: VehicleStatus, now: int) -> None:
-        asking.ask(msgspec.structs.replace(wanted, epoch=status.epoch), now)
+    def in_its_name(command: PilotCommand, now: int) -> None:
+        named = msgspec.structs.replace(wanted, source=command.source, epoch=command.epoch)
+        asking.ask(named, now)
 
-    node.each(topics.STATUS, on_status)
+    if HOME in node.sides:
+        node.each(topics.PILOT_COMMAND, in_its_name, onlooker=True)
+    if wanted.kind not in ABOUT_CONTROL:
+        node.alarm(lambda now: asking.ask(wanted, now)).set(node.now() + NO_PILOT_NS)
     return asking
 
 
@@ -188,6 +204,19 @@ def in_json(kind: str, answer: PilotAnswer) -> str:
     )
 
 
+def _check_options(kind: str, given: dict[str, Any]) -> None:
+    """
+    Raises:
+        LindyError: an unknown kind, or an option that this kind does not take.
+    """
+    if kind not in OPTIONS:
+        raise LindyError(f"unknown request {kind!r}{nearest(kind, list(OPTIONS))}")
+    for name in given:
+        if given[name] is not None and name not in OPTIONS[kind]:
+            what = f"second word, found {given[name]!r}" if name == "hold" else f"--{name}"
+            raise LindyError(f"{kind} takes no {what}")
+
+
 def _wanted(kind: RequestKind, **more: Any) -> PilotRequest:
     """A request that has neither its stamp nor its id yet."""
     return PilotRequest(stamp_ns=0, id="", kind=kind, **more)
@@ -213,6 +242,12 @@ def _brightness(value: float | None) -> float:
     if not 0.0 <= value <= 1.0:
         raise LindyError(f"--value is {value:g}, expected a brightness from 0 to 1")
     return value
+
+
+def _pilot_name(name: str) -> str:
+    if len(name) > LONGEST_NAME:
+        raise LindyError(f"--to has {len(name)} letters, expected at most {LONGEST_NAME}")
+    return name
 
 
 def _hold(name: str | None) -> Hold:

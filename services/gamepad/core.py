@@ -10,7 +10,7 @@ from typing import Annotated, Literal, NamedTuple, Protocol
 
 import msgspec
 
-from messages.units import Share
+from messages.units import Name, Share
 from services.gamepad.incidents import Incident
 from services.gamepad.pilot_intents import Intent, Press
 
@@ -25,6 +25,7 @@ Button = Literal[
 
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     profile: str = "default"  # a pad profile in deploy/pads, or the path of one
+    pilot: Name = ""  # the pilot's name, for other pilots; empty: that of the pad or script
 
 
 class StickGain(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -17,6 +17,10 @@ from services.gamepad.core import CENTRED, Level, StickReading
 from services.gamepad.pilot_intents import FollowIntent, GotoIntent, Intent, ModeIntent
 
 PAUSE_NS = 2_000_000_000  # [ns] between two attempts at automatic arming
+BACK_OFF_NS = (
+    2_000_000_000,
+    10_000_000_000,
+)  # [ns] after a lease; doubles when it was refused
 ABSENT = StickReading(present=False, at_rest=False)  # until the source was read
 Waiting = Set[RequestKind]  # kinds of the requests that have not been answered yet
 
@@ -26,7 +30,8 @@ class Progress(msgspec.Struct, frozen=True):
 
     began_ns: int | None = None  # [ns] when the sticks were handed over
     played: int = 0  # events of the script that have happened
-    epoch: int | None = None  # authority epoch granted to this pilot; None: not requested yet
+    epoch: int | None = None  # authority epoch granted to this pilot; None: none yet
+    released: bool = False  # the pilot has given control up
     may_arm: bool = True  # False: a stop or a disarm has ended automatic arming
 
 
@@ -43,16 +48,23 @@ class Effects:
 
 @dataclass(slots=True)
 class Pilot:
-    """Makes commands from stick readings, once the drone is armed."""
+    """Makes commands from stick readings, once the drone is armed and this pilot has control.
+
+    By itself it asks for control only while nobody has it, and not again after another pilot has
+    taken it or after it was released; then the person asks, by arming or with `lindy ask take`.
+    """
 
     progress: Progress
     arms: bool  # automatically, as soon as the drone is ready
+    source: str = ""  # name of the pilot, else of the pad, keyboard or script
     _arm_after: Ns = 0  # [ns]
     _arms_next: bool = False  # as soon as this pilot is in control
     _asked_for_rest: bool = False
-    _outdone: bool = False  # another pilot is in control
+    _has_control: bool = False
+    _told_of: str = ""  # the pilot in control, whom the log has named
+    _take_after: Ns = 0  # [ns]
+    _back_off_ns: Ns = BACK_OFF_NS[0]
     _light: bool = False  # as last requested or reported
-    _source: str = ""
     _reading: StickReading = ABSENT
 
     def read(
@@ -64,7 +76,7 @@ class Pilot:
             source: its name.
             played: events of its script that have happened.
         """
-        self._reading, self._source = reading, source
+        self._reading, self.source = reading, source
         out = Effects(list(reading.lost), list(reading.notes), self._command(now))
         for intent in reading.presses:
             self._press(intent, waiting, out)
@@ -73,14 +85,14 @@ class Pilot:
 
     def status(self, status: VehicleStatus, waiting: Waiting, now: Ns) -> Effects:
         out = Effects()
-        self._hold_lease(status.epoch, waiting, out)
+        self._hold_lease(status, waiting, now, out)
         if "light" not in waiting:
             self._light = status.light > 0.0
-        if self.progress.began_ns is not None:
+        if self.progress.began_ns is not None or not self._has_control:
             return out
         if status.armed:
             self.progress = replace(self.progress, began_ns=now)
-            out.notes.append(("info", f"armed: {self._source} has the sticks"))
+            out.notes.append(("info", f"armed: {self.source} has the sticks"))
             out.hand_over = True
         elif self.arms and self.progress.may_arm and status.mode == "ready":
             self._arm(waiting, now, out)
@@ -90,9 +102,9 @@ class Pilot:
         out = Effects()
         if request.kind == "arm":
             self._arm_after = now + PAUSE_NS
-        if answer.epoch is not None:
-            self.progress = replace(self.progress, epoch=answer.epoch)
+        self._learn(request, answer)
         if request.kind == "lease":
+            self._space_out(answer.accepted, now)
             arms, self._arms_next = self._arms_next and answer.accepted, False
             if arms:
                 out.requests.append(self._request("arm"))
@@ -101,8 +113,17 @@ class Pilot:
             out.notes.append(("warning", f"the drone refuses to {request.kind}: {answer.reason}"))
         return out
 
-    def given_up(self, request: PilotRequest) -> Effects:
-        self._arms_next = self._arms_next and request.kind != "lease"
+    def overheard(self, request: PilotRequest, answer: PilotAnswer) -> Effects:
+        """Another process on this side, such as `lindy ask`, made a request and was answered."""
+        name, epoch = self.source[:128], self.progress.epoch or 0
+        if name and (request.source, request.epoch) == (name, epoch):
+            self._learn(request, answer)
+        return Effects()
+
+    def given_up(self, request: PilotRequest, now: Ns) -> Effects:
+        if request.kind == "lease":
+            self._arms_next = False
+            self._space_out(False, now)
         what = f"the drone did not answer to {request.kind!r}"
         return Effects([f"unanswered:{request.kind}"], [("warning", what)])
 
@@ -113,29 +134,55 @@ class Pilot:
             **(reading.sticks if acts else CENTRED)._asdict(),
             stamp_ns=now,
             pilot="present" if reading.present else "lost",
-            source=self._source[:128],
+            source=self.source[:128],
             device_age_ms=reading.age_ms,
             epoch=self.progress.epoch or 0,
         )
 
-    @property
-    def _has_sticks(self) -> bool:
-        return self.progress.epoch is not None and not self._outdone
+    def _learn(self, request: PilotRequest, answer: PilotAnswer) -> None:
+        """Whether the drone has granted control to this pilot, or heard that it gives it up."""
+        if answer.epoch is not None:
+            self.progress = replace(self.progress, epoch=answer.epoch, released=False)
+            self._has_control = True
+        elif request.kind == "release" and answer.accepted:
+            self.progress = replace(self.progress, released=True)
 
-    def _hold_lease(self, given: int, waiting: Waiting, out: Effects) -> None:
-        """Request the lease once, and again after the drone has restarted without it. If another
-        pilot gets it, that is logged and accepted."""
-        ours = self.progress.epoch
-        if (ours is None or given < ours) and "lease" not in waiting:
+    def _space_out(self, accepted: bool, now: Ns) -> None:
+        """The next automatic request for control comes later after each that was not granted."""
+        shortest, longest = BACK_OFF_NS
+        self._take_after = now + self._back_off_ns
+        self._back_off_ns = shortest if accepted else min(2 * self._back_off_ns, longest)
+
+    def _hold_lease(self, status: VehicleStatus, waiting: Waiting, now: Ns, out: Effects) -> None:
+        """Ask for control at the start, and again after the drone has restarted without memory,
+        as soon as nobody has it."""
+        ours, given = self.progress.epoch, status.epoch
+        self._has_control = ours == given and not self.progress.released
+        if self._has_control:
+            self._told_of = ""
+        elif status.pilot:
+            self._tell_of(status.pilot, out)
+        elif (ours is None or given < ours) and not self.progress.released:
+            self._take(waiting, now, out)
+
+    def _take(self, waiting: Waiting, now: Ns, out: Effects) -> None:
+        if "lease" not in waiting and now >= self._take_after:
             out.requests.append(self._request("lease"))
-        elif ours is not None and given > ours and not self._outdone:
+
+    def _tell_of(self, other: str, out: Effects) -> None:
+        """Another pilot has control."""
+        if other == self._told_of:
+            return
+        self._told_of = other
+        if self.progress.epoch is None:
+            out.notes.append(("info", f"{other} has control; waiting until nobody has it"))
+        else:
             out.counts.append("outdone:lease")
-            out.notes.append(("warning", "another pilot has taken control"))
-        self._outdone = ours is not None and given > ours
+            out.notes.append(("warning", f"{other} has taken control"))
 
     def _arm(self, waiting: Waiting, now: Ns, out: Effects) -> None:
         """Arm automatically, at most once every `PAUSE_NS`, and never with a stick deflected."""
-        if "arm" in waiting or now < self._arm_after or not self._has_sticks:
+        if "arm" in waiting or now < self._arm_after or not self._has_control:
             return
         if self._reading.at_rest:
             out.requests.append(self._request("arm"))
@@ -148,7 +195,7 @@ class Pilot:
         if intent == "arm" and not self._reading.at_rest:
             out.counts.append("refused_here:arm")
             out.notes.append(("warning", "not arming: let go of the sticks first"))
-        elif intent == "arm" and not self._has_sticks:
+        elif intent == "arm" and not self._has_control:
             if not self._arms_next and "lease" not in waiting:
                 out.requests.append(self._request("lease"))
             self._arms_next = True
@@ -174,4 +221,11 @@ class Pilot:
 
     def _request(self, kind: RequestKind, **more: Any) -> PilotRequest:
         """Without stamp and id: the sender fills them in."""
-        return PilotRequest(stamp_ns=0, id="", kind=kind, epoch=self.progress.epoch or 0, **more)
+        return PilotRequest(
+            stamp_ns=0,
+            id="",
+            kind=kind,
+            source=self.source[:128],
+            epoch=self.progress.epoch or 0,
+            **more,
+        )

@@ -5,7 +5,7 @@ from messages.link import LinkAnswer
 from messages.pilot import PilotAnswer, PilotRequest, RequestKind
 from messages.simulator import FaultAnswer, FaultRequest
 from messages.vehicle import VehicleStatus
-from services.gamepad.core import StickSource
+from services.gamepad.core import Settings, StickSource
 from services.gamepad.incidents import Incident, in_words
 from services.gamepad.io.sources import open_source
 from services.gamepad.overruling import overrules
@@ -13,19 +13,25 @@ from services.gamepad.pilot import Effects, Pilot, Progress
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 
+OVERHEARD = 16  # newest requests of others that may still be answered
+
 
 def wire(node: Node, stack: Stack) -> None:
     progress = node.restore_checkpoint(Progress) or Progress()
     source = open_source(node, stack, progress.played)
     by_itself = stack.arm or stack.pilot.startswith("script:")
-    Connected(node, source, Pilot(progress, by_itself))
+    name = stack.section("gamepad", Settings).pilot
+    Connected(node, source, Pilot(progress, by_itself), name)
 
 
 class Connected:
     """Connects a `Pilot` to its stick source and to a node."""
 
-    def __init__(self, node: Node, source: StickSource, pilot: Pilot) -> None:
-        self._node, self._source, self._pilot = node, source, pilot
+    def __init__(self, node: Node, source: StickSource, pilot: Pilot, name: str = "") -> None:
+        """`name`: of the pilot; empty: that of the source."""
+        self._node, self._source, self._pilot, self._name = node, source, pilot, name
+        pilot.source = name or source.name
+        self._overheard: dict[str, PilotRequest] = {}  # by id, the oldest first
         self._kept = pilot.progress
         self._commands = node.publisher(topics.PILOT_COMMAND)
         self._change = node.alarm(self._publish)
@@ -37,6 +43,8 @@ class Connected:
             overrules=overrules,
         )
         self._causing = CausedIncidents(node)
+        node.each(topics.PILOT_REQUEST, self._overhear)  # others on this side: `lindy ask`
+        node.each(topics.PILOT_ANSWER, self._overhear_answer)
         node.each(topics.STATUS, self._on_status)
         node.every(topics.PILOT_COMMAND.hz, self._publish)
 
@@ -44,7 +52,8 @@ class Connected:
         """Read the source and publish it. Also called at the instant a script's row begins."""
         began, source = self._pilot.progress.began_ns, self._source
         reading = source.read(now, began)
-        self._do(self._pilot.read(reading, source.name, source.played, self._waiting, now), now)
+        name = self._name or source.name
+        self._do(self._pilot.read(reading, name, source.played, self._waiting, now), now)
         for incident in reading.incidents:
             self._causing.cause(incident, now)
         if began is not None:
@@ -57,7 +66,16 @@ class Connected:
         self._do(self._pilot.answered(request, answer, now), now)
 
     def _on_given_up(self, request: PilotRequest, now: int) -> None:
-        self._do(self._pilot.given_up(request), now)
+        self._do(self._pilot.given_up(request, now), now)
+
+    def _overhear(self, request: PilotRequest, _: int) -> None:
+        self._overheard[request.id] = request
+        if len(self._overheard) > OVERHEARD:
+            del self._overheard[next(iter(self._overheard))]
+
+    def _overhear_answer(self, answer: PilotAnswer, now: int) -> None:
+        if (request := self._overheard.pop(answer.id, None)) is not None:
+            self._do(self._pilot.overheard(request, answer), now)
 
     @property
     def _waiting(self) -> set[RequestKind]:

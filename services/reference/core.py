@@ -19,10 +19,11 @@ from messages.units import Ns
 from messages.vehicle import Failsafe, Mode, VehicleStatus
 from services.marine.sensor_time import SensorTime
 from services.reference.guidance import requests
+from services.reference.guidance.authority import ControlAuthority, Lease
 from services.reference.guidance.guidance import Guidance
 from services.reference.guidance.modes import lacking
 from services.reference.guidance.reference_message import reference_of
-from services.reference.guidance.refusals import centred, refusal, usurped
+from services.reference.guidance.refusals import centred, refusal
 from services.reference.settings import Settings as Settings
 
 AT_REST = PilotCommand(stamp_ns=0, surge=0.0, sway=0.0, heave=0.0, yaw=0.0)
@@ -35,7 +36,7 @@ class GuidanceCheckpoint(msgspec.Struct, frozen=True):
     light: float = 0.0
     hold: Hold = "stabilised"  # in force
     asked: Hold = "stabilised"  # requested by the pilot
-    epoch: int = 0  # newest authority epoch granted
+    lease: Lease = Lease()
 
 
 INITIAL = GuidanceCheckpoint()
@@ -48,10 +49,11 @@ class ReferenceGenerator:
 
     settings: Settings
     before: GuidanceCheckpoint = INITIAL
+    started_ns: Ns = 0  # [ns] now
     armed: bool = field(init=False)
     light: float = field(init=False)
     requested: Hold = field(init=False)  # by the pilot; in force again after a disarm
-    epoch: int = field(init=False)
+    authority: ControlAuthority = field(init=False)
     stopping: bool = False  # until at rest with the sticks centred
     _guidance: Guidance = field(init=False)
     _time: SensorTime = field(default_factory=SensorTime)  # of the reference
@@ -63,7 +65,8 @@ class ReferenceGenerator:
 
     def __post_init__(self) -> None:
         b = self.before
-        self.armed, self.light, self.requested, self.epoch = b.armed, b.light, b.asked, b.epoch
+        self.armed, self.light, self.requested = b.armed, b.light, b.asked
+        self.authority = ControlAuthority(b.lease, self.started_ns)
         self._guidance = Guidance(self.settings, b.hold)
 
     @property
@@ -77,7 +80,7 @@ class ReferenceGenerator:
     @property
     def checkpoint(self) -> GuidanceCheckpoint:
         return GuidanceCheckpoint(
-            self.armed, self.light, self._guidance.hold, self.requested, self.epoch
+            self.armed, self.light, self._guidance.hold, self.requested, self.authority.lease
         )
 
     # Steps.
@@ -104,7 +107,8 @@ class ReferenceGenerator:
         self._aim(command)
         if state is not None and self.armed:
             guidance.wait(state)
-        return reference_of(guidance, state, command, now, armed=self.armed, epoch=self.epoch)
+        epoch = self.authority.lease.acting
+        return reference_of(guidance, state, command, now, armed=self.armed, epoch=epoch)
 
     def _watch(self, state: VehicleState | None, command: PilotCommand | None) -> None:
         """Set the failsafe; a new one ends the manoeuvre."""
@@ -139,27 +143,33 @@ class ReferenceGenerator:
 
     # Requests.
 
-    def answer(
-        self, request: PilotRequest, command: PilotCommand | None, in_force: int, now: Ns
-    ) -> PilotAnswer:
-        """Grant or refuse a request. `in_force`: authority epoch of the newest command."""
-        reason = usurped(request, in_force, self.epoch) or refusal(
+    def answer(self, request: PilotRequest, command: PilotCommand | None, now: Ns) -> PilotAnswer:
+        """Grant or refuse a request."""
+        reason = self.authority.refusal(request, now) or refusal(
             request,
             command,
             armed=self.armed,
             ready=self._running and self._failsafe != "state_lost",
             stopping=self.stopping or self._failsafe != "none",
         )
-        reason = reason or self._do(request)
+        takes = request.kind in ("lease", "force")
+        if takes or request.kind in ("offer", "release"):
+            self._pass_control(request, reason, now)
+        else:
+            reason = reason or self._do(request)
         return PilotAnswer(
             stamp_ns=now,
             id=request.id,
             accepted=not reason,
             reason=reason,
             stop=self._stop if request.kind == "stop" else None,
-            epoch=self.epoch if request.kind == "lease" and not reason else None,
+            epoch=self.authority.lease.epoch if takes and not reason else None,
             cause_ns=request.stamp_ns,
         )
+
+    def _pass_control(self, request: PilotRequest, reason: str, now: Ns) -> None:
+        if not reason and (announcement := self.authority.grant(request, now)):
+            self.notes.append(announcement)
 
     def _do(self, request: PilotRequest) -> str:
         """Execute a request. Returns the reason for a refusal, or nothing."""
@@ -184,8 +194,8 @@ class ReferenceGenerator:
                 reason = requests.mode(guidance, request.hold, armed=self.armed)
                 self.requested = self.requested if reason else guidance.hold
                 return reason
-            case "lease":
-                self.epoch += 1
+            case "lease" | "offer" | "release" | "force":
+                pass  # `_pass_control`
         return ""
 
     def _arm(self) -> None:
@@ -200,15 +210,15 @@ class ReferenceGenerator:
 
     # Status.
 
-    def status(self, command: PilotCommand | None, now: Ns) -> VehicleStatus:
+    def status(self, now: Ns) -> VehicleStatus:
         return VehicleStatus(
             stamp_ns=now,
             mode=self.mode,
             armed=self.armed,
             hold=self._guidance.hold,
             failsafe=self._failsafe,
-            pilot="" if command is None else command.source,
-            epoch=self.epoch,
+            pilot=self.authority.holder(now),
+            epoch=self.authority.lease.epoch,
             light=self.light,
             note=self._note,
             stop=self._stop if self.stopping else None,

@@ -12,9 +12,9 @@ SILENCE_S = 0.1  # [s] without a state: stop smoothly and hold
 
 def wire(node: Node, stack: Stack) -> None:
     before = node.restore_checkpoint(GuidanceCheckpoint) or GuidanceCheckpoint()
-    generator = ReferenceGenerator(stack.section("reference", Settings), before)
+    generator = ReferenceGenerator(stack.section("reference", Settings), before, node.now())
     commands = node.latest(topics.PILOT_COMMAND)
-    authority = commands.authority(before.epoch)
+    commands.obey(generator.authority)
     reference = node.publisher(topics.REFERENCE)
     status = node.publisher(topics.STATUS)
     published: tuple[object, ...] = ()
@@ -29,9 +29,7 @@ def wire(node: Node, stack: Stack) -> None:
             publish_status(now)
 
     def decide(request: PilotRequest, now: int) -> PilotAnswer:
-        answer = generator.answer(request, commands.fresh(now), authority.epoch, now)
-        authority.granted = generator.epoch
-        return answer
+        return generator.answer(request, commands.fresh(now), now)
 
     def report(request: PilotRequest, answer: PilotAnswer, now: int) -> None:
         if answer.accepted:
@@ -50,7 +48,7 @@ def wire(node: Node, stack: Stack) -> None:
     def publish_status(now: int) -> None:
         nonlocal published
         published = _summary(generator, now)
-        status.put(generator.status(commands.newest(now), now))
+        status.put(generator.status(now))
 
     node.trigger(topics.STATE, on_state, SILENCE_S)
     node.answers(topics.PILOT_REQUEST, topics.PILOT_ANSWER, decide, report)
@@ -68,5 +66,5 @@ def _report(node: Node, generator: ReferenceGenerator) -> None:
 
 def _summary(generator: ReferenceGenerator, now: int) -> tuple[object, ...]:
     """A change of this publishes a status at once."""
-    status = generator.status(None, now)
-    return status.mode, status.armed, status.hold, status.failsafe
+    status = generator.status(now)
+    return status.mode, status.armed, status.hold, status.failsafe, status.pilot

@@ -13,13 +13,15 @@ from services.marine.vehicle import Thruster
 
 THRUSTERS = "control/thrusters"  # named in what is counted
 LONGEST_MS = 1000.0  # [ms] longest time-to-live allowed
+LATCH_NS = 1_000_000_000  # [ns] commands of an older epoch than the newest have expired by then
 FUTURE_NS = 100_000_000  # [ns] a stamp further ahead than this is an error, not jitter
 
 
 class ActuatorGate:
     """A command takes effect if it is well-formed, of this vehicle's length, in time, in order, and
-    of the epoch in force or a newer one. It is limited to the thrusters' limits, is zero unless
-    armed, and ends exactly with its time-to-live.
+    of the epoch in force or a newer one; an older epoch takes effect again once the newer one has
+    been silent for `LATCH_NS`, so that no number locks control out for good. It is limited to the
+    thrusters' limits, is zero unless armed, and ends exactly with its time-to-live.
 
     Everything refused or changed is counted by reason: malformed, wrong_length, from_future,
     expired, reordered, wrong_epoch, disarmed (with thrust not zero), saturated:<name>, and stale
@@ -37,14 +39,13 @@ class ActuatorGate:
         self._thrusters = tuple(thrusters)
         self._zeros = (0.0,) * len(self._thrusters)
         self._thrust = self._zeros  # [N] within the limits
-        self._epoch = 0  # newest authority epoch accepted
 
     def obey(self, command: ThrusterCommand, now: int) -> list[str]:
         """Take in a command at `now` [ns]. Returns the names to count."""
         counted = self.lapse(now)
         if (reason := self._refusal(command, now)) is not None:
             return [*counted, f"{reason}:{THRUSTERS}"]
-        self.command, self.obeyed_ns, self._epoch = command, now, command.epoch
+        self.command, self.obeyed_ns = command, now
         self.ends_ns = min(command.stamp_ns, now) + round(command.ttl_ms * 1e6)
         self._thrust = self._zeros
         if not command.armed:
@@ -86,4 +87,10 @@ class ActuatorGate:
             return "expired"
         if self.command is not None and command.stamp_ns < self.command.stamp_ns:
             return "reordered"
-        return "wrong_epoch" if command.epoch < self._epoch else None
+        return "wrong_epoch" if self._supersedes(command, now) else None
+
+    def _supersedes(self, command: ThrusterCommand, now: int) -> bool:
+        """Is the epoch in force newer than that of this command?"""
+        if self.command is None or self.obeyed_ns is None or now > self.obeyed_ns + LATCH_NS:
+            return False
+        return command.epoch < self.command.epoch

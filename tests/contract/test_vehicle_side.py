@@ -9,7 +9,7 @@ import time
 from collections import Counter, defaultdict
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
-from itertools import pairwise
+from itertools import cycle, pairwise
 from pathlib import Path
 from statistics import fmean
 from typing import Any, Protocol
@@ -364,6 +364,8 @@ def nothing_wrong_acts(bench: Bench, each_s: float) -> None:
     count, now = len(bench.vehicle.thruster), bench.now
     some = list(bench.along(HEAVE, 0.3))
     whole = {"sensor_ns": None, "pilot_ns": None, "thrust": some, "ttl_ms": 200.0, "epoch": 3}
+    # An older epoch is refused while the newer one is heard.
+    older = cycle([{"epoch": 3, "thrust": [0.0] * count}, {"epoch": 2}])
     wrong: list[Callable[[], dict[str, Any]]] = [
         lambda: {**whole, "stamp_ns": now(), "armed": True, "thrust": some[1:]},
         lambda: {**whole, "stamp_ns": now(), "armed": True, "thrust": [*some, 1.0]},
@@ -371,7 +373,7 @@ def nothing_wrong_acts(bench: Bench, each_s: float) -> None:
         lambda: {**whole, "stamp_ns": now(), "armed": True, "thrust": [math.nan] * count},
         lambda: {**whole, "stamp_ns": now(), "armed": True, "thrust": [math.inf] * count},
         lambda: {**whole, "stamp_ns": now(), "armed": True, "thrust": ["full"] * count},
-        lambda: {**whole, "stamp_ns": now(), "armed": True, "epoch": 2},
+        lambda: {**whole, "stamp_ns": now(), "armed": True, **next(older)},
         lambda: {**whole, "stamp_ns": now() - S, "armed": True},
         lambda: {**whole, "stamp_ns": now() + 10 * S, "armed": True},
         lambda: {**whole, "stamp_ns": now(), "armed": True, "ttl_ms": 60_000.0},

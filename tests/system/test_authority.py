@@ -1,5 +1,6 @@
-"""Who has the sticks: commands of another authority epoch never move the drone."""
+"""Who has control: commands of another authority epoch never move the drone."""
 
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -9,12 +10,18 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from messages import topics
+from messages.control import ThrusterCommand
 from messages.pilot import Course, PilotAnswer, PilotCommand, PilotRequest
 from messages.reference import Reference
-from messages.vehicle import VehicleStatus
+from messages.vehicle import Truth, VehicleStatus
+from services.gamepad.core import StickReading, Sticks
+from services.gamepad.pilot import Pilot, Progress
+from services.gamepad.service import Connected
+from services.reference.guidance.authority import SILENT_NS
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.registry import Registry, ServiceSpec
 from services.runtime.hosts.virtual_host import VirtualHost
+from services.runtime.node.node import Node
 
 SECOND = 1_000_000_000
 ON_BOARD = ("simulator", "estimation", "reference", "control")
@@ -25,7 +32,7 @@ class Rival:
 
     def __init__(self, host: VirtualHost, name: str, heave: float) -> None:
         node = host.node(name, ["drone"])
-        self.epoch, self.heave, self._name = 0, heave, name
+        self.epoch, self.heave, self.name = 0, heave, name
         self.speaks = True
         self.answers: list[PilotAnswer] = []
         self._commands = node.publisher(topics.PILOT_COMMAND)
@@ -34,11 +41,12 @@ class Rival:
         node.each(topics.PILOT_ANSWER, self._hear)
 
     def ask(self, kind: str, now: int, **more: Any) -> None:
-        request = PilotRequest(stamp_ns=now, id=f"{self._name}-{kind}-{now}", kind=kind)  # type: ignore[arg-type]
-        self._requests.put(msgspec.structs.replace(request, epoch=self.epoch, **more))
+        request = PilotRequest(stamp_ns=now, id=f"{self.name}-{kind}-{now}", kind=kind)  # type: ignore[arg-type]
+        named = msgspec.structs.replace(request, source=self.name, epoch=self.epoch)
+        self._requests.put(msgspec.structs.replace(named, **more))
 
     def _hear(self, answer: PilotAnswer, _: int) -> None:
-        if answer.id.startswith(self._name):
+        if answer.id.startswith(self.name):
             self.answers.append(answer)
             if answer.epoch is not None:
                 self.epoch = answer.epoch
@@ -48,7 +56,7 @@ class Rival:
             self._commands.put(
                 PilotCommand(
                     stamp_ns=now, surge=0.0, sway=0.0, heave=self.heave, yaw=0.0,
-                    source=self._name, epoch=self.epoch,
+                    source=self.name, epoch=self.epoch,
                 )
             )  # fmt: skip
 
@@ -65,39 +73,55 @@ def on_board(folder: Path) -> tuple[VirtualHost, list[Reference], list[VehicleSt
     return host, references, statuses
 
 
-def test_the_sticks_go_from_hand_to_hand_without_a_gap_and_the_first_hand_moves_nothing_more(
+def asked(host: VirtualHost, pilot: Rival, kind: str, **more: Any) -> str:
+    """Ask, and wait for the answer. Returns why it was refused; empty: it was granted."""
+    pilot.ask(kind, host.now, **more)
+    host.run(host.now + SECOND // 5)
+    answer = pilot.answers[-1]
+    assert answer.id.startswith(f"{pilot.name}-{kind}")
+    return answer.reason
+
+
+def test_control_goes_from_hand_to_hand_without_a_gap_and_the_first_hand_moves_nothing_more(
     tmp_path: Path,
 ) -> None:
     host, references, statuses = on_board(tmp_path)
     first, second = Rival(host, "first", 0.0), Rival(host, "second", 0.0)
     second.speaks = False
     host.run(12 * SECOND)
-    first.ask("lease", host.now)
-    host.run(12 * SECOND + SECOND // 5)
-    assert first.epoch == 1
-    first.ask("arm", host.now)
+    assert asked(host, first, "lease") == ""
+    assert (first.epoch, statuses[-1].pilot) == (1, "first")
+    assert asked(host, first, "arm") == ""
     host.run(13 * SECOND)
     assert statuses[-1].armed
 
-    second.ask("lease", host.now)
-    host.run(13 * SECOND + SECOND // 5)
-    assert (second.epoch, statuses[-1].epoch) == (2, 2)
+    words = "first has control since 1 s; ask for an offer, or take by force"
+    assert asked(host, second, "lease") == words
+    assert (second.epoch, statuses[-1].epoch) == (0, 1)
+    assert asked(host, first, "offer", to="third") == ""
+    assert asked(host, second, "lease") == words
+    assert asked(host, first, "offer", to="second") == ""
+    assert asked(host, second, "lease") == ""
+    assert (second.epoch, statuses[-1].epoch, statuses[-1].pilot) == (2, 2, "second")
     assert statuses[-1].failsafe == "none", "the first goes on until the second speaks"
+    assert references[-1].epoch == 1
     second.speaks = True
-    host.run(14 * SECOND)
+    host.run(host.now + SECOND)
     first.heave = 1.0  # and nothing happens
-    host.run(16 * SECOND)
+    host.run(host.now + 2 * SECOND)
     assert all(abs(r.depth.velocity) < 1e-9 for r in references[-100:])
+    assert references[-1].epoch == 2
     assert host.nodes["reference"].counts["wrong_epoch:pilot/command"] > 50
     assert {s.failsafe for s in statuses} == {"none"}
 
     second.heave = 0.5
-    host.run(18 * SECOND)
+    host.run(host.now + 2 * SECOND)
     assert references[-1].depth.velocity > 0.2
-    first.ask("lease", host.now)
-    host.run(18 * SECOND + SECOND // 5)
-    assert not first.answers[-1].accepted
-    assert first.answers[-1].reason == "another pilot is moving the sticks"
+    assert "second has control since" in asked(host, first, "lease")
+    assert asked(host, first, "force") == ""
+    host.run(host.now + SECOND)
+    assert (statuses[-1].pilot, references[-1].epoch) == ("first", 3)
+    assert {s.failsafe for s in statuses} == {"none"}
 
 
 @settings(
@@ -131,13 +155,13 @@ WISHES: dict[str, dict[str, Any]] = {
 
 @pytest.fixture
 def hand_over(tmp_path: Path) -> tuple[VirtualHost, list[VehicleStatus], Rival, Rival]:
-    """The first pilot has armed, the second one has taken the sticks; both still talk."""
+    """The first pilot has armed, the second one has taken control by force; both still talk."""
     host, _, statuses = on_board(tmp_path)
     first, second = Rival(host, "first", 0.0), Rival(host, "second", 0.0)
     second.speaks = False
-    for pilot in (first, second):
+    for pilot, kind in ((first, "lease"), (second, "force")):
         host.run(max(host.now, 12 * SECOND))
-        pilot.ask("lease", host.now)
+        pilot.ask(kind, host.now)
         host.run(host.now + SECOND // 5)
         pilot.speaks = True
         pilot.ask("arm", host.now)
@@ -152,9 +176,7 @@ Scene = tuple[VirtualHost, list[VehicleStatus], Rival, Rival]
 
 
 @pytest.mark.parametrize("kind", WISHES)
-def test_an_ousted_pilot_is_told_that_another_one_has_the_sticks(
-    hand_over: Scene, kind: str
-) -> None:
+def test_an_ousted_pilot_is_told_that_another_one_has_control(hand_over: Scene, kind: str) -> None:
     host, statuses, first, second = hand_over
     if kind == "arm":
         second.ask("disarm", host.now)
@@ -163,7 +185,7 @@ def test_an_ousted_pilot_is_told_that_another_one_has_the_sticks(
     first.ask(kind, host.now, **WISHES[kind])
     host.run(host.now + SECOND // 2)
     assert not first.answers[-1].accepted
-    assert first.answers[-1].reason == "another pilot has the sticks; ask for them first (lease)"
+    assert first.answers[-1].reason.startswith("second has control since ")
     after = statuses[-1]
     assert (after.mode, after.armed, after.hold, after.light) == (
         (before.mode, before.armed, before.hold, before.light)
@@ -173,21 +195,162 @@ def test_an_ousted_pilot_is_told_that_another_one_has_the_sticks(
     assert second.answers[-1].accepted
 
 
-@pytest.mark.parametrize("kind", ["stop", "disarm"])
-def test_an_ousted_pilot_can_still_stop_the_drone(hand_over: Scene, kind: str) -> None:
+def test_an_ousted_pilot_can_stop_the_drone_but_disarm_it_only_once_nobody_has_control(
+    hand_over: Scene,
+) -> None:
     host, statuses, first, second = hand_over
     second.heave = 0.5
     host.run(host.now + SECOND)
-    first.ask(kind, host.now)
-    host.run(host.now + SECOND // 5)
-    assert first.answers[-1].accepted
-    assert statuses[-1].mode == ("stopping" if kind == "stop" else "ready")
+    assert asked(host, first, "disarm").startswith("second has control since 2 s; ask for")
+    assert statuses[-1].armed
+    assert asked(host, first, "stop") == ""
+    assert statuses[-1].mode == "stopping"
+    second.speaks = False
+    host.run(host.now + SILENT_NS - SECOND)
+    assert asked(host, first, "disarm").startswith("second has control")
+    host.run(host.now + SECOND)
+    assert (statuses[-1].pilot, statuses[-1].armed) == ("", True)
+    assert asked(host, first, "light", value=1.0) == "nobody has control; take it first"
+    assert asked(host, first, "disarm") == ""
+    assert not statuses[-1].armed
+
+
+def test_a_silent_pilot_goes_on_unless_another_one_has_taken_control(hand_over: Scene) -> None:
+    host, statuses, first, second = hand_over
+    second.speaks = False
+    host.run(host.now + 2 * SILENT_NS)
+    assert (statuses[-1].pilot, statuses[-1].failsafe) == ("", "pilot_lost")
+    second.speaks = True
+    host.run(host.now + SECOND)
+    assert (statuses[-1].pilot, statuses[-1].failsafe) == ("second", "none")
+    second.speaks = False
+    host.run(host.now + 2 * SILENT_NS)
+    assert asked(host, first, "lease") == ""
+    second.speaks = True
+    host.run(host.now + SECOND)
+    assert (statuses[-1].pilot, statuses[-1].failsafe) == ("first", "none")
+
+
+def test_who_has_released_control_moves_nothing_and_the_next_one_gets_it_at_once(
+    hand_over: Scene,
+) -> None:
+    host, statuses, first, second = hand_over
+    assert asked(host, second, "release") == ""
+    host.run(host.now + SECOND)
+    assert (statuses[-1].pilot, statuses[-1].failsafe) == ("", "pilot_lost")
+    assert asked(host, first, "lease") == ""
+    host.run(host.now + SECOND)
+    assert (statuses[-1].pilot, statuses[-1].failsafe) == ("first", "none")
 
 
 def test_an_epoch_that_was_never_given_opens_no_door(hand_over: Scene) -> None:
     host, _, first, _ = hand_over
     first.epoch = 7
-    first.ask("light", host.now, value=1.0)
-    host.run(host.now + SECOND // 5)
-    assert not first.answers[-1].accepted
-    assert "has not given you the sticks" in first.answers[-1].reason
+    assert asked(host, first, "light", value=1.0).startswith("second has control since ")
+
+
+# Real gamepads.
+
+
+class Hands:
+    """A device with a stick out."""
+
+    played = 0
+
+    def __init__(self, name: str, heave: float) -> None:
+        self.name, self.sticks = name, Sticks(heave=heave)
+
+    def read(self, now: int, began: int | None) -> StickReading:  # noqa: ARG002
+        return StickReading(self.sticks, at_rest=self.sticks.at_rest)
+
+    def next_ns(self, now: int, began: int) -> int | None:  # noqa: ARG002
+        return None
+
+
+@pytest.mark.parametrize("heave", [0.0, 0.7])
+@pytest.mark.parametrize("count", [2, 5])
+def test_of_many_gamepads_one_has_control_and_the_others_do_not_storm_for_it(
+    tmp_path: Path, count: int, heave: float
+) -> None:
+    host, _, statuses = on_board(tmp_path)
+    requests: list[PilotRequest] = []
+    host.node("request ear", ["drone"]).each(topics.PILOT_REQUEST, lambda m, _: requests.append(m))
+    names = [f"pilot {k}" for k in range(count)]
+    for k, name in enumerate(names):
+        hands = Hands(name, heave if k else 0.0)  # the first one arms
+
+        def wire(node: Node, _: Stack, hands: Hands = hands) -> None:
+            Connected(node, hands, Pilot(Progress(), arms=True))
+
+        host.add(name, ServiceSpec(sides=["drone"]), Stack(), wire)
+    host.run(20 * SECOND)
+    assert (statuses[-1].pilot, statuses[-1].armed) == (names[0], True)
+    for name in names:
+        leases = [r.stamp_ns for r in requests if r.source == name and r.kind == "lease"]
+        assert len(leases) <= 1
+
+    begin = len(requests)
+    host.kill(names[0])
+    host.run(40 * SECOND)
+    assert statuses[-1].pilot in names[1:]
+    for name in names:
+        at = [r.stamp_ns for r in requests[begin:] if r.source == name]
+        assert all(after - before >= SECOND for before, after in pairwise(at))
+    assert len({s.pilot for s in statuses} - {""}) == 2, "one after the other"
+
+
+# Memory lost, and numbers that nobody gave.
+
+
+def add_reference(host: VirtualHost, folder: Path) -> None:
+    host.add("reference", Registry.read()["reference"], Stack(out=str(folder), arm=False))
+
+
+@pytest.mark.parametrize("forgets", [True, False])
+def test_after_three_leases_a_reference_may_lose_its_memory_and_the_drone_is_flown_on(
+    hand_over: Scene, tmp_path: Path, forgets: bool
+) -> None:
+    host, statuses, first, second = hand_over
+    assert asked(host, first, "force") == ""
+    host.run(host.now + SECOND)
+    assert first.epoch == 3
+    gate_counts = host.nodes["simulator"].counts
+    host.kill("reference", forgets=forgets)
+    host.run(host.now + SECOND // 2)
+    add_reference(host, tmp_path)
+    host.run(host.now + SECOND)
+    assert statuses[-1].armed is not forgets
+    for kind in ("lease", "arm"):
+        assert asked(host, second if forgets else first, kind) == ""
+    flier, other = (second, first) if forgets else (first, second)
+    assert (flier.epoch > 3) is forgets, "an old epoch is nobody's number again"
+    flier.heave, other.heave = 0.5, -1.0
+    refused = gate_counts["wrong_epoch:control/thrusters"]
+    truth: list[Truth] = []
+    host.node("eye", ["drone"]).each(topics.TRUTH, lambda m, _: truth.append(m))
+    host.run(host.now + 4 * SECOND)
+    assert gate_counts["wrong_epoch:control/thrusters"] == refused
+    assert truth[-1].position[2] > truth[0].position[2] + 0.3, "down, as the one in control says"
+
+
+def test_one_thruster_command_with_a_huge_epoch_locks_nobody_out_for_good(
+    hand_over: Scene,
+) -> None:
+    host, statuses, _, second = hand_over
+    thief = host.node("thief", ["drone"]).publisher(topics.THRUSTERS)
+    newest = list[ThrusterCommand]()
+    host.node("eye", ["drone"]).each(topics.THRUSTERS, lambda m, _: newest.append(m))
+    host.run(host.now + SECOND)
+    counts = host.nodes["simulator"].counts
+    thief.put(msgspec.structs.replace(newest[-1], stamp_ns=host.now, epoch=10**9))
+    host.run(host.now + SECOND // 2)
+    assert counts["wrong_epoch:control/thrusters"] > 40, "for a moment"
+    host.run(host.now + SECOND)
+    refused = counts["wrong_epoch:control/thrusters"]
+    second.heave = 0.5
+    truth: list[Truth] = []
+    host.node("second eye", ["drone"]).each(topics.TRUTH, lambda m, _: truth.append(m))
+    host.run(host.now + 4 * SECOND)
+    assert counts["wrong_epoch:control/thrusters"] == refused
+    assert truth[-1].position[2] > truth[0].position[2] + 0.3
+    assert statuses[-1].armed

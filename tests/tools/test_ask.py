@@ -18,7 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages import topics
-from messages.pilot import Hold, PilotAnswer, PilotRequest, StopDistance
+from messages.pilot import Hold, PilotAnswer, PilotCommand, PilotRequest, StopDistance
 from messages.vehicle import VehicleStatus
 from services.gamepad.io.path_file import PathFile as FollowedFile
 from services.runtime.config.errors import LindyError
@@ -29,7 +29,7 @@ from tools.live.asking import OneRequest
 from tools.path import PlannedPathFile
 
 S = 1_000_000_000  # [ns]
-GIVEN: dict[str, Any] = dict.fromkeys(("hold", "depth", "heading", "path", "value"))
+GIVEN: dict[str, Any] = dict.fromkeys(("hold", "depth", "heading", "path", "value", "force", "to"))
 PATIENCE_S = 60.0  # never reached unless something is broken
 
 
@@ -41,9 +41,15 @@ def asking_for(host: VirtualHost, request: PilotRequest) -> OneRequest[PilotRequ
     return for_the_pilot(host.node("ask", ["topside"]), request)
 
 
-@pytest.mark.parametrize("kind", ["arm", "disarm", "stop"])
+@pytest.mark.parametrize("kind", ["arm", "disarm", "stop", "release", "offer"])
 def test_a_word_alone_asks_for_nothing_else(kind: str):
     assert wanted_of(kind, **GIVEN) == wanted(kind)
+
+
+def test_control_is_taken_by_force_only_when_asked_and_offered_to_one_or_to_all():
+    assert wanted_of("take", **GIVEN) == wanted("lease")
+    assert wanted_of("take", **GIVEN | {"force": True}) == wanted("force")
+    assert wanted_of("offer", **GIVEN | {"to": "bob"}) == wanted("offer", to="bob")
 
 
 @settings(max_examples=50, deadline=None)
@@ -97,6 +103,9 @@ def test_a_path_file_may_have_every_key_that_lindy_path_knows():
         ("mode", {"hold": "stabilized"}, "did you mean 'stabilised'?"),
         ("mode", {"hold": "manual", "depth": 1.0}, "mode takes no --depth"),
         ("stop", {"hold": "manual"}, "stop takes no second word, found 'manual'"),
+        ("stop", {"force": True}, "stop takes no --force"),
+        ("take", {"to": "bob"}, "take takes no --to"),
+        ("offer", {"to": 129 * "b"}, "--to has 129 letters, expected at most 128"),
     ],
 )
 def test_a_wrong_argument_is_explained_before_anybody_is_asked(
@@ -162,6 +171,20 @@ def test_where_nobody_dives_one_sentence_says_so(
 # Until when.
 
 
+def pilot(host: VirtualHost, epoch: int) -> None:
+    """The pilot of this side, whose commands are heard here."""
+    node = host.node("gamepad", ["topside"])
+    commands = node.publisher(topics.PILOT_COMMAND)
+
+    def speak(now: int) -> None:
+        centred = PilotCommand(
+            stamp_ns=now, surge=0, sway=0, heave=0, yaw=0, source="ann", epoch=epoch
+        )
+        commands.put(centred)
+
+    node.every(topics.PILOT_COMMAND.hz, speak)
+
+
 class Drone:
     """Answers from a certain repetition on."""
 
@@ -214,13 +237,14 @@ def test_after_five_seconds_without_a_word_it_gives_up():
     assert len(drone.heard) == 25
 
 
-@pytest.mark.parametrize("kind", ["arm", "light"])
-def test_it_asks_in_the_name_of_whoever_has_the_sticks(kind: str):
+@pytest.mark.parametrize("kind", ["arm", "light", "disarm", "lease", "offer"])
+def test_it_asks_in_the_name_of_the_pilot_of_this_side_and_not_of_the_one_in_control(kind: str):
     host = VirtualHost()
     drone = Drone(host, 3, epoch=5)
+    pilot(host, epoch=4)
     asking = asking_for(host, wanted(kind))
     host.run(5 * S, lambda: asking.answer is not None)
-    assert [(r.kind, r.epoch) for r in drone.heard] == [(kind, 5)] * 3
+    assert [(r.kind, r.source, r.epoch) for r in drone.heard] == [(kind, "ann", 4)] * 3
 
 
 def test_a_stop_waits_for_nobodys_name():
@@ -231,11 +255,29 @@ def test_a_stop_waits_for_nobodys_name():
     assert drone.heard[0].stamp_ns == 0
 
 
-def test_a_drone_that_never_says_who_has_the_sticks_does_not_answer():
+def test_without_a_pilot_on_this_side_it_asks_in_nobodys_name():
     host = VirtualHost()
-    asking = asking_for(host, wanted("arm"))
+    drone = Drone(host, 1, epoch=5)
+    asking = asking_for(host, wanted("disarm"))
+    host.run(5 * S, lambda: asking.answer is not None)
+    assert [(r.source, r.epoch, r.stamp_ns) for r in drone.heard] == [("", 0, S)]
+
+
+@pytest.mark.parametrize("kind", ["lease", "force", "offer", "release"])
+def test_without_a_pilot_on_this_side_nobody_is_given_control(kind: str):
+    host = VirtualHost()
+    drone = Drone(host, 1)
+    asking = asking_for(host, wanted(kind))
     host.run(20 * S, lambda: asking.given_up)
     assert host.now == 5 * S
+    assert drone.heard == []
+
+
+def test_on_the_drones_side_there_is_no_pilot(tmp_path: Path):
+    running = Running("older", {"drone": "tcp/x"}, os.getpid(), {})
+    (tmp_path / RUNNING).write_bytes(msgspec.json.encode(running))
+    with pytest.raises(LindyError, match=r"^take: there is no pilot on this side"):
+        ask("take", dive=tmp_path)
 
 
 # How it reads.

@@ -65,10 +65,10 @@ def answer_to(ask: Callable[[Node], OneRequest[Q, A]], running: Running, who: st
     Raises:
         LindyError: nobody answers.
     """
-    endpoint = running.endpoints.get(HOME) or next(iter(running.endpoints.values()))
+    side = HOME if HOME in running.endpoints else next(iter(running.endpoints))
     woken = threading.Event()
-    with open_bus(endpoint, running.vehicle) as bus:
-        node = Node("ask", {HOME: bus}, time.monotonic_ns, VolatileCheckpoint())
+    with open_bus(running.endpoints[side], running.vehicle) as bus:
+        node = Node("ask", {side: bus}, time.monotonic_ns, VolatileCheckpoint())
         node.wake = woken.set
         asking = ask(node)
         while asking.answer is None and not asking.given_up:

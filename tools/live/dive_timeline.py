@@ -1,5 +1,6 @@
 """When a dive begins and ends. The same for real and for virtual time."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from messages.vehicle import VehicleStatus
@@ -12,20 +13,28 @@ EARLY_S = 1.0  # [s] by which the script may have started before the drone was s
 
 @dataclass(slots=True)
 class DiveTimeline:
-    """Follows `vehicle/status` from the start to the end of the dive."""
+    """Follows `vehicle/status` from the start to the end of the dive.
+
+    While another side's pilot has control, its arming is not the beginning of this dive.
+    """
 
     script_s: float | None  # [s] length of the stick log; None: a person is the pilot
     seconds: float | None = None  # [s] after arming, as asked for with --seconds
+    in_control: Callable[[VehicleStatus], bool] = lambda _: True  # is it this side's pilot?
     began_ns: int = 0  # [ns] when we began to wait for arming
     armed_ns: int | None = None  # [ns] when the drone was first armed
-    armed: bool = False  # now
+    controlled: bool = False  # this side's pilot has control
+    armed: bool = False  # now, by this side's pilot
     note: str = "no status from the drone yet"
 
     def see(self, status: VehicleStatus, now: int) -> None:
         """The newest status arrived at `now` [ns]."""
-        self.armed = status.armed
+        self.controlled = self.in_control(status)
+        self.armed = status.armed and self.controlled
         self.note = status.note or status.mode
-        if status.armed and self.armed_ns is None:
+        if status.pilot and not self.controlled:
+            self.note = f"{status.pilot} has control"
+        if self.armed and self.armed_ns is None:
             self.armed_ns = now
 
     def elapsed_s(self, now: int) -> float | None:

@@ -9,6 +9,7 @@ from tools.live.disarming import Disarming
 from tools.live.display import Display
 from tools.live.dive_timeline import DiveTimeline
 from tools.live.monitor_loop import MonitorLoop
+from tools.live.own_pilot import OwnPilot
 from tools.live.pads import pad_is_there
 from tools.live.stop_signals import StopSignals
 
@@ -43,9 +44,11 @@ class PilotedDive:
         stop: StopSignals,
         shown: Display,
     ) -> None:
-        self._timeline = DiveTimeline(pilot.script_s, seconds)
+        self._own = OwnPilot(local.node)
+        self._timeline = DiveTimeline(pilot.script_s, seconds, self._own.in_control)
         self._monitor = MonitorLoop(local, self._timeline, stop, shown)
-        self._disarming = Disarming(local.node)
+        self._disarming = Disarming(local.node, self._own)
+        self._releases = local.stack.apart  # other pilots may go on with the drone
 
     def fly(self) -> str:
         """Run the dive. Returns how it ended: `clean`, or why not.
@@ -58,8 +61,12 @@ class PilotedDive:
         return end
 
     def _disarm(self) -> None:
-        """Ask the drone to disarm, and wait for its answer, at most `DISARM_S`."""
+        """Ask the drone to disarm, and give control up, if this side's pilot has control. Wait for
+        the answers, at most `DISARM_S`."""
+        disarm = ("disarm",) if self._timeline.armed else ()
+        release = ("release",) if self._releases and self._timeline.controlled else ()
+        self._disarming.kinds = (*disarm, *release)
         deadline = time.monotonic() + DISARM_S
-        while self._timeline.armed and not self._disarming.done and time.monotonic() < deadline:
+        while not self._disarming.done and time.monotonic() < deadline:
             self._disarming.ask(time.monotonic_ns())
             self._monitor.look()

@@ -101,12 +101,15 @@ class VirtualHost:
         for name, spec in services.items():
             self.add(name, spec, stack, (instead or {}).get(name) or services.wire(name))
 
-    def kill(self, name: str) -> None:
-        """End a service as a crash would: it publishes nothing more and closes nothing."""
+    def kill(self, name: str, *, forgets: bool = False) -> None:
+        """End a service as a crash would: it publishes nothing more and closes nothing. `forgets`:
+        its checkpoint is lost too."""
         for port in self.nodes.pop(name).sides.values():
             assert isinstance(port, MemoryBusPort)
             port.close()
         self._woken.pop(name, None)
+        if forgets:
+            self._checkpoints.pop(name, None)
 
     def show(self, line: Callable[[LogLine], None]) -> None:
         """Show every node's log lines."""

@@ -15,7 +15,7 @@ SILENT_S = 1.0  # [s] without a heartbeat, which comes ten times a second at lea
 LATE_S = 0.5  # [s] between two looks: the whole computer was busy or asleep, not one process
 
 
-class Change(NamedTuple):
+class SilenceChange(NamedTuple):
     """Of a process, since the last look."""
 
     name: str
@@ -35,7 +35,7 @@ class Answering:
 
     def look(
         self, beats: Mapping[str, int | None], lives: Mapping[str, Life], now: int
-    ) -> list[Change]:
+    ) -> list[SilenceChange]:
         """What has changed.
 
         Args:
@@ -44,7 +44,7 @@ class Answering:
         if self._looked is None or now - self._looked > LATE_S * 1e9:
             self._since = now
         self._looked = now
-        changes: list[Change] = []
+        changes: list[SilenceChange] = []
         for name, life in lives.items():
             beat = beats.get(name)
             if life.phase != "running" or beat is None or beat < life.at:
@@ -53,19 +53,19 @@ class Answering:
             changes += self._judge(name, (now - max(beat, self._since)) / 1e9)
         return changes
 
-    def _judge(self, name: str, silence_s: float) -> list[Change]:
+    def _judge(self, name: str, silence_s: float) -> list[SilenceChange]:
         if silence_s <= SILENT_S:
             was_silent = name in self.silent
             self._forget(name)
-            return [Change(name, "again")] if was_silent else []
-        changes: list[Change] = []
+            return [SilenceChange(name, "again")] if was_silent else []
+        changes: list[SilenceChange] = []
         if name not in self.silent:
             self.silent[name] = None
             self.times[name] += 1
-            changes.append(Change(name, "silent"))
+            changes.append(SilenceChange(name, "silent"))
         if silence_s > self.patience_s.get(name, SILENT_S) and name not in self._hopeless:
             self._hopeless.add(name)
-            changes.append(Change(name, "hopeless"))
+            changes.append(SilenceChange(name, "hopeless"))
         return changes
 
     def _forget(self, name: str) -> None:

@@ -5,8 +5,7 @@ Pure: `now` is an argument. Every rejected message is counted by reason.
 """
 
 from collections import Counter
-from dataclasses import dataclass
-from typing import Generic
+from typing import Generic, Protocol
 
 import msgspec
 
@@ -21,19 +20,12 @@ MOST_LOST = 100_000  # messages between two that arrive: a quarter of an hour wi
 FUTURE_NS = 100_000_000  # [ns] a stamp further ahead than this is wrong, not jitter
 
 
-@dataclass(slots=True)
-class Authority:
-    """Which pilot's commands are accepted. A newly granted epoch is in force from the first command
-    that carries it; until then the old one stays in force, so that a hand-over leaves no gap."""
+class Authority(Protocol):
+    """Decides which pilot's commands are admitted, and hears of each that was."""
 
-    epoch: int = 0  # in force
-    granted: int = 0  # the newest that was granted
+    def admits(self, epoch: int, now: int) -> bool: ...
 
-    def admits(self, epoch: int) -> bool:
-        return self.epoch <= epoch <= self.granted
-
-    def heard(self, epoch: int) -> None:
-        self.epoch = epoch
+    def heard(self, epoch: int, now: int) -> None: ...
 
 
 class Gate(Generic[M]):
@@ -87,7 +79,7 @@ class Gate(Generic[M]):
         message = self._decoder.decode(envelope.payload)
         if message is None:
             return self._refuse("malformed", envelope)
-        if self.authority is not None and not self.authority.admits(epoch_of(message)):
+        if self.authority is not None and not self.authority.admits(epoch_of(message), now):
             return self._refuse("wrong_epoch", envelope)
         sent = (message.stamp_ns, message.seq)  # by the sender's clock
         if (reason := self._untimely(message, now)) is not None:
@@ -95,7 +87,7 @@ class Gate(Generic[M]):
         if self._topic.hz and (reason := self._out_of_order(sent, envelope.key, now)) is not None:
             return self._refuse(reason, envelope)
         if self.authority is not None:
-            self.authority.heard(epoch_of(message))
+            self.authority.heard(epoch_of(message), now)
         self._last = sent
         return message
 

@@ -71,6 +71,10 @@ class Node:
         if clock_offset is not None:
             self.each(topics.CLOCK, clock_offset.learn)
 
+    def now(self) -> int:
+        """[ns] For what is set up before the first handler is called."""
+        return self._clock()
+
     # What a service publishes.
 
     def publisher(self, topic: Topic[M], *, side: str | None = None) -> Publisher[M]:

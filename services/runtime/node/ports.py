@@ -104,11 +104,9 @@ class Latest(Generic[M]):
         self._was_fresh = False
         self._has_ttl = "ttl_ms" in topic.message.__struct_fields__
 
-    def authority(self, epoch: int) -> Authority:
-        """From now on admit only commands of this authority epoch, and of epochs granted later."""
-        if self._gate.authority is None:
-            self._gate.authority = Authority(epoch, epoch)
-        return self._gate.authority
+    def obey(self, authority: Authority) -> None:
+        """From now on admit only commands of the epochs that this authority admits."""
+        self._gate.authority = authority
 
     def newest(self, now: int) -> M | None:
         """The newest message ever admitted, however old."""

@@ -1,5 +1,6 @@
 """The pilot's state machine: arming, the hand-over and the sticks that another pilot has taken."""
 
+from itertools import pairwise
 from typing import get_args
 
 import pytest
@@ -13,11 +14,14 @@ from services.gamepad.core import CENTRED, StickReading, Sticks
 from services.gamepad.pilot import Effects, Pilot, Progress
 from services.gamepad.pilot_intents import GotoIntent, Press
 
+S = 1_000_000_000  # [ns]
 NOBODY: frozenset[RequestKind] = frozenset()
 
 
-def status(epoch: int, *, armed: bool = False, mode: Mode = "ready") -> VehicleStatus:
-    return VehicleStatus(stamp_ns=0, mode=mode, armed=armed, epoch=epoch)
+def status(
+    epoch: int, *, pilot: str = "", armed: bool = False, mode: Mode = "ready"
+) -> VehicleStatus:
+    return VehicleStatus(stamp_ns=0, mode=mode, armed=armed, pilot=pilot, epoch=epoch)
 
 
 def answer(accepted: bool, epoch: int | None = None) -> PilotAnswer:
@@ -35,7 +39,7 @@ def kinds(effects: Effects) -> list[str]:
 def outdone() -> Pilot:
     """Had the sticks with epoch 1, until another one took them with epoch 2."""
     pilot = Pilot(Progress(epoch=1), arms=False)
-    effects = pilot.status(status(2), NOBODY, 0)
+    effects = pilot.status(status(2, pilot="bob"), NOBODY, 0)
     assert effects.counts == ["outdone:lease"]
     return pilot
 
@@ -56,7 +60,7 @@ def test_sticks_that_were_not_given_arm_nothing_later_on(then: str):
     if then == "refused":
         assert kinds(pilot.answered(lease, answer(False), 1)) == []
     elif then == "given up":
-        pilot.given_up(lease)
+        pilot.given_up(lease, 1)
     else:
         press(pilot, "stop" if then == "stop" else "disarm")
     assert kinds(pilot.answered(lease, answer(True, epoch=3), 2)) == []
@@ -72,6 +76,58 @@ def test_a_restarted_drone_that_has_forgotten_the_epoch_is_asked_again():
     pilot = Pilot(Progress(epoch=3), arms=False)
     assert kinds(pilot.status(status(0), NOBODY, 0)) == ["lease"]
     assert kinds(pilot.status(status(0), {"lease"}, 1)) == []
+
+
+@pytest.mark.parametrize("armed", [False, True])
+def test_a_starting_pilot_waits_while_another_has_control_and_takes_it_when_nobody_has(armed: bool):
+    pilot = Pilot(Progress(), arms=True)
+    heard = pilot.status(status(3, pilot="ann", armed=armed), NOBODY, 0)
+    assert (heard.requests, heard.hand_over) == ([], False)
+    assert heard.notes == [("info", "ann has control; waiting until nobody has it")]
+    again = pilot.status(status(3, pilot="ann", armed=armed), NOBODY, 1)
+    assert (again.requests, again.notes) == ([], [])
+    assert kinds(pilot.status(status(3, armed=armed), NOBODY, 2)) == ["lease"]
+
+
+def test_refused_requests_for_control_come_later_and_later():
+    pilot, now, asked = Pilot(Progress(), arms=False), 0, list[int]()
+    while now < 60 * S:
+        for lease in pilot.status(status(3), NOBODY, now).requests:
+            asked.append(now)
+            pilot.answered(lease, answer(False), now)
+        now += S // 10
+    gaps = [(after - before) / S for before, after in pairwise(asked)]
+    assert gaps[:5] == [2.0, 4.0, 8.0, 10.0, 10.0]
+    assert set(gaps[3:]) == {10.0}
+
+
+@pytest.mark.parametrize("ended", ["released", "outdone"])
+def test_control_that_was_given_up_or_lost_is_not_taken_back_without_being_asked(ended: str):
+    pilot = Pilot(Progress(epoch=1), arms=True)
+    pilot.read(StickReading(), "ann", 0, NOBODY, 0)
+    pilot.status(status(1, pilot="ann"), NOBODY, 0)
+    given = 1
+    if ended == "released":
+        request = PilotRequest(stamp_ns=0, id="ask-1", kind="release", source="ann", epoch=1)
+        pilot.overheard(request, answer(True))
+    else:
+        given = 2
+        assert pilot.status(status(2, pilot="bob"), NOBODY, 1).counts == ["outdone:lease"]
+    for now in range(0, 60 * S, S):
+        assert kinds(pilot.status(status(given), NOBODY, now)) == []
+    assert kinds(press(pilot, "arm")) == ["lease"]
+
+
+def test_what_lindy_ask_got_for_this_pilot_is_its_own_and_what_others_got_is_not():
+    pilot = Pilot(Progress(), arms=False)
+    pilot.read(StickReading(), "ann", 0, NOBODY, 0)
+    for source, epoch in (("bob", 0), ("ann", 4)):
+        foreign = PilotRequest(stamp_ns=0, id="x", kind="force", source=source, epoch=epoch)
+        pilot.overheard(foreign, answer(True, epoch=9))
+        assert pilot.progress.epoch is None
+    own = PilotRequest(stamp_ns=0, id="y", kind="force", source="ann", epoch=0)
+    pilot.overheard(own, answer(True, epoch=9))
+    assert pilot.progress.epoch == 9
 
 
 @settings(max_examples=50, deadline=None)

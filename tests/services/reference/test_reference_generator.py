@@ -73,7 +73,7 @@ class Flight:
     def request(self, kind: str, **more: object) -> PilotAnswer:
         self.asked += 1
         request = PilotRequest(stamp_ns=self.now, id=f"{self.asked}", kind=kind, **more)  # type: ignore[arg-type]
-        return self.generator.answer(request, sticks(self.now), 0, self.now)
+        return self.generator.answer(request, sticks(self.now), self.now)
 
     def fly(self, seconds: float, command: PilotCommand | None) -> Reference:
         for _ in range(round(seconds * 100)):
@@ -110,7 +110,7 @@ def test_the_pilot_reads_what_keeps_the_drone_from_being_ready() -> None:
 
     def note(seen: VehicleState | None) -> str:
         generator.step(seen, None, DT)
-        return generator.status(None, DT).note
+        return generator.status(DT).note
 
     calibrating = replace(state(DT, phase="calibrating"), calibration_left=7.0)
     assert note(None).startswith("not ready: no state of the drone: no usable samples of its IMU")
@@ -125,7 +125,7 @@ def test_it_does_not_arm_with_a_deflected_stick() -> None:
     guidance = Flight()
     guidance.fly(0.1, sticks(0))
     request = PilotRequest(stamp_ns=0, id="1", kind="arm")
-    answer = guidance.generator.answer(request, sticks(0, heave=0.5), 0, 0)
+    answer = guidance.generator.answer(request, sticks(0, heave=0.5), 0)
     assert not answer.accepted
     assert "not centred" in answer.reason
     assert not guidance.generator.armed
@@ -183,14 +183,14 @@ def test_a_lost_pilot_means_a_smooth_stop_and_hold_and_is_counted_once() -> None
     assert end.depth.velocity == end.surge_force == 0.0
     assert later.depth.position == end.depth.position
     assert guidance.generator.events == ["failsafe:pilot_lost"]
-    assert guidance.generator.status(None, 0).failsafe == "pilot_lost"
+    assert guidance.generator.status(0).failsafe == "pilot_lost"
 
 
 def test_an_unplugged_pad_is_a_lost_pilot_although_its_sticks_read_zero() -> None:
     guidance = armed()
     lost = PilotCommand(stamp_ns=0, surge=0, sway=0, heave=0, yaw=0, pilot="lost")
     guidance.fly(0.1, lost)
-    assert guidance.generator.status(lost, 0).failsafe == "pilot_lost"
+    assert guidance.generator.status(0).failsafe == "pilot_lost"
 
 
 def test_stop_ignores_the_sticks_until_they_were_centred() -> None:
@@ -227,14 +227,14 @@ def test_without_a_state_it_stops_smoothly_and_keeps_its_rate() -> None:
     assert abs(outs[0].depth.velocity - before.velocity) < 0.01
     assert outs[-1].depth.velocity == 0.0
     assert outs[-1].sensor_ns is None
-    assert guidance.generator.status(None, 0).failsafe == "state_lost"
+    assert guidance.generator.status(0).failsafe == "state_lost"
 
 
 def test_light_wants_a_brightness() -> None:
     guidance = armed()
     assert "brightness" in guidance.ask("light")
     assert guidance.ask("light", value=0.7) == ""
-    assert guidance.generator.status(None, 0).light == 0.7
+    assert guidance.generator.status(0).light == 0.7
 
 
 def continuous(flown: list[Reference]) -> None:
@@ -378,7 +378,7 @@ def test_an_emergency_stop_says_at_once_how_far_it_goes_and_keeps_its_word() -> 
     assert abs(end.heading.position - before.heading.position - stop.heading) < 1e-9
     assert s.heave.jerk < max(jerks) <= s.heave.stop_jerk * (1 + 1e-9)
     assert end.surge_force == 0.0
-    assert guidance.generator.status(None, 0).stop == stop
+    assert guidance.generator.status(0).stop == stop
 
 
 def test_the_camera_stops_smoothly_at_the_end_of_its_range() -> None:

@@ -50,7 +50,7 @@ def flown(moves: list[tuple[int, int]], latency_ms: int) -> list[tuple[Motion, M
 
     step(heard=True)
     present = PilotCommand(stamp_ns=0, surge=0.0, sway=0.0, heave=0.0, yaw=0.0)
-    answer = generator.answer(PilotRequest(stamp_ns=0, id="1", kind="arm"), present, 0, 0)
+    answer = generator.answer(PilotRequest(stamp_ns=0, id="1", kind="arm"), present, 0)
     assert answer.accepted, answer.reason
     for states, silence in moves:
         for _ in range(states):

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from messages.control import ThrusterCommand
 from services.marine.vehicle import Thruster
-from services.vehicle.actuator_gate import ActuatorGate
+from services.vehicle.actuator_gate import LATCH_NS, ActuatorGate
 
 MS = 1_000_000  # [ns]
 LIMITS = ((-20.0, 30.0), (-35.0, 35.0))  # [N]
@@ -68,7 +68,7 @@ def test_the_law_of_the_gate(taken: list[Step]) -> None:
     gate, now = ActuatorGate(THRUSTERS), 1_000 * MS
     for later, said in taken:
         now += later
-        before, held = gate.command, gate.output(now)
+        before, held, obeyed_ns = gate.command, gate.output(now), gate.obeyed_ns
         counted = gate.lapse(now) if said is None else gate.obey(said, now)
         thrust, in_force = gate.output(now), gate.command
         assert len(thrust) == len(THRUSTERS)
@@ -85,7 +85,8 @@ def test_the_law_of_the_gate(taken: list[Step]) -> None:
             assert 0 <= in_force.ttl_ms <= 1000
             assert now <= in_force.stamp_ns + in_force.ttl_ms * MS
         if in_force is not None and before is not None:
-            assert in_force.epoch >= before.epoch
+            assert obeyed_ns is not None
+            assert in_force.epoch >= before.epoch or now > obeyed_ns + LATCH_NS
             assert in_force.stamp_ns >= before.stamp_ns
 
 
@@ -159,3 +160,12 @@ def test_a_command_from_a_little_ahead_lives_no_longer_for_it() -> None:
     gate = ActuatorGate(THRUSTERS)
     gate.obey(command(90 * MS, 5.0, 5.0), 0)
     assert gate.ends_ns == 200 * MS
+
+
+def test_an_older_epoch_acts_again_once_the_newer_one_has_been_silent() -> None:
+    gate = ActuatorGate(THRUSTERS)
+    gate.obey(command(0, 5.0, 5.0, epoch=10**9), 0)
+    assert gate.obey(command(LATCH_NS, 4.0, 4.0, epoch=3), LATCH_NS)[-1].startswith("wrong_epoch")
+    assert gate.output(LATCH_NS) == (0.0, 0.0)
+    assert gate.obey(command(LATCH_NS + 1, 4.0, 4.0, epoch=3), LATCH_NS + 1) == []
+    assert gate.output(LATCH_NS + 1) == (4.0, 4.0)

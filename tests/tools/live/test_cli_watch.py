@@ -8,13 +8,14 @@ from hypothesis import strategies as st
 from messages import topics
 from messages.health import Health, LogLine
 from messages.link import Direction, LinkStatus
-from messages.pilot import PilotAnswer, PilotRequest
+from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
 from messages.reference import Motion, Reference
 from messages.vehicle import VehicleStatus
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.node.node import Node
 from tools.live.disarming import Disarming
 from tools.live.dive_timeline import DiveTimeline
+from tools.live.own_pilot import OwnPilot
 from tools.live.screen import ServiceView, View
 from tools.live.watch import Watch
 
@@ -146,7 +147,7 @@ def drone(host: VirtualHost, deaf_for: int, heard: list[PilotRequest]) -> Node:
 def test_disarming_is_asked_for_with_one_id_until_it_is_answered(deaf_for: int):
     host, heard = VirtualHost(), list[PilotRequest]()
     pilot = host.node("supervisor", ["topside"])
-    disarming = Disarming(pilot)
+    disarming = Disarming(pilot, OwnPilot(pilot))
     pilot.every(50.0, disarming.ask)
     drone(host, deaf_for, heard)
     host.run(2 * SECOND, lambda: disarming.done)
@@ -158,10 +159,36 @@ def test_disarming_is_asked_for_with_one_id_until_it_is_answered(deaf_for: int):
 def test_the_answer_to_somebody_elses_request_is_not_ours():
     host = VirtualHost()
     pilot = host.node("supervisor", ["topside"])
-    disarming = Disarming(pilot)
+    disarming = Disarming(pilot, OwnPilot(pilot))
     pilot.every(50.0, disarming.ask)
     other = host.node("reference", ["topside"]).publisher(topics.PILOT_ANSWER)
     host.run(SECOND // 2)
     other.put(PilotAnswer(stamp_ns=0, id="another", accepted=True))
     host.run(SECOND)
     assert not disarming.done
+
+
+def test_the_end_of_a_dive_is_asked_in_the_name_of_this_sides_pilot():
+    host, heard = VirtualHost(), list[PilotRequest]()
+    node = host.node("supervisor", ["topside"])
+    own = OwnPilot(node)
+    disarming = Disarming(node, own, ("disarm", "release"))
+    gamepad = host.node("gamepad", ["topside"])
+    commands = gamepad.publisher(topics.PILOT_COMMAND)
+    gamepad.every(
+        50.0,
+        lambda now: commands.put(
+            PilotCommand(stamp_ns=now, surge=0, sway=0, heave=0, yaw=0, source="ann", epoch=3)
+        ),
+    )
+    drone(host, 0, heard)
+    host.run(SECOND // 5)
+    node.every(50.0, disarming.ask)
+    host.run(SECOND, lambda: disarming.done)
+    assert [(r.kind, r.source, r.epoch) for r in heard] == [
+        ("disarm", "ann", 3), ("release", "ann", 3)
+    ]  # fmt: skip
+    mine = VehicleStatus(stamp_ns=0, mode="piloted", armed=True, epoch=3)
+    theirs = VehicleStatus(stamp_ns=0, mode="piloted", armed=True, epoch=4)
+    assert own.in_control(mine)
+    assert not own.in_control(theirs)

@@ -73,3 +73,15 @@ def test_a_person_may_wait_for_arming_and_dive_as_long_as_wanted():
     assert timeline.over(ns(3600)) is None
     timeline.see(status(armed=True), ns(3600))
     assert timeline.over(ns(36000)) is None
+
+
+def test_the_arming_by_another_sides_pilot_is_not_the_beginning_of_this_dive():
+    timeline = DiveTimeline(script_s=10.0, in_control=lambda status: status.epoch == 2)
+    theirs = VehicleStatus(stamp_ns=0, mode="piloted", armed=True, pilot="ann", epoch=1)
+    timeline.see(theirs, ns(1))
+    assert (timeline.armed, timeline.controlled, timeline.armed_ns) == (False, False, None)
+    with pytest.raises(LindyError, match=r"did not arm within 30 s: ann has control"):
+        timeline.over(ns(ARMING_S + 1))
+    ours = VehicleStatus(stamp_ns=0, mode="piloted", armed=True, pilot="bob", epoch=2)
+    timeline.see(ours, ns(2))
+    assert (timeline.armed, timeline.controlled, timeline.armed_ns) == (True, True, ns(2))

@@ -92,7 +92,7 @@ class Sea:
     def request(self, kind: str, command: PilotCommand, **more: object) -> PilotAnswer:
         self.asked += 1
         request = PilotRequest(stamp_ns=self.ns, id=f"{self.asked}", kind=kind, **more)  # type: ignore[arg-type]
-        return self.generator.answer(request, command, 0, self.ns)
+        return self.generator.answer(request, command, self.ns)
 
     def fly(
         self, seconds: float, command: PilotCommand | None = None, *, lost: str = ""
@@ -312,7 +312,7 @@ def test_what_is_held_has_a_reference_and_what_is_not_a_force(hold: Hold) -> Non
         assert reference.depth.velocity == s.heave.max_velocity
     if held.heading:
         assert reference.heading.velocity == s.yaw.max_velocity
-    assert sea.generator.status(None, 0).hold == hold
+    assert sea.generator.status(0).hold == hold
     check(sea)
 
 
@@ -366,9 +366,9 @@ def test_a_lost_pilot_means_rest_and_hold_in_every_mode(when: float, hold: Hold)
     assert later.heading.position == end.heading.position
     assert sea.generator.events == ["failsafe:pilot_lost"]
     safe = "station_keeping" if hold == "station_keeping" else "stabilised"
-    assert sea.generator.status(None, 0).hold == safe
+    assert sea.generator.status(0).hold == safe
     sea.fly(0.1)  # the pilot is back, and nothing is let go
-    assert sea.generator.status(None, 0).hold == safe
+    assert sea.generator.status(0).hold == safe
     check(sea)
 
 
@@ -403,7 +403,7 @@ def test_station_keeping_is_refused_without_a_measured_place() -> None:
     sea.knows_place = False
     sea.fly(0.02)
     assert "does not know its position" in sea.ask("mode", hold="station_keeping")
-    assert sea.generator.status(None, 0).hold == "stabilised"
+    assert sea.generator.status(0).hold == "stabilised"
     assert "what to hold" in sea.ask("mode")
 
 
@@ -423,7 +423,7 @@ def test_a_place_not_measured_for_too_long_is_let_go_and_said() -> None:
     assert sea.fly(0.2, sticks(surge=1.0)).north is None
     assert sea.generator.events == ["lost:place"]
     assert len(sea.generator.notes) == 1
-    assert sea.generator.status(None, 0).hold == "stabilised"
+    assert sea.generator.status(0).hold == "stabilised"
     sea.knows_place = True
     assert sea.fly(3.0).north is None  # not before it is asked for again
     assert sea.ask("mode", hold="station_keeping") == ""
@@ -442,11 +442,11 @@ def test_arming_brings_back_the_mode_that_was_asked_for() -> None:
     sea = armed("manual")
     sea.fly(0.1, lost="pilot")
     sea.fly(0.1)
-    assert sea.generator.status(None, 0).hold == "stabilised"
+    assert sea.generator.status(0).hold == "stabilised"
     sea.ask("disarm")
-    assert sea.generator.status(None, 0).hold == "manual"
+    assert sea.generator.status(0).hold == "manual"
     assert sea.ask("arm") == ""
-    assert sea.generator.status(None, 0).hold == "manual"
+    assert sea.generator.status(0).hold == "manual"
 
 
 def test_armed_without_the_place_that_was_asked_for_it_says_so() -> None:
@@ -455,7 +455,7 @@ def test_armed_without_the_place_that_was_asked_for_it_says_so() -> None:
     sea.knows_place = False
     sea.fly(0.1)
     assert sea.ask("arm") == ""
-    assert sea.generator.status(None, 0).hold == "stabilised"
+    assert sea.generator.status(0).hold == "stabilised"
     assert sea.generator.events == ["refused:station_keeping"]
 
 
@@ -467,7 +467,7 @@ def test_a_restart_in_mid_dive_goes_on_in_the_same_mode(hold: Hold) -> None:
     reference = sea.fly(0.1)
     assert (reference.heave_force is None, reference.yaw_moment is None) == HOLDS[hold][:2]
     assert (reference.north is not None) == HOLDS[hold].place
-    assert sea.generator.status(None, 0).hold == hold
+    assert sea.generator.status(0).hold == hold
 
 
 # A place that is held.

@@ -3,7 +3,7 @@
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.runtime.launch.answering import LATE_S, SILENT_S, Answering, Change
+from services.runtime.launch.answering import LATE_S, SILENT_S, Answering, SilenceChange
 from services.runtime.launch.lifecycle import Life, Phase
 
 STEP_NS = 100_000_000  # [ns] between two looks
@@ -33,9 +33,9 @@ def test_only_a_life_that_has_beaten_and_then_stopped_is_named(
             silent = judged and silence_s > SILENT_S
             hopeless = judged and silence_s > max(SILENT_S, patience_s)
             expected = [
-                *([Change("control", "silent")] if silent and not named else []),
-                *([Change("control", "hopeless")] if hopeless and not given_up else []),
-                *([Change("control", "again")] if judged and named and not silent else []),
+                *([SilenceChange("control", "silent")] if silent and not named else []),
+                *([SilenceChange("control", "hopeless")] if hopeless and not given_up else []),
+                *([SilenceChange("control", "again")] if judged and named and not silent else []),
             ]
             assert changes == expected
             assert ("control" in answering.silent) == silent

@@ -13,7 +13,7 @@ from messages.link import Clock
 from messages.pilot import PilotCommand, PilotRequest, RequestKind
 from services.runtime.bus.envelope import Envelope
 from services.runtime.node.clock_offset import ClockOffset
-from services.runtime.node.gate import Authority, Gate, Gates
+from services.runtime.node.gate import Gate, Gates
 
 NOW = 10**12
 MS = 1_000_000
@@ -166,25 +166,34 @@ def test_events_of_two_senders_do_not_shut_each_other_out() -> None:
     assert counts == {}
 
 
-@given(st.lists(st.tuples(st.booleans(), st.integers(0, 6)), max_size=40))
-def test_only_epochs_from_the_one_in_force_to_the_one_granted_are_obeyed(
-    events: list[tuple[bool, int]],
+class Even:
+    """Admits even epochs."""
+
+    def __init__(self) -> None:
+        self.told: list[tuple[int, int]] = []
+
+    def admits(self, epoch: int, now: int) -> bool:  # noqa: ARG002
+        return epoch % 2 == 0
+
+    def heard(self, epoch: int, now: int) -> None:
+        self.told.append((epoch, now))
+
+
+@given(st.lists(st.tuples(st.integers(0, 6), st.booleans()), max_size=40))
+def test_only_what_the_authority_admits_and_what_is_in_time_is_obeyed_and_told(
+    events: list[tuple[int, bool]],
 ) -> None:
-    """Grants and commands in any order; a grant counts from the first command of its epoch on."""
     door, counts = gate()
-    door.authority = authority = Authority(1, 1)
-    in_force, granted, refused = 1, 1, 0
-    for k, (is_grant, epoch) in enumerate(events):
-        if is_grant:
-            authority.granted = granted = max(granted, epoch)
-            continue
-        admitted = door.admit(command(NOW + k, k, epoch=epoch), NOW + k)
-        assert (admitted is not None) == (in_force <= epoch <= granted)
-        if admitted is None:
-            refused += 1
-        else:
-            in_force = epoch
-    assert counts["wrong_epoch:pilot/command"] == refused
+    door.authority = authority = Even()
+    obeyed: list[tuple[int, int]] = []
+    for k, (epoch, late) in enumerate(events):
+        now = NOW + k
+        admitted = door.admit(command(now - late * 10**9, k, epoch=epoch), now)
+        assert (admitted is not None) == (epoch % 2 == 0 and not late)
+        if admitted is not None:
+            obeyed.append((epoch, now))
+    assert authority.told == obeyed
+    assert counts["wrong_epoch:pilot/command"] == sum(epoch % 2 for epoch, _ in events)
 
 
 def test_with_one_clock_an_age_is_exact() -> None:
