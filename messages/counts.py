@@ -45,6 +45,22 @@ NAMES: dict[str, Meaning] = {
     "invalid:state.position": Meaning(
         DANGER, "the position was held without a valid estimate of it"
     ),
+    "distrusted:sensor/imu": Meaning(
+        DANGER, "the vertical acceleration did not fit the pressure: depth from pressure alone"
+    ),
+    "trusted:sensor/imu": Meaning(
+        SENSOR, "the vertical acceleration fitted the pressure again and was used"
+    ),
+    "doubted:gyroscope": Meaning(
+        DANGER, "the gyroscope did not fit gravity: its bias was learnt anew, without a heading"
+    ),
+    "stepped:gyroscope": Meaning(
+        DANGER, "the gyroscope's bias had changed: the heading was unknown from then on"
+    ),
+    "trusted:gyroscope": Meaning(SENSOR, "the gyroscope fitted gravity again and was used"),
+    "jumped:sensor/pressure": Meaning(
+        DANGER, "the pressure jumped and stayed: the depth, and the held depth, moved with it"
+    ),
     "late:sensor/pressure": Meaning(SENSOR, "pressure samples arrived late"),
     "outlier:vehicle/actuation": Meaning(SENSOR, "a thruster's report did not fit the motion"),
     "saturated:sensor/imu": Meaning(SENSOR, "the IMU reached the end of its range"),
@@ -102,6 +118,7 @@ KINDS: dict[str, Meaning] = {
     "old_stamps": Meaning(DANGER, "samples of a sensor were too old when they arrived"),
     "unusable": Meaning(DANGER, "no sample of a sensor could be used"),
     "silent_by_fault": Meaning(SENSOR, "a simulated fault silenced a sensor"),
+    "noisy": Meaning(DANGER, "a sensor was too noisy to be used"),
     "frozen": Meaning(SENSOR, "a sensor kept repeating the same value"),
     "silent": Meaning(SENSOR, "a stream stopped arriving"),
     "stale": Meaning(SENSOR, "a stream was too old to be used"),

@@ -233,7 +233,10 @@ class Estimator:
         force, at_ns, note = sample.specific_force, sample.stamp_ns, self._events.note
         note(self._attitude.step(sample.angular_rate, force, dt))
         note(self._resting.imu(sample.angular_rate, force, dt))
-        self._attitude.gyro_bias = self._resting.bias
+        if self._attitude.gyroscope.learning:
+            self._resting.relearn(self._attitude.gyro_bias)
+        else:
+            self._attitude.gyro_bias = self._resting.bias
         follows = self._settings.depth.observer == "reference"
         measured = self._attitude.acceleration_down(force)
         input_ = self._reference_acceleration if follows else measured

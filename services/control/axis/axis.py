@@ -17,6 +17,7 @@ class PilotedAxis:
     law: AxisLaw
     transfer: BumplessTransfer
     count: Count
+    _in_doubt: bool = False  # no estimate, or a late one
 
     def held(
         self, motion: Motion, position: Estimate, rate: Estimate, dt: float, *, late: bool = False
@@ -25,7 +26,11 @@ class PilotedAxis:
         is no feedback; feed-forward and disturbance compensation remain. `late`: the rate is
         delayed, so feedback gains are lower.
         """
-        if not (position.valid and rate.valid):
+        valid = position.valid and rate.valid
+        before, self._in_doubt = self._in_doubt, late or not valid
+        if self._in_doubt and not before:
+            self.law.recall()
+        if not valid:
             self.count(f"invalid:state.{self.name}")
             return self.blind(motion, dt)
         if late:
