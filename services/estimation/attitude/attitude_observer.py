@@ -157,6 +157,8 @@ class AttitudeObserver:
     def _gain(self) -> float:
         """[rad/s] Low while the tilt is known: the accelerometer is only right on average."""
         s = self._settings
+        if self.gyroscope.learning:  # which corrects the tilt, and must see all of the bias
+            return s.correction
         return s.recovery if self._tilt_std > 2.0 * s.tilt_std else s.correction
 
     def _spread(self, beta: float | None, dt: float) -> None:

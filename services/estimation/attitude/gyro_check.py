@@ -18,7 +18,7 @@ MEMORY = 2.0  # [s] of the mean deviation
 # [rad] of the mean. Simulated dives reach 0.09, in tight circles under full thrust; a bias of
 # 0.1 rad/s takes a second and a half.
 MOST = 0.13
-AGREED, AGREED_FOR = 0.03, 5.0  # [rad], [s] of the mean: learnt
+AGREED, AGREED_FOR = 0.02, 6.0  # [rad], [s] of the mean: learnt
 SPRING, INTEGRAL = 1.0, 0.25  # [1/s], [1/s²] critically damped
 CHANGED = 0.004  # [rad/s] a change of the bias that the filter's correction would not have held
 

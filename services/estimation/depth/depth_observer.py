@@ -5,6 +5,7 @@ from math import hypot, sqrt
 
 from messages.message import Estimate
 from services.estimation.depth.accelerometer_trial import (
+    MEMORY,
     MOST_MEAN,
     RATE_STD,
     AccelerometerTrial,
@@ -21,8 +22,9 @@ LONGEST_STEP = 0.5  # [s] no prediction over a longer gap
 MOVING_STD = 0.5  # [m/s] of the rate when the filter starts under way
 RESTING_RATE_STD = 0.05  # [m/s] when it starts at rest; some swell
 LASTING = 1.0  # [s] clipped on one side; sound sensors never are for more than 0.6 s
-GROWN = 0.4  # [σ] mean innovation before the first outlier: it was no jump
-UNSURE_RUN = 0.4  # [s] as `outlier_run`, where the filter's motion is not to be relied on
+ALONE_RUN = 0.25  # [s] as `outlier_run`, without the accelerometer to tell a jump from a motion
+GROWN = 0.6  # [σ] mean innovation before the first outlier: it has grown, and did not jump
+GROWN_RATE_STD = 0.3  # [m/s] error of the rate then
 LEVEL_LINE = 0.05  # [m/s] slope of innovations that counts as none, and 3 σ
 SCATTER = 0.05  # [m] about a line through samples that agree with each other, and 3 σ
 BANDWIDTH = 50.0  # [Hz] of the accelerometer at 100 Hz, to turn noise density into spread
@@ -88,6 +90,7 @@ class DepthObserver:
         self._rejected: RejectedSamples | None = None  # since the last accepted sample
         self._newest = 0.0  # [m] newest sample judged
         self._mean = MeanInnovation()
+        self._outlier_ns: int | None = None  # [ns] newest that was the first in a row
         self._trial: AccelerometerTrial | None = None  # None: the accelerometer is used
         self._clipped = _Clipped()
         self._unread: tuple[float, int] | None = None  # [m], [ns] newest sample, if not timed
@@ -209,12 +212,16 @@ class DepthObserver:
             self._filter, self._trial, self._mean = self._trial.filter, None, MeanInnovation()
             return "trusted:sensor/imu"
         repeated, self._newest = depth == self._newest, depth
-        if repeated or self._input is None or not self._variant.measured:
+        if repeated or not self._uses_accelerometer:
             return None  # a value that repeats may be of a frozen sensor
         if self._mean.add(normalised, stamp_ns) <= MOST_MEAN:
             return None
         self._filter.doubt(0.0, RATE_STD)
         return self._distrust()
+
+    @property
+    def _uses_accelerometer(self) -> bool:
+        return self._variant.measured and self._trial is None and self._input is not None
 
     def _distrust(self) -> str:
         """Go on with pressure alone."""
@@ -224,8 +231,13 @@ class DepthObserver:
     def _outlier(self, innovation: float, depth: float, stamp_ns: int) -> str:
         self._unread = None
         if self._rejected is None:
-            known = self._trial is None and self._mean.mean * innovation <= GROWN * abs(innovation)
-            patience = self._settings.outlier_run if known else UNSURE_RUN
+            grown = self._mean.mean * innovation > GROWN * abs(innovation)
+            before, self._outlier_ns = self._outlier_ns, stamp_ns
+            lone = before is None or (stamp_ns - before) * 1e-9 > MEMORY
+            if grown and lone and self._uses_accelerometer:
+                self._filter.doubt(innovation, GROWN_RATE_STD)
+                return self._distrust()
+            patience = self._settings.outlier_run if self._trial is None else ALONE_RUN
             self._rejected = RejectedSamples(depth, stamp_ns, patience)
         if not self._rejected.add(innovation, depth, stamp_ns):
             return "outlier:sensor/pressure"
@@ -244,7 +256,7 @@ class DepthObserver:
         elif line.spread <= most:
             f.start(line.level, self._sample_std, RATE_STD + line.slope_std, f.bias, f.bias_std)
             f.rate = line.slope
-            if self._variant.measured and self._trial is None:
+            if self._uses_accelerometer:
                 self._distrust()
             event = "restarted:depth"
         else:
