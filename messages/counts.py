@@ -38,6 +38,14 @@ NAMES: dict[str, Meaning] = {
     "clamped:reference.heading": Meaning(LIMIT, f"the wanted heading {_HELD_BACK}"),
     "clamped:reference.place": Meaning(LIMIT, f"the wanted position {_HELD_BACK}"),
     "lost:depth": Meaning(DANGER, "the depth was no longer known"),
+    "lost:sensor/imu": Meaning(
+        DANGER, "the IMU could not be used: no attitude and heading, depth from pressure alone"
+    ),
+    "lost:sensor/pressure": Meaning(
+        DANGER, "no pressure sample could be used: the depth was not measured"
+    ),
+    "unheld:depth": Meaning(DANGER, "the depth was not known and not held"),
+    "unheld:heading": Meaning(DANGER, "the heading was not known and not held"),
     "lost:place": Meaning(DANGER, "the drone could no longer hold its position"),
     "lost:position": Meaning(DANGER, "the position was no longer known"),
     "lost:live_viewer": Meaning(MESSAGE, "the live viewer was lost"),
@@ -118,6 +126,7 @@ KINDS: dict[str, Meaning] = {
     "old_stamps": Meaning(DANGER, "samples of a sensor were too old when they arrived"),
     "unusable": Meaning(DANGER, "no sample of a sensor could be used"),
     "silent_by_fault": Meaning(SENSOR, "a simulated fault silenced a sensor"),
+    "regained": Meaning(SENSOR, "a sensor that was lost could be used again"),
     "noisy": Meaning(DANGER, "a sensor was too noisy to be used"),
     "frozen": Meaning(SENSOR, "a sensor kept repeating the same value"),
     "silent": Meaning(SENSOR, "a stream stopped arriving"),
