@@ -50,6 +50,7 @@ from services.marine.vehicle import Vehicle
 from services.marine.water import density_of
 from services.vehicle.mounting import AtOrigin, Moment
 
+DRIVEN = 0.1  # [N] of a thruster that is commanded; one that runs down has less and less
 LONGEST_STEP = 0.1  # [s] the angular rate is not integrated over a longer gap
 
 
@@ -173,6 +174,8 @@ class Estimator:
 
     def actuation(self, sample: Actuation) -> None:
         """Thrust as reported: with the hull's drag, the only measurement of the current."""
+        if self._calibrating is not None and max(map(abs, sample.thrust), default=0.0) > DRIVEN:
+            self._calibrating.drive()
         self._events.note(self._horizontal.actuation(sample))
 
     def reference(self, newest: Reference | None) -> None:

@@ -6,8 +6,8 @@ Validity:
   wrong with a sensor, `blocked_by` is the name of its count.
 - running: attitude, headings and yaw rate while IMU samples arrive; depth and depth rate for two
   seconds after an accepted pressure sample.
-- gyroscope's bias changed: attitude is learnt anew from gravity; headings and yaw rate are not valid
-  from then on (gyro_check.py).
+- gyroscope's bias changed: attitude is learnt anew from gravity; headings and yaw rate are not
+  valid from then on (gyro_check.py).
 - vertical acceleration and pressure disagree: depth and rate from pressure alone, the acceleration
   is not valid.
 - IMU silent: at first no states, so receivers see the last one age. After `imu_patience`, states

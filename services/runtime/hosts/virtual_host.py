@@ -104,6 +104,10 @@ class VirtualHost:
             port.close()
         self._woken.pop(name, None)
 
+    def forget(self, name: str) -> None:
+        """Lose a service's checkpoint."""
+        self._checkpoints.pop(name, None)
+
     def show(self, line: Callable[[LogLine], None]) -> None:
         """Show every node's log lines."""
         for node in self.nodes.values():
