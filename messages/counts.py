@@ -86,7 +86,7 @@ NAMES: dict[str, Meaning] = {
         SENSOR, "the air pressure measured at the start is not plausible"
     ),
     "assumed:atmosphere": Meaning(
-        DANGER, "the thrusters ran during calibration: the depth's zero was only assumed"
+        DANGER, "the thrusters ran during calibration: the air pressure was only assumed"
     ),
     "impossible:clock/pong": Meaning(
         MESSAGE, "a reply to a clock ping was inconsistent and not used"

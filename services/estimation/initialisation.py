@@ -92,15 +92,15 @@ def _atmosphere(
     """The air above the floating vehicle."""
     water = density_of(settings.water_density) * GRAVITY * floating_depth
     if range_checks.atmosphere(learnt.pressure - water):
-        std = _surface_std(settings.depth.pressure_std, learnt)
-        if learnt.driven:
-            std = STANDARD.std
-            events.note("assumed:atmosphere")
-            events.warn(
-                "the thrusters ran during calibration: it is only assumed that the vehicle "
-                "floated, depth may be wrong by 0.3 m"
-            )
-        return Atmosphere(learnt.pressure - water, std)
+        if not learnt.driven:
+            std = _surface_std(settings.depth.pressure_std, learnt)
+            return Atmosphere(learnt.pressure - water, std)
+        events.note("assumed:atmosphere")
+        events.warn(
+            "the thrusters ran during calibration, so the vehicle may not have floated: "
+            "the standard atmosphere is used, depth may be wrong by 0.3 m"
+        )
+        return STANDARD
     events.note("implausible:atmosphere")
     events.warn(
         f"{learnt.pressure / 100.0:.0f} hPa is not the air above a floating vehicle: "

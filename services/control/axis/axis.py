@@ -17,7 +17,7 @@ class PilotedAxis:
     law: AxisLaw
     transfer: BumplessTransfer
     count: Count
-    _in_doubt: bool = False  # no estimate, or a late one
+    _late: bool = False  # at the last step
 
     def held(
         self, motion: Motion, position: Estimate, rate: Estimate, dt: float, *, late: bool = False
@@ -26,11 +26,10 @@ class PilotedAxis:
         is no feedback; feed-forward and disturbance compensation remain. `late`: the rate is
         delayed, so feedback gains are lower.
         """
-        valid = position.valid and rate.valid
-        before, self._in_doubt = self._in_doubt, late or not valid
-        if self._in_doubt and not before:
+        if late and not self._late:
             self.law.recall()
-        if not valid:
+        self._late = late
+        if not (position.valid and rate.valid):
             self.count(f"invalid:state.{self.name}")
             return self.blind(motion, dt)
         if late:

@@ -26,7 +26,7 @@ from services.marine.vehicle import GRAVITY
 UpTo600 = Annotated[float, msgspec.Meta(gt=0.0, le=600.0)]
 COUNTDOWN_STEP = 2.0  # [s] of rest between two messages to the pilot
 BLOCK = 50  # IMU samples judged together; half a second
-MOST_CHANGE = 500.0  # [Pa] of pressure in the whole rest, and 3 σ: 5 cm; more is a rise or descent
+MOST_CHANGE = 1500.0  # [Pa] of pressure in the whole rest, and 3 σ: 15 cm; more is no bobbing
 ENOUGH_PRESSURES = 20  # samples; fewer do not average 5 mbar away
 
 

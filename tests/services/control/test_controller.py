@@ -205,10 +205,7 @@ def test_what_cannot_be_trusted_teaches_nothing() -> None:
     law = Controller(Stack().section("control", Settings), PIONEER)
     before = sinking(law, 6.0, 5.0)[-1].disturbance[2]
     blind = msgspec.structs.replace(state(), depth_rate=Estimate(5.0, 0.1, False))
-    first, _ = law.step(reference(0.0), blind, 5 * 10**9)
-    assert 0.0 < first.disturbance[2] / before <= 1.0  # the mean of a longer time
-    before = first.disturbance[2]
-    for k in range(1, 50):
+    for k in range(50):
         wrench, _ = law.step(reference(0.0), blind, 5 * 10**9 + k * 10_000_000)
         assert wrench.disturbance[2] == before
     for k in range(50):
