@@ -130,6 +130,7 @@ KINDS: dict[str, Meaning] = {
     "unusable": Meaning(DANGER, "no sample of a sensor could be used"),
     "silent_by_fault": Meaning(SENSOR, "a simulated fault silenced a sensor"),
     "regained": Meaning(SENSOR, "a sensor that was lost could be used again"),
+    "unheld": Meaning(DANGER, "an axis was not held because its estimate was not valid"),
     "noisy": Meaning(DANGER, "a sensor was too noisy to be used"),
     "frozen": Meaning(SENSOR, "a sensor kept repeating the same value"),
     "silent": Meaning(SENSOR, "a stream stopped arriving"),

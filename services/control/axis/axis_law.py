@@ -200,8 +200,8 @@ class AxisLaw:
             self._observer.pause()
 
     def recall(self) -> None:
-        """From now on the rate is late, and may have been wrong for a while: back to what was learnt
-        over a longer time."""
+        """From now on the rate is late, and may have been wrong for a while: go back to what was
+        learnt over a longer time."""
         if self._observer is not None:
             self._observer.recall()
 
