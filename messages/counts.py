@@ -38,12 +38,36 @@ NAMES: dict[str, Meaning] = {
     "clamped:reference.heading": Meaning(LIMIT, f"the wanted heading {_HELD_BACK}"),
     "clamped:reference.place": Meaning(LIMIT, f"the wanted position {_HELD_BACK}"),
     "lost:depth": Meaning(DANGER, "the depth was no longer known"),
+    "lost:sensor/imu": Meaning(
+        DANGER, "the IMU could not be used: no attitude and heading, depth from pressure alone"
+    ),
+    "lost:sensor/pressure": Meaning(
+        DANGER, "no pressure sample could be used: the depth was not measured"
+    ),
+    "unheld:depth": Meaning(DANGER, "the depth was not known and not held"),
+    "unheld:heading": Meaning(DANGER, "the heading was not known and not held"),
     "lost:place": Meaning(DANGER, "the drone could no longer hold its position"),
     "lost:position": Meaning(DANGER, "the position was no longer known"),
     "lost:live_viewer": Meaning(MESSAGE, "the live viewer was lost"),
     "dropped:live": Meaning(MESSAGE, "the live viewer could not keep up"),
     "invalid:state.position": Meaning(
         DANGER, "the position was held without a valid estimate of it"
+    ),
+    "distrusted:sensor/imu": Meaning(
+        DANGER, "the vertical acceleration did not fit the pressure: depth from pressure alone"
+    ),
+    "trusted:sensor/imu": Meaning(
+        SENSOR, "the vertical acceleration fitted the pressure again and was used"
+    ),
+    "doubted:gyroscope": Meaning(
+        DANGER, "the gyroscope did not fit gravity: its bias was learnt anew, without a heading"
+    ),
+    "stepped:gyroscope": Meaning(
+        DANGER, "the gyroscope's bias had changed: the heading was unknown from then on"
+    ),
+    "trusted:gyroscope": Meaning(SENSOR, "the gyroscope fitted gravity again and was used"),
+    "jumped:sensor/pressure": Meaning(
+        DANGER, "the pressure jumped and stayed: the depth, and the held depth, moved with it"
     ),
     "late:sensor/pressure": Meaning(SENSOR, "pressure samples arrived late"),
     "outlier:vehicle/actuation": Meaning(SENSOR, "a thruster's report did not fit the motion"),
@@ -60,6 +84,9 @@ NAMES: dict[str, Meaning] = {
     ),
     "implausible:atmosphere": Meaning(
         SENSOR, "the air pressure measured at the start is not plausible"
+    ),
+    "assumed:atmosphere": Meaning(
+        DANGER, "the thrusters ran during calibration: the air pressure was only assumed"
     ),
     "impossible:clock/pong": Meaning(
         MESSAGE, "a reply to a clock ping was inconsistent and not used"
@@ -102,6 +129,9 @@ KINDS: dict[str, Meaning] = {
     "old_stamps": Meaning(DANGER, "samples of a sensor were too old when they arrived"),
     "unusable": Meaning(DANGER, "no sample of a sensor could be used"),
     "silent_by_fault": Meaning(SENSOR, "a simulated fault silenced a sensor"),
+    "regained": Meaning(SENSOR, "a sensor that was lost could be used again"),
+    "unheld": Meaning(DANGER, "an axis was not held because its estimate was not valid"),
+    "noisy": Meaning(DANGER, "a sensor was too noisy to be used"),
     "frozen": Meaning(SENSOR, "a sensor kept repeating the same value"),
     "silent": Meaning(SENSOR, "a stream stopped arriving"),
     "stale": Meaning(SENSOR, "a stream was too old to be used"),

@@ -54,7 +54,7 @@ class Laws:
         surge, sway = self._horizontal(reference, state, dt)
         r, s = reference, state
         if r.heave_force is None:
-            late = not s.depth_acceleration.valid
+            late = s.depth.valid and not s.depth_acceleration.valid
             heave = self.depth.held(r.depth, s.depth, s.depth_rate, dt, late=late)
         else:
             heave = self.depth.forced(r.heave_force, dt)

@@ -31,6 +31,7 @@ from messages.state import VehicleState
 from messages.units import Vec3
 from messages.vehicle import Actuation
 from services.estimation import initialisation, state_message
+from services.estimation.announcements import Announcements
 from services.estimation.checkpoint import EstimationCheckpoint, worth_keeping
 from services.estimation.checks import range_checks
 from services.estimation.checks.sample_validation import SampleValidation
@@ -49,6 +50,7 @@ from services.marine.vehicle import Vehicle
 from services.marine.water import density_of
 from services.vehicle.mounting import AtOrigin, Moment
 
+DRIVEN = 0.1  # [N] of a thruster that is commanded; one that runs down has less and less
 LONGEST_STEP = 0.1  # [s] the angular rate is not integrated over a longer gap
 
 
@@ -76,6 +78,7 @@ class Estimator:
         """
         self._events = Events()
         self.events, self.lines = self._events.names, self._events.lines
+        self._announcements = Announcements(self._events)
         self._settings = settings
         self._floating_depth = floating_depth
         self._validation = SampleValidation(settings.watch, self.events)
@@ -149,7 +152,7 @@ class Estimator:
         if self._calibrating is not None:
             self._calibrating.pressure(sample.pressure)
         else:
-            self._events.note(self._depth.pressure(sample.pressure, sample.stamp_ns))
+            self._announcements.tell(self._depth.pressure(sample.pressure, sample.stamp_ns))
 
     def magnetometer(self, sample: MagnetometerSample) -> None:
         self._judge(topics.MAGNETOMETER.key, hypot(*sample.field), sample.stamp_ns)
@@ -171,6 +174,8 @@ class Estimator:
 
     def actuation(self, sample: Actuation) -> None:
         """Thrust as reported: with the hull's drag, the only measurement of the current."""
+        if self._calibrating is not None and max(map(abs, sample.thrust), default=0.0) > DRIVEN:
+            self._calibrating.drive()
         self._events.note(self._horizontal.actuation(sample))
 
     def reference(self, newest: Reference | None) -> None:
@@ -231,13 +236,16 @@ class Estimator:
 
     def _run(self, sample: ImuSample, dt: float) -> None:
         force, at_ns, note = sample.specific_force, sample.stamp_ns, self._events.note
-        note(self._attitude.step(sample.angular_rate, force, dt))
+        self._announcements.tell(self._attitude.step(sample.angular_rate, force, dt))
         note(self._resting.imu(sample.angular_rate, force, dt))
-        self._attitude.gyro_bias = self._resting.bias
+        if self._attitude.gyroscope.learning:
+            self._resting.relearn(self._attitude.gyro_bias)
+        else:
+            self._attitude.gyro_bias = self._resting.bias
         follows = self._settings.depth.observer == "reference"
         measured = self._attitude.acceleration_down(force)
         input_ = self._reference_acceleration if follows else measured
-        note(self._depth.predict(input_, at_ns, self._attitude.lean))
+        self._announcements.tell(self._depth.predict(input_, at_ns, self._attitude.lean))
         note(self._predict_horizontal(force, at_ns))
 
     def _note_motion(self, sample: ImuSample) -> None:
@@ -271,9 +279,12 @@ class Estimator:
             return state_message.calibrating(
                 now, sensor_ns, self._attitude, self._floating_depth, left, blocked_by
             )
-        return state_message.running(
-            now, sensor_ns, self._hears_imu(now), self._attitude, self._depth, self._horizontal
+        imu = self._hears_imu(now)
+        state = state_message.running(
+            now, sensor_ns, imu, self._attitude, self._depth, self._horizontal
         )
+        self._announcements.see(imu=imu, pressure=state.depth.valid)
+        return state
 
     def _hears_imu(self, now: int) -> bool:
         return self._imu_ns is not None and now - self._imu_ns <= self._settings.imu_patience * 1e9

@@ -1,7 +1,7 @@
 """Initial observers of attitude and depth: with nothing known, after a calibration, or from a
 checkpoint in mid-dive."""
 
-from math import degrees, pi, sqrt
+from math import degrees, hypot, pi, sqrt
 from typing import NamedTuple
 
 from services.estimation.attitude.attitude_observer import AttitudeObserver
@@ -16,6 +16,7 @@ from services.marine.vehicle import ATMOSPHERE, GRAVITY
 from services.marine.water import density_of
 
 STANDARD = Atmosphere(ATMOSPHERE, 2000.0)  # [Pa] 1σ of the weather
+MORE_THAN_NOISE = 1.2  # [-] a spread that the noise of a hundred samples does not have by chance
 NO_BIAS = (0.0, 0.0, 0.0)  # [rad/s]
 
 
@@ -77,14 +78,29 @@ def _depth(settings: Settings, atmosphere: Atmosphere, bias: float) -> DepthObse
     return DepthObserver(settings.depth, atmosphere, density_of(settings.water_density), bias)
 
 
+def _surface_std(noise: float, learnt: Calibrated) -> float:
+    """[Pa] 1σ of the atmosphere above a vehicle that floats, with this noise [Pa] of one sample.
+    One that bobs or rises is not where it floats at rest."""
+    std = noise / sqrt(learnt.pressures)
+    motion = sqrt(max(0.0, learnt.pressure_spread**2 - (MORE_THAN_NOISE * noise) ** 2))
+    return hypot(std, motion, learnt.pressure_change)
+
+
 def _atmosphere(
     settings: Settings, learnt: Calibrated, floating_depth: float, events: Events
 ) -> Atmosphere:
     """The air above the floating vehicle."""
     water = density_of(settings.water_density) * GRAVITY * floating_depth
     if range_checks.atmosphere(learnt.pressure - water):
-        std = settings.depth.pressure_std / sqrt(learnt.pressures)
-        return Atmosphere(learnt.pressure - water, std)
+        if not learnt.driven:
+            std = _surface_std(settings.depth.pressure_std, learnt)
+            return Atmosphere(learnt.pressure - water, std)
+        events.note("assumed:atmosphere")
+        events.warn(
+            "the thrusters ran during calibration, so the vehicle may not have floated: "
+            "the standard atmosphere is used, depth may be wrong by 0.3 m"
+        )
+        return STANDARD
     events.note("implausible:atmosphere")
     events.warn(
         f"{learnt.pressure / 100.0:.0f} hPa is not the air above a floating vehicle: "

@@ -6,6 +6,10 @@ Validity:
   wrong with a sensor, `blocked_by` is the name of its count.
 - running: attitude, headings and yaw rate while IMU samples arrive; depth and depth rate for two
   seconds after an accepted pressure sample.
+- gyroscope's bias changed: attitude is learnt anew from gravity; headings and yaw rate are not
+  valid from then on (gyro_check.py).
+- vertical acceleration and pressure disagree: depth and rate from pressure alone, the acceleration
+  is not valid.
 - IMU silent: at first no states, so receivers see the last one age. After `imu_patience`, states
   come at the topic's rate with everything from the IMU invalid. Depth and depth rate continue from
   pressure alone, with the standard deviation of a filter without accelerometer. `sensor_ns` stays
@@ -78,6 +82,7 @@ def running(
         sensor_ns=sensor_ns,
         phase="running",
         calibration_left=None,
+        depth_moved=depth.moved or UNSET,
         depth=down,
         depth_rate=rate,
         depth_acceleration=acceleration,

@@ -101,6 +101,7 @@ class ReferenceGenerator:
         self._watch(state, command)
         if self.armed and self._initialised:
             guidance.move_on(state)
+            guidance.watch_estimates(state)
         else:
             guidance.rest()
             self._initialised = True
@@ -228,7 +229,8 @@ class ReferenceGenerator:
     def _note(self) -> str:
         """For the pilot: why the drone is not ready."""
         if self._running:
-            return ""
+            lost = self._guidance.unheld if self.armed else ()
+            return "; ".join(f"the {name} is not known and not held" for name in lost)
         if self._silent:
             return (
                 "not ready: no state of the drone: no usable samples of its IMU, or estimation "

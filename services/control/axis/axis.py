@@ -17,6 +17,7 @@ class PilotedAxis:
     law: AxisLaw
     transfer: BumplessTransfer
     count: Count
+    _late: bool = False  # at the last step
 
     def held(
         self, motion: Motion, position: Estimate, rate: Estimate, dt: float, *, late: bool = False
@@ -25,6 +26,9 @@ class PilotedAxis:
         is no feedback; feed-forward and disturbance compensation remain. `late`: the rate is
         delayed, so feedback gains are lower.
         """
+        if late and not self._late:
+            self.law.recall()
+        self._late = late
         if not (position.valid and rate.valid):
             self.count(f"invalid:state.{self.name}")
             return self.blind(motion, dt)

@@ -26,6 +26,7 @@ WIDEST = 50.0  # [rad/s]
 Bandwidth = Annotated[float, msgspec.Meta(ge=0.0, le=WIDEST)]
 BLOCKED = 0.2  # [-] of the reference velocity; a slower vehicle does not move freely
 LATE_SPRING, LATE_DAMPER = 0.15, 0.4  # [-] of kp and kd while the rate is delayed
+LATE_INTEGRAL = 0.15  # [-] of ki; the observer needs a rate that is not late
 LEAST_DRAG_SPEED = 1e-3  # position units per second
 MOVING = 1e-6  # any smaller reference velocity or acceleration is rest
 
@@ -128,6 +129,8 @@ class AxisLaw:
             self._still = self.gains.still + BLOCKED * abs(reference.velocity)
             if abs(error) > self.gains.decay_threshold:
                 self._still = inf
+            if late and not moves:
+                self._observer.integrate(LATE_INTEGRAL * self.gains.ki * near * dt)
         spring, damper = (LATE_SPRING, LATE_DAMPER) if late else (1.0, 1.0)
         total = spring * feedback.spring(near)
         total += damper * feedback.kd * (reference.velocity - rate)
@@ -195,6 +198,12 @@ class AxisLaw:
         """Learn nothing from this step."""
         if self._observer is not None:
             self._observer.pause()
+
+    def recall(self) -> None:
+        """From now on the rate is late, and may have been wrong for a while: go back to what was
+        learnt over a longer time."""
+        if self._observer is not None:
+            self._observer.recall()
 
     def forget(self) -> None:
         self.integral = 0.0

@@ -5,6 +5,7 @@ from math import isfinite, pi
 from messages.message import Estimate
 from messages.units import Quaternion, Vec3
 from services.estimation.attitude.attitude_filter import AttitudeFilter, AttitudeSettings
+from services.estimation.attitude.gyro_check import GyroCheck
 from services.estimation.attitude.heading import (
     Compass,
     ControlHeading,
@@ -37,6 +38,7 @@ class AttitudeObserver:
         self.compass = Compass(settings)
         self._settings = settings
         self._filter = AttitudeFilter(settings)
+        self.gyroscope = GyroCheck()
         self._started = False
         self._rate: Vec3 | None = None  # [rad/s] newest, bias removed
         self._euler: Vec3 = (0.0, 0.0, wrapped(heading))
@@ -76,15 +78,20 @@ class AttitudeObserver:
         before, self._rate = self._rate or rate, rate
         (a, b, c), (d, e, f) = before, rate
         mean = (0.5 * (a + d), 0.5 * (b + e), 0.5 * (c + f))
-        beta = self._gain
+        check, beta, event = self.gyroscope, self._gain, None
+        if check.learning:
+            mean = check.corrected(mean)
         used = self._filter.step(mean, specific_force, dt, beta)
+        if used:
+            q = self._filter.q
+            self.gyro_bias, event = check.step(q, specific_force, self.gyro_bias, dt)
         self._euler = to_euler(self._filter.q)
         self.control.step(self._euler[2], rate[2], dt)
         self.compass.drift(dt)
         self._spread(beta if used else None, dt)
         if not self._is_sound():
             return self._reset(specific_force)
-        return None if used else "accelerating:sensor/imu"
+        return event if used else "accelerating:sensor/imu"
 
     def blind(self, seconds: float) -> None:
         """No IMU samples for this long [s]."""
@@ -122,6 +129,8 @@ class AttitudeObserver:
         """Control heading [rad], accumulated past ±π."""
         upright = abs(self._euler[1]) < STEEPEST
         std = min(pi, self._settings.heading_std + self.control.std)
+        if not self.gyroscope.trusted:
+            valid, std = False, pi
         return Estimate(self.control.heading, std, valid and upright)
 
     def heading_navigation(self, valid: bool, now: int) -> Estimate | None:
@@ -130,27 +139,35 @@ class AttitudeObserver:
             return None
         recent = now - self._compass_ns <= COMPASS_HOLD_NS and abs(self._euler[1]) < STEEPEST
         heading = wrapped(self.control.heading + self.compass.offset)
+        valid = valid and self.gyroscope.trusted
         return Estimate(heading, self.compass.std, valid and recent)
 
     @property
     def north_std(self) -> float:
         """[rad] 1σ of the heading from north; of the control heading without a compass."""
+        if not self.gyroscope.trusted:
+            return pi
         return self.control.std if self.compass.offset is None else self.compass.std
 
     def yaw_rate(self, valid: bool) -> Estimate:
         """[rad/s] about the body's down axis."""
+        valid = valid and self.gyroscope.trusted
         return Estimate(self.control.yaw_rate, self._settings.yaw_rate_std, valid)
 
     @property
     def _gain(self) -> float:
         """[rad/s] Low while the tilt is known: the accelerometer is only right on average."""
         s = self._settings
+        if self.gyroscope.learning:  # which corrects the tilt, and must see all of the bias
+            return s.correction
         return s.recovery if self._tilt_std > 2.0 * s.tilt_std else s.correction
 
     def _spread(self, beta: float | None, dt: float) -> None:
         """Update the tilt's std; `beta` [rad/s] is the gain used, None: no correction."""
         least, drift = self._settings.tilt_std, self._settings.tilt_drift
-        if beta is None:
+        if self.gyroscope.learning:
+            self._tilt_std = UNSURE
+        elif beta is None:
             self._tilt_std = min(pi, self._tilt_std + drift * dt)
         else:
             self._tilt_std = max(least, self._tilt_std - beta * dt)

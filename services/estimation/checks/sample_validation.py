@@ -23,9 +23,22 @@ class SampleValidation:
             topics.PRESSURE,
             limits.rate_tolerance,
         )
-        self._imu = SensorWatch(imu.key, limits.imu_frozen, events, imu.hz, like)
+        force, rate = limits.accelerometer_noise, limits.gyro_noise
+        self._imu = SensorWatch(
+            imu.key,
+            limits.imu_frozen,
+            events,
+            imu.hz,
+            like,
+            noise=(force, force, force, rate, rate, rate),
+        )
         self._pressure = SensorWatch(
-            pressure.key, limits.pressure_frozen, events, limits.pressure_rate, like
+            pressure.key,
+            limits.pressure_frozen,
+            events,
+            limits.pressure_rate,
+            like,
+            noise=(limits.pressure_noise,),
         )
         self._field = SensorWatch(
             field.key,

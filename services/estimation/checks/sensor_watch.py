@@ -10,7 +10,8 @@ from typing import Annotated
 import msgspec
 
 from messages import topics
-from messages.units import OpenShare, WithinAnHour
+from messages.units import OpenShare, Positive, WithinAnHour
+from services.estimation.checks.noise_watch import NoiseWatch
 
 PressureRate = Annotated[float, msgspec.Meta(ge=1.0, le=100.0)]
 WINDOW = 2.0  # [s] over which a rate is judged
@@ -31,6 +32,11 @@ class WatchSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     usbl_frozen: WithinAnHour = 20.0  # [s]
     rate_tolerance: OpenShare = 0.2  # [-] of the topic's rate
 
+    # More noise than any mounting has; below, the filters weigh and clip.
+    gyro_noise: Positive = 0.15  # [rad/s] 1σ of one sample
+    accelerometer_noise: Positive = 2.0  # [m/s²]
+    pressure_noise: Positive = 5000.0  # [Pa]
+
     # A sensor without samples for this long, after its first, is silent.
     magnetometer_silent: WithinAnHour = 1.0  # [s]
     dvl_silent: WithinAnHour = 5.0  # [s]
@@ -49,6 +55,7 @@ class SensorWatch:
         hz: float | None = None,
         tolerance: float = 0.2,
         silent_after: float = inf,
+        noise: tuple[float, ...] = (),
     ) -> None:
         """
         Args:
@@ -56,6 +63,7 @@ class SensorWatch:
             frozen_after: [s] of identical samples.
             hz, tolerance: [1/s], [-] of it; None: any rate.
             silent_after: [s] without samples.
+            noise: largest 1σ of each number; empty: any.
         """
         self._key = key
         self._frozen_ns = round(frozen_after * 1e9)
@@ -67,6 +75,7 @@ class SensorWatch:
         self._silent_after = silent_after
         self._silent = False
         self._rate = None if hz is None else _Rate(hz, tolerance)
+        self._noise = NoiseWatch(noise) if noise else None
 
     def listen(self, now: int) -> None:
         """Count a silence once; a sensor without any sample so far is absent, not silent."""
@@ -91,7 +100,12 @@ class SensorWatch:
         elif not self._frozen and stamp_ns - self._same_since_ns >= self._frozen_ns:
             self._frozen = True
             self._events.append(f"frozen:{self._key}")
-        return not self._frozen
+        noise = self._noise
+        if noise is None:
+            return not self._frozen
+        if noise.newly_noisy(content):
+            self._events.append(f"noisy:{self._key}")
+        return not (self._frozen or noise.noisy)
 
 
 class _Rate:

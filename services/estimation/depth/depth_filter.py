@@ -96,6 +96,11 @@ class DepthFilter:
         self.p00, self.p11, self.p22 = depth_std**2, rate_std**2, bias_std**2
         self.p01 = self.p02 = self.p03 = self.p12 = self.p13 = self.p23 = 0.0
 
+    def doubt(self, depth_std: float, rate_std: float) -> None:
+        """Depth and rate may be wrong by this much more: [m], [m/s]."""
+        self.p00 += depth_std**2
+        self.p11 += rate_std**2
+
     def predict(
         self, acceleration: float | None, dt: float, measured: bool = True, lean: Lean = LEVEL
     ) -> None:

@@ -4,16 +4,29 @@ from dataclasses import dataclass
 from math import hypot, sqrt
 
 from messages.message import Estimate
+from services.estimation.depth.accelerometer_trial import (
+    MEMORY,
+    MOST_MEAN,
+    RATE_STD,
+    AccelerometerTrial,
+    MeanInnovation,
+)
 from services.estimation.depth.depth_filter import LEVEL, DepthFilter, DepthSettings, Lean
 from services.estimation.depth.depth_variants import VARIANTS, DepthVariant
+from services.estimation.depth.rejected_samples import RejectedSamples
 from services.marine.vehicle import GRAVITY
 
 LATEST_AGE = 0.5  # [s] an older sample is not used
 AHEAD = 0.2  # [s] a sample may be this much newer than the newest IMU sample
 LONGEST_STEP = 0.5  # [s] no prediction over a longer gap
-RATE_STD = 0.5  # [m/s] when the filter starts under way
+MOVING_STD = 0.5  # [m/s] of the rate when the filter starts under way
 RESTING_RATE_STD = 0.05  # [m/s] when it starts at rest; some swell
 LASTING = 1.0  # [s] clipped on one side; sound sensors never are for more than 0.6 s
+ALONE_RUN = 0.25  # [s] as `outlier_run`, without the accelerometer to tell a jump from a motion
+GROWN = 0.6  # [σ] mean innovation before the first outlier: it has grown, and did not jump
+GROWN_RATE_STD = 0.3  # [m/s] error of the rate then
+LEVEL_LINE = 0.05  # [m/s] slope of innovations that counts as none, and 3 σ
+SCATTER = 0.05  # [m] about a line through samples that agree with each other, and 3 σ
 BANDWIDTH = 50.0  # [Hz] of the accelerometer at 100 Hz, to turn noise density into spread
 
 
@@ -37,8 +50,13 @@ class DepthObserver:
     once (`clipped:`), and the standard deviation includes that distance while it lasts.
 
     An innovation beyond `gate` σ is an outlier and is not used. After `outlier_run` seconds of
-    outliers only, the filter restarts at the newest sample. After `lost_after` seconds without an
-    accepted sample the depth is held, and the next valid sample restarts the filter.
+    outliers only that agree with each other, pressure is believed (`rejected_samples.py`): either
+    the depth is moved by the jump, which the reference follows, or the accelerometer was wrong.
+    After `lost_after` seconds without an accepted sample the depth is held, and the next valid
+    sample restarts the filter.
+
+    Innovations of one sign on average mean that the accelerometer does not fit the pressure: depth
+    comes from pressure alone until it does (`accelerometer_trial.py`).
 
     A timed observer uses a sample on arrival, with H = [1, -age, 0]. The others read the sensor at
     each step, as if the newest sample were of that moment.
@@ -55,6 +73,7 @@ class DepthObserver:
         """Water density [kg/m³], accelerometer bias [m/s²]; `variant` replaces the settings'."""
         self.surprise = 0.0  # [σ] newest innovation, normalised by its standard deviation
         self.atmosphere = atmosphere
+        self.moved = 0.0  # [m] sum of the jumps of the pressure that were believed
         self._settings = settings
         self._variant = VARIANTS[settings.observer] if variant is None else variant
         self._latency_ns = round(settings.pressure_latency * 1e9)
@@ -68,7 +87,11 @@ class DepthObserver:
         self._lean = LEVEL
         self._started = False
         self._accepted_ns: int | None = None  # [ns] time of validity of the last accepted sample
-        self._outliers_since: int | None = None
+        self._rejected: RejectedSamples | None = None  # since the last accepted sample
+        self._newest = 0.0  # [m] newest sample judged
+        self._mean = MeanInnovation()
+        self._outlier_ns: int | None = None  # [ns] newest that was the first in a row
+        self._trial: AccelerometerTrial | None = None  # None: the accelerometer is used
         self._clipped = _Clipped()
         self._unread: tuple[float, int] | None = None  # [m], [ns] newest sample, if not timed
 
@@ -91,6 +114,9 @@ class DepthObserver:
             return None
         if not self._variant.driven:
             acceleration = None
+        trial, measured = self._trial, acceleration
+        if trial is not None:
+            acceleration = None
         before, self._input, self._lean, self._at_ns = self._input, acceleration, lean, at_ns
         if not self._started:
             return None
@@ -100,6 +126,8 @@ class DepthObserver:
         if before is not None and acceleration is not None:
             acceleration = (before + acceleration) / 2.0
         self._filter.predict(acceleration, dt, self._variant.measured, lean)
+        if trial is not None:
+            trial.predict(measured, dt, lean)
         if not self._filter.is_sound():
             return self._reset()
         return None if self._unread is None else self._read(self._unread)
@@ -110,7 +138,7 @@ class DepthObserver:
         stamp_ns -= self._latency_ns
         if not self._started:
             self._at_ns = max(self._at_ns, stamp_ns)
-            self._begin(depth, self._sample_std, RATE_STD, 0.1, stamp_ns)
+            self._begin(depth, self._sample_std, MOVING_STD, 0.1, stamp_ns)
             return None
         age = (self._at_ns - stamp_ns) * 1e-9
         if not -AHEAD <= age <= LATEST_AGE:
@@ -163,23 +191,89 @@ class DepthObserver:
         std = sqrt(variance)
         self.surprise = innovation / std
         if abs(self.surprise) > self._settings.gate:
-            return self._outlier(depth, stamp_ns)
+            return self._outlier(innovation, depth, stamp_ns)
         most = self._settings.clip * std
-        self._filter.update(max(-most, min(most, innovation)), variance, age)
+        used = max(-most, min(most, innovation))
+        self._filter.update(used, variance, age)
         self._accept(stamp_ns)
         if not self._filter.is_sound():
             return self._reset()
         lasts = self._clipped.lasts(innovation, most, stamp_ns)
-        return "clipped:sensor/pressure" if lasts else None
+        event = self._judge_accelerometer(used / std, depth, age, stamp_ns)
+        return event or ("clipped:sensor/pressure" if lasts else None)
 
-    def _outlier(self, depth: float, stamp_ns: int) -> str:
+    def _judge_accelerometer(
+        self, normalised: float, depth: float, age: float, stamp_ns: int
+    ) -> str | None:
+        """After a sample [m] with this clipped innovation [σ]."""
+        if self._trial is not None:
+            if not self._trial.passed(depth, self._sample_std, age, stamp_ns, self._filter):
+                return None
+            self._filter, self._trial, self._mean = self._trial.filter, None, MeanInnovation()
+            return "trusted:sensor/imu"
+        repeated, self._newest = depth == self._newest, depth
+        if repeated or not self._uses_accelerometer:
+            return None  # a value that repeats may be of a frozen sensor
+        if self._mean.add(normalised, stamp_ns) <= MOST_MEAN:
+            return None
+        self._filter.doubt(0.0, RATE_STD)
+        return self._distrust()
+
+    @property
+    def _uses_accelerometer(self) -> bool:
+        return self._variant.measured and self._trial is None and self._input is not None
+
+    def _distrust(self) -> str:
+        """Go on with pressure alone."""
+        self._trial, self._input = AccelerometerTrial(self._settings, self._filter), None
+        return "distrusted:sensor/imu"
+
+    def _outlier(self, innovation: float, depth: float, stamp_ns: int) -> str:
         self._unread = None
-        if self._outliers_since is None:
-            self._outliers_since = stamp_ns
-        if (stamp_ns - self._outliers_since) * 1e-9 <= self._settings.outlier_run:
+        if self._rejected is None:
+            grown = self._mean.mean * innovation > GROWN * abs(innovation)
+            before, self._outlier_ns = self._outlier_ns, stamp_ns
+            lone = before is None or (stamp_ns - before) * 1e-9 > MEMORY
+            if grown and lone and self._uses_accelerometer:
+                self._filter.doubt(innovation, GROWN_RATE_STD)
+                return self._distrust()
+            patience = self._settings.outlier_run if self._trial is None else ALONE_RUN
+            self._rejected = RejectedSamples(depth, stamp_ns, patience)
+        if not self._rejected.add(innovation, depth, stamp_ns):
             return "outlier:sensor/pressure"
-        self._begin(depth, self._sample_std, RATE_STD, self._filter.bias_std, stamp_ns)
-        return "restarted:depth"
+        rejected, self._rejected = self._rejected, None
+        return self._believe(rejected, stamp_ns)
+
+    def _believe(self, rejected: RejectedSamples, stamp_ns: int) -> str:
+        """Believe the pressure if its samples, rejected for long, agree with each other."""
+        most = SCATTER + 3.0 * self._sample_std
+        jump, line, f = rejected.innovations, rejected.depths, self._filter
+        if jump.spread <= most and abs(jump.slope) <= LEVEL_LINE + 3.0 * jump.slope_std:
+            f.depth += jump.level
+            f.doubt(self._sample_std, 0.0)
+            self._jumped(jump.level)
+            event = "jumped:sensor/pressure"
+        elif line.spread <= most:
+            f.start(line.level, self._sample_std, RATE_STD + line.slope_std, f.bias, f.bias_std)
+            f.rate = line.slope
+            if self._uses_accelerometer:
+                self._distrust()
+            event = "restarted:depth"
+        else:
+            return "outlier:sensor/pressure"
+        self._clipped, self._mean = _Clipped(), MeanInnovation()
+        self._accept(stamp_ns)
+        if self._trial is not None:
+            self._trial.begin(f)
+        return event
+
+    def _jumped(self, by: float) -> None:
+        """The depth has moved by this [m], and the vehicle has not: either may be right."""
+        self.moved += by
+        self.atmosphere = Atmosphere(
+            self.atmosphere.pressure, hypot(self.atmosphere.std, by * self._per_metre)
+        )
+        self._datum_std = self.atmosphere.std / self._per_metre
 
     def _begin(
         self, depth: float, depth_std: float, rate_std: float, bias_std: float, stamp_ns: int
@@ -187,12 +281,14 @@ class DepthObserver:
         self._filter.start(depth, depth_std, rate_std, self._filter.bias, bias_std)
         self._started = True
         self._unread = None
-        self._clipped = _Clipped()
+        self._clipped, self._mean = _Clipped(), MeanInnovation()
+        if self._trial is not None:
+            self._trial.begin(self._filter)
         self._accept(stamp_ns)
 
     def _accept(self, stamp_ns: int) -> None:
         self._accepted_ns = stamp_ns
-        self._outliers_since = None
+        self._rejected = None
 
     def _heard_within(self, seconds: float, now: int) -> bool:
         heard = self._accepted_ns

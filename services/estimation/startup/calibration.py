@@ -19,12 +19,14 @@ import msgspec
 from messages.units import Vec3
 from services.estimation.attitude.attitude_filter import tilt_of
 from services.estimation.attitude.heading import bearing
+from services.estimation.line_fit import LineFit
 from services.marine.attitude import from_euler
 from services.marine.vehicle import GRAVITY
 
 UpTo600 = Annotated[float, msgspec.Meta(gt=0.0, le=600.0)]
 COUNTDOWN_STEP = 2.0  # [s] of rest between two messages to the pilot
 BLOCK = 50  # IMU samples judged together; half a second
+MOST_CHANGE = 1500.0  # [Pa] of pressure in the whole rest, and 3 σ: 15 cm; more is no bobbing
 ENOUGH_PRESSURES = 20  # samples; fewer do not average 5 mbar away
 
 
@@ -52,6 +54,9 @@ class Calibrated:
     specific_force: Vec3  # [m/s²] FRD, mean
     pressure: float  # [Pa] mean
     pressures: int  # samples in that mean
+    pressure_spread: float  # [Pa] std of one sample
+    pressure_change: float  # [Pa] from the first to the last, where it is more than noise
+    driven: bool  # the thrusters ran: it may not have floated
     heading: float | None  # [rad] magnetic; None without a magnetometer
     field: Vec3 | None  # [T] FRD, mean
 
@@ -94,6 +99,7 @@ class Unrest(NamedTuple):
     rate: float  # [rad/s] mean
     rate_std: float  # [rad/s]
     force_std: float  # [m/s²]
+    pressure: float  # [Pa] change since the rest began
 
 
 class Calibration:
@@ -121,17 +127,27 @@ class Calibration:
         disturbed = not self._moving
         self._moving = True
         spread, turns = self._block.std(), self._block.mean()[:3]
-        self.unrest = Unrest(max(map(abs, turns)), max(spread[:3]), max(spread[3:]))
+        self.unrest = Unrest(
+            max(map(abs, turns)), max(spread[:3]), max(spread[3:]), self._pressure_change()[0]
+        )
         self._begin()
         return disturbed
 
     def pressure(self, pressure: float) -> None:
         """One validated sample [Pa]."""
+        count = self._pressures.count
+        if count == 0:
+            self._first_pressure = pressure
         self._pressures.add((pressure,))
+        self._trend.add(float(count), pressure - self._first_pressure)
 
     def magnetometer(self, field: Vec3) -> None:
         """One validated sample [T], FRD."""
         self._fields.add(field)
+
+    def drive(self) -> None:
+        """The thrusters run."""
+        self._driven = True
 
     @property
     def seconds_left(self) -> float:
@@ -148,11 +164,15 @@ class Calibration:
         if not self._rested() or self.lacks_pressure:
             return None
         p, q, r, fx, fy, fz = self._total.mean()
+        change, std = self._pressure_change()
         return Calibrated(
             gyro_bias=(p, q, r),
             specific_force=(fx, fy, fz),
             pressure=self._pressures.mean()[0],
             pressures=self._pressures.count,
+            pressure_spread=self._trend.line(0.0).spread,
+            pressure_change=change if abs(change) > 3.0 * std else 0.0,
+            driven=self._driven,
             heading=self._heading((fx, fy, fz)),
             field=self._field(),
         )
@@ -161,8 +181,20 @@ class Calibration:
         self._seconds = self._block_seconds = 0.0
         self._block, self._total = Mean(6), Mean(6)
         self._pressures, self._fields = Mean(1), Mean(3)
+        self._trend, self._first_pressure = LineFit(), 0.0
+        self._driven = False
+
+    def _pressure_change(self) -> tuple[float, float]:
+        """[Pa] Since the rest began, by the line through all samples, and its 1σ."""
+        if self._pressures.count < ENOUGH_PRESSURES:
+            return 0.0, 0.0
+        line, span = self._trend.line(0.0), self._pressures.count - 1
+        return line.slope * span, line.slope_std * span
 
     def _is_still(self) -> bool:
+        change, std = self._pressure_change()
+        if abs(change) > MOST_CHANGE + 3.0 * std:
+            return False  # one that rises steadily through the water feels nothing of it
         limits = [self._settings.rate_std] * 3 + [self._settings.force_std] * 3
         if any(std > limit for std, limit in zip(self._block.std(), limits, strict=True)):
             return False

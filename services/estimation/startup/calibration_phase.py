@@ -100,6 +100,10 @@ class CalibrationPhase:
         """One validated sample [Pa]."""
         self._calibration.pressure(pressure)
 
+    def drive(self) -> None:
+        """The thrusters run: it does not float freely."""
+        self._calibration.drive()
+
     def magnetometer(self, field: Vec3) -> None:
         """One validated sample [T], FRD."""
         self._calibration.magnetometer(field)
@@ -142,7 +146,8 @@ class CalibrationPhase:
             "moving:calibration",
             f"the IMU has read no rest for {UNREST_NS / 1e9:.0f} s: rates of {unrest.rate:.2g} "
             f"rad/s that spread by {unrest.rate_std:.2g}, specific forces that spread by "
-            f"{unrest.force_std:.2g} m/s², allowed are {s.largest_bias:g}, {s.rate_std:g} and "
+            f"{unrest.force_std:.2g} m/s², a pressure that changes by {unrest.pressure:.0f} Pa, "
+            f"allowed are {s.largest_bias:g}, {s.rate_std:g} and "
             f"{s.force_std:g}: keep the vehicle still; if it is, its driver must say rad/s, not "
             f"deg/s",
         )

@@ -47,6 +47,11 @@ class RestingBias:
         self._waiting = (p, q, r)
         return "resting:gyro_bias" if began else None
 
+    def relearn(self, bias: Vec3) -> None:
+        """Go on with another bias [rad/s], with the weight of the calibration."""
+        self.bias, self._known_for = bias, self._settings.still_time
+        self.moved()
+
     def moved(self) -> None:
         """A gap in the samples counts as motion."""
         self._block, self._seconds = Mean(6), 0.0

@@ -11,12 +11,13 @@ from messages.message import Estimate
 from messages.pilot import Hold, StopDistance
 from messages.state import VehicleState
 from services.reference.guidance.axes import Axes
+from services.reference.guidance.estimate_watch import EstimateWatch
 from services.reference.guidance.ground_motion import GroundMotion, ground_of, north_offset
 from services.reference.guidance.manoeuvre import Manoeuvre
 from services.reference.guidance.modes import HOLDS, HeldAxes, safe
 from services.reference.guidance.reference_governor import ReferenceGovernor, is_released
 from services.reference.settings import Settings
-from services.reference.trajectory.minimum_jerk import Ramp
+from services.reference.trajectory.minimum_jerk import Ramp, Sample
 
 PLACE_PATIENCE_S = 2.0  # [s] without a position measurement before station keeping ends
 
@@ -37,12 +38,15 @@ class Guidance:
     t: float = 0.0  # [s] of the newest reference
     _stepped: float = 0.0  # [s] of the reference before
     _place_seen: float = 0.0  # [s] when the position was last measured, or not needed
+    _moved: float | None = None  # [m] jumps of the pressure that the depth has been moved with
+    _estimates: dict[str, EstimateWatch] = field(init=False)
     _governors: dict[str, ReferenceGovernor] = field(init=False)
 
     def __post_init__(self) -> None:
         s = self.settings
         self.axes = Axes.of(s)
         self.manoeuvre = Manoeuvre(self.axes)
+        self._estimates = {"depth": EstimateWatch(), "heading": EstimateWatch()}
         self._governors = {
             "depth": ReferenceGovernor(s.heave.max_error),
             "heading": ReferenceGovernor(s.yaw.max_error),
@@ -63,6 +67,8 @@ class Guidance:
         self._stepped, self.t = self.t, max(self.t, t)
         self.ground = None if state is None else ground_of(state)
         self.state = state or self.state
+        if state is not None:
+            self._move_with_the_pressure(state.depth_moved or 0.0)
 
     def rest(self) -> None:
         """Set every axis to the vehicle's position, at rest."""
@@ -75,6 +81,38 @@ class Guidance:
         if state is not None:
             self.axes.follow(state, self.held, self.t)
         self._update_place(state)
+
+    @property
+    def unheld(self) -> list[str]:
+        """Axes that the mode holds, but whose estimates are not valid."""
+        held = {"depth": self.held.depth, "heading": self.held.heading}
+        return [name for name, watch in self._estimates.items() if watch.lost and held[name]]
+
+    def watch_estimates(self, state: VehicleState | None) -> None:
+        """Notice depth or heading that is no longer known. Once it is known again, the vehicle is
+        held where it is then. Without a state, there is a failsafe already."""
+        if state is None:
+            return
+        s, held = state, self.held
+        for name, ramp, here, rate, holds in (
+            ("depth", self.axes.heave, s.depth, s.depth_rate, held.depth),
+            ("heading", self.axes.yaw, s.heading, s.yaw_rate, held.heading),
+        ):
+            change = self._estimates[name].see(valid=here.valid and rate.valid, t=self.t)
+            if change is None or not holds:
+                continue
+            if change == "lost":
+                self.events.append(f"unheld:{name}")
+            else:
+                ramp.take(Sample(here.value, rate.value, 0.0, 0.0), self.t)
+                self.notes.append(f"the {name} is known again, and held from here on")
+
+    def _move_with_the_pressure(self, moved: float) -> None:
+        """Where the pressure has jumped, the vehicle has not moved: neither must it now."""
+        before, self._moved = self._moved, moved
+        if before is not None and moved != 0.0 and moved != before:
+            self.axes.heave.shift(moved - before)
+            self.notes.append(f"the depth is held {moved - before:+.2f} m from before, as measured")
 
     def wait(self, state: VehicleState) -> None:
         """Keep the reference close to a vehicle that cannot follow it."""

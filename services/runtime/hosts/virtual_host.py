@@ -111,6 +111,10 @@ class VirtualHost:
         if forgets:
             self._checkpoints.pop(name, None)
 
+    def forget(self, name: str) -> None:
+        """Lose a service's checkpoint."""
+        self._checkpoints.pop(name, None)
+
     def show(self, line: Callable[[LogLine], None]) -> None:
         """Show every node's log lines."""
         for node in self.nodes.values():

@@ -161,6 +161,12 @@ class Sortie:
         self._host.kill("simulator")
         self._host.add("simulator", self._rows["simulator"], changed)
 
+    def restart(self, name: str) -> None:
+        """A service starts again, and its checkpoint is lost."""
+        self._host.kill(name)
+        self._host.forget(name)
+        self._host.add(name, self._rows[name], self._stack)
+
     # What came of it.
 
     @property

@@ -1,0 +1,128 @@
+"""A sensor that goes wrong in a dive: the depth does not run away, and the pilot is told."""
+
+from collections import Counter
+from typing import NamedTuple
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from messages.simulator import FaultKind
+from tools.research.bench.sortie import DEEP, HANDS_OFF, Sortie
+
+AT = 12.0  # [s] after arming, at rest at 2 m
+DOWN = [(1.0, (0.0, 0.0, 1.0, 0.0)), (5.5, HANDS_OFF)]
+
+
+class Flight(NamedTuple):
+    away: float  # [m] furthest from where the depth was held
+    speed: float  # [m/s] fastest, along down
+    error: float  # [m] of the estimated depth, mean of the last two seconds
+    counts: Counter[str]
+    sortie: Sortie
+
+
+def fly(part: str, fault: FaultKind, value: float | None, seconds: float) -> Flight:
+    sortie = Sortie(DOWN, overrides=(DEEP,)).until(AT)
+    before, held = len(sortie.truth), sortie.truth[-1].position[2]
+    sortie.set_faults(part, fault, value)
+    sortie.until(AT + seconds)
+    truth = sortie.truth[before:]
+    last = zip(truth[-200:], sortie.states[-200:], strict=True)
+    return Flight(
+        away=max(abs(m.position[2] - held) for m in truth),
+        speed=max(abs(m.depth_rate) for m in truth),
+        error=sum(s.depth.value - m.position[2] for m, s in last) / 200.0,
+        counts=sortie.counts,
+        sortie=sortie,
+    )
+
+
+@pytest.mark.parametrize("bias", [0.02, -0.1])
+def test_a_step_of_the_gyroscopes_bias_is_found_and_learnt(bias: float) -> None:
+    flight = fly("sensor/imu", "biased", bias, 32.0)
+    assert flight.away < 0.5
+    assert flight.speed < 0.45
+    assert abs(flight.error) < 0.1
+    assert flight.counts["distrusted:sensor/imu"] >= 1
+    assert flight.counts["stepped:gyroscope"] >= 1
+    assert flight.counts["outlier:sensor/pressure"] < 20
+    state, truth = flight.sortie.states[-1], flight.sortie.truth[-1]
+    assert state.roll.value == pytest.approx(truth.roll, abs=0.05)
+    assert state.pitch.value == pytest.approx(truth.pitch, abs=0.05)
+    assert not state.heading.valid  # gravity says nothing about it
+    assert flight.sortie.status is not None
+    assert flight.sortie.status.note == "the heading is not known and not held"
+
+
+@settings(max_examples=3, deadline=None)
+@given(bias=st.floats(-0.2, 0.2))
+def test_whatever_the_step_it_does_not_run_away(bias: float) -> None:
+    flight = fly("sensor/imu", "biased", bias, 6.0)
+    assert flight.away < 1.0
+    assert flight.speed < 0.8
+    assert abs(flight.error) < 0.3
+
+
+UNUSABLE: list[tuple[FaultKind, float | None]] = [
+    ("silent", None),
+    ("noisy", 200.0),
+]
+
+
+@pytest.mark.parametrize(("fault", "value"), UNUSABLE)
+def test_an_imu_that_cannot_be_used_is_said_for_as_long_as_it_lasts(
+    fault: FaultKind, value: float | None
+) -> None:
+    flight = fly("sensor/imu", fault, value, 6.0)
+    assert flight.away < 0.3
+    assert flight.speed < 0.35
+    assert abs(flight.error) < 0.1
+    assert flight.counts["lost:sensor/imu"] == flight.counts["unheld:heading"] == 1
+    for state in flight.sortie.states[-400:]:
+        assert state.depth.valid
+        assert not any(part.valid for part in (state.heading, state.roll, state.yaw_rate))
+    assert flight.sortie.status is not None
+    assert flight.sortie.status.note == "the heading is not known and not held"
+    flight.sortie.set_faults("sensor/imu", "none")
+    flight.sortie.until(flight.sortie.t + 3.0)
+    assert flight.sortie.counts["regained:sensor/imu"] == 1
+    assert flight.sortie.status.note == ""
+
+
+def test_without_pressure_it_drifts_slowly_and_says_so() -> None:
+    flight = fly("sensor/pressure", "silent", None, 15.0)
+    assert flight.speed < 0.15
+    assert flight.counts["lost:sensor/pressure"] == flight.counts["unheld:depth"] == 1
+    assert flight.sortie.status is not None
+    assert flight.sortie.status.note == "the depth is not known and not held"
+    flight.sortie.set_faults("sensor/pressure", "none")
+    there = flight.sortie.truth[-1].position[2]
+    flight.sortie.until(flight.sortie.t + 4.0)
+    assert flight.sortie.truth[-1].position[2] == pytest.approx(there, abs=0.15)
+    assert flight.sortie.status.note == ""
+
+
+@pytest.mark.parametrize("step", [20e3, -20e3])
+def test_a_jump_of_the_pressure_moves_the_held_depth_and_not_the_vehicle(step: float) -> None:
+    flight = fly("sensor/pressure", "biased", step, 6.0)
+    assert flight.away < 0.1
+    assert flight.speed < 0.1
+    assert flight.error == pytest.approx(step / (1025.0 * 9.81), abs=0.1)
+    assert flight.counts["jumped:sensor/pressure"] == 1
+    assert flight.sortie.states[-1].depth.std > 1.5  # which of the two is right is not known
+    assert flight.counts["clamped:reference.depth"] == 0
+
+
+@pytest.mark.parametrize("services", [["estimation"], ["estimation", "reference", "control"]])
+def test_a_surface_that_is_only_assumed_has_an_honest_spread(services: list[str]) -> None:
+    sticks = [(1.0, (0.0, 0.0, 0.5, 0.0)), (3.0, HANDS_OFF)]
+    sortie = Sortie(sticks, overrides=(DEEP,)).until(8.0)
+    for name in services:
+        sortie.restart(name)
+    sortie.until(26.0)
+    state, truth = sortie.states[-1], sortie.truth[-1]
+    assert state.phase == "running"
+    assert abs(state.depth.value - truth.position[2]) < 2.0 * state.depth.std
+    if services == ["estimation"]:  # the thrusters went on
+        assert sortie.counts["assumed:atmosphere"] == 1
