@@ -71,6 +71,15 @@ LOG            = Topic("log/*",               LogLine,             0, BULK,     
 
 ALL: tuple[AnyTopic, ...] = rows(globals())
 
+# For the simulator and the emulated link: never let through from one machine to another, so that
+# nobody breaks a part, or cuts a cable, from elsewhere.
+WITHIN_ONE_MACHINE: tuple[AnyTopic, ...] = (
+    FAULT_REQUEST,
+    FAULT_ANSWER,
+    LINK_REQUEST,
+    LINK_ANSWER,
+)
+
 
 def find(key: str) -> AnyTopic | None:
     """The topic that a key belongs to, or None for a key that is not in the table."""

@@ -13,6 +13,7 @@ from cyclopts import App, CycloptsError, Parameter
 from services.runtime.config.errors import LindyError
 from tools.choices import Choices, named
 from tools.gains import gains
+from tools.keys.command import keys
 from tools.link import link
 from tools.profile import profile
 from tools.ramp import ramp
@@ -45,6 +46,16 @@ def dive(
         str | None,
         Parameter(help="endpoint for other programs on the topside, e.g. tcp/127.0.0.1:7447"),
     ] = None,
+    keys: Annotated[
+        Path | None,
+        Parameter(converter=named, help="folder of the keys; default: ~/.config/lindy/keys"),
+    ] = None,
+    insecure: Annotated[
+        bool,
+        Parameter(
+            negative=(), show_default=False, help="no keys: whoever reaches the port may fly"
+        ),
+    ] = False,
 ) -> int:
     """Start every service on this machine, pilot the drone, record the dive and report on it.
 
@@ -53,7 +64,9 @@ def dive(
     """
     from tools.dive import dive
 
-    return dive(choices or Choices(), headless=headless, listen=listen)
+    return dive(
+        choices or Choices(), headless=headless, listen=listen, keys=keys, insecure=insecure
+    )
 
 
 @app.command
@@ -61,10 +74,10 @@ def up(
     side: str,
     *,
     listen: Annotated[
-        str, Parameter(help="drone: endpoint for the topside, e.g. tcp/192.168.2.2:7447")
+        str, Parameter(help="drone: endpoint for the topside, e.g. tls/192.168.2.2:7447")
     ] = "tcp/127.0.0.1:7447",
     connect: Annotated[
-        str, Parameter(help="topside: endpoint of the drone, e.g. tcp/192.168.2.2:7447")
+        str, Parameter(help="topside: endpoint of the drone, e.g. tls/192.168.2.2:7447")
     ] = "tcp/127.0.0.1:7447",
     gateway: Annotated[
         bool,
@@ -80,15 +93,25 @@ def up(
             help="drone: folder of the dive that a power cut ended; goes on with its calibration"
         ),
     ] = None,
+    keys: Annotated[
+        Path | None,
+        Parameter(converter=named, help="folder of the keys; default: ~/.config/lindy/keys"),
+    ] = None,
+    insecure: Annotated[
+        bool,
+        Parameter(
+            negative=(), show_default=False, help="no keys: whoever reaches the port may fly"
+        ),
+    ] = False,
     choices: Choices | None = None,
 ) -> int:
     """Start one SIDE of a dive, topside or drone, on this machine; the other side runs on another.
 
     Start the drone first. Each side has its own clock; the clock offset is measured. By default
-    both connect on this machine.
+    both connect on this machine. Between machines both need keys: see `lindy keys`.
 
-    Example: lindy up drone --listen tcp/192.168.2.2:7447
-             lindy up topside --connect tcp/192.168.2.2:7447
+    Example: lindy up drone --listen tls/192.168.2.2:7447
+             lindy up topside --connect tls/192.168.2.2:7447
     """
     from tools.up import up
 
@@ -99,6 +122,8 @@ def up(
         connect=connect,
         gateway=gateway,
         resume=resume,
+        keys=keys,
+        insecure=insecure,
     )
 
 
@@ -125,6 +150,13 @@ def run(
             help="SIDE=ENDPOINT of a hub, once for each side of the service",
         ),
     ] = (),
+    keys: Annotated[
+        Path | None,
+        Parameter(
+            converter=named,
+            help="for a hub at tls/…: folder of the keys; default: ~/.config/lindy/keys",
+        ),
+    ] = None,
     choices: Choices | None = None,
 ) -> int:
     """Run one service in the foreground, on hubs that are already running.
@@ -133,18 +165,25 @@ def run(
     """
     from tools.run import run
 
-    return run(service, connect, choices or Choices())
+    return run(service, connect, choices or Choices(), keys)
 
 
 @app.command
-def hub(endpoint: str) -> int:
+def hub(
+    endpoint: str,
+    *,
+    insecure: Annotated[
+        bool,
+        Parameter(negative=(), show_default=False, help="let in whoever reaches the endpoint"),
+    ] = False,
+) -> int:
     """Run a side's hub in the foreground.
 
     Example: lindy hub tcp/127.0.0.1:7448
     """
     from tools.run import hub
 
-    return hub(endpoint)
+    return hub(endpoint, insecure=insecure)
 
 
 @app.command
@@ -342,6 +381,7 @@ app.command(profile)
 app.command(ramp)
 app.command(gains)
 app.command(link)
+app.command(keys)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

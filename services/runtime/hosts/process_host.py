@@ -13,7 +13,8 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Generator
+from collections import Counter
+from collections.abc import Generator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
@@ -21,7 +22,8 @@ import msgspec
 
 from messages.health import LogLine
 from services.runtime.bus.access_control import HubSide
-from services.runtime.bus.zenoh_bus import listening, open_bus
+from services.runtime.bus.key_files import KeyFiles
+from services.runtime.bus.zenoh_bus import listening, open_bus, watch_callers
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.garbage_collection import rare_collections
@@ -45,6 +47,7 @@ class Launch(msgspec.Struct, frozen=True, kw_only=True):
     endpoints: dict[str, str]  # side → hub's endpoint; the first side is home
     checkpoint: str  # folder of the checkpoints, for a restart after a crash
     parent: int | None = None  # pid; the process ends when this is no longer its parent
+    keys: KeyFiles | None = None  # for hubs of other machines
 
 
 class StopFlag:
@@ -62,7 +65,7 @@ def run_service(launch: Launch) -> int:
     with _stoppable(launch.parent) as stop, _sentences(launch.service), ExitStack() as exits:
         vehicle = launch.stack.vehicle_name
         buses = {
-            side: exits.enter_context(open_bus(endpoint, vehicle))
+            side: exits.enter_context(open_bus(endpoint, vehicle, launch.keys))
             for side, endpoint in launch.endpoints.items()
         }
         checkpoint = CheckpointFile(Path(launch.checkpoint) / f"{launch.service}.json")
@@ -112,12 +115,40 @@ def run_hub(launch: HubLaunch) -> int:
     with (
         _stoppable(launch.parent) as stop,
         _sentences("hub"),
-        listening(*launch.listen, connect=launch.connect, hub_side=launch.hub_side),
+        listening(*launch.listen, connect=launch.connect, hub_side=launch.hub_side) as session,
     ):
+        door = None if launch.hub_side is None else launch.hub_side.door
+        if door is not None:
+            _watching = watch_callers(session, Callers(door.admitted).see)
         while not stop.asked:
             time.sleep(POLL_S)  # the router works on its own threads
         return 0
     return 1
+
+
+class Callers:
+    """Says in the hub's log who connects and who leaves: for each, the first, tenth, hundredth …
+    time, because who is not admitted may try for hours."""
+
+    def __init__(self, admitted: Sequence[str]) -> None:
+        self._admitted = frozenset(admitted)
+        self._times: Counter[tuple[str, bool]] = Counter()
+
+    def see(self, name: str, connected: bool) -> None:
+        self._times[name, connected] += 1
+        times = self._times[name, connected]
+        if str(times).rstrip("0") == "1":
+            with contextlib.suppress(OSError):  # a full disk under the log
+                print(self._in_words(name, connected, times), file=sys.stderr, flush=True)
+
+    def _in_words(self, name: str, connected: bool, times: int) -> str:
+        again = "" if times == 1 else f" ({times} times)"
+        if name in self._admitted:
+            return f"info hub: {name} {'connected' if connected else 'left'}{again}"
+        return (
+            f"warning hub: {name} {'connected' if connected else 'left'}{again}; it is not admitted"
+            f", and can neither hear nor say anything"
+        )
 
 
 def _wait(node: Node, event: threading.Event) -> None:
