@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterable
-from typing import Literal, NamedTuple, cast, get_args
+from typing import Literal, NamedTuple, get_args
 
 Role = Literal["drone", "pilot", "observer"]
 ROLES: tuple[Role, ...] = get_args(Role)
@@ -38,7 +38,7 @@ def identity(role: str, name: str) -> Identity:
         raise ValueError(f"unknown role {role!r}, expected {', '.join(ROLES)}")
     if NAME.fullmatch(name) is None:
         raise ValueError(f"{name!r} is no name: 1 to 32 of the letters a to z, digits and '_'")
-    return Identity(cast(Role, role), name)
+    return Identity(role, name)
 
 
 def parse(text: str) -> Identity:

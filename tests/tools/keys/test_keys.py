@@ -4,6 +4,7 @@ import shutil
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 from hypothesis import given
@@ -223,7 +224,7 @@ def test_a_certificate_out_of_its_time_is_one_sentence(
 def test_without_the_library_the_sentence_says_how_to_install_it(
     place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(door, "find_spec", lambda _: None)
+    monkeypatch.setattr(door, "find_spec", Mock(return_value=None))
     for words in (["keys", "list"], ["up", "topside", "--connect", "tls/127.0.0.1:1"]):
         assert main([*words, "--keys", str(place)]) == 1
         assert "keys need cryptography, which is not installed" in said(capsys)

@@ -7,7 +7,7 @@ has seen the attacker's link end.
 
 import socket
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterable
 from contextlib import ExitStack
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -59,6 +59,18 @@ def one(topic: AnyTopic) -> AnyTopic:
     return topic.of("x") if topic.is_family else topic
 
 
+def keys_into(heard: list[str]) -> "zenoh.handlers.Callback[zenoh.Sample]":
+    def hear(sample: zenoh.Sample) -> None:
+        heard.append(str(sample.key_expr))
+
+    return zenoh.handlers.Callback(hear, indirect=False)
+
+
+def delete(session: zenoh.Session, rows: Iterable[AnyTopic]) -> None:
+    for topic in rows:
+        session.delete(one(topic).key)
+
+
 class Keys:
     """Folders of keys: `ours`, and `foreign`, which another authority made with the same names."""
 
@@ -100,9 +112,7 @@ class Drone:
         )  # on board, but hears every namespace
         self.bus, self.heard, self.everything = ZenohBus(self.board), list[Envelope](), list[str]()
         self.bus.hear("**", self.heard.append)
-        ear = zenoh.handlers.Callback(
-            lambda sample: self.everything.append(str(sample.key_expr)), indirect=False
-        )
+        ear = keys_into(self.everything)
         self._ears = [
             self.outside.declare_subscriber(k, ear) for k in ("**", "**/@v1/**", "@v9/**")
         ]
@@ -219,7 +229,7 @@ ATTACKS: dict[str, Callable[[zenoh.Session], object]] = {
     "every row": say_all,
     "everything at once": lambda s: say(s, "**", b"x"),
     "a family": lambda s: say(s, "pilot/*", b"x"),
-    "deleted": lambda s: [s.delete(one(t).key) for t in topics.ALL],
+    "deleted": lambda s: delete(s, topics.ALL),
 }
 
 
@@ -249,8 +259,8 @@ def test_a_pilot_reaches_no_other_vehicle_version_or_namespace(drone: Drone, key
 
 
 def test_a_pilot_deletes_nothing_of_the_drones_own(drone: Drone) -> None:
-    own = [one(t).key for t in topics.ALL if t.way in (Way.UP, Way.STAY)]
-    drone.attacked_by("ours/pilot-ann", lambda s: [s.delete(key) for key in own])
+    own = [topic for topic in topics.ALL if topic.way in (Way.UP, Way.STAY)]
+    drone.attacked_by("ours/pilot-ann", lambda s: delete(s, own))
     assert drone.everything == [f"{SPACE}/log/end"]
 
 
@@ -262,9 +272,7 @@ class Ear:
 
     def __init__(self, session: zenoh.Session) -> None:
         self.heard: list[str] = []
-        keep = zenoh.handlers.Callback(
-            lambda sample: self.heard.append(str(sample.key_expr)), indirect=False
-        )
+        keep = keys_into(self.heard)
         asked = ["**", *(topic.key for topic in topics.ALL)]
         self._ears = [session.declare_subscriber(key, keep) for key in asked]
 
@@ -327,8 +335,11 @@ def test_a_pilot_neither_answers_for_the_drone_nor_seems_to_be_a_service(drone: 
     seen: list[str] = []
     drone.bus.watch(lambda service, _: seen.append(service))
 
+    def lie(query: zenoh.Query) -> None:
+        query.reply(query.key_expr, b"lie")
+
     def pretend(session: zenoh.Session) -> None:
-        session.declare_queryable("**", lambda query: query.reply(query.key_expr, b"lie"))
+        session.declare_queryable("**", lie)
         session.liveliness().declare_token("alive/control")
         session.liveliness().declare_token("alive/**")
         say(session, "log/pretended")
@@ -359,7 +370,6 @@ def test_a_pilot_speaks_to_a_drone_on_the_list_only(
     with ExitStack() as exits:
         fake = exits.enter_context(zenoh.open(posing))
         came = list[str]()
-        exits.callback(fake.close)
         _watching = watch_callers(fake, lambda name, _: came.append(name))
         heard, shown = list[Envelope](), list[Envelope]()
         ears = ZenohBus(fake)
