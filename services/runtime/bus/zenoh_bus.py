@@ -85,7 +85,7 @@ def listening(
 
 
 def connected(
-    endpoint: str, space: str, patience_s: float = HUB_PATIENCE_S, keys: KeyFiles | None = None
+    endpoint: str, space: str, patience_s: float = HUB_PATIENCE_S, *, keys: KeyFiles | None = None
 ) -> zenoh.Session:
     """A client's session; waits for the hub, because a client's `open` raises without one.
 

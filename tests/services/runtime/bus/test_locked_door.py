@@ -120,7 +120,7 @@ class Drone:
     def session(self, bundle: str, space: str | None = SPACE) -> zenoh.Session:
         files = self.keys.mixed(bundle)
         if space is not None:
-            return connected(self.address, space, REFUSED_S, files)
+            return connected(self.address, space, REFUSED_S, keys=files)
         return zenoh.open(config("client", connect=[self.address], keys=files))
 
     def attacked_by(
@@ -188,7 +188,7 @@ def test_a_certificate_that_somebody_signed_alone_is_refused(drone: Drone, tmp_p
     own = str(tmp_path / "authority/ca.pem")
     files = KeyFiles(drone.keys.mixed("ours/pilot-ann").authority, own, own.replace(".pem", ".key"))
     with pytest.raises(LindyError, match="no hub answers"):
-        connected(drone.address, SPACE, REFUSED_S, files)
+        connected(drone.address, SPACE, REFUSED_S, keys=files)
 
 
 def test_it_is_seen_who_comes_also_who_is_not_admitted(drone: Drone) -> None:
@@ -425,7 +425,7 @@ def test_a_revoked_pilot_is_out_when_the_drone_starts_again(tmp_path: Path) -> N
 
         def pilot(name: str) -> zenoh.Session:
             keys = own_keys(place / name, ("pilot",), NOW).door.keys
-            return exits.enter_context(connected(address, SPACE, PATIENCE_S, keys))
+            return exits.enter_context(connected(address, SPACE, PATIENCE_S, keys=keys))
 
         with hub(), connected(private, SPACE, PATIENCE_S) as board:
             sessions = {"ann": pilot("pilot-ann"), "bob": pilot("pilot-bob")}
