@@ -73,6 +73,15 @@ ALL: tuple[AnyTopic, ...] = rows(globals())
 _SINGLE = {topic.key: topic for topic in ALL if not topic.is_family}
 _FAMILIES = [topic for topic in ALL if topic.is_family]
 
+# For the simulator and the emulated link: never let through from one machine to another, so that
+# nobody breaks a part, or cuts a cable, from elsewhere.
+WITHIN_ONE_MACHINE: tuple[AnyTopic, ...] = (
+    FAULT_REQUEST,
+    FAULT_ANSWER,
+    LINK_REQUEST,
+    LINK_ANSWER,
+)
+
 
 def find(key: str) -> AnyTopic | None:
     """The topic that a key belongs to, or None for a key that is not in the table."""

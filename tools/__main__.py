@@ -13,6 +13,7 @@ from cyclopts import App, CycloptsError, Parameter
 from services.runtime.config.errors import LindyError
 from tools.choices import Choices, named
 from tools.gains import gains
+from tools.keys.command import keys
 from tools.link import link
 from tools.profile import profile
 from tools.ramp import ramp
@@ -21,6 +22,14 @@ from tools.sweep.command import sweep
 ERROR = 1  # exit status
 DEBUG = "--debug"
 PAPERS = "tools.research"  # not in an installed package
+Keys = Annotated[
+    Path | None,
+    Parameter(converter=named, help="folder of the keys; default: ~/.config/lindy/keys"),
+]
+Insecure = Annotated[
+    bool,
+    Parameter(negative=(), show_default=False, help="no keys: whoever reaches the port may fly"),
+]
 Grouped = Annotated[
     bool,
     Parameter(
@@ -56,6 +65,8 @@ def dive(
         Parameter(help="endpoint for other programs on the topside, e.g. tcp/127.0.0.1:7447"),
     ] = None,
     grouped: Grouped = False,
+    keys: Keys = None,
+    insecure: Insecure = False,
 ) -> int:
     """Start every service on this machine, pilot the drone, record the dive and report on it.
 
@@ -64,7 +75,14 @@ def dive(
     """
     from tools.dive import dive
 
-    return dive(choices or Choices(), headless=headless, listen=listen, grouped=grouped)
+    return dive(
+        choices or Choices(),
+        headless=headless,
+        listen=listen,
+        grouped=grouped,
+        keys=keys,
+        insecure=insecure,
+    )
 
 
 @app.command
@@ -72,10 +90,10 @@ def up(
     side: str,
     *,
     listen: Annotated[
-        str, Parameter(help="drone: endpoint for the topside, e.g. tcp/192.168.2.2:7447")
+        str, Parameter(help="drone: endpoint for the topside, e.g. tls/192.168.2.2:7447")
     ] = "tcp/127.0.0.1:7447",
     connect: Annotated[
-        str, Parameter(help="topside: endpoint of the drone, e.g. tcp/192.168.2.2:7447")
+        str, Parameter(help="topside: endpoint of the drone, e.g. tls/192.168.2.2:7447")
     ] = "tcp/127.0.0.1:7447",
     gateway: Annotated[
         bool,
@@ -92,15 +110,17 @@ def up(
         ),
     ] = None,
     grouped: Grouped = False,
+    keys: Keys = None,
+    insecure: Insecure = False,
     choices: Choices | None = None,
 ) -> int:
     """Start one SIDE of a dive, topside or drone, on this machine; the other side runs on another.
 
     Start the drone first. Each side has its own clock; the clock offset is measured. By default
-    both connect on this machine.
+    both connect on this machine. Between machines both need keys: see `lindy keys`.
 
-    Example: lindy up drone --listen tcp/192.168.2.2:7447
-             lindy up topside --connect tcp/192.168.2.2:7447
+    Example: lindy up drone --listen tls/192.168.2.2:7447
+             lindy up topside --connect tls/192.168.2.2:7447
     """
     from tools.up import up
 
@@ -112,6 +132,8 @@ def up(
         gateway=gateway,
         grouped=grouped,
         resume=resume,
+        keys=keys,
+        insecure=insecure,
     )
 
 
@@ -151,6 +173,13 @@ def run(
             help="SIDE=ENDPOINT of a hub, once for each side of the service",
         ),
     ] = (),
+    keys: Annotated[
+        Path | None,
+        Parameter(
+            converter=named,
+            help="for a hub at tls/…: folder of the keys; default: ~/.config/lindy/keys",
+        ),
+    ] = None,
     choices: Choices | None = None,
 ) -> int:
     """Run one service in the foreground, on hubs that are already running.
@@ -159,18 +188,25 @@ def run(
     """
     from tools.run import run
 
-    return run(service, connect, choices or Choices())
+    return run(service, connect, choices or Choices(), keys)
 
 
 @app.command
-def hub(endpoint: str) -> int:
+def hub(
+    endpoint: str,
+    *,
+    insecure: Annotated[
+        bool,
+        Parameter(negative=(), show_default=False, help="let in whoever reaches the endpoint"),
+    ] = False,
+) -> int:
     """Run a side's hub in the foreground.
 
     Example: lindy hub tcp/127.0.0.1:7448
     """
     from tools.run import hub
 
-    return hub(endpoint)
+    return hub(endpoint, insecure=insecure)
 
 
 @app.command
@@ -379,6 +415,7 @@ app.command(ramp)
 app.command(gains)
 app.command(link)
 app.command(sweep)
+app.command(keys)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

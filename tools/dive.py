@@ -1,14 +1,15 @@
 """`lindy dive`: the whole stack as processes on this machine, piloted, recorded and summed up."""
 
 import os
+from pathlib import Path
 
 import msgspec
 
-from services.runtime.bus.endpoint import checked_endpoint
 from services.runtime.hosts.registry import Registry
 from services.runtime.launch.local_stack import local_stack
 from tools.checks import checked
 from tools.choices import Choices
+from tools.keys.door import door
 from tools.live.display import display
 from tools.live.dive_folder import out_folder, point_latest
 from tools.live.monitor_loop import followed_by
@@ -18,14 +19,23 @@ from tools.live.stop_signals import StopSignals
 from tools.live.viewer import runnable
 
 
-def dive(choices: Choices, *, headless: bool, listen: str | None, grouped: bool) -> int:
+def dive(
+    choices: Choices,
+    *,
+    headless: bool,
+    listen: str | None,
+    grouped: bool = False,
+    keys: Path | None = None,
+    insecure: bool = False,
+) -> int:
     """Returns the exit status: 0 clean, 3 done but data or a service was lost.
 
     Raises:
         LindyError: a wrong setting, or the dive was aborted.
     """
-    if listen is not None:
-        checked_endpoint(listen, "--listen")
+    way_in = None
+    if listen is not None:  # to other programs this machine is the drone
+        way_in = door(listen, "--listen", ("drone",), keys, insecure=insecure)
     services = runnable(Registry.read(choices.stack))
     if grouped:
         services = services.grouped()
@@ -34,6 +44,7 @@ def dive(choices: Choices, *, headless: bool, listen: str | None, grouped: bool)
     services.require_whole()
     stack = checked(choices, pilot, services)
     stack = msgspec.structs.replace(stack, viewer=viewer, out=str(out_folder(choices.out)))
+    stack = msgspec.structs.replace(stack, insecure=insecure and listen is not None)
     outcome = Outcome(stack)
     tell_who_flies(choices, pilot)
     print(f"{title(stack)} → {stack.out_dir}", flush=True)
@@ -41,7 +52,7 @@ def dive(choices: Choices, *, headless: bool, listen: str | None, grouped: bool)
         StopSignals() as stop,
         display() as shown,
         outcome.of_the_dive(),
-        local_stack(stack, services, listen) as local,
+        local_stack(stack, services, listen, door=way_in) as local,
         followed_by(outcome, local),
     ):
         point_latest(stack.out_dir)

@@ -11,7 +11,7 @@ from services.runtime.hosts.registry import Registry
 from tools.ask import dive_in
 from tools.live.asking import answer_to, at_once
 
-SIMULATOR = "simulator"
+SIMULATOR, DRONE = "simulator", "drone"
 
 
 def fault(part: str, kind: str, value: float | None, dive: Path | None) -> int:
@@ -28,6 +28,11 @@ def fault(part: str, kind: str, value: float | None, dive: Path | None) -> int:
         raise LindyError(
             f"only a simulated vehicle can be broken on purpose, and this dive has none: its stack "
             f"is {running.stack_file}"
+        )
+    if DRONE not in running.endpoints:
+        raise LindyError(
+            "parts are broken on the drone's machine only: no other machine can ask for it; call "
+            "this there"
         )
     request = FaultRequest(stamp_ns=0, id="", part=part, fault=kinds[kind], value=value)
     answer = answer_to(

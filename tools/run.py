@@ -1,23 +1,28 @@
 """`lindy run` and `lindy hub`: one process of a stack in the foreground, to start it by hand."""
 
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 
 import msgspec
 
 from services.runtime.bus.endpoint import checked_endpoint
+from services.runtime.bus.key_files import KeyFiles
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import nearest
 from services.runtime.hosts.process_host import HubLaunch, Launch, run_hub, run_services
 from services.runtime.hosts.registry import Registry, ServiceSpec
 from tools.checks import checked, pilot_of
 from tools.choices import Choices
+from tools.keys.door import door, is_local
+from tools.keys.roles import Role
 from tools.live.dive_folder import dive_files
 
+CALLERS: tuple[Role, ...] = ("observer", "pilot")
 FILE = {"recorder": "mcap", "visualizer": "rrd"}  # of one dive only
 
 
-def run(service: str, connect: tuple[str, ...], choices: Choices) -> int:
+def run(service: str, connect: tuple[str, ...], choices: Choices, keys: Path | None = None) -> int:
     """Run one service until Ctrl-C. Returns its exit status.
 
     Raises:
@@ -42,12 +47,35 @@ def run(service: str, connect: tuple[str, ...], choices: Choices) -> int:
                 stack_file=str(services.file),
                 endpoints=endpoints,
                 checkpoint=checkpoint,
+                keys=keys_for(endpoints, keys),
             )
         )
 
 
-def hub(endpoint: str) -> int:
-    """Run a side's hub until Ctrl-C. Returns its exit status."""
+def keys_for(endpoints: Mapping[str, str], keys: Path | None) -> KeyFiles | None:
+    """The keys for hubs that ask for them; None: none does.
+
+    Raises:
+        LindyError: there are none, or they are no good.
+    """
+    for side, endpoint in endpoints.items():
+        if endpoint.startswith("tls/"):
+            found = door(endpoint, f"--connect {side} =", CALLERS, keys, insecure=False)
+            return None if found is None else found.keys
+    return None
+
+
+def hub(endpoint: str, *, insecure: bool) -> int:
+    """Run a side's hub until Ctrl-C. Returns its exit status.
+
+    Raises:
+        LindyError: not an endpoint, or other machines could reach it and nobody said they may.
+    """
+    if not insecure and not is_local(checked_endpoint(endpoint, "endpoint")):
+        raise LindyError(
+            f"endpoint {endpoint} would let in any machine of the network, because this hub asks "
+            f"for no keys; use 127.0.0.1, or add --insecure"
+        )
     return run_hub(HubLaunch(listen=[checked_endpoint(endpoint, "endpoint")]))
 
 

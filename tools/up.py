@@ -6,7 +6,7 @@ from pathlib import Path
 
 import msgspec
 
-from services.runtime.bus.endpoint import checked_endpoint
+from services.runtime.bus.key_files import Door
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import nearest
 from services.runtime.config.stack import Stack
@@ -14,6 +14,7 @@ from services.runtime.hosts.registry import Registry, ServiceSpec
 from services.runtime.launch.local_stack import LocalStack, OtherSide, local_stack
 from tools.checks import DEFAULT_PILOT, checked, pilot_of
 from tools.choices import Choices
+from tools.keys.door import door
 from tools.live.display import Display, display
 from tools.live.dive_folder import out_folder, point_latest
 from tools.live.dive_timeline import DiveTimeline
@@ -40,6 +41,8 @@ def up(
     gateway: bool,
     grouped: bool,
     resume: Path | None = None,
+    keys: Path | None = None,
+    insecure: bool = False,
 ) -> int:
     """Returns the exit status: 0 clean, 3 done but data or a service was lost.
 
@@ -49,16 +52,25 @@ def up(
     if side not in OTHER:
         raise LindyError(f"unknown side {side!r}{nearest(side, list(OTHER))}")
     if side == "drone":
-        return drone(choices, checked_endpoint(listen, "--listen"), resume, grouped=grouped)
+        way_in = door(listen, "--listen", ("drone",), keys, insecure=insecure)
+        return drone(choices, listen, resume, way_in, grouped=grouped, insecure=insecure)
     if resume is not None:
         raise LindyError(
             "--resume is for the drone: only on board there is something to go on with"
         )
-    endpoint = checked_endpoint(connect, "--connect")
-    return topside(choices, endpoint, gateway=gateway, grouped=grouped)
+    way_out = door(connect, "--connect", ("pilot",), keys, insecure=insecure)
+    return topside(choices, connect, way_out, gateway=gateway, grouped=grouped, insecure=insecure)
 
 
-def drone(choices: Choices, listen: str, resume: Path | None, *, grouped: bool) -> int:
+def drone(
+    choices: Choices,
+    listen: str,
+    resume: Path | None,
+    way_in: Door | None,
+    *,
+    grouped: bool,
+    insecure: bool,
+) -> int:
     """Run the drone's side until Ctrl-C, whether or not the topside is connected."""
     every = Registry.read(choices.stack)
     here = on_side(every, "drone", gateway=False)
@@ -67,24 +79,33 @@ def drone(choices: Choices, listen: str, resume: Path | None, *, grouped: bool) 
     before = resumed(resume, time.monotonic_ns(), time.time()) if resume is not None else {}
     # The pilot and the link are chosen on the topside.
     stack = msgspec.structs.replace(stack, apart=True, pilot=OTHER["drone"], link=listen)
-    stack = msgspec.structs.replace(stack, out=str(out_folder(choices.out)))
+    stack = msgspec.structs.replace(stack, out=str(out_folder(choices.out)), insecure=insecure)
     print(f"drone {stack.vehicle}, for the topside at {listen} → {stack.out_dir}", flush=True)
     print(f"vehicle side: {in_words(here.vehicle_side)}", flush=True)
 
     def go(local: LocalStack, stop: StopSignals, shown: Display) -> str:
         return MonitorLoop(local, DiveTimeline(None, choices.seconds), stop, shown).keep()
 
-    return run(stack, every, here, OtherSide("drone", listen=(listen,)), go, before)
+    return run(stack, every, here, OtherSide("drone", listen=(listen,)), go, before, way_in)
 
 
-def topside(choices: Choices, connect: str, *, gateway: bool, grouped: bool) -> int:
+def topside(
+    choices: Choices,
+    connect: str,
+    way_out: Door | None,
+    *,
+    gateway: bool,
+    grouped: bool,
+    insecure: bool,
+) -> int:
     """The topside of a dive as in `lindy dive`; the recording is made on board."""
     every = Registry.read(choices.stack)
     here = runnable(on_side(every, "topside", gateway=gateway))
     here = here.grouped() if grouped else here
     pilot = who_flies(choices)
     stack = checked(choices, pilot, every, here)
-    stack = msgspec.structs.replace(stack, apart=True, out=str(out_folder(choices.out)))
+    stack = msgspec.structs.replace(stack, apart=True, insecure=insecure)
+    stack = msgspec.structs.replace(stack, out=str(out_folder(choices.out)))
     # Either the two hubs are connected, or the tether service forwards between them.
     other_side = (
         OtherSide("topside", gateway=connect)
@@ -98,7 +119,7 @@ def topside(choices: Choices, connect: str, *, gateway: bool, grouped: bool) -> 
     def go(local: LocalStack, stop: StopSignals, shown: Display) -> str:
         return PilotedDive(local, pilot, choices.seconds, stop, shown).fly()
 
-    return run(stack, every, here, other_side, go)
+    return run(stack, every, here, other_side, go, keys=way_out)
 
 
 def run(
@@ -108,6 +129,7 @@ def run(
     other_side: OtherSide,
     go: Go,
     begin_with: Mapping[str, bytes] | None = None,
+    keys: Door | None = None,
 ) -> int:
     """One side of a stack from its start to its summary. Returns the exit status."""
     outcome = Outcome(stack)
@@ -115,7 +137,7 @@ def run(
         StopSignals() as stop,
         display() as shown,
         outcome.of_the_dive(),
-        local_stack(stack, here, other_side=other_side, begin_with=begin_with) as local,
+        local_stack(stack, here, other_side=other_side, begin_with=begin_with, door=keys) as local,
         followed_by(outcome, local),
     ):
         point_latest(stack.out_dir)

@@ -1,5 +1,5 @@
 """Two machines: `lindy up drone` and `lindy up topside` in network namespaces of their own, joined
-by a cable (veth) that is pulled and put back."""
+by a cable (veth) that is pulled and put back; over TLS, each with keys that `lindy keys` made."""
 
 import os
 import shutil
@@ -19,6 +19,7 @@ from messages.reference import Reference
 from messages.vehicle import VehicleStatus
 from services.runtime.bus.zenoh_bus import connected, namespace
 from services.runtime.config.running import RUNNING, Running
+from tools.__main__ import main
 
 pytestmark = [
     pytest.mark.system,
@@ -137,15 +138,17 @@ def two_machines(tmp_path: Path, *way: str) -> Generator[tuple[Cable, OnBoard, S
     sides: list[Side] = []
     script = tmp_path / "hands.csv"
     script.write_text(HANDS)
+    keys = "--keys", str(tmp_path / "keys")
+    assert main(["keys", "new", *keys]) == 0
     try:
         cable.lay()
-        endpoint = f"tcp/{cable.address}:7447"
-        drone = Side(cable.drone, tmp_path / "drone", "drone", "--listen", endpoint)
+        endpoint = f"tls/{cable.address}:7447"
+        drone = Side(cable.drone, tmp_path / "drone", "drone", "--listen", endpoint, *keys)
         sides.append(drone)
         until(lambda: (drone.out / RUNNING).is_file(), lambda: drone.said)
         topside = Side(
             cable.topside, tmp_path / "topside", "topside", "--connect", endpoint,
-            "--pilot", f"script:{script}", *way,
+            "--pilot", f"script:{script}", *way, *keys,
         )  # fmt: skip
         sides.append(topside)
         port = OnBoard(drone.running())

@@ -17,7 +17,9 @@ import msgspec
 import pytest
 
 from messages import topics
+from messages.health import LogLine
 from services.runtime.config.running import RUNNING, Running
+from tools.__main__ import main
 from tools.recordings.recording import is_whole, open_recording
 
 pytestmark = pytest.mark.system
@@ -170,3 +172,39 @@ def test_the_topside_says_what_was_restarted_and_that_nothing_was_recorded(tmp_p
     assert "restarted         hub_topside 1 × and link_monitor 1 ×" in lines
     assert "recorded          nothing here: recording and report.json are on the drone" in lines
     assert [path.name for path in topside.out.glob("*.mcap")] == []
+
+
+def test_a_drone_without_keys_says_so_from_its_start_to_its_summary(tmp_path: Path):
+    endpoint = free_endpoint()
+    with side(tmp_path / "drone", "drone", "--listen", endpoint, "--insecure") as drone:
+        drone.until(lambda: "calibrating" in drone.said)
+        assert drone.end(signal.SIGTERM) == 0, drone.said
+    lines = drone.said.splitlines()
+    assert any("INSECURE: whoever reaches this port can fly the drone" in line for line in lines)
+    assert (
+        "insecure          there were no keys: whoever reached the port could fly the drone"
+        in lines
+    )
+    assert drone.report()["link"] == endpoint
+    logged = [e.message for e in open_recording(drone.out)]
+    assert any(isinstance(m, LogLine) and m.text.startswith("INSECURE") for m in logged)
+
+
+def test_who_is_not_on_the_drones_list_is_not_heard_and_is_named_in_its_log(tmp_path: Path):
+    keys = tmp_path / "keys"
+    assert main(["keys", "new", "--keys", str(keys)]) == 0
+    endpoint = free_endpoint().replace("tcp/", "tls/")
+    words = "--listen", endpoint, "--keys", str(keys)
+    assert main(["keys", "revoke", "pilot:first", "--keys", str(keys)]) == 0
+    with ExitStack() as sides:
+        drone = sides.enter_context(side(tmp_path / "drone", "drone", *words))
+        drone.until(lambda: "calibrating" in drone.said)
+        words = "--connect", endpoint, "--keys", str(keys), "--pilot", "gamepad"
+        topside = sides.enter_context(side(tmp_path / "topside", "topside", *words))
+        log = drone.out / "logs" / "hub_drone.log"
+        drone.until(lambda: "pilot:first connected; it is not admitted" in log.read_text())
+        topside.until(lambda: topside.pid("link_monitor") is not None)
+        topside.end(signal.SIGINT)
+        drone.end(signal.SIGTERM)
+    assert "the drone was never heard" in topside.said
+    assert "the topside was never heard" in drone.said

@@ -28,6 +28,7 @@ from tools.report import (
     elsewhere,
     encode,
     ending,
+    lined_up,
     losses,
     processes,
     read_dive,
@@ -40,6 +41,7 @@ CLEAN, DATA_LOST = 0, 3  # exit statuses; 3 also where a service did not work fo
 RECORDER, HUB = "recorder", "hub_"
 # What the recorder counts for messages that are not in its file.
 NOT_IN_FILE = {"not_recorded", "overflowed", "unreadable"}
+WITHOUT_KEYS = "there were no keys: whoever reached the port could fly the drone"
 WRITTEN = ("dive.mcap", "dive.rrd", "report.json")
 
 
@@ -105,8 +107,13 @@ class Outcome:
         how = f"{side} of {self._stack.vehicle_name}, {ending(self.exit, troubles)}"
         files = written(folder)
         print(unrecorded(how, restarts, self.gone, other, files, self.shared), flush=True)
+        self._tell_insecure()
         self.complain()
         return DATA_LOST if self._was_away(restarts) else CLEAN
+
+    def _tell_insecure(self) -> None:
+        if self._stack.insecure:
+            print(lined_up([("insecure", WITHOUT_KEYS)]), flush=True)
 
     def see_status(self, status: VehicleStatus, _: int) -> None:
         """A status of the drone has arrived."""
@@ -133,6 +140,7 @@ class Outcome:
         print(summary(report, dive.max_depth_m, written(folder)), flush=True)
         if other is not None:
             print(elsewhere(report, other), flush=True)
+        self._tell_insecure()
         if "disk_error" in report.losses or not ended:
             full = "disk_error" in report.losses
             why = "the disk was full or failed" if full else "it was not finished"
@@ -217,4 +225,5 @@ def written(folder: Path) -> list[Path]:
 def title(stack: Stack) -> str:
     """Title of a dive on the screen."""
     pilot = stack.pilot.replace(":", " ").rpartition("/")[2]
-    return f"{stack.vehicle} · {stack.link} · {pilot}"
+    first = "INSECURE, no keys · " if stack.insecure else ""
+    return f"{first}{stack.vehicle} · {stack.link} · {pilot}"

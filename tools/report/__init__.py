@@ -5,7 +5,7 @@ from tools.report.elsewhere import Elsewhere, elsewhere
 from tools.report.losses import losses
 from tools.report.report import Extras, Report, encode, make_report, report_on
 from tools.report.services import by_service
-from tools.report.summary import summary
+from tools.report.summary import lined_up, summary
 from tools.report.troubles import counted, ending, processes
 from tools.report.unrecorded import unrecorded
 
@@ -20,6 +20,7 @@ __all__ = [
     "elsewhere",
     "encode",
     "ending",
+    "lined_up",
     "losses",
     "make_report",
     "processes",

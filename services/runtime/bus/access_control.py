@@ -1,23 +1,33 @@
 """Access control of a hub: only topics of the topic table may pass to and from another machine.
 
 Services connect to the hub over a private socket, the other machine over the network; the hub
-tells them apart by the protocol. From the network, only topics that the table sends in this
-direction are let in, and only those of the other direction are let out (Zenoh's access control,
-denied by default).
+tells them apart by the protocol, and other machines by the common names of their certificates.
+From the network, only topics that the table sends in this direction are let in, and only those of
+the other direction are let out (Zenoh's access control, denied by default). A common name is
+compared whole: Zenoh has no patterns for them, and no list of revoked certificates.
 """
 
 from typing import Any, NamedTuple
 
 from messages import topics
 from messages.topic import Side, Way
+from services.runtime.bus.key_files import Door
 
 LOCAL, NETWORK = "unixsock-stream", ("tcp", "tls", "quic", "udp")
+WITH_KEYS = "tls"
 MESSAGES = ("put", "delete", "declare_subscriber")
 ALL_MESSAGES = (
     *MESSAGES,
     *("query", "reply", "declare_queryable"),
     *("liveliness_token", "declare_liveliness_subscriber", "liveliness_query"),
 )
+HEAR = ("out", "may_ask_for")
+SAY = ("in", "asks_for")
+# What each role may do at the hub of a side; a role that is not named may do nothing.
+RIGHTS: dict[Side, dict[str, tuple[str, ...]]] = {
+    "drone": {"pilot": (*SAY, *HEAR), "observer": HEAR},
+    "topside": {"drone": (*SAY, *HEAR)},
+}
 
 
 class HubSide(NamedTuple):
@@ -25,6 +35,7 @@ class HubSide(NamedTuple):
 
     side: Side
     space: str
+    door: Door | None = None  # None: everybody who reaches the port is the other side
 
 
 def access_control(hub_side: HubSide) -> dict[str, Any]:
@@ -38,26 +49,41 @@ def access_control(hub_side: HubSide) -> dict[str, Any]:
         _rule("may_ask_for", ["ingress"], ("declare_subscriber",), here),
         _rule("asks_for", ["egress"], ("declare_subscriber",), there),
     ]
-    subjects = [
-        {"id": "services", "link_protocols": [LOCAL]},
-        {"id": "network", "link_protocols": list(NETWORK)},
-    ]
-    policies = [
-        {"rules": ["own"], "subjects": ["services"]},
-        {"rules": ["in", "out", "may_ask_for", "asks_for"], "subjects": ["network"]},
-    ]
+    granted = [_services(), *_others(hub_side)]
     return {
         "enabled": True,
         "default_permission": "deny",
         "rules": rules,
-        "subjects": subjects,
-        "policies": policies,
+        "subjects": [subject for subject, _ in granted],
+        "policies": [
+            {"rules": list(names), "subjects": [subject["id"]]} for subject, names in granted
+        ],
     }
+
+
+Granted = tuple[dict[str, Any], tuple[str, ...]]  # a subject, and the names of its rules
+
+
+def _services() -> Granted:
+    return {"id": "services", "link_protocols": [LOCAL]}, ("own",)
+
+
+def _others(hub_side: HubSide) -> list[Granted]:
+    """Who comes over the network."""
+    if hub_side.door is None:
+        return [({"id": "network", "link_protocols": list(NETWORK)}, (*SAY, *HEAR))]
+    granted: list[Granted] = []
+    for role, names in RIGHTS[hub_side.side].items():
+        # A subject without common names would be everybody: it is left out.
+        if admitted := [name for name in hub_side.door.admitted if name.startswith(f"{role}:")]:
+            subject = {"id": role, "link_protocols": [WITH_KEYS], "cert_common_names": admitted}
+            granted.append((subject, names))
+    return granted
 
 
 def _keys(space: str, way: Way) -> list[str]:
     rows = [topic for topic in topics.ALL if topic.way in (way, Way.BOTH)]
-    return [f"{space}/{topic.key}" for topic in rows]
+    return [f"{space}/{topic.key}" for topic in rows if topic not in topics.WITHIN_ONE_MACHINE]
 
 
 def _rule(

@@ -14,6 +14,7 @@ from messages.payload import LONGEST
 from messages.topic import AnyTopic
 from services.runtime.bus.access_control import HubSide, access_control
 from services.runtime.bus.envelope import Envelope, Say, Store
+from services.runtime.bus.key_files import KeyFiles, tls_settings
 from services.runtime.bus.qos import QOS_PROFILES, ZenohQos
 from services.runtime.bus.zenoh_threads import QUEUES, VARIABLE, keep_thread_state, use_one_thread
 from services.runtime.config.errors import LindyError
@@ -32,6 +33,7 @@ def config(
     listen: Sequence[str] = (),
     connect: Sequence[str] = (),
     space: str | None = None,
+    keys: KeyFiles | None = None,
 ) -> zenoh.Config:
     """Explicit endpoints, no discovery, so that many stacks run side by side on one machine."""
     settings = zenoh.Config()
@@ -51,6 +53,8 @@ def config(
         settings.insert_json5(key, json.dumps(value))
     if space is not None:
         settings.insert_json5("namespace", json.dumps(space))
+    if keys is not None:
+        settings.insert_json5("transport/link/tls", json.dumps(tls_settings(keys)))
     return settings
 
 
@@ -68,7 +72,8 @@ def listening(
     """
     endpoint = endpoints[-1]
     try:
-        settings = config("router", endpoints, connect)
+        door = None if hub_side is None else hub_side.door
+        settings = config("router", endpoints, connect, keys=None if door is None else door.keys)
         if hub_side is not None:
             settings.insert_json5("access_control", json.dumps(access_control(hub_side)))
         return _open(settings)
@@ -82,8 +87,13 @@ def listening(
         ) from None
 
 
-def connected(endpoint: str, space: str, patience_s: float = HUB_PATIENCE_S) -> zenoh.Session:
+def connected(
+    endpoint: str, space: str, patience_s: float = HUB_PATIENCE_S, *, keys: KeyFiles | None = None
+) -> zenoh.Session:
     """A client's session; waits for the hub, because a client's `open` raises without one.
+
+    Args:
+        keys: for a hub that is reached by TLS.
 
     Raises:
         LindyError: no hub answered within `patience_s`.
@@ -91,7 +101,7 @@ def connected(endpoint: str, space: str, patience_s: float = HUB_PATIENCE_S) -> 
     deadline = time.monotonic() + patience_s
     while True:
         try:
-            return _open(config("client", connect=[endpoint], space=space))
+            return _open(config("client", connect=[endpoint], space=space, keys=keys))
         except zenoh.ZError:
             if time.monotonic() > deadline:
                 raise LindyError(f"no hub answers at {endpoint} after {patience_s:g} s") from None
@@ -107,6 +117,18 @@ def _open(settings: zenoh.Config) -> zenoh.Session:
             raise
         reason = f"{VARIABLE} is {os.environ[VARIABLE]!r}, and Zenoh does not start with it"
         raise LindyError(f"{reason}; without it, one thread is used") from None
+
+
+def watch_callers(session: zenoh.Session, changed: Callable[[str, bool], None]) -> object:
+    """Call `changed(common name, connected)` for everybody who comes with a certificate, present
+    and future, as long as what is returned is kept."""
+
+    def on_link(event: zenoh.LinkEvent) -> None:
+        if (name := event.link.auth_identifier) is not None:
+            changed(name, event.kind == zenoh.SampleKind.PUT)
+
+    handler = zenoh.handlers.Callback(on_link, indirect=False)
+    return session.info.declare_link_events_listener(handler, history=True)
 
 
 class ZenohBus:
@@ -178,9 +200,9 @@ class ZenohBus:
 
 
 @contextmanager
-def open_bus(endpoint: str, vehicle: str) -> Generator[ZenohBus]:
+def open_bus(endpoint: str, vehicle: str, keys: KeyFiles | None = None) -> Generator[ZenohBus]:
     """A client's bus. Always closed: a session left open hangs the process at exit."""
-    with connected(endpoint, namespace(vehicle)) as session:
+    with connected(endpoint, namespace(vehicle), keys=keys) as session:
         yield ZenohBus(session)
 
 

@@ -36,6 +36,7 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
     seed: Annotated[int, msgspec.Meta(ge=0)] = 0
     viewer: bool = False  # open a live viewer
     apart: bool = False  # topside and drone are two machines, each with its own clock
+    insecure: bool = False  # other machines are let in without keys
     arm: bool = True  # the gamepad arms the drone as soon as it is ready
     virtual: bool = False  # on virtual time: a driver that needs real time refuses to start
     overrides: list[str] = []  # key.path=value into the vehicle file

@@ -21,10 +21,12 @@ import msgspec
 
 from messages.health import LogLine
 from services.runtime.bus.access_control import HubSide
+from services.runtime.bus.key_files import KeyFiles
 from services.runtime.bus.shared_bus import SharedBus, SharedBusPort
-from services.runtime.bus.zenoh_bus import listening, open_bus
+from services.runtime.bus.zenoh_bus import listening, open_bus, watch_callers
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
+from services.runtime.hosts.callers import Callers
 from services.runtime.hosts.garbage_collection import rare_collections
 from services.runtime.hosts.group_host import GroupHost
 from services.runtime.hosts.heartbeat import Heartbeat
@@ -49,6 +51,7 @@ class Launch(msgspec.Struct, frozen=True, kw_only=True):
     checkpoint: str  # folder of the checkpoints, for a restart after a crash
     heartbeat: str | None = None  # file for the sign of life; None: nobody watches
     parent: int | None = None  # pid; the process ends when this is no longer its parent
+    keys: KeyFiles | None = None  # for hubs of other machines
 
 
 class StopFlag:
@@ -68,7 +71,7 @@ def run_services(launch: Launch) -> int:
         # Imports take long: all of them are done before the first node hears anything.
         wires = {name: registry.wire(name) for name in launch.services}
         sessions = {
-            side: exits.enter_context(open_bus(endpoint, launch.stack.vehicle_name))
+            side: exits.enter_context(open_bus(endpoint, launch.stack.vehicle_name, launch.keys))
             for side, endpoint in launch.endpoints.items()
         }
         buses = {side: SharedBus(session) for side, session in sessions.items()}
@@ -133,8 +136,11 @@ def run_hub(launch: HubLaunch) -> int:
     with (
         _stoppable(launch.parent) as stop,
         _sentences("hub"),
-        listening(*launch.listen, connect=launch.connect, hub_side=launch.hub_side),
+        listening(*launch.listen, connect=launch.connect, hub_side=launch.hub_side) as session,
     ):
+        door = None if launch.hub_side is None else launch.hub_side.door
+        if door is not None:
+            _watching = watch_callers(session, Callers(door.admitted).see)
         heartbeat = Heartbeat(None if launch.heartbeat is None else Path(launch.heartbeat))
         while not stop.asked:
             heartbeat.beat(time.monotonic_ns())

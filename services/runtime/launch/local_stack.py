@@ -18,6 +18,7 @@ import msgspec
 
 from messages.topic import Side
 from services.runtime.bus.access_control import HubSide
+from services.runtime.bus.key_files import Door
 from services.runtime.bus.zenoh_bus import ZenohBus, connected, listening, namespace
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
@@ -64,9 +65,15 @@ class LocalStack:
         listen: str | None,
         other_side: "OtherSide | None",
         begin_with: Mapping[str, bytes],
+        door: Door | None,
     ) -> None:
         self._other_side = other_side
         self._begin_with = begin_with
+        self._door = door
+        # Behind a door, programs of other machines come in as they would at the drone's hub; the
+        # services keep a private socket.
+        self._programs = None if door is None or listen is None else OtherSide("drone", (listen,))
+        listen = None if self._programs is not None else listen
         self.stack = stack
         self.services = services
         self.endpoints = _endpoints(services, folder, listen, only_homes=other_side is not None)
@@ -254,12 +261,13 @@ class LocalStack:
         name = f"hub_{side}"
         beat = str(self.heartbeat(name))
         launch = HubLaunch(listen=[self.endpoints[side]], heartbeat=beat, parent=os.getpid())
-        if self._other_side is not None:
-            hub_side = HubSide(self._other_side.side, namespace(self.stack.vehicle_name))
+        border = self._other_side or (self._programs if side == HOME else None)
+        if border is not None:
+            hub_side = HubSide(border.side, namespace(self.stack.vehicle_name), self._door)
             launch = msgspec.structs.replace(
                 launch,
-                listen=[*launch.listen, *self._other_side.listen],
-                connect=list(self._other_side.connect),
+                listen=[*launch.listen, *border.listen],
+                connect=list(border.connect),
                 hub_side=hub_side,
             )
         command = [*PYTHON, "hub", msgspec.json.encode(launch).decode()]
@@ -278,6 +286,7 @@ class LocalStack:
             checkpoint=str(self._checkpoints),
             heartbeat=str(self.heartbeat(process)),
             parent=os.getpid(),
+            keys=None if self._door is None else self._door.keys,
         )
         command = [*PYTHON, msgspec.json.encode(launch).decode()]
         return Task(
@@ -303,6 +312,7 @@ def local_stack(
     listen: str | None = None,
     other_side: OtherSide | None = None,
     begin_with: Mapping[str, bytes] | None = None,
+    door: Door | None = None,
 ) -> Generator[LocalStack]:
     """Running hubs, without services yet; everything is ended when the block is left.
 
@@ -311,15 +321,18 @@ def local_stack(
             programs outside the stack can connect.
         other_side: where it is another machine; `services` are then those of this one.
         begin_with: checkpoints by service, of an earlier start.
+        door: for endpoints of and for other machines.
 
     Raises:
         LindyError: the endpoint is taken or malformed.
     """
     for endpoint in filter(None, (listen, *(other_side.listen if other_side is not None else ()))):
-        with listening(endpoint):
+        with listening(endpoint, hub_side=HubSide("drone", namespace(stack.vehicle_name), door)):
             pass  # fails now if it is taken; the hub would fail too, but later and less clearly
     with tempfile.TemporaryDirectory(prefix="lindy-", dir=_socket_folder()) as folder:
-        local = LocalStack(stack, services, Path(folder), listen, other_side, begin_with or {})
+        local = LocalStack(
+            stack, services, Path(folder), listen, other_side, begin_with or {}, door
+        )
         with ExitStack() as exits:
             exits.callback((stack.out_dir / RUNNING).unlink, missing_ok=True)
             exits.callback(local.supervisor.stop)

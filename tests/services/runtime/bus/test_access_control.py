@@ -16,6 +16,7 @@ from services.runtime.bus.access_control import (
     HubSide,
     access_control,
 )
+from services.runtime.bus.key_files import Door, KeyFiles
 from services.runtime.bus.zenoh_bus import namespace
 
 SPACE = namespace("pioneer")
@@ -26,16 +27,31 @@ SAID_AT: dict[Side, set[Way]] = {  # what one side says that the other may hear
 }
 SIDES = st.sampled_from(["topside", "drone"])
 FLOWS = st.sampled_from(["ingress", "egress"])
+ROLE = st.sampled_from(["drone", "pilot", "observer"])
 CHUNK = st.from_regex(r"[a-z0-9_]{1,12}", fullmatch=True)
 STRANGE = st.lists(CHUNK, min_size=1, max_size=4).map("/".join)
 
 
-def passes(side: Side, link: str, flow: str, message: str, key: str) -> bool:
-    """As Zenoh judges: a rule covers a message when one of its keys includes the message's."""
-    table: dict[str, Any] = access_control(HubSide(side, SPACE))
+def passes(
+    side: Side,
+    link: str,
+    flow: str,
+    message: str,
+    key: str,
+    door: Door | None = None,
+    caller: str | None = None,
+) -> bool:
+    """As Zenoh judges: a rule covers a message when one of its keys includes the message's; a
+    subject without common names is anybody."""
+    table: dict[str, Any] = access_control(HubSide(side, SPACE, door))
     assert table["enabled"]
     assert table["default_permission"] == "deny"
-    subjects = {s["id"] for s in table["subjects"] if link in s["link_protocols"]}
+    subjects = {
+        s["id"]
+        for s in table["subjects"]
+        if link in s["link_protocols"]
+        and (not s.get("cert_common_names") or caller in s["cert_common_names"])
+    }
     policies = [p for p in table["policies"] if subjects & set(p["subjects"])]
     named = {name for policy in policies for name in policy["rules"]}
     return any(
@@ -48,6 +64,11 @@ def passes(side: Side, link: str, flow: str, message: str, key: str) -> bool:
     )
 
 
+def said_at(side: Side, topic: AnyTopic) -> bool:
+    """Does what this side says of it cross?"""
+    return topic.way in SAID_AT[side] and topic not in topics.WITHIN_ONE_MACHINE
+
+
 def member(key: str, name: str) -> str:
     return key.replace("*", name)
 
@@ -58,8 +79,8 @@ def test_a_row_passes_the_network_in_its_own_way_only(
 ) -> None:
     key = f"{SPACE}/{member(topic.key, name)}"
     for message in ("put", "delete"):
-        assert passes(side, link, "egress", message, key) == (topic.way in SAID_AT[side])
-        assert passes(side, link, "ingress", message, key) == (topic.way in SAID_AT[OTHER[side]])
+        assert passes(side, link, "egress", message, key) == said_at(side, topic)
+        assert passes(side, link, "ingress", message, key) == said_at(OTHER[side], topic)
 
 
 @given(SIDES, st.sampled_from(topics.ALL), st.sampled_from(NETWORK))
@@ -67,8 +88,8 @@ def test_a_row_may_be_asked_for_by_those_who_may_hear_it(
     side: Side, topic: AnyTopic, link: str
 ) -> None:
     key, ask = f"{SPACE}/{topic.key}", "declare_subscriber"
-    assert passes(side, link, "ingress", ask, key) == (topic.way in SAID_AT[side])
-    assert passes(side, link, "egress", ask, key) == (topic.way in SAID_AT[OTHER[side]])
+    assert passes(side, link, "ingress", ask, key) == said_at(side, topic)
+    assert passes(side, link, "egress", ask, key) == said_at(OTHER[side], topic)
 
 
 @given(SIDES, FLOWS, st.sampled_from(ALL_MESSAGES), STRANGE)
@@ -105,3 +126,61 @@ def test_both_sides_are_mirror_images(key: str, message: str) -> None:
         assert passes("drone", "tcp", one, message, key) == passes(
             "topside", "tcp", two, message, key
         )
+
+
+NAMES = st.tuples(ROLE, CHUNK).map(":".join)
+DOORS = st.lists(NAMES, max_size=5).map(lambda names: Door(KeyFiles("", "", ""), tuple(names)))
+MESSAGE = st.sampled_from(ALL_MESSAGES)
+ANY_KEY = st.one_of(
+    st.sampled_from(topics.ALL).map(lambda topic: f"{SPACE}/{topic.key}"),
+    STRANGE.map(lambda key: f"{SPACE}/{key}"),
+    st.sampled_from(["**", f"{SPACE}/**", f"{SPACE}/*/*", f"{SPACE}/alive/control", "@/**"]),
+)
+
+
+@given(SIDES, DOORS, NAMES, FLOWS, MESSAGE, ANY_KEY)
+def test_who_is_not_on_the_list_may_do_nothing(
+    side: Side, door: Door, caller: str, flow: str, message: str, key: str
+) -> None:
+    others = door._replace(admitted=tuple(name for name in door.admitted if name != caller))
+    for who in (caller, None):
+        assert not passes(side, "tls", flow, message, key, others, who)
+
+
+@given(SIDES, DOORS, NAMES, FLOWS, MESSAGE, ANY_KEY, st.sampled_from(["tcp", "quic", "udp", "ws"]))
+def test_behind_a_door_nothing_passes_but_over_tls(
+    side: Side, door: Door, caller: str, flow: str, message: str, key: str, link: str
+) -> None:
+    assert not passes(side, link, flow, message, key, door, caller)
+
+
+@given(SIDES, NAMES, FLOWS, MESSAGE, ANY_KEY)
+def test_a_role_may_do_what_the_other_side_may_or_only_hear_or_nothing(
+    side: Side, caller: str, flow: str, message: str, key: str
+) -> None:
+    door, role = Door(KeyFiles("", "", ""), (caller,)), caller.partition(":")[0]
+    whole = passes(side, "tls", flow, message, key)
+    hears = (flow, message) in {
+        ("egress", "put"), ("egress", "delete"), ("ingress", "declare_subscriber"),
+    }  # fmt: skip
+    expected = {
+        ("drone", "pilot"): whole,
+        ("drone", "observer"): whole and hears,
+        ("topside", "drone"): whole,
+    }.get((side, role), False)
+    assert passes(side, "tls", flow, message, key, door, caller) == expected
+
+
+@given(SIDES, DOORS)
+def test_no_subject_of_a_door_is_everybody(side: Side, door: Door) -> None:
+    table = access_control(HubSide(side, SPACE, door))
+    for subject in table["subjects"]:
+        assert subject["link_protocols"] == [LOCAL] or subject["cert_common_names"]
+
+
+@pytest.mark.parametrize("side", ["drone", "topside"])
+@pytest.mark.parametrize("key", [topic.key for topic in topics.WITHIN_ONE_MACHINE])
+def test_nobody_breaks_a_part_or_cuts_the_cable_from_another_machine(key: str, side: Side) -> None:
+    for message in ALL_MESSAGES:
+        for flow in ("ingress", "egress"):
+            assert not passes(side, "tcp", flow, message, f"{SPACE}/{key}")

@@ -222,4 +222,5 @@ def keys(heard: list[Envelope]) -> set[str]:
 def crossing(rows: list[AnyTopic], side: Side) -> set[str]:
     """Keys that the other side is to hear of what is said here."""
     way = Way.DOWN if side == "topside" else Way.UP
-    return {topic.key for topic in rows if topic.way in (way, Way.BOTH)}
+    cross = [topic for topic in rows if topic not in topics.WITHIN_ONE_MACHINE]
+    return {topic.key for topic in cross if topic.way in (way, Way.BOTH)}

@@ -1,0 +1,445 @@
+"""The door of a drone's hub, with real sessions over TLS: every act that is allowed, and every act
+that is forbidden, is tried.
+
+That nothing came is only believed after a message that was sent later has come, or after the hub
+has seen the attacker's link end.
+"""
+
+import socket
+import time
+from collections.abc import Callable, Generator, Iterable
+from contextlib import ExitStack
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import msgspec
+import pytest
+import zenoh
+
+from messages import topics
+from messages.topic import AnyTopic, Way
+from services.runtime.bus.access_control import HubSide
+from services.runtime.bus.envelope import Envelope
+from services.runtime.bus.key_files import Door, KeyFiles
+from services.runtime.bus.zenoh_bus import (
+    ZenohBus,
+    config,
+    connected,
+    listening,
+    namespace,
+    watch_callers,
+)
+from services.runtime.config.errors import LindyError
+from tools.keys import authority
+from tools.keys.key_folder import CA, CERTIFICATE, KEY, own_keys
+from tools.keys.roles import parse
+
+PATIENCE_S = 60.0  # never reached unless something is broken
+REFUSED_S = 0.2  # [s] attempts of a caller who is to be refused
+SPACE = namespace("pioneer")
+NOW = datetime.now(UTC)
+END = b"the attack is over"
+UP = [topic for topic in topics.ALL if topic.way in (Way.UP, Way.BOTH)]
+CROSS = [topic for topic in topics.ALL if topic not in topics.WITHIN_ONE_MACHINE]
+
+
+def until(happened: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + PATIENCE_S
+    while not happened():
+        assert time.monotonic() < deadline
+        time.sleep(0.005)  # Zenoh's threads do it, and announce nothing
+
+
+def free_endpoint(protocol: str = "tls") -> str:
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        return f"{protocol}/127.0.0.1:{free.getsockname()[1]}"
+
+
+def one(topic: AnyTopic) -> AnyTopic:
+    return topic.of("x") if topic.is_family else topic
+
+
+def keys_into(heard: list[str]) -> "zenoh.handlers.Callback[zenoh.Sample]":
+    def hear(sample: zenoh.Sample) -> None:
+        heard.append(str(sample.key_expr))
+
+    return zenoh.handlers.Callback(hear, indirect=False)
+
+
+def delete(session: zenoh.Session, rows: Iterable[AnyTopic]) -> None:
+    for topic in rows:
+        session.delete(one(topic).key)
+
+
+class Keys:
+    """Folders of keys: `ours`, and `foreign`, which another authority made with the same names."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        ours, foreign = folder / "ours", folder / "foreign"
+        for place in (ours, foreign):
+            authority.new(place, NOW - timedelta(days=60))
+        for name in ("drone:pioneer", "drone:other", "pilot:ann", "pilot:late", "observer:eve"):
+            when = NOW - timedelta(days=30) if name == "pilot:late" else NOW
+            authority.add(ours, parse(name), when, 10)
+        authority.add(ours, parse("pilot:gone"), NOW, 10)
+        authority.revoke(ours, parse("pilot:gone"))
+        authority.add(foreign, parse("pilot:ann"), NOW, 10)
+        authority.add(foreign, parse("drone:pioneer"), NOW, 10)
+
+    def files(self, bundle: str) -> KeyFiles:
+        place = self.folder / bundle
+        return KeyFiles(*(str(place / name) for name in (CA, CERTIFICATE, KEY)))
+
+    def mixed(self, bundle: str) -> KeyFiles:
+        """Somebody's keys, with our authority to compare with: as one who trusts us would come."""
+        return self.files(bundle)._replace(authority=self.files("ours/drone-pioneer").authority)
+
+
+class Drone:
+    """A drone's hub behind its door, and a service on board that hears everything."""
+
+    def __init__(self, keys: Keys, folder: Path, exits: ExitStack) -> None:
+        self.keys, self.address = keys, free_endpoint()
+        door = own_keys(keys.folder / "ours/drone-pioneer", ("drone",), NOW).door
+        border, private = HubSide("drone", SPACE, door), f"unixsock-stream/{folder}/drone.sock"
+        hub = exits.enter_context(listening(self.address, private, hub_side=border))
+        self.callers: list[tuple[str, bool]] = []
+        self._watching = watch_callers(hub, lambda name, on: self.callers.append((name, on)))
+        self.board = exits.enter_context(connected(private, SPACE, PATIENCE_S))
+        self.outside = exits.enter_context(
+            zenoh.open(config("client", connect=[private]))
+        )  # on board, but hears every namespace
+        self.bus, self.heard, self.everything = ZenohBus(self.board), list[Envelope](), list[str]()
+        self.bus.hear("**", self.heard.append)
+        ear = keys_into(self.everything)
+        self._ears = [
+            self.outside.declare_subscriber(k, ear) for k in ("**", "**/@v1/**", "@v9/**")
+        ]
+
+    def session(self, bundle: str, space: str | None = SPACE) -> zenoh.Session:
+        files = self.keys.mixed(bundle)
+        if space is not None:
+            return connected(self.address, space, REFUSED_S, keys=files)
+        return zenoh.open(config("client", connect=[self.address], keys=files))
+
+    def attacked_by(
+        self, bundle: str, act: Callable[[zenoh.Session], object], space: str | None = SPACE
+    ) -> set[str]:
+        """Keys that were heard on board of what somebody did."""
+        self.heard.clear()
+        self.everything.clear()
+        name = bundle.rpartition("/")[2].replace("-", ":")
+        gone = self.callers.count((name, False))
+        with self.session(bundle, space) as session:
+            act(session)
+        until(lambda: self.callers.count((name, False)) > gone)
+        with self.session("ours/pilot-ann") as pilot:  # behind all of it
+            say(pilot, "log/end", END)
+            until(lambda: any(e.payload == END for e in self.heard))
+        return {e.key for e in self.heard if e.payload != END}
+
+
+def say(session: zenoh.Session, key: str, payload: bytes = b"") -> None:
+    """As slowly as it takes: dropping is allowed to nobody here."""
+    session.put(key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
+
+
+def say_all(session: zenoh.Session) -> None:
+    for topic in topics.ALL:
+        say(session, one(topic).key, b"x")
+
+
+@pytest.fixture(scope="module")
+def keys(tmp_path_factory: pytest.TempPathFactory) -> Keys:
+    return Keys(tmp_path_factory.mktemp("keys"))
+
+
+@pytest.fixture(scope="module")
+def drone(keys: Keys, tmp_path_factory: pytest.TempPathFactory) -> Generator[Drone]:
+    with ExitStack() as exits:
+        yield Drone(keys, tmp_path_factory.mktemp("hub"), exits)
+
+
+# Who is let in at all.
+
+
+@pytest.mark.parametrize("who", ["foreign/pilot-ann", "ours/pilot-late", "ours/drone-other"])
+def test_another_authoritys_expired_or_a_drones_certificate_is_refused(
+    drone: Drone, who: str
+) -> None:
+    with pytest.raises(LindyError, match="no hub answers"):
+        drone.session(who)
+
+
+def test_without_a_certificate_or_without_tls_nobody_connects(drone: Drone) -> None:
+    plain = drone.address.replace("tls/", "tcp/")
+    for settings in (
+        config("client", connect=[drone.address]),
+        config("client", connect=[plain]),
+    ):
+        settings.insert_json5("connect/timeout_ms", "200")
+        with pytest.raises(zenoh.ZError):
+            zenoh.open(settings)
+
+
+def test_a_certificate_that_somebody_signed_alone_is_refused(drone: Drone, tmp_path: Path) -> None:
+    authority.new(tmp_path, NOW)
+    own = str(tmp_path / "authority/ca.pem")
+    files = KeyFiles(drone.keys.mixed("ours/pilot-ann").authority, own, own.replace(".pem", ".key"))
+    with pytest.raises(LindyError, match="no hub answers"):
+        connected(drone.address, SPACE, REFUSED_S, keys=files)
+
+
+def test_it_is_seen_who_comes_also_who_is_not_admitted(drone: Drone) -> None:
+    drone.callers.clear()
+    for who in ("ours/pilot-ann", "ours/pilot-gone"):
+        drone.session(who).close()
+    until(lambda: len(drone.callers) == 4)
+    assert drone.callers == [
+        (name, on) for name in ("pilot:ann", "pilot:gone") for on in (True, False)
+    ]
+
+
+# What each may say.
+
+
+def test_a_pilot_says_the_rows_that_go_down_and_no_others(drone: Drone) -> None:
+    heard = drone.attacked_by("ours/pilot-ann", say_all)
+    assert heard == {one(t).key for t in CROSS if t.way in (Way.DOWN, Way.BOTH)}
+    for key in ("control/thrusters", "sensor/imu", "state", "vehicle/status", "simulator/request"):
+        assert key not in heard
+
+
+COMMAND = msgspec.msgpack.encode({"stamp_ns": 0, "seq": 2**63, "source": "x", "epoch": 10**9})
+BAD_TEXT = b"\x81\xa6source\xa1\xff"  # a text that is no text
+LATER = msgspec.msgpack.encode({"stamp_ns": 0, "seq": 2**64 - 1, "offset_ns": None})
+ATTACKS: dict[str, Callable[[zenoh.Session], object]] = {
+    "command": lambda s: say(s, "pilot/command", COMMAND),
+    "bad text": lambda s: say(s, "pilot/command", BAD_TEXT),
+    "disarm": lambda s: say(s, "pilot/request", b"\x81\xa4kind\xa6disarm"),
+    "light": lambda s: say(s, "pilot/request", b"\x81\xa4kind\xa5light"),
+    "fault": lambda s: say(s, "simulator/request", b"\x80"),
+    "cut": lambda s: say(s, "link/request", b"\x81\xa4kind\xa4down"),
+    "clock": lambda s: say(s, "link/clock", LATER),
+    "thrust": lambda s: say(s, "control/thrusters", COMMAND),
+    "junk": lambda s: [say(s, "pilot/command", b"\xff" * 8) for _ in range(20_000)],
+    "invented": lambda s: [say(s, f"health/z{n}", b"\x80") for n in range(2_000)],
+    "huge": lambda s: say(s, "pilot/command", bytes(4_000_000)),
+    "every row": say_all,
+    "everything at once": lambda s: say(s, "**", b"x"),
+    "a family": lambda s: say(s, "pilot/*", b"x"),
+    "deleted": lambda s: delete(s, topics.ALL),
+}
+
+
+@pytest.mark.parametrize("attack", ATTACKS)
+@pytest.mark.parametrize("who", ["ours/observer-eve", "ours/pilot-gone"])
+def test_observers_and_the_revoked_say_nothing(drone: Drone, who: str, attack: str) -> None:
+    assert drone.attacked_by(who, ATTACKS[attack]) == set()
+    assert drone.everything == [f"{SPACE}/log/end"]
+
+
+@pytest.mark.parametrize(
+    "key", ["**", "*", "*/*", "control/*", "sensor/**", "simulator/*", "p$*/*"]
+)
+def test_a_pilots_wildcard_reaches_nothing(drone: Drone, key: str) -> None:
+    assert drone.attacked_by("ours/pilot-ann", lambda s: say(s, key, b"x")) == set()
+    assert drone.everything == [f"{SPACE}/log/end"]
+
+
+@pytest.mark.parametrize(
+    "key",
+    [f"{namespace('another')}/pilot/command", "lindy/@v2/pioneer/pilot/command", "pilot/command",
+     "@v9/pilot/command", f"{SPACE}/pilot/command/more", f"{SPACE}/alive/control"],
+)  # fmt: skip
+def test_a_pilot_reaches_no_other_vehicle_version_or_namespace(drone: Drone, key: str) -> None:
+    assert drone.attacked_by("ours/pilot-ann", lambda s: say(s, key, b"x"), space=None) == set()
+    assert drone.everything == [f"{SPACE}/log/end"]
+
+
+def test_a_pilot_deletes_nothing_of_the_drones_own(drone: Drone) -> None:
+    own = [topic for topic in topics.ALL if topic.way in (Way.UP, Way.STAY)]
+    drone.attacked_by("ours/pilot-ann", lambda s: delete(s, own))
+    assert drone.everything == [f"{SPACE}/log/end"]
+
+
+# What each may hear.
+
+
+class Ear:
+    """Everything that somebody hears, asking for everything and for each row."""
+
+    def __init__(self, session: zenoh.Session) -> None:
+        self.heard: list[str] = []
+        keep = keys_into(self.heard)
+        asked = ["**", *(topic.key for topic in topics.ALL)]
+        self._ears = [session.declare_subscriber(key, keep) for key in asked]
+
+
+def heard_from_board(drone: Drone, who: str) -> set[str]:
+    """What somebody hears while every row is said on board, until a pilot has heard the last."""
+    with drone.session(who) as session, drone.session("ours/pilot-ann") as pilot:
+        theirs, ours = Ear(session), Ear(pilot)
+
+        def goes_through(key: str, ear: Ear) -> bool:
+            drone.board.put(key, b"x")
+            return key in ear.heard
+
+        until(lambda: goes_through("log/begin", ours))
+        if who != "ours/pilot-gone":
+            until(lambda: goes_through("log/begin", theirs))
+        for topic in topics.ALL:
+            drone.board.put(one(topic).key, b"x")
+        until(lambda: goes_through("log/end", ours))
+        if who != "ours/pilot-gone":
+            until(lambda: goes_through("log/end", theirs))
+            until(lambda: {one(topic).key for topic in UP if topic in CROSS} <= {*theirs.heard})
+        return {*theirs.heard} - {"log/begin", "log/end"}
+
+
+@pytest.mark.parametrize("who", ["ours/pilot-ann", "ours/observer-eve"])
+def test_pilots_and_observers_hear_the_rows_that_go_up_and_no_others(
+    drone: Drone, who: str
+) -> None:
+    heard = heard_from_board(drone, who)
+    assert heard == {one(topic).key for topic in UP if topic in CROSS}
+    assert not heard & {"sensor/imu", "pilot/command", "pilot/request", "simulator/answer"}
+
+
+def test_the_revoked_hear_nothing(drone: Drone) -> None:
+    assert heard_from_board(drone, "ours/pilot-gone") == set()
+
+
+# Questions, liveliness, and what the hub knows of itself.
+
+
+@pytest.mark.parametrize("who", ["ours/pilot-ann", "ours/observer-eve", "ours/pilot-gone"])
+def test_nobody_asks_what_no_row_answers(drone: Drone, who: str) -> None:
+    answered: list[str] = []
+
+    def answer(query: zenoh.Query) -> None:
+        answered.append(str(query.key_expr))
+        query.reply(query.key_expr, b"secret")
+
+    with drone.board.declare_queryable("**", answer), drone.session(who, None) as session:
+        for key in ("**", f"{SPACE}/state", f"{SPACE}/pilot/command", "@/**"):
+            replies = session.get(key, timeout=1.0, allowed_destination=zenoh.Locality.REMOTE)
+            assert [*replies] == []
+        assert [*session.liveliness().get(f"{SPACE}/alive/*", timeout=1.0)] == []
+        assert answered == []
+        assert [r.ok is not None for r in drone.outside.get(f"{SPACE}/state")] == [True]
+
+
+def test_a_pilot_neither_answers_for_the_drone_nor_seems_to_be_a_service(drone: Drone) -> None:
+    seen: list[str] = []
+    drone.bus.watch(lambda service, _: seen.append(service))
+
+    def lie(query: zenoh.Query) -> None:
+        query.reply(query.key_expr, b"lie")
+
+    def pretend(session: zenoh.Session) -> None:
+        session.declare_queryable("**", lie)
+        session.liveliness().declare_token("alive/control")
+        session.liveliness().declare_token("alive/**")
+        say(session, "log/pretended")
+        until(lambda: any(e.key == "log/pretended" for e in drone.heard))
+        assert [*drone.outside.get(f"{SPACE}/state", timeout=1.0)] == []
+
+    drone.attacked_by("ours/pilot-ann", pretend)
+    drone.bus.announce("estimation")
+    until(lambda: "estimation" in seen)
+    assert seen == ["estimation"]
+
+
+# Who poses as the drone.
+
+
+@pytest.mark.parametrize(
+    ("server", "reached"),
+    [("ours/drone-pioneer", True), ("ours/drone-other", False), ("ours/pilot-ann", False),
+     ("ours/observer-eve", False), ("foreign/drone-pioneer", False)],
+)  # fmt: skip
+def test_a_pilot_speaks_to_a_drone_on_the_list_only(
+    keys: Keys, tmp_path: Path, server: str, reached: bool
+) -> None:
+    address, private = free_endpoint(), f"unixsock-stream/{tmp_path}/top.sock"
+    mine = own_keys(keys.folder / "ours/pilot-ann", ("pilot",), NOW).door
+    mine = mine._replace(admitted=("drone:pioneer",))
+    posing = config("router", [address], keys=keys.mixed(server))  # lets in all, hears all
+    with ExitStack() as exits:
+        fake = exits.enter_context(zenoh.open(posing))
+        came = list[str]()
+        _watching = watch_callers(fake, lambda name, _: came.append(name))
+        heard, shown = list[Envelope](), list[Envelope]()
+        ears = ZenohBus(fake)
+        for topic in topics.ALL:
+            ears.hear(f"{SPACE}/{topic.key}", heard.append)
+        border = HubSide("topside", SPACE, mine)
+        exits.enter_context(listening(private, connect=[address], hub_side=border))
+        pilot = ZenohBus(exits.enter_context(connected(private, SPACE, PATIENCE_S)))
+        pilot.hear(topics.STATUS.key, shown.append)
+        command = pilot.say(topics.PILOT_COMMAND)
+
+        def both() -> bool:
+            command(b"x")
+            fake.put(f"{SPACE}/vehicle/status", b"all is well")
+            return bool(heard) and bool(shown)
+
+        if reached:
+            until(both)
+        else:
+            ends = time.monotonic() + 0.5  # the hub tries again every 50 to 200 ms
+            while time.monotonic() < ends:
+                assert not both()
+                time.sleep(0.02)
+            assert (heard, shown) == ([], [])
+            assert came == (["pilot:ann"] if server == "ours/drone-other" else [])
+
+
+# A list that was changed.
+
+
+def test_a_revoked_pilot_is_out_when_the_drone_starts_again(tmp_path: Path) -> None:
+    place, address = tmp_path / "keys", free_endpoint()
+    private = f"unixsock-stream/{tmp_path}/hub.sock"
+    authority.new(place, NOW)
+    for name in ("drone:pioneer", "pilot:ann", "pilot:bob"):
+        authority.add(place, parse(name), NOW, 10)
+
+    def hub() -> zenoh.Session:
+        door: Door = own_keys(place, ("drone",), NOW).door
+        return listening(address, private, hub_side=HubSide("drone", SPACE, door))
+
+    def heard_of(session: zenoh.Session, bus: ZenohBus, key: str) -> Callable[[], bool]:
+        heard = list[Envelope]()
+        bus.hear(key, heard.append)
+
+        def came() -> bool:
+            session.put(key, b"x")
+            return bool(heard)
+
+        return came
+
+    with ExitStack() as exits:
+
+        def pilot(name: str) -> zenoh.Session:
+            keys = own_keys(place / name, ("pilot",), NOW).door.keys
+            return exits.enter_context(connected(address, SPACE, PATIENCE_S, keys=keys))
+
+        with hub(), connected(private, SPACE, PATIENCE_S) as board:
+            sessions = {"ann": pilot("pilot-ann"), "bob": pilot("pilot-bob")}
+            for name, session in sessions.items():
+                until(heard_of(session, ZenohBus(board), f"log/{name}"))
+        authority.revoke(place, parse("pilot:ann"))
+        with hub(), connected(private, SPACE, PATIENCE_S) as board:
+            bus, ann = ZenohBus(board), list[Envelope]()
+            bus.hear("log/ann", ann.append)
+            bob = heard_of(sessions["bob"], bus, "log/bob")
+
+            def both() -> bool:
+                sessions["ann"].put("log/ann", b"x")
+                return bob()
+
+            until(both)
+            assert ann == []

@@ -1,0 +1,1 @@
+"""Keys and certificates: who may reach the other machine, and as what."""

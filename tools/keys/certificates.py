@@ -1,0 +1,228 @@
+"""Certificates: made from a public key, and judged from their bytes. Pure.
+
+X.509 (RFC 5280). A drone's certificate may only answer (extended key usage `serverAuth`), a pilot's
+or observer's may only call (`clientAuth`), so that a stolen pilot's key cannot pose as a drone. All
+raise ValueError with what is wrong, to be put behind the name of the file.
+"""
+
+from datetime import UTC, datetime, timedelta
+from typing import NamedTuple
+
+from cryptography import x509
+from cryptography.exceptions import InvalidSignature, UnsupportedAlgorithm
+from cryptography.hazmat.primitives import hashes
+from cryptography.hazmat.primitives.asymmetric.ec import (
+    EllipticCurvePrivateKey,
+    EllipticCurvePublicKey,
+)
+from cryptography.hazmat.primitives.serialization import (
+    Encoding,
+    NoEncryption,
+    PrivateFormat,
+    PublicFormat,
+    load_pem_private_key,
+)
+from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
+
+from tools.keys.roles import Identity, Role, parse
+
+AUTHORITY_DAYS = 3650
+LONGEST_DAYS = 730
+EARLIER = timedelta(days=1)  # valid from a day before: no two clocks are equal
+AUTHORITY_NAME = "lindy keys"
+USAGE: dict[Role, x509.ObjectIdentifier] = {
+    "drone": ExtendedKeyUsageOID.SERVER_AUTH,
+    "pilot": ExtendedKeyUsageOID.CLIENT_AUTH,
+    "observer": ExtendedKeyUsageOID.CLIENT_AUTH,
+}
+
+
+class Certificate(NamedTuple):
+    """A certificate that somebody's keys hold."""
+
+    who: Identity
+    begins: datetime  # UTC
+    ends: datetime
+
+
+def authority(key: EllipticCurvePrivateKey, now: datetime, serial: int) -> bytes:
+    """The certificate (PEM) of a new authority, signed by itself."""
+    public = key.public_key()
+    usage = x509.KeyUsage(
+        digital_signature=False, content_commitment=False, key_encipherment=False,
+        data_encipherment=False, key_agreement=False, key_cert_sign=True, crl_sign=True,
+        encipher_only=False, decipher_only=False,
+    )  # fmt: skip
+    made = (
+        _builder(AUTHORITY_NAME, AUTHORITY_NAME, public, serial)
+        .not_valid_before(now - EARLIER)
+        .not_valid_after(now + timedelta(days=AUTHORITY_DAYS))
+        .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
+        .add_extension(usage, critical=True)
+        .add_extension(x509.SubjectKeyIdentifier.from_public_key(public), critical=False)
+        .sign(key, hashes.SHA256())
+    )
+    return made.public_bytes(Encoding.PEM)
+
+
+def issue(
+    who: Identity,
+    public: EllipticCurvePublicKey,
+    signer: EllipticCurvePrivateKey,
+    now: datetime,
+    days: int,
+    serial: int,
+) -> bytes:
+    """A certificate (PEM) for somebody's public key, signed by the authority."""
+    made = (
+        _builder(str(who), AUTHORITY_NAME, public, serial)
+        .not_valid_before(now - EARLIER)
+        .not_valid_after(now + timedelta(days=days))
+        .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
+        .add_extension(x509.ExtendedKeyUsage([USAGE[who.role]]), critical=True)
+        .add_extension(x509.SubjectAlternativeName([x509.DNSName("lindy")]), critical=False)
+        .sign(signer, hashes.SHA256())
+    )
+    return made.public_bytes(Encoding.PEM)
+
+
+def _builder(
+    subject: str, issuer: str, public: EllipticCurvePublicKey, serial: int
+) -> x509.CertificateBuilder:
+    return x509.CertificateBuilder(
+        subject_name=_name(subject),
+        issuer_name=_name(issuer),
+        public_key=public,
+        serial_number=serial,
+    )
+
+
+def _name(text: str) -> x509.Name:
+    return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, text)])
+
+
+def key_pem(key: EllipticCurvePrivateKey) -> bytes:
+    """The file of a private key, without a password: nobody types one on board."""
+    return key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
+
+
+def read_key(data: bytes) -> EllipticCurvePrivateKey:
+    """
+    Raises:
+        ValueError: not a private key that Lindy made.
+    """
+    try:
+        key = load_pem_private_key(data, password=None)
+    except (ValueError, UnsupportedAlgorithm):
+        raise ValueError("is not a private key") from None
+    except TypeError:
+        raise ValueError("is locked with a password, which nobody could type on board") from None
+    if not isinstance(key, EllipticCurvePrivateKey):
+        raise ValueError("is not the kind of key that `lindy keys` makes")
+    return key
+
+
+def read(data: bytes) -> Certificate:
+    """Whose certificate it is, and when it is valid.
+
+    Raises:
+        ValueError: not a certificate, or not one that Lindy made.
+    """
+    certificate = _load(data)
+    names = certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
+    if len(names) != 1:
+        raise ValueError("names nobody: `lindy keys` did not make it")
+    try:
+        who = parse(str(names[0].value))
+    except ValueError as error:
+        raise ValueError(f"{error}: `lindy keys` did not make it") from None
+    return Certificate(who, certificate.not_valid_before_utc, certificate.not_valid_after_utc)
+
+
+def check_certificate(data: bytes, authority: bytes, now: datetime) -> Certificate:
+    """Is it the authority's, for its role, and valid now?
+
+    Raises:
+        ValueError: why not.
+    """
+    certificate = _load(data)
+    if certificate.issuer == certificate.subject:
+        raise ValueError("is signed by itself, not by an authority")
+    try:
+        certificate.verify_directly_issued_by(_load(authority))
+    except (ValueError, TypeError, InvalidSignature):
+        raise ValueError("is from another authority than that of ca.pem") from None
+    found = read(data)
+    if USAGE[found.who.role] not in _usages(certificate):
+        raise ValueError(f"is not made for the role of {found.who}")
+    check_dates(found.begins, found.ends, now)
+    return found
+
+
+def check_authority(data: bytes, now: datetime) -> None:
+    """
+    Raises:
+        ValueError: it is no authority, or not valid now.
+    """
+    certificate = _load(data)
+    try:
+        is_one = certificate.extensions.get_extension_for_class(x509.BasicConstraints).value.ca
+    except (x509.ExtensionNotFound, x509.DuplicateExtension, ValueError):
+        is_one = False
+    if not is_one:
+        raise ValueError("is not the certificate of an authority")
+    check_dates(certificate.not_valid_before_utc, certificate.not_valid_after_utc, now)
+
+
+def ends(data: bytes) -> datetime:
+    """
+    Raises:
+        ValueError: not a certificate.
+    """
+    return _load(data).not_valid_after_utc
+
+
+def check_dates(begins: datetime, ends: datetime, now: datetime) -> None:
+    """
+    Raises:
+        ValueError: not valid yet, or no longer.
+    """
+    clock = f"and this computer's clock says {day(now)}"
+    if now < begins:
+        raise ValueError(f"is valid from {day(begins)} on, {clock}: set the clock")
+    if now > ends:
+        raise ValueError(
+            f"was valid until {day(ends)}, {clock}: if the clock is right, make a new one with "
+            f"`lindy keys add`"
+        )
+
+
+def check_pair(certificate: bytes, key: bytes) -> None:
+    """Does the private key belong to the certificate?
+
+    Raises:
+        ValueError: no, or it is no key.
+    """
+    form = Encoding.DER, PublicFormat.SubjectPublicKeyInfo
+    theirs = _load(certificate).public_key().public_bytes(*form)
+    if read_key(key).public_key().public_bytes(*form) != theirs:
+        raise ValueError("does not belong to certificate.pem")
+
+
+def day(at: datetime) -> str:
+    return f"{at.astimezone(UTC):%Y-%m-%d}"
+
+
+def _load(data: bytes) -> x509.Certificate:
+    try:
+        return x509.load_pem_x509_certificate(data)
+    except (ValueError, UnsupportedAlgorithm):
+        raise ValueError("is not a certificate") from None
+
+
+def _usages(certificate: x509.Certificate) -> list[x509.ObjectIdentifier]:
+    try:
+        found = certificate.extensions.get_extension_for_class(x509.ExtendedKeyUsage)
+    except (x509.ExtensionNotFound, x509.DuplicateExtension, ValueError):
+        return []
+    return list(found.value)

@@ -1,0 +1,132 @@
+"""`lindy keys`: keys for machines that meet over a network."""
+
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+from cyclopts import App, Parameter
+
+from services.runtime.config.errors import LindyError
+from tools.choices import named
+from tools.keys.door import DEFAULT, require_cryptography
+from tools.keys.roles import Identity, identity, parse
+from tools.whole import Whole
+
+Keys = Annotated[Path, Parameter(name="--keys", converter=named, help="the folder of the keys")]
+Days = Annotated[Whole, Parameter(help="for which the certificates are valid")]
+LONGEST = 730  # [days]
+
+keys = App(
+    name="keys",
+    help="Keys with which drone and pilot recognise each other over a network.",
+    help_format="plaintext",
+)
+
+
+@keys.command
+def new(
+    *,
+    drone: Annotated[str, Parameter(help="name of the drone")] = "pioneer",
+    pilot: Annotated[str, Parameter(help="name of the pilot")] = "first",
+    folder: Keys = Path(DEFAULT),
+    days: Days = LONGEST,
+) -> int:
+    """Make an authority, and keys for one drone and one pilot.
+
+    Example: lindy keys new --drone pioneer --pilot ann
+    """
+    both = _identity("drone", drone), _identity("pilot", pilot)
+    require_cryptography()
+    from tools.keys import authority
+
+    place, now = folder.expanduser(), datetime.now(UTC)
+    authority.new(place, now)
+    print(f"{place / 'authority'}: whoever has it can make keys; keep it at home")
+    for who in both:
+        made, _ = authority.add(place, who, now, days)
+        print(f"{made}: copy it into {DEFAULT} of {_machine(who)}")
+    return 0
+
+
+@keys.command
+def add(role: str, name: str, *, folder: Keys = Path(DEFAULT), days: Days = LONGEST) -> int:
+    """Make keys for one more. ROLE is drone, pilot or observer (hears, and can send nothing).
+
+    Example: lindy keys add pilot bob
+    """
+    who = _identity(role, name)
+    require_cryptography()
+    from tools.keys import authority
+
+    made, lists = authority.add(folder.expanduser(), who, datetime.now(UTC), days)
+    print(f"{made}: copy it into {DEFAULT} of {_machine(who)}")
+    for path in lists:
+        print(f"{path} names {who} now: copy it to its machine, and start that again")
+    return 0
+
+
+@keys.command(name="list")
+def list_(
+    *,
+    folder: Keys = Path(DEFAULT),
+    json: Annotated[bool, Parameter(negative=(), show_default=False, help="as JSON")] = False,
+) -> int:
+    """Print whose keys are in the folder, and until when they are valid.
+
+    Example: lindy keys list
+    """
+    require_cryptography()
+    from tools.keys.authority import listed
+    from tools.keys.table import state, table
+
+    found, now = listed(folder.expanduser()), datetime.now(UTC)
+    if json:
+        rows = [
+            {
+                "name": str(one.certificate.who),
+                "begins": one.certificate.begins,
+                "ends": one.certificate.ends,
+                "state": state(one, now),
+                "folder": str(one.folder),
+            }
+            for one in found
+        ]
+        print(msgspec.json.encode(rows).decode())
+    else:
+        print(table(found, now))
+    return 0
+
+
+@keys.command
+def revoke(name: str, *, folder: Keys = Path(DEFAULT)) -> int:
+    """Take somebody, such as pilot:ann, off every list in the folder of the keys.
+
+    A drone reads its list when it is started. So do this on the drone, or copy the list there.
+
+    Example: lindy keys revoke pilot:ann
+    """
+    try:
+        who = parse(name)
+    except ValueError as error:
+        raise LindyError(str(error)) from None
+    require_cryptography()
+    from tools.keys import authority
+
+    lists = authority.revoke(folder.expanduser(), who)
+    for path in lists:
+        print(f"{path} does not name {who} any more: copy it to its machine, and start that again")
+    if not lists:
+        print(f"{who} is revoked; it was on no list in {folder}")
+    return 0
+
+
+def _identity(role: str, name: str) -> Identity:
+    try:
+        return identity(role, name)
+    except ValueError as error:
+        raise LindyError(str(error)) from None
+
+
+def _machine(who: Identity) -> str:
+    return f"the drone {who.name}" if who.role == "drone" else f"{who.name}'s computer"
