@@ -39,6 +39,7 @@ class McapFile:
         """
         Raises:
             FileExistsError: there is such a file already.
+            OSError: it cannot be made; then there is none.
         """
         self.path = path
         self.flushed = 0
@@ -49,7 +50,11 @@ class McapFile:
         self._summary = McapSummary()
         self._schemas: dict[tuple[str, bytes], int] = {}
         self._channels: dict[str, int] = {}
-        self._append(MAGIC + encoded(Header(profile="", library="lindy")))
+        try:
+            self._append(MAGIC + encoded(Header(profile="", library="lindy")))
+        except OSError:
+            self.discard()
+            raise
 
     def metadata(self, name: str, entries: dict[str, str]) -> None:
         at, length = self._append_record(Metadata(name, entries))

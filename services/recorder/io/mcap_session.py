@@ -10,6 +10,7 @@ Existing files are never written to.
 
 import json
 from collections import Counter
+from pathlib import Path
 from typing import Literal, Protocol
 
 import msgspec
@@ -66,7 +67,9 @@ class McapSession:
             stack.out_dir.mkdir(parents=True, exist_ok=True)
             self._open()
         except OSError as error:
-            raise LindyError(f"cannot write the recording {path}: {reason(error)}") from None
+            if self._opened.parts == 0:  # the dive begins: the user can correct it
+                raise LindyError(f"cannot write the recording {path}: {reason(error)}") from None
+            self._stopped(path, error)  # started again in mid-dive
 
     def write(self, row: RecordedRow) -> None:
         """Add a row, or count it as not recorded while there is no file."""
@@ -146,13 +149,16 @@ class McapSession:
             file.discard()
             self._opened = RecordingCheckpoint(self._opened.parts - 1)
         self._file = None
-        self._node.count("disk_error")
         self._node.count("not_recorded", file.unflushed)
+        self._stopped(file.path, error)
+
+    def _stopped(self, path: Path, error: OSError) -> None:
+        self._node.count("disk_error")
         if not self._interrupted:
             self._interrupted = True
             self._node.log(
                 "error",
-                f"recording stopped: cannot write {file.path}: {reason(error)}; "
+                f"recording stopped: cannot write {path}: {reason(error)}; "
                 f"trying again every {RETRY_NS // 10**9} s",
             )
 

@@ -243,7 +243,13 @@ class LocalStack:
     def _note_pids(self) -> None:
         if (pids := self._each(self.supervisor.pids)) != self._pids:
             self._pids = pids
-            running = Running(self.stack.vehicle_name, self.endpoints, os.getpid(), pids)
+            running = Running(
+                self.stack.vehicle_name,
+                self.endpoints,
+                os.getpid(),
+                pids,
+                str(self.services.file),
+            )
             self._publish(msgspec.json.format(msgspec.json.encode(running)))
 
     def _publish(self, data: bytes) -> None:

@@ -12,6 +12,7 @@ from messages import topics
 from messages.health import LogLine
 from messages.pilot import PilotCommand
 from messages.sensors import BatterySample, PressureSample
+from services.recorder.io import mcap_file
 from services.recorder.io.mcap_file import McapFile
 from services.recorder.service import wire
 from services.runtime.bus.envelope import Envelope
@@ -259,3 +260,24 @@ def test_the_same_dive_has_the_same_hash_and_another_has_not(tmp_path: Path):
     assert hashes[0] == hashes[1] != hashes[2]
     whole = [(tmp_path / name / "dive.mcap").read_bytes() for name in ("one", "same")]
     assert whole[0] == whole[1]
+
+
+def test_a_recorder_that_is_started_again_on_a_full_disk_waits_for_room(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    dive = Dive(tmp_path)
+    dive.run(1.0)
+    dive.crash()
+    with monkeypatch.context() as full:
+
+        def refuse(*_: object) -> None:
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+        full.setattr(mcap_file, "write_at", refuse)
+        dive.start()
+        dive.run(3.0)
+        assert [path.name for path in tmp_path.glob("*.mcap")] == ["dive.mcap"]  # no empty part
+    dive.run(10.0)
+    dive.host.close()
+    assert dive.stamps("dive.part2.mcap")[-1] == 10 * SECOND
+    assert dive.recorder.counts["disk_error"] >= 1

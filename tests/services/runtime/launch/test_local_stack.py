@@ -123,7 +123,8 @@ def test_a_stack_comes_alive_is_found_by_its_file_and_leaves_nothing_behind(tmp_
         alive(local)
         assert local.alive >= {("drone", "engine"), ("topside", "desk"), ("drone", "desk")}
         found = running(stack)
-        assert found == Running("pioneer", local.endpoints, os.getpid(), local.supervisor.pids)
+        file, pids = str(services.file), local.supervisor.pids
+        assert found == Running("pioneer", local.endpoints, os.getpid(), pids, file)
         assert set(found.pids) == {"hub_topside", "hub_drone", "engine", "desk"}
         said = list[LogLine]()
         decoder = msgspec.msgpack.Decoder(LogLine)
