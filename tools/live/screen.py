@@ -97,7 +97,8 @@ def plain(view: View) -> str:
     depth, heading = _number(view.depth_m, "7.2f"), _number(view.heading_deg, "6.1f")
     parts = [
         f"{_clock(view.elapsed_s)}  {'armed' if view.armed else 'disarmed'} {view.mode}",
-        f"depth {depth} m  heading {heading}°  rtt {_number(view.rtt_ms, '.1f')} ms",
+        f"depth {depth} m  heading {heading}°{_old(view.age_ms)}"
+        f"  rtt {_number(view.rtt_ms, '.1f')} ms",
     ]
     if failsafe := _failsafe(view):
         parts.append(failsafe)

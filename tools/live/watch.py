@@ -7,12 +7,14 @@ from messages import topics
 from messages.health import Health, LogLine
 from messages.link import Shown
 from messages.topic import M
+from messages.vehicle import VehicleStatus
 from services.runtime.node.node import Node
 from services.runtime.node.ports import Latest
 from tools.live.dive_timeline import DiveTimeline
 from tools.live.log_lines import LogLines
 from tools.live.screen import LINES, ServiceView, View
 
+STATUS_S = 1.5  # [s] a status is repeated five times a second
 RECENT_NS = 3_000_000_000  # [ns] an older state or reference is not shown
 LOOK_HZ = 25.0  # [1/s] often enough that ports that keep the newest 8 do not overflow at 100 Hz
 
@@ -83,11 +85,11 @@ class Watch:
             capacity_wh=battery.capacity_wh if battery else None,
             armed=status.armed if status else False,
             failsafe=status.failsafe if status else "none",
-            note=status.note if status else timeline.note,
+            note=_silence(status, now) or status.note if status else timeline.note,
             age_ms=(now - state.stamp_ns) / 1e6 if state else None,
             depth_m=state.depth.value if state and state.depth.valid else None,
             depth_wanted_m=reference.depth.position if reference else None,
-            heading_deg=_compass(state.heading.value) if state else None,
+            heading_deg=_compass(state.heading.value) if state and state.heading.valid else None,
             heading_wanted_deg=_compass(reference.heading.position) if reference else None,
             sticks=(pilot.surge, pilot.sway, pilot.heave, pilot.yaw) if pilot else None,
             down_ms=link.down_link.delay_p50_ms if link else None,
@@ -135,6 +137,12 @@ class Watch:
         ports = (self._state, self._status, self._reference, self._pilot, self._link)
         for port in (*ports, self._battery, self._budget, self._clock):
             port.newest(now)
+
+
+def _silence(status: VehicleStatus, now: int) -> str:
+    """That what is shown of the vehicle's mode is old; nothing while it is not."""
+    age_s = (now - status.stamp_ns) / 1e9
+    return "" if age_s <= STATUS_S else f"no status from the drone for {age_s:.0f} s"
 
 
 def _recent(port: Latest[M], now: int) -> M | None:

@@ -140,3 +140,8 @@ def test_one_plain_line_says_the_same():
     assert "\n" not in line
     for value in ("01:23", "armed piloted", "12.35 m", "359.9°", "221.2 ms", "FAILSAFE", "3"):
         assert value in line
+
+
+def test_old_figures_are_said_to_be_old_in_one_line_too() -> None:
+    assert "heading  359.9°  2.0 s old  rtt" in plain(replace(FULL, age_ms=2000.0))
+    assert "old" not in plain(replace(FULL, age_ms=20.0))

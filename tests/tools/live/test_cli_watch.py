@@ -192,3 +192,15 @@ def test_the_end_of_a_dive_is_asked_in_the_name_of_this_sides_pilot():
     theirs = VehicleStatus(stamp_ns=0, mode="piloted", armed=True, epoch=4)
     assert own.in_control(mine)
     assert not own.in_control(theirs)
+
+
+def test_a_status_that_is_not_repeated_is_said_to_be_old():
+    scene = Scene()
+    status = VehicleStatus(stamp_ns=0, mode="piloted", armed=True, note="sea too wet")
+    scene.stack.publisher(topics.STATUS).put(status)
+    scene.host.run(SECOND)
+    assert scene.view().note == "sea too wet"
+    scene.host.run(4 * SECOND)
+    view = scene.view()
+    assert view.note == "no status from the drone for 4 s"
+    assert view.armed  # as far as anybody knows
