@@ -48,13 +48,13 @@ def dive(
     outcome = Outcome(stack)
     tell_who_flies(choices, pilot)
     print(f"{title(stack)} → {stack.out_dir}", flush=True)
-    with (
-        StopSignals() as stop,
-        display() as shown,
-        outcome.of_the_dive(),
-        local_stack(stack, services, listen, door=way_in) as local,
-        followed_by(outcome, local),
-    ):
-        point_latest(stack.out_dir)
-        outcome.exit = PilotedDive(local, pilot, choices.seconds, stop, shown).fly()
-    return outcome.sum_up()
+    with StopSignals() as stop:
+        with (
+            display() as shown,
+            outcome.of_the_dive(),
+            local_stack(stack, services, listen, door=way_in) as local,
+            followed_by(outcome, local),
+        ):
+            point_latest(stack.out_dir)
+            outcome.exit = PilotedDive(local, pilot, choices.seconds, stop, shown).fly()
+        return stop.report(outcome.sum_up)

@@ -61,8 +61,10 @@ def _recorded(choices: Choices, pilot: PilotChoice, services: Registry) -> int:
     print(f"{title(stack)} → {stack.out_dir}", flush=True)
     outcome = Outcome(stack)
     begun = partial(point_latest, stack.out_dir)
-    _fly_and_show(stack, services, DiveTimeline(pilot.script_s, choices.seconds), outcome, begun)
-    return outcome.sum_up()
+    timeline = DiveTimeline(pilot.script_s, choices.seconds)
+    with StopSignals() as stop:
+        _fly_and_show(stack, services, timeline, outcome, stop, begun)
+        return stop.report(outcome.sum_up)
 
 
 def _in_memory(choices: Choices, pilot: PilotChoice, services: Registry) -> int:
@@ -75,7 +77,12 @@ def _in_memory(choices: Choices, pilot: PilotChoice, services: Registry) -> int:
         stack = msgspec.structs.replace(stack, virtual=True, out=folder)
         print(f"{title(stack)}, without files", flush=True)
         outcome, timeline = Outcome(stack), DiveTimeline(pilot.script_s, choices.seconds)
-        _fly_and_show(stack, services, timeline, outcome, memory=memory)
+        with StopSignals() as stop:
+            _fly_and_show(stack, services, timeline, outcome, stop, memory=memory)
+            return stop.report(lambda: _sum_up_memory(outcome, memory), "nothing was recorded")
+
+
+def _sum_up_memory(outcome: Outcome, memory: MemoryRecorder) -> int:
     dive = memory.dive()
     print(summary(outcome.report_in_memory(dive, memory.log_hash()), dive.max_depth_m), flush=True)
     outcome.complain()
@@ -87,6 +94,7 @@ def _fly_and_show(
     services: Registry,
     timeline: DiveTimeline,
     outcome: Outcome,
+    stop: StopSignals,
     begun: Callable[[], None] = lambda: None,
     memory: MemoryRecorder | None = None,
 ) -> None:
@@ -95,7 +103,7 @@ def _fly_and_show(
     def show(line: LogLine) -> None:
         shown.line(line, timeline.elapsed_s(line.stamp_ns))
 
-    with StopSignals() as stop, progress() as advance:
+    with progress() as advance:
         fly(
             *(stack, services, timeline, outcome),
             stop=lambda: stop.asked,

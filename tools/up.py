@@ -133,19 +133,25 @@ def run(
 ) -> int:
     """One side of a stack from its start to its summary. Returns the exit status."""
     outcome = Outcome(stack)
-    with (
-        StopSignals() as stop,
-        display() as shown,
-        outcome.of_the_dive(),
-        local_stack(stack, here, other_side=other_side, begin_with=begin_with, door=keys) as local,
-        followed_by(outcome, local),
-    ):
-        point_latest(stack.out_dir)
-        outcome.exit = go(local, stop, shown)
-    other = OTHER[other_side.side]
-    if RECORDER in here:
-        return outcome.sum_up(Elsewhere(other, tuple(on_side(every, other, gateway=False))))
-    return outcome.sum_up_unrecorded(other_side.side, other)
+    side, other = other_side.side, OTHER[other_side.side]
+    with StopSignals() as stop:
+        with (
+            display() as shown,
+            outcome.of_the_dive(),
+            local_stack(
+                stack, here, other_side=other_side, begin_with=begin_with, door=keys
+            ) as local,
+            followed_by(outcome, local),
+        ):
+            point_latest(stack.out_dir)
+            outcome.exit = go(local, stop, shown)
+        if RECORDER in here:
+            there = Elsewhere(other, tuple(on_side(every, other, gateway=False)))
+            return stop.report(lambda: outcome.sum_up(there))
+        return stop.report(
+            lambda: outcome.sum_up_unrecorded(side, other),
+            f"the recording is on the {other}'s side",
+        )
 
 
 def on_side(every: Registry, side: str, *, gateway: bool) -> Registry:

@@ -1,16 +1,28 @@
-"""Ctrl-C and SIGTERM as a flag, so that a dive is ended cleanly."""
+"""Ctrl-C and SIGTERM as a flag, so that a dive is ended cleanly, and its report is written whole."""
 
+import os
 import signal
+import sys
+from collections.abc import Callable
+from contextlib import suppress
 from types import TracebackType
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
+BROKEN_OFF = 130  # exit status, as after any Ctrl-C
+WRITING = "the report is being written; once more, and it is broken off"
 
 
 class StopSignals:
-    """Active inside its `with` block."""
+    """Active inside its `with` block.
+
+    The first signal asks for the dive's end, and further ones change nothing. While the report is
+    being written, one is answered with a sentence, and the next one breaks the report off.
+    """
 
     def __init__(self) -> None:
         self.asked = False
+        self._again = False  # asked more than once
+        self._reporting = self._told = False
 
     def __enter__(self) -> "StopSignals":
         self._before = {number: signal.signal(number, self._ask) for number in SIGNALS}
@@ -25,5 +37,40 @@ class StopSignals:
         for number, handler in self._before.items():
             signal.signal(number, handler)
 
+    def report(self, write: Callable[[], int], kept: str = "the recording is whole") -> int:
+        """Write the report of a dive that is over. Returns the exit status of `write`, or
+        `BROKEN_OFF`.
+
+        Args:
+            kept: what is left if the report is broken off.
+        """
+        self._reporting = True
+        if self._again:  # answered only now: during the dive a screen may be in the way
+            self._tell()
+        try:
+            status = write()
+            self._reporting = False  # everything is written: nothing is left to break off
+        except BrokenOffError:
+            print(f"lindy: the report was broken off; {kept}", file=sys.stderr, flush=True)
+            return BROKEN_OFF
+        finally:
+            self._reporting = False
+        return status
+
     def _ask(self, *_: object) -> None:
-        self.asked = True
+        self._again, self.asked = self.asked, True
+        if not self._reporting:
+            return
+        if self._told:
+            self._reporting = False  # broken off once only
+            raise BrokenOffError
+        self._tell()
+
+    def _tell(self) -> None:
+        self._told = True
+        with suppress(OSError):  # a signal may come in the middle of a print: not through a buffer
+            os.write(2, f"lindy: {WRITING}\n".encode())
+
+
+class BrokenOffError(BaseException):
+    """Not an `Exception`: what catches any failure of a report must not catch this."""
