@@ -1,5 +1,6 @@
-"""Ctrl-C and SIGTERM as a flag, so that a dive is ended cleanly, and its report is written whole."""
+"""Ctrl-C and SIGTERM: they end a dive cleanly, and its report is written whole."""
 
+import atexit
 import os
 import signal
 import sys
@@ -55,6 +56,7 @@ class StopSignals:
             return BROKEN_OFF
         finally:
             self._reporting = False
+            atexit.register(_ignore)  # the program is about to end with the status of the dive
         return status
 
     def _ask(self, *_: object) -> None:
@@ -70,6 +72,11 @@ class StopSignals:
         self._told = True
         with suppress(OSError):  # a signal may come in the middle of a print: not through a buffer
             os.write(2, f"lindy: {WRITING}\n".encode())
+
+
+def _ignore() -> None:
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
 
 
 class BrokenOffError(BaseException):

@@ -3,6 +3,8 @@
 import io
 import os
 import signal
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +19,7 @@ from services.runtime.config.stack import Stack
 from tools.live.outcome import Outcome
 from tools.live.stop_signals import BROKEN_OFF, WRITING, StopSignals
 
+HERE = Path(__file__).parents[3]
 BOTH = pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 
 
@@ -102,6 +105,20 @@ def test_one_more_breaks_the_report_off_and_leaves_no_half_of_it(
     sentence = "lindy: the report was broken off; the recording is whole"
     assert capfd.readouterr().err.splitlines() == [f"lindy: {WRITING}", sentence]
     assert [path.name for path in tmp_path.iterdir()] == ["dive.mcap"]
+
+
+@BOTH
+def test_the_end_of_the_program_keeps_the_status_of_the_dive(number: int):
+    program = f"""
+import atexit, os
+from tools.live.stop_signals import StopSignals
+atexit.register(lambda: os.kill(os.getpid(), {int(number)}))
+with StopSignals() as stop:
+    status = stop.report(lambda: 3)
+raise SystemExit(status)
+"""
+    ran = subprocess.run([sys.executable, "-c", program], cwd=HERE, check=False)
+    assert ran.returncode == 3
 
 
 def test_afterwards_the_signals_have_their_former_effect():
