@@ -16,7 +16,7 @@ from tools.checks import DEFAULT_PILOT, checked, pilot_of
 from tools.choices import Choices
 from tools.keys.door import door
 from tools.live.display import Display, display
-from tools.live.dive_folder import out_folder, point_latest
+from tools.live.dive_folder import out_folder, point_latest, require_room_for_recording
 from tools.live.dive_timeline import DiveTimeline
 from tools.live.monitor_loop import MonitorLoop, followed_by
 from tools.live.outcome import RECORDER, Outcome
@@ -132,6 +132,8 @@ def run(
     keys: Door | None = None,
 ) -> int:
     """One side of a stack from its start to its summary. Returns the exit status."""
+    if RECORDER in here:
+        require_room_for_recording(stack.out_dir)
     outcome = Outcome(stack)
     side, other = other_side.side, OTHER[other_side.side]
     with StopSignals() as stop:
