@@ -26,6 +26,7 @@ from tools.live.viewer import runnable
 from tools.live.virtual_dive import Advance, fly, without_files
 from tools.report import summary
 
+CALIBRATING = "calibrating"
 LINE_S = 10.0  # [s] of virtual time between two lines
 
 
@@ -128,7 +129,7 @@ def progress() -> Generator[Advance]:
         def advance(timeline: DiveTimeline, now: int) -> None:
             bar.update(
                 task,
-                description="diving" if timeline.armed else timeline.note,
+                description="diving" if timeline.armed else _note(timeline),
                 total=timeline.length_s,
                 completed=timeline.elapsed_s(now) or 0.0,
             )
@@ -144,7 +145,12 @@ def _lines() -> Advance:
         if now / 1e9 - last_s >= LINE_S:
             last_s = now / 1e9
             elapsed = timeline.elapsed_s(now)
-            state = "armed" if timeline.armed else timeline.note
+            state = "armed" if timeline.armed else _note(timeline)
             print(f"{'':<7} {when(elapsed):>8}  {state}", flush=True)
 
     return advance
+
+
+def _note(timeline: DiveTimeline) -> str:
+    """Why the drone is not armed, without the advice to keep it still: nobody holds it here."""
+    return CALIBRATING if timeline.note.startswith(CALIBRATING) else timeline.note
