@@ -4,12 +4,14 @@ import atexit
 import os
 import signal
 import sys
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from types import TracebackType
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 BROKEN_OFF = 130  # exit status, as after any Ctrl-C
+APART_S = 0.5  # [s] signals that come closer are one: `uv run` hands on what also came by itself
 WRITING = "the report is being written; once more, and it is broken off"
 
 
@@ -20,10 +22,12 @@ class StopSignals:
     being written, one is answered with a sentence, and the next one breaks the report off.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self.asked = False
         self._again = False  # asked more than once
-        self._reporting = self._told = False
+        self._reporting = False
+        self._told_s: float | None = None  # [s] when a signal was answered
+        self._clock = clock
 
     def __enter__(self) -> "StopSignals":
         self._before = {number: signal.signal(number, self._ask) for number in SIGNALS}
@@ -63,13 +67,14 @@ class StopSignals:
         self._again, self.asked = self.asked, True
         if not self._reporting:
             return
-        if self._told:
+        if self._told_s is None:
+            self._tell()
+        elif self._clock() - self._told_s >= APART_S:
             self._reporting = False  # broken off once only
             raise BrokenOffError
-        self._tell()
 
     def _tell(self) -> None:
-        self._told = True
+        self._told_s = self._clock()
         with suppress(OSError):  # a signal may come in the middle of a print: not through a buffer
             os.write(2, f"lindy: {WRITING}\n".encode())
 

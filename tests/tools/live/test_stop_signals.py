@@ -5,6 +5,8 @@ import os
 import signal
 import subprocess
 import sys
+from functools import partial
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -75,6 +77,20 @@ def test_signals_while_the_dive_is_being_ended_break_nothing_off(
 
 
 @BOTH
+def test_a_signal_that_arrives_twice_at_once_breaks_nothing_off(
+    number: int, capfd: pytest.CaptureFixture[str]
+):
+    def write() -> int:
+        press(number)
+        press(number)
+        return 0
+
+    with StopSignals(lambda: 7.0) as stop:
+        assert stop.report(write) == 0
+    assert capfd.readouterr().err == f"lindy: {WRITING}\n"
+
+
+@BOTH
 def test_one_more_breaks_the_report_off_and_leaves_no_half_of_it(
     number: int,
     tmp_path: Path,
@@ -98,7 +114,7 @@ def test_one_more_breaks_the_report_off_and_leaves_no_half_of_it(
         return Pressing(path, mode) if mode == "xb" else as_ever(path, mode)
 
     monkeypatch.setattr(Path, "open", opened)
-    with StopSignals() as stop:
+    with StopSignals(partial(next, count())) as stop:  # a second passes at every look
         press(number)
         press(number)
         assert stop.report(outcome.sum_up) == BROKEN_OFF
