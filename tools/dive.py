@@ -11,9 +11,9 @@ from tools.checks import checked
 from tools.choices import Choices
 from tools.keys.door import door
 from tools.live.display import display
-from tools.live.dive_folder import out_folder, point_latest
+from tools.live.dive_folder import out_folder, point_latest, require_room_for_recording
 from tools.live.monitor_loop import followed_by
-from tools.live.outcome import Outcome, title
+from tools.live.outcome import RECORDER, Outcome, title
 from tools.live.piloted_dive import PilotedDive, tell_who_flies, who_flies
 from tools.live.stop_signals import StopSignals
 from tools.live.viewer import runnable
@@ -45,16 +45,18 @@ def dive(
     stack = checked(choices, pilot, services)
     stack = msgspec.structs.replace(stack, viewer=viewer, out=str(out_folder(choices.out)))
     stack = msgspec.structs.replace(stack, insecure=insecure and listen is not None)
+    if RECORDER in services:
+        require_room_for_recording(stack.out_dir)
     outcome = Outcome(stack)
     tell_who_flies(choices, pilot)
     print(f"{title(stack)} → {stack.out_dir}", flush=True)
-    with (
-        StopSignals() as stop,
-        display() as shown,
-        outcome.of_the_dive(),
-        local_stack(stack, services, listen, door=way_in) as local,
-        followed_by(outcome, local),
-    ):
-        point_latest(stack.out_dir)
-        outcome.exit = PilotedDive(local, pilot, choices.seconds, stop, shown).fly()
-    return outcome.sum_up()
+    with StopSignals() as stop:
+        with (
+            display() as shown,
+            outcome.of_the_dive(),
+            local_stack(stack, services, listen, door=way_in) as local,
+            followed_by(outcome, local),
+        ):
+            point_latest(stack.out_dir)
+            outcome.exit = PilotedDive(local, pilot, choices.seconds, stop, shown).fly()
+        return stop.report(outcome.sum_up)

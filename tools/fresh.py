@@ -67,6 +67,6 @@ def _fill(file: BinaryIO, data: bytes, path: Path) -> None:
     try:
         file.write(data)
         file.flush()
-    except OSError:
+    except BaseException:
         path.unlink()  # an incomplete file would block the next attempt
         raise

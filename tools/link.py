@@ -10,6 +10,7 @@ from cyclopts import App, Parameter
 from messages import topics
 from messages.link import LinkRequest
 from services.runtime.config.errors import LindyError
+from services.runtime.config.running import Running
 from tools.choices import named as path_named
 from tools.fresh import refuse_existing, write_fresh
 from tools.whole import Whole
@@ -130,15 +131,34 @@ def _ask(request: LinkRequest, dive: Path | None) -> int:
     from tools.ask import dive_in
     from tools.live.asking import answer_to, at_once
 
+    running = dive_in(dive)
+    require_link(running)
     answer = answer_to(
         lambda node: at_once(node, request, topics.LINK_REQUEST, topics.LINK_ANSWER),
-        dive_in(dive),
+        running,
         "tether",
     )
     if not answer.accepted:
         raise LindyError(f"the tether refuses: {answer.reason}")
     print(answer.change)
     return 0
+
+
+def require_link(running: Running) -> None:
+    """
+    Raises:
+        LindyError: there is no emulated link among the processes of a dive.
+    """
+    from services.runtime.launch.local_stack import HOME
+
+    if "tether" in running.pids:
+        return
+    if HOME not in running.endpoints:
+        raise LindyError(
+            "the drone's side has no emulated link; ask in the topside's folder, if the topside "
+            "was started with --gateway"
+        )
+    raise LindyError("this dive has no emulated link; start the topside with --gateway")
 
 
 def _seconds(at: float | None) -> str:

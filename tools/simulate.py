@@ -26,6 +26,7 @@ from tools.live.viewer import runnable
 from tools.live.virtual_dive import Advance, fly, without_files
 from tools.report import summary
 
+CALIBRATING = "calibrating"
 LINE_S = 10.0  # [s] of virtual time between two lines
 
 
@@ -61,8 +62,10 @@ def _recorded(choices: Choices, pilot: PilotChoice, services: Registry) -> int:
     print(f"{title(stack)} → {stack.out_dir}", flush=True)
     outcome = Outcome(stack)
     begun = partial(point_latest, stack.out_dir)
-    _fly_and_show(stack, services, DiveTimeline(pilot.script_s, choices.seconds), outcome, begun)
-    return outcome.sum_up()
+    timeline = DiveTimeline(pilot.script_s, choices.seconds)
+    with StopSignals() as stop:
+        _fly_and_show(stack, services, timeline, outcome, stop, begun)
+        return stop.report(outcome.sum_up)
 
 
 def _in_memory(choices: Choices, pilot: PilotChoice, services: Registry) -> int:
@@ -75,7 +78,12 @@ def _in_memory(choices: Choices, pilot: PilotChoice, services: Registry) -> int:
         stack = msgspec.structs.replace(stack, virtual=True, out=folder)
         print(f"{title(stack)}, without files", flush=True)
         outcome, timeline = Outcome(stack), DiveTimeline(pilot.script_s, choices.seconds)
-        _fly_and_show(stack, services, timeline, outcome, memory=memory)
+        with StopSignals() as stop:
+            _fly_and_show(stack, services, timeline, outcome, stop, memory=memory)
+            return stop.report(lambda: _sum_up_memory(outcome, memory), "nothing was recorded")
+
+
+def _sum_up_memory(outcome: Outcome, memory: MemoryRecorder) -> int:
     dive = memory.dive()
     print(summary(outcome.report_in_memory(dive, memory.log_hash()), dive.max_depth_m), flush=True)
     outcome.complain()
@@ -87,6 +95,7 @@ def _fly_and_show(
     services: Registry,
     timeline: DiveTimeline,
     outcome: Outcome,
+    stop: StopSignals,
     begun: Callable[[], None] = lambda: None,
     memory: MemoryRecorder | None = None,
 ) -> None:
@@ -95,7 +104,7 @@ def _fly_and_show(
     def show(line: LogLine) -> None:
         shown.line(line, timeline.elapsed_s(line.stamp_ns))
 
-    with StopSignals() as stop, progress() as advance:
+    with progress() as advance:
         fly(
             *(stack, services, timeline, outcome),
             stop=lambda: stop.asked,
@@ -120,7 +129,7 @@ def progress() -> Generator[Advance]:
         def advance(timeline: DiveTimeline, now: int) -> None:
             bar.update(
                 task,
-                description="diving" if timeline.armed else timeline.note,
+                description="diving" if timeline.armed else _note(timeline),
                 total=timeline.length_s,
                 completed=timeline.elapsed_s(now) or 0.0,
             )
@@ -136,7 +145,12 @@ def _lines() -> Advance:
         if now / 1e9 - last_s >= LINE_S:
             last_s = now / 1e9
             elapsed = timeline.elapsed_s(now)
-            state = "armed" if timeline.armed else timeline.note
+            state = "armed" if timeline.armed else _note(timeline)
             print(f"{'':<7} {when(elapsed):>8}  {state}", flush=True)
 
     return advance
+
+
+def _note(timeline: DiveTimeline) -> str:
+    """Why the drone is not armed, without the advice to keep it still: nobody holds it here."""
+    return CALIBRATING if timeline.note.startswith(CALIBRATING) else timeline.note

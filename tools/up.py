@@ -16,7 +16,7 @@ from tools.checks import DEFAULT_PILOT, checked, pilot_of
 from tools.choices import Choices
 from tools.keys.door import door
 from tools.live.display import Display, display
-from tools.live.dive_folder import out_folder, point_latest
+from tools.live.dive_folder import out_folder, point_latest, require_room_for_recording
 from tools.live.dive_timeline import DiveTimeline
 from tools.live.monitor_loop import MonitorLoop, followed_by
 from tools.live.outcome import RECORDER, Outcome
@@ -132,20 +132,28 @@ def run(
     keys: Door | None = None,
 ) -> int:
     """One side of a stack from its start to its summary. Returns the exit status."""
-    outcome = Outcome(stack)
-    with (
-        StopSignals() as stop,
-        display() as shown,
-        outcome.of_the_dive(),
-        local_stack(stack, here, other_side=other_side, begin_with=begin_with, door=keys) as local,
-        followed_by(outcome, local),
-    ):
-        point_latest(stack.out_dir)
-        outcome.exit = go(local, stop, shown)
-    other = OTHER[other_side.side]
     if RECORDER in here:
-        return outcome.sum_up(Elsewhere(other, tuple(on_side(every, other, gateway=False))))
-    return outcome.sum_up_unrecorded(other_side.side, other)
+        require_room_for_recording(stack.out_dir)
+    outcome = Outcome(stack)
+    side, other = other_side.side, OTHER[other_side.side]
+    with StopSignals() as stop:
+        with (
+            display() as shown,
+            outcome.of_the_dive(),
+            local_stack(
+                stack, here, other_side=other_side, begin_with=begin_with, door=keys
+            ) as local,
+            followed_by(outcome, local),
+        ):
+            point_latest(stack.out_dir)
+            outcome.exit = go(local, stop, shown)
+        if RECORDER in here:
+            there = Elsewhere(other, tuple(on_side(every, other, gateway=False)))
+            return stop.report(lambda: outcome.sum_up(there))
+        return stop.report(
+            lambda: outcome.sum_up_unrecorded(side, other),
+            f"the recording is on the {other}'s side",
+        )
 
 
 def on_side(every: Registry, side: str, *, gateway: bool) -> Registry:

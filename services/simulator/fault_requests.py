@@ -1,6 +1,7 @@
 """Answers to requests that set or clear faults."""
 
 from collections.abc import Callable, Sequence
+from typing import Literal
 
 from messages.simulator import FaultAnswer, FaultRequest
 from messages.units import Ns
@@ -36,7 +37,9 @@ def refusal(
     return faults.refusal(request, thrusters)
 
 
-def in_words(request: FaultRequest) -> str:
-    """A fault that is in force now, for the log."""
+def in_words(request: FaultRequest) -> tuple[Literal["info", "warning"], str]:
+    """What was done, for the log."""
+    if request.fault == "none":
+        return "info", f"mended: {request.part}"
     value = "" if request.value is None else f" {request.value:g}"
-    return f"simulated fault: {request.part} {request.fault}{value}"
+    return "warning", f"simulated fault: {request.part} {request.fault}{value}"

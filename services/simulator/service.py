@@ -77,7 +77,7 @@ def _faults(node: Node, simulator: Simulator, count: Callable[[list[str]], None]
 
     def report(request: FaultRequest, answer: FaultAnswer, _: int) -> None:
         if answer.accepted:
-            node.log("warning", fault_requests.in_words(request))
+            node.log(*fault_requests.in_words(request))
             node.save_checkpoint(simulator.world())
 
     node.answers(topics.FAULT_REQUEST, topics.FAULT_ANSWER, decide, report)

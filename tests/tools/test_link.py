@@ -4,15 +4,17 @@ import csv
 import io
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from messages import topics
 from messages.link import LinkAnswer, LinkRequest
 from services.runtime.config.errors import LindyError
+from services.runtime.config.running import Running
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import ServiceSpec
 from services.runtime.hosts.virtual_host import VirtualHost
-from tools.link import link
+from tools.link import link, require_link
 from tools.live.asking import OneRequest, at_once
 
 S = 1_000_000_000  # [ns]
@@ -123,3 +125,17 @@ def test_after_five_seconds_without_a_word_it_gives_up() -> None:
     asking = ask(host, request)
     host.run(20 * S, lambda: asking.given_up)
     assert 5 * S <= host.now <= 6 * S
+
+
+@pytest.mark.parametrize(
+    ("side", "says"),
+    [
+        ("topside", "this dive has no emulated link; start the topside with --gateway"),
+        ("drone", "the drone's side has no emulated link; ask in the topside's folder"),
+    ],
+)
+def test_a_side_without_an_emulated_link_says_so(side: str, says: str) -> None:
+    running = Running("pioneer", {side: "unixsock-stream/x"}, 1, {f"hub_{side}": 2})
+    with pytest.raises(LindyError, match=says):
+        require_link(running)
+    require_link(msgspec.structs.replace(running, pids={f"hub_{side}": 2, "tether": 3}))

@@ -9,7 +9,9 @@ import tempfile
 from datetime import UTC, datetime
 from pathlib import Path
 
-from services.runtime.config.disk import reason
+from services.recorder.io.mcap_session import RESERVE
+from services.recorder.io.parts import part_path
+from services.runtime.config.disk import reason, require_room
 from services.runtime.config.errors import LindyError
 from tools.checks import running_in
 from tools.fresh import fresh_folder
@@ -48,6 +50,19 @@ def out_folder(out: Path | None) -> Path:
             print(f"{wanted} holds a dive already; this one goes to {folder}", flush=True)
     atexit.register(_remove_empty, missing)
     return folder
+
+
+def require_room_for_recording(folder: Path) -> None:
+    """Call it before anything is started: on a full disk a service has no room to say why it ended.
+
+    Raises:
+        LindyError: the recorder could not begin in this folder.
+    """
+    try:
+        require_room(folder, RESERVE)
+    except OSError as error:
+        path = part_path(folder, 1)
+        raise LindyError(f"cannot write the recording {path}: {reason(error)}") from None
 
 
 def _claimed(folder: Path) -> bool:

@@ -50,9 +50,13 @@ class LogLines:
         return list(self._entries.values())[-most:]
 
     def unprinted(self) -> list[LogEntry]:
-        """Lines that were repeated since they were printed last."""
+        """Lines that were repeated since they were printed last, without information from before
+        arming: the countdown of the calibration is of no use any more."""
         return [
-            entry for key, entry in self._entries.items() if entry.times != self._printed.get(key)
+            entry
+            for key, entry in self._entries.items()
+            if entry.times != self._printed.get(key)
+            and not (entry.line.level == "info" and entry.last_s is None)
         ]
 
 

@@ -1,16 +1,33 @@
-"""Ctrl-C and SIGTERM as a flag, so that a dive is ended cleanly."""
+"""Ctrl-C and SIGTERM: they end a dive cleanly, and its report is written whole."""
 
+import atexit
+import os
 import signal
+import sys
+import time
+from collections.abc import Callable
+from contextlib import suppress
 from types import TracebackType
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
+BROKEN_OFF = 130  # exit status, as after any Ctrl-C
+APART_S = 0.5  # [s] signals that come closer are one: `uv run` hands on what also came by itself
+WRITING = "the report is being written; once more, and it is broken off"
 
 
 class StopSignals:
-    """Active inside its `with` block."""
+    """Active inside its `with` block.
 
-    def __init__(self) -> None:
+    The first signal asks for the dive's end, and further ones change nothing. While the report is
+    being written, one is answered with a sentence, and the next one breaks the report off.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self.asked = False
+        self._again = False  # asked more than once
+        self._reporting = False
+        self._told_s: float | None = None  # [s] when a signal was answered
+        self._clock = clock
 
     def __enter__(self) -> "StopSignals":
         self._before = {number: signal.signal(number, self._ask) for number in SIGNALS}
@@ -25,5 +42,47 @@ class StopSignals:
         for number, handler in self._before.items():
             signal.signal(number, handler)
 
+    def report(self, write: Callable[[], int], kept: str = "the recording is whole") -> int:
+        """Write the report of a dive that is over. Returns the exit status of `write`, or
+        `BROKEN_OFF`.
+
+        Args:
+            kept: what is left if the report is broken off.
+        """
+        self._reporting = True
+        if self._again:  # answered only now: during the dive a screen may be in the way
+            self._tell()
+        try:
+            status = write()
+            self._reporting = False  # everything is written: nothing is left to break off
+        except BrokenOffError:
+            print(f"lindy: the report was broken off; {kept}", file=sys.stderr, flush=True)
+            return BROKEN_OFF
+        finally:
+            self._reporting = False
+            atexit.register(_ignore)  # the program is about to end with the status of the dive
+        return status
+
     def _ask(self, *_: object) -> None:
-        self.asked = True
+        self._again, self.asked = self.asked, True
+        if not self._reporting:
+            return
+        if self._told_s is None:
+            self._tell()
+        elif self._clock() - self._told_s >= APART_S:
+            self._reporting = False  # broken off once only
+            raise BrokenOffError
+
+    def _tell(self) -> None:
+        self._told_s = self._clock()
+        with suppress(OSError):  # a signal may come in the middle of a print: not through a buffer
+            os.write(2, f"lindy: {WRITING}\n".encode())
+
+
+def _ignore() -> None:
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
+
+
+class BrokenOffError(BaseException):
+    """Not an `Exception`: what catches any failure of a report must not catch this."""

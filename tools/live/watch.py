@@ -152,5 +152,5 @@ def _recent(port: Latest[M], now: int) -> M | None:
 
 
 def _compass(heading: float) -> float:
-    """[deg] 0 … 360 from a heading in radians that accumulates."""
-    return math.degrees(heading) % 360.0
+    """[deg] From a heading in radians that accumulates, as it is shown: 0.0 … 359.9."""
+    return round(math.degrees(heading), 1) % 360.0  # rounded first: 359.96 is 0.0, not 360.0

@@ -6,6 +6,7 @@ data that cannot be measured again under water. One Struct per service, written 
 
 import os
 import threading
+from contextlib import suppress
 from pathlib import Path
 from typing import Protocol
 
@@ -102,14 +103,19 @@ def write_safely(path: Path, data: bytes) -> None:
     """Replace a file atomically: after a power cut it is either the old or the new one.
 
     Raises:
-        OSError: the disk failed; the file is unchanged.
+        OSError: the disk failed; the file is unchanged, and nothing is left beside it.
     """
     fresh = path.with_suffix(".new")
-    with fresh.open("wb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
-    fresh.replace(path)
+    try:
+        with fresh.open("wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        fresh.replace(path)
+    except OSError:
+        with suppress(OSError):
+            fresh.unlink(missing_ok=True)
+        raise
     folder = os.open(path.parent, os.O_RDONLY)
     try:
         os.fsync(folder)  # the replacement itself

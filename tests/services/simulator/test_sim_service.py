@@ -238,6 +238,14 @@ def test_a_repeated_request_is_done_once_and_answered_each_time() -> None:
     assert sea.truth().faults == ()
 
 
+def test_a_fault_is_a_warning_and_its_repair_is_information() -> None:
+    sea = Sea()
+    shown: list[tuple[str, str]] = []
+    sea.host.show(lambda line: shown.append((line.level, line.text)))
+    ask_for(sea, fault("port", "dead", "1"), fault("all", "none", "2"))
+    assert shown == [("warning", "simulated fault: port dead"), ("info", "mended: all")]
+
+
 def test_an_unknown_part_is_refused_with_the_nearest_name() -> None:
     sea = Sea()
     (answer,) = ask_for(sea, fault("verticle", "dead"))

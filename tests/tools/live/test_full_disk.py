@@ -115,13 +115,17 @@ def test_a_disk_that_fills_during_a_simulated_dive(
         assert list(chunk.RrdReader(str(out / "dive.rrd")).stream())
 
 
+@pytest.mark.parametrize("verb", [("simulate",), ("dive", "--headless"), ("up", "drone")])
+@pytest.mark.parametrize("left", [0, 100_000])
 def test_a_disk_that_is_full_before_the_dive_is_one_sentence_and_no_folder(
-    small_disk: Path, tmp_path: Path
+    small_disk: Path, tmp_path: Path, verb: tuple[str, ...], left: int
 ):
-    (small_disk / "theirs").write_bytes(b"x" * 1_990_000)
+    with (small_disk / "theirs").open("wb", buffering=0) as file, suppress(OSError):
+        while file.tell() < 2 * 2**20 - left and file.write(b"x" * 4096):
+            pass
     (tmp_path / "sticks.csv").write_text(SCRIPT)
     ran = subprocess.run(
-        [sys.executable, "-P", "-m", "tools", "simulate", "--pilot", "script:sticks.csv", "--out",
+        [sys.executable, "-P", "-m", "tools", *verb, "--pilot", "script:sticks.csv", "--out",
          "disk/dive"],
         cwd=tmp_path,
         env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])},

@@ -76,6 +76,7 @@ def test_a_write_that_is_cut_short_leaves_the_checkpoint_before(
     with pytest.raises(OSError, match="no power"):
         write_safely(path, b"half of it")
     assert path.read_bytes() == b"whole"
+    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_a_disk_that_takes_nothing_costs_the_checkpoints_and_is_counted_in_the_health(

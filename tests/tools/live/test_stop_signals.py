@@ -1,0 +1,144 @@
+"""Ctrl-C and SIGTERM: the first one ends the dive, and none costs its report by accident."""
+
+import io
+import os
+import signal
+import subprocess
+import sys
+from functools import partial
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+from messages import topics
+from messages.link import LinkRequest
+from services.recorder.foxglove_schema import foxglove_schema
+from services.recorder.io.mcap_file import McapFile
+from services.runtime.config.stack import Stack
+from tools.live.outcome import Outcome
+from tools.live.stop_signals import BROKEN_OFF, WRITING, StopSignals
+
+HERE = Path(__file__).parents[3]
+BOTH = pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+
+
+def record(path: Path) -> None:
+    """A small recording."""
+    file = McapFile(path)
+    file.metadata("dive", {"vehicle": "pioneer", "link": "tether"})
+    file.metadata("hash", {"sha256": "0"})
+    file.open_channel(topics.LINK_REQUEST.key, "LinkRequest", foxglove_schema(LinkRequest))
+    for stamp in range(1, 40):
+        message = LinkRequest(stamp_ns=stamp, id="x", kind="up")
+        file.write(topics.LINK_REQUEST.key, msgspec.json.encode(message), stamp, stamp, stamp)
+    file.finish()
+
+
+def press(number: int) -> None:
+    os.kill(os.getpid(), number)
+
+
+@BOTH
+@pytest.mark.parametrize("before", [0, 1], ids=["the script is over", "it was stopped"])
+def test_a_signal_during_the_report_is_answered_and_costs_nothing(
+    number: int, before: int, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+):
+    record(tmp_path / "dive.mcap")
+    outcome = Outcome(Stack(out=str(tmp_path)))
+
+    def sum_up() -> int:
+        press(number)
+        return outcome.sum_up()
+
+    with StopSignals() as stop:
+        for _ in range(before):
+            press(number)
+        assert stop.asked == bool(before)
+        assert stop.report(sum_up) == 0
+        press(number)  # everything is written
+    out, err = capfd.readouterr()
+    assert err.count(WRITING) == 1
+    assert "written" in out
+    assert (tmp_path / "report.json").stat().st_size > 0
+
+
+@BOTH
+def test_signals_while_the_dive_is_being_ended_break_nothing_off(
+    number: int, capfd: pytest.CaptureFixture[str]
+):
+    with StopSignals() as stop:
+        for _ in range(5):
+            press(number)
+        assert stop.report(lambda: 3) == 3
+    assert capfd.readouterr().err == f"lindy: {WRITING}\n"
+
+
+@BOTH
+def test_a_signal_that_arrives_twice_at_once_breaks_nothing_off(
+    number: int, capfd: pytest.CaptureFixture[str]
+):
+    def write() -> int:
+        press(number)
+        press(number)
+        return 0
+
+    with StopSignals(lambda: 7.0) as stop:
+        assert stop.report(write) == 0
+    assert capfd.readouterr().err == f"lindy: {WRITING}\n"
+
+
+@BOTH
+def test_one_more_breaks_the_report_off_and_leaves_no_half_of_it(
+    number: int,
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+):
+    record(tmp_path / "dive.mcap")
+    outcome = Outcome(Stack(out=str(tmp_path)))
+
+    class Pressing(io.FileIO):
+        """A file during whose writing the signal arrives."""
+
+        def write(self, b: Any, /) -> int:
+            super().write(bytes(b)[:10])
+            press(number)
+            return len(bytes(b))
+
+    as_ever = Path.open
+
+    def opened(path: Path, mode: str) -> object:
+        return Pressing(path, mode) if mode == "xb" else as_ever(path, mode)
+
+    monkeypatch.setattr(Path, "open", opened)
+    with StopSignals(partial(next, count())) as stop:  # a second passes at every look
+        press(number)
+        press(number)
+        assert stop.report(outcome.sum_up) == BROKEN_OFF
+    sentence = "lindy: the report was broken off; the recording is whole"
+    assert capfd.readouterr().err.splitlines() == [f"lindy: {WRITING}", sentence]
+    assert [path.name for path in tmp_path.iterdir()] == ["dive.mcap"]
+
+
+@BOTH
+def test_the_end_of_the_program_keeps_the_status_of_the_dive(number: int):
+    program = f"""
+import atexit, os
+from tools.live.stop_signals import StopSignals
+atexit.register(lambda: os.kill(os.getpid(), {int(number)}))
+with StopSignals() as stop:
+    status = stop.report(lambda: 3)
+raise SystemExit(status)
+"""
+    ran = subprocess.run([sys.executable, "-c", program], cwd=HERE, check=False)
+    assert ran.returncode == 3
+
+
+def test_afterwards_the_signals_have_their_former_effect():
+    before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
+    with StopSignals() as stop:
+        stop.report(lambda: 0)
+    assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == before
