@@ -22,7 +22,7 @@ from tools.sweep.command import sweep
 ERROR = 1  # exit status
 DEBUG = "--debug"
 PAPERS = "tools.research"  # not in an installed package
-Keys = Annotated[
+KeysFolder = Annotated[
     Path | None,
     Parameter(converter=named, help="folder of the keys; default: ~/.config/lindy/keys"),
 ]
@@ -65,7 +65,7 @@ def dive(
         Parameter(help="endpoint for other programs on the topside, e.g. tcp/127.0.0.1:7447"),
     ] = None,
     grouped: Grouped = False,
-    keys: Keys = None,
+    keys: KeysFolder = None,
     insecure: Insecure = False,
 ) -> int:
     """Start every service on this machine, pilot the drone, record the dive and report on it.
@@ -110,7 +110,7 @@ def up(
         ),
     ] = None,
     grouped: Grouped = False,
-    keys: Keys = None,
+    keys: KeysFolder = None,
     insecure: Insecure = False,
     choices: Choices | None = None,
 ) -> int:

@@ -6,6 +6,7 @@ from services.runtime.node.node import Node
 from tools.live.own_pilot import OwnPilot
 
 WHO = "end-of-dive"
+REFUSALS = 5  # of one request, until it is given up
 
 
 class Disarming:
@@ -16,6 +17,7 @@ class Disarming:
     ) -> None:
         self.kinds = kinds  # not answered yet, in this order
         self._own = own
+        self._refusals = 0
         self._asking = node.request(
             topics.PILOT_REQUEST, topics.PILOT_ANSWER, on_answer=self._hear, who=WHO
         )
@@ -37,5 +39,9 @@ class Disarming:
             )
             self._asking.ask(request, now)
 
-    def _hear(self, _request: PilotRequest, _answer: PilotAnswer, _now: int) -> None:
-        self.kinds = self.kinds[1:]
+    def _hear(self, _request: PilotRequest, answer: PilotAnswer, _now: int) -> None:
+        """A refusal may be due to an epoch that has just been replaced: then ask with the new."""
+        self._refusals = 0 if answer.accepted else self._refusals + 1
+        if answer.accepted or self._refusals >= REFUSALS:
+            self.kinds = self.kinds[1:]
+            self._refusals = 0

@@ -13,6 +13,7 @@ from tools.live.own_pilot import OwnPilot
 from tools.live.pads import pad_is_there
 from tools.live.stop_signals import StopSignals
 
+KNOWN_S = 0.25  # [s] until a status tells who has control now
 DISARM_S = 1.0  # [s] at most, for the drone's answer at the end
 
 
@@ -63,6 +64,9 @@ class PilotedDive:
     def _disarm(self) -> None:
         """Ask the drone to disarm, and give control up, if this side's pilot has control. Wait for
         the answers, at most `DISARM_S`."""
+        known = time.monotonic() + KNOWN_S
+        while time.monotonic() < known:
+            self._monitor.look()
         disarm = ("disarm",) if self._timeline.armed else ()
         release = ("release",) if self._releases and self._timeline.controlled else ()
         self._disarming.kinds = (*disarm, *release)
