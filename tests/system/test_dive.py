@@ -307,9 +307,11 @@ def test_ctrl_c_disarms_and_ends_the_dive_with_a_summary(tmp_path: Path):
     with dive(tmp_path) as flown:
         flown.until_armed()
         flown.process.send_signal(signal.SIGINT)
+        flown.process.send_signal(signal.SIGTERM)  # an impatient second one costs nothing
         report = flown.end()
     assert report["exit"] == "clean"
     assert "ended cleanly" in flown.said
+    assert "the report is being written" in flown.said
     armed = [status.armed for status in open_messages(flown.out, VehicleStatus)]
     assert True in armed
     assert armed[-1] is False

@@ -157,7 +157,11 @@ def _stoppable(parent: int | None) -> Generator[StopFlag]:
     _exact_timers()
     if parent is not None:
         Thread(target=_follow, args=(parent, stop), daemon=True).start()
-    yield stop
+    try:
+        yield stop
+    finally:  # the process ends: a further signal must not change its status
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
 
 
 @contextmanager

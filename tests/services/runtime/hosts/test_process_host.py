@@ -133,6 +133,19 @@ def test_a_service_that_is_asked_to_end_closes_and_ends_well(
     until(lambda: bench.alive == [True, False])
 
 
+@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGINT])
+def test_further_signals_do_not_change_the_status_of_a_service(
+    bench: Bench, how: signal.Signals
+) -> None:
+    toy = bench.start(bench.command(TOY))
+    until(lambda: bench.heard("life 1"))
+    while toy.poll() is None:
+        toy.send_signal(how)
+        time.sleep(0.001)  # often enough for some of them to come while the interpreter ends
+    assert toy.returncode == 0
+    assert toy.communicate()[0] == "closed\n"
+
+
 @pytest.mark.parametrize("code", [TOY, HANGING], ids=["well", "hanging"])
 def test_a_service_ends_when_its_parent_dies_even_if_it_hangs(bench: Bench, code: str) -> None:
     command = bench.command(code, parent="PARENT")
