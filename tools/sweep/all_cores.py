@@ -64,7 +64,7 @@ def on_all_cores(
                     for future in [future for future in pending if future.cancel()]:
                         del pending[future]
                 done, _ = wait(pending, timeout=POLL_S, return_when=FIRST_COMPLETED)
-                for future in done:
+                for future in sorted(done, key=_failed):  # no result is lost with an error
                     yield pending.pop(future), future.result()
                 if not done:
                     yield None
@@ -79,6 +79,10 @@ def in_order(work: Callable[[J], R], jobs: Sequence[J], workers: int | None = No
     """All results, in the order of the jobs. Arguments and errors as of `on_all_cores`."""
     results = dict(result for result in on_all_cores(work, jobs, workers) if result is not None)
     return [results[index] for index in range(len(jobs))]
+
+
+def _failed(future: Future[R]) -> bool:
+    return future.exception() is not None
 
 
 @contextmanager

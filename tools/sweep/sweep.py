@@ -61,8 +61,9 @@ def sweep(axes: SweepAxes, wanted: Wanted) -> int:
         try:
             stopped = _fly(axes, wanted, finished)
         except LindyError as error:
-            with suppress(LindyError):
-                _write_table(axes, wanted, finished)
+            if finished.rows:
+                with suppress(LindyError):
+                    _write_table(axes, wanted, finished)
             raise LindyError(f"{error}; {_kept(len(finished.rows), axes, wanted)}") from error
         rows = _write_table(axes, wanted, finished)
     _show(rows, axes, wanted)
