@@ -77,7 +77,8 @@ def _in_memory(choices: Choices, pilot: PilotChoice, services: Registry) -> int:
         outcome, timeline = Outcome(stack), DiveTimeline(pilot.script_s, choices.seconds)
         _fly_and_show(stack, services, timeline, outcome, memory=memory)
     dive = memory.dive()
-    print(summary(outcome.report_in_memory(dive, memory.log_hash()), dive.max_depth_m), flush=True)
+    report = outcome.report_in_memory(dive, memory.log_hash())
+    print(summary(report, dive.max_depth_m, all_losses=True), flush=True)
     outcome.complain()
     return CLEAN
 
