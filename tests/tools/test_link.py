@@ -12,6 +12,7 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import ServiceSpec
 from services.runtime.hosts.virtual_host import VirtualHost
+from tools.__main__ import main
 from tools.link import link
 from tools.live.asking import OneRequest, at_once
 
@@ -123,3 +124,16 @@ def test_after_five_seconds_without_a_word_it_gives_up() -> None:
     asking = ask(host, request)
     host.run(20 * S, lambda: asking.given_up)
     assert 5 * S <= host.now <= 6 * S
+
+
+@pytest.mark.parametrize(("name", "warned"), [("acoustic", True), ("remote", False)])
+def test_a_profile_that_cannot_be_flown_is_taken_with_a_warning(
+    name: str, warned: bool, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def accepted(request: LinkRequest, _: object) -> int:
+        assert request.profile == name
+        return 0
+
+    monkeypatch.setattr("tools.link._ask", accepted)
+    assert main(["link", "profile", name]) == 0
+    assert (f"lindy: {name} cannot be flown" in capsys.readouterr().err) == warned
