@@ -3,7 +3,7 @@
 import hashlib
 import sys
 import time
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Sequence, Sized
 from contextlib import closing, contextmanager, suppress
 from importlib.metadata import version
 from pathlib import Path
@@ -65,6 +65,8 @@ def sweep(axes: SweepAxes, wanted: Wanted) -> int:
                 with suppress(LindyError):
                     _write_table(axes, wanted, finished)
             raise LindyError(f"{error}; {_kept(len(finished.rows), axes, wanted)}") from error
+        if stopped and not finished.rows:
+            raise LindyError(_interrupted(finished.rows, axes, wanted))
         rows = _write_table(axes, wanted, finished)
     _show(rows, axes, wanted)
     return _ending(rows, axes, wanted, stopped=stopped)
@@ -82,6 +84,10 @@ def _kept(done: int, axes: SweepAxes, wanted: Wanted) -> str:
         f"{done} of {axes.count} dives are kept in {rows_file(wanted.out)}, and the same command "
         "goes on with the rest"
     )
+
+
+def _interrupted(rows: Sized, axes: SweepAxes, wanted: Wanted) -> str:
+    return f"interrupted; {_kept(len(rows), axes, wanted)}"
 
 
 def _checked(axes: SweepAxes, wanted: Wanted) -> About:
@@ -182,7 +188,7 @@ def _show(rows: Sequence[Row], axes: SweepAxes, wanted: Wanted) -> None:
 
 def _ending(rows: Sequence[Row], axes: SweepAxes, wanted: Wanted, *, stopped: bool) -> int:
     if stopped and len(rows) < axes.count:
-        raise LindyError(f"interrupted; {_kept(len(rows), axes, wanted)}")
+        raise LindyError(_interrupted(rows, axes, wanted))
     failed = [row for row in rows if row["end"] != CLEAN]
     if failed:
         raise LindyError(

@@ -215,6 +215,21 @@ def test_ctrl_c_keeps_what_is_finished(
     assert len(table_of(out)) == 1
 
 
+def test_ctrl_c_before_the_first_row_is_one_sentence(
+    tmp_path: Path, script: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    def interrupted(_axes: SweepAxes, _wanted: module.Wanted, _finished: object) -> bool:
+        return True
+
+    monkeypatch.setattr(module, "_fly", interrupted)
+    out = tmp_path / "x.csv"
+    assert main(["sweep", "--pilot", script, "--seed", "1..3", "--out", str(out)]) == 1
+    said, sentence = capsys.readouterr()
+    assert said == ""
+    assert "interrupted; 0 of 3 dives are kept" in sentence
+    assert not out.exists()
+
+
 def test_the_picture_is_a_png_with_every_figure():
     from tools.sweep.picture import drawn
     from tools.sweep.pooled import pooled
