@@ -17,7 +17,7 @@ from services.runtime.hosts.registry import Registry
 from services.tether.io.profile_file import named
 from tools.checks import checked, pilot_of
 from tools.choices import Choices
-from tools.fresh import refuse_existing, write_fresh
+from tools.fresh import write_fresh
 from tools.live.stop_signals import StopSignals
 from tools.live.virtual_dive import without_files
 from tools.sweep.all_cores import cores, on_all_cores
@@ -52,8 +52,7 @@ def sweep(axes: SweepAxes, wanted: Wanted) -> int:
     """
     check_table(wanted.out)
     if wanted.picture is not None:
-        check_picture()
-        refuse_existing(wanted.picture)
+        check_picture(wanted.picture)
     if wanted.workers is not None and wanted.workers < 1:
         raise LindyError(f"--workers is {wanted.workers}, expected 1 or more")
     about = _checked(axes, wanted)
@@ -79,10 +78,15 @@ def _write_table(axes: SweepAxes, wanted: Wanted, finished: FinishedDives) -> li
     return rows
 
 
+def _counted(number: int, what: str) -> str:
+    return f"{number} {what}{'s' * (number != 1)}"
+
+
 def _kept(done: int, axes: SweepAxes, wanted: Wanted) -> str:
+    verb = "is" if axes.count == 1 else "are"
     return (
-        f"{done} of {axes.count} dives are kept in {rows_file(wanted.out)}, and the same command "
-        "goes on with the rest"
+        f"{done} of {_counted(axes.count, 'dive')} {verb} kept in {rows_file(wanted.out)}, and the "
+        "same command goes on with the rest"
     )
 
 
@@ -136,7 +140,8 @@ def _fly(axes: SweepAxes, wanted: Wanted, finished: FinishedDives) -> bool:
     workers = min(wanted.workers or cores(), max(1, len(jobs)))
     before = len(finished.rows)
     there = f", {before} of them done before" if before else ""
-    print(f"{axes.count} dives{there}, on {workers} cores → {wanted.out}", flush=True)
+    flown, used = _counted(axes.count, "dive"), _counted(workers, "core")
+    print(f"{flown}{there}, on {used} → {wanted.out}", flush=True)
     with StopSignals() as stop, _progress(axes.count, before) as advance:
         for result in on_all_cores(fly_one, jobs, workers, lambda: stop.asked):
             if result is not None and (row := result[1]) is not None:
@@ -168,7 +173,7 @@ def _lines(total: int, before: int) -> Callable[[int], None]:
         last = now
         left = (total - done) * (now - began) / (done - before) if done > before else None
         rest = "" if left is None else f", about {left:.0f} s to go"
-        print(f"{done} of {total} dives{rest}", flush=True)
+        print(f"{done} of {_counted(total, 'dive')}{rest}", flush=True)
 
     return advance
 
@@ -179,10 +184,10 @@ def _show(rows: Sequence[Row], axes: SweepAxes, wanted: Wanted) -> None:
         print("p50 / p95 / max over the dives of each combination:")
     for line in lines(groups):
         print(line)
-    print(f"written {wanted.out} ({len(rows)} rows)", flush=True)
+    print(f"written {wanted.out} ({_counted(len(rows), 'row')})", flush=True)
     if wanted.picture is not None and groups and len(rows) == axes.count:
         wanted.picture.parent.mkdir(parents=True, exist_ok=True)
-        write_fresh(wanted.picture, drawn(groups))
+        write_fresh(wanted.picture, drawn(groups), "--picture")
         print(f"written {wanted.picture}", flush=True)
 
 
@@ -192,7 +197,7 @@ def _ending(rows: Sequence[Row], axes: SweepAxes, wanted: Wanted, *, stopped: bo
     failed = [row for row in rows if row["end"] != CLEAN]
     if failed:
         raise LindyError(
-            f"{len(failed)} of {len(rows)} dives ended with an error; the first, dive "
+            f"{len(failed)} of {_counted(len(rows), 'dive')} ended with an error; the first, dive "
             f"{failed[0]['dive']}: {failed[0]['end']}"
         )
     return 0

@@ -77,5 +77,5 @@ def test_an_empty_folder_that_was_there_stays(
     (small_disk / "full").write_bytes(bytes(1_400_000))
     words = ["sweep", "--pilot", f"script:{script}", "--set", QUICK, "--workers", "1"]
     assert main([*words, "--record", "--out", str(out)]) == 1
-    assert "the disk is full; 0 of 1 dives are kept" in capsys.readouterr().err
+    assert "the disk is full; 0 of 1 dive is kept" in capsys.readouterr().err
     assert mine.is_dir()
