@@ -7,7 +7,7 @@ from typing import BinaryIO
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
 
-EXISTS = "it exists already; choose another --out, or remove it first"
+EXISTS = "it exists already; choose another {}, or remove it first"
 
 
 def fresh_folder(wanted: Path, taken: Callable[[Path], bool]) -> Path:
@@ -38,18 +38,24 @@ def _beside(folder: Path) -> Path:
             return beside
 
 
-def refuse_existing(path: Path) -> None:
+def refuse_existing(path: Path, option: str = "--out") -> None:
     """Check, before the work of making a file begins, that it does not exist.
+
+    Args:
+        option: that names it.
 
     Raises:
         LindyError: there is such a file.
     """
     if path.exists():
-        raise LindyError(f"cannot write {path}: {EXISTS}")
+        raise LindyError(f"cannot write {path}: {EXISTS.format(option)}")
 
 
-def write_fresh(path: Path, data: bytes) -> None:
+def write_fresh(path: Path, data: bytes, option: str = "--out") -> None:
     """Write a new file, whole or not at all.
+
+    Args:
+        option: that names it.
 
     Raises:
         LindyError: there is such a file already, or it cannot be written.
@@ -58,7 +64,7 @@ def write_fresh(path: Path, data: bytes) -> None:
         with path.open("xb") as file:
             _fill(file, data, path)
     except FileExistsError:
-        raise LindyError(f"cannot write {path}: {EXISTS}") from None
+        raise LindyError(f"cannot write {path}: {EXISTS.format(option)}") from None
     except OSError as error:
         raise LindyError(f"cannot write {path}: {reason(error)}") from None
 

@@ -14,6 +14,7 @@ from services.runtime.hosts.registry import Registry
 from services.simulator.core import Settings, sensors_of
 from services.simulator.fault_requests import refusal
 from services.tether.io.profile_file import asked_for, named
+from tools.link_fit import why_not_flown
 
 SIMULATOR, TETHER = "simulator", "tether"
 
@@ -52,6 +53,8 @@ def _check_links(links: Sequence[LinkRequest], stack: Stack) -> None:
         if isinstance(found, str):
             raise LindyError(f"{_at(stack, request)}: {found}")
         in_force, _ = found
+        if request.kind == "profile" and (why := why_not_flown(in_force)):
+            raise LindyError(f"{_at(stack, request)}: {why}")
 
 
 def _at(stack: Stack, incident: Incident) -> str:

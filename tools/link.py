@@ -64,11 +64,15 @@ def offline(
 
 @link.command
 def profile(name: str, *, dive: Dive = None) -> int:
-    """Give the link of a dive that is going on another profile. Nothing on the way is lost.
+    """Give the link of a dive that is going on another profile. Nothing on the way is lost. Over
+    one that cannot be flown the drone loses its pilot, which is printed.
 
     Example: lindy link profile congested
     """
-    return _ask(LinkRequest(stamp_ns=0, id="", kind="profile", profile=name), dive)
+    status = _ask(LinkRequest(stamp_ns=0, id="", kind="profile", profile=name), dive)
+    if (why := _why_not_flown(name)) is not None:
+        print(f"lindy: {why}", file=sys.stderr, flush=True)
+    return status
 
 
 @link.command(name="set")
@@ -159,6 +163,16 @@ def require_link(running: Running) -> None:
             "was started with --gateway"
         )
     raise LindyError("this dive has no emulated link; start the topside with --gateway")
+
+
+def _why_not_flown(name: str) -> str | None:
+    from services.tether.io.profile_file import named
+    from tools.link_fit import why_not_flown
+
+    try:
+        return why_not_flown(named(name))
+    except LindyError:  # a file that only the tether's machine has
+        return None
 
 
 def _seconds(at: float | None) -> str:

@@ -37,19 +37,25 @@ def can_be_flown(link: Named) -> bool:
     return shortest_ms(link.profile.down) <= TTL_MS
 
 
+def why_not_flown(link: Named) -> str | None:
+    """Why no command can arrive in time over this link, and what is allowed; None: one can."""
+    if can_be_flown(link):
+        return None
+    return (
+        f"{link.name} cannot be flown: a command needs {shortest_ms(link.profile.down):.0f} ms to"
+        f" the drone at best, and is ignored when older than {TTL_MS:g} ms, so the drone would"
+        f" never arm, or would lose its pilot; links that can be flown: {', '.join(flyable())}"
+        f" (`lindy link --profile {link.name}` shows what this one does to messages)"
+    )
+
+
 def check_can_be_flown(link: Named) -> None:
     """
     Raises:
         LindyError: no command can arrive in time over this link.
     """
-    if can_be_flown(link):
-        return
-    raise LindyError(
-        f"--link {link.name} cannot be flown: a command needs {shortest_ms(link.profile.down):.0f}"
-        f" ms to the drone at best, and is ignored when older than {TTL_MS:g} ms, so the"
-        f" drone would never arm; links that can be flown: {', '.join(flyable())}"
-        f" (`lindy link --profile {link.name}` shows what this one does to messages)"
-    )
+    if why := why_not_flown(link):
+        raise LindyError(f"--link {why}")
 
 
 def flyable() -> list[str]:

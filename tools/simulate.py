@@ -85,7 +85,8 @@ def _in_memory(choices: Choices, pilot: PilotChoice, services: Registry) -> int:
 
 def _sum_up_memory(outcome: Outcome, memory: MemoryRecorder) -> int:
     dive = memory.dive()
-    print(summary(outcome.report_in_memory(dive, memory.log_hash()), dive.max_depth_m), flush=True)
+    report = outcome.report_in_memory(dive, memory.log_hash())
+    print(summary(report, dive.max_depth_m, all_losses=True), flush=True)
     outcome.complain()
     return CLEAN
 

@@ -14,6 +14,7 @@ from services.runtime.config.running import Running
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import ServiceSpec
 from services.runtime.hosts.virtual_host import VirtualHost
+from tools.__main__ import main
 from tools.link import link, require_link
 from tools.live.asking import OneRequest, at_once
 
@@ -139,3 +140,16 @@ def test_a_side_without_an_emulated_link_says_so(side: str, says: str) -> None:
     with pytest.raises(LindyError, match=says):
         require_link(running)
     require_link(msgspec.structs.replace(running, pids={f"hub_{side}": 2, "tether": 3}))
+
+
+@pytest.mark.parametrize(("name", "warned"), [("acoustic", True), ("remote", False)])
+def test_a_profile_that_cannot_be_flown_is_taken_with_a_warning(
+    name: str, warned: bool, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def accepted(request: LinkRequest, _: object) -> int:
+        assert request.profile == name
+        return 0
+
+    monkeypatch.setattr("tools.link._ask", accepted)
+    assert main(["link", "profile", name]) == 0
+    assert (f"lindy: {name} cannot be flown" in capsys.readouterr().err) == warned

@@ -81,16 +81,23 @@ class Outcome:
             LindyError: why the dive was aborted, or why there is no report.
         """
         folder = self._stack.out_dir
-        if not parts_in(folder):
-            raise self._error or LindyError(
-                f"the dive ended before anything was recorded in {folder}"
-            )
+        self.require_recording()
         try:
             lost = self._report(folder, other)
         except Exception as error:  # whatever it is: the recording is worth more than its report
             raise LindyError(self._kept(folder, error)) from error
         self.complain()
         return DATA_LOST if lost else CLEAN
+
+    def require_recording(self) -> None:
+        """
+        Raises:
+            LindyError: nothing was recorded, and why.
+        """
+        if not parts_in(folder := self._stack.out_dir):
+            raise self._error or LindyError(
+                f"the dive ended before anything was recorded in {folder}"
+            )
 
     def sum_up_unrecorded(self, side: str, other: str) -> int:
         """Print what is known on the side without a recorder. Returns the exit status.

@@ -16,13 +16,20 @@ LABEL = 18  # columns before the values
 KINDS = 4  # lines for losses; the rest is in report.json
 
 
-def summary(report: Report, max_depth_m: float | None = None, files: Sequence[Path] = ()) -> str:
+def summary(
+    report: Report,
+    max_depth_m: float | None = None,
+    files: Sequence[Path] = (),
+    *,
+    all_losses: bool = False,
+) -> str:
     """At most 15 lines, one more for each kind of failsafe, and one for each process that was
     started again.
 
     Args:
         max_depth_m: as `RecordedDive.max_depth_m`; left out when None.
         files: what was written.
+        all_losses: every kind of loss, also beyond those lines: there is no report.json.
     """
     stick = report.latency_ms.stick_to_thruster
     how = ending(report.exit, report.troubles)
@@ -37,7 +44,7 @@ def summary(report: Report, max_depth_m: float | None = None, files: Sequence[Pa
     rows.append(("link", report.link))
     rows.append(("energy", _energy(report)))
     rows += _restarts(report)
-    rows += _losses(report)
+    rows += _losses(report, None if all_losses else KINDS)
     return lined_up([*rows, *written(files)])
 
 
@@ -103,8 +110,12 @@ def _past(stop: StickStop) -> str:
     return f"{degrees(stop.overshoot):.1f}°"
 
 
-def _losses(report: Report) -> list[tuple[str, str]]:
-    """Counts with the same words together; the most important first, of those the largest."""
+def _losses(report: Report, kinds: int | None) -> list[tuple[str, str]]:
+    """Counts with the same words together; the most important first, of those the largest.
+
+    Args:
+        kinds: rows at most, and one that says how many more there are; None: all.
+    """
     times: defaultdict[Meaning, int] = defaultdict(int)
     for name, count in report.losses.items():
         if count and Rank.FAILSAFE < meaning(name).rank < Rank.ROUTINE:
@@ -113,8 +124,7 @@ def _losses(report: Report) -> list[tuple[str, str]]:
     rows = [in_words(report.holes)] if report.holes else []
     if not ordered and not rows:
         return [("losses", "none")]
-    rows += [f"{count} × {what.words}" for what, count in ordered[:KINDS]]
-    if len(ordered) > KINDS:
-        more = len(ordered) - KINDS
+    rows += [f"{count} × {what.words}" for what, count in ordered[:kinds]]
+    if kinds is not None and (more := len(ordered) - kinds) > 0:
         rows.append(f"and {more} less important kind{'s' * (more > 1)}, see report.json")
     return [("losses" if n == 0 else "", row) for n, row in enumerate(rows)]

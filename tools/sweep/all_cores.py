@@ -1,7 +1,7 @@
 """The same function for many jobs, on all cores.
 
-Each worker is a fresh process. Ctrl-C reaches only the process that started them, and a worker
-whose parent is gone, however it ended, ends too.
+Each worker is a fresh process. Ctrl-C reaches only the process that started them, also while they
+start, and a worker whose parent is gone, however it ended, ends too.
 """
 
 import os
@@ -11,6 +11,7 @@ from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from itertools import islice
 from multiprocessing import get_context, parent_process
 from multiprocessing.synchronize import Event
 from typing import TypeVar
@@ -55,20 +56,27 @@ def on_all_cores(
         LindyError: a worker was killed.
         Exception: what `work` raised.
     """
-    with _pool(workers or cores()) as (pool, told):
-        pending: dict[Future[R], int] = {pool.submit(work, job): n for n, job in enumerate(jobs)}
+    count = workers or cores()
+    left, pending = iter(enumerate(jobs)), dict[Future[R], int]()
+    with _pool(count) as (pool, told):
         try:
-            while pending:
-                if stop() and not told.is_set():
+            while True:
+                if stop():
                     told.set()
-                    for future in [future for future in pending if future.cancel()]:
-                        del pending[future]
+                else:
+                    with _ctrl_c_held_back():  # a submission may start processes
+                        for n, job in islice(left, count - len(pending)):
+                            pending[pool.submit(work, job)] = n
+                if not pending:
+                    return
                 done, _ = wait(pending, timeout=POLL_S, return_when=FIRST_COMPLETED)
-                for future in done:
+                for future in sorted(done, key=_failed):  # no result is lost with an error
                     yield pending.pop(future), future.result()
                 if not done:
                     yield None
         except BrokenProcessPool:
+            if stop():  # a signal to the whole process group has ended the workers, too
+                return
             raise LindyError(
                 "a worker process was killed, perhaps because the memory was full; "
                 "with fewer --workers less is needed"
@@ -79,6 +87,20 @@ def in_order(work: Callable[[J], R], jobs: Sequence[J], workers: int | None = No
     """All results, in the order of the jobs. Arguments and errors as of `on_all_cores`."""
     results = dict(result for result in on_all_cores(work, jobs, workers) if result is not None)
     return [results[index] for index in range(len(jobs))]
+
+
+def _failed(future: Future[R]) -> bool:
+    return future.exception() is not None
+
+
+@contextmanager
+def _ctrl_c_held_back() -> Generator[None]:
+    """Processes that are started meanwhile never get it: a terminal sends it to all of them."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager

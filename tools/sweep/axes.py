@@ -94,7 +94,8 @@ def _values(option: str, texts: Sequence[str]) -> tuple[str, ...]:
     values = [value for text in texts for value in _split(text)]
     for value in values:
         if not value:
-            raise LindyError(f"{option} {','.join(texts)}: a value is empty")
+            between = "" if option.endswith("=") else " "
+            raise LindyError(f"{option}{between}{','.join(texts)}: a value is empty")
         if values.count(value) > 1:
             raise LindyError(f"{option} names {value} twice")
     return tuple(values)

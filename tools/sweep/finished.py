@@ -77,17 +77,28 @@ class FinishedDives:
         """Write the table, whole or not at all, in the place of the one before.
 
         Raises:
-            LindyError: it cannot be written; the one before stays.
+            LindyError: it cannot be written; the one before stays, and so do the rows.
         """
         fresh = self._table.with_name(f".{self._table.name}-{os.getpid()}")
         try:
-            write_fresh(fresh, data)
+            file = fresh.open("xb")
+        except OSError as error:
+            raise self._no_table(error) from None
+        try:
+            with file:
+                file.write(data)
             self._append(_line({TABLE: _checksum(data)}))  # before it is in place: see __init__
             fresh.replace(self._table)
         except OSError as error:
-            raise LindyError(f"cannot write {self._table}: {reason(error)}") from None
+            raise self._no_table(error) from None
         finally:
             fresh.unlink(missing_ok=True)
+
+    def _no_table(self, error: OSError) -> LindyError:
+        return LindyError(
+            f"cannot write {self._table}: {reason(error)}; all finished dives are safe in "
+            f"{self._path}, and the same command writes the table"
+        )
 
     def close(self) -> None:
         self._file.close()

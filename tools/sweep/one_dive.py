@@ -1,24 +1,24 @@
-"""One dive of a sweep, in a worker: it ends with a row, whatever happens in it."""
+"""One dive of a sweep, in a worker: it ends with a row, whatever happens in it, unless the disk has
+no room for what it leaves."""
 
 import time
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
+from services.recorder.io.mcap_session import CannotRecordError
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from tools.checks import pilot_of
-from tools.fresh import fresh_folder, write_fresh
-from tools.live.dive_folder import holds_dive
 from tools.live.dive_timeline import DiveTimeline
 from tools.live.memory_recorder import MemoryRecorder
 from tools.live.outcome import Outcome
 from tools.live.virtual_dive import INTERRUPTED, fly, without_files
-from tools.recordings.recording import log_hash, open_recording
-from tools.report import encode, read_dive
 from tools.sweep.all_cores import asked_to_stop
 from tools.sweep.axes import PlannedDive
+from tools.sweep.recorded import own_folder, read_recorded
 from tools.sweep.rows import CLEAN, Flown, Row, row_of
 
 
@@ -32,14 +32,22 @@ class Job(NamedTuple):
 
 
 def fly_one(job: Job) -> Row | None:
-    """The row of a dive; None: it was interrupted."""
+    """The row of a dive; None: it was interrupted.
+
+    Raises:
+        CannotRecordError: it was to be recorded, and the disk did not take all of it.
+    """
+    if asked_to_stop():
+        return None
     began = time.perf_counter()
     flown, end, folder = None, CLEAN, ""
     try:
-        with TemporaryDirectory(prefix="lindy-") as temporary:
-            folder = str(_folder(job)) if job.keep else ""
+        with TemporaryDirectory(prefix="lindy-") as temporary, _kept(job) as kept:
+            folder = str(kept or "")
             flown = _flown(job, folder or temporary)
         end = flown.report.exit
+    except CannotRecordError:
+        raise
     except LindyError as error:
         end = str(error)
     except Exception as error:  # a mistake in one dive does not end the others
@@ -47,6 +55,13 @@ def fly_one(job: Job) -> Row | None:
     if end == INTERRUPTED:
         return None
     return row_of(job.dive, flown, " ".join(end.split()), time.perf_counter() - began, folder)
+
+
+def _kept(job: Job) -> AbstractContextManager[Path | None]:
+    """The folder that stays, if one does."""
+    if not job.keep:
+        return nullcontext()
+    return own_folder(Path(job.keep) / f"dive-{job.dive.number:06d}")
 
 
 def _flown(job: Job, folder: str) -> Flown:
@@ -65,15 +80,7 @@ def _flown(job: Job, folder: str) -> Flown:
     outcome, memory = Outcome(stack), None if job.keep else MemoryRecorder()
     timeline = DiveTimeline(pilot.script_s, job.seconds)
     fly(stack, services, timeline, outcome, stop=asked_to_stop, memory=memory)
-    if memory is not None:
-        dive = memory.dive()
-        return Flown(outcome.report_in_memory(dive, memory.log_hash()), dive.max_depth_m)
-    dive = read_dive(open_recording(stack.out_dir))
-    report = outcome.report_in_memory(dive, log_hash(stack.out_dir) or "")
-    write_fresh(stack.out_dir / "report.json", encode(report))
-    return Flown(report, dive.max_depth_m)
-
-
-def _folder(job: Job) -> Path:
-    """A new one: of an interrupted dive there may be one already."""
-    return fresh_folder(Path(job.keep) / f"dive-{job.dive.number:06d}", holds_dive)
+    if memory is None:
+        return read_recorded(stack, outcome)
+    dive = memory.dive()
+    return Flown(outcome.report_in_memory(dive, memory.log_hash()), dive.max_depth_m)

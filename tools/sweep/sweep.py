@@ -3,7 +3,7 @@
 import hashlib
 import sys
 import time
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Sequence, Sized
 from contextlib import closing, contextmanager, suppress
 from importlib.metadata import version
 from pathlib import Path
@@ -17,7 +17,7 @@ from services.runtime.hosts.registry import Registry
 from services.tether.io.profile_file import named
 from tools.checks import checked, pilot_of
 from tools.choices import Choices
-from tools.fresh import refuse_existing, write_fresh
+from tools.fresh import write_fresh
 from tools.live.stop_signals import StopSignals
 from tools.live.virtual_dive import without_files
 from tools.sweep.all_cores import cores, on_all_cores
@@ -52,8 +52,7 @@ def sweep(axes: SweepAxes, wanted: Wanted) -> int:
     """
     check_table(wanted.out)
     if wanted.picture is not None:
-        check_picture()
-        refuse_existing(wanted.picture)
+        check_picture(wanted.picture)
     if wanted.workers is not None and wanted.workers < 1:
         raise LindyError(f"--workers is {wanted.workers}, expected 1 or more")
     about = _checked(axes, wanted)
@@ -61,9 +60,12 @@ def sweep(axes: SweepAxes, wanted: Wanted) -> int:
         try:
             stopped = _fly(axes, wanted, finished)
         except LindyError as error:
-            with suppress(LindyError):
-                _write_table(axes, wanted, finished)
+            if finished.rows:
+                with suppress(LindyError):
+                    _write_table(axes, wanted, finished)
             raise LindyError(f"{error}; {_kept(len(finished.rows), axes, wanted)}") from error
+        if stopped and not finished.rows:
+            raise LindyError(_interrupted(finished.rows, axes, wanted))
         rows = _write_table(axes, wanted, finished)
     _show(rows, axes, wanted)
     return _ending(rows, axes, wanted, stopped=stopped)
@@ -76,11 +78,20 @@ def _write_table(axes: SweepAxes, wanted: Wanted, finished: FinishedDives) -> li
     return rows
 
 
+def _counted(number: int, what: str) -> str:
+    return f"{number} {what}{'s' * (number != 1)}"
+
+
 def _kept(done: int, axes: SweepAxes, wanted: Wanted) -> str:
+    verb = "is" if axes.count == 1 else "are"
     return (
-        f"{done} of {axes.count} dives are kept in {rows_file(wanted.out)}, and the same command "
-        "goes on with the rest"
+        f"{done} of {_counted(axes.count, 'dive')} {verb} kept in {rows_file(wanted.out)}, and the "
+        "same command goes on with the rest"
     )
+
+
+def _interrupted(rows: Sized, axes: SweepAxes, wanted: Wanted) -> str:
+    return f"interrupted; {_kept(len(rows), axes, wanted)}"
 
 
 def _checked(axes: SweepAxes, wanted: Wanted) -> About:
@@ -129,7 +140,8 @@ def _fly(axes: SweepAxes, wanted: Wanted, finished: FinishedDives) -> bool:
     workers = min(wanted.workers or cores(), max(1, len(jobs)))
     before = len(finished.rows)
     there = f", {before} of them done before" if before else ""
-    print(f"{axes.count} dives{there}, on {workers} cores → {wanted.out}", flush=True)
+    flown, used = _counted(axes.count, "dive"), _counted(workers, "core")
+    print(f"{flown}{there}, on {used} → {wanted.out}", flush=True)
     with StopSignals() as stop, _progress(axes.count, before) as advance:
         for result in on_all_cores(fly_one, jobs, workers, lambda: stop.asked):
             if result is not None and (row := result[1]) is not None:
@@ -161,7 +173,7 @@ def _lines(total: int, before: int) -> Callable[[int], None]:
         last = now
         left = (total - done) * (now - began) / (done - before) if done > before else None
         rest = "" if left is None else f", about {left:.0f} s to go"
-        print(f"{done} of {total} dives{rest}", flush=True)
+        print(f"{done} of {_counted(total, 'dive')}{rest}", flush=True)
 
     return advance
 
@@ -172,20 +184,20 @@ def _show(rows: Sequence[Row], axes: SweepAxes, wanted: Wanted) -> None:
         print("p50 / p95 / max over the dives of each combination:")
     for line in lines(groups):
         print(line)
-    print(f"written {wanted.out} ({len(rows)} rows)", flush=True)
+    print(f"written {wanted.out} ({_counted(len(rows), 'row')})", flush=True)
     if wanted.picture is not None and groups and len(rows) == axes.count:
         wanted.picture.parent.mkdir(parents=True, exist_ok=True)
-        write_fresh(wanted.picture, drawn(groups))
+        write_fresh(wanted.picture, drawn(groups), "--picture")
         print(f"written {wanted.picture}", flush=True)
 
 
 def _ending(rows: Sequence[Row], axes: SweepAxes, wanted: Wanted, *, stopped: bool) -> int:
     if stopped and len(rows) < axes.count:
-        raise LindyError(f"interrupted; {_kept(len(rows), axes, wanted)}")
+        raise LindyError(_interrupted(rows, axes, wanted))
     failed = [row for row in rows if row["end"] != CLEAN]
     if failed:
         raise LindyError(
-            f"{len(failed)} of {len(rows)} dives ended with an error; the first, dive "
+            f"{len(failed)} of {_counted(len(rows), 'dive')} ended with an error; the first, dive "
             f"{failed[0]['dive']}: {failed[0]['end']}"
         )
     return 0

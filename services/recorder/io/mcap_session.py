@@ -28,6 +28,10 @@ RESERVE = 256_000  # [bytes] left free for the report and for the end of the fil
 RETRY_NS = 5_000_000_000  # [ns] between two attempts to record again
 
 
+class CannotRecordError(LindyError):
+    """The disk does not take a recording."""
+
+
 class RecordingCheckpoint(msgspec.Struct):
     """Checkpoint: how many parts this dive has."""
 
@@ -53,7 +57,7 @@ class McapSession:
         """Open the next part of this dive.
 
         Raises:
-            LindyError: the folder or the file cannot be written.
+            CannotRecordError: the folder or the file cannot be written.
         """
         self._node = node
         self._stack = stack
@@ -68,7 +72,8 @@ class McapSession:
             self._open()
         except OSError as error:
             if self._opened.parts == 0:  # the dive begins: the user can correct it
-                raise LindyError(f"cannot write the recording {path}: {reason(error)}") from None
+                sentence = f"cannot write the recording {path}: {reason(error)}"
+                raise CannotRecordError(sentence) from None
             self._stopped(path, error)  # started again in mid-dive
 
     def write(self, row: RecordedRow) -> None:

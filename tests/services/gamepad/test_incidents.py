@@ -152,6 +152,7 @@ def test_what_nobody_answers_is_repeated_with_its_id_and_then_counted():
         ("fault port dead 1", "dead takes no value"),
         ("fault sensor/dvl silent", "there is no part 'sensor/dvl'"),
         ("link profile tehter", "did you mean 'tether'?"),
+        ("link profile acoustic", "acoustic cannot be flown: a command needs "),
         ("link set up.delay_ms=-1", "up.delay_ms"),
         ("link set up.dealy_ms=1", "did you mean 'delay_ms'?"),
     ],

@@ -109,6 +109,9 @@ def test_failsafes_are_never_pushed_out_and_what_is_left_out_is_the_least_import
         assert words in text
     assert "reached its limit" in text
     assert "and 3 less important kinds" in text
+    whole = summary(msgspec.structs.replace(report, losses=counts), all_losses=True)
+    assert "less important" not in whole
+    assert len(whole.splitlines()) == len(text.splitlines()) + 2
 
 
 @pytest.mark.parametrize(

@@ -61,6 +61,50 @@ def test_asked_to_stop_it_ends_with_the_jobs_at_hand():
     assert 1 <= len(found) < 20
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("late", [False, True], ids=["while they start", "at work"])
+def test_a_signal_to_the_whole_process_group_is_one_interruption(
+    number: signal.Signals, late: bool, tmp_path: Path
+):
+    """As a terminal sends Ctrl-C: no worker says anything."""
+    program = (
+        "import sys\n"
+        "from tests.tools.sweep.test_all_cores import tell_until_stopped\n"
+        "from tools.live.stop_signals import StopSignals\n"
+        "from tools.sweep.all_cores import on_all_cores\n"
+        "if __name__ == '__main__':\n"
+        "    with StopSignals() as stop:\n"
+        "        print('begun', flush=True)\n"
+        "        jobs = [sys.argv[1]] * 100\n"
+        "        list(on_all_cores(tell_until_stopped, jobs, 2, lambda: stop.asked))\n"
+        "    print('interrupted' if stop.asked else 'done')\n"
+    )
+    script, told = tmp_path / "program.py", tmp_path / "pid"
+    script.write_text(program)
+    parent = subprocess.Popen(
+        [sys.executable, str(script), str(told)],
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    assert parent.stdout is not None
+    assert parent.stdout.readline() == "begun\n"
+    if late:
+        _awaited(told)
+    else:
+        time.sleep(0.3)  # some moment of the workers' start
+    os.killpg(parent.pid, number)
+    assert parent.communicate() == ("interrupted\n", "")
+    assert parent.returncode == 0
+
+
+def tell_until_stopped(told: str) -> None:
+    Path(told).touch()
+    until_stopped(0)
+
+
 def test_workers_end_when_their_parent_is_killed(tmp_path: Path):
     program = (
         "import os, sys, time\n"

@@ -133,3 +133,20 @@ def test_a_full_disk_keeps_the_rows_before(table: Path, monkeypatch: pytest.Monk
 def test_a_folder_that_cannot_be_written_is_named():
     with pytest.raises(LindyError, match="cannot write /dev/null/x"):
         FinishedDives(Path("/dev/null/x/y.csv"), ABOUT)
+
+
+def test_a_table_that_cannot_be_written_is_named_and_the_rows_are_safe(
+    table: Path, monkeypatch: pytest.MonkeyPatch
+):
+    def full(_from: Path, _to: Path) -> None:
+        raise OSError(errno.ENOSPC, "full")
+
+    with closing(FinishedDives(table, ABOUT)) as finished:
+        finished.add(row(0))
+        monkeypatch.setattr(Path, "replace", full)
+        with pytest.raises(LindyError) as error:
+            finished.replace_table(b"table")
+    assert f"cannot write {table}: the disk is full; all finished dives are safe in" in str(
+        error.value
+    )
+    assert [path.name for path in table.parent.iterdir()] == ["x.csv.rows.jsonl"]

@@ -155,6 +155,10 @@ def test_parquet_has_the_same_rows_with_types(tmp_path: Path):
         (["--pilot", "gamepad"], "needs real time"),
         (["--pilot", "script:nobody"], "unknown dive 'nobody'"),
         (["--seed", "9..1"], "goes backwards"),
+        (["--set", "control.depth.kp=50,"], "--set control.depth.kp=50,: a value is empty"),
+        (["--link", "tether,"], "--link tether,: a value is empty"),
+        (["--picture", "x.jpg"], "--picture x.jpg: expected a name that ends in .png"),
+        (["--picture", "/dev/null/x.png"], "cannot write --picture /dev/null/x.png"),
         (["--seconds", "-1"], "--seconds is -1"),
         (["--workers", "0"], "--workers is 0, expected 1 or more"),
         (["--workers", "1.5"], "expected a whole number"),
@@ -181,7 +185,7 @@ def test_a_picture_that_is_there_is_refused(tmp_path: Path, capsys: pytest.Captu
     picture.write_text("mine")
     words = ["--out", str(tmp_path / "x.csv"), "--picture", str(picture)]
     assert main(["sweep", *words]) == 1
-    assert "it exists already" in capsys.readouterr().err
+    assert "it exists already; choose another --picture" in capsys.readouterr().err
     assert picture.read_text() == "mine"
 
 
@@ -215,6 +219,21 @@ def test_ctrl_c_keeps_what_is_finished(
     assert len(table_of(out)) == 1
 
 
+def test_ctrl_c_before_the_first_row_is_one_sentence(
+    tmp_path: Path, script: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    def interrupted(_axes: SweepAxes, _wanted: module.Wanted, _finished: object) -> bool:
+        return True
+
+    monkeypatch.setattr(module, "_fly", interrupted)
+    out = tmp_path / "x.csv"
+    assert main(["sweep", "--pilot", script, "--seed", "1..3", "--out", str(out)]) == 1
+    said, sentence = capsys.readouterr()
+    assert said == ""
+    assert "interrupted; 0 of 3 dives are kept" in sentence
+    assert not out.exists()
+
+
 def test_the_picture_is_a_png_with_every_figure():
     from tools.sweep.picture import drawn
     from tools.sweep.pooled import pooled
@@ -228,3 +247,26 @@ def test_the_picture_is_a_png_with_every_figure():
     groups = pooled(rows, found.varied)
     assert [group.dives for group in groups] == [2, 2]
     assert drawn(groups).startswith(b"\x89PNG")
+
+
+def test_a_figure_that_no_dive_has_gets_no_panel():
+    from tools.sweep.picture import drawn
+    from tools.sweep.pooled import MAIN, pooled
+
+    empty: Row = dict.fromkeys(columns([])) | {"end": "clean"}
+    heights: list[int] = []
+    for measured in (MAIN[:1], MAIN[:2], MAIN, ()):
+        png = drawn(pooled([empty | {main.column: 1.0 for main in measured}], []))
+        heights.append(int.from_bytes(png[20:24]))
+    one, two, every, none = heights
+    assert one == none < two < every
+
+
+def test_one_dive_on_one_core_is_written_so(
+    tmp_path: Path, script: str, capsys: pytest.CaptureFixture[str]
+):
+    out = tmp_path / "x.csv"
+    assert main(["sweep", "--pilot", script, "--set", QUICK, "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert f"1 dive, on 1 core → {out}" in said
+    assert f"written {out} (1 row)" in said
