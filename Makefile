@@ -12,7 +12,7 @@ dive: $(READY) ## fly the demo dive: every service, one command
 	$(BIN)/lindy dive
 
 test: $(READY) ## all tests; every run draws the same cases
-	PYTHONHASHSEED=0 $(BIN)/pytest -n 3
+	PYTHONHASHSEED=0 $(BIN)/pytest -n 3 --dist worksteal
 
 explore: $(READY) ## search for minutes for new cases that break a law; prints what to keep
 	$(BIN)/python -m pytest -n 2 -p tests.long.explore --hypothesis-profile explore \
