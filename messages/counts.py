@@ -181,6 +181,7 @@ KINDS: dict[str, Meaning] = {
     "overflowed": Meaning(MESSAGE, "messages arrived faster than they could be handled"),
     "oversized": Meaning(MESSAGE, "a message was too long to be kept"),
     "miscounted": Meaning(MESSAGE, "a sender numbered its messages wrongly"),
+    "uncounted": Meaning(MESSAGE, "more kinds of counts than a health message holds"),
     "skipped": Meaning(MESSAGE, "a message was skipped for a newer one"),
     "accelerating": Meaning(ROUTINE, "the drone accelerated too much to measure roll and pitch"),
     "resting": Meaning(ROUTINE, "the gyroscope was calibrated at rest"),

@@ -10,18 +10,23 @@ def restarted(restarts: Mapping[str, int], shared: Mapping[str, str]) -> list[st
         restarts: times each service and hub was started again; a process takes all its services.
         shared: the process of each service that is not alone in a process of its own name.
     """
-    times: dict[str, int] = {}
     parts: dict[str, list[str]] = {}
-    for name, count in sorted(restarts.items()):
-        process = shared.get(name, name)
-        times[process] = max(count, times.get(process, 0))
+    for name in sorted(restarts):
         if name in shared:
-            parts.setdefault(process, []).append(name)
+            parts.setdefault(shared[name], []).append(name)
     return [
         " ".join(filter(None, (process, _bracketed(parts.get(process, [])), f"{count} ×")))
-        for process, count in sorted(times.items())
-        if count
+        for process, count in by_process(restarts, shared).items()
     ]
+
+
+def by_process(restarts: Mapping[str, int], shared: Mapping[str, str]) -> dict[str, int]:
+    """Times each process was started again, of those that were. Arguments as of `restarted`."""
+    times: dict[str, int] = {}
+    for name, count in restarts.items():
+        process = shared.get(name, name)
+        times[process] = max(count, times.get(process, 0))
+    return {process: count for process, count in sorted(times.items()) if count}
 
 
 def _bracketed(names: list[str]) -> str:

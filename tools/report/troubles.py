@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
 from messages.counts import Rank, is_hung, meaning, short
+from tools.report.restarted import by_process
 
 NAMED = 3  # services by name; of more only the number
 # Messages that nobody could use; on a link that damages messages they are nobody's fault.
@@ -45,11 +46,8 @@ def processes(
         gone: services that were not alive at the end.
         shared: the process of each service that is not alone in a process of its own name.
     """
-    times: dict[str, int] = {}
-    for name, count in sorted(restarts.items()):
-        process = shared.get(name, name)
-        times[process] = max(count, times.get(process, 0))
-    again = [f"{name} started again {_times(n)}" for name, n in times.items() if n]
+    times = by_process(restarts, shared)
+    again = [f"{name} started again {_times(n)}" for name, n in times.items()]
     missing = [f"{name} not alive at the end" for name in gone]
     return [
         *_few(again, "processes started again"),

@@ -12,18 +12,25 @@ STAMP = struct.Struct("<q")  # [ns] of the monotonic clock, which all processes 
 
 
 class Heartbeat:
-    """The writing end. A file that cannot be made is no reason not to run: then nobody watches."""
+    """The writing end. A file that cannot be made is no reason not to run: then nobody watches.
+
+    Attributes:
+        unwatched: why, although somebody wanted to watch; empty: all is well.
+    """
 
     def __init__(self, path: Path | None) -> None:
         self._map: mmap.mmap | None = None
+        self.unwatched = ""
         if path is None:
             return
         try:
             path.write_bytes(bytes(STAMP.size))
             with path.open("r+b") as file:
                 self._map = mmap.mmap(file.fileno(), STAMP.size)
-        except OSError:
-            return
+        except OSError as error:
+            self.unwatched = (
+                f"nobody would notice if it hung: cannot write {path}: {error.strerror}"
+            )
 
     def beat(self, now: int) -> None:
         """The loop goes round at `now` [ns]."""

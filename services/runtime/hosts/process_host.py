@@ -92,6 +92,8 @@ def run_services(launch: Launch) -> int:
                 sessions[side].announce(name)
         exits.enter_context(rare_collections())
         heartbeat = Heartbeat(None if launch.heartbeat is None else Path(launch.heartbeat))
+        if heartbeat.unwatched:
+            nodes[0].log("warning", heartbeat.unwatched)
         while not stop.asked:
             heartbeat.beat(time.monotonic_ns())
             stepper.step_and_wait()

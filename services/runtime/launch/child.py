@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Protocol
 
+KILL_S = 0.5  # [s] in which a killed process is normally gone
 TAIL = 4096  # [bytes] of a log in which its last line is looked for
 
 
@@ -29,6 +30,8 @@ class Task:
 
 class Child(Protocol):
     """A process that was started."""
+
+    unlogged: str  # why what it prints is not kept; empty: it is
 
     @property
     def pid(self) -> int: ...
@@ -55,7 +58,8 @@ class OsChild:
 
     def __init__(self, task: Task) -> None:
         self._log = task.log
-        with _log_file(task.log) as log:
+        log_file, self.unlogged = _log_file(task.log)
+        with log_file as log:
             self._begin = log.tell() if log.seekable() else 0
             # Started, never forked: Zenoh's threads would not survive in a forked copy.
             self._process = subprocess.Popen(
@@ -80,7 +84,9 @@ class OsChild:
 
     def kill(self) -> None:
         self._signal_group(signal.SIGKILL)
-        self._process.wait()
+        # One that waits for a dead disk does not even end now, and must not hold up the others.
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(KILL_S)
 
     def last_words(self) -> str:
         try:
@@ -97,11 +103,11 @@ class OsChild:
             os.killpg(self._process.pid, number)
 
 
-def _log_file(path: Path) -> IO[bytes]:
-    """The log, opened to append to it; nowhere, if it cannot be: a service matters more than what
-    it prints."""
+def _log_file(path: Path) -> tuple[IO[bytes], str]:
+    """The log, opened to append to it. If it cannot be: nowhere, and why, because a service matters
+    more than what it prints."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        return path.open("ab")
-    except OSError:
-        return Path(os.devnull).open("ab")
+        return path.open("ab"), ""
+    except OSError as error:
+        return Path(os.devnull).open("ab"), f"cannot write {path}: {error.strerror}"

@@ -38,6 +38,7 @@ CHECKPOINTS = "checkpoints"  # folder in the dive's folder; DIVE/checkpoints/<se
 HOME = "topside"  # the side this process's own node is on: it sees what the pilot sees
 LAST = ("recorder", "visualizer")  # stopped after the others, so that they receive everything
 SLOW = ("visualizer",)  # started when the others are alive: its libraries take a second to load
+WATCH_NS = 100_000_000  # [ns] between two looks at the heartbeats
 DISK_PATIENCE_S = 10.0  # [s] a slow disk may stop those of LAST before they are started again
 PYTHON = [sys.executable, "-P", "-m", "services"]  # -P: nothing in the user's folder is imported
 PERIOD_S = 0.04  # [s] between two steps: ports that keep the newest 16 must not fill at 100 Hz
@@ -86,6 +87,7 @@ class LocalStack:
         self.alive: set[tuple[str, str]] = set()  # (side, service)
         self.answering = Answering(dict.fromkeys(LAST, DISK_PATIENCE_S))
         self._folder = folder
+        self._watch_at = 0  # [ns] next look at the heartbeats
         self._checkpoints = stack.out_dir / CHECKPOINTS  # numbered by start_services if it exists
         self._tokens: deque[tuple[str, str, bool]] = deque()  # filled on the bus's thread
         self._buses: dict[str, ZenohBus] = {}
@@ -226,8 +228,11 @@ class LocalStack:
 
     def _watch(self) -> None:
         """Name what does not answer, and start it again where waiting longer is of no use."""
-        beats = {name: last_beat(self.heartbeat(name)) for name in self.supervisor.lives}
         now = time.monotonic_ns()
+        if now < self._watch_at:
+            return  # messages wake this process more often than a look is of use
+        self._watch_at = now + WATCH_NS
+        beats = {name: last_beat(self.heartbeat(name)) for name in self.supervisor.lives}
         for name, what in self.answering.look(beats, self.supervisor.lives, now):
             if what == "silent":
                 self._tell("error", f"{name} does not answer any more")

@@ -101,7 +101,9 @@ class Supervisor:
         if action is Action.START:
             if self.lives[name].restarts:
                 self._tell("warning", f"{self._tasks[name].in_words} is started again")
-            self._children[name] = self._spawn(self._tasks[name])
+            child = self._children[name] = self._spawn(self._tasks[name])
+            if child.unlogged:
+                self._tell("warning", f"{name} runs without a log: {child.unlogged}")
         elif action is Action.TERMINATE:
             self._children[name].terminate()
 

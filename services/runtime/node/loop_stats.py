@@ -2,9 +2,10 @@
 
 from collections import Counter
 from dataclasses import dataclass
-from itertools import islice
 
 from messages.health import Health
+
+NAME, NAMES = 128, 1000  # characters of a name, and names, that a health message holds
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,8 +59,11 @@ class LoopStats:
 
 
 def _bounded(counts: Counter[str]) -> dict[str, int]:
-    """As many counts as a message may hold; names are cut to what it may hold."""
-    return {name[:128]: count for name, count in islice(counts.items(), 1000)}
+    """As many counts as a message may hold, names cut to what it may hold. Others are summed up."""
+    bounded: Counter[str] = Counter()
+    for number, (name, count) in enumerate(counts.items()):
+        bounded[name[:NAME] if number < NAMES - 1 else "uncounted:others"] += count
+    return dict(bounded)
 
 
 def _percentile_ms(ordered: list[int], percent: int) -> float | None:

@@ -24,6 +24,8 @@ def test_a_new_life_begins_without_a_beat(tmp_path: Path) -> None:
 
 def test_where_no_file_can_be_made_nothing_is_watched_and_nothing_fails(tmp_path: Path) -> None:
     path = tmp_path / "no such folder" / "control.beat"
-    Heartbeat(path).beat(7)
-    Heartbeat(None).beat(7)
+    heartbeat = Heartbeat(path)
+    heartbeat.beat(7)
+    assert heartbeat.unwatched.startswith("nobody would notice if it hung: cannot write ")
+    assert Heartbeat(None).unwatched == ""
     assert last_beat(path) is None

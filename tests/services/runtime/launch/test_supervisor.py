@@ -137,7 +137,7 @@ class PretendChild:
     def __init__(self, running: list[str], order: list[str], name: str) -> None:
         assert name not in running, "two processes for one child"
         running.append(name)
-        self.pid = 0
+        self.pid, self.unlogged = 0, ""
         self._running, self._order, self._name = running, order, name
         self._status: int | None = None
 
@@ -230,3 +230,5 @@ def test_a_child_whose_log_cannot_be_written_or_read_runs_all_the_same(
     os.kill(first, 9)
     toys.until(lambda: toys.supervisor.pids.get("toy", first) != first)
     assert toys.supervisor.failure is None
+    warning = f"toy runs without a log: cannot write {tmp_path}/file/log: "
+    assert sum(text.startswith(warning) for text in toys.told) == 2
