@@ -33,6 +33,19 @@ _HELD_BACK = "was held back because the drone could not follow"
 NAMES: dict[str, Meaning] = {
     "failsafe:pilot_lost": Meaning(FAILSAFE, "pilot lost: the drone came to rest and held"),
     "failsafe:state_lost": Meaning(FAILSAFE, "drone's state lost: it came to rest"),
+    "failsafe:link_lost": Meaning(FAILSAFE, "link lost: the drone came to rest and held"),
+    "failsafe:imu_lost": Meaning(FAILSAFE, "IMU lost: the drone came to rest"),
+    "failsafe:leak": Meaning(FAILSAFE, "water in the enclosure: the drone rose"),
+    "failsafe:battery_critical": Meaning(FAILSAFE, "battery nearly empty: the drone rose"),
+    "notice:battery_low": Meaning(DANGER, "the battery was low"),
+    "notice:too_hot": Meaning(DANGER, "the enclosure was too hot"),
+    "notice:too_deep": Meaning(DANGER, "the drone was deeper than its limit"),
+    "notice:near_floor": Meaning(PILOT, "the bottom was close"),
+    "notice:depth_limit": Meaning(PILOT, "the drone stopped at its depth limit"),
+    "notice:control_silent": Meaning(DANGER, "control did not answer: the thrusters stopped"),
+    "notice:service_silent": Meaning(DANGER, "a service on board did not answer"),
+    "notice:service_late": Meaning(DANGER, "a service on board was late"),
+    "notice:recorder_down": Meaning(DATA, "the recorder did not answer the drone"),
     "alarm:link": Meaning(DANGER, "the link got worse"),
     "clamped:reference.depth": Meaning(LIMIT, f"the wanted depth {_HELD_BACK}"),
     "clamped:reference.heading": Meaning(LIMIT, f"the wanted heading {_HELD_BACK}"),
@@ -106,6 +119,7 @@ NAMES: dict[str, Meaning] = {
 # All other names, by their first word.
 KINDS: dict[str, Meaning] = {
     "failsafe": Meaning(FAILSAFE, "the drone acted by itself"),
+    "notice": Meaning(DANGER, "the drone noticed something that the pilot has to know"),
     "alarm": Meaning(DANGER, "an alarm was raised"),
     "empty": Meaning(DANGER, "the battery was empty"),
     "hung": Meaning(DANGER, "a service ran but did not answer"),
@@ -187,7 +201,11 @@ KINDS: dict[str, Meaning] = {
     "resting": Meaning(ROUTINE, "the gyroscope was calibrated at rest"),
 }
 
-SHORT = {"failsafe:pilot_lost": "pilot lost", "failsafe:state_lost": "drone's state lost"}
+SHORT = {
+    "failsafe:pilot_lost": "pilot lost",
+    "failsafe:state_lost": "drone's state lost",
+    "failsafe:imu_lost": "IMU lost",
+}
 
 
 def known(name: str) -> bool:

@@ -24,8 +24,10 @@ from messages.sensors import (
     BatterySample,
     DvlSample,
     ImuSample,
+    LeakSample,
     MagnetometerSample,
     PressureSample,
+    TemperatureSample,
     UsblSample,
 )
 from messages.simulator import FaultAnswer, FaultRequest
@@ -47,6 +49,8 @@ PRESSURE       = Topic("sensor/pressure",     PressureSample,     42, LIVE,     
 DVL            = Topic("sensor/dvl",          DvlSample,           1, LIVE,           STAY)
 USBL           = Topic("sensor/usbl",         UsblSample,        0.5, LIVE,           STAY)
 BATTERY        = Topic("sensor/battery",      BatterySample,       1, BULK,           UP)
+LEAK           = Topic("sensor/leak",         LeakSample,          1, BULK,           UP)
+TEMPERATURE    = Topic("sensor/temperature",  TemperatureSample,   1, BULK,           UP)
 STATE          = Topic("state",               VehicleState,      100, LIVE,           UP)
 REFERENCE      = Topic("reference",           Reference,         100, LIVE,           UP)
 WRENCH         = Topic("control/wrench",      Wrench,            100, LIVE,           UP)

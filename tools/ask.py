@@ -39,6 +39,7 @@ OPTIONS: dict[str, tuple[str, ...]] = {
     "take": ("force",),
     "offer": ("to",),
     "release": (),
+    "resume": (),
 }  # the options of each kind of request
 HOLDS: tuple[str, ...] = get_args(Hold)
 FARTHEST = 100_000.0  # [m] greatest north or east
@@ -65,7 +66,7 @@ def ask(
     """Send a request and print the answer.
 
     Args:
-        kind: arm, disarm, stop, light, goto, follow, mode, take, offer or release.
+        kind: arm, disarm, stop, light, goto, follow, mode, take, offer, release or resume.
         hold: mode: what the drone is to hold by itself.
         depth: [m] goto.
         heading: [deg] goto.

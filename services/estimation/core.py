@@ -18,6 +18,8 @@ keeps the calibration from ending. Validity: see state_message.py.
 from collections.abc import Mapping
 from math import hypot
 
+import msgspec
+
 from messages import topics
 from messages.reference import Reference
 from messages.sensors import (
@@ -284,7 +286,22 @@ class Estimator:
             now, sensor_ns, imu, self._attitude, self._depth, self._horizontal
         )
         self._announcements.see(imu=imu, pressure=state.depth.valid)
-        return state
+        troubles = self._troubles(imu=imu, pressure=state.depth.valid)
+        return msgspec.structs.replace(state, troubles=troubles) if troubles else state
+
+    def _troubles(self, *, imu: bool, pressure: bool) -> tuple[str, ...]:
+        """Names of the counts that say which sensors cannot be used now, and why."""
+        found = list(self._validation.troubles)
+        for key, used in (("sensor/imu", imu), ("sensor/pressure", pressure)):
+            if not used and not any(name.endswith(key) for name in found):
+                found.append(f"lost:{key}")
+        if self._depth.distrusts_accelerometer and imu:
+            found.append("distrusted:sensor/imu")
+        if not self._attitude.gyroscope.trusted:
+            found.append(
+                "doubted:gyroscope" if self._attitude.gyroscope.learning else "stepped:gyroscope"
+            )
+        return tuple(found)
 
     def _hears_imu(self, now: int) -> bool:
         return self._imu_ns is not None and now - self._imu_ns <= self._settings.imu_patience * 1e9

@@ -19,9 +19,10 @@ OVERHEARD = 16  # newest requests of others that may still be answered
 def wire(node: Node, stack: Stack) -> None:
     progress = node.restore_checkpoint(Progress) or Progress()
     source = open_source(node, stack, progress.played)
-    by_itself = stack.arm or stack.pilot.startswith("script:")
+    is_script = stack.pilot.startswith("script:")
+    by_itself = stack.arm or is_script
     name = stack.section("gamepad", Settings).pilot
-    Connected(node, source, Pilot(progress, by_itself), name)
+    Connected(node, source, Pilot(progress, by_itself, resumes=is_script), name)
 
 
 class Connected:

@@ -1,5 +1,5 @@
-"""An event of a stick log: one word, `goto depth=3 heading=90`, `follow inspection_box`,
-`mode depth_hold`, `fault port dead` or `link profile severe`."""
+"""An event of a stick log: one word such as `stop`, `goto depth=3 heading=90`, `follow
+inspection_box`, `mode depth_hold`, `fault port dead` or `link profile severe`."""
 
 from collections.abc import Callable
 from typing import Literal, cast, get_args

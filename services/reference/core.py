@@ -3,11 +3,12 @@
 The mode (`modes.py`) says which axes the drone holds. The sticks of held axes are velocities; the
 position reference is their exact integral. The sticks of the other axes are forces, ramped by the
 same jerk-bounded law. The pilot can request positions and paths; a deflected stick overrides them
-at any moment. Every failure (pilot lost, state lost, stop) has the same response: come to rest
-smoothly, and hold.
+at any moment. What the drone does by itself when something fails is the failsafe table
+(`failsafe/`): come to rest smoothly and hold, rise, stay at the surface.
 """
 
 from dataclasses import dataclass, field
+from typing import cast
 
 import msgspec
 
@@ -18,6 +19,9 @@ from messages.state import VehicleState
 from messages.units import Ns
 from messages.vehicle import Failsafe, Mode, VehicleStatus
 from services.marine.sensor_time import SensorTime
+from services.reference.failsafe.machine import FailsafeMachine, Memory
+from services.reference.failsafe.table import table
+from services.reference.failsafe.watch import ConditionWatch
 from services.reference.guidance import requests
 from services.reference.guidance.authority import ControlAuthority, Lease
 from services.reference.guidance.guidance import Guidance
@@ -37,6 +41,8 @@ class GuidanceCheckpoint(msgspec.Struct, frozen=True):
     hold: Hold = "stabilised"  # in force
     asked: Hold = "stabilised"  # requested by the pilot
     lease: Lease = Lease()
+    failsafes: dict[str, Memory] = {}
+    surfaced: bool = False
 
 
 INITIAL = GuidanceCheckpoint()
@@ -54,10 +60,12 @@ class ReferenceGenerator:
     light: float = field(init=False)
     requested: Hold = field(init=False)  # by the pilot; in force again after a disarm
     authority: ControlAuthority = field(init=False)
+    conditions: ConditionWatch = field(init=False)  # of the failsafes
     stopping: bool = False  # until at rest with the sticks centred
     _guidance: Guidance = field(init=False)
     _time: SensorTime = field(default_factory=SensorTime)  # of the reference
-    _failsafe: Failsafe = "none"
+    _failsafes: FailsafeMachine = field(init=False)
+    _acts: bool = False  # a failsafe acted at the newest step
     _running: bool = False  # the estimator has finished its calibration
     _silent: bool = False  # the estimator
     _initialised: bool = False
@@ -68,6 +76,9 @@ class ReferenceGenerator:
         self.armed, self.light, self.requested = b.armed, b.light, b.asked
         self.authority = ControlAuthority(b.lease, self.started_ns)
         self._guidance = Guidance(self.settings, b.hold)
+        rows, memory = table(self.settings.failsafe), dict(b.failsafes)
+        self._failsafes = FailsafeMachine(rows, memory, b.armed, b.surfaced)
+        self.conditions = ConditionWatch(self.settings.failsafe)
 
     @property
     def events(self) -> list[str]:
@@ -80,7 +91,13 @@ class ReferenceGenerator:
     @property
     def checkpoint(self) -> GuidanceCheckpoint:
         return GuidanceCheckpoint(
-            self.armed, self.light, self._guidance.hold, self.requested, self.authority.lease
+            self.armed,
+            self.light,
+            self._guidance.hold,
+            self.requested,
+            self.authority.lease,
+            dict(self._failsafes.memory),
+            self._failsafes.surfaced,
         )
 
     # Steps.
@@ -98,7 +115,7 @@ class ReferenceGenerator:
         guidance.see(state, self._time.step(None if state is None else state.sensor_ns, now) / 1e9)
         if guidance.state is None:
             return None
-        self._watch(state, command)
+        self._watch(state, command, now)
         if self.armed and self._initialised:
             guidance.move_on(state)
             guidance.watch_estimates(state)
@@ -111,25 +128,50 @@ class ReferenceGenerator:
         epoch = self.authority.lease.acting
         return reference_of(guidance, state, command, now, armed=self.armed, epoch=epoch)
 
-    def _watch(self, state: VehicleState | None, command: PilotCommand | None) -> None:
-        """Set the failsafe; a new one ends the manoeuvre."""
-        failsafe: Failsafe = "none"
-        if state is None:
-            failsafe = "state_lost"
-        elif self.armed and (command is None or command.pilot == "lost"):
-            failsafe = "pilot_lost"
-        if failsafe != self._failsafe and failsafe != "none":
-            self.events.append(f"failsafe:{failsafe}")
-            self._guidance.come_to_rest()
-        self._failsafe = failsafe
+    def _watch(self, state: VehicleState | None, command: PilotCommand | None, now: Ns) -> None:
+        """Judge the conditions, and do what the failsafe table says; one that begins to act ends
+        the manoeuvre."""
+        guidance, failsafes = self._guidance, self._failsafes
+        holding = self.conditions.holding(
+            state,
+            command,
+            guidance.unheld if self.armed else (),
+            now,
+            armed=self.armed,
+            limited=self.armed and guidance.axes.limited,
+        )
+        surface = self.settings.failsafe.surface_depth
+        at_surface = self._initialised and guidance.has_risen(surface)
+        failsafes.step(holding, now, armed=self.armed, at_surface=at_surface)
+        self._announce()
+        self._react()
         if command is not None and command.pilot == "present" and centred(command):
-            self.stopping = self.stopping and not self._guidance.settled
+            self.stopping = self.stopping and not guidance.settled
+
+    def _announce(self) -> None:
+        """Count and log what has just begun."""
+        for row in self._failsafes.begun:
+            if row.acts:
+                self.events.append(f"failsafe:{row.name}")
+            elif row.told:
+                self.events.append(f"notice:{row.name}")
+        self._failsafes.begun.clear()
+
+    def _react(self) -> None:
+        guidance, reaction, s = self._guidance, self._failsafes.reaction, self.settings.failsafe
+        acted, self._acts = self._acts, reaction is not None
+        if self._acts and not acted:
+            guidance.come_to_rest()
+        if reaction in ("ascend", "surface"):
+            guidance.rise(s.surface_depth, s.ascent_speed)
+        if acted and not self._acts:
+            guidance.end_rise()
 
     def _aim(self, command: PilotCommand | None) -> None:
         """Set the axes' targets from the sticks; without sticks the target is rest."""
         guidance, axes, manoeuvre = self._guidance, self._guidance.axes, self._guidance.manoeuvre
         t = guidance.t
-        free = self._failsafe == "none" and self.armed and not self.stopping
+        free = self.armed and not (self._acts or self.stopping)
         if manoeuvre.following is not None and manoeuvre.following.ends(t):
             guidance.end_manoeuvre()
             self.notes.append("off the path" if self.stopping else "the end of the path")
@@ -150,8 +192,8 @@ class ReferenceGenerator:
             request,
             command,
             armed=self.armed,
-            ready=self._running and self._failsafe != "state_lost",
-            stopping=self.stopping or self._failsafe != "none",
+            ready=self._running and "state_lost" not in self._failsafes.holding,
+            stopping=self.stopping or self._failsafes.acting is not None,
         )
         takes = request.kind in ("lease", "force")
         if takes or request.kind in ("offer", "release"):
@@ -180,7 +222,10 @@ class ReferenceGenerator:
                 self._arm()
             case "disarm":
                 self.armed = self.stopping = False
+                self._failsafes.disarm()
                 guidance.change(self.requested)
+            case "resume":
+                return self._failsafes.resume()
             case "stop":
                 self.stopping, self._stop = True, guidance.stop()
             case "light":
@@ -212,25 +257,37 @@ class ReferenceGenerator:
     # Status.
 
     def status(self, now: Ns) -> VehicleStatus:
+        failsafes = self._failsafes
         return VehicleStatus(
             stamp_ns=now,
             mode=self.mode,
             armed=self.armed,
             hold=self._guidance.hold,
-            failsafe=self._failsafe,
+            failsafe=self.failsafe,
+            reaction=failsafes.reaction,
+            since_ns=failsafes.since_ns,
+            next_ns=failsafes.next_ns,
+            resumable=failsafes.resumable,
+            words=failsafes.words,
+            conditions=failsafes.holding,
             pilot=self.authority.holder(now),
             epoch=self.authority.lease.epoch,
             light=self.light,
-            note=self._note,
+            note="; ".join(filter(None, (self._not_ready, failsafes.notices))),
             stop=self._stop if self.stopping else None,
         )
 
     @property
-    def _note(self) -> str:
+    def failsafe(self) -> Failsafe:
+        """The condition that acts."""
+        row = self._failsafes.acting
+        return "none" if row is None else cast(Failsafe, row.name)
+
+    @property
+    def _not_ready(self) -> str:
         """For the pilot: why the drone is not ready."""
         if self._running:
-            lost = self._guidance.unheld if self.armed else ()
-            return "; ".join(f"the {name} is not known and not held" for name in lost)
+            return ""
         if self._silent:
             return (
                 "not ready: no state of the drone: no usable samples of its IMU, or estimation "

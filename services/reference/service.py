@@ -1,9 +1,12 @@
 """Reference service: sticks and requests in, one smooth reference out per state."""
 
+from collections.abc import Callable
+
 from messages import topics
 from messages.pilot import PilotAnswer, PilotRequest
 from messages.state import VehicleState
 from services.reference.core import GuidanceCheckpoint, ReferenceGenerator, Settings
+from services.reference.failsafe.watch import Newest
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 
@@ -15,12 +18,14 @@ def wire(node: Node, stack: Stack) -> None:
     generator = ReferenceGenerator(stack.section("reference", Settings), before, node.now())
     commands = node.latest(topics.PILOT_COMMAND)
     commands.obey(generator.authority)
+    look = _watched(node, generator)
     reference = node.publisher(topics.REFERENCE)
     status = node.publisher(topics.STATUS)
     published: tuple[object, ...] = ()
     saved = generator.checkpoint
 
     def on_state(state: VehicleState | None, now: int) -> None:
+        look(now)
         if (out := generator.step(state, commands.fresh(now), now)) is not None:
             reference.put(out)
         _report(node, generator)
@@ -55,6 +60,27 @@ def wire(node: Node, stack: Stack) -> None:
     node.every(topics.STATUS.hz, publish_status)
 
 
+def _watched(node: Node, generator: ReferenceGenerator) -> Callable[[int], None]:
+    """Subscribe to what the failsafes watch; returns a function that takes in the newest."""
+    conditions = generator.conditions
+    node.each(topics.CLOCK_PING, lambda _, now: conditions.ping(now))
+    node.each(topics.HEALTH, conditions.health)
+    wrench, battery = node.latest(topics.WRENCH), node.latest(topics.BATTERY)
+    leak, dvl = node.latest(topics.LEAK), node.latest(topics.DVL)
+    temperature = node.latest(topics.TEMPERATURE)
+
+    def look(now: int) -> None:
+        conditions.newest = Newest(  # a wet detector that falls silent is still wet
+            wrench=wrench.newest(now),
+            battery=battery.newest(now),
+            leak=leak.newest(now),
+            temperature=temperature.newest(now),
+            dvl=dvl.fresh(now),
+        )
+
+    return look
+
+
 def _report(node: Node, generator: ReferenceGenerator) -> None:
     """Count and log events."""
     while generator.events:
@@ -67,4 +93,5 @@ def _report(node: Node, generator: ReferenceGenerator) -> None:
 def _summary(generator: ReferenceGenerator, now: int) -> tuple[object, ...]:
     """A change of this publishes a status at once."""
     status = generator.status(now)
-    return status.mode, status.armed, status.hold, status.failsafe, status.pilot
+    acts = status.failsafe, status.reaction, status.resumable, status.conditions
+    return status.mode, status.armed, status.hold, *acts, status.pilot

@@ -3,6 +3,8 @@
 from collections.abc import Callable, Sequence
 from typing import Literal
 
+import msgspec
+
 from messages.simulator import FaultAnswer, FaultRequest
 from messages.units import Ns
 from services.simulator import faults
@@ -14,7 +16,10 @@ Nearest = Callable[[str, Sequence[str]], str]  # (wrong name, known ones) → wo
 def decide(
     simulator: Simulator, request: FaultRequest, now: Ns, nearest: Nearest
 ) -> tuple[FaultAnswer, list[str]]:
-    """Set or clear a fault, or refuse; returns the answer and the names to count."""
+    """Set or clear a fault, or refuse; returns the answer and the names to count. A sensor may be
+    called without `sensor/`: leak is sensor/leak."""
+    if (key := f"sensor/{request.part}") in simulator.sensors:
+        request = msgspec.structs.replace(request, part=key)
     reason = refusal(request, simulator.thrusters, simulator.sensors, nearest)
     counts = ["refused:simulator/request"] if reason else simulator.break_or_mend(request, now)
     answer = FaultAnswer(

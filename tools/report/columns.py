@@ -77,7 +77,7 @@ def _request(m: PilotRequest) -> Figures:
 
 
 def _status(m: VehicleStatus) -> Figures:
-    return m.stamp_ns, m.failsafe == "pilot_lost"
+    return m.stamp_ns, m.failsafe != "none"
 
 
 def _state(m: VehicleState) -> Figures:
@@ -140,7 +140,7 @@ REFERENCE = (
 WANTED = (
     StreamFigures(topics.PILOT_COMMAND, ("stamp", "heave", "yaw", "deflection", "lost"), _command),
     StreamFigures(topics.PILOT_REQUEST, ("stamp", "stop"), _request),
-    StreamFigures(topics.STATUS, ("stamp", "pilot_lost"), _status),
+    StreamFigures(topics.STATUS, ("stamp", "failsafe"), _status),
     StreamFigures(topics.STATE, ("sensor", "stamp", "heave", "yaw"), _state),  # [ns, ns, m, rad]
     StreamFigures(topics.REFERENCE, REFERENCE, _reference),
     StreamFigures(topics.THRUSTERS, ("stamp", "sensor"), _thrusters),

@@ -54,6 +54,7 @@ class SampleValidation:
         self._usbl = SensorWatch(
             topics.USBL.key, limits.usbl_frozen, events, silent_after=limits.usbl_silent
         )
+        self._all = self._imu, self._pressure, self._field, self._dvl, self._usbl
         self._may_fall_silent = self._field, self._dvl, self._usbl
 
     def imu(self, sample: ImuSample) -> bool:
@@ -89,6 +90,11 @@ class SampleValidation:
         sensor in the age of its sample."""
         for watch in self._may_fall_silent:
             watch.listen(now)
+
+    @property
+    def troubles(self) -> tuple[str, ...]:
+        """Names of the counts that say which sensors cannot be used now, and why."""
+        return tuple(why for watch in self._all if (why := watch.trouble) is not None)
 
     def _refused(self, why: str) -> bool:
         self._events.append(why)

@@ -85,6 +85,17 @@ class SensorWatch:
             self._silent = True
             self._events.append(f"silent:{self._key}")
 
+    @property
+    def trouble(self) -> str | None:
+        """Name of the count that says why the sensor cannot be used now; None: it can."""
+        if self._silent:
+            return f"silent:{self._key}"
+        if self._frozen:
+            return f"frozen:{self._key}"
+        if self._noise is not None and self._noise.noisy:
+            return f"noisy:{self._key}"
+        return None
+
     def usable(self, content: tuple[float, ...], stamp_ns: int) -> bool:
         before, last_ns = self._content, self._stamp_ns
         if last_ns is not None and stamp_ns <= last_ns:

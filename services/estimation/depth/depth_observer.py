@@ -220,6 +220,11 @@ class DepthObserver:
         return self._distrust()
 
     @property
+    def distrusts_accelerometer(self) -> bool:
+        """Its acceleration does not fit the pressure: depth from pressure alone."""
+        return self._trial is not None
+
+    @property
     def _uses_accelerometer(self) -> bool:
         return self._variant.measured and self._trial is None and self._input is not None
 

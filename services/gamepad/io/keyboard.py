@@ -18,7 +18,7 @@ HELP = (
     ("arrows left, right", "turn"),
     ("R  F", "camera up, down"),
     ("Shift, Ctrl", "boost, slow"),
-    ("Enter, Backspace", "arm, disarm"),
+    ("Enter, Backspace", "arm or resume, disarm"),
     ("Space", "STOP"),
     ("L", "light on, off"),
 )
