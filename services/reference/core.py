@@ -232,17 +232,22 @@ class ReferenceGenerator:
                 if request.value is None or request.value < 0:
                     return "light needs a brightness between 0 and 1"
                 self.light = request.value
-            case "goto":
-                return requests.goto(guidance, request)
-            case "follow":
-                return requests.follow(guidance, request.course)
-            case "mode":
-                reason = requests.mode(guidance, request.hold, armed=self.armed)
-                self.requested = self.requested if reason else guidance.hold
-                return reason
+            case "goto" | "follow" | "mode":
+                return self._move(request)
             case "lease" | "offer" | "release" | "force":
                 pass  # `_pass_control`
         return ""
+
+    def _move(self, request: PilotRequest) -> str:
+        """Begin a manoeuvre or change the mode. Returns the reason for a refusal, or nothing."""
+        guidance = self._guidance
+        if request.kind == "goto":
+            return requests.goto(guidance, request)
+        if request.kind == "follow":
+            return requests.follow(guidance, request.course)
+        reason = requests.mode(guidance, request.hold, armed=self.armed)
+        self.requested = self.requested if reason else guidance.hold
+        return reason
 
     def _arm(self) -> None:
         """Arm in the requested mode, if it is available; otherwise stabilised."""

@@ -82,7 +82,7 @@ def table(s: FailsafeSettings) -> tuple[Row, ...]:
         Row(
             "pilot_lost",
             "pilot lost: no stick positions arrive",
-            "armed, and the newest `pilot/command` has expired (0.3 s) or says that the pad is lost",
+            "armed, and the newest `pilot/command` has expired (0.3 s), or its pad is lost",
             (STOP, rises_without_pilot),
         ),
         Row(

@@ -144,9 +144,9 @@ class ConditionWatch:
                 holds["battery_low"] = Holding(detail=said)
         if newest.temperature is not None and newest.temperature.temperature >= s.hot:
             holds["too_hot"] = Holding(detail=f"{newest.temperature.temperature:.0f} °C")
-        if newest.dvl is not None and newest.dvl.altitude is not None:
-            if newest.dvl.altitude < s.floor_distance:
-                holds["near_floor"] = Holding(detail=f"{newest.dvl.altitude:.1f} m")
+        altitude = None if newest.dvl is None else newest.dvl.altitude
+        if altitude is not None and altitude < s.floor_distance:
+            holds["near_floor"] = Holding(detail=f"{altitude:.1f} m")
 
     def _services(self, holds: dict[str, Holding], now: Ns) -> None:
         silent = [n for n, at in self._healthy_ns.items() if now - at > HEALTH_PATIENCE_NS]
