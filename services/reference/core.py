@@ -144,7 +144,7 @@ class ReferenceGenerator:
         at_surface = self._initialised and guidance.has_risen(surface)
         failsafes.step(holding, now, armed=self.armed, at_surface=at_surface)
         self._announce()
-        self._react()
+        self._react(blind=state is None)
         if command is not None and command.pilot == "present" and centred(command):
             self.stopping = self.stopping and not guidance.settled
 
@@ -157,14 +157,16 @@ class ReferenceGenerator:
                 self.events.append(f"notice:{row.name}")
         self._failsafes.begun.clear()
 
-    def _react(self) -> None:
+    def _react(self, *, blind: bool) -> None:
+        """Do what the table says. `blind`: without a state no ascent goes on, because the thrusters
+        are off and the reference would leave the drone behind."""
         guidance, reaction, s = self._guidance, self._failsafes.reaction, self.settings.failsafe
         acted, self._acts = self._acts, reaction is not None
         if self._acts and not acted:
             guidance.come_to_rest()
-        if reaction in ("ascend", "surface"):
+        if reaction in ("ascend", "surface") and not blind:
             guidance.rise(s.surface_depth, s.ascent_speed)
-        if acted and not self._acts:
+        else:
             guidance.end_rise()
 
     def _aim(self, command: PilotCommand | None) -> None:
