@@ -78,7 +78,7 @@ class ReferenceGenerator:
         self._guidance = Guidance(self.settings, b.hold)
         rows, memory = table(self.settings.failsafe), dict(b.failsafes)
         self._failsafes = FailsafeMachine(rows, memory, b.armed, b.surfaced)
-        self.conditions = ConditionWatch(self.settings.failsafe)
+        self.conditions = ConditionWatch(self.settings.failsafe, self.started_ns)
 
     @property
     def events(self) -> list[str]:

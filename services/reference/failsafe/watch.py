@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from messages.control import Wrench
 from messages.counts import sentence
 from messages.health import Health
-from messages.pilot import PilotCommand
+from messages.pilot import TTL_MS, PilotCommand
 from messages.sensors import BatterySample, DvlSample, LeakSample, TemperatureSample
 from messages.state import VehicleState
 from messages.units import Ns
@@ -45,7 +45,9 @@ NOTHING = Newest()
 @dataclass(slots=True)
 class ConditionWatch:
     settings: FailsafeSettings
+    started_ns: Ns = 0  # [ns] now, when this was made
     newest: Newest = NOTHING  # the service's, before each step
+    _commanded: bool = False  # a command has arrived since the start
     _pinged_ns: Ns | None = None
     _health: dict[str, Health] = field(default_factory=dict[str, Health])
     _healthy_ns: dict[str, Ns] = field(default_factory=dict[str, Ns])
@@ -104,8 +106,11 @@ class ConditionWatch:
     def _pilot(
         self, holds: dict[str, Holding], command: PilotCommand | None, now: Ns, *, armed: bool
     ) -> None:
+        self._commanded = self._commanded or command is not None
         if not armed or (command is not None and command.pilot == "present"):
             return
+        if not self._commanded and now - self.started_ns <= TTL_MS * 1e6:
+            return  # restarted in mid-dive: as if the last command had come just before
         holds["pilot_lost"] = Holding()
         pinged = self._pinged_ns
         if command is None and pinged is not None and now - pinged > LINK_PATIENCE_NS:
