@@ -48,6 +48,7 @@ stops: $(READY) ## a hundred dives with random sticks: bounce-back and overshoot
 
 docs: $(READY) ## pages and pictures written from the code
 	$(BIN)/python -m tools.docs.topics_page
+	$(BIN)/python -m tools.docs.failsafes_page
 	$(BIN)/python -m tools.docs.import_picture
 
 $(READY): pyproject.toml uv.lock

@@ -39,7 +39,7 @@ class VehicleStatus(Message, frozen=True, kw_only=True):
     since_ns: Stamp | None = None  # [ns] when that condition began
     next_ns: Stamp | None = None  # [ns] when its next reaction begins; None: there is none
     resumable: bool = False  # the request `resume` would be granted now
-    words: Text = ""  # every acting condition, what the drone does and what ends it
+    words: Text = ""  # what the drone does, what ends it, and every condition that acts
     conditions: Names = ()  # all that hold now, the gravest first; most only have to be known
     pilot: Name = ""  # who has control; empty: nobody
     epoch: Count = 0  # authority epoch granted last: commands with another one are refused

@@ -188,7 +188,7 @@ class FailsafeMachine:
 
     @property
     def words(self) -> str:
-        """Everything that acts, what the drone does and what ends it; empty: nothing acts."""
+        """What the drone does, what ends it, and everything that acts; empty: nothing acts."""
         reaction = self.reaction
         if reaction is None:
             return ""
@@ -198,10 +198,10 @@ class FailsafeMachine:
             self._sentence(row) + ("" if row in held else " (has ended)") for row in acting
         )
         if any(not row.overrule for row in held):
-            ends = "resume once it has ended"
+            ends = "resume once this has ended"
         else:
             ends = "resume to have the sticks"
-        return f"{causes}: {DOES[reaction]}; {ends}"
+        return f"{DOES[reaction]}; {ends}: {causes}"
 
     @property
     def notices(self) -> str:
