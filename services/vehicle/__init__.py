@@ -4,8 +4,9 @@
     actuation       newtons to a share of the voltage, and a model of open-loop thrusters
     mounting        position and orientation of the sensors
 
-A vehicle interface publishes the sensor topics of messages/topics.py that it has,
-`vehicle/actuation` and `sensor/battery`, and subscribes to:
+A vehicle interface publishes the sensor topics of messages/topics.py that it has, among them
+`sensor/battery`, `sensor/leak` and `sensor/temperature`, by which the failsafes judge
+(docs/failsafes.md), and `vehicle/actuation`. It subscribes to:
 
 - `control/thrusters`, through an `ActuatorGate`. A force for each thruster, for a short time.
 - `vehicle/status`, whose `light` (0 … 1) is the brightness of the lamps, and

@@ -49,7 +49,8 @@ SENSORS: tuple[AnyTopic, ...] = (
     topics.USBL,
 )
 ALWAYS = (topics.IMU, topics.PRESSURE, topics.ACTUATION)  # without them nothing flies
-SAID: tuple[AnyTopic, ...] = (*SENSORS, topics.BATTERY, topics.ACTUATION)
+ENCLOSURE = (topics.BATTERY, topics.LEAK, topics.TEMPERATURE)
+SAID: tuple[AnyTopic, ...] = (*SENSORS, *ENCLOSURE, topics.ACTUATION)
 HEAVE, YAW = 2, 5
 SHARE = 0.6  # [-] of the limits that a command asks for
 JITTER_NS = 2 * MS  # [ns] between two clocks readings in two processes

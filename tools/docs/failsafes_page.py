@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from messages.vehicle import Reaction
-from services.reference.failsafe.table import Row, Stage, table
+from services.reference.failsafe.table import Row, FailsafeStage, table
 from services.reference.settings import FailsafeSettings
 
 HEADING = """# Failsafes
@@ -18,9 +18,9 @@ reference like any other: within the limits of the vehicle's acceleration and je
 - **notice**: the pilot reads it, on the screen and in `vehicle/status`. Nothing else happens.
 - **limit**: the reference comes to rest at the depth limit and goes no deeper; `goto` and `follow`
   below it are refused.
-- **stop**: it comes to rest smoothly, and holds depth, heading and, where it was held, its position.
-- **ascend**: it rises at `ascent_speed` to `surface_depth`, and **stays there** (`surface`). It waits
-  while there is no state, and does not go down where it is higher already.
+- **stop**: it comes to rest smoothly, and holds depth, heading and, where it was held, position.
+- **ascend**: it rises at `ascent_speed` to `surface_depth`, and stays there (**surface**). It
+  waits while there is no state, and does not go down where it is higher already.
 
 Of several conditions the gravest reaction acts, and all are listed. Notice and limit end with their
 condition. The others end by a deliberate act of the pilot alone: `resume` (the arm button of the
@@ -44,7 +44,7 @@ def _line(row: Row) -> str:
     return f"| `{row.name}` | {row.words} | {row.measured} | {stages} | {row.ends_by} |"
 
 
-def _stage(stage: Stage) -> str:
+def _stage(stage: FailsafeStage) -> str:
     last: dict[Reaction, str] = {"ascend": "ascend and stay at the surface"}
     does = last.get(stage.reaction, stage.reaction)
     return does if stage.after == 0.0 else f"after {stage.after:g} s {does}"

@@ -12,7 +12,7 @@ SEVERITY: tuple[Reaction, ...] = get_args(Reaction)  # the mildest first
 ACTING: tuple[Reaction, ...] = ("stop", "ascend", "surface")  # they take the sticks from the pilot
 
 
-class Stage(NamedTuple):
+class FailsafeStage(NamedTuple):
     after: float  # [s] since the condition began, without a break
     reaction: Reaction
 
@@ -23,7 +23,7 @@ class Row(NamedTuple):
     name: str
     words: str  # what the pilot reads
     measured: str  # when it holds, and where that is measured; for the documentation
-    stages: tuple[Stage, ...]
+    stages: tuple[FailsafeStage, ...]
     overrule: bool = False  # `resume` is granted although the condition still holds
     told: bool = True  # its beginning is counted and logged here; False: by whoever measures it
 
@@ -39,25 +39,29 @@ class Row(NamedTuple):
         return "resume, at any time" if self.overrule else "resume, once the condition has ended"
 
 
-NOTICE, LIMIT, STOP = Stage(0.0, "notice"), Stage(0.0, "limit"), Stage(0.0, "stop")
+NOTICE, LIMIT, STOP = (
+    FailsafeStage(0.0, "notice"),
+    FailsafeStage(0.0, "limit"),
+    FailsafeStage(0.0, "stop"),
+)
 
 
 def table(s: FailsafeSettings) -> tuple[Row, ...]:
     """The rows, the gravest first: of equal reactions the first one is said to act."""
-    rises_without_pilot = Stage(s.pilot_patience, "ascend")
+    rises_without_pilot = FailsafeStage(s.pilot_patience, "ascend")
     return (
         Row(
             "leak",
             "water in the enclosure",
             "`sensor/leak` is wet",
-            (NOTICE, Stage(s.leak_patience, "ascend")),
+            (NOTICE, FailsafeStage(s.leak_patience, "ascend")),
             overrule=True,
         ),
         Row(
             "battery_critical",
             "the battery is nearly empty",
             "`sensor/battery`: charge left at most `battery_critical`",
-            (NOTICE, Stage(s.battery_patience, "ascend")),
+            (NOTICE, FailsafeStage(s.battery_patience, "ascend")),
             overrule=True,
         ),
         Row(
