@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from messages.vehicle import Reaction
-from services.reference.failsafe.table import Row, FailsafeStage, table
+from services.reference.failsafe.table import FailsafeStage, Row, table
 from services.reference.settings import FailsafeSettings
 
 HEADING = """# Failsafes
