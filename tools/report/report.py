@@ -10,6 +10,7 @@ from tools.recordings.recording import Recording
 from tools.report.budget import Clocks, ReportedBudget, budget, clocks
 from tools.report.dive import RecordedDive, Traffic, read_dive
 from tools.report.energy import Energy, energy
+from tools.report.failsafes import ActedReaction, failsafes
 from tools.report.holes import Hole, holes
 from tools.report.latency import LatencyReport, latency
 from tools.report.losses import losses
@@ -51,6 +52,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     budget_ms: ReportedBudget  # [ms] the same as the link monitor measured it, stage by stage
     clocks: Clocks  # topside and drone
     stops: list[StickStop]  # one per stick release on heave or yaw
+    failsafes: list[ActedReaction]  # what the drone did by itself
     depth_error_rms_m: float | None  # [m] true depth minus reference, while armed
     heading_error_rms_deg: float | None  # [°] true heading minus reference, while armed
     peak_jerk_ratio: float | None  # [-] largest |reference jerk| over the limit in force
@@ -87,6 +89,7 @@ def report_on(dive: RecordedDive, extras: Extras) -> Report:
         budget_ms=budget(dive),
         clocks=clocks(dive),
         stops=stops(dive),
+        failsafes=failsafes(dive),
         depth_error_rms_m=error_rms(dive, "heave"),
         heading_error_rms_deg=None if heading_error is None else degrees(heading_error),
         peak_jerk_ratio=peak_jerk_ratio(dive),

@@ -39,6 +39,7 @@ KEYS = [
         "budget_ms",
         "clocks",
         "stops",
+        "failsafes",
     ),
     *("depth_error_rms_m", "heading_error_rms_deg", "peak_jerk_ratio", "energy", "holes"),
     *("losses", "troubles", "exit"),
