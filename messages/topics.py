@@ -50,6 +50,7 @@ BATTERY        = Topic("sensor/battery",      BatterySample,       1, BULK,     
 STATE          = Topic("state",               VehicleState,      100, LIVE,           UP)
 REFERENCE      = Topic("reference",           Reference,         100, LIVE,           UP)
 WRENCH         = Topic("control/wrench",      Wrench,            100, LIVE,           UP)
+HANDED_ON      = Topic("control/request",     PilotRequest,        0, EVENT,          STAY)
 THRUSTERS      = Topic("control/thrusters",   ThrusterCommand,   100, REALTIME,       UP)
 ACTUATION      = Topic("vehicle/actuation",   Actuation,         100, LIVE,           UP)
 STATUS         = Topic("vehicle/status",      VehicleStatus,       5, EVENT,          UP)

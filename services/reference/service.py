@@ -1,5 +1,7 @@
 """Reference service: sticks and requests in, one smooth reference out per state."""
 
+from collections.abc import Callable
+
 from messages import topics
 from messages.pilot import PilotAnswer, PilotRequest
 from messages.state import VehicleState
@@ -52,7 +54,21 @@ def wire(node: Node, stack: Stack) -> None:
 
     node.trigger(topics.STATE, on_state, SILENCE_S)
     node.answers(topics.PILOT_REQUEST, topics.PILOT_ANSWER, decide, report)
+    _take_over(node, generator, publish_status)
     node.every(topics.STATUS.hz, publish_status)
+
+
+def _take_over(
+    node: Node, generator: ReferenceGenerator, publish_status: Callable[[int], None]
+) -> None:
+    """Do what control has done while this service was silent."""
+
+    def take_over(request: PilotRequest, now: int) -> None:
+        if generator.handed_on(request, now):
+            node.log("warning", f"{request.kind}: was done by control, and is now done here")
+            publish_status(now)
+
+    node.each(topics.HANDED_ON, take_over)
 
 
 def _report(node: Node, generator: ReferenceGenerator) -> None:

@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 from messages import topics
 from messages.control import ThrusterCommand
+from messages.pilot import PilotRequest
 from messages.simulator import FaultAnswer, FaultRequest
 from messages.topic import M, Topic
 from services.marine.vehicle import Vehicle
@@ -59,12 +60,23 @@ def wire(node: Node, stack: Stack) -> None:
             node.count("empty:battery")
 
     node.each(topics.THRUSTERS, obey)
+    _disarms(node, simulator, count)
     node.every(stack.section("simulator", Settings).pressure_rate, measure_pressure)
     node.every(topics.IMU.hz, measure_motion)
     node.every(topics.BATTERY.hz, measure_battery)
     _faults(node, simulator, count)
     _position_aids(node, simulator, stack.section("simulator", Settings), count)
     node.every(CHECKPOINT_HZ, lambda _: node.save_checkpoint(simulator.world()))
+
+
+def _disarms(node: Node, simulator: Simulator, count: Callable[[list[str]], None]) -> None:
+    """Obey the pilot's disarm, as every vehicle side does."""
+
+    def hear(request: PilotRequest, now: int) -> None:
+        if request.kind == "disarm":
+            count(simulator.hear(request, now))
+
+    node.each(topics.PILOT_REQUEST, hear)
 
 
 def _faults(node: Node, simulator: Simulator, count: Callable[[list[str]], None]) -> None:

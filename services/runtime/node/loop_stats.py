@@ -37,7 +37,8 @@ class LoopStats:
         usage: Usage | None,
     ) -> Health:
         """Health over the period since the last report; a new period begins."""
-        seconds = 1.0 if self._reported_at is None else (now - self._reported_at) / 1e9
+        since = self._reported_at  # the same instant: reports of a stalled process in a row
+        seconds = 1.0 if since is None or now <= since else (now - since) / 1e9
         lateness = sorted(self._lateness)
         cpu = None if usage is None else 100.0 * (usage.cpu_s - self._cpu_s) / seconds
         health = Health(
