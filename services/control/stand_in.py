@@ -1,6 +1,6 @@
 """What control does with the pilot's requests: it obeys a disarm at once, and answers disarm and
-stop in the place of `reference` while that is silent. The requests it has answered are handed on when
-`reference` speaks again, so that it neither stays armed nor goes on with what it was doing.
+stop in the place of `reference` while that is silent. The requests it has answered are handed on
+when `reference` speaks again, so that it neither stays armed nor goes on with what it was doing.
 """
 
 from messages.pilot import PilotAnswer, PilotRequest
