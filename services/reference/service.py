@@ -6,8 +6,11 @@ from messages import topics
 from messages.pilot import PilotAnswer, PilotRequest
 from messages.state import VehicleState
 from services.reference.core import GuidanceCheckpoint, ReferenceGenerator, Settings
+from services.reference.guidance.refusals import refused
+from services.runtime.config.identity import identity_of
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
+from services.runtime.node.peers import Peers
 
 SILENCE_S = 0.1  # [s] without a state: stop smoothly and hold
 
@@ -19,6 +22,7 @@ def wire(node: Node, stack: Stack) -> None:
     commands.obey(generator.authority)
     reference = node.publisher(topics.REFERENCE)
     status = node.publisher(topics.STATUS)
+    unfit = _unfit(node, stack)
     published: tuple[object, ...] = ()
     saved = generator.checkpoint
 
@@ -31,7 +35,7 @@ def wire(node: Node, stack: Stack) -> None:
             publish_status(now)
 
     def decide(request: PilotRequest, now: int) -> PilotAnswer:
-        return generator.answer(request, commands.fresh(now), now)
+        return unfit(request, now) or generator.answer(request, commands.fresh(now), now)
 
     def report(request: PilotRequest, answer: PilotAnswer, now: int) -> None:
         if answer.accepted:
@@ -69,6 +73,28 @@ def _take_over(
             publish_status(now)
 
     node.each(topics.HANDED_ON, take_over)
+
+
+def _unfit(node: Node, stack: Stack) -> Callable[[PilotRequest, int], PilotAnswer | None]:
+    """Refuses to arm while another Lindy is on the other side, or a service runs twice on board."""
+    me, now = node.instance, node.now()
+    peers = Peers(identity_of(stack, "drone", me.number))
+    if stack.apart:
+        peers.expect(now)
+
+    def speak(now: int) -> None:
+        if me.number:  # a service does not hear itself
+            peers.speaks(node.name, me.number, me.pid, now)
+
+    def unfit(request: PilotRequest, now: int) -> PilotAnswer | None:
+        why = peers.wrong(now) if request.kind == "arm" else ""
+        return refused(request, why, now) if why else None
+
+    speak(now)
+    node.every(topics.HEALTH.hz, speak)
+    node.each(topics.IDENTITY, peers.identity)
+    node.each(topics.HEALTH, peers.health)
+    return unfit
 
 
 def _report(node: Node, generator: ReferenceGenerator) -> None:

@@ -8,12 +8,14 @@ import contextlib
 import ctypes
 import os
 import resource
+import secrets
 import signal
 import sys
 import time
 import traceback
 from collections.abc import Callable, Generator
 from contextlib import ExitStack, contextmanager
+from functools import cache
 from pathlib import Path
 from threading import Thread
 
@@ -35,7 +37,7 @@ from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.hosts.stepper import POLL_S, Stepper
 from services.runtime.node.checkpoint import CheckpointFile
 from services.runtime.node.clock_offset import ClockOffset
-from services.runtime.node.loop_stats import Usage
+from services.runtime.node.loop_stats import Instance, Usage
 from services.runtime.node.node import Node
 
 GRACE_S = 1.0  # after the parent's death: time to close files before the process is ended
@@ -119,7 +121,7 @@ def _node(name: str, launch: Launch, buses: dict[str, SharedBus], exits: ExitSta
         gateway=spec.gateway,
         clock_offset=clock_offset,
     )
-    node.show = _show
+    node.show, node.instance = _show, instance()
     node.wall_offset_ns = time.time_ns() - time.monotonic_ns()
     return node
 
@@ -208,6 +210,12 @@ def _exact_timers() -> None:
 def _show(line: LogLine) -> None:
     with contextlib.suppress(OSError):  # a full disk under the log; the bus has the line as well
         print(f"{line.level} {line.service}: {line.text}", file=sys.stderr, flush=True)
+
+
+@cache
+def instance() -> Instance:
+    """This process, told apart from every other one, on any machine."""
+    return Instance(number=1 + secrets.randbits(52), pid=os.getpid())
 
 
 def usage() -> Usage:

@@ -25,7 +25,7 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.running import RUNNING, Running
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.heartbeat import last_beat
-from services.runtime.hosts.process_host import HubLaunch, Launch, usage
+from services.runtime.hosts.process_host import HubLaunch, Launch, instance, usage
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.launch.answering import Answering
@@ -124,6 +124,7 @@ class LocalStack:
         name = NAME if self._other_side is None else f"{NAME}_{self._other_side.side}"
         self.node = Node(name, bus, time.monotonic_ns, VolatileCheckpoint(), clock_offset=offset)
         self.node.wake, self.node.usage = self._wake.set, usage
+        self.node.instance = instance()
         self._has_node = True
 
     def start_services(self) -> None:

@@ -16,6 +16,14 @@ class Usage:
     rss_mb: float  # [MB] resident memory, always of the process
 
 
+@dataclass(frozen=True, slots=True)
+class Instance:
+    """Which process a node is in."""
+
+    number: int = 0  # drawn at its start; 0: on virtual time
+    pid: int = 0
+
+
 class LoopStats:
     """Counts handler calls and how late each began."""
 
@@ -35,6 +43,8 @@ class LoopStats:
         received: int,
         counts: Counter[str],
         usage: Usage | None,
+        side: str = "",
+        instance: Instance = Instance(),
     ) -> Health:
         """Health over the period since the last report; a new period begins."""
         since = self._reported_at  # the same instant: reports of a stalled process in a row
@@ -52,6 +62,9 @@ class LoopStats:
             sent=sent,
             received=received,
             counts=_bounded(counts),
+            side=side,
+            pid=instance.pid,
+            instance=instance.number,
         )
         self._lateness = []
         self._reported_at = now
