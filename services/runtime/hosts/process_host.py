@@ -27,6 +27,7 @@ from services.runtime.bus.key_files import KeyFiles
 from services.runtime.bus.shared_bus import SharedBus, SharedBusPort
 from services.runtime.bus.zenoh_bus import listening, open_bus, watch_callers
 from services.runtime.config.errors import LindyError
+from services.runtime.config.settings import reading_copies
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.callers import Callers
 from services.runtime.hosts.garbage_collection import rare_collections
@@ -55,6 +56,7 @@ class Launch(msgspec.Struct, frozen=True, kw_only=True):
     heartbeat: str | None = None  # file for the sign of life; None: nobody watches
     parent: int | None = None  # pid; the process ends when this is no longer its parent
     keys: KeyFiles | None = None  # for hubs of other machines
+    copies: dict[str, str] = {}  # file → copy made when the dive was started, to be read instead
 
 
 class StopFlag:
@@ -70,6 +72,8 @@ class StopFlag:
 def run_services(launch: Launch) -> int:
     """Run the services of a process until it is asked to stop. Returns the exit status."""
     with _stoppable(launch.parent) as stop, _sentences(launch.process), ExitStack() as exits:
+        copies = exits.enter_context(ExitStack())
+        copies.enter_context(reading_copies(launch.copies))
         registry = Registry(Path(launch.stack_file), launch.services)
         # Imports take long: all of them are done before the first node hears anything.
         wires = {name: registry.wire(name) for name in launch.services}
@@ -85,6 +89,7 @@ def run_services(launch: Launch) -> int:
             exits.enter_context(_blaming(registry, lambda name=name: name))
             exits.callback(node.close)
             nodes.append(node)
+        copies.close()  # what is asked for from now on is read as it is then
         host = GroupHost(nodes, usage)
         exits.enter_context(_blaming(registry, lambda: host.running))
         # What writes files, or is somebody else's, may hold up the thread that it runs on.

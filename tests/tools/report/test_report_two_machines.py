@@ -73,11 +73,9 @@ def test_the_side_without_recorder_names_every_restart_and_every_loss(
 
 def test_what_two_topsides_counted_is_not_counted_again_and_again():
     """They report by turns under the same names; neither was restarted."""
-    ann, bob = 11, 22
+    ann, bob, said = 11, 22, health("gamepad")
     reports = [
-        replace(
-            health("gamepad"), stamp_ns=k, instance=who, sent=10 * k + who, counts={"stale:x": n}
-        )
+        replace(said, stamp_ns=k, instance=who, sent=10 * k + who, counts={"stale:x": n})
         for k in range(5)
         for who, n in ((ann, 1), (bob, 2))
     ]
