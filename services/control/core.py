@@ -85,7 +85,6 @@ class Controller:
         """The reference, disarmed where the pilot has disarmed it and it has not heard that."""
         if reference is None or not reference.armed or not self.latch.forbids(reference.armed_ns):
             return reference
-        self._note("overruled:reference")
         return msgspec.structs.replace(reference, armed=False)
 
     def _elapsed(self, state: VehicleState | None, now: Ns) -> float:

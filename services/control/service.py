@@ -24,10 +24,15 @@ def wire(node: Node, stack: Stack) -> None:
     handed_on = node.publisher(topics.HANDED_ON)
     stand_in = StandIn(controller.latch)
 
+    def count(events: list[str]) -> None:
+        while events:
+            node.count(events.pop())
+
     def on_reference(reference: Reference | None, now: int) -> None:
         act(reference, now)
         for request in stand_in.heard(reference, now):
             handed_on.put(request)
+        count(stand_in.events)
 
     def act(reference: Reference | None, now: int) -> None:
         newest = state.fresh(now)
@@ -35,14 +40,11 @@ def wire(node: Node, stack: Stack) -> None:
         wrench, command = controller.step(reference, newest, now)
         wrenches.put(wrench)
         thrusters.put(command)
-        while controller.events:
-            node.count(controller.events.pop())
+        count(controller.events)
 
     def on_request(request: PilotRequest, now: int) -> None:
         disarms, answer = stand_in.hear(request, now)
-        for name in stand_in.events:
-            node.count(name)
-        stand_in.events.clear()
+        count(stand_in.events)
         if disarms:
             act(None, now)
         if answer is not None:

@@ -51,5 +51,6 @@ class StandIn:
             return due
         if now >= self._again_ns:
             self._again_ns = now + AGAIN_NS
+            self.events.append("overruled:reference")
             due.append(disarm)
         return due

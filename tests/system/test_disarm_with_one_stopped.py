@@ -172,6 +172,7 @@ def test_a_reference_that_lost_the_request_is_told_of_it(dive: Dive) -> None:
     assert dive.reference.stamp_ns > woken
     assert not dive.reference.armed
     assert not dive.armed_since(woken)
+    assert dive.host.nodes["control"].counts["overruled:reference"] == 1
     assert not dive.turning
 
 
@@ -180,6 +181,7 @@ def test_one_answer_while_nobody_is_stopped(dive: Dive) -> None:
     dive.run(1.0)
     assert len(dive.answered(name)) == 1
     assert dive.host.nodes["control"].counts["silent:reference"] == 0
+    assert dive.host.nodes["control"].counts["overruled:reference"] == 0
 
 
 def test_another_epoch_disarms_nothing(dive: Dive) -> None:
