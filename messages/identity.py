@@ -8,7 +8,7 @@ from messages.message import Message
 from messages.units import Count, Name, Stamp
 
 
-class Identity(Message, frozen=True, kw_only=True):
+class SideIdentity(Message, frozen=True, kw_only=True):
     """Two sides fly together only with the same version, messages and vehicle."""
 
     stamp_ns: Stamp = 0
@@ -21,7 +21,7 @@ class Identity(Message, frozen=True, kw_only=True):
     vehicle_hash: Name = ""  # of the table [vehicle] of its file, with what --set changed
 
 
-def difference(ours: Identity, theirs: Identity) -> str:
+def difference(ours: SideIdentity, theirs: SideIdentity) -> str:
     """Why two sides cannot fly together, in one sentence; empty when they can."""
     who, here = theirs.side or "other side", ours.side or "this side"
     if theirs.version != ours.version or theirs.messages != ours.messages:
@@ -38,6 +38,6 @@ def difference(ours: Identity, theirs: Identity) -> str:
     return ""
 
 
-def _named(identity: Identity) -> str:
+def _named(identity: SideIdentity) -> str:
     commit = f" ({identity.commit})" if identity.commit else ""
     return f"{identity.version or 'of an unknown version'}{commit}"

@@ -7,7 +7,7 @@ and `docs/topics.md` all read these rows.
 
 from messages.control import ThrusterCommand, Wrench
 from messages.health import Health, LogLine
-from messages.identity import Identity
+from messages.identity import SideIdentity
 from messages.link import (
     Clock,
     ClockPing,
@@ -67,7 +67,7 @@ CLOCK          = Topic("link/clock",          Clock,               5, LIVE,     
 CLOCK_PING     = Topic("clock/ping",          ClockPing,           5, REALTIME,       DOWN)
 CLOCK_PONG     = Topic("clock/pong",          ClockPong,           5, REALTIME,       UP)
 PREDICTION     = Topic("prediction",          Prediction,         25, LIVE,           DOWN)
-IDENTITY       = Topic("identity/*",          Identity,            0, BULK,           BOTH)
+IDENTITY       = Topic("identity/*",          SideIdentity,        0, BULK,           BOTH)
 HEALTH         = Topic("health/*",            Health,              1, BULK,           BOTH)
 LOG            = Topic("log/*",               LogLine,             0, BULK,           BOTH)
 # fmt: on

@@ -8,7 +8,7 @@ On both it says which Lindy this side runs; topside it compares.
 from msgspec.structs import replace
 
 from messages import topics
-from messages.identity import Identity
+from messages.identity import SideIdentity
 from messages.link import ClockPing, ClockPong
 from services.link_monitor.core import LinkMonitor
 from services.link_monitor.ping_responder import pong
@@ -32,7 +32,7 @@ def wire(node: Node, stack: Stack) -> None:
         _answer(node)
 
 
-def _introduce(node: Node, ours: Identity, side: str) -> None:
+def _introduce(node: Node, ours: SideIdentity, side: str) -> None:
     """Say who this side is, with its first word and once a second."""
     identities = node.publisher(topics.IDENTITY.of(side), side=side)
 

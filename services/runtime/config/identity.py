@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 
 from messages import topics
-from messages.identity import Identity
+from messages.identity import SideIdentity
 from messages.topic import AnyTopic
 from services.runtime.config.stack import BODY, Stack
 
@@ -21,12 +21,12 @@ LETTERS = 12  # of a hash: for people to compare, not against anybody
 IN_WORDS = ("title", "description")  # of a JSON schema; they change nothing
 
 
-def identity_of(stack: Stack, side: str, instance: int) -> Identity:
+def identity_of(stack: Stack, side: str, instance: int) -> SideIdentity:
     """
     Raises:
         LindyError: the vehicle file cannot be read.
     """
-    return Identity(
+    return SideIdentity(
         side=side,
         instance=instance,
         version=_version(),

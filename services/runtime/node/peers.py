@@ -7,7 +7,7 @@ there as long as the older one is still heard after the younger one. After a res
 from dataclasses import dataclass
 
 from messages.health import Health
-from messages.identity import Identity, difference
+from messages.identity import SideIdentity, difference
 from messages.units import Ns
 
 RECENT_NS = 3_000_000_000  # [ns] everybody speaks once a second
@@ -32,10 +32,10 @@ class Peers:
     """What is heard of the others. Only services of `side` are looked at for doubles: two topsides
     are two pilots, who may take turns."""
 
-    def __init__(self, ours: Identity, side: str = "drone") -> None:
+    def __init__(self, ours: SideIdentity, side: str = "drone") -> None:
         self._ours = ours
         self._side = side
-        self._others: dict[int, tuple[Identity, Ns]] = {}  # by instance
+        self._others: dict[int, tuple[SideIdentity, Ns]] = {}  # by instance
         self._voices: dict[str, list[Voice]] = {}  # by service; the oldest first
         self._expected_ns: Ns | None = None
         self._met = False
@@ -45,7 +45,7 @@ class Peers:
         if self._expected_ns is None:
             self._expected_ns = now
 
-    def identity(self, theirs: Identity, now: Ns) -> None:
+    def identity(self, theirs: SideIdentity, now: Ns) -> None:
         if theirs.side == self._ours.side:
             return
         self._met = True

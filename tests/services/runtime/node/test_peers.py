@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from messages import topics
-from messages.identity import Identity, difference
+from messages.identity import SideIdentity, difference
 from messages.message import Message
 from messages.payload import PayloadDecoder
 from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
@@ -18,11 +18,11 @@ from services.runtime.node.loop_stats import Instance
 from services.runtime.node.peers import PATIENCE_NS, RECENT_NS, Peers
 
 S = 1_000_000_000  # [ns]
-TOPSIDE = Identity(side="topside", instance=1, version="0.1", messages="abc", vehicle="pioneer")
+TOPSIDE = SideIdentity(side="topside", instance=1, version="0.1", messages="abc", vehicle="pioneer")
 DRONE = msgspec.structs.replace(TOPSIDE, side="drone", instance=2)
 
 
-# Identity.
+# SideIdentity.
 
 
 class Older(Message, frozen=True, kw_only=True):
@@ -33,7 +33,7 @@ class Older(Message, frozen=True, kw_only=True):
     version: str = "0.0.3"
 
 
-class Newer(Identity, frozen=True, kw_only=True):
+class Newer(SideIdentity, frozen=True, kw_only=True):
     colour: str = "yellow"  # nobody here knows what it means
     parts: tuple[int, ...] = (1, 2)
 
@@ -46,7 +46,7 @@ def test_the_identity_of_an_older_and_of_a_newer_version_is_understood() -> None
         assert heard is not None
         assert heard.version == version
         assert "install the same" in difference(TOPSIDE, heard)
-    assert decoder.decode(msgspec.msgpack.encode({})) == Identity()
+    assert decoder.decode(msgspec.msgpack.encode({})) == SideIdentity()
 
 
 def test_a_side_that_is_the_same_is_no_difference() -> None:
