@@ -202,3 +202,21 @@ def test_nobody_arms_while_two_services_on_board_have_one_name() -> None:
     ask.put(PilotRequest(stamp_ns=host.now, id="two", kind="arm"))
     host.run(host.now + S)
     assert answers[-1].accepted, answers[-1].reason
+
+
+def test_nobody_arms_with_another_lindy_topside() -> None:
+    host, _ = stack_with({})
+    other = msgspec.structs.replace(TOPSIDE, version="0.0.3", messages="old", instance=99)
+    stranger = host.node("old_topside", ["topside"]).publisher(topics.IDENTITY.of("topside"))
+    pilot, answers = host.node("pilot", ["drone"]), list[PilotAnswer]()
+    ask = pilot.publisher(topics.PILOT_REQUEST)
+    pilot.each(topics.PILOT_ANSWER, lambda answer, _: answers.append(answer))
+    host.run(7 * S)
+    stranger.put(msgspec.structs.replace(other, stamp_ns=host.now))
+    host.run(host.now + S)
+    for kind in ("arm", "disarm"):
+        ask.put(PilotRequest(stamp_ns=host.now, id=kind, kind=kind))
+        host.run(host.now + S // 10)
+    arm, disarm = answers
+    assert arm.reason.startswith("the topside runs Lindy 0.0.3, with other messages; the drone")
+    assert disarm.accepted, "only arming is refused"
