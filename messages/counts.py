@@ -46,6 +46,10 @@ NAMES: dict[str, Meaning] = {
     "notice:service_silent": Meaning(DANGER, "a service on board did not answer"),
     "notice:service_late": Meaning(DANGER, "a service on board was late"),
     "notice:recorder_down": Meaning(DATA, "the recorder did not answer the drone"),
+    "alarm:peers": Meaning(DANGER, "the other side runs another Lindy, or a service runs twice"),
+    "overruled:reference": Meaning(
+        DANGER, "the pilot's disarm was obeyed by control; reference had not heard it"
+    ),
     "alarm:link": Meaning(DANGER, "the link got worse"),
     "clamped:reference.depth": Meaning(LIMIT, f"the wanted depth {_HELD_BACK}"),
     "clamped:reference.heading": Meaning(LIMIT, f"the wanted heading {_HELD_BACK}"),
@@ -137,6 +141,8 @@ KINDS: dict[str, Meaning] = {
     "disk_error": Meaning(DATA, "writing to the disk failed"),
     "unreadable": Meaning(DATA, "a recorded message could not be read back"),
     "refused": Meaning(PILOT, "a request was refused"),
+    "overtaken": Meaning(PILOT, "a disarm arrived after a later arm, and was not obeyed"),
+    "overruled": Meaning(DANGER, "a service had not heard the pilot's disarm"),
     "refused_here": Meaning(PILOT, "a request was not sent because a stick was deflected"),
     "unanswered": Meaning(PILOT, "a request was not answered"),
     "wrong_unit": Meaning(DANGER, "the values of a sensor did not fit its unit"),

@@ -7,6 +7,7 @@ and `docs/topics.md` all read these rows.
 
 from messages.control import ThrusterCommand, Wrench
 from messages.health import Health, LogLine
+from messages.identity import SideIdentity
 from messages.link import (
     Clock,
     ClockPing,
@@ -54,6 +55,7 @@ TEMPERATURE    = Topic("sensor/temperature",  TemperatureSample,   1, BULK,     
 STATE          = Topic("state",               VehicleState,      100, LIVE,           UP)
 REFERENCE      = Topic("reference",           Reference,         100, LIVE,           UP)
 WRENCH         = Topic("control/wrench",      Wrench,            100, LIVE,           UP)
+HANDED_ON      = Topic("control/request",     PilotRequest,        0, EVENT,          STAY)
 THRUSTERS      = Topic("control/thrusters",   ThrusterCommand,   100, REALTIME,       UP)
 ACTUATION      = Topic("vehicle/actuation",   Actuation,         100, LIVE,           UP)
 STATUS         = Topic("vehicle/status",      VehicleStatus,       5, EVENT,          UP)
@@ -69,6 +71,7 @@ CLOCK          = Topic("link/clock",          Clock,               5, LIVE,     
 CLOCK_PING     = Topic("clock/ping",          ClockPing,           5, REALTIME,       DOWN)
 CLOCK_PONG     = Topic("clock/pong",          ClockPong,           5, REALTIME,       UP)
 PREDICTION     = Topic("prediction",          Prediction,         25, LIVE,           DOWN)
+IDENTITY       = Topic("identity/*",          SideIdentity,        0, BULK,           BOTH)
 HEALTH         = Topic("health/*",            Health,              1, BULK,           BOTH)
 LOG            = Topic("log/*",               LogLine,             0, BULK,           BOTH)
 # fmt: on

@@ -43,6 +43,8 @@ class GuidanceCheckpoint(msgspec.Struct, frozen=True):
     lease: Lease = Lease()
     failsafes: dict[str, Memory] = {}
     surfaced: bool = False
+    armed_ns: int = 0  # [ns] stamp of the newest arm, later than every disarm before it
+    disarmed_ns: int = 0  # [ns] stamp of the newest disarm
 
 
 INITIAL = GuidanceCheckpoint()
@@ -70,10 +72,13 @@ class ReferenceGenerator:
     _silent: bool = False  # the estimator
     _initialised: bool = False
     _stop: StopDistance | None = None
+    _armed_ns: Ns = field(init=False)
+    _disarmed_ns: Ns = field(init=False)
 
     def __post_init__(self) -> None:
         b = self.before
         self.armed, self.light, self.requested = b.armed, b.light, b.asked
+        self._armed_ns, self._disarmed_ns = b.armed_ns, b.disarmed_ns
         self.authority = ControlAuthority(b.lease, self.started_ns)
         self._guidance = Guidance(self.settings, b.hold)
         rows, memory = table(self.settings.failsafe), dict(b.failsafes)
@@ -98,6 +103,8 @@ class ReferenceGenerator:
             self.authority.lease,
             dict(self._failsafes.memory),
             self._failsafes.surfaced,
+            self._armed_ns,
+            self._disarmed_ns,
         )
 
     # Steps.
@@ -126,7 +133,8 @@ class ReferenceGenerator:
         if state is not None and self.armed:
             guidance.wait(state)
         epoch = self.authority.lease.acting
-        return reference_of(guidance, state, command, now, armed=self.armed, epoch=epoch)
+        armed_ns = self._armed_ns if self.armed else None
+        return reference_of(guidance, state, command, now, armed_ns=armed_ns, epoch=epoch)
 
     def _watch(self, state: VehicleState | None, command: PilotCommand | None, now: Ns) -> None:
         """Judge the conditions, and do what the failsafe table says; one that begins to act ends
@@ -201,7 +209,7 @@ class ReferenceGenerator:
         if takes or request.kind in ("offer", "release"):
             self._pass_control(request, reason, now)
         else:
-            reason = reason or self._do(request)
+            reason = reason or self._do(request, now)
         return PilotAnswer(
             stamp_ns=now,
             id=request.id,
@@ -216,13 +224,25 @@ class ReferenceGenerator:
         if not reason and (announcement := self.authority.grant(request, now)):
             self.notes.append(announcement)
 
-    def _do(self, request: PilotRequest) -> str:
+    def handed_on(self, request: PilotRequest, now: Ns) -> bool:
+        """Do what control has already done and answered, while this service was silent. Returns
+        whether anything changes: a disarm does not end a later arming."""
+        ends = request.kind == "disarm" and request.stamp_ns >= self._armed_ns
+        if not self.armed or not (ends or request.kind == "stop"):
+            return False
+        self._do(request, now)
+        return True
+
+    def _do(self, request: PilotRequest, now: Ns) -> str:
         """Execute a request. Returns the reason for a refusal, or nothing."""
         guidance = self._guidance
         match request.kind:
             case "arm":
                 self._arm()
+                asked_ns = min(request.stamp_ns, now)
+                self._armed_ns = max(asked_ns, self._armed_ns, self._disarmed_ns + 1)
             case "disarm":
+                self._disarmed_ns = max(self._disarmed_ns, min(request.stamp_ns, now))
                 self.armed = self.stopping = False
                 self._failsafes.disarm()
                 guidance.change(self.requested)

@@ -9,6 +9,7 @@ from typing import TypeVar
 
 from messages.control import ThrusterCommand
 from messages.message import Message
+from messages.pilot import PilotRequest
 from messages.sensors import (
     BatterySample,
     DvlSample,
@@ -90,6 +91,12 @@ class Simulator:
         counted = [*self.advance(now), *self._gate.obey(command, now)]
         if self._gate.command is command:
             self._vessel.drive(self._gate.output(now))
+        return counted
+
+    def hear(self, request: PilotRequest, now: int) -> list[str]:
+        """Take in a request of a pilot at `now` [ns]: a disarm stops the thrusters."""
+        counted = [*self.advance(now), *self._gate.hear(request, now)]
+        self._vessel.drive(self._gate.output(now))
         return counted
 
     # Faults.

@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 from messages import topics
 from messages.control import ThrusterCommand
+from messages.pilot import PilotRequest
 from messages.simulator import FaultAnswer, FaultRequest
 from messages.topic import M, Topic
 from services.marine.vehicle import Vehicle
@@ -53,6 +54,7 @@ def wire(node: Node, stack: Stack) -> None:
             node.count("empty:battery")
 
     node.each(topics.THRUSTERS, obey)
+    _disarms(node, simulator, count)
     node.every(stack.section("simulator", Settings).pressure_rate, measure_pressure)
     node.every(topics.IMU.hz, measure_motion)
     node.every(topics.BATTERY.hz, measure_battery)
@@ -80,6 +82,16 @@ def _enclosure(node: Node, simulator: Simulator, count: Callable[[list[str]], No
         publish(node, temperature, simulator.temperature())
 
     node.every(topics.LEAK.hz, measure)
+
+
+def _disarms(node: Node, simulator: Simulator, count: Callable[[list[str]], None]) -> None:
+    """Obey the pilot's disarm, as every vehicle side does."""
+
+    def hear(request: PilotRequest, now: int) -> None:
+        if request.kind == "disarm":
+            count(simulator.hear(request, now))
+
+    node.each(topics.PILOT_REQUEST, hear)
 
 
 def _faults(node: Node, simulator: Simulator, count: Callable[[list[str]], None]) -> None:

@@ -43,7 +43,7 @@ def services(
 
 
 def by_service(health: Mapping[str, list[Health]]) -> dict[str, Counter[str]]:
-    """What each service counted, summed by name over its restarts."""
+    """What each service counted, summed by name over its restarts, and over two topsides."""
     counts: dict[str, Counter[str]] = {}
     for name, reports in health.items():
         counts[name] = Counter()
@@ -60,16 +60,28 @@ def _service(reports: list[Health], restarts: int, process: str | None) -> Servi
         lateness_p99_ms=_median(report.lateness_p99_ms for report in reports),
         cpu_percent=_mean(report.cpu_percent for report in reports),
         rss_mb=max((r.rss_mb for r in reports if r.rss_mb is not None), default=None),
-        restarts=max(restarts, len(lives) - 1),
+        restarts=max(restarts, len(lives) - _side_by_side(reports)),
         process=process,
     )
 
 
 def _lives(reports: list[Health]) -> list[Health]:
-    """The last report of a service before each restart, and its last one."""
-    ordered = sorted(reports, key=lambda report: report.stamp_ns)
-    ends = [report for report, following in pairwise(ordered) if following.sent < report.sent]
-    return [*ends, *ordered[-1:]]
+    """The last report of a service before each restart, and its last one. Of every process by
+    itself: two topsides have services of the same names, and report them by turns."""
+    lives: list[Health] = []
+    for instance in dict.fromkeys(report.instance for report in reports):
+        own = [report for report in reports if report.instance == instance]
+        ordered = sorted(own, key=lambda report: report.stamp_ns)
+        lives += [report for report, following in pairwise(ordered) if following.sent < report.sent]
+        lives.append(ordered[-1])
+    return lives
+
+
+def _side_by_side(reports: list[Health]) -> int:
+    """How many processes of one name there were at a time, by the order in which they spoke."""
+    said = [report.instance for report in reports]
+    spans = [(said.index(one), len(said) - said[::-1].index(one)) for one in dict.fromkeys(said)]
+    return max((sum(a <= begin < b for a, b in spans) for begin, _ in spans), default=1)
 
 
 def _median(values: Iterable[float | None]) -> float | None:

@@ -25,7 +25,7 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.running import RUNNING, Running
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.heartbeat import last_beat
-from services.runtime.hosts.process_host import HubLaunch, Launch, usage
+from services.runtime.hosts.process_host import HubLaunch, Launch, instance, usage
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.launch.answering import Answering
@@ -95,6 +95,7 @@ class LocalStack:
         self._wake = threading.Event()
         self._pids: dict[str, int] = {}
         self._has_node = False
+        self._copies: dict[str, str] = {}  # file → its copy in `folder`
         self._later: list[str] = []  # processes that are not started yet
 
     def start_hubs(self, exits: ExitStack) -> None:
@@ -124,14 +125,30 @@ class LocalStack:
         name = NAME if self._other_side is None else f"{NAME}_{self._other_side.side}"
         self.node = Node(name, bus, time.monotonic_ns, VolatileCheckpoint(), clock_offset=offset)
         self.node.wake, self.node.usage = self._wake.set, usage
+        self.node.instance = instance()
         self._has_node = True
 
     def start_services(self) -> None:
+        self._copies = self._copied()
         self._checkpoints = _unused_folder(self._checkpoints)
         for name, data in self._begin_with.items():
             write_safely(self._checkpoints / f"{name}.json", data)
         self._later = [name for name, parts in self.processes.items() if set(parts) <= set(SLOW)]
         self.supervisor.add(self._process(n) for n in self.processes if n not in self._later)
+
+    def _copied(self) -> dict[str, str]:
+        """Copies of the files that services read when they start, so that one that starts again in
+        mid-dive finds what the others have found."""
+        copies: dict[str, str] = {}
+        for number, path in enumerate(self.stack.files):
+            copy = self._folder / f"{number}-{path.name}"
+            try:
+                copy.write_bytes(path.read_bytes())
+            except OSError as error:
+                self._tell("warning", f"cannot keep a copy of {path}: {reason(error)}")
+            else:
+                copies[str(path)] = str(copy)
+        return copies
 
     def _start_slow(self) -> None:
         """Start the slow services, once they keep no other from the processor."""
@@ -299,6 +316,7 @@ class LocalStack:
             heartbeat=str(self.heartbeat(process)),
             parent=os.getpid(),
             keys=None if self._door is None else self._door.keys,
+            copies=self._copies,
         )
         command = [*PYTHON, msgspec.json.encode(launch).decode()]
         return Task(

@@ -21,7 +21,7 @@ from services.runtime.node.answers import AnswerBook
 from services.runtime.node.checkpoint import CheckpointStore
 from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.gate import Gate, Gates
-from services.runtime.node.loop_stats import LoopStats, Usage
+from services.runtime.node.loop_stats import Instance, LoopStats, Usage
 from services.runtime.node.ports import Inbox, Latest, Now, Publisher
 from services.runtime.node.requests import A, Overrules, Q, Requester, Requests
 from services.runtime.node.timers import Alarm, Tick
@@ -52,6 +52,7 @@ class Node:
         self.wake: Callable[[], None] = lambda: None  # the host's; called on the bus's thread
         self.show: Callable[[LogLine], None] = lambda _: None  # the host's; writes to stderr
         self.usage: Callable[[], Usage | None] = lambda: None  # the host's; asks the system
+        self.instance = Instance()  # the host's
         self.wall_offset_ns = 0  # the host's: UTC minus the node's clock; 0 on virtual time
         self.loop_stats = LoopStats()
         self._clock = clock
@@ -378,5 +379,7 @@ class Node:
         sent = sum(publisher.sent for publisher in self._publishers)
         received = sum(inbox.stored for inbox in self._inboxes)
         self._health.put(
-            self.loop_stats.report(self.name, now, sent, received, self.counts, self.usage())
+            self.loop_stats.report(
+                self.name, now, sent, received, self.counts, self.usage(), self._home, self.instance
+            )
         )

@@ -4,11 +4,14 @@ from pathlib import Path
 
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from messages.health import Health
 from tools.recordings.recording import Recording
 from tools.report import Elsewhere, Extras, elsewhere, make_report, unrecorded
 from tools.report.restarted import restarted
+from tools.report.services import by_service
+from tools.report.services import services as services_of
 
 TOPSIDE = ("gamepad", "visualizer", "link_monitor", "predictor")
 PROCESSES = st.sampled_from(["gamepad", "link_monitor", "predictor", "hub_topside"])
@@ -66,3 +69,18 @@ def test_the_side_without_recorder_names_every_restart_and_every_loss(
     assert all(name in lines["lost"] for name in gone)
     assert (lines["lost"] == "no service") == (not gone)
     assert "recording and report.json are on the drone" in lines["recorded"]
+
+
+def test_what_two_topsides_counted_is_not_counted_again_and_again():
+    """They report by turns under the same names; neither was restarted."""
+    ann, bob, said = 11, 22, health("gamepad")
+    reports = [
+        replace(said, stamp_ns=k, instance=who, sent=10 * k + who, counts={"stale:x": n})
+        for k in range(5)
+        for who, n in ((ann, 1), (bob, 2))
+    ]
+    assert by_service({"gamepad": reports}) == {"gamepad": {"stale:x": 3}}
+    services = services_of({"gamepad": reports}, {}, {})
+    assert services["gamepad"].restarts == 0
+    later = [replace(one, instance=33, stamp_ns=9) for one in reports if one.instance == ann]
+    assert services_of({"gamepad": reports + later}, {}, {})["gamepad"].restarts == 1
