@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from messages.health import Health
+from tools.health_sums import HealthOfAll
 from tools.recordings.recording import Recording
 from tools.report import Elsewhere, Extras, elsewhere, make_report, unrecorded
 from tools.report.restarted import restarted
@@ -23,7 +24,10 @@ def health(service: str) -> Health:
 
 @given(heard=st.sets(st.sampled_from(TOPSIDE), min_size=1))
 def test_services_of_the_other_machine_that_nobody_heard_are_named(heard: set[str]):
-    report = make_report(Recording([]), Extras(health=[health(name) for name in sorted(heard)]))
+    sums = HealthOfAll()
+    for name in sorted(heard):
+        sums.add(health(name))
+    report = make_report(Recording([]), Extras(health=sums.sums))
     said = elsewhere(report, Elsewhere("topside", TOPSIDE))
     assert "\n" not in said
     assert said.startswith("elsewhere ")
