@@ -16,7 +16,7 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 from tools.fresh import write_fresh
-from tools.health_sums import HealthOfAll
+from tools.health_sums import HealthOfAll, HealthSums
 from tools.recordings.recording import log_hash, merge_parts, open_recording
 from tools.report import (
     Elsewhere,
@@ -63,6 +63,12 @@ class Outcome:
     def listen(self, node: Node) -> None:
         """Keep the health of all services; the recorder does not receive its own."""
         node.each(topics.HEALTH, lambda health, _: self._health.add(health))
+
+    def take_over(self, health: dict[str, HealthSums], *, armed: bool) -> None:
+        """What another program has collected during the dive. Set `exit` before."""
+        self._health.sums, self._armed = health, armed
+        if self.exit != "clean":
+            self._error = LindyError(self.exit)
 
     @contextmanager
     def of_the_dive(self) -> Generator[None]:
