@@ -9,7 +9,7 @@ import msgspec
 
 from services.runtime.bus.key_files import Door
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import ServiceSpec
+from services.runtime.hosts.stack_file import ServiceSpec
 from tools.health_sums import HealthSums
 from tools.live.stop_signals import SIGNALS
 
