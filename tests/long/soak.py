@@ -33,6 +33,7 @@ PAUSE_S = 30.0  # [s] between two faults, on average
 LONGEST_STOP_S, LONGEST_OUTAGE_S = 3.0, 8.0
 YOUNG_S = 30.0  # [s] a process may grow after its start
 LEAST_S = 90.0  # [s] of a process' life that tell whether it grows
+LEAST_MINUTES = 5  # that tell whether a service becomes later and later
 PATIENCE_S = 120.0  # [s] until the drone is armed, and until the dive has ended, on a busy computer
 HAS_STICKS = "has the sticks"  # what is said when the drone is armed
 PAGE = os.sysconf("SC_PAGE_SIZE")  # [B]
@@ -51,8 +52,12 @@ BOUNDS = {
     "threads": Bound(6.0, 3.0),
     "lateness [ms]": Bound(10.0, 2.0),
 }
-# Rerun's writer keeps some 27 MB an hour.
-BOUNDS_OF = {("visualizer", "memory [MB]"): Bound(45.0, 4.0)}
+BOUNDS_OF = {
+    # Rerun's writer keeps some 27 MB an hour, and takes 5 MB in its first minutes.
+    ("visualizer", "memory [MB]"): Bound(45.0, 8.0),
+    # It starts processes meanwhile, and flies nothing.
+    ("supervisor", "lateness [ms]"): Bound(100.0, 30.0),
+}
 
 
 class Growth(NamedTuple):
@@ -267,7 +272,7 @@ def show_lateness(minutes: Mapping[str, Mapping[int, float]]) -> bool:
     return show(
         growth(name, "lateness [ms]", [60.0 * at for at, _ in kept], [value for _, value in kept])
         for name, kept in inner.items()
-        if len(kept) > 1
+        if len(kept) >= LEAST_MINUTES
     )
 
 
