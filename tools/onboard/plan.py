@@ -41,7 +41,7 @@ class Seen(msgspec.Struct, kw_only=True):
     health: dict[str, HealthSums] = {}  # by service
 
 
-class Ended(msgspec.Struct, frozen=True):
+class DiveEnd(msgspec.Struct, frozen=True):
     """A dive that is over."""
 
     plan: Plan

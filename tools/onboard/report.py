@@ -1,4 +1,4 @@
-"""Sums up a dive of the drone's side that is over: `python -m tools.onboard.report ENDED`."""
+"""Sums up a dive of the drone's side that is over: `python -m tools.onboard.report DIVE_END`."""
 
 import sys
 from pathlib import Path
@@ -9,19 +9,19 @@ from services.runtime.config.errors import LindyError
 from services.runtime.hosts.registry import Registry
 from tools.live.outcome import RECORDER, Outcome
 from tools.live.stop_signals import StopSignals
-from tools.onboard.plan import Ended
+from tools.onboard.plan import DiveEnd
 from tools.report import Elsewhere
 
 ERROR = 1  # exit status
 
 
-def report(ended: Ended) -> int:
+def report(end: DiveEnd) -> int:
     """Returns the exit status, as `Outcome.sum_up`.
 
     Raises:
         LindyError: why the dive was aborted, or why there is no report.
     """
-    plan, seen = ended.plan, ended.seen
+    plan, seen = end.plan, end.seen
     outcome = Outcome(plan.stack)
     outcome.exit, outcome.gone = seen.exit, seen.gone
     outcome.restarts, outcome.hung = lambda: seen.restarts, lambda: seen.hung
@@ -39,7 +39,7 @@ def report(ended: Ended) -> int:
 
 def main() -> int:
     try:
-        return report(msgspec.json.decode(sys.argv[1], type=Ended))
+        return report(msgspec.json.decode(sys.argv[1], type=DiveEnd))
     except LindyError as error:
         print(f"lindy: {' '.join(str(error).split())}", file=sys.stderr, flush=True)
         return ERROR

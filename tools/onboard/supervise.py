@@ -24,7 +24,7 @@ from tools.live.keep_running import keep_running
 from tools.live.latest import point
 from tools.live.printed_lines import PrintedLines
 from tools.live.stop_signals import StopSignals
-from tools.onboard.plan import Ended, Plan, Seen, become
+from tools.onboard.plan import DiveEnd, Plan, Seen, become
 from tools.onboard.this_start import mark_ended
 
 
@@ -34,7 +34,7 @@ def supervise(plan: Plan) -> NoReturn:
     with StopSignals() as stop:
         with _why_it_ended(seen):
             _run(plan, stop, seen)
-        become("report", Ended(plan, seen))
+        become("report", DiveEnd(plan, seen))
 
 
 def _run(plan: Plan, stop: StopSignals, seen: Seen) -> None:
