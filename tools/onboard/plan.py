@@ -3,7 +3,8 @@
 import os
 import signal
 import sys
-from typing import Literal, NoReturn
+from tempfile import TemporaryFile
+from typing import Literal, NoReturn, TypeVar
 
 import msgspec
 
@@ -13,6 +14,7 @@ from services.runtime.hosts.stack_file import ServiceSpec
 from tools.health_sums import HealthSums
 from tools.live.stop_signals import SIGNALS
 
+S = TypeVar("S", bound=msgspec.Struct)
 Program = Literal["supervise", "report"]
 
 
@@ -54,7 +56,29 @@ def become(program: Program, what: msgspec.Struct) -> NoReturn:
 
     Signals wait until the next program can handle them (`StopSignals`).
     """
+    content = _in_memory(msgspec.json.encode(what))
     signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
     sys.stdout.flush()
-    argument = msgspec.json.encode(what).decode()
-    os.execv(sys.executable, [sys.executable, "-P", "-m", f"tools.onboard.{program}", argument])
+    command = [sys.executable, "-P", "-m", f"tools.onboard.{program}", str(content)]
+    os.execv(sys.executable, command)
+
+
+def handed_on(kind: type[S]) -> S:
+    """What the program before this one has handed on."""
+    with os.fdopen(int(sys.argv[1]), "rb") as file:
+        return msgspec.json.decode(file.read(), type=kind)
+
+
+def _in_memory(data: bytes) -> int:
+    """The descriptor of a file with this content, for the next program. An argument of a command
+    may have 128 kB at most, and the health of a day has more."""
+    if hasattr(os, "memfd_create"):  # Linux: needs no disk
+        descriptor = os.memfd_create("lindy", 0)
+    else:
+        with TemporaryFile() as file:
+            descriptor = os.dup(file.fileno())
+        os.set_inheritable(descriptor, True)
+    with os.fdopen(descriptor, "r+b", closefd=False) as file:
+        file.write(data)
+    os.lseek(descriptor, 0, os.SEEK_SET)
+    return descriptor

@@ -1,15 +1,13 @@
-"""Sums up a dive of the drone's side that is over: `python -m tools.onboard.report DIVE_END`."""
+"""Sums up a dive of the drone's side that is over: `python -m tools.onboard.report DESCRIPTOR`."""
 
 import sys
 from pathlib import Path
-
-import msgspec
 
 from services.runtime.config.errors import LindyError
 from services.runtime.hosts.registry import Registry
 from tools.live.outcome import RECORDER, Outcome
 from tools.live.stop_signals import StopSignals
-from tools.onboard.plan import DiveEnd
+from tools.onboard.plan import DiveEnd, handed_on
 from tools.report import Elsewhere
 
 ERROR = 1  # exit status
@@ -39,7 +37,7 @@ def report(end: DiveEnd) -> int:
 
 def main() -> int:
     try:
-        return report(msgspec.json.decode(sys.argv[1], type=DiveEnd))
+        return report(handed_on(DiveEnd))
     except LindyError as error:
         print(f"lindy: {' '.join(str(error).split())}", file=sys.stderr, flush=True)
         return ERROR

@@ -1,17 +1,14 @@
-"""Keeps the services of the drone's side running: `python -m tools.onboard.supervise PLAN`.
+"""Keeps the services of the drone's side running: `python -m tools.onboard.supervise DESCRIPTOR`.
 
 It prints lines, which systemd keeps. Whatever it hears, it must not end: the vehicle hangs on it.
 """
 
 import os
-import sys
 import traceback
 from collections.abc import Generator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import NoReturn
-
-import msgspec
 
 from messages import topics
 from messages.health import LogLine
@@ -24,7 +21,7 @@ from tools.live.keep_running import keep_running
 from tools.live.latest import point
 from tools.live.printed_lines import PrintedLines
 from tools.live.stop_signals import StopSignals
-from tools.onboard.plan import DiveEnd, Plan, Seen, become
+from tools.onboard.plan import DiveEnd, Plan, Seen, become, handed_on
 from tools.onboard.this_start import mark_ended
 
 
@@ -105,4 +102,4 @@ def _why_it_ended(seen: Seen) -> Generator[None]:
 
 
 if __name__ == "__main__":
-    supervise(msgspec.json.decode(sys.argv[1], type=Plan))
+    supervise(handed_on(Plan))
