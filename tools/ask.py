@@ -21,11 +21,10 @@ from services.gamepad.io.path_file import course_of
 from services.gamepad.pilot_intents import goto
 from services.reference.guidance.path_following import PlannedPath
 from services.runtime.config.errors import LindyError
-from services.runtime.config.running import RUNNING, Running
+from services.runtime.config.running import RUNNING, Running, running_in
 from services.runtime.config.settings import deploy_file, nearest
 from services.runtime.launch.local_stack import HOME
 from services.runtime.node.node import Node
-from tools.checks import running_in
 from tools.live.asking import OneRequest, answer_to, at_once
 
 OPTIONS: dict[str, tuple[str, ...]] = {

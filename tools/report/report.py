@@ -5,7 +5,7 @@ from math import degrees
 
 import msgspec
 
-from messages.health import Health
+from tools.health_sums import HealthSums
 from tools.recordings.recording import Recording
 from tools.report.budget import Clocks, ReportedBudget, budget, clocks
 from tools.report.dive import RecordedDive, Traffic, read_dive
@@ -29,7 +29,7 @@ class Extras(msgspec.Struct, frozen=True):
     losses: dict[str, int] = {}  # counted by the supervisor itself
     gone: list[str] = []  # services that were not alive at the end
     finished: bool = True  # the recorder ended its file itself
-    health: list[Health] = []  # of services the recorder does not receive, such as itself
+    health: dict[str, HealthSums] = {}  # also of services the recorder does not receive: itself
     speedup: float | msgspec.UnsetType = msgspec.UNSET  # [-] virtual over real time; simulate only
     log_hash: str | msgspec.UnsetType = msgspec.UNSET  # SHA-256; simulate only
 
@@ -124,17 +124,13 @@ def _troubles(
     ]
 
 
-def _all_health(dive: RecordedDive, others: list[Health]) -> dict[str, list[Health]]:
+def _all_health(dive: RecordedDive, others: dict[str, HealthSums]) -> dict[str, HealthSums]:
     """Health from the recording, and for services that are not in it from elsewhere."""
-    health = dict(dive.health)
-    for report in others:
-        if report.service not in dive.health:
-            health[report.service] = [*health.get(report.service, []), report]
-    return health
+    return {**others, **dive.health}
 
 
 def _losses(
-    dive: RecordedDive, health: dict[str, list[Health]], supervisor: dict[str, int]
+    dive: RecordedDive, health: dict[str, HealthSums], supervisor: dict[str, int]
 ) -> dict[str, int]:
     """By name, each message once. The recorder's own counts are in its file since its last restart,
     and in `Health` from before; the larger of both is kept."""

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from messages.health import Health
+from tools.health_sums import HealthOfAll
 from tools.recordings.recording import Recording
 from tools.report import Elsewhere, Extras, elsewhere, make_report, unrecorded
 from tools.report.restarted import restarted
@@ -26,7 +27,10 @@ def health(service: str) -> Health:
 
 @given(heard=st.sets(st.sampled_from(TOPSIDE), min_size=1))
 def test_services_of_the_other_machine_that_nobody_heard_are_named(heard: set[str]):
-    report = make_report(Recording([]), Extras(health=[health(name) for name in sorted(heard)]))
+    sums = HealthOfAll()
+    for name in sorted(heard):
+        sums.add(health(name))
+    report = make_report(Recording([]), Extras(health=sums.sums))
     said = elsewhere(report, Elsewhere("topside", TOPSIDE))
     assert "\n" not in said
     assert said.startswith("elsewhere ")
@@ -79,8 +83,13 @@ def test_what_two_topsides_counted_is_not_counted_again_and_again():
         for k in range(5)
         for who, n in ((ann, 1), (bob, 2))
     ]
-    assert by_service({"gamepad": reports}) == {"gamepad": {"stale:x": 3}}
-    services = services_of({"gamepad": reports}, {}, {})
+    sums = HealthOfAll()
+    for report in reports:
+        sums.add(report)
+    assert by_service(sums.sums) == {"gamepad": {"stale:x": 3}}
+    services = services_of(sums.sums, {}, {})
     assert services["gamepad"].restarts == 0
     later = [replace(one, instance=33, stamp_ns=9) for one in reports if one.instance == ann]
-    assert services_of({"gamepad": reports + later}, {}, {})["gamepad"].restarts == 1
+    for report in later:
+        sums.add(report)
+    assert services_of(sums.sums, {}, {})["gamepad"].restarts == 1
