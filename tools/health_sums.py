@@ -1,7 +1,7 @@
 """What a report needs of the `Health` messages of each service, in a memory that does not grow.
 
-Health counts since the start of a process. Another instance, or a smaller `sent`, is a restart: what
-was counted before is added.
+Health counts since the start of a process. Another instance, or a smaller `sent`, is a restart:
+what was counted before is added.
 """
 
 from collections import Counter
