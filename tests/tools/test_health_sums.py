@@ -39,7 +39,7 @@ def test_the_sums_are_those_of_the_whole_list(said: list[tuple[int, dict[str, in
     assert sums.counts == sum((Counter(end.counts) for end in ends), Counter[str]())
     known = [report.cpu_percent for report in reports if report.cpu_percent is not None]
     assert sums.mean_cpu_percent == (pytest.approx(sum(known) / len(known)) if known else None)
-    assert sums.rss_mb == max((report.rss_mb for report in reports), default=None)
+    assert sums.rss_mb == max((report.rss_mb or 0.0 for report in reports), default=None)
     assert sums.lateness_p50_ms.values == [report.lateness_p50_ms for report in reports]
     again = msgspec.json.decode(msgspec.json.encode(sums), type=HealthSums)
     assert again == sums
