@@ -297,10 +297,8 @@ class Estimator:
                 found.append(f"lost:{key}")
         if self._depth.distrusts_accelerometer and imu:
             found.append("distrusted:sensor/imu")
-        if not self._attitude.gyroscope.trusted:
-            found.append(
-                "doubted:gyroscope" if self._attitude.gyroscope.learning else "stepped:gyroscope"
-            )
+        if self._attitude.gyroscope.learning:
+            found.append("doubted:gyroscope")
         return tuple(found)
 
     def _hears_imu(self, now: int) -> bool:

@@ -84,10 +84,13 @@ def test_an_imu_that_cannot_be_used_is_said_for_as_long_as_it_lasts(
         assert not any(part.valid for part in (state.heading, state.roll, state.yaw_rate))
     assert flight.sortie.status is not None
     assert flight.sortie.status.note == "the heading is not known and not held"
+    assert flight.sortie.status.failsafe in ("imu_lost", "state_lost")
+    assert "imu_lost" in flight.sortie.status.conditions
     flight.sortie.set_faults("sensor/imu", "none")
     flight.sortie.until(flight.sortie.t + 3.0)
     assert flight.sortie.counts["regained:sensor/imu"] == 1
-    assert flight.sortie.status.note == ""
+    assert "not known" not in flight.sortie.status.note
+    assert "imu_lost" not in flight.sortie.status.conditions
 
 
 def test_without_pressure_it_drifts_slowly_and_says_so() -> None:

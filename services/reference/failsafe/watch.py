@@ -124,9 +124,8 @@ class ConditionWatch:
         elif state.phase == "running":
             if not state.roll.valid:
                 holds["imu_lost"] = Holding()
-            if state.troubles:
-                said = ", ".join(sentence(name) for name in state.troubles)
-                holds["sensor"] = Holding(detail=said)
+            if others := _unsaid(state):
+                holds["sensor"] = Holding(detail=", ".join(map(sentence, others)))
             if state.depth.valid and state.depth.value > self.settings.depth_limit + TOO_DEEP:
                 holds["too_deep"] = Holding(detail=f"{self.settings.depth_limit:g} m")
         wrench = self.newest.wrench
@@ -172,6 +171,16 @@ def charge_left(battery: BatterySample) -> float | None:
     """[-] 0 … 1; None where the driver does not know the capacity."""
     capacity = battery.capacity_wh
     return None if not capacity else 1.0 - battery.used_wh / capacity
+
+
+def _unsaid(state: VehicleState) -> list[str]:
+    """Troubles of sensors for which no other row stands: not of an IMU that is lost, nor of a
+    pressure sensor without which the depth is lost."""
+    named = [
+        *([] if state.roll.valid else ["sensor/imu"]),
+        *([] if state.depth.valid else ["sensor/pressure"]),
+    ]
+    return [name for name in state.troubles or () if name.partition(":")[2] not in named]
 
 
 def _late(health: Health | None) -> bool:
