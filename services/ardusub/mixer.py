@@ -1,0 +1,188 @@
+"""From a force for each thruster to ArduSub's six axes, and what the motors then do.
+
+ArduSub's MANUAL mode mixes six axes linearly into the motors and knows no thrust curve. A force for
+each thruster is therefore taken as the wrench it amounts to, and the six axes are those whose
+motors, each through its own curve, give that wrench (Gauss-Newton). What pushes only against itself
+(a thrust bias) is no wrench and does not come through. Every limit is applied here, so that ArduSub
+itself never clips or scales.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from messages.units import Vec6
+from services.ardusub.frames import (
+    FORWARD,
+    LATERAL,
+    PITCH,
+    ROLL,
+    THROTTLE,
+    TILTED,
+    YAW,
+    Frame,
+    senses,
+)
+from services.ardusub.rc_channels import NEUTRAL, RcChannel
+from services.marine.thrust_curve import CURVES
+from services.marine.thrusters import limited, total_wrench, wrench_per_newton
+from services.marine.vehicle import Thruster
+from services.vehicle.actuation import share_of_voltage
+
+Floats = NDArray[np.float64]
+CHANNELS = (PITCH, ROLL, THROTTLE, YAW, FORWARD, LATERAL)  # axis of the override channels 1 to 6
+STEPS = 4  # of Gauss-Newton; the second already leaves less than a microsecond
+PULSE_SPAN = 400.0  # [µs] of a motor from rest to full
+NEUTRALS = (NEUTRAL,) * 6
+NO_WRENCH: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+FLAT = 0.5  # [N] least slope of a curve per share of the voltage that is divided by
+
+
+class Mixed(NamedTuple):
+    pulses: tuple[int, ...]  # [µs] override channels 1 to 6
+    thrust: tuple[float, ...]  # [N] per thruster, at which the motors settle
+    wrench: Vec6  # [N, N m] of it
+    limited: bool  # a group of motors, or the yaw channel, was at its limit
+
+
+class Mixer:
+    """Built once per vehicle and set of parameters."""
+
+    def __init__(
+        self,
+        frame: Frame,
+        thrusters: Sequence[Thruster],
+        channels: Sequence[RcChannel],
+        yaw_scale: float = 1.0,
+        coupling: float = 1.0,
+    ) -> None:
+        """
+        Args:
+            channels: (6,) in the order of the overrides.
+            yaw_scale: [-] ACRO_YAW_P / 3.375, by which ArduSub multiplies the yaw channel.
+            coupling: [-] MOT_FV_CPLNG_K.
+
+        Raises:
+            ValueError: the thrusters are not the motors of this frame.
+        """
+        self._thrusters, self._channels = tuple(thrusters), tuple(channels)
+        self._yaw_scale = yaw_scale
+        self._coupling = coupling if frame.coupled else 0.0
+        self._columns = [wrench_per_newton(thruster) for thruster in thrusters]
+        self._senses = np.array(senses(frame, thrusters))
+        self._factors = np.array(frame.motors, dtype=float)  # (n, 6)
+        self._axes_of = np.linalg.pinv(self._factors)  # (6, n)
+        self._effect = np.array(self._columns).T * self._senses  # (6, n) of positive outputs
+        self._groups = _groups(self._factors)
+
+    def mix(self, thrust: Sequence[float], *, curved: bool = True) -> Mixed:
+        """
+        Args:
+            thrust: [N] per thruster, as `ActuatorGate` permits it.
+            curved: False: as if thrust were proportional to the pulse, for comparison.
+        """
+        if not any(thrust):
+            return Mixed(NEUTRALS, (0.0,) * len(self._thrusters), NO_WRENCH, limited=False)
+        pairs = list(zip(self._thrusters, thrust, strict=True))
+        if curved:
+            shares = np.array([_out_of_dead_band(t, newtons) for t, newtons in pairs])
+            axes = self._refined(self._axes_of @ (shares * self._senses), np.array(thrust))
+        else:
+            shares = np.array([newtons / t.max_thrust for t, newtons in pairs])
+            axes = self._axes_of @ (shares * self._senses)
+        fitting, was_limited = self._fitting(axes)
+        return self._sent(fitting, was_limited)
+
+    def _refined(self, axes: Floats, thrust: Floats) -> Floats:
+        """The axes that give the wrench of this thrust [N] best; never worse than those given."""
+        wanted = self._effect @ (thrust * self._senses)
+        missing = wanted - self._effect @ self._outputs(self._factors @ axes)
+        for _ in range(STEPS):
+            motors = self._factors @ axes
+            slopes = np.array([_slope(t, m) for t, m in zip(self._thrusters, motors, strict=True)])
+            step = np.linalg.lstsq((self._effect * slopes) @ self._factors, missing, rcond=1e-6)[0]
+            better = axes + step
+            left = wanted - self._effect @ self._outputs(self._factors @ better)
+            if not float(left @ left) < float(missing @ missing):
+                break
+            axes, missing = better, left
+        return axes
+
+    def _outputs(self, motors: Floats) -> Floats:
+        """[N] Per motor, along its own positive output."""
+        return np.array(
+            [settled(t, float(m)) for t, m in zip(self._thrusters, motors, strict=True)]
+        )
+
+    def _fitting(self, axes: Floats) -> tuple[Floats, bool]:
+        """The same direction of each group, within what its motors and the yaw channel can give."""
+        axes, was_limited = axes.copy(), False
+        for group in self._groups:
+            largest = float(np.max(np.abs(self._factors[:, group] @ axes[group])))
+            if YAW in group:
+                largest = max(largest, abs(float(axes[YAW])) / self._yaw_scale)
+            if largest > 1.0:
+                axes[group] /= largest
+                was_limited = True
+        room = 1.0 - self._coupling * abs(float(axes[THROTTLE]))
+        if self._coupling and abs(axes[FORWARD]) > room:
+            axes[FORWARD] = np.clip(axes[FORWARD], -room, room)
+            was_limited = True
+        return axes, was_limited
+
+    def _sent(self, axes: Floats, was_limited: bool) -> Mixed:
+        shares = axes.copy()
+        shares[YAW] /= self._yaw_scale
+        pulses = tuple(
+            [round(channel.pulse(float(shares[axis])))
+             for axis, channel in zip(CHANNELS, self._channels, strict=True)]
+        )  # fmt: skip
+        read = np.zeros(6)
+        for axis, channel, pulse in zip(CHANNELS, self._channels, pulses, strict=True):
+            read[axis] = channel.share(pulse)
+        read[YAW] *= self._yaw_scale
+        thrust = tuple((self._outputs(self._factors @ read) * self._senses).tolist())
+        return Mixed(pulses, thrust, total_wrench(self._columns, thrust), was_limited)
+
+
+def settled(thruster: Thruster, motor: float) -> float:
+    """[N] At which a thruster settles for a motor output −1 … 1 along its own direction."""
+    motor = max(-1.0, min(1.0, motor))
+    curve = CURVES.get(thruster.curve)
+    if curve is None:
+        reverse, forward = thruster.limits
+        newtons = motor * (forward if motor > 0 else -reverse)
+        return newtons if abs(newtons) >= thruster.dead_band else 0.0
+    if abs(motor) < curve.silent - 1e-9:
+        return 0.0
+    return limited(thruster, curve.thrust(max(-curve.top, min(curve.top, motor))))
+
+
+def _out_of_dead_band(thruster: Thruster, newtons: float) -> float:
+    """[-] Share of the voltage; 1 µs of the pulse more where rounding would silence the motor."""
+    share = share_of_voltage(thruster, newtons)
+    curve = CURVES.get(thruster.curve)
+    if share == 0.0 or curve is None:
+        return share
+    edge = curve.silent + 1.0 / PULSE_SPAN
+    return share if abs(share) >= edge else (edge if share > 0 else -edge)
+
+
+def _slope(thruster: Thruster, motor: float) -> float:
+    """[N] Of the curve without its dead band, per share of the voltage."""
+    curve = CURVES.get(thruster.curve)
+    if curve is None:
+        return thruster.max_thrust
+    at, h = max(-0.95, min(0.95, motor)), 0.01
+    return max(FLAT, (curve.thrust(at + h) - curve.thrust(at - h)) / (2 * h))
+
+
+def _groups(factors: Floats) -> list[list[int]]:
+    """Axes that share motors with each other and with none of the others."""
+    groups = [sorted(group) for group in TILTED]
+    shared = [np.any(factors[:, group] != 0.0, axis=1) for group in groups]
+    return [sorted({ROLL, PITCH, THROTTLE, YAW, FORWARD, LATERAL})] if np.any(
+        shared[0] & shared[1]
+    ) else groups  # fmt: skip
