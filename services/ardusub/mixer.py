@@ -25,19 +25,16 @@ from services.ardusub.frames import (
     Frame,
     senses,
 )
+from services.ardusub.motor_curves import MotorCurves
 from services.ardusub.rc_channels import NEUTRAL, RcChannel
-from services.marine.thrust_curve import CURVES
-from services.marine.thrusters import limited, total_wrench, wrench_per_newton
+from services.marine.thrusters import total_wrench, wrench_per_newton
 from services.marine.vehicle import Thruster
-from services.vehicle.actuation import share_of_voltage
 
 Floats = NDArray[np.float64]
 CHANNELS = (PITCH, ROLL, THROTTLE, YAW, FORWARD, LATERAL)  # axis of the override channels 1 to 6
 STEPS = 4  # of Gauss-Newton; the second already leaves less than a microsecond
-PULSE_SPAN = 400.0  # [µs] of a motor from rest to full
 NEUTRALS = (NEUTRAL,) * 6
 NO_WRENCH: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-FLAT = 0.5  # [N] least slope of a curve per share of the voltage that is divided by
 
 
 class Mixed(NamedTuple):
@@ -45,6 +42,10 @@ class Mixed(NamedTuple):
     thrust: tuple[float, ...]  # [N] per thruster, at which the motors settle
     wrench: Vec6  # [N, N m] of it
     limited: bool  # a group of motors, or the yaw channel, was at its limit
+
+
+def at_rest(thrusters: int) -> Mixed:
+    return Mixed(NEUTRALS, (0.0,) * thrusters, NO_WRENCH, limited=False)
 
 
 class Mixer:
@@ -76,6 +77,7 @@ class Mixer:
         self._axes_of = np.linalg.pinv(self._factors)  # (6, n)
         self._effect = np.array(self._columns).T * self._senses  # (6, n) of positive outputs
         self._groups = _groups(self._factors)
+        self._curves = MotorCurves(thrusters, self._senses)
 
     def mix(self, thrust: Sequence[float], *, curved: bool = True) -> Mixed:
         """
@@ -84,37 +86,30 @@ class Mixer:
             curved: False: as if thrust were proportional to the pulse, for comparison.
         """
         if not any(thrust):
-            return Mixed(NEUTRALS, (0.0,) * len(self._thrusters), NO_WRENCH, limited=False)
-        pairs = list(zip(self._thrusters, thrust, strict=True))
+            return at_rest(len(self._thrusters))
+        asked = np.array(thrust) * self._senses
         if curved:
-            shares = np.array([_out_of_dead_band(t, newtons) for t, newtons in pairs])
-            axes = self._refined(self._axes_of @ (shares * self._senses), np.array(thrust))
+            axes = self._refined(self._axes_of @ self._curves.outputs_for(asked), asked)
         else:
-            shares = np.array([newtons / t.max_thrust for t, newtons in pairs])
-            axes = self._axes_of @ (shares * self._senses)
+            most = np.array([thruster.max_thrust for thruster in self._thrusters])
+            axes = self._axes_of @ (asked / most)
         fitting, was_limited = self._fitting(axes)
         return self._sent(fitting, was_limited)
 
-    def _refined(self, axes: Floats, thrust: Floats) -> Floats:
+    def _refined(self, axes: Floats, asked: Floats) -> Floats:
         """The axes that give the wrench of this thrust [N] best; never worse than those given."""
-        wanted = self._effect @ (thrust * self._senses)
-        missing = wanted - self._effect @ self._outputs(self._factors @ axes)
+        wanted = self._effect @ asked
+        motors = self._factors @ axes
+        missing = wanted - self._effect @ self._curves.thrust(motors)
         for _ in range(STEPS):
-            motors = self._factors @ axes
-            slopes = np.array([_slope(t, m) for t, m in zip(self._thrusters, motors, strict=True)])
+            slopes = self._curves.slopes(motors)
             step = np.linalg.lstsq((self._effect * slopes) @ self._factors, missing, rcond=1e-6)[0]
-            better = axes + step
-            left = wanted - self._effect @ self._outputs(self._factors @ better)
+            motors = self._factors @ (axes + step)
+            left = wanted - self._effect @ self._curves.thrust(motors)
             if not float(left @ left) < float(missing @ missing):
                 break
-            axes, missing = better, left
+            axes, missing = axes + step, left
         return axes
-
-    def _outputs(self, motors: Floats) -> Floats:
-        """[N] Per motor, along its own positive output."""
-        return np.array(
-            [settled(t, float(m)) for t, m in zip(self._thrusters, motors, strict=True)]
-        )
 
     def _fitting(self, axes: Floats) -> tuple[Floats, bool]:
         """The same direction of each group, within what its motors and the yaw channel can give."""
@@ -143,40 +138,8 @@ class Mixer:
         for axis, channel, pulse in zip(CHANNELS, self._channels, pulses, strict=True):
             read[axis] = channel.share(pulse)
         read[YAW] *= self._yaw_scale
-        thrust = tuple((self._outputs(self._factors @ read) * self._senses).tolist())
+        thrust = tuple((self._curves.thrust(self._factors @ read) * self._senses).tolist())
         return Mixed(pulses, thrust, total_wrench(self._columns, thrust), was_limited)
-
-
-def settled(thruster: Thruster, motor: float) -> float:
-    """[N] At which a thruster settles for a motor output −1 … 1 along its own direction."""
-    motor = max(-1.0, min(1.0, motor))
-    curve = CURVES.get(thruster.curve)
-    if curve is None:
-        reverse, forward = thruster.limits
-        newtons = motor * (forward if motor > 0 else -reverse)
-        return newtons if abs(newtons) >= thruster.dead_band else 0.0
-    if abs(motor) < curve.silent - 1e-9:
-        return 0.0
-    return limited(thruster, curve.thrust(max(-curve.top, min(curve.top, motor))))
-
-
-def _out_of_dead_band(thruster: Thruster, newtons: float) -> float:
-    """[-] Share of the voltage; 1 µs of the pulse more where rounding would silence the motor."""
-    share = share_of_voltage(thruster, newtons)
-    curve = CURVES.get(thruster.curve)
-    if share == 0.0 or curve is None:
-        return share
-    edge = curve.silent + 1.0 / PULSE_SPAN
-    return share if abs(share) >= edge else (edge if share > 0 else -edge)
-
-
-def _slope(thruster: Thruster, motor: float) -> float:
-    """[N] Of the curve without its dead band, per share of the voltage."""
-    curve = CURVES.get(thruster.curve)
-    if curve is None:
-        return thruster.max_thrust
-    at, h = max(-0.95, min(0.95, motor)), 0.01
-    return max(FLAT, (curve.thrust(at + h) - curve.thrust(at - h)) / (2 * h))
 
 
 def _groups(factors: Floats) -> list[list[int]]:

@@ -4,6 +4,7 @@
     motors      inputs to motor pulses: mixer, saturation, spool time
     telemetry   messages from the simulated vehicle
     board       the board: overrides, modes, arming, failsafes, streams, parameters
+    memory      the board on virtual time
     udp         the board as a process on 127.0.0.1
 
 The facts were measured on ArduSub 4.5.0-beta1 and 4.8.0-dev on their own simulator board. The
