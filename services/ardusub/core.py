@@ -315,6 +315,7 @@ class ArdusubDriver:
         self.events.append("jumped:board_clock")
         self._said.clear()
         self._say("error", "the board's clock jumped: it is taken as rebooted, and checked again")
+        self.disarm()
         self.authority.rebooted()
         self._forget_board()
         self.mixed = self._rest

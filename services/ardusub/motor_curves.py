@@ -52,8 +52,9 @@ class MotorCurves:
     def outputs_for(self, thrust: Floats) -> Floats:
         """[-] Per motor. Thrust at the edge of a dead band gets 1 µs more, so that rounding does
         not silence the motor; less gets nothing."""
-        pairs = zip(thrust.tolist(), self._table, strict=True)
-        outputs = np.array([np.interp(force, row, self._grid).item() for force, row in pairs])
+        outputs = np.zeros(len(thrust))
+        for index, newtons in enumerate(thrust.tolist()):
+            outputs[index] = np.interp(newtons, self._table[index], self._grid)
         edge = self._silent + 1.0 / PULSE_SPAN
         driven = np.abs(thrust) >= self._dead_band
         pushed = np.copysign(np.maximum(np.abs(outputs), edge), thrust)

@@ -51,6 +51,7 @@ SENSORS: tuple[AnyTopic, ...] = (
 ALWAYS = (topics.IMU, topics.PRESSURE, topics.ACTUATION)  # without them nothing flies
 SAID: tuple[AnyTopic, ...] = (*SENSORS, topics.BATTERY, topics.ACTUATION)
 HEAVE, YAW = 2, 5
+START_S = 1.0  # [s] in which thrusters follow a command: a board may have to arm them first
 SHARE = 0.6  # [-] of the limits that a command asks for
 JITTER_NS = 2 * MS  # [ns] between two clocks readings in two processes
 Side = tuple[str, str]  # stack, vehicle
@@ -286,7 +287,7 @@ def test_actuation_is_whole_and_says_which_command_it_is_of(bench: Bench) -> Non
     assert first.stale, "nothing was commanded yet"
     assert not any(first.thrust)
     bench.ask(bench.along(HEAVE, 0.2))
-    bench.run(0.5)
+    bench.run(START_S)
     asked = bench.now()
     bench.run(0.5)
     limits = [t.limits for t in bench.vehicle.thruster]
@@ -354,7 +355,7 @@ def silence_stops(bench: Bench) -> None:
     assert bench.at_rest_again(ended + round(bench.decay_s() * S))
     assert bench.all(topics.IMU, ended), "a driver goes on measuring when nobody commands"
     bench.ask(bench.along(HEAVE, 0.3))
-    bench.run(0.5)
+    bench.run(START_S)
     assert any(bench.produced()[-1].thrust), "commands act again after a silence"
     assert not bench.produced()[-1].stale
 
@@ -394,7 +395,7 @@ def nothing_wrong_acts(bench: Bench, each_s: float) -> None:
     bench.run(0.3)
     assert bench.at_rest_again(began)
     bench.ask(tuple(some), epoch=3)
-    bench.run(0.5)
+    bench.run(START_S)
     assert any(bench.produced()[-1].thrust), "what is right still acts"
 
 

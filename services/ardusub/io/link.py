@@ -76,8 +76,12 @@ class UdpLink(_Losses):
         self._socket.setblocking(False)
         self._peer: tuple[str, int] | None = None if listens else address
         self._fixed, self._heard = not listens, -SILENT_S
-        if listens:
-            self._socket.bind(address)
+        try:
+            if listens:
+                self._socket.bind(address)
+        except (OSError, OverflowError):
+            self._socket.close()
+            raise
 
     def receive(self) -> list[bytes]:
         found: list[bytes] = []

@@ -53,6 +53,7 @@ class BoardDouble:
         self.version, self.system = version, system
         self.params = {**defaults(version), **(params or {})}
         self.stuck: set[str] = set()  # parameters that will not be set
+        self.refuses = ""  # to arm: why
         self.slowest_us: dict[str, int] = {}  # [µs] least interval of a message that it reaches
         self.hull = Hull(vehicle, settings, seed, wired_as)
         self.armed, self.mode = False, MANUAL
@@ -75,7 +76,7 @@ class BoardDouble:
         self._pilot_lost = True  # acts on a change only
         self._gcs_ns: int | None = None
         self._gcs_lost = False
-        self._streams: dict[str, list[int]] = {}  # interval and next time [ns]
+        self.streams: dict[str, list[int]] = {}  # interval and next time [ns]
         self._leak_ns = self._heartbeat_ns = self._input_ns = self._gcs_check_ns = -LEAK_EVERY_NS
 
     # What tests do to it.
@@ -122,7 +123,7 @@ class BoardDouble:
         if self.leaking and not silent and now - self._leak_ns >= LEAK_EVERY_NS:
             self._leak_ns = now
             self._text(2, "Leak Detected")
-        for name, due in self._streams.items():
+        for name, due in self.streams.items():
             if now >= due[1]:
                 due[1] = max(due[1] + due[0], now)
                 self._telemetry(name, now)
@@ -151,7 +152,7 @@ class BoardDouble:
         if now - self._gcs_check_ns < GCS_CHECK_NS:
             return
         self._gcs_check_ns = now
-        limit = GCS_LOST_45_S if self.version == "4.5" else self.params["FS_GCS_TIMEOUT"]
+        limit = self.params.get("FS_GCS_TIMEOUT", GCS_LOST_45_S)
         if self._gcs_ns is None or not self.params["FS_GCS_ENABLE"]:
             return
         lost = now - self._gcs_ns > limit * S
@@ -177,7 +178,7 @@ class BoardDouble:
             handler[packet.name](packet, now)
 
     def _gcs_id(self) -> int:
-        return int(self.params["SYSID_MYGCS" if self.version == "4.5" else "MAV_GCS_SYSID"])
+        return int(self.params["MAV_GCS_SYSID" if self.version == "4.8" else "SYSID_MYGCS"])
 
     def _is_gcs(self, system: int) -> bool:
         high = int(self.params.get("MAV_GCS_SYSID_HI", 0))
@@ -216,6 +217,9 @@ class BoardDouble:
         if not fields["param1"]:
             self._disarm(now)
             return ACCEPTED
+        if self.refuses:
+            self._text(2, self.refuses)
+            return FAILED
         throttle = self.override[2]
         if self.version == "4.8" and abs(throttle - self.params["RC3_TRIM"]) > 30:
             self._text(2, "PreArm: Throttle not centered/close to trim")
@@ -247,11 +251,11 @@ class BoardDouble:
             return DENIED
         interval = int(fields["param2"])
         if interval < 0:
-            self._streams.pop(name, None)
+            self.streams.pop(name, None)
         else:
             slowest = max(interval, self.slowest_us.get(name, 0))
             whole = max(5 * MS, round(slowest / 1000) * MS)  # in whole milliseconds
-            self._streams[name] = [whole, now]
+            self.streams[name] = [whole, now]
         return ACCEPTED
 
     def _request(self, fields: dict[str, Any], _: int) -> int:

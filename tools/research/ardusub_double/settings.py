@@ -34,4 +34,5 @@ LIMITS = {"FS_PILOT_TIMEOUT": (0.1, 3.0)}  # a value outside is taken as the nea
 
 
 def defaults(version: str) -> dict[str, float]:
-    return {**_BOTH, **_OF_VERSION[version]}
+    """Of 4.5 for any other version, which is too old for the driver."""
+    return {**_BOTH, **_OF_VERSION.get(version, _OF_VERSION["4.5"])}

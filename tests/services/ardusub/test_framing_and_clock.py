@@ -1,0 +1,105 @@
+"""Bytes to packets whatever arrives, and the board's clock whatever the delays."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from services.ardusub.board_clock import BoardClock
+from services.ardusub.framing import LONGEST, Framing
+from services.ardusub.io.codec import Codec, FrameReader
+from services.ardusub.packet import Packet, command, heartbeat
+
+MS, S = 1_000_000, 1_000_000_000  # [ns]
+CODEC = Codec(1, 1)
+SOME = [
+    heartbeat(),
+    command(1, 400, 1.0),
+    Packet("STATUSTEXT", {"severity": 2, "text": "Leak Detected"}),
+    Packet("PARAM_VALUE", {"param_id": "FRAME_CONFIG", "param_value": 2.0, "param_type": 9,
+                           "param_count": 10, "param_index": 1}),
+]  # fmt: skip
+packets = st.lists(st.sampled_from(SOME), max_size=6)
+
+
+@given(packets, st.lists(st.integers(1, 40), max_size=30))
+def test_frames_are_found_however_they_are_cut(sent: list[Packet], cuts: list[int]) -> None:
+    data, reader, found = b"".join(map(CODEC.encode, sent)), FrameReader(CODEC), list[Packet]()
+    for length in [*cuts, len(data)]:
+        found += reader.read(data[:length])[0]
+        data = data[length:]
+    assert [p.name for p in found] == [p.name for p in sent]
+    for ours, theirs in zip(sent, found, strict=True):
+        assert theirs.fields.items() >= ours.fields.items()
+        assert (theirs.system, theirs.component) == (1, 1)
+
+
+@given(st.binary(max_size=600), packets)
+def test_garbage_is_counted_and_ends(garbage: bytes, sent: list[Packet]) -> None:
+    """What looks like the first byte of a frame may swallow the next one, but not more."""
+    reader = FrameReader(CODEC)
+    reader.read(garbage)
+    for _ in range(2 * LONGEST // 12):
+        reader.read(CODEC.encode(heartbeat()))
+    found, wrong = reader.read(b"".join(map(CODEC.encode, sent)))
+    assert [p.name for p in found] == [p.name for p in sent]
+    assert wrong == 0
+
+
+def test_bytes_that_are_no_frame_are_counted_and_never_kept() -> None:
+    framing = Framing()
+    for _ in range(50):
+        frames, garbage = framing.frames(b"\x55" * 1000)
+        assert (frames, garbage) == ([], 1000)
+
+
+def test_a_wrong_check_sum_is_no_packet() -> None:
+    data = bytearray(CODEC.encode(heartbeat()))
+    data[-1] ^= 0xFF
+    assert FrameReader(CODEC).read(bytes(data)) == ([], 1)
+
+
+def test_an_unknown_message_is_left_alone() -> None:
+    data = bytearray(CODEC.encode(heartbeat()))
+    data[7:10] = b"\xfe\xff\xff"
+    assert FrameReader(CODEC).read(bytes(data)) == ([], 1)
+
+
+delays = st.lists(
+    st.tuples(st.integers(0, 30 * MS), st.integers(0, 30 * MS)), min_size=1, max_size=40
+)
+
+
+@given(delays, st.integers(-1000 * S, 1000 * S), st.floats(-50e-6, 50e-6))
+def test_the_offset_is_within_its_bound(
+    trips: list[tuple[int, int]], offset: int, drift: float
+) -> None:
+    """Whatever the delays of the two ways, and with crystals that differ by up to 50 ppm."""
+    clock, now = BoardClock(), 2000 * S
+    for down, up in trips:
+        board = round((now + down) * (1 + drift)) - offset
+        assert clock.answered(now, board, now + down + up)
+        now += down + up + 200 * MS
+        stamped = round(now * (1 + drift)) - offset
+        assert clock.heard(stamped, now + 3 * MS)
+        ours = clock.ours(stamped, now + 3 * MS)
+        assert ours is not None
+        assert abs(ours - now) <= clock.bound_ns + 1
+        assert ours <= now + 3 * MS
+    assert clock.jumps == 0
+
+
+def test_nothing_is_known_before_an_answer() -> None:
+    clock = BoardClock()
+    assert clock.heard(5 * S, 9 * S)
+    assert clock.ours(5 * S, 9 * S) is None
+
+
+@pytest.mark.parametrize("jump", [-10 * S, -S, -100 * MS, 100 * MS, 10 * S])
+def test_a_jump_is_noticed_with_the_next_answer(jump: int) -> None:
+    clock, now = BoardClock(), 100 * S
+    for _ in range(10):
+        assert clock.answered(now, now + MS - 50 * S, now + 2 * MS)
+        now += 200 * MS
+    assert not clock.answered(now, now + MS - 50 * S + jump, now + 2 * MS)
+    assert clock.jumps == 1
+    assert clock.ours(now + MS - 50 * S + jump, now + 2 * MS) == pytest.approx(now + MS, abs=2 * MS)
