@@ -151,10 +151,10 @@ class ArdusubDriver:
 
     # What the board says.
 
-    def heard_garbage(self, count: int) -> None:
-        if count:
-            self._garbage += count
-            self.events.append("malformed:mavlink")
+    def heard_garbage(self, wrong: int, left_out: int = 0) -> None:
+        """Bytes and frames that are no MAVLink, and frames of a flood that were not looked at."""
+        self._garbage += wrong
+        self.events += ["malformed:mavlink"] * (wrong > 0) + ["overflowed:mavlink"] * (left_out > 0)
 
     def link_lost(self, strangers: int, unsent: int) -> None:
         """Datagrams of others than the board, and packets that could not be sent."""

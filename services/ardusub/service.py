@@ -57,11 +57,13 @@ def wire_to(link: Link, node: Node, stack: Stack) -> None:
         pass_on()
 
     def look(now: int) -> None:
-        for data in link.receive():
-            packets, wrong = reader.read(data)
-            driver.heard_garbage(wrong)
-            for packet in packets:
-                driver.hear(packet, now)
+        found = reader.read(b"".join(link.receive()))
+        # Not `now`: on a busy computer, what was sent since then may have arrived as well, and a
+        # packet that arrives before it was sent looks like a clock that jumped.
+        arrival = node.now()
+        driver.heard_garbage(found.wrong, found.left_out)
+        for packet in found.packets:
+            driver.hear(packet, arrival)
         driver.tick(now)
         driver.link_lost(*link.lost())
         pass_on()

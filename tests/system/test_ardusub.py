@@ -166,3 +166,27 @@ def test_a_wrong_parameter_is_named_and_nothing_starts(tmp_path: Path) -> None:
     assert sentence.endswith("FS_PILOT_INPUT is 0; allowed: 2 (disarm when the sticks are silent)")
     flight.double.params["FS_PILOT_INPUT"] = 2.0  # put right, it is checked again
     flight.until_armed()
+
+
+def test_a_packet_that_arrives_while_the_service_is_held_up_is_no_jump_of_the_clock(
+    tmp_path: Path,
+) -> None:
+    """A busy computer stops the service between its timer and its look at the link."""
+    flight = Flight(tmp_path)
+    for name in CHAIN[1:]:
+        flight.host.kill(name)
+    link, host = flight.board.link, flight.host
+    receive, looks = link.receive, [0]
+
+    def held_up() -> list[bytes]:
+        looks[0] += 1
+        if looks[0] % 40 == 0:
+            host.now += 30_000_000  # [ns]
+
+            flight.board.step(host.now)
+        return receive()
+
+    link.receive = held_up
+    flight.run(10.0)
+    assert flight.counts["jumped:board_clock"] == 0
+    assert not flight.said("jumped")

@@ -1,7 +1,7 @@
 """MAVLink frames to packets and back, by pymavlink."""
 
 import importlib
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 from services.ardusub.framing import Framing
 from services.ardusub.packet import Packet
@@ -53,15 +53,24 @@ class Codec:
         return Packet(name, fields, message.get_srcSystem(), message.get_srcComponent())
 
 
+MOST = 200  # frames decoded at once: a second of the telemetry that is asked for
+
+
+class Found(NamedTuple):
+    packets: list[Packet]
+    wrong: int  # bytes outside of frames, and frames that are none
+    left_out: int  # frames of a flood: the oldest
+
+
 class FrameReader:
     """Packets from a stream of bytes, with what was wrong with the others counted."""
 
     def __init__(self, codec: Codec) -> None:
         self._codec, self._framing = codec, Framing()
 
-    def read(self, data: bytes) -> tuple[list[Packet], int]:
-        """Packets, and how many bytes or frames were none."""
+    def read(self, data: bytes) -> Found:
         frames, garbage = self._framing.frames(data)
-        packets = [self._codec.decode(frame) for frame in frames]
+        kept = frames[-MOST:]
+        packets = [self._codec.decode(frame) for frame in kept]
         good = [packet for packet in packets if packet is not None]
-        return good, garbage + len(packets) - len(good)
+        return Found(good, garbage + len(kept) - len(good), len(frames) - len(kept))

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from services.ardusub.board_clock import BoardClock
 from services.ardusub.framing import LONGEST, Framing
-from services.ardusub.io.codec import Codec, FrameReader
+from services.ardusub.io.codec import MOST, Codec, FrameReader
 from services.ardusub.packet import Packet, command, heartbeat
 
 MS, S = 1_000_000, 1_000_000_000  # [ns]
@@ -25,7 +25,7 @@ packets = st.lists(st.sampled_from(SOME), max_size=6)
 def test_frames_are_found_however_they_are_cut(sent: list[Packet], cuts: list[int]) -> None:
     data, reader, found = b"".join(map(CODEC.encode, sent)), FrameReader(CODEC), list[Packet]()
     for length in [*cuts, len(data)]:
-        found += reader.read(data[:length])[0]
+        found += reader.read(data[:length]).packets
         data = data[length:]
     assert [p.name for p in found] == [p.name for p in sent]
     for ours, theirs in zip(sent, found, strict=True):
@@ -40,9 +40,16 @@ def test_garbage_is_counted_and_ends(garbage: bytes, sent: list[Packet]) -> None
     reader.read(garbage)
     for _ in range(2 * LONGEST // 12):
         reader.read(CODEC.encode(heartbeat()))
-    found, wrong = reader.read(b"".join(map(CODEC.encode, sent)))
-    assert [p.name for p in found] == [p.name for p in sent]
-    assert wrong == 0
+    found = reader.read(b"".join(map(CODEC.encode, sent)))
+    assert [p.name for p in found.packets] == [p.name for p in sent]
+    assert found.wrong == 0
+
+
+def test_of_a_flood_the_newest_are_read() -> None:
+    data = b"".join(CODEC.encode(command(1, n)) for n in range(1000))
+    found = FrameReader(CODEC).read(data)
+    assert [p.fields["command"] for p in found.packets] == list(range(1000 - MOST, 1000))
+    assert (found.wrong, found.left_out) == (0, 1000 - MOST)
 
 
 def test_bytes_that_are_no_frame_are_counted_and_never_kept() -> None:
@@ -55,13 +62,13 @@ def test_bytes_that_are_no_frame_are_counted_and_never_kept() -> None:
 def test_a_wrong_check_sum_is_no_packet() -> None:
     data = bytearray(CODEC.encode(heartbeat()))
     data[-1] ^= 0xFF
-    assert FrameReader(CODEC).read(bytes(data)) == ([], 1)
+    assert FrameReader(CODEC).read(bytes(data)) == ([], 1, 0)
 
 
 def test_an_unknown_message_is_left_alone() -> None:
     data = bytearray(CODEC.encode(heartbeat()))
     data[7:10] = b"\xfe\xff\xff"
-    assert FrameReader(CODEC).read(bytes(data)) == ([], 1)
+    assert FrameReader(CODEC).read(bytes(data)) == ([], 1, 0)
 
 
 delays = st.lists(

@@ -44,15 +44,15 @@ class BoardOnHost:
         self._codec = Codec(board.system, 1)
         self._reader = FrameReader(self._codec)
         node = host.node("board", ["drone"])
-        node.every(STEP_HZ, self._step)
+        node.every(STEP_HZ, self.step)
 
     def other_station(self, packet: Packet, now: int) -> None:
         """A packet of another ground station."""
         self.board.hear(packet._replace(system=packet.system or 254, component=190), now)
 
-    def _step(self, now: int) -> None:
+    def step(self, now: int) -> None:
         while self.link.down:
-            for packet in self._reader.read(self.link.down.popleft())[0]:
+            for packet in self._reader.read(self.link.down.popleft()).packets:
                 self.heard.append(packet)
                 if self.alive:
                     self.board.hear(packet, now)

@@ -48,7 +48,7 @@ def run(board: BoardDouble, port: int, parent: int) -> None:
             now = time.monotonic_ns()
             if ready:
                 data, _ = link.recvfrom(2048)
-                for packet in reader.read(data)[0]:
+                for packet in reader.read(data).packets:
                     board.hear(packet, now)
             board.advance(now)
             for packet in board.sent():
