@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import msgspec
 
 from messages.units import Ns
-from services.ardusub.packet import ACCEPTED, ARM_DISARM, SET_MODE, Packet, command
+from services.ardusub.packet import ACCEPTED, ARM_DISARM, SET_MODE, MavlinkPacket, command
 
 MANUAL, SURFACE = 19, 9
 MODES = {0: "STABILIZE", 1: "ACRO", 2: "ALT_HOLD", 3: "AUTO", 4: "GUIDED", 7: "CIRCLE",
@@ -29,7 +29,7 @@ class TakenCheckpoint(msgspec.Struct, frozen=True):
 
 
 @dataclass(slots=True)
-class Authority:
+class BoardAuthority:
     board: int  # system
     disarm_after_ns: Ns
     taken: bool = False  # somebody else has the vehicle
@@ -120,7 +120,7 @@ class Authority:
         the failsafe for silent sticks would stop the ascent."""
         return not self.taken or self.mode == SURFACE
 
-    def due(self, now: Ns, *, may_arm: bool) -> list[Packet]:
+    def due(self, now: Ns, *, may_arm: bool) -> list[MavlinkPacket]:
         """Commands to send now.
 
         Args:

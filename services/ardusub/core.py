@@ -15,7 +15,7 @@ from messages.message import Message
 from messages.units import Ns
 from messages.vehicle import Actuation
 from services.ardusub import parameters, readings
-from services.ardusub.authority import Authority
+from services.ardusub.authority import BoardAuthority
 from services.ardusub.board_clock import BoardClock
 from services.ardusub.mixer import Mixer, at_rest
 from services.ardusub.packet import (
@@ -28,13 +28,13 @@ from services.ardusub.packet import (
     SET_SERVO,
     SUBMARINE,
     UNUSED,
-    Packet,
+    MavlinkPacket,
     command,
     heartbeat,
 )
 from services.ardusub.rc_channels import NEUTRAL
 from services.ardusub.settings import Settings as Settings
-from services.ardusub.streams import Stream, Streams
+from services.ardusub.streams import TelemetryStream, TelemetryStreams
 from services.marine.vehicle import Vehicle
 from services.vehicle.actuation import OpenLoopThrust
 from services.vehicle.actuator_gate import ActuatorGate
@@ -54,10 +54,10 @@ Level = Literal["info", "warning", "error"]
 Stage = Literal["silent", "version", "parameters", "clock", "accepted", "refused"]
 
 
-class Done(NamedTuple):
+class DriverOutput(NamedTuple):
     """What the driver has for others since the last time."""
 
-    packets: list[Packet]  # to the board
+    packets: list[MavlinkPacket]  # to the board
     samples: list[Message]  # to publish
     events: list[str]  # to count
     lines: list[tuple[Level, str]]  # to log
@@ -72,13 +72,13 @@ class ArdusubDriver:
         Args:
             taken: somebody else had the vehicle when this service was restarted.
         """
-        self.out: list[Packet] = []
+        self.out: list[MavlinkPacket] = []
         self.samples: list[Message] = []
         self.events: list[str] = []
         self.lines: list[tuple[Level, str]] = []
         self.stage: Stage = "silent"
         self.clock = BoardClock()
-        self.authority = Authority(settings.board, round(settings.disarm_after * S), taken)
+        self.authority = BoardAuthority(settings.board, round(settings.disarm_after * S), taken)
         self._rest = at_rest(len(vehicle.thruster))
         self.mixed = self._rest
         self._mixed_for: tuple[bool, tuple[float, ...]] | None = None
@@ -97,11 +97,11 @@ class ArdusubDriver:
         self._light, self._tilt = 0.0, 0.0
         self._forget_board()
 
-    def take(self) -> Done:
+    def take(self) -> DriverOutput:
         """What there is to send, publish, count and say; it is then forgotten here."""
         taken, self._taken = self._taken, self.authority.taken
         changed = self._taken if self._taken != taken else None
-        done = Done(self.out, self.samples, self.events, self.lines, changed)
+        done = DriverOutput(self.out, self.samples, self.events, self.lines, changed)
         self.out, self.samples, self.events, self.lines = [], [], [], []
         return done
 
@@ -112,12 +112,12 @@ class ArdusubDriver:
         self._accepted_ns: Ns | None = None
         self._reader = parameters.ParameterReader(self._settings.board, [])
         rates = self._settings.pressure_rate
-        self._streams = Streams(
+        self._streams = TelemetryStreams(
             self._settings.board,
             [
-                Stream(readings.IMU_MESSAGES, topics.IMU.hz),
-                Stream((readings.PRESSURE_MESSAGE,), rates),
-                Stream((readings.BATTERY_MESSAGE,), topics.BATTERY.hz),
+                TelemetryStream(readings.IMU_MESSAGES, topics.IMU.hz),
+                TelemetryStream((readings.PRESSURE_MESSAGE,), rates),
+                TelemetryStream((readings.BATTERY_MESSAGE,), topics.BATTERY.hz),
             ],
         )
         self._stamps: dict[str, Ns] = {}
@@ -161,7 +161,7 @@ class ArdusubDriver:
         self.events += ["stranger:mavlink"] * min(strangers, 100)
         self.events += ["dropped:mavlink"] * min(unsent, 100)
 
-    def hear(self, packet: Packet, now: Ns) -> None:
+    def hear(self, packet: MavlinkPacket, now: Ns) -> None:
         """One packet at its arrival [ns]; whatever is in it."""
         if packet.system == self._settings.system:
             self._meet_stranger(now)
@@ -348,7 +348,7 @@ class ArdusubDriver:
         self._watch(now)
         if self.stage in ("clock", "accepted") and self._is_due("timesync", TIMESYNC_NS, now):
             self._questions.append(now)
-            self.out.append(Packet("TIMESYNC", {"tc1": 0, "ts1": now}))
+            self.out.append(MavlinkPacket("TIMESYNC", {"tc1": 0, "ts1": now}))
         if self.stage == "version" and self._is_due("version", ASK_NS, now):
             self.out.append(command(self._settings.board, REQUEST_MESSAGE, VERSION_MESSAGE))
         if self.stage == "parameters":
@@ -413,7 +413,7 @@ class ArdusubDriver:
         self._due["sticks"] = now + STICKS_NS
         pulses = {f"chan{n}_raw": pulse for n, pulse in enumerate(self.mixed.pulses, 1)}
         self.out.append(
-            Packet(
+            MavlinkPacket(
                 "RC_CHANNELS_OVERRIDE",
                 {
                     "target_system": self._settings.board,

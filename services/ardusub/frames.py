@@ -23,7 +23,7 @@ TILTED: tuple[frozenset[int], frozenset[int]] = (
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class MotorFrame:
     name: str
     motors: tuple[Factors, ...]  # roll, pitch, yaw, throttle, forward, lateral; up is positive
     normalised: bool = False  # each group of axes in TILTED is scaled to its largest motor
@@ -34,29 +34,31 @@ _HORIZONTAL: tuple[Factors, ...] = (
     (0, 0, 1, 0, -1, 1), (0, 0, -1, 0, -1, -1), (0, 0, -1, 0, 1, 1), (0, 0, 1, 0, 1, -1),
 )  # fmt: skip
 _PAIR: tuple[Factors, ...] = ((0, 0, -1, 0, 1, 0), (0, 0, 1, 0, 1, 0))
-FRAMES: dict[int, Frame] = {
-    0: Frame("BLUEROV1", (
+FRAMES: dict[int, MotorFrame] = {
+    0: MotorFrame("BLUEROV1", (
         *_PAIR, (-0.5, 0.5, 0, 0.45, 0, 0), (0.5, 0.5, 0, 0.45, 0, 0),
         (0, -1, 0, 1, 0, 0), (-0.25, 0, 0, 0, 0, 1),
     )),
-    1: Frame("VECTORED", (*_HORIZONTAL, (1, 0, 0, -1, 0, 0), (-1, 0, 0, -1, 0, 0)), coupled=True),
-    2: Frame("VECTORED_6DOF", (
+    1: MotorFrame(
+        "VECTORED", (*_HORIZONTAL, (1, 0, 0, -1, 0, 0), (-1, 0, 0, -1, 0, 0)), coupled=True
+    ),
+    2: MotorFrame("VECTORED_6DOF", (
         *_HORIZONTAL, (1, -1, 0, -1, 0, 0), (-1, -1, 0, -1, 0, 0),
         (1, 1, 0, -1, 0, 0), (-1, 1, 0, -1, 0, 0),
     ), normalised=True),
-    3: Frame("VECTORED_6DOF_90DEG", (
+    3: MotorFrame("VECTORED_6DOF_90DEG", (
         (1, 1, 0, 1, 0, 0), (0, 0, 1, 0, 1, 0), (1, -1, 0, 1, 0, 0), (0, 0, 0, 0, 0, 1),
         (0, 0, 0, 0, 0, 1), (-1, 1, 0, 1, 0, 0), (0, 0, -1, 0, 1, 0), (-1, -1, 0, 1, 0, 0),
     )),
-    4: Frame("SIMPLEROV_3", (*_PAIR, (0, 0, 0, -1, 0, 0))),
-    5: Frame("SIMPLEROV_4", (*_PAIR, (1, 0, 0, -1, 0, 0), (-1, 0, 0, -1, 0, 0),
+    4: MotorFrame("SIMPLEROV_3", (*_PAIR, (0, 0, 0, -1, 0, 0))),
+    5: MotorFrame("SIMPLEROV_4", (*_PAIR, (1, 0, 0, -1, 0, 0), (-1, 0, 0, -1, 0, 0),
                              (0, 0, 0, 0, 0, 1))),
 }  # fmt: skip
 FRAMES[6], FRAMES[7] = FRAMES[5], FRAMES[4]
 NOTHING = 0.05  # [-] of the longest arm or of the direction: an axis that a thruster hardly moves
 
 
-def senses(frame: Frame, thrusters: Sequence[Thruster]) -> tuple[float, ...]:
+def senses(frame: MotorFrame, thrusters: Sequence[Thruster]) -> tuple[float, ...]:
     """[-] For each motor, 1 where its positive output pushes along the thruster's direction, and
     -1 where it pushes against it.
 

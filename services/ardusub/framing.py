@@ -6,7 +6,7 @@ SIGNED, SIGNATURE = 1, 13  # bit of the third byte, and what it adds [bytes]
 LONGEST = 280  # [bytes] of any frame
 
 
-class Framing:
+class FrameCutter:
     """Keeps the rest of an incomplete frame; never more than one frame."""
 
     def __init__(self) -> None:

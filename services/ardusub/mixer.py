@@ -22,7 +22,7 @@ from services.ardusub.frames import (
     THROTTLE,
     TILTED,
     YAW,
-    Frame,
+    MotorFrame,
     senses,
 )
 from services.ardusub.motor_curves import MotorCurves
@@ -37,15 +37,15 @@ NEUTRALS = (NEUTRAL,) * 6
 NO_WRENCH: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-class Mixed(NamedTuple):
+class MixedSticks(NamedTuple):
     pulses: tuple[int, ...]  # [µs] override channels 1 to 6
     thrust: tuple[float, ...]  # [N] per thruster, at which the motors settle
     wrench: Vec6  # [N, N m] of it
     limited: bool  # a group of motors, or the yaw channel, was at its limit
 
 
-def at_rest(thrusters: int) -> Mixed:
-    return Mixed(NEUTRALS, (0.0,) * thrusters, NO_WRENCH, limited=False)
+def at_rest(thrusters: int) -> MixedSticks:
+    return MixedSticks(NEUTRALS, (0.0,) * thrusters, NO_WRENCH, limited=False)
 
 
 class Mixer:
@@ -53,7 +53,7 @@ class Mixer:
 
     def __init__(
         self,
-        frame: Frame,
+        frame: MotorFrame,
         thrusters: Sequence[Thruster],
         channels: Sequence[RcChannel],
         yaw_scale: float = 1.0,
@@ -79,7 +79,7 @@ class Mixer:
         self._groups = _groups(self._factors)
         self._curves = MotorCurves(thrusters, self._senses)
 
-    def mix(self, thrust: Sequence[float], *, curved: bool = True) -> Mixed:
+    def mix(self, thrust: Sequence[float], *, curved: bool = True) -> MixedSticks:
         """
         Args:
             thrust: [N] per thruster, as `ActuatorGate` permits it.
@@ -127,7 +127,7 @@ class Mixer:
             was_limited = True
         return axes, was_limited
 
-    def _sent(self, axes: Floats, was_limited: bool) -> Mixed:
+    def _sent(self, axes: Floats, was_limited: bool) -> MixedSticks:
         shares = axes.copy()
         shares[YAW] /= self._yaw_scale
         pulses = tuple(
@@ -139,7 +139,7 @@ class Mixer:
             read[axis] = channel.share(pulse)
         read[YAW] *= self._yaw_scale
         thrust = tuple((self._curves.thrust(self._factors @ read) * self._senses).tolist())
-        return Mixed(pulses, thrust, total_wrench(self._columns, thrust), was_limited)
+        return MixedSticks(pulses, thrust, total_wrench(self._columns, thrust), was_limited)
 
 
 def _groups(factors: Floats) -> list[list[int]]:

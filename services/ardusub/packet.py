@@ -11,7 +11,7 @@ ACCEPTED = 0  # result of a command
 UNUSED = 65535  # of an override channel 1 to 8: leave it as it is
 
 
-class Packet(NamedTuple):
+class MavlinkPacket(NamedTuple):
     """A message and who sent it; 0, 0 in those that are sent by this side."""
 
     name: str
@@ -20,9 +20,9 @@ class Packet(NamedTuple):
     component: int = 0
 
 
-def heartbeat() -> Packet:
+def heartbeat() -> MavlinkPacket:
     """Ours, as a ground station. ArduSub needs it once a second."""
-    return Packet(
+    return MavlinkPacket(
         "HEARTBEAT",
         {
             "type": GCS_TYPE,
@@ -35,11 +35,11 @@ def heartbeat() -> Packet:
     )
 
 
-def command(system: int, number: int, *params: float) -> Packet:
+def command(system: int, number: int, *params: float) -> MavlinkPacket:
     """A COMMAND_LONG to the autopilot of this system."""
     values = [*params, *[0.0] * (7 - len(params))]
     fields = {f"param{i}": float(value) for i, value in enumerate(values, 1)}
-    return Packet(
+    return MavlinkPacket(
         "COMMAND_LONG",
         {
             "target_system": system,

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from messages.units import Ns
 from services.ardusub.frames import FRAMES, senses
 from services.ardusub.mixer import Mixer
-from services.ardusub.packet import AUTOPILOT, Packet
+from services.ardusub.packet import AUTOPILOT, MavlinkPacket
 from services.ardusub.rc_channels import NEUTRAL, RcChannel
 from services.ardusub.settings import Settings
 from services.marine.vehicle import Vehicle
@@ -28,7 +28,7 @@ THROTTLE = 3  # override channel
 EXACT = 1e-3  # [-] values travel as 32-bit floats
 
 
-class Rule(NamedTuple):
+class ParameterRule(NamedTuple):
     """What a parameter may be: within a range, and one of a few values where these are given."""
 
     name: str
@@ -60,30 +60,32 @@ def names(version: tuple[int, int], motors: int) -> list[str]:
     ]  # fmt: skip
 
 
-def rules(version: tuple[int, int], settings: Settings, motors: int) -> list[Rule]:
+def rules(version: tuple[int, int], settings: Settings, motors: int) -> list[ParameterRule]:
     """For all but FRAME_CONFIG and the system ids, which need more than one value."""
     axes, motor_numbers = range(1, 7), range(1, motors + 1)
     found = [
-        Rule("FS_PILOT_INPUT", "2 (disarm when the sticks are silent)", one_of=(2,)),
-        Rule("FS_PILOT_TIMEOUT", "0.1 to 3 s", 0.1, 3.0),
-        Rule("FS_GCS_ENABLE", "2, 3 or 4 (act without a ground station)", one_of=(2, 3, 4)),
-        Rule("FS_LEAK_ENABLE", "1 or 2 (warn or surface)", one_of=(1, 2)),
-        Rule("RC_OVERRIDE_TIME", "0.1 to 10 s (0 disables overrides)", 0.1, 10.0),
-        Rule("ACRO_YAW_P", "0.5 to 10", 0.5, 10.0),
-        *[Rule(f"MOT_{n}_DIRECTION", "1 or -1", one_of=(1, -1)) for n in motor_numbers],
-        *[Rule(f"RC{n}_MIN", "1000 to 1300 µs", 1000, 1300) for n in axes],
-        *[Rule(f"RC{n}_MAX", "1700 to 2000 µs", 1700, 2000) for n in axes],
-        *[Rule(f"RC{n}_REVERSED", "0 or 1", one_of=(0, 1)) for n in axes],
-        *[Rule(f"RC{n}_TRIM", "1500 µs", NEUTRAL, NEUTRAL) for n in axes if n != THROTTLE],
+        ParameterRule("FS_PILOT_INPUT", "2 (disarm when the sticks are silent)", one_of=(2,)),
+        ParameterRule("FS_PILOT_TIMEOUT", "0.1 to 3 s", 0.1, 3.0),
+        ParameterRule(
+            "FS_GCS_ENABLE", "2, 3 or 4 (act without a ground station)", one_of=(2, 3, 4)
+        ),
+        ParameterRule("FS_LEAK_ENABLE", "1 or 2 (warn or surface)", one_of=(1, 2)),
+        ParameterRule("RC_OVERRIDE_TIME", "0.1 to 10 s (0 disables overrides)", 0.1, 10.0),
+        ParameterRule("ACRO_YAW_P", "0.5 to 10", 0.5, 10.0),
+        *[ParameterRule(f"MOT_{n}_DIRECTION", "1 or -1", one_of=(1, -1)) for n in motor_numbers],
+        *[ParameterRule(f"RC{n}_MIN", "1000 to 1300 µs", 1000, 1300) for n in axes],
+        *[ParameterRule(f"RC{n}_MAX", "1700 to 2000 µs", 1700, 2000) for n in axes],
+        *[ParameterRule(f"RC{n}_REVERSED", "0 or 1", one_of=(0, 1)) for n in axes],
+        *[ParameterRule(f"RC{n}_TRIM", "1500 µs", NEUTRAL, NEUTRAL) for n in axes if n != THROTTLE],
     ]
     if is_new(version):
-        found.append(Rule("ARMING_SKIPCHK", "not -1 (all checks skipped)", never=-1))
-        found.append(Rule(f"RC{THROTTLE}_TRIM", "1500 µs", NEUTRAL, NEUTRAL))
+        found.append(ParameterRule("ARMING_SKIPCHK", "not -1 (all checks skipped)", never=-1))
+        found.append(ParameterRule(f"RC{THROTTLE}_TRIM", "1500 µs", NEUTRAL, NEUTRAL))
     else:
-        found.append(Rule("ARMING_CHECK", "not 0 (no checks)", never=0))
+        found.append(ParameterRule("ARMING_CHECK", "not 0 (no checks)", never=0))
     if (most := settings.set_pilot_timeout) is not None:
         allowed = f"at most {most:g} s (ardusub.set_pilot_timeout)"
-        found.append(Rule("FS_PILOT_TIMEOUT", allowed, most=most + EXACT))
+        found.append(ParameterRule("FS_PILOT_TIMEOUT", allowed, most=most + EXACT))
     return found
 
 
@@ -192,7 +194,7 @@ class ParameterReader:
         if name not in self.to_set and self.values.get(name, most) > most + EXACT:
             self.to_set[name], self._tries, self._asked = most, 0, None
 
-    def due(self, now: Ns) -> list[Packet]:
+    def due(self, now: Ns) -> list[MavlinkPacket]:
         if self.complete or self.given_up:
             return []
         if self._asked is not None and now - self._asked < AGAIN_NS:
@@ -201,9 +203,11 @@ class ParameterReader:
         target = {"target_system": self.board, "target_component": AUTOPILOT}
         asked = [name for name in self.wanted if name not in self.values]
         return [
-            Packet("PARAM_REQUEST_READ", {**target, "param_id": name, "param_index": -1})
+            MavlinkPacket("PARAM_REQUEST_READ", {**target, "param_id": name, "param_index": -1})
             for name in asked
         ] + [
-            Packet("PARAM_SET", {**target, "param_id": name, "param_value": value, "param_type": 9})
+            MavlinkPacket(
+                "PARAM_SET", {**target, "param_id": name, "param_value": value, "param_type": 9}
+            )
             for name, value in self.to_set.items()
         ]

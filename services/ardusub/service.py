@@ -9,8 +9,8 @@ from messages.sensors import BatterySample, ImuSample, MagnetometerSample, Press
 from messages.topic import AnyTopic
 from services.ardusub.authority import TakenCheckpoint
 from services.ardusub.core import ArdusubDriver, Settings
-from services.ardusub.io.codec import Codec, FrameReader
-from services.ardusub.io.link import Link, open_link
+from services.ardusub.io.codec import BoardCodec, FrameReader
+from services.ardusub.io.link import BoardLink, open_link
 from services.marine.vehicle import Vehicle
 from services.runtime.config.errors import NeedsRealTimeError
 from services.runtime.config.stack import Stack
@@ -36,12 +36,12 @@ def wire(node: Node, stack: Stack) -> None:
     wire_to(open_link(stack.section("ardusub", Settings).url), node, stack)
 
 
-def wire_to(link: Link, node: Node, stack: Stack) -> None:
+def wire_to(link: BoardLink, node: Node, stack: Stack) -> None:
     """The service on a link that is open."""
     settings = stack.section("ardusub", Settings)
     remembered = node.restore_checkpoint(TakenCheckpoint) or TakenCheckpoint()
     driver = ArdusubDriver(stack.section("vehicle", Vehicle), settings, taken=remembered.taken)
-    codec = Codec(settings.system, settings.component)
+    codec = BoardCodec(settings.system, settings.component)
     reader = FrameReader(codec)
     pass_on = _passing_on(driver, link, codec, node)
     actuation = node.publisher(topics.ACTUATION)
@@ -88,7 +88,9 @@ def wire_to(link: Link, node: Node, stack: Stack) -> None:
     node.on_close(close)
 
 
-def _passing_on(driver: ArdusubDriver, link: Link, codec: Codec, node: Node) -> Callable[[], None]:
+def _passing_on(
+    driver: ArdusubDriver, link: BoardLink, codec: BoardCodec, node: Node
+) -> Callable[[], None]:
     """What the driver has to send, to publish, to count, to say and to remember."""
     publishers = {kind: node.publisher(topic) for kind, topic in TOPICS.items()}
 

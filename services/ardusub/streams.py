@@ -6,7 +6,7 @@ An acknowledgement does not say which message it is about, so one is asked for a
 from dataclasses import dataclass, field
 
 from messages.units import Ns
-from services.ardusub.packet import ACCEPTED, SET_INTERVAL, Packet, command
+from services.ardusub.packet import ACCEPTED, SET_INTERVAL, MavlinkPacket, command
 
 NUMBERS = {"HIGHRES_IMU": 105, "RAW_IMU": 27, "SCALED_PRESSURE2": 137, "SYS_STATUS": 1}
 AGAIN_NS = 500_000_000  # [ns] before a request without an answer is repeated
@@ -16,7 +16,7 @@ STOPPED = 0.5  # [-] less than this, and it is asked for again
 
 
 @dataclass(slots=True)
-class Stream:
+class TelemetryStream:
     """One kind of measurement, by the first of these messages that the board has."""
 
     messages: tuple[str, ...]
@@ -31,9 +31,9 @@ class Stream:
 
 
 @dataclass(slots=True)
-class Streams:
+class TelemetryStreams:
     board: int  # system
-    streams: list[Stream]
+    streams: list[TelemetryStream]
     _asked: Ns | None = None
     _since: Ns | None = None  # begin of the window
     slow: dict[str, float] = field(default_factory=dict[str, float])  # [1/s] in the last window
@@ -58,7 +58,7 @@ class Streams:
         stream.refused += 1
         return stream.messages[-1] if stream.message is None else None
 
-    def due(self, now: Ns) -> list[Packet]:
+    def due(self, now: Ns) -> list[MavlinkPacket]:
         """Requests to send now."""
         stream = self._next
         if stream is None or stream.message is None:
@@ -94,5 +94,5 @@ class Streams:
             stream.heard = 0
 
     @property
-    def _next(self) -> Stream | None:
+    def _next(self) -> TelemetryStream | None:
         return next((s for s in self.streams if not s.granted and s.message is not None), None)

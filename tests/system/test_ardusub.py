@@ -15,7 +15,7 @@ from messages.control import ThrusterCommand
 from messages.health import LogLine
 from messages.state import VehicleState
 from messages.vehicle import Actuation, VehicleStatus
-from services.ardusub.packet import Packet, command
+from services.ardusub.packet import MavlinkPacket, command
 from services.ardusub.service import wire_to
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
@@ -99,7 +99,7 @@ class Flight:
         return self.host.nodes["ardusub"].counts
 
     @property
-    def sticks(self) -> list[Packet]:
+    def sticks(self) -> list[MavlinkPacket]:
         return [p for p in self.board.heard if p.name == "RC_CHANNELS_OVERRIDE"]
 
 

@@ -3,13 +3,13 @@
 import importlib
 from typing import Any, NamedTuple, cast
 
-from services.ardusub.framing import Framing
-from services.ardusub.packet import Packet
+from services.ardusub.framing import FrameCutter
+from services.ardusub.packet import MavlinkPacket
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
 
 
-class Codec:
+class BoardCodec:
     """Encodes MAVLink 2 as one system and component; decodes versions 1 and 2."""
 
     def __init__(self, system: int, component: int) -> None:
@@ -31,7 +31,7 @@ class Codec:
         """The message's id."""
         return self._types[name].id
 
-    def encode(self, packet: Packet) -> bytes:
+    def encode(self, packet: MavlinkPacket) -> bytes:
         fields = {
             name: value.encode() if isinstance(value, str) else value
             for name, value in packet.fields.items()
@@ -40,7 +40,7 @@ class Codec:
         self._mav.seq = (self._mav.seq + 1) % 256
         return bytes(data)
 
-    def decode(self, frame: bytes) -> Packet | None:
+    def decode(self, frame: bytes) -> MavlinkPacket | None:
         """None for a frame with a wrong check sum, or of an unknown message."""
         try:
             message = self._mav.decode(bytearray(frame))
@@ -50,14 +50,14 @@ class Codec:
         if name not in self._types:
             return None
         fields = {field: getattr(message, field) for field in message.get_fieldnames()}
-        return Packet(name, fields, message.get_srcSystem(), message.get_srcComponent())
+        return MavlinkPacket(name, fields, message.get_srcSystem(), message.get_srcComponent())
 
 
 MOST = 200  # frames decoded at once: a second of the telemetry that is asked for
 
 
-class Found(NamedTuple):
-    packets: list[Packet]
+class ReadFrames(NamedTuple):
+    packets: list[MavlinkPacket]
     wrong: int  # bytes outside of frames, and frames that are none
     left_out: int  # frames of a flood: the oldest
 
@@ -65,12 +65,12 @@ class Found(NamedTuple):
 class FrameReader:
     """Packets from a stream of bytes, with what was wrong with the others counted."""
 
-    def __init__(self, codec: Codec) -> None:
-        self._codec, self._framing = codec, Framing()
+    def __init__(self, codec: BoardCodec) -> None:
+        self._codec, self._framing = codec, FrameCutter()
 
-    def read(self, data: bytes) -> Found:
+    def read(self, data: bytes) -> ReadFrames:
         frames, garbage = self._framing.frames(data)
         kept = frames[-MOST:]
         packets = [self._codec.decode(frame) for frame in kept]
         good = [packet for packet in packets if packet is not None]
-        return Found(good, garbage + len(kept) - len(good), len(frames) - len(kept))
+        return ReadFrames(good, garbage + len(kept) - len(good), len(frames) - len(kept))

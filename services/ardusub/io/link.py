@@ -22,7 +22,7 @@ SILENT_S = 3.0  # [s] after which another sender may take the place of the board
 AGAIN_S = 1.0  # [s] between two attempts to connect
 
 
-class Link(Protocol):
+class BoardLink(Protocol):
     def receive(self) -> list[bytes]: ...
 
     def send(self, data: bytes) -> None: ...
@@ -35,7 +35,7 @@ class Link(Protocol):
     def close(self) -> None: ...
 
 
-def open_link(url: str) -> Link:
+def open_link(url: str) -> BoardLink:
     """
     Raises:
         LindyError: the URL is none of those above, or the port cannot be opened.

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from services.ardusub.packet import Packet
+from services.ardusub.packet import MavlinkPacket
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
 from services.simulator.core import Settings
@@ -24,12 +24,12 @@ class Bench:
     def __init__(self, version: str = "4.8", **params: float) -> None:
         vehicle, settings = STACK.section("vehicle", Vehicle), STACK.section("simulator", Settings)
         self.board = BoardDouble(vehicle, settings, version=version, params=params)
-        self.now, self.heard = 0, list[tuple[int, Packet]]()
+        self.now, self.heard = 0, list[tuple[int, MavlinkPacket]]()
         self.pulses: dict[int, int] | None = None  # override channels, sent every 20 ms
         self.heartbeats = True
 
     def say(self, name: str, system: int = 255, **fields: Any) -> None:
-        self.board.hear(Packet(name, fields, system, 1), self.now)
+        self.board.hear(MavlinkPacket(name, fields, system, 1), self.now)
 
     def override(self, system: int = 255, **channels: int) -> None:
         self.say("RC_CHANNELS_OVERRIDE", system, target_system=1, **channels)

@@ -1,110 +1,15 @@
 """The driver against the double, packet by packet: what it accepts, refuses, sends and says."""
 
-from collections import Counter
 from typing import Any
 
 import pytest
 
-from messages.control import ThrusterCommand
 from messages.sensors import BatterySample, ImuSample, PressureSample
-from services.ardusub.core import ArdusubDriver
-from services.ardusub.core import Settings as ArdusubSettings
-from services.ardusub.packet import Packet, command
-from services.marine.vehicle import Vehicle
-from services.runtime.config.stack import Stack
-from services.simulator.core import Settings
-from tools.research.ardusub_double.board import BoardDouble
+from services.ardusub.core import Settings
+from services.ardusub.packet import MavlinkPacket
+from tools.research.ardusub_double.cable import DOWN, MS, Cable, S
 
-MS, S = 1_000_000, 1_000_000_000  # [ns]
-STACK = Stack(vehicle="bluerov2_heavy")
-VEHICLE = STACK.section("vehicle", Vehicle)
 BOTH = pytest.mark.parametrize("version", ["4.5", "4.8"])
-DOWN = (0.0, 0.0, 0.0, 0.0, 10.0, 10.0, 10.0, 10.0)  # [N]
-STILL = (0.0,) * 8
-
-
-class Cable:
-    """A driver and a board, 1 ms apart; the driver is looked at 200 times a second."""
-
-    def __init__(
-        self, version: str = "4.8", settings: ArdusubSettings | None = None, **board: Any
-    ) -> None:
-        place = STACK.section("simulator", Settings)
-        self.board = BoardDouble(VEHICLE, place, version=version, **board)
-        self.driver = ArdusubDriver(VEHICLE, settings or ArdusubSettings())
-        self.now = 5 * S  # the board boots now, and our clock is another one
-        self.sent: list[tuple[int, Packet]] = []  # by the driver
-        self.samples: list[tuple[int, Any]] = []
-        self.counts: Counter[str] = Counter()
-        self.said: list[str] = []
-        self.thrust: tuple[float, ...] | None = None  # [N] commanded 100 times a second
-        self.armed = True
-        self.deaf = self.dumb = False  # the board: hears nothing, says nothing
-        self.delay: int = 0  # [ms] of the way up
-        self._up: list[tuple[int, Packet]] = []
-
-    def run(self, seconds: float) -> "Cable":
-        end = self.now + round(seconds * S)
-        while self.now < end:
-            self.now += MS
-            if self.thrust is not None and self.now % (10 * MS) == 0:
-                self._command(self.thrust)
-            if self.driver.ends_ns is not None and self.now > self.driver.ends_ns:
-                self.driver.lapse(self.now)
-            self.board.advance(self.now)
-            fresh = [] if self.dumb else self.board.sent()
-            self._up += [(self.now + self.delay * MS, packet) for packet in fresh]
-            if self.now % (5 * MS) == 0:
-                self._look()
-            self._pass_on()
-        return self
-
-    def _command(self, thrust: tuple[float, ...]) -> None:
-        asked = ThrusterCommand(
-            stamp_ns=self.now, sensor_ns=None, pilot_ns=None, thrust=thrust, armed=self.armed
-        )
-        self.driver.obey(asked, self.now)
-
-    def _look(self) -> None:
-        due = [packet for at, packet in self._up if at <= self.now]
-        self._up = [(at, packet) for at, packet in self._up if at > self.now]
-        for packet in due:
-            self.driver.hear(packet, self.now)
-        self.driver.tick(self.now)
-
-    def _pass_on(self) -> None:
-        done = self.driver.take()
-        self.samples += [(self.now, sample) for sample in done.samples]
-        self.counts.update(done.events)
-        self.said += [text for _, text in done.lines]
-        for packet in done.packets:
-            self.sent.append((self.now, packet))
-            if not self.deaf:
-                self.board.hear(packet._replace(system=255, component=191), self.now)
-
-    def accepted(self) -> "Cable":
-        self.run(1.5)
-        assert self.driver.stage == "accepted", (self.driver.stage, self.said)
-        return self
-
-    def flying(self) -> "Cable":
-        self.accepted()
-        self.thrust = DOWN
-        self.run(1.5)
-        assert self.board.servo[4] > 1600
-        return self
-
-    def another(self, number: int, *params: float) -> None:
-        self.board.hear(command(1, number, *params)._replace(system=254), self.now)
-
-    def of(self, name: str, since: int = 0) -> list[Packet]:
-        return [packet for at, packet in self.sent if packet.name == name and at >= since]
-
-    def sticks(self, since: int = 0) -> list[list[int]]:
-        return [
-            [packet.fields[f"chan{n}_raw"] for n in range(1, 7)]
-            for packet in self.of("RC_CHANNELS_OVERRIDE", since)
-        ]
 
 
 # A board that is right.
@@ -192,7 +97,7 @@ def test_the_finer_imu_message_is_used_where_there_is_one() -> None:
 
 @BOTH
 def test_lights_and_tilt_as_the_version_allows(version: str) -> None:
-    cable = Cable(version, ArdusubSettings(light_servo=13)).accepted()
+    cable = Cable(version, Settings(light_servo=13)).accepted()
     cable.driver.show(0.5, 0.785 / 2)
     cable.run(0.1)
     [last] = cable.of("RC_CHANNELS_OVERRIDE")[-1:]
@@ -271,13 +176,13 @@ def test_the_pilot_timeout_is_lowered_only_where_the_settings_say_so() -> None:
     plain = Cable().accepted()
     assert plain.board.params["FS_PILOT_TIMEOUT"] == 3.0
     assert "recommended: at most 1 s" in plain.said[0]
-    allowed = Cable(settings=ArdusubSettings(set_pilot_timeout=0.8)).accepted()
+    allowed = Cable(settings=Settings(set_pilot_timeout=0.8)).accepted()
     assert allowed.board.params["FS_PILOT_TIMEOUT"] == pytest.approx(0.8)
     assert {p.fields["param_id"] for p in allowed.of("PARAM_SET")} == {"FS_PILOT_TIMEOUT"}
 
 
 def test_a_parameter_that_will_not_set_is_named_and_the_board_is_not_armed() -> None:
-    cable = Cable(settings=ArdusubSettings(set_pilot_timeout=0.8))
+    cable = Cable(settings=Settings(set_pilot_timeout=0.8))
     cable.board.stuck = {"FS_PILOT_TIMEOUT"}
     cable.thrust = DOWN
     cable.run(6.0)
@@ -286,7 +191,7 @@ def test_a_parameter_that_will_not_set_is_named_and_the_board_is_not_armed() -> 
 
 
 def test_nothing_but_the_pilot_timeout_is_ever_written() -> None:
-    cable = Cable(params={"FS_PILOT_INPUT": 0}, settings=ArdusubSettings(set_pilot_timeout=1.0))
+    cable = Cable(params={"FS_PILOT_INPUT": 0}, settings=Settings(set_pilot_timeout=1.0))
     cable.run(12.0)
     assert {p.fields["param_id"] for p in cable.of("PARAM_SET")} <= {"FS_PILOT_TIMEOUT"}
     assert cable.board.params["FS_PILOT_INPUT"] == 0
@@ -380,7 +285,7 @@ def test_while_the_board_surfaces_neutral_goes_on() -> None:
 
 def test_a_stranger_with_our_system_is_said_and_prevents_arming() -> None:
     cable = Cable().accepted()
-    stranger = Packet("HEARTBEAT", {"type": 6, "autopilot": 8}, 255, 190)
+    stranger = MavlinkPacket("HEARTBEAT", {"type": 6, "autopilot": 8}, 255, 190)
     cable.thrust = DOWN
     for _ in range(4):
         cable.driver.hear(stranger, cable.now)
@@ -408,7 +313,8 @@ def test_a_cable_cut_in_flight_ends_in_the_boards_failsafe() -> None:
 def test_a_parameter_made_wrong_in_flight_ends_it() -> None:
     cable = Cable().flying()
     cable.board.hear(
-        Packet("PARAM_SET", {"param_id": "FS_PILOT_INPUT", "param_value": 0.0}, 254, 190), cable.now
+        MavlinkPacket("PARAM_SET", {"param_id": "FS_PILOT_INPUT", "param_value": 0.0}, 254, 190),
+        cable.now,
     )
     cable.run(0.5)
     assert not cable.board.armed

@@ -5,25 +5,29 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from services.ardusub.board_clock import BoardClock
-from services.ardusub.framing import LONGEST, Framing
-from services.ardusub.io.codec import MOST, Codec, FrameReader
-from services.ardusub.packet import Packet, command, heartbeat
+from services.ardusub.framing import LONGEST, FrameCutter
+from services.ardusub.io.codec import MOST, BoardCodec, FrameReader
+from services.ardusub.packet import MavlinkPacket, command, heartbeat
 
 MS, S = 1_000_000, 1_000_000_000  # [ns]
-CODEC = Codec(1, 1)
+CODEC = BoardCodec(1, 1)
 SOME = [
     heartbeat(),
     command(1, 400, 1.0),
-    Packet("STATUSTEXT", {"severity": 2, "text": "Leak Detected"}),
-    Packet("PARAM_VALUE", {"param_id": "FRAME_CONFIG", "param_value": 2.0, "param_type": 9,
+    MavlinkPacket("STATUSTEXT", {"severity": 2, "text": "Leak Detected"}),
+    MavlinkPacket("PARAM_VALUE", {"param_id": "FRAME_CONFIG", "param_value": 2.0, "param_type": 9,
                            "param_count": 10, "param_index": 1}),
 ]  # fmt: skip
 packets = st.lists(st.sampled_from(SOME), max_size=6)
 
 
 @given(packets, st.lists(st.integers(1, 40), max_size=30))
-def test_frames_are_found_however_they_are_cut(sent: list[Packet], cuts: list[int]) -> None:
-    data, reader, found = b"".join(map(CODEC.encode, sent)), FrameReader(CODEC), list[Packet]()
+def test_frames_are_found_however_they_are_cut(sent: list[MavlinkPacket], cuts: list[int]) -> None:
+    data, reader, found = (
+        b"".join(map(CODEC.encode, sent)),
+        FrameReader(CODEC),
+        list[MavlinkPacket](),
+    )
     for length in [*cuts, len(data)]:
         found += reader.read(data[:length]).packets
         data = data[length:]
@@ -34,7 +38,7 @@ def test_frames_are_found_however_they_are_cut(sent: list[Packet], cuts: list[in
 
 
 @given(st.binary(max_size=600), packets)
-def test_garbage_is_counted_and_ends(garbage: bytes, sent: list[Packet]) -> None:
+def test_garbage_is_counted_and_ends(garbage: bytes, sent: list[MavlinkPacket]) -> None:
     """What looks like the first byte of a frame may swallow the next one, but not more."""
     reader = FrameReader(CODEC)
     reader.read(garbage)
@@ -53,7 +57,7 @@ def test_of_a_flood_the_newest_are_read() -> None:
 
 
 def test_bytes_that_are_no_frame_are_counted_and_never_kept() -> None:
-    framing = Framing()
+    framing = FrameCutter()
     for _ in range(50):
         frames, garbage = framing.frames(b"\x55" * 1000)
         assert (frames, garbage) == ([], 1000)

@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import pytest
 
-from services.ardusub.io.link import Link, open_link
+from services.ardusub.io.link import BoardLink, open_link
 from services.runtime.config.errors import LindyError
 
 PATIENCE_S = 10.0
@@ -25,7 +25,7 @@ def accept(board: socket.socket, accepted: list[socket.socket]) -> None:
     accepted.append(board.accept()[0])
 
 
-def until(link: Link, enough: Callable[[bytes], bool]) -> bytes:
+def until(link: BoardLink, enough: Callable[[bytes], bool]) -> bytes:
     data, end = b"", time.monotonic() + PATIENCE_S
     while not enough(data) and time.monotonic() < end:
         data += b"".join(link.receive())

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from services.ardusub.frames import FRAMES, senses
-from services.ardusub.mixer import Mixed, Mixer
+from services.ardusub.mixer import MixedSticks, Mixer
 from services.ardusub.motor_curves import MotorCurves
 from services.ardusub.rc_channels import RcChannel
 from services.marine.thrusters import total_wrench, wrench_per_newton
@@ -35,7 +35,7 @@ def thrust_for(shares: tuple[float, ...]) -> tuple[float, ...]:
     return tuple((thrust / max(1.0, np.max(np.abs(thrust)) / 25.0)).tolist())
 
 
-def motors_of(mixed: Mixed, version: str = "4.8") -> list[int]:
+def motors_of(mixed: MixedSticks, version: str = "4.8") -> list[int]:
     """[µs] What the board makes of the sticks."""
     params = {**defaults(version), "FRAME_CONFIG": 2.0}
     return motor_pulses(axes_of(mixed.pulses, params, version), params)

@@ -4,6 +4,7 @@
     motors      inputs to motor pulses: mixer, saturation, spool time
     telemetry   messages from the simulated vehicle
     board       the board: overrides, modes, arming, failsafes, streams, parameters
+    cable       the board and the driver, packet by packet
     memory      the board on virtual time
     udp         the board as a process on 127.0.0.1
 

@@ -8,12 +8,12 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
-from services.ardusub.packet import ACCEPTED, ARDUPILOTMEGA, Packet
+from services.ardusub.packet import ACCEPTED, ARDUPILOTMEGA, MavlinkPacket
 from services.marine.vehicle import Vehicle
 from services.simulator.core import Settings
 from tools.research.ardusub_double.motors import REST, SPOOL_S, axes_of, motor_pulses
 from tools.research.ardusub_double.settings import LIMITS, VERSIONS, defaults
-from tools.research.ardusub_double.telemetry import Hull
+from tools.research.ardusub_double.telemetry import HullDouble
 
 MS, S = 1_000_000, 1_000_000_000  # [ns]
 TICK_NS, INPUT_NS, GCS_CHECK_NS = 5 * MS, 20 * MS, S // 3
@@ -55,14 +55,14 @@ class BoardDouble:
         self.stuck: set[str] = set()  # parameters that will not be set
         self.refuses = ""  # to arm: why
         self.slowest_us: dict[str, int] = {}  # [µs] least interval of a message that it reaches
-        self.hull = Hull(vehicle, settings, seed, wired_as)
+        self.hull = HullDouble(vehicle, settings, seed, wired_as)
         self.armed, self.mode = False, MANUAL
         self.servo = [REST] * len(vehicle.thruster)  # [µs]
         self.texts: list[str] = []  # of STATUSTEXT, for tests
         self.clock_ahead_ns = 0  # [ns] of its clock, for tests that let it jump
         self.set_servos: dict[int, float] = {}  # [µs] by number, from DO_SET_SERVO
         self._kind, self._autopilot = kind, autopilot
-        self._out: deque[Packet] = deque()
+        self._out: deque[MavlinkPacket] = deque()
         self._started = False
         self._boot = self._next = 0
         self._reset()
@@ -105,7 +105,7 @@ class BoardDouble:
             self._tick(self._next)
             self._next += TICK_NS
 
-    def sent(self) -> list[Packet]:
+    def sent(self) -> list[MavlinkPacket]:
         """What it has said since."""
         packets = list(self._out)
         self._out.clear()
@@ -164,9 +164,9 @@ class BoardDouble:
 
     # What it hears.
 
-    def hear(self, packet: Packet, now: int) -> None:
+    def hear(self, packet: MavlinkPacket, now: int) -> None:
         self.advance(now)
-        handler: dict[str, Callable[[Packet, int], None]] = {
+        handler: dict[str, Callable[[MavlinkPacket, int], None]] = {
             "HEARTBEAT": self._heard_heartbeat,
             "RC_CHANNELS_OVERRIDE": self._heard_override,
             "COMMAND_LONG": self._heard_command,
@@ -184,11 +184,11 @@ class BoardDouble:
         high = int(self.params.get("MAV_GCS_SYSID_HI", 0))
         return system == self._gcs_id() or self._gcs_id() < system <= high
 
-    def _heard_heartbeat(self, packet: Packet, now: int) -> None:
+    def _heard_heartbeat(self, packet: MavlinkPacket, now: int) -> None:
         if self._is_gcs(packet.system):
             self._gcs_ns = now
 
-    def _heard_override(self, packet: Packet, now: int) -> None:
+    def _heard_override(self, packet: MavlinkPacket, now: int) -> None:
         """Silently ignored from another system than the ground station's."""
         if not self._is_gcs(packet.system) or packet.fields["target_system"] != self.system:
             return
@@ -200,7 +200,7 @@ class BoardDouble:
             if pulse not in (0, 65534, 65535):  # released is not neutral: the last value stays
                 self.override[n] = float(pulse)
 
-    def _heard_command(self, packet: Packet, now: int) -> None:
+    def _heard_command(self, packet: MavlinkPacket, now: int) -> None:
         """From any system; those to another one get no answer."""
         fields = packet.fields
         if fields["target_system"] not in (0, self.system):
@@ -276,11 +276,11 @@ class BoardDouble:
         self.set_servos[int(fields["param1"])] = fields["param2"]
         return ACCEPTED
 
-    def _heard_read(self, packet: Packet, _: int) -> None:
+    def _heard_read(self, packet: MavlinkPacket, _: int) -> None:
         if (name := packet.fields["param_id"]) in self.params:
             self._say_param(name)
 
-    def _heard_set(self, packet: Packet, _: int) -> None:
+    def _heard_set(self, packet: MavlinkPacket, _: int) -> None:
         name, value = packet.fields["param_id"], float(packet.fields["param_value"])
         if name not in self.params:
             return
@@ -289,14 +289,14 @@ class BoardDouble:
             self.params[name] = max(least, min(most, value))
         self._say_param(name)
 
-    def _heard_timesync(self, packet: Packet, now: int) -> None:
+    def _heard_timesync(self, packet: MavlinkPacket, now: int) -> None:
         if packet.fields["tc1"] == 0:
             self._say("TIMESYNC", {"tc1": 1000 * self.boot_us(now), "ts1": packet.fields["ts1"]})
 
     # What it says.
 
     def _say(self, name: str, fields: dict[str, Any]) -> None:
-        self._out.append(Packet(name, fields, self.system, 1))
+        self._out.append(MavlinkPacket(name, fields, self.system, 1))
 
     def _text(self, severity: int, text: str) -> None:
         self.texts.append(text)

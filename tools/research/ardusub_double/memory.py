@@ -2,16 +2,16 @@
 
 from collections import deque
 
-from services.ardusub.io.codec import Codec, FrameReader
-from services.ardusub.io.link import Link
-from services.ardusub.packet import Packet
+from services.ardusub.io.codec import BoardCodec, FrameReader
+from services.ardusub.io.link import BoardLink
+from services.ardusub.packet import MavlinkPacket
 from services.runtime.hosts.virtual_host import VirtualHost
 from tools.research.ardusub_double.board import BoardDouble
 
 STEP_HZ = 400.0  # [1/s] twice the board's own rate
 
 
-class MemoryLink(Link):
+class MemoryLink(BoardLink):
     """The service's end of the cable. It can be cut, and bytes can be put into it."""
 
     def __init__(self) -> None:
@@ -39,14 +39,14 @@ class BoardOnHost:
 
     def __init__(self, host: VirtualHost, board: BoardDouble) -> None:
         self.board, self.link = board, MemoryLink()
-        self.heard: list[Packet] = []  # from the service
+        self.heard: list[MavlinkPacket] = []  # from the service
         self.alive = True
-        self._codec = Codec(board.system, 1)
+        self._codec = BoardCodec(board.system, 1)
         self._reader = FrameReader(self._codec)
         node = host.node("board", ["drone"])
         node.every(STEP_HZ, self.step)
 
-    def other_station(self, packet: Packet, now: int) -> None:
+    def other_station(self, packet: MavlinkPacket, now: int) -> None:
         """A packet of another ground station."""
         self.board.hear(packet._replace(system=packet.system or 254, component=190), now)
 

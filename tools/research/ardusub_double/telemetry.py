@@ -5,7 +5,7 @@ from math import copysign
 
 from messages.control import ThrusterCommand
 from services.ardusub.frames import FRAMES, senses
-from services.ardusub.packet import Packet
+from services.ardusub.packet import MavlinkPacket
 from services.marine.thrust_curve import CURVES
 from services.marine.vehicle import Thruster, Vehicle
 from services.simulator.core import Settings, Simulator, at_the_surface
@@ -14,7 +14,7 @@ G = 9.80665  # [m/s²] of ArduPilot's milli-g
 GAUSS_PER_TESLA = 1e4
 
 
-class Hull:
+class HullDouble:
     """Lindy's simulator, driven by pulses."""
 
     def __init__(self, vehicle: Vehicle, settings: Settings, seed: int, wired_as: int) -> None:
@@ -35,7 +35,7 @@ class Hull:
         )
         self.simulator.obey(command, now)
 
-    def message(self, name: str, boot_us: int, now: int) -> Packet | None:
+    def message(self, name: str, boot_us: int, now: int) -> MavlinkPacket | None:
         """A telemetry message now; None where a simulated fault keeps the sensor silent."""
         self.simulator.advance(now)
         if name in ("RAW_IMU", "SCALED_IMU2", "HIGHRES_IMU"):
@@ -44,7 +44,7 @@ class Hull:
             sample = self.simulator.pressure()
             if sample is None:
                 return None
-            return Packet(name, {
+            return MavlinkPacket(name, {
                 "time_boot_ms": boot_us // 1000,
                 "press_abs": sample.pressure / 100.0,
                 "press_diff": 0.0,
@@ -55,13 +55,13 @@ class Hull:
         if name == "ATTITUDE":
             truth = self.simulator.truth()
             p, q, r = truth.angular_rate
-            return Packet(name, {
+            return MavlinkPacket(name, {
                 "time_boot_ms": boot_us // 1000, "roll": truth.roll, "pitch": truth.pitch,
                 "yaw": truth.heading, "rollspeed": p, "pitchspeed": q, "yawspeed": r,
             })  # fmt: skip
         return None
 
-    def _imu(self, name: str, boot_us: int) -> Packet | None:
+    def _imu(self, name: str, boot_us: int) -> MavlinkPacket | None:
         imu, compass = self.simulator.imu(), self.simulator.magnetometer()
         if imu is None or compass is None:
             return None
@@ -71,7 +71,7 @@ class Hull:
             keys = [f"{axis}{part}" for part in ("acc", "gyro", "mag") for axis in "xyz"]
             rest = {"abs_pressure": 0.0, "diff_pressure": 0.0, "pressure_alt": 0.0,
                     "temperature": 30.0, "fields_updated": 0x1FF}  # fmt: skip
-            return Packet(
+            return MavlinkPacket(
                 name, {"time_usec": boot_us, **dict(zip(keys, values, strict=True)), **rest}
             )
         whole = [
@@ -84,16 +84,18 @@ class Hull:
             {"time_usec": boot_us, "id": 0} if name == "RAW_IMU"
             else {"time_boot_ms": boot_us // 1000}
         )  # fmt: skip
-        return Packet(name, {**time, **dict(zip(keys, whole, strict=True)), "temperature": 3000})
+        return MavlinkPacket(
+            name, {**time, **dict(zip(keys, whole, strict=True)), "temperature": 3000}
+        )
 
-    def _battery(self) -> Packet | None:
+    def _battery(self) -> MavlinkPacket | None:
         sample = self.simulator.battery()
         if sample is None:
             return None
         zeros = ("onboard_control_sensors_present", "onboard_control_sensors_enabled",
                  "onboard_control_sensors_health", "load", "drop_rate_comm", "errors_comm",
                  "errors_count1", "errors_count2", "errors_count3", "errors_count4")  # fmt: skip
-        return Packet("SYS_STATUS", {
+        return MavlinkPacket("SYS_STATUS", {
             **dict.fromkeys(zeros, 0),
             "voltage_battery": round(1000.0 * sample.voltage),
             "current_battery": round(100.0 * sample.current),

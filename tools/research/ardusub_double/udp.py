@@ -9,7 +9,7 @@ import select
 import socket
 import time
 
-from services.ardusub.io.codec import Codec, FrameReader
+from services.ardusub.io.codec import BoardCodec, FrameReader
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
 from services.simulator.core import Settings
@@ -39,7 +39,7 @@ def main() -> None:
 
 def run(board: BoardDouble, port: int, parent: int) -> None:
     """Serve whoever listens on this port until the parent process ends."""
-    codec = Codec(board.system, 1)
+    codec = BoardCodec(board.system, 1)
     reader = FrameReader(codec)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
         link.bind(("127.0.0.1", 0))
