@@ -34,6 +34,7 @@ class Cable:
         self.said: list[str] = []
         self.thrust: tuple[float, ...] | None = None  # [N] commanded 100 times a second
         self.armed = True
+        self.period_ns = 10 * MS  # of the commands
         self.deaf = self.dumb = False  # the board: hears nothing, says nothing
         self.delay: int = 0  # [ms] of the way up
         self._up: list[tuple[int, MavlinkPacket]] = []
@@ -42,7 +43,7 @@ class Cable:
         end = self.now + round(seconds * S)
         while self.now < end:
             self.now += MS
-            if self.thrust is not None and self.now % (10 * MS) == 0:
+            if self.thrust is not None and self.now % self.period_ns == 0:
                 self._command(self.thrust)
             if self.driver.ends_ns is not None and self.now > self.driver.ends_ns:
                 self.driver.lapse(self.now)

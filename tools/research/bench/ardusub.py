@@ -26,7 +26,7 @@ SCALE = np.array([30.0, 30.0, 40.0, 3.0, 3.0, 6.0])  # [N, N m] a wrench that th
 SHARES = (0.1, 0.3, 0.6, 1.0)  # of it
 WRENCHES = 300  # per share
 STEPS = 60  # of the stick
-COMMAND_NS = 10 * MS  # [ns] between two commands
+COMMAND_NS = 9 * MS  # [ns] between two commands: at every phase of the board's clock
 
 
 def figures() -> list[Figure]:
@@ -92,11 +92,11 @@ def _latencies() -> list[Figure]:
 def _stick_delays(version: str) -> list[float]:
     """[ms]"""
     cable = Cable(version).accepted()
-    cable.thrust = DOWN
+    cable.thrust, cable.period_ns = DOWN, COMMAND_NS
     cable.run(1.5)
     delays, draw = list[float](), np.random.default_rng(3)
     for number in range(STEPS):
-        cable.run(float(draw.uniform(0.03, 0.06)))  # to any phase of the board's clock
+        cable.run(float(draw.uniform(0.03, 0.06)))
         newtons = 6.0 + 2.0 * (number % 2)
         before = list(cable.board.servo)
         asked = (cable.now // COMMAND_NS + 1) * COMMAND_NS  # when the command is sent
