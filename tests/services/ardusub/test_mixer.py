@@ -10,6 +10,8 @@ from services.ardusub.frames import FRAMES, senses
 from services.ardusub.mixer import MixedSticks, Mixer
 from services.ardusub.motor_curves import MotorCurves
 from services.ardusub.rc_channels import RcChannel
+from services.control.allocation.allocation import Allocation
+from services.control.settings import Settings as ControlSettings
 from services.marine.thrusters import total_wrench, wrench_per_newton
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
@@ -17,13 +19,15 @@ from services.vehicle.actuation import share_of_voltage
 from tools.research.ardusub_double.motors import axes_of, motor_pulses
 from tools.research.ardusub_double.settings import defaults
 
-VEHICLE = Stack(vehicle="bluerov2_heavy").section("vehicle", Vehicle)
+STACK = Stack(vehicle="bluerov2_heavy")
+VEHICLE = STACK.section("vehicle", Vehicle)
 THRUSTERS = VEHICLE.thruster
 COLUMNS = [wrench_per_newton(t) for t in THRUSTERS]
 INVERSE = np.linalg.pinv(np.array(COLUMNS).T)
 SCALE = np.array([30.0, 30.0, 40.0, 3.0, 3.0, 6.0])  # [N, N m]
 CHANNELS = [RcChannel()] * 6
 MIXER = Mixer(FRAMES[2], THRUSTERS, CHANNELS)
+ALLOCATION = Allocation(VEHICLE, STACK.section("control", ControlSettings).allocation)
 EDGE = 4 * max(t.dead_band for t in THRUSTERS)  # [N] what dead bands may leave of an axis
 share = st.floats(-1.0, 1.0)
 newtons = st.floats(-30.4, 30.4)
@@ -83,6 +87,19 @@ def test_the_mirror_image_is_the_mirror_image(thrust: tuple[float, ...]) -> None
     ours = np.array(MIXER.mix(thrust).wrench)
     theirs = np.array(MIXER.mix((two, one, four, three, six, five, eight, seven)).wrench)
     assert np.allclose(theirs, ours * np.array([1, -1, 1, -1, 1, -1]), atol=EDGE)
+
+
+@given(st.tuples(*[st.floats(-5.0, 5.0)] * 6))
+def test_control_asks_for_hardly_more_than_the_board_can_give(shares: tuple[float, ...]) -> None:
+    """Whatever the pilot wants, what control believes it achieved is what comes, so that no
+    integrator winds up against a limit that only the board knows."""
+    x, y, z, k, m, n = (np.array(shares) * SCALE).tolist()
+    done = ALLOCATION.allocate((x, y, z, k, m, n))
+    believed, given = (
+        np.array(done.achieved) / SCALE,
+        np.array(MIXER.mix(done.thrust).wrench) / SCALE,
+    )
+    assert np.linalg.norm(given - believed) <= 0.25 * max(0.5, float(np.linalg.norm(believed)))
 
 
 def test_no_thrust_is_exactly_neutral() -> None:
