@@ -22,8 +22,9 @@ RENAMED = (4, 7)  # first version with the names of 4.8
 OLDEST = (4, 5)
 RECOMMENDED_S = 1.0  # [s] of FS_PILOT_TIMEOUT
 YAW_SCALE = 3.375  # ACRO_YAW_P that leaves manual yaw as it is
-AGAIN_NS = 300_000_000  # [ns] between two requests of the same parameter
-TRIES = 10
+AGAIN_NS = 200_000_000  # [ns] between two rounds of requests
+BATCH = 16  # parameters asked for in a round: the board may drop more at once
+TRIES = 25  # rounds
 THROTTLE = 3  # override channel
 EXACT = 1e-3  # [-] values travel as 32-bit floats
 
@@ -201,7 +202,7 @@ class ParameterReader:
             return []
         self._asked, self._tries = now, self._tries + 1
         target = {"target_system": self.board, "target_component": AUTOPILOT}
-        asked = [name for name in self.wanted if name not in self.values]
+        asked = [name for name in self.wanted if name not in self.values][:BATCH]
         return [
             MavlinkPacket("PARAM_REQUEST_READ", {**target, "param_id": name, "param_index": -1})
             for name in asked

@@ -97,12 +97,13 @@ class Bench:
         self._place.run(seconds)
 
     def settle(self) -> None:
-        """Until the side is up."""
+        """Until the side is up: a board may have to be checked first."""
         for _ in range(50):
             self.run(0.2)
-            if self.all(topics.ACTUATION):
+            if all(self.all(topic) for topic in ALWAYS):
                 return
-        pytest.fail("the vehicle side says no vehicle/actuation within 10 s")
+        silent = [topic.key for topic in ALWAYS if not self.all(topic)]
+        pytest.fail(f"the vehicle side says no {' and no '.join(silent)} within 10 s")
 
     def all(self, topic: AnyTopic, since: int = 0) -> list[Any]:
         return [m for _, m in self.heard[topic.key] if m.stamp_ns >= since]

@@ -42,7 +42,7 @@ PROMISES = [
 
 
 def bench_on_a_board(folder: Path, version: str) -> Any:
-    """The bench of the contract, with this vehicle side alone, after its board was accepted."""
+    """The bench of the contract, with this vehicle side alone."""
     services, stack = KEPT.stack_of(("ardusub", "bluerov2_heavy"), folder, virtual=True)
     host = VirtualHost()
     vehicle, place = stack.section("vehicle", Vehicle), stack.section("simulator", Settings)
@@ -51,7 +51,6 @@ def bench_on_a_board(folder: Path, version: str) -> Any:
     bench = KEPT.Bench(KEPT.Virtual(host), node, host.side("drone").say(topics.THRUSTERS), stack)
     host.add_all(services, stack, {"ardusub": partial(wire_to, board.link)})
     bench.settle()
-    bench.run(2.0)
     return bench
 
 

@@ -168,7 +168,7 @@ def test_bytes_that_are_no_mavlink_hint_at_the_speed_of_the_port() -> None:
 def test_a_parameter_that_is_never_answered_is_named() -> None:
     cable = Cable()
     del cable.board.params["ACRO_YAW_P"]
-    cable.run(6.0)
+    cable.run(8.0)
     assert "the board is not armed: ACRO_YAW_P is not answered" in cable.said
 
 
@@ -185,7 +185,7 @@ def test_a_parameter_that_will_not_set_is_named_and_the_board_is_not_armed() -> 
     cable = Cable(settings=Settings(set_pilot_timeout=0.8))
     cable.board.stuck = {"FS_PILOT_TIMEOUT"}
     cable.thrust = DOWN
-    cable.run(6.0)
+    cable.run(8.0)
     assert "the board is not armed: FS_PILOT_TIMEOUT could not be set" in cable.said
     assert not cable.board.armed
 
