@@ -32,6 +32,7 @@ class TakenCheckpoint(msgspec.Struct, frozen=True):
 class BoardAuthority:
     board: int  # system
     disarm_after_ns: Ns
+    before: TakenCheckpoint | None = None  # of the process that this one replaces
     taken: bool = False  # somebody else has the vehicle
     ours: bool = False  # armed by Lindy
     mode: int | None = None
@@ -44,6 +45,10 @@ class BoardAuthority:
     _asked: bool | None = None  # True: to arm, False: to disarm; None: nothing
     _try_at: Ns = 0
     _armed_ns: Ns = 0
+
+    def __post_init__(self) -> None:
+        if self.before is not None:
+            self.taken = self._wanted = self.before.taken  # only a new arming takes it back
 
     # What Lindy's own pilot wants.
 
@@ -61,7 +66,9 @@ class BoardAuthority:
     # What the board says.
 
     def heartbeat(self, armed: bool, mode: int, now: Ns) -> None:
-        self._heartbeat, self.mode, was_armed = now, mode, self.board_armed
+        was_armed = self.board_armed
+        resumed = self._heartbeat is None and self.before is not None  # armed by that process
+        self._heartbeat, self.mode = now, mode
         self.board_armed = armed
         if armed and self._asked is True:
             self._begin(now)
@@ -69,7 +76,7 @@ class BoardAuthority:
             self.ours, self._asked = False, None
         elif self.ours and not armed and now - self._armed_ns > SETTLED_NS:
             self._lose("was disarmed")
-        elif not self.ours and armed and not was_armed and self._asked is None:
+        elif not self.ours and armed and not was_armed and self._asked is None and not resumed:
             self._lose("was armed")
         if self.ours and mode != MANUAL:
             self._lose(f"was switched to {MODES.get(mode, f'mode {mode}')}")

@@ -15,7 +15,7 @@ from messages.message import Message
 from messages.units import Ns
 from messages.vehicle import Actuation
 from services.ardusub import parameters, readings
-from services.ardusub.authority import BoardAuthority
+from services.ardusub.authority import BoardAuthority, TakenCheckpoint
 from services.ardusub.board_clock import BoardClock
 from services.ardusub.mixer import Mixer, at_rest
 from services.ardusub.packet import (
@@ -67,10 +67,12 @@ class DriverOutput(NamedTuple):
 class ArdusubDriver:
     """Call `take` after each of the others."""
 
-    def __init__(self, vehicle: Vehicle, settings: Settings, *, taken: bool = False) -> None:
+    def __init__(
+        self, vehicle: Vehicle, settings: Settings, before: TakenCheckpoint | None = None
+    ) -> None:
         """
         Args:
-            taken: somebody else had the vehicle when this service was restarted.
+            before: of the process that this one replaces in mid-dive.
         """
         self.out: list[MavlinkPacket] = []
         self.samples: list[Message] = []
@@ -78,7 +80,7 @@ class ArdusubDriver:
         self.lines: list[tuple[Level, str]] = []
         self.stage: Stage = "silent"
         self.clock = BoardClock()
-        self.authority = BoardAuthority(settings.board, round(settings.disarm_after * S), taken)
+        self.authority = BoardAuthority(settings.board, round(settings.disarm_after * S), before)
         self._rest = at_rest(len(vehicle.thruster))
         self.mixed = self._rest
         self._mixed_for: tuple[bool, tuple[float, ...]] | None = None
@@ -86,7 +88,7 @@ class ArdusubDriver:
         self._gate = ActuatorGate(vehicle.thruster)
         self._believed = OpenLoopThrust(vehicle.thruster)
         self._battery = readings.BatteryMeter()
-        self._taken = taken
+        self._taken: bool | None = None  # as it was remembered last
         self._said: set[str] = set()
         self._questions: deque[Ns] = deque(maxlen=16)  # TIMESYNC under way
         self._began: Ns | None = None

@@ -39,8 +39,8 @@ def wire(node: Node, stack: Stack) -> None:
 def wire_to(link: BoardLink, node: Node, stack: Stack) -> None:
     """The service on a link that is open."""
     settings = stack.section("ardusub", Settings)
-    remembered = node.restore_checkpoint(TakenCheckpoint) or TakenCheckpoint()
-    driver = ArdusubDriver(stack.section("vehicle", Vehicle), settings, taken=remembered.taken)
+    before = node.restore_checkpoint(TakenCheckpoint)
+    driver = ArdusubDriver(stack.section("vehicle", Vehicle), settings, before)
     codec = BoardCodec(settings.system, settings.component)
     reader = FrameReader(codec)
     pass_on = _passing_on(driver, link, codec, node)

@@ -273,6 +273,40 @@ def test_another_station_is_obeyed_until_a_deliberate_arming(what: str) -> None:
     assert cable.board.servo[4] > 1600
 
 
+def test_a_restarted_service_goes_on_with_its_own_vehicle() -> None:
+    cable = Cable().flying()
+    cable.restart(taken=False)
+    cable.run(3.5)
+    assert cable.board.armed
+    assert cable.board.servo[4] > 1600
+    assert not cable.counts["outdone:ardusub"]
+
+
+def test_a_restarted_service_does_not_take_the_vehicle_back() -> None:
+    cable = Cable().flying()
+    cable.another(400, 0)
+    cable.run(1.0)
+    cable.restart(taken=True)
+    cable.run(5.0)
+    assert not cable.board.armed
+    cable.armed = False
+    cable.run(0.5)
+    cable.armed = True
+    cable.run(1.5)
+    assert cable.board.armed
+
+
+def test_a_board_that_others_armed_before_the_start_is_theirs() -> None:
+    cable = Cable()
+    cable.another(400, 1)
+    cable.run(1.5)
+    assert cable.driver.authority.taken
+    taken = cable.now
+    cable.run(2.0)
+    assert not cable.sticks(taken)
+    assert "was armed, not by Lindy" in "".join(cable.said)
+
+
 def test_while_the_board_surfaces_neutral_goes_on() -> None:
     cable = Cable().flying()
     cable.another(176, 1, 9)

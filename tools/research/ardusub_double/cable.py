@@ -4,6 +4,7 @@ from collections import Counter
 from typing import Any
 
 from messages.control import ThrusterCommand
+from services.ardusub.authority import TakenCheckpoint
 from services.ardusub.core import ArdusubDriver
 from services.ardusub.core import Settings as ArdusubSettings
 from services.ardusub.packet import MavlinkPacket, command
@@ -26,7 +27,8 @@ class Cable:
     ) -> None:
         place = STACK.section("simulator", Settings)
         self.board = BoardDouble(VEHICLE, place, version=version, **board)
-        self.driver = ArdusubDriver(VEHICLE, settings or ArdusubSettings())
+        self.settings = settings or ArdusubSettings()
+        self.driver = ArdusubDriver(VEHICLE, self.settings)
         self.now = 5 * S  # the board boots now, and our clock is another one
         self.sent: list[tuple[int, MavlinkPacket]] = []  # by the driver
         self.samples: list[tuple[int, Any]] = []
@@ -77,6 +79,10 @@ class Cable:
             self.sent.append((self.now, packet))
             if not self.deaf:
                 self.board.hear(packet._replace(system=255, component=191), self.now)
+
+    def restart(self, *, taken: bool) -> None:
+        """Another process in the place of the driver, which died without a word."""
+        self.driver = ArdusubDriver(VEHICLE, self.settings, TakenCheckpoint(taken=taken))
 
     def accepted(self) -> "Cable":
         self.run(1.5)
