@@ -7,7 +7,8 @@ THRUST_TTL_MS = 200.0  # [ms] older thruster commands count as zero thrust
 
 
 class Wrench(Message, frozen=True, kw_only=True):
-    """Force and moment about the vehicle's origin, body frame FRD."""
+    """Force and moment about the vehicle's origin, body frame FRD. A report, not a command: a
+    vehicle side, also of a board that mixes by itself, is fed with `ThrusterCommand`."""
 
     sensor_ns: Stamp | None  # [ns] sensor sample behind this wrench
     wanted: Vec6  # [N, N m] X, Y, Z, K, M, N that the control law asked for

@@ -114,6 +114,13 @@ NAMES: dict[str, Meaning] = {
     "wrong_length:vehicle/actuation": Meaning(
         SENSOR, "a thruster report had the wrong number of values"
     ),
+    "outdone:ardusub": Meaning(
+        DANGER, "the board was armed, disarmed or switched by others: Lindy let it go"
+    ),
+    "refused:board": Meaning(DANGER, "the vehicle's board was not accepted and not armed"),
+    "refused:arm": Meaning(DANGER, "the vehicle's board refused to arm"),
+    "silent:board": Meaning(DANGER, "the vehicle's board was silent"),
+    "jumped:board_clock": Meaning(DANGER, "the clock of the vehicle's board jumped"),
     "stale:pilot/command": Meaning(SENSOR, "the pilot's commands were too old to be used"),
     "stale:control/thrusters": Meaning(
         DANGER, "the thrusters stopped because no new command arrived"
@@ -129,7 +136,9 @@ KINDS: dict[str, Meaning] = {
     "hung": Meaning(DANGER, "a service ran but did not answer"),
     "unplugged": Meaning(DANGER, "the gamepad was unplugged"),
     "closed": Meaning(DANGER, "the keyboard's window was closed"),
+    "leak": Meaning(DANGER, "water was found inside the vehicle"),
     "outdone": Meaning(DANGER, "another pilot took control"),
+    "stranger": Meaning(DANGER, "somebody else spoke to the board in Lindy's name"),
     "distrusted": Meaning(DANGER, "a thruster did not follow its commands"),
     "lost_axis": Meaning(DANGER, "the thrusters could no longer move the drone along an axis"),
     "not_finite": Meaning(DANGER, "a calculation gave no finite number and was restarted"),

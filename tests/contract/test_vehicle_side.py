@@ -53,6 +53,7 @@ ALWAYS = (topics.IMU, topics.PRESSURE, topics.ACTUATION)  # without them nothing
 ENCLOSURE = (topics.BATTERY, topics.LEAK, topics.TEMPERATURE)
 SAID: tuple[AnyTopic, ...] = (*SENSORS, *ENCLOSURE, topics.ACTUATION)
 HEAVE, YAW = 2, 5
+START_S = 1.0  # [s] in which thrusters follow a command: a board may have to arm them first
 SHARE = 0.6  # [-] of the limits that a command asks for
 JITTER_NS = 2 * MS  # [ns] between two clocks readings in two processes
 Side = tuple[str, str]  # stack, vehicle
@@ -99,12 +100,13 @@ class Bench:
         self._place.run(seconds)
 
     def settle(self) -> None:
-        """Until the side is up."""
+        """Until the side is up: a board may have to be checked first."""
         for _ in range(50):
             self.run(0.2)
-            if self.all(topics.ACTUATION):
+            if all(self.all(topic) for topic in ALWAYS):
                 return
-        pytest.fail("the vehicle side says no vehicle/actuation within 10 s")
+        silent = [topic.key for topic in ALWAYS if not self.all(topic)]
+        pytest.fail(f"the vehicle side says no {' and no '.join(silent)} within 10 s")
 
     def all(self, topic: AnyTopic, since: int = 0) -> list[Any]:
         return [m for _, m in self.heard[topic.key] if m.stamp_ns >= since]
@@ -301,7 +303,7 @@ def test_actuation_is_whole_and_says_which_command_it_is_of(bench: Bench) -> Non
     assert first.stale, "nothing was commanded yet"
     assert not any(first.thrust)
     bench.ask(bench.along(HEAVE, 0.2))
-    bench.run(0.5)
+    bench.run(START_S)
     asked = bench.now()
     bench.run(0.5)
     limits = [t.limits for t in bench.vehicle.thruster]
@@ -369,7 +371,7 @@ def silence_stops(bench: Bench) -> None:
     assert bench.at_rest_again(ended + round(bench.decay_s() * S))
     assert bench.all(topics.IMU, ended), "a driver goes on measuring when nobody commands"
     bench.ask(bench.along(HEAVE, 0.3))
-    bench.run(0.5)
+    bench.run(START_S)
     assert any(bench.produced()[-1].thrust), "commands act again after a silence"
     assert not bench.produced()[-1].stale
 
@@ -432,7 +434,7 @@ def nothing_wrong_acts(bench: Bench, each_s: float) -> None:
     bench.run(0.3)
     assert bench.at_rest_again(began)
     bench.ask(tuple(some), epoch=3)
-    bench.run(0.5)
+    bench.run(START_S)
     assert any(bench.produced()[-1].thrust), "what is right still acts"
 
 

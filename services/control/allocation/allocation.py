@@ -27,6 +27,9 @@ COMES_ON, GOES_OFF = 0.65, 0.35  # [-] of the dead-band: half of it, with hyster
 
 class AllocationSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     dead_band_compensation: bool = True  # round up to the dead-band's edge instead of to nothing
+    # The others take over what a saturated thruster cannot give. False where a board mixes fixed
+    # axes into the thrusters, as ArduSub does: there the whole group is scaled down.
+    redistribute: bool = True
     biased: tuple[AxisName, ...] = ()  # thrusters of these axes get a thrust bias
 
 
@@ -144,6 +147,8 @@ class Allocation:
                 return yields
             left -= fits
             frozen.append(limiting)
+            if not self._settings.redistribute:
+                break
         saturated.update(frozen)
         return yields
 

@@ -25,6 +25,7 @@ SECTIONS = {
     "onboard": "tools.research.bench.onboard",
     "transport": "tools.research.bench.transport",
     "busy": "tools.research.bench.busy",
+    "ardusub": "tools.research.bench.ardusub",
 }
 
 

@@ -216,6 +216,20 @@ def test_redistribution_gives_more_than_scaling(heavy: Vehicle) -> None:
     assert done.saturated == ()
 
 
+@given(st.floats(25.0, 200.0), share, share)
+def test_where_a_board_mixes_axes_the_whole_group_is_scaled(
+    heavy: Vehicle, size: float, ahead: float, aside: float
+) -> None:
+    """Every thruster keeps its share of the demand, as fixed axes would give it."""
+    scaled = AllocationSettings(dead_band_compensation=False, redistribute=False)
+    wanted: Vec6 = (size * ahead, size * aside, 0.0, 0.0, 0.0, 0.0)
+    vehicle = without_dead_band(heavy)
+    full = Allocation(vehicle, scaled).allocate(wanted)
+    small = Allocation(vehicle, scaled).allocate((0.01 * wanted[0], 0.01 * wanted[1], 0, 0, 0, 0))
+    factor = max(map(abs, full.thrust)) / max(1e-12, *map(abs, small.thrust))
+    assert full.thrust == pytest.approx([factor * f for f in small.thrust], abs=1e-6)
+
+
 def test_a_full_vertical_thruster_costs_neither_yaw_nor_surge(pioneer: Vehicle) -> None:
     done = Allocation(pioneer, EXACT).allocate((30.0, 5.0, 500.0, 0.0, 0.0, 1.0))
     assert on_axes(done.achieved, frozenset({"surge", "sway", "heave", "yaw"})) == pytest.approx(

@@ -1,0 +1,15 @@
+"""A vehicle whose board runs ArduSub: the six axes of its MANUAL mode down, its telemetry up.
+
+    core           the board as a state machine: introduced, measured, driven
+    authority      who has the vehicle: Lindy, or somebody else at the same board
+    parameters     what the board's parameters may be
+    streams        the telemetry asked for, and its rates
+    readings       telemetry to samples
+    board_clock    the board's clock against ours
+    mixer, frames  a force for each thruster to ArduSub's axes
+    rc_channels    an axis to the pulse of its channel
+    framing        MAVLink frames in a stream of bytes
+    io             the link, and the codec
+
+See docs/ardusub.md, and docs/decisions for what is fed and why.
+"""

@@ -1,0 +1,206 @@
+"""Bytes to and from the board, by URL. Nothing here waits: it is looked at from a timer.
+
+udpin:HOST:PORT       wait there for the board, as BlueOS's "UDP Client" endpoint wants it
+udpout:HOST:PORT      speak first
+tcp:HOST:PORT         connect, and connect again when it is lost
+serial:DEVICE:BAUD    a cable
+"""
+
+import contextlib
+import os
+import socket
+import termios
+import time
+from typing import Protocol
+
+from services.runtime.config.errors import LindyError
+
+ALLOWED = "udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or serial:DEVICE:BAUD"
+DATAGRAMS = 64  # read at once; more wait in the system's buffer
+LONGEST = 4096  # [bytes] read at once
+SILENT_S = 3.0  # [s] after which another sender may take the place of the board
+AGAIN_S = 1.0  # [s] between two attempts to connect
+
+
+class BoardLink(Protocol):
+    def receive(self) -> list[bytes]: ...
+
+    def send(self, data: bytes) -> None: ...
+
+    def lost(self) -> tuple[int, int]:
+        """Datagrams of others than the board, and packets that could not be sent, since the last
+        call."""
+        ...
+
+    def close(self) -> None: ...
+
+
+def open_link(url: str) -> BoardLink:
+    """
+    Raises:
+        LindyError: the URL is none of those above, or the port cannot be opened.
+    """
+    kind, _, rest = url.partition(":")
+    where, _, number = rest.rpartition(":")
+    if kind not in ("udpin", "udpout", "tcp", "serial") or not where or not number.isdecimal():
+        raise LindyError(f"ardusub.url: found {url!r}; allowed: {ALLOWED}")
+    try:
+        if kind == "serial":
+            return SerialLink(where, int(number))
+        address = socket.gethostbyname(where), int(number)
+        if kind == "tcp":
+            return TcpLink(address)
+        return UdpLink(address, listens=kind == "udpin")
+    except (OSError, OverflowError, termios.error) as error:
+        raise LindyError(f"ardusub.url {url}: {error}; allowed: {ALLOWED}") from None
+
+
+class _Losses:
+    """Counts what a link could not do."""
+
+    def __init__(self) -> None:
+        self.strangers = self.unsent = 0
+
+    def lost(self) -> tuple[int, int]:
+        found = self.strangers, self.unsent
+        self.strangers = self.unsent = 0
+        return found
+
+
+class UdpLink(_Losses):
+    """One board: datagrams of other senders are left alone as long as it speaks."""
+
+    def __init__(self, address: tuple[str, int], *, listens: bool) -> None:
+        super().__init__()
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        self._peer: tuple[str, int] | None = None if listens else address
+        self._fixed, self._heard = not listens, -SILENT_S
+        try:
+            if listens:
+                self._socket.bind(address)
+        except (OSError, OverflowError):
+            self._socket.close()
+            raise
+
+    def receive(self) -> list[bytes]:
+        found: list[bytes] = []
+        for _ in range(DATAGRAMS):
+            try:
+                data, sender = self._socket.recvfrom(LONGEST)
+            except OSError:  # nothing more, or nobody listens there yet
+                break
+            if self._is_board(sender):
+                found.append(data)
+            else:
+                self.strangers += 1
+        return found
+
+    def _is_board(self, sender: tuple[str, int]) -> bool:
+        now = time.monotonic()
+        if self._fixed:
+            return sender == self._peer
+        if sender != self._peer and now - self._heard < SILENT_S:
+            return False
+        self._peer, self._heard = sender, now
+        return True
+
+    def send(self, data: bytes) -> None:
+        if self._peer is None:
+            return
+        try:
+            self._socket.sendto(data, self._peer)
+        except OSError:
+            self.unsent += 1
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+class TcpLink(_Losses):
+    def __init__(self, address: tuple[str, int]) -> None:
+        """The first connection may be refused: the board may not be up yet."""
+        super().__init__()
+        self._address = address
+        self._socket: socket.socket | None = None
+        self._again = 0.0
+        self._connect()
+
+    def _connect(self) -> None:
+        self._again = time.monotonic() + AGAIN_S
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        self._socket.setblocking(False)
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._socket.connect_ex(self._address)
+
+    def receive(self) -> list[bytes]:
+        if self._socket is None:
+            if time.monotonic() >= self._again:
+                self._connect()
+            return []
+        try:
+            data = self._socket.recv(LONGEST)
+        except BlockingIOError:
+            return []
+        except OSError:
+            data = b""
+        if data:
+            return [data]
+        self.close()
+        return []
+
+    def send(self, data: bytes) -> None:
+        try:
+            sent = 0 if self._socket is None else self._socket.send(data)
+        except OSError:  # not connected yet, or no room
+            sent = 0
+        if 0 < sent < len(data):  # the rest of a frame must not follow later
+            self.close()
+        self.unsent += sent < len(data)
+
+    def close(self) -> None:
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+
+
+class SerialLink(_Losses):
+    def __init__(self, device: str, baud: int) -> None:
+        """
+        Raises:
+            OSError: there is no such device.
+        """
+        super().__init__()
+        speed = getattr(termios, f"B{baud}", None)
+        if speed is None:
+            raise OSError(f"{baud} is no speed of this system, such as 115200")
+        self._file = os.open(device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        try:
+            self._set(speed)
+        except (OSError, termios.error):
+            os.close(self._file)
+            raise
+
+    def _set(self, speed: int) -> None:
+        """Eight bits as they come, nothing interpreted."""
+        mode = termios.tcgetattr(self._file)
+        mode[0] = mode[1] = mode[3] = 0
+        mode[2] = termios.CS8 | termios.CREAD | termios.CLOCAL
+        mode[4] = mode[5] = speed
+        termios.tcsetattr(self._file, termios.TCSANOW, mode)
+        termios.tcflush(self._file, termios.TCIOFLUSH)
+
+    def receive(self) -> list[bytes]:
+        with contextlib.suppress(OSError):  # nothing there, or the cable was pulled
+            data = os.read(self._file, LONGEST)
+            return [data] if data else []
+        return []
+
+    def send(self, data: bytes) -> None:
+        try:
+            self.unsent += os.write(self._file, data) < len(data)
+        except OSError:
+            self.unsent += 1
+
+    def close(self) -> None:
+        os.close(self._file)

@@ -1,0 +1,151 @@
+"""From a force for each thruster to ArduSub's six axes, and what the motors then do.
+
+ArduSub's MANUAL mode mixes six axes linearly into the motors and knows no thrust curve. A force for
+each thruster is therefore taken as the wrench it amounts to, and the six axes are those whose
+motors, each through its own curve, give that wrench (Gauss-Newton). What pushes only against itself
+(a thrust bias) is no wrench and does not come through. Every limit is applied here, so that ArduSub
+itself never clips or scales.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from messages.units import Vec6
+from services.ardusub.frames import (
+    FORWARD,
+    LATERAL,
+    PITCH,
+    ROLL,
+    THROTTLE,
+    TILTED,
+    YAW,
+    MotorFrame,
+    senses,
+)
+from services.ardusub.motor_curves import MotorCurves
+from services.ardusub.rc_channels import NEUTRAL, RcChannel
+from services.marine.thrusters import total_wrench, wrench_per_newton
+from services.marine.vehicle import Thruster
+
+Floats = NDArray[np.float64]
+CHANNELS = (PITCH, ROLL, THROTTLE, YAW, FORWARD, LATERAL)  # axis of the override channels 1 to 6
+STEPS = 4  # of Gauss-Newton; the second already leaves less than a microsecond
+NEUTRALS = (NEUTRAL,) * 6
+NO_WRENCH: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+class MixedSticks(NamedTuple):
+    pulses: tuple[int, ...]  # [µs] override channels 1 to 6
+    thrust: tuple[float, ...]  # [N] per thruster, at which the motors settle
+    wrench: Vec6  # [N, N m] of it
+    limited: bool  # a group of motors, or the yaw channel, was at its limit
+
+
+def at_rest(thrusters: int) -> MixedSticks:
+    return MixedSticks(NEUTRALS, (0.0,) * thrusters, NO_WRENCH, limited=False)
+
+
+class Mixer:
+    """Built once per vehicle and set of parameters."""
+
+    def __init__(
+        self,
+        frame: MotorFrame,
+        thrusters: Sequence[Thruster],
+        channels: Sequence[RcChannel],
+        yaw_scale: float = 1.0,
+        coupling: float = 1.0,
+    ) -> None:
+        """
+        Args:
+            channels: (6,) in the order of the overrides.
+            yaw_scale: [-] ACRO_YAW_P / 3.375, by which ArduSub multiplies the yaw channel.
+            coupling: [-] MOT_FV_CPLNG_K.
+
+        Raises:
+            ValueError: the thrusters are not the motors of this frame.
+        """
+        self._thrusters, self._channels = tuple(thrusters), tuple(channels)
+        self._yaw_scale = yaw_scale
+        self._coupling = coupling if frame.coupled else 0.0
+        self._columns = [wrench_per_newton(thruster) for thruster in thrusters]
+        self._senses = np.array(senses(frame, thrusters))
+        self._factors = np.array(frame.motors, dtype=float)  # (n, 6)
+        self._axes_of = np.linalg.pinv(self._factors)  # (6, n)
+        self._effect = np.array(self._columns).T * self._senses  # (6, n) of positive outputs
+        self._groups = _groups(self._factors)
+        self._curves = MotorCurves(thrusters, self._senses)
+
+    def mix(self, thrust: Sequence[float], *, curved: bool = True) -> MixedSticks:
+        """
+        Args:
+            thrust: [N] per thruster, as `ActuatorGate` permits it.
+            curved: False: as if thrust were proportional to the pulse, for comparison.
+        """
+        if not any(thrust):
+            return at_rest(len(self._thrusters))
+        asked = np.array(thrust) * self._senses
+        if curved:
+            axes = self._refined(self._axes_of @ self._curves.outputs_for(asked), asked)
+        else:
+            most = np.array([thruster.max_thrust for thruster in self._thrusters])
+            axes = self._axes_of @ (asked / most)
+        fitting, was_limited = self._fitting(axes)
+        return self._sent(fitting, was_limited)
+
+    def _refined(self, axes: Floats, asked: Floats) -> Floats:
+        """The axes that give the wrench of this thrust [N] best; never worse than those given."""
+        wanted = self._effect @ asked
+        motors = self._factors @ axes
+        missing = wanted - self._effect @ self._curves.thrust(motors)
+        for _ in range(STEPS):
+            slopes = self._curves.slopes(motors)
+            step = np.linalg.lstsq((self._effect * slopes) @ self._factors, missing, rcond=1e-6)[0]
+            motors = self._factors @ (axes + step)
+            left = wanted - self._effect @ self._curves.thrust(motors)
+            if not float(left @ left) < float(missing @ missing):
+                break
+            axes, missing = axes + step, left
+        return axes
+
+    def _fitting(self, axes: Floats) -> tuple[Floats, bool]:
+        """The same direction of each group, within what its motors and the yaw channel can give."""
+        axes, was_limited = axes.copy(), False
+        for group in self._groups:
+            largest = float(np.max(np.abs(self._factors[:, group] @ axes[group])))
+            if YAW in group:
+                largest = max(largest, abs(float(axes[YAW])) / self._yaw_scale)
+            if largest > 1.0:
+                axes[group] /= largest
+                was_limited = True
+        room = 1.0 - self._coupling * abs(float(axes[THROTTLE]))
+        if self._coupling and abs(axes[FORWARD]) > room:
+            axes[FORWARD] = np.clip(axes[FORWARD], -room, room)
+            was_limited = True
+        return axes, was_limited
+
+    def _sent(self, axes: Floats, was_limited: bool) -> MixedSticks:
+        shares = axes.copy()
+        shares[YAW] /= self._yaw_scale
+        pulses = tuple(
+            [round(channel.pulse(float(shares[axis])))
+             for axis, channel in zip(CHANNELS, self._channels, strict=True)]
+        )  # fmt: skip
+        read = np.zeros(6)
+        for axis, channel, pulse in zip(CHANNELS, self._channels, pulses, strict=True):
+            read[axis] = channel.share(pulse)
+        read[YAW] *= self._yaw_scale
+        thrust = tuple((self._curves.thrust(self._factors @ read) * self._senses).tolist())
+        return MixedSticks(pulses, thrust, total_wrench(self._columns, thrust), was_limited)
+
+
+def _groups(factors: Floats) -> list[list[int]]:
+    """Axes that share motors with each other and with none of the others."""
+    groups = [sorted(group) for group in TILTED]
+    shared = [np.any(factors[:, group] != 0.0, axis=1) for group in groups]
+    return [sorted({ROLL, PITCH, THROTTLE, YAW, FORWARD, LATERAL})] if np.any(
+        shared[0] & shared[1]
+    ) else groups  # fmt: skip

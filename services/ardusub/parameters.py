@@ -1,0 +1,214 @@
+"""Which parameters of the board matter, what they may be, and reading them.
+
+None of them is ever made less safe: FS_PILOT_TIMEOUT alone is written, and only where the settings
+say so.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import inf
+from typing import NamedTuple
+
+from messages.units import Ns
+from services.ardusub.frames import FRAMES, senses
+from services.ardusub.mixer import Mixer
+from services.ardusub.packet import AUTOPILOT, MavlinkPacket
+from services.ardusub.rc_channels import NEUTRAL, RcChannel
+from services.ardusub.settings import Settings
+from services.marine.vehicle import Vehicle
+
+Values = Mapping[str, float]
+RENAMED = (4, 7)  # first version with the names of 4.8
+OLDEST = (4, 5)
+RECOMMENDED_S = 1.0  # [s] of FS_PILOT_TIMEOUT
+YAW_SCALE = 3.375  # ACRO_YAW_P that leaves manual yaw as it is
+AGAIN_NS = 200_000_000  # [ns] between two rounds of requests
+BATCH = 16  # parameters asked for in a round: the board may drop more at once
+TRIES = 25  # rounds
+THROTTLE = 3  # override channel
+EXACT = 1e-3  # [-] values travel as 32-bit floats
+
+
+class ParameterRule(NamedTuple):
+    """What a parameter may be: within a range, and one of a few values where these are given."""
+
+    name: str
+    allowed: str
+    least: float = -inf
+    most: float = inf
+    one_of: tuple[float, ...] = ()
+    never: float | None = None
+
+    def holds(self, value: float) -> bool:
+        listed = not self.one_of or value in self.one_of
+        return self.least <= value <= self.most and listed and value != self.never
+
+
+def is_new(version: tuple[int, int]) -> bool:
+    return version >= RENAMED
+
+
+def names(version: tuple[int, int], motors: int) -> list[str]:
+    """Of all parameters that are read, under the names of this version."""
+    new = is_new(version)
+    return [
+        "FRAME_CONFIG", "FS_PILOT_INPUT", "FS_PILOT_TIMEOUT", "FS_GCS_ENABLE", "FS_LEAK_ENABLE",
+        "RC_OVERRIDE_TIME", "ACRO_YAW_P", "MOT_FV_CPLNG_K",
+        *(["MAV_GCS_SYSID", "MAV_GCS_SYSID_HI", "ARMING_SKIPCHK"] if new
+          else ["SYSID_MYGCS", "ARMING_CHECK"]),
+        *[f"MOT_{n}_DIRECTION" for n in range(1, motors + 1)],
+        *[f"RC{n}_{part}" for n in range(1, 7) for part in ("MIN", "TRIM", "MAX", "REVERSED")],
+    ]  # fmt: skip
+
+
+def rules(version: tuple[int, int], settings: Settings, motors: int) -> list[ParameterRule]:
+    """For all but FRAME_CONFIG and the system ids, which need more than one value."""
+    axes, motor_numbers = range(1, 7), range(1, motors + 1)
+    found = [
+        ParameterRule("FS_PILOT_INPUT", "2 (disarm when the sticks are silent)", one_of=(2,)),
+        ParameterRule("FS_PILOT_TIMEOUT", "0.1 to 3 s", 0.1, 3.0),
+        ParameterRule(
+            "FS_GCS_ENABLE", "2, 3 or 4 (act without a ground station)", one_of=(2, 3, 4)
+        ),
+        ParameterRule("FS_LEAK_ENABLE", "1 or 2 (warn or surface)", one_of=(1, 2)),
+        ParameterRule("RC_OVERRIDE_TIME", "0.1 to 10 s (0 disables overrides)", 0.1, 10.0),
+        ParameterRule("ACRO_YAW_P", "0.5 to 10", 0.5, 10.0),
+        *[ParameterRule(f"MOT_{n}_DIRECTION", "1 or -1", one_of=(1, -1)) for n in motor_numbers],
+        *[ParameterRule(f"RC{n}_MIN", "1000 to 1300 µs", 1000, 1300) for n in axes],
+        *[ParameterRule(f"RC{n}_MAX", "1700 to 2000 µs", 1700, 2000) for n in axes],
+        *[ParameterRule(f"RC{n}_REVERSED", "0 or 1", one_of=(0, 1)) for n in axes],
+        *[ParameterRule(f"RC{n}_TRIM", "1500 µs", NEUTRAL, NEUTRAL) for n in axes if n != THROTTLE],
+    ]
+    if is_new(version):
+        found.append(ParameterRule("ARMING_SKIPCHK", "not -1 (all checks skipped)", never=-1))
+        found.append(ParameterRule(f"RC{THROTTLE}_TRIM", "1500 µs", NEUTRAL, NEUTRAL))
+    else:
+        found.append(ParameterRule("ARMING_CHECK", "not 0 (no checks)", never=0))
+    if (most := settings.set_pilot_timeout) is not None:
+        allowed = f"at most {most:g} s (ardusub.set_pilot_timeout)"
+        found.append(ParameterRule("FS_PILOT_TIMEOUT", allowed, most=most + EXACT))
+    return found
+
+
+def problems(
+    values: Values, version: tuple[int, int], settings: Settings, vehicle: Vehicle
+) -> list[str]:
+    """Why the board must not be armed, one sentence each: parameter, found, allowed."""
+    found = [
+        f"{rule.name} is {values[rule.name]:g}; allowed: {rule.allowed}"
+        for rule in rules(version, settings, len(vehicle.thruster))
+        if not rule.holds(values[rule.name])
+    ]
+    found += _wrong_throttle(values, version)
+    found += _wrong_system(values, version, settings)
+    try:
+        senses(FRAMES[int(values["FRAME_CONFIG"])], vehicle.thruster)
+    except KeyError:
+        found.append(f"FRAME_CONFIG is {values['FRAME_CONFIG']:g}; allowed: 0 to 7")
+    except ValueError as error:
+        found.append(
+            f"FRAME_CONFIG is {values['FRAME_CONFIG']:g}; allowed: the frame of {vehicle.name}, "
+            f"because {error}"
+        )
+    return found
+
+
+def advice(values: Values) -> list[str]:
+    """What is allowed but not good."""
+    if values["FS_PILOT_TIMEOUT"] <= RECOMMENDED_S + EXACT:
+        return []
+    return [
+        f"FS_PILOT_TIMEOUT is {values['FS_PILOT_TIMEOUT']:g} s: if this computer dies the motors "
+        f"go on for so long; recommended: at most {RECOMMENDED_S:g} s"
+    ]
+
+
+def mixer_of(values: Values, vehicle: Vehicle) -> Mixer:
+    """For a board without `problems`."""
+    channels = [
+        RcChannel(
+            values[f"RC{n}_MIN"], values[f"RC{n}_TRIM"], values[f"RC{n}_MAX"],
+            bool(values[f"RC{n}_REVERSED"]),
+        )
+        for n in range(1, 7)
+    ]  # fmt: skip
+    return Mixer(
+        FRAMES[int(values["FRAME_CONFIG"])],
+        vehicle.thruster,
+        channels,
+        values["ACRO_YAW_P"] / YAW_SCALE,
+        values["MOT_FV_CPLNG_K"],
+    )
+
+
+def _wrong_throttle(values: Values, version: tuple[int, int]) -> list[str]:
+    """With which 1500 µs is not zero."""
+    if is_new(version):
+        return []
+    least, trim, most = (values[f"RC3_{part}"] for part in ("MIN", "TRIM", "MAX"))
+    if trim != least:
+        return [f"RC3_TRIM is {trim:g}; allowed: RC3_MIN, {least:g} µs, in this version"]
+    if (least + most) / 2 != NEUTRAL:
+        return [f"RC3_MAX is {most:g}; allowed: {2 * NEUTRAL - least:g} µs, so that 1500 is zero"]
+    return []
+
+
+def _wrong_system(values: Values, version: tuple[int, int], settings: Settings) -> list[str]:
+    name = "MAV_GCS_SYSID" if is_new(version) else "SYSID_MYGCS"
+    least = values[name]
+    most = max(least, values.get("MAV_GCS_SYSID_HI", 0.0))
+    if least <= settings.system <= most:
+        return []
+    return [f"{name} is {least:g}; allowed: {settings.system}, the system of ardusub.system"]
+
+
+@dataclass(slots=True)
+class ParameterReader:
+    """Asks for parameters by name until each was answered, and sets one if it must."""
+
+    board: int  # system
+    wanted: list[str]
+    values: dict[str, float] = field(default_factory=dict[str, float])
+    to_set: dict[str, float] = field(default_factory=dict[str, float])
+    _tries: int = 0
+    _asked: Ns | None = None
+
+    @property
+    def complete(self) -> bool:
+        return not self.to_set and all(name in self.values for name in self.wanted)
+
+    @property
+    def given_up(self) -> list[str]:
+        """What was asked for often enough and never answered, or never set."""
+        if self._tries <= TRIES:
+            return []
+        return [*self.to_set, *[name for name in self.wanted if name not in self.values]]
+
+    def heard(self, name: str, value: float) -> None:
+        if name in self.wanted:
+            self.values[name] = value
+        if name in self.to_set and abs(value - self.to_set[name]) < EXACT:
+            del self.to_set[name]
+
+    def lower(self, name: str, most: float) -> None:
+        """Set a parameter that was read to `most` if it is more."""
+        if name not in self.to_set and self.values.get(name, most) > most + EXACT:
+            self.to_set[name], self._tries, self._asked = most, 0, None
+
+    def due(self, now: Ns) -> list[MavlinkPacket]:
+        if self.complete or self.given_up:
+            return []
+        if self._asked is not None and now - self._asked < AGAIN_NS:
+            return []
+        self._asked, self._tries = now, self._tries + 1
+        target = {"target_system": self.board, "target_component": AUTOPILOT}
+        asked = [name for name in self.wanted if name not in self.values][:BATCH]
+        return [
+            MavlinkPacket("PARAM_REQUEST_READ", {**target, "param_id": name, "param_index": -1})
+            for name in asked
+        ] + [
+            MavlinkPacket(
+                "PARAM_SET", {**target, "param_id": name, "param_value": value, "param_type": 9}
+            )
+            for name, value in self.to_set.items()
+        ]

@@ -1,0 +1,110 @@
+"""ArduSub service: thruster commands down to a board, sensor samples up from it."""
+
+from collections.abc import Callable
+
+from messages import topics
+from messages.control import ThrusterCommand
+from messages.message import Message
+from messages.sensors import BatterySample, ImuSample, MagnetometerSample, PressureSample
+from messages.topic import AnyTopic
+from services.ardusub.authority import TakenCheckpoint
+from services.ardusub.core import ArdusubDriver, Settings
+from services.ardusub.io.codec import BoardCodec, FrameReader
+from services.ardusub.io.link import BoardLink, open_link
+from services.marine.vehicle import Vehicle
+from services.runtime.config.errors import NeedsRealTimeError
+from services.runtime.config.stack import Stack
+from services.runtime.node.node import Node
+
+POLL_HZ = 200.0  # [1/s] the link is looked at
+SHOW_HZ = 10.0  # [1/s] lights and camera tilt
+TOPICS: dict[type[Message], AnyTopic] = {
+    ImuSample: topics.IMU,
+    MagnetometerSample: topics.MAGNETOMETER,
+    PressureSample: topics.PRESSURE,
+    BatterySample: topics.BATTERY,
+}
+
+
+def wire(node: Node, stack: Stack) -> None:
+    """
+    Raises:
+        LindyError: the port cannot be opened, or pymavlink is not installed.
+    """
+    if stack.virtual:
+        raise NeedsRealTimeError(node.name)
+    wire_to(open_link(stack.section("ardusub", Settings).url), node, stack)
+
+
+def wire_to(link: BoardLink, node: Node, stack: Stack) -> None:
+    """The service on a link that is open."""
+    settings = stack.section("ardusub", Settings)
+    before = node.restore_checkpoint(TakenCheckpoint)
+    driver = ArdusubDriver(stack.section("vehicle", Vehicle), settings, before)
+    codec = BoardCodec(settings.system, settings.component)
+    reader = FrameReader(codec)
+    pass_on = _passing_on(driver, link, codec, node)
+    actuation = node.publisher(topics.ACTUATION)
+    status, reference = node.latest(topics.STATUS), node.latest(topics.REFERENCE)
+
+    def obey(command: ThrusterCommand, now: int) -> None:
+        driver.obey(command, now)
+        pass_on()
+        end.set(None if driver.ends_ns is None else driver.ends_ns + 1)
+
+    def lapse(now: int) -> None:
+        driver.lapse(now)
+        pass_on()
+
+    def look(now: int) -> None:
+        found = reader.read(b"".join(link.receive()))
+        # Not `now`: on a busy computer, what was sent since then may have arrived as well, and a
+        # packet that arrives before it was sent looks like a clock that jumped.
+        arrival = node.now()
+        driver.heard_garbage(found.wrong, found.left_out)
+        for packet in found.packets:
+            driver.hear(packet, arrival)
+        driver.tick(now)
+        driver.link_lost(*link.lost())
+        pass_on()
+
+    def report(now: int) -> None:
+        actuation.put(driver.actuation(now))
+
+    def show(now: int) -> None:
+        newest, wanted = status.newest(now), reference.newest(now)
+        driver.show(newest.light if newest else 0.0, wanted.tilt.position if wanted else 0.0)
+
+    def close() -> None:
+        driver.disarm()
+        pass_on()
+        link.close()
+
+    end = node.alarm(lapse)
+    node.each(topics.THRUSTERS, obey)
+    node.every(POLL_HZ, look)
+    node.every(topics.ACTUATION.hz, report)
+    node.every(SHOW_HZ, show)
+    node.on_close(close)
+
+
+def _passing_on(
+    driver: ArdusubDriver, link: BoardLink, codec: BoardCodec, node: Node
+) -> Callable[[], None]:
+    """What the driver has to send, to publish, to count, to say and to remember."""
+    publishers = {kind: node.publisher(topic) for kind, topic in TOPICS.items()}
+
+    def pass_on() -> None:
+        done = driver.take()
+        for packet in done.packets:
+            link.send(codec.encode(packet))
+        for sample in done.samples:
+            publishers[type(sample)].put(sample)
+        for name in done.events:
+            node.count(name)
+        for level, text in done.lines:
+            node.log(level, text)
+        if done.taken is not None:
+            node.save_checkpoint(TakenCheckpoint(taken=done.taken))
+
+    return pass_on

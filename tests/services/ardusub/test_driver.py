@@ -1,0 +1,371 @@
+"""The driver against the double, packet by packet: what it accepts, refuses, sends and says."""
+
+from typing import Any
+
+import pytest
+
+from messages.sensors import BatterySample, ImuSample, PressureSample
+from services.ardusub.core import Settings
+from services.ardusub.packet import MavlinkPacket
+from tools.research.ardusub_double.cable import DOWN, MS, Cable, S
+
+BOTH = pytest.mark.parametrize("version", ["4.5", "4.8"])
+
+
+# A board that is right.
+
+
+@BOTH
+def test_neutral_is_sent_before_while_and_after_arming(version: str) -> None:
+    cable = Cable(version).accepted()
+    assert len(cable.sticks()) >= 10
+    assert all(sticks == [1500] * 6 for sticks in cable.sticks())
+    cable.thrust = DOWN
+    armed = cable.now
+    cable.run(0.3)
+    assert cable.board.armed
+    cable.run(1.0)
+    assert any(sticks[2] < 1450 for sticks in cable.sticks(armed))
+    cable.armed, stopped = False, cable.now
+    cable.run(1.0)
+    assert not cable.board.armed
+    after = cable.sticks(stopped + 20 * MS)
+    assert len(after) >= 45
+    assert all(sticks == [1500] * 6 for sticks in after)
+
+
+@BOTH
+def test_sticks_are_sent_at_least_50_times_a_second_and_never_released(version: str) -> None:
+    cable = Cable(version).flying()
+    began = cable.now
+    cable.run(2.0)
+    assert len(cable.sticks(began)) >= 100
+    assert all(1100 <= pulse <= 1900 for sticks in cable.sticks() for pulse in sticks)
+
+
+@BOTH
+def test_heartbeats_are_a_second_apart(version: str) -> None:
+    cable = Cable(version).run(10.0)
+    times = [at for at, packet in cable.sent if packet.name == "HEARTBEAT"]
+    assert len(times) in (10, 11)
+
+
+@BOTH
+def test_the_motors_give_the_wrench_that_was_asked_for(version: str) -> None:
+    cable = Cable(version).flying()
+    assert cable.driver.mixed.wrench[2] == pytest.approx(40.0, rel=0.02)
+    assert sum(cable.board.hull.simulator.actuation().thrust) == pytest.approx(40.0, rel=0.05)
+
+
+@BOTH
+def test_a_command_ends_with_its_time_to_live(version: str) -> None:
+    cable = Cable(version).flying()
+    cable.thrust, silent = None, cable.now
+    cable.run(0.25)
+    assert cable.board.servo == [1500] * 8
+    first = next(at for at, p in cable.sent if p.name == "RC_CHANNELS_OVERRIDE" and at > silent
+                 and p.fields["chan3_raw"] == 1500)  # fmt: skip
+    assert first - silent <= 202 * MS
+    cable.run(1.0)
+    assert cable.board.armed
+    cable.run(1.5)
+    assert not cable.board.armed
+    assert "Lost manual control" not in cable.board.texts
+
+
+@BOTH
+def test_samples_come_at_their_rates_in_si_units_and_on_our_clock(version: str) -> None:
+    cable = Cable(version).accepted()
+    began = cable.now
+    cable.run(4.0)
+    for kind, hz in ((ImuSample, 100), (PressureSample, 40), (BatterySample, 1)):
+        got = [(at, m) for at, m in cable.samples if isinstance(m, kind) and at > began]
+        assert len(got) == pytest.approx(4 * hz, abs=2), kind
+        assert all(0 <= at - m.stamp_ns <= 8 * MS for at, m in got), kind
+    imu = [m for _, m in cable.samples if isinstance(m, ImuSample)][-1]
+    assert imu.specific_force[2] == pytest.approx(-9.81, abs=0.3)
+    pressure = [m for _, m in cable.samples if isinstance(m, PressureSample)][-1]
+    assert pressure.pressure == pytest.approx(101_800, abs=1500)
+    assert pressure.temperature == pytest.approx(8.0)
+
+
+def test_the_finer_imu_message_is_used_where_there_is_one() -> None:
+    for version, name in (("4.5", "RAW_IMU"), ("4.8", "HIGHRES_IMU")):
+        cable = Cable(version).accepted().run(1.0)
+        assert name in cable.board.streams, version
+
+
+@BOTH
+def test_lights_and_tilt_as_the_version_allows(version: str) -> None:
+    cable = Cable(version, Settings(light_servo=13)).accepted()
+    cable.driver.show(0.5, 0.785 / 2)
+    cable.run(0.1)
+    [last] = cable.of("RC_CHANNELS_OVERRIDE")[-1:]
+    assert last.fields["chan8_raw"] == 1700
+    if version == "4.5":
+        assert cable.board.light == 1500
+    else:
+        assert last.fields["chan9_raw"] == 0
+        assert cable.board.set_servos == {13: 1500}
+
+
+# A board that is not.
+
+
+@pytest.mark.parametrize(
+    ("board", "words"),
+    [
+        ({"autopilot": 12}, "autopilot is 12; allowed: 3"),
+        ({"kind": 1}, "vehicle of type 1; allowed: 12"),
+        ({"version": "4.1"}, "ArduSub 4.1; allowed: 4.5 and newer"),
+        ({"params": {"FRAME_CONFIG": 1}}, "FRAME_CONFIG is 1; allowed: the frame of BlueROV2"),
+        ({"params": {"FRAME_CONFIG": 3}}, "FRAME_CONFIG is 3; allowed: the frame of BlueROV2"),
+        ({"params": {"MAV_GCS_SYSID": 254}}, "MAV_GCS_SYSID is 254; allowed: 255"),
+        ({"params": {"FS_PILOT_INPUT": 0}}, "FS_PILOT_INPUT is 0; allowed: 2"),
+        ({"params": {"FS_GCS_ENABLE": 1}}, "FS_GCS_ENABLE is 1; allowed: 2, 3 or 4"),
+        ({"params": {"FS_LEAK_ENABLE": 0}}, "FS_LEAK_ENABLE is 0; allowed: 1 or 2"),
+        ({"params": {"RC_OVERRIDE_TIME": 0}}, "RC_OVERRIDE_TIME is 0; allowed: 0.1 to 10"),
+        ({"params": {"RC3_TRIM": 1100}}, "RC3_TRIM is 1100; allowed: 1500"),
+        ({"params": {"RC5_TRIM": 1480}}, "RC5_TRIM is 1480; allowed: 1500"),
+        ({"params": {"ARMING_SKIPCHK": -1}}, "ARMING_SKIPCHK is -1; allowed: not -1"),
+        ({"params": {"ACRO_YAW_P": 0}}, "ACRO_YAW_P is 0; allowed: 0.5 to 10"),
+        ({"version": "4.5", "params": {"SYSID_MYGCS": 1}}, "SYSID_MYGCS is 1; allowed: 255"),
+        ({"version": "4.5", "params": {"RC3_TRIM": 1500}}, "RC3_TRIM is 1500; allowed: RC3_MIN"),
+        ({"version": "4.5", "params": {"ARMING_CHECK": 0}}, "ARMING_CHECK is 0; allowed: not 0"),
+    ],
+)
+def test_a_board_that_is_wrong_is_named_and_never_armed(board: dict[str, Any], words: str) -> None:
+    cable = Cable(**board)
+    cable.thrust = DOWN
+    cable.run(4.0)
+    assert not cable.board.armed
+    assert not cable.sticks()
+    assert not cable.samples
+    assert [text for text in cable.said if words in text], cable.said
+    assert len(cable.said) == len(set(cable.said)) <= 2
+    assert cable.counts["refused:board"] >= 1
+
+
+def test_no_board_is_said_once() -> None:
+    cable = Cable()
+    cable.dumb = True
+    cable.run(20.0)
+    assert len(cable.said) == 1
+    assert "no heartbeat of ArduSub arrives" in cable.said[0]
+    cable.dumb = False
+    cable.accepted()
+
+
+def test_bytes_that_are_no_mavlink_hint_at_the_speed_of_the_port() -> None:
+    cable = Cable()
+    cable.dumb = True
+    cable.driver.heard_garbage(500)
+    cable.run(5.0)
+    assert "is the speed of the serial port right" in cable.said[0]
+    assert cable.counts["malformed:mavlink"] == 1
+
+
+def test_a_parameter_that_is_never_answered_is_named() -> None:
+    cable = Cable()
+    del cable.board.params["ACRO_YAW_P"]
+    cable.run(8.0)
+    assert "the board is not armed: ACRO_YAW_P is not answered" in cable.said
+
+
+def test_the_pilot_timeout_is_lowered_only_where_the_settings_say_so() -> None:
+    plain = Cable().accepted()
+    assert plain.board.params["FS_PILOT_TIMEOUT"] == 3.0
+    assert "recommended: at most 1 s" in plain.said[0]
+    allowed = Cable(settings=Settings(set_pilot_timeout=0.8)).accepted()
+    assert allowed.board.params["FS_PILOT_TIMEOUT"] == pytest.approx(0.8)
+    assert {p.fields["param_id"] for p in allowed.of("PARAM_SET")} == {"FS_PILOT_TIMEOUT"}
+
+
+def test_a_parameter_that_will_not_set_is_named_and_the_board_is_not_armed() -> None:
+    cable = Cable(settings=Settings(set_pilot_timeout=0.8))
+    cable.board.stuck = {"FS_PILOT_TIMEOUT"}
+    cable.thrust = DOWN
+    cable.run(8.0)
+    assert "the board is not armed: FS_PILOT_TIMEOUT could not be set" in cable.said
+    assert not cable.board.armed
+
+
+def test_nothing_but_the_pilot_timeout_is_ever_written() -> None:
+    cable = Cable(params={"FS_PILOT_INPUT": 0}, settings=Settings(set_pilot_timeout=1.0))
+    cable.run(12.0)
+    assert {p.fields["param_id"] for p in cable.of("PARAM_SET")} <= {"FS_PILOT_TIMEOUT"}
+    assert cable.board.params["FS_PILOT_INPUT"] == 0
+
+
+def test_a_slow_stream_is_said_with_its_rate() -> None:
+    cable = Cable("4.5")
+    cable.board.slowest_us = {"RAW_IMU": 20_000}
+    cable.accepted().run(12.0)
+    assert "RAW_IMU comes 50.0 times a second; asked for 100" in cable.said
+    assert cable.counts["rate:raw_imu"] >= 1
+
+
+def test_a_refusal_to_arm_is_said_in_the_boards_own_words() -> None:
+    cable = Cable().accepted()
+    cable.deaf = True
+    cable.thrust = DOWN
+    cable.run(0.5)
+    cable.deaf = False
+    cable.board.refuses = "PreArm: Battery 1 below minimum arming voltage"
+    cable.run(1.5)
+    assert not cable.board.armed
+    assert [t for t in cable.said if t.endswith("arm: PreArm: Battery 1 below minimum arming "
+                                                "voltage")], cable.said  # fmt: skip
+    cable.board.refuses = ""
+    cable.run(2.0)
+    assert cable.board.armed
+
+
+# Under way.
+
+
+@BOTH
+def test_a_reboot_in_mid_dive_needs_a_deliberate_arming(version: str) -> None:
+    cable = Cable(version).flying()
+    cable.board.reboot(cable.now)
+    cable.run(8.0)
+    assert not cable.board.armed
+    assert cable.driver.stage == "accepted"
+    assert cable.counts["jumped:board_clock"] == 1
+    assert any("jumped" in text for text in cable.said)
+    cable.armed = False
+    cable.run(0.5)
+    cable.armed = True
+    cable.run(1.0)
+    assert cable.board.armed
+
+
+@pytest.mark.parametrize("seconds", [-3.0, -0.8, 0.1, 30.0])
+def test_a_jump_of_the_boards_clock_stops_the_vehicle(seconds: float) -> None:
+    cable = Cable().flying()
+    cable.board.clock_ahead_ns += round(seconds * S)
+    began = cable.now
+    cable.run(4.0)
+    assert cable.counts["jumped:board_clock"] == 1
+    assert not cable.board.armed
+    late = [m for at, m in cable.samples if at > began + S]
+    assert late
+    assert all(at - m.stamp_ns < 10 * MS for at, m in cable.samples if at > began + 2 * S)
+
+
+@pytest.mark.parametrize("what", ["disarm", "mode"])
+def test_another_station_is_obeyed_until_a_deliberate_arming(what: str) -> None:
+    cable = Cable().flying()
+    cable.another(*((400, 0) if what == "disarm" else (176, 1, 2)))
+    cable.run(1.1)  # a change of mode is seen with the next heartbeat
+    taken = cable.now
+    cable.run(5.0)
+    assert not cable.sticks(taken)
+    assert not cable.of("COMMAND_LONG", taken)
+    assert cable.counts["outdone:ardusub"] == 1
+    cable.armed = False
+    cable.run(0.5)
+    assert not cable.of("COMMAND_LONG", taken), "nor is it disarmed: it is theirs"
+    cable.armed = True
+    cable.run(1.5)
+    assert cable.board.armed
+    assert cable.board.mode == 19
+    assert cable.board.servo[4] > 1600
+
+
+def test_a_restarted_service_goes_on_with_its_own_vehicle() -> None:
+    cable = Cable().flying()
+    cable.restart(taken=False)
+    cable.run(3.5)
+    assert cable.board.armed
+    assert cable.board.servo[4] > 1600
+    assert not cable.counts["outdone:ardusub"]
+
+
+def test_a_restarted_service_does_not_take_the_vehicle_back() -> None:
+    cable = Cable().flying()
+    cable.another(400, 0)
+    cable.run(1.0)
+    cable.restart(taken=True)
+    cable.run(5.0)
+    assert not cable.board.armed
+    cable.armed = False
+    cable.run(0.5)
+    cable.armed = True
+    cable.run(1.5)
+    assert cable.board.armed
+
+
+def test_a_board_that_others_armed_before_the_start_is_theirs() -> None:
+    cable = Cable()
+    cable.another(400, 1)
+    cable.run(1.5)
+    assert cable.driver.authority.taken
+    taken = cable.now
+    cable.run(2.0)
+    assert not cable.sticks(taken)
+    assert "was armed, not by Lindy" in "".join(cable.said)
+
+
+def test_while_the_board_surfaces_neutral_goes_on() -> None:
+    cable = Cable().flying()
+    cable.another(176, 1, 9)
+    cable.run(1.1)
+    since = cable.now
+    cable.run(5.0)
+    assert set(map(tuple, cable.sticks(since))) == {(1500,) * 6}
+    assert cable.board.armed, "the failsafe for silent sticks does not stop the ascent"
+
+
+def test_a_stranger_with_our_system_is_said_and_prevents_arming() -> None:
+    cable = Cable().accepted()
+    stranger = MavlinkPacket("HEARTBEAT", {"type": 6, "autopilot": 8}, 255, 190)
+    cable.thrust = DOWN
+    for _ in range(4):
+        cable.driver.hear(stranger, cable.now)
+        cable.run(1.0)
+    assert not cable.board.armed
+    assert len([t for t in cable.said if "somebody else speaks as system 255" in t]) == 1
+    assert cable.counts["stranger:mavlink"] == 4
+    cable.run(5.0)
+    assert cable.board.armed
+
+
+def test_a_cable_cut_in_flight_ends_in_the_boards_failsafe() -> None:
+    cable = Cable().flying()
+    cable.deaf = cable.dumb = True
+    cable.run(4.0)
+    assert not cable.board.armed
+    assert cable.board.servo == [1500] * 8
+    assert cable.counts["silent:board"] == 1
+    cable.deaf = cable.dumb = False
+    cable.run(3.0)
+    assert not cable.board.armed, "it comes back without arming by itself"
+    assert cable.counts["outdone:ardusub"] == 1
+
+
+def test_a_parameter_made_wrong_in_flight_ends_it() -> None:
+    cable = Cable().flying()
+    cable.board.hear(
+        MavlinkPacket("PARAM_SET", {"param_id": "FS_PILOT_INPUT", "param_value": 0.0}, 254, 190),
+        cable.now,
+    )
+    cable.run(0.5)
+    assert not cable.board.armed
+    assert any("FS_PILOT_INPUT is 0" in text for text in cable.said)
+
+
+def test_a_leak_is_said_and_counted() -> None:
+    cable = Cable().accepted()
+    cable.board.leaking = True
+    cable.run(45.0)
+    assert "the board says: Leak Detected" in cable.said
+    assert cable.counts["leak:board"] == 2
+
+
+def test_the_end_of_the_service_disarms() -> None:
+    cable = Cable().flying()
+    cable.driver.disarm()
+    cable.thrust = None
+    cable.run(0.1)
+    assert not cable.board.armed

@@ -1,0 +1,192 @@
+"""The whole stack with a board under ArduSub: the double of tools/research/ardusub_double.
+
+On virtual time, over an in-memory link that still encodes and decodes every frame.
+"""
+
+from collections import Counter
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from messages import topics
+from messages.control import ThrusterCommand
+from messages.health import LogLine
+from messages.state import VehicleState
+from messages.vehicle import Actuation, VehicleStatus
+from services.ardusub.packet import MavlinkPacket, command
+from services.ardusub.service import wire_to
+from services.marine.vehicle import Vehicle
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.virtual_host import VirtualHost
+from services.simulator.core import Settings
+from tools.research.ardusub_double.board import BoardDouble
+from tools.research.ardusub_double.memory import BoardOnHost
+
+S = 1_000_000_000  # [ns]
+CHAIN = ("ardusub", "estimation", "reference", "control", "tether", "gamepad")
+BOTH = pytest.mark.parametrize("version", ["4.5", "4.8"])
+# At the surface the verticals are half in the air: down first.
+SCRIPT = "t,surge,sway,heave,yaw\n0,0,0,0,0\n1,0,0,0.8,0\n4,0,0,0,0\n99,0,0,0,0\n"
+
+
+class Flight:
+    """The chain on a board, with a pilot's script, and an observer on board."""
+
+    def __init__(
+        self,
+        folder: Path,
+        version: str = "4.8",
+        script: str = SCRIPT,
+        overrides: tuple[str, ...] = (),
+        **board: Any,
+    ) -> None:
+        path = folder / "script.csv"
+        path.write_text(script)
+        self.stack = Stack(
+            vehicle="bluerov2_heavy",
+            pilot=f"script:{path}",
+            out=str(folder),
+            overrides=["estimation.calibration.still_time=3", *overrides],
+        )
+        self.host, self.rows = VirtualHost(), Registry.read("ardusub")
+        vehicle = self.stack.section("vehicle", Vehicle)
+        settings = self.stack.section("simulator", Settings)
+        self.double = BoardDouble(vehicle, settings, version=version, **board)
+        self.board = BoardOnHost(self.host, self.double)
+        self.lines: list[LogLine] = []
+        self.states: list[VehicleState] = []
+        self.statuses: list[VehicleStatus] = []
+        self.commands: list[ThrusterCommand] = []
+        self.reports: list[Actuation] = []
+        observer = self.host.node("observer", ["drone"])
+        observer.each(topics.LOG, lambda m, _: self.lines.append(m))
+        observer.each(topics.STATE, lambda m, _: self.states.append(m))
+        observer.each(topics.STATUS, lambda m, _: self.statuses.append(m))
+        observer.each(topics.THRUSTERS, lambda m, _: self.commands.append(m))
+        observer.each(topics.ACTUATION, lambda m, _: self.reports.append(m))
+        for name in CHAIN:
+            self.start(name)
+
+    def start(self, name: str) -> None:
+        wire = partial(wire_to, self.board.link) if name == "ardusub" else None
+        self.host.add(name, self.rows[name], self.stack, wire)
+
+    def run(self, seconds: float) -> "Flight":
+        self.host.run(self.host.now + round(seconds * S))
+        return self
+
+    def until_armed(self) -> "Flight":
+        self.host.run(self.host.now + 60 * S, done=lambda: self.double.armed)
+        assert self.double.armed, [line.text for line in self.lines]
+        return self
+
+    def said(self, words: str) -> list[str]:
+        return [m.text for m in self.lines if m.service == "ardusub" and words in m.text]
+
+    def another(self, number: int, *params: float) -> None:
+        """A command of another ground station."""
+        self.board.other_station(command(1, number, *params), self.host.now)
+
+    @property
+    def depth(self) -> float:
+        return self.double.hull.simulator.truth().position[2]
+
+    @property
+    def counts(self) -> Counter[str]:
+        return self.host.nodes["ardusub"].counts
+
+    @property
+    def sticks(self) -> list[MavlinkPacket]:
+        return [p for p in self.board.heard if p.name == "RC_CHANNELS_OVERRIDE"]
+
+
+@BOTH
+def test_it_dives_and_holds_its_depth(tmp_path: Path, version: str) -> None:
+    flight = Flight(tmp_path, version).until_armed().run(9.0)
+    depth = flight.depth
+    assert depth > 0.6
+    depths = list[float]()
+    for _ in range(16):
+        flight.run(0.5)
+        depths.append(flight.depth)
+    assert max(depths) - min(depths) < 0.1
+    assert abs(flight.states[-1].depth.value - flight.depth) < 0.1
+
+
+def test_silence_makes_neutral_at_once_and_disarms_after_a_while(tmp_path: Path) -> None:
+    flight = Flight(tmp_path).until_armed().run(3.0)
+    assert flight.double.servo[4] > 1550
+    flight.host.kill("control")
+    flight.run(0.35)
+    assert flight.double.servo == [1500] * 8
+    assert flight.double.armed
+    flight.run(2.5)
+    assert not flight.double.armed
+    assert flight.double.texts[-1] == "Disarming motors"  # not by a failsafe of the board
+    assert flight.counts["stale:control/thrusters"] == 1
+    flight.start("control")
+    flight.run(3.0)
+    assert flight.double.armed, "the pilot still wants it armed"
+
+
+def test_when_the_service_dies_the_boards_own_failsafe_acts(tmp_path: Path) -> None:
+    flight = Flight(tmp_path).until_armed().run(2.0)
+    assert flight.double.servo[4] > 1550
+    flight.host.kill("ardusub")
+    flight.run(3.2)
+    assert flight.double.servo == [1500] * 8
+    assert not flight.double.armed
+    assert flight.double.texts[-2:] == ["Lost manual control", "Disarming motors"]
+
+
+@pytest.mark.parametrize("number", ["disarm", "mode"])
+def test_another_ground_station_is_obeyed_without_a_fight(tmp_path: Path, number: str) -> None:
+    flight = Flight(tmp_path).until_armed().run(2.0)
+    flight.another(*((400, 0) if number == "disarm" else (176, 1, 2)))
+    flight.run(1.1)  # a change of mode is seen with the next heartbeat
+    sent = len(flight.sticks)
+    flight.run(1.5)
+    assert len(flight.sticks) == sent, "its sticks are theirs"
+    assert flight.statuses[-1].armed, "Lindy's own pilot has done nothing"
+    assert flight.double.armed == (number == "mode")
+    assert flight.double.mode == (2 if number == "mode" else 19)
+    assert len(flight.said("somebody else has it")) == 1
+    assert flight.counts["outdone:ardusub"] == 1
+
+
+def test_a_wrong_parameter_is_named_and_nothing_starts(tmp_path: Path) -> None:
+    flight = Flight(tmp_path, params={"FS_PILOT_INPUT": 0.0})
+    flight.run(20.0)
+    assert not flight.double.armed
+    assert not flight.states
+    [sentence] = flight.said("FS_PILOT_INPUT")
+    assert sentence.endswith("FS_PILOT_INPUT is 0; allowed: 2 (disarm when the sticks are silent)")
+    flight.double.params["FS_PILOT_INPUT"] = 2.0  # put right, it is checked again
+    flight.until_armed()
+
+
+def test_a_packet_that_arrives_while_the_service_is_held_up_is_no_jump_of_the_clock(
+    tmp_path: Path,
+) -> None:
+    """A busy computer stops the service between its timer and its look at the link."""
+    flight = Flight(tmp_path)
+    for name in CHAIN[1:]:
+        flight.host.kill(name)
+    link, host = flight.board.link, flight.host
+    receive, looks = link.receive, [0]
+
+    def held_up() -> list[bytes]:
+        looks[0] += 1
+        if looks[0] % 40 == 0:
+            host.now += 30_000_000  # [ns]
+
+            flight.board.step(host.now)
+        return receive()
+
+    link.receive = held_up
+    flight.run(10.0)
+    assert flight.counts["jumped:board_clock"] == 0
+    assert not flight.said("jumped")

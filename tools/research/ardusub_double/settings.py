@@ -1,0 +1,38 @@
+"""The parameters that the double has, with the defaults of either version."""
+
+VERSIONS = {"4.5": 0x04050080, "4.8": 0x04080000}  # flight_sw_version of AUTOPILOT_VERSION
+
+_BOTH: dict[str, float] = {
+    "FRAME_CONFIG": 2,
+    "FS_PILOT_INPUT": 2,
+    "FS_PILOT_TIMEOUT": 3.0,
+    "FS_GCS_ENABLE": 2,
+    "FS_LEAK_ENABLE": 1,
+    "RC_OVERRIDE_TIME": 3.0,
+    "ACRO_YAW_P": 3.375,
+    "MOT_FV_CPLNG_K": 1.0,
+    "MOT_SPOOL_TIME": 0.5,
+    "BATT_FS_LOW_ACT": 0,
+    **{f"MOT_{n}_DIRECTION": 1 for n in range(1, 9)},
+    **{
+        f"RC{n}_{part}": value
+        for n in range(1, 12)
+        for part, value in {"MIN": 1100, "TRIM": 1500, "MAX": 1900, "REVERSED": 0}.items()
+    },
+}
+_OF_VERSION: dict[str, dict[str, float]] = {
+    "4.5": {"SYSID_MYGCS": 255, "SYSID_THISMAV": 1, "ARMING_CHECK": 448, "RC3_TRIM": 1100},
+    "4.8": {
+        "MAV_GCS_SYSID": 255,
+        "MAV_GCS_SYSID_HI": 0,
+        "MAV_SYSID": 1,
+        "ARMING_SKIPCHK": 16776767,
+        "FS_GCS_TIMEOUT": 5.0,
+    },
+}
+LIMITS = {"FS_PILOT_TIMEOUT": (0.1, 3.0)}  # a value outside is taken as the nearest
+
+
+def defaults(version: str) -> dict[str, float]:
+    """Of 4.5 for any other version, which is too old for the driver."""
+    return {**_BOTH, **_OF_VERSION.get(version, _OF_VERSION["4.5"])}
