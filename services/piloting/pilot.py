@@ -13,8 +13,8 @@ from msgspec.structs import replace
 from messages.pilot import PilotAnswer, PilotCommand, PilotRequest, RequestKind
 from messages.units import Ns
 from messages.vehicle import VehicleStatus
-from services.gamepad.core import CENTRED, Level, StickReading
-from services.gamepad.pilot_intents import FollowIntent, GotoIntent, Intent, ModeIntent
+from services.piloting.pilot_intents import FollowIntent, GotoIntent, Intent, ModeIntent
+from services.piloting.sticks import CENTRED, Level, StickReading
 
 PAUSE_NS = 2_000_000_000  # [ns] between two attempts at automatic arming
 BACK_OFF_NS = (
@@ -66,6 +66,11 @@ class Pilot:
     _back_off_ns: Ns = BACK_OFF_NS[0]
     _light: bool = False  # as last requested or reported
     _reading: StickReading = ABSENT
+
+    @property
+    def in_control(self) -> bool:
+        """As far as this pilot knows."""
+        return self._has_control
 
     def read(
         self, reading: StickReading, source: str, played: int, waiting: Waiting, now: Ns
