@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from services.runtime.hosts.registry import Registry, wire_of
+from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.service_module import wire_of
 
 ROOT = Path(__file__).parents[1]
 PUBLIC = {"https://pypi.org", "https://files.pythonhosted.org"}

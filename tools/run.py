@@ -11,7 +11,8 @@ from services.runtime.bus.key_files import KeyFiles
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import nearest
 from services.runtime.hosts.process_host import HubLaunch, Launch, run_hub, run_services
-from services.runtime.hosts.registry import Registry, ServiceSpec
+from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.stack_file import ServiceSpec
 from tools.checks import checked, pilot_of
 from tools.choices import Choices
 from tools.keys.door import door, is_local

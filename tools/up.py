@@ -10,7 +10,8 @@ from services.runtime.bus.key_files import Door
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import nearest
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import Registry, ServiceSpec
+from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.launch.local_stack import LocalStack, OtherSide, local_stack
 from tools.checks import DEFAULT_PILOT, checked, pilot_of
 from tools.choices import Choices

@@ -79,7 +79,7 @@ def _mission_result(result: MavMissionResult) -> Callable[[ReceivedPacket, Snaps
 
 def _no_logs(_packet: ReceivedPacket, _: Snapshot) -> Packet:
     fields = ("id", "num_logs", "last_log_num", "time_utc", "size")
-    return Packet("LOG_ENTRY", {name: 0 for name in fields})
+    return Packet("LOG_ENTRY", dict.fromkeys(fields, 0))
 
 
 def _no_files(packet: ReceivedPacket, _: Snapshot) -> Packet:

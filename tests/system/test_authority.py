@@ -19,7 +19,8 @@ from services.piloting.pilot import Pilot, Progress
 from services.piloting.sticks import StickReading, Sticks
 from services.reference.guidance.authority import SILENT_NS
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import Registry, ServiceSpec
+from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.node.node import Node
 

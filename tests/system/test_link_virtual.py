@@ -21,7 +21,8 @@ from services.reference.settings import Settings
 from services.reference.trajectory.minimum_jerk import Ramp
 from services.runtime.bus.envelope import Envelope
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import Registry, wire_of
+from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.service_module import wire_of
 from services.runtime.hosts.virtual_host import Skew, VirtualHost
 from services.runtime.node.gate import Gate
 from services.runtime.node.node import Node

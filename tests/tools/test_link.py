@@ -12,7 +12,7 @@ from messages.link import LinkAnswer, LinkRequest
 from services.runtime.config.errors import LindyError
 from services.runtime.config.running import Running
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import ServiceSpec
+from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.hosts.virtual_host import VirtualHost
 from tools.__main__ import main
 from tools.link import link, require_link

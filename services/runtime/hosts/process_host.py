@@ -30,7 +30,8 @@ from services.runtime.hosts.callers import Callers
 from services.runtime.hosts.garbage_collection import rare_collections
 from services.runtime.hosts.group_host import GroupHost
 from services.runtime.hosts.heartbeat import Heartbeat
-from services.runtime.hosts.registry import Registry, ServiceSpec
+from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.hosts.stepper import POLL_S, Stepper
 from services.runtime.node.checkpoint import CheckpointFile
 from services.runtime.node.clock_offset import ClockOffset

@@ -26,7 +26,8 @@ from services.runtime.config.running import RUNNING, Running
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.heartbeat import last_beat
 from services.runtime.hosts.process_host import HubLaunch, Launch, usage
-from services.runtime.hosts.registry import Registry, ServiceSpec
+from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.launch.answering import Answering
 from services.runtime.launch.child import Task
 from services.runtime.launch.supervisor import NAME, Supervisor

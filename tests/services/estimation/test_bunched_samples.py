@@ -13,7 +13,7 @@ from messages.sensors import ImuSample, PressureSample
 from messages.state import VehicleState
 from services.marine.vehicle import GRAVITY
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import ServiceSpec
+from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.node.node import Node
 

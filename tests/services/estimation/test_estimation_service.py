@@ -13,7 +13,7 @@ from services.estimation.core import Settings
 from services.marine.vehicle import GRAVITY, SEA_WATER, Vehicle
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import ServiceSpec
+from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.node.node import Node
 

@@ -20,7 +20,7 @@ from services.piloting.pilot_intents import Intent, Press
 from services.piloting.sticks import CENTRED, StickReading, Sticks
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import ServiceSpec
+from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.node.node import Node
 

@@ -6,7 +6,8 @@ from messages import topics
 from messages.health import Health
 from messages.link import Clock
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import Registry, ServiceSpec
+from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.hosts.virtual_host import Skew, VirtualHost
 from tools.up import on_side
 

@@ -18,7 +18,8 @@ from services.recorder.service import wire
 from services.runtime.bus.envelope import Envelope
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import Registry, ServiceSpec
+from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.hosts.virtual_host import Skew, VirtualHost
 from tools.recordings.recording import log_hash, open_recording
 

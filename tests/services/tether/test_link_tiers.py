@@ -12,7 +12,7 @@ from messages.link import LinkRequest, LinkStatus
 from messages.topic import Qos
 from services.runtime.bus.envelope import Envelope
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import ServiceSpec
+from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.tether.telemetry_rate_control import (
     LADDER,

@@ -3,7 +3,7 @@
 import grimp
 import pytest
 
-from services.runtime.hosts.registry import own_services
+from services.runtime.hosts.service_module import own_services
 from tools.docs.import_picture import BOXES, ROOTS, arrows_of, box_of, rendered
 
 

@@ -22,7 +22,8 @@ from messages.topic import Qos
 from services.runtime.bus.envelope import Envelope
 from services.runtime.bus.zenoh_bus import open_bus
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import Registry, ServiceSpec
+from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.launch.local_stack import local_stack
 from services.tether.core import Link

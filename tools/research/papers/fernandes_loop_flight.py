@@ -27,7 +27,8 @@ from services.reference.trajectory.profile import MotionProfile
 from services.reference.trajectory.profile_sequence import sequence
 from services.runtime.bus.envelope import Envelope
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import Registry, Wire, wire_of
+from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.service_module import Wire, wire_of
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.node.node import Node
 from services.simulator.core import Settings, at_the_surface

@@ -24,7 +24,7 @@ from services.estimation.core import Estimator, Settings
 from services.estimation.startup.calibration import CalibrationSettings
 from services.marine.vehicle import GRAVITY, SEA_WATER
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import ServiceSpec
+from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.hosts.virtual_host import VirtualHost
 
 QUICK = Settings(calibration=CalibrationSettings(still_time=3.0))  # [s] less to wait for

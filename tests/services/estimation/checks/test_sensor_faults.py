@@ -19,7 +19,7 @@ from messages.state import VehicleState
 from messages.topic import Topic
 from services.marine.vehicle import GRAVITY, SEA_WATER, Vehicle
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import ServiceSpec
+from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.hosts.virtual_host import VirtualHost
 
 QUICK = Stack(overrides=["estimation.calibration.still_time=3"])  # [s] less to wait for

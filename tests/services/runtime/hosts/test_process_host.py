@@ -17,7 +17,7 @@ from services.runtime.bus.zenoh_bus import ZenohBus, listening, open_bus
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.callers import Callers
 from services.runtime.hosts.process_host import HubLaunch, Launch
-from services.runtime.hosts.registry import ServiceSpec
+from services.runtime.hosts.stack_file import ServiceSpec
 
 PATIENCE_S = 60.0  # never reached unless something is broken
 PYTHON = [sys.executable, "-P", "-m", "services"]

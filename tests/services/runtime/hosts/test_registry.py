@@ -9,7 +9,8 @@ from messages import topics
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import deploy_file
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import NEEDED, Registry, own_services
+from services.runtime.hosts.registry import NEEDED, Registry
+from services.runtime.hosts.service_module import own_services
 from services.runtime.hosts.virtual_host import VirtualHost
 from tools.checks import known_tables
 

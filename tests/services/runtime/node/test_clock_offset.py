@@ -12,7 +12,8 @@ from messages.pilot import PilotCommand
 from messages.vehicle import Actuation
 from services.runtime.bus.envelope import Envelope
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import Registry, ServiceSpec
+from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.hosts.virtual_host import Skew, VirtualHost
 from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.gate import Gate

@@ -1,0 +1,130 @@
+"""A stack file: the services of a dive and the sides they are on, read and checked."""
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+
+from services.runtime.config.errors import LindyError
+from services.runtime.config.settings import convert, line_of, nearest, read_toml
+from services.runtime.config.stack import BODY
+from services.runtime.hosts.service_module import ServiceModule, own_services
+
+SideName = Annotated[str, msgspec.Meta(pattern="^(topside|drone)$")]
+NAME = r"[a-z0-9_]+"  # of a service: it becomes part of a key
+TAKEN = (BODY, "supervisor", "hub_topside", "hub_drone")  # they mean something else
+SIMULATOR = "simulator"  # a whole vehicle; a driver may be one part of several
+
+
+class ServiceSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A service of a stack file."""
+
+    sides: Annotated[list[SideName], msgspec.Meta(min_length=1)]  # the first is its home side
+    gateway: bool = False  # it connects the sides, and publishes its own BOTH topics on each
+    vehicle_side: bool = False  # it is the vehicle, or part of it: sensors, thrusters
+    each_machine: bool = False  # runs on each machine, where its sides are two machines
+    process: str | None = None  # services with the same name here share an OS process
+    service: str | None = None  # Lindy's service whose code it runs; None: that of its name
+    module: str | None = None  # a user's module; None: one of Lindy's own services
+
+
+class StackFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    services: dict[str, dict[str, Any]] = {}
+
+
+Specs = Mapping[str, ServiceSpec]  # by name, in the order of the file
+
+
+def read_specs(file: Path) -> Specs:
+    """The services of a stack file, not yet checked.
+
+    Raises:
+        LindyError: it cannot be read, or a key is wrong.
+    """
+    tables = convert(read_toml(file), StackFile, "", file).services
+    return {n: convert(t, ServiceSpec, f"services.{n}", file) for n, t in tables.items()}
+
+
+def code_of(name: str, spec: ServiceSpec) -> str:
+    """Lindy's service whose code a service runs."""
+    return spec.service or name
+
+
+def module_of(name: str, spec: ServiceSpec, file: Path) -> ServiceModule:
+    """The module of a service; `file` is the stack file."""
+    return ServiceModule(file, name, code_of(name, spec), spec.module)
+
+
+def place(file: Path, name: str, key: str = "") -> str:
+    """The file, the line and the key, for an error."""
+    path = ("services", name, key) if key else ("services", name)
+    return f"{file}{line_of(file, path)}: {'.'.join(path)}"
+
+
+def require_possible(specs: Specs, file: Path) -> None:
+    """
+    Raises:
+        LindyError: a service cannot have its name or its sides, or there is no code for it.
+    """
+    for name, spec in specs.items():
+        _require_known(name, spec, file)
+        _require_possible_sides(name, spec, file)
+
+
+def require_one_of_a_kind(specs: Specs, file: Path) -> None:
+    """
+    Raises:
+        LindyError: two services are the gateway, or two are a whole vehicle.
+    """
+    gateways = [name for name, spec in specs.items() if spec.gateway]
+    if len(gateways) > 1:
+        raise LindyError(
+            f"{place(file, gateways[1], 'gateway')}: {gateways[0]} is the gateway already, and "
+            f"every message would cross twice; allowed is one"
+        )
+    vehicles = {n: module_of(n, spec, file) for n, spec in specs.items() if spec.vehicle_side}
+    simulators = [n for n, module in vehicles.items() if module.name == f"services.{SIMULATOR}"]
+    if simulators and len(vehicles) > 1:
+        other = next(name for name in reversed(vehicles) if name != simulators[0])
+        raise LindyError(
+            f"{place(file, other, 'vehicle_side')}: {simulators[0]} is a whole vehicle already; "
+            f"allowed is one of the two"
+        )
+
+
+def _require_known(name: str, spec: ServiceSpec, file: Path) -> None:
+    if name in TAKEN or not re.fullmatch(NAME, name):
+        raise LindyError(
+            f"{place(file, name)}: a service cannot be called {name!r}; allowed are a to z, 0 to "
+            f"9 and _, and not {' or '.join(TAKEN)}"
+        )
+    code, module = code_of(name, spec), spec.module
+    if module is not None and not all(part.isidentifier() for part in module.split(".")):
+        raise LindyError(
+            f"{place(file, name, 'module')}: {module!r} is no name of a module; allowed: that of "
+            f"an installed one such as my_lab.my_driver, or of a file beside the stack file, "
+            f"without .py"
+        )
+    if module is None and code not in own_services():
+        raise LindyError(
+            f"{place(file, name)}: Lindy has no service {code!r}, and no module is named for it"
+            f"{nearest(code, own_services())}"
+        )
+
+
+def _require_possible_sides(name: str, spec: ServiceSpec, file: Path) -> None:
+    at = place(file, name, "sides")
+    if len(set(spec.sides)) < len(spec.sides):
+        raise LindyError(f"{at}: {spec.sides[0]!r} is there twice; allowed is each side once")
+    if spec.vehicle_side and spec.sides != ["drone"]:
+        raise LindyError(
+            f'{at}: a service with vehicle_side = true is on board; allowed is ["drone"], '
+            f"found {spec.sides}"
+        )
+    if spec.gateway and len(spec.sides) < 2:
+        raise LindyError(
+            f"{at}: a service with gateway = true connects the sides; allowed is "
+            f'["topside", "drone"], found {spec.sides}'
+        )
