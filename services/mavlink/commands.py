@@ -82,8 +82,6 @@ def meaning(fields: Mapping[str, Any]) -> Meaning:
             return UNSUPPORTED if name is None else Show(name)
         case MavCommand.REQUEST_AUTOPILOT_CAPABILITIES:
             return Show("AUTOPILOT_VERSION")
-        case MavCommand.REQUEST_PROTOCOL_VERSION:
-            return Show("PROTOCOL_VERSION")
         case MavCommand.GET_HOME_POSITION:
             return Show("HOME_POSITION")
         case _:

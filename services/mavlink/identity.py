@@ -38,12 +38,6 @@ def autopilot_version(_known: Snapshot) -> Packet:
     )
 
 
-def protocol_version(_known: Snapshot) -> Packet:
-    versions = {"version": 200, "min_version": 100, "max_version": 200}
-    hashes = {"spec_version_hash": [0] * 8, "library_version_hash": [0] * 8}
-    return Packet("PROTOCOL_VERSION", versions | hashes)
-
-
 def _to(packet: ReceivedPacket) -> dict[str, int]:
     return {
         "target_system": packet.sender.system,
@@ -111,5 +105,4 @@ ANSWERS: Mapping[str, Callable[[ReceivedPacket, Snapshot], Packet | None]] = {
 }
 ASKED_FOR: Mapping[str, Callable[[Snapshot], Packet]] = {
     "AUTOPILOT_VERSION": autopilot_version,
-    "PROTOCOL_VERSION": protocol_version,
 }  # sent by request only

@@ -81,7 +81,7 @@ def sys_status(known: Snapshot) -> Packet | None:
         return None
     here = MavSensor.ABSOLUTE_PRESSURE | MavSensor.AHRS | MavSensor.MOTOR_OUTPUTS
     here |= MavSensor.BATTERY | MavSensor.PREARM_CHECK
-    well = MavSensor.MOTOR_OUTPUTS
+    well = MavSensor.MOTOR_OUTPUTS | MavSensor.GEOFENCE  # there is no fence to be outside of
     if (state := known.state) is not None:
         well |= MavSensor.ABSOLUTE_PRESSURE if state.depth.valid else MavSensor(0)
         well |= MavSensor.AHRS if state.heading.valid else MavSensor(0)
@@ -149,7 +149,7 @@ def vfr_hud(known: Snapshot) -> Packet | None:
         {
             "airspeed": 0.0,
             "groundspeed": _speed(state),
-            "heading": int(degrees(_heading(state)) % 360.0),
+            "heading": int(degrees(_heading(state)) % 360.0) % 360,
             "throttle": 0,
             "alt": -state.depth.value,
             "climb": -state.depth_rate.value,
@@ -333,7 +333,7 @@ def _remaining(battery: BatterySample | None) -> int:
     """[%] -1: not known."""
     if battery is None or not battery.capacity_wh:
         return -1
-    return min(100, max(0, round(100.0 * (1.0 - battery.used_wh / battery.capacity_wh))))
+    return round(100.0 * (1.0 - min(1.0, battery.used_wh / battery.capacity_wh)))
 
 
 def _fitting(value: float, most: int) -> int:

@@ -20,6 +20,7 @@ MOST_PEERS = 16  # ground stations at once
 READ = 2048  # [B] of a stream that are read at once; no datagram is longer
 DATAGRAMS = 16  # that are read at once
 FLOOD_PAUSE_S = 0.02  # [s] after more than that: 100 kB/s on a link, far beyond what anybody needs
+UNREAD = 32_768  # [B] that a ground station has not read: some seconds of telemetry
 KEPT = 65_536  # [B] of a link that wait for the service at most
 SILENT_S = 60.0  # [s] after which a sender of datagrams is forgotten
 Address = tuple[str, int]
@@ -36,6 +37,7 @@ class Peer:
         self.heard_s = time.monotonic()
         self.waiting: deque[bytes] = deque()
         self._to = to
+        self._rest = b""  # of a frame that was begun
 
     def put(self, frame: bytes) -> None:
         """Send it whole or not at all.
@@ -45,8 +47,12 @@ class Peer:
         """
         if self._to is not None:
             self.socket.sendto(frame, self._to)
-        elif self.socket.send(frame) < len(frame):
-            self.socket.shutdown(socket.SHUT_RDWR)  # half a frame spoils all that follow
+            return
+        if self._rest:  # half a frame would spoil all that follow
+            self._rest = self._rest[self.socket.send(self._rest) :]
+            if self._rest:
+                raise BlockingIOError
+        self._rest = frame[self.socket.send(frame) :]
 
     @property
     def may_be_forgotten(self) -> bool:
@@ -69,9 +75,13 @@ class Links:
         self._selector = selectors.DefaultSelector()
         self._closing, self._closed = socket.socketpair()
         self._selector.register(self._closed, selectors.EVENT_READ, None)
-        for url in urls:
-            self._open(url, insecure=insecure)
         self._thread: threading.Thread | None = None
+        try:
+            for url in urls:
+                self._open(url, insecure=insecure)
+        except LindyError:
+            self.close()
+            raise
 
     def start(self, notify: Callable[[], None]) -> None:
         """Begin to read; `notify` is called when something has arrived."""
@@ -121,23 +131,21 @@ class Links:
         _require_local(url, host, insecure=insecure)
         address = (host, int(port))
         stream = kind == "tcpin"
+        sock = socket.socket(socket.AF_INET, socket.SOCK_STREAM if stream else socket.SOCK_DGRAM)
+        self._selector.register(sock, selectors.EVENT_READ, kind)
+        sock.setblocking(False)
         try:
-            sock = socket.socket(
-                socket.AF_INET, socket.SOCK_STREAM if stream else socket.SOCK_DGRAM
-            )
-            sock.setblocking(False)
             if kind == "udpout":
                 sock.connect(address)
                 self._add(f"udp {host}:{port}", sock)
-            elif stream:
+                return
+            if stream:
                 sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-                sock.bind(address)
+            sock.bind(address)
+            if stream:
                 sock.listen()
-            else:
-                sock.bind(address)
         except (OSError, OverflowError) as error:
             raise LindyError(f"mavlink.links: {url} cannot be opened: {error}") from None
-        self._selector.register(sock, selectors.EVENT_READ, kind)
 
     def _add(self, name: str, sock: socket.socket, to: Address | None = None) -> Peer | None:
         """None, and counted: there are too many already."""
@@ -185,6 +193,7 @@ class Links:
         connection, (host, port) = sock.accept()
         connection.setblocking(False)
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, UNREAD)
         if self._add(f"tcp {host}:{port}", connection) is None:
             connection.close()
         else:
