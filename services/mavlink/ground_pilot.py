@@ -124,6 +124,8 @@ class GroundPilot:
 
     def answered(self, request: PilotRequest, answer: PilotAnswer, now: Ns, out: Reaction) -> None:
         out.add(self.pilot.answered(request, answer, now))
+        if answer.epoch is not None and self.holder.fresh(now):
+            self._read((), frozenset(), now, out)  # the drone arms only with sticks of this epoch
         if request.kind == "lease" and not answer.accepted:
             self._close(("arm",), MavResult.FAILED, out)
         result = MavResult.ACCEPTED if answer.accepted else MavResult.FAILED

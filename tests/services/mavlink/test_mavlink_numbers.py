@@ -6,7 +6,9 @@ from enum import IntEnum
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pymavlink.dialects.v20 import ardupilotmega as dialect
+from pymavlink.dialects.v20 import (  # pyright: ignore[reportMissingTypeStubs]
+    ardupilotmega as dialect,
+)
 
 from messages.message import Estimate
 from messages.pilot import Hold

@@ -23,7 +23,7 @@ MS = 1_000_000
 S = 1000 * MS
 DRONE = ("simulator", "estimation", "reference", "control", "tether")
 ANN, BOB = GroundStation("udp a", 255, 190), GroundStation("tcp b", 254, 190)
-NEUTRAL = {"target": 1, "x": 0, "y": 0, "z": 500, "r": 0, "buttons": 0}
+NEUTRAL: dict[str, Any] = {"target": 1, "x": 0, "y": 0, "z": 500, "r": 0, "buttons": 0}
 
 
 class Air:
@@ -151,6 +151,16 @@ def test_a_ground_station_dives_a_metre_lets_go_and_the_drone_holds(tmp_path: Pa
     assert not dive.status.armed
     assert dive.acks == [(400, 0), (176, 0), (400, 0)]
     assert not dive.air.of("HEARTBEAT")[-1]["base_mode"] & 128
+
+
+def test_the_first_sticks_are_enough_to_arm(tmp_path: Path) -> None:
+    dive = Dive(tmp_path)
+    dive.host.run(20 * S, done=lambda: bool(dive.statuses) and dive.status.mode == "ready")
+    dive.run(1.0)
+    dive.hear("MANUAL_CONTROL", **NEUTRAL)
+    dive.command(400, 1.0)
+    dive.run(0.25)
+    assert dive.acks == [(400, 0)]
 
 
 @pytest.mark.parametrize("hz", [10.0, 25.0, 50.0])

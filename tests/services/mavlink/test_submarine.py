@@ -26,7 +26,7 @@ from services.piloting.pilot import Pilot, Progress
 S, MS = 1_000_000_000, 1_000_000
 ANN, BOB = GroundStation("udp a", 255, 190), GroundStation("tcp b", 254, 190)
 NOBODY = frozenset[RequestKind]()
-HERE = {"target_system": 1, "target_component": 1}
+HERE: dict[str, Any] = {"target_system": 1, "target_component": 1}
 anything = st.floats(allow_nan=True, allow_infinity=True, width=32)
 ZERO = Estimate(0.0, 0.0)
 STATE = VehicleState(
@@ -79,7 +79,8 @@ class Drone:
         return self.answer(self.submarine.tick(links, known, NOBODY, self.now))
 
     def sticks(self, sender: GroundStation = ANN, **sticks: int) -> Reaction:
-        fields = {"target": 1, "x": 0, "y": 0, "z": 500, "r": 0, "buttons": 0} | sticks
+        fields: dict[str, Any] = {"target": 1, "x": 0, "y": 0, "z": 500, "r": 0, "buttons": 0}
+        fields |= sticks
         reaction = self.hear("MANUAL_CONTROL", sender, **fields)
         self.answer(self.submarine.status(self.status(), NOBODY, self.now))
         return reaction
@@ -244,12 +245,12 @@ def test_the_idle_service_asks_for_no_control() -> None:
     "fields",
     [{"target_system": 2, "target_component": 1}, {"target_system": 1, "target_component": 154}],
 )
-def test_what_is_for_others_is_counted_and_not_answered(fields: dict[str, int]) -> None:
+def test_what_is_for_others_is_counted_and_not_answered(fields: dict[str, Any]) -> None:
     reaction = Drone().hear("COMMAND_LONG", command=400, param1=1.0, param2=0.0, **fields)
     assert (reaction.packets, reaction.counts) == ([], ["wrong_target:mavlink"])
     echo = Drone().hear("PARAM_REQUEST_LIST", GroundStation("udp a", 1, 1), **HERE)
     assert echo.counts == ["wrong_target:mavlink"]
-    sticks = {"target": 0, "x": 0, "y": 0, "z": 500, "r": 0, "buttons": 0}
+    sticks: dict[str, Any] = {"target": 0, "x": 0, "y": 0, "z": 500, "r": 0, "buttons": 0}
     assert Drone().hear("MANUAL_CONTROL", **sticks).counts == ["wrong_target:mavlink"]
 
 
@@ -333,12 +334,13 @@ def test_every_message_comes_at_its_rate_and_each_link_has_rates_of_its_own() ->
 @pytest.mark.parametrize("stream", STREAMS)
 def test_data_streams_of_old_are_obeyed(stream: int) -> None:
     drone = Drone()
-    asked = {"req_stream_id": stream, "req_message_rate": 10, "start_stop": 1}
+    asked: dict[str, Any] = {"req_stream_id": stream, "req_message_rate": 10, "start_stop": 1}
     assert acks(drone.hear("REQUEST_DATA_STREAM", **HERE, **asked)) == []
     seen = rates(drone, ANN.link)
     for name in set(STREAMS[stream]) & {"ATTITUDE", "VFR_HUD", "SYS_STATUS", "AHRS2"}:
         assert seen[name] == pytest.approx(10.0, rel=0.1)
-    drone.hear("REQUEST_DATA_STREAM", **HERE, **(asked | {"start_stop": 0}))
+    asked["start_stop"] = 0
+    drone.hear("REQUEST_DATA_STREAM", **HERE, **asked)
     assert not set(rates(drone, ANN.link, 1)) & set(STREAMS[stream])
 
 
@@ -374,7 +376,7 @@ def test_a_message_is_sent_once_by_request_if_it_is_known(name: str) -> None:
         ("LOG_REQUEST_LIST", {"start": 0, "end": 9, **HERE}, {"num_logs": 0}),
     ],
 )
-def test_questions_have_answers(name: str, fields: dict[str, int], answer: dict[str, int]) -> None:
+def test_questions_have_answers(name: str, fields: dict[str, Any], answer: dict[str, int]) -> None:
     (addressed,) = Drone().hear(name, **fields).packets
     assert addressed.link == ANN.link
     assert answer.items() <= dict(addressed.packet.fields).items()
