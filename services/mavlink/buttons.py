@@ -29,7 +29,7 @@ class Pressed(NamedTuple):
 
 
 @dataclass(slots=True)
-class Buttons:
+class ButtonReader:
     """Which of them are down, and the gain of the sticks."""
 
     parameters: Parameters

@@ -38,20 +38,20 @@ class Show(NamedTuple):
     name: str
 
 
-class Stream(NamedTuple):
+class SetStream(NamedTuple):
     """Send a message every so often."""
 
     name: str
     period_us: float  # 0: as by default; negative: never
 
 
-class Interval(NamedTuple):
+class TellInterval(NamedTuple):
     """Say how often a message is sent."""
 
     name: str
 
 
-Meaning = Ask | Refusal | Show | Stream | Interval
+Meaning = Ask | Refusal | Show | SetStream | TellInterval
 UNSUPPORTED = Refusal(MavResult.UNSUPPORTED)
 
 
@@ -73,10 +73,10 @@ def meaning(fields: Mapping[str, Any]) -> Meaning:
         case MavCommand.SET_MESSAGE_INTERVAL:
             name = _message(first)
             good = name is not None and isfinite(second)
-            return Stream(name, second) if name and good else UNSUPPORTED
+            return SetStream(name, second) if name and good else UNSUPPORTED
         case MavCommand.GET_MESSAGE_INTERVAL:
             name = _message(first)
-            return UNSUPPORTED if name is None else Interval(name)
+            return UNSUPPORTED if name is None else TellInterval(name)
         case MavCommand.REQUEST_MESSAGE:
             name = _message(first)
             return UNSUPPORTED if name is None else Show(name)

@@ -5,13 +5,14 @@ from typing import Annotated
 
 import msgspec
 
+from messages.counts import in_words
 from messages.health import LogLine
 from messages.pilot import PilotAnswer, PilotRequest
 from messages.units import Ns
 from messages.vehicle import Failsafe, VehicleStatus
 from services.mavlink import commands, identity
-from services.mavlink.buttons import Buttons
-from services.mavlink.commands import Ask, Interval, Meaning, Refusal, Show, Stream
+from services.mavlink.buttons import ButtonReader
+from services.mavlink.commands import Ask, Meaning, Refusal, SetStream, Show, TellInterval
 from services.mavlink.ground_pilot import GroundPilot
 from services.mavlink.numbers import (
     AUTOPILOT_COMPONENT,
@@ -22,12 +23,12 @@ from services.mavlink.numbers import (
     MavResult,
     MavSeverity,
 )
-from services.mavlink.packets import Addressed, GroundStation, Packet, ReceivedPacket
+from services.mavlink.packets import Addressed, GroundStation, MavPacket, ReceivedPacket
 from services.mavlink.parameter_protocol import ParameterProtocol
 from services.mavlink.parameters import Parameters
 from services.mavlink.reaction import Reaction, Texts
 from services.mavlink.stick_input import StickInput
-from services.mavlink.streams import DEFAULT_HZ, OFF, STREAMS, Streams, period_ns
+from services.mavlink.streams import DEFAULT_HZ, OFF, STREAMS, LinkStreams, period_ns
 from services.mavlink.telemetry import MADE, Snapshot
 from services.piloting.pilot import Pilot, Waiting
 
@@ -52,11 +53,11 @@ class Submarine:
     def __init__(self, settings: Settings, pilot: Pilot, boot_ns: Ns) -> None:
         self._system = settings.system_id
         self._known = Snapshot(boot_ns, boot_ns, 0)
-        self._streams: dict[str, Streams] = {}  # by link
+        self._streams: dict[str, LinkStreams] = {}  # by link
         parameters = Parameters(settings.system_id)
         self._parameters = ParameterProtocol(parameters)
         self._pilot = GroundPilot(pilot)
-        self._sticks = StickInput(self._pilot, Buttons(parameters))
+        self._sticks = StickInput(self._pilot, ButtonReader(parameters))
         self._texts = Texts()
         self._failsafe: Failsafe = "none"
         self._handlers: Mapping[str, Handler] = {
@@ -138,9 +139,9 @@ class Submarine:
                 made = self._made(name)
                 out.packets += [Addressed(link, packet) for packet in made]
                 result = MavResult.ACCEPTED if made else MavResult.FAILED
-            case Stream(name, period_us):
+            case SetStream(name, period_us):
                 result = self._stream(streams, name, period_us, now)
-            case Interval(name):
+            case TellInterval(name):
                 result = MavResult.ACCEPTED
                 period = streams.period(name) if name in DEFAULT_HZ else OFF
                 out.send(
@@ -151,7 +152,7 @@ class Submarine:
                 )
         out.acknowledge(sender, number, result)
 
-    def _stream(self, streams: Streams, name: str, period_us: float, now: Ns) -> MavResult:
+    def _stream(self, streams: LinkStreams, name: str, period_us: float, now: Ns) -> MavResult:
         if name not in DEFAULT_HZ:
             return MavResult.UNSUPPORTED  # by request only
         period = round(min(period_us, 1e9) * 1e3) if period_us > 0.0 else OFF
@@ -187,7 +188,7 @@ class Submarine:
         out = Reaction()
         if line.level != "info":
             severity = MavSeverity.ERROR if line.level == "error" else MavSeverity.WARNING
-            out.say(None, severity, f"{line.service}: {line.text}")
+            out.say(None, severity, f"{line.service}: {in_words(line.text)}")
         return self._finished(out, now)
 
     def answered(self, request: PilotRequest, answer: PilotAnswer, now: Ns) -> Reaction:
@@ -208,7 +209,7 @@ class Submarine:
         self._sticks.status = known.status
         self._pilot.tick(waiting, now, out)
         self._parameters.tick(out)
-        made: dict[str, list[Packet]] = {}
+        made: dict[str, list[MavPacket]] = {}
         present = set(links)
         for gone in self._streams.keys() - present:
             del self._streams[gone]
@@ -220,10 +221,10 @@ class Submarine:
                 out.packets += [Addressed(link, packet) for packet in made[name]]
         return self._finished(out, now)
 
-    def _streams_of(self, link: str) -> Streams:
-        return self._streams.setdefault(link, Streams())
+    def _streams_of(self, link: str) -> LinkStreams:
+        return self._streams.setdefault(link, LinkStreams())
 
-    def _made(self, name: str) -> list[Packet]:
+    def _made(self, name: str) -> list[MavPacket]:
         if name in identity.ASKED_FOR:
             return [identity.ASKED_FOR[name](self._known)]
         return MADE[name](self._known)

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 
 from services.mavlink.numbers import MavCapability, MavMissionResult
-from services.mavlink.packets import Packet, ReceivedPacket
+from services.mavlink.packets import MavPacket, ReceivedPacket
 from services.mavlink.telemetry import Snapshot
 
 # [-] Major, minor, patch, 255 for a release: ground stations choose names and pages by it. The
@@ -16,11 +16,11 @@ FTP_PAYLOAD = 251  # [B]
 EXPECTED = frozenset({"HEARTBEAT", "SYSTEM_TIME", "COMMAND_ACK", "STATUSTEXT", "MISSION_ACK"})
 
 
-def autopilot_version(_known: Snapshot) -> Packet:
+def autopilot_version(_known: Snapshot) -> MavPacket:
     capabilities = (
         MavCapability.COMMAND_INT | MavCapability.MAVLINK2 | MavCapability.PARAM_ENCODE_C_CAST
     )
-    return Packet(
+    return MavPacket(
         "AUTOPILOT_VERSION",
         {
             "capabilities": int(capabilities),
@@ -45,53 +45,53 @@ def _to(packet: ReceivedPacket) -> dict[str, int]:
     }
 
 
-def _timesync(packet: ReceivedPacket, known: Snapshot) -> Packet | None:
+def _timesync(packet: ReceivedPacket, known: Snapshot) -> MavPacket | None:
     """tc1 of 0 asks for our clock; anything else is the answer to a question never asked."""
     if packet.fields["tc1"] != 0:
         return None
-    return Packet("TIMESYNC", {"tc1": known.now, "ts1": packet.fields["ts1"]})
+    return MavPacket("TIMESYNC", {"tc1": known.now, "ts1": packet.fields["ts1"]})
 
 
-def _ping(packet: ReceivedPacket, _: Snapshot) -> Packet:
+def _ping(packet: ReceivedPacket, _: Snapshot) -> MavPacket:
     same = {name: packet.fields[name] for name in ("time_usec", "seq")}
-    return Packet("PING", same | _to(packet))
+    return MavPacket("PING", same | _to(packet))
 
 
-def _no_missions(packet: ReceivedPacket, _: Snapshot) -> Packet:
+def _no_missions(packet: ReceivedPacket, _: Snapshot) -> MavPacket:
     """Missions, fences and rally points: there are none."""
     kind = packet.fields.get("mission_type", 0)
-    return Packet("MISSION_COUNT", _to(packet) | {"count": 0, "mission_type": kind})
+    return MavPacket("MISSION_COUNT", _to(packet) | {"count": 0, "mission_type": kind})
 
 
-def _mission_result(result: MavMissionResult) -> Callable[[ReceivedPacket, Snapshot], Packet]:
-    def answer(packet: ReceivedPacket, _: Snapshot) -> Packet:
+def _mission_result(result: MavMissionResult) -> Callable[[ReceivedPacket, Snapshot], MavPacket]:
+    def answer(packet: ReceivedPacket, _: Snapshot) -> MavPacket:
         kind = packet.fields.get("mission_type", 0)
-        return Packet("MISSION_ACK", _to(packet) | {"type": int(result), "mission_type": kind})
+        return MavPacket("MISSION_ACK", _to(packet) | {"type": int(result), "mission_type": kind})
 
     return answer
 
 
-def _no_logs(_packet: ReceivedPacket, _: Snapshot) -> Packet:
+def _no_logs(_packet: ReceivedPacket, _: Snapshot) -> MavPacket:
     fields = ("id", "num_logs", "last_log_num", "time_utc", "size")
-    return Packet("LOG_ENTRY", dict.fromkeys(fields, 0))
+    return MavPacket("LOG_ENTRY", dict.fromkeys(fields, 0))
 
 
-def _no_files(packet: ReceivedPacket, _: Snapshot) -> Packet:
+def _no_files(packet: ReceivedPacket, _: Snapshot) -> MavPacket:
     """MAVLink FTP: refused, so that nobody waits for a time-out."""
     asked = bytes(packet.fields["payload"]).ljust(12, b"\0")
     number = (int.from_bytes(asked[:2], "little") + 1) % 2**16
     head = number.to_bytes(2, "little") + bytes([asked[2], FTP_NAK, 1, asked[3], 0, 0])
     answer = (head + bytes(4) + bytes([FTP_UNKNOWN_COMMAND])).ljust(FTP_PAYLOAD, b"\0")
     fields = _to(packet) | {"target_network": 0, "payload": list(answer)}
-    return Packet("FILE_TRANSFER_PROTOCOL", fields)
+    return MavPacket("FILE_TRANSFER_PROTOCOL", fields)
 
 
-def _version(_packet: ReceivedPacket, known: Snapshot) -> Packet:
+def _version(_packet: ReceivedPacket, known: Snapshot) -> MavPacket:
     return autopilot_version(known)
 
 
 # Name of a message → its answer; None: no answer.
-ANSWERS: Mapping[str, Callable[[ReceivedPacket, Snapshot], Packet | None]] = {
+ANSWERS: Mapping[str, Callable[[ReceivedPacket, Snapshot], MavPacket | None]] = {
     "TIMESYNC": _timesync,
     "PING": _ping,
     "AUTOPILOT_VERSION_REQUEST": _version,
@@ -103,6 +103,6 @@ ANSWERS: Mapping[str, Callable[[ReceivedPacket, Snapshot], Packet | None]] = {
     "LOG_REQUEST_LIST": _no_logs,
     "FILE_TRANSFER_PROTOCOL": _no_files,
 }
-ASKED_FOR: Mapping[str, Callable[[Snapshot], Packet]] = {
+ASKED_FOR: Mapping[str, Callable[[Snapshot], MavPacket]] = {
     "AUTOPILOT_VERSION": autopilot_version,
 }  # sent by request only

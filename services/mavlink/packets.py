@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 
-class Packet(NamedTuple):
+class MavPacket(NamedTuple):
     """To be sent."""
 
     name: str  # as in the dialect: ATTITUDE
@@ -34,4 +34,4 @@ class Addressed(NamedTuple):
     """A packet for one link, or for all of them."""
 
     link: str | None
-    packet: Packet
+    packet: MavPacket

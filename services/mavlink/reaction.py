@@ -5,7 +5,7 @@ from typing import Any
 
 from messages.units import Ns
 from services.mavlink.numbers import MavResult, MavSeverity
-from services.mavlink.packets import Addressed, GroundStation, Packet
+from services.mavlink.packets import Addressed, GroundStation, MavPacket
 from services.piloting.pilot import Effects
 
 TEXT = 50  # [B] of one STATUSTEXT; longer text is sent in several
@@ -31,7 +31,7 @@ class Reaction(Effects):
             self.say(None, MavSeverity.WARNING if level == "warning" else MavSeverity.INFO, text)
 
     def send(self, link: str | None, name: str, **fields: Any) -> None:
-        self.packets.append(Addressed(link, Packet(name, fields)))
+        self.packets.append(Addressed(link, MavPacket(name, fields)))
 
     def say(self, link: str | None, severity: MavSeverity, text: str) -> None:
         self.texts.append((link, severity, text))
@@ -69,14 +69,14 @@ class Texts:
             ]
         reaction.texts.clear()
 
-    def _packets(self, severity: MavSeverity, text: str) -> list[Packet]:
+    def _packets(self, severity: MavSeverity, text: str) -> list[MavPacket]:
         raw = _plain(text)[:LONGEST]
         chunks = [raw[at : at + TEXT] for at in range(0, len(raw), TEXT)] or [b""]
         number = 0
         if len(chunks) > 1:
             number = self._id = self._id % 65535 + 1
         return [
-            Packet(
+            MavPacket(
                 "STATUSTEXT",
                 {"severity": int(severity), "text": chunk, "id": number, "chunk_seq": k},
             )

@@ -26,7 +26,7 @@ BATTERY_PATIENCE_NS = (
 )
 
 
-class Transport(Protocol):
+class GroundLinks(Protocol):
     """Links to ground stations."""
 
     counts: Counter[str]
@@ -55,7 +55,7 @@ def wire(node: Node, stack: Stack) -> None:
 class GroundStations:
     """Connects a `Submarine` to its links and to a node."""
 
-    def __init__(self, node: Node, settings: Settings, links: Transport) -> None:
+    def __init__(self, node: Node, settings: Settings, links: GroundLinks) -> None:
         self._node, self._links = node, links
         self._pilot = Pilot(node.restore_checkpoint(Progress) or Progress(), arms=False)
         self._kept = self._pilot.progress

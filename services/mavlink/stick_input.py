@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from messages.units import Ns
 from messages.vehicle import VehicleStatus
-from services.mavlink.buttons import Buttons
+from services.mavlink.buttons import ButtonReader
 from services.mavlink.ground_pilot import GroundPilot
 from services.mavlink.numbers import MavSeverity
 from services.mavlink.packets import GroundStation, ReceivedPacket
@@ -18,7 +18,7 @@ SAME_TEXT_NS = 5_000_000_000  # [ns] between two warnings that another one has t
 @dataclass(slots=True)
 class StickInput:
     pilot: GroundPilot
-    buttons: Buttons
+    buttons: ButtonReader
     status: VehicleStatus | None = None  # newest of the drone
     _lamp: float | None = None  # [-] as RC channel 9 last said
     _warned_ns: Ns | None = None

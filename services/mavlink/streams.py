@@ -39,7 +39,7 @@ def period_ns(hz: float) -> Ns:
 
 
 @dataclass(slots=True)
-class Streams:
+class LinkStreams:
     """Of one link."""
 
     _periods: dict[str, Ns] = field(

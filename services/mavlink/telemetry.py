@@ -22,7 +22,7 @@ from services.mavlink.numbers import (
     MavSensor,
     MavState,
 )
-from services.mavlink.packets import Packet
+from services.mavlink.packets import MavPacket
 
 INT16, INT32, UINT16 = 2**15 - 1, 2**31 - 1, 2**16 - 1
 UNKNOWN_HEADING = UINT16
@@ -46,7 +46,7 @@ class Snapshot(NamedTuple):
         return ((self.now - self.boot_ns) // 1_000_000) % 2**32
 
 
-def heartbeat(known: Snapshot) -> Packet | None:
+def heartbeat(known: Snapshot) -> MavPacket | None:
     """The drone's sign of life: none without its status, so that ground stations notice."""
     if (status := known.status) is None:
         return None
@@ -55,7 +55,7 @@ def heartbeat(known: Snapshot) -> Packet | None:
         base |= MavModeFlag.STABILIZE_ENABLED
     if status.armed:
         base |= MavModeFlag.SAFETY_ARMED
-    return Packet(
+    return MavPacket(
         "HEARTBEAT",
         {
             "type": SUBMARINE,
@@ -76,7 +76,7 @@ def _system_status(status: VehicleStatus) -> MavState:
     return MavState.ACTIVE if status.armed else MavState.STANDBY
 
 
-def sys_status(known: Snapshot) -> Packet | None:
+def sys_status(known: Snapshot) -> MavPacket | None:
     if (status := known.status) is None:
         return None
     here = MavSensor.ABSOLUTE_PRESSURE | MavSensor.AHRS | MavSensor.MOTOR_OUTPUTS
@@ -87,7 +87,7 @@ def sys_status(known: Snapshot) -> Packet | None:
         well |= MavSensor.AHRS if state.heading.valid else MavSensor(0)
     well |= MavSensor.PREARM_CHECK if status.mode != "starting" else MavSensor(0)
     well |= MavSensor.BATTERY if known.battery is not None else MavSensor(0)
-    return Packet(
+    return MavPacket(
         "SYS_STATUS",
         {
             "onboard_control_sensors_present": int(here),
@@ -107,10 +107,10 @@ def sys_status(known: Snapshot) -> Packet | None:
     )
 
 
-def attitude(known: Snapshot) -> Packet | None:
+def attitude(known: Snapshot) -> MavPacket | None:
     if (state := known.state) is None:
         return None
-    return Packet(
+    return MavPacket(
         "ATTITUDE",
         {
             "time_boot_ms": known.boot_ms,
@@ -124,11 +124,11 @@ def attitude(known: Snapshot) -> Packet | None:
     )
 
 
-def ahrs2(known: Snapshot) -> Packet | None:
+def ahrs2(known: Snapshot) -> MavPacket | None:
     """Cockpit takes the depth from its altitude."""
     if (state := known.state) is None:
         return None
-    return Packet(
+    return MavPacket(
         "AHRS2",
         {
             "roll": state.roll.value,
@@ -141,10 +141,10 @@ def ahrs2(known: Snapshot) -> Packet | None:
     )
 
 
-def vfr_hud(known: Snapshot) -> Packet | None:
+def vfr_hud(known: Snapshot) -> MavPacket | None:
     if (state := known.state) is None:
         return None
-    return Packet(
+    return MavPacket(
         "VFR_HUD",
         {
             "airspeed": 0.0,
@@ -157,14 +157,14 @@ def vfr_hud(known: Snapshot) -> Packet | None:
     )
 
 
-def global_position_int(known: Snapshot) -> Packet | None:
+def global_position_int(known: Snapshot) -> MavPacket | None:
     """`relative_alt` is the depth, negative down."""
     if (state := known.state) is None:
         return None
     height = _fitting(-state.depth.value * 1e3, INT32)
     north, east, down = _velocity(state)
     heading = _heading(state)
-    return Packet(
+    return MavPacket(
         "GLOBAL_POSITION_INT",
         {
             "time_boot_ms": known.boot_ms,
@@ -180,7 +180,7 @@ def global_position_int(known: Snapshot) -> Packet | None:
     )
 
 
-def local_position_ned(known: Snapshot) -> Packet | None:
+def local_position_ned(known: Snapshot) -> MavPacket | None:
     """Only of a drone that measures its position."""
     state = known.state
     if state is None or not (_valid(state.north) and _valid(state.east)):
@@ -188,7 +188,7 @@ def local_position_ned(known: Snapshot) -> Packet | None:
     assert state.north is not None
     assert state.east is not None
     north, east, down = _velocity(state)
-    return Packet(
+    return MavPacket(
         "LOCAL_POSITION_NED",
         {
             "time_boot_ms": known.boot_ms,
@@ -202,10 +202,10 @@ def local_position_ned(known: Snapshot) -> Packet | None:
     )
 
 
-def battery_status(known: Snapshot) -> Packet | None:
+def battery_status(known: Snapshot) -> MavPacket | None:
     if (battery := known.battery) is None:
         return None
-    return Packet(
+    return MavPacket(
         "BATTERY_STATUS",
         {
             "id": 0,
@@ -221,29 +221,29 @@ def battery_status(known: Snapshot) -> Packet | None:
     )
 
 
-def extended_sys_state(known: Snapshot) -> Packet | None:
+def extended_sys_state(known: Snapshot) -> MavPacket | None:
     if known.status is None:
         return None
     landed = MavLandedState.IN_AIR if known.status.armed else MavLandedState.ON_GROUND
-    return Packet("EXTENDED_SYS_STATE", {"vtol_state": 0, "landed_state": int(landed)})
+    return MavPacket("EXTENDED_SYS_STATE", {"vtol_state": 0, "landed_state": int(landed)})
 
 
-def home_position(known: Snapshot) -> Packet | None:
+def home_position(known: Snapshot) -> MavPacket | None:
     """At the surface, where the drone began; ground stations ask until they have one."""
     if known.status is None:
         return None
     zeros = ("latitude", "longitude", "altitude", "x", "y", "z")
     approach = {"approach_x": 0.0, "approach_y": 0.0, "approach_z": 0.0}
     fields = dict.fromkeys(zeros, 0) | approach | {"q": [1.0, 0.0, 0.0, 0.0]}
-    return Packet("HOME_POSITION", fields)
+    return MavPacket("HOME_POSITION", fields)
 
 
-def system_time(known: Snapshot) -> Packet:
+def system_time(known: Snapshot) -> MavPacket:
     usec = max(0, known.utc_ns // 1000)
-    return Packet("SYSTEM_TIME", {"time_unix_usec": usec, "time_boot_ms": known.boot_ms})
+    return MavPacket("SYSTEM_TIME", {"time_unix_usec": usec, "time_boot_ms": known.boot_ms})
 
 
-def named_values(known: Snapshot) -> list[Packet]:
+def named_values(known: Snapshot) -> list[MavPacket]:
     """What QGroundControl's panel of a submarine shows; names as ArduSub's."""
     if (status := known.status) is None:
         return []
@@ -254,7 +254,7 @@ def named_values(known: Snapshot) -> list[Packet]:
     if known.state is not None:
         values["TetherTrn"] = float(_fitting(known.state.heading.value / tau, INT32))
     return [
-        Packet(
+        MavPacket(
             "NAMED_VALUE_FLOAT",
             {"time_boot_ms": known.boot_ms, "name": name.encode(), "value": value},
         )
@@ -262,15 +262,15 @@ def named_values(known: Snapshot) -> list[Packet]:
     ]
 
 
-def _one(make: Callable[[Snapshot], Packet | None]) -> Callable[[Snapshot], list[Packet]]:
-    def packets(known: Snapshot) -> list[Packet]:
+def _one(make: Callable[[Snapshot], MavPacket | None]) -> Callable[[Snapshot], list[MavPacket]]:
+    def packets(known: Snapshot) -> list[MavPacket]:
         packet = make(known)
         return [] if packet is None else [packet]
 
     return packets
 
 
-MADE: Mapping[str, Callable[[Snapshot], list[Packet]]] = {
+MADE: Mapping[str, Callable[[Snapshot], list[MavPacket]]] = {
     "HEARTBEAT": _one(heartbeat),
     "SYS_STATUS": _one(sys_status),
     "SYSTEM_TIME": _one(system_time),

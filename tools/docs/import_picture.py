@@ -36,6 +36,7 @@ BOXES = {
     "tools.research": Box(3.9, 5.15, 2.0),
     "services": SERVICES,
     "services.gamepad": Box(-0.14, 4.0, 0.82),
+    "services.mavlink": Box(0.74, 4.0, 0.82),
     "services.tether": Box(1.62, 4.0, 0.82),
     "services.link_monitor": Box(2.5, 4.0, 0.82),
     "services.recorder": Box(3.38, 4.0, 0.82),

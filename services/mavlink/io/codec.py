@@ -5,7 +5,7 @@ from collections import Counter
 from typing import Any
 
 from services.mavlink.numbers import AUTOPILOT_COMPONENT
-from services.mavlink.packets import GroundStation, Packet, ReceivedPacket
+from services.mavlink.packets import GroundStation, MavPacket, ReceivedPacket
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
 
@@ -28,7 +28,7 @@ class Codec:
         self._mav = dialect.MAVLink(None, srcSystem=system, srcComponent=AUTOPILOT_COMPONENT)
         self._mav.robust_parsing = True  # rubbish becomes a message of the type BAD_DATA
 
-    def encode(self, packet: Packet) -> bytes | None:
+    def encode(self, packet: MavPacket) -> bytes | None:
         """The frame; None, and counted, where a number does not fit its field."""
         try:
             frame = bytes(CLASSES[packet.name](**packet.fields).pack(self._mav))

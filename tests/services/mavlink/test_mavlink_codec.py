@@ -9,9 +9,9 @@ from pymavlink.dialects.v20 import (  # pyright: ignore[reportMissingTypeStubs]
 )
 
 from services.mavlink.io.codec import Codec
-from services.mavlink.packets import Packet
+from services.mavlink.packets import MavPacket
 
-STICKS = Packet("MANUAL_CONTROL", {"target": 1, "x": 1, "y": 2, "z": 500, "r": 3, "buttons": 4})
+STICKS = MavPacket("MANUAL_CONTROL", {"target": 1, "x": 1, "y": 2, "z": 500, "r": 3, "buttons": 4})
 GROUND = dialect.MAVLink(None, srcSystem=255, srcComponent=190)
 
 
@@ -90,5 +90,5 @@ def test_frames_are_numbered() -> None:
 def test_a_number_that_does_not_fit_is_counted_and_not_sent() -> None:
     counts = Counter[str]()
     ours = Codec("udp test", 1, counts)
-    assert ours.encode(Packet("MANUAL_CONTROL", dict(STICKS.fields) | {"x": 10**9})) is None
+    assert ours.encode(MavPacket("MANUAL_CONTROL", dict(STICKS.fields) | {"x": 10**9})) is None
     assert counts == {"does_not_fit:MANUAL_CONTROL": 1}

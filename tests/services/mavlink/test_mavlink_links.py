@@ -13,11 +13,11 @@ import pytest
 
 from services.mavlink.io.codec import Codec
 from services.mavlink.io.links import MOST_PEERS, Links
-from services.mavlink.packets import Addressed, Packet, ReceivedPacket
+from services.mavlink.packets import Addressed, MavPacket, ReceivedPacket
 from services.runtime.config.errors import LindyError
 
 PATIENCE_S = 20.0  # never reached unless something is broken
-HEARTBEAT = Packet(
+HEARTBEAT = MavPacket(
     "HEARTBEAT",
     {
         "type": 6, "autopilot": 8, "base_mode": 0, "custom_mode": 0, "system_status": 4,

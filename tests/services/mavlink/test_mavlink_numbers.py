@@ -17,7 +17,7 @@ from messages.state import VehicleState
 from messages.vehicle import Failsafe, Mode, VehicleStatus
 from services.mavlink import identity, modes, numbers, telemetry
 from services.mavlink.io.codec import CLASSES, Codec
-from services.mavlink.packets import Packet
+from services.mavlink.packets import MavPacket
 from services.mavlink.telemetry import MADE, Snapshot
 
 PREFIXES: dict[type[IntEnum], str] = {
@@ -144,7 +144,7 @@ def test_whatever_the_drone_says_fits_into_frames(known: Snapshot) -> None:
 def test_depth_is_the_altitude_downwards_in_every_packet(state: VehicleState) -> None:
     known = Snapshot(0, 0, 0, state=state)
 
-    def of(make: object) -> Packet:
+    def of(make: object) -> MavPacket:
         packet = make(known)  # type: ignore[operator]
         assert packet is not None
         return packet  # type: ignore[no-any-return]
