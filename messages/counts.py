@@ -108,6 +108,11 @@ NAMES: dict[str, Meaning] = {
     "impossible:clock/pong": Meaning(
         MESSAGE, "a reply to a clock ping was inconsistent and not used"
     ),
+    "lost:sticks": Meaning(DANGER, "the ground station sent no sticks any more"),
+    "refused:command": Meaning(PILOT, "a command of a ground station was refused"),
+    "refused:parameter": Meaning(PILOT, "a parameter was not changed for a ground station"),
+    "too_many:mavlink": Meaning(PILOT, "there were too many ground stations at once"),
+    "dropped:mavlink": Meaning(MESSAGE, "a ground station did not read what it was sent"),
     "hung:recorder": Meaning(DATA, "the recorder did not answer"),
     "malformed:memory": Meaning(DATA, "a service's checkpoint could not be read"),
     "not_remembered:disk": Meaning(DATA, "a service's checkpoint could not be written to the disk"),
@@ -200,6 +205,11 @@ KINDS: dict[str, Meaning] = {
     "reordered": Meaning(MESSAGE, "a message arrived out of order and was not used"),
     "duplicated": Meaning(MESSAGE, "a message arrived twice"),
     "malformed": Meaning(MESSAGE, "a message could not be read"),
+    "not_the_holder": Meaning(PILOT, "another ground station had the sticks"),
+    "wrong_target": Meaning(MESSAGE, "a message was for another vehicle"),
+    "ignored": Meaning(MESSAGE, "a message asked for what there is not"),
+    "unknown_parameter": Meaning(MESSAGE, "a parameter was asked for that there is not"),
+    "does_not_fit": Meaning(MESSAGE, "a number did not fit into a message and was not sent"),
     "wrong_type": Meaning(MESSAGE, "a message was of the wrong type"),
     "wrong_epoch": Meaning(MESSAGE, "a command came from a pilot who is not in control"),
     "unknown": Meaning(MESSAGE, "a message arrived on an unknown key"),

@@ -18,7 +18,7 @@ from messages.pilot import (
     StopDistance,
 )
 from services.gamepad.io.path_file import course_of
-from services.gamepad.pilot_intents import goto
+from services.piloting.pilot_intents import goto
 from services.reference.guidance.path_following import PlannedPath
 from services.runtime.config.errors import LindyError
 from services.runtime.config.running import RUNNING, Running, running_in

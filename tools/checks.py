@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 from services.control.core import Controller, Settings
 from services.gamepad import stick_log
-from services.gamepad.incidents import Incident
 from services.gamepad.io.path_file import course_named
-from services.gamepad.pilot_intents import FollowIntent
 from services.marine.vehicle import Vehicle
+from services.piloting.pilot_intents import FollowIntent
+from services.piloting.sticks import Incident
 from services.reference.guidance.path_following import PlannedPath
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import deploy_file, nearest

@@ -138,7 +138,7 @@ def topside(
     every = Registry.read(choices.stack)
     here = runnable(on_side(every, "topside", gateway=gateway))
     here = here.grouped() if grouped else here
-    pilot = who_flies(choices)
+    pilot = who_flies(choices, here)
     stack = checked(choices, pilot, every, here)
     stack = msgspec.structs.replace(stack, apart=True, insecure=insecure)
     stack = msgspec.structs.replace(stack, out=str(out_folder(choices.out)))

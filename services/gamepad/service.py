@@ -6,10 +6,11 @@ from messages.pilot import PilotAnswer, PilotRequest, RequestKind
 from messages.simulator import FaultAnswer, FaultRequest
 from messages.vehicle import VehicleStatus
 from services.gamepad.core import Settings, StickSource
-from services.gamepad.incidents import Incident, in_words
+from services.gamepad.incidents import in_words
 from services.gamepad.io.sources import open_source
-from services.gamepad.overruling import overrules
-from services.gamepad.pilot import Effects, Pilot, Progress
+from services.piloting.overruling import overrules
+from services.piloting.pilot import Effects, Pilot, Progress
+from services.piloting.sticks import Incident
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 

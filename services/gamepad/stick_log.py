@@ -15,8 +15,8 @@ from bisect import bisect_right
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from services.gamepad.core import CENTRED, Sticks
 from services.gamepad.stick_log_events import Courses, Event, event_of, short
+from services.piloting.sticks import CENTRED, Sticks
 
 COLUMNS = ("t", "surge", "sway", "heave", "yaw")
 OPTIONAL = ("tilt", "event")  # after the others, in any order

@@ -6,8 +6,15 @@ from typing import Literal, cast, get_args
 
 from messages.pilot import Course, Hold
 from services.gamepad import incidents
-from services.gamepad.incidents import Incident
-from services.gamepad.pilot_intents import FollowIntent, GotoIntent, Intent, ModeIntent, Press, goto
+from services.piloting.pilot_intents import (
+    FollowIntent,
+    GotoIntent,
+    Intent,
+    ModeIntent,
+    Press,
+    goto,
+)
+from services.piloting.sticks import Incident
 
 Event = Intent | Incident | Literal["lost"]
 Courses = Callable[[str], Course]  # reads the path of a name; ValueError: why it cannot

@@ -14,9 +14,9 @@ from messages.control import ThrusterCommand
 from messages.pilot import Course, PilotAnswer, PilotCommand, PilotRequest
 from messages.reference import Reference
 from messages.vehicle import Truth, VehicleStatus
-from services.gamepad.core import StickReading, Sticks
-from services.gamepad.pilot import Pilot, Progress
 from services.gamepad.service import Connected
+from services.piloting.pilot import Pilot, Progress
+from services.piloting.sticks import StickReading, Sticks
 from services.reference.guidance.authority import SILENT_NS
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry

@@ -6,9 +6,10 @@ present. When the window is closed, the pilot is lost.
 
 import pygame
 
-from services.gamepad.core import Level, StickGain, StickReading, Sticks
+from services.gamepad.core import StickGain
 from services.gamepad.io import sdl
-from services.gamepad.pilot_intents import Press
+from services.piloting.pilot_intents import Press
+from services.piloting.sticks import Level, StickReading, Sticks
 from services.runtime.config.errors import LindyError
 
 HELP = (

@@ -2,11 +2,12 @@
 
 from pathlib import Path
 
-from services.gamepad.core import CENTRED, PadProfile, Settings, StickSource
+from services.gamepad.core import PadProfile, Settings, StickSource
 from services.gamepad.io import sdl
 from services.gamepad.io.path_file import course_named
 from services.gamepad.stick_log import StickLog, parse
 from services.gamepad.stick_log_player import Player
+from services.piloting.sticks import CENTRED
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import deploy_file, kept, read
 from services.runtime.config.stack import Stack

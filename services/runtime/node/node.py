@@ -209,6 +209,25 @@ class Node:
 
         self._collected.append(drain)
 
+    def from_outside(self, handler: Callable[[int], None]) -> Callable[[], None]:
+        """For a thread of a service's own that waits for a socket: what it calls when something
+        is there. `handler(now)` is then called like any other, once for however many calls."""
+        notified = False
+
+        def handle() -> None:
+            nonlocal notified
+            notified = False  # before the handler looks: what comes from now on notifies again
+            handler(self._clock())
+
+        def notify() -> None:
+            nonlocal notified
+            if not notified:
+                notified = True
+                self._pending.append(handle)
+                self.wake()
+
+        return notify
+
     def gate(self, topic: Topic[M], *, onlooker: bool = False) -> Gate[M]:
         """A gate, for services that decode envelopes themselves."""
         return Gate(topic, self.counts, self._clock_offset, onlooker=onlooker)

@@ -11,9 +11,9 @@ from msgspec.structs import replace
 
 from messages.pilot import PilotAnswer, PilotRequest, RequestKind
 from messages.vehicle import Mode, VehicleStatus
-from services.gamepad.core import CENTRED, StickReading, Sticks
-from services.gamepad.pilot import Effects, Pilot, Progress
-from services.gamepad.pilot_intents import GotoIntent, Press
+from services.piloting.pilot import Effects, Pilot, Progress
+from services.piloting.pilot_intents import GotoIntent, Press
+from services.piloting.sticks import CENTRED, StickReading, Sticks
 
 S = 1_000_000_000  # [ns]
 NOBODY: frozenset[RequestKind] = frozenset()

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.gamepad.core import CENTRED, Sticks
 from services.gamepad.io.path_file import course_named
 from services.gamepad.io.sources import read_script
 from services.gamepad.stick_log import StickLog, StickLogRow, parse
 from services.gamepad.stick_log_player import QUIET_NS, Player
+from services.piloting.sticks import CENTRED, Sticks
 from services.runtime.config.errors import LindyError
 
 S = 1_000_000_000  # [ns]

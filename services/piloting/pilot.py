@@ -13,8 +13,8 @@ from msgspec.structs import replace
 from messages.pilot import PilotAnswer, PilotCommand, PilotRequest, RequestKind
 from messages.units import Ns
 from messages.vehicle import VehicleStatus
-from services.gamepad.core import CENTRED, Level, StickReading
-from services.gamepad.pilot_intents import FollowIntent, GotoIntent, Intent, ModeIntent
+from services.piloting.pilot_intents import FollowIntent, GotoIntent, Intent, ModeIntent
+from services.piloting.sticks import CENTRED, Level, StickReading
 
 PAUSE_NS = 2_000_000_000  # [ns] between two attempts at automatic arming
 RESUME_PAUSE_NS = 200_000_000  # [ns] after an answer: until a newer status says how it went
@@ -71,6 +71,11 @@ class Pilot:
     _in_failsafe: bool = False  # the drone acts by itself, until this pilot resumes
     _resume_after: Ns = 0  # [ns]
     _reading: StickReading = ABSENT
+
+    @property
+    def in_control(self) -> bool:
+        """As far as this pilot knows."""
+        return self._has_control
 
     def read(
         self, reading: StickReading, source: str, played: int, waiting: Waiting, now: Ns
