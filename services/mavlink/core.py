@@ -1,5 +1,6 @@
 """The drone as a submarine on MAVLink: what ground stations are told, and what they may ask."""
 
+import ipaddress
 from collections.abc import Callable, Iterable, Mapping
 from typing import Annotated
 
@@ -45,6 +46,17 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     )
     system_id: Annotated[int, msgspec.Meta(ge=1, le=254)] = 1  # [-] MAVLink's, of the drone
     insecure: bool = False  # also links that other machines can reach: MAVLink has no keys
+
+    def __post_init__(self) -> None:
+        for url in self.links:
+            _, host, port = url.split(":")
+            if not 0 < int(port) < 65536:
+                raise ValueError(f"{url}: the port is not between 1 and 65535")
+            if not self.insecure and not _is_local(host):
+                raise ValueError(
+                    f"{url} goes over the network and MAVLink has no keys: whoever reaches it may "
+                    f"fly; set mavlink.insecure = true to allow that"
+                )
 
 
 class Submarine:
@@ -232,3 +244,11 @@ class Submarine:
     def _finished(self, out: Reaction, now: Ns) -> Reaction:
         self._texts.pack(out, now)
         return out
+
+
+def _is_local(host: str) -> bool:
+    """Can only this machine reach it?"""
+    try:
+        return host == "localhost" or ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False

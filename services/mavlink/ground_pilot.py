@@ -91,6 +91,8 @@ class GroundPilot:
             if len(self._open) >= OPEN:
                 out.acknowledge(station, command, MavResult.FAILED)
                 return
+            if self.holder.station is None:
+                self.pilot.source = station.pilot  # in whose name it is asked
             self._open.append(OpenCommand(station, command, kind, now))
             before = len(out.counts)
             self._read((intent,), waiting, now, out)

@@ -43,7 +43,7 @@ def wire(node: Node, stack: Stack) -> None:
     from services.mavlink.io.links import Links  # here, because it imports pymavlink
 
     settings = stack.section("mavlink", Settings)
-    links = Links(settings.links, settings.system_id, insecure=settings.insecure)
+    links = Links(settings.links, settings.system_id)
     node.on_close(links.close)
     connected = GroundStations(node, settings, links)
     links.start(node.from_outside(connected.receive))

@@ -4,7 +4,6 @@ A thread of its own waits for the sockets and keeps what arrives; the service's 
 sends. Nothing here waits for a ground station: what cannot be sent at once is dropped and counted.
 """
 
-import ipaddress
 import selectors
 import socket
 import threading
@@ -63,10 +62,10 @@ class Peer:
 class Links:
     """All links of the service. `counts` is taken and cleared by the service."""
 
-    def __init__(self, urls: Iterable[str], system: int, *, insecure: bool) -> None:
+    def __init__(self, urls: Iterable[str], system: int) -> None:
         """
         Raises:
-            LindyError: an address is no good, is taken, or other machines can reach it.
+            LindyError: an address is no good, or taken.
         """
         self.counts: Counter[str] = Counter()
         self._system = system
@@ -78,7 +77,7 @@ class Links:
         self._thread: threading.Thread | None = None
         try:
             for url in urls:
-                self._open(url, insecure=insecure)
+                self._open(url)
         except LindyError:
             self.close()
             raise
@@ -126,9 +125,8 @@ class Links:
 
     # Opening.
 
-    def _open(self, url: str, *, insecure: bool) -> None:
+    def _open(self, url: str) -> None:
         kind, host, port = url.split(":")
-        _require_local(url, host, insecure=insecure)
         address = (host, int(port))
         stream = kind == "tcpin"
         sock = socket.socket(socket.AF_INET, socket.SOCK_STREAM if stream else socket.SOCK_DGRAM)
@@ -144,7 +142,7 @@ class Links:
             sock.bind(address)
             if stream:
                 sock.listen()
-        except (OSError, OverflowError) as error:
+        except OSError as error:
             raise LindyError(f"mavlink.links: {url} cannot be opened: {error}") from None
 
     def _add(self, name: str, sock: socket.socket, to: Address | None = None) -> Peer | None:
@@ -238,17 +236,3 @@ class Links:
                 if peer.socket is sock:
                     del self._peers[name]
         sock.close()
-
-
-def _require_local(url: str, host: str, *, insecure: bool) -> None:
-    if insecure or host == "localhost":
-        return
-    try:
-        local = ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        local = False
-    if not local:
-        raise LindyError(
-            f"mavlink.links: {url} goes over the network and MAVLink has no keys: whoever reaches "
-            f"it may fly; set mavlink.insecure = true to allow that"
-        )

@@ -11,10 +11,12 @@ from contextlib import contextmanager, suppress
 
 import pytest
 
+from services.mavlink.core import Settings
 from services.mavlink.io.codec import Codec
 from services.mavlink.io.links import MOST_PEERS, Links
 from services.mavlink.packets import Addressed, MavPacket, ReceivedPacket
 from services.runtime.config.errors import LindyError
+from services.runtime.config.stack import Stack
 
 PATIENCE_S = 20.0  # never reached unless something is broken
 HEARTBEAT = MavPacket(
@@ -39,8 +41,8 @@ def free_port(kind: socket.SocketKind) -> int:
 
 
 @contextmanager
-def opened(*urls: str, insecure: bool = False) -> Generator[Links]:
-    links = Links(urls, 1, insecure=insecure)
+def opened(*urls: str) -> Generator[Links]:
+    links = Links(urls, 1)
     links.start(lambda: None)
     try:
         yield links
@@ -186,25 +188,26 @@ def test_a_ground_station_that_does_not_read_holds_up_nobody_and_gets_whole_fram
 @pytest.mark.parametrize(
     ("url", "sentence"),
     [
-        ("tcpin:0.0.0.0:5760", "MAVLink has no keys"),
+        ("tcpin:0.0.0.0:5760", "mavlink: tcpin:0.0.0.0:5760 goes over the network"),
         ("udpout:192.168.2.1:14550", "MAVLink has no keys"),
-        ("udpin:ground:14550", "MAVLink has no keys"),
-        ("udpout:127.0.0.1:99999", "cannot be opened"),
+        ("udpin:ground:14550", "mavlink.insecure = true"),
+        ("udpout:127.0.0.1:99999", "between 1 and 65535"),
+        ("serial:/dev/ttyACM0", "links"),
     ],
 )
 def test_an_address_that_is_no_good_is_one_sentence(url: str, sentence: str) -> None:
     with pytest.raises(LindyError, match=sentence):
-        Links([url], 1, insecure=False)
+        Stack(overrides=[f'mavlink.links=["{url}"]']).section("mavlink", Settings)
+
+
+def test_a_link_over_the_network_is_for_who_says_so() -> None:
+    links = 'mavlink.links=["udpin:0.0.0.0:14550"]'
+    stack = Stack(overrides=[links, "mavlink.insecure=true"])
+    assert stack.section("mavlink", Settings).links == ("udpin:0.0.0.0:14550",)
 
 
 def test_an_address_that_is_taken_is_one_sentence() -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         url = f"tcpin:127.0.0.1:{taken.getsockname()[1]}"
         with pytest.raises(LindyError, match=rf"{url} cannot be opened"):
-            Links([url], 1, insecure=False)
-
-
-def test_a_link_over_the_network_opens_where_the_user_says_so() -> None:
-    port = free_port(socket.SOCK_DGRAM)
-    with opened(f"udpin:0.0.0.0:{port}", insecure=True) as links:
-        assert links.names == []
+            Links([url], 1)

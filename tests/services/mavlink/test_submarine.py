@@ -177,6 +177,14 @@ def test_nobody_arms_without_sticks_or_by_force() -> None:
     assert "arm" not in drone.asked
 
 
+def test_a_ground_station_without_sticks_asks_in_its_own_name() -> None:
+    drone = Drone()
+    request = drone.command(MavCommand.DO_SET_MODE, 1.0, 19.0, sender=BOB).requests[0]
+    assert (request.kind, request.hold, request.source) == (
+        "mode", "manual", "ground station 254/190",
+    )  # fmt: skip
+
+
 def test_a_second_ground_station_is_told_and_not_obeyed() -> None:
     drone = Drone().flown()
     drone.asked.clear()
