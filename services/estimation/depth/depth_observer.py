@@ -25,8 +25,10 @@ LASTING = 1.0  # [s] clipped on one side; sound sensors never are for more than 
 ALONE_RUN = 0.25  # [s] as `outlier_run`, without the accelerometer to tell a jump from a motion
 GROWN = 0.6  # [σ] mean innovation before the first outlier: it has grown, and did not jump
 GROWN_RATE_STD = 0.3  # [m/s] error of the rate then
+DOUBTED_STD, DOUBTED_RATE_STD = 0.3, 1.0  # [m], [m/s] errors after two seconds of wrong attitude
 LEVEL_LINE = 0.05  # [m/s] slope of innovations that counts as none, and 3 σ
 SCATTER = 0.05  # [m] about a line through samples that agree with each other, and 3 σ
+KNOWN_RATE = 0.1  # [m/s] 1σ; without pressure the accelerometer keeps it below for half a minute
 BANDWIDTH = 50.0  # [Hz] of the accelerometer at 100 Hz, to turn noise density into spread
 
 
@@ -53,7 +55,8 @@ class DepthObserver:
     outliers only that agree with each other, pressure is believed (`rejected_samples.py`): either
     the depth is moved by the jump, which the reference follows, or the accelerometer was wrong.
     After `lost_after` seconds without an accepted sample the depth is held, and the next valid
-    sample restarts the filter.
+    sample restarts the filter. With the accelerometer, the rate is known for longer than that: until
+    its standard deviation exceeds `KNOWN_RATE`.
 
     Innovations of one sign on average mean that the accelerometer does not fit the pressure: depth
     comes from pressure alone until it does (`accelerometer_trial.py`).
@@ -120,7 +123,8 @@ class DepthObserver:
         before, self._input, self._lean, self._at_ns = self._input, acceleration, lean, at_ns
         if not self._started:
             return None
-        if dt > LONGEST_STEP or not self._heard_within(self._settings.lost_after, at_ns):
+        heard = self._heard_within(self._settings.lost_after, at_ns)
+        if dt > LONGEST_STEP or not (heard or self._knows_rate):
             return self._stop("lost:depth")
         # The mean of both ends: the newest sample alone would lead by half a step.
         if before is not None and acceleration is not None:
@@ -150,7 +154,8 @@ class DepthObserver:
 
     def estimates(self, now: int) -> tuple[Estimate, Estimate, Estimate]:
         """Depth [m], rate [m/s], acceleration [m/s²]; positive down. Valid for `valid_for` after
-        an accepted sample; the acceleration only with accelerometer samples. The depth's standard
+        an accepted sample; the rate also for as long as the accelerometer alone keeps it known; the
+        acceleration only with accelerometer samples. The depth's standard
         deviation includes the atmosphere's, which is constant during a dive."""
         f, valid = self._filter, self._heard_within(self._settings.valid_for, now)
         measured = self._input is not None and self._variant.measured
@@ -162,7 +167,7 @@ class DepthObserver:
             acceleration_std = sqrt(f.p22 + self._settings.motion_noise**2 * BANDWIDTH)
         return (
             Estimate(f.depth, hypot(f.depth_std, self._datum_std, self._clipped.distance), valid),
-            Estimate(f.rate, f.rate_std, valid),
+            Estimate(f.rate, f.rate_std, valid or self._knows_rate),
             Estimate(acceleration, acceleration_std, valid and measured),
         )
 
@@ -222,6 +227,17 @@ class DepthObserver:
     @property
     def _uses_accelerometer(self) -> bool:
         return self._variant.measured and self._trial is None and self._input is not None
+
+    def doubt_accelerometer(self) -> str | None:
+        """The attitude has been wrong for a while. Returns an event to count."""
+        if not self._uses_accelerometer:
+            return None
+        self._filter.doubt(DOUBTED_STD, DOUBTED_RATE_STD)
+        return self._distrust()
+
+    @property
+    def _knows_rate(self) -> bool:
+        return self._started and self._uses_accelerometer and self._filter.rate_std <= KNOWN_RATE
 
     def _distrust(self) -> str:
         """Go on with pressure alone."""
