@@ -54,9 +54,9 @@ class DepthObserver:
     An innovation beyond `gate` σ is an outlier and is not used. After `outlier_run` seconds of
     outliers only that agree with each other, pressure is believed (`rejected_samples.py`): either
     the depth is moved by the jump, which the reference follows, or the accelerometer was wrong.
-    After `lost_after` seconds without an accepted sample the depth is held, and the next valid
-    sample restarts the filter. With the accelerometer, the rate is known for longer than that: until
-    its standard deviation exceeds `KNOWN_RATE`.
+    After `lost_after` seconds without an accepted sample the depth is lost, and the next valid
+    sample restarts the filter. The rate is known for as long as the accelerometer keeps its standard
+    deviation below `KNOWN_RATE`.
 
     Innovations of one sign on average mean that the accelerometer does not fit the pressure: depth
     comes from pressure alone until it does (`accelerometer_trial.py`).
@@ -89,6 +89,7 @@ class DepthObserver:
         self._input: float | None = None  # [m/s²] newest acceleration, bias included
         self._lean = LEVEL
         self._started = False
+        self._lost = False  # the next sample gives the depth; the rate may still be known
         self._accepted_ns: int | None = None  # [ns] time of validity of the last accepted sample
         self._rejected: RejectedSamples | None = None  # since the last accepted sample
         self._newest = 0.0  # [m] newest sample judged
@@ -125,7 +126,7 @@ class DepthObserver:
             return None
         heard = self._heard_within(self._settings.lost_after, at_ns)
         if dt > LONGEST_STEP or not (heard or self._knows_rate):
-            return self._stop("lost:depth")
+            return self._stop(None if self._lost else "lost:depth")
         # The mean of both ends: the newest sample alone would lead by half a step.
         if before is not None and acceleration is not None:
             acceleration = (before + acceleration) / 2.0
@@ -134,15 +135,19 @@ class DepthObserver:
             trial.predict(measured, dt, lean)
         if not self._filter.is_sound():
             return self._reset()
+        if not heard and not self._lost:
+            self._lost = True
+            return "lost:depth"
         return None if self._unread is None else self._read(self._unread)
 
     def pressure(self, pressure: float, stamp_ns: int) -> str | None:
         """Use a validated sample [Pa]. Returns an event to count."""
         depth = self.depth_of(pressure)
         stamp_ns -= self._latency_ns
-        if not self._started:
-            self._at_ns = max(self._at_ns, stamp_ns)
+        if not self._started or self._lost:
+            self._at_ns, rate = max(self._at_ns, stamp_ns), self._filter.rate
             self._begin(depth, self._sample_std, MOVING_STD, 0.1, stamp_ns)
+            self._filter.rate = rate
             return None
         age = (self._at_ns - stamp_ns) * 1e-9
         if not -AHEAD <= age <= LATEST_AGE:
@@ -155,8 +160,8 @@ class DepthObserver:
     def estimates(self, now: int) -> tuple[Estimate, Estimate, Estimate]:
         """Depth [m], rate [m/s], acceleration [m/s²]; positive down. Valid for `valid_for` after
         an accepted sample; the rate also for as long as the accelerometer alone keeps it known; the
-        acceleration only with accelerometer samples. The depth's standard
-        deviation includes the atmosphere's, which is constant during a dive."""
+        acceleration only with accelerometer samples. The depth's standard deviation includes the
+        atmosphere's, which is constant during a dive."""
         f, valid = self._filter, self._heard_within(self._settings.valid_for, now)
         measured = self._input is not None and self._variant.measured
         if measured:
@@ -295,7 +300,7 @@ class DepthObserver:
         self, depth: float, depth_std: float, rate_std: float, bias_std: float, stamp_ns: int
     ) -> None:
         self._filter.start(depth, depth_std, rate_std, self._filter.bias, bias_std)
-        self._started = True
+        self._started, self._lost = True, False
         self._unread = None
         self._clipped, self._mean = _Clipped(), MeanInnovation()
         if self._trial is not None:
@@ -310,15 +315,15 @@ class DepthObserver:
         heard = self._accepted_ns
         return self._started and heard is not None and (now - heard) * 1e-9 <= seconds
 
-    def _stop(self, why: str) -> str:
+    def _stop(self, why: str | None) -> str | None:
         """Hold the depth, claim no rate, wait for the next sample."""
         self._filter.rate = 0.0
-        self._started = False
+        self._started = self._lost = False
         self._unread = None
         self._clipped = _Clipped()
         return why
 
-    def _reset(self) -> str:
+    def _reset(self) -> str | None:
         """Last line of defence against numbers that are not finite."""
         self._filter = DepthFilter(self._settings)
         return self._stop("not_finite:depth")
