@@ -66,7 +66,8 @@ NAMES: dict[str, Meaning] = {
         DANGER, "the gyroscope did not fit gravity: its bias was learnt anew, without a heading"
     ),
     "stepped:gyroscope": Meaning(
-        DANGER, "the gyroscope's bias had changed: the heading was unknown until the compass gave it"
+        DANGER,
+        "the gyroscope's bias had changed: the heading was unknown until the compass gave it",
     ),
     "trusted:gyroscope": Meaning(
         SENSOR, "the gyroscope fitted gravity and the compass again and was used"

@@ -55,8 +55,8 @@ class DepthObserver:
     outliers only that agree with each other, pressure is believed (`rejected_samples.py`): either
     the depth is moved by the jump, which the reference follows, or the accelerometer was wrong.
     After `lost_after` seconds without an accepted sample the depth is lost, and the next valid
-    sample restarts the filter. The rate is known for as long as the accelerometer keeps its standard
-    deviation below `KNOWN_RATE`.
+    sample restarts the filter. The rate is known for as long as the accelerometer keeps its
+    standard deviation below `KNOWN_RATE`.
 
     Innovations of one sign on average mean that the accelerometer does not fit the pressure: depth
     comes from pressure alone until it does (`accelerometer_trial.py`).
