@@ -61,6 +61,9 @@ NAMES: dict[str, Meaning] = {
     "lost:sensor/pressure": Meaning(
         DANGER, "no pressure sample could be used: the depth was not measured"
     ),
+    "frozen:sensor/pressure": Meaning(
+        DANGER, "the pressure sensor kept repeating one value: the depth was not measured"
+    ),
     "unheld:depth": Meaning(DANGER, "the depth was not known and not held"),
     "unheld:heading": Meaning(DANGER, "the heading was not known and not held"),
     "lost:place": Meaning(DANGER, "the drone could no longer hold its position"),
@@ -80,9 +83,12 @@ NAMES: dict[str, Meaning] = {
         DANGER, "the gyroscope did not fit gravity: its bias was learnt anew, without a heading"
     ),
     "stepped:gyroscope": Meaning(
-        DANGER, "the gyroscope's bias had changed: the heading was unknown from then on"
+        DANGER,
+        "the gyroscope's bias had changed: the heading was unknown until the compass gave it",
     ),
-    "trusted:gyroscope": Meaning(SENSOR, "the gyroscope fitted gravity again and was used"),
+    "trusted:gyroscope": Meaning(
+        SENSOR, "the gyroscope fitted gravity and the compass again and was used"
+    ),
     "jumped:sensor/pressure": Meaning(
         DANGER, "the pressure jumped and stayed: the depth, and the held depth, moved with it"
     ),

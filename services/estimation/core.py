@@ -83,7 +83,9 @@ class Estimator:
         self._announcements = Announcements(self._events)
         self._settings = settings
         self._floating_depth = floating_depth
-        self._validation = SampleValidation(settings.watch, self.events)
+        self._validation = SampleValidation(
+            settings.watch, self.events, settings.depth.pressure_std
+        )
         mounting = Mounting() if vehicle is None else vehicle.mounting
         self._at_origin = AtOrigin(mounting, density_of(settings.water_density))
         self._reference_acceleration: float | None = None  # [m/s²] along down
@@ -164,7 +166,7 @@ class Estimator:
         if self._calibrating is not None:
             self._calibrating.magnetometer(sample.field)
         else:
-            self._events.note(self._attitude.magnetometer(sample.field, sample.stamp_ns))
+            self._announcements.tell(self._attitude.magnetometer(sample.field, sample.stamp_ns))
 
     def dvl(self, sample: DvlSample) -> None:
         if self._validation.dvl(sample) and self._calibrating is None:
@@ -238,9 +240,12 @@ class Estimator:
 
     def _run(self, sample: ImuSample, dt: float) -> None:
         force, at_ns, note = sample.specific_force, sample.stamp_ns, self._events.note
-        self._announcements.tell(self._attitude.step(sample.angular_rate, force, dt))
+        event = self._attitude.step(sample.angular_rate, force, dt)
+        self._announcements.tell(event)
+        if event == "doubted:gyroscope":  # so it is not known which acceleration is vertical
+            self._announcements.tell(self._depth.doubt_accelerometer())
         note(self._resting.imu(sample.angular_rate, force, dt))
-        if self._attitude.gyroscope.learning:
+        if self._attitude.relearns:
             self._resting.relearn(self._attitude.gyro_bias)
         else:
             self._attitude.gyro_bias = self._resting.bias
@@ -286,6 +291,7 @@ class Estimator:
             now, sensor_ns, imu, self._attitude, self._depth, self._horizontal
         )
         self._announcements.see(imu=imu, pressure=state.depth.valid)
+        self._announcements.see_frozen(self._validation.frozen)
         troubles = self._troubles(imu=imu, pressure=state.depth.valid)
         return msgspec.structs.replace(state, troubles=troubles) if troubles else state
 
