@@ -75,9 +75,8 @@ def test_after_a_gyroscopes_fault_is_mended_it_does_not_turn() -> None:
     assert flight.sortie.wrenches[-1].heading_integral == pytest.approx(0.0, abs=0.3)
 
 
-@pytest.mark.parametrize("stick", [0.3, -0.3])
-def test_a_frozen_pressure_sensor_does_not_drive_it_up_or_down(stick: float) -> None:
-    moving = [(AT, (0.0, 0.0, stick, 0.0)), (AT + 4.0, HANDS_OFF)]
+def test_a_frozen_pressure_sensor_does_not_drive_it_up_or_down() -> None:
+    moving = [(AT, (0.0, 0.0, 0.3, 0.0)), (AT + 4.0, HANDS_OFF)]
     sortie = Sortie([*DOWN, *moving], overrides=(DEEP,)).until(AT)
     sortie.set_faults("sensor/pressure", "frozen")
     sortie.until(AT + 1.0)
