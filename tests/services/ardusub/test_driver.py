@@ -361,6 +361,17 @@ def test_a_leak_is_said_and_counted() -> None:
     cable.run(45.0)
     assert "the board says: Leak Detected" in cable.said
     assert cable.counts["leak:board"] == 2
+    assert cable.driver.wet(cable.now) is True
+    cable.board.leaking = False
+    cable.run(46.0)
+    assert cable.driver.wet(cable.now) is False
+    cable.dumb = True
+    cable.run(4.0)
+    assert cable.driver.wet(cable.now) is None
+
+
+def test_the_temperature_inside_is_that_of_the_boards_own_barometer() -> None:
+    assert Cable().accepted().run(3.0).driver.enclosure == pytest.approx(31.5)
 
 
 def test_the_end_of_the_service_disarms() -> None:

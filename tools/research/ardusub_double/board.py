@@ -20,8 +20,10 @@ TICK_NS, INPUT_NS, GCS_CHECK_NS = 5 * MS, 20 * MS, S // 3
 MANUAL, STABILIZE = 19, 0
 MODES = (0, 1, 2, 3, 4, 7, 9, 16, 19, 20, 21)
 DENIED, UNSUPPORTED, FAILED = 2, 3, 4  # results of a command
-NUMBERS = {"RAW_IMU": 27, "SCALED_IMU2": 116, "HIGHRES_IMU": 105, "SCALED_PRESSURE2": 137,
-             "SYS_STATUS": 1, "ATTITUDE": 30, "SERVO_OUTPUT_RAW": 36}  # fmt: skip
+NUMBERS = {
+    "SYS_STATUS": 1, "RAW_IMU": 27, "SCALED_PRESSURE": 29, "ATTITUDE": 30, "SERVO_OUTPUT_RAW": 36,
+    "HIGHRES_IMU": 105, "SCALED_IMU2": 116, "SCALED_PRESSURE2": 137,
+}  # fmt: skip
 STREAMS = {number: name for name, number in NUMBERS.items()}
 ONLY_IN_48 = ("HIGHRES_IMU",)
 DISARM = 2  # action of a failsafe
