@@ -55,6 +55,7 @@ class BoardDouble:
         self.version, self.system = version, system
         self.params = {**defaults(version), **(params or {})}
         self.stuck: set[str] = set()  # parameters that will not be set
+        self.missing: set[str] = set()  # messages that it does not have
         self.refuses = ""  # to arm: why
         self.slowest_us: dict[str, int] = {}  # [µs] least interval of a message that it reaches
         self.hull = HullDouble(vehicle, settings, seed, wired_as)
@@ -249,7 +250,8 @@ class BoardDouble:
 
     def _set_interval(self, fields: dict[str, Any], now: int) -> int:
         name = STREAMS.get(int(fields["param1"]))
-        if name is None or (name in ONLY_IN_48 and self.version == "4.5"):
+        too_new = name in ONLY_IN_48 and self.version == "4.5"
+        if name is None or too_new or name in self.missing:
             return DENIED
         interval = int(fields["param2"])
         if interval < 0:
