@@ -32,7 +32,7 @@ class Thinned(msgspec.Struct):
             self.every *= 2
 
 
-class Life(msgspec.Struct):
+class OneProcess(msgspec.Struct):
     """One process of a service."""
 
     last: Health
@@ -44,7 +44,7 @@ class HealthSums(msgspec.Struct):
     """Of one service, over its restarts. Of every process by itself: two topsides have services of
     the same names, and report them by turns."""
 
-    living: dict[int, Life] = {}  # by `Health.instance`
+    living: dict[int, OneProcess] = {}  # by `Health.instance`
     said: int = 0  # messages
     ended: int = 0  # processes that ended, and began again with the same instance
     lateness_p50_ms: Thinned = msgspec.field(default_factory=Thinned)  # [ms] of each second
@@ -63,7 +63,7 @@ class HealthSums(msgspec.Struct):
         instance = health.instance if known else -1
         life = self.living.get(instance)
         if life is None:
-            self.living[instance] = Life(health, self.said, self.said)
+            self.living[instance] = OneProcess(health, self.said, self.said)
             return
         life.last_said = self.said
         if life.last.stamp_ns - LATE_NS < health.stamp_ns < life.last.stamp_ns:

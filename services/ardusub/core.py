@@ -50,6 +50,7 @@ REFUSED_NS = 5 * S  # [ns] before a refused board is checked again
 STRANGER_NS = 5 * S  # [ns] for which a stranger is remembered
 VERSION_MESSAGE = 148
 LEAK = "Leak Detected"
+LEAK_HOLDS_NS = 45 * S  # [ns] it is said every 20 s; one may be lost
 Level = Literal["info", "warning", "error"]
 Stage = Literal["silent", "version", "parameters", "clock", "accepted", "refused"]
 
@@ -96,6 +97,8 @@ class ArdusubDriver:
         self._due: dict[str, Ns] = {}
         self._stranger: Ns | None = None
         self._garbage = 0
+        self._leak_ns: Ns | None = None
+        self.enclosure: float | None = None  # [°C] inside, newest
         self._light, self._tilt = 0.0, 0.0
         self._forget_board()
 
@@ -120,6 +123,7 @@ class ArdusubDriver:
                 TelemetryStream(readings.IMU_MESSAGES, topics.IMU.hz),
                 TelemetryStream((readings.PRESSURE_MESSAGE,), rates),
                 TelemetryStream((readings.BATTERY_MESSAGE,), topics.BATTERY.hz),
+                TelemetryStream((readings.ENCLOSURE_MESSAGE,), readings.ENCLOSURE_HZ),
             ],
         )
         self._stamps: dict[str, Ns] = {}
@@ -263,9 +267,10 @@ class ArdusubDriver:
             why = self.authority.last_text or f"result {result}"
             self._say("error", f"the board refuses to arm: {why}")
 
-    def _on_text(self, fields: dict[str, Any], _: Ns) -> None:
+    def _on_text(self, fields: dict[str, Any], now: Ns) -> None:
         text = str(fields["text"])
         if text == LEAK:
+            self._leak_ns = now
             self.events.append("leak:board")
         if int(fields["severity"]) <= 4:
             self._say("error" if text == LEAK else "warning", f"the board says: {text}")
@@ -286,6 +291,9 @@ class ArdusubDriver:
     def _measure(self, name: str, fields: dict[str, Any], now: Ns) -> None:
         if name == readings.BATTERY_MESSAGE:
             self._keep(self._battery.sample(fields, now), name)
+            return
+        if name == readings.ENCLOSURE_MESSAGE:
+            self.enclosure = fields["temperature"] / 100.0
             return
         board = readings.stamp_of(fields)
         if board is None:
@@ -322,6 +330,12 @@ class ArdusubDriver:
         self._forget_board()
         self.mixed = self._rest
         self._began = now
+
+    def wet(self, now: Ns) -> bool | None:
+        """Was a leak said lately? None: nobody is there to say it."""
+        if self.stage != "accepted" or not self.authority.heard(now):
+            return None
+        return self._leak_ns is not None and now - self._leak_ns <= LEAK_HOLDS_NS
 
     def actuation(self, now: Ns) -> Actuation:
         cause = self._gate.command

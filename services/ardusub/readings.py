@@ -10,6 +10,7 @@ G = 9.80665  # [m/s²] of a milli-g
 TESLA_PER_GAUSS = 1e-4
 IMU_MESSAGES = ("HIGHRES_IMU", "RAW_IMU")  # best first; the first is new in 4.8
 PRESSURE_MESSAGE, BATTERY_MESSAGE = "SCALED_PRESSURE2", "SYS_STATUS"
+ENCLOSURE_MESSAGE, ENCLOSURE_HZ = "SCALED_PRESSURE", 1.0  # the barometer inside
 
 
 def stamp_of(fields: dict[str, Any]) -> Ns | None:

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 from messages.units import Ns
 from services.ardusub.packet import ACCEPTED, SET_INTERVAL, MavlinkPacket, command
 
-NUMBERS = {"HIGHRES_IMU": 105, "RAW_IMU": 27, "SCALED_PRESSURE2": 137, "SYS_STATUS": 1}
+NUMBERS = {"HIGHRES_IMU": 105, "RAW_IMU": 27, "SCALED_PRESSURE2": 137, "SYS_STATUS": 1,
+           "SCALED_PRESSURE": 29}  # fmt: skip
 AGAIN_NS = 500_000_000  # [ns] before a request without an answer is repeated
 WINDOW_NS = 5_000_000_000  # [ns] over which a rate is judged
 ENOUGH = 0.9  # [-] of the rate that was asked for
@@ -81,7 +82,8 @@ class TelemetryStreams:
         seconds, found = (now - self._since) / 1e9, list[tuple[str, float, float]]()
         for stream in self.streams:
             rate = stream.heard / seconds
-            if stream.message is not None and rate < ENOUGH * stream.hz:
+            least = ENOUGH * stream.hz * seconds - 1  # one may just have missed the window
+            if stream.message is not None and stream.heard < least:
                 found.append((stream.message, rate, stream.hz))
                 stream.granted = rate >= STOPPED * stream.hz
         self.slow = {name: rate for name, rate, _ in found}

@@ -9,18 +9,28 @@ import os
 import socket
 import subprocess
 import sys
-from collections.abc import Generator
+import time
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
+from messages.control import ThrusterCommand
+from messages.sensors import ImuSample, PressureSample
+from services.ardusub.core import ArdusubDriver, Settings
+from services.ardusub.io.codec import BoardCodec, FrameReader
+from services.ardusub.io.link import open_link
+from services.ardusub.packet import SET_INTERVAL, MavlinkPacket, command
+from services.marine.vehicle import Vehicle
+from services.runtime.config.stack import Stack
 from tools.recordings.recording import open_recording
 from tools.report import read_dive
 
 DOUBLE = "tools.research.ardusub_double.udp"
 FIRMWARE = [path for path in os.environ.get("LINDY_ARDUSUB", "").split(":") if path]
 SCRIPT = "t,surge,sway,heave,yaw\n0,0,0,0,0\n1,0,0,0.8,0\n5,0,0,0,0\n9,0,0,0,0\n"
+S = 1_000_000_000  # [ns]
 PATIENCE_S = 120.0  # for a slow and busy computer
 # Of the simulator that comes with the firmware: no RC receiver, as on every tethered ROV, and
 # sensors without the noise that no water has.
@@ -65,6 +75,110 @@ def port() -> int:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         return probe.getsockname()[1]
+
+
+class Wire:
+    """The driver alone on a real socket, with everything that the board says."""
+
+    def __init__(self, port: int) -> None:
+        stack = Stack(vehicle="bluerov2_heavy")
+        self.link = open_link(f"udpin:127.0.0.1:{port}")
+        self.driver = ArdusubDriver(stack.section("vehicle", Vehicle), Settings())
+        self.codec = BoardCodec(255, 191)
+        self.reader = FrameReader(self.codec)
+        self.thrust: tuple[float, ...] | None = None
+        self.alive = True  # the service
+        self.texts: list[str] = []
+        self.said: list[str] = []
+        self.servo: list[int] = []  # [µs] of the newest SERVO_OUTPUT_RAW
+        self.samples: list[tuple[int, object]] = []
+
+    def until(self, condition: Callable[[], bool], seconds: float = 30.0) -> float:
+        """[s] until then; infinite where it does not come."""
+        began, next_command = time.monotonic_ns(), 0
+        while (passed := time.monotonic_ns() - began) < seconds * S:
+            self._hear()
+            now = time.monotonic_ns()
+            if self.alive and self.thrust is not None and now >= next_command:
+                next_command = now + 10_000_000
+                self.driver.obey(self._command(self.thrust, now), now)
+            if self.driver.ends_ns is not None and now > self.driver.ends_ns:
+                self.driver.lapse(now)
+            if self.alive:
+                self.driver.tick(now)
+            self._pass_on(now)
+            if condition():
+                return passed / S
+            time.sleep(0.002)  # the board is a process in real time
+        return float("inf")
+
+    def run(self, seconds: float) -> None:
+        self.until(lambda: False, seconds)
+
+    def say(self, packet: MavlinkPacket) -> None:
+        self.link.send(self.codec.encode(packet))
+
+    @property
+    def armed(self) -> bool:
+        return self.driver.authority.board_armed
+
+    def _hear(self) -> None:
+        found = self.reader.read(b"".join(self.link.receive()))
+        now = time.monotonic_ns()
+        for packet in found.packets:
+            self.driver.hear(packet, now)
+            if packet.name == "STATUSTEXT":
+                self.texts.append(packet.fields["text"])
+            if packet.name == "SERVO_OUTPUT_RAW":
+                self.servo = [packet.fields[f"servo{n}_raw"] for n in range(1, 9)]
+
+    def _pass_on(self, now: int) -> None:
+        done = self.driver.take()
+        self.said += [text for _, text in done.lines]
+        self.samples += [(now, sample) for sample in done.samples]
+        if self.alive:
+            for packet in done.packets:
+                self.say(packet)
+
+    def _command(self, thrust: tuple[float, ...], now: int) -> ThrusterCommand:
+        return ThrusterCommand(
+            stamp_ns=now, sensor_ns=None, pilot_ns=None, thrust=thrust, armed=True
+        )
+
+
+NEUTRAL = [1500] * 8
+DOWN = (0.0, 0.0, 0.0, 0.0, 6.0, 6.0, 6.0, 6.0)  # [N]
+
+
+@pytest.mark.system
+@pytest.mark.parametrize("kind", BOARDS[1:])
+def test_the_driver_alone_on_the_wire(tmp_path: Path, kind: str, port: int) -> None:
+    wire = Wire(port)
+    with board_process(kind, port, tmp_path):
+        assert wire.until(lambda: wire.driver.stage == "accepted", 60.0) < 60.0, wire.said
+        wire.run(3.0)
+        imu = [m for _, m in wire.samples if isinstance(m, ImuSample)]
+        assert len(imu) > 200
+        assert imu[-1].specific_force[2] == pytest.approx(-9.81, abs=0.5)
+        assert [m for _, m in wire.samples if isinstance(m, PressureSample)]
+        wire.say(command(1, SET_INTERVAL, 36, 10_000))
+        wire.thrust = DOWN
+        assert wire.until(lambda: wire.armed, 10.0) < 10.0, wire.said
+        assert wire.until(lambda: bool(wire.servo) and wire.servo != NEUTRAL) < 5.0, wire.said
+        wire.run(0.5)
+        expected = 1500 - (wire.driver.mixed.pulses[2] - 1500)
+        assert wire.servo == [1500] * 4 + [expected] * 4
+        wire.thrust = None
+        assert wire.until(lambda: wire.servo == NEUTRAL) < 1.5
+        assert wire.until(lambda: not wire.armed, 10.0) < 6.0
+        assert "Lost manual control" not in wire.texts
+        wire.thrust = DOWN
+        assert wire.until(lambda: wire.servo != NEUTRAL) < 10.0
+        wire.alive = False  # the service dies, and the board is on its own
+        assert wire.until(lambda: wire.servo == NEUTRAL, 10.0) < 5.0
+        assert wire.until(lambda: not wire.armed, 10.0) < 3.0
+        assert "Lost manual control" in wire.texts
+    wire.link.close()
 
 
 @pytest.mark.system

@@ -197,6 +197,15 @@ def test_nothing_but_the_pilot_timeout_is_ever_written() -> None:
     assert cable.board.params["FS_PILOT_INPUT"] == 0
 
 
+def test_a_board_without_a_sensor_is_said_and_the_others_come() -> None:
+    cable = Cable()
+    cable.board.missing = {"SCALED_PRESSURE2"}
+    cable.accepted().run(1.0)
+    assert "the board does not give SCALED_PRESSURE2" in cable.said
+    assert cable.counts["refused:scaled_pressure2"] == 1
+    assert {type(m) for _, m in cable.samples} >= {ImuSample, BatterySample}
+
+
 def test_a_slow_stream_is_said_with_its_rate() -> None:
     cable = Cable("4.5")
     cable.board.slowest_us = {"RAW_IMU": 20_000}
@@ -361,6 +370,17 @@ def test_a_leak_is_said_and_counted() -> None:
     cable.run(45.0)
     assert "the board says: Leak Detected" in cable.said
     assert cable.counts["leak:board"] == 2
+    assert cable.driver.wet(cable.now) is True
+    cable.board.leaking = False
+    cable.run(46.0)
+    assert cable.driver.wet(cable.now) is False
+    cable.dumb = True
+    cable.run(4.0)
+    assert cable.driver.wet(cable.now) is None
+
+
+def test_the_temperature_inside_is_that_of_the_boards_own_barometer() -> None:
+    assert Cable().accepted().run(3.0).driver.enclosure == pytest.approx(31.5)
 
 
 def test_the_end_of_the_service_disarms() -> None:

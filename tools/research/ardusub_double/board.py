@@ -20,8 +20,10 @@ TICK_NS, INPUT_NS, GCS_CHECK_NS = 5 * MS, 20 * MS, S // 3
 MANUAL, STABILIZE = 19, 0
 MODES = (0, 1, 2, 3, 4, 7, 9, 16, 19, 20, 21)
 DENIED, UNSUPPORTED, FAILED = 2, 3, 4  # results of a command
-NUMBERS = {"RAW_IMU": 27, "SCALED_IMU2": 116, "HIGHRES_IMU": 105, "SCALED_PRESSURE2": 137,
-             "SYS_STATUS": 1, "ATTITUDE": 30, "SERVO_OUTPUT_RAW": 36}  # fmt: skip
+NUMBERS = {
+    "SYS_STATUS": 1, "RAW_IMU": 27, "SCALED_PRESSURE": 29, "ATTITUDE": 30, "SERVO_OUTPUT_RAW": 36,
+    "HIGHRES_IMU": 105, "SCALED_IMU2": 116, "SCALED_PRESSURE2": 137,
+}  # fmt: skip
 STREAMS = {number: name for name, number in NUMBERS.items()}
 ONLY_IN_48 = ("HIGHRES_IMU",)
 DISARM = 2  # action of a failsafe
@@ -53,6 +55,7 @@ class BoardDouble:
         self.version, self.system = version, system
         self.params = {**defaults(version), **(params or {})}
         self.stuck: set[str] = set()  # parameters that will not be set
+        self.missing: set[str] = set()  # messages that it does not have
         self.refuses = ""  # to arm: why
         self.slowest_us: dict[str, int] = {}  # [µs] least interval of a message that it reaches
         self.hull = HullDouble(vehicle, settings, seed, wired_as)
@@ -247,7 +250,8 @@ class BoardDouble:
 
     def _set_interval(self, fields: dict[str, Any], now: int) -> int:
         name = STREAMS.get(int(fields["param1"]))
-        if name is None or (name in ONLY_IN_48 and self.version == "4.5"):
+        too_new = name in ONLY_IN_48 and self.version == "4.5"
+        if name is None or too_new or name in self.missing:
             return DENIED
         interval = int(fields["param2"])
         if interval < 0:

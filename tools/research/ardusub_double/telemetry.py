@@ -12,6 +12,7 @@ from services.simulator.core import Settings, Simulator, at_the_surface
 
 G = 9.80665  # [m/s²] of ArduPilot's milli-g
 GAUSS_PER_TESLA = 1e4
+INSIDE = 31.5  # [°C] of the enclosure
 
 
 class HullDouble:
@@ -49,6 +50,11 @@ class HullDouble:
                 "press_abs": sample.pressure / 100.0,
                 "press_diff": 0.0,
                 "temperature": round(100.0 * (sample.temperature or 0.0)),
+            })  # fmt: skip
+        if name == "SCALED_PRESSURE":
+            return MavlinkPacket(name, {
+                "time_boot_ms": boot_us // 1000, "press_abs": 1010.0, "press_diff": 0.0,
+                "temperature": round(100.0 * INSIDE),
             })  # fmt: skip
         if name == "SYS_STATUS":
             return self._battery()
