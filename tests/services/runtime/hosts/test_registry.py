@@ -50,7 +50,8 @@ def test_the_shipped_stacks_differ_in_the_vehicle_side_alone() -> None:
     assert {n: s for n, s in simulated.items() if not s.vehicle_side} == {
         n: s for n, s in real.items() if not s.vehicle_side
     }
-    assert {*simulated, *Registry.read("mavlink")} == set(own_services())
+    named = {*simulated, *Registry.read("mavlink"), *Registry.read("ardusub")}
+    assert named == set(own_services())
 
 
 def test_a_ground_station_may_be_the_pilot_in_place_of_the_gamepad() -> None:
