@@ -230,18 +230,23 @@ def test_a_lasting_jump_of_the_sensor_is_believed_in_the_end():
     assert state.depth.std > 4.0  # nobody knows which of the two depths is right
 
 
-def test_without_pressure_depth_becomes_invalid_after_two_seconds_and_then_is_held():
+def test_without_pressure_depth_becomes_invalid_after_two_seconds_and_the_rate_when_unsure():
     d = dive()
     d.pressure_until = 8.0
-    states = d.run(30.0)
+    states = d.run(90.0)
     assert all(s.depth.valid for t, s in states if 4.0 < t < 9.9)
-    assert not any(s.depth.valid or s.depth_rate.valid for t, s in states if t > 10.1)
+    assert not any(s.depth.valid for t, s in states if t > 10.1)
+    rates = [s.depth_rate for t, s in states if t > 10.1]
+    known = [rate for rate in rates if rate.valid]
+    assert known == rates[: len(known)]  # once lost, it stays lost
+    assert 500 < len(known) < len(rates)
+    assert all(rate.std <= 0.1 and abs(rate.value) < 4.0 * rate.std for rate in known)
     assert all(s.heading.valid for t, s in states if t > 10.1)
     spreads = [s.depth.std for t, s in states if 8.5 < t < 17.5]
     assert spreads == sorted(spreads)
     assert counts(d)["lost:depth"] == 1
     assert states[-1][1].depth_rate.value == 0.0
-    assert states[-1][1].pressure_age_ms == pytest.approx(22_000, abs=50)
+    assert states[-1][1].pressure_age_ms == pytest.approx(82_000, abs=50)
 
 
 def test_depth_comes_back_with_the_pressure():
