@@ -26,7 +26,7 @@ from services.runtime.launch.answering import Answering
 from services.runtime.launch.child import Task
 from services.runtime.launch.supervisor import Supervisor
 from tools.research.faults.hindrance import Hindrance
-from tools.research.faults.modes import FlownMode
+from tools.research.faults.modes import VERTICAL, FlownMode
 from tools.research.faults.observed import Observed
 
 SECOND = 1_000_000_000  # [ns]
@@ -79,6 +79,7 @@ class VirtualDive:
             RuntimeError: the drone does not arm.
         """
         self.seen = Observed()
+        self._vertical = mode.vertical
         self.host = VirtualHost(lateness=self._hindrances(seed))
         self._rows = Registry.read()
         self._later: list[tuple[int, str]] = []  # (when [ns], service) of starts under way
@@ -88,14 +89,18 @@ class VirtualDive:
         self._asked = 0
         self._answering = Answering()
         self._supervisor = Supervisor(self._tell, self._spawn, lambda: self.host.now)
-        with tempfile.TemporaryDirectory() as folder:  # the script is read at once
-            script = Path(folder) / "sticks.csv"
-            script.write_text(mode.script)
-            self._stack = Stack(
-                pilot=f"script:{script}", out=folder, vehicle=mode.vehicle, seed=seed,
-                overrides=SETTINGS,
-            )  # fmt: skip
-            self._begin(mode)
+        self._folder = tempfile.TemporaryDirectory(prefix="lindy-faults-")
+        script = Path(self._folder.name) / "sticks.csv"
+        script.write_text(mode.script)
+        self._stack = Stack(
+            pilot=f"script:{script}", out=self._folder.name, vehicle=mode.vehicle, seed=seed,
+            overrides=SETTINGS,
+        )  # fmt: skip
+        self._begin(mode)
+
+    def close(self) -> None:
+        """Remove its script, which a gamepad reads again when it starts again."""
+        self._folder.cleanup()
 
     def _hindrances(self, seed: int) -> dict[str, Hindrance]:
         self.hindrances = {
@@ -244,6 +249,7 @@ class VirtualDive:
     def part(self, part: str, fault: FaultKind, value: float | None = None) -> None:
         """Break a part of the vehicle, or mend it with `none`."""
         self._asked += 1
+        part = self._vertical if part == VERTICAL else part
         self._breaks.put(
             FaultRequest(
                 stamp_ns=self.host.now, id=f"fault-{self._asked}", part=part, fault=fault,
