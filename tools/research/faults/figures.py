@@ -30,7 +30,8 @@ class Figures(msgspec.Struct, frozen=True, kw_only=True):
     pilot_lost: float | None  # [s] until the drone knows that no pilot speaks
     thrust_zero: float | None  # [s] until the thrusters are stopped for want of commands
     recovered: float | None  # [s] from when on the pilot was in control and stayed so
-    disarmed: float | None = None  # [s] from the request until no thruster turns
+    asked: bool = False  # a disarm was asked for during the fault, on another dive like this one
+    disarmed: float | None = None  # [s] from that request until no thruster turned
     announced: float | None  # [s] until the pilot reads something
     failsafes: tuple[str, ...]  # in their order
     restarted: tuple[str, ...]  # processes
@@ -56,13 +57,16 @@ def figures(seen: Observed, begin: int, end: int, *, holds_depth: bool) -> Figur
         thrust_zero=_first([a.stamp_ns for a in window.actuations if a.stale], begin),
         recovered=recovered(window, begin),
         announced=_first([said.at_ns for said in window.said], begin),
-        failsafes=tuple(
-            dict.fromkeys(s.failsafe for s in window.statuses if s.failsafe != "none")
-        ),
+        failsafes=tuple(dict.fromkeys(s.failsafe for s in window.statuses if s.failsafe != "none")),
         restarted=_restarted(window.said),
         texts=_once(window.said),
         still_armed=bool(window.statuses) and window.statuses[-1].armed,
     )
+
+
+def with_disarm(measured: Figures, seconds: float | None) -> Figures:
+    """The same with what came of the request to disarm."""
+    return msgspec.structs.replace(measured, asked=True, disarmed=seconds)
 
 
 def _window(seen: Observed, begin: int, end: int) -> Observed:

@@ -3,7 +3,8 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
-from tools.research.faults.catalogue import NONE, Fault
+from tools.research.faults.catalogue import NONE
+from tools.research.faults.fault import Fault
 from tools.research.faults.figures import STEP_NS, Figures
 
 STEP_S = STEP_NS / 1e9
@@ -46,7 +47,7 @@ def _back(fault: Fault, figures: Figures) -> bool | None:
 
 
 def _disarm(_: Fault, figures: Figures) -> bool | None:
-    return figures.disarmed is not None
+    return figures.disarmed is not None if figures.asked else None
 
 
 def _announced(fault: Fault, figures: Figures) -> bool | None:

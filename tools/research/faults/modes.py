@@ -28,9 +28,19 @@ MODES = (
     FlownMode("manual", "pioneer", (*DOWN, "7,0.3,0,0,0,,mode manual"), 10.0, holds_depth=False),
     FlownMode("depth_hold", "pioneer", (*DOWN, "7,0.3,0,0,0,,mode depth_hold"), 10.0),
     FlownMode("stabilised", "pioneer", (*DOWN, "7,0.3,0,0,0,,"), 10.0),
-    FlownMode("station_keeping", "minerva", (*DOWN, "8,0,0,0,0,,mode station_keeping"), 16.0,
-              vertical="vertical_port"),
-    FlownMode("follow", "minerva", (*DOWN, "8,0,0,0,0,,follow inspection_box"), 16.0,
-              vertical="vertical_port"),
+    FlownMode(
+        "station_keeping",
+        "minerva",
+        (*DOWN, "8,0,0,0,0,,mode station_keeping"),
+        16.0,
+        vertical="vertical_port",
+    ),
+    FlownMode(
+        "follow",
+        "minerva",
+        (*DOWN, "8,0,0,0,0,,follow inspection_box"),
+        16.0,
+        vertical="vertical_port",
+    ),
     FlownMode("surfacing", "pioneer", (*DEEPER, "19,0,0,0,0,,goto depth=0.5"), 21.0),
 )

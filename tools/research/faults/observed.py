@@ -37,7 +37,7 @@ class Observed:
 
     def listen_on_board(self, node: Node) -> None:
         node.each(topics.TRUTH, lambda m, _: self.truth.append(m))
-        node.each(topics.REFERENCE, lambda m, _: self.references.append(m), onlooker=True)
+        node.each(topics.REFERENCE, lambda m, _: self.references.append(m))
         node.each(topics.ACTUATION, lambda m, _: self.actuations.append(m))
         node.each(topics.STATUS, lambda m, _: self.statuses.append(m))
 

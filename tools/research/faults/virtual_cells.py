@@ -8,9 +8,10 @@ from typing import NamedTuple
 
 import msgspec
 
-from tools.research.faults.catalogue import FAULTS, Fault
+from tools.research.faults.catalogue import FAULTS
 from tools.research.faults.copies import Work, in_copies
-from tools.research.faults.figures import Figures, disarmed, figures
+from tools.research.faults.fault import Fault
+from tools.research.faults.figures import Figures, disarmed, figures, with_disarm
 from tools.research.faults.modes import MODES, FlownMode
 from tools.research.faults.virtual_dive import SECOND, VirtualDive
 
@@ -40,7 +41,7 @@ def fly_all(
         else:
             found[number] = msgspec.json.decode(data, type=Figures)
         if number in found and number in off:
-            yield cells[number], msgspec.structs.replace(found[number], disarmed=off[number])
+            yield cells[number], with_disarm(found[number], off[number])
 
 
 def _jobs(cells: Sequence[VirtualCell], seed: int) -> Generator[tuple[int, Work]]:
@@ -61,7 +62,7 @@ def _fly(dive: VirtualDive, cell: VirtualCell) -> bytes:
     begin, fault = dive.now, cell.fault
     _begin(dive, fault)
     dive.run(fault.lasts)
-    fault.virtual_end(dive)
+    _end(dive, fault)
     dive.run(fault.after)
     measured = figures(dive.seen, begin, dive.now, holds_depth=cell.mode.holds_depth)
     return msgspec.json.encode(measured)
@@ -79,7 +80,7 @@ def _disarm(dive: VirtualDive, cell: VirtualCell) -> bytes:
     took, over = None, False
     while took is None and (waited := (dive.now - asked) / SECOND) < REQUEST_S + AFTER_S:
         if waited >= ends and not over:
-            fault.virtual_end(dive)
+            _end(dive, fault)
             over = True
         dive.run(LOOK_S)
         took = disarmed(dive.seen, asked, dive.now)
@@ -88,4 +89,9 @@ def _disarm(dive: VirtualDive, cell: VirtualCell) -> bytes:
 
 def _begin(dive: VirtualDive, fault: Fault) -> None:
     assert fault.virtual is not None
-    fault.virtual(dive)
+    fault.virtual.begin(dive)
+
+
+def _end(dive: VirtualDive, fault: Fault) -> None:
+    assert fault.virtual is not None
+    fault.virtual.end(dive)

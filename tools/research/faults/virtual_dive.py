@@ -260,9 +260,7 @@ class VirtualDive:
     def link(self, request: LinkRequest) -> None:
         """Change the link."""
         self._asked += 1
-        stamped = msgspec.structs.replace(
-            request, stamp_ns=self.host.now, id=f"link-{self._asked}"
-        )
+        stamped = msgspec.structs.replace(request, stamp_ns=self.host.now, id=f"link-{self._asked}")
         self._links.put(stamped)
 
     # Strangers.
