@@ -9,7 +9,7 @@ from functools import partial
 from messages.link import LinkRequest
 from messages.simulator import FaultKind
 from services.runtime.hosts.jitter import Jitter
-from tools.research.faults.fault import AnyDive, Deeds, Fault, VirtualDeeds, nothing
+from tools.research.faults.fault import HANGS, AnyDive, Deeds, Fault, VirtualDeeds, nothing
 from tools.research.faults.modes import VERTICAL
 from tools.research.faults.virtual_dive import VirtualDive
 
@@ -45,7 +45,7 @@ def _of_process(name: str) -> list[Fault]:
         faults.append(
             Fault(
                 name=f"SIGSTOP {name} {seconds:g} s",
-                cause="process hangs",
+                cause=HANGS,
                 lasts=seconds,
                 after=5.0 if seconds < 10.0 else 3.0,
                 both=None if name in ONLOOKERS else stopped,

@@ -8,6 +8,9 @@ from messages.link import LinkRequest
 from messages.simulator import FaultKind
 from tools.research.faults.virtual_dive import VirtualDive
 
+HANGS = "process hangs"  # a cause
+HANGS_S = 5.0  # [s]
+
 
 class AnyDive(Protocol):
     """What can be done to a dive, on virtual time and in real processes alike."""
@@ -57,6 +60,12 @@ class Fault:
     no_pilot: bool = False  # the drone hears nobody for longer than 0.3 s
     no_control: bool = False  # nobody commands the thrusters for longer than 0.2 s
     back: float | None = None  # [s] after its beginning the pilot is in control again
+
+    @property
+    def flown(self) -> float:
+        """[s] How long it is looked at before its end. The supervisor ends what hangs for longer
+        than a second, and gives a slow disk ten: the rest of twenty seconds shows nothing more."""
+        return min(self.lasts, HANGS_S) if self.cause == HANGS else self.lasts
 
     @property
     def virtual(self) -> VirtualDeeds | None:

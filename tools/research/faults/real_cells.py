@@ -98,8 +98,7 @@ def _cause(dive: RealDive, fault: Fault) -> None:
     """Begin it, let it last, end it. What hangs for long is ended by the supervisor before."""
     assert fault.real is not None
     fault.real.begin(dive)
-    hangs = fault.cause == "process hangs"
-    dive.run(min(fault.lasts, 5.0) if hangs else fault.lasts)
+    dive.run(fault.flown)
     if not _waits_long(fault):
         fault.real.end(dive)
 

@@ -61,7 +61,7 @@ def _jobs(cells: Sequence[VirtualCell], seed: int) -> Generator[tuple[int, Work]
 def _fly(dive: VirtualDive, cell: VirtualCell) -> bytes:
     begin, fault = dive.now, cell.fault
     _begin(dive, fault)
-    dive.run(fault.lasts)
+    dive.run(fault.flown)
     _end(dive, fault)
     dive.run(fault.after)
     measured = figures(dive.seen, begin, dive.now, holds_depth=cell.mode.holds_depth)
