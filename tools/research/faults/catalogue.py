@@ -31,7 +31,7 @@ def _of_process(name: str) -> list[Fault]:
             name=f"kill -9 {name}",
             cause="process ends",
             lasts=0.0,
-            after=5.0,
+            after=3.5,
             both=None if name in ONLOOKERS else killed,
             only_real=killed,
             no_pilot=name in BETWEEN,
@@ -47,7 +47,7 @@ def _of_process(name: str) -> list[Fault]:
                 name=f"SIGSTOP {name} {seconds:g} s",
                 cause=HANGS,
                 lasts=seconds,
-                after=5.0 if seconds < 10.0 else 3.0,
+                after=3.0 if seconds < 10.0 else 2.0,
                 both=None if name in ONLOOKERS else stopped,
                 only_real=stopped,
                 no_pilot=longer and name in BETWEEN,
@@ -75,7 +75,7 @@ def _exception(name: str) -> Fault:
         name=f"exception in {name}",
         cause="process ends",
         lasts=0.0,
-        after=5.0,
+        after=3.5,
         back=KILL_S,
         no_pilot=name in BETWEEN,
         no_control=name == "control",
@@ -90,7 +90,8 @@ def _slow(name: str) -> Fault:
     return Fault(
         name=f"{name} ten times too slow",
         cause="too slow",
-        lasts=6.0,
+        lasts=5.0,
+        after=2.0,
         only_virtual=VirtualDeeds(
             lambda dive: dive.slow(name, TOO_SLOW_S), lambda dive: dive.slow(name, 0.0)
         ),
@@ -103,7 +104,7 @@ def _part(
     value: float | None = None,
     *,
     lives: bool = True,
-    lasts: float = 8.0,
+    lasts: float = 6.0,
 ) -> Fault:
     words = kind if value is None else f"{kind} {value:g}"
     return Fault(
@@ -133,7 +134,7 @@ def _profile(name: str) -> Fault:
     return Fault(
         name=f"link {name}",
         cause="link",
-        lasts=8.0,
+        lasts=6.0,
         both=Deeds(lambda dive: dive.link(bad), lambda dive: dive.link(good)),
     )
 
@@ -193,6 +194,7 @@ FAULTS: tuple[Fault, ...] = (
         name="flood of junk topside",
         cause="stranger",
         lasts=6.0,
+        after=2.0,
         only_virtual=VirtualDeeds(
             lambda dive: dive.junk("topside", 50.0), lambda dive: dive.leave("junk")
         ),
@@ -201,6 +203,7 @@ FAULTS: tuple[Fault, ...] = (
         name="flood of junk on board",
         cause="stranger",
         lasts=6.0,
+        after=2.0,
         only_virtual=VirtualDeeds(
             lambda dive: dive.junk("drone", 50.0), lambda dive: dive.leave("junk")
         ),
@@ -209,6 +212,7 @@ FAULTS: tuple[Fault, ...] = (
         name="stranger without control",
         cause="stranger",
         lasts=6.0,
+        after=2.0,
         only_virtual=VirtualDeeds(
             lambda dive: dive.stranger(), lambda dive: dive.leave("stranger")
         ),
@@ -223,7 +227,8 @@ FAULTS: tuple[Fault, ...] = (
     Fault(
         name="second reference",
         cause="stranger",
-        lasts=8.0,
+        lasts=6.0,
+        after=2.0,
         only_virtual=VirtualDeeds(
             lambda dive: dive.second("reference"), lambda dive: dive.leave("reference_2")
         ),
@@ -231,7 +236,8 @@ FAULTS: tuple[Fault, ...] = (
     Fault(
         name="second control",
         cause="stranger",
-        lasts=8.0,
+        lasts=6.0,
+        after=2.0,
         only_virtual=VirtualDeeds(
             lambda dive: dive.second("control"), lambda dive: dive.leave("control_2")
         ),
@@ -241,8 +247,8 @@ FAULTS: tuple[Fault, ...] = (
     ),
     _part(IMU, "silent", lives=False),
     _part(IMU, "noisy", 200.0, lives=False),
-    _part(IMU, "biased", 0.02, lives=False, lasts=20.0),
-    _part(IMU, "biased", 0.2, lives=False, lasts=20.0),
+    _part(IMU, "biased", 0.02, lives=False, lasts=15.0),
+    _part(IMU, "biased", 0.2, lives=False, lasts=15.0),
     _part(IMU, "frozen", lives=False),
     _part(IMU, "broken", lives=False),
     _part(PRESSURE, "silent", lives=False),
@@ -253,7 +259,7 @@ FAULTS: tuple[Fault, ...] = (
     _part(FIELD, "silent"),
     _part(FIELD, "biased", 20e-6),
     *(
-        _part(name, kind, value, lasts=10.0)
+        _part(name, kind, value, lasts=8.0)
         for name in ("port", "lateral", VERTICAL)
         for kind, value in OF_THRUSTERS
     ),

@@ -9,7 +9,7 @@ from messages.simulator import FaultKind
 from tools.research.faults.virtual_dive import VirtualDive
 
 HANGS = "process hangs"  # a cause
-HANGS_S = 5.0  # [s]
+HANGS_S = 3.0  # [s]
 
 
 class AnyDive(Protocol):
@@ -50,7 +50,7 @@ class Fault:
     name: str
     cause: str  # the group it belongs to
     lasts: float  # [s] from its beginning to its end
-    after: float = 4.0  # [s] looked at after its end
+    after: float = 3.0  # [s] looked at after its end
     both: Deeds | None = None
     only_virtual: VirtualDeeds | None = None
     only_real: Deeds | None = None

@@ -55,7 +55,7 @@ def figures(seen: Observed, begin: int, end: int, *, holds_depth: bool) -> Figur
             begin,
         ),
         thrust_zero=_first([a.stamp_ns for a in window.actuations if a.stale], begin),
-        recovered=recovered(window, begin),
+        recovered=recovered(window, begin, end),
         announced=_first([said.at_ns for said in window.said], begin),
         failsafes=tuple(dict.fromkeys(s.failsafe for s in window.statuses if s.failsafe != "none")),
         restarted=_restarted(window.said),
@@ -108,7 +108,7 @@ def jerk_ratio(references: Sequence[Reference]) -> float | None:
     and what its accelerations show from one to the next."""
     ratios: list[float] = []
     for before, after in pairwise([r for r in references if r.armed]):
-        dt = (after.stamp_ns - before.stamp_ns) / SECOND
+        dt = (_valid_ns(after) - _valid_ns(before)) / SECOND
         for axis in ("depth", "heading"):
             was: Motion = getattr(before, axis)
             now: Motion = getattr(after, axis)
@@ -119,6 +119,11 @@ def jerk_ratio(references: Sequence[Reference]) -> float | None:
                 shown = abs(now.acceleration - was.acceleration) / dt
                 ratios.append(shown / now.jerk_limit)
     return max(ratios, default=None)
+
+
+def _valid_ns(reference: Reference) -> int:
+    """[ns] The instant it is for."""
+    return reference.stamp_ns if reference.sensor_ns is None else reference.sensor_ns
 
 
 def _free(reference: Reference, axis: str) -> bool:
@@ -136,12 +141,14 @@ def is_stale(actuation: Actuation) -> bool:
     return pilot is not None and actuation.actuated_ns - pilot > PILOT_TTL_NS + STEP_NS
 
 
-def recovered(seen: Observed, begin: int) -> float | None:
+def recovered(seen: Observed, begin: int, end: int) -> float | None:
     """[s] From when on commands of the pilot reach the thrusters, without a failsafe, to the end.
 
     None: not at the end.
     """
     if not seen.statuses or not seen.actuations:
+        return None
+    if end - seen.actuations[-1].stamp_ns > THRUST_TTL_NS:
         return None
     bad = [a.stamp_ns for a in seen.actuations if a.stale or not _by_the_pilot(a)]
     bad += [a.stamp_ns for a, b in pairwise(seen.actuations) if _gap(a, b)]

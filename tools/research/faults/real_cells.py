@@ -19,6 +19,9 @@ from tools.research.faults.figures import Figures, disarmed, figures, with_disar
 from tools.research.faults.modes import DOWN, FlownMode
 from tools.research.faults.real_dive import RealDive, real_dive
 
+MORE_S = 2.0  # [s] longer than on virtual time: a busy computer starts processes slowly
+WAITS_S = 12.0  # [s] … and what writes files is given ten seconds before it is ended
+PATIENCE_S = 45.0  # [s] after the beginning, for the pilot to be in control again
 STEADY_S = 2.0  # [s] of undisturbed flight between two cells
 REQUEST_S = 6.0  # [s] for which a request is repeated, and thrusters come to rest
 FILLED = 24 * 2**20  # [bytes] of a small disk
@@ -79,9 +82,11 @@ def _in_one_dive(faults: Sequence[Fault]) -> Cells:
             dive.wait_steady(STEADY_S)
             begin = dive.now
             _cause(dive, fault)
-            after = fault.after + (10.0 if _waits_long(fault) else 0.0)
-            dive.run(after)
+            dive.run(fault.after + (WAITS_S if _waits_long(fault) else MORE_S))
             measured = figures(dive.seen, begin, dive.now, holds_depth=True)
+            while measured.recovered is None and dive.now - begin < PATIENCE_S * 1e9:
+                dive.run(1.0)
+                measured = figures(dive.seen, begin, dive.now, holds_depth=True)
             cells.append((RealCell(fault, measured), begin))
         dive.end()
         for cell, begin in cells:

@@ -113,11 +113,12 @@ def test_a_command_beyond_its_life_is_stale(change: dict[str, int], count: int) 
 def test_the_pilot_is_in_control_again_when_the_last_of_everything_bad_is_over() -> None:
     seen = dive()
     seen.actuations[:50] = [msgspec.structs.replace(a, stale=True) for a in seen.actuations[:50]]
-    assert recovered(seen, 0) == pytest.approx(0.5)
+    assert recovered(seen, 0, END) == pytest.approx(0.5)
     seen.statuses[4] = msgspec.structs.replace(seen.statuses[4], failsafe="pilot_lost")
-    assert recovered(seen, 0) == pytest.approx(1.0)
+    assert recovered(seen, 0, END) == pytest.approx(1.0)
+    assert recovered(seen, 0, 2 * END) is None, "nobody actuates any more"
     seen.statuses[-1] = msgspec.structs.replace(seen.statuses[-1], armed=False)
-    assert recovered(seen, 0) is None
+    assert recovered(seen, 0, END) is None
 
 
 def test_a_disarm_counts_when_thrust_is_zero_for_good_and_somebody_has_granted_it() -> None:
