@@ -6,7 +6,7 @@ READY := .venv/.ready
 UV := $(BIN)/python -m uv
 PICTURES := .pictures
 
-.PHONY: dive test explore mutants check format laws stops picture docs clean
+.PHONY: dive test explore mutants check format laws stops faults picture docs clean
 
 dive: $(READY) ## fly the demo dive: every service, one command
 	$(BIN)/lindy dive
@@ -45,6 +45,9 @@ laws: $(READY) ## the laws of the reference over millions of states, into docs/l
 
 stops: $(READY) ## a hundred dives with random sticks: bounce-back and overshoot at every stop
 	$(BIN)/python tests/long/stops.py
+
+faults: $(READY) ## every fault in every mode, and again in real processes, into docs/faults.md
+	$(BIN)/python -m tools.research.faults
 
 docs: $(READY) ## pages and pictures written from the code
 	$(BIN)/python -m tools.docs.topics_page

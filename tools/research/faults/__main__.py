@@ -4,7 +4,7 @@ import argparse
 import sys
 import tempfile
 import time
-from collections.abc import Generator, Sequence
+from collections.abc import Collection, Generator, Sequence
 from pathlib import Path
 
 from tools.research.faults import real_cells, virtual_cells
@@ -42,11 +42,13 @@ def main(words: Sequence[str]) -> int:
 
 
 def flown(world: str, names: Sequence[str], workers: int, kept: Path | None) -> list[Row]:
-    """Fly the cells; `kept`: file to which each row is added at once."""
+    """Fly the cells; `kept`: file to which each row is added at once. Virtual cells that are in it
+    already, of a run that was broken off, are not flown again."""
     if kept is None:
-        kept = Path(tempfile.mkstemp(prefix="lindy-faults-", suffix=".jsonl")[1])
-    rows: list[Row] = []
-    for row in _flying(world, names, workers):
+        kept = Path(tempfile.mkdtemp(prefix="lindy-faults-")) / "rows.jsonl"
+    rows = read_rows(kept) if kept.exists() else []
+    known = {f"{row.mode}/{row.fault}" for row in rows if row.world == "virtual"}
+    for row in _flying(world, names, workers, known):
         rows.append(row)
         write_row(kept, row)
         missed = f"  MISSED {', '.join(row.missed)}" if row.missed else ""
@@ -55,18 +57,20 @@ def flown(world: str, names: Sequence[str], workers: int, kept: Path | None) -> 
     return rows
 
 
-def _flying(world: str, names: Sequence[str], workers: int) -> Generator[Row]:
+def _flying(
+    world: str, names: Sequence[str], workers: int, known: Collection[str]
+) -> Generator[Row]:
     if world != "real":
-        for (mode, fault), figures in virtual_cells.fly_all(_chosen(names), workers):
+        for (mode, fault), figures in virtual_cells.fly_all(_chosen(names, known), workers):
             yield row_of("virtual", mode.name, fault, figures)
     if world != "virtual":
         for fault, figures, note in real_cells.fly_all():
             yield row_of("real", real_cells.PILOTED.name, fault, figures, note)
 
 
-def _chosen(names: Sequence[str]) -> list[VirtualCell]:
+def _chosen(names: Sequence[str], known: Collection[str]) -> list[VirtualCell]:
     cells = {f"{mode.name}/{fault.name}": (mode, fault) for mode, fault in virtual_cells.ALL}
-    return [VirtualCell(*cells[name]) for name in names or cells]
+    return [VirtualCell(*cells[name]) for name in names or cells if name not in known]
 
 
 if __name__ == "__main__":

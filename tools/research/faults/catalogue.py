@@ -9,7 +9,7 @@ from functools import partial
 from messages.link import LinkRequest
 from messages.simulator import FaultKind
 from services.runtime.hosts.jitter import Jitter
-from tools.research.faults.fault import HANGS, AnyDive, Deeds, Fault, VirtualDeeds, nothing
+from tools.research.faults.fault import HANGS, AnyDive, Deeds, FaultCase, VirtualDeeds, nothing
 from tools.research.faults.modes import VERTICAL
 from tools.research.faults.virtual_dive import VirtualDive
 
@@ -23,11 +23,11 @@ KILL_S, HANG_S = 1.5, 3.0  # [s] goals
 STOPS = (0.3, 2.0, 20.0)  # [s]
 
 
-def _of_process(name: str) -> list[Fault]:
+def _of_process(name: str) -> list[FaultCase]:
     """It is killed; it is stopped, for less and for more than the supervisor waits."""
     killed = Deeds(partial(_kill, name))
     faults = [
-        Fault(
+        FaultCase(
             name=f"kill -9 {name}",
             cause="process ends",
             lasts=0.0,
@@ -43,7 +43,7 @@ def _of_process(name: str) -> list[Fault]:
         stopped = Deeds(partial(_stop, name), partial(_go_on, name))
         longer = seconds > 1.0
         faults.append(
-            Fault(
+            FaultCase(
                 name=f"SIGSTOP {name} {seconds:g} s",
                 cause=HANGS,
                 lasts=seconds,
@@ -70,8 +70,8 @@ def _go_on(name: str, dive: AnyDive) -> None:
     dive.go_on(name)
 
 
-def _exception(name: str) -> Fault:
-    return Fault(
+def _exception(name: str) -> FaultCase:
+    return FaultCase(
         name=f"exception in {name}",
         cause="process ends",
         lasts=0.0,
@@ -86,8 +86,8 @@ def _exception(name: str) -> Fault:
 TOO_SLOW_S = 0.1  # [s] ten periods of the chain
 
 
-def _slow(name: str) -> Fault:
-    return Fault(
+def _slow(name: str) -> FaultCase:
+    return FaultCase(
         name=f"{name} ten times too slow",
         cause="too slow",
         lasts=5.0,
@@ -105,9 +105,9 @@ def _part(
     *,
     lives: bool = True,
     lasts: float = 6.0,
-) -> Fault:
+) -> FaultCase:
     words = kind if value is None else f"{kind} {value:g}"
-    return Fault(
+    return FaultCase(
         name=f"{part.removeprefix('sensor/').lower()} {words}",
         cause="sensor" if part.startswith("sensor/") else "thruster",
         lasts=lasts,
@@ -116,10 +116,10 @@ def _part(
     )
 
 
-def _cable(seconds: float) -> Fault:
+def _cable(seconds: float) -> FaultCase:
     down = LinkRequest(stamp_ns=0, id="", kind="down")
     up = LinkRequest(stamp_ns=0, id="", kind="up")
-    return Fault(
+    return FaultCase(
         name=f"cable out {seconds:g} s",
         cause="link",
         lasts=seconds,
@@ -128,10 +128,10 @@ def _cable(seconds: float) -> Fault:
     )
 
 
-def _profile(name: str) -> Fault:
+def _profile(name: str) -> FaultCase:
     bad = LinkRequest(stamp_ns=0, id="", kind="profile", profile=name)
     good = LinkRequest(stamp_ns=0, id="", kind="profile", profile="tether")
-    return Fault(
+    return FaultCase(
         name=f"link {name}",
         cause="link",
         lasts=6.0,
@@ -165,7 +165,7 @@ def _newer_pilot(dive: VirtualDive) -> None:
     dive.go_on("gamepad")
 
 
-NONE = Fault(name="none", cause="none", lasts=6.0, both=Deeds(nothing))
+NONE = FaultCase(name="none", cause="none", lasts=6.0, both=Deeds(nothing))
 IMU, PRESSURE, FIELD = "sensor/imu", "sensor/pressure", "sensor/magnetometer"
 
 OF_THRUSTERS: tuple[tuple[FaultKind, float | None], ...] = (
@@ -173,12 +173,12 @@ OF_THRUSTERS: tuple[tuple[FaultKind, float | None], ...] = (
     ("reversed", None),
     ("weak", 0.5),
 )
-FAULTS: tuple[Fault, ...] = (
+FAULTS: tuple[FaultCase, ...] = (
     NONE,
     *(fault for name in (*PROCESSES, *ONLOOKERS) for fault in _of_process(name)),
     *(_exception(name) for name in PROCESSES if not name.startswith("hub_")),
     *(_slow(name) for name in PROCESSES if not name.startswith("hub_")),
-    Fault(
+    FaultCase(
         name="drone side restarted, memory lost",
         cause="process ends",
         lasts=0.0,
@@ -190,7 +190,7 @@ FAULTS: tuple[Fault, ...] = (
     _cable(30.0),
     _profile("congested"),
     _profile("severe"),
-    Fault(
+    FaultCase(
         name="flood of junk topside",
         cause="stranger",
         lasts=6.0,
@@ -199,7 +199,7 @@ FAULTS: tuple[Fault, ...] = (
             lambda dive: dive.junk("topside", 50.0), lambda dive: dive.leave("junk")
         ),
     ),
-    Fault(
+    FaultCase(
         name="flood of junk on board",
         cause="stranger",
         lasts=6.0,
@@ -208,7 +208,7 @@ FAULTS: tuple[Fault, ...] = (
             lambda dive: dive.junk("drone", 50.0), lambda dive: dive.leave("junk")
         ),
     ),
-    Fault(
+    FaultCase(
         name="stranger without control",
         cause="stranger",
         lasts=6.0,
@@ -217,14 +217,14 @@ FAULTS: tuple[Fault, ...] = (
             lambda dive: dive.stranger(), lambda dive: dive.leave("stranger")
         ),
     ),
-    Fault(
+    FaultCase(
         name="pilot of an older version",
         cause="stranger",
         lasts=0.9,
         no_pilot=True,
         only_virtual=VirtualDeeds(_older_pilot, _newer_pilot),
     ),
-    Fault(
+    FaultCase(
         name="second reference",
         cause="stranger",
         lasts=6.0,
@@ -233,7 +233,7 @@ FAULTS: tuple[Fault, ...] = (
             lambda dive: dive.second("reference"), lambda dive: dive.leave("reference_2")
         ),
     ),
-    Fault(
+    FaultCase(
         name="second control",
         cause="stranger",
         lasts=6.0,
@@ -242,7 +242,7 @@ FAULTS: tuple[Fault, ...] = (
             lambda dive: dive.second("control"), lambda dive: dive.leave("control_2")
         ),
     ),
-    Fault(
+    FaultCase(
         name="busy processor", cause="too slow", lasts=8.0, only_virtual=VirtualDeeds(_busy, _idle)
     ),
     _part(IMU, "silent", lives=False),
@@ -263,7 +263,7 @@ FAULTS: tuple[Fault, ...] = (
         for name in ("port", "lateral", VERTICAL)
         for kind, value in OF_THRUSTERS
     ),
-    Fault(
+    FaultCase(
         name="goto 1e5",
         cause="vehicle",
         lasts=10.0,

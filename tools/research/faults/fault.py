@@ -44,7 +44,7 @@ class VirtualDeeds:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fault:
+class FaultCase:
     """One fault. Times in seconds."""
 
     name: str

@@ -9,7 +9,7 @@ import numpy as np
 
 from messages.reference import Motion, Reference
 from messages.vehicle import Actuation
-from tools.research.faults.observed import Observed, Said
+from tools.research.faults.observed import Observed, ReadText
 
 SECOND = 1_000_000_000  # [ns]
 STEP_NS = 10_000_000  # [ns] of the chain, 100 Hz
@@ -186,12 +186,12 @@ def disarmed(seen: Observed, asked: int, end: int) -> float | None:
     return (max(turning, default=asked) - asked) / SECOND
 
 
-def _restarted(said: Sequence[Said]) -> tuple[str, ...]:
+def _restarted(said: Sequence[ReadText]) -> tuple[str, ...]:
     words = " is started again"
     names = [text.removeprefix("supervisor: ") for _, text in said if text.endswith(words)]
     return tuple(dict.fromkeys(name.removesuffix(words) for name in names))
 
 
-def _once(said: Sequence[Said]) -> tuple[str, ...]:
+def _once(said: Sequence[ReadText]) -> tuple[str, ...]:
     """Texts that differ in numbers alone are the same one."""
     return tuple({NUMBER.sub("#", text): text for _, text in reversed(said)}.values())[::-1]

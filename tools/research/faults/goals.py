@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from tools.research.faults.catalogue import NONE
-from tools.research.faults.fault import Fault
+from tools.research.faults.fault import FaultCase
 from tools.research.faults.figures import STEP_NS, Figures
 
 STEP_S = STEP_NS / 1e9
@@ -17,40 +17,40 @@ THRUST_S = 0.25
 class Goal(NamedTuple):
     name: str
     words: str  # for the page
-    met: Callable[[Fault, Figures], bool | None]  # None: there is nothing to judge
+    met: Callable[[FaultCase, Figures], bool | None]  # None: there is nothing to judge
 
 
-def _depth(fault: Fault, figures: Figures) -> bool | None:
+def _depth(fault: FaultCase, figures: Figures) -> bool | None:
     if not fault.lives or figures.depth_error is None:
         return None
     return figures.depth_error <= DEPTH_M
 
 
-def _jerk(_: Fault, figures: Figures) -> bool | None:
+def _jerk(_: FaultCase, figures: Figures) -> bool | None:
     return None if figures.jerk_ratio is None else figures.jerk_ratio <= JERK
 
 
-def _stale(_: Fault, figures: Figures) -> bool | None:
+def _stale(_: FaultCase, figures: Figures) -> bool | None:
     return figures.stale == 0
 
 
-def _pilot(fault: Fault, figures: Figures) -> bool | None:
+def _pilot(fault: FaultCase, figures: Figures) -> bool | None:
     return _within(figures.pilot_lost, PILOT_S) if fault.no_pilot else None
 
 
-def _thrust(fault: Fault, figures: Figures) -> bool | None:
+def _thrust(fault: FaultCase, figures: Figures) -> bool | None:
     return _within(figures.thrust_zero, THRUST_S) if fault.no_control else None
 
 
-def _back(fault: Fault, figures: Figures) -> bool | None:
+def _back(fault: FaultCase, figures: Figures) -> bool | None:
     return None if fault.back is None else _within(figures.recovered, fault.back)
 
 
-def _disarm(_: Fault, figures: Figures) -> bool | None:
+def _disarm(_: FaultCase, figures: Figures) -> bool | None:
     return figures.disarmed is not None if figures.asked else None
 
 
-def _announced(fault: Fault, figures: Figures) -> bool | None:
+def _announced(fault: FaultCase, figures: Figures) -> bool | None:
     return None if fault is NONE else figures.announced is not None
 
 
@@ -70,6 +70,6 @@ GOALS = (
 )
 
 
-def missed(fault: Fault, figures: Figures) -> list[str]:
+def missed(fault: FaultCase, figures: Figures) -> list[str]:
     """Names of the goals that a cell does not meet."""
     return [goal.name for goal in GOALS if goal.met(fault, figures) is False]

@@ -15,7 +15,7 @@ from services.runtime.node.node import Node
 ITS_OWN = ("simulated fault:", "mended:", "link:")
 
 
-class Said(NamedTuple):
+class ReadText(NamedTuple):
     """Something the pilot could read."""
 
     at_ns: int  # [ns]
@@ -30,7 +30,7 @@ class Observed:
     references: list[Reference] = field(default_factory=list[Reference])
     actuations: list[Actuation] = field(default_factory=list[Actuation])
     statuses: list[VehicleStatus] = field(default_factory=list[VehicleStatus])
-    said: list[Said] = field(default_factory=list[Said])
+    said: list[ReadText] = field(default_factory=list[ReadText])
     answers: list[PilotAnswer] = field(default_factory=list[PilotAnswer])
     shown: VehicleStatus | None = None  # the newest that the pilot's side has
     _alarm: str = ""
@@ -49,7 +49,7 @@ class Observed:
         node.each(topics.PILOT_ANSWER, lambda m, _: self.answers.append(m))
 
     def tell(self, at_ns: int, text: str) -> None:
-        self.said.append(Said(at_ns, text))
+        self.said.append(ReadText(at_ns, text))
 
     def _show(self, status: VehicleStatus, now: int) -> None:
         before, self.shown = self.shown, status

@@ -14,10 +14,10 @@ from typing import NamedTuple
 from services.runtime.config.errors import LindyError
 from tools.recordings.recording import open_recording
 from tools.research.faults.catalogue import FAULTS, HANG_S, KILL_S, ONLOOKERS
-from tools.research.faults.fault import Fault
+from tools.research.faults.fault import FaultCase
 from tools.research.faults.figures import Figures, disarmed, figures, with_disarm
 from tools.research.faults.modes import DOWN, FlownMode
-from tools.research.faults.real_dive import RealDive, real_dive
+from tools.research.faults.real_dive import RealFaultDive, real_dive
 
 MORE_S = 2.0  # [s] longer than on virtual time: a busy computer starts processes slowly
 WAITS_S = 12.0  # [s] … and what writes files is given ten seconds before it is ended
@@ -30,7 +30,7 @@ AT_REST = FlownMode("stabilised", "pioneer", DOWN, 9.0)  # a stick that is out r
 
 
 class RealCell(NamedTuple):
-    fault: Fault
+    fault: FaultCase
     figures: Figures
     note: str = ""  # what else was measured
 
@@ -38,12 +38,12 @@ class RealCell(NamedTuple):
 Cells = Generator[RealCell]
 
 
-def _named(*begins: str) -> list[Fault]:
+def _named(*begins: str) -> list[FaultCase]:
     real = [fault for fault in FAULTS if fault.real is not None]
     return [fault for fault in real if fault.name.startswith(begins)]
 
 
-def _stops(seconds: float) -> list[Fault]:
+def _stops(seconds: float) -> list[FaultCase]:
     return [f for f in _named("SIGSTOP") if f.name.endswith(f" {seconds:g} s")]
 
 
@@ -66,7 +66,7 @@ def fly_all() -> Cells:
 
 
 @contextmanager
-def _flown(mode: FlownMode, *more: str) -> Generator[RealDive]:
+def _flown(mode: FlownMode, *more: str) -> Generator[RealFaultDive]:
     with (
         TemporaryDirectory(prefix="lindy-faults-") as folder,
         real_dive(mode, Path(folder), *more) as dive,
@@ -74,7 +74,7 @@ def _flown(mode: FlownMode, *more: str) -> Generator[RealDive]:
         yield dive
 
 
-def _in_one_dive(faults: Sequence[Fault]) -> Cells:
+def _in_one_dive(faults: Sequence[FaultCase]) -> Cells:
     """What each fault does; the drone stays armed."""
     cells: list[tuple[RealCell, int]] = []
     with _flown(PILOTED) as dive:
@@ -94,12 +94,12 @@ def _in_one_dive(faults: Sequence[Fault]) -> Cells:
             yield cell._replace(note=note)
 
 
-def _waits_long(fault: Fault) -> bool:
+def _waits_long(fault: FaultCase) -> bool:
     """The supervisor gives a slow disk ten seconds."""
     return fault.lasts > 10.0 and any(name in fault.name for name in ONLOOKERS)
 
 
-def _cause(dive: RealDive, fault: Fault) -> None:
+def _cause(dive: RealFaultDive, fault: FaultCase) -> None:
     """Begin it, let it last, end it. What hangs for long is ended by the supervisor before."""
     assert fault.real is not None
     fault.real.begin(dive)
@@ -117,7 +117,7 @@ def _lost(out: Path, killed_ns: int) -> str:
     return f"the last {lost:.2f} s before it are lost; nothing recorded for {gap:.2f} s"
 
 
-def _disarmed(faults: Sequence[Fault]) -> Generator[tuple[str, float | None]]:
+def _disarmed(faults: Sequence[FaultCase]) -> Generator[tuple[str, float | None]]:
     """The fault, and how long a disarm takes while it lasts [s]; None: it is not possible."""
     with _flown(AT_REST) as dive:
         for fault in faults:
@@ -137,7 +137,7 @@ def _disarmed(faults: Sequence[Fault]) -> Generator[tuple[str, float | None]]:
             _arm(dive)
 
 
-def _arm(dive: RealDive) -> None:
+def _arm(dive: RealFaultDive) -> None:
     for _ in range(5):
         dive.ask(kind="arm")
         dive.run(2.0)
@@ -152,8 +152,8 @@ def _of_their_own() -> Cells:
     yield from _supervisor_killed()
 
 
-def _only_real(name: str, cause: str, lasts: float, *, back: float | None = None) -> Fault:
-    return Fault(name=name, cause=cause, lasts=lasts, back=back)
+def _only_real(name: str, cause: str, lasts: float, *, back: float | None = None) -> FaultCase:
+    return FaultCase(name=name, cause=cause, lasts=lasts, back=back)
 
 
 def _busy() -> Cells:

@@ -30,7 +30,7 @@ LONGEST_WAIT_S = 0.05  # [s] between two looks at the terminal
 SETTINGS = ("estimation.calibration.still_time=3", "simulator.floor_depth=60")
 
 
-class RealDive:
+class RealFaultDive:
     """Armed and settled when `real_dive` yields it."""
 
     def __init__(
@@ -196,11 +196,11 @@ class RealDive:
 
 
 @contextmanager
-def real_dive(mode: FlownMode, folder: Path, *more: str) -> Generator[RealDive]:
+def real_dive(mode: FlownMode, folder: Path, *more: str) -> Generator[RealFaultDive]:
     """
     Args:
         folder: an empty one, for the script, the terminal's output and the dive's folder.
         more: words for the command line.
     """
     with ExitStack() as exits:
-        yield RealDive(mode, folder, exits, more)
+        yield RealFaultDive(mode, folder, exits, more)

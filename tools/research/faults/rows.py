@@ -5,7 +5,7 @@ from typing import Literal
 
 import msgspec
 
-from tools.research.faults.fault import Fault
+from tools.research.faults.fault import FaultCase
 from tools.research.faults.figures import Figures
 from tools.research.faults.goals import GOALS
 
@@ -27,7 +27,7 @@ class Row(msgspec.Struct, frozen=True):
 
 
 def row_of(
-    world: Literal["virtual", "real"], mode: str, fault: Fault, figures: Figures, note: str = ""
+    world: Literal["virtual", "real"], mode: str, fault: FaultCase, figures: Figures, note: str = ""
 ) -> Row:
     judged = {goal.name: goal.met(fault, figures) for goal in GOALS}
     goals = {name: met for name, met in judged.items() if met is not None}

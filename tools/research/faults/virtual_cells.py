@@ -1,7 +1,7 @@
 """All faults in all modes on virtual time, on all cores."""
 
 import gc
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import ExitStack, closing
 from functools import partial
 from typing import NamedTuple
@@ -10,7 +10,7 @@ import msgspec
 
 from tools.research.faults.catalogue import FAULTS
 from tools.research.faults.copies import Work, in_copies
-from tools.research.faults.fault import Fault
+from tools.research.faults.fault import FaultCase
 from tools.research.faults.figures import Figures, disarmed, figures, with_disarm
 from tools.research.faults.modes import MODES, FlownMode
 from tools.research.faults.virtual_dive import SECOND, VirtualDive
@@ -22,10 +22,11 @@ LOOK_S = 0.1  # [s] between two looks at them
 
 class VirtualCell(NamedTuple):
     mode: FlownMode
-    fault: Fault
+    fault: FaultCase
 
 
-ALL = tuple(VirtualCell(m, f) for m in MODES for f in FAULTS if f.virtual is not None)
+# Fault by fault, so that a run that is broken off has something of every mode.
+ALL = tuple(VirtualCell(m, f) for f in FAULTS for m in MODES if f.virtual is not None)
 
 
 def fly_all(
@@ -34,28 +35,29 @@ def fly_all(
     """Each cell with its figures, in the order in which they are finished."""
     found: dict[int, Figures] = {}
     off: dict[int, float | None] = {}
-    for key, data in in_copies(_jobs(cells, seed), workers):
-        number, is_second = divmod(key, 2)
-        if is_second:
-            off[number] = msgspec.json.decode(data, type=float | None)
-        else:
-            found[number] = msgspec.json.decode(data, type=Figures)
-        if number in found and number in off:
-            yield cells[number], with_disarm(found[number], off[number])
+    with ExitStack() as exits:
+        modes = dict.fromkeys(cell.mode for cell in cells)
+        dives = {mode: exits.enter_context(closing(VirtualDive(mode, seed))) for mode in modes}
+        gc.collect()
+        gc.freeze()  # copies share what they do not touch
+        for key, data in in_copies(_jobs(cells, dives), workers):
+            number, is_second = divmod(key, 2)
+            if is_second:
+                off[number] = msgspec.json.decode(data, type=float | None)
+            else:
+                found[number] = msgspec.json.decode(data, type=Figures)
+            if number in found and number in off:
+                yield cells[number], with_disarm(found[number], off[number])
 
 
-def _jobs(cells: Sequence[VirtualCell], seed: int) -> Generator[tuple[int, Work]]:
+def _jobs(
+    cells: Sequence[VirtualCell], dives: Mapping[FlownMode, VirtualDive]
+) -> Generator[tuple[int, Work]]:
     """Two for each cell: what the fault does, and whether the drone can be disarmed meanwhile. All
     of a mode go on from the same instant."""
-    with ExitStack() as dives:  # copies may outlast the last job of their mode
-        for mode in dict.fromkeys(cell.mode for cell in cells):
-            dive = dives.enter_context(closing(VirtualDive(mode, seed)))
-            gc.collect()
-            gc.freeze()  # copies share what they do not touch
-            for number, cell in enumerate(cells):
-                if cell.mode is mode:
-                    yield 2 * number, partial(_fly, dive, cell)
-                    yield 2 * number + 1, partial(_disarm, dive, cell)
+    for number, cell in enumerate(cells):
+        yield 2 * number, partial(_fly, dives[cell.mode], cell)
+        yield 2 * number + 1, partial(_disarm, dives[cell.mode], cell)
 
 
 def _fly(dive: VirtualDive, cell: VirtualCell) -> bytes:
@@ -87,11 +89,11 @@ def _disarm(dive: VirtualDive, cell: VirtualCell) -> bytes:
     return msgspec.json.encode(took)
 
 
-def _begin(dive: VirtualDive, fault: Fault) -> None:
+def _begin(dive: VirtualDive, fault: FaultCase) -> None:
     assert fault.virtual is not None
     fault.virtual.begin(dive)
 
 
-def _end(dive: VirtualDive, fault: Fault) -> None:
+def _end(dive: VirtualDive, fault: FaultCase) -> None:
     assert fault.virtual is not None
     fault.virtual.end(dive)
