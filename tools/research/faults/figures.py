@@ -151,7 +151,8 @@ def recovered(seen: Observed, begin: int, end: int) -> float | None:
     if end - seen.actuations[-1].stamp_ns > THRUST_TTL_NS:
         return None
     bad = [a.stamp_ns for a in seen.actuations if a.stale or not _by_the_pilot(a)]
-    bad += [a.stamp_ns for a, b in pairwise(seen.actuations) if _gap(a, b)]
+    stamps = [begin, *(a.stamp_ns for a in seen.actuations)]
+    bad += [a for a, b in pairwise(stamps) if b - a > THRUST_TTL_NS]
     unwell = [s.stamp_ns for s in seen.statuses if s.failsafe != "none" or not s.armed]
     acting = _next([a.stamp_ns for a in seen.actuations], max(bad, default=None), begin)
     well = _next([s.stamp_ns for s in seen.statuses], max(unwell, default=None), begin)
@@ -168,10 +169,6 @@ def _next(stamps: Sequence[int], last_bad: int | None, begin: int) -> int | None
 def _by_the_pilot(actuation: Actuation) -> bool:
     pilot = actuation.pilot_ns
     return pilot is not None and actuation.stamp_ns - pilot <= PILOT_TTL_NS + THRUST_TTL_NS
-
-
-def _gap(a: Actuation, b: Actuation) -> bool:
-    return b.stamp_ns - a.stamp_ns > THRUST_TTL_NS
 
 
 def disarmed(seen: Observed, asked: int, end: int) -> float | None:

@@ -121,6 +121,12 @@ def test_the_pilot_is_in_control_again_when_the_last_of_everything_bad_is_over()
     assert recovered(seen, 0, END) is None
 
 
+def test_who_is_away_from_the_very_beginning_is_in_control_when_it_is_back() -> None:
+    seen = dive()
+    seen.actuations = seen.actuations[70:]
+    assert recovered(seen, 0, END) == pytest.approx(0.7)
+
+
 def test_a_disarm_counts_when_thrust_is_zero_for_good_and_somebody_has_granted_it() -> None:
     seen = dive()
     seen.actuations[30:] = [actuation(a.stamp_ns, 0.0) for a in seen.actuations[30:]]
