@@ -19,6 +19,7 @@ ONLOOKERS = ("recorder", "visualizer")  # in real dives alone
 # Between the pilot and the reference. Without its hub the drone hears nobody either, but then
 # nobody hears when it notices.
 BETWEEN = ("tether", "gamepad", "hub_topside")
+DEAF = ("simulator", "hub_drone")  # without it no sample arrives
 KILL_S, HANG_S = 1.5, 3.0  # [s] goals
 STOPS = (0.3, 2.0, 20.0)  # [s]
 
@@ -34,6 +35,7 @@ def _of_process(name: str) -> list[FaultCase]:
             after=3.5,
             both=None if name in ONLOOKERS else killed,
             only_real=killed,
+            lives=name not in DEAF,
             no_pilot=name in BETWEEN,
             no_control=name == "control",
             back=KILL_S,
@@ -50,6 +52,7 @@ def _of_process(name: str) -> list[FaultCase]:
                 after=3.0 if seconds < 10.0 else 2.0,
                 both=None if name in ONLOOKERS else stopped,
                 only_real=stopped,
+                lives=name not in DEAF,
                 no_pilot=longer and name in BETWEEN,
                 no_control=name == "control",
                 back=HANG_S if longer else None,
@@ -77,6 +80,7 @@ def _exception(name: str) -> FaultCase:
         lasts=0.0,
         after=3.5,
         back=KILL_S,
+        lives=name not in DEAF,
         no_pilot=name in BETWEEN,
         no_control=name == "control",
         only_virtual=VirtualDeeds(lambda dive: dive.fail(name)),

@@ -108,6 +108,7 @@ def jerk_ratio(references: Sequence[Reference]) -> float | None:
     and what its accelerations show from one to the next."""
     ratios: list[float] = []
     for before, after in pairwise([r for r in references if r.armed]):
+        alike = (before.sensor_ns is None) == (after.sensor_ns is None)
         dt = (_valid_ns(after) - _valid_ns(before)) / SECOND
         for axis in ("depth", "heading"):
             was: Motion = getattr(before, axis)
@@ -115,14 +116,15 @@ def jerk_ratio(references: Sequence[Reference]) -> float | None:
             if not now.jerk_limit or _free(after, axis):
                 continue
             ratios.append(abs(now.jerk) / now.jerk_limit)
-            if was.jerk_limit == now.jerk_limit and not _free(before, axis) and 0.0 < dt < 0.05:
+            if alike and was.jerk_limit == now.jerk_limit and not _free(before, axis) and dt > 0.0:
                 shown = abs(now.acceleration - was.acceleration) / dt
                 ratios.append(shown / now.jerk_limit)
     return max(ratios, default=None)
 
 
 def _valid_ns(reference: Reference) -> int:
-    """[ns] The instant it is for."""
+    """[ns] The instant it is for. From the last one with a sensor's time to the first one without,
+    it is not known how far the motion went on."""
     return reference.stamp_ns if reference.sensor_ns is None else reference.sensor_ns
 
 

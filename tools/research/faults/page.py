@@ -26,6 +26,8 @@ COLUMNS = (
 MEANING = """
 - **said**: the first line that the pilot can read: status, link alarm, log line above information.
 - **depth**: largest distance from where the reference wanted the drone, while a depth was held.
+  Without a reference nothing should move: one that was moving is measured from where that ended.
+  Judged where samples arrive: not without the vehicle side or the drone's hub.
 - **jerk**: of the reference over its limit, of depth and heading the worse.
 - **stale**: actuations of a command, or of a stick position behind it, beyond its life.
 - **pilot gone**: the drone's status says so.
