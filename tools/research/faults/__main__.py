@@ -1,6 +1,7 @@
 """`python -m tools.research.faults`: fly the fault matrix and write docs/faults.md."""
 
 import argparse
+import os
 import sys
 import tempfile
 import time
@@ -14,6 +15,7 @@ from tools.research.faults.virtual_cells import VirtualCell
 from tools.sweep.all_cores import cores
 
 PAGE = Path(__file__).parents[3] / "docs" / "faults.md"
+PLANNED = len(virtual_cells.ALL)
 
 
 def main(words: Sequence[str]) -> int:
@@ -28,7 +30,7 @@ def main(words: Sequence[str]) -> int:
     args = parser.parse_args(words)
     if args.read:
         rows = [row for path in args.read for row in read_rows(path)]
-        args.page.write_text(page_of(rows, None), encoding="utf-8")
+        args.page.write_text(page_of(rows, PLANNED, _conditions()), encoding="utf-8")
         print(summary(rows))
         return 0
     began = time.monotonic()
@@ -36,9 +38,15 @@ def main(words: Sequence[str]) -> int:
     minutes = (time.monotonic() - began) / 60.0
     print(f"{summary(rows)}\n{minutes:.1f} min")
     if args.world == "both" and not args.cells:
-        args.page.write_text(page_of(rows, minutes), encoding="utf-8")
+        page = page_of(rows, PLANNED, f"It took {minutes:.0f} minutes. {_conditions()}")
+        args.page.write_text(page, encoding="utf-8")
         print(f"written: {args.page}")
     return 0
+
+
+def _conditions() -> str:
+    """Real processes start late on a busy computer."""
+    return f"{cores()} cores, with {os.getloadavg()[2]:.0f} processes at work on average."
 
 
 def flown(world: str, names: Sequence[str], workers: int, kept: Path | None) -> list[Row]:

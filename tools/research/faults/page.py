@@ -50,15 +50,16 @@ NOT_COVERED = """
 Missed = tuple[str, str]  # goal, fault
 
 
-def page_of(rows: Sequence[Row], minutes: float | None) -> str:
+def page_of(rows: Sequence[Row], planned: int, conditions: str) -> str:
     """
     Args:
-        minutes: that the run took; None: not said.
+        planned: cells that there are on virtual time.
+        conditions: of the run, in a sentence.
     """
-    took = "" if minutes is None else f" They took {minutes:.0f} minutes."
     count = Counter(row.world for row in rows)
+    flown = f"all {planned}" if count["virtual"] == planned else f"{count['virtual']} of {planned}"
     cells = (
-        f"\n{count['virtual']} cells on virtual time, {count['real']} in real processes.{took}\n"
+        f"\nFlown: {flown} cells on virtual time, {count['real']} in real processes. {conditions}\n"
     )
     parts = [HEAD, cells, *_goals(rows), *_missed(rows), "\n## What is measured\n", MEANING]
     for world, words in WORLDS.items():
