@@ -1,5 +1,6 @@
 """docs/faults.md from the rows. Pure."""
 
+import re
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Sequence
 
@@ -47,6 +48,7 @@ NOT_COVERED = """
 - A peer with another version of the keys, or without a certificate, never gets in
   (tests/services/runtime/bus/). Here a stranger and an older pilot speak on the topside's own bus.
 """
+FOLDER = re.compile(r"/\S*lindy-faults-[^/ ]*/")  # of the run, in what was read
 Missed = tuple[str, str]  # goal, fault
 
 
@@ -144,8 +146,9 @@ def _read(rows: Sequence[Row]) -> list[str]:
     """By fault, over all modes."""
     texts: defaultdict[str, dict[str, None]] = defaultdict(dict)
     for row in rows:
-        texts[row.fault].update(dict.fromkeys(row.figures.texts))
-    table = [[fault, "; ".join(read) or "**nothing**"] for fault, read in texts.items()]
+        read = [FOLDER.sub("", text) for text in row.figures.texts]
+        texts[row.fault].update(dict.fromkeys(read))
+    table = [[fault, "; ".join(words) or "**nothing**"] for fault, words in texts.items()]
     return ["\n## What the pilot reads\n\n", *_table(("fault", "in any mode"), table)]
 
 

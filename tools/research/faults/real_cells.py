@@ -83,15 +83,20 @@ def _in_one_dive(faults: Sequence[FaultCase]) -> Cells:
             begin = dive.now
             _cause(dive, fault)
             dive.run(fault.after + (WAITS_S if _waits_long(fault) else MORE_S))
-            measured = figures(dive.seen, begin, dive.now, holds_depth=True)
-            while measured.recovered is None and dive.now - begin < PATIENCE_S * 1e9:
-                dive.run(1.0)
-                measured = figures(dive.seen, begin, dive.now, holds_depth=True)
-            cells.append((RealCell(fault, measured), begin))
+            cells.append((RealCell(fault, _until_recovered(dive, begin)), begin))
         dive.end()
         for cell, begin in cells:
             note = _lost(dive.out, begin) if cell.fault.name.endswith("recorder") else ""
             yield cell._replace(note=note)
+
+
+def _until_recovered(dive: RealFaultDive, begin: int) -> Figures:
+    """The figures when the pilot is in control again, or when that takes too long."""
+    measured = figures(dive.seen, begin, dive.now, holds_depth=True)
+    while measured.recovered is None and dive.now - begin < PATIENCE_S * 1e9:
+        dive.run(1.0)
+        measured = figures(dive.seen, begin, dive.now, holds_depth=True)
+    return measured
 
 
 def _waits_long(fault: FaultCase) -> bool:
@@ -211,7 +216,7 @@ def _folder_removed() -> Cells:
         begin = dive.now
         os.kill(pid, 9)
         dive.run(fault.lasts)
-        measured = figures(dive.seen, begin, dive.now, holds_depth=True)
+        measured = _until_recovered(dive, begin)
         note = "the dive goes on" if dive.alive else "the dive has ended"
         with suppress(LindyError):
             dive.end()
