@@ -6,7 +6,7 @@ READY := .venv/.ready
 UV := $(BIN)/python -m uv
 PICTURES := .pictures
 
-.PHONY: dive test explore mutants check format laws stops soak picture docs clean
+.PHONY: dive test explore mutants check format laws stops soak faults picture docs clean
 
 dive: $(READY) ## fly the demo dive: every service, one command
 	$(BIN)/lindy dive
@@ -48,6 +48,9 @@ stops: $(READY) ## a hundred dives with random sticks: bounce-back and overshoot
 
 soak: $(READY) ## half an hour of faults in a real dive: does anything grow? MINUTES=, SEED=
 	$(BIN)/python -m tests.long.soak $(or $(MINUTES),30) $(or $(SEED),1)
+
+faults: $(READY) ## every fault in every mode, and again in real processes, into docs/faults.md
+	$(BIN)/python -m tools.research.faults
 
 docs: $(READY) ## pages and pictures written from the code
 	$(BIN)/python -m tools.docs.topics_page

@@ -71,7 +71,11 @@ class VirtualHost:
 
     def side(self, name: str) -> MemoryBusPort:
         """A new port on the bus of a side, for a test that subscribes or publishes."""
-        return MemoryBusPort(self._buses.setdefault(name, MemoryBus()))
+        return MemoryBusPort(self.hub(name))
+
+    def hub(self, side: str) -> MemoryBus:
+        """The bus of a side, for a test that stops it as a hub that ends or hangs."""
+        return self._buses.setdefault(side, MemoryBus())
 
     def node(self, name: str, sides: list[str], *, gateway: bool = False) -> Node:
         """A node without a service; the caller wires it."""

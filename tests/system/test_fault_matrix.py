@@ -1,0 +1,113 @@
+"""A part of the fault matrix: cells that meet every goal go on meeting it.
+
+The whole matrix is `make faults`; docs/faults.md names the cells that miss a goal.
+"""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tools.research.faults.catalogue import FAULTS
+from tools.research.faults.goals import GOALS
+from tools.research.faults.modes import MODES
+from tools.research.faults.rows import Row, read_rows
+
+ROOT = Path(__file__).parents[2]
+CELLS = (
+    "manual/none",
+    "manual/kill -9 simulator",
+    "manual/kill -9 gamepad",
+    "manual/SIGSTOP reference 2 s",
+    "manual/exception in control",
+    "depth_hold/none",
+    "depth_hold/kill -9 control",
+    "depth_hold/SIGSTOP control 2 s",
+    "depth_hold/kill -9 reference",
+    "depth_hold/imu silent",
+    "stabilised/none",
+    "stabilised/kill -9 estimation",
+    "stabilised/SIGSTOP estimation 2 s",
+    "stabilised/SIGSTOP tether 2 s",
+    "stabilised/kill -9 hub_topside",
+    "stabilised/SIGSTOP hub_drone 2 s",
+    "stabilised/exception in tether",
+    "stabilised/cable out 3 s",
+    "stabilised/pressure biased 20000",
+    "stabilised/stranger without control",
+    "stabilised/pilot of an older version",
+    "station_keeping/none",
+    "station_keeping/kill -9 reference",
+    "station_keeping/kill -9 tether",
+    "follow/none",
+    "follow/SIGSTOP gamepad 2 s",
+    "follow/kill -9 control",
+    "surfacing/none",
+    "surfacing/kill -9 gamepad",
+    "surfacing/SIGSTOP tether 2 s",
+    "surfacing/cable out 3 s",
+)
+
+
+@pytest.fixture(scope="module")
+def rows(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Row]:
+    """Flown by a program of its own, on all cores: it goes on in copies of itself, which a process
+    with threads must not."""
+    kept = tmp_path_factory.mktemp("faults") / "rows.jsonl"
+    command = [sys.executable, "-m", "tools.research.faults", "--world", "virtual"]
+    run = subprocess.run(
+        [*command, "--rows", str(kept), "--cells", *CELLS],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert run.returncode == 0, run.stderr
+    return {f"{row.mode}/{row.fault}": row for row in read_rows(kept)}
+
+
+@pytest.mark.parametrize("cell", CELLS)
+def test_a_cell_meets_every_goal(rows: dict[str, Row], cell: str) -> None:
+    row = rows[cell]
+    assert row.missed == [], row.figures
+    assert {"stale", "disarm"} <= set(row.goals)
+
+
+@pytest.mark.parametrize("mode", [mode.name for mode in MODES])
+def test_without_a_fault_nothing_happens(rows: dict[str, Row], mode: str) -> None:
+    figures = rows[f"{mode}/none"].figures
+    assert (figures.failsafes, figures.restarted) == ((), ())
+    assert figures.recovered == 0.0
+    assert figures.still_armed
+
+
+def test_a_stopped_service_is_ended_and_started_again_by_the_supervisor(
+    rows: dict[str, Row],
+) -> None:
+    figures = rows["stabilised/SIGSTOP estimation 2 s"].figures
+    assert figures.restarted == ("estimation",)
+    assert "supervisor: estimation does not answer any more" in figures.texts
+    assert figures.failsafes == ("state_lost",)
+
+
+def test_every_fault_has_a_name_of_its_own_and_can_be_flown_somewhere() -> None:
+    names = [fault.name for fault in FAULTS]
+    assert len(set(names)) == len(names)
+    assert all(fault.virtual or fault.real for fault in FAULTS)
+    assert len({goal.name for goal in GOALS}) == len(GOALS)
+
+
+def test_a_copy_changes_nothing_of_its_parent_and_its_result_comes_back_whole() -> None:
+    code = """
+from tools.research.faults.copies import in_copies
+there = []
+def work(n):
+    there.append(n)
+    return bytes(there) * 100_000
+jobs = ((n, lambda n=n: work(n)) for n in range(5))
+found = dict(in_copies(jobs, workers=2))
+assert found == {n: bytes([n]) * 100_000 for n in range(5)}
+assert there == []
+"""
+    subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True)

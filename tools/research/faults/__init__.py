@@ -1,0 +1,6 @@
+"""The fault matrix: every fault in every mode, flown and measured; `docs/faults.md` comes from it.
+
+The faults are data (`catalogue`), the modes too (`modes`). A cell is one fault in one mode: on
+virtual time (`virtual_dive`, `virtual_cells`) or with real processes (`real_dive`, `real_cells`).
+Both leave the same observations, from which `figures` are computed and judged by `goals`.
+"""
