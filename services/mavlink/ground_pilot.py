@@ -95,6 +95,8 @@ class GroundPilot:
                 self.pilot.source = station.pilot  # in whose name it is asked
             self._open.append(OpenCommand(station, command, kind, now))
             before = len(out.counts)
+            if kind == "mode" and self.pilot.in_failsafe:  # a deliberate act: it ends the failsafe
+                self._read(("resume",), waiting, now, out)
             self._read((intent,), waiting, now, out)
             if "refused_here:arm" in out.counts[before:]:
                 self._close((kind,), MavResult.FAILED, out)
@@ -131,7 +133,9 @@ class GroundPilot:
         if request.kind == "lease" and not answer.accepted:
             self._close(("arm",), MavResult.FAILED, out)
         result = MavResult.ACCEPTED if answer.accepted else MavResult.FAILED
-        self._close((request.kind,), result, out)
+        # Who arms while a failsafe acts resumes.
+        closes: tuple[RequestKind, ...] = ("arm",) if request.kind == "resume" else (request.kind,)
+        self._close(closes, result, out)
 
     def given_up(self, request: PilotRequest, now: Ns, out: Reaction) -> None:
         out.add(self.pilot.given_up(request, now))

@@ -68,7 +68,7 @@ class Pilot:
     _take_after: Ns = 0  # [ns]
     _back_off_ns: Ns = BACK_OFF_NS[0]
     _light: bool = False  # as last requested or reported
-    _in_failsafe: bool = False  # the drone acts by itself, until this pilot resumes
+    in_failsafe: bool = False  # the drone acts by itself, until this pilot resumes
     _resume_after: Ns = 0  # [ns]
     _reading: StickReading = ABSENT
 
@@ -98,7 +98,7 @@ class Pilot:
         self._hold_lease(status, waiting, now, out)
         if "light" not in waiting:
             self._light = status.light > 0.0
-        self._in_failsafe = status.armed and status.failsafe != "none"
+        self.in_failsafe = status.armed and status.failsafe != "none"
         if self.resumes and status.resumable and self._has_control:
             self._resume(waiting, now, out)
         if self.progress.began_ns is not None or not self._has_control:
@@ -122,7 +122,7 @@ class Pilot:
             self._space_out(answer.accepted, now)
             arms, self._arms_next = self._arms_next and answer.accepted, False
             if arms:
-                out.requests.append(self._request("resume" if self._in_failsafe else "arm"))
+                out.requests.append(self._request("resume" if self.in_failsafe else "arm"))
         if not answer.accepted:
             out.counts.append(f"refused:{request.kind}")
             out.notes.append(("warning", f"the drone refuses to {request.kind}: {answer.reason}"))
@@ -213,7 +213,7 @@ class Pilot:
     def _press(self, intent: Intent, waiting: Waiting, out: Effects) -> None:
         """Make the pilot's request; a stop or a disarm also ends automatic arming. Who arms while a
         failsafe acts wants to resume."""
-        if intent == "arm" and self._in_failsafe and self._has_control:
+        if intent == "arm" and self.in_failsafe and self._has_control:
             intent = "resume"
         if intent == "arm" and not self._reading.at_rest:
             out.counts.append("refused_here:arm")

@@ -7,6 +7,7 @@ from typing import Any
 
 from messages.counts import in_words
 from messages.health import Health, LogLine
+from messages.identity import SideIdentity
 from messages.link import Clock, LatencyBudget, LinkAnswer, LinkRequest, LinkStatus
 from messages.message import Message
 from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
@@ -38,7 +39,7 @@ LANES: dict[type[Message], list[tuple[str, Callable[[Any], str]]]] = {
 REQUESTS = PilotRequest | LinkRequest | FaultRequest
 ANSWERS = PilotAnswer | LinkAnswer | FaultAnswer
 NOTED = {
-    *(*LANES, Health, LogLine),
+    *(*LANES, Health, LogLine, SideIdentity),
     *(PilotRequest, PilotAnswer, LinkRequest, LinkAnswer, FaultRequest, FaultAnswer),
 }  # may make notes
 
@@ -52,6 +53,7 @@ class Status:
         self._health: dict[str, Health] = {}
         self._last_request = ""
         self._last_note = ""
+        self._sides: dict[str, str] = {}  # which Lindy each side runs
         self._pages: dict[str, str] = {}  # by path, as last shown
 
     def hear(self, key: str, message: Message, time: int) -> list[Note]:
@@ -96,7 +98,16 @@ class Status:
         if isinstance(message, VehicleStatus) and message.note != self._last_note:
             self._last_note = message.note
             return [_line("vehicle", time, message.note)] if message.note else []
+        if isinstance(message, SideIdentity):
+            return self._identity(message, time)
         return []
+
+    def _identity(self, message: SideIdentity, time: int) -> list[Note]:
+        text = f"{message.side} runs Lindy {message.version} for {message.vehicle}"
+        if self._sides.get(message.side) == text or len(self._sides) >= SERVICES:
+            return []
+        self._sides[message.side] = text
+        return [_line("vehicle", time, text)]
 
     def _status(self) -> str:
         return "\n".join(row for row in (self._vehicle(), self._motion(), self._link()) if row)

@@ -108,7 +108,8 @@ class Guidance:
             if change == "lost":
                 self.events.append(f"unheld:{name}")
             else:
-                ramp.take(Sample(here.value, rate.value, 0.0, 0.0), self.t)
+                acceleration = ramp.at(self.t).acceleration  # so that the force makes no step
+                ramp.take(Sample(here.value, rate.value, acceleration, 0.0), self.t)
                 self.notes.append(f"the {name} is known again, and held from here on")
 
     def _move_with_the_pressure(self, moved: float) -> None:

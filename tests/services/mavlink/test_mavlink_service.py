@@ -183,8 +183,24 @@ def test_a_ground_station_that_falls_silent_is_a_lost_pilot_within_its_time_to_l
     dive.run(5.0)
     assert abs(dive.depth - held) < 0.1
     assert dive.air.of("HEARTBEAT")[-1]["system_status"] == 5
+    dive.steer(1.0, z=0)
+    assert abs(dive.depth - held) < 0.1
+    assert dive.status.failsafe == "pilot_lost", "sticks that move do not end a failsafe"
+    dive.command(176, 1.0, 19.0)
     dive.steer(0.5)
     assert dive.status.failsafe == "none"
+    assert dive.status.hold == "manual"
+
+
+def test_who_arms_while_a_failsafe_acts_resumes(tmp_path: Path) -> None:
+    dive = Dive(tmp_path).armed().run(1.0).steer(1.0)
+    assert dive.status.failsafe == "pilot_lost"
+    before = len(dive.acks)
+    dive.command(400, 1.0)
+    dive.steer(1.0, z=0)
+    assert dive.acks[before:] == [(400, 0)]
+    assert (dive.status.failsafe, dive.status.armed) == ("none", True)
+    assert dive.commands[-1].heave > 0.0
 
 
 def test_beside_a_script_that_flies_the_ground_station_watches(tmp_path: Path) -> None:
@@ -215,6 +231,8 @@ def test_a_second_ground_station_moves_nothing_until_the_first_is_silent_for_lon
     dive.steer(9.0, BOB)
     assert dive.status.failsafe == "pilot_lost"
     dive.steer(2.0, BOB)
+    dive.command(400, 1.0, sender=BOB)
+    dive.steer(1.0, BOB)
     assert dive.status.failsafe == "none"
     dive.steer(1.0, BOB, z=0)
     assert dive.commands[-1].heave > 0.0
@@ -228,6 +246,7 @@ def test_a_restarted_service_goes_on_with_control(tmp_path: Path) -> None:
     dive.run(1.0)
     dive.start()
     dive.steer(1.0)
+    dive.command(400, 1.0)
     dive.steer(1.0, z=0)
     assert dive.status.epoch == epoch
     assert dive.status.failsafe == "none"

@@ -5,6 +5,7 @@ import pytest
 from messages import topics
 from messages.control import ThrusterCommand, Wrench
 from messages.health import Health, LogLine
+from messages.identity import SideIdentity
 from messages.link import (
     DOWN_STAGES,
     UP_STAGES,
@@ -100,6 +101,7 @@ def _all(now: int) -> list[Message]:
             heading_integral=0.0,
             saturated=False,
         ),
+        PilotRequest(stamp_ns=now, id=f"{now} again", kind="disarm"),
         ThrusterCommand(stamp_ns=now, sensor_ns=now, pilot_ns=now, thrust=(1.0, 2.0, 3.0, 4.0)),
         Actuation(
             stamp_ns=now,
@@ -163,6 +165,7 @@ def _all(now: int) -> list[Message]:
             missed=Miss(0.01, 0.01),
             delayed=Miss(0.05, 0.02),
         ),
+        SideIdentity(stamp_ns=now, side="drone", version="1.0"),
         Health(
             stamp_ns=now,
             service="control",
