@@ -298,9 +298,12 @@ class ArdusubDriver:
         board = readings.stamp_of(fields)
         if board is None:
             return
+        shifts = self.clock.shifts
         if not self.clock.heard(board, now):
             self._jumped(now)
             return
+        if self.clock.shifts > shifts:
+            self.events.append("shifted:board_clock")
         stamp = self.clock.ours(board, now)
         if stamp is None:
             return
