@@ -6,7 +6,7 @@ READY := .venv/.ready
 UV := $(BIN)/python -m uv
 PICTURES := .pictures
 
-.PHONY: dive test explore mutants check format laws stops picture docs clean
+.PHONY: dive test explore mutants check format laws stops soak picture docs clean
 
 dive: $(READY) ## fly the demo dive: every service, one command
 	$(BIN)/lindy dive
@@ -46,8 +46,12 @@ laws: $(READY) ## the laws of the reference over millions of states, into docs/l
 stops: $(READY) ## a hundred dives with random sticks: bounce-back and overshoot at every stop
 	$(BIN)/python tests/long/stops.py
 
+soak: $(READY) ## half an hour of faults in a real dive: does anything grow? MINUTES=, SEED=
+	$(BIN)/python -m tests.long.soak $(or $(MINUTES),30) $(or $(SEED),1)
+
 docs: $(READY) ## pages and pictures written from the code
 	$(BIN)/python -m tools.docs.topics_page
+	$(BIN)/python -m tools.docs.failsafes_page
 	$(BIN)/python -m tools.docs.import_picture
 
 $(READY): pyproject.toml uv.lock

@@ -29,3 +29,4 @@ class ThrusterCommand(Message, frozen=True, kw_only=True):
     ttl_ms: Ttl = THRUST_TTL_MS  # [ms] after stamp_ns the driver stops the thrusters
     epoch: Count = 0
     armed: bool = False  # False: the thrusters must not turn, and their ESCs may be off
+    armed_ns: Stamp | None = None  # [ns] as in the reference

@@ -33,6 +33,23 @@ _HELD_BACK = "was held back because the drone could not follow"
 NAMES: dict[str, Meaning] = {
     "failsafe:pilot_lost": Meaning(FAILSAFE, "pilot lost: the drone came to rest and held"),
     "failsafe:state_lost": Meaning(FAILSAFE, "drone's state lost: it came to rest"),
+    "failsafe:link_lost": Meaning(FAILSAFE, "link lost: the drone came to rest and held"),
+    "failsafe:imu_lost": Meaning(FAILSAFE, "IMU lost: the drone came to rest"),
+    "failsafe:leak": Meaning(FAILSAFE, "water in the enclosure: the drone rose"),
+    "failsafe:battery_critical": Meaning(FAILSAFE, "battery nearly empty: the drone rose"),
+    "notice:battery_low": Meaning(DANGER, "the battery was low"),
+    "notice:too_hot": Meaning(DANGER, "the enclosure was too hot"),
+    "notice:too_deep": Meaning(DANGER, "the drone was deeper than its limit"),
+    "notice:near_floor": Meaning(PILOT, "the bottom was close"),
+    "notice:depth_limit": Meaning(PILOT, "the drone stopped at its depth limit"),
+    "notice:control_silent": Meaning(DANGER, "control did not answer: the thrusters stopped"),
+    "notice:service_silent": Meaning(DANGER, "a service on board did not answer"),
+    "notice:service_late": Meaning(DANGER, "a service on board was late"),
+    "notice:recorder_down": Meaning(DATA, "the recorder did not answer the drone"),
+    "alarm:peers": Meaning(DANGER, "the other side runs another Lindy, or a service runs twice"),
+    "overruled:reference": Meaning(
+        DANGER, "the pilot's disarm was obeyed by control; reference had not heard it"
+    ),
     "alarm:link": Meaning(DANGER, "the link got worse"),
     "clamped:reference.depth": Meaning(LIMIT, f"the wanted depth {_HELD_BACK}"),
     "clamped:reference.heading": Meaning(LIMIT, f"the wanted heading {_HELD_BACK}"),
@@ -43,6 +60,9 @@ NAMES: dict[str, Meaning] = {
     ),
     "lost:sensor/pressure": Meaning(
         DANGER, "no pressure sample could be used: the depth was not measured"
+    ),
+    "frozen:sensor/pressure": Meaning(
+        DANGER, "the pressure sensor kept repeating one value: the depth was not measured"
     ),
     "unheld:depth": Meaning(DANGER, "the depth was not known and not held"),
     "unheld:heading": Meaning(DANGER, "the heading was not known and not held"),
@@ -63,9 +83,12 @@ NAMES: dict[str, Meaning] = {
         DANGER, "the gyroscope did not fit gravity: its bias was learnt anew, without a heading"
     ),
     "stepped:gyroscope": Meaning(
-        DANGER, "the gyroscope's bias had changed: the heading was unknown from then on"
+        DANGER,
+        "the gyroscope's bias had changed: the heading was unknown until the compass gave it",
     ),
-    "trusted:gyroscope": Meaning(SENSOR, "the gyroscope fitted gravity again and was used"),
+    "trusted:gyroscope": Meaning(
+        SENSOR, "the gyroscope fitted gravity and the compass again and was used"
+    ),
     "jumped:sensor/pressure": Meaning(
         DANGER, "the pressure jumped and stayed: the depth, and the held depth, moved with it"
     ),
@@ -91,6 +114,11 @@ NAMES: dict[str, Meaning] = {
     "impossible:clock/pong": Meaning(
         MESSAGE, "a reply to a clock ping was inconsistent and not used"
     ),
+    "lost:sticks": Meaning(DANGER, "the ground station sent no sticks any more"),
+    "refused:command": Meaning(PILOT, "a command of a ground station was refused"),
+    "refused:parameter": Meaning(PILOT, "a parameter was not changed for a ground station"),
+    "too_many:mavlink": Meaning(PILOT, "there were too many ground stations at once"),
+    "dropped:mavlink": Meaning(MESSAGE, "a ground station did not read what it was sent"),
     "hung:recorder": Meaning(DATA, "the recorder did not answer"),
     "malformed:memory": Meaning(DATA, "a service's checkpoint could not be read"),
     "not_remembered:disk": Meaning(DATA, "a service's checkpoint could not be written to the disk"),
@@ -116,6 +144,7 @@ NAMES: dict[str, Meaning] = {
 # All other names, by their first word.
 KINDS: dict[str, Meaning] = {
     "failsafe": Meaning(FAILSAFE, "the drone acted by itself"),
+    "notice": Meaning(DANGER, "the drone noticed something that the pilot has to know"),
     "alarm": Meaning(DANGER, "an alarm was raised"),
     "empty": Meaning(DANGER, "the battery was empty"),
     "hung": Meaning(DANGER, "a service ran but did not answer"),
@@ -135,6 +164,8 @@ KINDS: dict[str, Meaning] = {
     "disk_error": Meaning(DATA, "writing to the disk failed"),
     "unreadable": Meaning(DATA, "a recorded message could not be read back"),
     "refused": Meaning(PILOT, "a request was refused"),
+    "overtaken": Meaning(PILOT, "a disarm arrived after a later arm, and was not obeyed"),
+    "overruled": Meaning(DANGER, "a service had not heard the pilot's disarm"),
     "refused_here": Meaning(PILOT, "a request was not sent because a stick was deflected"),
     "unanswered": Meaning(PILOT, "a request was not answered"),
     "wrong_unit": Meaning(DANGER, "the values of a sensor did not fit its unit"),
@@ -183,6 +214,11 @@ KINDS: dict[str, Meaning] = {
     "reordered": Meaning(MESSAGE, "a message arrived out of order and was not used"),
     "duplicated": Meaning(MESSAGE, "a message arrived twice"),
     "malformed": Meaning(MESSAGE, "a message could not be read"),
+    "not_the_holder": Meaning(PILOT, "another ground station had the sticks"),
+    "wrong_target": Meaning(MESSAGE, "a message was for another vehicle"),
+    "ignored": Meaning(MESSAGE, "a message asked for what there is not"),
+    "unknown_parameter": Meaning(MESSAGE, "a parameter was asked for that there is not"),
+    "does_not_fit": Meaning(MESSAGE, "a number did not fit into a message and was not sent"),
     "wrong_type": Meaning(MESSAGE, "a message was of the wrong type"),
     "wrong_epoch": Meaning(MESSAGE, "a command came from a pilot who is not in control"),
     "unknown": Meaning(MESSAGE, "a message arrived on an unknown key"),
@@ -199,7 +235,11 @@ KINDS: dict[str, Meaning] = {
     "resting": Meaning(ROUTINE, "the gyroscope was calibrated at rest"),
 }
 
-SHORT = {"failsafe:pilot_lost": "pilot lost", "failsafe:state_lost": "drone's state lost"}
+SHORT = {
+    "failsafe:pilot_lost": "pilot lost",
+    "failsafe:state_lost": "drone's state lost",
+    "failsafe:imu_lost": "IMU lost",
+}
 
 
 def known(name: str) -> bool:

@@ -20,6 +20,9 @@ class Health(Message, frozen=True, kw_only=True):
     sent: Count  # messages since start
     received: Count  # messages since start
     counts: Counts  # every dropped, stale, malformed, saturated … thing since start
+    side: Name = ""  # its home
+    pid: Count = 0  # of its process; 0 on virtual time
+    instance: Count = 0  # drawn by its process at its start: tells two of one name apart
 
 
 class LogLine(Message, frozen=True, kw_only=True):

@@ -44,6 +44,8 @@ class Clock(Message, frozen=True, kw_only=True):
     rtt_ms: NotNegative | None  # [ms] newest round trip; None when pings are not answered
     rtt_min_ms: NotNegative | None  # [ms] shortest of those the offset is computed from
     answered_ms: NotNegative | None  # [ms] since a ping was last answered
+    source: Count = 0  # whose clock: there may be two topsides
+    epoch: Count = 0  # authority epoch of this topside's commands
 
 
 class LinkStatus(Message, frozen=True, kw_only=True):
@@ -78,12 +80,15 @@ class LinkAnswer(Answer, frozen=True, kw_only=True):
 class ClockPing(Message, frozen=True, kw_only=True):
     """From `link_monitor`, topside; `stamp_ns` is when it is sent, by the topside's clock."""
 
+    source: Count = 0  # which topside: the answer names it
+
 
 class ClockPong(Message, frozen=True, kw_only=True):
     """From `link_monitor`, on board; `stamp_ns` is when it is sent, by the drone's clock."""
 
     ping_ns: Stamp  # [ns] stamp of the ping, topside's clock
     heard_ns: Stamp  # [ns] when the ping arrived, drone's clock
+    source: Count = 0  # of the ping
 
 
 # The stages of a latency budget: from the stick to the thruster, from the sensor to the screen.

@@ -26,10 +26,12 @@ class PilotCommand(Message, frozen=True, kw_only=True):
     epoch: Count = 0  # authority epoch; a command of another epoch is refused
 
 
-# lease: take control, or accept it where it is offered; force: take it from whoever has it
+# lease: take control, or accept it where it is offered; force: take it from whoever has it;
+# resume: end a failsafe, so that the sticks act again
 RequestKind = Literal[
-    "arm", "disarm", "stop", "light", "goto", "follow", "mode", "lease", "offer", "release", "force"
-]
+    "arm", "disarm", "stop", "light", "goto", "follow", "mode", "lease", "offer", "release",
+    "force", "resume",
+]  # fmt: skip
 
 # Hold mode: what the drone holds by itself. On an axis that is not held, the stick is a force.
 #   manual: nothing; depth_hold: depth; heading_hold: heading; stabilised: depth and heading;

@@ -23,6 +23,7 @@ class Reference(Message, frozen=True, kw_only=True):
     pilot_ns: Stamp | None  # [ns] pilot command that caused it
     epoch: Count = 0  # authority epoch of the newest command
     armed: bool  # False: thrusters stay off, the rest follows the vehicle
+    armed_ns: Stamp | None = None  # [ns] of the request that armed it; a later disarm overrules it
     depth: Motion  # NED, positive down
     heading: Motion  # accumulates past ±π
     surge_force: Finite  # [N] body, ramped with limited jerk

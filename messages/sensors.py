@@ -53,3 +53,15 @@ class BatterySample(Message, frozen=True, kw_only=True):
     current: Finite  # [A] + out of the battery
     used_wh: NotNegative  # [Wh] since power-on
     capacity_wh: NotNegative | None = None  # [Wh] when full; None: unknown to the driver
+
+
+class LeakSample(Message, frozen=True, kw_only=True):
+    """Leak detector inside the enclosure."""
+
+    wet: bool | None  # None: the detector does not answer
+
+
+class TemperatureSample(Message, frozen=True, kw_only=True):
+    """Temperature inside the enclosure."""
+
+    temperature: Finite  # [°C]

@@ -8,16 +8,18 @@ from messages.units import Finite, Name, Stamp, Text
 # Thrusters: dead gives no thrust, reversed the opposite thrust, weak the share `value` of it, stuck
 # the last thrust for ever. Sensors: silent publishes nothing, frozen repeats its last sample, noisy
 # has `value` times the noise, biased is off by `value` (in the sensor's unit; an IMU's gyroscopes,
-# rad/s), broken gives NaN.
+# rad/s), broken gives NaN. Some sensors can measure what a pilot must know of: the leak detector is
+# wet, the battery low, critical or empty, the temperature hot.
 FaultKind = Literal[
-    "none", "dead", "reversed", "weak", "stuck", "silent", "frozen", "noisy", "biased", "broken"
-]
+    "none", "dead", "reversed", "weak", "stuck", "silent", "frozen", "noisy", "biased", "broken",
+    "wet", "low", "critical", "empty", "hot",
+]  # fmt: skip
 
 
 class FaultRequest(Request, frozen=True, kw_only=True):
     """Break or mend a part. Repeated with the same id until a `FaultAnswer` names that id."""
 
-    part: Name  # a thruster's name, a sensor's key such as sensor/pressure, or "all" to mend
+    part: Name  # a thruster, a sensor such as sensor/pressure or pressure, or "all" to mend
     fault: FaultKind
     value: Finite | None = None
 

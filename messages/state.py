@@ -5,7 +5,7 @@ from typing import Literal
 from msgspec import UNSET, UnsetType
 
 from messages.message import Estimate, Message
-from messages.units import Finite, Name, NotNegative, Quaternion, Stamp
+from messages.units import Finite, Name, Names, NotNegative, Quaternion, Stamp
 
 
 class VehicleState(Message, frozen=True, kw_only=True):
@@ -15,6 +15,9 @@ class VehicleState(Message, frozen=True, kw_only=True):
     phase: Literal["calibrating", "running"]
     calibration_left: NotNegative | None = None  # [s] at rest still to go; None: done, or not known
     blocked_by: Name | UnsetType = UNSET  # count that keeps it from ending; absent: none
+    troubles: Names | UnsetType = (
+        UNSET  # counts that say which sensors cannot be used; absent: none
+    )
     depth_moved: Finite | UnsetType = UNSET  # [m] sum of pressure jumps believed; absent: none
     depth: Estimate  # [m] positive down, of the vehicle's origin below the surface
     depth_rate: Estimate  # [m/s] positive down

@@ -7,6 +7,7 @@ and `docs/topics.md` all read these rows.
 
 from messages.control import ThrusterCommand, Wrench
 from messages.health import Health, LogLine
+from messages.identity import SideIdentity
 from messages.link import (
     Clock,
     ClockPing,
@@ -24,8 +25,10 @@ from messages.sensors import (
     BatterySample,
     DvlSample,
     ImuSample,
+    LeakSample,
     MagnetometerSample,
     PressureSample,
+    TemperatureSample,
     UsblSample,
 )
 from messages.simulator import FaultAnswer, FaultRequest
@@ -47,9 +50,12 @@ PRESSURE       = Topic("sensor/pressure",     PressureSample,     42, LIVE,     
 DVL            = Topic("sensor/dvl",          DvlSample,           1, LIVE,           STAY)
 USBL           = Topic("sensor/usbl",         UsblSample,        0.5, LIVE,           STAY)
 BATTERY        = Topic("sensor/battery",      BatterySample,       1, BULK,           UP)
+LEAK           = Topic("sensor/leak",         LeakSample,          1, BULK,           UP)
+TEMPERATURE    = Topic("sensor/temperature",  TemperatureSample,   1, BULK,           UP)
 STATE          = Topic("state",               VehicleState,      100, LIVE,           UP)
 REFERENCE      = Topic("reference",           Reference,         100, LIVE,           UP)
 WRENCH         = Topic("control/wrench",      Wrench,            100, LIVE,           UP)
+HANDED_ON      = Topic("control/request",     PilotRequest,        0, EVENT,          STAY)
 THRUSTERS      = Topic("control/thrusters",   ThrusterCommand,   100, REALTIME,       UP)
 ACTUATION      = Topic("vehicle/actuation",   Actuation,         100, LIVE,           UP)
 STATUS         = Topic("vehicle/status",      VehicleStatus,       5, EVENT,          UP)
@@ -65,6 +71,7 @@ CLOCK          = Topic("link/clock",          Clock,               5, LIVE,     
 CLOCK_PING     = Topic("clock/ping",          ClockPing,           5, REALTIME,       DOWN)
 CLOCK_PONG     = Topic("clock/pong",          ClockPong,           5, REALTIME,       UP)
 PREDICTION     = Topic("prediction",          Prediction,         25, LIVE,           DOWN)
+IDENTITY       = Topic("identity/*",          SideIdentity,        0, BULK,           BOTH)
 HEALTH         = Topic("health/*",            Health,              1, BULK,           BOTH)
 LOG            = Topic("log/*",               LogLine,             0, BULK,           BOTH)
 # fmt: on

@@ -19,7 +19,13 @@ from messages.units import (
 )
 
 Mode = Literal["starting", "ready", "piloted", "stopping", "goto", "follow"]
-Failsafe = Literal["none", "pilot_lost", "state_lost"]
+# The conditions that make the drone act by itself; services/reference/failsafe/ has their table.
+Failsafe = Literal[
+    "none", "leak", "battery_critical", "state_lost", "imu_lost", "link_lost", "pilot_lost"
+]
+# What a condition makes the drone do, the mildest first: notice: say it; limit: go no further that
+# way; stop: come to rest and hold; ascend: rise slowly; surface: stay at the surface
+Reaction = Literal["notice", "limit", "stop", "ascend", "surface"]
 
 
 class VehicleStatus(Message, frozen=True, kw_only=True):
@@ -28,11 +34,17 @@ class VehicleStatus(Message, frozen=True, kw_only=True):
     mode: Mode
     armed: bool
     hold: Hold = "stabilised"  # what the drone holds by itself
-    failsafe: Failsafe = "none"
+    failsafe: Failsafe = "none"  # the condition that acts, the gravest of several
+    reaction: Reaction | None = None  # what it makes the drone do now; None: nothing acts
+    since_ns: Stamp | None = None  # [ns] when that condition began
+    next_ns: Stamp | None = None  # [ns] when its next reaction begins; None: there is none
+    resumable: bool = False  # the request `resume` would be granted now
+    words: Text = ""  # what the drone does, what ends it, and every condition that acts
+    conditions: Names = ()  # all that hold now, the gravest first; most only have to be known
     pilot: Name = ""  # who has control; empty: nobody
     epoch: Count = 0  # authority epoch granted last: commands with another one are refused
     light: Stick = 0.0  # [-] 0 … 1
-    note: Text = ""  # why it is not ready, in words for the pilot
+    note: Text = ""  # why it is not ready, and every notice, in words for the pilot
     stop: StopDistance | None = None  # while stopping: distance from the stop request to standstill
 
 

@@ -18,7 +18,7 @@ from tools.ramp import ramp
 from tools.sweep.command import sweep
 from tools.verbs import analyse, live, research, start
 
-ERROR = 1  # exit status
+ERROR, INTERRUPTED = 1, 130  # exit statuses
 DEBUG = "--debug"
 PAPERS = "tools.research"  # not in an installed package
 
@@ -28,6 +28,7 @@ app = App(
     help_epilogue="With --debug before or after any verb, an error shows where it came from.",
     help_format="plaintext",
     version=lambda: version("lindy"),
+    suppress_keyboard_interrupt=False,  # it would be silent
 )
 
 app.command(start.dive)
@@ -69,7 +70,8 @@ def _run(words: Sequence[str], explain: Callable[[], None] = lambda: None) -> in
         explain()
         return complain(str(error))
     except KeyboardInterrupt:
-        return complain("interrupted")
+        complain("interrupted")
+        return INTERRUPTED
     except OSError as error:
         explain()
         return complain(f"{error.filename or 'operating system'}: {error.strerror or error}")

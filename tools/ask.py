@@ -18,14 +18,13 @@ from messages.pilot import (
     StopDistance,
 )
 from services.gamepad.io.path_file import course_of
-from services.gamepad.pilot_intents import goto
+from services.piloting.pilot_intents import goto
 from services.reference.guidance.path_following import PlannedPath
 from services.runtime.config.errors import LindyError
-from services.runtime.config.running import RUNNING, Running
+from services.runtime.config.running import RUNNING, Running, running_in
 from services.runtime.config.settings import deploy_file, nearest
 from services.runtime.launch.local_stack import HOME
 from services.runtime.node.node import Node
-from tools.checks import running_in
 from tools.live.asking import OneRequest, answer_to, at_once
 
 OPTIONS: dict[str, tuple[str, ...]] = {
@@ -39,6 +38,7 @@ OPTIONS: dict[str, tuple[str, ...]] = {
     "take": ("force",),
     "offer": ("to",),
     "release": (),
+    "resume": (),
 }  # the options of each kind of request
 HOLDS: tuple[str, ...] = get_args(Hold)
 FARTHEST = 100_000.0  # [m] greatest north or east
@@ -65,7 +65,7 @@ def ask(
     """Send a request and print the answer.
 
     Args:
-        kind: arm, disarm, stop, light, goto, follow, mode, take, offer or release.
+        kind: arm, disarm, stop, light, goto, follow, mode, take, offer, release or resume.
         hold: mode: what the drone is to hold by itself.
         depth: [m] goto.
         heading: [deg] goto.

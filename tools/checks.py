@@ -1,21 +1,16 @@
 """Everything that can be checked before a dive starts, so that a mistake is reported at once."""
 
-import os
 from collections.abc import Collection
 from dataclasses import dataclass
-from pathlib import Path
-
-import msgspec
 
 from services.control.core import Controller, Settings
 from services.gamepad import stick_log
-from services.gamepad.incidents import Incident
 from services.gamepad.io.path_file import course_named
-from services.gamepad.pilot_intents import FollowIntent
 from services.marine.vehicle import Vehicle
+from services.piloting.pilot_intents import FollowIntent
+from services.piloting.sticks import Incident
 from services.reference.guidance.path_following import PlannedPath
 from services.runtime.config.errors import LindyError
-from services.runtime.config.running import RUNNING, Running
 from services.runtime.config.settings import deploy_file, nearest
 from services.runtime.config.stack import BODY, Stack
 from services.runtime.hosts.registry import Registry
@@ -124,18 +119,3 @@ def _submergible(stack: Stack) -> None:
             f"is {vehicle.net_buoyancy:g} N, but the thrusters push {way} with at most {most:.1f} N"
             f"; expected less than that",
         )
-
-
-def running_in(folder: Path) -> int | None:
-    """Process id of the running dive in a folder; None: there is none."""
-    try:
-        pid = msgspec.json.decode((folder / RUNNING).read_bytes(), type=Running).supervisor
-    except (FileNotFoundError, msgspec.DecodeError):
-        return None
-    try:
-        os.kill(pid, 0)  # signal 0 only asks whether it exists
-    except ProcessLookupError:
-        return None
-    except PermissionError:
-        pass  # it exists, and is somebody else's
-    return pid

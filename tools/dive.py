@@ -39,7 +39,7 @@ def dive(
     services = runnable(Registry.read(choices.stack))
     if grouped:
         services = services.grouped()
-    pilot = who_flies(choices)
+    pilot = who_flies(choices, services)
     viewer = not headless and bool({"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys())
     services.require_whole()
     stack = checked(choices, pilot, services)

@@ -5,8 +5,9 @@ from collections.abc import Sequence
 
 from messages.link import LinkRequest
 from messages.simulator import FaultRequest
-from services.gamepad.incidents import Incident, in_words
+from services.gamepad.incidents import in_words
 from services.marine.vehicle import Vehicle
+from services.piloting.sticks import Incident
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import nearest
 from services.runtime.config.stack import Stack

@@ -1,8 +1,9 @@
 """`lindy up`: one side of a dive on this machine, while the other side runs on another machine."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
+from typing import NamedTuple, NoReturn
 
 import msgspec
 
@@ -12,25 +13,30 @@ from services.runtime.config.settings import nearest
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.stack_file import ServiceSpec
-from services.runtime.launch.local_stack import LocalStack, OtherSide, local_stack
-from tools.checks import DEFAULT_PILOT, checked, pilot_of
+from services.runtime.launch.local_stack import OtherSide, local_stack, require_free
+from tools.checks import DEFAULT_PILOT, PilotChoice, checked, pilot_of
 from tools.choices import Choices
 from tools.keys.door import door
-from tools.live.display import Display, display
-from tools.live.dive_folder import out_folder, point_latest, require_room_for_recording
-from tools.live.dive_timeline import DiveTimeline
-from tools.live.monitor_loop import MonitorLoop, followed_by
+from tools.live.display import display
+from tools.live.dive_folder import (
+    hand_over,
+    out_folder,
+    point_latest,
+    require_room_for_recording,
+)
+from tools.live.monitor_loop import followed_by
 from tools.live.outcome import RECORDER, Outcome
 from tools.live.piloted_dive import PilotedDive, tell_who_flies, who_flies
-from tools.live.resume import resumed
+from tools.live.resume import ESTIMATION, resumed
 from tools.live.stop_signals import StopSignals
 from tools.live.viewer import runnable
+from tools.onboard.broken_off import broken_off
+from tools.onboard.plan import Plan, become
+from tools.onboard.this_start import NOTE, Start, boot_id
 from tools.report import Elsewhere
 
 OTHER = {"topside": "drone", "drone": "topside"}
 GATEWAY = "tether"  # the service that may stand between the two
-
-Go = Callable[[LocalStack, StopSignals, Display], str]
 
 
 def up(
@@ -71,8 +77,9 @@ def drone(
     *,
     grouped: bool,
     insecure: bool,
-) -> int:
-    """Run the drone's side until Ctrl-C, whether or not the topside is connected."""
+) -> NoReturn:
+    """Run the drone's side until Ctrl-C, whether or not the topside is connected. This program only
+    checks and plans: a smaller one takes its place."""
     every = Registry.read(choices.stack)
     here = on_side(every, "drone", gateway=False)
     here = here.grouped() if grouped else here
@@ -83,11 +90,39 @@ def drone(
     stack = msgspec.structs.replace(stack, out=str(out_folder(choices.out)), insecure=insecure)
     print(f"drone {stack.vehicle}, for the topside at {listen} → {stack.out_dir}", flush=True)
     print(f"vehicle side: {in_words(here.vehicle_side)}", flush=True)
+    if RECORDER in here:
+        require_room_for_recording(stack.out_dir)
+    require_free(listen, stack, way_in)
+    plan = Plan(
+        stack=stack,
+        stack_file=str(here.file),
+        services=dict(here),
+        elsewhere=tuple(on_side(every, "topside", gateway=False)),
+        listen=listen,
+        door=way_in,
+        begin_with={**goes_on_with(stack), **before},
+        seconds=choices.seconds,
+        claim=hand_over(stack.out_dir),
+    )
+    become("supervise", plan)
 
-    def go(local: LocalStack, stop: StopSignals, shown: Display) -> str:
-        return MonitorLoop(local, DiveTimeline(None, choices.seconds), stop, shown).keep()
 
-    return run(stack, every, here, OtherSide("drone", listen=(listen,)), go, before, way_in)
+def goes_on_with(stack: Stack) -> dict[str, bytes]:
+    """The files that the folder of the checkpoints begins with: a note of this start, and the
+    estimator's checkpoint of a dive that broke off, which is announced."""
+    boot, now = boot_id(), time.monotonic_ns()
+    if boot is None:
+        return {}
+    start = {NOTE: msgspec.json.encode(Start(boot, stack.vehicle_name, now))}
+    before = broken_off(stack.out_dir.parent, boot, stack.vehicle_name, now)
+    if before is None:
+        return start
+    print(
+        f"goes on with the calibration of {before.folder}, which broke off; it is "
+        f"{before.age_s:.0f} s old",
+        flush=True,
+    )
+    return {**start, ESTIMATION: before.checkpoint}
 
 
 def topside(
@@ -103,7 +138,7 @@ def topside(
     every = Registry.read(choices.stack)
     here = runnable(on_side(every, "topside", gateway=gateway))
     here = here.grouped() if grouped else here
-    pilot = who_flies(choices)
+    pilot = who_flies(choices, here)
     stack = checked(choices, pilot, every, here)
     stack = msgspec.structs.replace(stack, apart=True, insecure=insecure)
     stack = msgspec.structs.replace(stack, out=str(out_folder(choices.out)))
@@ -117,10 +152,14 @@ def topside(
     tell_who_flies(choices, pilot)
     print(f"topside of {stack.vehicle}, drone by way of {way} → {stack.out_dir}", flush=True)
 
-    def go(local: LocalStack, stop: StopSignals, shown: Display) -> str:
-        return PilotedDive(local, pilot, choices.seconds, stop, shown).fly()
+    return run(stack, every, here, other_side, Piloting(pilot, choices.seconds), way_out)
 
-    return run(stack, every, here, other_side, go, keys=way_out)
+
+class Piloting(NamedTuple):
+    """Who flies, and for how long."""
+
+    pilot: PilotChoice
+    seconds: float | None  # [s] after arming; None: until the script or the user ends it
 
 
 def run(
@@ -128,32 +167,28 @@ def run(
     every: Registry,
     here: Registry,
     other_side: OtherSide,
-    go: Go,
-    begin_with: Mapping[str, bytes] | None = None,
-    keys: Door | None = None,
+    piloting: Piloting,
+    keys: Door | None,
 ) -> int:
-    """One side of a stack from its start to its summary. Returns the exit status."""
+    """The topside from its start to its summary. Returns the exit status."""
     if RECORDER in here:
         require_room_for_recording(stack.out_dir)
     outcome = Outcome(stack)
-    side, other = other_side.side, OTHER[other_side.side]
     with StopSignals() as stop:
         with (
             display() as shown,
             outcome.of_the_dive(),
-            local_stack(
-                stack, here, other_side=other_side, begin_with=begin_with, door=keys
-            ) as local,
+            local_stack(stack, here, other_side=other_side, door=keys) as local,
             followed_by(outcome, local),
         ):
             point_latest(stack.out_dir)
-            outcome.exit = go(local, stop, shown)
+            outcome.exit = PilotedDive(local, *piloting, stop, shown).fly()
         if RECORDER in here:
-            there = Elsewhere(other, tuple(on_side(every, other, gateway=False)))
-            return stop.report(lambda: outcome.sum_up(there))
+            drone = Elsewhere("drone", tuple(on_side(every, "drone", gateway=False)))
+            return stop.report(lambda: outcome.sum_up(drone))
         return stop.report(
-            lambda: outcome.sum_up_unrecorded(side, other),
-            f"the recording is on the {other}'s side",
+            lambda: outcome.sum_up_unrecorded("topside", "drone"),
+            "the recording is on the drone's side",
         )
 
 

@@ -5,6 +5,7 @@ from pretend_hardware import Hardware
 
 from messages import topics
 from messages.control import ThrusterCommand
+from messages.pilot import PilotRequest
 from messages.sensors import BatterySample, ImuSample, MagnetometerSample, PressureSample
 from messages.vehicle import Actuation
 from services.marine.vehicle import Vehicle
@@ -38,8 +39,13 @@ def wire(node: Node, stack: Stack) -> None:
         count(gate.obey(command, now))
         write(now)
 
+    def hear(request: PilotRequest, now: int) -> None:
+        """A disarm is obeyed here too, whatever becomes of the services above."""
+        count(gate.hear(request, now))
+        write(now)
+
     def write(now: int) -> None:
-        """To the ESCs: at each command, and at the very instant after the last one has ended."""
+        """To the ESCs: at each command or disarm, and at the very instant after a command's end."""
         count(gate.lapse(now))
         hardware.write_escs(gate.output(now), now)
         believed.drive(gate.output(now), now)
@@ -73,6 +79,7 @@ def wire(node: Node, stack: Stack) -> None:
 
     end = node.alarm(write)
     node.each(topics.THRUSTERS, obey)
+    node.each(topics.PILOT_REQUEST, hear)
     node.every(topics.IMU.hz, measure_motion)
     node.every(topics.PRESSURE.hz, measure_pressure)
     node.every(topics.BATTERY.hz, measure_battery)

@@ -18,6 +18,7 @@ from services.control.settings import Settings as Settings
 from services.control.stability import require_stable
 from services.marine.sensor_time import SensorTime
 from services.marine.vehicle import Vehicle
+from services.vehicle.disarm_latch import DisarmLatch
 
 PERIOD_S = 1 / topics.REFERENCE.hz  # [s] for which a wrench is held
 LONGEST_STEP_S = 0.05  # [s] a longer step counts as this long
@@ -39,6 +40,7 @@ class Controller:
     settings: Settings
     vehicle: Vehicle
     events: list[str] = field(default_factory=list[str])
+    latch: DisarmLatch = field(default_factory=DisarmLatch)
     _laws: Laws = field(init=False)
     _propulsion: Propulsion = field(init=False)
     _time: SensorTime = field(default_factory=SensorTime)
@@ -65,8 +67,11 @@ class Controller:
         dt = self._elapsed(state, now)
         if reference is None:
             reference = self._hold()
+        else:
+            r = reference
+            self.latch.see(r.epoch, r.stamp_ns, r.armed_ns, armed=r.armed)
         self._newest = reference
-        result = self._act(reference, state, dt, now)
+        result = self._act(self._obeyed(reference), state, dt, now)
         self.events.extend(sorted(self._now_true - self._was_true))
         self._was_true, self._now_true = self._now_true, set()
         return result
@@ -75,6 +80,12 @@ class Controller:
         """Take in the driver's report of the thrust; used only while the depth is known."""
         if actuation is not None and state is not None and state.depth.valid:
             self._propulsion.heard(actuation, state.depth.value)
+
+    def _obeyed(self, reference: Reference | None) -> Reference | None:
+        """The reference, disarmed where the pilot has disarmed it and it has not heard that."""
+        if reference is None or not reference.armed or not self.latch.forbids(reference.armed_ns):
+            return reference
+        return msgspec.structs.replace(reference, armed=False)
 
     def _elapsed(self, state: VehicleState | None, now: Ns) -> float:
         """[s] Between the sensor samples of this step and of the previous one."""
@@ -163,6 +174,7 @@ class Controller:
             epoch=0 if reference is None else reference.epoch,
             thrust=done.thrust,
             armed=reference is not None and reference.armed,
+            armed_ns=None if reference is None or not reference.armed else reference.armed_ns,
         )
         return wrench, command
 

@@ -37,14 +37,14 @@ class Laws:
         self._short: frozenset[str] = frozenset()  # axes with less force than required
         self._water: tuple[float, float] | None = None  # [m/s] along surge and sway, if known
 
-        def axis(name: str, gains: Gains, row: int) -> PilotedAxis:
+        def axis(name: str, gains: Gains, row: int, *, own: bool = True) -> PilotedAxis:
             law = AxisLaw(gains, plant_of(vehicle, row), self._lags[row], period)
-            return PilotedAxis(name, law, BumplessTransfer(settings.transfer), count)
+            return PilotedAxis(name, law, BumplessTransfer(settings.transfer), count, own=own)
 
         self.surge = axis("surge", settings.surge, 0)
         self.sway = axis("sway", settings.sway, 1)
         self.depth = axis("depth", settings.depth, 2)
-        self.heading = axis("heading", settings.heading, 5)
+        self.heading = axis("heading", settings.heading, 5, own=False)
         self._max_error = min(settings.surge.max_error, settings.sway.max_error)  # [m]
         self._roll, self._pitch = RollPitchHold(settings.roll), RollPitchHold(settings.pitch)
 
@@ -100,7 +100,7 @@ class Laws:
         """Reset integrals and disturbance observers."""
         self._water = None
         for axis in (self.surge, self.sway, self.depth, self.heading):
-            axis.law.forget()
+            axis.forget()
 
     def _learn(self, state: VehicleState, dt: float) -> None:
         force = self._actuators.mean(dt)

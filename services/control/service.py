@@ -1,8 +1,11 @@
-"""Control service: reference and state in, thruster commands out."""
+"""Control service: reference and state in, thruster commands out. While `reference` is silent, the
+pilot's disarm and stop are answered here."""
 
 from messages import topics
+from messages.pilot import PilotRequest
 from messages.reference import Reference
 from services.control.core import Controller, Settings
+from services.control.stand_in import StandIn
 from services.marine.vehicle import Vehicle
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
@@ -17,16 +20,38 @@ def wire(node: Node, stack: Stack) -> None:
     actuation = node.latest(topics.ACTUATION)
     wrenches = node.publisher(topics.WRENCH)
     thrusters = node.publisher(topics.THRUSTERS)
+    answers = node.publisher(topics.PILOT_ANSWER)
+    handed_on = node.publisher(topics.HANDED_ON)
+    stand_in = StandIn(controller.latch)
+
+    def count(events: list[str]) -> None:
+        while events:
+            node.count(events.pop())
 
     def on_reference(reference: Reference | None, now: int) -> None:
+        act(reference, now)
+        for request in stand_in.heard(reference, now):
+            handed_on.put(request)
+        count(stand_in.events)
+
+    def act(reference: Reference | None, now: int) -> None:
         newest = state.fresh(now)
         controller.heard(actuation.fresh(now), newest)
         wrench, command = controller.step(reference, newest, now)
         wrenches.put(wrench)
         thrusters.put(command)
-        while controller.events:
-            node.count(controller.events.pop())
+        count(controller.events)
 
+    def on_request(request: PilotRequest, now: int) -> None:
+        disarms, answer = stand_in.hear(request, now)
+        count(stand_in.events)
+        if disarms:
+            act(None, now)
+        if answer is not None:
+            answers.put(answer)
+            node.log("warning", f"{request.kind}: done by control; reference does not answer")
+
+    node.each(topics.PILOT_REQUEST, on_request)
     node.trigger(topics.REFERENCE, on_reference, SILENCE_S)
 
 

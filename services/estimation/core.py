@@ -18,6 +18,8 @@ keeps the calibration from ending. Validity: see state_message.py.
 from collections.abc import Mapping
 from math import hypot
 
+import msgspec
+
 from messages import topics
 from messages.reference import Reference
 from messages.sensors import (
@@ -81,7 +83,9 @@ class Estimator:
         self._announcements = Announcements(self._events)
         self._settings = settings
         self._floating_depth = floating_depth
-        self._validation = SampleValidation(settings.watch, self.events)
+        self._validation = SampleValidation(
+            settings.watch, self.events, settings.depth.pressure_std
+        )
         mounting = Mounting() if vehicle is None else vehicle.mounting
         self._at_origin = AtOrigin(mounting, density_of(settings.water_density))
         self._reference_acceleration: float | None = None  # [m/s²] along down
@@ -162,7 +166,7 @@ class Estimator:
         if self._calibrating is not None:
             self._calibrating.magnetometer(sample.field)
         else:
-            self._events.note(self._attitude.magnetometer(sample.field, sample.stamp_ns))
+            self._announcements.tell(self._attitude.magnetometer(sample.field, sample.stamp_ns))
 
     def dvl(self, sample: DvlSample) -> None:
         if self._validation.dvl(sample) and self._calibrating is None:
@@ -236,9 +240,12 @@ class Estimator:
 
     def _run(self, sample: ImuSample, dt: float) -> None:
         force, at_ns, note = sample.specific_force, sample.stamp_ns, self._events.note
-        self._announcements.tell(self._attitude.step(sample.angular_rate, force, dt))
+        event = self._attitude.step(sample.angular_rate, force, dt)
+        self._announcements.tell(event)
+        if event == "doubted:gyroscope":  # so it is not known which acceleration is vertical
+            self._announcements.tell(self._depth.doubt_accelerometer())
         note(self._resting.imu(sample.angular_rate, force, dt))
-        if self._attitude.gyroscope.learning:
+        if self._attitude.relearns:
             self._resting.relearn(self._attitude.gyro_bias)
         else:
             self._attitude.gyro_bias = self._resting.bias
@@ -284,7 +291,21 @@ class Estimator:
             now, sensor_ns, imu, self._attitude, self._depth, self._horizontal
         )
         self._announcements.see(imu=imu, pressure=state.depth.valid)
-        return state
+        self._announcements.see_frozen(self._validation.frozen)
+        troubles = self._troubles(imu=imu, pressure=state.depth.valid)
+        return msgspec.structs.replace(state, troubles=troubles) if troubles else state
+
+    def _troubles(self, *, imu: bool, pressure: bool) -> tuple[str, ...]:
+        """Names of the counts that say which sensors cannot be used now, and why."""
+        found = list(self._validation.troubles)
+        for key, used in (("sensor/imu", imu), ("sensor/pressure", pressure)):
+            if not used and not any(name.endswith(key) for name in found):
+                found.append(f"lost:{key}")
+        if self._depth.distrusts_accelerometer and imu:
+            found.append("distrusted:sensor/imu")
+        if self._attitude.gyroscope.learning:
+            found.append("doubted:gyroscope")
+        return tuple(found)
 
     def _hears_imu(self, now: int) -> bool:
         return self._imu_ns is not None and now - self._imu_ns <= self._settings.imu_patience * 1e9

@@ -5,9 +5,10 @@ Validity:
 - calibrating: nothing. Depth is the floating depth, which is not a measurement. While something is
   wrong with a sensor, `blocked_by` is the name of its count.
 - running: attitude, headings and yaw rate while IMU samples arrive; depth and depth rate for two
-  seconds after an accepted pressure sample.
+  seconds after an accepted pressure sample. The depth rate also for as long after it as the
+  accelerometer alone keeps it known.
 - gyroscope's bias changed: attitude is learnt anew from gravity; headings and yaw rate are not
-  valid from then on (gyro_check.py).
+  valid until the magnetometer has measured them, or the bias is as before (gyro_check.py).
 - vertical acceleration and pressure disagree: depth and rate from pressure alone, the acceleration
   is not valid.
 - IMU silent: at first no states, so receivers see the last one age. After `imu_patience`, states

@@ -6,13 +6,13 @@ knows: sticks -1 … 1 (right and down positive), triggers 0 … 1, buttons 0 or
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Literal, NamedTuple, Protocol
+from typing import Annotated, Literal, Protocol
 
 import msgspec
 
 from messages.units import Name, Share
-from services.gamepad.incidents import Incident
-from services.gamepad.pilot_intents import Intent, Press
+from services.piloting.pilot_intents import Press
+from services.piloting.sticks import StickReading, Sticks
 
 DeadBand = Annotated[float, msgspec.Meta(ge=0.0, le=0.9)]
 StickName = Literal["leftx", "lefty", "rightx", "righty", "-leftx", "-lefty", "-rightx", "-righty"]
@@ -94,38 +94,6 @@ class PadProfile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         requests = msgspec.structs.astuple(self.button)
         if len({*requests, self.tilt.up, self.tilt.down}) < len(requests) + 2:
             raise ValueError("tilt needs two buttons of its own")
-
-
-class Sticks(NamedTuple):
-    """-1 … 1 each, SNAME signs: + forward, starboard, down, clockwise; the camera + upwards."""
-
-    surge: float = 0.0
-    sway: float = 0.0
-    heave: float = 0.0
-    yaw: float = 0.0
-    tilt: float = 0.0
-
-    @property
-    def at_rest(self) -> bool:
-        """No stick moves the drone. The camera may tilt: that does not prevent arming."""
-        return not any(self[:4])
-
-
-CENTRED = Sticks()
-Level = Literal["info", "warning"]
-
-
-class StickReading(NamedTuple):
-    """What a stick source reads at one instant."""
-
-    sticks: Sticks = CENTRED
-    present: bool = True  # False: the pad is unplugged, unlike centred
-    at_rest: bool = True  # the device's sticks are centred, even where `sticks` is held at 0
-    age_ms: float = 0.0  # [ms] since the device last answered
-    presses: tuple[Intent, ...] = ()  # requests since the last reading, from a button or a script
-    incidents: tuple[Incident, ...] = ()  # of a script, since the last reading
-    notes: tuple[tuple[Level, str], ...] = ()  # for the log
-    lost: tuple[str, ...] = ()  # to be counted: what was dropped or broke
 
 
 class StickSource(Protocol):

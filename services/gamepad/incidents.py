@@ -9,8 +9,8 @@ from typing import cast, get_args
 
 from messages.link import LinkRequest
 from messages.simulator import FaultKind, FaultRequest
+from services.piloting.sticks import Incident
 
-Incident = FaultRequest | LinkRequest
 FAULTS: tuple[str, ...] = get_args(FaultKind)
 FAULT_FORM = "fault PART KIND, or fault PART KIND VALUE"
 LINK_FORM = "link down, link up, link profile NAME or link set KEY=VALUE …"

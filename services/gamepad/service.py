@@ -6,10 +6,11 @@ from messages.pilot import PilotAnswer, PilotRequest, RequestKind
 from messages.simulator import FaultAnswer, FaultRequest
 from messages.vehicle import VehicleStatus
 from services.gamepad.core import Settings, StickSource
-from services.gamepad.incidents import Incident, in_words
+from services.gamepad.incidents import in_words
 from services.gamepad.io.sources import open_source
-from services.gamepad.overruling import overrules
-from services.gamepad.pilot import Effects, Pilot, Progress
+from services.piloting.overruling import overrules
+from services.piloting.pilot import Effects, Pilot, Progress
+from services.piloting.sticks import Incident
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 
@@ -19,9 +20,10 @@ OVERHEARD = 16  # newest requests of others that may still be answered
 def wire(node: Node, stack: Stack) -> None:
     progress = node.restore_checkpoint(Progress) or Progress()
     source = open_source(node, stack, progress.played)
-    by_itself = stack.arm or stack.pilot.startswith("script:")
+    is_script = stack.pilot.startswith("script:")
+    by_itself = stack.arm or is_script
     name = stack.section("gamepad", Settings).pilot
-    Connected(node, source, Pilot(progress, by_itself), name)
+    Connected(node, source, Pilot(progress, by_itself, resumes=is_script), name)
 
 
 class Connected:

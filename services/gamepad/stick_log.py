@@ -1,12 +1,13 @@
 """A stick log: CSV `t,surge,sway,heave,yaw[,tilt][,event]`, seconds and -1 … 1, held between rows.
 
 Blank lines and comments (`# …`) may stand anywhere. `t` begins at 0 or later and grows from row to
-row. The last row ends the script: from its time on the sticks are centred. An event belongs to
-its row: `arm`, `disarm`, `stop`, `light` (toggle), `goto depth=3 heading=90` (m, deg), `follow
-PATH` and `mode HOLD` happen at the row's time; during a `lost` row the pilot is lost and the sticks
-are 0 whatever the columns contain, until the next row. A deflected stick ends a goto or a follow.
-`fault PART KIND [VALUE]`, `link profile NAME`, `link set KEY=VALUE …`, `link down` and `link up`
-are incidents: the requests of the verbs `lindy fault` and `lindy link`, sent from the topside.
+row. The last row ends the script: from its time on the sticks are centred. An event belongs to its
+row: `arm`, `disarm`, `stop`, `resume`, `light` (toggle), `goto depth=3 heading=90` (m, deg),
+`follow PATH` and `mode HOLD` happen at the row's time; during a `lost` row the pilot is lost and
+the sticks are 0 whatever the columns contain, until the next row. A deflected stick ends a goto or
+a follow. `fault PART KIND [VALUE]`, `link profile NAME`, `link set KEY=VALUE …`, `link down` and
+`link up` are incidents: the requests of the verbs `lindy fault` and `lindy link`, sent from the
+topside.
 """
 
 import math
@@ -14,8 +15,8 @@ from bisect import bisect_right
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from services.gamepad.core import CENTRED, Sticks
 from services.gamepad.stick_log_events import Courses, Event, event_of, short
+from services.piloting.sticks import CENTRED, Sticks
 
 COLUMNS = ("t", "surge", "sway", "heave", "yaw")
 OPTIONAL = ("tilt", "event")  # after the others, in any order

@@ -1,13 +1,20 @@
-"""An event of a stick log: one word, `goto depth=3 heading=90`, `follow inspection_box`,
-`mode depth_hold`, `fault port dead` or `link profile severe`."""
+"""An event of a stick log: one word such as `stop`, `goto depth=3 heading=90`, `follow
+inspection_box`, `mode depth_hold`, `fault port dead` or `link profile severe`."""
 
 from collections.abc import Callable
 from typing import Literal, cast, get_args
 
 from messages.pilot import Course, Hold
 from services.gamepad import incidents
-from services.gamepad.incidents import Incident
-from services.gamepad.pilot_intents import FollowIntent, GotoIntent, Intent, ModeIntent, Press, goto
+from services.piloting.pilot_intents import (
+    FollowIntent,
+    GotoIntent,
+    Intent,
+    ModeIntent,
+    Press,
+    goto,
+)
+from services.piloting.sticks import Incident
 
 Event = Intent | Incident | Literal["lost"]
 Courses = Callable[[str], Course]  # reads the path of a name; ValueError: why it cannot

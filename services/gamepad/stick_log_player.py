@@ -3,10 +3,9 @@
 from bisect import bisect_right
 from typing import NamedTuple
 
-from services.gamepad.core import Level, StickReading
-from services.gamepad.incidents import Incident
-from services.gamepad.pilot_intents import Intent
 from services.gamepad.stick_log import StickLog
+from services.piloting.pilot_intents import Intent
+from services.piloting.sticks import Incident, Level, StickReading
 
 QUIET_NS = 3_000_000_000  # [ns] of centred sticks after the script, before the drone is disarmed
 

@@ -2,34 +2,79 @@
 the clock offset, measures latencies and raises the link alarm.
 
 Where topside and drone are two machines it runs on both: topside it measures, on board it answers.
+On both it says which Lindy this side runs; topside it compares.
 """
 
+from msgspec.structs import replace
+
 from messages import topics
+from messages.identity import SideIdentity
 from messages.link import ClockPing, ClockPong
 from services.link_monitor.core import LinkMonitor
 from services.link_monitor.ping_responder import pong
+from services.runtime.config.identity import identity_of
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
+from services.runtime.node.peers import Peers
 
 TOPSIDE, DRONE = "topside", "drone"
+INTRODUCED_HZ = 1.0  # [1/s]
 
 
-def wire(node: Node, _: Stack) -> None:
+def wire(node: Node, stack: Stack) -> None:
+    for side in node.sides:
+        _introduce(node, identity_of(stack, side, node.instance.number), side)
     if TOPSIDE in node.sides:
-        _measure(node)
+        monitor = LinkMonitor(source=node.instance.number)
+        _measure(node, monitor)
+        _compare(node, monitor, stack)
     if DRONE in node.sides:
         _answer(node)
 
 
-def _measure(node: Node) -> None:
-    monitor = LinkMonitor()
+def _introduce(node: Node, ours: SideIdentity, side: str) -> None:
+    """Say who this side is, with its first word and once a second."""
+    identities = node.publisher(topics.IDENTITY.of(side), side=side)
+
+    def introduce(now: int) -> None:
+        identities.put(replace(ours, stamp_ns=now))
+
+    node.alarm(introduce).set(node.now())
+    node.every(INTRODUCED_HZ, introduce)
+
+
+def _compare(node: Node, monitor: LinkMonitor, stack: Stack) -> None:
+    """Tell the pilot of a drone with another Lindy, and of services on board that run twice."""
+    peers = Peers(identity_of(stack, TOPSIDE, node.instance.number))
+
+    def look(now: int) -> None:
+        was, monitor.misfit = monitor.misfit, peers.wrong(now)
+        if monitor.misfit == was:
+            return
+        if monitor.misfit:
+            node.count("alarm:peers")
+            node.log("error", f"{monitor.misfit}; it will not arm")
+        else:
+            node.log("info", "both sides fit together again")
+
+    def on_pong(_: ClockPong, now: int) -> None:
+        peers.expect(now)
+
+    if stack.apart:
+        node.each(topics.CLOCK_PONG, on_pong)
+    node.each(topics.IDENTITY, peers.identity)
+    node.each(topics.HEALTH, peers.health)
+    node.every(topics.LATENCY.hz, look)
+
+
+def _measure(node: Node, monitor: LinkMonitor) -> None:
     budget = monitor.budget
     pings = node.publisher(topics.CLOCK_PING)
     clocks = node.publisher(topics.CLOCK)
     budgets = node.publisher(topics.LATENCY)
 
     def ping(now: int) -> None:
-        pings.put(ClockPing(stamp_ns=now))
+        pings.put(ClockPing(stamp_ns=now, source=monitor.source))
         clock = monitor.ping(now)
         node.learn_clock(clock)
         clocks.put(clock)
@@ -52,7 +97,7 @@ def _measure(node: Node) -> None:
         budgets.put(monitor.report(now))
 
     node.each(topics.CLOCK_PONG, on_pong)
-    node.each(topics.PILOT_COMMAND, budget.command, onlooker=True)
+    node.each(topics.PILOT_COMMAND, monitor.command, onlooker=True)
     node.each(topics.STATE, budget.state, onlooker=True)
     node.each(topics.REFERENCE, budget.reference, onlooker=True)
     node.each(topics.THRUSTERS, budget.thrusters, onlooker=True)

@@ -3,11 +3,12 @@
 The mode (`modes.py`) says which axes the drone holds. The sticks of held axes are velocities; the
 position reference is their exact integral. The sticks of the other axes are forces, ramped by the
 same jerk-bounded law. The pilot can request positions and paths; a deflected stick overrides them
-at any moment. Every failure (pilot lost, state lost, stop) has the same response: come to rest
-smoothly, and hold.
+at any moment. What the drone does by itself when something fails is the failsafe table
+(`failsafe/`): come to rest smoothly and hold, rise, stay at the surface.
 """
 
 from dataclasses import dataclass, field
+from typing import cast
 
 import msgspec
 
@@ -18,6 +19,9 @@ from messages.state import VehicleState
 from messages.units import Ns
 from messages.vehicle import Failsafe, Mode, VehicleStatus
 from services.marine.sensor_time import SensorTime
+from services.reference.failsafe.machine import FailsafeMachine, Memory
+from services.reference.failsafe.table import table
+from services.reference.failsafe.watch import ConditionWatch
 from services.reference.guidance import requests
 from services.reference.guidance.authority import ControlAuthority, Lease
 from services.reference.guidance.guidance import Guidance
@@ -37,6 +41,10 @@ class GuidanceCheckpoint(msgspec.Struct, frozen=True):
     hold: Hold = "stabilised"  # in force
     asked: Hold = "stabilised"  # requested by the pilot
     lease: Lease = Lease()
+    failsafes: dict[str, Memory] = {}
+    surfaced: bool = False
+    armed_ns: int = 0  # [ns] stamp of the newest arm, later than every disarm before it
+    disarmed_ns: int = 0  # [ns] stamp of the newest disarm
 
 
 INITIAL = GuidanceCheckpoint()
@@ -54,20 +62,28 @@ class ReferenceGenerator:
     light: float = field(init=False)
     requested: Hold = field(init=False)  # by the pilot; in force again after a disarm
     authority: ControlAuthority = field(init=False)
+    conditions: ConditionWatch = field(init=False)  # of the failsafes
     stopping: bool = False  # until at rest with the sticks centred
     _guidance: Guidance = field(init=False)
     _time: SensorTime = field(default_factory=SensorTime)  # of the reference
-    _failsafe: Failsafe = "none"
+    _failsafes: FailsafeMachine = field(init=False)
+    _acts: bool = False  # a failsafe acted at the newest step
     _running: bool = False  # the estimator has finished its calibration
     _silent: bool = False  # the estimator
     _initialised: bool = False
     _stop: StopDistance | None = None
+    _armed_ns: Ns = field(init=False)
+    _disarmed_ns: Ns = field(init=False)
 
     def __post_init__(self) -> None:
         b = self.before
         self.armed, self.light, self.requested = b.armed, b.light, b.asked
+        self._armed_ns, self._disarmed_ns = b.armed_ns, b.disarmed_ns
         self.authority = ControlAuthority(b.lease, self.started_ns)
         self._guidance = Guidance(self.settings, b.hold)
+        rows, memory = table(self.settings.failsafe), dict(b.failsafes)
+        self._failsafes = FailsafeMachine(rows, memory, b.armed, b.surfaced)
+        self.conditions = ConditionWatch(self.settings.failsafe, self.started_ns)
 
     @property
     def events(self) -> list[str]:
@@ -80,7 +96,15 @@ class ReferenceGenerator:
     @property
     def checkpoint(self) -> GuidanceCheckpoint:
         return GuidanceCheckpoint(
-            self.armed, self.light, self._guidance.hold, self.requested, self.authority.lease
+            self.armed,
+            self.light,
+            self._guidance.hold,
+            self.requested,
+            self.authority.lease,
+            dict(self._failsafes.memory),
+            self._failsafes.surfaced,
+            self._armed_ns,
+            self._disarmed_ns,
         )
 
     # Steps.
@@ -98,7 +122,7 @@ class ReferenceGenerator:
         guidance.see(state, self._time.step(None if state is None else state.sensor_ns, now) / 1e9)
         if guidance.state is None:
             return None
-        self._watch(state, command)
+        self._watch(state, command, now)
         if self.armed and self._initialised:
             guidance.move_on(state)
             guidance.watch_estimates(state)
@@ -109,27 +133,55 @@ class ReferenceGenerator:
         if state is not None and self.armed:
             guidance.wait(state)
         epoch = self.authority.lease.acting
-        return reference_of(guidance, state, command, now, armed=self.armed, epoch=epoch)
+        armed_ns = self._armed_ns if self.armed else None
+        return reference_of(guidance, state, command, now, armed_ns=armed_ns, epoch=epoch)
 
-    def _watch(self, state: VehicleState | None, command: PilotCommand | None) -> None:
-        """Set the failsafe; a new one ends the manoeuvre."""
-        failsafe: Failsafe = "none"
-        if state is None:
-            failsafe = "state_lost"
-        elif self.armed and (command is None or command.pilot == "lost"):
-            failsafe = "pilot_lost"
-        if failsafe != self._failsafe and failsafe != "none":
-            self.events.append(f"failsafe:{failsafe}")
-            self._guidance.come_to_rest()
-        self._failsafe = failsafe
+    def _watch(self, state: VehicleState | None, command: PilotCommand | None, now: Ns) -> None:
+        """Judge the conditions, and do what the failsafe table says; one that begins to act ends
+        the manoeuvre."""
+        guidance, failsafes = self._guidance, self._failsafes
+        holding = self.conditions.holding(
+            state,
+            command,
+            guidance.unheld if self.armed else (),
+            now,
+            armed=self.armed,
+            limited=self.armed and guidance.axes.limited,
+        )
+        surface = self.settings.failsafe.surface_depth
+        at_surface = self._initialised and guidance.has_risen(surface)
+        failsafes.step(holding, now, armed=self.armed, at_surface=at_surface)
+        self._announce()
+        self._react(blind=state is None)
         if command is not None and command.pilot == "present" and centred(command):
-            self.stopping = self.stopping and not self._guidance.settled
+            self.stopping = self.stopping and not guidance.settled
+
+    def _announce(self) -> None:
+        """Count and log what has just begun."""
+        for row in self._failsafes.begun:
+            if row.acts:
+                self.events.append(f"failsafe:{row.name}")
+            elif row.told:
+                self.events.append(f"notice:{row.name}")
+        self._failsafes.begun.clear()
+
+    def _react(self, *, blind: bool) -> None:
+        """Do what the table says. `blind`: without a state no ascent goes on, because the thrusters
+        are off and the reference would leave the drone behind."""
+        guidance, reaction, s = self._guidance, self._failsafes.reaction, self.settings.failsafe
+        acted, self._acts = self._acts, reaction is not None
+        if self._acts and not acted:
+            guidance.come_to_rest()
+        if reaction in ("ascend", "surface") and not blind:
+            guidance.rise(s.surface_depth, s.ascent_speed)
+        else:
+            guidance.end_rise()
 
     def _aim(self, command: PilotCommand | None) -> None:
         """Set the axes' targets from the sticks; without sticks the target is rest."""
         guidance, axes, manoeuvre = self._guidance, self._guidance.axes, self._guidance.manoeuvre
         t = guidance.t
-        free = self._failsafe == "none" and self.armed and not self.stopping
+        free = self.armed and not (self._acts or self.stopping)
         if manoeuvre.following is not None and manoeuvre.following.ends(t):
             guidance.end_manoeuvre()
             self.notes.append("off the path" if self.stopping else "the end of the path")
@@ -150,14 +202,14 @@ class ReferenceGenerator:
             request,
             command,
             armed=self.armed,
-            ready=self._running and self._failsafe != "state_lost",
-            stopping=self.stopping or self._failsafe != "none",
+            ready=self._running and "state_lost" not in self._failsafes.holding,
+            stopping=self.stopping or self._failsafes.acting is not None,
         )
         takes = request.kind in ("lease", "force")
         if takes or request.kind in ("offer", "release"):
             self._pass_control(request, reason, now)
         else:
-            reason = reason or self._do(request)
+            reason = reason or self._do(request, now)
         return PilotAnswer(
             stamp_ns=now,
             id=request.id,
@@ -172,32 +224,52 @@ class ReferenceGenerator:
         if not reason and (announcement := self.authority.grant(request, now)):
             self.notes.append(announcement)
 
-    def _do(self, request: PilotRequest) -> str:
+    def handed_on(self, request: PilotRequest, now: Ns) -> bool:
+        """Do what control has already done and answered, while this service was silent. Returns
+        whether anything changes: a disarm does not end a later arming."""
+        ends = request.kind == "disarm" and request.stamp_ns >= self._armed_ns
+        if not self.armed or not (ends or request.kind == "stop"):
+            return False
+        self._do(request, now)
+        return True
+
+    def _do(self, request: PilotRequest, now: Ns) -> str:
         """Execute a request. Returns the reason for a refusal, or nothing."""
         guidance = self._guidance
         match request.kind:
             case "arm":
                 self._arm()
+                asked_ns = min(request.stamp_ns, now)
+                self._armed_ns = max(asked_ns, self._armed_ns, self._disarmed_ns + 1)
             case "disarm":
+                self._disarmed_ns = max(self._disarmed_ns, min(request.stamp_ns, now))
                 self.armed = self.stopping = False
+                self._failsafes.disarm()
                 guidance.change(self.requested)
+            case "resume":
+                return self._failsafes.resume()
             case "stop":
                 self.stopping, self._stop = True, guidance.stop()
             case "light":
                 if request.value is None or request.value < 0:
                     return "light needs a brightness between 0 and 1"
                 self.light = request.value
-            case "goto":
-                return requests.goto(guidance, request)
-            case "follow":
-                return requests.follow(guidance, request.course)
-            case "mode":
-                reason = requests.mode(guidance, request.hold, armed=self.armed)
-                self.requested = self.requested if reason else guidance.hold
-                return reason
+            case "goto" | "follow" | "mode":
+                return self._move(request)
             case "lease" | "offer" | "release" | "force":
                 pass  # `_pass_control`
         return ""
+
+    def _move(self, request: PilotRequest) -> str:
+        """Begin a manoeuvre or change the mode. Returns the reason for a refusal, or nothing."""
+        guidance = self._guidance
+        if request.kind == "goto":
+            return requests.goto(guidance, request)
+        if request.kind == "follow":
+            return requests.follow(guidance, request.course)
+        reason = requests.mode(guidance, request.hold, armed=self.armed)
+        self.requested = self.requested if reason else guidance.hold
+        return reason
 
     def _arm(self) -> None:
         """Arm in the requested mode, if it is available; otherwise stabilised."""
@@ -212,25 +284,37 @@ class ReferenceGenerator:
     # Status.
 
     def status(self, now: Ns) -> VehicleStatus:
+        failsafes = self._failsafes
         return VehicleStatus(
             stamp_ns=now,
             mode=self.mode,
             armed=self.armed,
             hold=self._guidance.hold,
-            failsafe=self._failsafe,
+            failsafe=self.failsafe,
+            reaction=failsafes.reaction,
+            since_ns=failsafes.since_ns,
+            next_ns=failsafes.next_ns,
+            resumable=failsafes.resumable,
+            words=failsafes.words,
+            conditions=failsafes.holding,
             pilot=self.authority.holder(now),
             epoch=self.authority.lease.epoch,
             light=self.light,
-            note=self._note,
+            note="; ".join(filter(None, (self._not_ready, failsafes.notices))),
             stop=self._stop if self.stopping else None,
         )
 
     @property
-    def _note(self) -> str:
+    def failsafe(self) -> Failsafe:
+        """The condition that acts."""
+        row = self._failsafes.acting
+        return "none" if row is None else cast(Failsafe, row.name)
+
+    @property
+    def _not_ready(self) -> str:
         """For the pilot: why the drone is not ready."""
         if self._running:
-            lost = self._guidance.unheld if self.armed else ()
-            return "; ".join(f"the {name} is not known and not held" for name in lost)
+            return ""
         if self._silent:
             return (
                 "not ready: no state of the drone: no usable samples of its IMU, or estimation "

@@ -1,11 +1,17 @@
 """Reference service: sticks and requests in, one smooth reference out per state."""
 
+from collections.abc import Callable
+
 from messages import topics
 from messages.pilot import PilotAnswer, PilotRequest
 from messages.state import VehicleState
 from services.reference.core import GuidanceCheckpoint, ReferenceGenerator, Settings
+from services.reference.failsafe.watch import Newest
+from services.reference.guidance.refusals import refused
+from services.runtime.config.identity import identity_of
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
+from services.runtime.node.peers import Peers
 
 SILENCE_S = 0.1  # [s] without a state: stop smoothly and hold
 
@@ -15,12 +21,15 @@ def wire(node: Node, stack: Stack) -> None:
     generator = ReferenceGenerator(stack.section("reference", Settings), before, node.now())
     commands = node.latest(topics.PILOT_COMMAND)
     commands.obey(generator.authority)
+    look = _watched(node, generator)
     reference = node.publisher(topics.REFERENCE)
     status = node.publisher(topics.STATUS)
+    unfit = _unfit(node, stack)
     published: tuple[object, ...] = ()
     saved = generator.checkpoint
 
     def on_state(state: VehicleState | None, now: int) -> None:
+        look(now)
         if (out := generator.step(state, commands.fresh(now), now)) is not None:
             reference.put(out)
         _report(node, generator)
@@ -29,7 +38,7 @@ def wire(node: Node, stack: Stack) -> None:
             publish_status(now)
 
     def decide(request: PilotRequest, now: int) -> PilotAnswer:
-        return generator.answer(request, commands.fresh(now), now)
+        return unfit(request, now) or generator.answer(request, commands.fresh(now), now)
 
     def report(request: PilotRequest, answer: PilotAnswer, now: int) -> None:
         if answer.accepted:
@@ -52,7 +61,64 @@ def wire(node: Node, stack: Stack) -> None:
 
     node.trigger(topics.STATE, on_state, SILENCE_S)
     node.answers(topics.PILOT_REQUEST, topics.PILOT_ANSWER, decide, report)
+    _take_over(node, generator, publish_status)
     node.every(topics.STATUS.hz, publish_status)
+
+
+def _watched(node: Node, generator: ReferenceGenerator) -> Callable[[int], None]:
+    """Subscribe to what the failsafes watch; returns a function that takes in the newest."""
+    conditions = generator.conditions
+    node.each(topics.CLOCK_PING, lambda _, now: conditions.ping(now))
+    node.each(topics.HEALTH, conditions.health)
+    wrench, battery = node.latest(topics.WRENCH), node.latest(topics.BATTERY)
+    leak, dvl = node.latest(topics.LEAK), node.latest(topics.DVL)
+    temperature = node.latest(topics.TEMPERATURE)
+
+    def look(now: int) -> None:
+        conditions.newest = Newest(  # a wet detector that falls silent is still wet
+            wrench=wrench.newest(now),
+            battery=battery.newest(now),
+            leak=leak.newest(now),
+            temperature=temperature.newest(now),
+            dvl=dvl.fresh(now),
+        )
+
+    return look
+
+
+def _take_over(
+    node: Node, generator: ReferenceGenerator, publish_status: Callable[[int], None]
+) -> None:
+    """Do what control has done while this service was silent."""
+
+    def take_over(request: PilotRequest, now: int) -> None:
+        if generator.handed_on(request, now):
+            node.log("warning", f"{request.kind}: was done by control, and is now done here")
+            publish_status(now)
+
+    node.each(topics.HANDED_ON, take_over)
+
+
+def _unfit(node: Node, stack: Stack) -> Callable[[PilotRequest, int], PilotAnswer | None]:
+    """Refuses to arm while another Lindy is on the other side, or a service runs twice on board."""
+    me, now = node.instance, node.now()
+    peers = Peers(identity_of(stack, "drone", me.number))
+    if stack.apart:
+        peers.expect(now)
+
+    def speak(now: int) -> None:
+        if me.number:  # a service does not hear itself
+            peers.speaks(node.name, me.number, me.pid, now)
+
+    def unfit(request: PilotRequest, now: int) -> PilotAnswer | None:
+        why = peers.wrong(now) if request.kind == "arm" else ""
+        return refused(request, why, now) if why else None
+
+    speak(now)
+    node.every(topics.HEALTH.hz, speak)
+    node.each(topics.IDENTITY, peers.identity)
+    node.each(topics.HEALTH, peers.health)
+    return unfit
 
 
 def _report(node: Node, generator: ReferenceGenerator) -> None:
@@ -67,4 +133,5 @@ def _report(node: Node, generator: ReferenceGenerator) -> None:
 def _summary(generator: ReferenceGenerator, now: int) -> tuple[object, ...]:
     """A change of this publishes a status at once."""
     status = generator.status(now)
-    return status.mode, status.armed, status.hold, status.failsafe, status.pilot
+    acts = status.failsafe, status.reaction, status.resumable, status.conditions
+    return status.mode, status.armed, status.hold, *acts, status.pilot

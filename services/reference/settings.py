@@ -4,7 +4,7 @@ from typing import Annotated
 
 import msgspec
 
-from messages.units import Positive
+from messages.units import NotNegativeSetting, Positive, Share, WithinAnHour
 from services.reference.trajectory.minimum_jerk import Limits
 
 TiltAngle = Annotated[float, msgspec.Meta(ge=-1.6, le=1.6)]
@@ -80,6 +80,33 @@ class TiltAxis(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return Limits(self.jerk, self.max_acceleration)
 
 
+class FailsafeSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Thresholds and times of the failsafe table (failsafe/table.py)."""
+
+    depth_limit: Positive = 100.0  # [m] the reference goes no deeper
+    surface_depth: Annotated[float, msgspec.Meta(ge=0.0, le=100.0)] = 0.5  # [m] an ascent ends here
+    ascent_speed: Positive = 0.15  # [m/s]
+    pilot_patience: WithinAnHour = 60.0  # [s] without pilot or link before the ascent
+    leak_patience: Annotated[float, msgspec.Meta(ge=0.0, le=3600.0)] = 10.0  # [s] before the ascent
+    battery_patience: Annotated[float, msgspec.Meta(ge=0.0, le=3600.0)] = 10.0  # [s]
+    battery_low: Share = 0.25  # [-] of its charge left
+    battery_critical: Share = 0.1  # [-]
+    hot: Annotated[float, msgspec.Meta(ge=20.0, le=150.0)] = 60.0  # [°C] in the enclosure
+    floor_distance: NotNegativeSetting = 0.5  # [m] above the bottom, where a DVL measures it
+
+    def __post_init__(self) -> None:
+        if not self.surface_depth < self.depth_limit:
+            raise ValueError(
+                f"surface_depth is {self.surface_depth:g}, must be above depth_limit, "
+                f"{self.depth_limit:g} m"
+            )
+        if not self.battery_critical < self.battery_low:
+            raise ValueError(
+                f"battery_critical is {self.battery_critical:g}, must be less than "
+                f"battery_low, {self.battery_low:g}"
+            )
+
+
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The table [reference] of a vehicle file."""
 
@@ -90,3 +117,11 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     heave_force: StickForce = StickForce(15.0, 40.0, 120.0)  # [N]
     yaw_moment: StickForce = StickForce(3.0, 8.0, 40.0)  # [N m]
     tilt: TiltAxis = TiltAxis()
+    failsafe: FailsafeSettings = FailsafeSettings()
+
+    def __post_init__(self) -> None:
+        if not self.failsafe.ascent_speed <= self.heave.max_velocity:
+            raise ValueError(
+                f"failsafe.ascent_speed is {self.failsafe.ascent_speed:g}, must not be above "
+                f"heave.max_velocity, {self.heave.max_velocity:g} m/s"
+            )

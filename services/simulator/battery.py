@@ -37,16 +37,20 @@ class Battery:
         """The vehicle still runs: the battery model is too rough to end a dive."""
         return self.left_wh == 0.0
 
-    def sample(self, now: int) -> BatterySample:
-        """Voltage falls linearly with the charge, and with the current."""
+    def sample(self, now: int, share: float | None = None) -> BatterySample:
+        """Voltage falls linearly with the charge, and with the current.
+
+        Args:
+            share: [-] of the charge, where a fault says how much is left.
+        """
         s = self._settings
-        left = self.left_wh / s.battery_capacity
+        left = self.left_wh / s.battery_capacity if share is None else share
         open_circuit = s.battery_empty + left * (s.battery_full - s.battery_empty)
         current = self.power / open_circuit
         return BatterySample(
             stamp_ns=now,
             voltage=max(0.0, open_circuit - s.battery_resistance * current),
             current=current,
-            used_wh=self.used_wh,
+            used_wh=self.used_wh if share is None else (1.0 - share) * s.battery_capacity,
             capacity_wh=s.battery_capacity,
         )

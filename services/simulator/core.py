@@ -9,12 +9,15 @@ from typing import TypeVar
 
 from messages.control import ThrusterCommand
 from messages.message import Message
+from messages.pilot import PilotRequest
 from messages.sensors import (
     BatterySample,
     DvlSample,
     ImuSample,
+    LeakSample,
     MagnetometerSample,
     PressureSample,
+    TemperatureSample,
     UsblSample,
 )
 from messages.simulator import FaultRequest
@@ -88,6 +91,12 @@ class Simulator:
         counted = [*self.advance(now), *self._gate.obey(command, now)]
         if self._gate.command is command:
             self._vessel.drive(self._gate.output(now))
+        return counted
+
+    def hear(self, request: PilotRequest, now: int) -> list[str]:
+        """Take in a request of a pilot at `now` [ns]: a disarm stops the thrusters."""
+        counted = [*self.advance(now), *self._gate.hear(request, now)]
+        self._vessel.drive(self._gate.output(now))
         return counted
 
     # Faults.
@@ -174,7 +183,22 @@ class Simulator:
         return place_of(mount.position, self._vessel.position, self._vessel.attitude)
 
     def battery(self) -> BatterySample | None:
-        return self._with_fault("sensor/battery", self._battery.sample(self._now))
+        fault = self._faults.get("sensor/battery")
+        share = None if fault is None else faults.CHARGES.get(fault.kind)
+        return self._with_fault("sensor/battery", self._battery.sample(self._now, share))
+
+    def leak(self) -> LeakSample | None:
+        fault = self._faults.get("sensor/leak")
+        wet = fault is not None and fault.kind == "wet"
+        return self._with_fault("sensor/leak", LeakSample(stamp_ns=self._now, wet=wet))
+
+    def temperature(self) -> TemperatureSample | None:
+        fault, s = self._faults.get("sensor/temperature"), self._settings
+        inside = s.water_temperature + s.enclosure_rise
+        if fault is not None and fault.kind == "hot":
+            inside = faults.HOT
+        sample = TemperatureSample(stamp_ns=self._now, temperature=inside)
+        return self._with_fault("sensor/temperature", sample)
 
     @property
     def battery_empty(self) -> bool:

@@ -3,6 +3,8 @@
 from collections.abc import Callable, Sequence
 from typing import Literal
 
+import msgspec
+
 from messages.simulator import FaultAnswer, FaultRequest
 from messages.units import Ns
 from services.simulator import faults
@@ -15,6 +17,7 @@ def decide(
     simulator: Simulator, request: FaultRequest, now: Ns, nearest: Nearest
 ) -> tuple[FaultAnswer, list[str]]:
     """Set or clear a fault, or refuse; returns the answer and the names to count."""
+    request = by_key(request, simulator.sensors)
     reason = refusal(request, simulator.thrusters, simulator.sensors, nearest)
     counts = ["refused:simulator/request"] if reason else simulator.break_or_mend(request, now)
     answer = FaultAnswer(
@@ -31,10 +34,17 @@ def refusal(
     request: FaultRequest, thrusters: Sequence[str], sensors: Sequence[str], nearest: Nearest
 ) -> str:
     """Why a vehicle with these parts cannot grant a request; empty when it can."""
+    request = by_key(request, sensors)
     parts = [*thrusters, *sensors, faults.ALL]
     if request.part not in parts:
         return f"there is no part {request.part!r}{nearest(request.part, parts)}"
     return faults.refusal(request, thrusters)
+
+
+def by_key(request: FaultRequest, sensors: Sequence[str]) -> FaultRequest:
+    """A sensor may be called without `sensor/`: leak is sensor/leak."""
+    key = f"sensor/{request.part}"
+    return msgspec.structs.replace(request, part=key) if key in sensors else request
 
 
 def in_words(request: FaultRequest) -> tuple[Literal["info", "warning"], str]:

@@ -18,6 +18,14 @@ from services.marine.vehicle import Thruster
 
 OF_THRUSTERS = ("dead", "reversed", "weak", "stuck")
 OF_SENSORS = ("silent", "frozen", "noisy", "biased", "broken")
+# What some sensors can be instead: fit for a pilot to know of, though nothing is broken.
+ALARMS: dict[str, tuple[Kind, ...]] = {
+    "sensor/leak": ("wet",),
+    "sensor/battery": ("low", "critical", "empty"),
+    "sensor/temperature": ("hot",),
+}
+CHARGES: dict[str, float] = {"low": 0.2, "critical": 0.08, "empty": 0.0}  # [-] left
+HOT = 85.0  # [°C]
 ALL = "all"  # stands for all parts, to clear all faults at once
 # What `value` may be; the others take none.
 LIMITS = {
@@ -32,6 +40,8 @@ MEASURED: dict[str, tuple[str, ...]] = {
     "sensor/dvl": ("velocity",),  # [m/s]
     "sensor/usbl": ("north", "east"),  # [m]
     "sensor/battery": ("voltage",),  # [V]
+    "sensor/leak": (),  # neither noise nor bias
+    "sensor/temperature": ("temperature",),  # [°C]
 }
 # The fields with the bias, where not all of them; they set its unit.
 BIASED = {"sensor/imu": ("angular_rate",)}
@@ -52,7 +62,7 @@ Faults = Mapping[str, Fault]  # in force, by part
 def refusal(request: FaultRequest, thrusters: Iterable[str]) -> str:
     """Why a request for a part that exists cannot be granted; empty when it can."""
     part, fault, value = request.part, request.fault, request.value
-    possible = OF_THRUSTERS if part in thrusters else OF_SENSORS
+    possible = OF_THRUSTERS if part in thrusters else of_sensor(part)
     if part == ALL:
         possible = ()
     if fault not in ("none", *possible):
@@ -63,6 +73,12 @@ def refusal(request: FaultRequest, thrusters: Iterable[str]) -> str:
     if value is None or not low <= value <= high:
         return f"{fault} needs a value from {low:g} to {high:g}"
     return ""
+
+
+def of_sensor(key: str) -> tuple[str, ...]:
+    """The faults that a sensor can have."""
+    general = OF_SENSORS if MEASURED.get(key) else ("silent",)
+    return (*general, *ALARMS.get(key, ()))
 
 
 def changed(faults: Faults, request: FaultRequest, settles_at: float) -> dict[str, Fault]:
@@ -98,7 +114,7 @@ def faulty(part: str, sample: S, fault: Fault, first: Message) -> S | None:
     Args:
         first: its first sample since the fault began.
     """
-    if fault.kind == "noisy":  # the sensor model adds the noise
+    if fault.kind == "noisy" or fault.kind in ALARMS.get(part, ()):  # the sensor's model knows it
         return sample
     if fault.kind == "silent":
         return None

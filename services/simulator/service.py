@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 from messages import topics
 from messages.control import ThrusterCommand
+from messages.pilot import PilotRequest
 from messages.simulator import FaultAnswer, FaultRequest
 from messages.topic import M, Topic
 from services.marine.vehicle import Vehicle
@@ -32,39 +33,65 @@ def wire(node: Node, stack: Stack) -> None:
         for name in names:
             node.count(name)
 
-    def publish(publisher: Publisher[M], sample: M | None) -> None:
-        if sample is None:
-            node.count(f"silent_by_fault:{publisher.topic.key}")
-        else:
-            publisher.put(sample)
-
     def obey(command: ThrusterCommand, now: int) -> None:
         count(simulator.obey(command, now))
 
     def measure_motion(now: int) -> None:
         count(simulator.advance(now))
-        publish(magnetometer, simulator.magnetometer())
-        publish(imu, simulator.imu())  # last, because it triggers estimation
+        publish(node, magnetometer, simulator.magnetometer())
+        publish(node, imu, simulator.imu())  # last, because it triggers estimation
         actuation.put(simulator.actuation())
         truth.put(simulator.truth())
 
     def measure_pressure(now: int) -> None:
         count(simulator.advance(now))
-        publish(pressure, simulator.pressure())
+        publish(node, pressure, simulator.pressure())
 
     def measure_battery(now: int) -> None:
         count(simulator.advance(now))
-        publish(battery, simulator.battery())
+        publish(node, battery, simulator.battery())
         if simulator.battery_empty:
             node.count("empty:battery")
 
     node.each(topics.THRUSTERS, obey)
+    _disarms(node, simulator, count)
     node.every(stack.section("simulator", Settings).pressure_rate, measure_pressure)
     node.every(topics.IMU.hz, measure_motion)
     node.every(topics.BATTERY.hz, measure_battery)
+    _enclosure(node, simulator, count)
     _faults(node, simulator, count)
     _position_aids(node, simulator, stack.section("simulator", Settings), count)
     node.every(CHECKPOINT_HZ, lambda _: node.save_checkpoint(simulator.world()))
+
+
+def publish(node: Node, publisher: Publisher[M], sample: M | None) -> None:
+    """A sample; None: a fault keeps the sensor silent."""
+    if sample is None:
+        node.count(f"silent_by_fault:{publisher.topic.key}")
+    else:
+        publisher.put(sample)
+
+
+def _enclosure(node: Node, simulator: Simulator, count: Callable[[list[str]], None]) -> None:
+    """Leak detector and thermometer."""
+    leak, temperature = node.publisher(topics.LEAK), node.publisher(topics.TEMPERATURE)
+
+    def measure(now: int) -> None:
+        count(simulator.advance(now))
+        publish(node, leak, simulator.leak())
+        publish(node, temperature, simulator.temperature())
+
+    node.every(topics.LEAK.hz, measure)
+
+
+def _disarms(node: Node, simulator: Simulator, count: Callable[[list[str]], None]) -> None:
+    """Obey the pilot's disarm, as every vehicle side does."""
+
+    def hear(request: PilotRequest, now: int) -> None:
+        if request.kind == "disarm":
+            count(simulator.hear(request, now))
+
+    node.each(topics.PILOT_REQUEST, hear)
 
 
 def _faults(node: Node, simulator: Simulator, count: Callable[[list[str]], None]) -> None:

@@ -112,3 +112,6 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     battery_resistance: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 0.03  # [Ω] assumed
     thruster_power: Positive = 350.0  # [W] of one thruster at its full thrust (Andrén 2023, §2.1)
     hotel_power: Positive = 25.0  # [W] computer, camera, sensors; assumed
+
+    # The enclosure.
+    enclosure_rise: Annotated[float, msgspec.Meta(ge=0.0, le=100.0)] = 15.0  # [°C] above the water

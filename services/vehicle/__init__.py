@@ -1,13 +1,16 @@
 """Shared by all vehicle interfaces, simulator or driver. Pure: no bus, no clock.
 
     actuator_gate   which thruster commands take effect, and for how long
+    disarm_latch    the pilot's disarm, obeyed by each stage itself
     actuation       newtons to a share of the voltage, and a model of open-loop thrusters
     mounting        position and orientation of the sensors
 
-A vehicle interface publishes the sensor topics of messages/topics.py that it has,
-`vehicle/actuation` and `sensor/battery`, and subscribes to:
+A vehicle interface publishes the sensor topics of messages/topics.py that it has, among them
+`sensor/battery`, `sensor/leak` and `sensor/temperature`, by which the failsafes judge
+(docs/failsafes.md), and `vehicle/actuation`. It subscribes to:
 
 - `control/thrusters`, through an `ActuatorGate`. A force for each thruster, for a short time.
+- `pilot/request`, for the same gate: a disarm is obeyed here, too, even if the services above hang.
 - `vehicle/status`, whose `light` (0 … 1) is the brightness of the lamps, and
 - `reference`, whose `tilt.position` [rad] is the camera tilt.
 

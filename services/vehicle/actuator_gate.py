@@ -8,8 +8,10 @@ from collections.abc import Sequence
 from math import isfinite
 
 from messages.control import ThrusterCommand
+from messages.pilot import PilotRequest
 from services.marine.thrusters import limited
 from services.marine.vehicle import Thruster
+from services.vehicle.disarm_latch import DisarmLatch
 
 THRUSTERS = "control/thrusters"  # named in what is counted
 LONGEST_MS = 1000.0  # [ms] longest time-to-live allowed
@@ -21,7 +23,8 @@ class ActuatorGate:
     """A command takes effect if it is well-formed, of this vehicle's length, in time, in order, and
     of the epoch in force or a newer one; an older epoch takes effect again once the newer one has
     been silent for `LATCH_NS`, so that no number locks control out for good. It is limited to the
-    thrusters' limits, is zero unless armed, and ends exactly with its time-to-live.
+    thrusters' limits, is zero unless armed, and ends exactly with its time-to-live. A disarm by the
+    pilot ends it at once, and no command of that arming takes effect again (`DisarmLatch`).
 
     Everything refused or changed is counted by reason: malformed, wrong_length, from_future,
     expired, reordered, wrong_epoch, disarmed (with thrust not zero), saturated:<name>, and stale
@@ -39,6 +42,8 @@ class ActuatorGate:
         self._thrusters = tuple(thrusters)
         self._zeros = (0.0,) * len(self._thrusters)
         self._thrust = self._zeros  # [N] within the limits
+        self._armed = False  # by the newest accepted, and not disarmed since
+        self._latch = DisarmLatch()
 
     def obey(self, command: ThrusterCommand, now: int) -> list[str]:
         """Take in a command at `now` [ns]. Returns the names to count."""
@@ -48,13 +53,24 @@ class ActuatorGate:
         self.command, self.obeyed_ns = command, now
         self.ends_ns = min(command.stamp_ns, now) + round(command.ttl_ms * 1e6)
         self._thrust = self._zeros
-        if not command.armed:
+        self._armed = self._latch.see(
+            command.epoch, command.stamp_ns, command.armed_ns, armed=command.armed
+        )
+        if not self._armed:
             return [*counted, f"disarmed:{THRUSTERS}"] if any(command.thrust) else counted
         pairs = list(zip(self._thrusters, command.thrust, strict=True))
         self._thrust = tuple([limited(thruster, newtons) for thruster, newtons in pairs])
         return counted + [
             f"saturated:{t.name}" for t, newtons in pairs if limited(t, newtons) != newtons
         ]
+
+    def hear(self, request: PilotRequest, now: int) -> list[str]:
+        """Take in a request of a pilot at `now` [ns]: a disarm stops the thrusters whatever becomes
+        of the services above. Returns the names to count."""
+        counted = self._latch.hear(request, now)
+        if self.command is not None and self._latch.forbids(self.command.armed_ns):
+            self._thrust, self._armed = self._zeros, False
+        return counted
 
     def lapse(self, now: int) -> list[str]:
         """End a command whose time-to-live has passed at `now` [ns]. Returns the names to count,
@@ -70,7 +86,7 @@ class ActuatorGate:
 
     def armed(self, now: int) -> bool:
         """Whether the thrusters may turn at `now` [ns]."""
-        return self._holds(now) and self.command is not None and self.command.armed
+        return self._holds(now) and self._armed
 
     def _holds(self, now: int) -> bool:
         return self.ends_ns is not None and now <= self.ends_ns

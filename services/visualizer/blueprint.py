@@ -149,7 +149,7 @@ def _sensors() -> rrb.Grid:
             _plot("pressure_age", "Age of the pressure sample [ms]"),
         ),
         _plot("compass", "Heading with magnetometer [°]"),
-        _plot("power", "Battery and water"),
+        _plot("power", "Battery, enclosure and water"),
         grid_columns=3,
         name="Sensors",
     )

@@ -58,6 +58,8 @@ def _sensors() -> list[Curve]:
         Curve("track/usbl", topics.USBL, ("north, USBL", "east, USBL"), AXES[4:], _usbl),
         Curve("power/voltage", battery, ("battery [V]",), (AXES[1],), lambda m: (m.voltage,)),
         Curve("power/current", battery, ("battery [A]",), (AXES[3],), lambda m: (m.current,)),
+        Curve("power/leak", topics.LEAK, ("leak, 1: wet",), (AXES[5],), _wet),
+        Curve("power/enclosure", topics.TEMPERATURE, ("inside [°C]",), (AXES[2],), _temperature),
         Curve("power/used", battery, ("used [Wh]",), (AXES[4],), lambda m: (m.used_wh,)),
     ]
 
@@ -199,6 +201,10 @@ def _microtesla(m: Any) -> CurveRow:
 
 def _temperature(m: Any) -> CurveRow | None:
     return number(m.temperature)
+
+
+def _wet(m: Any) -> CurveRow | None:
+    return None if m.wet is None else (float(m.wet),)
 
 
 def _dvl(m: Any) -> CurveRow:

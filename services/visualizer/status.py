@@ -112,6 +112,8 @@ class Status:
             f"| mode | **{status.mode}**, {hold} · {armed}{failsafe} |\n|---|---|",
             f"| pilot | {status.pilot or '–'} · light {status.light:.0%} |",
         ]
+        if status.words:
+            rows.append(f"| failsafe | {status.words} |")
         return "\n".join([*rows, *([f"| note | {status.note} |"] if status.note else [])])
 
     def _motion(self) -> str:

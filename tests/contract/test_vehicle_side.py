@@ -21,6 +21,7 @@ import pytest
 from messages import topics
 from messages.control import ThrusterCommand
 from messages.health import Health
+from messages.pilot import PilotRequest
 from messages.sensors import ImuSample, MagnetometerSample, PressureSample
 from messages.topic import AnyTopic
 from messages.vehicle import Actuation
@@ -49,7 +50,8 @@ SENSORS: tuple[AnyTopic, ...] = (
     topics.USBL,
 )
 ALWAYS = (topics.IMU, topics.PRESSURE, topics.ACTUATION)  # without them nothing flies
-SAID: tuple[AnyTopic, ...] = (*SENSORS, topics.BATTERY, topics.ACTUATION)
+ENCLOSURE = (topics.BATTERY, topics.LEAK, topics.TEMPERATURE)
+SAID: tuple[AnyTopic, ...] = (*SENSORS, *ENCLOSURE, topics.ACTUATION)
 HEAVE, YAW = 2, 5
 START_S = 1.0  # [s] in which thrusters follow a command: a board may have to arm them first
 SHARE = 0.6  # [-] of the limits that a command asks for
@@ -69,6 +71,7 @@ class Bench:
     """A vehicle side alone, with somebody who commands its thrusters and hears what it says."""
 
     def __init__(self, place: Place, node: Node, say: Say, stack: Stack) -> None:
+        self._requests = node.publisher(topics.PILOT_REQUEST)
         self.vehicle = stack.section("vehicle", Vehicle)
         self.estimation = stack.section("estimation", EstimationSettings)
         self.heard: defaultdict[str, list[tuple[int, Any]]] = defaultdict(list)  # arrival, message
@@ -108,13 +111,25 @@ class Bench:
     def all(self, topic: AnyTopic, since: int = 0) -> list[Any]:
         return [m for _, m in self.heard[topic.key] if m.stamp_ns >= since]
 
-    def ask(self, thrust: tuple[float, ...], *, armed: bool = True, epoch: int = 1) -> None:
+    def disarm(self, epoch: int) -> None:
+        """As the pilot does."""
+        now = self.now()
+        self._requests.put(PilotRequest(stamp_ns=now, id=f"{now}", kind="disarm", epoch=epoch))
+
+    def ask(
+        self,
+        thrust: tuple[float, ...],
+        *,
+        armed: bool = True,
+        epoch: int = 1,
+        armed_ns: int | None = None,
+    ) -> None:
         """This thrust [N] a hundred times a second from now on."""
 
         def command(now: int) -> None:
             asked = ThrusterCommand(
                 stamp_ns=now, sensor_ns=now - 1, pilot_ns=now - 2, thrust=thrust,
-                armed=armed, epoch=epoch,
+                armed=armed, epoch=epoch, armed_ns=armed_ns,
             )  # fmt: skip
             self.put(msgspec.structs.asdict(asked))
 
@@ -361,6 +376,29 @@ def silence_stops(bench: Bench) -> None:
     assert not bench.produced()[-1].stale
 
 
+def a_disarm_stops(bench: Bench) -> None:
+    """By the pilot's request alone, while a control that hangs or is wrong goes on commanding."""
+    armed_ns = bench.now()
+    bench.ask(bench.along(HEAVE, 0.3), armed_ns=armed_ns)
+    bench.run(1.0)
+    bench.disarm(epoch=0)
+    bench.run(0.5)
+    assert any(bench.produced()[-1].thrust), "the disarm of another epoch does nothing"
+    disarmed = bench.now()
+    bench.disarm(epoch=1)
+    bench.run(bench.decay_s() + 0.5)
+    assert bench.at_rest_again(disarmed + round(bench.decay_s() * S)), "pilot/request: disarm"
+    bench.ask((0.0,) * len(bench.vehicle.thruster), armed=False)
+    bench.run(0.3)
+    began = bench.now()
+    bench.ask(bench.along(HEAVE, 0.3), armed_ns=armed_ns)  # woken again, with what it knew before
+    bench.run(0.5)
+    assert bench.at_rest_again(began), "the arming that was disarmed arms again"
+    bench.ask(bench.along(HEAVE, 0.3), armed_ns=bench.now())
+    bench.run(0.5)
+    assert any(bench.produced()[-1].thrust), "a later arming acts"
+
+
 def nothing_wrong_acts(bench: Bench, each_s: float) -> None:
     """Everything wrong for so long; past a health report each is seen to be counted, too."""
     count, now = len(bench.vehicle.thruster), bench.now
@@ -408,6 +446,10 @@ def test_silence_stops_the_thrusters(bench: Bench) -> None:
     silence_stops(bench)
 
 
+def test_a_disarm_stops_the_thrusters(bench: Bench) -> None:
+    a_disarm_stops(bench)
+
+
 def test_nothing_wrong_acts(bench: Bench) -> None:
     nothing_wrong_acts(bench, each_s=1.2)
 
@@ -426,5 +468,6 @@ def test_a_process_stops_and_refuses_as_well(real_side: Side, tmp_path: Path) ->
     with real_bench(real_side, tmp_path) as bench:
         bench.settle()
         silence_stops(bench)
+        a_disarm_stops(bench)
         nothing_wrong_acts(bench, each_s=0.3)
         assert sum(refusals(bench)) > 0

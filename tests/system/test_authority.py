@@ -14,9 +14,9 @@ from messages.control import ThrusterCommand
 from messages.pilot import Course, PilotAnswer, PilotCommand, PilotRequest
 from messages.reference import Reference
 from messages.vehicle import Truth, VehicleStatus
-from services.gamepad.core import StickReading, Sticks
-from services.gamepad.pilot import Pilot, Progress
 from services.gamepad.service import Connected
+from services.piloting.pilot import Pilot, Progress
+from services.piloting.sticks import StickReading, Sticks
 from services.reference.guidance.authority import SILENT_NS
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
@@ -223,12 +223,15 @@ def test_a_silent_pilot_goes_on_unless_another_one_has_taken_control(hand_over: 
     assert (statuses[-1].pilot, statuses[-1].failsafe) == ("", "pilot_lost")
     second.speaks = True
     host.run(host.now + SECOND)
+    assert asked(host, first, "resume").startswith("second has control")
+    assert asked(host, second, "resume") == ""
     assert (statuses[-1].pilot, statuses[-1].failsafe) == ("second", "none")
     second.speaks = False
     host.run(host.now + 2 * SILENT_NS)
     assert asked(host, first, "lease") == ""
     second.speaks = True
     host.run(host.now + SECOND)
+    assert asked(host, first, "resume") == ""
     assert (statuses[-1].pilot, statuses[-1].failsafe) == ("first", "none")
 
 
@@ -241,6 +244,7 @@ def test_who_has_released_control_moves_nothing_and_the_next_one_gets_it_at_once
     assert (statuses[-1].pilot, statuses[-1].failsafe) == ("", "pilot_lost")
     assert asked(host, first, "lease") == ""
     host.run(host.now + SECOND)
+    assert asked(host, first, "resume") == ""
     assert (statuses[-1].pilot, statuses[-1].failsafe) == ("first", "none")
 
 

@@ -42,7 +42,7 @@ SCRIPT = """t,surge,sway,heave,yaw
 """
 KEYS = {
     "seconds", "armed_seconds", "vehicle", "link", "services", "topics", "holes", "troubles",
-    "latency_ms", "stops", "depth_error_rms_m",
+    "latency_ms", "stops", "failsafes", "depth_error_rms_m",
     "budget_ms", "clocks", "heading_error_rms_deg", "peak_jerk_ratio", "energy", "losses", "exit",
 }  # fmt: skip
 SERVICES = {

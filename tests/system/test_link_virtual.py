@@ -3,6 +3,7 @@ the pilot's commands, on board only those act that are whole, in order and withi
 
 from collections import Counter
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -280,18 +281,31 @@ def check_what_acts(flight: Flight) -> None:
 
 
 def check_the_motion(flight: Flight) -> None:
-    """The reference moves exactly as the fresh commands say, and comes to rest without them."""
+    """The reference moves exactly as the fresh commands say, comes to rest without them, and stays
+    there until the script's pilot resumes."""
     heave = flight.stack.section("reference", Settings).heave
     ramp, known = Ramp(heave.limits), by_stamp(flight)
+    resumed, waits = resumptions(flight), False
     for _, reference in flight.acted:
         assert reference.sensor_ns is not None
         t = reference.sensor_ns / S
+        while resumed and resumed[0] < reference.stamp_ns:
+            resumed.pop(0)
+            waits = False
         if not reference.armed:
             ramp.rest(0.0, t)
         assert abs(reference.depth.velocity - ramp.at(t).velocity) < 1e-6
         command = None if reference.pilot_ns is None else known[reference.pilot_ns]
-        acts = command is not None and command.pilot == "present" and reference.armed
+        there = command is not None and command.pilot == "present"
+        waits = reference.armed and (waits or not there)
+        acts = there and reference.armed and not waits
         ramp.aim(command.heave * heave.max_velocity if acts and command else 0.0, t)
+
+
+def resumptions(flight: Flight) -> list[int]:
+    """[ns] When the pilot had resumed, by the drone's clock."""
+    pairs = pairwise(flight.statuses)
+    return [b.stamp_ns for a, b in pairs if a.failsafe != "none" and b.failsafe == "none"]
 
 
 def check_the_thrusters(flight: Flight) -> None:

@@ -18,9 +18,9 @@ from hypothesis import strategies as st
 from messages.control import ThrusterCommand
 from messages.pilot import TTL_MS, PilotAnswer, PilotCommand, PilotRequest, RequestKind
 from messages.vehicle import VehicleStatus
-from services.gamepad.core import StickReading, Sticks
-from services.gamepad.pilot import Effects, Pilot, Progress
 from services.marine.vehicle import Thruster
+from services.piloting.pilot import Effects, Pilot, Progress
+from services.piloting.sticks import StickReading, Sticks
 from services.reference.guidance.authority import SILENT_NS, ControlAuthority
 from services.runtime.node.answers import AnswerBook
 from services.runtime.node.requests import Requests

@@ -186,7 +186,10 @@ def test_a_cable_that_is_pulled_and_put_back(tmp_path: Path, way: tuple[str, ...
         again = until(lambda: port.failsafe() == "none", said)
         assert again - back <= 2.0
 
-        assert (drone.running().pids, topside.running().pids) == pids, "no process was restarted"
+        # The viewer starts last, on a busy computer perhaps only now.
+        now = drone.running().pids, topside.running().pids
+        same = [before.items() <= after.items() for before, after in zip(pids, now, strict=True)]
+        assert same == [True, True], "no process was restarted"
         for reference in port.references:
             if reference.pilot_ns is not None:
                 assert reference.stamp_ns - reference.pilot_ns <= TTL_S * 1e9

@@ -208,3 +208,36 @@ def test_who_is_not_on_the_drones_list_is_not_heard_and_is_named_in_its_log(tmp_
         drone.end(signal.SIGTERM)
     assert "the drone was never heard" in topside.said
     assert "the topside was never heard" in drone.said
+
+
+def learnt_at(drone: Side) -> int:
+    """[ns] Time of the estimator's checkpoint."""
+    return json.loads((drone.out / "checkpoints" / "estimation.json").read_bytes())["stamp_ns"]
+
+
+def test_a_drone_whose_supervisor_was_killed_goes_on_and_one_that_was_ended_calibrates(
+    tmp_path: Path,
+):
+    endpoint = free_endpoint()
+    with side(tmp_path / "first", "drone", "--listen", endpoint) as first:
+        first.until(lambda: "calibrated:" in first.said)
+        first.until(lambda: any(first.out.glob("checkpoints/estimation.json")))
+        pids = msgspec.json.decode((first.out / RUNNING).read_bytes(), type=Running).pids.values()
+        first.process.kill()
+        first.process.wait(PATIENCE_S)
+    deadline = time.monotonic() + PATIENCE_S
+    while any(Path(f"/proc/{pid}").exists() for pid in pids):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)  # the services notice by themselves
+    with side(tmp_path / "second", "drone", "--listen", endpoint) as second:
+        before = learnt_at(first)
+        second.until(lambda: second.pid("recorder") is not None)
+        second.until(
+            lambda: learnt_at(second) > before
+        )  # an estimator that calibrates learns later
+        assert f"goes on with the calibration of {first.out}, which broke off" in second.said
+        assert "calibrating" not in second.said
+        assert second.end(signal.SIGTERM) == 0, second.said
+    with side(tmp_path / "third", "drone", "--listen", endpoint) as third:
+        third.until(lambda: "calibrating" in third.said)
+        assert "goes on" not in third.said

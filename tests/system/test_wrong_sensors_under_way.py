@@ -45,14 +45,15 @@ def test_a_step_of_the_gyroscopes_bias_is_found_and_learnt(bias: float) -> None:
     assert flight.speed < 0.45
     assert abs(flight.error) < 0.1
     assert flight.counts["distrusted:sensor/imu"] >= 1
-    assert flight.counts["stepped:gyroscope"] >= 1
+    assert flight.counts["doubted:gyroscope"] >= 1
     assert flight.counts["outlier:sensor/pressure"] < 20
     state, truth = flight.sortie.states[-1], flight.sortie.truth[-1]
     assert state.roll.value == pytest.approx(truth.roll, abs=0.05)
     assert state.pitch.value == pytest.approx(truth.pitch, abs=0.05)
-    assert not state.heading.valid  # gravity says nothing about it
+    assert state.heading.valid  # gravity says nothing about it, the magnetometer does
+    assert abs(truth.heading - flight.sortie.truth[-100].heading) < 0.05
     assert flight.sortie.status is not None
-    assert flight.sortie.status.note == "the heading is not known and not held"
+    assert flight.sortie.status.note == ""
 
 
 @settings(max_examples=3, deadline=None)
@@ -62,6 +63,32 @@ def test_whatever_the_step_it_does_not_run_away(bias: float) -> None:
     assert flight.away < 1.0
     assert flight.speed < 0.8
     assert abs(flight.error) < 0.3
+
+
+def test_after_a_gyroscopes_fault_is_mended_it_does_not_turn() -> None:
+    flight = fly("sensor/imu", "biased", 0.5, 6.0)
+    flight.sortie.set_faults("sensor/imu", "none")
+    flight.sortie.until(AT + 26.0)
+    truth = flight.sortie.truth
+    assert abs(truth[-1].heading - truth[-500].heading) < 0.1
+    assert max(abs(m.position[2] - truth[-2000].position[2]) for m in truth[-2000:]) < 0.5
+    assert flight.sortie.wrenches[-1].heading_integral == pytest.approx(0.0, abs=0.3)
+
+
+def test_a_frozen_pressure_sensor_does_not_drive_it_up_or_down() -> None:
+    moving = [(AT, (0.0, 0.0, 0.3, 0.0)), (AT + 4.0, HANDS_OFF)]
+    sortie = Sortie([*DOWN, *moving], overrides=(DEEP,)).until(AT)
+    sortie.set_faults("sensor/pressure", "frozen")
+    sortie.until(AT + 1.0)
+    assert sortie.counts["frozen:sensor/pressure"] == 1
+    sortie.until(AT + 6.0)
+    let_go = len(sortie.truth)
+    sortie.until(AT + 20.0)
+    after = sortie.truth[let_go:]
+    assert max(abs(m.depth_rate) for m in after) < 0.1
+    assert max(m.position[2] - after[0].position[2] for m in after) < 0.1  # not down
+    assert max(after[0].position[2] - m.position[2] for m in after) < 0.8
+    assert sortie.counts["unheld:depth"] == 1
 
 
 UNUSABLE: list[tuple[FaultKind, float | None]] = [
@@ -84,10 +111,13 @@ def test_an_imu_that_cannot_be_used_is_said_for_as_long_as_it_lasts(
         assert not any(part.valid for part in (state.heading, state.roll, state.yaw_rate))
     assert flight.sortie.status is not None
     assert flight.sortie.status.note == "the heading is not known and not held"
+    assert flight.sortie.status.failsafe in ("imu_lost", "state_lost")
+    assert "imu_lost" in flight.sortie.status.conditions
     flight.sortie.set_faults("sensor/imu", "none")
     flight.sortie.until(flight.sortie.t + 3.0)
     assert flight.sortie.counts["regained:sensor/imu"] == 1
-    assert flight.sortie.status.note == ""
+    assert "not known" not in flight.sortie.status.note
+    assert "imu_lost" not in flight.sortie.status.conditions
 
 
 def test_without_pressure_it_drifts_slowly_and_says_so() -> None:

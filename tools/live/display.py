@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.live import Live
 
 from messages.health import LogLine
-from tools.live.log_lines import LogLines, full
+from tools.live.printed_lines import PrintedLines
 from tools.live.screen import View, plain, render
 
 SCREEN_S = 0.25  # [s] between two screens
@@ -43,24 +43,15 @@ class ScreenDisplay:
         pass
 
 
-class LineDisplay:
+class LineDisplay(PrintedLines):
     def __init__(self) -> None:
+        super().__init__()
         self._next_s = 0.0
-        self._lines = LogLines()
 
     def show(self, look: Callable[[], View]) -> None:
         if (now := time.monotonic()) >= self._next_s:
             self._next_s = now + LINE_S
             print(plain(look()), flush=True)
-
-    def line(self, line: LogLine, at_s: float | None) -> None:
-        if (entry := self._lines.add(line, at_s)) is not None:
-            print(full(entry), flush=True)
-
-    def finish(self) -> None:
-        """Print the lines that were repeated since they were printed last."""
-        for entry in self._lines.unprinted():
-            print(full(entry), flush=True)
 
 
 @contextmanager

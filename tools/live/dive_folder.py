@@ -13,11 +13,11 @@ from services.recorder.io.mcap_session import RESERVE
 from services.recorder.io.parts import part_path
 from services.runtime.config.disk import reason, require_room
 from services.runtime.config.errors import LindyError
-from tools.checks import running_in
+from services.runtime.config.running import running_in
 from tools.fresh import fresh_folder
+from tools.live import latest
+from tools.live.latest import DIVES
 
-DIVES = Path("dives")  # for dives without --out
-LATEST = "latest"  # in it: a link to the newest of them
 LOGS = "logs"
 CLAIMS: dict[Path, int] = {}  # open folders that this program has locked
 WRITTEN = re.compile(r"dive(\.part\d+)?\.(mcap|rrd)|merging\.mcap|report\.json|run\.json")
@@ -50,6 +50,14 @@ def out_folder(out: Path | None) -> Path:
             print(f"{wanted} holds a dive already; this one goes to {folder}", flush=True)
     atexit.register(_remove_empty, missing)
     return folder
+
+
+def hand_over(folder: Path) -> int | None:
+    """The descriptor of the folder's lock, for the program that this one becomes; None: it has no
+    lock."""
+    if (handle := CLAIMS.pop(folder, None)) is not None:
+        os.set_inheritable(handle, True)
+    return handle
 
 
 def require_room_for_recording(folder: Path) -> None:
@@ -95,27 +103,11 @@ def dive_files(folder: Path, kind: str) -> list[Path]:
 
 
 def point_latest(folder: Path) -> None:
-    """Make `dives/latest` a link to this dive, if it is in `dives/`. Anything else with that name
-    is left as it is, and that is printed."""
+    """The first files of a dive are in its folder: make `dives/latest` a link to it, if it is in
+    `dives/`."""
     if (handle := CLAIMS.pop(folder, None)) is not None:
-        os.close(handle)  # the first files are there, and say by themselves whose folder it is
-    home = DIVES.resolve()
-    if folder.parent != home or folder.name == LATEST:
-        return
-    pointer, fresh = home / LATEST, home / f".{LATEST}-{os.getpid()}"
-    if os.path.lexists(pointer) and not _is_ours(pointer):
-        print(f"{pointer} is not a link to a dive; it stays as it is", flush=True)
-        return
-    try:
-        fresh.symlink_to(folder.name, target_is_directory=True)
-        fresh.replace(pointer)  # at once: it always points somewhere
-    except OSError as error:
-        print(f"cannot make {pointer} point to this dive: {reason(error)}", flush=True)
-
-
-def _is_ours(pointer: Path) -> bool:
-    """A link to a folder beside it, as `point_latest` makes it."""
-    return pointer.is_symlink() and len(pointer.readlink().parts) == 1
+        os.close(handle)  # the files say by themselves whose folder it is
+    latest.point(folder)
 
 
 def _is_empty(folder: Path) -> bool:

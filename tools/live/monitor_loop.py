@@ -7,16 +7,13 @@ from contextlib import contextmanager
 
 from messages import topics
 from services.runtime.launch.local_stack import LocalStack
-from tools.keys.door import OPEN
 from tools.live.display import Display
 from tools.live.dive_timeline import DiveTimeline
+from tools.live.keep_running import keep_running
 from tools.live.outcome import Outcome, title
 from tools.live.screen import View
 from tools.live.stop_signals import StopSignals
 from tools.live.watch import Watch
-
-REMIND_S = 60.0  # [s] between two lines in the log that say that there are no keys
-ALIVE_S = 30.0  # [s] for all services to start, on a slow and busy computer
 
 
 class MonitorLoop:
@@ -29,7 +26,6 @@ class MonitorLoop:
         services = local.services
         self._watch = Watch(local.node, list(services), timeline, shown.line, services.shared)
         local.node.each(topics.STATUS, timeline.see)
-        local.node.every(1.0 / REMIND_S, lambda _: self._remind())
 
     def keep(self) -> str:
         """Run until the end. Returns how it ended: `clean`, or why otherwise.
@@ -37,19 +33,7 @@ class MonitorLoop:
         Raises:
             LindyError: a service cannot start, or the drone does not arm.
         """
-        self._local.start_services()
-        self._local.wait_alive(ALIVE_S, self.look)
-        self._remind()
-        self._timeline.began_ns = time.monotonic_ns()
-        end = None
-        while end is None and not self._stop.asked:
-            self.look()
-            end = self._timeline.over(time.monotonic_ns())
-        return end or "clean"
-
-    def _remind(self) -> None:
-        if self._local.stack.insecure:
-            self._local.node.log("warning", OPEN)
+        return keep_running(self._local, self._timeline, self._stop, self.look)
 
     def look(self) -> bool:
         """Handle everything that is due. False: the user wants to stop."""

@@ -1,7 +1,7 @@
 """The outcome of a dive: files, report, summary and exit status."""
 
 import sys
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,13 +10,13 @@ from msgspec import UNSET
 from msgspec.structs import replace
 
 from messages import topics
-from messages.health import Health
 from messages.vehicle import VehicleStatus
 from services.recorder.io.parts import parts_in
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 from tools.fresh import write_fresh
+from tools.health_sums import HealthOfAll, HealthSums
 from tools.recordings.recording import log_hash, merge_parts, open_recording
 from tools.report import (
     Elsewhere,
@@ -56,13 +56,19 @@ class Outcome:
         self.gone: list[str] = []  # services that were not alive at the end
         self.speedup: float | None = None  # [-] virtual over real time
         self._stack = stack
-        self._health: list[Health] = []
+        self._health = HealthOfAll()
         self._error: LindyError | None = None
         self._drone_heard = self._armed = False
 
     def listen(self, node: Node) -> None:
         """Keep the health of all services; the recorder does not receive its own."""
-        node.each(topics.HEALTH, lambda health, _: self._health.append(health))
+        node.each(topics.HEALTH, lambda health, _: self._health.add(health))
+
+    def take_over(self, health: dict[str, HealthSums], *, armed: bool) -> None:
+        """What another program has collected during the dive. Set `exit` before."""
+        self._health.sums, self._armed = health, armed
+        if self.exit != "clean":
+            self._error = LindyError(self.exit)
 
     @contextmanager
     def of_the_dive(self) -> Generator[None]:
@@ -163,10 +169,7 @@ class Outcome:
 
     def _counted(self) -> Counter[str]:
         """The services' counts, as far as their health messages arrived here."""
-        heard: defaultdict[str, list[Health]] = defaultdict(list)
-        for health in self._health:
-            heard[health.service].append(health)
-        return losses(by_service(heard)) + self._silences()
+        return losses(by_service(self._health.sums)) + self._silences()
 
     def _silences(self) -> Counter[str]:
         """How often each process ran but did not answer, as counts have it."""
@@ -188,7 +191,7 @@ class Outcome:
             restarts=self.restarts(),
             losses=self._silences(),
             shared=self.shared,
-            health=self._health,
+            health=self._health.sums,
         )
         if self.speedup is None:
             return extras
@@ -197,7 +200,7 @@ class Outcome:
 
     def report_in_memory(self, dive: RecordedDive, hashed: str) -> Report:
         """The report of a dive without files."""
-        extras = Extras(exit=self.exit, health=self._health, log_hash=hashed)
+        extras = Extras(exit=self.exit, health=self._health.sums, log_hash=hashed)
         return report_on(dive, replace(extras, speedup=self.speedup or UNSET))
 
 

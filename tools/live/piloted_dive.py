@@ -1,7 +1,9 @@
 """A dive that is piloted from this machine: chooses the pilot, and disarms at the end."""
 
 import time
+from collections.abc import Collection
 
+from services.runtime.config.errors import LindyError
 from services.runtime.launch.local_stack import LocalStack
 from tools.checks import DEFAULT_PILOT, PilotChoice, pilot_of
 from tools.choices import Choices
@@ -14,15 +16,24 @@ from tools.live.pads import pad_is_there
 from tools.live.stop_signals import StopSignals
 
 KNOWN_S = 0.25  # [s] until a status tells who has control now
+GAMEPAD, GROUND_STATION = "gamepad", "mavlink"  # services that are a pilot
 DISARM_S = 1.0  # [s] at most, for the drone's answer at the end
 
 
-def who_flies(choices: Choices) -> PilotChoice:
+def who_flies(choices: Choices, services: Collection[str]) -> PilotChoice:
     """The pilot that the user chose; else the gamepad; else, where none is plugged in, a script.
+    Where the stack has a ground station in place of the gamepad, it is the pilot.
 
     Raises:
         LindyError: no such pilot, or a mistake in the script.
     """
+    if GROUND_STATION in services and GAMEPAD not in services:
+        if choices.pilot is not None:
+            raise LindyError(
+                f"--pilot {choices.pilot}: a ground station flies in the stack {choices.stack}; "
+                f"allowed with a stack that has [services.{GAMEPAD}]"
+            )
+        return PilotChoice(GROUND_STATION)
     if choices.pilot is None and not pad_is_there():
         return pilot_of(DEFAULT_PILOT)
     return pilot_of(choices.pilot or "gamepad")

@@ -52,6 +52,9 @@ class View:
     capacity_wh: float | None = None  # [Wh] when full
     armed: bool = False
     failsafe: str = "none"
+    since_s: float | None = None  # [s] since its condition began
+    next_s: float | None = None  # [s] until the next reaction begins
+    words: str = ""  # what has happened, what the drone does and what ends it
     note: str = ""
     age_ms: float | None = None  # [ms] of depth and heading
     depth_m: float | None = None
@@ -102,6 +105,8 @@ def plain(view: View) -> str:
     ]
     if failsafe := _failsafe(view):
         parts.append(failsafe)
+    if view.words:
+        parts.append(view.words)
     if view.alarm:
         parts.append(f"LINK {view.alarm}")
     if view.silent:
@@ -115,7 +120,13 @@ def plain(view: View) -> str:
 
 
 def _failsafe(view: View) -> str:
-    return "" if view.failsafe == "none" else f"FAILSAFE {short(f'failsafe:{view.failsafe}')}"
+    """What acts, since when, and when it does more."""
+    coming = "" if view.next_s is None else f"in {max(0.0, view.next_s):.0f} s"
+    if view.failsafe == "none":
+        return f"FAILSAFE {coming}" if coming else ""
+    since = "" if view.since_s is None else f" for {view.since_s:.0f} s"
+    name = short(f"failsafe:{view.failsafe}")
+    return f"FAILSAFE {name}{since}" + (f", next {coming}" if coming else "")
 
 
 def _title(view: View) -> Table:
@@ -140,14 +151,15 @@ def _state(view: View) -> Text:
 
 
 def _alarm(view: View) -> list[Text]:
-    """A row of its own, so that it is never cut; none when all is well."""
+    """Rows of their own, so that none is cut by another; none when all is well."""
     alarms = [f"LINK   {view.alarm}"] if view.alarm else []
     if view.silent:
         more = len(view.silent) - 1
         alarms.insert(0, f"SILENT {view.silent[0]}" + (f" +{more}" if more else ""))
-    if not alarms:
-        return []
-    return [Text("  ".join(alarms), "bold red", overflow="ellipsis", no_wrap=True)]
+    rows = ["  ".join(alarms)] if alarms else []
+    if view.words:
+        rows.insert(0, f"DRONE  {view.words}")
+    return [Text(row, "bold red", overflow="ellipsis", no_wrap=True) for row in rows]
 
 
 def _motion(view: View) -> Text:

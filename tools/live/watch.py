@@ -85,6 +85,9 @@ class Watch:
             capacity_wh=battery.capacity_wh if battery else None,
             armed=status.armed if status else False,
             failsafe=status.failsafe if status else "none",
+            since_s=_seconds(now, status.since_ns) if status else None,
+            next_s=_until(now, status.next_ns) if status else None,
+            words=status.words if status else "",
             note=_silence(status, now) or status.note if status else timeline.note,
             age_ms=(now - state.stamp_ns) / 1e6 if state else None,
             depth_m=state.depth.value if state and state.depth.valid else None,
@@ -137,6 +140,16 @@ class Watch:
         ports = (self._state, self._status, self._reference, self._pilot, self._link)
         for port in (*ports, self._battery, self._budget, self._clock):
             port.newest(now)
+
+
+def _seconds(now: int, since_ns: int | None) -> float | None:
+    """[s] Since an instant."""
+    return None if since_ns is None else (now - since_ns) / 1e9
+
+
+def _until(now: int, then_ns: int | None) -> float | None:
+    """[s] Until an instant."""
+    return None if then_ns is None else (then_ns - now) / 1e9
 
 
 def _silence(status: VehicleStatus, now: int) -> str:

@@ -8,7 +8,7 @@ vehicle's clock, exact in a float64 for the first 104 days after the computer wa
 import math
 from array import array
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_args
 
 import msgspec
 import numpy as np
@@ -22,10 +22,12 @@ from messages.reference import Reference
 from messages.sensors import BatterySample
 from messages.state import VehicleState
 from messages.topic import AnyTopic
-from messages.vehicle import Actuation, Truth, VehicleStatus
+from messages.vehicle import Actuation, Failsafe, Reaction, Truth, VehicleStatus
 
 Array = NDArray[np.float64]
 Figures = tuple[float | None, ...]
+FAILSAFES: tuple[Failsafe, ...] = get_args(Failsafe)  # a status has the place in these
+REACTIONS: tuple[Reaction, ...] = get_args(Reaction)
 
 
 class StreamColumns:
@@ -77,7 +79,8 @@ def _request(m: PilotRequest) -> Figures:
 
 
 def _status(m: VehicleStatus) -> Figures:
-    return m.stamp_ns, m.failsafe == "pilot_lost"
+    reaction = -1 if m.reaction is None else REACTIONS.index(m.reaction)
+    return m.stamp_ns, FAILSAFES.index(m.failsafe), reaction
 
 
 def _state(m: VehicleState) -> Figures:
@@ -140,7 +143,7 @@ REFERENCE = (
 WANTED = (
     StreamFigures(topics.PILOT_COMMAND, ("stamp", "heave", "yaw", "deflection", "lost"), _command),
     StreamFigures(topics.PILOT_REQUEST, ("stamp", "stop"), _request),
-    StreamFigures(topics.STATUS, ("stamp", "pilot_lost"), _status),
+    StreamFigures(topics.STATUS, ("stamp", "failsafe", "reaction"), _status),
     StreamFigures(topics.STATE, ("sensor", "stamp", "heave", "yaw"), _state),  # [ns, ns, m, rad]
     StreamFigures(topics.REFERENCE, REFERENCE, _reference),
     StreamFigures(topics.THRUSTERS, ("stamp", "sensor"), _thrusters),

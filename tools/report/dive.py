@@ -13,6 +13,7 @@ from messages.reference import Reference
 from messages.topic import AnyTopic
 from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.stamps import mover
+from tools.health_sums import HealthOfAll, HealthSums
 from tools.recordings.recording import Raw, Recording
 from tools.report.columns import WANTED, Array, Gathering, StreamColumns
 from tools.report.holes import HOLE_NS, HoleFinder
@@ -38,7 +39,7 @@ class RecordedDive:
     about: dict[str, str]  # vehicle, link, pilot, seed, overrides
     traffic: dict[str, Traffic]  # by key
     streams: dict[str, StreamColumns]  # by key; every stream of WANTED, perhaps with no rows
-    health: dict[str, list[Health]] = field(default_factory=dict[str, list[Health]])
+    health: dict[str, HealthSums] = field(default_factory=dict[str, HealthSums])
     losses: dict[str, int] = field(default_factory=dict[str, int])  # the recorder's own
     holes: list[tuple[int, int]] = field(default_factory=list[tuple[int, int]])  # [ns] UTC
     vehicle_holes: list[tuple[int, int]] = field(default_factory=list[tuple[int, int]])
@@ -147,7 +148,7 @@ class GatheredDive:
         self._streams = {
             wanted.topic.key: Gathering(wanted.names, wanted.figures) for wanted in WANTED
         }
-        self._health: dict[str, list[Health]] = {}
+        self._health = HealthOfAll()
         self._holes, self._vehicle_holes = HoleFinder(), HoleFinder()
         self._errors = Counter[str]()
         self._armed_utc_ns: int | None = None
@@ -172,7 +173,7 @@ class GatheredDive:
             if self._armed_utc_ns is None and isinstance(message, Reference) and message.armed:
                 self._armed_utc_ns = log_ns
         elif isinstance(message, Health):
-            self._health.setdefault(message.service, []).append(message)
+            self._health.add(message)
         elif isinstance(message, LogLine):
             self._errors[message.service] += message.level == "error"
 
@@ -186,7 +187,7 @@ class GatheredDive:
             about=about,
             traffic=self._traffic,
             streams={key: stream.columns() for key, stream in self._streams.items()},
-            health=self._health,
+            health=self._health.sums,
             losses=losses,
             holes=self._holes.found,
             vehicle_holes=self._vehicle_holes.found,

@@ -5,11 +5,12 @@ from math import degrees
 
 import msgspec
 
-from messages.health import Health
+from tools.health_sums import HealthSums
 from tools.recordings.recording import Recording
 from tools.report.budget import Clocks, ReportedBudget, budget, clocks
 from tools.report.dive import RecordedDive, Traffic, read_dive
 from tools.report.energy import Energy, energy
+from tools.report.failsafes import ActedReaction, failsafes
 from tools.report.holes import Hole, holes
 from tools.report.latency import LatencyReport, latency
 from tools.report.losses import losses
@@ -28,7 +29,7 @@ class Extras(msgspec.Struct, frozen=True):
     losses: dict[str, int] = {}  # counted by the supervisor itself
     gone: list[str] = []  # services that were not alive at the end
     finished: bool = True  # the recorder ended its file itself
-    health: list[Health] = []  # of services the recorder does not receive, such as itself
+    health: dict[str, HealthSums] = {}  # also of services the recorder does not receive: itself
     speedup: float | msgspec.UnsetType = msgspec.UNSET  # [-] virtual over real time; simulate only
     log_hash: str | msgspec.UnsetType = msgspec.UNSET  # SHA-256; simulate only
 
@@ -51,6 +52,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     budget_ms: ReportedBudget  # [ms] the same as the link monitor measured it, stage by stage
     clocks: Clocks  # topside and drone
     stops: list[StickStop]  # one per stick release on heave or yaw
+    failsafes: list[ActedReaction]  # what the drone did by itself
     depth_error_rms_m: float | None  # [m] true depth minus reference, while armed
     heading_error_rms_deg: float | None  # [°] true heading minus reference, while armed
     peak_jerk_ratio: float | None  # [-] largest |reference jerk| over the limit in force
@@ -87,6 +89,7 @@ def report_on(dive: RecordedDive, extras: Extras) -> Report:
         budget_ms=budget(dive),
         clocks=clocks(dive),
         stops=stops(dive),
+        failsafes=failsafes(dive),
         depth_error_rms_m=error_rms(dive, "heave"),
         heading_error_rms_deg=None if heading_error is None else degrees(heading_error),
         peak_jerk_ratio=peak_jerk_ratio(dive),
@@ -121,17 +124,13 @@ def _troubles(
     ]
 
 
-def _all_health(dive: RecordedDive, others: list[Health]) -> dict[str, list[Health]]:
+def _all_health(dive: RecordedDive, others: dict[str, HealthSums]) -> dict[str, HealthSums]:
     """Health from the recording, and for services that are not in it from elsewhere."""
-    health = dict(dive.health)
-    for report in others:
-        if report.service not in dive.health:
-            health[report.service] = [*health.get(report.service, []), report]
-    return health
+    return {**others, **dive.health}
 
 
 def _losses(
-    dive: RecordedDive, health: dict[str, list[Health]], supervisor: dict[str, int]
+    dive: RecordedDive, health: dict[str, HealthSums], supervisor: dict[str, int]
 ) -> dict[str, int]:
     """By name, each message once. The recorder's own counts are in its file since its last restart,
     and in `Health` from before; the larger of both is kept."""

@@ -1,17 +1,12 @@
-"""Figures and counts of each service, from the `Health` that it publishes once a second.
-
-Health counts since the start of a process; when `sent` decreases, the service was restarted, and
-its counts from before are added.
-"""
+"""Figures and counts of each service, from the `Health` that it publishes once a second."""
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
-from itertools import pairwise
+from collections.abc import Collection, Mapping
 
 import msgspec
 import numpy as np
 
-from messages.health import Health
+from tools.health_sums import HealthSums
 
 
 class Service(msgspec.Struct, frozen=True):
@@ -27,7 +22,7 @@ class Service(msgspec.Struct, frozen=True):
 
 
 def services(
-    health: dict[str, list[Health]], restarts: dict[str, int], shared: Mapping[str, str]
+    health: Mapping[str, HealthSums], restarts: dict[str, int], shared: Mapping[str, str]
 ) -> dict[str, Service]:
     """Every service with a health message or a restart.
 
@@ -37,46 +32,28 @@ def services(
     """
     names = sorted(set(health) | set(restarts))
     return {
-        name: _service(health.get(name, []), restarts.get(name, 0), shared.get(name))
+        name: _service(health.get(name, HealthSums()), restarts.get(name, 0), shared.get(name))
         for name in names
     }
 
 
-def by_service(health: Mapping[str, list[Health]]) -> dict[str, Counter[str]]:
-    """What each service counted, summed by name over its restarts."""
-    counts: dict[str, Counter[str]] = {}
-    for name, reports in health.items():
-        counts[name] = Counter()
-        for last in _lives(reports):
-            counts[name].update(last.counts)
-    return counts
+def by_service(health: Mapping[str, HealthSums]) -> dict[str, Counter[str]]:
+    """What each service counted, summed by name over its restarts, and over two topsides."""
+    return {name: sums.counts for name, sums in health.items()}
 
 
-def _service(reports: list[Health], restarts: int, process: str | None) -> Service:
-    lives = _lives(reports)
+def _service(sums: HealthSums, restarts: int, process: str | None) -> Service:
+    cpu_percent = sums.mean_cpu_percent
     return Service(
-        sent=sum(last.sent for last in lives),
-        lateness_p50_ms=_median(report.lateness_p50_ms for report in reports),
-        lateness_p99_ms=_median(report.lateness_p99_ms for report in reports),
-        cpu_percent=_mean(report.cpu_percent for report in reports),
-        rss_mb=max((r.rss_mb for r in reports if r.rss_mb is not None), default=None),
-        restarts=max(restarts, len(lives) - 1),
+        sent=sums.sent,
+        lateness_p50_ms=_median(sums.lateness_p50_ms.values),
+        lateness_p99_ms=_median(sums.lateness_p99_ms.values),
+        cpu_percent=None if cpu_percent is None else round(cpu_percent, 1),
+        rss_mb=sums.rss_mb,
+        restarts=max(restarts, sums.restarts),
         process=process,
     )
 
 
-def _lives(reports: list[Health]) -> list[Health]:
-    """The last report of a service before each restart, and its last one."""
-    ordered = sorted(reports, key=lambda report: report.stamp_ns)
-    ends = [report for report, following in pairwise(ordered) if following.sent < report.sent]
-    return [*ends, *ordered[-1:]]
-
-
-def _median(values: Iterable[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return round(float(np.median(known)), 3) if known else None
-
-
-def _mean(values: Iterable[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return round(float(np.mean(known)), 1) if known else None
+def _median(values: Collection[float]) -> float | None:
+    return round(float(np.median([*values])), 3) if values else None

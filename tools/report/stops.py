@@ -68,8 +68,8 @@ def releases(dive: RecordedDive, axis: StopAxis) -> Iterator[StickRelease]:
 
 
 def _wanted(dive: RecordedDive, axis: StopAxis) -> Iterator[tuple[float, float]]:
-    """(time [ns], stick that counts): zero while the pilot is lost, and after a stop request
-    until all sticks have been centred."""
+    """(time [ns], stick that counts): zero while the pilot is lost or a failsafe acts, and after a
+    stop request until all sticks have been centred."""
     now = {"stick": 0.0, "lost": 0.0, "failsafe": 0.0, "stop": 0.0}
     for at, kind, value in _events(dive, axis):
         if kind == "deflection":
@@ -91,7 +91,7 @@ def _events(dive: RecordedDive, axis: StopAxis) -> list[tuple[float, str, float]
         (command["stamp"], "deflection", command["deflection"]),
         (command["stamp"], "stick", command[axis]),
         (request["stamp"], "stop", request["stop"]),
-        (status["stamp"], "failsafe", status["pilot_lost"]),
+        (status["stamp"], "failsafe", status["failsafe"]),
     ]
     events = [
         (at, kind, value)

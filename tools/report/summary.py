@@ -1,7 +1,7 @@
 """The summary of a dive: the few lines that matter to a pilot."""
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from math import degrees
 from pathlib import Path
 
@@ -34,7 +34,7 @@ def summary(
     stick = report.latency_ms.stick_to_thruster
     how = ending(report.exit, report.troubles)
     rows = [("Dive", f"{report.vehicle}, {_length(report)}, {how}")]
-    rows += _failsafes(report.losses)
+    rows += _failsafes(report)
     if max_depth_m is not None:
         rows.append(("deepest", f"{max_depth_m:.1f} m"))
     rows += [*_stops(report, "heave"), *_stops(report, "yaw")]
@@ -81,10 +81,23 @@ def _acts(name: str) -> bool:
     return meaning(name).rank is Rank.FAILSAFE
 
 
-def _failsafes(losses: Mapping[str, int]) -> list[tuple[str, str]]:
+def _failsafes(report: Report) -> list[tuple[str, str]]:
     """One row for each kind; none is left out."""
+    losses = report.losses
     acted = sorted(((n, name) for name, n in losses.items() if n and _acts(name)), reverse=True)
-    return [("failsafe", f"{count} × {sentence(name)}") for count, name in acted]
+    return [
+        ("failsafe", f"{count} × {sentence(name)}{_when(report, name)}") for count, name in acted
+    ]
+
+
+def _when(report: Report, name: str) -> str:
+    """When it acted first, and how long in all; nothing where no status says so."""
+    condition = name.partition(":")[2]
+    reactions = [r for r in report.failsafes if r.condition == condition]
+    if not reactions:
+        return ""
+    seconds = sum(reaction.seconds for reaction in reactions)
+    return f", first at {reactions[0].t:.1f} s, {seconds:.1f} s in all"
 
 
 def _restarts(report: Report) -> list[tuple[str, str]]:

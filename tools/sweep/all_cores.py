@@ -21,6 +21,7 @@ from services.runtime.config.errors import LindyError
 J = TypeVar("J")
 R = TypeVar("R")
 POLL_S = 0.2  # [s] between two looks at whether to stop
+ALONE = 2  # times that a job is tried alone: beside others it may not be the one at fault
 SPAWN = get_context("spawn")
 
 _stop: Event | None = None  # in a worker: set when it is to stop
@@ -43,44 +44,98 @@ def on_all_cores(
     jobs: Sequence[J],
     workers: int | None = None,
     stop: Callable[[], bool] = lambda: False,
+    killed: Callable[[J], R] | None = None,
 ) -> Generator[tuple[int, R] | None]:
     """(index of the job, its result) in the order in which they are finished, and None every now
     and then while nothing is.
+
+    When a worker is killed, the jobs at hand are done again, each alone: the memory may have been
+    full.
 
     Args:
         work: can be pickled, as its arguments and results can; it may ask `asked_to_stop`.
         workers: processes; None: one for each core.
         stop: ask for the end; the jobs at hand are then finished, and no others are begun.
+        killed: the result of a job whose worker is killed each time; None: that is an error.
 
     Raises:
-        LindyError: a worker was killed.
+        LindyError: a worker was killed over the same job again and again.
         Exception: what `work` raised.
     """
-    count = workers or cores()
-    left, pending = iter(enumerate(jobs)), dict[Future[R], int]()
-    with _pool(count) as (pool, told):
+    left = dict(enumerate(jobs))
+    while left and not stop():
+        begun = dict[int, J]()
         try:
-            while True:
-                if stop():
-                    told.set()
-                else:
-                    with _ctrl_c_held_back():  # a submission may start processes
-                        for n, job in islice(left, count - len(pending)):
-                            pending[pool.submit(work, job)] = n
-                if not pending:
-                    return
-                done, _ = wait(pending, timeout=POLL_S, return_when=FIRST_COMPLETED)
-                for future in sorted(done, key=_failed):  # no result is lost with an error
-                    yield pending.pop(future), future.result()
-                if not done:
-                    yield None
+            yield from _in_one_pool(work, left, begun, workers or cores(), stop)
         except BrokenProcessPool:
             if stop():  # a signal to the whole process group has ended the workers, too
                 return
-            raise LindyError(
-                "a worker process was killed, perhaps because the memory was full; "
-                "with fewer --workers less is needed"
-            ) from None
+            for index, job in begun.items():
+                yield from _alone(work, index, job, stop, killed)
+                left.pop(index, None)
+
+
+def _in_one_pool(
+    work: Callable[[J], R],
+    left: dict[int, J],
+    begun: dict[int, J],
+    workers: int,
+    stop: Callable[[], bool],
+) -> Generator[tuple[int, R] | None]:
+    """As `on_all_cores`, until a worker is killed.
+
+    Args:
+        left: the jobs, by their index; those that are done are taken out.
+        begun: those of them that are at hand.
+
+    Raises:
+        BrokenProcessPool: a worker was killed.
+    """
+    jobs, pending = iter(list(left.items())), dict[Future[R], int]()
+    with _pool(workers) as (pool, told):
+        while True:
+            if stop():
+                told.set()
+            else:
+                with _ctrl_c_held_back():  # a submission may start processes
+                    for index, job in islice(jobs, workers - len(pending)):
+                        begun[index] = job
+                        pending[pool.submit(work, job)] = index
+            if not pending:
+                return
+            done, _ = wait(pending, timeout=POLL_S, return_when=FIRST_COMPLETED)
+            for future in sorted(done, key=_failed):  # no result is lost with an error
+                result, index = future.result(), pending.pop(future)
+                del left[index], begun[index]
+                yield index, result
+            if not done:
+                yield None
+
+
+def _alone(
+    work: Callable[[J], R],
+    index: int,
+    job: J,
+    stop: Callable[[], bool],
+    killed: Callable[[J], R] | None,
+) -> Generator[tuple[int, R] | None]:
+    """A job whose worker, or another one beside it, was killed; now without any other beside it."""
+    for _ in range(ALONE):
+        if stop():
+            return
+        try:
+            yield from _in_one_pool(work, {index: job}, {}, 1, stop)
+        except BrokenProcessPool:
+            continue
+        return
+    if stop():
+        return
+    if killed is None:
+        raise LindyError(
+            "a worker process was killed, and again when its job was the only one, perhaps "
+            "because the memory was full"
+        )
+    yield index, killed(job)
 
 
 def in_order(work: Callable[[J], R], jobs: Sequence[J], workers: int | None = None) -> list[R]:

@@ -23,7 +23,7 @@ from tools.live.virtual_dive import without_files
 from tools.sweep.all_cores import cores, on_all_cores
 from tools.sweep.axes import SweepAxes
 from tools.sweep.finished import About, FinishedDives, rows_file
-from tools.sweep.one_dive import Job, fly_one
+from tools.sweep.one_dive import Job, fly_one, killed_row
 from tools.sweep.picture import check_picture, drawn
 from tools.sweep.pooled import lines, pooled
 from tools.sweep.rows import CLEAN, Row
@@ -143,7 +143,7 @@ def _fly(axes: SweepAxes, wanted: Wanted, finished: FinishedDives) -> bool:
     flown, used = _counted(axes.count, "dive"), _counted(workers, "core")
     print(f"{flown}{there}, on {used} → {wanted.out}", flush=True)
     with StopSignals() as stop, _progress(axes.count, before) as advance:
-        for result in on_all_cores(fly_one, jobs, workers, lambda: stop.asked):
+        for result in on_all_cores(fly_one, jobs, workers, lambda: stop.asked, killed_row):
             if result is not None and (row := result[1]) is not None:
                 finished.add(row)
             advance(len(finished.rows))

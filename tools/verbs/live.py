@@ -41,8 +41,8 @@ def ask(
 ) -> int:
     """Send a request to a running dive, and print the drone's answer.
 
-    KIND is arm, disarm, stop, light, goto, follow or mode; take, offer or release control. It is
-    asked in the name of the pilot of that dive.
+    KIND is arm, disarm, stop, light, goto, follow or mode; take, offer or release control; resume
+    after a failsafe. It is asked in the name of the pilot of that dive.
 
     Example: lindy ask goto --depth 3 --heading 90
     """
@@ -78,9 +78,9 @@ def fault(
 ) -> int:
     """Make a part of the simulated vehicle fail during a dive, or repair it.
 
-    PART is a thruster's name, a sensor's key such as sensor/pressure, or all. KIND is none (to
-    repair); dead, reversed, weak or stuck (a thruster); silent, frozen, noisy, biased or broken (a
-    sensor).
+    PART is a thruster's name, a sensor such as pressure, or all. KIND is none (to repair); dead,
+    reversed, weak or stuck (a thruster); silent, frozen, noisy, biased or broken (a sensor); wet
+    (leak); low, critical or empty (battery); hot (temperature).
 
     Example: lindy fault port dead
     """

@@ -17,21 +17,22 @@ class PilotedAxis:
     law: AxisLaw
     transfer: BumplessTransfer
     count: Count
+    own: bool = True  # it needs a lasting force to rest, as buoyancy does; False: none
     _late: bool = False  # at the last step
+    _blind: bool = False  # the position has not been known since
 
     def held(
         self, motion: Motion, position: Estimate, rate: Estimate, dt: float, *, late: bool = False
     ) -> float:
-        """Effort [N] or [N m] that brings the axis to its reference. Without valid estimates there
-        is no feedback; feed-forward and disturbance compensation remain. `late`: the rate is
-        delayed, so feedback gains are lower.
+        """Effort [N] or [N m] that brings the axis to its reference. Without a valid position
+        there is no spring, see `blind`. `late`: the rate is delayed, so feedback gains are lower.
         """
+        if not (position.valid and rate.valid):
+            self.count(f"invalid:state.{self.name}")
+            return self.blind(motion, dt, rate=rate.value if rate.valid else None)
         if late and not self._late:
             self.law.recall()
         self._late = late
-        if not (position.valid and rate.valid):
-            self.count(f"invalid:state.{self.name}")
-            return self.blind(motion, dt)
         if late:
             self.count(f"late:state.{self.name}")
         return self.fed_back(motion, position.value, rate.value, dt, late=late)
@@ -48,28 +49,45 @@ class PilotedAxis:
         late: bool = False,
     ) -> float:
         """As `held`, in a current `water` and with an additional force `extra`."""
+        self._blind = False
         effort = self.law.step(motion, position, rate, dt, water, late=late)
         if effort.clamped:
             self.count(f"clamped:control.{self.name}")
         return self.transfer.step("held", effort.total + extra, dt)
 
-    def blind(self, motion: Motion, dt: float, extra: float = 0.0) -> float:
-        """Effort without feedback."""
-        total = self.law.blind(motion) + extra
-        return self.transfer.step("blind", total, dt)
+    def blind(
+        self, motion: Motion, dt: float, extra: float = 0.0, *, rate: float | None = None
+    ) -> float:
+        """Effort without a position: feed-forward, damping of a known rate, and compensation.
+
+        What was learnt last may be of the estimate that has just turned out to be wrong. So the
+        compensation fades to what was learnt before that and nothing more is learnt; where a
+        vehicle at rest needs no force, as in yaw, it fades to zero.
+        """
+        if not self._blind:
+            if self.own:
+                self.law.recall()
+            else:
+                self.law.forget()
+        self._blind, self._late = True, False
+        total = self.law.blind(motion, rate) + extra
+        return self.transfer.step("blind" if rate is None else "damped", total, dt)
 
     def forced(self, force: float, dt: float) -> float:
         """The pilot's force; the axis is not held."""
+        self._blind = False
         self.law.idle()
         return self.transfer.step("forced", force, dt)
 
     def learn(self, velocity: float | None, force: float, dt: float) -> None:
-        """Update the disturbance observer; a velocity of None pauses it."""
-        if velocity is None:
+        """Update the disturbance observer; a velocity of None, or a position that is not known,
+        pauses it."""
+        if velocity is None or self._blind:
             self.law.pause()
         else:
             self.law.learn(velocity, force, dt)
 
     def forget(self) -> None:
+        self._blind = self._late = False
         self.law.forget()
         self.transfer.forget()

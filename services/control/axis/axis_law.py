@@ -19,6 +19,7 @@ from messages.reference import Motion
 from messages.units import NotNegativeSetting, OpenShare, Positive
 from services.control.axis.disturbance_observer import DisturbanceObserver, clamped
 from services.control.axis.gain_blend import FeedbackGains, GainBlend, StaticGains
+from services.control.axis.lasting_value import LastingValue
 from services.control.axis.plant import Plant
 
 Percent = Annotated[float, msgspec.Meta(ge=0.0, le=200.0)]
@@ -80,6 +81,7 @@ class AxisLaw:
     lag: float = 0.0
     period: float = 0.01
     integral: float = 0.0  # [N] or [N m]
+    _lasting: LastingValue = field(default_factory=LastingValue)  # of the integral, at rest
     _observer: DisturbanceObserver | None = field(init=False)
     _blend: GainBlend = field(init=False)
     _still: float = 0.0  # position units per second; a slower vehicle counts as not moving
@@ -152,10 +154,14 @@ class AxisLaw:
         drag = plant.linear * (v + ahead * a) + plant.quadratic * soon * abs(soon)
         return (g.acceleration_percent * inertia + g.drag_percent * drag) / 100
 
-    def blind(self, reference: Motion) -> float:
-        """Feed-forward and disturbance compensation, without feedback."""
+    def blind(self, reference: Motion, rate: float | None = None, water: float = 0.0) -> float:
+        """Effort without a position: feed-forward, disturbance compensation and, if the rate is
+        known, damping."""
         self._reference_rate = reference.velocity
-        return self.feed_forward(reference) + self.standing
+        moves = abs(reference.velocity) > MOVING or abs(reference.acceleration) > MOVING
+        kd = self._blend.step(moves, 0.0, self.period).kd
+        damping = 0.0 if rate is None else kd * (reference.velocity - rate)
+        return damping + self.feed_forward(reference, water) + self.standing
 
     @property
     def standing(self) -> float:
@@ -200,13 +206,15 @@ class AxisLaw:
             self._observer.pause()
 
     def recall(self) -> None:
-        """From now on the rate is late, and may have been wrong for a while: go back to what was
-        learnt over a longer time."""
+        """The estimate is late or gone, and may have been wrong for a while: go back to what was
+        learnt before that."""
+        self.integral = self._lasting.trusted
         if self._observer is not None:
             self._observer.recall()
 
     def forget(self) -> None:
         self.integral = 0.0
+        self._lasting.forget()
         if self._observer is not None:
             self._observer.forget()
 
@@ -227,9 +235,11 @@ class AxisLaw:
             self.integral *= g.decay
             return False
         if moves:
+            self._lasting.move()
             return False
         given_up = before.spring(error) - feedback.spring(error)
         outside = error - clamped(error, feedback.zone)
         wanted = self.integral + given_up + g.ki * outside * dt
         self.integral = clamped(wanted, g.max_integral)
+        self._lasting.add(self.integral, dt)
         return wanted != self.integral

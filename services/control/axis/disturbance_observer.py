@@ -16,13 +16,13 @@ reference velocity and a constant (normalised least mean squares, regressors 1 a
 motion the drag decays, because the next motion may have another surge speed.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import exp, expm1, inf
 
+from services.control.axis.lasting_value import LastingValue
 from services.control.axis.plant import Plant
 
 NEARLY = 0.99  # [-] of the limit, which the estimate only approaches
-LASTING = 30.0  # [s] time constant of the lasting estimate
 DRAG_DECAY = 1.0  # [s] time constant of the drag without motion
 
 
@@ -34,8 +34,7 @@ class DisturbanceObserver:
     drag_speed: float = inf  # [m/s] or [rad/s] v₀; at much lower speed, all counts as constant
     estimate: float = 0.0  # [N] or [N m] ŵ at rest, in the direction of positive motion
     drag: float = 0.0  # [N s/m] or [N m s/rad] of ŵ, per unit of reference velocity
-    lasting: float = 0.0  # [N] or [N m] slow mean of `estimate`, at rest
-    _learnt: float = 0.0  # [s] of learning in it, up to LASTING
+    lasting: LastingValue = field(default_factory=LastingValue)  # [N] or [N m] at rest
     _velocity: float | None = None  # at the end of the last step; None: not known
 
     def expected(self, reference: float) -> float:
@@ -66,8 +65,9 @@ class DisturbanceObserver:
         change = -expm1(-self.bandwidth * dt) * (observed - self.expected(reference))
         self._change(clamped(change, most), reference, dt)
         if reference == 0.0:
-            self._learnt = min(LASTING, self._learnt + dt)
-            self.lasting += dt / self._learnt * (self.estimate - self.lasting)
+            self.lasting.add(self.estimate, dt)
+        else:
+            self.lasting.move()
 
     def _change(self, change: float, reference: float, dt: float) -> None:
         if reference == 0.0:
@@ -83,9 +83,9 @@ class DisturbanceObserver:
         return abs(self.expected(reference)) > NEARLY * self.limit
 
     def recall(self) -> None:
-        """Back to the lasting estimate: what was learnt last may be of a wrong velocity."""
+        """Back to the trusted estimate: what was learnt last may be of a wrong velocity."""
         self.pause()
-        self.estimate = self.lasting
+        self.estimate, self.drag = self.lasting.trusted, 0.0
 
     def integrate(self, effort: float) -> None:
         """Learn without a velocity: `effort` [N] or [N m] more is needed."""
@@ -98,7 +98,8 @@ class DisturbanceObserver:
     def forget(self) -> None:
         """Reset the estimate."""
         self.pause()
-        self.estimate = self.drag = self.lasting = self._learnt = 0.0
+        self.estimate = self.drag = 0.0
+        self.lasting.forget()
 
 
 def clamped(value: float, most: float) -> float:

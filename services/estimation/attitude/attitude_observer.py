@@ -13,6 +13,7 @@ from services.estimation.attitude.heading import (
     strength_and_dip,
     wrapped,
 )
+from services.estimation.attitude.yaw_bias import YawBias
 from services.marine.attitude import down_in_body, to_euler
 from services.marine.summation import plain_sum
 from services.marine.vehicle import GRAVITY
@@ -39,6 +40,7 @@ class AttitudeObserver:
         self._settings = settings
         self._filter = AttitudeFilter(settings)
         self.gyroscope = GyroCheck()
+        self._yaw_bias = YawBias()
         self._started = False
         self._rate: Vec3 | None = None  # [rad/s] newest, bias removed
         self._euler: Vec3 = (0.0, 0.0, wrapped(heading))
@@ -85,6 +87,11 @@ class AttitudeObserver:
         if used:
             q = self._filter.q
             self.gyro_bias, event = check.step(q, specific_force, self.gyro_bias, dt)
+        if event == "trusted:gyroscope":
+            self._trust()
+        elif not check.trusted:
+            self.control.blind(dt)
+            self.compass.blind(dt)
         self._euler = to_euler(self._filter.q)
         self.control.step(self._euler[2], rate[2], dt)
         self.compass.drift(dt)
@@ -105,10 +112,40 @@ class AttitudeObserver:
             return None
         before, self._field_ns = self._field_ns, stamp_ns
         dt = 0.0 if before is None else min(0.1, max(0.0, (stamp_ns - before) * 1e-9))
+        if not self.gyroscope.trusted:
+            return self._relearn(field, stamp_ns, dt)
         event = self.compass.step(self._filter.q, field, dt)
         if event != "steep" and self.compass.field.trusted:
             self._compass_ns = stamp_ns
         return None if event is None else f"{event}:sensor/magnetometer"
+
+    def _relearn(self, field: Vec3, stamp_ns: int, dt: float) -> str | None:
+        """While the gyroscope is not trusted, the magnetometer measures its bias about z."""
+        measured = self.compass.measure(self._filter.q, field)
+        if measured is None:
+            self._yaw_bias.miss()
+            return None
+        x, y, z = self.gyro_bias
+        self.gyro_bias = x, y, z + self._yaw_bias.step(measured, dt)
+        if self.gyroscope.learning or not self._yaw_bias.learnt:
+            return None
+        self._compass_ns = stamp_ns
+        self._trust()
+        return self.gyroscope.trust()
+
+    def _trust(self) -> None:
+        """The gyroscope measures turns again. North, if it was measured meanwhile, is known as well
+        as the compass is; otherwise the vehicle may have turned unseen."""
+        if self._yaw_bias.offset is not None:
+            self.compass.restart(self._yaw_bias.offset)
+            self.control.std = self._settings.compass_std
+        self._yaw_bias.forget()
+
+    @property
+    def relearns(self) -> bool:
+        """Whether the bias is learnt anew, in motion."""
+        by_compass = not self.gyroscope.trusted and self._yaw_bias.offset is not None
+        return self.gyroscope.learning or by_compass
 
     def acceleration_down(self, specific_force: Vec3) -> float:
         """[m/s²] NED, of a specific force [m/s²] in FRD, accelerometer bias included."""

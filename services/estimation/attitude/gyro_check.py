@@ -6,7 +6,8 @@ small correction can hold. Then the bias is learnt anew from the accelerometer, 
 and an integral correction (Mahony et al. 2008, eq. 48), until they agree.
 
 Gravity says nothing about a turn about the vertical. So after such a change the heading is unknown
-until the next calibration. If the bias is what it was after all, it was a long acceleration.
+until the magnetometer has measured it and the bias (yaw_bias.py). If the bias is what it was when
+the gyroscope was last trusted, it was a long acceleration, or the gyroscope is mended.
 """
 
 from math import hypot, sqrt
@@ -34,12 +35,17 @@ class GyroCheck:
         self._x = self._y = 0.0  # [rad] mean deviation about x and y
         self._now = 0.0, 0.0  # [rad] newest deviation
         self._agreed_for = 0.0  # [s]
-        self._before: Vec3 = (0.0, 0.0, 0.0)  # [rad/s] bias when learning began
+        self._before: Vec3 = (0.0, 0.0, 0.0)  # [rad/s] bias when last trusted
 
     @property
     def trusted(self) -> bool:
         """Whether the gyroscope measures turns about the vertical."""
         return not (self.learning or self.stepped)
+
+    def trust(self) -> str:
+        """The magnetometer has measured the heading and the bias. Returns an event to count."""
+        self.stepped = False
+        return "trusted:gyroscope"
 
     def corrected(self, rate: Vec3) -> Vec3:
         """[rad/s] A rate with the proportional correction."""
@@ -63,7 +69,9 @@ class GyroCheck:
             return self._learn(deviation, bias, dt)
         if deviation <= MOST:
             return bias, None
-        self.learning, self._before, self._agreed_for = True, bias, 0.0
+        if self.trusted:
+            self._before = bias
+        self.learning, self._agreed_for = True, 0.0
         self._now = ex, ey
         return bias, "doubted:gyroscope"
 
@@ -75,6 +83,7 @@ class GyroCheck:
             return bias, None
         self.learning = False
         if hypot(bias[0] - self._before[0], bias[1] - self._before[1]) <= CHANGED:
-            return self._before, None if self.stepped else "trusted:gyroscope"
+            self.stepped = False
+            return self._before, "trusted:gyroscope"
         self.stepped = True
         return bias, "stepped:gyroscope"

@@ -84,6 +84,15 @@ class Compass:
             self._use(measured, innovation, dt, abs(innovation) > gate)
         return event
 
+    def measure(self, q: Quaternion, field: Vec3) -> float | None:
+        """[rad] The offset that this field [T], FRD, alone says; None: it is not the normal one."""
+        measured = bearing(q, field)
+        return measured if self.field.is_normal(*strength_and_dip(q, field)) else None
+
+    def restart(self, offset: float) -> None:
+        """From an offset [rad] measured without the gyroscope."""
+        self.offset, self.std = offset, self._least_std
+
     def resume(self, offset: float, strength: float, dip: float) -> None:
         """Restore a checkpoint: offset [rad] and the normal field [µT, rad]."""
         self.offset = wrapped(offset)

@@ -49,7 +49,7 @@ class MagneticField:
         """One sample, `dt` [s] after the previous one; `innovation` [rad] is its difference from
         the gyroscope's north, `gate` [rad] the largest allowed. Returns an event to count;
         `trusted` then says whether the sample may be used."""
-        if self._is_normal(strength, dip) and abs(innovation) <= gate:
+        if self.is_normal(strength, dip) and abs(innovation) <= gate:
             self._steady_for = 0.0
             if not self.trusted:
                 self._good_for += dt
@@ -66,7 +66,8 @@ class MagneticField:
         self._counted = True
         return "disturbed"
 
-    def _is_normal(self, strength: float, dip: float) -> bool:
+    def is_normal(self, strength: float, dip: float) -> bool:
+        """Are strength [µT] and dip [rad] those of the normal field?"""
         s = self._settings
         if self.strength is None or self.dip is None:
             return False

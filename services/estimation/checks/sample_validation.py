@@ -15,7 +15,10 @@ from services.estimation.checks.sensor_watch import SensorWatch, WatchSettings
 class SampleValidation:
     """One method per sensor: may this sample be used? `events` collects the refusals."""
 
-    def __init__(self, limits: WatchSettings, events: list[str]) -> None:
+    def __init__(
+        self, limits: WatchSettings, events: list[str], pressure_std: float | None = None
+    ) -> None:
+        """`pressure_std`: [Pa] declared noise of one sample."""
         self._events = events
         imu, field, pressure, like = (
             topics.IMU,
@@ -39,6 +42,7 @@ class SampleValidation:
             limits.pressure_rate,
             like,
             noise=(limits.pressure_noise,),
+            std=pressure_std,
         )
         self._field = SensorWatch(
             field.key,
@@ -54,6 +58,8 @@ class SampleValidation:
         self._usbl = SensorWatch(
             topics.USBL.key, limits.usbl_frozen, events, silent_after=limits.usbl_silent
         )
+        self._all = self._imu, self._pressure, self._field, self._dvl, self._usbl
+        self._may_freeze = self._imu, self._pressure, self._field
         self._may_fall_silent = self._field, self._dvl, self._usbl
 
     def imu(self, sample: ImuSample) -> bool:
@@ -89,6 +95,16 @@ class SampleValidation:
         sensor in the age of its sample."""
         for watch in self._may_fall_silent:
             watch.listen(now)
+
+    @property
+    def troubles(self) -> tuple[str, ...]:
+        """Names of the counts that say which sensors cannot be used now, and why."""
+        return tuple(why for watch in self._all if (why := watch.trouble) is not None)
+
+    @property
+    def frozen(self) -> tuple[str, ...]:
+        """Names of the counts of sensors that repeat one value now."""
+        return tuple(name for watch in self._may_freeze if (name := watch.frozen) is not None)
 
     def _refused(self, why: str) -> bool:
         self._events.append(why)

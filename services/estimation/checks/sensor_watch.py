@@ -11,6 +11,7 @@ import msgspec
 
 from messages import topics
 from messages.units import OpenShare, Positive, WithinAnHour
+from services.estimation.checks.frozen_watch import FrozenWatch
 from services.estimation.checks.noise_watch import NoiseWatch
 
 PressureRate = Annotated[float, msgspec.Meta(ge=1.0, le=100.0)]
@@ -22,6 +23,8 @@ class WatchSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """How long identical values are allowed, and the tolerance of the rate.
 
     A noisy sensor never repeats a value. One with coarse resolution does, at rest: allow longer.
+    Pressure is found frozen much sooner by its own noise and resolution (frozen_watch.py), once
+    these are measured.
     """
 
     imu_frozen: WithinAnHour = 0.2  # [s]
@@ -56,6 +59,7 @@ class SensorWatch:
         tolerance: float = 0.2,
         silent_after: float = inf,
         noise: tuple[float, ...] = (),
+        std: float | None = None,
     ) -> None:
         """
         Args:
@@ -64,6 +68,7 @@ class SensorWatch:
             hz, tolerance: [1/s], [-] of it; None: any rate.
             silent_after: [s] without samples.
             noise: largest 1σ of each number; empty: any.
+            std: declared 1σ of the only number, to find out sooner that it is frozen.
         """
         self._key = key
         self._frozen_ns = round(frozen_after * 1e9)
@@ -76,6 +81,12 @@ class SensorWatch:
         self._silent = False
         self._rate = None if hz is None else _Rate(hz, tolerance)
         self._noise = NoiseWatch(noise) if noise else None
+        self._repeats = None if std is None else FrozenWatch(std, frozen_after)
+
+    @property
+    def frozen(self) -> str | None:
+        """Name of the count while the sensor repeats a value; None: it does not."""
+        return f"frozen:{self._key}" if self._frozen else None
 
     def listen(self, now: int) -> None:
         """Count a silence once; a sensor without any sample so far is absent, not silent."""
@@ -84,6 +95,17 @@ class SensorWatch:
         if (now - self._stamp_ns) * 1e-9 > self._silent_after:
             self._silent = True
             self._events.append(f"silent:{self._key}")
+
+    @property
+    def trouble(self) -> str | None:
+        """Name of the count that says why the sensor cannot be used now; None: it can."""
+        if self._silent:
+            return f"silent:{self._key}"
+        if self._frozen:
+            return f"frozen:{self._key}"
+        if self._noise is not None and self._noise.noisy:
+            return f"noisy:{self._key}"
+        return None
 
     def usable(self, content: tuple[float, ...], stamp_ns: int) -> bool:
         before, last_ns = self._content, self._stamp_ns
@@ -95,17 +117,27 @@ class SensorWatch:
         rate = self._rate
         if rate is not None and last_ns is not None and rate.newly_wrong(stamp_ns - last_ns):
             self._events.append(f"rate:{self._key}")
-        if content != before:
-            self._same_since_ns, self._frozen = stamp_ns, False
-        elif not self._frozen and stamp_ns - self._same_since_ns >= self._frozen_ns:
-            self._frozen = True
+        was, self._frozen = self._frozen, self._is_frozen(content, before, stamp_ns)
+        if self._frozen and not was:
             self._events.append(f"frozen:{self._key}")
+        if self._repeats is not None and self._repeats.redundant:
+            return False
         noise = self._noise
         if noise is None:
             return not self._frozen
         if noise.newly_noisy(content):
             self._events.append(f"noisy:{self._key}")
         return not (self._frozen or noise.noisy)
+
+    def _is_frozen(
+        self, content: tuple[float, ...], before: tuple[float, ...] | None, stamp_ns: int
+    ) -> bool:
+        if self._repeats is not None:
+            self._repeats.step(content[0], stamp_ns)
+            return self._repeats.frozen
+        if content != before:
+            self._same_since_ns = stamp_ns
+        return content == before and stamp_ns - self._same_since_ns >= self._frozen_ns
 
 
 class _Rate:

@@ -25,8 +25,10 @@ LASTING = 1.0  # [s] clipped on one side; sound sensors never are for more than 
 ALONE_RUN = 0.25  # [s] as `outlier_run`, without the accelerometer to tell a jump from a motion
 GROWN = 0.6  # [σ] mean innovation before the first outlier: it has grown, and did not jump
 GROWN_RATE_STD = 0.3  # [m/s] error of the rate then
+DOUBTED_STD, DOUBTED_RATE_STD = 0.3, 1.0  # [m], [m/s] errors after two seconds of wrong attitude
 LEVEL_LINE = 0.05  # [m/s] slope of innovations that counts as none, and 3 σ
 SCATTER = 0.05  # [m] about a line through samples that agree with each other, and 3 σ
+KNOWN_RATE = 0.1  # [m/s] 1σ; without pressure the accelerometer keeps it below for half a minute
 BANDWIDTH = 50.0  # [Hz] of the accelerometer at 100 Hz, to turn noise density into spread
 
 
@@ -52,8 +54,9 @@ class DepthObserver:
     An innovation beyond `gate` σ is an outlier and is not used. After `outlier_run` seconds of
     outliers only that agree with each other, pressure is believed (`rejected_samples.py`): either
     the depth is moved by the jump, which the reference follows, or the accelerometer was wrong.
-    After `lost_after` seconds without an accepted sample the depth is held, and the next valid
-    sample restarts the filter.
+    After `lost_after` seconds without an accepted sample the depth is lost, and the next valid
+    sample restarts the filter. The rate is known for as long as the accelerometer keeps its
+    standard deviation below `KNOWN_RATE`.
 
     Innovations of one sign on average mean that the accelerometer does not fit the pressure: depth
     comes from pressure alone until it does (`accelerometer_trial.py`).
@@ -86,6 +89,7 @@ class DepthObserver:
         self._input: float | None = None  # [m/s²] newest acceleration, bias included
         self._lean = LEVEL
         self._started = False
+        self._lost = False  # the next sample gives the depth; the rate may still be known
         self._accepted_ns: int | None = None  # [ns] time of validity of the last accepted sample
         self._rejected: RejectedSamples | None = None  # since the last accepted sample
         self._newest = 0.0  # [m] newest sample judged
@@ -120,8 +124,9 @@ class DepthObserver:
         before, self._input, self._lean, self._at_ns = self._input, acceleration, lean, at_ns
         if not self._started:
             return None
-        if dt > LONGEST_STEP or not self._heard_within(self._settings.lost_after, at_ns):
-            return self._stop("lost:depth")
+        heard = self._heard_within(self._settings.lost_after, at_ns)
+        if dt > LONGEST_STEP or not (heard or self._knows_rate):
+            return self._stop(None if self._lost else "lost:depth")
         # The mean of both ends: the newest sample alone would lead by half a step.
         if before is not None and acceleration is not None:
             acceleration = (before + acceleration) / 2.0
@@ -130,15 +135,19 @@ class DepthObserver:
             trial.predict(measured, dt, lean)
         if not self._filter.is_sound():
             return self._reset()
+        if not heard and not self._lost:
+            self._lost = True
+            return "lost:depth"
         return None if self._unread is None else self._read(self._unread)
 
     def pressure(self, pressure: float, stamp_ns: int) -> str | None:
         """Use a validated sample [Pa]. Returns an event to count."""
         depth = self.depth_of(pressure)
         stamp_ns -= self._latency_ns
-        if not self._started:
-            self._at_ns = max(self._at_ns, stamp_ns)
+        if not self._started or self._lost:
+            self._at_ns, rate = max(self._at_ns, stamp_ns), self._filter.rate
             self._begin(depth, self._sample_std, MOVING_STD, 0.1, stamp_ns)
+            self._filter.rate = rate
             return None
         age = (self._at_ns - stamp_ns) * 1e-9
         if not -AHEAD <= age <= LATEST_AGE:
@@ -150,8 +159,9 @@ class DepthObserver:
 
     def estimates(self, now: int) -> tuple[Estimate, Estimate, Estimate]:
         """Depth [m], rate [m/s], acceleration [m/s²]; positive down. Valid for `valid_for` after
-        an accepted sample; the acceleration only with accelerometer samples. The depth's standard
-        deviation includes the atmosphere's, which is constant during a dive."""
+        an accepted sample; the rate also for as long as the accelerometer alone keeps it known; the
+        acceleration only with accelerometer samples. The depth's standard deviation includes the
+        atmosphere's, which is constant during a dive."""
         f, valid = self._filter, self._heard_within(self._settings.valid_for, now)
         measured = self._input is not None and self._variant.measured
         if measured:
@@ -162,7 +172,7 @@ class DepthObserver:
             acceleration_std = sqrt(f.p22 + self._settings.motion_noise**2 * BANDWIDTH)
         return (
             Estimate(f.depth, hypot(f.depth_std, self._datum_std, self._clipped.distance), valid),
-            Estimate(f.rate, f.rate_std, valid),
+            Estimate(f.rate, f.rate_std, valid or self._knows_rate),
             Estimate(acceleration, acceleration_std, valid and measured),
         )
 
@@ -220,8 +230,24 @@ class DepthObserver:
         return self._distrust()
 
     @property
+    def distrusts_accelerometer(self) -> bool:
+        """Its acceleration does not fit the pressure: depth from pressure alone."""
+        return self._trial is not None
+
+    @property
     def _uses_accelerometer(self) -> bool:
         return self._variant.measured and self._trial is None and self._input is not None
+
+    def doubt_accelerometer(self) -> str | None:
+        """The attitude has been wrong for a while. Returns an event to count."""
+        if not self._uses_accelerometer:
+            return None
+        self._filter.doubt(DOUBTED_STD, DOUBTED_RATE_STD)
+        return self._distrust()
+
+    @property
+    def _knows_rate(self) -> bool:
+        return self._started and self._uses_accelerometer and self._filter.rate_std <= KNOWN_RATE
 
     def _distrust(self) -> str:
         """Go on with pressure alone."""
@@ -279,7 +305,7 @@ class DepthObserver:
         self, depth: float, depth_std: float, rate_std: float, bias_std: float, stamp_ns: int
     ) -> None:
         self._filter.start(depth, depth_std, rate_std, self._filter.bias, bias_std)
-        self._started = True
+        self._started, self._lost = True, False
         self._unread = None
         self._clipped, self._mean = _Clipped(), MeanInnovation()
         if self._trial is not None:
@@ -294,15 +320,15 @@ class DepthObserver:
         heard = self._accepted_ns
         return self._started and heard is not None and (now - heard) * 1e-9 <= seconds
 
-    def _stop(self, why: str) -> str:
+    def _stop(self, why: str | None) -> str | None:
         """Hold the depth, claim no rate, wait for the next sample."""
         self._filter.rate = 0.0
-        self._started = False
+        self._started = self._lost = False
         self._unread = None
         self._clipped = _Clipped()
         return why
 
-    def _reset(self) -> str:
+    def _reset(self) -> str | None:
         """Last line of defence against numbers that are not finite."""
         self._filter = DepthFilter(self._settings)
         return self._stop("not_finite:depth")

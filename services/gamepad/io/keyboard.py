@@ -6,9 +6,10 @@ present. When the window is closed, the pilot is lost.
 
 import pygame
 
-from services.gamepad.core import Level, StickGain, StickReading, Sticks
+from services.gamepad.core import StickGain
 from services.gamepad.io import sdl
-from services.gamepad.pilot_intents import Press
+from services.piloting.pilot_intents import Press
+from services.piloting.sticks import Level, StickReading, Sticks
 from services.runtime.config.errors import LindyError
 
 HELP = (
@@ -18,7 +19,7 @@ HELP = (
     ("arrows left, right", "turn"),
     ("R  F", "camera up, down"),
     ("Shift, Ctrl", "boost, slow"),
-    ("Enter, Backspace", "arm, disarm"),
+    ("Enter, Backspace", "arm or resume, disarm"),
     ("Space", "STOP"),
     ("L", "light on, off"),
 )

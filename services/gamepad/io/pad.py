@@ -13,9 +13,10 @@ of its last event cannot distinguish still sticks from a broken cable.)
 import pygame
 from pygame._sdl2 import controller
 
-from services.gamepad.core import CENTRED, Level, PadProfile, StickReading, presses_of, sticks_of
+from services.gamepad.core import PadProfile, presses_of, sticks_of
 from services.gamepad.io import sdl
-from services.gamepad.pilot_intents import Press
+from services.piloting.pilot_intents import Press
+from services.piloting.sticks import CENTRED, Level, StickReading
 
 # In the order of SDL_GameControllerAxis and SDL_GameControllerButton.
 AXES = ("leftx", "lefty", "rightx", "righty", "lefttrigger", "righttrigger")

@@ -2,13 +2,14 @@
 
 from pathlib import Path
 
-from services.gamepad.core import CENTRED, PadProfile, Settings, StickSource
+from services.gamepad.core import PadProfile, Settings, StickSource
 from services.gamepad.io import sdl
 from services.gamepad.io.path_file import course_named
 from services.gamepad.stick_log import StickLog, parse
 from services.gamepad.stick_log_player import Player
+from services.piloting.sticks import CENTRED
 from services.runtime.config.errors import LindyError
-from services.runtime.config.settings import deploy_file, read
+from services.runtime.config.settings import deploy_file, kept, read
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 
@@ -37,7 +38,7 @@ def read_script(name: str) -> StickLog:
     """
     path = deploy_file("dives", name, ".csv")
     try:
-        return parse(path.read_bytes(), course_named)
+        return parse(kept(path).read_bytes(), course_named)
     except OSError as error:
         raise LindyError(f"cannot read {path}: {error.strerror}") from None
     except ValueError as error:

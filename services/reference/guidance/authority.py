@@ -13,8 +13,8 @@ The rules:
 5. `release` is granted to the holder, who gives control up, and to whoever it is offered to, who
    declines.
 6. `force` takes control from any holder, and is announced.
-7. `stop` is granted to anybody; `disarm` to the holder, and to anybody while nobody holds control;
-   everything else to the holder.
+7. `stop` is granted to anybody; `disarm` to the holder, to whoever's epoch still acts, and to
+   anybody while nobody holds control; everything else to the holder.
 8. A new epoch acts from its first command on. Until then the epoch before it goes on acting, at
    most for `HAND_OVER_NS`, so that a hand-over leaves no gap; afterwards it never acts again.
    A released epoch does not act.
@@ -102,7 +102,8 @@ class ControlAuthority:
             case "lease":
                 granted = nobody_holds or self._is_holder(request) or self._is_offered(request, now)
             case "disarm":
-                granted = nobody_holds or self._is_holder(request)
+                acts = self.admits(request.epoch, now)
+                granted = nobody_holds or acts or self._is_holder(request)
             case "offer":
                 granted = self._is_holder(request)
             case "release":

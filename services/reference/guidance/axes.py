@@ -1,6 +1,6 @@
 """The piloted axes, and the reference generator of each."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Self
 
 from messages.pilot import PilotCommand
@@ -9,9 +9,13 @@ from services.reference.guidance.ground_motion import GroundMotion
 from services.reference.guidance.modes import HeldAxes
 from services.reference.guidance.station_keeping import STILL, StationKeeping
 from services.reference.settings import Settings
-from services.reference.trajectory.minimum_jerk import Ramp, Sample
-from services.reference.trajectory.position import pair
+from services.reference.trajectory.minimum_jerk import Ramp, Sample, solve
+from services.reference.trajectory.position import pair, travelled
 from services.reference.trajectory.vector import VectorRamp
+
+LOOK_AHEAD_S = 0.2  # [s] the plan to stop at the depth limit begins so long before it must
+LEVEL = 0.01  # [m] such a plan is made anew when it would end this far from the limit
+FADE = 1.0  # [m] above the limit in which a downward heave force fades out
 
 
 @dataclass(slots=True)
@@ -28,6 +32,14 @@ class Axes:
     heave_force: Ramp  # [N] as a "velocity"
     yaw_moment: Ramp  # [N m] as a "velocity"
     _tilting: float = 0.0  # [-] newest tilt stick
+    _sinking: float = 0.0  # [m/s] stick velocity of the plan that ends at the depth limit; 0: none
+    _zone: float = field(init=False)  # [m] further above the limit no stop can reach it
+
+    def __post_init__(self) -> None:
+        heave = self.settings.heave
+        fast, limits = heave.max_velocity, heave.limits
+        there_and_back = (*solve(0.0, 0.0, fast, limits), *solve(fast, 0.0, 0.0, limits))
+        self._zone = 2.0 * travelled(there_and_back) + fast * LOOK_AHEAD_S
 
     @classmethod
     def of(cls, settings: Settings) -> Self:
@@ -76,15 +88,62 @@ class Axes:
     def aim(self, stick: PilotCommand, held: HeldAxes, t: float) -> None:
         """Set targets from the sticks: velocities on held axes, forces on the others."""
         s = self.settings
-        self.heave.aim(stick.heave * s.heave.max_velocity if held.depth else 0.0, t)
+        self._aim_depth(stick.heave * s.heave.max_velocity if held.depth else 0.0, t)
         self.yaw.aim(stick.yaw * s.yaw.max_velocity if held.heading else 0.0, t)
-        self.heave_force.aim(0.0 if held.depth else stick.heave * s.heave_force.full, t)
+        self.heave_force.aim(0.0 if held.depth else self._heave_force(stick.heave, t), t)
         self.yaw_moment.aim(0.0 if held.heading else stick.yaw * s.yaw_moment.full, t)
         surge, sway = stick.surge, stick.sway
         if held.place:
             self.place.aim((surge * s.place.max_velocity, sway * s.place.max_velocity), t)
             surge = sway = 0.0
         self.force.aim((surge * s.horizontal.max_surge, sway * s.horizontal.max_sway), t)
+
+    @property
+    def limited(self) -> bool:
+        """The stick points down, and the reference comes to rest at the depth limit."""
+        return self._sinking > 0.0
+
+    def go_to_depth(self, depth: float, t: float, speed: float | None = None) -> None:
+        """Go to a depth [m], ending at rest, at most as fast as `speed` [m/s]."""
+        heave, axis = self.heave, self.settings.heave
+        here, fastest = heave.at(t), speed or axis.max_velocity
+        plan = pair(depth - here.position, axis.limits, fastest, here.velocity, here.acceleration)
+        heave.run(plan.segments, t)
+        self._sinking = 0.0
+
+    def _aim_depth(self, velocity: float, t: float) -> None:
+        """A velocity [m/s]; downwards, the reference comes to rest at the depth limit."""
+        heave, limits = self.heave, self.settings.heave.limits
+        here = heave.at(t)
+        room = self.settings.failsafe.depth_limit - here.position
+        if velocity <= 0.0 or room > self._zone or not self._reaches(room, velocity, here):
+            if self._sinking > 0.0 and velocity == 0.0:
+                heave.brake(t)  # the plan's target is 0 already
+            self._sinking = 0.0
+            heave.aim(velocity, t)
+        elif self._sinking != velocity or abs(heave.to_go(t) - room) > LEVEL:
+            self._sinking = velocity
+            v, a = here.velocity, here.acceleration
+            if travelled(solve(v, a, 0.0, limits)) < room:
+                heave.run(pair(room, limits, velocity, v, a).segments, t)
+            else:
+                heave.brake(t)
+
+    def _reaches(self, room: float, velocity: float, here: Sample) -> bool:
+        """Would the reference come to the limit, `room` [m] below, if it were stopped once it has
+        this velocity [m/s]?"""
+        limits = self.settings.heave.limits
+        up_to = solve(here.velocity, here.acceleration, velocity, limits)
+        to_rest = solve(velocity, 0.0, 0.0, limits)
+        return travelled((*up_to, *to_rest)) + velocity * LOOK_AHEAD_S >= room
+
+    def _heave_force(self, stick: float, t: float) -> float:
+        """[N] Of a stick, where the depth is not held; fades out above the depth limit."""
+        full = self.settings.heave_force.full
+        if stick <= 0.0:
+            return stick * full
+        room = self.settings.failsafe.depth_limit - self.heave.at(t).position
+        return stick * full * max(0.0, min(1.0, room / FADE))
 
     def turn_camera(self, stick: float, t: float) -> None:
         """Tilt up or down, with a smooth stop at the end of the range."""
@@ -102,6 +161,7 @@ class Axes:
 
     def brake(self, t: float) -> None:
         """Bring depth, heading and position to rest."""
+        self._sinking = 0.0
         self.heave.brake(t)
         self.yaw.brake(t)
         if self.place.held:
@@ -109,7 +169,7 @@ class Axes:
 
     def stop(self, t: float) -> None:
         """The same within the limits of an emergency stop."""
-        s = self.settings
+        s, self._sinking = self.settings, 0.0
         self.heave.brake(t, s.heave.stop)
         self.yaw.brake(t, s.yaw.stop)
         if self.place.held:

@@ -6,6 +6,7 @@ and ends when the axis is held; control makes the hand-over bumpless.
 """
 
 from dataclasses import dataclass, field
+from math import inf
 
 from messages.message import Estimate
 from messages.pilot import Hold, StopDistance
@@ -19,6 +20,7 @@ from services.reference.guidance.reference_governor import ReferenceGovernor, is
 from services.reference.settings import Settings
 from services.reference.trajectory.minimum_jerk import Ramp, Sample
 
+RISEN = 0.01  # [m] an ascent that ends this close to its depth has reached it
 PLACE_PATIENCE_S = 2.0  # [s] without a position measurement before station keeping ends
 
 
@@ -38,6 +40,7 @@ class Guidance:
     t: float = 0.0  # [s] of the newest reference
     _stepped: float = 0.0  # [s] of the reference before
     _place_seen: float = 0.0  # [s] when the position was last measured, or not needed
+    _rising: bool = False  # an ascent has begun, or has ended at its depth
     _moved: float | None = None  # [m] jumps of the pressure that the depth has been moved with
     _estimates: dict[str, EstimateWatch] = field(init=False)
     _governors: dict[str, ReferenceGovernor] = field(init=False)
@@ -74,6 +77,7 @@ class Guidance:
         """Set every axis to the vehicle's position, at rest."""
         assert self.state is not None
         self.axes.rest(self.state.depth.value, self.state.heading.value, self.t)
+        self._rising = False
         self._place_seen = self.t
 
     def move_on(self, state: VehicleState | None) -> None:
@@ -83,10 +87,10 @@ class Guidance:
         self._update_place(state)
 
     @property
-    def unheld(self) -> list[str]:
+    def unheld(self) -> tuple[str, ...]:
         """Axes that the mode holds, but whose estimates are not valid."""
         held = {"depth": self.held.depth, "heading": self.held.heading}
-        return [name for name, watch in self._estimates.items() if watch.lost and held[name]]
+        return tuple(name for name, watch in self._estimates.items() if watch.lost and held[name])
 
     def watch_estimates(self, state: VehicleState | None) -> None:
         """Notice depth or heading that is no longer known. Once it is known again, the vehicle is
@@ -121,7 +125,7 @@ class Guidance:
             self.manoeuvre.following.watch(state, self.ground, t)
             return
         if held.depth:
-            self._keep("depth", axes.heave, state.depth)
+            self._keep("depth", axes.heave, state.depth, self.settings.failsafe.depth_limit)
         if held.heading:
             self._keep("heading", axes.yaw, state.heading)
         if axes.place.held and self.ground is not None:
@@ -144,6 +148,27 @@ class Guidance:
         """Failsafe: come to rest smoothly, and hold."""
         self.hold = safe(self.hold)
         self.manoeuvre.come_to_rest(self.t)
+
+    def rise(self, depth: float, speed: float) -> None:
+        """Failsafe: rise to a depth [m] at a speed [m/s], unless above it. Called at each step."""
+        heave, t = self.axes.heave, self.t
+        if self.manoeuvre.following is not None:  # it comes to rest on its path first
+            return
+        end = heave.at(t).position + heave.to_go(t)
+        if end > depth + RISEN and (not self._rising or heave.settles() <= t):
+            self.axes.go_to_depth(depth, t, speed)
+        self._rising = True
+
+    def has_risen(self, depth: float) -> bool:
+        """At rest at a depth [m], or above it."""
+        heave = self.axes.heave
+        return heave.settles() <= self.t and heave.at(self.t).position <= depth + RISEN
+
+    def end_rise(self) -> None:
+        """Come to rest, and hold."""
+        if self._rising:
+            self._rising = False
+            self.axes.brake(self.t)
 
     def stop(self) -> StopDistance:
         """Emergency stop. Returns the stopping distance."""
@@ -174,13 +199,14 @@ class Guidance:
         self.manoeuvre.go_blind()
         self.hold = "stabilised" if self.held.place else self.hold
 
-    def _keep(self, name: str, ramp: Ramp, estimate: Estimate) -> None:
+    def _keep(self, name: str, ramp: Ramp, estimate: Estimate, deepest: float = inf) -> None:
+        """`deepest`: the reference is not moved beyond this position."""
         if estimate.valid:
             here = ramp.at(self.t)
             error = here.position - estimate.value
             by = self._share(name, abs(error), released=is_released(here)) - 1.0
             if by != 0.0:
-                ramp.shift(error * by)
+                ramp.shift(min(error * by, max(0.0, deepest - here.position)))
 
     def _share(self, name: str, size: float, *, released: bool) -> float:
         governor = self._governors[name]

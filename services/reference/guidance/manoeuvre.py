@@ -46,7 +46,7 @@ class Manoeuvre:
         """Go to a depth [m] and a control heading [rad], accumulated."""
         s, axes = self.axes.settings, self.axes
         if depth is not None:
-            _move_to(axes.heave, s.heave, depth, t)
+            axes.go_to_depth(depth, t)
         if heading is not None:
             _move_to(axes.yaw, s.yaw, heading, t)
         self.going = True

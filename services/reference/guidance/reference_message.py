@@ -14,10 +14,11 @@ def reference_of(
     command: PilotCommand | None,
     now: Ns,
     *,
-    armed: bool,
+    armed_ns: Ns | None,
     epoch: int,
 ) -> Reference:
-    """All axes now, with the stamps of the state and pilot command behind them."""
+    """All axes now, with the stamps of the state and pilot command behind them. `armed_ns` None:
+    disarmed."""
     axes, held, t = guidance.axes, guidance.held, guidance.t
     depth, heading, place, pace = _motions(guidance)
     surge_force, sway_force = axes.force.at(t)
@@ -26,7 +27,8 @@ def reference_of(
         sensor_ns=None if state is None else state.sensor_ns,
         pilot_ns=None if command is None else command.stamp_ns,
         epoch=epoch,
-        armed=armed,
+        armed=armed_ns is not None,
+        armed_ns=armed_ns,
         depth=depth,
         heading=heading,
         surge_force=surge_force.velocity,

@@ -1,6 +1,7 @@
 """Why the drone refuses a request of the pilot who has control."""
 
-from messages.pilot import PilotCommand, PilotRequest
+from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
+from messages.units import Ns
 
 CENTRED = 0.05  # [-] a stick this close to the middle counts as centred
 
@@ -33,3 +34,14 @@ def refusal(
     if request.kind in ("goto", "follow") and command is not None and not centred(command):
         return "the sticks are not centred, and they have priority"
     return ""
+
+
+def refused(request: PilotRequest, reason: str, now: Ns) -> PilotAnswer:
+    """The answer to a request that is not carried out."""
+    return PilotAnswer(
+        stamp_ns=now,
+        id=request.id,
+        accepted=False,
+        reason=reason,
+        cause_ns=request.stamp_ns,
+    )

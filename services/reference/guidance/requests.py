@@ -24,6 +24,8 @@ def goto(guidance: Guidance, request: PilotRequest) -> str:
     depth, heading = request.depth, request.heading
     if depth is not None and depth < 0:
         return f"{depth:g} m is above the surface"
+    if depth is not None and (reason := _too_deep(guidance, depth)):
+        return reason
     if request.north is not None or request.east is not None:
         return _to_place(guidance, request)
     if depth is None and heading is None:
@@ -60,6 +62,8 @@ def _follow(
         planned = PlannedPath(course)
     except ValueError as error:
         return f"this is no path: {error}"
+    if planned.has_depth and (reason := _too_deep(guidance, max(planned.path.depths))):
+        return reason
     measured = guidance.ground is not None
     offset = 0.0 if guidance.state is None else north_offset(guidance.state)
     _prepare(guidance, hold_place=measured)
@@ -68,6 +72,11 @@ def _follow(
         guidance.manoeuvre.go(depth, None, guidance.t)
         guidance.manoeuvre.going = False
     return ""
+
+
+def _too_deep(guidance: Guidance, depth: float) -> str:
+    limit = guidance.settings.failsafe.depth_limit
+    return "" if depth <= limit else f"{depth:g} m is deeper than the depth limit, {limit:g} m"
 
 
 def _prepare(guidance: Guidance, *, hold_place: bool) -> None:

@@ -1,5 +1,8 @@
 """The file `run.json` in the folder of a running dive: how to reach its processes."""
 
+import os
+from pathlib import Path
+
 import msgspec
 
 RUNNING = "run.json"
@@ -11,3 +14,18 @@ class Running(msgspec.Struct, frozen=True):
     supervisor: int  # process id
     pids: dict[str, int]  # process id of every hub and service; some services may share one
     stack_file: str = ""  # path of the stack file
+
+
+def running_in(folder: Path) -> int | None:
+    """Process id of the running dive in a folder; None: there is none."""
+    try:
+        pid = msgspec.json.decode((folder / RUNNING).read_bytes(), type=Running).supervisor
+    except (FileNotFoundError, msgspec.DecodeError):
+        return None
+    try:
+        os.kill(pid, 0)  # signal 0 only asks whether it exists
+    except ProcessLookupError:
+        return None
+    except PermissionError:
+        pass  # it exists, and is somebody else's
+    return pid

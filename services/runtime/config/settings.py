@@ -5,7 +5,8 @@ import difflib
 import re
 import tomllib
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -15,6 +16,7 @@ from services.runtime.config.errors import LindyError
 
 DEPLOY = Path(__file__).resolve().parents[3] / "deploy"
 S = TypeVar("S")
+_copies: dict[str, str] = {}  # file → copy that is read in its place
 Key = tuple[str | int, ...]  # names, and indices of entries in arrays, from 0
 HEADING = re.compile(r"\s*(\[\[?)([\w.\-\"' ]+)\]\]?\s*(#.*)?$")
 ASSIGNMENT = re.compile(r"\s*([\w.\-]+)\s*=")
@@ -39,9 +41,25 @@ def deploy_file(folder: str, name: str, suffix: str = ".toml") -> Path:
     raise LindyError(f"unknown {folder.rstrip('s')} {name!r}{nearest(name, known)}")
 
 
+@contextmanager
+def reading_copies(copies: Mapping[str, str]) -> Generator[None]:
+    """Meanwhile read these files from copies, whatever has become of them: a service that starts
+    again in mid-dive begins with what the others began with."""
+    _copies.update(copies)
+    try:
+        yield
+    finally:
+        _copies.clear()
+
+
+def kept(path: Path) -> Path:
+    """Where to read a file: its copy, if there is one now, or the file itself."""
+    return Path(_copies.get(str(path), path))
+
+
 def _is_file(path: Path) -> bool:
     try:
-        return path.is_file()
+        return kept(path).is_file()
     except OSError:  # a name longer than the operating system allows
         return False
 
@@ -74,13 +92,14 @@ def read_text(path: Path) -> str:
     Raises:
         LindyError: it cannot be read or is not text.
     """
+    place = kept(path)
     try:
-        if path.exists() and not path.is_file():
+        if place.exists() and not place.is_file():
             raise LindyError(f"cannot read {path}: not a regular file")
-        if (size := path.stat().st_size) > LARGEST_FILE:
+        if (size := place.stat().st_size) > LARGEST_FILE:
             most = LARGEST_FILE // 10**6
             raise LindyError(f"cannot read {path}: {size // 10**6} MB, at most {most} are allowed")
-        return path.read_text(encoding="utf-8")
+        return place.read_text(encoding="utf-8")
     except UnicodeDecodeError:
         raise LindyError(f"cannot read {path}: it is not text") from None
     except OSError as error:

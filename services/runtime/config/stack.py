@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -23,6 +24,7 @@ NO_SETTINGS = (
     "the module of this service has no settings; declare them in it as "
     "class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True)"
 )
+SCRIPT = "script:"  # of a pilot: then comes its name
 BODY = "vehicle"  # the table of the vehicle file that describes the vehicle itself
 
 
@@ -60,6 +62,22 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
                 f"{self.vehicle_path.stem!r}; rename the file"
             )
         return name
+
+    @property
+    def files(self) -> list[Path]:
+        """What services read when they start: the files of the vehicle, the link and the script.
+
+        Raises:
+            LindyError: there is no such vehicle.
+        """
+        wanted = [("links", self.link, ".toml")]
+        if self.pilot.startswith(SCRIPT):
+            wanted.append(("dives", self.pilot.removeprefix(SCRIPT), ".csv"))
+        files = [self.vehicle_path]
+        for folder, name, suffix in wanted:
+            with suppress(LindyError):  # nobody on this side may read it
+                files.append(deploy_file(folder, name, suffix))
+        return files
 
     @property
     def out_dir(self) -> Path:

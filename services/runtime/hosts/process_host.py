@@ -8,12 +8,14 @@ import contextlib
 import ctypes
 import os
 import resource
+import secrets
 import signal
 import sys
 import time
 import traceback
 from collections.abc import Callable, Generator
 from contextlib import ExitStack, contextmanager
+from functools import cache
 from pathlib import Path
 from threading import Thread
 
@@ -25,6 +27,7 @@ from services.runtime.bus.key_files import KeyFiles
 from services.runtime.bus.shared_bus import SharedBus, SharedBusPort
 from services.runtime.bus.zenoh_bus import listening, open_bus, watch_callers
 from services.runtime.config.errors import LindyError
+from services.runtime.config.settings import reading_copies
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.callers import Callers
 from services.runtime.hosts.garbage_collection import rare_collections
@@ -35,7 +38,7 @@ from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.hosts.stepper import POLL_S, Stepper
 from services.runtime.node.checkpoint import CheckpointFile
 from services.runtime.node.clock_offset import ClockOffset
-from services.runtime.node.loop_stats import Usage
+from services.runtime.node.loop_stats import Instance, Usage
 from services.runtime.node.node import Node
 
 GRACE_S = 1.0  # after the parent's death: time to close files before the process is ended
@@ -53,6 +56,7 @@ class Launch(msgspec.Struct, frozen=True, kw_only=True):
     heartbeat: str | None = None  # file for the sign of life; None: nobody watches
     parent: int | None = None  # pid; the process ends when this is no longer its parent
     keys: KeyFiles | None = None  # for hubs of other machines
+    copies: dict[str, str] = {}  # file → copy made when the dive was started, to be read instead
 
 
 class StopFlag:
@@ -68,6 +72,8 @@ class StopFlag:
 def run_services(launch: Launch) -> int:
     """Run the services of a process until it is asked to stop. Returns the exit status."""
     with _stoppable(launch.parent) as stop, _sentences(launch.process), ExitStack() as exits:
+        copies = exits.enter_context(ExitStack())
+        copies.enter_context(reading_copies(launch.copies))
         registry = Registry(Path(launch.stack_file), launch.services)
         # Imports take long: all of them are done before the first node hears anything.
         wires = {name: registry.wire(name) for name in launch.services}
@@ -83,6 +89,7 @@ def run_services(launch: Launch) -> int:
             exits.enter_context(_blaming(registry, lambda name=name: name))
             exits.callback(node.close)
             nodes.append(node)
+        copies.close()  # what is asked for from now on is read as it is then
         host = GroupHost(nodes, usage)
         exits.enter_context(_blaming(registry, lambda: host.running))
         # What writes files, or is somebody else's, may hold up the thread that it runs on.
@@ -119,7 +126,7 @@ def _node(name: str, launch: Launch, buses: dict[str, SharedBus], exits: ExitSta
         gateway=spec.gateway,
         clock_offset=clock_offset,
     )
-    node.show = _show
+    node.show, node.instance = _show, instance()
     node.wall_offset_ns = time.time_ns() - time.monotonic_ns()
     return node
 
@@ -208,6 +215,12 @@ def _exact_timers() -> None:
 def _show(line: LogLine) -> None:
     with contextlib.suppress(OSError):  # a full disk under the log; the bus has the line as well
         print(f"{line.level} {line.service}: {line.text}", file=sys.stderr, flush=True)
+
+
+@cache
+def instance() -> Instance:
+    """This process, told apart from every other one, on any machine."""
+    return Instance(number=1 + secrets.randbits(52), pid=os.getpid())
 
 
 def usage() -> Usage:

@@ -38,6 +38,7 @@ NEEDED: dict[str, AnyTopic] = {
     "reference": topics.REFERENCE,
     "control": topics.THRUSTERS,
 }
+INSTEAD = {"gamepad": "mavlink"}  # which other one publishes the same
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +101,8 @@ class Registry(Mapping[str, ServiceSpec]):
             LindyError: names what nobody publishes.
         """
         codes = [code_of(n, spec) for n, spec in self.specs.items() if spec.module is None]
-        missing = [own for own in NEEDED if own not in codes and own not in self.specs]
+        there = {*codes, *self.specs}
+        missing = [own for own in NEEDED if not {own, INSTEAD.get(own, own)} & there]
         others = [s for n, s in self.specs.items() if s.module is not None and n not in NEEDED]
         if len(missing) > sum(not spec.vehicle_side for spec in others):
             raise self._unpublished(missing)

@@ -8,7 +8,7 @@ import time
 import traceback
 from collections import deque
 from collections.abc import Callable, Generator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from itertools import count
 from pathlib import Path
@@ -25,12 +25,13 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.running import RUNNING, Running
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.heartbeat import last_beat
-from services.runtime.hosts.process_host import HubLaunch, Launch, usage
+from services.runtime.hosts.process_host import HubLaunch, Launch, instance, usage
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.launch.answering import Answering
 from services.runtime.launch.child import Task
 from services.runtime.launch.supervisor import NAME, Supervisor
+from services.runtime.launch.systemd import Systemd
 from services.runtime.node.checkpoint import VolatileCheckpoint, write_safely
 from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.node import Node
@@ -87,14 +88,16 @@ class LocalStack:
         self.node: Node  # this process's own, on the pilot's side; set when the hubs are up
         self.alive: set[tuple[str, str]] = set()  # (side, service)
         self.answering = Answering(dict.fromkeys(LAST, DISK_PATIENCE_S))
+        self._systemd = Systemd(os.environ, os.getpid())
         self._folder = folder
         self._watch_at = 0  # [ns] next look at the heartbeats
-        self._checkpoints = stack.out_dir / CHECKPOINTS  # numbered by start_services if it exists
+        self.checkpoints = stack.out_dir / CHECKPOINTS  # numbered by start_services if it exists
         self._tokens: deque[tuple[str, str, bool]] = deque()  # filled on the bus's thread
         self._buses: dict[str, ZenohBus] = {}
         self._wake = threading.Event()
         self._pids: dict[str, int] = {}
         self._has_node = False
+        self._copies: dict[str, str] = {}  # file → its copy in `folder`
         self._later: list[str] = []  # processes that are not started yet
 
     def start_hubs(self, exits: ExitStack) -> None:
@@ -124,14 +127,30 @@ class LocalStack:
         name = NAME if self._other_side is None else f"{NAME}_{self._other_side.side}"
         self.node = Node(name, bus, time.monotonic_ns, VolatileCheckpoint(), clock_offset=offset)
         self.node.wake, self.node.usage = self._wake.set, usage
+        self.node.instance = instance()
         self._has_node = True
 
     def start_services(self) -> None:
-        self._checkpoints = _unused_folder(self._checkpoints)
+        self._copies = self._copied()
+        self.checkpoints = _unused_folder(self.checkpoints)
         for name, data in self._begin_with.items():
-            write_safely(self._checkpoints / f"{name}.json", data)
+            write_safely(self.checkpoints / f"{name}.json", data)
         self._later = [name for name, parts in self.processes.items() if set(parts) <= set(SLOW)]
         self.supervisor.add(self._process(n) for n in self.processes if n not in self._later)
+
+    def _copied(self) -> dict[str, str]:
+        """Copies of the files that services read when they start, so that one that starts again in
+        mid-dive finds what the others have found."""
+        copies: dict[str, str] = {}
+        for number, path in enumerate(self.stack.files):
+            copy = self._folder / f"{number}-{path.name}"
+            try:
+                copy.write_bytes(path.read_bytes())
+            except OSError as error:
+                self._tell("warning", f"cannot keep a copy of {path}: {reason(error)}")
+            else:
+                copies[str(path)] = str(copy)
+        return copies
 
     def _start_slow(self) -> None:
         """Start the slow services, once they keep no other from the processor."""
@@ -161,6 +180,8 @@ class LocalStack:
                 logs = self.stack.out_dir / "logs"
                 names = ", ".join(missing)
                 raise LindyError(f"not alive after {timeout_s:g} s: {names} (see {logs})")
+        if not missing:
+            self._systemd.ready()
 
     def pump(self) -> None:
         """Handle whatever is due, then wait for a short time. Call it in a loop.
@@ -188,7 +209,8 @@ class LocalStack:
         except Exception:
             self.node.count("mistake")
             if self.node.counts["mistake"] == 1:  # the others are most likely the same
-                traceback.print_exc()
+                with suppress(OSError):  # whoever reads what this process prints may be gone
+                    traceback.print_exc()
 
     def _wait(self) -> None:
         """Wait until a message arrives or a timer is due, at most `PERIOD_S`."""
@@ -241,6 +263,14 @@ class LocalStack:
                 self._tell("warning", f"{name} answers again")
             else:
                 self.supervisor.kill(name)
+        # One that waits for a dead disk must not cost the vehicle those that hold it.
+        if all(set(self.processes.get(name, ())) & set(LAST) for name in self.answering.silent):
+            self._systemd.works(now)
+
+    def end(self) -> None:
+        """End all processes."""
+        self._systemd.stopping()
+        self.supervisor.stop()
 
     def heartbeat(self, process: str) -> Path:
         """The file with the sign of life of a process."""
@@ -295,10 +325,11 @@ class LocalStack:
             stack=self.stack,
             stack_file=str(self.services.file),
             endpoints={side: self._reach[side] for spec in specs.values() for side in spec.sides},
-            checkpoint=str(self._checkpoints),
+            checkpoint=str(self.checkpoints),
             heartbeat=str(self.heartbeat(process)),
             parent=os.getpid(),
             keys=None if self._door is None else self._door.keys,
+            copies=self._copies,
         )
         command = [*PYTHON, msgspec.json.encode(launch).decode()]
         return Task(
@@ -339,8 +370,7 @@ def local_stack(
         LindyError: the endpoint is taken or malformed.
     """
     for endpoint in filter(None, (listen, *(other_side.listen if other_side is not None else ()))):
-        with listening(endpoint, hub_side=HubSide("drone", namespace(stack.vehicle_name), door)):
-            pass  # fails now if it is taken; the hub would fail too, but later and less clearly
+        require_free(endpoint, stack, door)
     with tempfile.TemporaryDirectory(prefix="lindy-", dir=_socket_folder()) as folder:
         local = LocalStack(
             stack, services, Path(folder), listen, other_side, begin_with or {}, door
@@ -352,7 +382,17 @@ def local_stack(
             try:
                 yield local
             finally:
-                local.supervisor.stop()  # the bus is still open, for the last log lines
+                local.end()  # the bus is still open, for the last log lines
+
+
+def require_free(endpoint: str, stack: Stack, door: Door | None) -> None:
+    """Check that a hub can listen there. The hub would fail too, but later and less clearly.
+
+    Raises:
+        LindyError: the endpoint is taken or malformed.
+    """
+    with listening(endpoint, hub_side=HubSide("drone", namespace(stack.vehicle_name), door)):
+        pass
 
 
 def _endpoints(

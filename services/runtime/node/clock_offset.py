@@ -6,36 +6,82 @@ the stamps of every message that crossed the link to local time. On one machine 
 and nothing to do.
 """
 
+from dataclasses import dataclass
+
 from messages.link import Clock, ClockPing, ClockPong
 from messages.topic import AnyTopic, Side, Way
 
+SILENT_NS = 3_000_000_000  # [ns] a topside says its clock five times a second
+SOURCES = 8  # topsides whose clocks are kept
 DRIFT = 100e-6  # [-] at most, between two crystals of 50 ppm
 ABOUT_CLOCKS = (Clock, ClockPing, ClockPong)  # never converted: they compare the two clocks
 
 
+@dataclass(frozen=True, slots=True)
+class OtherClock:
+    """What is known of one clock of the other side."""
+
+    ahead_ns: int | None = None  # [ns] it minus this one; None: not known
+    error_ns: int = 0  # [ns] greatest error of `ahead_ns` …
+    learnt_ns: int = 0  # [ns] … at this time
+    source: int = 0  # whose clock it is
+    epoch: int = 0  # authority epoch of the commands that are stamped by it
+
+    def bound_ns(self, now: int) -> int:
+        """[ns] Greatest error now; it grows while the link monitor is silent, because two crystals
+        drift apart."""
+        return self.error_ns + round(DRIFT * max(0, now - self.learnt_ns))
+
+
+UNKNOWN = OtherClock()
+
+
 class ClockOffset:
-    """What is known of the other machine's clock."""
+    """What is known of the other side's clock, or clocks: there may be two topsides, each with a
+    link monitor of its own. A message that carries an authority epoch is of the topside with that
+    epoch; everything else is taken to be of the one with the newest epoch, which is in control."""
 
     def __init__(self, side: Side) -> None:
         """The side this node is on."""
-        self.ahead_ns: int | None = None  # [ns] the other clock minus this one; None: not known
-        self._bound_ns = 0  # [ns] greatest error of the offset …
-        self._learnt_ns = 0  # [ns] … at this time
+        self._clocks: dict[int, OtherClock] = {}  # by source, the one heard last at the end
+        self._in_force = UNKNOWN
         self._sign = 1 if side == "topside" else -1
         self._crossing = Way.UP if side == "topside" else Way.DOWN
 
+    @property
+    def ahead_ns(self) -> int | None:
+        """[ns] The clock in force minus this one; None: not known."""
+        return self._in_force.ahead_ns
+
     def bound_ns(self, now: int) -> int:
-        """[ns] Greatest error of the offset; it grows while the link monitor is silent, because two
-        crystals drift apart."""
-        return self._bound_ns + round(DRIFT * max(0, now - self._learnt_ns))
+        """[ns] Greatest error of the offset in force."""
+        return self._in_force.bound_ns(now)
+
+    def of(self, epoch: int | None) -> OtherClock:
+        """The clock behind a message of this authority epoch; None: it carries none."""
+        if len(self._clocks) > 1 and epoch is not None and epoch != self._in_force.epoch:
+            for clock in reversed(self._clocks.values()):
+                if clock.epoch == epoch:
+                    return clock
+        return self._in_force
 
     def learn(self, clock: Clock, now: int) -> None:
-        """Keep the link monitor's newest message."""
-        if clock.offset_ns is None or clock.bound_ns is None:
-            self.ahead_ns = None
-            return
-        self.ahead_ns = self._sign * clock.offset_ns
-        self._bound_ns, self._learnt_ns = clock.bound_ns, now
+        """Keep a link monitor's newest message."""
+        ahead = clock.offset_ns if clock.bound_ns is not None else None
+        learnt = OtherClock(
+            ahead_ns=None if ahead is None else self._sign * ahead,
+            error_ns=clock.bound_ns or 0,
+            learnt_ns=now,
+            source=clock.source,
+            epoch=clock.epoch,
+        )
+        self._clocks.pop(clock.source, None)
+        self._clocks[clock.source] = learnt
+        self._in_force = self._clocks.get(self._in_force.source, UNKNOWN)
+        heard = [c for c in self._clocks.values() if now - c.learnt_ns <= SILENT_NS]
+        self._clocks = {c.source: c for c in heard[-SOURCES:]}
+        if self._in_force not in heard or any(c.epoch > self._in_force.epoch for c in heard):
+            self._in_force = max(reversed(heard), key=lambda c: c.epoch)
 
     def concerns(self, topic: AnyTopic) -> bool:
         """Does this topic come from the other machine?"""

@@ -12,7 +12,7 @@ import msgspec
 from messages.payload import PayloadDecoder
 from messages.topic import M, Topic
 from services.runtime.bus.envelope import Envelope
-from services.runtime.node.clock_offset import ClockOffset
+from services.runtime.node.clock_offset import UNKNOWN, ClockOffset, OtherClock
 from services.runtime.node.stamps import mover
 
 MEMBERS = 64  # of one family, such as health/*, that one port receives
@@ -62,10 +62,14 @@ class Gate(Generic[M]):
         self._judged = clock_offset is None or clock_offset.judges(topic)
         self._move = mover(topic.message)
         self._last: tuple[int, int] | None = None  # (stamp, seq) of the newest admitted, as sent
+        self._clock: OtherClock = UNKNOWN  # of the newest admitted, where there are two machines
+        self._sender = 0  # of the newest admitted, where several are told apart
 
     def bound_ns(self, now: int) -> int:
-        """[ns] Greatest error of the age of a message admitted now."""
-        return 0 if self._clock_offset is None else self._clock_offset.bound_ns(now)
+        """[ns] Greatest error of the age of the newest message admitted."""
+        if self._clock_offset is None:
+            return 0
+        return (self._clock if self.admitted else self._clock_offset.of(None)).bound_ns(now)
 
     @property
     def admitted(self) -> bool:
@@ -82,33 +86,40 @@ class Gate(Generic[M]):
         if self.authority is not None and not self.authority.admits(epoch_of(message), now):
             return self._refuse("wrong_epoch", envelope)
         sent = (message.stamp_ns, message.seq)  # by the sender's clock
-        if (reason := self._untimely(message, now)) is not None:
+        offset = self._clock_offset
+        clock = UNKNOWN if offset is None else offset.of(getattr(message, "epoch", None))
+        if (reason := self._untimely(message, clock, now)) is not None:
             return self._refuse(reason, envelope)
-        if self._topic.hz and (reason := self._out_of_order(sent, envelope.key, now)) is not None:
-            return self._refuse(reason, envelope)
+        sender = getattr(message, "instance", clock.source)
+        if self._topic.hz and sender == self._sender:  # else the stamps may be of two clocks
+            reason = self._out_of_order(sent, clock, envelope.key, now)
+            if reason is not None:
+                return self._refuse(reason, envelope)
         if self.authority is not None:
             self.authority.heard(epoch_of(message), now)
-        self._last = sent
+        self._last, self._clock, self._sender = sent, clock, sender
         return message
 
-    def _untimely(self, message: M, now: int) -> str | None:
+    def _untimely(self, message: M, clock: OtherClock, now: int) -> str | None:
         """Why a message is not in time, once its stamps are in local time; None: it is."""
         bound = 0
         if self._clock_offset is not None:
-            if self._clock_offset.ahead_ns is None:
+            if clock.ahead_ns is None:
                 return "unsynchronised" if self._topic.hz else None
-            self._move(message, self._clock_offset.ahead_ns)
-            bound = self._clock_offset.bound_ns(now)
+            self._move(message, clock.ahead_ns)
+            bound = clock.bound_ns(now)
         if self._judged and message.stamp_ns > now + FUTURE_NS + bound:
             return "from_future"
         if self._expires and age_ns(message, now) + bound > ttl_ns(message):
             return "expired"
         return None
 
-    def _out_of_order(self, sent: tuple[int, int], key: str, now: int) -> str | None:
+    def _out_of_order(
+        self, sent: tuple[int, int], clock: OtherClock, key: str, now: int
+    ) -> str | None:
         """Order is checked by the sender's clock: the estimated offset of that clock changes, and
         must not make an old message look newer than the one before."""
-        if self._last is None or self._is_of_another_clock(self._last[0], now):
+        if self._last is None or _restarted(clock, self._last[0], now):
             return None
         if sent == self._last:
             return "duplicated"
@@ -120,13 +131,6 @@ class Gate(Generic[M]):
         elif missed > 0:  # negative: the publisher was restarted and counts anew
             self._counts[f"lost:{key}"] += missed
         return None
-
-    def _is_of_another_clock(self, sent_ns: int, now: int) -> bool:
-        """Was it sent before the other machine's clock restarted, as after a power cut?"""
-        clock_offset = self._clock_offset
-        if clock_offset is None or clock_offset.ahead_ns is None:
-            return False
-        return sent_ns - clock_offset.ahead_ns > now + FUTURE_NS + clock_offset.bound_ns(now)
 
     def _refuse(self, reason: str, envelope: Envelope) -> None:
         # Anybody can invent members of a family: one never admitted is not counted by its name.
@@ -171,6 +175,13 @@ class Gates(Generic[M]):
         if message is not None:
             self._gates[envelope.key], self._next = self._next, self._new()
         return message
+
+
+def _restarted(clock: OtherClock, sent_ns: int, now: int) -> bool:
+    """Was this sent before the other machine's clock restarted, as after a power cut?"""
+    if clock.ahead_ns is None:
+        return False
+    return sent_ns - clock.ahead_ns > now + FUTURE_NS + clock.bound_ns(now)
 
 
 def epoch_of(message: msgspec.Struct) -> int:

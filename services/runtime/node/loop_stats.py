@@ -16,6 +16,14 @@ class Usage:
     rss_mb: float  # [MB] resident memory, always of the process
 
 
+@dataclass(frozen=True, slots=True)
+class Instance:
+    """Which process a node is in."""
+
+    number: int = 0  # drawn at its start; 0: on virtual time
+    pid: int = 0
+
+
 class LoopStats:
     """Counts handler calls and how late each began."""
 
@@ -35,9 +43,12 @@ class LoopStats:
         received: int,
         counts: Counter[str],
         usage: Usage | None,
+        side: str = "",
+        instance: Instance = Instance(),
     ) -> Health:
         """Health over the period since the last report; a new period begins."""
-        seconds = 1.0 if self._reported_at is None else (now - self._reported_at) / 1e9
+        since = self._reported_at  # the same instant: reports of a stalled process in a row
+        seconds = 1.0 if since is None or now <= since else (now - since) / 1e9
         lateness = sorted(self._lateness)
         cpu = None if usage is None else 100.0 * (usage.cpu_s - self._cpu_s) / seconds
         health = Health(
@@ -51,6 +62,9 @@ class LoopStats:
             sent=sent,
             received=received,
             counts=_bounded(counts),
+            side=side,
+            pid=instance.pid,
+            instance=instance.number,
         )
         self._lateness = []
         self._reported_at = now

@@ -21,7 +21,7 @@ from services.runtime.node.answers import AnswerBook
 from services.runtime.node.checkpoint import CheckpointStore
 from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.gate import Gate, Gates
-from services.runtime.node.loop_stats import LoopStats, Usage
+from services.runtime.node.loop_stats import Instance, LoopStats, Usage
 from services.runtime.node.ports import Inbox, Latest, Now, Publisher
 from services.runtime.node.requests import A, Overrules, Q, Requester, Requests
 from services.runtime.node.timers import Alarm, Tick
@@ -52,6 +52,7 @@ class Node:
         self.wake: Callable[[], None] = lambda: None  # the host's; called on the bus's thread
         self.show: Callable[[LogLine], None] = lambda _: None  # the host's; writes to stderr
         self.usage: Callable[[], Usage | None] = lambda: None  # the host's; asks the system
+        self.instance = Instance()  # the host's
         self.wall_offset_ns = 0  # the host's: UTC minus the node's clock; 0 on virtual time
         self.loop_stats = LoopStats()
         self._clock = clock
@@ -207,6 +208,25 @@ class Node:
                 handler(envelope, arrival)
 
         self._collected.append(drain)
+
+    def from_outside(self, handler: Callable[[int], None]) -> Callable[[], None]:
+        """For a thread of a service's own that waits for a socket: what it calls when something
+        is there. `handler(now)` is then called like any other, once for however many calls."""
+        notified = False
+
+        def handle() -> None:
+            nonlocal notified
+            notified = False  # before the handler looks: what comes from now on notifies again
+            handler(self._clock())
+
+        def notify() -> None:
+            nonlocal notified
+            if not notified:
+                notified = True
+                self._pending.append(handle)
+                self.wake()
+
+        return notify
 
     def gate(self, topic: Topic[M], *, onlooker: bool = False) -> Gate[M]:
         """A gate, for services that decode envelopes themselves."""
@@ -378,5 +398,7 @@ class Node:
         sent = sum(publisher.sent for publisher in self._publishers)
         received = sum(inbox.stored for inbox in self._inboxes)
         self._health.put(
-            self.loop_stats.report(self.name, now, sent, received, self.counts, self.usage())
+            self.loop_stats.report(
+                self.name, now, sent, received, self.counts, self.usage(), self._home, self.instance
+            )
         )

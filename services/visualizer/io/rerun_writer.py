@@ -3,12 +3,14 @@
 from collections.abc import Iterable
 from itertools import chain
 from math import cos, sin
+from typing import get_args
 
 import numpy as np
 import numpy.typing as npt
 import rerun as rr
 
 from messages.units import Quaternion, Vec3
+from messages.vehicle import Failsafe
 from services.marine.vehicle import Vehicle
 from services.visualizer.batch import Batch, CurveColumns, Frame, Note, joined_columns
 from services.visualizer.blueprint import TIMELINE, blueprint
@@ -32,7 +34,7 @@ STATES: dict[str, dict[str, int]] = {
     | {"goto": BY_ITSELF, "follow": BY_ITSELF},
     "hold": dict.fromkeys(HOLDS, ACTIVE) | {"manual": CAUTION},
     "armed": {"disarmed": QUIET, "armed": CAUTION},
-    "failsafe": {"no failsafe": GOOD, "pilot_lost": ALARM, "state_lost": ALARM},
+    "failsafe": dict.fromkeys(get_args(Failsafe), ALARM) | {"no failsafe": GOOD},
     "pilot": {"pilot present": GOOD, "pilot lost": ALARM},
     "link": {"link up": GOOD, "link down": ALARM},
     "thrusters": {"stopped": QUIET, "driven": ACTIVE},

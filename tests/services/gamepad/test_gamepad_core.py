@@ -5,17 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.gamepad.core import (
-    CENTRED,
-    Buttons,
-    PadProfile,
-    StickGain,
-    Sticks,
-    Tilt,
-    presses_of,
-    shape,
-    sticks_of,
-)
+from services.gamepad.core import Buttons, PadProfile, StickGain, Tilt, presses_of, shape, sticks_of
+from services.piloting.sticks import CENTRED, Sticks
 from services.runtime.config.settings import deploy_file, read
 
 travels = st.floats(-1.0, 1.0)

@@ -4,8 +4,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from services.gamepad.core import CENTRED, StickGain, StickReading, Sticks
+from services.gamepad.core import StickGain
 from services.gamepad.io import sdl
+from services.piloting.sticks import CENTRED, StickReading, Sticks
 from services.runtime.config.errors import LindyError
 
 sdl.load()

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from services.gamepad.core import CENTRED, PadProfile, StickReading, Sticks
+from services.gamepad.core import PadProfile
 from services.gamepad.io import sdl
+from services.piloting.sticks import CENTRED, StickReading, Sticks
 
 sdl.load()
 

@@ -11,13 +11,13 @@ from messages import topics
 from messages.health import LogLine
 from messages.pilot import Course, PilotAnswer, PilotCommand, PilotRequest
 from messages.vehicle import Mode, VehicleStatus
-from services.gamepad.core import CENTRED, StickReading, Sticks
 from services.gamepad.io import sdl
 from services.gamepad.io.path_file import course_named
-from services.gamepad.pilot import Pilot, Progress
-from services.gamepad.pilot_intents import Intent, Press
 from services.gamepad.service import Connected, wire
 from services.gamepad.stick_log import parse
+from services.piloting.pilot import Pilot, Progress
+from services.piloting.pilot_intents import Intent, Press
+from services.piloting.sticks import CENTRED, StickReading, Sticks
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.stack_file import ServiceSpec

@@ -10,11 +10,11 @@ from messages import topics
 from messages.link import LinkAnswer, LinkRequest
 from messages.pilot import Course
 from messages.simulator import FaultAnswer, FaultKind, FaultRequest
-from services.gamepad.core import CENTRED, StickReading
-from services.gamepad.incidents import Incident, in_words
+from services.gamepad.incidents import in_words
 from services.gamepad.service import CausedIncidents
 from services.gamepad.stick_log import parse
 from services.gamepad.stick_log_player import Player
+from services.piloting.sticks import CENTRED, Incident, StickReading
 from services.runtime.config.errors import LindyError
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost

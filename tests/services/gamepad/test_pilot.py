@@ -7,12 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
+from msgspec.structs import replace
 
 from messages.pilot import PilotAnswer, PilotRequest, RequestKind
 from messages.vehicle import Mode, VehicleStatus
-from services.gamepad.core import CENTRED, StickReading, Sticks
-from services.gamepad.pilot import Effects, Pilot, Progress
-from services.gamepad.pilot_intents import GotoIntent, Press
+from services.piloting.pilot import Effects, Pilot, Progress
+from services.piloting.pilot_intents import GotoIntent, Press
+from services.piloting.sticks import CENTRED, StickReading, Sticks
 
 S = 1_000_000_000  # [ns]
 NOBODY: frozenset[RequestKind] = frozenset()
@@ -128,6 +129,46 @@ def test_what_lindy_ask_got_for_this_pilot_is_its_own_and_what_others_got_is_not
     own = PilotRequest(stamp_ns=0, id="y", kind="force", source="ann", epoch=0)
     pilot.overheard(own, answer(True, epoch=9))
     assert pilot.progress.epoch == 9
+
+
+def in_failsafe(epoch: int, *, resumable: bool) -> VehicleStatus:
+    common = status(epoch, pilot="hands", armed=True, mode="piloted")
+    return replace(common, failsafe="pilot_lost", reaction="stop", resumable=resumable)
+
+
+def test_a_person_resumes_with_the_arm_button_and_with_deflected_sticks_too():
+    pilot = Pilot(Progress(began_ns=0, epoch=1), arms=True)
+    assert kinds(pilot.status(in_failsafe(1, resumable=True), NOBODY, 0)) == []
+    deflected = StickReading(Sticks(heave=1.0), at_rest=False, presses=("arm",))
+    assert kinds(pilot.read(deflected, "hands", 0, NOBODY, 1)) == ["resume"]
+    pilot.status(status(1, pilot="hands", armed=True), NOBODY, 2)
+    assert kinds(press(pilot, "arm")) == ["arm"]
+
+
+def test_who_takes_over_a_drone_in_a_failsafe_resumes_with_the_arm_button():
+    pilot = outdone()
+    pilot.status(in_failsafe(2, resumable=True), NOBODY, 0)
+    (lease,) = press(pilot, "arm").requests
+    assert lease.kind == "lease"
+    assert kinds(pilot.answered(lease, answer(True, epoch=3), 1)) == ["resume"]
+
+
+def test_a_script_resumes_by_itself_once_the_conditions_have_ended_and_not_before():
+    pilot = Pilot(Progress(began_ns=0, epoch=1), arms=True, resumes=True)
+    pilot.read(StickReading(), "script", 0, NOBODY, 0)
+    assert kinds(pilot.status(in_failsafe(1, resumable=False), NOBODY, 0)) == []
+    (resume,) = pilot.status(in_failsafe(1, resumable=True), NOBODY, 0).requests
+    assert (resume.kind, resume.epoch) == ("resume", 1)
+    assert kinds(pilot.status(in_failsafe(1, resumable=True), {"resume"}, S)) == []
+    pilot.answered(resume, answer(True), S)
+    assert kinds(pilot.status(in_failsafe(1, resumable=True), NOBODY, S)) == []  # an older status
+    assert kinds(pilot.status(in_failsafe(1, resumable=True), NOBODY, 2 * S)) == ["resume"]
+
+
+def test_a_script_whose_pilot_is_away_does_not_resume():
+    pilot = Pilot(Progress(began_ns=0, epoch=1), arms=True, resumes=True)
+    pilot.read(StickReading(present=False), "script", 0, NOBODY, 0)
+    assert kinds(pilot.status(in_failsafe(1, resumable=True), NOBODY, 0)) == []
 
 
 @settings(max_examples=50, deadline=None)

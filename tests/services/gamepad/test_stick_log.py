@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.gamepad.core import CENTRED, Sticks
 from services.gamepad.io.path_file import course_named
 from services.gamepad.io.sources import read_script
 from services.gamepad.stick_log import StickLog, StickLogRow, parse
 from services.gamepad.stick_log_player import QUIET_NS, Player
+from services.piloting.sticks import CENTRED, Sticks
 from services.runtime.config.errors import LindyError
 
 S = 1_000_000_000  # [ns]
@@ -156,7 +156,7 @@ def test_tilt_and_event_come_in_any_order_and_may_be_left_empty(text: bytes, row
         (b"t,surge,tilt,sway,heave,yaw\n", 1, "surge,tilt", "tilt and event"),
         (TILT_HEAD + b"0,0,0,0\n", 2, "4 columns", "5 or 6 or 7"),
         (TILT_HEAD + b"0,0,0,0,0,1.5\n", 2, "tilt is '1.5'", "-1 to 1"),
-        (HEAD + b"0,0,0,0,0,jump\n", 2, "'jump'", "arm, disarm, stop, light, lost"),
+        (HEAD + b"0,0,0,0,0,jump\n", 2, "'jump'", "arm, disarm, stop, light, resume, lost"),
     ],
 )
 def test_a_mistake_is_named_with_its_line_what_was_found_and_what_is_allowed(

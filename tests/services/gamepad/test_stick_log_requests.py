@@ -9,12 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages.pilot import Course, Hold
-from services.gamepad.core import CENTRED
 from services.gamepad.io.path_file import course_named
 from services.gamepad.io.sources import read_script
-from services.gamepad.pilot_intents import FollowIntent, GotoIntent, ModeIntent
 from services.gamepad.stick_log import parse
 from services.gamepad.stick_log_player import Player
+from services.piloting.pilot_intents import FollowIntent, GotoIntent, ModeIntent
+from services.piloting.sticks import CENTRED
 from services.runtime.config.errors import LindyError
 
 S = 1_000_000_000  # [ns]

@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 
 from messages.control import ThrusterCommand
+from messages.sensors import LeakSample
 from messages.simulator import FaultRequest
 from services.marine.vehicle import Vehicle
+from services.runtime.config.settings import nearest
 from services.runtime.config.stack import Stack
 from services.simulator.core import Settings, Simulator, WorldCheckpoint, at_the_surface
+from services.simulator.fault_requests import decide
 from services.simulator.faults import refusal
 
 MS = 1_000_000  # [ns]
@@ -183,3 +186,54 @@ def test_only_sensors_that_the_vehicle_has_can_break() -> None:
     assert "sensor/dvl" not in simulator().sensors
     assert "sensor/pressure" in simulator().sensors
     assert simulator().thrusters == list(NAMES)
+
+
+def alarm(sim: Simulator, part: str, fault: str) -> None:
+    answer, _ = decide(sim, request(part, fault), 0, nearest)
+    assert answer.accepted, answer.reason
+
+
+def test_what_a_pilot_must_know_of_can_be_simulated_until_it_is_mended() -> None:
+    sim = simulator()
+    assert sim.leak() == LeakSample(stamp_ns=0, wet=False)
+    full, warm = sim.battery(), sim.temperature()
+    assert full is not None
+    assert warm is not None
+    alarm(sim, "leak", "wet")
+    alarm(sim, "battery", "critical")
+    alarm(sim, "temperature", "hot")
+    battery, hot = sim.battery(), sim.temperature()
+    assert sim.leak() == LeakSample(stamp_ns=0, wet=True)
+    assert battery is not None
+    assert battery.capacity_wh is not None
+    assert 1 - battery.used_wh / battery.capacity_wh == pytest.approx(0.08)
+    assert battery.voltage < full.voltage
+    assert hot is not None
+    assert hot.temperature == 85.0
+    for part in ("leak", "sensor/battery", "temperature"):
+        alarm(sim, part, "none")
+    assert (sim.battery(), sim.temperature()) == (full, warm)
+    assert sim.leak() == LeakSample(stamp_ns=0, wet=False)
+
+
+@pytest.mark.parametrize(
+    ("part", "fault", "words"),
+    [
+        ("leak", "hot", "sensor/leak cannot be hot; possible: none, silent, wet"),
+        ("leak", "noisy", "sensor/leak cannot be noisy"),
+        ("pressure", "wet", "sensor/pressure cannot be wet; possible: none, silent, frozen"),
+        ("port", "empty", "port cannot be empty; possible: none, dead"),
+    ],
+)
+def test_an_alarm_of_another_sensor_is_refused(part: str, fault: str, words: str) -> None:
+    answer, _ = decide(simulator(), request(part, fault), 0, nearest)
+    assert words in answer.reason
+
+
+@pytest.mark.parametrize("part", ["leak", "battery", "temperature"])
+def test_a_silent_sensor_of_the_enclosure_says_nothing(part: str) -> None:
+    sim = simulator()
+    alarm(sim, part, "silent")
+    assert {"leak": sim.leak, "battery": sim.battery, "temperature": sim.temperature}[
+        part
+    ]() is None

@@ -27,8 +27,10 @@ from messages.sensors import (
     BatterySample,
     DvlSample,
     ImuSample,
+    LeakSample,
     MagnetometerSample,
     PressureSample,
+    TemperatureSample,
     UsblSample,
 )
 from messages.simulator import FaultAnswer, FaultRequest
@@ -63,6 +65,8 @@ def _all(now: int) -> list[Message]:
         DvlSample(stamp_ns=now, velocity=(0.5, 0.1, 0.0), std=0.01, altitude=3.0),
         UsblSample(stamp_ns=now, north=1.0, east=2.0, std=0.5),
         BatterySample(stamp_ns=now, voltage=16.0, current=1.0, used_wh=0.1),
+        LeakSample(stamp_ns=now, wet=False),
+        TemperatureSample(stamp_ns=now, temperature=23.0),
         VehicleState(
             stamp_ns=now,
             sensor_ns=now,

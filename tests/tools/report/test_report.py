@@ -20,6 +20,7 @@ from messages.state import VehicleState
 from messages.vehicle import Actuation, Truth
 from services.recorder.foxglove_schema import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
+from tools.health_sums import HealthOfAll
 from tools.recordings.recording import open_recording
 from tools.report import Extras, encode, make_report, read_dive, summary
 from tools.report.report import Report
@@ -39,6 +40,7 @@ KEYS = [
         "budget_ms",
         "clocks",
         "stops",
+        "failsafes",
     ),
     *("depth_error_rms_m", "heading_error_rms_deg", "peak_jerk_ratio", "energy", "holes"),
     *("losses", "troubles", "exit"),
@@ -349,8 +351,9 @@ def test_losses_are_summed_by_name_over_everybody_who_counted(tmp_path: Path):
         health("control", MS, sent=1, stale=1),
         health("reference", MS, sent=1, stale=2, clamped=4),
     ]
-    heard = [health("recorder", MS, sent=1, unknown=1, malformed=5)[1]]
-    extras = Extras(losses={"stale": 10, "crashed": 1}, health=heard)
+    heard = HealthOfAll()
+    heard.add(health("recorder", MS, sent=1, unknown=1, malformed=5)[1])
+    extras = Extras(losses={"stale": 10, "crashed": 1}, health=heard.sums)
     record(tmp_path, said, losses={"unknown": "3"})
     report = make_report(open_recording(tmp_path), extras)
     expected = {"clamped": 4, "crashed": 1, "malformed": 5, "stale": 13, "unknown": 3}

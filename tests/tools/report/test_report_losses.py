@@ -88,9 +88,10 @@ def test_a_dive_in_which_a_failsafe_acted_does_not_end_cleanly(severe: Path):
     times = report.losses["failsafe:pilot_lost"]
     first, second, *rest = summary(report).splitlines()
     assert first.endswith(f"ended; pilot lost {times} times" if times > 1 else "pilot lost once")
-    assert second.split(maxsplit=1) == [
-        "failsafe", f"{times} × pilot lost: the drone came to rest and held",
-    ]  # fmt: skip
+    said = f"{times} × pilot lost: the drone came to rest and held, first at "
+    assert second.split(maxsplit=1)[1].startswith(said)
+    assert {reaction.condition for reaction in report.failsafes} == {"pilot_lost"}
+    assert {reaction.reaction for reaction in report.failsafes} == {"stop"}
     assert not any("failsafe" in line for line in rest)
 
 

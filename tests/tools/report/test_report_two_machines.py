@@ -4,11 +4,15 @@ from pathlib import Path
 
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from messages.health import Health
+from tools.health_sums import HealthOfAll
 from tools.recordings.recording import Recording
 from tools.report import Elsewhere, Extras, elsewhere, make_report, unrecorded
 from tools.report.restarted import restarted
+from tools.report.services import by_service
+from tools.report.services import services as services_of
 
 TOPSIDE = ("gamepad", "visualizer", "link_monitor", "predictor")
 PROCESSES = st.sampled_from(["gamepad", "link_monitor", "predictor", "hub_topside"])
@@ -23,7 +27,10 @@ def health(service: str) -> Health:
 
 @given(heard=st.sets(st.sampled_from(TOPSIDE), min_size=1))
 def test_services_of_the_other_machine_that_nobody_heard_are_named(heard: set[str]):
-    report = make_report(Recording([]), Extras(health=[health(name) for name in sorted(heard)]))
+    sums = HealthOfAll()
+    for name in sorted(heard):
+        sums.add(health(name))
+    report = make_report(Recording([]), Extras(health=sums.sums))
     said = elsewhere(report, Elsewhere("topside", TOPSIDE))
     assert "\n" not in said
     assert said.startswith("elsewhere ")
@@ -66,3 +73,23 @@ def test_the_side_without_recorder_names_every_restart_and_every_loss(
     assert all(name in lines["lost"] for name in gone)
     assert (lines["lost"] == "no service") == (not gone)
     assert "recording and report.json are on the drone" in lines["recorded"]
+
+
+def test_what_two_topsides_counted_is_not_counted_again_and_again():
+    """They report by turns under the same names; neither was restarted."""
+    ann, bob, said = 11, 22, health("gamepad")
+    reports = [
+        replace(said, stamp_ns=k, instance=who, sent=10 * k + who, counts={"stale:x": n})
+        for k in range(5)
+        for who, n in ((ann, 1), (bob, 2))
+    ]
+    sums = HealthOfAll()
+    for report in reports:
+        sums.add(report)
+    assert by_service(sums.sums) == {"gamepad": {"stale:x": 3}}
+    services = services_of(sums.sums, {}, {})
+    assert services["gamepad"].restarts == 0
+    later = [replace(one, instance=33, stamp_ns=9) for one in reports if one.instance == ann]
+    for report in later:
+        sums.add(report)
+    assert services_of(sums.sums, {}, {})["gamepad"].restarts == 1

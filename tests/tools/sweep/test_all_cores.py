@@ -48,9 +48,30 @@ def test_an_error_in_a_job_is_raised():
         list(on_all_cores(fail, [1], 1))
 
 
-def test_a_killed_worker_is_one_sentence():
-    with pytest.raises(LindyError, match="a worker process was killed"):
+def die_once(place: str) -> str:
+    """Kills its process where a file of this name is not there yet."""
+    path = Path(place)
+    if path.name.startswith("deadly"):
+        os.kill(os.getpid(), signal.SIGKILL)
+    if path.name.startswith("once") and not path.exists():
+        path.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return path.name
+
+
+def test_a_job_that_kills_its_worker_twice_is_one_sentence():
+    with pytest.raises(LindyError, match="a worker process was killed, and again"):
         list(on_all_cores(die, [1], 1))
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_killed_worker_costs_no_job(tmp_path: Path, workers: int):
+    names = ["a", "once-b", "c", "deadly-d", "e", "once-f", "g"]
+    jobs = [str(tmp_path / name) for name in names]
+    results = on_all_cores(die_once, jobs, workers, killed=lambda job: f"lost {Path(job).name}")
+    found = sorted(result for result in results if result is not None)
+    expected = ["lost deadly-d" if name == "deadly-d" else name for name in names]
+    assert found == list(enumerate(expected))
 
 
 def test_asked_to_stop_it_ends_with_the_jobs_at_hand():

@@ -11,7 +11,7 @@ from tools.report import Report
 from tools.sweep import sweep as module
 from tools.sweep.axes import Combination, PlannedDive, SweepAxes, axes
 from tools.sweep.finished import rows_file
-from tools.sweep.one_dive import Job, fly_one
+from tools.sweep.one_dive import Job, fly_one, killed_row
 from tools.sweep.rows import Row, columns
 
 STICKS = "t,surge,sway,heave,yaw\n0,0,0,0,0\n0.2,0,0,0.6,0.4\n1.5,0,0,0,0\n4,0,0,0,0\n"
@@ -270,3 +270,12 @@ def test_one_dive_on_one_core_is_written_so(
     said = capsys.readouterr().out
     assert f"1 dive, on 1 core → {out}" in said
     assert f"written {out} (1 row)" in said
+
+
+def test_a_dive_whose_process_is_killed_each_time_is_a_row_that_says_so():
+    dive = PlannedDive(3, Combination("pioneer", "tether", "script:first_dive", (QUICK,)), 7)
+    row = killed_row(Job(dive, "simulated", None, ""))
+    assert row is not None
+    assert set(row) == set(columns([QUICK.partition("=")[0]]))
+    assert (row["dive"], row["seed"], row["seconds"]) == (3, 7, None)
+    assert str(row["end"]).startswith("its process was killed")

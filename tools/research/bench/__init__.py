@@ -24,6 +24,7 @@ SECTIONS = {
     "dive": "tools.research.bench.dive",
     "onboard": "tools.research.bench.onboard",
     "transport": "tools.research.bench.transport",
+    "mavlink": "tools.research.bench.mavlink",
     "busy": "tools.research.bench.busy",
     "ardusub": "tools.research.bench.ardusub",
 }

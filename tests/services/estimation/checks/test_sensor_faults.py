@@ -87,9 +87,12 @@ def gone_with_the_imu(before: VehicleState, state: VehicleState) -> None:
     assert state.depth_rate.std > 3.0 * before.depth_rate.std
 
 
-def gone_with_the_pressure(_: VehicleState, state: VehicleState) -> None:
+def gone_with_the_pressure(before: VehicleState, state: VehicleState) -> None:
     assert not state.depth.valid
-    assert not state.depth_rate.valid
+    rate = state.depth_rate  # goes on from the accelerometer alone
+    assert rate.valid
+    assert abs(rate.value) < 4.0 * rate.std
+    assert rate.std > before.depth_rate.std
     assert state.heading.valid
 
 
@@ -132,7 +135,7 @@ TABLE: list[tuple[Fault, str, str, float, Says]] = [
     *((not_a_number, sensor, "malformed", *GONE[sensor]) for sensor in SENSORS),
     *((missing_axis, sensor, "malformed", *GONE[sensor]) for sensor in SENSORS),
     (frozen, "imu", "frozen", *GONE["imu"]),
-    (frozen, "pressure", "frozen", 13.0, gone_with_the_pressure),
+    (frozen, "pressure", "frozen", 3.0, gone_with_the_pressure),
     (frozen, "magnetometer", "frozen", *GONE["magnetometer"]),
     (saturated, "imu", "saturated", *GONE["imu"]),
     (saturated, "pressure", "implausible", *GONE["pressure"]),

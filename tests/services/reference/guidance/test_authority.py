@@ -210,8 +210,9 @@ class AnyOrder(RuleBasedStateMachine):
     def asks_for_something_else(self, who: str, kind: RequestKind) -> None:
         holds = not self.owner or (self.owner[max(self.owner)] == who and not self.free)
         nobody = self.free or self.drone.now >= self.heard_ns + SILENT_NS
+        acts = self.drone.authority.admits(self.drone.epochs.get(who, 0), self.drone.now)
         granted = self.drone.ask(who, kind) == ""
-        assert granted == (holds or kind == "stop" or (kind == "disarm" and nobody))
+        assert granted == (holds or kind == "stop" or (kind == "disarm" and (nobody or acts)))
 
     @rule()
     def reference_restarts(self) -> None:

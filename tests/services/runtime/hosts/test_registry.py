@@ -13,6 +13,8 @@ from services.runtime.hosts.registry import NEEDED, Registry
 from services.runtime.hosts.service_module import own_services
 from services.runtime.hosts.virtual_host import VirtualHost
 from tools.checks import known_tables
+from tools.choices import Choices
+from tools.live.piloted_dive import who_flies
 
 NUMBERS = count()
 WIRE = "def wire(node, stack):\n    "
@@ -48,7 +50,19 @@ def test_the_shipped_stacks_differ_in_the_vehicle_side_alone() -> None:
     assert {n: s for n, s in simulated.items() if not s.vehicle_side} == {
         n: s for n, s in real.items() if not s.vehicle_side
     }
-    assert set(simulated) == set(own_services())
+    named = {*simulated, *Registry.read("mavlink"), *Registry.read("ardusub")}
+    assert named == set(own_services())
+
+
+def test_a_ground_station_may_be_the_pilot_in_place_of_the_gamepad() -> None:
+    simulated, mavlink = Registry.read("simulated"), Registry.read("mavlink")
+    assert set(simulated) ^ set(mavlink) == {"gamepad", "mavlink"}
+    mavlink.require_whole()
+    assert who_flies(Choices(stack="mavlink"), mavlink).name == "mavlink"
+    with pytest.raises(LindyError, match="a ground station flies in the stack mavlink"):
+        who_flies(Choices(stack="mavlink", pilot="keyboard"), mavlink)
+    both = {**simulated, "mavlink": mavlink["mavlink"]}
+    assert who_flies(Choices(pilot="keyboard"), both).name == "keyboard"
 
 
 @pytest.mark.parametrize(

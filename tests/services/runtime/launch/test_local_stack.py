@@ -12,9 +12,11 @@ import pytest
 
 from messages import topics
 from messages.health import LogLine
+from services.marine.vehicle import Vehicle
 from services.runtime.bus.zenoh_bus import ZenohBus, connected, namespace
 from services.runtime.config.errors import LindyError
 from services.runtime.config.running import RUNNING, Running
+from services.runtime.config.settings import deploy_file
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.heartbeat import last_beat
 from services.runtime.hosts.registry import Registry
@@ -350,3 +352,38 @@ def test_a_viewer_is_started_when_the_others_are_alive(tmp_path: Path) -> None:
         (tmp_path / "go").touch()
         alive(local)
         assert "visualizer" in local.supervisor.pids
+
+
+READING = """
+from services.marine.vehicle import Vehicle
+def wire(node, stack):
+    mass = stack.section("vehicle", Vehicle).mass
+    node.every(20.0, lambda now: node.log("info", f"mass {mass:g}"))
+"""
+
+
+@pytest.mark.parametrize("change", ["removed", "edited"])
+def test_a_service_that_starts_again_reads_what_the_dive_began_with(
+    tmp_path: Path, change: str
+) -> None:
+    stack, services = made(tmp_path, engine=READING)
+    file = tmp_path / "mine_too.toml"
+    file.write_text(deploy_file("vehicles", "pioneer").read_text())
+    mass = stack.section("vehicle", Vehicle).mass
+    stack = msgspec.structs.replace(stack, vehicle=str(file))
+    with local_stack(stack, services) as local:
+        local.start_services()
+        alive(local)
+        before = running(stack).pids["engine"]
+        if change == "removed":
+            file.unlink()
+        else:
+            file.write_text(file.read_text().replace("[vehicle]", "[vehicle"))
+        log = stack.out_dir / "logs/engine.log"
+        pump_until(local, lambda: log.is_file() and f"mass {mass:g}" in log.read_text())
+        os.kill(before, signal.SIGKILL)
+        pump_until(local, lambda: "engine" in local.missing())
+        log.write_text("")
+        alive(local)
+        pump_until(local, lambda: f"mass {mass:g}" in log.read_text())
+        assert local.restarts["engine"] == 1

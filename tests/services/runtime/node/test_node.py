@@ -288,3 +288,36 @@ def test_a_flood_of_invented_members_is_heard_up_to_a_limit_and_counted_under_on
     assert listener.counts["malformed:health/s0"] == 1
     invented(host, ["My ROV!", "x" * 65], HEALTHY)
     assert listener.counts["unknown_key:health/*"] == 2
+
+
+def test_what_comes_from_outside_is_handled_once_for_however_many_calls() -> None:
+    host, at = VirtualHost(), list[int]()
+    node = host.node("listener", DRONE)
+    notify = node.from_outside(at.append)
+    for _ in range(1000):
+        notify()
+    host.run(5 * MS)
+    assert at == []  # nobody has stepped it yet on virtual time
+    node.step()
+    assert at == [5 * MS]
+    node.step()
+    assert len(at) == 1
+    notify()
+    node.step()
+    assert len(at) == 2
+
+
+def test_what_comes_from_outside_while_it_is_handled_is_handled_again() -> None:
+    host, left = VirtualHost(), [3]
+    node = host.node("listener", DRONE)
+
+    def handle(_: int) -> None:
+        left[0] -= 1
+        if left[0]:
+            notify()
+
+    notify = node.from_outside(handle)
+    notify()
+    for _ in range(3):
+        node.step()
+    assert left == [0]

@@ -13,10 +13,11 @@ from msgspec.structs import replace
 from messages.pilot import PilotAnswer, PilotCommand, PilotRequest, RequestKind
 from messages.units import Ns
 from messages.vehicle import VehicleStatus
-from services.gamepad.core import CENTRED, Level, StickReading
-from services.gamepad.pilot_intents import FollowIntent, GotoIntent, Intent, ModeIntent
+from services.piloting.pilot_intents import FollowIntent, GotoIntent, Intent, ModeIntent
+from services.piloting.sticks import CENTRED, Level, StickReading
 
 PAUSE_NS = 2_000_000_000  # [ns] between two attempts at automatic arming
+RESUME_PAUSE_NS = 200_000_000  # [ns] after an answer: until a newer status says how it went
 BACK_OFF_NS = (
     2_000_000_000,
     10_000_000_000,
@@ -52,11 +53,13 @@ class Pilot:
 
     By itself it asks for control only while nobody has it, and not again after another pilot has
     taken it or after it was released; then the person asks, by arming or with `lindy ask take`.
+    While a failsafe acts, arming means to resume.
     """
 
     progress: Progress
     arms: bool  # automatically, as soon as the drone is ready
     source: str = ""  # name of the pilot, else of the pad, keyboard or script
+    resumes: bool = False  # automatically, once a failsafe's conditions have ended: a script
     _arm_after: Ns = 0  # [ns]
     _arms_next: bool = False  # as soon as this pilot is in control
     _asked_for_rest: bool = False
@@ -65,7 +68,14 @@ class Pilot:
     _take_after: Ns = 0  # [ns]
     _back_off_ns: Ns = BACK_OFF_NS[0]
     _light: bool = False  # as last requested or reported
+    _in_failsafe: bool = False  # the drone acts by itself, until this pilot resumes
+    _resume_after: Ns = 0  # [ns]
     _reading: StickReading = ABSENT
+
+    @property
+    def in_control(self) -> bool:
+        """As far as this pilot knows."""
+        return self._has_control
 
     def read(
         self, reading: StickReading, source: str, played: int, waiting: Waiting, now: Ns
@@ -88,6 +98,9 @@ class Pilot:
         self._hold_lease(status, waiting, now, out)
         if "light" not in waiting:
             self._light = status.light > 0.0
+        self._in_failsafe = status.armed and status.failsafe != "none"
+        if self.resumes and status.resumable and self._has_control:
+            self._resume(waiting, now, out)
         if self.progress.began_ns is not None or not self._has_control:
             return out
         if status.armed:
@@ -102,12 +115,14 @@ class Pilot:
         out = Effects()
         if request.kind == "arm":
             self._arm_after = now + PAUSE_NS
+        elif request.kind == "resume":
+            self._resume_after = now + RESUME_PAUSE_NS
         self._learn(request, answer)
         if request.kind == "lease":
             self._space_out(answer.accepted, now)
             arms, self._arms_next = self._arms_next and answer.accepted, False
             if arms:
-                out.requests.append(self._request("arm"))
+                out.requests.append(self._request("resume" if self._in_failsafe else "arm"))
         if not answer.accepted:
             out.counts.append(f"refused:{request.kind}")
             out.notes.append(("warning", f"the drone refuses to {request.kind}: {answer.reason}"))
@@ -190,8 +205,16 @@ class Pilot:
             self._asked_for_rest = True
             out.notes.append(("info", "ready: let go of the sticks to arm"))
 
+    def _resume(self, waiting: Waiting, now: Ns, out: Effects) -> None:
+        """As an attentive pilot does: at once, while the script's pilot is there."""
+        if "resume" not in waiting and now >= self._resume_after and self._reading.present:
+            out.requests.append(self._request("resume"))
+
     def _press(self, intent: Intent, waiting: Waiting, out: Effects) -> None:
-        """Make the pilot's request; a stop or a disarm also ends automatic arming."""
+        """Make the pilot's request; a stop or a disarm also ends automatic arming. Who arms while a
+        failsafe acts wants to resume."""
+        if intent == "arm" and self._in_failsafe and self._has_control:
+            intent = "resume"
         if intent == "arm" and not self._reading.at_rest:
             out.counts.append("refused_here:arm")
             out.notes.append(("warning", "not arming: let go of the sticks first"))

@@ -1,11 +1,11 @@
-"""Which older requests a newer one withdraws, so that no late repetition arms the drone or starts
-an older manoeuvre again."""
+"""Which older requests a newer one withdraws, so that no late repetition arms the drone, ends
+a failsafe or starts an older manoeuvre again."""
 
 from messages.pilot import PilotRequest, RequestKind
 
 OVERRULES: dict[RequestKind, tuple[RequestKind, ...]] = {
-    "stop": ("arm", "goto", "follow", "mode"),
-    "disarm": ("arm", "goto", "follow"),
+    "stop": ("arm", "resume", "goto", "follow", "mode"),
+    "disarm": ("arm", "resume", "goto", "follow"),
     "goto": ("goto", "follow", "mode"),
     "follow": ("goto", "follow", "mode"),
     "mode": ("goto", "follow", "mode"),

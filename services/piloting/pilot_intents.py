@@ -8,7 +8,7 @@ from messages.pilot import Course, Hold
 DEEPEST = 11_000.0  # [m] no sea is deeper
 TURN = 360.0  # [deg] a heading is given within one turn either way
 
-Press = Literal["arm", "disarm", "stop", "light"]  # what a button can ask for
+Press = Literal["arm", "disarm", "stop", "light", "resume"]  # what a button can ask for
 
 
 class GotoIntent(NamedTuple):

@@ -1,0 +1,86 @@
+"""Buttons in MANUAL_CONTROL: what each does is a parameter, BTNn_FUNCTION, as in ArduSub."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from services.mavlink.parameters import BUTTONS, Parameters
+from services.piloting.pilot_intents import Intent, ModeIntent
+
+# Numbers of libraries/AP_JSButton/AP_JSButton.h in ArduPilot; the others do nothing here.
+ARM_TOGGLE, ARM, DISARM = 2, 3, 4
+MODES = {
+    5: ModeIntent("manual"),
+    6: ModeIntent("heading_hold"),
+    7: ModeIntent("stabilised"),
+    8: ModeIntent("station_keeping"),
+}
+TILT_UP, TILT_DOWN = 22, 23
+LIGHTS_CYCLE, LIGHTS_BRIGHTER, LIGHTS_DIMMER = 31, 32, 33
+GAIN_TOGGLE, GAIN_UP, GAIN_DOWN = 41, 42, 43
+
+
+class Pressed(NamedTuple):
+    """What the buttons of one packet ask for."""
+
+    intents: tuple[Intent, ...] = ()  # of buttons that just went down
+    tilt: float = 0.0  # [-] of buttons that are down
+    gain: float = 1.0  # [-] of the sticks, from now on
+    light: float | None = None  # [-] to be set; None: as it is
+
+
+@dataclass(slots=True)
+class ButtonReader:
+    """Which of them are down, and the gain of the sticks."""
+
+    parameters: Parameters
+    gain: float = 0.5  # [-] command at full stick
+    _down: int = 0  # bits
+
+    def __post_init__(self) -> None:
+        self.gain = self.parameters["JS_GAIN_DEFAULT"]
+
+    def forget(self, down: int) -> None:
+        """Another ground station has the sticks now: what is down already was not pressed."""
+        self._down = down
+
+    def read(self, down: int, *, armed: bool, light: float) -> Pressed:
+        """
+        Args:
+            down: a bit for each button.
+            light: [-] as it is.
+        """
+        new, self._down = down & ~self._down, down
+        held = {self._function(k) for k in range(BUTTONS) if down >> k & 1}
+        pressed = [self._function(k) for k in range(BUTTONS) if new >> k & 1]
+        intents: list[Intent] = []
+        level = light
+        for function in pressed:
+            if function in (ARM_TOGGLE, ARM, DISARM):
+                arms = function == ARM or (function == ARM_TOGGLE and not armed)
+                intents.append("arm" if arms else "disarm")
+            elif function in MODES:
+                intents.append(MODES[function])
+            self._change_gain(function)
+            level = self._lit(function, level)
+        tilt = float(TILT_UP in held) - float(TILT_DOWN in held)
+        return Pressed(tuple(intents), tilt, self.gain, None if level == light else level)
+
+    def _function(self, button: int) -> int:
+        return round(self.parameters[f"BTN{button}_FUNCTION"])
+
+    def _change_gain(self, function: int) -> None:
+        low, high = sorted((self.parameters["JS_GAIN_MIN"], self.parameters["JS_GAIN_MAX"]))
+        step = (high - low) / max(1.0, self.parameters["JS_GAIN_STEPS"] - 1.0)
+        if function == GAIN_TOGGLE:
+            self.gain = low if self.gain > (low + high) / 2 else high
+        elif function in (GAIN_UP, GAIN_DOWN):
+            change = step if function == GAIN_UP else -step
+            self.gain = min(high, max(low, self.gain + change))
+
+    def _lit(self, function: int, light: float) -> float:
+        step = 1.0 / self.parameters["JS_LIGHTS_STEPS"]
+        if function == LIGHTS_CYCLE:
+            return 0.0 if light >= 1.0 else min(1.0, light + step)
+        if function == LIGHTS_BRIGHTER:
+            return min(1.0, light + step)
+        return max(0.0, light - step) if function == LIGHTS_DIMMER else light

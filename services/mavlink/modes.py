@@ -1,0 +1,35 @@
+"""Hold modes as ArduSub's flight modes (`custom_mode`), both ways.
+
+A mode has the name of the ArduSub mode that behaves like it: ArduSub's ALT_HOLD holds depth and
+heading, its STABILIZE the heading alone. Depth alone is held by none of them; it is shown as
+ALT_HOLD and cannot be chosen from a ground station.
+"""
+
+from messages.pilot import Hold
+from messages.vehicle import VehicleStatus
+
+NAMES = {0: "STABILIZE", 2: "ALT_HOLD", 4: "GUIDED", 16: "POSHOLD", 19: "MANUAL"}
+GUIDED = 4  # the drone goes to a place or follows a path by itself
+
+SHOWN: dict[Hold, int] = {
+    "manual": 19,
+    "heading_hold": 0,
+    "depth_hold": 2,
+    "stabilised": 2,
+    "station_keeping": 16,
+}
+CHOSEN: dict[int, Hold] = {
+    19: "manual",
+    0: "heading_hold",
+    2: "stabilised",
+    16: "station_keeping",
+}
+
+
+def custom_mode(status: VehicleStatus) -> int:
+    return GUIDED if status.mode in ("goto", "follow") else SHOWN[status.hold]
+
+
+def choosable() -> str:
+    """`STABILIZE (0), ALT_HOLD (2), …`"""
+    return ", ".join(f"{NAMES[number]} ({number})" for number in sorted(CHOSEN))

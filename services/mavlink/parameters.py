@@ -1,0 +1,104 @@
+"""The parameters that ground stations of a submarine ask for, under ArduSub's names.
+
+Those of the pilot's gamepad can be changed, until the service ends. The others say how the drone
+behaves, in ArduSub's terms; to change one is refused, and the answer is the value in force.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import isfinite
+from typing import NamedTuple
+
+from messages.pilot import TTL_MS
+from services.mavlink.packets import MavPacket
+
+INT8, INT16, INT32, REAL32 = 2, 4, 6, 9  # MAV_PARAM_TYPE
+NO_INDEX = -1  # PARAM_REQUEST_READ: by name
+BUTTONS = 16  # of MANUAL_CONTROL
+
+
+class Parameter(NamedTuple):
+    value: float
+    kind: int = REAL32
+    limits: tuple[float, float] | None = None  # it can be changed within these; None: it cannot
+
+
+# What the buttons do: as in ArduSub, for those functions that are here (`buttons.py`).
+BUTTON_DEFAULTS = (0, 5, 7, 6, 4, 0, 3, 0, 0, 23, 22, 42, 43, 33, 32, 0)
+TABLE: Mapping[str, Parameter] = {
+    "SYSID_THISMAV": Parameter(1.0, INT16),
+    "SYSID_MYGCS": Parameter(255.0, INT16),
+    "FRAME_CONFIG": Parameter(7.0, INT8),  # custom
+    "ARMING_CHECK": Parameter(1.0, INT32),  # all
+    "FS_PILOT_INPUT": Parameter(1.0, INT8),  # comes to rest and holds; ArduSub would only warn
+    "FS_PILOT_TIMEOUT": Parameter(TTL_MS / 1e3),  # [s]
+    "FS_GCS_ENABLE": Parameter(0.0, INT8),  # sticks count, not heartbeats
+    "FS_LEAK_ENABLE": Parameter(0.0, INT8),
+    "FS_PRESS_ENABLE": Parameter(0.0, INT8),
+    "FS_TEMP_ENABLE": Parameter(0.0, INT8),
+    "FS_EKF_ACTION": Parameter(0.0, INT8),
+    "FS_CRASH_CHECK": Parameter(0.0, INT8),
+    "FS_BATT_ENABLE": Parameter(0.0, INT8),
+    "BATT_MONITOR": Parameter(4.0, INT8),  # voltage and current
+    "RC_OVERRIDE_TIME": Parameter(TTL_MS / 1e3),  # [s]
+    "SURFACE_DEPTH": Parameter(0.0),
+    "COMPASS_USE": Parameter(1.0, INT8),
+    "JS_GAIN_DEFAULT": Parameter(0.5, REAL32, (0.1, 1.0)),
+    "JS_GAIN_MIN": Parameter(0.25, REAL32, (0.1, 1.0)),
+    "JS_GAIN_MAX": Parameter(1.0, REAL32, (0.1, 1.0)),
+    "JS_GAIN_STEPS": Parameter(4.0, INT8, (1.0, 10.0)),
+    "JS_LIGHTS_STEPS": Parameter(8.0, INT8, (1.0, 10.0)),
+    "JS_THR_GAIN": Parameter(1.0),
+    **{
+        f"BTN{k}_FUNCTION": Parameter(float(n), INT8, (0.0, 127.0))
+        for k, n in enumerate(BUTTON_DEFAULTS)
+    },
+    **{f"BTN{k}_SFUNCTION": Parameter(0.0, INT8, (0.0, 0.0)) for k in range(BUTTONS)},
+}
+NAMES = tuple(sorted(TABLE))
+
+
+@dataclass(slots=True)
+class Parameters:
+    """Their values."""
+
+    system: int = 1  # our system id
+    _values: dict[str, float] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._values = {name: parameter.value for name, parameter in TABLE.items()}
+        self._values["SYSID_THISMAV"] = float(self.system)
+
+    def __getitem__(self, name: str) -> float:
+        return self._values[name]
+
+    def packet(self, index: int) -> MavPacket:
+        """PARAM_VALUE: a float, whatever the type."""
+        name = NAMES[index]
+        return MavPacket(
+            "PARAM_VALUE",
+            {
+                "param_id": name.encode(),
+                "param_value": self._values[name],
+                "param_type": TABLE[name].kind,
+                "param_count": len(NAMES),
+                "param_index": index,
+            },
+        )
+
+    def index(self, name: str, index: int = NO_INDEX) -> int | None:
+        """Which one is asked for, by index or else by name; None: there is no such parameter."""
+        if index == NO_INDEX:
+            return NAMES.index(name) if name in TABLE else None
+        return index if 0 <= index < len(NAMES) else None
+
+    def change(self, name: str, value: float) -> str:
+        """Change one. Returns why not, or nothing."""
+        limits = TABLE[name].limits
+        if limits is None:
+            return f"{name} cannot be changed from a ground station"
+        low, high = limits
+        if not (isfinite(value) and low <= value <= high):
+            return f"{name}: {value:g} is not between {low:g} and {high:g}"
+        self._values[name] = value if TABLE[name].kind == REAL32 else float(round(value))
+        return ""

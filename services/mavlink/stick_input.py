@@ -1,0 +1,73 @@
+"""MANUAL_CONTROL and RC_CHANNELS_OVERRIDE of the ground station that has the sticks."""
+
+from dataclasses import dataclass
+
+from messages.units import Ns
+from messages.vehicle import VehicleStatus
+from services.mavlink.buttons import ButtonReader
+from services.mavlink.ground_pilot import GroundPilot
+from services.mavlink.numbers import MavSeverity
+from services.mavlink.packets import GroundStation, ReceivedPacket
+from services.mavlink.reaction import Reaction
+from services.mavlink.stick_packets import StickPacket, manual_control, rc_override
+from services.piloting.pilot import Waiting
+
+SAME_TEXT_NS = 5_000_000_000  # [ns] between two warnings that another one has the sticks
+
+
+@dataclass(slots=True)
+class StickInput:
+    pilot: GroundPilot
+    buttons: ButtonReader
+    status: VehicleStatus | None = None  # newest of the drone
+    _lamp: float | None = None  # [-] as RC channel 9 last said
+    _warned_ns: Ns | None = None
+
+    def manual_control(
+        self, packet: ReceivedPacket, waiting: Waiting, now: Ns, out: Reaction
+    ) -> None:
+        holder, down, gain = self.pilot.holder, int(packet.fields["buttons"]), self.buttons.gain
+        if packet.sender != holder.station:
+            self.buttons.forget(down)
+        said = manual_control(packet.fields, gain)
+        if not self._steer(packet.sender, said, waiting, now, out):
+            return
+        armed = self.status is not None and self.status.armed
+        pressed = self.buttons.read(down, armed=armed, light=self._light)
+        holder.tilt = pressed.tilt
+        self.pilot.press(pressed.intents, waiting, now, out)
+        if pressed.gain != gain:
+            out.say(None, MavSeverity.INFO, f"#Gain is {100 * pressed.gain:.0f}%")
+        if pressed.light is not None and "light" not in waiting:
+            self.pilot.light(pressed.light, out)
+
+    def rc_override(self, packet: ReceivedPacket, waiting: Waiting, now: Ns, out: Reaction) -> None:
+        holder, said = self.pilot.holder, rc_override(packet.fields)
+        if said is None:  # all channels released
+            if packet.sender == holder.station:
+                holder.release()
+            return
+        if not self._steer(packet.sender, said, waiting, now, out):
+            return
+        holder.tilt = 0.0
+        if said.light is not None and said.light != self._lamp and "light" not in waiting:
+            self._lamp = said.light
+            self.pilot.light(said.light, out)
+
+    @property
+    def _light(self) -> float:
+        """[-] 0 … 1"""
+        return 0.0 if self.status is None else max(0.0, self.status.light)
+
+    def _steer(
+        self, station: GroundStation, said: StickPacket, waiting: Waiting, now: Ns, out: Reaction
+    ) -> bool:
+        if said.clipped:
+            out.counts.append("clamped:sticks")
+        if self.pilot.steer(station, said.sticks, waiting, now, out):
+            return True
+        if self._warned_ns is None or now >= self._warned_ns + SAME_TEXT_NS:
+            self._warned_ns = now
+            text = f"{self.pilot.name} has the sticks: yours are not obeyed"
+            out.say(station.link, MavSeverity.WARNING, text)
+        return False

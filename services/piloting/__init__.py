@@ -1,0 +1,7 @@
+"""Shared by every pilot: a gamepad, or a ground station. Pure: no bus, no clock.
+
+sticks          stick positions, and what a stick source reads at one instant
+pilot_intents   requests that a pilot can make
+pilot           lease, arming, hand-over and requests, as a state machine
+overruling      which older requests a newer one withdraws
+"""

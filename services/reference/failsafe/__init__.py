@@ -1,0 +1,1 @@
+"""Failsafes: which conditions are watched, what each makes the drone do, and what ends it."""

@@ -1,0 +1,248 @@
+"""What the conditions that hold make the drone do: one state machine for all rows of the table.
+
+The rules:
+
+1. A condition that begins starts the first stage of its row. Each next stage begins when the
+   condition has held for the stage's time without a break. A stage never goes back.
+2. Of several conditions the gravest reaction acts (notice, limit, stop, ascend, surface); of equal
+   ones the row that comes first in the table. All of them are listed.
+3. A notice and a limit end with their condition.
+4. Stop, ascend and surface end by a deliberate act of the pilot alone: `resume`, or disarming.
+   A condition that has ended goes on acting, in the stage it has reached, until then.
+5. `resume` is refused while a condition that acts still holds, unless its row may be overruled. An
+   overruled condition does not act again until it has ended or become worse.
+6. While the drone is disarmed nothing acts: the stages begin anew when it is armed.
+7. An ascent that has reached the surface stays there: it has become `surface`.
+
+Pure: state × (conditions that hold, now).
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import msgspec
+from msgspec.structs import replace
+
+from messages.units import Ns
+from messages.vehicle import Reaction
+from services.reference.failsafe.table import ACTING, SEVERITY, Row
+
+DOES: dict[Reaction, str] = {
+    "stop": "the drone has stopped and holds",
+    "ascend": "the drone rises slowly",
+    "surface": "the drone stays at the surface",
+}
+
+
+class Holding(NamedTuple):
+    """A condition that holds now."""
+
+    level: int = 0  # [-] how bad; a greater one is worse
+    detail: str = ""  # which sensor, thruster, service …
+
+
+Conditions = Mapping[str, Holding]  # by the names of the table
+
+
+class Memory(msgspec.Struct, frozen=True):
+    """Of one condition. Checkpoint: a restart ends no failsafe."""
+
+    since_ns: int  # [ns] when it began, without a break since
+    holds: bool = True
+    stage: int = 0  # of the row
+    overruled: int | None = None  # level at which the pilot has overruled it
+
+
+@dataclass(slots=True)
+class FailsafeMachine:
+    """Times `now` are int ns, never decreasing. `begun` collects the rows that have begun to act or
+    to be said."""
+
+    rows: Sequence[Row]
+    memory: Mapping[str, Memory] = field(default_factory=dict[str, Memory])  # replaced, not changed
+    armed: bool = False  # at the newest step
+    surfaced: bool = False
+    begun: list[Row] = field(default_factory=list[Row])
+    _holding: Conditions = field(default_factory=dict[str, Holding])
+
+    def step(self, holding: Conditions, now: Ns, *, armed: bool, at_surface: bool) -> None:
+        """Take in the conditions that hold now.
+
+        Args:
+            at_surface: the reference rests at the surface depth, or above it.
+        """
+        self._holding = holding
+        if holding or self.memory:
+            self._remember(holding, now, armed=armed)
+        self.armed = armed
+        rises = self.reaction in ("ascend", "surface")
+        self.surfaced = rises and (self.surfaced or at_surface)
+
+    def _remember(self, holding: Conditions, now: Ns, *, armed: bool) -> None:
+        after: dict[str, Memory] = {}
+        for row in self.rows:
+            before = self.memory.get(row.name)
+            if row.name in holding:
+                after[row.name] = self._held(row, before, holding[row.name], now, armed=armed)
+            elif before is not None and armed and _acts(row, before):
+                after[row.name] = replace(before, holds=False) if before.holds else before
+        if after != self.memory:
+            self.memory = after
+
+    def _held(
+        self, row: Row, before: Memory | None, held: Holding, now: Ns, *, armed: bool
+    ) -> Memory:
+        """Of a condition that holds."""
+        is_new = before is None
+        after = Memory(now) if before is None else before
+        if after.overruled is not None and held.level > after.overruled:
+            is_new, after = True, Memory(now)
+        if not after.holds:
+            after = replace(after, since_ns=now, holds=True)
+        if armed and not self.armed:
+            after = replace(after, since_ns=now, stage=0)
+        acted = not is_new and self.armed and _acts(row, after)
+        while (
+            armed
+            and after.stage + 1 < len(row.stages)
+            and now - after.since_ns >= row.stages[after.stage + 1].after * 1e9
+        ):
+            after = replace(after, stage=after.stage + 1)
+        if (armed and _acts(row, after) and not acted) or (is_new and not row.acts):
+            self.begun.append(row)
+        return after
+
+    # What the pilot does.
+
+    def resume(self) -> str:
+        """End what acts; where nothing acts, overrule what is about to. Returns why it is refused,
+        or nothing."""
+        ended = self._acting or self._coming
+        if not ended:
+            return "no failsafe acts: there is nothing to resume from"
+        for row in ended:
+            if self.memory[row.name].holds and not row.overrule:
+                return f"{row.words}, still"
+        after = dict(self.memory)
+        for row in ended:
+            memory = after.pop(row.name)
+            if memory.holds:
+                after[row.name] = replace(memory, overruled=self._level(row.name))
+        self.memory, self.surfaced = after, False
+        return ""
+
+    def disarm(self) -> None:
+        """Forget what has ended."""
+        self.memory = {name: memory for name, memory in self.memory.items() if memory.holds}
+        self.armed = self.surfaced = False
+
+    # What is said.
+
+    @property
+    def acting(self) -> Row | None:
+        """The row that acts."""
+
+        def severity(row: Row) -> int:
+            return SEVERITY.index(self._reaction(row) or "notice")
+
+        return max(self._acting, key=severity, default=None)
+
+    @property
+    def reaction(self) -> Reaction | None:
+        """What the drone does now."""
+        row = self.acting
+        reaction = None if row is None else self._reaction(row)
+        return "surface" if reaction == "ascend" and self.surfaced else reaction
+
+    @property
+    def resumable(self) -> bool:
+        """Something acts, and none of it holds."""
+        acting = self._acting
+        return bool(acting) and not any(self.memory[row.name].holds for row in acting)
+
+    @property
+    def holding(self) -> tuple[str, ...]:
+        """Names of all conditions that hold, in the order of the table."""
+        return tuple(row.name for row in self.rows if row.name in self._holding)
+
+    @property
+    def since_ns(self) -> Ns | None:
+        """[ns] When the acting condition began."""
+        return None if self.acting is None else self.memory[self.acting.name].since_ns
+
+    @property
+    def next_ns(self) -> Ns | None:
+        """[ns] When the next stage of a condition that holds begins; None: there is none."""
+        if not self.memory or not self.armed:
+            return None
+        coming = [
+            memory.since_ns + round(row.stages[memory.stage + 1].after * 1e9)
+            for row in self.rows
+            if (memory := self.memory.get(row.name)) is not None
+            and memory.holds
+            and memory.overruled is None
+            and memory.stage + 1 < len(row.stages)
+        ]
+        return min(coming, default=None)
+
+    @property
+    def words(self) -> str:
+        """What the drone does, what ends it, and everything that acts; empty: nothing acts."""
+        reaction = self.reaction
+        if reaction is None:
+            return ""
+        acting = self._acting
+        held = [row for row in acting if self.memory[row.name].holds]
+        causes = "; ".join(
+            self._sentence(row) + ("" if row in held else " (has ended)") for row in acting
+        )
+        if any(not row.overrule for row in held):
+            ends = "resume once this has ended"
+        else:
+            ends = "resume to have the sticks"
+        return f"{DOES[reaction]}; {ends}: {causes}"
+
+    @property
+    def notices(self) -> str:
+        """Every condition that holds and does not act."""
+        said = [row for row in self.rows if row.name in self._holding]
+        return "; ".join(self._sentence(row) for row in said if self._reaction(row) not in ACTING)
+
+    @property
+    def _acting(self) -> list[Row]:
+        """Rows that act, in the order of the table."""
+        if not self.memory:
+            return []
+        return [row for row in self.rows if self._reaction(row) in ACTING]
+
+    @property
+    def _coming(self) -> list[Row]:
+        """Rows whose condition holds and which will act, and which the pilot may overrule."""
+        return [
+            row
+            for row in self.rows
+            if row.acts and row.overrule and self.armed
+            if (memory := self.memory.get(row.name)) is not None and _open(memory)
+        ]
+
+    def _sentence(self, row: Row) -> str:
+        held = self._holding.get(row.name)
+        return f"{row.words} ({held.detail})" if held is not None and held.detail else row.words
+
+    def _reaction(self, row: Row) -> Reaction | None:
+        memory = self.memory.get(row.name)
+        if memory is None:
+            return None
+        return row.stages[memory.stage].reaction if self.armed and _open(memory) else "notice"
+
+    def _level(self, name: str) -> int:
+        return self._holding[name].level if name in self._holding else 0
+
+
+def _open(memory: Memory) -> bool:
+    return memory.overruled is None
+
+
+def _acts(row: Row, memory: Memory) -> bool:
+    return _open(memory) and row.stages[memory.stage].reaction in ACTING

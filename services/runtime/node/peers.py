@@ -1,0 +1,104 @@
+"""Who else speaks: a side with another version of Lindy, and two processes of one name.
+
+Pure: what was heard, and `now`. A second process of a name is recognised by its instance: it is
+there as long as the older one is still heard after the younger one. After a restart it is not.
+"""
+
+from dataclasses import dataclass
+
+from messages.health import Health
+from messages.identity import SideIdentity, difference
+from messages.units import Ns
+
+RECENT_NS = 3_000_000_000  # [ns] everybody speaks once a second
+PATIENCE_NS = 3_000_000_000  # [ns] in which the other side says who it is
+VOICES = 8  # instances of one name that are told apart
+NAMES = 64  # services that are watched
+
+Key = tuple[str, str]  # side, service
+
+
+@dataclass(slots=True)
+class Voice:
+    """A process that calls itself by a service's name."""
+
+    instance: int
+    pid: int
+    first_ns: Ns
+    last_ns: Ns
+
+
+class Peers:
+    """What is heard of the others. Only services of `side` are looked at for doubles: two topsides
+    are two pilots, who may take turns."""
+
+    def __init__(self, ours: SideIdentity, side: str = "drone") -> None:
+        self._ours = ours
+        self._side = side
+        self._others: dict[int, tuple[SideIdentity, Ns]] = {}  # by instance
+        self._voices: dict[str, list[Voice]] = {}  # by service; the oldest first
+        self._expected_ns: Ns | None = None
+        self._met = False
+
+    def expect(self, now: Ns) -> None:
+        """The other side is another machine, and was heard: it must say who it is."""
+        if self._expected_ns is None:
+            self._expected_ns = now
+
+    def identity(self, theirs: SideIdentity, now: Ns) -> None:
+        if theirs.side == self._ours.side:
+            return
+        self._met = True
+        self._others[theirs.instance] = theirs, now
+        self._forget(now)
+
+    def health(self, health: Health, now: Ns) -> None:
+        if health.side == self._side and health.instance:
+            self.speaks(health.service, health.instance, health.pid, now)
+
+    def speaks(self, service: str, instance: int, pid: int, now: Ns) -> None:
+        """A process of this name was heard; or is this one, which does not hear itself."""
+        if service not in self._voices and len(self._voices) >= NAMES:
+            return
+        voices = self._voices.setdefault(service, [])
+        known = next((voice for voice in voices if voice.instance == instance), None)
+        if known is not None:
+            known.last_ns = now
+            return
+        voices.append(Voice(instance, pid, now, now))
+        del voices[:-VOICES]
+
+    def wrong(self, now: Ns) -> str:
+        """Why nobody should arm, in words for the pilot; empty: all is well."""
+        self._forget(now)
+        differing = (difference(self._ours, said) for said, _ in self._others.values())
+        return next(filter(None, [self._silence(now), *differing, self._doubles(now)]), "")
+
+    def _forget(self, now: Ns) -> None:
+        """Those not heard of lately, and all but the newest few."""
+        recent = [(who, it) for who, it in self._others.items() if now - it[1] <= RECENT_NS]
+        self._others = dict(recent[-VOICES:])
+
+    def _silence(self, now: Ns) -> str:
+        if self._met or self._expected_ns is None or now < self._expected_ns + PATIENCE_NS:
+            return ""
+        other = "drone" if self._ours.side == "topside" else "topside"
+        return f"the {other} does not say which Lindy it runs: install the same on both machines"
+
+    def _doubles(self, now: Ns) -> str:
+        for service, voices in self._voices.items():
+            recent = [voice for voice in voices if now - voice.last_ns <= RECENT_NS]
+            both = [
+                voice
+                for k, voice in enumerate(recent)
+                if any(voice.last_ns > younger.first_ns for younger in recent[k + 1 :])
+                or any(older.last_ns > voice.first_ns for older in recent[:k])
+            ]
+            if both:
+                pids = ", ".join(str(voice.pid) for voice in both)
+                return f"{_number(len(both))} services call themselves {service}: pids {pids}"
+        return ""
+
+
+def _number(count: int) -> str:
+    return {2: "two", 3: "three"}.get(count, str(count))

@@ -1,0 +1,160 @@
+"""Our numbers of MAVLink are those of the dialect, and what we send fits its messages."""
+
+from collections import Counter
+from enum import IntEnum
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import (  # pyright: ignore[reportMissingTypeStubs]
+    ardupilotmega as dialect,
+)
+
+from messages.message import Estimate
+from messages.pilot import Hold
+from messages.sensors import BatterySample
+from messages.state import VehicleState
+from messages.vehicle import Failsafe, Mode, VehicleStatus
+from services.mavlink import identity, modes, numbers, telemetry
+from services.mavlink.io.codec import CLASSES, Codec
+from services.mavlink.packets import MavPacket
+from services.mavlink.telemetry import MADE, Snapshot
+
+PREFIXES: dict[type[IntEnum], str] = {
+    numbers.MavCommand: "MAV_CMD",
+    numbers.MavResult: "MAV_RESULT",
+    numbers.MavSeverity: "MAV_SEVERITY",
+    numbers.MavState: "MAV_STATE",
+    numbers.MavModeFlag: "MAV_MODE_FLAG",
+    numbers.MavLandedState: "MAV_LANDED_STATE",
+    numbers.MavSensor: "MAV_SYS_STATUS",
+    numbers.MavCapability: "MAV_PROTOCOL_CAPABILITY",
+    numbers.MavDataStream: "MAV_DATA_STREAM",
+}  # type: ignore[dict-item]
+ALIASES = {
+    "MAV_SYS_STATUS_ABSOLUTE_PRESSURE": "MAV_SYS_STATUS_SENSOR_ABSOLUTE_PRESSURE",
+    "MAV_SYS_STATUS_MOTOR_OUTPUTS": "MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS",
+    "MAV_SYS_STATUS_BATTERY": "MAV_SYS_STATUS_SENSOR_BATTERY",
+    "MAV_MODE_FLAG_STABILIZE_ENABLED": "MAV_MODE_FLAG_STABILIZE_ENABLED",
+}
+finite = st.floats(-1e9, 1e9)
+estimates = st.builds(Estimate, value=finite, std=st.just(0.0), valid=st.booleans())
+
+
+def test_every_number_is_that_of_the_dialect() -> None:
+    for kind, prefix in PREFIXES.items():
+        for one in kind:
+            name = f"{prefix}_{one.name}"
+            assert getattr(dialect, ALIASES.get(name, name)) == one.value, name
+    assert dialect.MAV_MISSION_ACCEPTED == numbers.MavMissionResult.ACCEPTED
+    assert dialect.MAV_MISSION_UNSUPPORTED == numbers.MavMissionResult.UNSUPPORTED
+    assert dialect.MAV_MISSION_INVALID_SEQUENCE == numbers.MavMissionResult.INVALID_SEQUENCE
+    assert dialect.MAV_AUTOPILOT_ARDUPILOTMEGA == numbers.ARDUPILOT
+    assert dialect.MAV_TYPE_SUBMARINE == numbers.SUBMARINE
+    assert dialect.MAV_COMP_ID_AUTOPILOT1 == numbers.AUTOPILOT_COMPONENT
+    assert dialect.MAVLINK_MSG_ID_SET_MODE == numbers.SET_MODE
+
+
+def test_modes_have_their_numbers_in_the_dialect() -> None:
+    for number, name in modes.NAMES.items():
+        assert getattr(dialect, f"SUB_MODE_{name}") == number
+
+
+@pytest.mark.parametrize("name", numbers.MESSAGE_IDS)
+def test_every_message_that_can_be_asked_for_has_its_number(name: str) -> None:
+    assert CLASSES[name].id == numbers.MESSAGE_IDS[name]
+
+
+def test_every_message_that_can_be_asked_for_is_made() -> None:
+    assert set(MADE) | set(identity.ASKED_FOR) == set(numbers.MESSAGE_IDS)
+
+
+def test_every_mode_that_can_be_chosen_is_shown_as_chosen() -> None:
+    for number, hold in modes.CHOSEN.items():
+        assert modes.SHOWN[hold] == number
+    assert set(modes.SHOWN) - set(modes.CHOSEN.values()) == {"depth_hold"}
+
+
+statuses = st.builds(
+    VehicleStatus,
+    stamp_ns=st.just(0),
+    mode=st.sampled_from(list(Mode.__args__)),
+    armed=st.booleans(),
+    hold=st.sampled_from(list(Hold.__args__)),
+    failsafe=st.sampled_from(list(Failsafe.__args__)),
+    light=st.floats(-1.0, 1.0),
+)
+states = st.builds(
+    VehicleState,
+    stamp_ns=st.just(0),
+    sensor_ns=st.just(0),
+    phase=st.just("running"),
+    depth=estimates,
+    depth_rate=estimates,
+    depth_acceleration=estimates,
+    attitude=st.just((1.0, 0.0, 0.0, 0.0)),
+    roll=estimates,
+    pitch=estimates,
+    heading=estimates,
+    heading_navigation=st.none() | estimates,
+    yaw_rate=estimates,
+    surge_velocity=st.none() | estimates,
+    sway_velocity=st.none() | estimates,
+    north=st.none() | estimates,
+    east=st.none() | estimates,
+)
+batteries = st.builds(
+    BatterySample,
+    stamp_ns=st.just(0),
+    voltage=st.floats(0.0, 1e9),
+    current=finite,
+    used_wh=st.floats(0.0, 1e9),
+    capacity_wh=st.none() | st.floats(0.0, 1e9),
+)
+
+
+@given(
+    known=st.builds(
+        Snapshot,
+        now=st.integers(0, 2**62),
+        boot_ns=st.just(0),
+        utc_ns=st.integers(0, 2**62),
+        status=st.none() | statuses,
+        state=st.none() | states,
+        battery=st.none() | batteries,
+        tilt=st.none() | finite,
+        gain=st.floats(0.0, 1.0),
+    )
+)
+def test_whatever_the_drone_says_fits_into_frames(known: Snapshot) -> None:
+    counts = Counter[str]()
+    ours = Codec("test", 1, counts)
+    theirs = Codec("test", 255, counts)
+    packets = [packet for make in MADE.values() for packet in make(known)]
+    packets += [make(known) for make in identity.ASKED_FOR.values()]
+    for packet in packets:
+        frame = ours.encode(packet)
+        assert frame is not None, packet
+        (received,) = theirs.decode(frame, whole=True)
+        assert received.name == packet.name
+    assert not counts
+
+
+@given(state=states)
+def test_depth_is_the_altitude_downwards_in_every_packet(state: VehicleState) -> None:
+    known = Snapshot(0, 0, 0, state=state)
+
+    def of(make: object) -> MavPacket:
+        packet = make(known)  # type: ignore[operator]
+        assert packet is not None
+        return packet  # type: ignore[no-any-return]
+
+    assert of(telemetry.vfr_hud).fields["alt"] == -state.depth.value
+    assert of(telemetry.ahrs2).fields["altitude"] == -state.depth.value
+    height = of(telemetry.global_position_int).fields["relative_alt"]
+    assert height == pytest.approx(max(-(2**31), min(2**31, -1e3 * state.depth.value)), abs=1.0)
+    assert 0 <= of(telemetry.vfr_hud).fields["heading"] < 360
+
+
+def test_without_the_drones_status_there_is_no_heartbeat() -> None:
+    assert telemetry.heartbeat(Snapshot(0, 0, 0)) is None

@@ -1,0 +1,214 @@
+"""With any one process of the chain stopped the pilot can disarm, and it stays disarmed when that
+process wakes again. On virtual time; a stopped process handles nothing and keeps what arrives."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from msgspec.structs import replace
+
+from messages import topics
+from messages.control import ThrusterCommand
+from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
+from messages.reference import Reference
+from messages.vehicle import Actuation
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.jitter import Jitter, Lateness
+from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.virtual_host import VirtualHost
+
+S, MS = 10**9, 10**6  # [ns]
+ON_BOARD = ("simulator", "estimation", "reference", "control")
+FOR_EVER = 10**18  # [ns]
+
+
+class Stoppable(Lateness):
+    """Punctual, but for the time in which it is stopped."""
+
+    def __init__(self) -> None:
+        super().__init__(Jitter(), np.random.default_rng(0))
+        self.until = 0  # [ns]
+
+    def arrived(self, now: int) -> None:
+        super().arrived(max(now, self.until))
+
+    def next_step(self, deadline: int) -> int:
+        return max(super().next_step(deadline), self.until)
+
+
+class Dive:
+    """The drone, armed and diving, and a pilot."""
+
+    def __init__(self, folder: Path) -> None:
+        self.processes = {name: Stoppable() for name in ON_BOARD}
+        self.host, rows = VirtualHost(lateness=self.processes), Registry.read()
+        stack = Stack(out=str(folder), overrides=["estimation.calibration.still_time=3"])
+        for name in ON_BOARD:
+            self.host.add(name, rows[name], stack)
+        node = self.host.node("pilot", ["drone"])
+        self.answers: list[PilotAnswer] = []
+        self.actuations: list[Actuation] = []
+        self.commands: list[ThrusterCommand] = []
+        self.reference: Reference | None = None
+        self.heave, self.asked = 0.0, 0
+        self._sticks, self._ask = (
+            node.publisher(topics.PILOT_COMMAND),
+            node.publisher(topics.PILOT_REQUEST),
+        )
+        node.each(topics.PILOT_ANSWER, lambda m, _: self.answers.append(m))
+        node.each(topics.ACTUATION, lambda m, _: self.actuations.append(m))
+        node.each(topics.THRUSTERS, lambda m, _: self.commands.append(m))
+        node.each(topics.REFERENCE, self._see)
+        node.every(topics.PILOT_COMMAND.hz, self._steer)
+
+    def _see(self, reference: Reference, _: int) -> None:
+        self.reference = reference
+
+    def _steer(self, now: int) -> None:
+        self._sticks.put(PilotCommand(stamp_ns=now, surge=0, sway=0, heave=self.heave, yaw=0))
+
+    def run(self, seconds: float) -> None:
+        self.host.run(self.host.now + round(seconds * S))
+
+    def ask(self, kind: Any, name: str = "", **more: Any) -> str:
+        self.asked += 1
+        name = name or f"{kind}-{self.asked}"
+        request = PilotRequest(stamp_ns=self.host.now, id=name, kind=kind)
+        self._ask.put(replace(request, **more))
+        return name
+
+    def arm_and_dive(self) -> "Dive":
+        self.run(6.0)
+        self.ask("arm")
+        self.run(0.2)
+        assert self.answers[-1].accepted, self.answers[-1].reason
+        self.heave = 0.8
+        self.run(2.0)
+        assert self.turning
+        return self
+
+    @property
+    def turning(self) -> bool:
+        return turns(self.actuations[-1])
+
+    def stop(self, name: str, seconds: float) -> None:
+        self.processes[name].until = self.host.now + round(seconds * S)
+
+    def answered(self, name: str) -> list[PilotAnswer]:
+        return [answer for answer in self.answers if answer.id == name]
+
+    def armed_since(self, ns: int) -> bool:
+        return any(c.armed and any(c.thrust) for c in self.commands if c.stamp_ns > ns)
+
+
+def turns(actuation: Actuation) -> bool:
+    """A thruster with a lag comes to rest, but never wholly."""
+    return any(abs(newtons) > 0.01 for newtons in actuation.thrust)
+
+
+@pytest.fixture
+def dive(tmp_path: Path) -> Dive:
+    return Dive(tmp_path).arm_and_dive()
+
+
+@pytest.mark.parametrize("stopped", ["reference", "control", "estimation"])
+def test_a_disarm_stops_the_thrusters_and_they_stay_stopped(dive: Dive, stopped: str) -> None:
+    dive.stop(stopped, 3.0)
+    dive.run(0.15)
+    asked, name = dive.host.now, dive.ask("disarm")
+    dive.run(1.0)
+    assert not dive.turning
+    assert [answer.accepted for answer in dive.answered(name)] == [True]
+    began = len(dive.actuations)
+    dive.run(6.0)  # awake again since three seconds
+    assert not any(turns(a) for a in dive.actuations[began:])
+    assert dive.reference is not None
+    assert not dive.reference.armed
+    assert dive.reference.stamp_ns > asked + 3 * S
+
+
+@pytest.mark.parametrize("stopped", ["reference", "control"])
+def test_an_arm_after_the_disarm_arms_again(dive: Dive, stopped: str) -> None:
+    dive.heave = 0.0
+    dive.stop(stopped, 1.0)
+    dive.run(0.3)
+    dive.ask("disarm")
+    dive.run(2.0)
+    assert not dive.turning
+    dive.ask("arm")
+    dive.run(0.2)
+    assert dive.answers[-1].accepted, dive.answers[-1].reason
+    dive.heave = 0.8
+    dive.run(1.0)
+    assert dive.turning
+
+
+@pytest.mark.parametrize("stopped", ["reference", "control"])
+def test_a_disarm_and_a_later_arm_in_one_silence(dive: Dive, stopped: str) -> None:
+    dive.heave = 0.0
+    dive.stop(stopped, 1.0)
+    dive.run(0.05)
+    dive.ask("disarm")
+    dive.run(0.3)
+    dive.ask("arm")
+    dive.run(2.0)
+    dive.heave = 0.8
+    dive.run(1.0)
+    assert dive.turning
+
+
+def test_a_reference_that_lost_the_request_is_told_of_it(dive: Dive) -> None:
+    """Killed while it was silent, it starts again with its checkpoint: armed."""
+    dive.host.kill("reference")
+    dive.run(0.15)
+    name = dive.ask("disarm")
+    dive.run(0.3)
+    assert [answer.accepted for answer in dive.answered(name)] == [True]
+    woken = dive.host.now
+    dive.host.add("reference", Registry.read()["reference"], Stack())
+    dive.run(1.0)
+    assert dive.reference is not None
+    assert dive.reference.stamp_ns > woken
+    assert not dive.reference.armed
+    assert not dive.armed_since(woken)
+    assert dive.host.nodes["control"].counts["overruled:reference"] == 1
+    assert not dive.turning
+
+
+def test_one_answer_while_nobody_is_stopped(dive: Dive) -> None:
+    name = dive.ask("disarm")
+    dive.run(1.0)
+    assert len(dive.answered(name)) == 1
+    assert dive.host.nodes["control"].counts["silent:reference"] == 0
+    assert dive.host.nodes["control"].counts["overruled:reference"] == 0
+
+
+def test_another_epoch_disarms_nothing(dive: Dive) -> None:
+    dive.stop("reference", 2.0)
+    dive.run(0.15)
+    name = dive.ask("disarm", epoch=99)
+    dive.run(0.5)
+    assert dive.turning
+    assert not dive.answered(name)
+    assert dive.host.nodes["control"].counts["wrong_epoch:pilot/request"] == 1
+    assert dive.host.nodes["simulator"].counts["wrong_epoch:pilot/request"] == 1
+
+
+def test_a_stop_is_answered_while_reference_is_silent_and_done_when_it_wakes(dive: Dive) -> None:
+    dive.heave = 0.0
+    dive.run(3.0)
+    dive.ask("goto", depth=8.0)
+    dive.run(1.0)
+    dive.host.kill("reference")
+    dive.run(0.15)
+    name = dive.ask("stop", epoch=99)  # by anybody
+    dive.run(0.3)
+    assert [answer.accepted for answer in dive.answered(name)] == [True]
+    dive.stop("reference", 0.0)
+    dive.host.add("reference", Registry.read()["reference"], Stack())
+    dive.run(5.0)
+    assert dive.reference is not None
+    assert dive.reference.armed
+    assert abs(dive.reference.depth.velocity) < 0.01
+    assert dive.reference.depth.position < 6.0

@@ -1,0 +1,274 @@
+"""Failsafes in the whole chain on virtual time: what the drone does, and what gives it back."""
+
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from messages import topics
+from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
+from messages.reference import Reference
+from messages.simulator import FaultKind, FaultRequest
+from messages.vehicle import Truth, VehicleStatus
+from services.reference.settings import Settings
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.virtual_host import VirtualHost
+
+SECOND = 1_000_000_000
+CHAIN = ("simulator", "estimation", "reference", "control", "tether", "link_monitor")
+QUICK = (
+    "estimation.calibration.still_time=3",
+    "reference.failsafe.depth_limit=4",
+    "reference.failsafe.pilot_patience=20",
+)
+
+
+class Dive:
+    """The chain, and a person topside who arms, moves the sticks and asks."""
+
+    def __init__(self, folder: Path, *more: str) -> None:
+        self.host = VirtualHost()
+        self.stack = Stack(out=str(folder), arm=False, overrides=[*QUICK, *more])
+        self.limits = self.stack.section("reference", Settings)
+        for name in CHAIN:
+            self.host.add(name, Registry.read()[name], self.stack)
+        self.truth: list[Truth] = []
+        self.references: list[Reference] = []
+        self.statuses: list[tuple[int, VehicleStatus]] = []
+        aboard = self.host.node("observer", ["drone"])
+        aboard.each(topics.TRUTH, lambda m, _: self.truth.append(m))
+        aboard.each(topics.REFERENCE, lambda m, _: self.references.append(m))
+        aboard.each(topics.STATUS, lambda m, now: self.statuses.append((now, m)))
+        self._faults = aboard.publisher(topics.FAULT_REQUEST)
+        pilot = self.host.node("gamepad", ["topside"])
+        self.heave, self.yaw, self.there = 0.0, 0.0, True
+        self._asked, self._answers = 0, dict[str, PilotAnswer]()
+        self._commands = pilot.publisher(topics.PILOT_COMMAND)
+        self._requests = pilot.publisher(topics.PILOT_REQUEST)
+        pilot.each(topics.PILOT_ANSWER, self._hear)
+        pilot.every(topics.PILOT_COMMAND.hz, self._speak)
+
+    def armed_at(self, depth: float) -> "Dive":
+        self.run(12.0)
+        assert self.ask("arm") == ""
+        assert self.ask("goto", depth=depth) == ""
+        return self.run(15.0)
+
+    def run(self, seconds: float) -> "Dive":
+        self.host.run(self.host.now + round(seconds * SECOND))
+        return self
+
+    def ask(self, kind: str, **more: float) -> str:
+        """Why the drone refuses; empty: it does not."""
+        self._asked += 1
+        request = PilotRequest(stamp_ns=self.host.now, id=f"{self._asked}", kind=kind, **more)  # type: ignore[arg-type]
+        self._requests.put(request)
+        self.run(0.3)
+        return self._answers[request.id].reason
+
+    def break_(self, part: str, fault: FaultKind) -> None:
+        now = self.host.now
+        self._faults.put(FaultRequest(stamp_ns=now, id=f"{part}-{now}", part=part, fault=fault))
+
+    def seconds_until(self, reaction: str | None, since: int, patience: float = 120.0) -> float:
+        self.host.run(
+            self.host.now + round(patience * SECOND), done=lambda: self.status.reaction == reaction
+        )
+        assert self.status.reaction == reaction, self.status
+        return (self.statuses[-1][0] - since) / SECOND
+
+    @property
+    def status(self) -> VehicleStatus:
+        return self.statuses[-1][1]
+
+    @property
+    def depth(self) -> float:
+        return self.truth[-1].position[2]
+
+    def check(self) -> None:
+        """The reference has no step in depth or its derivatives, and stays above the limit."""
+        heave, begun = self.limits.heave, [r for r in self.references if r.armed]
+        for before, after in pairwise(begun):
+            assert abs(after.depth.jerk) <= heave.jerk * (1 + 1e-9)
+            assert abs(after.depth.acceleration - before.depth.acceleration) <= heave.jerk * 0.011
+            assert abs(after.depth.velocity - before.depth.velocity) <= 0.011 * 0.5
+            assert after.depth.position <= self.limits.failsafe.depth_limit + 1e-6
+
+    def _speak(self, now: int) -> None:
+        if self.there:
+            self._commands.put(
+                PilotCommand(stamp_ns=now, surge=0.0, sway=0.0, heave=self.heave, yaw=self.yaw)
+            )
+
+    def _hear(self, answer: PilotAnswer, _: int) -> None:
+        self._answers[answer.id] = answer
+
+
+def test_without_a_pilot_it_stops_holds_rises_and_stays_at_the_surface(tmp_path: Path) -> None:
+    dive = Dive(tmp_path).armed_at(3.0)
+    dive.heave = 0.5
+    dive.run(1.5)
+    dive.there, gone = False, dive.host.now
+    assert dive.seconds_until("stop", gone) <= 0.33
+    assert dive.status.failsafe == "pilot_lost"
+    dive.run(8.0)
+    depth = dive.depth
+    dive.run(5.0)
+    assert abs(dive.depth - depth) < 0.1
+    assert 20.0 <= dive.seconds_until("ascend", gone) <= 20.4
+    rising = dive.host.now
+    distance = dive.depth - dive.limits.failsafe.surface_depth
+    assert dive.seconds_until("surface", rising) >= distance / dive.limits.failsafe.ascent_speed
+    dive.run(10.0)
+    assert abs(dive.depth - dive.limits.failsafe.surface_depth) < 0.15
+    dive.check()
+
+
+def test_moving_sticks_do_nothing_and_resume_hands_back(tmp_path: Path) -> None:
+    dive = Dive(tmp_path).armed_at(2.0)
+    dive.there = False
+    dive.run(3.0)
+    assert dive.ask("resume") == "pilot lost: no stick positions arrive, still"
+    dive.there, dive.heave, dive.yaw = True, 1.0, 1.0
+    dive.run(4.0)
+    assert abs(dive.depth - 2.0) < 0.15
+    assert dive.status.reaction == "stop"
+    assert dive.status.resumable
+    assert "(has ended)" in dive.status.words
+    assert dive.ask("goto", depth=1.0) == "the drone is stopping"
+    assert dive.ask("resume") == ""
+    assert (dive.status.failsafe, dive.status.words) == ("none", "")
+    dive.run(2.0)
+    assert dive.depth > 2.3
+    dive.check()
+
+
+def test_a_link_that_is_cut_is_told_from_a_pilot_who_is_silent(tmp_path: Path) -> None:
+    dive = Dive(tmp_path).armed_at(2.0)
+    dive.host.kill("tether")
+    dive.run(0.6)
+    assert dive.status.conditions == ("pilot_lost",)
+    dive.run(1.0)
+    assert dive.status.conditions == ("link_lost", "pilot_lost")
+    assert dive.status.failsafe == "link_lost"
+    dive.there = False
+    dive.host.add("tether", Registry.read()["tether"], dive.stack)
+    dive.run(1.0)
+    assert dive.status.conditions == ("pilot_lost",)
+    assert dive.status.failsafe == "link_lost"  # until the pilot resumes
+    assert dive.ask("resume") == "pilot lost: no stick positions arrive, still"
+
+
+def test_a_leak_is_said_at_once_and_acts_after_its_time(tmp_path: Path) -> None:
+    dive = Dive(tmp_path).armed_at(2.0)
+    dive.break_("leak", "wet")
+    wet = dive.host.now
+    dive.run(1.2)
+    assert dive.status.failsafe == "none"
+    assert dive.status.note == "water in the enclosure"
+    assert 10.0 <= dive.seconds_until("ascend", wet) <= 11.5
+    dive.heave = 1.0
+    dive.seconds_until("surface", wet)
+    assert dive.ask("resume") == ""  # who wants to go on may
+    dive.run(3.0)
+    assert dive.depth > 1.0
+    assert dive.status.note == "water in the enclosure"
+    dive.break_("leak", "none")
+    dive.run(2.0)
+    dive.break_("leak", "wet")
+    dive.seconds_until("ascend", dive.host.now)
+    dive.check()
+
+
+def test_a_battery_that_is_low_is_said_and_a_critical_one_brings_it_up(tmp_path: Path) -> None:
+    dive = Dive(tmp_path).armed_at(2.0)
+    dive.break_("battery", "low")
+    dive.run(20.0)
+    assert dive.status.note == "the battery is low (20% left)"
+    assert dive.status.failsafe == "none"
+    dive.break_("battery", "critical")
+    assert dive.seconds_until("ascend", dive.host.now) <= 11.5
+    assert dive.status.failsafe == "battery_critical"
+    dive.run(0.5)
+    assert dive.ask("resume") == ""
+    assert dive.seconds_until(None, dive.host.now, 1.0) <= 1.0
+    dive.run(20.0)
+    assert dive.status.failsafe == "none"
+    dive.break_("battery", "empty")  # worse: it acts again
+    dive.seconds_until("ascend", dive.host.now)
+    dive.check()
+
+
+def test_a_hot_enclosure_is_said(tmp_path: Path) -> None:
+    dive = Dive(tmp_path).armed_at(1.0)
+    dive.break_("temperature", "hot")
+    dive.run(2.0)
+    assert dive.status.note == "the enclosure is too hot (85 °C)"
+    dive.break_("temperature", "none")
+    dive.run(2.0)
+    assert dive.status.note == ""
+
+
+def test_full_stick_stops_above_the_depth_limit_and_goto_below_it_is_refused(
+    tmp_path: Path,
+) -> None:
+    dive = Dive(tmp_path).armed_at(2.0)
+    assert dive.ask("goto", depth=1e5) == "100000 m is deeper than the depth limit, 4 m"
+    dive.heave = 1.0
+    dive.run(20.0)
+    assert abs(dive.references[-1].depth.position - 4.0) < 1e-3
+    assert max(truth.position[2] for truth in dive.truth) < 4.1
+    assert "the depth limit: the drone goes no deeper" in dive.status.note
+    assert dive.status.failsafe == "none"
+    dive.check()
+
+
+def test_a_silent_imu_stays_announced_for_as_long_as_it_is_silent(tmp_path: Path) -> None:
+    dive = Dive(tmp_path).armed_at(2.0)
+    dive.break_("imu", "silent")
+    dive.run(1.0)
+    since = len(dive.statuses)
+    dive.run(60.0)
+    assert {"imu_lost"} <= set.intersection(
+        *(set(status.conditions) for _, status in dive.statuses[since:])
+    )
+    assert {status.failsafe for _, status in dive.statuses[since:]} <= {"imu_lost", "state_lost"}
+    assert dive.ask("resume") == ""  # the pilot may bring it home without
+    dive.run(1.0)
+    assert dive.status.failsafe == "none"
+    assert "the IMU cannot be used" in dive.status.note
+    dive.break_("imu", "none")
+    dive.run(5.0)
+    assert "imu_lost" not in dive.status.conditions
+
+
+@pytest.mark.parametrize("kind", ["silent", "frozen"])
+def test_a_sensor_that_cannot_be_used_is_named_while_it_lasts(
+    tmp_path: Path, kind: FaultKind
+) -> None:
+    dive = Dive(tmp_path).armed_at(2.0)
+    dive.break_("magnetometer", kind)
+    dive.run(5.0)
+    assert dive.status.conditions == ("sensor",)
+    assert "sensor/magnetometer" in dive.status.note
+    dive.break_("magnetometer", "none")
+    dive.run(2.0)
+    assert dive.status.conditions == ()
+
+
+def test_a_service_that_died_and_a_thruster_that_died_are_said(tmp_path: Path) -> None:
+    dive = Dive(tmp_path).armed_at(2.0)
+    dive.host.kill("control")
+    dive.run(1.0)
+    assert dive.status.conditions == ("control_silent",)
+    dive.run(4.0)
+    assert dive.status.conditions == ("control_silent", "service_silent")
+    assert "(control)" in dive.status.note
+    dive.host.add("control", Registry.read()["control"], dive.stack)
+    dive.run(10.0)
+    assert dive.status.conditions == ()
+    dive.break_("vertical", "dead")
+    dive.heave = 1.0
+    dive.run(6.0)
+    assert "a thruster does not follow its commands (vertical)" in dive.status.note

@@ -1,0 +1,112 @@
+"""Which dive a new start of the drone's side goes on with."""
+
+import os
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from services.estimation.checkpoint import EstimationCheckpoint
+from services.runtime.config.running import RUNNING, Running
+from tools.live.resume import LONGEST_S
+from tools.onboard.broken_off import broken_off
+from tools.onboard.this_start import NOTE, Start, boot_id, mark_ended, read
+
+S = 1_000_000_000  # [ns]
+NOW = 100_000 * S
+LEARNT = EstimationCheckpoint(
+    stamp_ns=NOW - 5 * S, atmosphere=101_300.0, atmosphere_std=20.0, gyro_bias=(0.01, 0.0, -0.01),
+    accelerometer_bias=0.02, heading=1.0, heading_std=0.1, north=0.3,
+)  # fmt: skip
+BROKEN = Start("this", "pioneer", 7 * S)
+
+
+def dive(folder: Path, start: Start | bytes = BROKEN, learnt: bytes | None = None) -> Path:
+    checkpoints = folder / "checkpoints"
+    checkpoints.mkdir(parents=True)
+    data = start if isinstance(start, bytes) else msgspec.json.encode(start)
+    (checkpoints / f"{NOTE}.json").write_bytes(data)
+    (checkpoints / "reference.json").write_bytes(b'{"armed": true}')
+    learnt = msgspec.json.encode(LEARNT) if learnt is None else learnt
+    if learnt:
+        (checkpoints / "estimation.json").write_bytes(learnt)
+    return folder
+
+
+def test_a_dive_that_broke_off_on_this_start_is_gone_on_with(tmp_path: Path):
+    folder = dive(tmp_path / "dive")
+    found = broken_off(tmp_path, "this", "pioneer", NOW)
+    assert found is not None
+    assert (found.folder, found.age_s) == (folder, 5.0)
+    assert msgspec.json.decode(found.checkpoint, type=EstimationCheckpoint) == LEARNT
+
+
+@pytest.mark.parametrize(
+    ("start", "learnt"),
+    [
+        (msgspec.structs.replace(BROKEN, ended=True), None),
+        (msgspec.structs.replace(BROKEN, boot_id="another"), None),
+        (msgspec.structs.replace(BROKEN, vehicle="another"), None),
+        (b"{}", None),
+        (b"\xff", None),
+        (BROKEN, b""),
+        (BROKEN, b"{"),
+    ],
+)
+def test_no_other_dive_is(tmp_path: Path, start: Start | bytes, learnt: bytes | None):
+    dive(tmp_path / "dive", start, learnt)
+    assert broken_off(tmp_path, "this", "pioneer", NOW) is None
+
+
+def test_a_dive_that_goes_on_is_left_alone(tmp_path: Path):
+    folder = dive(tmp_path / "dive")
+    going_on = Running("pioneer", {}, os.getpid(), {})
+    (folder / RUNNING).write_bytes(msgspec.json.encode(going_on))
+    assert broken_off(tmp_path, "this", "pioneer", NOW) is None
+
+
+@given(st.floats(-100.0, 2 * LONGEST_S))
+def test_what_is_too_old_or_of_the_future_is_not_used(
+    tmp_path_factory: pytest.TempPathFactory, age_s: float
+):
+    folder = tmp_path_factory.mktemp("dives")
+    dive(folder / "dive")
+    found = broken_off(folder, "this", "pioneer", LEARNT.stamp_ns + round(age_s * 1e9))
+    assert (found is not None) == (0 <= round(age_s * 1e9) <= LONGEST_S * S)
+
+
+class Earlier(NamedTuple):
+    began_s: int
+    ended: bool
+
+
+@given(st.lists(st.builds(Earlier, st.integers(0, 50), st.booleans()), unique_by=lambda e: e[0]))
+def test_only_the_newest_counts(tmp_path_factory: pytest.TempPathFactory, earlier: list[Earlier]):
+    folder = tmp_path_factory.mktemp("dives")
+    for number, one in enumerate(earlier):
+        start = msgspec.structs.replace(BROKEN, began_ns=one.began_s * S, ended=one.ended)
+        dive(folder / str(number), start)
+    found = broken_off(folder, "this", "pioneer", NOW)
+    newest = max(earlier, default=None)
+    if newest is None or newest.ended:
+        assert found is None
+    else:
+        assert found is not None
+        assert found.folder == folder / str(earlier.index(newest))
+
+
+def test_a_deliberate_end_is_noted(tmp_path: Path):
+    checkpoints = dive(tmp_path / "dive") / "checkpoints"
+    mark_ended(checkpoints)
+    assert read(checkpoints / f"{NOTE}.json") == msgspec.structs.replace(BROKEN, ended=True)
+    assert broken_off(tmp_path, "this", "pioneer", NOW) is None
+    mark_ended(tmp_path)  # no note: nothing to do
+    assert list(tmp_path.iterdir()) == [tmp_path / "dive"]
+
+
+@pytest.mark.skipif(boot_id() is None, reason="only Linux numbers its starts")
+def test_a_start_of_the_computer_has_one_id():
+    assert boot_id() == boot_id() != ""

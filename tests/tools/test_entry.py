@@ -1,0 +1,50 @@
+"""Ctrl-C while the command still loads."""
+
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+# As the installed `lindy` begins; it then loads one module for ever.
+BEGINNING = """
+import sys, time
+sys.path.insert(0, {root!r})
+from tools.entry import main
+class Slow:
+    def find_spec(self, name, path=None, target=None):
+        if name == {module!r}:
+            print("loading", flush=True)
+            time.sleep(600)
+sys.meta_path.insert(0, Slow())
+sys.exit(main())
+"""
+
+
+@pytest.mark.parametrize("module", ["cyclopts", "msgspec", "tools.gains", "tools.sweep.command"])
+def test_an_early_ctrl_c_is_one_sentence(module: str):
+    lindy = subprocess.Popen(
+        [sys.executable, "-P", "-c", BEGINNING.format(root=str(ROOT), module=module), "--help"],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert lindy.stdout is not None
+    assert lindy.stdout.readline() == "loading\n"
+    lindy.send_signal(signal.SIGINT)
+    _, said = lindy.communicate()
+    assert (lindy.returncode, said) == (130, "lindy: interrupted\n")
+
+
+def test_who_started_it_may_have_it_ignore_ctrl_c():
+    lindy = subprocess.Popen(
+        [sys.executable, "-P", "-c", BEGINNING.format(root=str(ROOT), module="cyclopts"), "--help"],
+        stdout=subprocess.PIPE,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN),
+    )
+    assert lindy.stdout is not None
+    assert lindy.stdout.readline() == b"loading\n"
+    lindy.send_signal(signal.SIGINT)
+    lindy.terminate()
+    lindy.communicate()
+    assert lindy.returncode == -signal.SIGTERM  # and not the first signal

@@ -1,0 +1,64 @@
+"""What is kept of health messages: as much as the whole list would tell, in a bounded memory."""
+
+from collections import Counter
+from itertools import pairwise
+from statistics import median
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from messages.health import Health
+from tools.health_sums import MOST, HealthSums, Thinned
+
+S = 1_000_000_000  # [ns]
+
+
+def health(second: int, sent: int, counts: dict[str, int], cpu_percent: float | None) -> Health:
+    return Health(
+        stamp_ns=second * S, service="control", loop_hz=100.0, lateness_p50_ms=0.1 * second,
+        lateness_p99_ms=None, cpu_percent=cpu_percent, rss_mb=float(second % 7), sent=sent,
+        received=0, counts=counts,
+    )  # fmt: skip
+
+
+COUNTS = st.dictionaries(st.sampled_from(["stale", "lost:state"]), st.integers(0, 9))
+SAID = st.lists(st.tuples(st.integers(0, 1000), COUNTS, st.none() | st.floats(0.0, 400.0)))
+
+
+@given(SAID)
+def test_the_sums_are_those_of_the_whole_list(said: list[tuple[int, dict[str, int], float | None]]):
+    reports = [health(second, *one) for second, one in enumerate(said)]
+    sums = HealthSums()
+    for report in reports:
+        sums.add(report)
+    ends = [a for a, b in pairwise(reports) if b.sent < a.sent] + reports[-1:]
+    assert sums.sent == sum(end.sent for end in ends)
+    assert sums.lives == len(ends)
+    assert sums.counts == sum((Counter(end.counts) for end in ends), Counter[str]())
+    known = [report.cpu_percent for report in reports if report.cpu_percent is not None]
+    assert sums.mean_cpu_percent == (pytest.approx(sum(known) / len(known)) if known else None)
+    assert sums.rss_mb == max((report.rss_mb or 0.0 for report in reports), default=None)
+    assert sums.lateness_p50_ms.values == [report.lateness_p50_ms for report in reports]
+    again = msgspec.json.decode(msgspec.json.encode(sums), type=HealthSums)
+    assert again == sums
+
+
+def test_an_overtaken_message_is_no_restart():
+    sums = HealthSums()
+    for second, sent in [(1, 10), (3, 30), (2, 20), (4, 40)]:
+        sums.add(health(second, sent, {}, None))
+    assert (sums.lives, sums.sent) == (1, 40)
+
+
+@given(st.integers(1, 5 * MOST), st.floats(0.0, 100.0))
+def test_of_a_long_dive_a_bounded_number_of_values_tells_the_median(seconds: int, most: float):
+    values = [most * (k * 7919 % 1009) / 1009 for k in range(seconds)]
+    kept = Thinned()
+    for value in values:
+        kept.add(value)
+    assert 0 < len(kept.values) <= MOST
+    assert kept.values == values[:: kept.every]
+    if len(values) > 1009:
+        assert abs(median(kept.values) - median(values)) <= 0.05 * most

@@ -1,0 +1,124 @@
+"""What a report needs of the `Health` messages of each service, in a memory that does not grow.
+
+Health counts since the start of a process. Another instance, or a smaller `sent`, is a restart:
+what was counted before is added.
+"""
+
+from collections import Counter
+
+import msgspec
+
+from messages.health import Health
+
+MOST = 2000  # values that are kept for a median: each second of the first half hour
+LATE_NS = 5_000_000_000  # [ns] a message that is older than the one before it was overtaken
+
+
+class Thinned(msgspec.Struct):
+    """Values for a median: all of them, and from `MOST` on every second, every fourth …"""
+
+    values: list[float] = []
+    every: int = 1  # one of so many is kept
+    seen: int = 0
+
+    def add(self, value: float | None) -> None:
+        if value is None:
+            return
+        if self.seen % self.every == 0:
+            self.values.append(value)
+        self.seen += 1
+        if len(self.values) > MOST:
+            self.values = self.values[::2]
+            self.every *= 2
+
+
+class OneProcess(msgspec.Struct):
+    """One process of a service."""
+
+    last: Health
+    first_said: int  # number of its first message among all of the service …
+    last_said: int  # … and of its newest
+
+
+class HealthSums(msgspec.Struct):
+    """Of one service, over its restarts. Of every process by itself: two topsides have services of
+    the same names, and report them by turns."""
+
+    living: dict[int, OneProcess] = {}  # by `Health.instance`
+    said: int = 0  # messages
+    ended: int = 0  # processes that ended, and began again with the same instance
+    lateness_p50_ms: Thinned = msgspec.field(default_factory=Thinned)  # [ms] of each second
+    lateness_p99_ms: Thinned = msgspec.field(default_factory=Thinned)  # [ms] of each second
+    cpu_percent: float = 0.0  # [%] of one core, sum over its messages
+    cpu_times: int = 0  # messages in that sum
+    rss_mb: float | None = None  # [MB] most
+    sent_before: int = 0  # messages, in the lives that have ended
+    counts_before: dict[str, int] = {}  # the same of its counts
+
+    def add(self, health: Health) -> None:
+        self._of_the_second(health)
+        self.said += 1
+        # Somebody who invents instances is counted as one.
+        known = health.instance in self.living or len(self.living) < MOST
+        instance = health.instance if known else -1
+        life = self.living.get(instance)
+        if life is None:
+            self.living[instance] = OneProcess(health, self.said, self.said)
+            return
+        life.last_said = self.said
+        if life.last.stamp_ns - LATE_NS < health.stamp_ns < life.last.stamp_ns:
+            return
+        if health.sent < life.last.sent:
+            self.ended += 1
+            self.sent_before += life.last.sent
+            self.counts_before = dict(Counter(self.counts_before) + Counter(life.last.counts))
+        life.last = health
+
+    @property
+    def lives(self) -> int:
+        """Times that it was started, as far as its messages tell."""
+        return len(self.living) + self.ended
+
+    @property
+    def restarts(self) -> int:
+        """The same without the first start of each that ran beside others."""
+        spans = [(life.first_said, life.last_said) for life in self.living.values()]
+        beside = (sum(a <= begin <= b for a, b in spans) for begin, _ in spans)
+        return max(0, self.lives - max(beside, default=1))
+
+    @property
+    def sent(self) -> int:
+        """Messages."""
+        return self.sent_before + sum(life.last.sent for life in self.living.values())
+
+    @property
+    def counts(self) -> Counter[str]:
+        """Everything that it counted, by name."""
+        counts = Counter(self.counts_before)
+        for life in self.living.values():
+            counts.update(life.last.counts)
+        return counts
+
+    @property
+    def mean_cpu_percent(self) -> float | None:
+        """[%] of one core; None: never known."""
+        return self.cpu_percent / self.cpu_times if self.cpu_times else None
+
+    def _of_the_second(self, health: Health) -> None:
+        self.lateness_p50_ms.add(health.lateness_p50_ms)
+        self.lateness_p99_ms.add(health.lateness_p99_ms)
+        if health.cpu_percent is not None:
+            self.cpu_percent += health.cpu_percent
+            self.cpu_times += 1
+        if health.rss_mb is not None:
+            self.rss_mb = max(health.rss_mb, self.rss_mb or 0.0)
+
+
+class HealthOfAll:
+    """By service."""
+
+    def __init__(self) -> None:
+        self.sums: dict[str, HealthSums] = {}
+
+    def add(self, health: Health) -> None:
+        self.sums.setdefault(health.service, HealthSums()).add(health)

@@ -1,0 +1,41 @@
+"""What the drone did by itself: each failsafe with its times, from the recorded status."""
+
+import msgspec
+import numpy as np
+
+from messages import topics
+from messages.vehicle import Failsafe, Reaction
+from tools.report.columns import FAILSAFES, REACTIONS
+from tools.report.dive import RecordedDive
+
+NONE = FAILSAFES.index("none")
+
+
+class ActedReaction(msgspec.Struct, frozen=True):
+    """One reaction, from its beginning to the next change."""
+
+    condition: Failsafe
+    reaction: Reaction
+    t: float  # [s] since the first arming
+    seconds: float  # [s] that it lasted, or until the last status
+
+
+def failsafes(dive: RecordedDive) -> list[ActedReaction]:
+    """All reactions in order of time; none on a dive without arming."""
+    status, armed = dive[topics.STATUS], dive.armed
+    if armed is None or not status.count:
+        return []
+    stamp, acting, doing = status["stamp"], status["failsafe"], status["reaction"]
+    changed = (np.diff(acting) != 0) | (np.diff(doing) != 0)
+    begins = [0, *(np.flatnonzero(changed) + 1).tolist()]
+    ends = [*begins[1:], status.count - 1]
+    return [
+        ActedReaction(
+            condition=FAILSAFES[int(acting[begin])],
+            reaction=REACTIONS[int(doing[begin])],
+            t=float(stamp[begin] - armed[0]) / 1e9,
+            seconds=float(stamp[end] - stamp[begin]) / 1e9,
+        )
+        for begin, end in zip(begins, ends, strict=True)
+        if acting[begin] != NONE and doing[begin] >= 0
+    ]
