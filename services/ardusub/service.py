@@ -5,7 +5,14 @@ from collections.abc import Callable
 from messages import topics
 from messages.control import ThrusterCommand
 from messages.message import Message
-from messages.sensors import BatterySample, ImuSample, MagnetometerSample, PressureSample
+from messages.sensors import (
+    BatterySample,
+    ImuSample,
+    LeakSample,
+    MagnetometerSample,
+    PressureSample,
+    TemperatureSample,
+)
 from messages.topic import AnyTopic
 from services.ardusub.authority import TakenCheckpoint
 from services.ardusub.core import ArdusubDriver, Settings
@@ -45,6 +52,7 @@ def wire_to(link: BoardLink, node: Node, stack: Stack) -> None:
     reader = FrameReader(codec)
     pass_on = _passing_on(driver, link, codec, node)
     actuation = node.publisher(topics.ACTUATION)
+    leak, temperature = node.publisher(topics.LEAK), node.publisher(topics.TEMPERATURE)
     status, reference = node.latest(topics.STATUS), node.latest(topics.REFERENCE)
 
     def obey(command: ThrusterCommand, now: int) -> None:
@@ -71,6 +79,11 @@ def wire_to(link: BoardLink, node: Node, stack: Stack) -> None:
     def report(now: int) -> None:
         actuation.put(driver.actuation(now))
 
+    def look_inside(now: int) -> None:
+        leak.put(LeakSample(stamp_ns=now, wet=driver.wet(now)))
+        if driver.enclosure is not None:
+            temperature.put(TemperatureSample(stamp_ns=now, temperature=driver.enclosure))
+
     def show(now: int) -> None:
         newest, wanted = status.newest(now), reference.newest(now)
         driver.show(newest.light if newest else 0.0, wanted.tilt.position if wanted else 0.0)
@@ -84,6 +97,7 @@ def wire_to(link: BoardLink, node: Node, stack: Stack) -> None:
     node.each(topics.THRUSTERS, obey)
     node.every(POLL_HZ, look)
     node.every(topics.ACTUATION.hz, report)
+    node.every(topics.LEAK.hz, look_inside)
     node.every(SHOW_HZ, show)
     node.on_close(close)
 
