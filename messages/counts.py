@@ -132,6 +132,9 @@ NAMES: dict[str, Meaning] = {
     "refused:arm": Meaning(DANGER, "the vehicle's board refused to arm"),
     "silent:board": Meaning(DANGER, "the vehicle's board was silent"),
     "jumped:board_clock": Meaning(DANGER, "the clock of the vehicle's board jumped"),
+    "shifted:board_clock": Meaning(
+        MESSAGE, "the clock of the vehicle's board shifted by some milliseconds"
+    ),
     "stale:pilot/command": Meaning(SENSOR, "the pilot's commands were too old to be used"),
     "stale:control/thrusters": Meaning(
         DANGER, "the thrusters stopped because no new command arrived"

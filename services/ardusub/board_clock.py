@@ -3,8 +3,9 @@
 The board stamps with the time since its boot. An answer to TIMESYNC was stamped after the question
 was sent and before the answer arrived, and any message was stamped before it arrived: each bounds
 the offset, and it lies within all bounds (Marzullo and Owicki 1983). Crystals differ, so a bound
-widens with its age. Bounds that contradict each other, or a board's time that runs backwards, mean
-that its clock jumped.
+widens with its age. Where bounds contradict each other by little, the clock was shifted, and the
+newest bound holds: the clock of ArduSub's own simulator does so by some milliseconds whenever its
+computer is busy. By more, or where the board's time runs backwards, the clock jumped.
 """
 
 from dataclasses import dataclass
@@ -13,7 +14,8 @@ from math import inf
 from messages.units import Ns
 
 DRIFT = 100e-6  # [-] greatest difference of two crystals
-SLACK_NS = 2_000_000  # [ns] contradictions up to this are the rounding of its stamps to 1 ms
+ROUNDING_NS = 2_000_000  # [ns] contradictions up to this come from stamps in whole milliseconds
+SHIFT_NS = 100_000_000  # [ns] contradictions beyond this are jumps
 BACKWARDS_NS = 500_000_000  # [ns] messages are out of order by far less
 
 
@@ -22,6 +24,7 @@ class BoardClock:
     """Offset = our clock - board's clock [ns]."""
 
     jumps: int = 0
+    shifts: int = 0
     _least: float = -inf
     _most: float = inf
     _as_of: Ns | None = None  # of our clock, when the bounds were widened last
@@ -56,16 +59,26 @@ class BoardClock:
     def _bounded(self, board: Ns, now: Ns, least: float, most: float) -> bool:
         self._widen(now)
         backwards = self._newest is not None and board < self._newest - BACKWARDS_NS
-        contradicts = most < self._least - SLACK_NS or least > self._most + SLACK_NS
-        if backwards or contradicts:
+        gap = max(self._least - most, least - self._most)  # [ns] between old and new bounds
+        jumped = backwards or gap > SHIFT_NS
+        if jumped:
             self.jumps += 1
             self.forget()
             self._as_of = now
+        elif gap > 0:
+            self._shift(least, most, gap)
         self._newest = board if self._newest is None else max(board, self._newest)
         self._least, self._most = max(self._least, least), min(self._most, most)
-        if self._least > self._most:  # by less than the slack
-            self._least = self._most = (self._least + self._most) / 2
-        return not (backwards or contradicts)
+        return not jumped
+
+    def _shift(self, least: float, most: float, gap: float) -> None:
+        """Move the interval, as wide as it is, to where it agrees with the newest bound."""
+        self.shifts += gap > ROUNDING_NS
+        width = self._most - self._least
+        if most < self._least:
+            self._least, self._most = most - width, most
+        else:
+            self._least, self._most = least, least + width
 
     def _widen(self, now: Ns) -> None:
         if self._as_of is not None:

@@ -12,6 +12,7 @@ from typing import Any, Literal, NamedTuple
 from messages import topics
 from messages.control import ThrusterCommand
 from messages.message import Message
+from messages.pilot import PilotRequest
 from messages.units import Ns
 from messages.vehicle import Actuation
 from services.ardusub import parameters, readings
@@ -134,7 +135,15 @@ class ArdusubDriver:
     def obey(self, asked: ThrusterCommand, now: Ns) -> None:
         self.events += self._gate.obey(asked, now)
         if self._gate.command is asked:
-            self.authority.wish(asked.armed, now)
+            self.authority.wish(self._gate.armed(now), now)
+        self._mix(now)
+        self._send_sticks(now)
+
+    def hear_pilot(self, request: PilotRequest, now: Ns) -> None:
+        """A disarm by the pilot is obeyed here too, whatever becomes of the services above."""
+        self.events += self._gate.hear(request, now)
+        if self._gate.command is not None and self._gate.ends_ns is not None:
+            self.authority.wish(self._gate.armed(now), now)
         self._mix(now)
         self._send_sticks(now)
 
@@ -298,9 +307,12 @@ class ArdusubDriver:
         board = readings.stamp_of(fields)
         if board is None:
             return
+        shifts = self.clock.shifts
         if not self.clock.heard(board, now):
             self._jumped(now)
             return
+        if self.clock.shifts > shifts:
+            self.events.append("shifted:board_clock")
         stamp = self.clock.ours(board, now)
         if stamp is None:
             return

@@ -2,7 +2,7 @@
 
 from typing import Any, NamedTuple
 
-# Names of the protocol (common.xml, ardupilotmega.xml) that this service uses.
+# Names of the protocol (common.xml) that this service uses.
 GCS_TYPE, SUBMARINE, INVALID_AUTOPILOT, ARDUPILOTMEGA = 6, 12, 8, 3
 ARMED_BIT, CUSTOM_MODE_BIT = 128, 1
 AUTOPILOT = 1  # component

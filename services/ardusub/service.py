@@ -5,7 +5,15 @@ from collections.abc import Callable
 from messages import topics
 from messages.control import ThrusterCommand
 from messages.message import Message
-from messages.sensors import BatterySample, ImuSample, MagnetometerSample, PressureSample
+from messages.pilot import PilotRequest
+from messages.sensors import (
+    BatterySample,
+    ImuSample,
+    LeakSample,
+    MagnetometerSample,
+    PressureSample,
+    TemperatureSample,
+)
 from messages.topic import AnyTopic
 from services.ardusub.authority import TakenCheckpoint
 from services.ardusub.core import ArdusubDriver, Settings
@@ -45,12 +53,16 @@ def wire_to(link: BoardLink, node: Node, stack: Stack) -> None:
     reader = FrameReader(codec)
     pass_on = _passing_on(driver, link, codec, node)
     actuation = node.publisher(topics.ACTUATION)
-    status, reference = node.latest(topics.STATUS), node.latest(topics.REFERENCE)
 
     def obey(command: ThrusterCommand, now: int) -> None:
         driver.obey(command, now)
         pass_on()
         end.set(None if driver.ends_ns is None else driver.ends_ns + 1)
+
+    def hear(request: PilotRequest, now: int) -> None:
+        if request.kind == "disarm":
+            driver.hear_pilot(request, now)
+            pass_on()
 
     def lapse(now: int) -> None:
         driver.lapse(now)
@@ -71,10 +83,6 @@ def wire_to(link: BoardLink, node: Node, stack: Stack) -> None:
     def report(now: int) -> None:
         actuation.put(driver.actuation(now))
 
-    def show(now: int) -> None:
-        newest, wanted = status.newest(now), reference.newest(now)
-        driver.show(newest.light if newest else 0.0, wanted.tilt.position if wanted else 0.0)
-
     def close() -> None:
         driver.disarm()
         pass_on()
@@ -82,10 +90,34 @@ def wire_to(link: BoardLink, node: Node, stack: Stack) -> None:
 
     end = node.alarm(lapse)
     node.each(topics.THRUSTERS, obey)
+    node.each(topics.PILOT_REQUEST, hear)
     node.every(POLL_HZ, look)
     node.every(topics.ACTUATION.hz, report)
-    node.every(SHOW_HZ, show)
+    _report_the_enclosure(node, driver)
+    _show_light_and_tilt(node, driver)
     node.on_close(close)
+
+
+def _report_the_enclosure(node: Node, driver: ArdusubDriver) -> None:
+    leak, temperature = node.publisher(topics.LEAK), node.publisher(topics.TEMPERATURE)
+
+    def look_inside(now: int) -> None:
+        leak.put(LeakSample(stamp_ns=now, wet=driver.wet(now)))
+        if driver.enclosure is not None:
+            temperature.put(TemperatureSample(stamp_ns=now, temperature=driver.enclosure))
+
+    node.every(topics.LEAK.hz, look_inside)
+
+
+def _show_light_and_tilt(node: Node, driver: ArdusubDriver) -> None:
+    """Both keep their last value on silence."""
+    status, reference = node.latest(topics.STATUS), node.latest(topics.REFERENCE)
+
+    def show(now: int) -> None:
+        newest, wanted = status.newest(now), reference.newest(now)
+        driver.show(newest.light if newest else 0.0, wanted.tilt.position if wanted else 0.0)
+
+    node.every(SHOW_HZ, show)
 
 
 def _passing_on(

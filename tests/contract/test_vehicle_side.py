@@ -395,7 +395,7 @@ def a_disarm_stops(bench: Bench) -> None:
     bench.run(0.5)
     assert bench.at_rest_again(began), "the arming that was disarmed arms again"
     bench.ask(bench.along(HEAVE, 0.3), armed_ns=bench.now())
-    bench.run(0.5)
+    bench.run(START_S)
     assert any(bench.produced()[-1].thrust), "a later arming acts"
 
 

@@ -249,7 +249,7 @@ def test_a_reboot_in_mid_dive_needs_a_deliberate_arming(version: str) -> None:
     assert cable.board.armed
 
 
-@pytest.mark.parametrize("seconds", [-3.0, -0.8, 0.1, 30.0])
+@pytest.mark.parametrize("seconds", [-3.0, -0.8, 0.2, 30.0])
 def test_a_jump_of_the_boards_clock_stops_the_vehicle(seconds: float) -> None:
     cable = Cable().flying()
     cable.board.clock_ahead_ns += round(seconds * S)

@@ -72,7 +72,8 @@ def test_a_wrong_check_sum_is_no_packet() -> None:
 def test_an_unknown_message_is_left_alone() -> None:
     data = bytearray(CODEC.encode(heartbeat()))
     data[7:10] = b"\xfe\xff\xff"
-    assert FrameReader(CODEC).read(bytes(data)) == ([], 1, 0)
+    found = FrameReader(CODEC).read(bytes(data))
+    assert (found.wrong, found.packets[0].fields) == (0, {})
 
 
 delays = st.lists(
@@ -105,7 +106,20 @@ def test_nothing_is_known_before_an_answer() -> None:
     assert clock.ours(5 * S, 9 * S) is None
 
 
-@pytest.mark.parametrize("jump", [-10 * S, -S, -100 * MS, 100 * MS, 10 * S])
+@given(st.lists(st.integers(-40 * MS, 40 * MS), max_size=30))
+def test_a_clock_that_shifts_a_little_is_followed(shifts: list[int]) -> None:
+    clock, now, offset = BoardClock(), 100 * S, 50 * S
+    for shift in [0, *shifts]:
+        offset += shift
+        assert clock.answered(now, now + MS - offset, now + 2 * MS)
+        ours = clock.ours(now + MS - offset, now + 2 * MS)
+        assert ours is not None
+        assert abs(ours - now - MS) <= 1.1 * MS
+        now += 200 * MS
+    assert clock.jumps == 0
+
+
+@pytest.mark.parametrize("jump", [-10 * S, -S, -200 * MS, 200 * MS, 10 * S])
 def test_a_jump_is_noticed_with_the_next_answer(jump: int) -> None:
     clock, now = BoardClock(), 100 * S
     for _ in range(10):
