@@ -1,0 +1,374 @@
+"""The fit: the vehicle whose open-loop motion, from the recorded commands, is nearest to what the
+sensors measured.
+
+Output error (Ljung 1999, §7.3): every window is predicted from its begin by thrust alone, and
+compared with the specific force, the yaw rate and the depth. What belongs to a window alone is
+eliminated: its velocities at the begin, offset and drift of the accelerometers (with tilt, which
+reads as surge and sway acceleration), offset of the yaw gyroscope, and of the depth. The weights of
+the sensors come from the residuals.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from services.marine.vehicle import Vehicle
+from tools.identify.dive_data import DiveData, Windows
+from tools.identify.least_squares import (
+    Eliminated,
+    WindowEquations,
+    covariance,
+    damped_step,
+    eliminate,
+    normal_equations,
+    own_step,
+)
+from tools.identify.motion_model import ROWS, Measured, Predicted, coefficients, predict
+from tools.identify.parameters import (
+    AXES,
+    BUOYANCY,
+    COUNT,
+    LAG,
+    Start,
+    indices_of,
+    inertia_of,
+    linear_of,
+    quadratic_of,
+    vehicle_of,
+)
+from tools.identify.thrust import CommandedThrust, Floats
+
+STEP = 1e-4  # [-], [m/s] of a difference quotient
+BEGIN_STD = np.array([0.15, 0.15, 0.1, 0.05])  # [m/s, rad/s] of the estimate at a window's begin
+FORCE, YAW, DEPTH = 0, 3, 4  # channels: three forces, yaw rate, depth
+FIRST_STD = np.array([0.03, 0.03, 0.03, 0.003, 0.05])  # [m/s², rad/s, m] before residuals are known
+LEAST_STD = np.array([1e-6, 1e-6, 1e-6, 1e-7, 1e-6])
+BLOCK_S = 1.0  # [s] longer than the residuals' memory
+ROUNDS = 3  # of weights from residuals
+MOST_STEPS = 12
+SMALL_GAIN = 1e-7  # [-] of the cost: the end of a round
+NOT_EXPLAINED = 3.0  # [-] times the median residual of the windows: something else pushed there
+UNTOLD = 1e-4  # [-] 1/σ of what is fitted, so that the equations are never singular
+FIXED = 1e6  # [-] 1/σ of what is held
+MOST_INERTIA_STD = 0.1  # [-] an axis that the data tell less of is not fitted
+MOST_DRAG_STD = 0.3  # [-] of the drag at the typical speed
+MOST_LAG_STD = 0.5  # [-]
+MOST_WINDOWS = 40  # those with most thrust; more hardly make it better
+
+
+class FitInput(NamedTuple):
+    """The data of a fit, and how they are taken."""
+
+    windows: Windows
+    thrust: CommandedThrust | None  # None: as measured, in `wrench`
+    wrench: Floats  # (windows, n, 4) [N, N m] by the vehicle file's lag, or measured
+    wake_share: float
+    fits_lag: bool
+
+
+class Fit(NamedTuple):
+    x: Floats  # (COUNT,) see parameters.py
+    covariance: Floats  # (COUNT, COUNT)
+    axes: tuple[str, ...]  # that are fitted
+    lag: bool  # is fitted
+    speed: Floats  # (4,) [m/s, rad/s] typical of the dive
+    noise: Floats  # (5,) [m/s² × 3, rad/s, m] residual std
+    inflation: Floats  # (COUNT,) of the deviations, because residuals are not white
+    unexplained: int  # windows left out
+    used: int  # windows
+    refused: dict[str, tuple[float, float]]  # axis: std of inertia and of drag [-] it would have
+
+
+def fit_input(
+    data: DiveData, found: Windows, vehicle: Vehicle, wake_share: float
+) -> FitInput:
+    """Thrust as measured, if it is; else from the commands."""
+    from services.control.allocation.layout import effect_matrix
+
+    if len(data.thrust):
+        per_thruster = [np.interp(found.t, data.thrust_t, column) for column in data.thrust.T]
+        wrench = np.stack(per_thruster, axis=-1) @ effect_matrix(vehicle).T
+        return FitInput(found, None, wrench[..., list(ROWS)], wake_share, fits_lag=False)
+    thrust = CommandedThrust(vehicle, data.command_t, data.commands)
+    fits_lag = all(thruster.lag is None for thruster in vehicle.thruster)
+    wrench = _wrench(thrust, found.t, None)
+    return FitInput(found, thrust, wrench, wake_share, fits_lag)
+
+
+def busiest(taken: FitInput, most: int = MOST_WINDOWS) -> FitInput:
+    """Only the windows in which the wrench changes most."""
+    spread = taken.wrench.std(axis=1)
+    scale = np.maximum(spread.max(axis=0, initial=0.0), 1e-9)
+    order = np.argsort(-(spread / scale).max(axis=1, initial=0.0), kind="stable")[:most]
+    keep = np.sort(order)
+    return _only(taken, [int(n) for n in keep])
+
+
+def _only(taken: FitInput, keep: list[int]) -> FitInput:
+    w = taken.windows
+    windows = w._replace(
+        t=w.t[keep], rates=w.rates[keep], force=w.force[keep], down=w.down[keep],
+        begin=w.begin[keep], depth_t=[w.depth_t[n] for n in keep],
+        depth=[w.depth[n] for n in keep],
+    )  # fmt: skip
+    return taken._replace(windows=windows, wrench=taken.wrench[keep])
+
+
+def fit(taken: FitInput, start: Start, axes: tuple[str, ...] = AXES) -> Fit:
+    """The axes of these that the data tell enough of; there may be none."""
+    refused: dict[str, tuple[float, float]] = {}
+    lag = taken.fits_lag
+    while True:
+        search = _Search(taken, start, axes, lag)
+        weak = search.weak()  # by the file's numbers: it costs one linearisation
+        if not weak:
+            search.run()
+            weak = search.weak()
+        if not weak:
+            return search.result(refused)
+        for name, deviations in weak.items():
+            refused[name] = deviations
+            lag = lag and name != "lag"
+            axes = tuple(axis for axis in axes if axis != name)
+        if not axes:
+            return search.result(refused)._replace(axes=(), lag=False)
+
+
+class _Search:
+    """One fit of certain axes."""
+
+    def __init__(self, taken: FitInput, start: Start, axes: tuple[str, ...], lag: bool) -> None:
+        self._taken, self._start = taken, start
+        self._axes, self._lag = axes, lag
+        self._x = start.vector
+        self._prior = start.vector
+        self._inverse = 1.0 / start.prior**2
+        free = [index for axis in axes for index in indices_of(axis)] + ([LAG] if lag else [])
+        self._inverse[free] = UNTOLD**2
+        if not taken.fits_lag:
+            self._inverse[LAG] = FIXED**2
+        self._begin = taken.windows.begin.astype(float)
+        self._noise = FIRST_STD.copy()
+        self._channels = [FORCE + n for n in (0, 1) if AXES[n] in axes] + [2, YAW, DEPTH]
+        self._unexplained = 0
+        self._free = free
+        self._bounded: Floats | None = None  # covariance before a drag was held at zero
+        self._update()
+
+    def run(self) -> None:
+        for number in range(ROUNDS):
+            self._descend()
+            if number == 0:
+                self._leave_unexplained()
+            self._weigh()
+        self._descend()
+        self._hold_positive()
+
+    def _descend(self) -> None:
+        damping = 1e-3
+        for _ in range(MOST_STEPS):
+            now = normal_equations(self._left, self._prior - self._x, self._inverse)
+            before = self._x, self._begin, self._equations, self._left, self._base
+            step = np.clip(damped_step(now, damping), -1.0, 1.0)
+            own = [own_step(window, step)[:4] for window in self._equations]
+            self._x = self._x + step
+            self._begin = self._begin + np.array(own).reshape(-1, 4)
+            self._update()
+            cost = self._cost
+            if not cost <= now.cost:  # NaN, too
+                self._x, self._begin, self._equations, self._left, self._base = before
+                damping *= 10.0
+                if damping > 1e6:
+                    return
+                continue
+            damping /= 10.0
+            if now.cost - cost <= SMALL_GAIN * now.cost:
+                return
+
+    @property
+    def _cost(self) -> float:
+        return normal_equations(self._left, self._prior - self._x, self._inverse).cost
+
+    def _hold_positive(self) -> None:
+        """Drag does not drive: a coefficient that comes out negative is held at zero. Deviations
+        stay those of the fit without this knowledge."""
+        negative = [
+            index
+            for axis in range(4)
+            for index in (linear_of(axis), quadratic_of(axis))
+            if self._x[index] < 0.0
+        ]
+        if negative:
+            self._bounded = self._covariance()
+            self._x[negative], self._prior = 0.0, self._prior.copy()
+            self._prior[negative], self._inverse[negative] = 0.0, FIXED**2
+            self._update()
+            self._descend()
+            self._x[negative] = 0.0
+
+    def _leave_unexplained(self) -> None:
+        sizes = np.array([np.sqrt(np.mean(left.residual**2)) for left in self._left])
+        keep = np.flatnonzero(sizes <= NOT_EXPLAINED * np.median(sizes)).tolist()
+        if len(keep) < len(sizes):
+            self._unexplained += len(sizes) - len(keep)
+            self._taken, self._begin = _only(self._taken, keep), self._begin[keep]
+            self._update()
+            self._descend()
+
+    def _weigh(self) -> None:
+        """Set each channel's noise to what its residuals show."""
+        for channel in self._channels:
+            parts = [
+                left.residual[rows == channel]
+                for left, rows in zip(self._left, self._rows, strict=True)
+            ]
+            rms = float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
+            self._noise[channel] = max(LEAST_STD[channel], rms * self._noise[channel])
+        self._update()
+
+    # Judgement.
+
+    def _covariance(self) -> Floats:
+        white, inflation = covariance(self._left, self._inverse)
+        self._inflation = inflation
+        return white * np.outer(inflation, inflation)
+
+    def weak(self) -> dict[str, tuple[float, float]]:
+        """Axes that the data tell too little of, with the std of inertia and of drag [-]."""
+        found: dict[str, tuple[float, float]] = {}
+        cov = self._covariance() if self._bounded is None else self._bounded
+        speed = self._speed()
+        for name in self._axes:
+            axis = AXES.index(name)
+            inertia = float(np.sqrt(cov[inertia_of(axis), inertia_of(axis)]))
+            value, std = drag_at(self._start, self._x, cov, axis, float(speed[axis]))
+            drag = std / value if value > 0.0 else np.inf
+            if not (inertia <= MOST_INERTIA_STD and drag <= MOST_DRAG_STD):
+                found[name] = inertia, drag
+        if self._lag and not np.sqrt(cov[LAG, LAG]) <= MOST_LAG_STD:
+            found["lag"] = float(np.sqrt(cov[LAG, LAG])), 0.0
+        return found
+
+    def _speed(self) -> Floats:
+        """(4,) Exceeded in a tenth of the time."""
+        return np.percentile(np.abs(self._base.velocity[0]), 90, axis=(0, 1))
+
+    def result(self, refused: dict[str, tuple[float, float]]) -> Fit:
+        cov = self._covariance() if self._bounded is None else self._bounded
+        return Fit(
+            self._x, cov, self._axes, self._lag, self._speed(), self._noise, self._inflation,
+            self._unexplained, len(self._taken.windows.t), refused,
+        )  # fmt: skip
+
+    # Linearisation.
+
+    def _update(self) -> None:
+        self._base = self._predicted()
+        self._equations, self._rows = self._linearised(self._base)
+        self._left: list[Eliminated] = [eliminate(window) for window in self._equations]
+
+    def _predicted(self) -> Predicted:
+        """Columns: here, a step in each parameter, a step in each velocity at the begin."""
+        points = np.tile(self._x, (COUNT + 5, 1))
+        points[1 : COUNT + 1] += STEP * np.eye(COUNT)
+        begin = np.tile(self._begin, (COUNT + 5, 1, 1))
+        for axis in range(4):
+            begin[COUNT + 1 + axis, :, axis] += STEP
+        vehicles = [vehicle_of(self._start, point) for point in points]
+        w = self._taken.windows
+        measured = Measured(w.period, self._wrench(), w.rates[..., :2], w.down)
+        return predict(coefficients(vehicles, self._taken.wake_share), begin, measured)
+
+    def _wrench(self) -> Floats:
+        """(columns or 1, windows, n, 4) Only the lag's column differs."""
+        thrust, t = self._taken.thrust, self._taken.windows.t
+        if thrust is None or not self._taken.fits_lag:
+            return self._taken.wrench[None]
+        here = _wrench(thrust, t, float(np.exp(self._x[LAG])))
+        found = np.repeat(here[None], COUNT + 5, axis=0)
+        found[1 + LAG] = _wrench(thrust, t, float(np.exp(self._x[LAG] + STEP)))
+        return found
+
+    def _linearised(self, base: Predicted) -> tuple[list[WindowEquations], list[Floats]]:
+        equations, rows = list[WindowEquations](), list[Floats]()
+        n = base.velocity.shape[2]
+        since = self._taken.windows.period * np.arange(n)
+        for number in range(len(self._taken.windows.t)):
+            parts = [self._channel(base, number, channel, since) for channel in self._channels]
+            sizes = [len(part[0]) for part in parts]
+            own = [self._own(channel, part) for channel, part in zip(self._channels, parts, strict=True)]
+            residual = np.concatenate([part[0] for part in parts])
+            slope = np.concatenate([part[1] for part in parts])  # (rows, COUNT + 4)
+            offsets = _block_diagonal(own)
+            estimate = (self._taken.windows.begin[number] - self._begin[number]) / BEGIN_STD
+            residual = np.concatenate([residual, estimate])
+            velocities = np.vstack([slope[:, COUNT:], np.diag(1.0 / BEGIN_STD)])
+            common = np.vstack([slope[:, :COUNT], np.zeros((4, COUNT))])
+            offsets = np.vstack([offsets, np.zeros((4, offsets.shape[1]))])
+            block = np.concatenate([(part[2] / BLOCK_S).astype(np.int64) for part in parts])
+            equations.append(
+                WindowEquations(
+                    residual, common, np.hstack([velocities, offsets]),
+                    np.concatenate([block, np.full(4, 0)]),
+                )
+            )  # fmt: skip
+            rows.append(np.concatenate([np.repeat(self._channels, sizes), np.full(4, -1)]))
+        return equations, rows
+
+    def _channel(
+        self, base: Predicted, number: int, channel: int, since: Floats
+    ) -> tuple[Floats, Floats, Floats]:
+        """Residual (n,), slope (n, COUNT + 4) by the parameters and the velocities at the begin,
+        and the times [s]; in units of the noise."""
+        w = self._taken.windows
+        n = len(since)
+        if channel == DEPTH:
+            at = np.clip(w.depth_t[number] / w.period, 0, n - 1.001)
+            index, share = at.astype(int), at - at.astype(int)
+            depth = base.depth[:, number]
+            predicted = depth[:, index] * (1 - share) + depth[:, index + 1] * share
+            measured, when = w.depth[number], w.depth_t[number]
+        elif channel == YAW:
+            predicted, measured = base.velocity[:, number, :, 3], w.rates[number, :n, 2]
+            when = since
+        else:
+            predicted = base.force[:, number, :, channel]
+            measured, when = w.force[number, :n, channel], since
+        std = self._noise[channel]
+        slope = (predicted[1:] - predicted[0]) / STEP
+        return (measured - predicted[0]) / std, slope.T / std, when
+
+    def _own(self, channel: int, part: tuple[Floats, Floats, Floats]) -> Floats:
+        """Offset, and of the accelerometers drift."""
+        when = part[2]
+        one = np.ones(len(when))
+        return np.column_stack([one, when] if channel < YAW else [one])
+
+
+def drag_at(
+    start: Start, x: Floats, cov: Floats, axis: int, speed: float
+) -> tuple[float, float]:
+    """[N, N m] Drag of an axis at a speed, and its deviation."""
+    by = np.zeros(COUNT)
+    by[linear_of(axis)] = start.linear[axis] * speed
+    by[quadratic_of(axis)] = start.quadratic[axis] * speed**2
+    return float(by @ x), float(np.sqrt(max(0.0, by @ cov @ by)))
+
+
+def buoyancy_of(found: Fit) -> tuple[float, float]:
+    """[N] Value and deviation."""
+    return float(found.x[BUOYANCY]), float(np.sqrt(found.covariance[BUOYANCY, BUOYANCY]))
+
+
+def _wrench(thrust: CommandedThrust, t: Floats, lag: float | None) -> Floats:
+    """(windows, n, 4)"""
+    return thrust.wrench(t.ravel(), lag).reshape(*t.shape, 6)[..., list(ROWS)]
+
+
+def _block_diagonal(parts: list[Floats]) -> Floats:
+    rows, columns = sum(len(part) for part in parts), sum(part.shape[1] for part in parts)
+    found, row, column = np.zeros((rows, columns)), 0, 0
+    for part in parts:
+        found[row : row + len(part), column : column + part.shape[1]] = part
+        row, column = row + len(part), column + part.shape[1]
+    return found
