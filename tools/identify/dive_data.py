@@ -51,6 +51,7 @@ class DiveData(NamedTuple):
     command_t: Floats
     commands: Floats  # (i, thrusters) [N]
     armed: NDArray[np.bool_]  # (i,)
+    wander: float  # [rad/√s] of the angle that the gyroscopes' noise adds up to
     thrust_t: Floats
     thrust: Floats  # (l, thrusters) [N] measured; empty: it is not
 
@@ -63,6 +64,7 @@ class Windows(NamedTuple):
     rates: Floats  # (windows, n, 3) [rad/s]
     force: Floats  # (windows, n, 3) [m/s²]
     down: Floats  # (windows, n, 3) [-] the world's down axis in body axes
+    tilted: Floats  # (windows, n, 3, 2) [-] its change per tilt at the begin about two axes [rad]
     begin: Floats  # (windows, 4) surge, sway, heave velocity, yaw rate as estimated then
     depth_t: list[Floats]  # per window [s] from its begin
     depth: list[Floats]  # per window [m] of the origin, from an unknown height
@@ -98,12 +100,13 @@ def read(recording: Recording, vehicle: Vehicle, density: Density, name: Path) -
     )
     actuation = np.array(rows[topics.ACTUATION.key] or np.zeros((0, len(vehicle.thruster) + 1)))
     armed = commands[:, 1] > 0.0
-    bias = _bias(imu, float(commands[np.argmax(armed), 0]) if np.any(armed) else None, name)
+    rest = _rest(imu, float(commands[np.argmax(armed), 0]) if np.any(armed) else None, name)
+    wander = float(rest.std(axis=0)[:2].max() * np.sqrt(np.median(np.diff(imu[:, 0]))))
     per_metre = density_of(density) * GRAVITY
     return DiveData(
-        imu[:, 0], imu[:, 1:4] - bias, imu[:, 4:7], pressure[:, 0], pressure[:, 1] / per_metre,
+        imu[:, 0], imu[:, 1:4] - rest.mean(axis=0), imu[:, 4:7], pressure[:, 0], pressure[:, 1] / per_metre,
         state[:, 0], state[:, 1:], commands[:, 0], commands[:, 2:], armed,
-        actuation[:, 0], actuation[:, 1:],
+        wander,        actuation[:, 0], actuation[:, 1:],
     )  # fmt: skip
 
 
@@ -131,8 +134,8 @@ def _numbers(message: Message, origin: AtOrigin, thrusters: int) -> tuple[float,
             return ()
 
 
-def _bias(imu: Floats, armed_at: float | None, name: Path) -> Floats:
-    """(3,) [rad/s] Mean angular rate at rest, before the drone was armed."""
+def _rest(imu: Floats, armed_at: float | None, name: Path) -> Floats:
+    """(n, 3) [rad/s] Angular rate at rest, before the drone was armed."""
     if armed_at is None:
         raise LindyError(f"{name}: the drone was never armed, so its thrusters moved nothing")
     rest = imu[(imu[:, 0] < armed_at) & (imu[:, 0] > armed_at - LONGEST_REST_S)]
@@ -141,7 +144,7 @@ def _bias(imu: Floats, armed_at: float | None, name: Path) -> Floats:
             f"{name} does not hold the {REST_S:g} s before arming, in which the drone is at rest and"
             " shows the bias of its gyroscopes"
         )
-    return rest[:, 1:4].mean(axis=0)
+    return rest[:, 1:4]
 
 
 def windows(data: DiveData, vehicle: Vehicle, seconds: float = WINDOW_S) -> Windows:
@@ -155,7 +158,7 @@ def windows(data: DiveData, vehicle: Vehicle, seconds: float = WINDOW_S) -> Wind
         begins += range(first, last - n + 1, n)
     t = data.imu_t[begins][:, None] + period * np.arange(n)
     rates, force = _at(t, data.imu_t, data.rate), _at(t, data.imu_t, data.force)
-    down = _down(data, t, rates, period)
+    down, tilted = _down(data, t, rates, period)
     state = _at(t[:, :1], data.state_t, data.state)[:, 0]
     depth_t, depth = list[Floats](), list[Floats]()
     arm = np.array(vehicle.mounting.pressure.position)
@@ -166,7 +169,7 @@ def windows(data: DiveData, vehicle: Vehicle, seconds: float = WINDOW_S) -> Wind
         depth_t.append(since)
         depth.append(data.below[inside] - lower)
     begin = np.stack([state[:, 5], state[:, 6], state[:, 3], state[:, 4]], axis=-1)
-    return Windows(period, t, rates, force, down, begin, depth_t, depth, refused)
+    return Windows(period, t, rates, force, down, tilted, begin, depth_t, depth, refused)
 
 
 def _usable(data: DiveData, vehicle: Vehicle) -> tuple[NDArray[np.bool_], Counter[str]]:
@@ -208,25 +211,29 @@ def _at(t: Floats, known_t: Floats, known: Floats) -> Floats:
     return np.stack(columns, axis=-1)
 
 
-def _down(data: DiveData, t: Floats, rates: Floats, period: float) -> Floats:
+def _down(
+    data: DiveData, t: Floats, rates: Floats, period: float
+) -> tuple[Floats, Floats]:
     """(windows, n, 3) The down axis, integrated from the angular rate, because the accelerometer
-    takes acceleration for tilt; on average over a window it is as estimated."""
+    takes acceleration for tilt; on average over a window it is as estimated. And its derivatives."""
     tilt = _at(t, data.state_t, data.state[:, :2])
     roll, pitch = tilt[..., 0], tilt[..., 1]
     estimated = np.stack(
         [-np.sin(pitch), np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll)], axis=-1
     )
-    found = _integrated(estimated[:, 0], rates, period) if len(t) else estimated
-    if len(t):
-        begin = estimated[:, 0] + (estimated - found).mean(axis=1)
-        found = _integrated(begin, rates, period)
-    return found
+    found = _integrated(estimated[:, 0], rates, period)
+    begin = estimated[:, 0] + (estimated - found).mean(axis=1)
+    begin /= np.linalg.norm(begin, axis=-1, keepdims=True)
+    ahead = np.array([1.0, 0.0, 0.0]) - begin[:, :1] * begin
+    aside = np.cross(begin, ahead)
+    tilted = [_integrated(axis, rates, period) for axis in (ahead, aside)]
+    return _integrated(begin, rates, period), np.stack(tilted, axis=-1)
 
 
 def _integrated(begin: Floats, rates: Floats, period: float) -> Floats:
     """d/dt down = down × ω, in body axes."""
     found = np.empty_like(rates)
-    down = begin / np.linalg.norm(begin, axis=-1, keepdims=True)
+    down = begin
     middle = (rates[:, 1:] + rates[:, :-1]) / 2
     found[:, 0] = down
     for k in range(middle.shape[1]):

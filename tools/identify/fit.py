@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from services.marine.vehicle import Vehicle
+from services.marine.vehicle import GRAVITY, Vehicle
 from tools.identify.dive_data import DiveData, Windows
 from tools.identify.least_squares import (
     Eliminated,
@@ -40,13 +40,15 @@ from tools.identify.thrust import CommandedThrust, Floats
 
 STEP = 1e-4  # [-], [m/s] of a difference quotient
 BEGIN_STD = np.array([0.15, 0.15, 0.1, 0.05])  # [m/s, rad/s] of the estimate at a window's begin
-FORCE, YAW, DEPTH = 0, 3, 4  # channels: three forces, yaw rate, depth
+YAW, DEPTH, CHANNELS = 3, 4, 5  # channels: three forces, yaw rate, depth
+TILT_STD = 0.03  # [rad] of the estimate at a window's begin: the accelerometers' bias
+KNOT_S = 2.0  # [s] between changes of the tilt by the gyroscopes' noise
 FIRST_STD = np.array([0.03, 0.03, 0.03, 0.003, 0.05])  # [m/s², rad/s, m] before residuals are known
 LEAST_STD = np.array([1e-6, 1e-6, 1e-6, 1e-7, 1e-6])
 BLOCK_S = 1.0  # [s] longer than the residuals' memory
 ROUNDS = 3  # of weights from residuals
 MOST_STEPS = 12
-SMALL_GAIN = 1e-7  # [-] of the cost: the end of a round
+SMALL_GAIN = 1e-3  # [-] of the sum of squares, in units of the noise: the end of a round
 NOT_EXPLAINED = 3.0  # [-] times the median residual of the windows: something else pushed there
 UNTOLD = 1e-4  # [-] 1/σ of what is fitted, so that the equations are never singular
 FIXED = 1e6  # [-] 1/σ of what is held
@@ -62,6 +64,8 @@ class FitInput(NamedTuple):
     windows: Windows
     thrust: CommandedThrust | None  # None: as measured, in `wrench`
     wrench: Floats  # (windows, n, 4) [N, N m] by the vehicle file's lag, or measured
+    mean: Floats  # (windows, n / 2, 4) [N, N m] over each step of the model
+    wander: float  # [rad/√s] of the tilt, by the gyroscopes' noise
     wake_share: float
     fits_lag: bool
 
@@ -86,13 +90,17 @@ def fit_input(
     from services.control.allocation.layout import effect_matrix
 
     if len(data.thrust):
-        per_thruster = [np.interp(found.t, data.thrust_t, column) for column in data.thrust.T]
-        wrench = np.stack(per_thruster, axis=-1) @ effect_matrix(vehicle).T
-        return FitInput(found, None, wrench[..., list(ROWS)], wake_share, fits_lag=False)
+        force = data.thrust @ effect_matrix(vehicle).T[:, list(ROWS)]
+        pairs = (force[1:] + force[:-1]) / 2 * np.diff(data.thrust_t)[:, None]
+        integral = np.vstack([np.zeros((1, 4)), np.cumsum(pairs, axis=0)])
+        steps = _step_ends(found)
+        wrench = _columns(found.t, data.thrust_t, force)
+        means = np.diff(_columns(steps, data.thrust_t, integral), axis=1) / (2 * found.period)
+        return FitInput(found, None, wrench, means, data.wander, wake_share, fits_lag=False)
     thrust = CommandedThrust(vehicle, data.command_t, data.commands)
     fits_lag = all(thruster.lag is None for thruster in vehicle.thruster)
-    wrench = _wrench(thrust, found.t, None)
-    return FitInput(found, thrust, wrench, wake_share, fits_lag)
+    wrench, means = _wrench(thrust, found, None)
+    return FitInput(found, thrust, wrench, means, data.wander, wake_share, fits_lag)
 
 
 def busiest(taken: FitInput, most: int = MOST_WINDOWS) -> FitInput:
@@ -108,10 +116,11 @@ def _only(taken: FitInput, keep: list[int]) -> FitInput:
     w = taken.windows
     windows = w._replace(
         t=w.t[keep], rates=w.rates[keep], force=w.force[keep], down=w.down[keep],
+        tilted=w.tilted[keep],
         begin=w.begin[keep], depth_t=[w.depth_t[n] for n in keep],
         depth=[w.depth[n] for n in keep],
     )  # fmt: skip
-    return taken._replace(windows=windows, wrench=taken.wrench[keep])
+    return taken._replace(windows=windows, wrench=taken.wrench[keep], mean=taken.mean[keep])
 
 
 def fit(taken: FitInput, start: Start, axes: tuple[str, ...] = AXES) -> Fit:
@@ -120,10 +129,10 @@ def fit(taken: FitInput, start: Start, axes: tuple[str, ...] = AXES) -> Fit:
     lag = taken.fits_lag
     while True:
         search = _Search(taken, start, axes, lag)
-        weak = search.weak()  # by the file's numbers: it costs one linearisation
+        weak = search.weak(search.white)  # by the file's numbers: costs one linearisation
         if not weak:
             search.run()
-            weak = search.weak()
+            weak = search.weak(search.covariance)
         if not weak:
             return search.result(refused)
         for name, deviations in weak.items():
@@ -149,7 +158,7 @@ class _Search:
             self._inverse[LAG] = FIXED**2
         self._begin = taken.windows.begin.astype(float)
         self._noise = FIRST_STD.copy()
-        self._channels = [FORCE + n for n in (0, 1) if AXES[n] in axes] + [2, YAW, DEPTH]
+        self._channels = list(range(CHANNELS))
         self._unexplained = 0
         self._free = free
         self._bounded: Floats | None = None  # covariance before a drag was held at zero
@@ -165,7 +174,7 @@ class _Search:
         self._hold_positive()
 
     def _descend(self) -> None:
-        damping = 1e-3
+        damping = 1e-5
         for _ in range(MOST_STEPS):
             now = normal_equations(self._left, self._prior - self._x, self._inverse)
             before = self._x, self._begin, self._equations, self._left, self._base
@@ -182,7 +191,7 @@ class _Search:
                     return
                 continue
             damping /= 10.0
-            if now.cost - cost <= SMALL_GAIN * now.cost:
+            if now.cost - cost <= SMALL_GAIN:
                 return
 
     @property
@@ -199,7 +208,7 @@ class _Search:
             if self._x[index] < 0.0
         ]
         if negative:
-            self._bounded = self._covariance()
+            self._bounded = self._inflated()[0]
             self._x[negative], self._prior = 0.0, self._prior.copy()
             self._prior[negative], self._inverse[negative] = 0.0, FIXED**2
             self._update()
@@ -228,15 +237,23 @@ class _Search:
 
     # Judgement.
 
-    def _covariance(self) -> Floats:
-        white, inflation = covariance(self._left, self._inverse)
-        self._inflation = inflation
-        return white * np.outer(inflation, inflation)
+    @property
+    def white(self) -> Floats:
+        """(COUNT, COUNT) If residuals were white."""
+        return covariance(self._left, self._inverse)[0]
 
-    def weak(self) -> dict[str, tuple[float, float]]:
+    @property
+    def covariance(self) -> Floats:
+        """(COUNT, COUNT) With the residuals as they are."""
+        return self._bounded if self._bounded is not None else self._inflated()[0]
+
+    def _inflated(self) -> tuple[Floats, Floats]:
+        white, inflation = covariance(self._left, self._inverse)
+        return white * np.outer(inflation, inflation), inflation
+
+    def weak(self, cov: Floats) -> dict[str, tuple[float, float]]:
         """Axes that the data tell too little of, with the std of inertia and of drag [-]."""
         found: dict[str, tuple[float, float]] = {}
-        cov = self._covariance() if self._bounded is None else self._bounded
         speed = self._speed()
         for name in self._axes:
             axis = AXES.index(name)
@@ -254,9 +271,9 @@ class _Search:
         return np.percentile(np.abs(self._base.velocity[0]), 90, axis=(0, 1))
 
     def result(self, refused: dict[str, tuple[float, float]]) -> Fit:
-        cov = self._covariance() if self._bounded is None else self._bounded
         return Fit(
-            self._x, cov, self._axes, self._lag, self._speed(), self._noise, self._inflation,
+            self._x, self.covariance, self._axes, self._lag, self._speed(), self._noise,
+            self._inflated()[1],
             self._unexplained, len(self._taken.windows.t), refused,
         )  # fmt: skip
 
@@ -276,18 +293,19 @@ class _Search:
             begin[COUNT + 1 + axis, :, axis] += STEP
         vehicles = [vehicle_of(self._start, point) for point in points]
         w = self._taken.windows
-        measured = Measured(w.period, self._wrench(), w.rates[..., :2], w.down)
+        measured = Measured(w.period, *self._wrench(), w.rates[..., :2], w.down)
         return predict(coefficients(vehicles, self._taken.wake_share), begin, measured)
 
-    def _wrench(self) -> Floats:
-        """(columns or 1, windows, n, 4) Only the lag's column differs."""
-        thrust, t = self._taken.thrust, self._taken.windows.t
+    def _wrench(self) -> tuple[Floats, Floats]:
+        """(columns or 1, windows, …, 4) Only the lag's column differs."""
+        thrust, windows = self._taken.thrust, self._taken.windows
         if thrust is None or not self._taken.fits_lag:
-            return self._taken.wrench[None]
-        here = _wrench(thrust, t, float(np.exp(self._x[LAG])))
-        found = np.repeat(here[None], COUNT + 5, axis=0)
-        found[1 + LAG] = _wrench(thrust, t, float(np.exp(self._x[LAG] + STEP)))
-        return found
+            return self._taken.wrench[None], self._taken.mean[None]
+        here = _wrench(thrust, windows, float(np.exp(self._x[LAG])))
+        later = _wrench(thrust, windows, float(np.exp(self._x[LAG] + STEP)))
+        found, means = (np.repeat(part[None], COUNT + 5, axis=0) for part in here)
+        found[1 + LAG], means[1 + LAG] = later
+        return found, means
 
     def _linearised(self, base: Predicted) -> tuple[list[WindowEquations], list[Floats]]:
         equations, rows = list[WindowEquations](), list[Floats]()
@@ -296,23 +314,28 @@ class _Search:
         for number in range(len(self._taken.windows.t)):
             parts = [self._channel(base, number, channel, since) for channel in self._channels]
             sizes = [len(part[0]) for part in parts]
-            own = [self._own(channel, part) for channel, part in zip(self._channels, parts, strict=True)]
+            own = [_offsets(channel, part[2]) for channel, part in enumerate(parts)]
+            tilts = [self._tilts(base, number, channel, part[2]) for channel, part in enumerate(parts)]
             residual = np.concatenate([part[0] for part in parts])
             slope = np.concatenate([part[1] for part in parts])  # (rows, COUNT + 4)
             offsets = _block_diagonal(own)
             estimate = (self._taken.windows.begin[number] - self._begin[number]) / BEGIN_STD
-            residual = np.concatenate([residual, estimate])
-            velocities = np.vstack([slope[:, COUNT:], np.diag(1.0 / BEGIN_STD)])
-            common = np.vstack([slope[:, :COUNT], np.zeros((4, COUNT))])
-            offsets = np.vstack([offsets, np.zeros((4, offsets.shape[1]))])
+            tilt_std = self._tilt_std(since)
+            known = 4 + len(tilt_std)
+            residual = np.concatenate([residual, estimate, np.zeros(len(tilt_std))])
+            estimated = np.hstack([slope[:, COUNT:], np.vstack(tilts)])
+            stds = np.concatenate([BEGIN_STD, tilt_std])
+            estimated = np.vstack([estimated, np.diag(1.0 / stds)])
+            common = np.vstack([slope[:, :COUNT], np.zeros((known, COUNT))])
+            offsets = np.vstack([offsets, np.zeros((known, offsets.shape[1]))])
             block = np.concatenate([(part[2] / BLOCK_S).astype(np.int64) for part in parts])
             equations.append(
                 WindowEquations(
-                    residual, common, np.hstack([velocities, offsets]),
-                    np.concatenate([block, np.full(4, 0)]),
+                    residual, common, np.hstack([estimated, offsets]),
+                    np.concatenate([block, np.zeros(known, dtype=np.int64)]),
                 )
             )  # fmt: skip
-            rows.append(np.concatenate([np.repeat(self._channels, sizes), np.full(4, -1)]))
+            rows.append(np.concatenate([np.repeat(self._channels, sizes), np.full(known, -1)]))
         return equations, rows
 
     def _channel(
@@ -338,11 +361,34 @@ class _Search:
         slope = (predicted[1:] - predicted[0]) / STEP
         return (measured - predicted[0]) / std, slope.T / std, when
 
-    def _own(self, channel: int, part: tuple[Floats, Floats, Floats]) -> Floats:
-        """Offset, and of the accelerometers drift."""
-        when = part[2]
-        one = np.ones(len(when))
-        return np.column_stack([one, when] if channel < YAW else [one])
+    def _tilt_std(self, since: Floats) -> Floats:
+        """(2 knots,) [rad] At the begin, and of each later change."""
+        knots = len(np.arange(0.0, since[-1], KNOT_S))
+        later = max(self._taken.wander, 1e-7) * np.sqrt(KNOT_S)
+        return np.repeat([TILT_STD] + [later] * (knots - 1), 2)
+
+    def _tilts(self, base: Predicted, number: int, channel: int, when: Floats) -> Floats:
+        """(n, 2 knots) By the tilt at the begin, and by its later changes; in units of the noise."""
+        w = self._taken.windows
+        velocity = base.velocity[0, number, :, :3]
+        n = len(velocity)
+        since = w.period * np.arange(n)
+        knots = np.arange(0.0, since[-1], KNOT_S)
+        later = since[:, None] >= knots  # (n, knots)
+        tilted = (w.tilted[number, :n, :, None, :] * later[:, None, :, None]).reshape(n, 3, -1)
+        if channel == YAW:
+            return np.zeros((n, tilted.shape[2]))
+        if channel < YAW:
+            return -GRAVITY * tilted[:, channel] / self._noise[channel]
+        rate = np.einsum("ni,nik->nk", velocity, tilted)
+        depth = w.period * np.cumsum(rate, axis=0)
+        return np.stack([np.interp(when, since, d) for d in depth.T], axis=-1) / self._noise[DEPTH]
+
+
+def _offsets(channel: int, when: Floats) -> Floats:
+    """Offset, and of the accelerometers drift."""
+    one = np.ones(len(when))
+    return np.column_stack([one, when] if channel < YAW else [one])
 
 
 def drag_at(
@@ -360,9 +406,24 @@ def buoyancy_of(found: Fit) -> tuple[float, float]:
     return float(found.x[BUOYANCY]), float(np.sqrt(found.covariance[BUOYANCY, BUOYANCY]))
 
 
-def _wrench(thrust: CommandedThrust, t: Floats, lag: float | None) -> Floats:
-    """(windows, n, 4)"""
-    return thrust.wrench(t.ravel(), lag).reshape(*t.shape, 6)[..., list(ROWS)]
+def _wrench(
+    thrust: CommandedThrust, windows: Windows, lag: float | None
+) -> tuple[Floats, Floats]:
+    """(windows, n, 4) [N, N m], and (windows, n / 2, 4) its mean over each step."""
+    t, ends = windows.t, _step_ends(windows)
+    value = thrust.wrench(t.ravel(), lag).value.reshape(*t.shape, 6)
+    integral = thrust.wrench(ends.ravel(), lag).integral.reshape(*ends.shape, 6)
+    means = np.diff(integral, axis=1) / (2 * windows.period)
+    return value[..., list(ROWS)], means[..., list(ROWS)]
+
+
+def _step_ends(windows: Windows) -> Floats:
+    """(windows, n / 2 + 1) [s]"""
+    return np.column_stack([windows.t[:, ::2], windows.t[:, -1] + windows.period])
+
+
+def _columns(t: Floats, known_t: Floats, known: Floats) -> Floats:
+    return np.stack([np.interp(t, known_t, column) for column in known.T], axis=-1)
 
 
 def _block_diagonal(parts: list[Floats]) -> Floats:

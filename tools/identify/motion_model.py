@@ -25,6 +25,7 @@ class Measured(NamedTuple):
 
     period: float  # [s] between two times
     wrench: Floats  # (columns or 1, windows, n, 4) [N, N m]
+    mean: Floats  # (columns or 1, windows, n / 2, 4) [N, N m] over each step
     rates: Floats  # (windows, n, 2) [rad/s] roll and pitch rate
     down: Floats  # (windows, n, 3) [-] the world's down axis in body axes
 
@@ -97,10 +98,12 @@ def predict(c: Coefficients, begin: Floats, measured: Measured) -> Predicted:
         velocity[:, :, k], depth[:, :, k] = nu, z
         slope[:, :, k] = first = _acceleration(c, nu, measured, k)
         middle = nu + (h / 2) * first
-        velocity[:, :, k + 1] = middle
         depth[:, :, k + 1] = z + (h / 2) * _sinking(nu, down[:, k])
         slope[:, :, k + 1] = second = _acceleration(c, middle, measured, k + 1)
-        nu = nu + h * second
+        velocity[:, :, k + 1] = nu + (h / 4) * (first + second)
+        # The thrust changes within a step, so its mean counts for the whole of it.
+        rest = measured.mean[:, :, k // 2] - measured.wrench[:, :, k + 1]
+        nu = nu + h * (second + rest * c.inverse)
         z = z + h * _sinking(middle, down[:, k + 1])
     return Predicted(velocity, slope, depth, _specific_force(velocity, slope, measured, n))
 
