@@ -38,16 +38,20 @@ from tools.identify.parameters import (
 )
 from tools.identify.thrust import CommandedThrust, Floats
 
-STEP = 1e-4  # [-], [m/s] of a difference quotient
-BEGIN_STD = np.array([0.15, 0.15, 0.1, 0.05])  # [m/s, rad/s] of the estimate at a window's begin
+STEP = 1e-4  # [-], [m/s], [rad] of a difference quotient
+# [m/s, rad/s, rad] of the estimate at a window's begin; the tilt's is the accelerometers' bias.
+BEGIN_STD = np.array([0.15, 0.15, 0.1, 0.05, 0.03, 0.03])
+COARSE = 0.05  # [-] of these deviations, at first
 YAW, DEPTH, CHANNELS = 3, 4, 5  # channels: three forces, yaw rate, depth
-TILT_STD = 0.03  # [rad] of the estimate at a window's begin: the accelerometers' bias
+OWN = 6  # unknowns of a window that change its motion: velocities and tilt at its begin
+COLUMNS = 1 + COUNT + OWN  # here, and a step in each
 KNOT_S = 2.0  # [s] between changes of the tilt by the gyroscopes' noise
 FIRST_STD = np.array([0.03, 0.03, 0.03, 0.003, 0.05])  # [m/s², rad/s, m] before residuals are known
 LEAST_STD = np.array([1e-6, 1e-6, 1e-6, 1e-7, 1e-6])
 BLOCK_S = 1.0  # [s] longer than the residuals' memory
 ROUNDS = 3  # of weights from residuals
-MOST_STEPS = 12
+MOST_STEPS = 15
+SMALL_DAMPING = 1e-2  # [-] a step damped more says nothing about the gain to be had
 SMALL_GAIN = 1e-3  # [-] of the sum of squares, in units of the noise: the end of a round
 NOT_EXPLAINED = 3.0  # [-] times the median residual of the windows: something else pushed there
 UNTOLD = 1e-4  # [-] 1/σ of what is fitted, so that the equations are never singular
@@ -55,6 +59,7 @@ FIXED = 1e6  # [-] 1/σ of what is held
 MOST_INERTIA_STD = 0.1  # [-] an axis that the data tell less of is not fitted
 MOST_DRAG_STD = 0.3  # [-] of the drag at the typical speed
 MOST_LAG_STD = 0.5  # [-]
+LEAST_SPEED = 0.15  # [m/s, rad/s] typical of an axis that was moved on purpose
 MOST_WINDOWS = 40  # those with most thrust; more hardly make it better
 
 
@@ -156,7 +161,10 @@ class _Search:
         self._inverse[free] = UNTOLD**2
         if not taken.fits_lag:
             self._inverse[LAG] = FIXED**2
-        self._begin = taken.windows.begin.astype(float)
+        # Velocities at the begin [m/s, rad/s], and the tilt there beyond the estimate [rad].
+        self._estimate = np.pad(taken.windows.begin.astype(float), ((0, 0), (0, 2)))
+        self._begin = self._estimate.copy()
+        self._begin_std = BEGIN_STD
         self._noise = FIRST_STD.copy()
         self._channels = list(range(CHANNELS))
         self._unexplained = 0
@@ -166,6 +174,8 @@ class _Search:
 
     def run(self) -> None:
         for number in range(ROUNDS):
+            if number == 0:
+                self._coarse()
             self._descend()
             if number == 0:
                 self._leave_unexplained()
@@ -173,15 +183,28 @@ class _Search:
         self._descend()
         self._hold_positive()
 
+    def _coarse(self) -> None:
+        """Only what is fitted, the rest as estimated and as in the file: wrong drag could otherwise
+        be explained by surge and sway, of which the wake's lift makes drag whatever their signs."""
+        inverse, self._inverse = self._inverse, self._inverse.copy()
+        others = np.setdiff1d(np.arange(COUNT), self._free)
+        self._inverse[others] /= COARSE**2
+        self._begin_std = BEGIN_STD * [COARSE, COARSE, 1.0, 1.0, 1.0, 1.0]
+        self._update()
+        self._descend()
+        self._inverse, self._begin_std = inverse, BEGIN_STD
+        self._update()
+
     def _descend(self) -> None:
         damping = 1e-5
         for _ in range(MOST_STEPS):
             now = normal_equations(self._left, self._prior - self._x, self._inverse)
             before = self._x, self._begin, self._equations, self._left, self._base
             step = np.clip(damped_step(now, damping), -1.0, 1.0)
-            own = [own_step(window, step)[:4] for window in self._equations]
+            share = 1.0 / (1.0 + damping)
+            own = [share * own_step(window, step)[:OWN] for window in self._equations]
             self._x = self._x + step
-            self._begin = self._begin + np.array(own).reshape(-1, 4)
+            self._begin = self._begin + np.array(own).reshape(-1, OWN)
             self._update()
             cost = self._cost
             if not cost <= now.cost:  # NaN, too
@@ -190,9 +213,9 @@ class _Search:
                 if damping > 1e6:
                     return
                 continue
-            damping /= 10.0
-            if now.cost - cost <= SMALL_GAIN:
+            if now.cost - cost <= SMALL_GAIN and damping <= SMALL_DAMPING:
                 return
+            damping /= 10.0
 
     @property
     def _cost(self) -> float:
@@ -221,6 +244,7 @@ class _Search:
         if len(keep) < len(sizes):
             self._unexplained += len(sizes) - len(keep)
             self._taken, self._begin = _only(self._taken, keep), self._begin[keep]
+            self._estimate = self._estimate[keep]
             self._update()
             self._descend()
 
@@ -260,15 +284,16 @@ class _Search:
             inertia = float(np.sqrt(cov[inertia_of(axis), inertia_of(axis)]))
             value, std = drag_at(self._start, self._x, cov, axis, float(speed[axis]))
             drag = std / value if value > 0.0 else np.inf
-            if not (inertia <= MOST_INERTIA_STD and drag <= MOST_DRAG_STD):
+            moves = speed[axis] >= LEAST_SPEED
+            if not (moves and inertia <= MOST_INERTIA_STD and drag <= MOST_DRAG_STD):
                 found[name] = inertia, drag
         if self._lag and not np.sqrt(cov[LAG, LAG]) <= MOST_LAG_STD:
             found["lag"] = float(np.sqrt(cov[LAG, LAG])), 0.0
         return found
 
     def _speed(self) -> Floats:
-        """(4,) Exceeded in a tenth of the time."""
-        return np.percentile(np.abs(self._base.velocity[0]), 90, axis=(0, 1))
+        """(4,) Exceeded in a twentieth of the time."""
+        return np.percentile(np.abs(self._base.velocity[0]), 95, axis=(0, 1))
 
     def result(self, refused: dict[str, tuple[float, float]]) -> Fit:
         return Fit(
@@ -285,16 +310,17 @@ class _Search:
         self._left: list[Eliminated] = [eliminate(window) for window in self._equations]
 
     def _predicted(self) -> Predicted:
-        """Columns: here, a step in each parameter, a step in each velocity at the begin."""
-        points = np.tile(self._x, (COUNT + 5, 1))
+        """Columns: here, a step in each parameter, in each velocity and tilt at the begin."""
+        points = np.tile(self._x, (COLUMNS, 1))
         points[1 : COUNT + 1] += STEP * np.eye(COUNT)
-        begin = np.tile(self._begin, (COUNT + 5, 1, 1))
-        for axis in range(4):
-            begin[COUNT + 1 + axis, :, axis] += STEP
+        begin = np.tile(self._begin, (COLUMNS, 1, 1))
+        for number in range(OWN):
+            begin[COUNT + 1 + number, :, number] += STEP
         vehicles = [vehicle_of(self._start, point) for point in points]
         w = self._taken.windows
-        measured = Measured(w.period, *self._wrench(), w.rates[..., :2], w.down)
-        return predict(coefficients(vehicles, self._taken.wake_share), begin, measured)
+        down = w.down + np.einsum("wnik,cwk->cwni", w.tilted, begin[..., 4:])
+        measured = Measured(w.period, *self._wrench(), w.rates[..., :2], down)
+        return predict(coefficients(vehicles, self._taken.wake_share), begin[..., :4], measured)
 
     def _wrench(self) -> tuple[Floats, Floats]:
         """(columns or 1, windows, …, 4) Only the lag's column differs."""
@@ -303,7 +329,7 @@ class _Search:
             return self._taken.wrench[None], self._taken.mean[None]
         here = _wrench(thrust, windows, float(np.exp(self._x[LAG])))
         later = _wrench(thrust, windows, float(np.exp(self._x[LAG] + STEP)))
-        found, means = (np.repeat(part[None], COUNT + 5, axis=0) for part in here)
+        found, means = (np.repeat(part[None], COLUMNS, axis=0) for part in here)
         found[1 + LAG], means[1 + LAG] = later
         return found, means
 
@@ -317,14 +343,14 @@ class _Search:
             own = [_offsets(channel, part[2]) for channel, part in enumerate(parts)]
             tilts = [self._tilts(base, number, channel, part[2]) for channel, part in enumerate(parts)]
             residual = np.concatenate([part[0] for part in parts])
-            slope = np.concatenate([part[1] for part in parts])  # (rows, COUNT + 4)
+            slope = np.concatenate([part[1] for part in parts])  # (rows, COUNT + OWN)
             offsets = _block_diagonal(own)
-            estimate = (self._taken.windows.begin[number] - self._begin[number]) / BEGIN_STD
+            estimate = (self._estimate[number] - self._begin[number]) / self._begin_std
             tilt_std = self._tilt_std(since)
-            known = 4 + len(tilt_std)
+            known = OWN + len(tilt_std)
             residual = np.concatenate([residual, estimate, np.zeros(len(tilt_std))])
             estimated = np.hstack([slope[:, COUNT:], np.vstack(tilts)])
-            stds = np.concatenate([BEGIN_STD, tilt_std])
+            stds = np.concatenate([self._begin_std, tilt_std])
             estimated = np.vstack([estimated, np.diag(1.0 / stds)])
             common = np.vstack([slope[:, :COUNT], np.zeros((known, COUNT))])
             offsets = np.vstack([offsets, np.zeros((known, offsets.shape[1]))])
@@ -341,7 +367,7 @@ class _Search:
     def _channel(
         self, base: Predicted, number: int, channel: int, since: Floats
     ) -> tuple[Floats, Floats, Floats]:
-        """Residual (n,), slope (n, COUNT + 4) by the parameters and the velocities at the begin,
+        """Residual (n,), slope (n, COUNT + OWN) by the parameters and the velocities at the begin,
         and the times [s]; in units of the noise."""
         w = self._taken.windows
         n = len(since)
@@ -362,18 +388,18 @@ class _Search:
         return (measured - predicted[0]) / std, slope.T / std, when
 
     def _tilt_std(self, since: Floats) -> Floats:
-        """(2 knots,) [rad] At the begin, and of each later change."""
-        knots = len(np.arange(0.0, since[-1], KNOT_S))
-        later = max(self._taken.wander, 1e-7) * np.sqrt(KNOT_S)
-        return np.repeat([TILT_STD] + [later] * (knots - 1), 2)
+        """(2 knots,) [rad] Of each later change."""
+        knots = len(np.arange(KNOT_S, since[-1], KNOT_S))
+        return np.full(2 * knots, max(self._taken.wander, 1e-7) * np.sqrt(KNOT_S))
 
     def _tilts(self, base: Predicted, number: int, channel: int, when: Floats) -> Floats:
-        """(n, 2 knots) By the tilt at the begin, and by its later changes; in units of the noise."""
+        """(n, 2 knots) By later changes of the tilt; in units of the noise. What little they change
+        in the motion is left out."""
         w = self._taken.windows
         velocity = base.velocity[0, number, :, :3]
         n = len(velocity)
         since = w.period * np.arange(n)
-        knots = np.arange(0.0, since[-1], KNOT_S)
+        knots = np.arange(KNOT_S, since[-1], KNOT_S)
         later = since[:, None] >= knots  # (n, knots)
         tilted = (w.tilted[number, :n, :, None, :] * later[:, None, :, None]).reshape(n, 3, -1)
         if channel == YAW:
