@@ -193,7 +193,9 @@ class Simulator:
         cause, believed = self._gate.command, self._believed
         return Actuation(
             stamp_ns=self._now,
-            thrust=tuple(self._vessel.produced) if believed is None else believed.believed(self._now),
+            thrust=tuple(self._vessel.produced)
+            if believed is None
+            else believed.believed(self._now),
             measured=believed is None,
             actuated_ns=self._gate.obeyed_ns,
             sensor_ns=cause.sensor_ns if cause else None,

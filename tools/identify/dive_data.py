@@ -184,7 +184,9 @@ def _usable(data: DiveData, vehicle: Vehicle) -> tuple[NDArray[np.bool_], Counte
     reach = max([vehicle.size[2] / 2, *(hypot(*t.position) for t in vehicle.thruster)])
     wet = _at(t, data.state_t, data.state[:, 2:3])[:, 0] > reach + CLEAR
     gap = np.diff(t, append=t[-1] + 1.0) > SILENT_S
-    nearest = np.abs(data.state_t[np.clip(np.searchsorted(data.state_t, t), 0, len(data.state_t) - 1)] - t)  # noqa: E501
+    nearest = np.abs(
+        data.state_t[np.clip(np.searchsorted(data.state_t, t), 0, len(data.state_t) - 1)] - t
+    )
     reasons = {
         "not armed": ~data.armed[index],
         "without commands": (t - data.command_t[index] > SILENT_S) | (t < data.command_t[0]),
@@ -211,9 +213,7 @@ def _at(t: Floats, known_t: Floats, known: Floats) -> Floats:
     return np.stack(columns, axis=-1)
 
 
-def _down(
-    data: DiveData, t: Floats, rates: Floats, period: float
-) -> tuple[Floats, Floats]:
+def _down(data: DiveData, t: Floats, rates: Floats, period: float) -> tuple[Floats, Floats]:
     """(windows, n, 3) The down axis, integrated from the angular rate, because the accelerometer
     takes acceleration for tilt; on average over a window it is as estimated. And its derivatives."""
     tilt = _at(t, data.state_t, data.state[:, :2])

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from services.control.allocation.layout import effect_matrix
 from services.marine.vehicle import GRAVITY, Vehicle
 from tools.identify.dive_data import DiveData, Windows
 from tools.identify.least_squares import (
@@ -59,6 +60,7 @@ FIXED = 1e6  # [-] 1/σ of what is held
 MOST_INERTIA_STD = 0.1  # [-] an axis that the data tell less of is not fitted
 MOST_DRAG_STD = 0.3  # [-] of the drag at the typical speed
 MOST_LAG_STD = 0.5  # [-]
+NOT_MOVED = np.inf, np.inf  # in place of deviations
 LEAST_SPEED = 0.15  # [m/s, rad/s] typical of an axis that was moved on purpose
 MOST_WINDOWS = 40  # those with most thrust; more hardly make it better
 
@@ -83,17 +85,14 @@ class Fit(NamedTuple):
     speed: Floats  # (4,) [m/s, rad/s] typical of the dive
     noise: Floats  # (5,) [m/s² × 3, rad/s, m] residual std
     inflation: Floats  # (COUNT,) of the deviations, because residuals are not white
+    condition: float  # [-] of the information about what is fitted, each scaled to 1
     unexplained: int  # windows left out
     used: int  # windows
     refused: dict[str, tuple[float, float]]  # axis: std of inertia and of drag [-] it would have
 
 
-def fit_input(
-    data: DiveData, found: Windows, vehicle: Vehicle, wake_share: float
-) -> FitInput:
+def fit_input(data: DiveData, found: Windows, vehicle: Vehicle, wake_share: float) -> FitInput:
     """Thrust as measured, if it is; else from the commands."""
-    from services.control.allocation.layout import effect_matrix
-
     if len(data.thrust):
         force = data.thrust @ effect_matrix(vehicle).T[:, list(ROWS)]
         pairs = (force[1:] + force[:-1]) / 2 * np.diff(data.thrust_t)[:, None]
@@ -284,8 +283,9 @@ class _Search:
             inertia = float(np.sqrt(cov[inertia_of(axis), inertia_of(axis)]))
             value, std = drag_at(self._start, self._x, cov, axis, float(speed[axis]))
             drag = std / value if value > 0.0 else np.inf
-            moves = speed[axis] >= LEAST_SPEED
-            if not (moves and inertia <= MOST_INERTIA_STD and drag <= MOST_DRAG_STD):
+            if not speed[axis] >= LEAST_SPEED:
+                found[name] = NOT_MOVED
+            elif not (inertia <= MOST_INERTIA_STD and drag <= MOST_DRAG_STD):
                 found[name] = inertia, drag
         if self._lag and not np.sqrt(cov[LAG, LAG]) <= MOST_LAG_STD:
             found["lag"] = float(np.sqrt(cov[LAG, LAG])), 0.0
@@ -298,9 +298,14 @@ class _Search:
     def result(self, refused: dict[str, tuple[float, float]]) -> Fit:
         return Fit(
             self._x, self.covariance, self._axes, self._lag, self._speed(), self._noise,
-            self._inflated()[1],
+            self._inflated()[1], self._condition(),
             self._unexplained, len(self._taken.windows.t), refused,
         )  # fmt: skip
+
+    def _condition(self) -> float:
+        information = np.linalg.inv(self.white[np.ix_(self._free, self._free)])
+        scale = np.sqrt(np.diag(information))
+        return float(np.linalg.cond(information / np.outer(scale, scale)))
 
     # Linearisation.
 
@@ -341,7 +346,9 @@ class _Search:
             parts = [self._channel(base, number, channel, since) for channel in self._channels]
             sizes = [len(part[0]) for part in parts]
             own = [_offsets(channel, part[2]) for channel, part in enumerate(parts)]
-            tilts = [self._tilts(base, number, channel, part[2]) for channel, part in enumerate(parts)]
+            tilts = [
+                self._tilts(base, number, channel, part[2]) for channel, part in enumerate(parts)
+            ]
             residual = np.concatenate([part[0] for part in parts])
             slope = np.concatenate([part[1] for part in parts])  # (rows, COUNT + OWN)
             offsets = _block_diagonal(own)
@@ -417,9 +424,7 @@ def _offsets(channel: int, when: Floats) -> Floats:
     return np.column_stack([one, when] if channel < YAW else [one])
 
 
-def drag_at(
-    start: Start, x: Floats, cov: Floats, axis: int, speed: float
-) -> tuple[float, float]:
+def drag_at(start: Start, x: Floats, cov: Floats, axis: int, speed: float) -> tuple[float, float]:
     """[N, N m] Drag of an axis at a speed, and its deviation."""
     by = np.zeros(COUNT)
     by[linear_of(axis)] = start.linear[axis] * speed
@@ -432,9 +437,7 @@ def buoyancy_of(found: Fit) -> tuple[float, float]:
     return float(found.x[BUOYANCY]), float(np.sqrt(found.covariance[BUOYANCY, BUOYANCY]))
 
 
-def _wrench(
-    thrust: CommandedThrust, windows: Windows, lag: float | None
-) -> tuple[Floats, Floats]:
+def _wrench(thrust: CommandedThrust, windows: Windows, lag: float | None) -> tuple[Floats, Floats]:
     """(windows, n, 4) [N, N m], and (windows, n / 2, 4) its mean over each step."""
     t, ends = windows.t, _step_ends(windows)
     value = thrust.wrench(t.ravel(), lag).value.reshape(*t.shape, 6)

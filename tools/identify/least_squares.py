@@ -54,7 +54,9 @@ def own_step(window: WindowEquations, common_step: Floats) -> Floats:
     return np.linalg.lstsq(window.own, wanted, rcond=None)[0]
 
 
-def normal_equations(windows: Sequence[Eliminated], pull: Floats, inverse: Floats) -> NormalEquations:
+def normal_equations(
+    windows: Sequence[Eliminated], pull: Floats, inverse: Floats
+) -> NormalEquations:
     """
     Args:
         pull: (p,) prior value minus present value.

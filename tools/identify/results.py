@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from services.marine.rigid_body import system_inertia
 from services.marine.vehicle import Vehicle
-from tools.identify.fit import Fit, drag_at
+from tools.identify.fit import NOT_MOVED, Fit, drag_at
 from tools.identify.motion_model import ROWS
 from tools.identify.parameters import (
     AXES,
@@ -104,8 +104,8 @@ def remarks(found: Fit, vehicle: Vehicle, scale: ThrustScale | None) -> Iterator
         yield ASSUMED
     else:
         yield (
-            f"with the net buoyancy as weighed, thrust is {scale.value:.3f} ± {scale.std:.3f} times "
-            "the vehicle file's; the numbers are in newtons of the file all the same, as the "
+            f"with the net buoyancy as weighed, thrust is {scale.value:.3f} ± {scale.std:.3f} "
+            "times the vehicle file's; the numbers are in newtons of the file all the same, as the "
             "commands are"
         )
     for name, (inertia, drag) in found.refused.items():
@@ -128,7 +128,12 @@ def remarks(found: Fit, vehicle: Vehicle, scale: ThrustScale | None) -> Iterator
 
 
 def weakly(inertia: float, drag: float) -> str:
-    return f"the dive tells its inertia to ± {100 * inertia:.0f} %, its drag to ± {100 * drag:.0f} %"
+    """Why an axis is not fitted."""
+    if (inertia, drag) == NOT_MOVED:
+        return "the dive hardly moves along it"
+    return (
+        f"the dive tells its inertia to ± {100 * inertia:.0f} %, its drag to ± {100 * drag:.0f} %"
+    )
 
 
 def as_table(every: list[ResultRow]) -> str:
@@ -142,8 +147,7 @@ def as_table(every: list[ResultRow]) -> str:
     lines: list[str] = []
     for name, value, std, file, unit in cells:
         numbers = [
-            cell.rjust(width)
-            for cell, width in zip((value, std, file), widths[1:4], strict=True)
+            cell.rjust(width) for cell, width in zip((value, std, file), widths[1:4], strict=True)
         ]
         lines.append("  ".join([name.ljust(widths[0]), *numbers, unit]).rstrip())
     return "\n".join(lines)
@@ -160,7 +164,11 @@ def as_json(
             "thrust_scale": scale and scale._asdict(),
             "windows": {"used": found.used, "left_out": found.unexplained},
             "residual_std": dict(
-                zip(("force_x", "force_y", "force_z", "yaw_rate", "depth"), found.noise.tolist(), strict=True)
+                zip(
+                    ("force_x", "force_y", "force_z", "yaw_rate", "depth"),
+                    found.noise.tolist(),
+                    strict=True,
+                )
             ),
             "deviations_times": float(found.inflation.max()),
             "condition": found.condition,
