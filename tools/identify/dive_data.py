@@ -104,7 +104,8 @@ def read(recording: Recording, vehicle: Vehicle, density: Density, name: Path) -
     wander = float(rest.std(axis=0)[:2].max() * np.sqrt(np.median(np.diff(imu[:, 0]))))
     per_metre = density_of(density) * GRAVITY
     return DiveData(
-        imu[:, 0], imu[:, 1:4] - rest.mean(axis=0), imu[:, 4:7], pressure[:, 0], pressure[:, 1] / per_metre,
+        imu[:, 0], imu[:, 1:4] - rest.mean(axis=0), imu[:, 4:7],
+        pressure[:, 0], pressure[:, 1] / per_metre,
         state[:, 0], state[:, 1:], commands[:, 0], commands[:, 2:], armed,
         wander,        actuation[:, 0], actuation[:, 1:],
     )  # fmt: skip
@@ -141,8 +142,8 @@ def _rest(imu: Floats, armed_at: float | None, name: Path) -> Floats:
     rest = imu[(imu[:, 0] < armed_at) & (imu[:, 0] > armed_at - LONGEST_REST_S)]
     if len(rest) < 2 or rest[-1, 0] - rest[0, 0] < REST_S:
         raise LindyError(
-            f"{name} does not hold the {REST_S:g} s before arming, in which the drone is at rest and"
-            " shows the bias of its gyroscopes"
+            f"{name} does not hold the {REST_S:g} s before arming, in which the drone is at rest"
+            " and shows the bias of its gyroscopes"
         )
     return rest[:, 1:4]
 
@@ -184,13 +185,12 @@ def _usable(data: DiveData, vehicle: Vehicle) -> tuple[NDArray[np.bool_], Counte
     reach = max([vehicle.size[2] / 2, *(hypot(*t.position) for t in vehicle.thruster)])
     wet = _at(t, data.state_t, data.state[:, 2:3])[:, 0] > reach + CLEAR
     gap = np.diff(t, append=t[-1] + 1.0) > SILENT_S
-    nearest = np.abs(
-        data.state_t[np.clip(np.searchsorted(data.state_t, t), 0, len(data.state_t) - 1)] - t
-    )
+    state = np.searchsorted(data.state_t, t).clip(0, len(data.state_t) - 1)
+    silent = np.abs(data.state_t[state] - t) > SILENT_S
     reasons = {
         "not armed": ~data.armed[index],
         "without commands": (t - data.command_t[index] > SILENT_S) | (t < data.command_t[0]),
-        "without samples": gap | (nearest > SILENT_S),
+        "without samples": gap | silent,
         "not deep enough under water": ~wet,
         "with a thruster at its limit": at_limit[index],
     }
@@ -215,7 +215,8 @@ def _at(t: Floats, known_t: Floats, known: Floats) -> Floats:
 
 def _down(data: DiveData, t: Floats, rates: Floats, period: float) -> tuple[Floats, Floats]:
     """(windows, n, 3) The down axis, integrated from the angular rate, because the accelerometer
-    takes acceleration for tilt; on average over a window it is as estimated. And its derivatives."""
+    takes acceleration for tilt; on average over a window it is as estimated. And its derivative by
+    a tilt at the begin."""
     tilt = _at(t, data.state_t, data.state[:, :2])
     roll, pitch = tilt[..., 0], tilt[..., 1]
     estimated = np.stack(

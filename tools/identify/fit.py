@@ -48,7 +48,7 @@ OWN = 6  # unknowns of a window that change its motion: velocities and tilt at i
 COLUMNS = 1 + COUNT + OWN  # here, and a step in each
 KNOT_S = 2.0  # [s] between changes of the tilt by the gyroscopes' noise
 FIRST_STD = np.array([0.03, 0.03, 0.03, 0.003, 0.05])  # [m/s², rad/s, m] before residuals are known
-LEAST_STD = np.array([1e-6, 1e-6, 1e-6, 1e-7, 1e-6])
+LEAST_STD = 1e-8  # [m/s², rad/s, m]
 BLOCK_S = 1.0  # [s] longer than the residuals' memory
 ROUNDS = 3  # of weights from residuals
 MOST_STEPS = 15
@@ -255,7 +255,7 @@ class _Search:
                 for left, rows in zip(self._left, self._rows, strict=True)
             ]
             rms = float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
-            self._noise[channel] = max(LEAST_STD[channel], rms * self._noise[channel])
+            self._noise[channel] = max(LEAST_STD, rms * self._noise[channel])
         self._update()
 
     # Judgement.

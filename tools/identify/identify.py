@@ -54,8 +54,8 @@ def fitted(data: DiveData, file: VehicleFile, name: Path, axes: tuple[str, ...] 
     if len(found.t) < FEWEST_WINDOWS:
         most, times = max(found.refused.items(), key=lambda item: item[1])
         raise LindyError(
-            f"{name} {NO_SAMPLES}: {len(found.t)} stretches of {WINDOW_S:g} s can be used, expected "
-            f"at least {FEWEST_WINDOWS}; for {times * found.period:.0f} s the drone was {most}"
+            f"{name} {NO_SAMPLES}: {len(found.t)} stretches of {WINDOW_S:g} s can be used, "
+            f"expected at least {FEWEST_WINDOWS}; {times * found.period:.0f} s: {most}"
         )
     taken = busiest(fit_input(data, found, file.vehicle, file.wake_share))
     result = fit(taken, start_of(file.vehicle), axes)

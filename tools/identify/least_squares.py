@@ -4,9 +4,9 @@ Gauss-Newton with Levenberg's damping. A window's own unknowns are eliminated by
 so that what is left of its residual depends on the common ones only (variable projection; Golub and
 Pereyra 2003, doi 10.1088/0266-5611/19/2/201).
 
-Residuals are rarely white: the model is simple and water moves. So the covariance is estimated twice,
-as for white noise, and from the sums of the scores over blocks of time that are longer than the
-residuals' memory (the cluster-robust or sandwich estimator; Liang and Zeger 1986, doi
+Residuals are rarely white: the model is simple and water moves. So the covariance is estimated
+twice, as for white noise, and from the sums of the scores over blocks of time that are longer than
+the residuals' memory (the cluster-robust or sandwich estimator; Liang and Zeger 1986, doi
 10.1093/biomet/73.1.13). The larger deviation counts.
 """
 
@@ -80,7 +80,7 @@ def damped_step(equations: NormalEquations, damping: float) -> Floats:
 
 
 def covariance(windows: Sequence[Eliminated], inverse: Floats) -> tuple[Floats, Floats]:
-    """(p, p) as for white noise, and (p,) by how much each deviation is larger because the residuals
+    """(p, p) as for white noise, and (p,) by how much each deviation is larger because residuals
     are not white, at least 1."""
     zero = np.zeros(len(inverse))
     information = normal_equations(windows, zero, inverse).information

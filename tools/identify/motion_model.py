@@ -1,8 +1,8 @@
 """Motion in surge, sway, heave and yaw of many vehicles at once, with roll and pitch as measured.
 
-These are rows 1, 2, 3 and 6 of the simulator's equations of motion (services/simulator/equations.py,
-Fossen 2011, eq. 6.1 to 6.3), the wake's fins included. Roll and pitch rate and attitude come from
-the gyroscopes, so that the righting moment need not be known. Many vehicles at once, because a
+These are rows 1, 2, 3 and 6 of the simulator's equations (services/simulator/equations.py; Fossen
+2011, eq. 6.1 to 6.3), the wake's fins included. Roll and pitch rate and attitude come from the
+gyroscopes, so that the righting moment need not be known. Many vehicles at once, because a
 derivative by every parameter needs one each: arrays are (columns, windows, …).
 """
 

@@ -56,8 +56,8 @@ class CommandedThrust:
 
 def lagged(t: Floats, settles: Floats, modes: Sequence[LagMode], at: Floats) -> Lagged:
     """A quantity that follows `settles` (n, k), set at the times t (n,), from rest, at the times
-    `at` (m,); exact (services/marine/thruster_lag.py). A gap decays by g' = pole g + share s', which
-    also gives its integral."""
+    `at` (m,); exact (services/marine/thruster_lag.py). A gap decays by g' = pole g + share s',
+    which also gives its integral."""
     steps = np.diff(settles, axis=0, prepend=0.0)
     index = np.clip(np.searchsorted(t, at, side="right") - 1, 0, None)
     since = np.maximum(at - t[index], 0.0)[:, None]

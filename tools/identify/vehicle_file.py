@@ -50,12 +50,12 @@ def of_recording(recording: Recording, chosen: str | None, where: Path) -> Vehic
 def _parsed(name: str, text: str, overrides: list[str]) -> VehicleFile:
     tree = tomllib.loads(text)
     override(tree, overrides)
-    path = Path(name)
+    where = f"{name}: estimation"
     return VehicleFile(
         name, text, tree,
         convert(tree.get("vehicle", {}), Vehicle, "vehicle"),
         convert(tree.get("simulator", {}), SimulatorSettings, "simulator").wake_share,
-        convert(tree.get("estimation", {}), EstimationSettings, f"{path}: estimation").water_density,
+        convert(tree.get("estimation", {}), EstimationSettings, where).water_density,
     )  # fmt: skip
 
 

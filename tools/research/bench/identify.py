@@ -6,6 +6,7 @@ unknown scale of the thrust is no error: it cannot be seen.
 """
 
 import json
+import os
 from collections.abc import Callable
 from math import exp
 from pathlib import Path
@@ -57,6 +58,7 @@ def figures() -> list[Figure]:
     with TemporaryDirectory(prefix="lindy-") as folder:
         sticks = Path(folder) / "sticks.csv"
         sticks.write_text(as_csv(plan(vehicle, reference, ("heave", "yaw"), 3.0), vehicle))
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # of the workers: one core each
         seeds = range(FIRST_SEED, FIRST_SEED + VEHICLES)
         found = in_order(one, [Task(seed, str(sticks), folder) for seed in seeds])
     worst = [_worst(found, *goal) for goal in GOALS]
