@@ -115,7 +115,8 @@ def recording_(
         print(
             f"\n{check}, {compared.minutes} min predicted: depth rate to {after.depth_rate:.3g} "
             f"m/s, {after.depth_rate / before.depth_rate:.2f} times the error of "
-            f"{found.file.name}; yaw rate to {after.yaw_rate:.3g} rad/s, {after.yaw_rate / before.yaw_rate:.2f} times"
+            f"{found.file.name}; yaw rate to {after.yaw_rate:.3g} rad/s, "
+            f"{after.yaw_rate / before.yaw_rate:.2f} times"
         )
     return 0
 
