@@ -82,7 +82,7 @@ def read(recording: Recording, vehicle: Vehicle, density: Density, name: Path) -
     for raw in recording.raw():
         if raw.key not in KEYS or (message := recording.decode(raw)) is None:
             continue
-        stamp = message.sensor_ns if isinstance(message, VehicleState) else message.stamp_ns
+        stamp: int = message.sensor_ns if isinstance(message, VehicleState) else message.stamp_ns
         if stamp <= newest.get(raw.key, -(2**62)):
             continue
         if numbers := _numbers(message, origin, len(vehicle.thruster)):
@@ -157,16 +157,17 @@ def windows(data: DiveData, vehicle: Vehicle, seconds: float = WINDOW_S) -> Wind
     begins: list[int] = []
     for first, last in _spans(usable):
         begins += range(first, last - n + 1, n)
-    t = data.imu_t[begins][:, None] + period * np.arange(n)
-    rates, force = _at(t, data.imu_t, data.rate), _at(t, data.imu_t, data.force)
+    t = data.imu_t[begins][:, None] + times(n, period)
+    rates, force = columns_at(t, data.imu_t, data.rate), columns_at(t, data.imu_t, data.force)
     down, tilted = _down(data, t, rates, period)
-    state = _at(t[:, :1], data.state_t, data.state)[:, 0]
+    state = columns_at(t[:, :1], data.state_t, data.state)[:, 0]
     depth_t, depth = list[Floats](), list[Floats]()
     arm = np.array(vehicle.mounting.pressure.position)
-    for row, tilt in zip(t, down, strict=True):
+    for number in range(len(t)):
+        row = t[number]
         inside = (data.pressure_t >= row[0]) & (data.pressure_t < row[-1])
-        since = data.pressure_t[inside] - row[0]
-        lower = np.interp(since, row - row[0], tilt @ arm)
+        since: Floats = data.pressure_t[inside] - row[0]
+        lower: Floats = columns_at(since, row - row[0], down[number] @ arm[:, None])[:, 0]
         depth_t.append(since)
         depth.append(data.below[inside] - lower)
     begin = np.stack([state[:, 5], state[:, 6], state[:, 3], state[:, 4]], axis=-1)
@@ -183,7 +184,7 @@ def _usable(data: DiveData, vehicle: Vehicle) -> tuple[NDArray[np.bool_], Counte
         axis=1,
     )
     reach = max([vehicle.size[2] / 2, *(hypot(*t.position) for t in vehicle.thruster)])
-    wet = _at(t, data.state_t, data.state[:, 2:3])[:, 0] > reach + CLEAR
+    wet = columns_at(t, data.state_t, data.state[:, 2:3])[:, 0] > reach + CLEAR
     gap = np.diff(t, append=t[-1] + 1.0) > SILENT_S
     state = np.searchsorted(data.state_t, t).clip(0, len(data.state_t) - 1)
     silent = np.abs(data.state_t[state] - t) > SILENT_S
@@ -207,9 +208,14 @@ def _spans(usable: NDArray[np.bool_]) -> Sequence[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
 
-def _at(t: Floats, known_t: Floats, known: Floats) -> Floats:
+def times(n: int, period: float) -> Floats:
+    """(n,) [s] From zero."""
+    return np.linspace(0.0, (n - 1) * period, n)
+
+
+def columns_at(t: Floats, known_t: Floats, known: Floats) -> Floats:
     """(…, k) Columns of `known` (m, k) between samples."""
-    columns = [np.interp(t, known_t, column) for column in known.T]
+    columns: list[Floats] = [np.interp(t, known_t, known[:, n]) for n in range(known.shape[1])]
     return np.stack(columns, axis=-1)
 
 
@@ -217,7 +223,7 @@ def _down(data: DiveData, t: Floats, rates: Floats, period: float) -> tuple[Floa
     """(windows, n, 3) The down axis, integrated from the angular rate, because the accelerometer
     takes acceleration for tilt; on average over a window it is as estimated. And its derivative by
     a tilt at the begin."""
-    tilt = _at(t, data.state_t, data.state[:, :2])
+    tilt = columns_at(t, data.state_t, data.state[:, :2])
     roll, pitch = tilt[..., 0], tilt[..., 1]
     estimated = np.stack(
         [-np.sin(pitch), np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll)], axis=-1

@@ -14,7 +14,7 @@ import numpy as np
 
 from services.control.allocation.layout import effect_matrix
 from services.marine.vehicle import GRAVITY, Vehicle
-from tools.identify.dive_data import DiveData, Windows
+from tools.identify.dive_data import DiveData, Windows, columns_at, times
 from tools.identify.least_squares import (
     Eliminated,
     WindowEquations,
@@ -54,6 +54,8 @@ ROUNDS = 3  # of weights from residuals
 MOST_STEPS = 15
 SMALL_DAMPING = 1e-2  # [-] a step damped more says nothing about the gain to be had
 SMALL_GAIN = 1e-3  # [-] of the sum of squares, in units of the noise: the end of a round
+RETRIES = 3
+WHITE = 1.5  # [-] deviations enlarged by less: the residuals are white
 NOT_EXPLAINED = 3.0  # [-] times the median residual of the windows: something else pushed there
 UNTOLD = 1e-4  # [-] 1/σ of what is fitted, so that the equations are never singular
 FIXED = 1e6  # [-] 1/σ of what is held
@@ -98,8 +100,8 @@ def fit_input(data: DiveData, found: Windows, vehicle: Vehicle, wake_share: floa
         pairs = (force[1:] + force[:-1]) / 2 * np.diff(data.thrust_t)[:, None]
         integral = np.vstack([np.zeros((1, 4)), np.cumsum(pairs, axis=0)])
         steps = _step_ends(found)
-        wrench = _columns(found.t, data.thrust_t, force)
-        means = np.diff(_columns(steps, data.thrust_t, integral), axis=1) / (2 * found.period)
+        wrench = columns_at(found.t, data.thrust_t, force)
+        means = np.diff(columns_at(steps, data.thrust_t, integral), axis=1) / (2 * found.period)
         return FitInput(found, None, wrench, means, data.wander, wake_share, fits_lag=False)
     thrust = CommandedThrust(vehicle, data.command_t, data.commands)
     fits_lag = all(thruster.lag is None for thruster in vehicle.thruster)
@@ -180,6 +182,9 @@ class _Search:
                 self._leave_unexplained()
             self._weigh()
         self._descend()
+        for _ in range(RETRIES):
+            if not self._better():
+                break
         self._hold_positive()
 
     def _coarse(self) -> None:
@@ -193,6 +198,25 @@ class _Search:
         self._descend()
         self._inverse, self._begin_std = inverse, BEGIN_STD
         self._update()
+
+    def _better(self) -> bool:
+        """Where residuals are not white, begin again with what is fitted as found, the rest as
+        estimated; keep what is better."""
+        if self._inflated()[1].max() < WHITE:
+            return False
+        kept = self._x, self._begin, self._cost
+        others = np.setdiff1d(np.arange(COUNT), self._free)
+        self._x, self._begin = self._x.copy(), self._estimate.copy()
+        self._x[others] = self._prior[others]
+        self._coarse()
+        self._descend()
+        if self._cost < kept[2] - 1.0:
+            self._weigh()
+            self._descend()
+            return True
+        self._x, self._begin, _ = kept
+        self._update()
+        return False
 
     def _descend(self) -> None:
         damping = 1e-5
@@ -293,7 +317,8 @@ class _Search:
 
     def _speed(self) -> Floats:
         """(4,) Exceeded in a twentieth of the time."""
-        return np.percentile(np.abs(self._base.velocity[0]), 95, axis=(0, 1))
+        speeds: Floats = np.percentile(np.abs(self._base.velocity[0]), 95, axis=(0, 1))
+        return speeds
 
     def result(self, refused: dict[str, tuple[float, float]]) -> Fit:
         return Fit(
@@ -341,7 +366,7 @@ class _Search:
     def _linearised(self, base: Predicted) -> tuple[list[WindowEquations], list[Floats]]:
         equations, rows = list[WindowEquations](), list[Floats]()
         n = base.velocity.shape[2]
-        since = self._taken.windows.period * np.arange(n)
+        since = times(n, self._taken.windows.period)
         for number in range(len(self._taken.windows.t)):
             parts = [self._channel(base, number, channel, since) for channel in self._channels]
             sizes = [len(part[0]) for part in parts]
@@ -352,7 +377,7 @@ class _Search:
             residual = np.concatenate([part[0] for part in parts])
             slope = np.concatenate([part[1] for part in parts])  # (rows, COUNT + OWN)
             offsets = _block_diagonal(own)
-            estimate = (self._estimate[number] - self._begin[number]) / self._begin_std
+            estimate: Floats = (self._estimate[number] - self._begin[number]) / self._begin_std
             tilt_std = self._tilt_std(since)
             known = OWN + len(tilt_std)
             residual = np.concatenate([residual, estimate, np.zeros(len(tilt_std))])
@@ -405,7 +430,7 @@ class _Search:
         w = self._taken.windows
         velocity = base.velocity[0, number, :, :3]
         n = len(velocity)
-        since = w.period * np.arange(n)
+        since = times(n, w.period)
         knots = np.arange(KNOT_S, since[-1], KNOT_S)
         later = since[:, None] >= knots  # (n, knots)
         tilted = (w.tilted[number, :n, :, None, :] * later[:, None, :, None]).reshape(n, 3, -1)
@@ -415,7 +440,7 @@ class _Search:
             return -GRAVITY * tilted[:, channel] / self._noise[channel]
         rate = np.einsum("ni,nik->nk", velocity, tilted)
         depth = w.period * np.cumsum(rate, axis=0)
-        return np.stack([np.interp(when, since, d) for d in depth.T], axis=-1) / self._noise[DEPTH]
+        return columns_at(when, since, depth) / self._noise[DEPTH]
 
 
 def _offsets(channel: int, when: Floats) -> Floats:
@@ -449,10 +474,6 @@ def _wrench(thrust: CommandedThrust, windows: Windows, lag: float | None) -> tup
 def _step_ends(windows: Windows) -> Floats:
     """(windows, n / 2 + 1) [s]"""
     return np.column_stack([windows.t[:, ::2], windows.t[:, -1] + windows.period])
-
-
-def _columns(t: Floats, known_t: Floats, known: Floats) -> Floats:
-    return np.stack([np.interp(t, known_t, column) for column in known.T], axis=-1)
 
 
 def _block_diagonal(parts: list[Floats]) -> Floats:

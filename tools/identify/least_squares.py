@@ -51,7 +51,8 @@ def eliminate(window: WindowEquations) -> Eliminated:
 def own_step(window: WindowEquations, common_step: Floats) -> Floats:
     """(k,) The best step of the window's own unknowns beside this common step (p,)."""
     wanted = window.residual - window.common @ common_step
-    return np.linalg.lstsq(window.own, wanted, rcond=None)[0]
+    step: Floats = np.linalg.lstsq(window.own, wanted, rcond=None)[0].astype(np.float64)
+    return step
 
 
 def normal_equations(

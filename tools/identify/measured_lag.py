@@ -32,6 +32,7 @@ def measured_lag(data: DiveData, vehicle: Vehicle) -> MeasuredLag | None:
     def expected(x: float) -> Floats:
         return lagged(data.command_t, settles, first_order(exp(x)), at).value
 
+    information = 0.0
     x = log(float(np.median([thruster.time_constant for thruster in vehicle.thruster])))
     for _ in range(STEPS):
         here = expected(x)

@@ -1,5 +1,6 @@
 """The thrusters' wrench over time, from the commands: dead-band, limits, lag."""
 
+from cmath import exp as complex_exp
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -66,13 +67,13 @@ def lagged(t: Floats, settles: Floats, modes: Sequence[LagMode], at: Floats) -> 
     value, integral = now.copy(), np.vstack([np.zeros_like(settles[:1]), held])[index]
     integral += now * since
     for pole, share in modes:
-        gap = np.exp(pole * since) * _gaps(t, share * steps, pole)[index]
+        gap = np.exp(pole * since) * _gaps(t, (share * steps).astype(np.complex128), pole)[index]
         value -= np.real(gap)
         integral -= np.real((gap - share * now) / pole)
     return Lagged(value, integral)
 
 
-def _gaps(t: Floats, steps: Floats, pole: complex) -> NDArray[np.complex128]:
+def _gaps(t: Floats, steps: NDArray[np.complex128], pole: complex) -> NDArray[np.complex128]:
     """(n, k) The sum of all steps so far, each decayed since its time. Added up within stretches in
     which little of the first is lost, so that no quotient overflows."""
     found = np.empty(steps.shape, dtype=np.complex128)
@@ -81,8 +82,8 @@ def _gaps(t: Floats, steps: Floats, pole: complex) -> NDArray[np.complex128]:
     while first < len(t):
         until = t[first] + LOST / abs(pole)
         last = int(np.searchsorted(t, until, side="right"))
-        decayed = np.exp(pole * (t[first:last] - t[first]))[:, None]
-        begin = gap * np.exp(pole * (t[first] - before))
+        decayed: NDArray[np.complex128] = np.exp(pole * (t[first:last] - t[first]))[:, None]
+        begin = gap * complex_exp(pole * (float(t[first]) - before))
         found[first:last] = decayed * (begin + np.cumsum(steps[first:last] / decayed, axis=0))
         gap, before, first = found[last - 1], float(t[last - 1]), last
     return found

@@ -33,7 +33,7 @@ TURNS = {"heave": (12.0, 0.0), "yaw": (0.0, 2.5), "both": (12.0, 2.5), "none": (
 def steps(excited: str, shift: float, seed: int) -> tuple[Floats, Floats]:
     """Times [s] and commands [N]: steps of random length and size."""
     rng = np.random.default_rng(seed)
-    t = np.arange(-100, 4000 + COUNT) * PERIOD + shift
+    t: Floats = np.arange(-100.0, 4000 + COUNT) * PERIOD + shift
     heave, turn = TURNS[excited]
     levels = rng.uniform(-1.0, 1.0, (len(t) // 90 + 1, 2)).repeat(90, axis=0)[: len(t)]
     side = turn * levels[:, 1] / 0.172
@@ -67,7 +67,8 @@ def made(
     tilted = np.zeros((windows, COUNT, 3, 2))
     tilted[..., 0, 0] = tilted[..., 1, 1] = 1.0
     depth = [7.0 + d[::2] + noise * DEPTH * rng.normal(size=COUNT // 2) for d in motion.depth[0]]
-    times = [PERIOD * np.arange(0, COUNT, 2)] * windows
+    every: Floats = PERIOD * np.arange(0.0, COUNT, 2.0)
+    times = [every] * windows
     found = Windows(PERIOD, t, rates, force, down, tilted, begin[0], times, depth, Counter[str]())
     return FitInput(found, commands, wrench, mean, 1e-6, 1.0, fits_lag=True)
 
@@ -88,7 +89,7 @@ def test_without_noise_the_numbers_come_back() -> None:
     start = start_of(FILE)
     found = fit(made(noise=0.0), start, ("heave", "yaw"))
     assert found.axes == ("heave", "yaw")
-    assert found.x[FITTED] == pytest.approx(truth(start)[FITTED], abs=1e-6, rel=1e-6)
+    assert found.x[FITTED] == pytest.approx(truth(start)[FITTED], abs=2e-6)
 
 
 def test_when_it_was_measured_changes_nothing() -> None:

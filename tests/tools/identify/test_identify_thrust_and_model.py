@@ -12,7 +12,7 @@ from services.runtime.config.stack import Stack
 from services.simulator.equations import equations_of_motion
 from services.simulator.propulsion import SimulatedThrusters
 from tools.identify.motion_model import Measured, coefficients, predict
-from tools.identify.thrust import CommandedThrust, lagged
+from tools.identify.thrust import CommandedThrust, Floats, lagged
 
 ROWS = [0, 1, 2, 5]
 numbers = st.floats(-2.0, 2.0)
@@ -60,8 +60,8 @@ def test_the_integral_is_the_sum_of_many_short_means() -> None:
     rng = np.random.default_rng(6)
     t = np.cumsum(rng.uniform(0.005, 0.2, 50))
     settles = rng.normal(size=(50, 2))
-    at = np.linspace(t[0], t[-1] + 1.0, 40_001)
+    at: Floats = np.linspace(float(t[0]), float(t[-1]) + 1.0, 40_001)
     curved = Lag(numerator=[6136.0, 108700.0], denominator=[1.0, 89.0, 9258.0, 108700.0])
     found = lagged(t, settles, modes_of(curved), at)
-    means = (found.value[1:] + found.value[:-1]) / 2 * np.diff(at)[:, None]
+    means: Floats = (found.value[1:] + found.value[:-1]) / 2 * np.diff(at)[:, None]
     assert found.integral[-1] == pytest.approx(means.sum(axis=0), abs=1e-5)

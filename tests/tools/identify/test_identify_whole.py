@@ -50,7 +50,7 @@ def test_the_numbers_of_another_hull_come_out_of_a_dive(
     assert _drag(vehicle, 2, 0.5) == pytest.approx((0.38 + 32.0 * 0.5) * 0.5, rel=0.05)
     assert _drag(vehicle, 5, 1.0) == pytest.approx(0.87 + 1.1, rel=0.03)
     assert vehicle.net_buoyancy == pytest.approx(2.0, abs=0.05)
-    assert {t.time_constant for t in vehicle.thruster} == {pytest.approx(0.12, abs=0.005)}
+    assert [t.time_constant for t in vehicle.thruster] == pytest.approx([0.12] * 4, abs=0.005)
     assert vehicle.added_mass[:2] == (5.22, 19.87)
 
     assert main(["identify", dive, "--out", str(new)]) == 1  # never overwritten
