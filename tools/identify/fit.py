@@ -163,7 +163,7 @@ class _Search:
         if not taken.fits_lag:
             self._inverse[LAG] = FIXED**2
         # Velocities at the begin [m/s, rad/s], and the tilt there beyond the estimate [rad].
-        self._estimate = np.pad(taken.windows.begin.astype(float), ((0, 0), (0, 2)))
+        self._estimate: Floats = np.pad(taken.windows.begin.astype(float), ((0, 0), (0, 2)))
         self._begin = self._estimate.copy()
         self._begin_std = BEGIN_STD
         self._noise = FIRST_STD.copy()
@@ -188,15 +188,19 @@ class _Search:
         self._hold_positive()
 
     def _coarse(self) -> None:
-        """Only what is fitted, the rest as estimated and as in the file: wrong drag could otherwise
-        be explained by surge and sway, of which the wake's lift makes drag whatever their signs."""
+        """First only what is fitted, the rest as estimated and as in the file; then also the
+        file's numbers, at last the velocities at the begin. Wrong drag could otherwise be explained
+        by surge and sway, of which the wake's lift makes drag whatever their signs."""
         inverse, self._inverse = self._inverse, self._inverse.copy()
         others = np.setdiff1d(np.arange(COUNT), self._free)
         self._inverse[others] /= COARSE**2
         self._begin_std = BEGIN_STD * [COARSE, COARSE, 1.0, 1.0, 1.0, 1.0]
         self._update()
         self._descend()
-        self._inverse, self._begin_std = inverse, BEGIN_STD
+        self._inverse = inverse
+        self._update()
+        self._descend()
+        self._begin_std = BEGIN_STD
         self._update()
 
     def _better(self) -> bool:

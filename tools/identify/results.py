@@ -22,6 +22,7 @@ from tools.identify.parameters import (
     vehicle_of,
 )
 
+NOT_WHITE = 1.5  # [-] enlargement of deviations that is worth a remark
 SURE = 1.96  # [-] deviations to each side: 95 % of a normal distribution
 ASSUMED = (
     "thrust is what the vehicle file makes of the commands: if it is 5 % more, so are all the "
@@ -113,6 +114,12 @@ def remarks(found: Fit, vehicle: Vehicle, scale: ThrustScale | None) -> Iterator
             yield f"thruster lag: kept as in the file; told to within {100 * inertia:.0f} % only"
         else:
             yield f"{name}: kept as in the file; {weakly(inertia, drag)}"
+    if found.inflation.max() > NOT_WHITE:
+        yield (
+            f"the residuals are not white (deviations enlarged up to {found.inflation.max():.1f} "
+            "times): something moved the vehicle that the model does not have, or the fit ended in "
+            "a local optimum; fly once more and compare"
+        )
     if found.unexplained:
         yield (
             f"{found.unexplained} windows left out, in which something else than the thrusters "
