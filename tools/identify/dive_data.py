@@ -83,7 +83,7 @@ def read(recording: Recording, vehicle: Vehicle, density: Density, name: Path) -
         if raw.key not in KEYS or (message := recording.decode(raw)) is None:
             continue
         stamp: int = message.sensor_ns if isinstance(message, VehicleState) else message.stamp_ns
-        if stamp <= newest.get(raw.key, -(2**62)):
+        if raw.key in newest and stamp <= newest[raw.key]:
             continue
         if numbers := _numbers(message, origin, len(vehicle.thruster)):
             newest[raw.key] = stamp

@@ -37,7 +37,7 @@ class Predicted(NamedTuple):
     force: Floats  # (columns, windows, n, 3) [m/s²] specific force at the origin
 
 
-class Coefficients(NamedTuple):
+class MotionCoefficients(NamedTuple):
     """Arrays over the columns."""
 
     inverse: Floats  # (c, 1, 4) of the inertia
@@ -51,10 +51,10 @@ class Coefficients(NamedTuple):
     sinks: Floats  # (c, 1, 1) [N] weight minus buoyancy
 
 
-def coefficients(vehicles: Sequence[Vehicle], wake_share: float) -> Coefficients:
+def coefficients(vehicles: Sequence[Vehicle], wake_share: float) -> MotionCoefficients:
     """Of submerged vehicles, one per column."""
     every = [_of_one(vehicle, wake_share) for vehicle in vehicles]
-    return Coefficients(*(np.array(part) for part in zip(*every, strict=True)))
+    return MotionCoefficients(*(np.array(part) for part in zip(*every, strict=True)))
 
 
 def _of_one(vehicle: Vehicle, wake_share: float) -> tuple[Floats, ...]:
@@ -81,7 +81,7 @@ def _of_one(vehicle: Vehicle, wake_share: float) -> tuple[Floats, ...]:
     )  # fmt: skip
 
 
-def predict(c: Coefficients, begin: Floats, measured: Measured) -> Predicted:
+def predict(c: MotionCoefficients, begin: Floats, measured: Measured) -> Predicted:
     """Integrate by Kutta's rule of third order, with steps of two periods: yaw settles in a few.
 
     Args:
@@ -111,7 +111,7 @@ def predict(c: Coefficients, begin: Floats, measured: Measured) -> Predicted:
     return Predicted(velocity, slope, depth, _specific_force(velocity, slope, measured, n))
 
 
-def _acceleration(c: Coefficients, nu: Floats, measured: Measured, k: int) -> Floats:
+def _acceleration(c: MotionCoefficients, nu: Floats, measured: Measured, k: int) -> Floats:
     """(columns, windows, 4) dν/dt."""
     p, q = measured.rates[:, k, 0], measured.rates[:, k, 1]
     r = nu[..., R]

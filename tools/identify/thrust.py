@@ -80,7 +80,7 @@ def _gaps(t: Floats, steps: NDArray[np.complex128], pole: complex) -> NDArray[np
     gap = np.zeros(steps.shape[1], dtype=np.complex128)  # at the time before
     first, before = 0, float(t[0])
     while first < len(t):
-        until = t[first] + LOST / abs(pole)
+        until = float(t[first]) + LOST / abs(pole)
         last = int(np.searchsorted(t, until, side="right"))
         decayed: NDArray[np.complex128] = np.exp(pole * (t[first:last] - t[first]))[:, None]
         begin = gap * complex_exp(pole * (float(t[first]) - before))

@@ -38,7 +38,7 @@ FLOOR = "simulator.floor_depth=12"
 ROW = {"surge": 0, "sway": 1, "heave": 2, "yaw": 5}
 
 
-class Task(NamedTuple):
+class BenchTask(NamedTuple):
     seed: int
     sticks: str  # path of the stick log
     folder: str
@@ -60,7 +60,7 @@ def figures() -> list[Figure]:
         sticks.write_text(as_csv(plan(vehicle, reference, ("heave", "yaw"), 3.0), vehicle))
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # of the workers: one core each
         seeds = range(FIRST_SEED, FIRST_SEED + VEHICLES)
-        found = in_order(one, [Task(seed, str(sticks), folder) for seed in seeds])
+        found = in_order(one, [BenchTask(seed, str(sticks), folder) for seed in seeds])
     worst = [_worst(found, *goal) for goal in GOALS]
     share = 100.0 * sum(each.held for each in found) / sum(each.of for each in found)
     missed = Figure(
@@ -103,7 +103,7 @@ def _predictions(found: list[Found]) -> list[Figure]:
     ]  # fmt: skip
 
 
-def one(task: Task) -> Found:
+def one(task: BenchTask) -> Found:
     """Draw, fly and identify one vehicle."""
     vehicle, _ = _file()
     hull = drawn(task.seed, vehicle)
@@ -181,7 +181,7 @@ def _drag(vehicle: Vehicle, row: int, speed: float) -> float:
     return (vehicle.linear_damping[row] + vehicle.quadratic_damping[row] * speed) * speed
 
 
-def _fly(task: Task, hull: Hull, pilot: str, name: str) -> Path:
+def _fly(task: BenchTask, hull: Hull, pilot: str, name: str) -> Path:
     settings = [
         f"simulator.hull.{key}={json.dumps(getattr(hull, key))}" for key in hull.__struct_fields__
     ]
