@@ -164,8 +164,8 @@ class _Search:
             self._inverse[LAG] = FIXED**2
         # Velocities at the begin [m/s, rad/s], and the tilt there beyond the estimate [rad].
         self._estimate: Floats = np.pad(taken.windows.begin.astype(float), ((0, 0), (0, 2)))
-        self._begin = self._estimate.copy()
-        self._begin_std = BEGIN_STD
+        self._begin: Floats = self._estimate.copy()
+        self._begin_std: Floats = BEGIN_STD
         self._noise = FIRST_STD.copy()
         self._channels = list(range(CHANNELS))
         self._unexplained = 0
@@ -194,7 +194,7 @@ class _Search:
         inverse, self._inverse = self._inverse, self._inverse.copy()
         others = np.setdiff1d(np.arange(COUNT), self._free)
         self._inverse[others] /= COARSE**2
-        self._begin_std = BEGIN_STD * [COARSE, COARSE, 1.0, 1.0, 1.0, 1.0]
+        self._begin_std = BEGIN_STD * np.array([COARSE, COARSE, 1.0, 1.0, 1.0, 1.0])
         self._update()
         self._descend()
         self._inverse = inverse
