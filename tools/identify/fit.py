@@ -321,8 +321,9 @@ class _Search:
 
     def _speed(self) -> Floats:
         """(4,) Exceeded in a twentieth of the time."""
-        speeds: Floats = np.sort(np.abs(self._base.velocity[0]).reshape(-1, 4), axis=0)
-        return speeds[int(0.95 * len(speeds))]
+        moving: Floats = np.abs(self._base.velocity[0]).astype(np.float64).reshape(-1, 4)
+        moving.sort(axis=0)
+        return moving[int(0.95 * len(moving))]
 
     def result(self, refused: dict[str, tuple[float, float]]) -> Fit:
         return Fit(
