@@ -11,6 +11,7 @@ from cyclopts import App, CycloptsError
 
 from services.runtime.config.errors import LindyError
 from tools.gains import gains
+from tools.identify.command import identify
 from tools.keys.command import keys
 from tools.link import link
 from tools.profile import profile
@@ -46,6 +47,7 @@ app.command(research.figures)
 app.command(profile)
 app.command(ramp)
 app.command(gains)
+app.command(identify)
 app.command(link)
 app.command(sweep)
 app.command(keys)

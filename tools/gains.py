@@ -6,6 +6,10 @@ from cyclopts import Parameter
 
 from services.runtime.config.errors import LindyError
 
+# Error, rate, force; speed and jerk of the trial manoeuvre.
+USUAL_WAY = (0.05, 0.1, 5.0, 0.3, 1.5)  # [m]
+USUAL_TURN = (0.052, 0.175, 0.4, 0.5, 4.0)  # [rad]
+
 
 def gains(
     axis: Literal["depth", "heading", "surge", "sway"],
@@ -59,7 +63,7 @@ def gains(
     from tools.tuning.lq import Worth
 
     turns = axis == "heading"
-    usual = (0.052, 0.175, 0.4, 0.5, 4.0) if turns else (0.05, 0.1, 5.0, 0.3, 1.5)
+    usual = USUAL_TURN if turns else USUAL_WAY
     asked = (error, rate, force, speed, jerk)
     numbers = [
         given if given is not None else default for given, default in zip(asked, usual, strict=True)

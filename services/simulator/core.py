@@ -34,6 +34,7 @@ from services.simulator.settings import Settings as Settings
 from services.simulator.vessel import Vessel
 from services.simulator.world import WorldCheckpoint as WorldCheckpoint
 from services.simulator.world import at_the_surface as at_the_surface
+from services.vehicle.actuation import OpenLoopThrust
 from services.vehicle.actuator_gate import ActuatorGate
 from services.vehicle.mounting import place_of
 
@@ -71,6 +72,8 @@ class Simulator:
         self._now = 0  # [ns] time of the simulation
         self._started = False
         self._gate = ActuatorGate(vehicle.thruster)
+        # The drone's belief about thrusters that it does not measure.
+        self._believed = OpenLoopThrust(vehicle.thruster) if settings.hull else None
 
     # Time and commands. Each returns the names to count.
 
@@ -82,7 +85,7 @@ class Simulator:
             return []
         self._move(max(self._now, ends))
         counted = self._gate.lapse(now)
-        self._vessel.drive(self._gate.output(now))
+        self._drive(now)
         self._move(now)
         return counted
 
@@ -90,14 +93,20 @@ class Simulator:
         """Apply a command at `now` [ns]; until then the previous one holds."""
         counted = [*self.advance(now), *self._gate.obey(command, now)]
         if self._gate.command is command:
-            self._vessel.drive(self._gate.output(now))
+            self._drive(now)
         return counted
 
     def hear(self, request: PilotRequest, now: int) -> list[str]:
         """Take in a request of a pilot at `now` [ns]: a disarm stops the thrusters."""
         counted = [*self.advance(now), *self._gate.hear(request, now)]
-        self._vessel.drive(self._gate.output(now))
+        self._drive(now)
         return counted
+
+    def _drive(self, now: int) -> None:
+        thrust = self._gate.output(now)
+        self._vessel.drive(thrust)
+        if self._believed is not None:
+            self._believed.drive(thrust, now)
 
     # Faults.
 
@@ -205,11 +214,13 @@ class Simulator:
         return self._battery.empty
 
     def actuation(self) -> Actuation:
-        cause = self._gate.command
+        cause, believed = self._gate.command, self._believed
         return Actuation(
             stamp_ns=self._now,
-            thrust=tuple(self._vessel.produced),
-            measured=True,
+            thrust=tuple(self._vessel.produced)
+            if believed is None
+            else believed.believed(self._now),
+            measured=believed is None,
             actuated_ns=self._gate.obeyed_ns,
             sensor_ns=cause.sensor_ns if cause else None,
             pilot_ns=cause.pilot_ns if cause else None,

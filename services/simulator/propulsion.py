@@ -21,14 +21,15 @@ Gaps = list[complex]  # [N] what a mode lacks, per thruster; its real part count
 class SimulatedThrusters:
     """Advances by `pass_time`."""
 
-    def __init__(self, vehicle: Vehicle, thrust: Sequence[float]) -> None:
+    def __init__(self, vehicle: Vehicle, thrust: Sequence[float], scale: float = 1.0) -> None:
         """
         Args:
             thrust: [N] per thruster at the start; the commands are zero.
+            scale: [-] real thrust over that in newtons of the vehicle file.
         """
         self.settles_at = [0.0] * len(thrust)  # [N] per thruster
         self._thrusters = vehicle.thruster
-        self._columns = [wrench_per_newton(thruster) for thruster in vehicle.thruster]
+        self._columns = [_scaled(wrench_per_newton(t), scale) for t in vehicle.thruster]
         self._commands: Sequence[float] = self.settles_at  # [N]
         self._faults: Mapping[str, Fault] = {}
         self._dry: list[int] = []
@@ -118,3 +119,8 @@ class SimulatedThrusters:
         if not self._dry:
             return newtons
         return [value * 0 if i in self._dry else value for i, value in enumerate(newtons)]
+
+
+def _scaled(column: Vec6, scale: float) -> Vec6:
+    x, y, z, k, m, n = column
+    return scale * x, scale * y, scale * z, scale * k, scale * m, scale * n

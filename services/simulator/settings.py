@@ -8,6 +8,7 @@ from messages import topics
 from messages.units import Positive
 from services.marine.vehicle import ATMOSPHERE, SEA_WATER
 from services.marine.water import Density
+from services.simulator.hull import Hull
 
 Field = Annotated[float, msgspec.Meta(ge=-1e-4, le=1e-4)]  # [T] the Earth's is 25 to 65 µT
 FieldNoise = Annotated[float, msgspec.Meta(ge=0.0, le=1e-4)]  # [T]
@@ -85,6 +86,7 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     current: CurrentSettings | None = None
     tether: TetherSettings | None = None
     walls: Walls | None = None
+    hull: Hull | None = None  # what the vehicle file does not say, or says wrongly
 
     # [-] of the Munk moment cancelled by the wake (services/marine/wake.py); 0 is ideal flow.
     wake_share: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 1.0

@@ -15,6 +15,7 @@ from services.marine.vehicle import Vehicle
 from services.simulator.current import Current
 from services.simulator.equations import equations_of_motion
 from services.simulator.faults import Faults
+from services.simulator.hull import in_the_water
 from services.simulator.propulsion import SimulatedThrusters
 from services.simulator.settings import Settings
 from services.simulator.surroundings import Surroundings
@@ -41,15 +42,17 @@ class Vessel:
     ) -> None:
         """
         Args:
+            vehicle: of the vehicle file; what `place.hull` says is different.
             thrust: [N] per thruster at the start.
             seed: [-] 0 or more, of the current.
         """
-        self.vehicle = vehicle
+        hull = place.hull
+        self.vehicle = vehicle = in_the_water(vehicle, hull)
         self.current: Vec3 = (0.0, 0.0, 0.0)  # [m/s] NED
         self._water = Current(place.current, seed) if place.current is not None else None
         self._elapsed = 0.0  # [s]
         self._acceleration = equations_of_motion(vehicle, place.wake_share)
-        self._propulsion = SimulatedThrusters(vehicle, thrust)
+        self._propulsion = SimulatedThrusters(vehicle, thrust, hull.thrust_scale if hull else 1.0)
         self._around = Surroundings(place, vehicle.size, system_inertia(vehicle)[2])
         self._always_wet_below = max(plain_sum(map(abs, t.position)) for t in vehicle.thruster)
         x, y, z, qw, qx, qy, qz, u, v, w, p, q, r = state

@@ -6,6 +6,7 @@ from messages.units import Finite, NotNegative
 from services.marine.attitude import from_euler, to_body
 from services.marine.vehicle import Vehicle
 from services.simulator.faults import Fault
+from services.simulator.hull import in_the_water
 from services.simulator.settings import Settings
 
 
@@ -28,6 +29,7 @@ def at_the_surface(vehicle: Vehicle, settings: Settings) -> WorldCheckpoint:
     Raises:
         ValueError: the sea is too shallow for the vehicle.
     """
+    vehicle = in_the_water(vehicle, settings.hull)
     depth = vehicle.floating_depth
     keel = depth + vehicle.size[2] / 2
     if settings.floor_depth <= keel:

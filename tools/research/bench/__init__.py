@@ -21,6 +21,7 @@ SECTIONS = {
     "simulate": "tools.research.bench.simulate",
     "tether": "tools.research.bench.tether",
     "sweep": "tools.research.bench.sweep",
+    "identify": "tools.research.bench.identify",
     "dive": "tools.research.bench.dive",
     "onboard": "tools.research.bench.onboard",
     "transport": "tools.research.bench.transport",

@@ -1,0 +1,133 @@
+"""The fit finds the vehicle that made the data, and says so where the data do not tell."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from services.marine.vehicle import Vehicle
+from services.runtime.config.stack import Stack
+from services.simulator.hull import Hull, in_the_water
+from tools.identify.dive_data import Windows
+from tools.identify.fit import Fit, FitInput, fit
+from tools.identify.motion_model import Measured, coefficients, predict
+from tools.identify.parameters import AXES, BUOYANCY, LAG, Start, start_of
+from tools.identify.thrust import CommandedThrust, Floats
+
+FILE = Stack().section("vehicle", Vehicle)
+TRUTH = in_the_water(
+    FILE,
+    Hull(
+        net_buoyancy=2.0,
+        added_mass=(5.22, 19.87, 15.0, 0.097, 0.182, 0.11),
+        linear_damping=(1.84, 3.18, 0.9, 0.87, 0.87, 0.6),
+        quadratic_damping=(25.0, 45.7, 20.0, 1.53, 1.53, 2.0),
+        time_constant=0.12,
+    ),
+)
+PERIOD, COUNT, SHIFT = 0.01, 800, 4
+FORCE, RATE, DEPTH = 0.015, 0.0012, 0.05  # std of a sample
+TURNS = {"heave": (12.0, 0.0), "yaw": (0.0, 2.5), "both": (12.0, 2.5), "none": (0.0, 0.0)}
+
+
+def steps(excited: str, shift: float, seed: int) -> tuple[Floats, Floats]:
+    """Times [s] and commands [N]: steps of random length and size."""
+    rng = np.random.default_rng(seed)
+    t: Floats = np.arange(-100.0, 4000 + COUNT) * PERIOD + shift
+    heave, turn = TURNS[excited]
+    levels = rng.uniform(-1.0, 1.0, (len(t) // 90 + 1, 2)).repeat(90, axis=0)[: len(t)]
+    side = turn * levels[:, 1] / 0.172
+    zero = np.zeros(len(t))
+    return t, np.stack([side, -side, zero, heave * levels[:, 0]], axis=-1)
+
+
+def made(
+    excited: str = "both", noise: float = 1.0, seed: int = 0, shift: float = 0.0, windows: int = 4
+) -> FitInput:
+    """What a level vehicle would measure that moves as the model says."""
+    rng = np.random.default_rng([seed, 1])
+    commands = CommandedThrust(TRUTH, *steps(excited, shift, seed))
+    begins = shift + 10.0 * np.arange(windows)
+    t = begins[:, None] + PERIOD * np.arange(COUNT)
+    ends = np.column_stack([t[:, ::2], t[:, -1] + PERIOD])
+    rows = [0, 1, 2, 5]
+    lag = TRUTH.thruster[0].time_constant
+    wrench = commands.wrench(t.ravel(), lag).value.reshape(windows, COUNT, 6)[..., rows]
+    whole = commands.wrench(ends.ravel(), lag).integral.reshape(windows, -1, 6)[..., rows]
+    mean = np.diff(whole, axis=1) / (2 * PERIOD)
+    down = np.zeros((windows, COUNT, 3))
+    down[..., 2] = 1.0
+    measured = Measured(PERIOD, wrench[None], mean[None], np.zeros((windows, COUNT, 2)), down[None])
+    begin = np.zeros((1, windows, 4))
+    begin[..., 2] = 0.05
+    motion = predict(coefficients([TRUTH], 1.0), begin, measured)
+    rates = np.zeros((windows, COUNT, 3))
+    rates[..., 2] = motion.velocity[0, ..., 3] + noise * RATE * rng.normal(size=(windows, COUNT))
+    force = motion.force[0] + 0.05 + noise * FORCE * rng.normal(size=(windows, COUNT, 3))
+    tilted = np.zeros((windows, COUNT, 3, 2))
+    tilted[..., 0, 0] = tilted[..., 1, 1] = 1.0
+    depth = [7.0 + d[::2] + noise * DEPTH * rng.normal(size=COUNT // 2) for d in motion.depth[0]]
+    every: Floats = PERIOD * np.arange(0.0, COUNT, 2.0)
+    times = [every] * windows
+    found = Windows(PERIOD, t, rates, force, down, tilted, begin[0], times, depth, Counter[str]())
+    return FitInput(found, commands, wrench, mean, 1e-6, 1.0, fits_lag=True)
+
+
+def truth(start: Start) -> Floats:
+    found = start_of(TRUTH).vector
+    for axis in range(4):
+        found[3 * axis + 1] = TRUTH.linear_damping[ROW[axis]] / start.linear[axis]
+        found[3 * axis + 2] = TRUTH.quadratic_damping[ROW[axis]] / start.quadratic[axis]
+    return found
+
+
+ROW = (0, 1, 2, 5)
+FITTED = [6, 7, 8, 9, 10, 11, BUOYANCY, LAG]
+
+
+def test_without_noise_the_numbers_come_back() -> None:
+    start = start_of(FILE)
+    found = fit(made(noise=0.0), start, ("heave", "yaw"))
+    assert found.axes == ("heave", "yaw")
+    assert found.x[FITTED] == pytest.approx(truth(start)[FITTED], abs=2e-6)
+
+
+def test_when_it_was_measured_changes_nothing() -> None:
+    start = start_of(FILE)
+    here = fit(made(seed=3), start, ("heave", "yaw"))
+    later = fit(made(seed=3, shift=1234.0), start, ("heave", "yaw"))
+    assert later.x == pytest.approx(here.x, abs=1e-6)
+
+
+def test_the_deviations_cover_the_truth() -> None:
+    start, wanted = start_of(FILE), truth(start_of(FILE))
+    every = [fit(made(seed=seed, windows=2), start, ("heave", "yaw")) for seed in range(5)]
+    z = np.array([_errors(found, wanted) for found in every])
+    assert np.mean(np.abs(z) <= 1.96) >= 0.85  # of 40 intervals of 95 %
+    assert 0.6 <= np.sqrt(np.mean(z**2)) <= 1.4
+
+
+def _errors(found: Fit, wanted: Floats) -> Floats:
+    std = np.sqrt(np.diag(found.covariance))
+    return (found.x - wanted)[FITTED] / std[FITTED]
+
+
+@pytest.mark.parametrize("excited", ["heave", "yaw"])
+def test_an_axis_that_is_not_moved_keeps_its_numbers(excited: str) -> None:
+    found = fit(made(excited), start_of(FILE), ("heave", "yaw"))
+    assert found.axes == (excited,)
+    assert set(found.refused) == {"heave", "yaw"} - {excited}
+
+
+def test_without_any_excitation_nothing_is_fitted() -> None:
+    found = fit(made("none"), start_of(FILE))
+    assert found.axes == ()
+    assert set(found.refused) >= set(AXES)
+
+
+def test_drag_never_drives() -> None:
+    start = start_of(FILE)
+    found = fit(made(noise=10.0, windows=2), start, ("heave", "yaw"))
+    assert found.axes
+    for axis in map(AXES.index, found.axes):
+        assert min(found.x[3 * axis + 1], found.x[3 * axis + 2]) >= 0.0

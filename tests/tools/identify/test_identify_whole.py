@@ -1,0 +1,100 @@
+"""Plan, dive, fit and file, of a vehicle that its file does not describe."""
+
+import tomllib
+from pathlib import Path
+
+import pytest
+from msgspec.structs import replace
+
+from services.gamepad import stick_log
+from services.gamepad.io.path_file import course_named
+from services.marine.vehicle import Vehicle
+from services.reference.settings import Settings
+from services.runtime.config.errors import LindyError
+from services.runtime.config.settings import DEPLOY, convert
+from services.runtime.config.stack import Stack
+from tools.__main__ import main
+from tools.identify.plan import AXES, PlanAxis, as_csv, plan
+from tools.identify.vehicle_file import VehicleFile, rewritten, rounded
+from tools.sweep.axes import Combination, PlannedDive
+from tools.sweep.one_dive import Job, fly_one
+
+HULL = (
+    "simulator.hull.net_buoyancy=2",
+    "simulator.hull.added_mass=[5.22, 19.87, 14.0, 0.097, 0.182, 0.13]",
+    "simulator.hull.quadratic_damping=[25.0, 45.7, 32.0, 1.53, 1.53, 1.1]",
+    "simulator.hull.time_constant=0.12",
+    "simulator.floor_depth=12",
+)
+
+
+def test_the_numbers_of_another_hull_come_out_of_a_dive(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sticks, new = tmp_path / "sticks.csv", tmp_path / "new.toml"
+    assert main(["identify", "plan", "--out", str(sticks)]) == 0
+    assert "s; depths" in capsys.readouterr().out
+    pilot = f"script:{sticks}"
+    flown = PlannedDive(0, Combination("pioneer", "tether", pilot, HULL), 1)
+    row = fly_one(Job(flown, "simulated", None, str(tmp_path)))
+    assert row is not None
+    assert row["end"] == "clean"
+    dive = str(tmp_path / "dive-000000")
+
+    assert main(["identify", dive, "--out", str(new), "--check", dive]) == 0
+    told = capsys.readouterr().out
+    assert "sway: kept as in the file" in told
+    vehicle = convert(tomllib.loads(new.read_text())["vehicle"], Vehicle, "vehicle")
+    assert vehicle.mass + vehicle.added_mass[2] == pytest.approx(22.6, rel=0.03)
+    assert vehicle.inertia[2] + vehicle.added_mass[5] == pytest.approx(0.346, rel=0.03)
+    assert _drag(vehicle, 2, 0.5) == pytest.approx((0.38 + 32.0 * 0.5) * 0.5, rel=0.05)
+    assert _drag(vehicle, 5, 1.0) == pytest.approx(0.87 + 1.1, rel=0.03)
+    assert vehicle.net_buoyancy == pytest.approx(2.0, abs=0.05)
+    assert [t.time_constant for t in vehicle.thruster] == pytest.approx([0.12] * 4, abs=0.005)
+    assert vehicle.added_mass[:2] == (5.22, 19.87)
+
+    assert main(["identify", dive, "--out", str(new)]) == 1  # never overwritten
+    assert main(["identify", dive, "--axes", "surge"]) == 1
+    assert "does not excite any axis" in capsys.readouterr().err
+
+
+def _drag(vehicle: Vehicle, row: int, speed: float) -> float:
+    return (vehicle.linear_damping[row] + vehicle.quadratic_damping[row] * speed) * speed
+
+
+@pytest.mark.parametrize("name", ["pioneer", "bluerov2_heavy", "minerva"])
+def test_a_plan_is_a_stick_log_that_comes_back_to_its_depth(name: str) -> None:
+    stack = Stack(vehicle=name)
+    vehicle, reference = stack.section("vehicle", Vehicle), stack.section("reference", Settings)
+    found = plan(vehicle, reference, AXES, 20.0)
+    log = stick_log.parse(as_csv(found, vehicle).encode(), course_named)
+    assert log.duration == pytest.approx(found.seconds, abs=0.01)
+    assert found.up > 0.0 < found.down
+    assert {row.axis for row in found.rows} == {*AXES, None}
+
+
+@pytest.mark.parametrize(("depth", "axes"), [(0.5, ("heave",)), (1.0, ("yaw", "heave"))])
+def test_a_plan_that_would_surface_is_refused(depth: float, axes: tuple[PlanAxis, ...]) -> None:
+    stack = Stack()
+    with pytest.raises(LindyError, match="expected at least"):
+        plan(stack.section("vehicle", Vehicle), stack.section("reference", Settings), axes, depth)
+
+
+@pytest.mark.parametrize("name", ["pioneer", "bluerov2_heavy", "minerva"])
+def test_only_the_numbers_of_a_file_change(name: str) -> None:
+    text = (DEPLOY / "vehicles" / f"{name}.toml").read_text()
+    tree = tomllib.loads(text)
+    vehicle = convert(tree["vehicle"], Vehicle, "vehicle")
+    file = VehicleFile(name, text, tree, vehicle, 1.0, 1025.0)
+    same = rewritten(file, rounded(vehicle), "why")
+    assert same.splitlines() == text.splitlines()
+
+
+def test_a_file_of_another_form_is_not_rewritten_wrongly() -> None:
+    text = (DEPLOY / "vehicles" / "pioneer.toml").read_text()
+    text = text.replace("added_mass = [5.22,", "added_mass = [\n  5.22,")
+    tree = tomllib.loads(text)
+    vehicle = convert(tree["vehicle"], Vehicle, "vehicle")
+    wanted = rounded(replace(vehicle, added_mass=(1.0, 1.0, 1.0, 1.0, 1.0, 1.0)))
+    with pytest.raises(LindyError, match="by hand"):
+        rewritten(VehicleFile("x", text, tree, vehicle, 1.0, 1025.0), wanted, "why")

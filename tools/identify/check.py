@@ -1,0 +1,63 @@
+"""How well two vehicles predict a dive from its thrust alone, a minute ahead."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from services.marine.vehicle import Vehicle
+from services.runtime.config.errors import LindyError
+from tools.identify.dive_data import DiveData, windows
+from tools.identify.fit import fit_input
+from tools.identify.motion_model import Measured, coefficients, predict
+from tools.identify.thrust import Floats
+
+AHEAD_S = 60.0
+
+
+class PredictionError(NamedTuple):
+    """Root mean square over all minutes."""
+
+    depth_rate: float  # [m/s]
+    yaw_rate: float  # [rad/s]
+
+
+class Comparison(NamedTuple):
+    minutes: int
+    before: PredictionError  # of the vehicle file
+    after: PredictionError  # of the identified vehicle
+
+
+def compare(
+    data: DiveData, before: Vehicle, after: Vehicle, wake_share: float, name: Path
+) -> Comparison:
+    """
+    Raises:
+        LindyError: the dive has no such minute.
+    """
+    found = windows(data, before, AHEAD_S)
+    if not len(found.t):
+        raise LindyError(
+            f"{name} has no minute in which the drone is armed, under water, and no thruster is at "
+            "its limit"
+        )
+    n = found.t.shape[1]
+    depth_rate = np.interp(found.t, data.state_t, data.state[:, 3])
+
+    def error(vehicle: Vehicle) -> PredictionError:
+        taken = fit_input(data, found, vehicle, wake_share)
+        measured = Measured(
+            found.period, taken.wrench[None], taken.mean[None], found.rates[..., :2],
+            found.down[None],
+        )  # fmt: skip
+        motion = predict(coefficients([vehicle], wake_share), found.begin[None], measured)
+        sinking = np.sum(motion.velocity[0, :, :, :3] * found.down[:, :n], axis=-1)
+        return PredictionError(
+            _rms(sinking - depth_rate), _rms(motion.velocity[0, ..., 3] - found.rates[..., 2])
+        )
+
+    return Comparison(len(found.t), error(before), error(after))
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(values**2)))

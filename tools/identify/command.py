@@ -1,0 +1,132 @@
+"""The verb `lindy identify`."""
+
+from pathlib import Path
+from typing import Annotated, Any, cast
+
+from cyclopts import App, Parameter
+
+from services.runtime.config.errors import LindyError
+from tools.choices import named
+
+identify = App(name="identify", help="Find a vehicle's inertia, drag, buoyancy and lag in a dive.")
+
+AxesOption = Annotated[str, Parameter(help="of heave, yaw, surge and sway, with commas between")]
+VehicleOption = Annotated[
+    str | None, Parameter(help="file to begin from; default: that in the recording")
+]
+
+
+@identify.command(name="plan")
+def plan_(
+    *,
+    out: Annotated[Path, Parameter(converter=named, help="the stick log to write, a new file")],
+    vehicle: Annotated[
+        str, Parameter(help="a name in deploy/vehicles, or a TOML file")
+    ] = "pioneer",
+    axes: AxesOption = "heave,yaw",
+    depth: Annotated[float, Parameter(help="[m] in the middle of the manoeuvres")] = 3.0,
+    strength: Annotated[float, Parameter(help="0.1 … 1 of full stick")] = 1.0,
+    set_: Annotated[tuple[str, ...], Parameter(name="--set", negative=())] = (),
+) -> int:
+    """Write the manoeuvres that make a vehicle's numbers visible, as a stick log to be flown.
+
+    Says how much water and time they need. While they are flown, STOP works as in every dive.
+
+    Example: lindy identify plan --vehicle pioneer --out sticks.csv
+             lindy dive --pilot script:sticks.csv --out dives/identify
+             lindy identify dives/identify --out mine.toml
+    """
+    from services.marine.vehicle import Vehicle
+    from services.reference.settings import Settings
+    from services.runtime.config.stack import Stack
+    from tools.fresh import write_fresh
+    from tools.identify.plan import AXES, as_csv, plan, told
+
+    if not 0.1 <= strength <= 1.0:
+        raise LindyError(f"--strength is {strength:g}, expected 0.1 to 1")
+    if not 0.0 < depth <= 1000.0:
+        raise LindyError(f"--depth is {depth:g}, expected more than 0, at most 1000 m")
+    stack = Stack(vehicle=vehicle, overrides=list(set_))
+    hull = stack.section("vehicle", Vehicle)
+    wanted = cast(Any, _axes(axes, AXES))
+    found = plan(hull, stack.section("reference", Settings), wanted, depth, strength)
+    write_fresh(out, as_csv(found, hull).encode())
+    print(f"{out}: {told(found)}")
+    return 0
+
+
+@identify.default
+def recording_(
+    recording: Path,
+    /,
+    *,
+    out: Annotated[
+        Path | None, Parameter(converter=named, help="a new vehicle file with the fitted numbers")
+    ] = None,
+    axes: AxesOption = "heave,yaw,surge,sway",
+    vehicle: VehicleOption = None,
+    net_buoyancy: Annotated[
+        float | None, Parameter(help="[N] as weighed in water: tells the scale of the thrust, too")
+    ] = None,
+    check: Annotated[
+        Path | None, Parameter(help="another dive, which both vehicle files predict")
+    ] = None,
+    json: Annotated[bool, Parameter(negative=(), show_default=False, help="JSON")] = False,
+) -> int:
+    """Fit a vehicle's numbers to a recorded dive, with their deviations.
+
+    RECORDING is a dive's folder or its MCAP file. An axis that the dive does not tell enough of
+    keeps the numbers of the vehicle file.
+
+    Example: lindy identify dives/latest --out mine.toml --check dives/other
+    """
+    from tools.fresh import refuse_existing, write_fresh
+    from tools.identify.check import compare
+    from tools.identify.gains_of import proposed
+    from tools.identify.identify import identify_dive, read_dive
+    from tools.identify.parameters import AXES
+    from tools.identify.results import as_json, as_table, identified, remarks, rows, thrust_scale
+    from tools.identify.vehicle_file import rewritten, rounded
+
+    if out is not None:
+        refuse_existing(out)
+    found = identify_dive(recording, vehicle, _axes(axes, AXES))
+    exact = identified(found.fit, found.start)
+    scale = None if net_buoyancy is None else thrust_scale(found.fit, net_buoyancy)
+    notes = list(remarks(found.fit, exact, scale))
+    every, new = list(rows(found.fit, found.start)), rounded(exact)
+    gains = proposed(new, found.fit.axes, found.file.tree)
+    compared = None
+    if check is not None:
+        other = read_dive(check, found.file)
+        compared = compare(other, found.file.vehicle, new, found.file.wake_share, check)
+    if out is not None:
+        why = f"identified from {recording.resolve().name}"
+        text = rewritten(found.file, new, why) + "\n" + "".join(f"# {line}\n" for line in gains)
+        write_fresh(out, text.encode())
+    if json:
+        more = {"check": compared and compared._asdict(), "gains": gains}
+        print(as_json(every, found.fit, notes, scale, more))
+        return 0
+    print(as_table(every))
+    print("\n".join(["", *notes, "", *gains]))
+    if compared is not None:
+        before, after = compared.before, compared.after
+        print(
+            f"\n{check}, {compared.minutes} min predicted: depth rate to {after.depth_rate:.3g} "
+            f"m/s, {after.depth_rate / before.depth_rate:.2f} times the error of "
+            f"{found.file.name}; yaw rate to {after.yaw_rate:.3g} rad/s, "
+            f"{after.yaw_rate / before.yaw_rate:.2f} times"
+        )
+    return 0
+
+
+def _axes(text: str, known: tuple[str, ...]) -> tuple[str, ...]:
+    """
+    Raises:
+        LindyError: a name is not known, or there twice.
+    """
+    names = tuple(name.strip() for name in text.split(","))
+    if not set(names) <= set(known) or len(set(names)) < len(names):
+        raise LindyError(f"--axes {text}: expected some of {','.join(known)}, each once")
+    return names
