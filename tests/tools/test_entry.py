@@ -28,6 +28,8 @@ def test_an_early_ctrl_c_is_one_sentence(module: str):
     lindy = subprocess.Popen(
         [sys.executable, "-P", "-c", BEGINNING.format(root=str(ROOT), module=module), "--help"],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        # Tests that were started in the background have inherited that it is ignored.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )  # fmt: skip
     assert lindy.stdout is not None
     assert lindy.stdout.readline() == "loading\n"

@@ -321,7 +321,8 @@ class _Search:
 
     def _speed(self) -> Floats:
         """(4,) Exceeded in a twentieth of the time."""
-        moving: Floats = np.abs(self._base.velocity[0]).astype(np.float64).reshape(-1, 4)
+        velocity: Floats = self._base.velocity[0]
+        moving: Floats = np.abs(velocity).reshape(-1, 4)
         moving.sort(axis=0)
         return moving[int(0.95 * len(moving))]
 
