@@ -150,7 +150,8 @@ class ReferenceGenerator:
         )
         surface = self.settings.failsafe.surface_depth
         at_surface = self._initialised and guidance.has_risen(surface)
-        failsafes.step(holding, now, armed=self.armed, at_surface=at_surface)
+        unknown = self.conditions.unknown
+        failsafes.step(holding, now, armed=self.armed, at_surface=at_surface, unknown=unknown)
         self._announce()
         self._react(blind=state is None)
         if command is not None and command.pilot == "present" and centred(command):

@@ -85,7 +85,7 @@ class FailsafeSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     depth_limit: Positive = 100.0  # [m] the reference goes no deeper
     surface_depth: Annotated[float, msgspec.Meta(ge=0.0, le=100.0)] = 0.5  # [m] an ascent ends here
-    ascent_speed: Positive = 0.15  # [m/s]
+    ascent_speed: Annotated[float, msgspec.Meta(ge=0.02, le=2.0)] = 0.15  # [m/s]
     pilot_patience: WithinAnHour = 60.0  # [s] without pilot or link before the ascent
     leak_patience: Annotated[float, msgspec.Meta(ge=0.0, le=3600.0)] = 10.0  # [s] before the ascent
     battery_patience: Annotated[float, msgspec.Meta(ge=0.0, le=3600.0)] = 10.0  # [s]

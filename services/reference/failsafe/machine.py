@@ -13,11 +13,12 @@ The rules:
    overruled condition does not act again until it has ended or become worse.
 6. While the drone is disarmed nothing acts: the stages begin anew when it is armed.
 7. An ascent that has reached the surface stays there: it has become `surface`.
+8. What is not known yet, as the leak after a restart, has not ended.
 
 Pure: state × (conditions that hold, now).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -66,25 +67,38 @@ class FailsafeMachine:
     begun: list[Row] = field(default_factory=list[Row])
     _holding: Conditions = field(default_factory=dict[str, Holding])
 
-    def step(self, holding: Conditions, now: Ns, *, armed: bool, at_surface: bool) -> None:
+    def step(
+        self,
+        holding: Conditions,
+        now: Ns,
+        *,
+        armed: bool,
+        at_surface: bool,
+        unknown: Collection[str] = (),
+    ) -> None:
         """Take in the conditions that hold now.
 
         Args:
             at_surface: the reference rests at the surface depth, or above it.
+            unknown: names of conditions of which nothing is known yet: they go on as they were.
         """
         self._holding = holding
         if holding or self.memory:
-            self._remember(holding, now, armed=armed)
+            self._remember(holding, unknown, now, armed=armed)
         self.armed = armed
         rises = self.reaction in ("ascend", "surface")
         self.surfaced = rises and (self.surfaced or at_surface)
 
-    def _remember(self, holding: Conditions, now: Ns, *, armed: bool) -> None:
+    def _remember(
+        self, holding: Conditions, unknown: Collection[str], now: Ns, *, armed: bool
+    ) -> None:
         after: dict[str, Memory] = {}
         for row in self.rows:
             before = self.memory.get(row.name)
             if row.name in holding:
                 after[row.name] = self._held(row, before, holding[row.name], now, armed=armed)
+            elif before is not None and row.name in unknown:
+                after[row.name] = before
             elif before is not None and armed and _acts(row, before):
                 after[row.name] = replace(before, holds=False) if before.holds else before
         if after != self.memory:

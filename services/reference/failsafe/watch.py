@@ -103,6 +103,13 @@ class ConditionWatch:
             self._services(holds, now)
         return holds
 
+    @property
+    def unknown(self) -> tuple[str, ...]:
+        """Conditions of which nothing is known: their sensor has said nothing since the start."""
+        newest = self.newest
+        leak = () if newest.leak is not None and newest.leak.wet is not None else ("leak",)
+        return leak if newest.battery is not None else (*leak, "battery_critical")
+
     def _pilot(
         self, holds: dict[str, Holding], command: PilotCommand | None, now: Ns, *, armed: bool
     ) -> None:

@@ -33,6 +33,7 @@ class Axes:
     yaw_moment: Ramp  # [N m] as a "velocity"
     _tilting: float = 0.0  # [-] newest tilt stick
     _sinking: float = 0.0  # [m/s] stick velocity of the plan that ends at the depth limit; 0: none
+    _fades: bool = False  # the downward force of the stick, above the depth limit
     _zone: float = field(init=False)  # [m] further above the limit no stop can reach it
 
     def __post_init__(self) -> None:
@@ -90,6 +91,7 @@ class Axes:
         s = self.settings
         self._aim_depth(stick.heave * s.heave.max_velocity if held.depth else 0.0, t)
         self.yaw.aim(stick.yaw * s.yaw.max_velocity if held.heading else 0.0, t)
+        self._fades = False
         self.heave_force.aim(0.0 if held.depth else self._heave_force(stick.heave, t), t)
         self.yaw_moment.aim(0.0 if held.heading else stick.yaw * s.yaw_moment.full, t)
         surge, sway = stick.surge, stick.sway
@@ -100,8 +102,9 @@ class Axes:
 
     @property
     def limited(self) -> bool:
-        """The stick points down, and the reference comes to rest at the depth limit."""
-        return self._sinking > 0.0
+        """The stick points down, and the reference comes to rest at the depth limit, or the force
+        of the stick fades out above it."""
+        return self._sinking > 0.0 or self._fades
 
     def go_to_depth(self, depth: float, t: float, speed: float | None = None) -> None:
         """Go to a depth [m], ending at rest, at most as fast as `speed` [m/s]."""
@@ -140,10 +143,9 @@ class Axes:
     def _heave_force(self, stick: float, t: float) -> float:
         """[N] Of a stick, where the depth is not held; fades out above the depth limit."""
         full = self.settings.heave_force.full
-        if stick <= 0.0:
-            return stick * full
         room = self.settings.failsafe.depth_limit - self.heave.at(t).position
-        return stick * full * max(0.0, min(1.0, room / FADE))
+        self._fades = stick > 0.0 and room < FADE
+        return stick * full * (max(0.0, room / FADE) if self._fades else 1.0)
 
     def turn_camera(self, stick: float, t: float) -> None:
         """Tilt up or down, with a smooth stop at the end of the range."""

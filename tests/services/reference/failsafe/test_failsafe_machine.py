@@ -44,6 +44,19 @@ class Clocked:
         return self.machine.reaction
 
 
+@pytest.mark.parametrize("name", ["leak", "battery_critical"])
+def test_a_restart_that_has_heard_of_nothing_yet_ends_no_failsafe(name: str):
+    clocked = Clocked()
+    clocked.hold(name, seconds=20.0)
+    before = clocked.machine.memory
+    again = FailsafeMachine(TABLE, before, armed=True)
+    again.step({}, clocked.now + S, armed=True, at_surface=False, unknown=(name,))
+    assert again.memory == before
+    assert (again.reaction, again.resumable) == ("ascend", False)
+    again.step({}, clocked.now + 2 * S, armed=True, at_surface=False)
+    assert (again.reaction, again.resumable) == ("ascend", True)
+
+
 @given(st.lists(st.tuples(conditions, pauses), max_size=12))
 def test_a_reaction_never_ends_and_never_becomes_milder_without_an_act(
     course: list[tuple[set[str], float]],
