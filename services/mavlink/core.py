@@ -81,7 +81,7 @@ class Submarine:
             "REQUEST_DATA_STREAM": self._data_stream,
             "PARAM_REQUEST_LIST": lambda p, _w, _n, _o: self._parameters.begin_list(p),
             "PARAM_REQUEST_READ": lambda p, _w, _n, out: self._parameters.read(p, out),
-            "PARAM_SET": lambda p, _w, _n, out: self._parameters.set(p, out),
+            "PARAM_SET": self._set_parameter,
         }
 
     @property
@@ -183,6 +183,10 @@ class Submarine:
             out.counts.append("ignored:data_stream")
         for name in names:
             self._streams_of(packet.sender.link).every(name, period_ns(hz), now)
+
+    def _set_parameter(self, packet: ReceivedPacket, _: Waiting, now: Ns, out: Reaction) -> None:
+        """Buttons and gain belong to who has the sticks."""
+        self._parameters.set(packet, out, is_holder=self._pilot.holder.may_take(packet.sender, now))
 
     # From the drone.
 

@@ -30,14 +30,18 @@ class ParameterProtocol:
         else:
             out.packets.append(Addressed(packet.sender.link, self.parameters.packet(index)))
 
-    def set(self, packet: ReceivedPacket, out: Reaction) -> None:
+    def set(self, packet: ReceivedPacket, out: Reaction, *, is_holder: bool) -> None:
         """The answer is the value in force, on all links."""
         name: str = packet.fields["param_id"]
         index = self.parameters.index(name, NO_INDEX)
         if index is None:
             out.counts.append("unknown_parameter:mavlink")
             return
-        if refusal := self.parameters.change(name, packet.fields["param_value"]):
+        if not is_holder:
+            out.counts.append("not_the_holder:parameter")
+            refusal = f"another ground station has the sticks: {name} is not changed"
+            out.say(packet.sender.link, MavSeverity.WARNING, refusal)
+        elif refusal := self.parameters.change(name, packet.fields["param_value"]):
             out.counts.append("refused:parameter")
             out.say(packet.sender.link, MavSeverity.WARNING, refusal)
         out.packets.append(Addressed(None, self.parameters.packet(index)))

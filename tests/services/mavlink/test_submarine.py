@@ -195,6 +195,10 @@ def test_a_second_ground_station_is_told_and_not_obeyed() -> None:
     for number, params in ((400, (0.0,)), (400, (1.0,)), (176, (1.0, 19.0))):
         assert acks(drone.command(number, *params, sender=BOB)) == [MavResult.DENIED]
     assert drone.asked == []
+    set_by_bob = {"param_id": "JS_GAIN_DEFAULT", "param_value": 0.25, "param_type": 9}
+    reaction = drone.hear("PARAM_SET", sender=BOB, **set_by_bob, **HERE)
+    assert reaction.counts == ["not_the_holder:parameter"]
+    assert sent(reaction, "PARAM_VALUE")[0]["param_value"] == 0.5
 
 
 def test_but_it_may_stop_the_drone() -> None:
