@@ -30,7 +30,7 @@ from tools.identify.parameters import (
     BUOYANCY,
     COUNT,
     LAG,
-    Start,
+    Beginning,
     indices_of,
     inertia_of,
     linear_of,
@@ -129,7 +129,7 @@ def _only(taken: FitInput, keep: list[int]) -> FitInput:
     return taken._replace(windows=windows, wrench=taken.wrench[keep], mean=taken.mean[keep])
 
 
-def fit(taken: FitInput, start: Start, axes: tuple[str, ...] = AXES) -> Fit:
+def fit(taken: FitInput, start: Beginning, axes: tuple[str, ...] = AXES) -> Fit:
     """The axes of these that the data tell enough of; there may be none."""
     refused: dict[str, tuple[float, float]] = {}
     lag = taken.fits_lag
@@ -152,7 +152,7 @@ def fit(taken: FitInput, start: Start, axes: tuple[str, ...] = AXES) -> Fit:
 class _Search:
     """One fit of certain axes."""
 
-    def __init__(self, taken: FitInput, start: Start, axes: tuple[str, ...], lag: bool) -> None:
+    def __init__(self, taken: FitInput, start: Beginning, axes: tuple[str, ...], lag: bool) -> None:
         self._taken, self._start = taken, start
         self._axes, self._lag = axes, lag
         self._x = start.vector
@@ -321,8 +321,7 @@ class _Search:
 
     def _speed(self) -> Floats:
         """(4,) Exceeded in a twentieth of the time."""
-        velocity: Floats = self._base.velocity[0]
-        moving: Floats = np.abs(velocity).reshape(-1, 4)
+        moving = np.abs(np.asarray(self._base.velocity[0], dtype=np.float64)).reshape(-1, 4)
         moving.sort(axis=0)
         return moving[int(0.95 * len(moving))]
 
@@ -455,7 +454,9 @@ def _offsets(channel: int, when: Floats) -> Floats:
     return np.column_stack([one, when] if channel < YAW else [one])
 
 
-def drag_at(start: Start, x: Floats, cov: Floats, axis: int, speed: float) -> tuple[float, float]:
+def drag_at(
+    start: Beginning, x: Floats, cov: Floats, axis: int, speed: float
+) -> tuple[float, float]:
     """[N, N m] Drag of an axis at a speed, and its deviation."""
     by = np.zeros(COUNT)
     by[linear_of(axis)] = start.linear[axis] * speed

@@ -8,7 +8,7 @@ from services.runtime.config.errors import LindyError
 from tools.identify.dive_data import NO_SAMPLES, WINDOW_S, DiveData, read, windows
 from tools.identify.fit import Fit, busiest, fit, fit_input
 from tools.identify.measured_lag import measured_lag
-from tools.identify.parameters import AXES, LAG, Start, start_of
+from tools.identify.parameters import AXES, LAG, Beginning, start_of
 from tools.identify.results import weakly
 from tools.identify.vehicle_file import VehicleFile, of_recording
 from tools.recordings.recording import open_recording
@@ -19,7 +19,7 @@ HOW = "fly the manoeuvres of `lindy identify plan`"
 
 class Identified(NamedTuple):
     file: VehicleFile
-    start: Start
+    start: Beginning
     fit: Fit
 
 

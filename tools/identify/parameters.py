@@ -22,7 +22,7 @@ LEAST = 0.05  # [-] of the mean drag of an axis: a drag coefficient is not scale
 UNLIKELY = 0.15, 0.4, 0.4, 2.0, 0.5  # std of what is not fitted: ln M, drags, [N], ln lag
 
 
-class Start(NamedTuple):
+class Beginning(NamedTuple):
     """The vehicle file, and the scales of its numbers."""
 
     vehicle: Vehicle
@@ -67,19 +67,19 @@ def indices_of(axis: str) -> list[int]:
     return [first, first + 1, first + 2, *([BUOYANCY] if axis == "heave" else [])]
 
 
-def start_of(vehicle: Vehicle) -> Start:
+def start_of(vehicle: Vehicle) -> Beginning:
     """A coefficient that the file has as zero is scaled by the axis' other one."""
     linear = np.array([vehicle.linear_damping[row] for row in ROWS])
     quadratic = np.array([vehicle.quadratic_damping[row] for row in ROWS])
     both = np.maximum(linear + quadratic, 1e-3)
-    return Start(vehicle, np.maximum(linear, LEAST * both), np.maximum(quadratic, LEAST * both))
+    return Beginning(vehicle, np.maximum(linear, LEAST * both), np.maximum(quadratic, LEAST * both))
 
 
 def inertia_at(x: Floats, axis: int) -> float:
     return float(np.exp(x[inertia_of(axis)]))
 
 
-def vehicle_of(start: Start, x: Floats, axes: tuple[str, ...] = AXES) -> Vehicle:
+def vehicle_of(start: Beginning, x: Floats, axes: tuple[str, ...] = AXES) -> Vehicle:
     """The file's vehicle with these numbers. Of the inertia, the mass stays and the added mass
     changes; it may become negative here, and so may drag."""
     v = start.vehicle

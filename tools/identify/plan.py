@@ -44,7 +44,7 @@ class PlanRow(NamedTuple):
     event: str
 
 
-class Plan(NamedTuple):
+class Manoeuvres(NamedTuple):
     """What to fly."""
 
     rows: tuple[PlanRow, ...]
@@ -62,7 +62,7 @@ def plan(
     axes: Sequence[PlanAxis],
     depth: float,
     strength: float = 1.0,
-) -> Plan:
+) -> Manoeuvres:
     """
     Args:
         depth: [m] of the origin, in the middle of the manoeuvres.
@@ -100,7 +100,7 @@ def plan(
     rows.append(PlanRow(round(at, 2), None, 0.0, "mode stabilised"))
     rows.append(PlanRow(round(at + 1.0, 2), None, 0.0, ""))
     low, high = reach.get("heave", (-0.2, 0.2))
-    found = Plan(
+    found = Manoeuvres(
         tuple(rows), at + 1.0, depth, -MARGIN * low, MARGIN * high,
         *[MARGIN * max(map(abs, reach.get(axis, (0.0, 0.3)))) for axis in ("surge", "sway")],
     )  # fmt: skip
@@ -113,7 +113,7 @@ def plan(
     return found
 
 
-def as_csv(found: Plan, vehicle: Vehicle) -> str:
+def as_csv(found: Manoeuvres, vehicle: Vehicle) -> str:
     """The stick log."""
     lines = [
         f"# Manoeuvres to identify {vehicle.name}: {told(found)}",
@@ -128,7 +128,7 @@ def as_csv(found: Plan, vehicle: Vehicle) -> str:
     return "\n".join(lines) + "\n"
 
 
-def told(found: Plan) -> str:
+def told(found: Manoeuvres) -> str:
     """How much water and time it needs."""
     return (
         f"{found.seconds:.0f} s; depths {found.depth - found.up:.1f} to "

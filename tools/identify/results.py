@@ -15,7 +15,7 @@ from tools.identify.parameters import (
     AXES,
     BUOYANCY,
     LAG,
-    Start,
+    Beginning,
     inertia_of,
     linear_of,
     quadratic_of,
@@ -45,7 +45,7 @@ class ThrustScale(NamedTuple):
     std: float
 
 
-def rows(found: Fit, start: Start) -> Iterator[ResultRow]:
+def rows(found: Fit, start: Beginning) -> Iterator[ResultRow]:
     """Only what was fitted."""
     std = [sqrt(max(0.0, v)) for v in found.covariance.diagonal().tolist()]
     file = start.vehicle
@@ -78,7 +78,7 @@ def rows(found: Fit, start: Start) -> Iterator[ResultRow]:
         yield ResultRow("thruster lag", "s", lag, lag * std[LAG], exp(start.vector[LAG]))
 
 
-def identified(found: Fit, start: Start) -> Vehicle:
+def identified(found: Fit, start: Beginning) -> Vehicle:
     """The vehicle file's vehicle with the fitted numbers. Added mass may be negative."""
     vehicle = vehicle_of(start, found.x, found.axes)
     if not found.lag:

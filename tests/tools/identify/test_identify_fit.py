@@ -11,7 +11,7 @@ from services.simulator.hull import Hull, in_the_water
 from tools.identify.dive_data import Windows
 from tools.identify.fit import Fit, FitInput, fit
 from tools.identify.motion_model import Measured, coefficients, predict
-from tools.identify.parameters import AXES, BUOYANCY, LAG, Start, start_of
+from tools.identify.parameters import AXES, BUOYANCY, LAG, Beginning, start_of
 from tools.identify.thrust import CommandedThrust, Floats
 
 FILE = Stack().section("vehicle", Vehicle)
@@ -73,7 +73,7 @@ def made(
     return FitInput(found, commands, wrench, mean, 1e-6, 1.0, fits_lag=True)
 
 
-def truth(start: Start) -> Floats:
+def truth(start: Beginning) -> Floats:
     found = start_of(TRUTH).vector
     for axis in range(4):
         found[3 * axis + 1] = TRUTH.linear_damping[ROW[axis]] / start.linear[axis]

@@ -1,4 +1,4 @@
-"""Plan, dive, fit and file, of a vehicle that its file does not describe."""
+"""Manoeuvres, dive, fit and file, of a vehicle that its file does not describe."""
 
 import tomllib
 from pathlib import Path
