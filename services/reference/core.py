@@ -158,6 +158,8 @@ class ReferenceGenerator:
 
     def _announce(self) -> None:
         """Count and log what has just begun."""
+        self.events += [f"notice:{row.name}" for row in self._failsafes.noticed]
+        self._failsafes.noticed.clear()
         for row in self._failsafes.begun:
             if row.acts:
                 self.events.append(f"failsafe:{row.name}")

@@ -82,7 +82,8 @@ def _request(m: PilotRequest) -> Figures:
 def _status(m: VehicleStatus) -> Figures:
     reaction = -1 if m.reaction is None else REACTIONS.index(m.reaction)
     own_way = m.mode in ("goto", "follow")
-    return m.stamp_ns, FAILSAFES.index(m.failsafe), reaction, own_way, HOLDS.index(m.hold)
+    hold = HOLDS.index(m.hold)
+    return m.stamp_ns, FAILSAFES.index(m.failsafe), reaction, m.since_ns, own_way, hold
 
 
 def _state(m: VehicleState) -> Figures:
@@ -144,12 +145,13 @@ REFERENCE = (
     *(f"heave {part}" for part in MOTION),  # [m, m/s, m/s², m/s³ ×2]
     *(f"yaw {part}" for part in MOTION),  # [rad, rad/s, rad/s², rad/s³ ×2]
 )
+STATUS = ("stamp", "failsafe", "reaction", "since", "own way", "hold")
 COMMAND = ("stamp", "heave", "yaw", "deflection", "lost", "epoch")
 STATE = ("sensor", "stamp", "heave", "yaw", "moved", "heave known", "yaw known")  # [ns, ns, m, rad]
 WANTED = (
     StreamFigures(topics.PILOT_COMMAND, COMMAND, _command),
     StreamFigures(topics.PILOT_REQUEST, ("stamp", "stop"), _request),
-    StreamFigures(topics.STATUS, ("stamp", "failsafe", "reaction", "own way", "hold"), _status),
+    StreamFigures(topics.STATUS, STATUS, _status),
     StreamFigures(topics.STATE, STATE, _state),
     StreamFigures(topics.REFERENCE, REFERENCE, _reference),
     StreamFigures(topics.THRUSTERS, ("stamp", "sensor"), _thrusters),
