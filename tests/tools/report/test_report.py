@@ -15,7 +15,7 @@ from messages.control import ThrusterCommand
 from messages.health import Health, LogLine
 from messages.message import Estimate, Message
 from messages.reference import Motion, Reference
-from messages.sensors import PressureSample
+from messages.sensors import BatterySample, PressureSample
 from messages.state import VehicleState
 from messages.vehicle import Actuation, Truth, VehicleStatus
 from services.recorder.foxglove_schema import foxglove_schema
@@ -462,3 +462,32 @@ def test_a_failsafe_that_acts_later_is_said_to_have_been_noticed_before(tmp_path
     rising = acting(12.0, failsafe="leak", reaction="ascend", since_ns=START + 2_000 * MS)
     row = failsafe_row(tmp_path, [rising, acting(15.0)], "failsafe:leak")
     assert "the drone rose, noticed at 2.0 s, first at 12.0 s, 3.0 s in all" in row
+
+
+@pytest.mark.parametrize(
+    ("used", "hours"),
+    [
+        ([1.0, 1.1, 1.2], 0.5),  # 0.2 Wh of 100 in 3.6 s
+        ([1.0, 1.0, 92.0], None),  # a fault: nearly empty at once
+        ([92.0, 1.0, 1.1], None),  # … and its end
+        ([0.0, 2.0, 2.0], None),
+        ([150.0, 150.1, 150.2], None),  # more than there is
+        ([1.0, 1.0, 1.0], None),
+    ],
+)
+def test_a_full_battery_is_said_to_last_only_by_what_was_used_in_the_dive(
+    tmp_path: Path, used: list[float], hours: float | None
+):
+    samples: Said = [
+        (
+            topics.BATTERY.key,
+            BatterySample(
+                stamp_ns=START + n * 1800 * MS, voltage=16.0, current=1.0,
+                used_wh=wh, capacity_wh=100.0,
+            ),
+        )
+        for n, wh in enumerate(used)
+    ]  # fmt: skip
+    report = report_of(tmp_path, [*CLEAN, *samples])
+    assert report.energy.endurance_h == (None if hours is None else pytest.approx(hours))
+    assert ("a full battery" in summary(report)) == (hours is not None)
