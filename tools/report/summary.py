@@ -13,6 +13,7 @@ from tools.report.stops import StickStop, StopAxis
 from tools.report.troubles import ending
 
 LABEL = 18  # columns before the values
+DISK = "the disk was full or failed"
 ROSE = "rose"  # how the words of a failsafe end that always makes the drone rise
 AT_ONCE_S = 0.5  # [s] a condition that acts sooner is not said to have been noticed before
 KINDS = 4  # lines for losses; the rest is in report.json
@@ -25,8 +26,8 @@ def summary(
     *,
     all_losses: bool = False,
 ) -> str:
-    """At most 15 lines, one more for each kind of failsafe, and one for each process that was
-    started again.
+    """At most 15 lines, one more for each kind of failsafe, one for each process that was started
+    again, and one where the disk was full.
 
     Args:
         max_depth_m: as `RecordedDive.max_depth_m`; left out when None.
@@ -36,6 +37,9 @@ def summary(
     stick = report.latency_ms.stick_to_thruster
     how = ending(report.exit, report.troubles)
     rows = [("Dive", f"{report.vehicle}, {_length(report)}, {how}")]
+    if _cut(report):
+        recorded = _duration(report.seconds)
+        rows.append(("incomplete", f"{DISK}; all figures are of the recorded {recorded}"))
     rows += _failsafes(report)
     if max_depth_m is not None:
         rows.append(("deepest", f"{max_depth_m:.1f} m"))
@@ -71,7 +75,14 @@ def _energy(report: Report) -> str:
 def _length(report: Report) -> str:
     """Of the recording, and how much of it the drone was armed."""
     whole, armed = _duration(report.seconds), _duration(report.armed_seconds)
+    if _cut(report):
+        whole, armed = f"recorded {whole}", f"{armed} of them"
     return f"{whole}, armed {armed}" if report.armed_seconds > 0.0 else whole
+
+
+def _cut(report: Report) -> bool:
+    """May the dive have been longer than its recording?"""
+    return report.losses.get("disk_error", 0) > 0
 
 
 def _duration(seconds: float) -> str:

@@ -491,3 +491,14 @@ def test_a_full_battery_is_said_to_last_only_by_what_was_used_in_the_dive(
     report = report_of(tmp_path, [*CLEAN, *samples])
     assert report.energy.endurance_h == (None if hours is None else pytest.approx(hours))
     assert ("a full battery" in summary(report)) == (hours is not None)
+
+
+def test_figures_of_a_recording_that_the_disk_cut_short_are_said_to_be_those_of_its_part(
+    tmp_path: Path,
+):
+    report = report_of(tmp_path, CLEAN, Extras(losses={"disk_error": 1}))
+    report = msgspec.structs.replace(report, seconds=13.0, armed_seconds=3.0)
+    first, second, *_ = summary(report).splitlines()
+    assert "pioneer, recorded 13 s, armed 3 s of them, ended; " in first
+    assert second.split(maxsplit=1)[1].endswith("all figures are of the recorded 13 s")
+    assert "recorded" not in summary(msgspec.structs.replace(report, losses={}, troubles=[]))
