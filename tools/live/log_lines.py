@@ -28,9 +28,7 @@ class PrintedEntry(NamedTuple):
 
     times: int  # that it had come
     stamp_ns: int
-    pause_ns: int = (
-        ABSENT_NS  # [ns] until it is printed when it comes back; doubles
-    )
+    pause_ns: int = ABSENT_NS  # [ns] until it is printed when it comes back; doubles
 
 
 class LogLines:
