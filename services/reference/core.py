@@ -158,7 +158,7 @@ class ReferenceGenerator:
 
     def _announce(self) -> None:
         """Count and log what has just begun."""
-        self.events += [f"notice:{row.name}" for row in self._failsafes.noticed]
+        self.events.extend(f"notice:{row.name}" for row in self._failsafes.noticed)
         self._failsafes.noticed.clear()
         for row in self._failsafes.begun:
             if row.acts:
