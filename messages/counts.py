@@ -37,6 +37,8 @@ NAMES: dict[str, Meaning] = {
     "failsafe:imu_lost": Meaning(FAILSAFE, "IMU lost: the drone came to rest"),
     "failsafe:leak": Meaning(FAILSAFE, "water in the enclosure: the drone rose"),
     "failsafe:battery_critical": Meaning(FAILSAFE, "battery nearly empty: the drone rose"),
+    "notice:leak": Meaning(DANGER, "water was noticed in the enclosure"),
+    "notice:battery_critical": Meaning(DANGER, "the battery was noticed to be nearly empty"),
     "notice:battery_low": Meaning(DANGER, "the battery was low"),
     "notice:too_hot": Meaning(DANGER, "the enclosure was too hot"),
     "notice:too_deep": Meaning(DANGER, "the drone was deeper than its limit"),

@@ -36,6 +36,7 @@ from tools.onboard.this_start import NOTE, Start, boot_id
 from tools.report import Elsewhere
 
 OTHER = {"topside": "drone", "drone": "topside"}
+HERE = "tcp/127.0.0.1:7447"  # where both sides meet on one machine
 GATEWAY = "tether"  # the service that may stand between the two
 
 
@@ -43,8 +44,8 @@ def up(
     side: str,
     choices: Choices,
     *,
-    listen: str,
-    connect: str,
+    listen: str | None,
+    connect: str | None,
     gateway: bool,
     grouped: bool,
     resume: Path | None = None,
@@ -59,12 +60,22 @@ def up(
     if side not in OTHER:
         raise LindyError(f"unknown side {side!r}{nearest(side, list(OTHER))}")
     if side == "drone":
+        if connect is not None:
+            raise LindyError(
+                f"--connect is for the topside: the drone waits for it, with --listen {connect}"
+            )
+        listen = HERE if listen is None else listen
         way_in = door(listen, "--listen", ("drone",), keys, insecure=insecure)
         return drone(choices, listen, resume, way_in, grouped=grouped, insecure=insecure)
     if resume is not None:
         raise LindyError(
             "--resume is for the drone: only on board there is something to go on with"
         )
+    if listen is not None:
+        raise LindyError(
+            f"--listen is for the drone: the topside calls it, with --connect {listen}"
+        )
+    connect = HERE if connect is None else connect
     way_out = door(connect, "--connect", ("pilot",), keys, insecure=insecure)
     return topside(choices, connect, way_out, gateway=gateway, grouped=grouped, insecure=insecure)
 

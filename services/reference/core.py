@@ -159,6 +159,8 @@ class ReferenceGenerator:
 
     def _announce(self) -> None:
         """Count and log what has just begun."""
+        self.events.extend(f"notice:{row.name}" for row in self._failsafes.noticed)
+        self._failsafes.noticed.clear()
         for row in self._failsafes.begun:
             if row.acts:
                 self.events.append(f"failsafe:{row.name}")

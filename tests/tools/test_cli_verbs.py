@@ -124,6 +124,8 @@ def test_an_unknown_verb_is_met_with_the_nearest_one(capsys: pytest.CaptureFixtu
         (["dive", "--listen", "foo"], "--listen 'foo': expected PROTOCOL/ADDRESS"),
         (["up", "topside", "--connect", "foo"], "--connect 'foo': expected PROTOCOL/ADDRESS"),
         (["up", "drone", "--listen", "foo"], "--listen 'foo': expected PROTOCOL/ADDRESS"),
+        (["up", "drone", "--connect", "tcp/127.0.0.1:1"], "--connect is for the topside"),
+        (["up", "topside", "--listen", "tcp/127.0.0.1:1"], "--listen is for the drone"),
     ],
 )
 def test_other_verbs_explain_as_well(

@@ -63,10 +63,9 @@ def add(keys: Path, who: Identity, now: datetime, days: int) -> tuple[Path, list
     if not home.is_dir():
         raise LindyError(f"there is no authority in {keys}: {MAKE}")
     if who in read_list(home / SIGNED):  # an old certificate must not become valid with a new name
-        raise LindyError(f"{who} has keys already, or had once; choose another name")
-    ca, signer = read(home / CA), said(home / CA_KEY, certificates.read_key, read(home / CA_KEY))
-    said(home / CA, certificates.check_authority, ca, now)
-    _check_days(days, certificates.ends(ca), now)
+        longer = "" if _revoked(keys, who) else f", or make them last: `lindy keys renew {who}`"
+        raise LindyError(f"{who} has keys already, or had once; choose another name{longer}")
+    ca, signer = _signer(home, now, days)
     key = _new_key()
     public, serial = key.public_key(), x509.random_serial_number()
     others = let_in(who.role, [one for one in read_list(home / SIGNED) if not _revoked(keys, one)])
@@ -79,6 +78,41 @@ def add(keys: Path, who: Identity, now: datetime, days: int) -> tuple[Path, list
     key_folder.change(home / SIGNED, lambda text: with_one(text, who))  # first: used is used
     make_bundle(keys / who.folder, made)
     return keys / who.folder, _let_in_by_all(keys, who)
+
+
+def renew(keys: Path, who: Identity, now: datetime, days: int) -> tuple[Path, Path]:
+    """A new certificate for the same name and key. Returns it, and where the old one is kept.
+
+    Raises:
+        LindyError: who was revoked or has no keys here, there is no authority, or it cannot be
+            written.
+    """
+    home, path = keys / AUTHORITY, keys / who.folder / CERTIFICATE
+    if not home.is_dir():
+        raise LindyError(f"there is no authority in {keys}: certificates are renewed where it is")
+    if _revoked(keys, who):
+        raise LindyError(f"{who} was revoked, and its name is never given again")
+    if who not in read_list(home / SIGNED):
+        raise LindyError(f"{keys} has no keys of {who}; `lindy keys list` shows all")
+    ca, signer = _signer(home, now, days)
+    before = read(path)
+    if (found := said(path, certificates.check_issued, before, ca)).who != who:
+        raise LindyError(f"{path} is that of {found.who}, not of {who}")
+    public, serial = said(path, certificates.public_key, before), x509.random_serial_number()
+    fresh = certificates.issue(who, public, signer, now, days, serial)
+    return path, key_folder.supersede(path, fresh)
+
+
+def _signer(home: Path, now: datetime, days: int) -> tuple[bytes, ec.EllipticCurvePrivateKey]:
+    """The authority's certificate and its key, which may sign for so many days.
+
+    Raises:
+        LindyError: it is not valid now, cannot be read, or may not sign for so long.
+    """
+    ca, signer = read(home / CA), said(home / CA_KEY, certificates.read_key, read(home / CA_KEY))
+    said(home / CA, certificates.check_authority, ca, now)
+    _check_days(days, certificates.ends(ca), now)
+    return ca, signer
 
 
 def revoke(keys: Path, who: Identity) -> list[Path]:

@@ -145,6 +145,18 @@ def check_certificate(data: bytes, authority: bytes, now: datetime) -> Certifica
     Raises:
         ValueError: why not.
     """
+    found = check_issued(data, authority)
+    remedy = f"renew it where the authority is, with `lindy keys renew {found.who}`"
+    check_dates(found.begins, found.ends, now, remedy)
+    return found
+
+
+def check_issued(data: bytes, authority: bytes) -> Certificate:
+    """Is it the authority's and for its role, whether or not it is still valid?
+
+    Raises:
+        ValueError: why not.
+    """
     certificate = _load(data)
     if certificate.issuer == certificate.subject:
         raise ValueError("is signed by itself, not by an authority")
@@ -155,8 +167,19 @@ def check_certificate(data: bytes, authority: bytes, now: datetime) -> Certifica
     found = read(data)
     if USAGE[found.who.role] not in _usages(certificate):
         raise ValueError(f"is not made for the role of {found.who}")
-    check_dates(found.begins, found.ends, now)
     return found
+
+
+def public_key(data: bytes) -> EllipticCurvePublicKey:
+    """The key that a certificate is for.
+
+    Raises:
+        ValueError: not a certificate, or not the kind of key that Lindy makes.
+    """
+    key = _load(data).public_key()
+    if not isinstance(key, EllipticCurvePublicKey):
+        raise ValueError("is not for the kind of key that `lindy keys` makes")
+    return key
 
 
 def check_authority(data: bytes, now: datetime) -> None:
@@ -171,7 +194,8 @@ def check_authority(data: bytes, now: datetime) -> None:
         is_one = False
     if not is_one:
         raise ValueError("is not the certificate of an authority")
-    check_dates(certificate.not_valid_before_utc, certificate.not_valid_after_utc, now)
+    remedy = "make a new authority in another folder, and new keys for all, with `lindy keys new`"
+    check_dates(certificate.not_valid_before_utc, certificate.not_valid_after_utc, now, remedy)
 
 
 def ends(data: bytes) -> datetime:
@@ -182,8 +206,11 @@ def ends(data: bytes) -> datetime:
     return _load(data).not_valid_after_utc
 
 
-def check_dates(begins: datetime, ends: datetime, now: datetime) -> None:
+def check_dates(begins: datetime, ends: datetime, now: datetime, remedy: str) -> None:
     """
+    Args:
+        remedy: what to do when it is no longer valid.
+
     Raises:
         ValueError: not valid yet, or no longer.
     """
@@ -191,10 +218,7 @@ def check_dates(begins: datetime, ends: datetime, now: datetime) -> None:
     if now < begins:
         raise ValueError(f"is valid from {day(begins)} on, {clock}: set the clock")
     if now > ends:
-        raise ValueError(
-            f"was valid until {day(ends)}, {clock}: if the clock is right, make a new one with "
-            f"`lindy keys add`"
-        )
+        raise ValueError(f"was valid until {day(ends)}, {clock}: if the clock is right, {remedy}")
 
 
 def check_pair(certificate: bytes, key: bytes) -> None:

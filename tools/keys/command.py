@@ -66,6 +66,24 @@ def add(role: str, name: str, *, folder: Keys = Path(DEFAULT), days: Days = LONG
     return 0
 
 
+@keys.command
+def renew(name: str, *, folder: Keys = Path(DEFAULT), days: Days = LONGEST) -> int:
+    """Make a new certificate for somebody, such as pilot:ann, whose one ends; the key stays.
+
+    Needs the authority, and the folder of somebody's keys beside it. The old one is kept there.
+
+    Example: lindy keys renew pilot:ann
+    """
+    who = _parsed(name)
+    require_cryptography()
+    from tools.keys import authority
+
+    made, kept = authority.renew(folder.expanduser(), who, datetime.now(UTC), days)
+    where = f"{DEFAULT}/{who.folder} of {_machine(who)}"
+    print(f"{made}: copy it into {where}, and start that again; the old one is {kept.name}")
+    return 0
+
+
 @keys.command(name="list")
 def list_(
     *,
@@ -106,10 +124,7 @@ def revoke(name: str, *, folder: Keys = Path(DEFAULT)) -> int:
 
     Example: lindy keys revoke pilot:ann
     """
-    try:
-        who = parse(name)
-    except ValueError as error:
-        raise LindyError(str(error)) from None
+    who = _parsed(name)
     require_cryptography()
     from tools.keys import authority
 
@@ -124,6 +139,13 @@ def revoke(name: str, *, folder: Keys = Path(DEFAULT)) -> int:
 def _identity(role: str, name: str) -> Identity:
     try:
         return identity(role, name)
+    except ValueError as error:
+        raise LindyError(str(error)) from None
+
+
+def _parsed(name: str) -> Identity:
+    try:
+        return parse(name)
     except ValueError as error:
         raise LindyError(str(error)) from None
 

@@ -151,6 +151,42 @@ def change(path: Path, to: Callable[[str], str]) -> bool:
     return True
 
 
+def supersede(path: Path, data: bytes) -> Path:
+    """Put a new file in the place of one that is kept beside it: `certificate-1.pem`,
+    `certificate-2.pem` … Returns where. At every instant one of both is in its place.
+
+    Raises:
+        LindyError: it cannot be written.
+    """
+    fresh = path.with_name(f".{path.name}-{os.getpid()}")
+    write_private(fresh, data)
+    try:
+        kept = _kept(path)
+        fresh.replace(path)
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            fresh.unlink()
+        raise LindyError(f"cannot write {path}: {reason(error)}") from None
+    return kept
+
+
+def _kept(path: Path) -> Path:
+    """A second name for the file.
+
+    Raises:
+        OSError: it cannot have one.
+    """
+    number = 1
+    while True:
+        kept = path.with_stem(f"{path.stem}-{number}")
+        try:
+            kept.hardlink_to(path)
+        except FileExistsError:
+            number += 1
+        else:
+            return kept
+
+
 def said(path: Path, judge: Callable[..., T], *data: object) -> T:
     """Whatever is wrong is said of this file.
 

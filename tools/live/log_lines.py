@@ -1,4 +1,5 @@
-"""Log lines for the pilot: in plain words, with their time; a repeated line is shown once."""
+"""Log lines for the pilot: in plain words, with their time; a repeated line is shown once, and a
+warning or an error again when it comes back."""
 
 import re
 from collections import OrderedDict
@@ -8,6 +9,7 @@ from messages.counts import in_words
 from messages.health import LogLine
 
 MOST = 200  # different lines that are kept; beyond that the oldest are dropped
+ABSENT_NS = 10_000_000_000  # [ns] a warning that comes again after this has come back
 NUMBER = re.compile(r"\d+(\.\d+)?")  # lines that differ in numbers alone are the same line
 
 
@@ -18,6 +20,15 @@ class LogEntry(NamedTuple):
     times: int
     first_s: float | None
     last_s: float | None
+    back: bool = False  # it has come back: its newest time is what matters
+
+
+class PrintedEntry(NamedTuple):
+    """When a line was printed last."""
+
+    times: int  # that it had come
+    stamp_ns: int
+    pause_ns: int = ABSENT_NS  # [ns] until it is printed when it comes back; doubles
 
 
 class LogLines:
@@ -25,11 +36,12 @@ class LogLines:
 
     def __init__(self) -> None:
         self._entries: OrderedDict[tuple[str, ...], LogEntry] = OrderedDict()
-        self._printed: dict[tuple[str, ...], int] = {}  # times when it was printed last
+        self._printed: dict[tuple[str, ...], PrintedEntry] = {}
 
     def add(self, line: LogLine, at_s: float | None) -> LogEntry | None:
         """A line has arrived. Returns it if it is to be printed now: for the first, tenth,
-        hundredth … time. `unprinted` has the rest, so that no line floods the terminal."""
+        hundredth … time, and a warning or an error that has come back. `unprinted` has the rest, so
+        that no line floods the terminal."""
         key = (line.service, line.level, NUMBER.sub("#", line.text))
         at_s = None if at_s is None or at_s < 0.0 else at_s
         before = self._entries.pop(key, None)
@@ -41,9 +53,15 @@ class LogLines:
         if len(self._entries) > MOST:
             dropped, _ = self._entries.popitem(last=False)
             self._printed.pop(dropped, None)
+        printed = self._printed.get(key)
+        if before is not None and printed is not None and _back(before, line, printed):
+            pause_ns = 2 * printed.pause_ns
+            self._printed[key] = PrintedEntry(entry.times, line.stamp_ns, pause_ns)
+            return entry._replace(back=True)
         if str(entry.times).rstrip("0") != "1":
             return None
-        self._printed[key] = entry.times
+        pause_ns = ABSENT_NS if printed is None else printed.pause_ns
+        self._printed[key] = PrintedEntry(entry.times, line.stamp_ns, pause_ns)
         return entry
 
     def newest(self, most: int) -> list[LogEntry]:
@@ -55,14 +73,28 @@ class LogLines:
         return [
             entry
             for key, entry in self._entries.items()
-            if entry.times != self._printed.get(key)
-            and not (entry.line.level == "info" and entry.last_s is None)
+            if key not in self._printed
+            or (
+                entry.times != self._printed[key].times
+                and not (entry.line.level == "info" and entry.last_s is None)
+            )
         ]
+
+
+def _back(before: LogEntry, line: LogLine, printed: PrintedEntry) -> bool:
+    """Is it a warning or an error that was absent, and not printed for a while? By its sender's
+    clock, which is there before arming too; it begins anew with its computer."""
+    absent_ns = abs(line.stamp_ns - before.line.stamp_ns)
+    unprinted_ns = abs(line.stamp_ns - printed.stamp_ns)
+    return line.level != "info" and absent_ns > ABSENT_NS and unprinted_ns > printed.pause_ns
 
 
 def full(entry: LogEntry) -> str:
     """A line where there is no screen."""
     line = entry.line
+    if entry.back:
+        again = f" (again, {entry.times} times in all)"
+        return f"{line.level:<7} {when(entry.last_s):>8}  {printable(line)}{again}"
     again = "" if entry.times == 1 else f" ({entry.times} times, last {_at(entry.last_s)})"
     return f"{line.level:<7} {when(entry.first_s):>8}  {printable(line)}{again}"
 

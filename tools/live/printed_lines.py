@@ -7,7 +7,8 @@ from tools.live.log_lines import LogEntry, LogLines, full
 
 
 class PrintedLines:
-    """A line that is repeated is printed the first, tenth, hundredth … time."""
+    """A line that is repeated is printed the first, tenth, hundredth … time, and a warning or an
+    error also when it comes back after a while."""
 
     def __init__(self) -> None:
         self._lines = LogLines()

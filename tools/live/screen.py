@@ -51,6 +51,7 @@ class View:
     used_wh: float | None = None  # [Wh] since power-on
     capacity_wh: float | None = None  # [Wh] when full
     armed: bool = False
+    last_known: bool = False  # no status arrives: armed, mode and failsafe are those of the last
     failsafe: str = "none"
     since_s: float | None = None  # [s] since its condition began
     next_s: float | None = None  # [s] until the next reaction begins
@@ -99,14 +100,15 @@ def plain(view: View) -> str:
     """The same in one line, for a log file or a pipe."""
     depth, heading = _number(view.depth_m, "7.2f"), _number(view.heading_deg, "6.1f")
     parts = [
-        f"{_clock(view.elapsed_s)}  {'armed' if view.armed else 'disarmed'} {view.mode}",
+        f"{_clock(view.elapsed_s)}  {_known(view)}{'armed' if view.armed else 'disarmed'}"
+        f" {view.mode}",
         f"depth {depth} m  heading {heading}°{_old(view.age_ms)}"
         f"  rtt {_number(view.rtt_ms, '.1f')} ms",
     ]
     if failsafe := _failsafe(view):
         parts.append(failsafe)
     if view.words:
-        parts.append(view.words)
+        parts.append(f"{_known(view)}{view.words}")
     if view.alarm:
         parts.append(f"LINK {view.alarm}")
     if view.silent:
@@ -141,13 +143,20 @@ def _title(view: View) -> Table:
 
 
 def _state(view: View) -> Text:
+    style = "bold white on red" if view.armed and not view.last_known else "dim"
     return Text.assemble(
-        (" ARMED " if view.armed else " DISARMED ", "bold white on red" if view.armed else "dim"),
+        (_known(view), "yellow"),
+        (" ARMED " if view.armed else " DISARMED ", style),
         f"  {view.mode}",
         (f"  {_failsafe(view)}", "bold red"),
         (f"  {view.note}" if view.note else "", "yellow"),
         overflow="ellipsis", no_wrap=True,
     )  # fmt: skip
+
+
+def _known(view: View) -> str:
+    """What stands before the state of a drone that is not heard any more."""
+    return "last known: " if view.last_known else ""
 
 
 def _alarm(view: View) -> list[Text]:
@@ -158,7 +167,7 @@ def _alarm(view: View) -> list[Text]:
         alarms.insert(0, f"SILENT {view.silent[0]}" + (f" +{more}" if more else ""))
     rows = ["  ".join(alarms)] if alarms else []
     if view.words:
-        rows.insert(0, f"DRONE  {view.words}")
+        rows.insert(0, f"DRONE  {_known(view)}{view.words}")
     return [Text(row, "bold red", overflow="ellipsis", no_wrap=True) for row in rows]
 
 

@@ -69,6 +69,8 @@ class Watch:
         timeline = self._timeline
         state, reference = _recent(self._state, now), _recent(self._reference, now)
         status, pilot = self._status.newest(now), self._pilot.fresh(now)
+        silence = _silence(status, now) if status else ""
+        heard = None if silence else status
         battery = self._battery.fresh(now)
         link, budget, clock = self._link.fresh(now), self._budget.fresh(now), self._clock.fresh(now)
         if state is not None:
@@ -78,17 +80,18 @@ class Watch:
             elapsed_s=timeline.elapsed_s(now),
             length_s=timeline.length_s,
             mode=status.mode if status else "starting",
-            hold=status.hold if status else "",
-            light=status.light if status else None,
+            hold=heard.hold if heard else "",
+            light=heard.light if heard else None,
             battery_v=battery.voltage if battery else None,
             used_wh=battery.used_wh if battery else None,
             capacity_wh=battery.capacity_wh if battery else None,
             armed=status.armed if status else False,
+            last_known=bool(silence),
             failsafe=status.failsafe if status else "none",
-            since_s=_seconds(now, status.since_ns) if status else None,
-            next_s=_until(now, status.next_ns) if status else None,
+            since_s=_seconds(now, heard.since_ns) if heard else None,
+            next_s=_until(now, heard.next_ns) if heard else None,
             words=status.words if status else "",
-            note=_silence(status, now) or status.note if status else timeline.note,
+            note=silence or (status.note if status else timeline.note),
             age_ms=(now - state.stamp_ns) / 1e6 if state else None,
             depth_m=state.depth.value if state and state.depth.valid else None,
             depth_wanted_m=reference.depth.position if reference else None,

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from messages import topics
 from messages.control import ThrusterCommand
 from messages.link import DOWN_STAGES, UP_STAGES, Clock, LatencyBudget, Stage
-from messages.pilot import PilotCommand, PilotRequest
+from messages.pilot import Hold, PilotCommand, PilotRequest
 from messages.reference import Reference
 from messages.sensors import BatterySample
 from messages.state import VehicleState
@@ -28,6 +28,7 @@ Array = NDArray[np.float64]
 Figures = tuple[float | None, ...]
 FAILSAFES: tuple[Failsafe, ...] = get_args(Failsafe)  # a status has the place in these
 REACTIONS: tuple[Reaction, ...] = get_args(Reaction)
+HOLDS: tuple[Hold, ...] = get_args(Hold)
 
 
 class StreamColumns:
@@ -71,7 +72,7 @@ class StreamFigures(NamedTuple):
 
 def _command(m: PilotCommand) -> Figures:
     deflection = max(map(abs, (m.surge, m.sway, m.heave, m.yaw)))
-    return m.stamp_ns, m.heave, m.yaw, deflection, m.pilot == "lost"
+    return m.stamp_ns, m.heave, m.yaw, deflection, m.pilot == "lost", m.epoch
 
 
 def _request(m: PilotRequest) -> Figures:
@@ -80,17 +81,21 @@ def _request(m: PilotRequest) -> Figures:
 
 def _status(m: VehicleStatus) -> Figures:
     reaction = -1 if m.reaction is None else REACTIONS.index(m.reaction)
-    return m.stamp_ns, FAILSAFES.index(m.failsafe), reaction
+    own_way = m.mode in ("goto", "follow")
+    hold = HOLDS.index(m.hold)
+    return m.stamp_ns, FAILSAFES.index(m.failsafe), reaction, m.since_ns, own_way, hold
 
 
 def _state(m: VehicleState) -> Figures:
-    return m.sensor_ns, m.stamp_ns, m.depth.value, m.heading.value
+    moved = m.depth_moved or 0.0  # absent: no jump
+    known = m.depth.valid, m.heading.valid
+    return m.sensor_ns, m.stamp_ns, m.depth.value, m.heading.value, moved, *known
 
 
 def _reference(m: Reference) -> Figures:
     valid = m.stamp_ns if m.sensor_ns is None else m.sensor_ns
     depth, heading = msgspec.structs.astuple(m.depth), msgspec.structs.astuple(m.heading)
-    return valid, m.stamp_ns, m.sensor_ns, m.pilot_ns, m.armed, *depth, *heading
+    return valid, m.stamp_ns, m.sensor_ns, m.pilot_ns, m.armed, m.epoch, *depth, *heading
 
 
 def _thrusters(m: ThrusterCommand) -> Figures:
@@ -136,15 +141,18 @@ def _battery(m: BatterySample) -> Figures:
 
 MOTION = ("position", "velocity", "acceleration", "jerk", "jerk limit")
 REFERENCE = (
-    *("valid", "stamp", "sensor", "pilot", "armed"),
+    *("valid", "stamp", "sensor", "pilot", "armed", "epoch"),
     *(f"heave {part}" for part in MOTION),  # [m, m/s, m/s², m/s³ ×2]
     *(f"yaw {part}" for part in MOTION),  # [rad, rad/s, rad/s², rad/s³ ×2]
 )
+STATUS = ("stamp", "failsafe", "reaction", "since", "own way", "hold")
+COMMAND = ("stamp", "heave", "yaw", "deflection", "lost", "epoch")
+STATE = ("sensor", "stamp", "heave", "yaw", "moved", "heave known", "yaw known")  # [ns, ns, m, rad]
 WANTED = (
-    StreamFigures(topics.PILOT_COMMAND, ("stamp", "heave", "yaw", "deflection", "lost"), _command),
+    StreamFigures(topics.PILOT_COMMAND, COMMAND, _command),
     StreamFigures(topics.PILOT_REQUEST, ("stamp", "stop"), _request),
-    StreamFigures(topics.STATUS, ("stamp", "failsafe", "reaction"), _status),
-    StreamFigures(topics.STATE, ("sensor", "stamp", "heave", "yaw"), _state),  # [ns, ns, m, rad]
+    StreamFigures(topics.STATUS, STATUS, _status),
+    StreamFigures(topics.STATE, STATE, _state),
     StreamFigures(topics.REFERENCE, REFERENCE, _reference),
     StreamFigures(topics.THRUSTERS, ("stamp", "sensor"), _thrusters),
     StreamFigures(

@@ -4,7 +4,11 @@ import msgspec
 import numpy as np
 
 from messages import topics
+from tools.report.columns import StreamColumns
 from tools.report.dive import RecordedDive
+
+FASTEST = 20.0  # [1/h] no battery of a drone gives its whole capacity in three minutes
+ROUGH = 1e-3  # [-] of the capacity: a gauge may count in steps as large as this
 
 
 class Energy(msgspec.Struct, frozen=True):
@@ -28,13 +32,22 @@ def energy(dive: RecordedDive) -> Energy:
 
 
 def _battery(dive: RecordedDive) -> tuple[float | None, float | None]:
-    """[Wh] used and [h] of endurance, where the battery reports them."""
+    """[Wh] used and [h] of endurance, where the battery reports them and what it reports was used
+    in this dive."""
     battery = dive[topics.BATTERY]
-    if battery.count < 2:
+    if battery.count < 2 or _jumped(battery):
         return None, None
     used = float(battery["used"][-1] - battery["used"][0])
     hours = float(battery["stamp"][-1] - battery["stamp"][0]) / 3.6e12
     capacity = float(battery["capacity"][-1])
-    if not used > 0.0 or not np.isfinite(capacity):
+    if not used > 0.0 or not capacity >= battery["used"][-1]:  # or not known
         return used, None
     return used, capacity * hours / used
+
+
+def _jumped(battery: StreamColumns) -> bool:
+    """Did the used energy become less, or more by what no battery gives in that time? A fault, a
+    restart or another battery does that."""
+    steps, hours = np.diff(battery["used"]), np.diff(battery["stamp"]) / 3.6e12
+    most = battery["capacity"][1:] * np.maximum(ROUGH, FASTEST * hours)  # NaN: not known
+    return bool(np.any(steps < 0.0) or np.any(steps > most))

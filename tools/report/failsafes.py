@@ -18,6 +18,7 @@ class ActedReaction(msgspec.Struct, frozen=True):
     reaction: Reaction
     t: float  # [s] since the first arming
     seconds: float  # [s] that it lasted, or until the last status
+    noticed: float | None = None  # [s] since the first arming, of the beginning of the condition
 
 
 def failsafes(dive: RecordedDive) -> list[ActedReaction]:
@@ -26,6 +27,7 @@ def failsafes(dive: RecordedDive) -> list[ActedReaction]:
     if armed is None or not status.count:
         return []
     stamp, acting, doing = status["stamp"], status["failsafe"], status["reaction"]
+    since = status["since"]
     changed = (np.diff(acting) != 0) | (np.diff(doing) != 0)
     begins = [0, *(np.flatnonzero(changed) + 1).tolist()]
     ends = [*begins[1:], status.count - 1]
@@ -35,7 +37,13 @@ def failsafes(dive: RecordedDive) -> list[ActedReaction]:
             reaction=REACTIONS[int(doing[begin])],
             t=float(stamp[begin] - armed[0]) / 1e9,
             seconds=float(stamp[end] - stamp[begin]) / 1e9,
+            noticed=_seconds(since[begin], armed[0]),
         )
         for begin, end in zip(begins, ends, strict=True)
         if acting[begin] != NONE and doing[begin] >= 0
     ]
+
+
+def _seconds(at: float, armed: float) -> float | None:
+    """[s] From the first arming to an instant [ns], which is NaN where it is not known."""
+    return float(at - armed) / 1e9 if np.isfinite(at) else None

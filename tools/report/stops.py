@@ -8,18 +8,21 @@ one has no final reference to run past.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, radians
 from typing import Literal
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from messages import topics
 from services.reference.guidance.refusals import CENTRED
 from tools.report.columns import Array
 from tools.report.dive import RecordedDive
+from tools.report.stop_ends import stop_ends
 
+Flags = NDArray[np.bool_]
 StopAxis = Literal["heave", "yaw"]
 REST_VELOCITY = 1e-3  # [m/s, rad/s] a reference slower than this …
 REST_ACCELERATION = 1e-2  # [m/s², rad/s²] … and steadier than this is at rest
@@ -38,7 +41,7 @@ class StickRelease:
     """One release of a stick."""
 
     begin: float  # [ns]
-    end: float  # [ns] next deflection of the same stick, or infinity
+    end: float  # [ns] next deflection of the same stick or what else moves the drone, or infinity
     sign: float  # of the deflection before
 
 
@@ -48,9 +51,20 @@ def stops(dive: RecordedDive) -> list[StickStop]:
     axes: tuple[StopAxis, ...] = ("heave", "yaw")
     for axis in axes:
         if (truth := dive.truth(axis)) is not None:
-            measured = (_measure(dive, axis, release, truth) for release in releases(dive, axis))
+            ends = np.append(stop_ends(dive, axis), inf)
+            measured = (
+                _measure(
+                    dive, axis, replace(release, end=min(release.end, _next(ends, release))), truth
+                )
+                for release in releases(dive, axis)
+            )
             found += [stop for stop in measured if stop is not None]
     return sorted(found, key=lambda stop: stop.t)
+
+
+def _next(ends: Array, release: StickRelease) -> float:
+    """[ns] First of the ends, the last of which is infinity, that is not before the release."""
+    return float(ends[np.searchsorted(ends, release.begin)])
 
 
 def releases(dive: RecordedDive, axis: StopAxis) -> Iterator[StickRelease]:
@@ -86,10 +100,11 @@ def _events(dive: RecordedDive, axis: StopAxis) -> list[tuple[float, str, float]
     """(time [ns], kind, value) of everything that decides whether a stick counts, by time."""
     command, request = dive[topics.PILOT_COMMAND], dive[topics.PILOT_REQUEST]
     status = dive[topics.STATUS]
+    holder = _in_control(dive)
     sources = [
-        (command["stamp"], "lost", command["lost"]),
-        (command["stamp"], "deflection", command["deflection"]),
-        (command["stamp"], "stick", command[axis]),
+        (command["stamp"][holder], "lost", command["lost"][holder]),
+        (command["stamp"][holder], "deflection", command["deflection"][holder]),
+        (command["stamp"][holder], "stick", command[axis][holder]),
         (request["stamp"], "stop", request["stop"]),
         (status["stamp"], "failsafe", status["failsafe"]),
     ]
@@ -99,6 +114,15 @@ def _events(dive: RecordedDive, axis: StopAxis) -> list[tuple[float, str, float]
         for at, value in zip(times.tolist(), values.tolist(), strict=True)
     ]
     return sorted(events, key=lambda event: event[0])
+
+
+def _in_control(dive: RecordedDive) -> Flags:
+    """Of each command: does it carry the epoch that acts, which the newest reference names? Every
+    command does before there is one."""
+    command, reference = dive[topics.PILOT_COMMAND], dive[topics.REFERENCE]
+    newest = np.searchsorted(reference["valid"], command["stamp"], side="right")
+    acting = np.append(0.0, reference["epoch"])[newest]
+    return (acting == 0.0) | (command["epoch"] == acting)
 
 
 def _measure(
@@ -143,7 +167,7 @@ def _at_rest(dive: RecordedDive, axis: StopAxis, row: int) -> bool:
     return bool(slow and abs(reference[f"{axis} acceleration"][row]) < REST_ACCELERATION)
 
 
-def _settle_s(since: Array, near: "np.ndarray[tuple[int], np.dtype[np.bool_]]") -> float | None:
+def _settle_s(since: Array, near: Flags) -> float | None:
     """First of the times `since` [ns] from which on every sample is near, in s."""
     far = np.flatnonzero(~near)
     if not len(far):

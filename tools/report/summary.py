@@ -13,6 +13,9 @@ from tools.report.stops import StickStop, StopAxis
 from tools.report.troubles import ending
 
 LABEL = 18  # columns before the values
+DISK = "the disk was full or failed"
+ROSE = "rose"  # how the words of a failsafe end that always makes the drone rise
+AT_ONCE_S = 0.5  # [s] a condition that acts sooner is not said to have been noticed before
 KINDS = 4  # lines for losses; the rest is in report.json
 
 
@@ -23,8 +26,8 @@ def summary(
     *,
     all_losses: bool = False,
 ) -> str:
-    """At most 15 lines, one more for each kind of failsafe, and one for each process that was
-    started again.
+    """At most 15 lines, one more for each kind of failsafe, one for each process that was started
+    again, and one where the disk was full.
 
     Args:
         max_depth_m: as `RecordedDive.max_depth_m`; left out when None.
@@ -34,6 +37,9 @@ def summary(
     stick = report.latency_ms.stick_to_thruster
     how = ending(report.exit, report.troubles)
     rows = [("Dive", f"{report.vehicle}, {_length(report)}, {how}")]
+    if _cut(report):
+        recorded = _duration(report.seconds)
+        rows.append(("incomplete", f"{DISK}; all figures are of the recorded {recorded}"))
     rows += _failsafes(report)
     if max_depth_m is not None:
         rows.append(("deepest", f"{max_depth_m:.1f} m"))
@@ -69,7 +75,14 @@ def _energy(report: Report) -> str:
 def _length(report: Report) -> str:
     """Of the recording, and how much of it the drone was armed."""
     whole, armed = _duration(report.seconds), _duration(report.armed_seconds)
+    if _cut(report):
+        whole, armed = f"recorded {whole}", f"{armed} of them"
     return f"{whole}, armed {armed}" if report.armed_seconds > 0.0 else whole
+
+
+def _cut(report: Report) -> bool:
+    """May the dive have been longer than its recording?"""
+    return report.losses.get("disk_error", 0) > 0
 
 
 def _duration(seconds: float) -> str:
@@ -85,19 +98,22 @@ def _failsafes(report: Report) -> list[tuple[str, str]]:
     """One row for each kind; none is left out."""
     losses = report.losses
     acted = sorted(((n, name) for name, n in losses.items() if n and _acts(name)), reverse=True)
-    return [
-        ("failsafe", f"{count} × {sentence(name)}{_when(report, name)}") for count, name in acted
-    ]
+    return [("failsafe", f"{count} × {_acted(report, name)}") for count, name in acted]
 
 
-def _when(report: Report, name: str) -> str:
-    """When it acted first, and how long in all; nothing where no status says so."""
-    condition = name.partition(":")[2]
+def _acted(report: Report, name: str) -> str:
+    """What the drone did: when it was noticed, if it acted later, when it acted first, and how long
+    in all; nothing of that where no status says so."""
+    condition, words = name.partition(":")[2], sentence(name)
     reactions = [r for r in report.failsafes if r.condition == condition]
     if not reactions:
-        return ""
-    seconds = sum(reaction.seconds for reaction in reactions)
-    return f", first at {reactions[0].t:.1f} s, {seconds:.1f} s in all"
+        return words
+    first, seconds = reactions[0], sum(reaction.seconds for reaction in reactions)
+    if any(r.reaction in ("ascend", "surface") for r in reactions) and not words.endswith(ROSE):
+        words += f", then {ROSE}"
+    if first.noticed is not None and first.t - first.noticed > AT_ONCE_S:
+        words += f", noticed at {first.noticed:.1f} s"
+    return f"{words}, first at {first.t:.1f} s, {seconds:.1f} s in all"
 
 
 def _restarts(report: Report) -> list[tuple[str, str]]:

@@ -64,11 +64,19 @@ def up(
     side: str,
     *,
     listen: Annotated[
-        str, Parameter(help="drone: endpoint for the topside, e.g. tls/192.168.2.2:7447")
-    ] = "tcp/127.0.0.1:7447",
+        str | None,
+        Parameter(
+            help="drone: endpoint for the topside, e.g. tls/192.168.2.2:7447; default "
+            "tcp/127.0.0.1:7447"
+        ),
+    ] = None,
     connect: Annotated[
-        str, Parameter(help="topside: endpoint of the drone, e.g. tls/192.168.2.2:7447")
-    ] = "tcp/127.0.0.1:7447",
+        str | None,
+        Parameter(
+            help="topside: endpoint of the drone, e.g. tls/192.168.2.2:7447; default "
+            "tcp/127.0.0.1:7447"
+        ),
+    ] = None,
     gateway: Annotated[
         bool,
         Parameter(

@@ -58,13 +58,14 @@ class Memory(msgspec.Struct, frozen=True):
 @dataclass(slots=True)
 class FailsafeMachine:
     """Times `now` are int ns, never decreasing. `begun` collects the rows that have begun to act or
-    to be said."""
+    to be said, `noticed` those whose condition has begun and which will act later."""
 
     rows: Sequence[Row]
     memory: Mapping[str, Memory] = field(default_factory=dict[str, Memory])  # replaced, not changed
     armed: bool = False  # at the newest step
     surfaced: bool = False
     begun: list[Row] = field(default_factory=list[Row])
+    noticed: list[Row] = field(default_factory=list[Row])
     _holding: Conditions = field(default_factory=dict[str, Holding])
 
     def step(
@@ -125,6 +126,8 @@ class FailsafeMachine:
             after = replace(after, stage=after.stage + 1)
         if (armed and _acts(row, after) and not acted) or (is_new and not row.acts):
             self.begun.append(row)
+        elif is_new and row.stages[0].reaction not in ACTING:
+            self.noticed.append(row)
         return after
 
     # What the pilot does.

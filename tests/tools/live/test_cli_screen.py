@@ -150,3 +150,11 @@ def test_one_plain_line_says_the_same():
 def test_old_figures_are_said_to_be_old_in_one_line_too() -> None:
     assert "heading  359.9°  2.0 s old  rtt" in plain(replace(FULL, age_ms=2000.0))
     assert "old" not in plain(replace(FULL, age_ms=20.0, words=""))
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_the_state_of_a_drone_that_is_not_heard_is_said_to_be_the_last_known(known: bool) -> None:
+    view = replace(FULL, last_known=known, words="the drone rises slowly")
+    state, drone = text_of(view, 80)[1:3]
+    assert state.startswith("last known:  ARMED ") == known
+    assert ("last known: the drone rises" in drone) == known

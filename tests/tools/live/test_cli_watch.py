@@ -16,7 +16,7 @@ from services.runtime.node.node import Node
 from tools.live.disarming import Disarming
 from tools.live.dive_timeline import DiveTimeline
 from tools.live.own_pilot import OwnPilot
-from tools.live.screen import ServiceView, View
+from tools.live.screen import ServiceView, View, plain
 from tools.live.watch import Watch
 
 SECOND = 1_000_000_000  # [ns]
@@ -203,7 +203,11 @@ def test_a_status_that_is_not_repeated_is_said_to_be_old():
     scene.stack.publisher(topics.STATUS).put(status)
     scene.host.run(SECOND)
     assert scene.view().note == "sea too wet"
+    assert "last known" not in plain(scene.view())
     scene.host.run(4 * SECOND)
     view = scene.view()
     assert view.note == "no status from the drone for 4 s"
     assert view.armed  # as far as anybody knows
+    assert view.last_known
+    assert (view.hold, view.light) == ("", None)
+    assert "last known: armed piloted" in plain(view)

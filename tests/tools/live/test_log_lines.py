@@ -1,5 +1,8 @@
 """What a pilot reads of the log: plain words, a time, and no flood."""
 
+import math
+from typing import Literal
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -105,3 +108,38 @@ def test_nothing_that_a_terminal_would_obey_is_printed(text: str):
     assert entry is not None
     assert full(entry).isprintable()
     assert brief(entry).isprintable()
+
+
+def said_at(seconds: float, level: Literal["info", "warning", "error"] = "error") -> LogLine:
+    text = "no heartbeat of ArduSub arrives"
+    return LogLine(stamp_ns=round(seconds * 1e9), service="ardusub", level=level, text=text)
+
+
+@pytest.mark.parametrize("level", ["warning", "error"])
+def test_a_warning_that_comes_back_is_printed_with_its_own_time(
+    level: Literal["warning", "error"],
+):
+    lines = LogLines()
+    lines.add(said_at(1.0, level), None)
+    assert lines.add(said_at(2.0, level), None) is None
+    back = lines.add(said_at(50.0, level), 43.7)
+    assert back is not None
+    assert full(back) == (
+        f"{level:<7}   43.7 s  ardusub: no heartbeat of ArduSub arrives (again, 3 times in all)"
+    )
+    assert lines.unprinted() == []
+
+
+def test_information_that_comes_back_is_not_printed_again():
+    lines = LogLines()
+    lines.add(said_at(1.0, "info"), None)
+    assert lines.add(said_at(50.0, "info"), 43.7) is None
+
+
+@given(st.lists(st.floats(0.0, 60.0), max_size=400))
+def test_what_comes_back_again_and_again_is_printed_a_few_times_in_a_dive(pauses: list[float]):
+    lines, now, told = LogLines(), 0.0, 0
+    for pause in pauses:
+        now += pause
+        told += lines.add(said_at(now), now) is not None
+    assert told <= 4 + math.log2(1.0 + now / 10.0)

@@ -3,7 +3,7 @@
 import json
 from math import radians
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import msgspec
 import pytest
@@ -15,9 +15,9 @@ from messages.control import ThrusterCommand
 from messages.health import Health, LogLine
 from messages.message import Estimate, Message
 from messages.reference import Motion, Reference
-from messages.sensors import PressureSample
+from messages.sensors import BatterySample, PressureSample
 from messages.state import VehicleState
-from messages.vehicle import Actuation, Truth
+from messages.vehicle import Actuation, Truth, VehicleStatus
 from services.recorder.foxglove_schema import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
 from tools.health_sums import HealthOfAll
@@ -437,3 +437,68 @@ def test_only_a_dive_without_trouble_ended_cleanly(
 def test_a_vehicle_that_says_nothing_at_all_is_no_clean_end(tmp_path: Path):
     said = [reference(START + n * 100 * MS) for n in range(21)]
     assert "ended; the vehicle was silent for 2.0 s" in summary(report_of(tmp_path, said))
+
+
+def acting(t: float, **fields: Any) -> tuple[str, Message]:
+    status = VehicleStatus(stamp_ns=START + round(t * 1e9), mode="piloted", armed=True, **fields)
+    return topics.STATUS.key, status
+
+
+def failsafe_row(tmp_path: Path, statuses: Said, name: str) -> str:
+    text = summary(report_of(tmp_path, [*CLEAN, *statuses], Extras(losses={name: 1})))
+    return next(line for line in text.splitlines() if line.startswith("failsafe"))
+
+
+def test_a_failsafe_that_rose_after_it_had_held_is_said_to_have_risen(tmp_path: Path):
+    stopped = acting(1.0, failsafe="pilot_lost", reaction="stop")
+    row = failsafe_row(tmp_path / "held", [stopped, acting(3.0)], "failsafe:pilot_lost")
+    assert "came to rest and held, first at 1.0 s, 2.0 s in all" in row
+    rising = acting(2.0, failsafe="pilot_lost", reaction="ascend")
+    row = failsafe_row(tmp_path / "rose", [stopped, rising, acting(3.0)], "failsafe:pilot_lost")
+    assert "came to rest and held, then rose, first at 1.0 s, 2.0 s in all" in row
+
+
+def test_a_failsafe_that_acts_later_is_said_to_have_been_noticed_before(tmp_path: Path):
+    rising = acting(12.0, failsafe="leak", reaction="ascend", since_ns=START + 2_000 * MS)
+    row = failsafe_row(tmp_path, [rising, acting(15.0)], "failsafe:leak")
+    assert "the drone rose, noticed at 2.0 s, first at 12.0 s, 3.0 s in all" in row
+
+
+@pytest.mark.parametrize(
+    ("used", "hours"),
+    [
+        ([1.0, 1.1, 1.2], 0.5),  # 0.2 Wh of 100 in 3.6 s
+        ([1.0, 1.0, 92.0], None),  # a fault: nearly empty at once
+        ([92.0, 1.0, 1.1], None),  # … and its end
+        ([0.0, 2.0, 2.0], None),
+        ([150.0, 150.1, 150.2], None),  # more than there is
+        ([1.0, 1.0, 1.0], None),
+    ],
+)
+def test_a_full_battery_is_said_to_last_only_by_what_was_used_in_the_dive(
+    tmp_path: Path, used: list[float], hours: float | None
+):
+    samples: Said = [
+        (
+            topics.BATTERY.key,
+            BatterySample(
+                stamp_ns=START + n * 1800 * MS, voltage=16.0, current=1.0,
+                used_wh=wh, capacity_wh=100.0,
+            ),
+        )
+        for n, wh in enumerate(used)
+    ]  # fmt: skip
+    report = report_of(tmp_path, [*CLEAN, *samples])
+    assert report.energy.endurance_h == (None if hours is None else pytest.approx(hours))
+    assert ("a full battery" in summary(report)) == (hours is not None)
+
+
+def test_figures_of_a_recording_that_the_disk_cut_short_are_said_to_be_those_of_its_part(
+    tmp_path: Path,
+):
+    report = report_of(tmp_path, CLEAN, Extras(losses={"disk_error": 1}))
+    report = msgspec.structs.replace(report, seconds=13.0, armed_seconds=3.0)
+    first, second, *_ = summary(report).splitlines()
+    assert "pioneer, recorded 13 s, armed 3 s of them, ended; " in first
+    assert second.split(maxsplit=1)[1].endswith("all figures are of the recorded 13 s")
+    assert "recorded" not in summary(msgspec.structs.replace(report, losses={}, troubles=[]))

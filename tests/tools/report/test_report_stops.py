@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from math import radians
-from typing import Literal
+from typing import Any, Literal
 
 import msgspec
 import pytest
@@ -23,6 +23,7 @@ from tools.report.stops import stops
 
 START = 7_000_000_000  # [ns] the vehicle's clock at the beginning
 RELEASE, REST, END = 4.0, 5.0, 12.0  # [s] stick let go, reference at rest, end of recording
+MOVED = 8.0  # [s] when something else moves the drone
 SPEED = 0.4  # [m/s] or [rad/s] of the reference until the release
 FINAL = SPEED * (RELEASE - 1.0) + SPEED * (REST - RELEASE) / 2  # [m, rad] where it comes to rest
 NORTH = 2.0  # [rad] true heading minus control heading
@@ -303,6 +304,87 @@ def test_stops_do_not_depend_on_how_far_the_clock_of_the_topside_is_ahead(ahead:
 def test_sticks_of_a_topside_whose_clock_is_not_known_stopped_nothing():
     said = moving("heave", bump(0.1, 6.0)) + sticks("heave", held_until_release)
     assert stops(read_dive(Memory(said), apart=True)) == []
+
+
+def rising(t: float) -> float:
+    """A reference and a drone that something else moves from 8 s on, far past the stop."""
+    return 0.0 if t < MOVED else -2.0 * (t - MOVED)
+
+
+def moved_later() -> Said:
+    """As `moving`, and both the reference and the truth go elsewhere from MOVED on."""
+    said: Said = []
+    for topic, message in moving("heave", bump(0.1, 6.0)):
+        t = (message.stamp_ns - START) / 1e9
+        if isinstance(message, Reference) and t >= MOVED:
+            position = FINAL + rising(t) if t < MOVED + 2.0 else FINAL + rising(MOVED + 2.0)
+            message = msgspec.structs.replace(message, depth=Motion(position, 0.0, 0.0, 0.0))
+        said.append((topic, message))
+    return said
+
+
+def flown(t: float, **fields: Any) -> Said:
+    known: dict[str, Any] = {"mode": "piloted", "armed": True} | fields
+    return [(topics.STATUS, VehicleStatus(stamp_ns=ns(t), **known))]
+
+
+def with_state(said: Said, **fields: Any) -> Said:
+    """The states from MOVED on, with other fields."""
+    return [
+        (topic, msgspec.structs.replace(message, **fields))
+        if isinstance(message, VehicleState) and message.stamp_ns >= ns(MOVED)
+        else (topic, message)
+        for topic, message in said
+    ]
+
+
+OTHERS = {
+    "ascent": flown(MOVED, failsafe="leak", reaction="ascend"),
+    "surface": flown(MOVED, failsafe="battery_critical", reaction="surface"),
+    "imu lost": flown(MOVED, failsafe="imu_lost", reaction="stop"),
+    "goto": flown(MOVED, mode="goto"),
+    "follow": flown(MOVED, mode="follow"),
+    "hold mode": flown(0.0) + flown(MOVED, hold="manual"),
+}
+
+
+@pytest.mark.parametrize("said", OTHERS.values(), ids=OTHERS)
+def test_a_stop_ends_where_something_else_moves_the_drone_and_counts_until_then(said: Said):
+    (stop,) = stops(dive_of(moved_later() + sticks("heave", held_until_release) + said))
+    assert stop.overshoot == pytest.approx(0.1)
+    assert stop.settle_s == pytest.approx(6.0 - RELEASE, abs=0.011)
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [{"depth_moved": 1.0}, {"depth": Estimate(FINAL, 0.0, valid=False)}],
+    ids=["pressure jump", "depth not known"],
+)
+def test_a_stop_ends_where_the_estimate_jumps_or_is_not_valid(fields: dict[str, Any]):
+    said = with_state(moved_later(), **fields)
+    (stop,) = stops(dive_of(said + sticks("heave", held_until_release)))
+    assert stop.overshoot == pytest.approx(0.1)
+
+
+def test_a_failsafe_that_only_holds_goes_on_with_the_same_stop():
+    lost = sticks("heave", held, lost=lambda t: t >= RELEASE)
+    holds = flown(RELEASE + 0.3, failsafe="pilot_lost", reaction="stop")
+    (stop,) = stops(dive_of(moving("heave", bump(0.1, 6.0)) + lost + holds))
+    assert stop.overshoot == pytest.approx(0.1)
+
+
+def test_only_the_sticks_of_the_pilot_in_control_count():
+    said = [
+        (topic, msgspec.structs.replace(message, epoch=2) if topic is topics.REFERENCE else message)
+        for topic, message in moving("heave", bump(0.1, 6.0))
+    ]
+    holder = [
+        (topic, msgspec.structs.replace(message, epoch=2))
+        for topic, message in sticks("heave", held_until_release)
+    ]
+    other = sticks("heave", lambda _: 0.0)  # of epoch 0, between those of the other
+    (stop,) = stops(dive_of(said + holder + other))
+    assert stop.t == pytest.approx(RELEASE)
 
 
 def test_without_truth_there_is_nothing_to_measure():

@@ -235,3 +235,21 @@ def test_a_table_that_contradicts_itself_is_refused_with_the_option(assignment: 
     assert str(caught.value).startswith((f"--set {option}", "--set reference.failsafe")) or (
         "pioneer.toml" in str(caught.value)
     )
+
+
+@pytest.mark.parametrize("name", ["leak", "battery_critical"])
+def test_a_condition_that_acts_later_is_said_once_when_it_begins_and_once_when_it_acts(name: str):
+    clocked = Clocked()
+    clocked.hold(name, seconds=9.0)
+    assert [row.name for row in clocked.machine.noticed] == [name]
+    assert clocked.machine.begun == []
+    clocked.hold(name, seconds=9.0)
+    assert [row.name for row in clocked.machine.noticed] == [name]
+    assert [row.name for row in clocked.machine.begun] == [name]
+
+
+def test_a_condition_that_acts_at_once_is_not_said_twice():
+    clocked = Clocked()
+    clocked.hold("pilot_lost", seconds=1.0)
+    assert clocked.machine.noticed == []
+    assert [row.name for row in clocked.machine.begun] == ["pilot_lost"]

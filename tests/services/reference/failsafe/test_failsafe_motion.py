@@ -234,3 +234,13 @@ def test_where_the_depth_is_not_held_a_downward_force_fades_out_above_the_limit(
     flight.depth = LIMIT + 1.0
     assert flight.fly(2.0, heave=1.0).heave_force == pytest.approx(0.0)
     assert flight.fly(2.0, heave=-1.0).heave_force == pytest.approx(-full)
+
+
+def test_a_leak_is_said_when_it_is_noticed_and_again_when_the_drone_rises():
+    flight = Flight()
+    flight.fly(1.0, there="leak")
+    assert flight.generator.events.count("notice:leak") == 1
+    assert "failsafe:leak" not in flight.generator.events
+    flight.fly(SETTINGS.failsafe.leak_patience, there="leak")
+    said = [event for event in flight.generator.events if event.endswith(":leak")]
+    assert said == ["notice:leak", "failsafe:leak"]
