@@ -2,7 +2,8 @@
 the clock offset, measures latencies and raises the link alarm.
 
 Where topside and drone are two machines it runs on both: topside it measures, on board it answers.
-On both it says which Lindy this side runs; topside it compares.
+On both it says which Lindy this side runs; topside it compares, and says so where services receive
+much that they cannot read.
 """
 
 from msgspec.structs import replace
@@ -11,6 +12,7 @@ from messages import topics
 from messages.identity import SideIdentity
 from messages.link import ClockPing, ClockPong
 from services.link_monitor.core import LinkMonitor
+from services.link_monitor.junk_watch import JunkWatch
 from services.link_monitor.ping_responder import pong
 from services.runtime.config.identity import identity_of
 from services.runtime.config.stack import Stack
@@ -28,6 +30,7 @@ def wire(node: Node, stack: Stack) -> None:
         monitor = LinkMonitor(source=node.instance.number)
         _measure(node, monitor)
         _compare(node, monitor, stack)
+        _watch_for_junk(node, monitor)
     if DRONE in node.sides:
         _answer(node)
 
@@ -64,6 +67,22 @@ def _compare(node: Node, monitor: LinkMonitor, stack: Stack) -> None:
         node.each(topics.CLOCK_PONG, on_pong)
     node.each(topics.IDENTITY, peers.identity)
     node.each(topics.HEALTH, peers.health)
+    node.every(topics.LATENCY.hz, look)
+
+
+def _watch_for_junk(node: Node, monitor: LinkMonitor) -> None:
+    """Tell the pilot that services receive many messages that are not Lindy's."""
+    watch = JunkWatch()
+
+    def look(now: int) -> None:
+        was, monitor.junk = monitor.junk, watch.words(now)
+        if monitor.junk and not was:
+            node.count("alarm:junk")
+            node.log("warning", monitor.junk)
+        elif was and not monitor.junk:
+            node.log("info", "all messages can be read again")
+
+    node.each(topics.HEALTH, watch.health)
     node.every(topics.LATENCY.hz, look)
 
 
