@@ -12,7 +12,7 @@ import pytest
 from tools.research.faults.catalogue import FAULTS
 from tools.research.faults.goals import GOALS
 from tools.research.faults.modes import MODES
-from tools.research.faults.rows import Row, read_rows
+from tools.research.faults.rows import CellRow, read_rows
 
 ROOT = Path(__file__).parents[2]
 CELLS = (
@@ -51,7 +51,7 @@ CELLS = (
 
 
 @pytest.fixture(scope="module")
-def rows(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Row]:
+def rows(tmp_path_factory: pytest.TempPathFactory) -> dict[str, CellRow]:
     """Flown by a program of its own, on all cores: it goes on in copies of itself, which a process
     with threads must not."""
     kept = tmp_path_factory.mktemp("faults") / "rows.jsonl"
@@ -68,14 +68,14 @@ def rows(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Row]:
 
 
 @pytest.mark.parametrize("cell", CELLS)
-def test_a_cell_meets_every_goal(rows: dict[str, Row], cell: str) -> None:
+def test_a_cell_meets_every_goal(rows: dict[str, CellRow], cell: str) -> None:
     row = rows[cell]
     assert row.missed == [], row.figures
     assert {"stale", "disarm"} <= set(row.goals)
 
 
 @pytest.mark.parametrize("mode", [mode.name for mode in MODES])
-def test_without_a_fault_nothing_happens(rows: dict[str, Row], mode: str) -> None:
+def test_without_a_fault_nothing_happens(rows: dict[str, CellRow], mode: str) -> None:
     figures = rows[f"{mode}/none"].figures
     assert (figures.failsafes, figures.restarted) == ((), ())
     assert figures.recovered == 0.0
@@ -83,7 +83,7 @@ def test_without_a_fault_nothing_happens(rows: dict[str, Row], mode: str) -> Non
 
 
 def test_a_stopped_service_is_ended_and_started_again_by_the_supervisor(
-    rows: dict[str, Row],
+    rows: dict[str, CellRow],
 ) -> None:
     figures = rows["stabilised/SIGSTOP estimation 2 s"].figures
     assert figures.restarted == ("estimation",)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 from tools.research.faults.figures import Figures
 from tools.research.faults.goals import GOALS
-from tools.research.faults.rows import Row
+from tools.research.faults.rows import CellRow
 
 WORLDS = {"virtual": "on virtual time", "real": "real processes"}
 HEAD = """# The fault matrix
@@ -52,7 +52,7 @@ FOLDER = re.compile(r"/\S*lindy-faults-[^/ ]*/")  # of the run, in what was read
 Missed = tuple[str, str]  # goal, fault
 
 
-def page_of(rows: Sequence[Row], planned: int, conditions: str) -> str:
+def page_of(rows: Sequence[CellRow], planned: int, conditions: str) -> str:
     """
     Args:
         planned: cells that there are on virtual time.
@@ -73,7 +73,7 @@ def page_of(rows: Sequence[Row], planned: int, conditions: str) -> str:
     return "".join([*parts, *_read(rows), NOT_COVERED])
 
 
-def summary(rows: Sequence[Row]) -> str:
+def summary(rows: Sequence[CellRow]) -> str:
     """In a few lines, for a terminal."""
     lines = [f"{len(rows)} cells, {sum(bool(row.missed) for row in rows)} miss a goal"]
     for goal in GOALS:
@@ -82,12 +82,12 @@ def summary(rows: Sequence[Row]) -> str:
     return "\n".join(lines)
 
 
-def _met(rows: Iterable[Row], goal: str) -> tuple[int, int]:
+def _met(rows: Iterable[CellRow], goal: str) -> tuple[int, int]:
     judged = [row.goals[goal] for row in rows if goal in row.goals]
     return sum(judged), len(judged)
 
 
-def _goals(rows: Sequence[Row]) -> list[str]:
+def _goals(rows: Sequence[CellRow]) -> list[str]:
     table: list[list[str]] = []
     for goal in GOALS:
         cells = [goal.words]
@@ -98,7 +98,7 @@ def _goals(rows: Sequence[Row]) -> list[str]:
     return ["\n## Goals\n\n", *_table(("goal", *WORLDS.values()), table)]
 
 
-def _missed(rows: Sequence[Row]) -> list[str]:
+def _missed(rows: Sequence[CellRow]) -> list[str]:
     """By goal and fault: the modes, with the figure in each."""
     found: defaultdict[Missed, list[str]] = defaultdict(list)
     for row in rows:
@@ -126,7 +126,7 @@ FIGURES: dict[str, Callable[[Figures], str]] = {
 }
 
 
-def _cells(row: Row) -> list[str]:
+def _cells(row: CellRow) -> list[str]:
     def shown(goal: str) -> str:
         text = FIGURES[goal](row.figures)
         return f"**{text}**" if row.goals.get(goal) is False else text
@@ -142,7 +142,7 @@ def _reaction(figures: Figures) -> str:
     return ", ".join(parts) or "–"
 
 
-def _read(rows: Sequence[Row]) -> list[str]:
+def _read(rows: Sequence[CellRow]) -> list[str]:
     """By fault, over all modes."""
     texts: defaultdict[str, dict[str, None]] = defaultdict(dict)
     for row in rows:
