@@ -1,7 +1,8 @@
-"""Does somebody else speak on this network? Messages that services could not read, by their health.
+"""Floods of messages that services cannot read, by their health.
 
 Gates refuse and count such messages, and nothing comes of a single one: a link damages some. So
-many in a second that they are no accident are said to the pilot.
+many in a second that they are no accident are said to the pilot. Not those of sensors: a broken one
+sends numbers that are none, and the drone says so itself.
 """
 
 from collections.abc import Mapping
@@ -36,7 +37,7 @@ class JunkWatch:
         before = self._heard.get(key)
         if before is None and len(self._heard) >= SERVICES:
             return
-        counts = {n: c for n, c in health.counts.items() if n.partition(":")[0] in UNREADABLE}
+        counts = {name: count for name, count in health.counts.items() if _unreadable(name)}
         self._heard[key] = Heard(now, counts)
         if before is None or now <= before.at_ns:
             return
@@ -53,4 +54,9 @@ class JunkWatch:
         if not self._flooded:
             return ""
         _, what = next(iter(self._flooded.values()))
-        return f"somebody else speaks on this network: {what}"
+        return f"{what}: somebody else speaks on this network, or the sender is broken"
+
+
+def _unreadable(name: str) -> bool:
+    kind, _, key = name.partition(":")
+    return kind in UNREADABLE and not key.startswith("sensor/")
