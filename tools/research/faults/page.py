@@ -19,6 +19,11 @@ decisions of the real supervisor; a service takes 0.35 s to start there. In real
 dive`) some are done again, with signals, disks and processors, in the mode stabilised. Truth is the
 simulator's. All times are in seconds from the beginning of the fault, however long it lasts. A
 dash: it did not happen, or does not apply.
+
+The pilot is a script, which resumes by itself as soon as a failsafe can be ended
+(docs/failsafes.md); a person's time to press the button comes on top of **in control**. On virtual
+time the drone rises after 8 s without a pilot instead of 60, and its depth limit is within reach:
+4, 6 or 11 m.
 """
 COLUMNS = (
     "fault", "reaction", "said [s]", "depth [m]", "jerk [-]", "stale", "pilot gone [s]",
@@ -33,11 +38,22 @@ MEANING = """
 - **stale**: actuations of a command, or of a stick position behind it, beyond its life.
 - **pilot gone**: the drone's status says so.
 - **thrust zero**: the thrusters stop for want of commands.
-- **in control**: from when on the pilot's commands reach the thrusters, without a failsafe.
+- **in control**: from when on the pilot's commands reach the thrusters, without a failsafe: the
+  pilot has resumed where one acted.
 - **disarm**: from a request 0.3 s into the fault (in another dive, the same until then) until no
   thruster turns. A request is repeated for 5 s, so a service that is started again may grant it.
 """
 NOT_COVERED = """
+## Not observable
+
+- A thruster is judged by its measured thrust, where the driver measures it, and only while it has
+  at least 5 % of its limit to produce. Nobody can know of a fault of one that is at rest, such as
+  `lateral` where nobody asks for sway. A drone with a single vertical thruster cannot hold its
+  depth without it.
+- A compass that is off by a constant field looks like the field of another place; it is found where
+  the drone turns, or where its strength or dip does not fit.
+- A hub that hangs for 0.3 s delays messages, and nothing expires that matters: no service is late.
+
 ## Not covered
 
 - A jump of the computer's clock: every service runs on the monotonic clock, and a test must not set
