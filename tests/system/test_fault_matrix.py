@@ -49,6 +49,7 @@ CELLS = (
     "stabilised/battery critical",
     "stabilised/temperature hot",
     "stabilised/stick down to the depth limit",
+    "stabilised/magnetometer biased 2e-05",
     "station_keeping/none",
     "station_keeping/kill -9 reference",
     "station_keeping/kill -9 tether",
@@ -123,6 +124,10 @@ def test_a_pilot_who_stays_silent_is_waited_for_then_the_drone_rises_and_resumes
         ("temperature hot", "the enclosure is too hot (85 °C)"),
         ("stick down to the depth limit", "the depth limit: the drone goes no deeper (6 m)"),
         ("control ten times too slow", "a service on board is late (control)"),
+        (
+            "magnetometer biased 2e-05",
+            "a sensor cannot be used (the compass was disturbed and not used (sensor/magnetometer))",
+        ),
         ("SIGSTOP control 0.3 s", "a service on board is late (control)"),
     ],
 )

@@ -124,7 +124,7 @@ def table(s: FailsafeSettings) -> tuple[Row, ...]:
         Row(
             "sensor",
             "a sensor cannot be used",
-            "`state`: troubles, by estimation (silent, noisy, frozen, distrusted)",
+            "`state`: troubles, by estimation (silent, noisy, frozen, distrusted, disturbed)",
             (NOTICE,),
             told=False,
         ),

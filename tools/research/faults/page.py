@@ -50,8 +50,6 @@ NOT_COVERED = """
   at least 5 % of its limit to produce. Nobody can know of a fault of one that is at rest, such as
   `lateral` where nobody asks for sway. A drone with a single vertical thruster cannot hold its
   depth without it.
-- A compass that is off by a constant field looks like the field of another place; it is found where
-  the drone turns, or where its strength or dip does not fit.
 - A hub that hangs for 0.3 s delays messages, and nothing expires that matters: no service is late.
 
 ## Not covered
