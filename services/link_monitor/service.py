@@ -9,6 +9,7 @@ much that they cannot read.
 from msgspec.structs import replace
 
 from messages import topics
+from messages.health import Health
 from messages.identity import SideIdentity
 from messages.link import ClockPing, ClockPong
 from services.link_monitor.core import LinkMonitor
@@ -30,7 +31,6 @@ def wire(node: Node, stack: Stack) -> None:
         monitor = LinkMonitor(source=node.instance.number)
         _measure(node, monitor)
         _compare(node, monitor, stack)
-        _watch_for_junk(node, monitor)
     if DRONE in node.sides:
         _answer(node)
 
@@ -47,10 +47,15 @@ def _introduce(node: Node, ours: SideIdentity, side: str) -> None:
 
 
 def _compare(node: Node, monitor: LinkMonitor, stack: Stack) -> None:
-    """Tell the pilot of a drone with another Lindy, and of services on board that run twice."""
-    peers = Peers(identity_of(stack, TOPSIDE, node.instance.number))
+    """Tell the pilot of a drone with another Lindy, of services on board that run twice, and of
+    floods of messages that services cannot read."""
+    peers, junk = Peers(identity_of(stack, TOPSIDE, node.instance.number)), JunkWatch()
 
     def look(now: int) -> None:
+        look_at_peers(now)
+        look_at_junk(now)
+
+    def look_at_peers(now: int) -> None:
         was, monitor.misfit = monitor.misfit, peers.wrong(now)
         if monitor.misfit == was:
             return
@@ -60,29 +65,25 @@ def _compare(node: Node, monitor: LinkMonitor, stack: Stack) -> None:
         else:
             node.log("info", "both sides fit together again")
 
-    def on_pong(_: ClockPong, now: int) -> None:
-        peers.expect(now)
-
-    if stack.apart:
-        node.each(topics.CLOCK_PONG, on_pong)
-    node.each(topics.IDENTITY, peers.identity)
-    node.each(topics.HEALTH, peers.health)
-    node.every(topics.LATENCY.hz, look)
-
-
-def _watch_for_junk(node: Node, monitor: LinkMonitor) -> None:
-    """Tell the pilot that services receive many messages that are not Lindy's."""
-    watch = JunkWatch()
-
-    def look(now: int) -> None:
-        was, monitor.junk = monitor.junk, watch.words(now)
+    def look_at_junk(now: int) -> None:
+        was, monitor.junk = monitor.junk, junk.words(now)
         if monitor.junk and not was:
             node.count("alarm:junk")
             node.log("warning", monitor.junk)
         elif was and not monitor.junk:
             node.log("info", "all messages can be read again")
 
-    node.each(topics.HEALTH, watch.health)
+    def on_health(health: Health, now: int) -> None:
+        peers.health(health, now)
+        junk.health(health, now)
+
+    def on_pong(_: ClockPong, now: int) -> None:
+        peers.expect(now)
+
+    if stack.apart:
+        node.each(topics.CLOCK_PONG, on_pong)
+    node.each(topics.IDENTITY, peers.identity)
+    node.each(topics.HEALTH, on_health)
     node.every(topics.LATENCY.hz, look)
 
 

@@ -126,7 +126,8 @@ def test_a_pilot_who_stays_silent_is_waited_for_then_the_drone_rises_and_resumes
         ("control ten times too slow", "a service on board is late (control)"),
         (
             "magnetometer biased 2e-05",
-            "a sensor cannot be used (the compass was disturbed and not used (sensor/magnetometer))",
+            "a sensor cannot be used "
+            "(the compass was disturbed and not used (sensor/magnetometer))",
         ),
         ("SIGSTOP control 0.3 s", "a service on board is late (control)"),
     ],
