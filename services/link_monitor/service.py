@@ -53,7 +53,7 @@ def _compare(node: Node, monitor: LinkMonitor, stack: Stack) -> None:
 
     def look(now: int) -> None:
         look_at_peers(now)
-        look_at_junk(now)
+        _say_floods(node, monitor, junk.words(now))
 
     def look_at_peers(now: int) -> None:
         was, monitor.misfit = monitor.misfit, peers.wrong(now)
@@ -64,14 +64,6 @@ def _compare(node: Node, monitor: LinkMonitor, stack: Stack) -> None:
             node.log("error", f"{monitor.misfit}; it will not arm")
         else:
             node.log("info", "both sides fit together again")
-
-    def look_at_junk(now: int) -> None:
-        was, monitor.junk = monitor.junk, junk.words(now)
-        if monitor.junk and not was:
-            node.count("alarm:junk")
-            node.log("warning", monitor.junk)
-        elif was and not monitor.junk:
-            node.log("info", "all messages can be read again")
 
     def on_health(health: Health, now: int) -> None:
         peers.health(health, now)
@@ -85,6 +77,15 @@ def _compare(node: Node, monitor: LinkMonitor, stack: Stack) -> None:
     node.each(topics.IDENTITY, peers.identity)
     node.each(topics.HEALTH, on_health)
     node.every(topics.LATENCY.hz, look)
+
+
+def _say_floods(node: Node, monitor: LinkMonitor, words: str) -> None:
+    was, monitor.junk = monitor.junk, words
+    if words and not was:
+        node.count("alarm:junk")
+        node.log("warning", words)
+    elif was and not words:
+        node.log("info", "all messages can be read again")
 
 
 def _measure(node: Node, monitor: LinkMonitor) -> None:
