@@ -49,6 +49,7 @@ NAMES: dict[str, Meaning] = {
     "notice:service_late": Meaning(DANGER, "a service on board was late"),
     "notice:recorder_down": Meaning(DATA, "the recorder did not answer the drone"),
     "alarm:peers": Meaning(DANGER, "the other side runs another Lindy, or a service runs twice"),
+    "alarm:junk": Meaning(DANGER, "services received many messages that they could not read"),
     "overruled:reference": Meaning(
         DANGER, "the pilot's disarm was obeyed by control; reference had not heard it"
     ),
@@ -149,6 +150,7 @@ KINDS: dict[str, Meaning] = {
     "notice": Meaning(DANGER, "the drone noticed something that the pilot has to know"),
     "alarm": Meaning(DANGER, "an alarm was raised"),
     "empty": Meaning(DANGER, "the battery was empty"),
+    "stalled": Meaning(DANGER, "a service handled nothing for over 0.14 s"),
     "hung": Meaning(DANGER, "a service ran but did not answer"),
     "unplugged": Meaning(DANGER, "the gamepad was unplugged"),
     "closed": Meaning(DANGER, "the keyboard's window was closed"),

@@ -5,6 +5,8 @@ from typing import Literal
 from messages.message import Message
 from messages.units import Count, Counts, Name, NotNegative, Text
 
+LATE_MS = 40.0  # [ms] of `lateness_p99_ms`: a service above is late; four periods of control
+
 
 class Health(Message, frozen=True, kw_only=True):
     """The last second of a service, and its counts since start."""

@@ -305,6 +305,9 @@ class Estimator:
             found.append("distrusted:sensor/imu")
         if self._attitude.gyroscope.learning:
             found.append("doubted:gyroscope")
+        compass = "sensor/magnetometer"
+        if self._attitude.compass.field.disturbed and not any(n.endswith(compass) for n in found):
+            found.append(f"disturbed:{compass}")
         return tuple(found)
 
     def _hears_imu(self, now: int) -> bool:

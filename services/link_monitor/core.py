@@ -19,6 +19,7 @@ class LinkMonitor:
     source: int = 0  # names this topside's pings
     events: list[str] = field(default_factory=list[str])
     misfit: str = ""  # why the two sides do not fit together, in words for the pilot
+    junk: str = ""  # who cannot read what, in words for the pilot
     budget: LatencyAccount = field(default_factory=LatencyAccount)
     _sync: ClockSync = field(default_factory=ClockSync)
     _alarm: LinkAlarm = field(default_factory=LinkAlarm)
@@ -57,5 +58,5 @@ class LinkMonitor:
     def report(self, now: Ns) -> LatencyBudget:
         bound_ns = self._sync.clock(now).bound_ns
         bound_ms = None if bound_ns is None else bound_ns / 1e6
-        alarm = "; ".join(filter(None, (self.misfit, self._alarm.text(now))))
+        alarm = "; ".join(filter(None, (self.misfit, self.junk, self._alarm.text(now))))
         return self.budget.report(now, bound_ms, alarm)

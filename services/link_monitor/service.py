@@ -2,15 +2,18 @@
 the clock offset, measures latencies and raises the link alarm.
 
 Where topside and drone are two machines it runs on both: topside it measures, on board it answers.
-On both it says which Lindy this side runs; topside it compares.
+On both it says which Lindy this side runs; topside it compares, and says so where services receive
+much that they cannot read.
 """
 
 from msgspec.structs import replace
 
 from messages import topics
+from messages.health import Health
 from messages.identity import SideIdentity
 from messages.link import ClockPing, ClockPong
 from services.link_monitor.core import LinkMonitor
+from services.link_monitor.junk_watch import JunkWatch
 from services.link_monitor.ping_responder import pong
 from services.runtime.config.identity import identity_of
 from services.runtime.config.stack import Stack
@@ -44,10 +47,15 @@ def _introduce(node: Node, ours: SideIdentity, side: str) -> None:
 
 
 def _compare(node: Node, monitor: LinkMonitor, stack: Stack) -> None:
-    """Tell the pilot of a drone with another Lindy, and of services on board that run twice."""
-    peers = Peers(identity_of(stack, TOPSIDE, node.instance.number))
+    """Tell the pilot of a drone with another Lindy, of services on board that run twice, and of
+    floods of messages that services cannot read."""
+    peers, junk = Peers(identity_of(stack, TOPSIDE, node.instance.number)), JunkWatch()
 
     def look(now: int) -> None:
+        look_at_peers(now)
+        _say_floods(node, monitor, junk.words(now))
+
+    def look_at_peers(now: int) -> None:
         was, monitor.misfit = monitor.misfit, peers.wrong(now)
         if monitor.misfit == was:
             return
@@ -57,14 +65,27 @@ def _compare(node: Node, monitor: LinkMonitor, stack: Stack) -> None:
         else:
             node.log("info", "both sides fit together again")
 
+    def on_health(health: Health, now: int) -> None:
+        peers.health(health, now)
+        junk.health(health, now)
+
     def on_pong(_: ClockPong, now: int) -> None:
         peers.expect(now)
 
     if stack.apart:
         node.each(topics.CLOCK_PONG, on_pong)
     node.each(topics.IDENTITY, peers.identity)
-    node.each(topics.HEALTH, peers.health)
+    node.each(topics.HEALTH, on_health)
     node.every(topics.LATENCY.hz, look)
+
+
+def _say_floods(node: Node, monitor: LinkMonitor, words: str) -> None:
+    was, monitor.junk = monitor.junk, words
+    if words and not was:
+        node.count("alarm:junk")
+        node.log("warning", words)
+    elif was and not words:
+        node.log("info", "all messages can be read again")
 
 
 def _measure(node: Node, monitor: LinkMonitor) -> None:

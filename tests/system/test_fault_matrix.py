@@ -5,6 +5,7 @@ The whole matrix is `make faults`; docs/faults.md names the cells that miss a go
 
 import subprocess
 import sys
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,8 @@ import pytest
 from tools.research.faults.catalogue import FAULTS
 from tools.research.faults.goals import GOALS
 from tools.research.faults.modes import MODES
-from tools.research.faults.rows import Cell, read_rows
+from tools.research.faults.rows import CellRow, read_rows
+from tools.research.faults.virtual_dive import VirtualDive
 
 ROOT = Path(__file__).parents[2]
 CELLS = (
@@ -37,6 +39,17 @@ CELLS = (
     "stabilised/pressure biased 20000",
     "stabilised/stranger without control",
     "stabilised/pilot of an older version",
+    "stabilised/pilot silent 22 s",
+    "stabilised/another Lindy on board",
+    "stabilised/second control",
+    "stabilised/flood of junk on board",
+    "stabilised/control ten times too slow",
+    "stabilised/SIGSTOP control 0.3 s",
+    "stabilised/leak wet",
+    "stabilised/battery critical",
+    "stabilised/temperature hot",
+    "stabilised/stick down to the depth limit",
+    "stabilised/magnetometer biased 2e-05",
     "station_keeping/none",
     "station_keeping/kill -9 reference",
     "station_keeping/kill -9 tether",
@@ -51,7 +64,7 @@ CELLS = (
 
 
 @pytest.fixture(scope="module")
-def rows(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Cell]:
+def rows(tmp_path_factory: pytest.TempPathFactory) -> dict[str, CellRow]:
     """Flown by a program of its own, on all cores: it goes on in copies of itself, which a process
     with threads must not."""
     kept = tmp_path_factory.mktemp("faults") / "rows.jsonl"
@@ -68,14 +81,14 @@ def rows(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Cell]:
 
 
 @pytest.mark.parametrize("cell", CELLS)
-def test_a_cell_meets_every_goal(rows: dict[str, Cell], cell: str) -> None:
+def test_a_cell_meets_every_goal(rows: dict[str, CellRow], cell: str) -> None:
     row = rows[cell]
     assert row.missed == [], row.figures
     assert {"stale", "disarm"} <= set(row.goals)
 
 
 @pytest.mark.parametrize("mode", [mode.name for mode in MODES])
-def test_without_a_fault_nothing_happens(rows: dict[str, Cell], mode: str) -> None:
+def test_without_a_fault_nothing_happens(rows: dict[str, CellRow], mode: str) -> None:
     figures = rows[f"{mode}/none"].figures
     assert (figures.failsafes, figures.restarted) == ((), ())
     assert figures.recovered == 0.0
@@ -83,12 +96,58 @@ def test_without_a_fault_nothing_happens(rows: dict[str, Cell], mode: str) -> No
 
 
 def test_a_stopped_service_is_ended_and_started_again_by_the_supervisor(
-    rows: dict[str, Cell],
+    rows: dict[str, CellRow],
 ) -> None:
     figures = rows["stabilised/SIGSTOP estimation 2 s"].figures
     assert figures.restarted == ("estimation",)
     assert "supervisor: estimation does not answer any more" in figures.texts
     assert figures.failsafes == ("state_lost",)
+
+
+def test_a_pilot_who_stays_silent_is_waited_for_then_the_drone_rises_and_resumes(
+    rows: dict[str, CellRow],
+) -> None:
+    figures = rows["stabilised/pilot silent 22 s"].figures
+    assert figures.failsafes == ("pilot_lost",)
+    read = [text.partition(";")[0] for text in figures.texts if "; resume" in text]
+    said = ["the drone has stopped and holds", "the drone rises slowly"]
+    assert list(dict.fromkeys(read)) == [*said, "the drone stays at the surface"]
+    assert figures.recovered is not None
+    assert 22.0 < figures.recovered < 24.0
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ("leak wet", "water in the enclosure"),
+        ("battery critical", "the battery is nearly empty (8% left)"),
+        ("temperature hot", "the enclosure is too hot (85 °C)"),
+        ("stick down to the depth limit", "the depth limit: the drone goes no deeper (6 m)"),
+        ("control ten times too slow", "a service on board is late (control)"),
+        (
+            "magnetometer biased 2e-05",
+            "a sensor cannot be used "
+            "(the compass was disturbed and not used (sensor/magnetometer))",
+        ),
+        ("SIGSTOP control 0.3 s", "a service on board is late (control)"),
+    ],
+)
+def test_the_pilot_reads_what_is_wrong(rows: dict[str, CellRow], fault: str, words: str) -> None:
+    assert words in rows[f"stabilised/{fault}"].figures.texts
+
+
+def test_while_a_service_runs_twice_the_pilot_reads_it_and_the_drone_does_not_arm() -> None:
+    with closing(VirtualDive(MODES[0])) as dive:
+        dive.second("control")
+        dive.run(3.0)
+        twice = "two services call themselves control: pids "
+        assert any(twice in said.text for said in dive.seen.said)
+        dive.ask(kind="disarm")
+        dive.run(1.0)
+        dive.ask(kind="arm")
+        dive.run(1.0)
+        assert [answer.accepted for answer in dive.seen.answers[-2:]] == [True, False]
+        assert dive.seen.answers[-1].reason.startswith(twice)
 
 
 def test_every_fault_has_a_name_of_its_own_and_can_be_flown_somewhere() -> None:

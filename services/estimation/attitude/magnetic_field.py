@@ -31,6 +31,11 @@ class MagneticField:
         self._first = (0.0, 0.0, 0.0)  # strength, dip, bearing when that began
         self._counted = False  # this disturbance has been counted
 
+    @property
+    def disturbed(self) -> bool:
+        """The field is not the normal one, or has not been for long: the compass is not used."""
+        return self._counted and not self.trusted
+
     def learn(self, strength: float, dip: float) -> bool:
         """Set the normal field [µT, rad], measured at rest. False: it cannot be the Earth's."""
         if not self._can_be_the_earths(strength, dip):

@@ -124,7 +124,7 @@ def table(s: FailsafeSettings) -> tuple[Row, ...]:
         Row(
             "sensor",
             "a sensor cannot be used",
-            "`state`: troubles, by estimation (silent, noisy, frozen, distrusted)",
+            "`state`: troubles, by estimation (silent, noisy, frozen, distrusted, disturbed)",
             (NOTICE,),
             told=False,
         ),
@@ -150,7 +150,8 @@ def table(s: FailsafeSettings) -> tuple[Row, ...]:
         Row(
             "service_late",
             "a service on board is late",
-            "`health` of estimation or control: 1 % of its messages handled over 0.1 s late",
+            "`health` of the simulator, estimation or control: 1 % of its messages of a second "
+            "handled over 40 ms late, in the last 10 s",
             (NOTICE,),
         ),
         Row(

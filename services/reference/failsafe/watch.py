@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from messages.control import Wrench
 from messages.counts import sentence
-from messages.health import Health
+from messages.health import LATE_MS, Health
 from messages.pilot import TTL_MS, PilotCommand
 from messages.sensors import BatterySample, DvlSample, LeakSample, TemperatureSample
 from messages.state import VehicleState
@@ -19,11 +19,10 @@ LINK_PATIENCE_NS = 1_000_000_000  # [ns] without sticks and pings
 CONTROL_PATIENCE_NS = 500_000_000  # [ns] without a wrench
 HEALTH_PATIENCE_NS = 3_000_000_000  # [ns] without a health message, of one a second
 RECENT_NS = 10_000_000_000  # [ns] so long the pilot reads of an event that has no end
-LATE_MS = 100.0  # [ms] ten periods of the control loop
 TOO_DEEP = 0.5  # [m] below the limit: more than a reference at the limit is overshot
 WORSE = 0.04  # [-] of the battery's charge: so much less is worse
 ON_BOARD = ("simulator", "estimation", "control")  # services that the motion depends on
-TIMED = ("estimation", "control")  # their lateness is that of the motion
+TIMED = ("simulator", "estimation", "control")  # their lateness is that of the motion
 RECORDERS = ("recorder", "recorder_drone")
 CLOCKS = ("link_monitor",)
 
@@ -51,6 +50,7 @@ class ConditionWatch:
     _pinged_ns: Ns | None = None
     _health: dict[str, Health] = field(default_factory=dict[str, Health])
     _healthy_ns: dict[str, Ns] = field(default_factory=dict[str, Ns])
+    _late_ns: dict[str, Ns] = field(default_factory=dict[str, Ns])  # newest late report of each
     _disk_error_ns: Ns | None = None
     _clock_jump_ns: Ns | None = None
 
@@ -64,7 +64,9 @@ class ConditionWatch:
             return
         self._health[name], self._healthy_ns[name] = health, now
         if before is None:
-            return
+            return  # the first second, in which it starts
+        if name in TIMED and _late(health):
+            self._late_ns[name] = now
         if name in RECORDERS and health.counts.get("disk_error", 0) > before.counts.get(
             "disk_error", 0
         ):
@@ -165,7 +167,7 @@ class ConditionWatch:
             holds["service_silent"] = Holding(detail=", ".join(stopped))
         if any(name in RECORDERS for name in silent):
             holds["recorder_down"] = Holding()
-        late = [n for n in TIMED if n not in silent and _late(self._health.get(n))]
+        late = [n for n, at in self._late_ns.items() if n not in silent and now - at < RECENT_NS]
         if late:
             holds["service_late"] = Holding(detail=", ".join(late))
         if self._disk_error_ns is not None and now - self._disk_error_ns < RECENT_NS:
@@ -190,6 +192,6 @@ def _unsaid(state: VehicleState) -> list[str]:
     return [name for name in state.troubles or () if name.partition(":")[2] not in named]
 
 
-def _late(health: Health | None) -> bool:
-    late = None if health is None else health.lateness_p99_ms
+def _late(health: Health) -> bool:
+    late = health.lateness_p99_ms
     return late is not None and late > LATE_MS

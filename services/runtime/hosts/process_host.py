@@ -18,6 +18,7 @@ from contextlib import ExitStack, contextmanager
 from functools import cache
 from pathlib import Path
 from threading import Thread
+from typing import IO
 
 import msgspec
 
@@ -41,6 +42,10 @@ from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.loop_stats import Instance, Usage
 from services.runtime.node.node import Node
 
+PARENT_KILLED = (
+    "lindy: the program that supervises the services was killed: all of them end, "
+    "and the thrusters stop"
+)
 GRACE_S = 1.0  # after the parent's death: time to close files before the process is ended
 
 
@@ -139,12 +144,13 @@ class HubLaunch(msgspec.Struct, frozen=True, kw_only=True):
     hub_side: HubSide | None = None  # for access control, where other machines can reach it
     heartbeat: str | None = None  # file for the sign of life; None: nobody watches
     parent: int | None = None
+    tells: bool = False  # says on the parent's stderr that the parent was killed
 
 
 def run_hub(launch: HubLaunch) -> int:
     """Run a side's hub, which is a Zenoh router, until it is asked to stop."""
     with (
-        _stoppable(launch.parent) as stop,
+        _stoppable(launch.parent, tells=launch.tells) as stop,
         _sentences("hub"),
         listening(*launch.listen, connect=launch.connect, hub_side=launch.hub_side) as session,
     ):
@@ -160,13 +166,14 @@ def run_hub(launch: HubLaunch) -> int:
 
 
 @contextmanager
-def _stoppable(parent: int | None) -> Generator[StopFlag]:
+def _stoppable(parent: int | None, *, tells: bool = False) -> Generator[StopFlag]:
     stop = StopFlag()
     signal.signal(signal.SIGINT, stop.ask)
     signal.signal(signal.SIGTERM, stop.ask)
     _exact_timers()
     if parent is not None:
-        Thread(target=_follow, args=(parent, stop), daemon=True).start()
+        terminal = _stderr_of(parent) if tells else None
+        Thread(target=_follow, args=(parent, stop, terminal), daemon=True).start()
     try:
         yield stop
     finally:  # the process ends: a further signal must not change its status
@@ -197,13 +204,24 @@ def _sentences(who: str) -> Generator[None]:
         print(f"lindy {who}: {error}", file=sys.stderr, flush=True)
 
 
-def _follow(parent: int, stop: StopFlag) -> None:
+def _follow(parent: int, stop: StopFlag, terminal: IO[str] | None) -> None:
     """Set the flag when the parent has ended; end the process if that does not stop it."""
     while os.getppid() == parent:
         time.sleep(0.2)  # the kernel does not tell a process that its parent died
+    if terminal is not None and not stop.asked:
+        with contextlib.suppress(OSError):
+            print(PARENT_KILLED, end="\r\n", file=terminal, flush=True)
     stop.ask()
     time.sleep(GRACE_S)  # for the main thread to close files
     os._exit(2)
+
+
+def _stderr_of(parent: int) -> IO[str] | None:
+    """Opened while it lives, for when it cannot say anything any more; None: not Linux, or it
+    cannot be opened again, as a socket."""
+    with contextlib.suppress(OSError):
+        return Path(f"/proc/{parent}/fd/2").open("a", encoding="utf-8")
+    return None
 
 
 def _exact_timers() -> None:

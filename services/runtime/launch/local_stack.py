@@ -302,7 +302,12 @@ class LocalStack:
     def _hub(self, side: str) -> Task:
         name = f"hub_{side}"
         beat = str(self.heartbeat(name))
-        launch = HubLaunch(listen=[self.endpoints[side]], heartbeat=beat, parent=os.getpid())
+        launch = HubLaunch(
+            listen=[self.endpoints[side]],
+            heartbeat=beat,
+            parent=os.getpid(),
+            tells=side == (HOME if HOME in self.endpoints else next(iter(self.endpoints))),
+        )
         border = self._other_side or (self._programs if side == HOME else None)
         if border is not None:
             hub_side = HubSide(border.side, namespace(self.stack.vehicle_name), self._door)

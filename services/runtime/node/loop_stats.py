@@ -3,9 +3,13 @@
 from collections import Counter
 from dataclasses import dataclass
 
-from messages.health import Health
+from messages.health import LATE_MS, Health
 
 NAME, NAMES = 128, 1000  # characters of a name, and names, that a health message holds
+# [ns] A single call later than this is a stall. A port of a stream at 100 Hz keeps the newest
+# 16 messages: the first of them is 0.15 s late, however much longer the stall was.
+STALLED_NS = 140_000_000
+CALM_NS = 10_000_000_000  # [ns] a stall so soon after another one is not said again
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,11 +33,30 @@ class LoopStats:
 
     def __init__(self) -> None:
         self._lateness: list[int] = []  # [ns] of every call since the last report
+        self._late_at: int | None = None  # [ns] newest report of a late period
         self._reported_at: int | None = None
         self._cpu_s = 0.0
 
     def handled(self, late_ns: int) -> None:
         self._lateness.append(late_ns)
+
+    def behind(self, now: int) -> tuple[bool, str]:
+        """Before a report: was there a stall in its period, and what is to be said; empty: nothing
+        new. The first period, in which a service starts, is not judged."""
+        if self._reported_at is None or not self._lateness:
+            return False, ""
+        worst, p99 = max(self._lateness), _percentile_ms(sorted(self._lateness), 99) or 0.0
+        stalled = worst > STALLED_NS
+        if not stalled and p99 <= LATE_MS:
+            return False, ""
+        before, self._late_at = self._late_at, now
+        if before is not None and now - before < CALM_NS:
+            return stalled, ""
+        why = "the computer is too busy, or it was stopped"
+        return (
+            stalled,
+            f"late: handles messages {worst / 1e9:.2f} s late or more; {why}",
+        )
 
     def report(
         self,

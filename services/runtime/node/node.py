@@ -156,12 +156,12 @@ class Node:
             handler(None, now)
 
         def pass_over(message: M, arrival: int) -> None:
+            now = self._clock()
+            self.loop_stats.handled(now - arrival)  # also what is skipped has waited so long
             if earlier is None:
                 self.count(f"skipped:{topic.key}")
-                return
-            now = self._clock()
-            self.loop_stats.handled(now - arrival)
-            earlier(message, now)
+            else:
+                earlier(message, now)
 
         def drain() -> None:
             newest, since = None, 0
@@ -392,9 +392,20 @@ class Node:
 
         inbox.arrived = arrived
 
+    def _say_if_behind(self, now: int) -> None:
+        """Who collects, such as the recorder, may wait for a disk; nobody waits for it."""
+        if self.collects:
+            return
+        stalled, words = self.loop_stats.behind(now)
+        if stalled:
+            self.count("stalled")
+        if words:
+            self.log("warning", words)
+
     def _report(self, now: int) -> None:
         if failures := self._checkpoint.failures():
             self.count("not_remembered:disk", failures)
+        self._say_if_behind(now)
         sent = sum(publisher.sent for publisher in self._publishers)
         received = sum(inbox.stored for inbox in self._inboxes)
         self._health.put(

@@ -46,7 +46,7 @@ class Peers:
             self._expected_ns = now
 
     def identity(self, theirs: SideIdentity, now: Ns) -> None:
-        if theirs.side == self._ours.side:
+        if theirs.side in ("", self._ours.side):  # every version of Lindy names its side
             return
         self._met = True
         self._others[theirs.instance] = theirs, now

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from tools.research.faults import real_cells, virtual_cells
 from tools.research.faults.page import page_of, summary
-from tools.research.faults.rows import Cell, read_rows, row_of, write_row
+from tools.research.faults.rows import CellRow, read_rows, row_of, write_row
 from tools.research.faults.virtual_cells import VirtualCell
 from tools.sweep.all_cores import cores
 
@@ -49,7 +49,7 @@ def _conditions() -> str:
     return f"{cores()} cores, with {os.getloadavg()[2]:.0f} processes at work on average."
 
 
-def flown(world: str, names: Sequence[str], workers: int, kept: Path | None) -> list[Cell]:
+def flown(world: str, names: Sequence[str], workers: int, kept: Path | None) -> list[CellRow]:
     """Fly the cells; `kept`: file to which each row is added at once. Virtual cells that are in it
     already, of a run that was broken off, are not flown again."""
     if kept is None:
@@ -67,7 +67,7 @@ def flown(world: str, names: Sequence[str], workers: int, kept: Path | None) -> 
 
 def _flying(
     world: str, names: Sequence[str], workers: int, known: Collection[str]
-) -> Generator[Cell]:
+) -> Generator[CellRow]:
     if world != "real":
         for (mode, fault), figures in virtual_cells.fly_all(_chosen(names, known), workers):
             yield row_of("virtual", mode.name, fault, figures)

@@ -20,7 +20,7 @@ ONLOOKERS = ("recorder", "visualizer")  # in real dives alone
 # nobody hears when it notices.
 BETWEEN = ("tether", "gamepad", "hub_topside")
 DEAF = ("simulator", "hub_drone")  # without it no sample arrives
-KILL_S, HANG_S = 1.5, 3.0  # [s] goals
+KILL_S, HANG_S, RESUME_S = 1.5, 3.0, 2.0  # [s] goals
 STOPS = (0.3, 2.0, 20.0)  # [s]
 
 
@@ -109,13 +109,16 @@ def _part(
     *,
     lives: bool = True,
     lasts: float = 6.0,
+    acts: bool = False,
 ) -> FaultCase:
+    """`acts`: the drone acts by itself until the pilot resumes."""
     words = kind if value is None else f"{kind} {value:g}"
     return FaultCase(
         name=f"{part.removeprefix('sensor/').lower()} {words}",
         cause="sensor" if part.startswith("sensor/") else "thruster",
         lasts=lasts,
         lives=lives,
+        back=lasts + RESUME_S if acts else None,
         both=Deeds(lambda dive: dive.part(part, kind, value), lambda dive: dive.part(part, "none")),
     )
 
@@ -128,6 +131,7 @@ def _cable(seconds: float) -> FaultCase:
         cause="link",
         lasts=seconds,
         no_pilot=True,
+        back=seconds + RESUME_S,
         both=Deeds(lambda dive: dive.link(down), lambda dive: dive.link(up)),
     )
 
@@ -167,6 +171,21 @@ def _older_pilot(dive: VirtualDive) -> None:
 def _newer_pilot(dive: VirtualDive) -> None:
     dive.leave("stranger")
     dive.go_on("gamepad")
+
+
+def _silent_pilot(dive: VirtualDive) -> None:
+    dive.hush("gamepad")
+
+
+def _stick_down(dive: VirtualDive) -> None:
+    """The pilot pushes the stick down, whatever the script says."""
+    dive.hush("gamepad")
+    dive.sticks(heave=1.0)
+
+
+def _script_again(dive: VirtualDive) -> None:
+    dive.leave("sticks")
+    dive.speak("gamepad")
 
 
 NONE = FaultCase(name="none", cause="none", lasts=6.0, both=Deeds(nothing))
@@ -247,6 +266,23 @@ FAULTS: tuple[FaultCase, ...] = (
         ),
     ),
     FaultCase(
+        name="another Lindy on board",
+        cause="stranger",
+        lasts=6.0,
+        after=2.0,
+        only_virtual=VirtualDeeds(
+            lambda dive: dive.other_lindy(), lambda dive: dive.leave("other")
+        ),
+    ),
+    FaultCase(
+        name="pilot silent 22 s",
+        cause="link",
+        lasts=22.0,
+        no_pilot=True,
+        back=22.0 + RESUME_S,
+        only_virtual=VirtualDeeds(_silent_pilot, _script_again),
+    ),
+    FaultCase(
         name="busy processor", cause="too slow", lasts=8.0, only_virtual=VirtualDeeds(_busy, _idle)
     ),
     _part(IMU, "silent", lives=False),
@@ -266,6 +302,23 @@ FAULTS: tuple[FaultCase, ...] = (
         _part(name, kind, value, lasts=8.0)
         for name in ("port", "lateral", VERTICAL)
         for kind, value in OF_THRUSTERS
+    ),
+    _part("sensor/leak", "wet", lasts=24.0, acts=True),
+    _part("sensor/battery", "low"),
+    _part("sensor/battery", "critical", lasts=24.0, acts=True),
+    _part("sensor/battery", "empty", lasts=24.0, acts=True),
+    _part("sensor/temperature", "hot"),
+    FaultCase(
+        name="stick down to the depth limit",
+        cause="vehicle",
+        lasts=20.0,
+        only_virtual=VirtualDeeds(_stick_down, _script_again),
+    ),
+    FaultCase(
+        name="goto below the depth limit",
+        cause="vehicle",
+        lasts=6.0,
+        only_virtual=VirtualDeeds(lambda dive: dive.ask(kind="goto", depth=20.0)),
     ),
     FaultCase(
         name="goto 1e5",

@@ -64,7 +64,12 @@ GOALS = (
     Goal("stale", "no expired command reaches a thruster", _stale),
     Goal("pilot", "the drone knows within 0.31 s that the pilot is gone", _pilot),
     Goal("thrust", "thrusters stopped within 0.25 s when control ends or hangs", _thrust),
-    Goal("back", "in control again 1.5 s after a kill, 3 s after a hang", _back),
+    Goal(
+        "back",
+        "in control again 1.5 s after a kill, 3 s after a hang, 2 s after what made the drone act "
+        "has ended",
+        _back,
+    ),
     Goal("disarm", "disarm asked for during the fault takes effect", _disarm),
     Goal("announced", "the pilot reads something", _announced),
 )

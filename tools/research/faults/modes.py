@@ -14,6 +14,7 @@ class FlownMode(NamedTuple):
     settled: float  # [s] then a fault begins
     holds_depth: bool = True
     vertical: str = "vertical"  # name of a vertical thruster
+    depth_limit: float = 6.0  # [m] of the failsafe, within reach of the sticks
 
     @property
     def script(self) -> str:
@@ -34,6 +35,7 @@ MODES = (
         (*DOWN, "8,0,0,0,0,,mode station_keeping"),
         16.0,
         vertical="vertical_port",
+        depth_limit=4.0,
     ),
     FlownMode(
         "follow",
@@ -41,6 +43,13 @@ MODES = (
         (*DOWN, "8,0,0,0,0,,follow inspection_box"),
         16.0,
         vertical="vertical_port",
+        depth_limit=4.0,
     ),
-    FlownMode("surfacing", "pioneer", (*DEEPER, "19,0,0,0,0,,goto depth=0.5"), 21.0),
+    FlownMode(
+        "surfacing",
+        "pioneer",
+        (*DEEPER, "19,0,0,0,0,,goto depth=0.5"),
+        21.0,
+        depth_limit=11.0,
+    ),
 )

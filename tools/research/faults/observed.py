@@ -55,6 +55,8 @@ class Observed:
         before, self.shown = self.shown, status
         if status.failsafe != "none" and (before is None or before.failsafe != status.failsafe):
             self.tell(now, f"FAILSAFE {status.failsafe}")
+        if status.words and (before is None or before.words != status.words):
+            self.tell(now, status.words)
         if status.note and (before is None or before.note != status.note):
             self.tell(now, status.note)
 

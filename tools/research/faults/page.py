@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 from tools.research.faults.figures import Figures
 from tools.research.faults.goals import GOALS
-from tools.research.faults.rows import Cell
+from tools.research.faults.rows import CellRow
 
 WORLDS = {"virtual": "on virtual time", "real": "real processes"}
 HEAD = """# The fault matrix
@@ -19,6 +19,11 @@ decisions of the real supervisor; a service takes 0.35 s to start there. In real
 dive`) some are done again, with signals, disks and processors, in the mode stabilised. Truth is the
 simulator's. All times are in seconds from the beginning of the fault, however long it lasts. A
 dash: it did not happen, or does not apply.
+
+The pilot is a script, which resumes by itself as soon as a failsafe can be ended
+(docs/failsafes.md); a person's time to press the button comes on top of **in control**. On virtual
+time the drone rises after 8 s without a pilot instead of 60, and its depth limit is within reach:
+4, 6 or 11 m.
 """
 COLUMNS = (
     "fault", "reaction", "said [s]", "depth [m]", "jerk [-]", "stale", "pilot gone [s]",
@@ -33,11 +38,20 @@ MEANING = """
 - **stale**: actuations of a command, or of a stick position behind it, beyond its life.
 - **pilot gone**: the drone's status says so.
 - **thrust zero**: the thrusters stop for want of commands.
-- **in control**: from when on the pilot's commands reach the thrusters, without a failsafe.
+- **in control**: from when on the pilot's commands reach the thrusters, without a failsafe: the
+  pilot has resumed where one acted.
 - **disarm**: from a request 0.3 s into the fault (in another dive, the same until then) until no
   thruster turns. A request is repeated for 5 s, so a service that is started again may grant it.
 """
 NOT_COVERED = """
+## Not observable
+
+- A thruster is judged by its measured thrust, where the driver measures it, and only while it has
+  at least 5 % of its limit to produce. Nobody can know of a fault of one that is at rest, such as
+  `lateral` where nobody asks for sway. A drone with a single vertical thruster cannot hold its
+  depth without it.
+- A hub that hangs for 0.3 s delays messages, and nothing expires that matters: no service is late.
+
 ## Not covered
 
 - A jump of the computer's clock: every service runs on the monotonic clock, and a test must not set
@@ -52,7 +66,7 @@ FOLDER = re.compile(r"/\S*lindy-faults-[^/ ]*/")  # of the run, in what was read
 Missed = tuple[str, str]  # goal, fault
 
 
-def page_of(rows: Sequence[Cell], planned: int, conditions: str) -> str:
+def page_of(rows: Sequence[CellRow], planned: int, conditions: str) -> str:
     """
     Args:
         planned: cells that there are on virtual time.
@@ -73,7 +87,7 @@ def page_of(rows: Sequence[Cell], planned: int, conditions: str) -> str:
     return "".join([*parts, *_read(rows), NOT_COVERED])
 
 
-def summary(rows: Sequence[Cell]) -> str:
+def summary(rows: Sequence[CellRow]) -> str:
     """In a few lines, for a terminal."""
     lines = [f"{len(rows)} cells, {sum(bool(row.missed) for row in rows)} miss a goal"]
     for goal in GOALS:
@@ -82,12 +96,12 @@ def summary(rows: Sequence[Cell]) -> str:
     return "\n".join(lines)
 
 
-def _met(rows: Iterable[Cell], goal: str) -> tuple[int, int]:
+def _met(rows: Iterable[CellRow], goal: str) -> tuple[int, int]:
     judged = [row.goals[goal] for row in rows if goal in row.goals]
     return sum(judged), len(judged)
 
 
-def _goals(rows: Sequence[Cell]) -> list[str]:
+def _goals(rows: Sequence[CellRow]) -> list[str]:
     table: list[list[str]] = []
     for goal in GOALS:
         cells = [goal.words]
@@ -98,7 +112,7 @@ def _goals(rows: Sequence[Cell]) -> list[str]:
     return ["\n## Goals\n\n", *_table(("goal", *WORLDS.values()), table)]
 
 
-def _missed(rows: Sequence[Cell]) -> list[str]:
+def _missed(rows: Sequence[CellRow]) -> list[str]:
     """By goal and fault: the modes, with the figure in each."""
     found: defaultdict[Missed, list[str]] = defaultdict(list)
     for row in rows:
@@ -126,7 +140,7 @@ FIGURES: dict[str, Callable[[Figures], str]] = {
 }
 
 
-def _cells(row: Cell) -> list[str]:
+def _cells(row: CellRow) -> list[str]:
     def shown(goal: str) -> str:
         text = FIGURES[goal](row.figures)
         return f"**{text}**" if row.goals.get(goal) is False else text
@@ -142,7 +156,7 @@ def _reaction(figures: Figures) -> str:
     return ", ".join(parts) or "–"
 
 
-def _read(rows: Sequence[Cell]) -> list[str]:
+def _read(rows: Sequence[CellRow]) -> list[str]:
     """By fault, over all modes."""
     texts: defaultdict[str, dict[str, None]] = defaultdict(dict)
     for row in rows:

@@ -140,6 +140,8 @@ class RealFaultDive:
             words = line.split(maxsplit=3)  # level, time, its unit, text
             if len(words) == 4 and words[0] in LEVELS and words[3].startswith("supervisor:"):
                 self.seen.tell(self.now, words[3])
+            elif line.startswith("lindy: "):  # nobody but a hub is left to say so
+                self.seen.tell(self.now, line.strip())
 
     def wait_steady(self, seconds: float) -> None:
         """Let the drone fly undisturbed, armed, for so long."""

@@ -10,7 +10,7 @@ from tools.research.faults.figures import Figures
 from tools.research.faults.goals import GOALS
 
 
-class Cell(msgspec.Struct, frozen=True):
+class CellRow(msgspec.Struct, frozen=True):
     """One cell."""
 
     world: Literal["virtual", "real"]
@@ -28,18 +28,18 @@ class Cell(msgspec.Struct, frozen=True):
 
 def row_of(
     world: Literal["virtual", "real"], mode: str, fault: FaultCase, figures: Figures, note: str = ""
-) -> Cell:
+) -> CellRow:
     judged = {goal.name: goal.met(fault, figures) for goal in GOALS}
     goals = {name: met for name, met in judged.items() if met is not None}
-    return Cell(world, mode, fault.cause, fault.name, figures, goals, note)
+    return CellRow(world, mode, fault.cause, fault.name, figures, goals, note)
 
 
-def write_row(path: Path, row: Cell) -> None:
+def write_row(path: Path, row: CellRow) -> None:
     """Append it, so that what was flown is kept when the rest is not."""
     with path.open("ab") as file:
         file.write(msgspec.json.encode(row) + b"\n")
 
 
-def read_rows(path: Path) -> list[Cell]:
-    decoder = msgspec.json.Decoder(Cell)
+def read_rows(path: Path) -> list[CellRow]:
+    decoder = msgspec.json.Decoder(CellRow)
     return [decoder.decode(line) for line in path.read_bytes().splitlines() if line]

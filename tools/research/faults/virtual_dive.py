@@ -13,6 +13,7 @@ from pathlib import Path
 import msgspec
 
 from messages import topics
+from messages.identity import SideIdentity
 from messages.link import LinkRequest
 from messages.pilot import PilotCommand, PilotRequest
 from messages.simulator import FaultKind, FaultRequest
@@ -20,11 +21,14 @@ from services.runtime.bus.envelope import Envelope
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.jitter import Jitter
 from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.service_module import wire_of
 from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.launch.answering import Answering
 from services.runtime.launch.child import Task
 from services.runtime.launch.supervisor import Supervisor
+from services.runtime.node.loop_stats import Instance
+from services.runtime.node.node import Node
 from tools.research.faults.hindrance import Hindrance
 from tools.research.faults.modes import VERTICAL, FlownMode
 from tools.research.faults.observed import Observed
@@ -38,7 +42,12 @@ SERVICES = (
     "simulator", "estimation", "reference", "control", "tether", "gamepad", "link_monitor",
 )  # fmt: skip
 HUBS = {"hub_drone": "drone", "hub_topside": "topside"}
-SETTINGS = ["estimation.calibration.still_time=3", "simulator.floor_depth=60"]
+SETTINGS = [
+    "estimation.calibration.still_time=3",
+    "simulator.floor_depth=60",
+    "reference.failsafe.pilot_patience=8",  # [s] so that an ascent without a pilot is seen
+]
+FIRST_PID = 1000
 
 
 class VirtualProcess:
@@ -87,6 +96,7 @@ class VirtualDive:
         self._stopped: dict[str, int] = {}  # [ns] last sign of life of those that are stopped
         self._watched_ns = 0
         self._asked = 0
+        self._instances = 0  # processes that have begun
         self._answering = Answering()
         self._supervisor = Supervisor(self._tell, self._spawn, lambda: self.host.now)
         self._folder = tempfile.TemporaryDirectory(prefix="lindy-faults-")
@@ -94,7 +104,7 @@ class VirtualDive:
         script.write_text(mode.script)
         self._stack = Stack(
             pilot=f"script:{script}", out=self._folder.name, vehicle=mode.vehicle, seed=seed,
-            overrides=SETTINGS,
+            overrides=[*SETTINGS, f"reference.failsafe.depth_limit={mode.depth_limit}"],
         )  # fmt: skip
         self._begin(mode)
 
@@ -184,8 +194,19 @@ class VirtualDive:
                 self.host.hub(HUBS[name]).go_on()
             else:
                 self.hindrances[name].go_on()
-                self.host.add(name, self._rows[name], self._stack)
+                self._add(name, self._rows[name])
             self._supervisor.seen(name)
+
+    def _add(self, name: str, spec: ServiceSpec) -> None:
+        """Every process is known by a number of its own, as on a real computer."""
+        self._instances += 1
+        instance = Instance(self._instances, FIRST_PID + self._instances)
+
+        def wire(node: Node, stack: Stack) -> None:
+            node.instance, node.name = instance, spec.service or name
+            wire_of(spec.service or name)(node, stack)
+
+        self.host.add(name, spec, self._stack, wire)
 
     def _drop(self, name: str) -> None:
         """The process has ended; its last messages are out."""
@@ -221,6 +242,13 @@ class VirtualDive:
             self.host.hub(HUBS[name]).go_on()
         else:
             self.hindrances[name].go_on()
+
+    def hush(self, name: str) -> None:
+        """It says nothing, and nobody notices that its process hangs; `speak` ends it."""
+        self.hindrances[name].stop()
+
+    def speak(self, name: str) -> None:
+        self.hindrances[name].go_on()
 
     def slow(self, name: str, pause_s: float) -> None:
         """Every step of a service takes so long [s]; 0 ends it."""
@@ -269,7 +297,7 @@ class VirtualDive:
         """The same service once more, on the same side."""
         name, row = f"{service}_2", self._rows[service]
         spec = ServiceSpec(sides=row.sides, service=service)
-        self.host.add(name, spec, self._stack)
+        self._add(name, spec)
 
     def leave(self, name: str) -> None:
         """A stranger, or a second service, goes."""
@@ -287,6 +315,31 @@ class VirtualDive:
                 port.forward(Envelope(key, b"\x81\xa6source\xa1\xff", topic.encoding))
 
         self.host.node("junk", [side]).every(hz, spit)
+
+    def other_lindy(self) -> None:
+        """The drone runs another version, which says so besides the one that flies."""
+        node = self.host.node("other", ["drone"])
+        identities = node.publisher(topics.IDENTITY.of("drone"))
+        identity = SideIdentity(side="drone", instance=1, version="0.0.1", vehicle="pioneer")
+
+        def introduce(now: int) -> None:
+            identities.put(msgspec.structs.replace(identity, stamp_ns=now))
+
+        node.every(1.0, introduce)
+
+    def sticks(self, **sticks: float) -> None:
+        """The pilot's own process goes on with these sticks; `hush` the script's first."""
+        shown = self.seen.shown
+        assert shown is not None
+        node = self.host.node("sticks", ["topside"])
+        commands = node.publisher(topics.PILOT_COMMAND)
+        held = {"surge": 0.0, "sway": 0.0, "heave": 0.0, "yaw": 0.0, **sticks}
+        held |= {"epoch": shown.epoch}
+
+        def speak(now: int) -> None:
+            commands.put(PilotCommand(stamp_ns=now, source=shown.pilot, **held))  # type: ignore[arg-type]
+
+        node.every(topics.PILOT_COMMAND.hz, speak)
 
     def stranger(self, **more: object) -> None:
         """Somebody topside who has no control moves full sticks and asks for everything."""

@@ -73,8 +73,10 @@ def test_a_disturbance_is_counted_once_per_passage_and_the_compass_holds_off() -
         assert sail.counts["disturbed:sensor/magnetometer"] == passage
         sail.run(2.9)
         assert not sail.observer.compass.field.trusted
+        assert sail.observer.compass.field.disturbed
         sail.run(0.2)
         assert sail.observer.compass.field.trusted
+        assert not sail.observer.compass.field.disturbed
 
 
 def test_iron_that_comes_back_within_the_hold_off_is_the_same_passage() -> None:

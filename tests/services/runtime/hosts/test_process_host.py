@@ -16,7 +16,7 @@ from services.runtime.bus.envelope import Envelope
 from services.runtime.bus.zenoh_bus import ZenohBus, listening, open_bus
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.callers import Callers
-from services.runtime.hosts.process_host import HubLaunch, Launch
+from services.runtime.hosts.process_host import PARENT_KILLED, HubLaunch, Launch
 from services.runtime.hosts.stack_file import ServiceSpec
 
 PATIENCE_S = 60.0  # never reached unless something is broken
@@ -246,6 +246,28 @@ def test_a_hub_carries_messages_until_it_is_asked_to_end(bench: Bench) -> None:
     process.terminate()
     assert process.communicate(timeout=PATIENCE_S) == ("", "")
     assert process.returncode == 0
+
+
+@pytest.mark.parametrize("killed", [True, False])
+def test_a_hub_says_in_the_terminal_that_its_parent_was_killed_and_only_then(
+    bench: Bench, killed: bool
+) -> None:
+    endpoint = f"unixsock-stream/{bench.folder}/third.sock"
+    launch = msgspec.to_builtins(HubLaunch(listen=[endpoint], tells=True)) | {"parent": "PARENT"}
+    text = msgspec.json.encode(launch).decode().replace('"PARENT"', "PARENT")
+    quiet = PARENT.replace("sys.argv[1:]]", "sys.argv[1:]], stderr=subprocess.DEVNULL")
+    command = [sys.executable, "-S", "-c", quiet, *PYTHON, "hub", text]
+    parent = bench.start(command)
+    assert parent.stdout is not None
+    hub = int(parent.stdout.readline())
+    with open_bus(endpoint, "pioneer"):  # it runs
+        pass
+    if not killed:
+        os.kill(hub, signal.SIGTERM)
+        until(lambda: not exists(hub))
+    parent.kill()
+    _, shown = parent.communicate(timeout=PATIENCE_S)
+    assert shown == (f"{PARENT_KILLED}\n" if killed else "")
 
 
 def test_a_hub_whose_endpoint_is_taken_says_so(bench: Bench) -> None:

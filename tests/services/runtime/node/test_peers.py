@@ -55,6 +55,12 @@ def test_a_side_that_is_the_same_is_no_difference() -> None:
     assert difference(TOPSIDE, other_commit) == ""
 
 
+def test_who_names_no_side_is_no_lindy() -> None:
+    peers = Peers(TOPSIDE)
+    peers.identity(SideIdentity(instance=7), 0)
+    assert peers.wrong(0) == ""
+
+
 def test_a_difference_says_what_to_do() -> None:
     old = msgspec.structs.replace(DRONE, version="0.0.4", messages="xyz")
     assert difference(TOPSIDE, old) == (

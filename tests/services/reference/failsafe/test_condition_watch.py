@@ -1,0 +1,45 @@
+"""Which services on board are late, by their health."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from messages.health import LATE_MS, Health
+from services.reference.failsafe.watch import RECENT_NS, TIMED, ConditionWatch
+from services.reference.settings import FailsafeSettings
+
+S = 1_000_000_000  # [ns]
+
+
+def health(service: str, late_ms: float | None) -> Health:
+    return Health(
+        stamp_ns=0, service=service, loop_hz=100.0, lateness_p50_ms=0.0, lateness_p99_ms=late_ms,
+        cpu_percent=None, rss_mb=None, sent=0, received=0, counts={},
+    )  # fmt: skip
+
+
+def late(watch: ConditionWatch, now: int) -> bool:
+    conditions = watch.holding(None, None, (), now, armed=False, limited=False)
+    return "service_late" in conditions
+
+
+@given(st.lists(st.sampled_from([None, 0.0, LATE_MS, LATE_MS + 1.0, 500.0]), max_size=30))
+def test_a_late_service_is_said_for_ten_seconds_but_not_for_its_first_report(
+    reports: list[float | None],
+) -> None:
+    watch = ConditionWatch(FailsafeSettings())
+    for second, late_ms in enumerate(reports):
+        watch.health(health("control", late_ms), second * S)
+        were = [
+            ms is not None and ms > LATE_MS and k > 0 and (second - k) * S < RECENT_NS
+            for k, ms in enumerate(reports[: second + 1])
+        ]
+        assert late(watch, second * S) == any(were)
+
+
+@pytest.mark.parametrize("service", [*TIMED, "recorder", "gamepad", "visualizer"])
+def test_only_services_that_the_motion_depends_on_are_said_to_be_late(service: str) -> None:
+    watch = ConditionWatch(FailsafeSettings())
+    for second in range(3):
+        watch.health(health(service, 500.0), second * S)
+    assert late(watch, 2 * S) == (service in TIMED)
