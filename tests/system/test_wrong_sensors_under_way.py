@@ -18,6 +18,7 @@ class Flight(NamedTuple):
     away: float  # [m] furthest from where the depth was held
     speed: float  # [m/s] fastest, along down
     error: float  # [m] of the estimated depth, mean of the last two seconds
+    apart: float  # [m] largest distance of the estimated depth from the true one
     counts: Counter[str]
     sortie: Sortie
 
@@ -28,11 +29,13 @@ def fly(part: str, fault: FaultKind, value: float | None, seconds: float) -> Fli
     sortie.set_faults(part, fault, value)
     sortie.until(AT + seconds)
     truth = sortie.truth[before:]
+    depths = zip(truth[-600:], sortie.states[-600:], strict=True)
     last = zip(truth[-200:], sortie.states[-200:], strict=True)
     return Flight(
         away=max(abs(m.position[2] - held) for m in truth),
         speed=max(abs(m.depth_rate) for m in truth),
         error=sum(s.depth.value - m.position[2] for m, s in last) / 200.0,
+        apart=max(abs(s.depth.value - m.position[2]) for m, s in depths),
         counts=sortie.counts,
         sortie=sortie,
     )
@@ -54,6 +57,15 @@ def test_a_step_of_the_gyroscopes_bias_is_found_and_learnt(bias: float) -> None:
     assert abs(truth.heading - flight.sortie.truth[-100].heading) < 0.05
     assert flight.sortie.status is not None
     assert flight.sortie.status.note == ""
+
+
+@pytest.mark.parametrize("bias", [0.5, -1.0])
+def test_a_large_step_of_the_gyroscopes_bias_does_not_move_it(bias: float) -> None:
+    flight = fly("sensor/imu", "biased", bias, 6.0)
+    assert flight.away < 0.3
+    assert flight.speed < 0.3
+    assert flight.apart < 0.3
+    assert flight.counts["outlier:sensor/pressure"] == 0
 
 
 @settings(max_examples=3, deadline=None)
