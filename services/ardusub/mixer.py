@@ -110,7 +110,8 @@ class Mixer:
             slopes = self._curves.slopes(motors)
             effect = (self._effect * slopes) @ self._factors
             square = effect.T @ effect
-            step = np.linalg.solve(square + DAMPING * square.trace() * IDENTITY, effect.T @ missing)
+            damping = DAMPING * float(np.trace(square)) * IDENTITY
+            step = np.asarray(np.linalg.solve(square + damping, effect.T @ missing), np.float64)
             motors = self._factors @ (axes + step)
             left = wanted - self._effect @ self._curves.thrust(motors)
             if not float(left @ left) < float(missing @ missing):
