@@ -20,6 +20,7 @@ from services.ardusub.packet import (
     command,
     heartbeat,
 )
+from services.runtime.config.settings import deploy_file
 from tools.recordings.recording import open_recording
 from tools.research.ardusub_comparison.firmware import DepthObserver, firmware, free_port
 from tools.research.ardusub_comparison.releases import JudgedRelease, TrueDepth, judge
@@ -30,17 +31,22 @@ STICK_S = 0.02  # [s] between two overrides
 PATIENCE_S = 90.0  # [s] until armed
 SETTLE_S = 10.0  # [s] at the surface before arming, for the board's own estimator
 # The drone of the firmware's simulator: 10.5 kg, no added mass, 1 N of buoyancy, and in heave
-# 68.8 N s²/m² of drag. Its motors' thrust is quadratic, up to 51.5 N; Lindy believes in the T200s
-# of bluerov2_heavy. Gains by the rule of that file: kp = M ω², kd = 2 ζ ω M, ki = kp / 5 s, ω = 3.
+# 68.8 N s²/m² of drag. Its motors are quadratic. The rest is that of bluerov2_heavy, with gains
+# by the rule of that file: kp = M ω², kd = 2 ζ ω M, ki = kp / 5 s, ω = 5 rad/s.
+MOTORS = {
+    'curve = "t200"': 'curve = "ardusub_simulator"',
+    "max_thrust = 30.4": "max_thrust = 51.48",
+    "dead_band = 0.87": "dead_band = 0.202",
+}
 LINDY = (
     "vehicle.mass=10.5",
     "vehicle.net_buoyancy=1.0",
     "vehicle.added_mass=[0.0, 0.0, 0.0, 0.0, 0.0, 0.0]",
     "vehicle.linear_damping=[0.0, 0.0, 0.0, 0.0, 0.0, 0.0]",
     "vehicle.quadratic_damping=[48.2, 61.9, 68.8, 1.19, 0.47, 1.5]",
-    "control.depth.kp=94.0",
-    "control.depth.kd=60.0",
-    "control.depth.ki=19.0",
+    "control.depth.kp=262.0",
+    "control.depth.kd=100.0",
+    "control.depth.ki=52.0",
     "reference.heave.max_velocity=0.97",
     "reference.heave.max_acceleration=1.5",
     "reference.heave.jerk=6.0",
@@ -69,7 +75,8 @@ def fly_lindy(path: str, moves: Sequence[StickMove], folder: Path) -> Flight:
     rows = [f"{move.at:g},0,0,{move.heave:g},0" for move in moves]
     script.write_text("\n".join(["t,surge,sway,heave,yaw", *rows]) + "\n")
     said = [sys.executable, "-P", "-m", "tools", "dive", "--stack", "ardusub", "--headless"]
-    said += ["--vehicle", "bluerov2_heavy", "--pilot", f"script:{script}", "--out", str(out)]
+    vehicle = _vehicle_file(folder)
+    said += ["--vehicle", str(vehicle), "--pilot", f"script:{script}", "--out", str(out)]
     for assignment in (f"ardusub.url=udpin:127.0.0.1:{port}", *LINDY):
         said += ["--set", assignment]
     observer = DepthObserver(truth_port)
@@ -79,6 +86,16 @@ def fly_lindy(path: str, moves: Sequence[StickMove], folder: Path) -> Flight:
     if done.returncode != 0:
         raise RuntimeError(f"Lindy's dive failed:\n{done.stdout}{done.stderr}")
     return _judged("Lindy", truth, _commanded(out))
+
+
+def _vehicle_file(folder: Path) -> Path:
+    """bluerov2_heavy with the motors of the firmware's simulator."""
+    text = deploy_file("vehicles", "bluerov2_heavy").read_text()
+    for ours, theirs in MOTORS.items():
+        text = text.replace(ours, theirs)
+    path = folder / "ardusub_simulator.toml"
+    path.write_text(text)
+    return path
 
 
 def _commanded(out: Path) -> list[tuple[float, float]]:

@@ -21,7 +21,7 @@ def judged() -> list[StickMove]:
 
 def practice() -> list[StickMove]:
     """Others, for settings: what is judged is not what they were found with."""
-    return _moves((1, -1, 1, -1), 0.7, 2.2)
+    return _moves((1, -1, 1, -1), 0.9, 2.5)
 
 
 def _moves(directions: tuple[int, ...], size: float, seconds: float) -> list[StickMove]:
