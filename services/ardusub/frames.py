@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import copysign
 
+from services.marine.summation import plain_sum
 from services.marine.thrusters import wrench_per_newton
 from services.marine.vehicle import Thruster
 
@@ -76,7 +77,7 @@ def senses(frame: MotorFrame, thrusters: Sequence[Thruster]) -> tuple[float, ...
     for number, (factors, thruster) in enumerate(zip(frame.motors, thrusters, strict=True), 1):
         column = wrench_per_newton(thruster)
         pushes = [SIGN[k] * column[ROW[k]] / scales[ROW[k]] for k in range(6)]
-        sense = copysign(1.0, sum(f * push for f, push in zip(factors, pushes, strict=True)))
+        sense = copysign(1.0, plain_sum(f * push for f, push in zip(factors, pushes, strict=True)))
         agree = all(sense * f * push > NOTHING**2 for f, push in zip(factors, pushes, strict=True)
                     if f)  # fmt: skip
         if not agree:
