@@ -54,7 +54,7 @@ def firmware(path: str, port: int, truth: int, folder: Path) -> Generator[None]:
             process.wait()
 
 
-class DepthObserver:
+class TruthObserver:
     """Asks for SIM_STATE and keeps it, on a thread of its own."""
 
     def __init__(self, port: int) -> None:

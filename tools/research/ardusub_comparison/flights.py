@@ -22,7 +22,7 @@ from services.ardusub.packet import (
 )
 from services.runtime.config.settings import deploy_file
 from tools.recordings.recording import open_recording
-from tools.research.ardusub_comparison.firmware import DepthObserver, firmware, free_port
+from tools.research.ardusub_comparison.firmware import TruthObserver, firmware, free_port
 from tools.research.ardusub_comparison.releases import JudgedRelease, TrueDepth, judge
 from tools.research.ardusub_comparison.sticks import StickMove, heave_at
 
@@ -79,7 +79,7 @@ def fly_lindy(path: str, moves: Sequence[StickMove], folder: Path) -> Flight:
     said += ["--vehicle", str(vehicle), "--pilot", f"script:{script}", "--out", str(out)]
     for assignment in (f"ardusub.url=udpin:127.0.0.1:{port}", *LINDY):
         said += ["--set", assignment]
-    observer = DepthObserver(truth_port)
+    observer = TruthObserver(truth_port)
     with firmware(path, port, truth_port, folder / "board"):
         done = subprocess.run(said, capture_output=True, text=True, check=False)
     truth = observer.close()
@@ -116,7 +116,7 @@ def fly_alt_hold(path: str, moves: Sequence[StickMove], folder: Path) -> Flight:
         RuntimeError: the board does not arm.
     """
     port, truth_port = free_port(), free_port()
-    observer, sent = DepthObserver(truth_port), list[tuple[float, float]]()
+    observer, sent = TruthObserver(truth_port), list[tuple[float, float]]()
     with (
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link,
         firmware(path, port, truth_port, folder / "board"),
