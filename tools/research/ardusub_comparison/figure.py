@@ -30,9 +30,9 @@ def draw(flights: Sequence[Flight], path: Path) -> None:
             figure,
             "Full heave stick let go: Lindy and ArduSub's ALT_HOLD on ArduSub's own simulator",
             "Eight releases each at full speed, four of them sinking (solid, filled) and four "
-            "rising (dotted, open). Depth is that of the simulator itself (SIM_STATE), not of a "
-            "sensor. Travelled: since the stick was centred, in the direction of motion. Lines "
-            "across: median.",
+            "rising (dotted, open). Depth and speed are those of the simulator itself (SIM_STATE), "
+            "not of a sensor. Travelled: integral of the speed since the stick was centred, in the "
+            "direction of motion. Lines across: median.",
         )
         figure.savefig(path, dpi=DPI)
 
@@ -43,6 +43,7 @@ def summary(flight: Flight) -> str:
     found.append(_range(flight, "stopping", 1e3, "mm stopping distance", "0f"))
     found.append(_range(flight, "bounce", 1e3, "mm beyond the resting depth", "1f"))
     found.append(_range(flight, "rms", 1e3, "mm rms at rest", "1f"))
+    found.append(_range(flight, "doubt", 1e3, "mm from the depth in steps of 10 mm", "1f"))
     return "; ".join(found)
 
 

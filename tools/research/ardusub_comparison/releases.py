@@ -1,4 +1,8 @@
-"""What a release is judged by, from the true depth."""
+"""What a release is judged by, from the true motion.
+
+The simulator tells its depth in steps of 10 mm but its speed without steps, so what is travelled
+is the integral of the speed.
+"""
 
 from typing import NamedTuple
 
@@ -12,10 +16,10 @@ BEFORE_S = 0.3  # [s] before it, over which the speed is taken
 
 
 class TrueDepth(NamedTuple):
-    """As the simulator knows it."""
+    """As the simulator tells it."""
 
     t: Floats  # [s] rises
-    depth: Floats  # [m]
+    depth: Floats  # [m] in steps of 10 mm
     speed: Floats  # [m/s] down
 
 
@@ -27,6 +31,7 @@ class JudgedRelease(NamedTuple):
     stopping: float  # [m] greatest distance travelled
     bounce: float  # [m] of it beyond the depth at which it comes to rest
     rms: float  # [m] at rest, about the mean
+    doubt: float  # [m] most by which the integral differs from the depth in its steps
 
 
 def judge(truth: TrueDepth, at: float, direction: float) -> JudgedRelease:
@@ -42,8 +47,9 @@ def judge(truth: TrueDepth, at: float, direction: float) -> JudgedRelease:
     after, before = (t >= 0.0) & (t <= AFTER_S), (t >= -BEFORE_S) & (t < 0.0)
     if not before.any() or not (t > AFTER_S).any():
         raise ValueError(f"the release at {at:.1f} s is not covered by what was recorded")
-    begin = float(np.interp(0.0, t, truth.depth))
-    travelled = direction * (truth.depth[after] - begin)
+    travelled = _integral(t, direction * truth.speed)
+    travelled = (travelled - np.interp(0.0, t, travelled))[after]
+    coarse = direction * (truth.depth - np.interp(0.0, t, truth.depth))[after]
     resting = travelled[t[after] >= AFTER_S - RESTS_S]
     stopping = float(travelled.max())
     return JudgedRelease(
@@ -54,4 +60,11 @@ def judge(truth: TrueDepth, at: float, direction: float) -> JudgedRelease:
         stopping=stopping,
         bounce=stopping - float(resting.mean()),
         rms=float(resting.std()),
+        doubt=float(np.abs(travelled - coarse).max()),
     )
+
+
+def _integral(t: Floats, rate: Floats) -> Floats:
+    """By the trapezoidal rule, from the first time on."""
+    steps = np.diff(t) * (rate[1:] + rate[:-1]) / 2
+    return np.concatenate([[0.0], np.cumsum(steps)])
