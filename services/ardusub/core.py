@@ -52,6 +52,9 @@ STRANGER_NS = 5 * S  # [ns] for which a stranger is remembered
 VERSION_MESSAGE = 148
 LEAK = "Leak Detected"
 LEAK_HOLDS_NS = 45 * S  # [ns] it is said every 20 s; one may be lost
+# All that is looked at of what a board says.
+HEARD = ("HEARTBEAT", "AUTOPILOT_VERSION", "PARAM_VALUE", "TIMESYNC", "COMMAND_ACK", "STATUSTEXT",
+         *readings.MESSAGES)  # fmt: skip
 Level = Literal["info", "warning", "error"]
 Stage = Literal["silent", "version", "parameters", "clock", "accepted", "refused"]
 
@@ -101,6 +104,14 @@ class ArdusubDriver:
         self._leak_ns: Ns | None = None
         self.enclosure: float | None = None  # [°C] inside, newest
         self._light, self._tilt = 0.0, 0.0
+        self._handlers: dict[str, Callable[[dict[str, Any], Ns], None]] = {
+            "HEARTBEAT": self._on_heartbeat,
+            "AUTOPILOT_VERSION": self._on_version,
+            "PARAM_VALUE": self._on_parameter,
+            "TIMESYNC": self._on_timesync,
+            "COMMAND_ACK": self._on_ack,
+            "STATUSTEXT": self._on_text,
+        }
         self._forget_board()
 
     def take(self) -> DriverOutput:
@@ -182,16 +193,8 @@ class ArdusubDriver:
             self._meet_stranger(now)
         if (packet.system, packet.component) != (self._settings.board, AUTOPILOT):
             return
-        handler: dict[str, Callable[[dict[str, Any], Ns], None]] = {
-            "HEARTBEAT": self._on_heartbeat,
-            "AUTOPILOT_VERSION": self._on_version,
-            "PARAM_VALUE": self._on_parameter,
-            "TIMESYNC": self._on_timesync,
-            "COMMAND_ACK": self._on_ack,
-            "STATUSTEXT": self._on_text,
-        }
-        if packet.name in handler:
-            handler[packet.name](packet.fields, now)
+        if packet.name in self._handlers:
+            self._handlers[packet.name](packet.fields, now)
         elif self.stage == "accepted" and self._streams.counts(packet.name):
             self._measure(packet.name, packet.fields, now)
 

@@ -1,9 +1,24 @@
 """Where MAVLink frames begin and end in a stream of bytes."""
 
+from typing import NamedTuple
+
 V1, V2 = 0xFE, 0xFD  # first byte of a frame
 HEAD = {V1: 8, V2: 12}  # [bytes] of a frame without payload: header and check sum
 SIGNED, SIGNATURE = 1, 13  # bit of the third byte, and what it adds [bytes]
 LONGEST = 280  # [bytes] of any frame
+
+
+class FrameHeader(NamedTuple):
+    system: int
+    component: int
+    message: int
+
+
+def header_of(frame: bytes) -> FrameHeader:
+    """What a whole frame says about itself, its check sum not yet verified."""
+    if frame[0] == V1:
+        return FrameHeader(*frame[3:6])
+    return FrameHeader(frame[5], frame[6], int.from_bytes(frame[7:10], "little"))
 
 
 class FrameCutter:

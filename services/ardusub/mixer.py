@@ -25,14 +25,19 @@ from services.ardusub.frames import (
     MotorFrame,
     senses,
 )
-from services.ardusub.motor_curves import MotorCurves
+from services.ardusub.motor_curves import PULSE_SPAN, MotorCurves
 from services.ardusub.rc_channels import NEUTRAL, RcChannel
 from services.marine.thrusters import total_wrench, wrench_per_newton
 from services.marine.vehicle import Thruster
 
 Floats = NDArray[np.float64]
 CHANNELS = (PITCH, ROLL, THROTTLE, YAW, FORWARD, LATERAL)  # axis of the override channels 1 to 6
-STEPS = 4  # of Gauss-Newton; the second already leaves less than a microsecond
+STEPS = 4  # of Gauss-Newton at most; the second already leaves less than a microsecond
+SMALL = (
+    0.5 / PULSE_SPAN
+)  # [-] of a motor's output: a smaller step is lost in the rounding of pulses
+DAMPING = 1e-9  # [-] of the trace: an axis that moves no motor stays where it is
+IDENTITY = np.eye(6)
 NEUTRALS = (NEUTRAL,) * 6
 NO_WRENCH: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
@@ -76,7 +81,7 @@ class Mixer:
         self._factors = np.array(frame.motors, dtype=float)  # (n, 6)
         self._axes_of = np.linalg.pinv(self._factors)  # (6, n)
         self._effect = np.array(self._columns).T * self._senses  # (6, n) of positive outputs
-        self._groups = _groups(self._factors)
+        self._groups = [(group, self._factors[:, group]) for group in _groups(self._factors)]
         self._curves = MotorCurves(thrusters, self._senses)
 
     def mix(self, thrust: Sequence[float], *, curved: bool = True) -> MixedSticks:
@@ -103,19 +108,24 @@ class Mixer:
         missing = wanted - self._effect @ self._curves.thrust(motors)
         for _ in range(STEPS):
             slopes = self._curves.slopes(motors)
-            step = np.linalg.lstsq((self._effect * slopes) @ self._factors, missing, rcond=1e-6)[0]
+            effect = (self._effect * slopes) @ self._factors
+            square = effect.T @ effect
+            damping = DAMPING * float(np.trace(square)) * IDENTITY
+            step = np.asarray(np.linalg.solve(square + damping, effect.T @ missing), np.float64)
             motors = self._factors @ (axes + step)
             left = wanted - self._effect @ self._curves.thrust(motors)
             if not float(left @ left) < float(missing @ missing):
                 break
             axes, missing = axes + step, left
+            if float(np.abs(self._factors @ step).max()) < SMALL:
+                break
         return axes
 
     def _fitting(self, axes: Floats) -> tuple[Floats, bool]:
         """The same direction of each group, within what its motors and the yaw channel can give."""
         axes, was_limited = axes.copy(), False
-        for group in self._groups:
-            largest = float(np.max(np.abs(self._factors[:, group] @ axes[group])))
+        for group, factors in self._groups:
+            largest = float(np.abs(factors @ axes[group]).max())
             if YAW in group:
                 largest = max(largest, abs(float(axes[YAW])) / self._yaw_scale)
             if largest > 1.0:
@@ -123,15 +133,15 @@ class Mixer:
                 was_limited = True
         room = 1.0 - self._coupling * abs(float(axes[THROTTLE]))
         if self._coupling and abs(axes[FORWARD]) > room:
-            axes[FORWARD] = np.clip(axes[FORWARD], -room, room)
+            axes[FORWARD] = max(-room, min(room, float(axes[FORWARD])))
             was_limited = True
         return axes, was_limited
 
     def _sent(self, axes: Floats, was_limited: bool) -> MixedSticks:
-        shares = axes.copy()
+        shares: list[float] = axes.tolist()
         shares[YAW] /= self._yaw_scale
         pulses = tuple(
-            [round(channel.pulse(float(shares[axis])))
+            [round(channel.pulse(shares[axis]))
              for axis, channel in zip(CHANNELS, self._channels, strict=True)]
         )  # fmt: skip
         read = np.zeros(6)

@@ -1,6 +1,8 @@
 """Thrust of all motors for their outputs, and the inverse, from tables: the mixer asks often."""
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
+from math import copysign
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,41 +26,64 @@ class MotorCurves:
         Args:
             senses: [-] 1 where a positive output pushes along the thruster's direction, else -1.
         """
-        self._grid = np.linspace(-1.0, 1.0, POINTS)
-        self._table = np.array(
+        grid = np.linspace(-1.0, 1.0, POINTS)
+        table = np.array(
             [
-                sense * _thrust(thruster, sense * self._grid)
+                sense * _thrust(thruster, sense * grid)
                 for thruster, sense in zip(thrusters, senses, strict=True)
             ]
         )
-        self._slope = np.maximum(np.gradient(self._table, STEP, axis=1), FLAT)
-        self._silent = np.array([_silent(thruster) for thruster in thrusters])
-        self._dead_band = np.array([thruster.dead_band for thruster in thrusters])
-        self._rows = np.arange(len(thrusters))
+        # Lists: for a handful of motors Python is faster than an array library.
+        self._tables: list[list[float]] = table.tolist()
+        self._slopes: list[list[float]] = np.maximum(
+            np.gradient(table, STEP, axis=1), FLAT
+        ).tolist()
+        self._silent = [_silent(thruster) for thruster in thrusters]
+        self._dead_bands = [thruster.dead_band for thruster in thrusters]
 
     def thrust(self, outputs: Floats) -> Floats:
         """[N] At which the motors settle; nothing inside their dead bands."""
-        at = (np.clip(outputs, -1.0, 1.0) + 1.0) / STEP
-        low = np.minimum(at.astype(int), POINTS - 2)
-        share, rows = at - low, self._rows
-        newtons = (1.0 - share) * self._table[rows, low] + share * self._table[rows, low + 1]
-        return np.where(np.abs(outputs) < self._silent - EDGE, 0.0, newtons)
+        newtons = list[float]()
+        for output, table, silent in zip(outputs.tolist(), self._tables, self._silent, strict=True):
+            at = (min(1.0, max(-1.0, output)) + 1.0) / STEP
+            low = min(int(at), POINTS - 2)
+            share = at - low
+            turns = abs(output) >= silent - EDGE
+            newtons.append((1.0 - share) * table[low] + share * table[low + 1] if turns else 0.0)
+        return np.array(newtons)
 
     def slopes(self, outputs: Floats) -> Floats:
         """[N] Per unit of output, of the curves without their dead bands."""
-        at = np.rint((np.clip(outputs, -1.0, 1.0) + 1.0) / STEP).astype(int)
-        return self._slope[self._rows, at]
+        return np.array(
+            [
+                slope[round((min(1.0, max(-1.0, output)) + 1.0) / STEP)]
+                for output, slope in zip(outputs.tolist(), self._slopes, strict=True)
+            ]
+        )
 
     def outputs_for(self, thrust: Floats) -> Floats:
         """[-] Per motor. Thrust at the edge of a dead band gets 1 µs more, so that rounding does
         not silence the motor; less gets nothing."""
-        outputs = np.zeros(len(thrust))
-        for index, newtons in enumerate(thrust.tolist()):
-            outputs[index] = np.interp(newtons, self._table[index], self._grid)
-        edge = self._silent + 1.0 / PULSE_SPAN
-        driven = np.abs(thrust) >= self._dead_band
-        pushed = np.copysign(np.maximum(np.abs(outputs), edge), thrust)
-        return np.where(driven & (thrust != 0.0), pushed, 0.0)
+        found = list[float]()
+        rows = zip(thrust.tolist(), self._tables, self._silent, self._dead_bands, strict=True)
+        for newtons, table, silent, dead_band in rows:
+            if newtons == 0.0 or abs(newtons) < dead_band:
+                found.append(0.0)
+                continue
+            output = max(abs(_inverse(table, newtons)), silent + 1.0 / PULSE_SPAN)
+            found.append(copysign(output, newtons))
+        return np.array(found)
+
+
+def _inverse(table: list[float], newtons: float) -> float:
+    """[-] Output for a thrust, limited to the ends of the table, which never falls."""
+    above = bisect_right(table, newtons)
+    if above == 0:
+        return -1.0
+    if above == POINTS:
+        return (bisect_left(table, newtons) * STEP - 1.0) if newtons == table[-1] else 1.0
+    low, high = table[above - 1], table[above]
+    return (above - 1 + (newtons - low) / (high - low)) * STEP - 1.0
 
 
 def _thrust(thruster: Thruster, shares: Floats) -> Floats:

@@ -16,7 +16,7 @@ from messages.sensors import (
 )
 from messages.topic import AnyTopic
 from services.ardusub.authority import TakenCheckpoint
-from services.ardusub.core import ArdusubDriver, Settings
+from services.ardusub.core import HEARD, ArdusubDriver, Settings
 from services.ardusub.io.codec import BoardCodec, FrameReader
 from services.ardusub.io.link import BoardLink, open_link
 from services.marine.vehicle import Vehicle
@@ -24,7 +24,7 @@ from services.runtime.config.errors import NeedsRealTimeError
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 
-POLL_HZ = 200.0  # [1/s] the link is looked at
+TICK_HZ = 100.0  # [1/s] what is due is sent, whatever arrives; as often as actuation is reported
 SHOW_HZ = 10.0  # [1/s] lights and camera tilt
 TOPICS: dict[type[Message], AnyTopic] = {
     ImuSample: topics.IMU,
@@ -50,7 +50,7 @@ def wire_to(link: BoardLink, node: Node, stack: Stack) -> None:
     before = node.restore_checkpoint(TakenCheckpoint)
     driver = ArdusubDriver(stack.section("vehicle", Vehicle), settings, before)
     codec = BoardCodec(settings.system, settings.component)
-    reader = FrameReader(codec)
+    reader = FrameReader(codec, settings.board, HEARD)
     pass_on = _passing_on(driver, link, codec, node)
     actuation = node.publisher(topics.ACTUATION)
 
@@ -91,11 +91,12 @@ def wire_to(link: BoardLink, node: Node, stack: Stack) -> None:
     end = node.alarm(lapse)
     node.each(topics.THRUSTERS, obey)
     node.each(topics.PILOT_REQUEST, hear)
-    node.every(POLL_HZ, look)
+    node.every(TICK_HZ, look)
     node.every(topics.ACTUATION.hz, report)
     _report_the_enclosure(node, driver)
     _show_light_and_tilt(node, driver)
     node.on_close(close)
+    link.start(node.from_outside(look))
 
 
 def _report_the_enclosure(node: Node, driver: ArdusubDriver) -> None:

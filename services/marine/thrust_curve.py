@@ -46,7 +46,16 @@ def t200(share: float) -> float:
     return share * (8.9 + square * (176.0 + square * (-404.1 + square * (389.9 - 140.3 * square))))
 
 
+def ardusub_simulator(share: float) -> float:
+    """[N] A motor of the simulator that comes with ArduSub's firmware: quadratic."""
+    return 51.48 * share * abs(share)
+
+
 # The polynomial has its maximum at 97.2 %; the decrease beyond, 0.2 N, is an artefact of the fit.
-# The ESC does not turn for pulses of 1464 to 1532 µs of 1100 to 1900 (a public fit).
-CURVES: dict[str, ThrustCurve] = {"t200": ThrustCurve(t200, top=0.9716, silent=0.085)}
+# The ESC does not turn for pulses of 1464 to 1532 µs of 1100 to 1900 (a public fit), and that of
+# ArduSub's simulator for 1475 to 1525.
+CURVES: dict[str, ThrustCurve] = {
+    "t200": ThrustCurve(t200, top=0.9716, silent=0.085),
+    "ardusub_simulator": ThrustCurve(ardusub_simulator, top=1.0, silent=0.0625),
+}
 LINEAR = "linear"  # no curve: limits and dead-band are those of the vehicle file

@@ -6,6 +6,7 @@ executable (several are separated by colons).
 
 import json
 import os
+import signal
 import socket
 import subprocess
 import sys
@@ -48,14 +49,26 @@ BOARDS = [
 
 
 @contextmanager
-def board_process(kind: str, port: int, folder: Path) -> Generator[None]:
-    """The double of a version, or a firmware by its path, which calls this port."""
+def board_process(
+    kind: str, port: int, folder: Path, params: dict[str, float] | None = None, beside: int = 0
+) -> Generator[None]:
+    """The double of a version, or a firmware by its path, which calls this port.
+
+    Args:
+        params: besides those above.
+        beside: port of a second link, which only the firmware has.
+    """
+    values = params or {}
     if kind in ("4.5", "4.8"):
         said = [sys.executable, "-P", "-m", DOUBLE, "--to", str(port), "--version", kind]
+        said += [word for name, value in values.items() for word in ("--set", f"{name}={value}")]
     else:
-        (folder / "lindy.parm").write_text(DEFAULTS)
+        (folder / "lindy.parm").write_text(
+            DEFAULTS + "".join(f"{name} {value:g}\n" for name, value in values.items())
+        )
         said = [kind, "--model", "vectored_6dof", "-S", "-I0", "--home", "63.4,10.4,0,90"]
         said += ["--defaults", "lindy.parm", "--serial0", f"udpclient:127.0.0.1:{port}"]
+        said += ["--serial1", f"udpclient:127.0.0.1:{beside}"] if beside else []
     with (folder / "board.log").open("wb") as log:
         process = subprocess.Popen(said, cwd=_root(kind, folder), stdout=log, stderr=log)
         try:
@@ -85,6 +98,7 @@ class Wire:
         self.link = open_link(f"udpin:127.0.0.1:{port}")
         self.driver = ArdusubDriver(stack.section("vehicle", Vehicle), Settings())
         self.codec = BoardCodec(255, 191)
+        self.other = BoardCodec(254, 190)
         self.reader = FrameReader(self.codec)
         self.thrust: tuple[float, ...] | None = None
         self.alive = True  # the service
@@ -117,6 +131,17 @@ class Wire:
 
     def say(self, packet: MavlinkPacket) -> None:
         self.link.send(self.codec.encode(packet))
+
+    def another_says(self, packet: MavlinkPacket) -> None:
+        """A ground station beside us."""
+        self.link.send(self.other.encode(packet))
+
+    def flying(self) -> None:
+        assert self.until(lambda: self.driver.stage == "accepted", 60.0) < 60.0, self.said
+        self.say(command(1, SET_INTERVAL, 36, 10_000))
+        self.thrust = DOWN
+        moves = self.until(lambda: self.armed and bool(self.servo) and self.servo != NEUTRAL)
+        assert moves < 30.0, self.said
 
     @property
     def armed(self) -> bool:
@@ -199,3 +224,95 @@ def test_a_dive_as_processes(tmp_path: Path, kind: str, port: int) -> None:
     assert report["exit"] == "clean"
     assert report["services"]["ardusub"]["restarts"] == 0
     assert (read_dive(open_recording(out)).max_depth_m or 0.0) > 0.3
+
+
+@pytest.mark.system
+@pytest.mark.parametrize("wanted", ["disarm", "mode"])
+@pytest.mark.parametrize("kind", BOARDS[1:])
+def test_another_ground_station_is_obeyed(
+    tmp_path: Path, kind: str, wanted: str, port: int
+) -> None:
+    wire = Wire(port)
+    with board_process(kind, port, tmp_path):
+        wire.flying()
+        wire.another_says(command(1, *((400, 0) if wanted == "disarm" else (176, 1, 2))))
+        assert wire.until(lambda: wire.driver.authority.taken, 10.0) < 10.0
+        if wanted == "disarm":
+            assert wire.until(lambda: wire.servo == NEUTRAL, 10.0) < 10.0
+        assert [text for text in wire.said if "somebody else has it" in text]
+        assert not wire.driver.authority.sends_sticks
+        wire.run(3.0)  # in which it would have armed again, or set the mode back
+        assert wire.driver.authority.taken
+        if wanted == "disarm":
+            assert not wire.armed
+            assert wire.servo == NEUTRAL
+    wire.link.close()
+
+
+@pytest.mark.system
+@pytest.mark.parametrize("kind", BOARDS[1:])
+def test_a_board_with_a_wrong_parameter_is_not_armed(tmp_path: Path, kind: str, port: int) -> None:
+    wire = Wire(port)
+    with board_process(kind, port, tmp_path, {"FS_PILOT_INPUT": 0.0}):
+        wire.thrust = DOWN
+        assert wire.until(lambda: wire.driver.stage == "refused", 60.0) < 60.0, wire.said
+        assert [text for text in wire.said if "FS_PILOT_INPUT is 0; allowed: 2" in text]
+        wire.run(3.0)
+        assert not wire.armed
+        assert not [sample for _, sample in wire.samples]
+    wire.link.close()
+
+
+class Beside:
+    """The outputs of a firmware, on its second link, by the board's own clock."""
+
+    def __init__(self, port: int) -> None:
+        self.link = open_link(f"udpin:127.0.0.1:{port}")
+        self.codec = BoardCodec(250, 191)
+        self.reader = FrameReader(self.codec)
+        self.at, self.servo = 0.0, list[int]()  # [s] and [µs] of the newest
+
+    def until(self, condition: Callable[[], bool], seconds: float) -> bool:
+        end, ask = time.monotonic() + seconds, 0.0
+        while not condition():
+            if (now := time.monotonic()) > end:
+                return False
+            if now > ask:
+                ask = now + 1.0
+                self.link.send(self.codec.encode(command(1, SET_INTERVAL, 36, 10_000)))
+            for packet in self.reader.read(b"".join(self.link.receive())).packets:
+                if packet.name == "SERVO_OUTPUT_RAW" and not condition():
+                    self.at = packet.fields["time_usec"] / 1e6
+                    self.servo = [packet.fields[f"servo{n}_raw"] for n in range(1, 9)]
+            time.sleep(0.001)  # the board is a process in real time
+        return True
+
+
+@pytest.mark.system
+@pytest.mark.parametrize(
+    "kind", FIRMWARE or [pytest.param("", marks=pytest.mark.skip("LINDY_ARDUSUB is not set"))]
+)
+def test_when_all_of_lindy_is_killed_the_board_is_neutral_after_its_timeout(
+    tmp_path: Path, kind: str, port: int
+) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        second = probe.getsockname()[1]
+    script = tmp_path / "script.csv"
+    script.write_text("t,surge,sway,heave,yaw\n0,0,0,1,0\n60,0,0,0,0\n")
+    words = [sys.executable, "-P", "-m", "tools", "dive", "--stack", "ardusub", "--headless"]
+    words += ["--vehicle", "bluerov2_heavy", "--pilot", f"script:{script}"]
+    words += ["--set", f"ardusub.url=udpin:127.0.0.1:{port}", "--out", str(tmp_path / "out")]
+    words += ["--set", "estimation.calibration.still_time=3"]
+    beside = Beside(second)
+    with board_process(kind, port, tmp_path, beside=second):
+        dive = subprocess.Popen(words, start_new_session=True, stdout=subprocess.DEVNULL)
+        try:
+            assert beside.until(lambda: max(beside.servo, default=0) > 1600, PATIENCE_S)
+        finally:
+            os.killpg(dive.pid, signal.SIGKILL)  # as when its computer dies
+            dive.wait()
+        killed = beside.at
+        assert beside.until(lambda: beside.servo == NEUTRAL, 30.0)
+        assert beside.at - killed < 1.0 + 0.1, "FS_PILOT_TIMEOUT is 1 s"
+    beside.link.close()

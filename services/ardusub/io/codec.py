@@ -1,10 +1,11 @@
 """MAVLink frames to packets and back, by pymavlink."""
 
 import importlib
+from collections.abc import Iterable
 from typing import Any, NamedTuple, cast
 
-from services.ardusub.framing import FrameCutter
-from services.ardusub.packet import MavlinkPacket
+from services.ardusub.framing import FrameCutter, header_of
+from services.ardusub.packet import AUTOPILOT, MavlinkPacket
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
 
@@ -43,6 +44,10 @@ class BoardCodec:
         self._mav.seq = (self._mav.seq + 1) % 256
         return bytes(data)
 
+    def numbers(self, names: Iterable[str]) -> frozenset[int]:
+        """Ids of messages."""
+        return frozenset(self.number(name) for name in names)
+
     def decode(self, frame: bytes) -> MavlinkPacket | None:
         """None for a frame with a wrong check sum. A message of another dialect has no fields."""
         try:
@@ -67,12 +72,23 @@ class ReadFrames(NamedTuple):
 class FrameReader:
     """Packets from a stream of bytes, with what was wrong with the others counted."""
 
-    def __init__(self, codec: BoardCodec) -> None:
+    def __init__(self, codec: BoardCodec, board: int = 0, heard: Iterable[str] = ()) -> None:
+        """
+        Args:
+            board: system whose autopilot sends much that nobody asked for: of its frames only the
+                messages `heard` are decoded. 0: everything is.
+        """
         self._codec, self._framing = codec, FrameCutter()
+        self._board, self._heard = board, codec.numbers(heard)
 
     def read(self, data: bytes) -> ReadFrames:
         frames, garbage = self._framing.frames(data)
-        kept = frames[-MOST:]
+        kept = [frame for frame in frames[-MOST:] if self._is_heard(frame)]
         packets = [self._codec.decode(frame) for frame in kept]
         good = [packet for packet in packets if packet is not None]
-        return ReadFrames(good, garbage + len(kept) - len(good), len(frames) - len(kept))
+        return ReadFrames(good, garbage + len(kept) - len(good), max(0, len(frames) - MOST))
+
+    def _is_heard(self, frame: bytes) -> bool:
+        header = header_of(frame)
+        of_board = (header.system, header.component) == (self._board, AUTOPILOT)
+        return not of_board or header.message in self._heard

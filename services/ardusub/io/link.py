@@ -1,4 +1,4 @@
-"""Bytes to and from the board, by URL. Nothing here waits: it is looked at from a timer.
+"""Bytes to and from the board, by URL. Nothing here waits, but for the thread that notifies.
 
 udpin:HOST:PORT       wait there for the board, as BlueOS's "UDP Client" endpoint wants it
 udpout:HOST:PORT      speak first
@@ -11,8 +11,10 @@ import os
 import socket
 import termios
 import time
+from collections.abc import Callable
 from typing import Protocol
 
+from services.ardusub.io.watch import ArrivalWatch
 from services.runtime.config.errors import LindyError
 
 ALLOWED = "udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or serial:DEVICE:BAUD"
@@ -23,6 +25,11 @@ AGAIN_S = 1.0  # [s] between two attempts to connect
 
 
 class BoardLink(Protocol):
+    def start(self, notify: Callable[[], None]) -> None:
+        """`notify` is called when something has arrived; `receive` then takes it. A connection
+        that is lost is made again by `receive` alone, so that it is called now and then anyway."""
+        ...
+
     def receive(self) -> list[bytes]: ...
 
     def send(self, data: bytes) -> None: ...
@@ -55,11 +62,24 @@ def open_link(url: str) -> BoardLink:
         raise LindyError(f"ardusub.url {url}: {error}; allowed: {ALLOWED}") from None
 
 
-class _Losses:
-    """Counts what a link could not do."""
+class _Link:
+    """Says when something arrives, and counts what could not be done."""
 
     def __init__(self) -> None:
         self.strangers = self.unsent = 0
+        self._watch: ArrivalWatch | None = None
+
+    def descriptor(self) -> int:
+        """Of the socket or file; -1 where there is none."""
+        raise NotImplementedError
+
+    def start(self, notify: Callable[[], None]) -> None:
+        self._watch = ArrivalWatch(self.descriptor, notify)
+
+    def _stop(self) -> None:
+        if self._watch is not None:
+            self._watch.close()
+            self._watch = None
 
     def lost(self) -> tuple[int, int]:
         found = self.strangers, self.unsent
@@ -67,7 +87,7 @@ class _Losses:
         return found
 
 
-class UdpLink(_Losses):
+class UdpLink(_Link):
     """One board: datagrams of other senders are left alone as long as it speaks."""
 
     def __init__(self, address: tuple[str, int], *, listens: bool) -> None:
@@ -82,6 +102,9 @@ class UdpLink(_Losses):
         except (OSError, OverflowError):
             self._socket.close()
             raise
+
+    def descriptor(self) -> int:
+        return self._socket.fileno()
 
     def receive(self) -> list[bytes]:
         found: list[bytes] = []
@@ -114,10 +137,11 @@ class UdpLink(_Losses):
             self.unsent += 1
 
     def close(self) -> None:
+        self._stop()
         self._socket.close()
 
 
-class TcpLink(_Losses):
+class TcpLink(_Link):
     def __init__(self, address: tuple[str, int]) -> None:
         """The first connection may be refused: the board may not be up yet."""
         super().__init__()
@@ -133,6 +157,10 @@ class TcpLink(_Losses):
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._socket.connect_ex(self._address)
 
+    def descriptor(self) -> int:
+        connection = self._socket  # the other thread may take it away
+        return -1 if connection is None else connection.fileno()
+
     def receive(self) -> list[bytes]:
         if self._socket is None:
             if time.monotonic() >= self._again:
@@ -146,7 +174,7 @@ class TcpLink(_Losses):
             data = b""
         if data:
             return [data]
-        self.close()
+        self._disconnect()
         return []
 
     def send(self, data: bytes) -> None:
@@ -155,16 +183,20 @@ class TcpLink(_Losses):
         except OSError:  # not connected yet, or no room
             sent = 0
         if 0 < sent < len(data):  # the rest of a frame must not follow later
-            self.close()
+            self._disconnect()
         self.unsent += sent < len(data)
 
-    def close(self) -> None:
+    def _disconnect(self) -> None:
         if self._socket is not None:
             self._socket.close()
             self._socket = None
 
+    def close(self) -> None:
+        self._stop()
+        self._disconnect()
 
-class SerialLink(_Losses):
+
+class SerialLink(_Link):
     def __init__(self, device: str, baud: int) -> None:
         """
         Raises:
@@ -190,6 +222,9 @@ class SerialLink(_Losses):
         termios.tcsetattr(self._file, termios.TCSANOW, mode)
         termios.tcflush(self._file, termios.TCIOFLUSH)
 
+    def descriptor(self) -> int:
+        return self._file
+
     def receive(self) -> list[bytes]:
         with contextlib.suppress(OSError):  # nothing there, or the cable was pulled
             data = os.read(self._file, LONGEST)
@@ -203,4 +238,5 @@ class SerialLink(_Losses):
             self.unsent += 1
 
     def close(self) -> None:
+        self._stop()
         os.close(self._file)

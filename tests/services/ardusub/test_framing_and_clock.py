@@ -128,3 +128,14 @@ def test_a_jump_is_noticed_with_the_next_answer(jump: int) -> None:
     assert not clock.answered(now, now + MS - 50 * S + jump, now + 2 * MS)
     assert clock.jumps == 1
     assert clock.ours(now + MS - 50 * S + jump, now + 2 * MS) == pytest.approx(now + MS, abs=2 * MS)
+
+
+def test_only_what_is_listened_to_is_decoded_of_the_board_and_everything_of_others() -> None:
+    ours, theirs = BoardCodec(1, 1), BoardCodec(255, 190)
+    attitude = MavlinkPacket("SYSTEM_TIME", {"time_unix_usec": 1, "time_boot_ms": 1})
+    frames = [ours.encode(heartbeat()), ours.encode(attitude), theirs.encode(attitude)]
+    names = [p.name for p in FrameReader(ours, 1, ["HEARTBEAT"]).read(b"".join(frames)).packets]
+    assert names == ["HEARTBEAT", "SYSTEM_TIME"]
+    found = FrameReader(ours).read(b"".join(frames))
+    assert [p.system for p in found.packets] == [1, 1, 255]
+    assert (found.wrong, found.left_out) == (0, 0)

@@ -10,6 +10,7 @@ from collections.abc import Callable
 import pytest
 
 from services.ardusub.io.link import BoardLink, open_link
+from services.ardusub.io.watch import PAUSE_S
 from services.runtime.config.errors import LindyError
 
 PATIENCE_S = 10.0
@@ -126,3 +127,60 @@ def test_a_serial_port_passes_every_byte_as_it_is() -> None:
     link.close()
     os.close(slave)
     os.close(master)
+
+
+def test_whoever_started_it_is_told_of_every_arrival_and_a_flood_does_not_keep_it_busy() -> None:
+    port = free_port()
+    link = open_link(f"udpin:127.0.0.1:{port}")
+    told, heard = threading.Event(), list[bytes]()
+    calls = [0]
+
+    def notified() -> None:
+        calls[0] += 1
+        heard.extend(link.receive())
+        told.set()
+
+    link.start(notified)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as board:
+        for word in (b"one", b"two", b"three"):
+            told.clear()
+            board.sendto(word, ("127.0.0.1", port))
+            assert told.wait(PATIENCE_S)
+            assert heard[-1] == word
+        before, began = calls[0], time.monotonic()
+        while time.monotonic() < began + 0.2:
+            board.sendto(b"x", ("127.0.0.1", port))
+        assert calls[0] - before <= (time.monotonic() - began) / PAUSE_S + 1
+    link.close()
+    assert not [t for t in threading.enumerate() if t.name == "board"]
+
+
+def test_a_connection_made_anew_is_waited_for_as_well() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as board:
+        board.bind(("127.0.0.1", 0))
+        board.listen()
+        board.settimeout(PATIENCE_S)
+        link = open_link(f"tcp:127.0.0.1:{board.getsockname()[1]}")
+        told, lock, heard = threading.Event(), threading.Lock(), list[bytes]()
+
+        def look() -> None:
+            with lock:  # as a service does: one handler at a time
+                heard.extend(link.receive())
+            if heard:
+                told.set()
+
+        link.start(look)
+        for word in (b"first", b"second"):
+            accepted = list[socket.socket]()
+            waiting = threading.Thread(target=accept, args=(board, accepted))
+            waiting.start()
+            while waiting.is_alive():
+                look()  # as its timer does
+                time.sleep(0.01)  # for the attempt that follows a second after a loss
+            with accepted[0] as end:
+                heard.clear()
+                told.clear()
+                end.sendall(word)
+                assert told.wait(PATIENCE_S)
+                assert heard == [word]
+        link.close()

@@ -1,6 +1,7 @@
 """The double on virtual time: its frames are handed over in memory."""
 
 from collections import deque
+from collections.abc import Callable
 
 from services.ardusub.io.codec import BoardCodec, FrameReader
 from services.ardusub.io.link import BoardLink
@@ -8,6 +9,7 @@ from services.ardusub.packet import MavlinkPacket
 from services.runtime.hosts.virtual_host import VirtualHost
 from tools.research.ardusub_double.board import BoardDouble
 
+SERVICE = "ardusub"  # it is told of arrivals as long as it runs
 STEP_HZ = 400.0  # [1/s] twice the board's own rate
 
 
@@ -17,6 +19,10 @@ class MemoryLink(BoardLink):
     def __init__(self) -> None:
         self.up, self.down = deque[bytes](), deque[bytes]()
         self.cut = False
+        self.notify: Callable[[], None] = lambda: None
+
+    def start(self, notify: Callable[[], None]) -> None:
+        self.notify = notify
 
     def receive(self) -> list[bytes]:
         found = list(self.up)
@@ -38,7 +44,7 @@ class BoardOnHost:
     """A board stepped by a virtual host, and another ground station at the same board."""
 
     def __init__(self, host: VirtualHost, board: BoardDouble) -> None:
-        self.board, self.link = board, MemoryLink()
+        self.board, self.link, self._host = board, MemoryLink(), host
         self.heard: list[MavlinkPacket] = []  # from the service
         self.alive = True
         self._codec = BoardCodec(board.system, 1)
@@ -61,3 +67,5 @@ class BoardOnHost:
         self.board.advance(now)
         for packet in self.board.sent():
             self.link.up.append(self._codec.encode(packet))
+        if self.link.up and not self.link.cut and SERVICE in self._host.nodes:
+            self.link.notify()
