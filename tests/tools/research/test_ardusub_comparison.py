@@ -33,6 +33,7 @@ def test_a_stop_that_is_known_is_found_whichever_way_it_went(
     assert found.bounce == pytest.approx(back, abs=0.004)
     assert found.speed == pytest.approx(1.0, rel=0.01)
     assert found.doubt < 0.015
+    assert found.short == pytest.approx(0.0, abs=0.004)
     assert found.rms == pytest.approx(0.0, abs=1e-4)
     assert found.sinking == (direction > 0.0)
 
@@ -41,6 +42,7 @@ def test_rms_at_rest_is_about_the_mean() -> None:
     truth = stopped(10.0, 0.5, 0.0, 1.0, 5.0)
     swing = 0.01 * 2 * np.pi * np.cos(2 * np.pi * truth.t)  # [m/s] of 10 mm
     swing = truth._replace(speed=truth.speed + swing)
+    assert judge(swing, 10.0, 1.0).short == pytest.approx(0.01, abs=0.002)
     assert judge(swing, 10.0, 1.0).rms == pytest.approx(0.01 / np.sqrt(2), rel=0.02)
 
 

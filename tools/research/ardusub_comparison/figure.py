@@ -42,6 +42,7 @@ def summary(flight: Flight) -> str:
     found = [f"{flight.name:9s}", _range(flight, "speed", 1.0, "m/s at the release", "2f")]
     found.append(_range(flight, "stopping", 1e3, "mm stopping distance", "0f"))
     found.append(_range(flight, "bounce", 1e3, "mm beyond the resting depth", "1f"))
+    found.append(_range(flight, "short", 1e3, "mm swung back short of it", "1f"))
     found.append(_range(flight, "rms", 1e3, "mm rms at rest", "1f"))
     found.append(_range(flight, "doubt", 1e3, "mm from the depth in steps of 10 mm", "1f"))
     return "; ".join(found)

@@ -13,6 +13,7 @@ Floats = NDArray[np.float64]
 AFTER_S = 7.5  # [s] after a release that belong to it
 RESTS_S = 3.0  # [s] at the end of them: at rest
 BEFORE_S = 0.3  # [s] before it, over which the speed is taken
+NEAR = 0.001  # [m] of the resting depth: it has been there
 
 
 class TrueDepth(NamedTuple):
@@ -30,6 +31,7 @@ class JudgedRelease(NamedTuple):
     speed: float  # [m/s] at the release
     stopping: float  # [m] greatest distance travelled
     bounce: float  # [m] of it beyond the depth at which it comes to rest
+    short: float  # [m] farthest that it swings back from there, once it has been there
     rms: float  # [m] at rest, about the mean
     doubt: float  # [m] most by which the integral differs from the depth in its steps
 
@@ -52,6 +54,7 @@ def judge(truth: TrueDepth, at: float, direction: float) -> JudgedRelease:
     coarse = direction * (truth.depth - np.interp(0.0, t, truth.depth))[after]
     resting = travelled[t[after] >= AFTER_S - RESTS_S]
     stopping = float(travelled.max())
+    there = int(np.argmax(travelled >= resting.mean() - NEAR))  # the first time
     return JudgedRelease(
         t=t[after],
         travelled=travelled,
@@ -59,6 +62,7 @@ def judge(truth: TrueDepth, at: float, direction: float) -> JudgedRelease:
         speed=float(np.mean(direction * truth.speed[before])),
         stopping=stopping,
         bounce=stopping - float(resting.mean()),
+        short=float(resting.mean() - travelled[there:].min()),
         rms=float(resting.std()),
         doubt=float(np.abs(travelled - coarse).max()),
     )
