@@ -6,9 +6,8 @@ but the depths themselves lie on a line, the filter is wrong. If neither, the pr
 
 from services.estimation.line_fit import Line, LineFit
 
-
-# [s], [m/s] a filter that leaves the samples as fast is wrong; a jump of the pressure keeps its size
-DIVERGES_IN, DIVERGES_BY = 0.25, 0.3
+# A filter that leaves the samples as fast is wrong. A jump of the pressure keeps its size.
+DIVERGES_IN, DIVERGES_BY = 0.25, 0.5  # [s], [m/s]
 
 
 class RejectedSamples:
