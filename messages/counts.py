@@ -92,6 +92,9 @@ NAMES: dict[str, Meaning] = {
     "trusted:gyroscope": Meaning(
         SENSOR, "the gyroscope fitted gravity and the compass again and was used"
     ),
+    "found:heading": Meaning(
+        SENSOR, "the compass measured the heading again after a silence of the IMU"
+    ),
     "jumped:sensor/pressure": Meaning(
         DANGER, "the pressure jumped and stayed: the depth, and the held depth, moved with it"
     ),

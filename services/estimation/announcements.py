@@ -51,4 +51,5 @@ TOLD = {
     "doubted:gyroscope",
     "stepped:gyroscope",
     "trusted:gyroscope",
+    "found:heading",
 }

@@ -165,7 +165,7 @@ class Estimator:
         sample = self._at_origin.magnetometer(sample)
         if self._calibrating is not None:
             self._calibrating.magnetometer(sample.field)
-        else:
+        elif self._hears_imu(sample.stamp_ns):  # without attitude, a field says nothing
             self._announcements.tell(self._attitude.magnetometer(sample.field, sample.stamp_ns))
 
     def dvl(self, sample: DvlSample) -> None:

@@ -9,6 +9,9 @@ Validity:
   accelerometer alone keeps it known.
 - gyroscope's bias changed: attitude is learnt anew from gravity; headings and yaw rate are not
   valid until the magnetometer has measured them, or the bias is as before (gyro_check.py).
+- IMU back after half a second or more: headings are not valid until the magnetometer has measured
+  how far the vehicle turned meanwhile (unseen_turn.py). Without one, north is never known, and the
+  control heading goes on from where it was, with its standard deviation.
 - vertical acceleration and pressure disagree: depth and rate from pressure alone, the acceleration
   is not valid.
 - IMU silent: at first no states, so receivers see the last one age. After `imu_patience`, states

@@ -9,7 +9,7 @@ q_NB is w, x, y, z and turns body (FRD) vectors into NED. Roll is about x and pi
 Andrén's eq. 5.24 has the same expressions with these two names exchanged.
 """
 
-from math import atan2, sqrt
+from math import atan2, cos, sin, sqrt
 from typing import Annotated
 
 import msgspec
@@ -63,6 +63,11 @@ class AttitudeFilter:
         """Begin with the tilt of a specific force at rest [m/s²], FRD, and a heading [rad]."""
         roll, pitch = tilt_of(specific_force)
         self.q = from_euler(roll, pitch, heading)
+
+    def turn(self, by: float) -> None:
+        """Turn about the vertical by this angle [rad]."""
+        (w, x, y, z), c, s = self.q, cos(by / 2.0), sin(by / 2.0)
+        self.q = unit(c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w)
 
     def step(self, rate: Vec3, specific_force: Vec3, dt: float, beta: float | None = None) -> bool:
         """Advance by `dt` [s] with the angular rate [rad/s], bias removed, and the specific force

@@ -13,6 +13,7 @@ from services.estimation.attitude.heading import (
     strength_and_dip,
     wrapped,
 )
+from services.estimation.attitude.unseen_turn import UnseenTurn
 from services.estimation.attitude.yaw_bias import YawBias
 from services.marine.attitude import down_in_body, to_euler
 from services.marine.summation import plain_sum
@@ -41,6 +42,7 @@ class AttitudeObserver:
         self._filter = AttitudeFilter(settings)
         self.gyroscope = GyroCheck()
         self._yaw_bias = YawBias()
+        self._unseen = UnseenTurn()
         self._started = False
         self._rate: Vec3 | None = None  # [rad/s] newest, bias removed
         self._euler: Vec3 = (0.0, 0.0, wrapped(heading))
@@ -104,6 +106,10 @@ class AttitudeObserver:
         """No IMU samples for this long [s]."""
         self.control.blind(seconds)
         self.compass.blind(seconds)
+        if self.compass.offset is not None:  # else nothing can tell
+            self._unseen.blind(seconds)
+        if self._unseen.matters:
+            self._started = False  # the accelerometer alone knows the tilt better
         self._tilt_std = min(pi, self._tilt_std + UNSURE_AFTER * seconds)
 
     def magnetometer(self, field: Vec3, stamp_ns: int) -> str | None:
@@ -114,6 +120,8 @@ class AttitudeObserver:
         dt = 0.0 if before is None else min(0.1, max(0.0, (stamp_ns - before) * 1e-9))
         if not self.gyroscope.trusted:
             return self._relearn(field, stamp_ns, dt)
+        if self._unseen.matters:
+            return self._find(field, stamp_ns, dt)
         event = self.compass.step(self._filter.q, field, dt)
         if event != "steep" and self.compass.field.trusted:
             self._compass_ns = stamp_ns
@@ -137,9 +145,33 @@ class AttitudeObserver:
         """The gyroscope measures turns again. North, if it was measured meanwhile, is known as well
         as the compass is; otherwise the vehicle may have turned unseen."""
         if self._yaw_bias.offset is not None:
-            self.compass.restart(self._yaw_bias.offset)
-            self.control.std = self._settings.compass_std
+            self._correct(self._yaw_bias.offset)
         self._yaw_bias.forget()
+
+    def _find(self, field: Vec3, stamp_ns: int, dt: float) -> str | None:
+        """After a silence of the IMU, the magnetometer measures the heading."""
+        offset = self._unseen.measure(self.compass.measure(self._filter.q, field), dt)
+        if offset is None:
+            return None
+        self._compass_ns = stamp_ns
+        self._correct(offset)
+        return "found:heading"
+
+    def _correct(self, offset: float) -> None:
+        """The compass has measured this offset [rad]. What it differs by from the one before is a
+        turn that the gyroscope did not measure."""
+        std, before = self._settings.compass_std, self.compass.offset
+        turned = 0.0 if before is None else wrapped(offset - before)
+        self._filter.turn(turned)
+        self._euler = to_euler(self._filter.q)
+        self.control.turn(turned, std)
+        self.compass.restart(offset if before is None else before)
+        self._unseen.forget()
+
+    @property
+    def knows_turns(self) -> bool:
+        """Whether the heading includes every turn since calibration, as far as its std says."""
+        return self.gyroscope.trusted and not self._unseen.matters
 
     @property
     def relearns(self) -> bool:
@@ -166,7 +198,7 @@ class AttitudeObserver:
         """Control heading [rad], accumulated past ±π."""
         upright = abs(self._euler[1]) < STEEPEST
         std = min(pi, self._settings.heading_std + self.control.std)
-        if not self.gyroscope.trusted:
+        if not self.knows_turns:
             valid, std = False, pi
         return Estimate(self.control.heading, std, valid and upright)
 
@@ -176,13 +208,13 @@ class AttitudeObserver:
             return None
         recent = now - self._compass_ns <= COMPASS_HOLD_NS and abs(self._euler[1]) < STEEPEST
         heading = wrapped(self.control.heading + self.compass.offset)
-        valid = valid and self.gyroscope.trusted
+        valid = valid and self.knows_turns
         return Estimate(heading, self.compass.std, valid and recent)
 
     @property
     def north_std(self) -> float:
         """[rad] 1σ of the heading from north; of the control heading without a compass."""
-        if not self.gyroscope.trusted:
+        if not self.knows_turns:
             return pi
         return self.control.std if self.compass.offset is None else self.compass.std
 

@@ -20,8 +20,10 @@ MEMORY = 2.0  # [s] of the mean deviation
 # 0.1 rad/s takes a second and a half.
 MOST = 0.13
 AGREED, AGREED_FOR = 0.02, 6.0  # [rad], [s] of the mean: learnt
-# As above, of a shorter mean: a bias of 0.5 rad/s takes half a second. Simulated dives reach 0.15.
-QUICK_MEMORY, QUICK_MOST = 0.2, 0.25  # [s], [rad]
+# As above, of a shorter mean: a bias of 0.5 rad/s takes half a second. Simulated dives with all
+# sticks thrown over every 1.5 s reach 0.21. Much more would come too late: a vehicle that already
+# follows the wrong depth accelerates too much to compare with gravity.
+QUICK_MEMORY, QUICK_MOST = 0.1, 0.25  # [s], [rad]
 SPRING, INTEGRAL = 1.0, 0.25  # [1/s], [1/s²] critically damped
 CHANGED = 0.004  # [rad/s] a change of the bias that the filter's correction would not have held
 

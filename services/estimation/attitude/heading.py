@@ -43,6 +43,12 @@ class ControlHeading:
         self.yaw_rate += (1.0 - exp(-self._cutoff * dt)) * (rate - self.yaw_rate)
         self.std = min(pi, self.std + self._drift * dt * max(1.0, dt / PERIOD))
 
+    def turn(self, by: float, std: float) -> None:
+        """The heading is this much [rad] further, and known to `std` [rad]."""
+        self.heading += by
+        self._yaw = wrapped(self._yaw + by)
+        self.std = std
+
     def blind(self, seconds: float) -> None:
         """No IMU samples for this long [s]."""
         self.std = min(pi, self.std + UNKNOWN_TURN * seconds)

@@ -54,6 +54,7 @@ class DepthObserver:
     An innovation beyond `gate` σ is an outlier and is not used. After `outlier_run` seconds of
     outliers only that agree with each other, pressure is believed (`rejected_samples.py`): either
     the depth is moved by the jump, which the reference follows, or the accelerometer was wrong.
+    The latter needs only a quarter of a second where the filter leaves the samples fast.
     After `lost_after` seconds without an accepted sample the depth is lost, and the next valid
     sample restarts the filter. The rate is known for as long as the accelerometer keeps its
     standard deviation below `KNOWN_RATE`.
@@ -209,13 +210,13 @@ class DepthObserver:
         if not self._filter.is_sound():
             return self._reset()
         lasts = self._clipped.lasts(innovation, most, stamp_ns)
-        event = self._judge_accelerometer(used / std, depth, age, stamp_ns)
+        event = self._judge_accelerometer(innovation, used / std, depth, age, stamp_ns)
         return event or ("clipped:sensor/pressure" if lasts else None)
 
     def _judge_accelerometer(
-        self, normalised: float, depth: float, age: float, stamp_ns: int
+        self, innovation: float, normalised: float, depth: float, age: float, stamp_ns: int
     ) -> str | None:
-        """After a sample [m] with this clipped innovation [σ]."""
+        """After a sample [m] with this innovation [m], and clipped [σ]."""
         if self._trial is not None:
             if not self._trial.passed(depth, self._sample_std, age, stamp_ns, self._filter):
                 return None
@@ -226,7 +227,7 @@ class DepthObserver:
             return None  # a value that repeats may be of a frozen sensor
         if self._mean.add(normalised, stamp_ns) <= MOST_MEAN:
             return None
-        self._filter.doubt(0.0, RATE_STD)
+        self._filter.doubt(innovation, GROWN_RATE_STD)
         return self._distrust()
 
     @property
@@ -265,14 +266,15 @@ class DepthObserver:
                 return self._distrust()
             patience = self._settings.outlier_run if self._trial is None else ALONE_RUN
             self._rejected = RejectedSamples(depth, stamp_ns, patience)
-        if not self._rejected.add(innovation, depth, stamp_ns):
+        over = self._rejected.add(innovation, depth, stamp_ns)
+        if not over and not self._rejected.diverges(self._most_spread):
             return "outlier:sensor/pressure"
         rejected, self._rejected = self._rejected, None
         return self._believe(rejected, stamp_ns)
 
     def _believe(self, rejected: RejectedSamples, stamp_ns: int) -> str:
         """Believe the pressure if its samples, rejected for long, agree with each other."""
-        most = SCATTER + 3.0 * self._sample_std
+        most = self._most_spread
         jump, line, f = rejected.innovations, rejected.depths, self._filter
         if jump.spread <= most and abs(jump.slope) <= LEVEL_LINE + 3.0 * jump.slope_std:
             f.depth += jump.level
@@ -292,6 +294,11 @@ class DepthObserver:
         if self._trial is not None:
             self._trial.begin(f)
         return event
+
+    @property
+    def _most_spread(self) -> float:
+        """[m] of samples that agree with each other."""
+        return SCATTER + 3.0 * self._sample_std
 
     def _jumped(self, by: float) -> None:
         """The depth has moved by this [m], and the vehicle has not: either may be right."""

@@ -6,6 +6,9 @@ but the depths themselves lie on a line, the filter is wrong. If neither, the pr
 
 from services.estimation.line_fit import Line, LineFit
 
+# A filter that leaves the samples as fast is wrong. A jump of the pressure keeps its size.
+DIVERGES_IN, DIVERGES_BY = 0.25, 0.5  # [s], [m/s]
+
 
 class RejectedSamples:
     """Those in a row since `since_ns` [ns]."""
@@ -25,6 +28,14 @@ class RejectedSamples:
         self._innovations.add(self._seconds, innovation)
         self._depths.add(self._seconds, depth - self._first)
         return self._seconds > self.patience
+
+    def diverges(self, most: float) -> bool:
+        """Do samples within `most` [m] of a line leave the filter ever further behind?"""
+        if self._seconds <= DIVERGES_IN:
+            return False
+        away = self.innovations
+        fast = abs(away.slope) > DIVERGES_BY + 3.0 * away.slope_std
+        return fast and away.slope * away.level > 0.0 and self.depths.spread <= most
 
     @property
     def innovations(self) -> Line:
