@@ -152,6 +152,9 @@ def test_a_pymavlink_script_flies_over_udp(dive: Dive) -> None:
     script.until(lambda: "failsafe: pilot lost" in script.texts, steers=False)
     script.until(lambda: vehicle.messages["HEARTBEAT"].system_status == 5, steers=False)
     assert vehicle.motors_armed()
+    script.for_s(1.5)  # a heartbeat comes once a second
+    assert vehicle.messages["HEARTBEAT"].system_status == 5, "sticks alone end no failsafe"
+    vehicle.set_mode("ALT_HOLD")
     script.until(lambda: vehicle.messages["HEARTBEAT"].system_status == 4)
     script.arm(0)
     script.until(script.acknowledged(ARM_DISARM, 0))
