@@ -92,29 +92,7 @@ def test_without_noise_the_numbers_come_back() -> None:
     assert found.x[FITTED] == pytest.approx(truth(start)[FITTED], abs=2e-6)
 
 
-def test_when_it_was_measured_changes_nothing() -> None:
-    start = start_of(FILE)
-    here = fit(made(seed=3), start, ("heave", "yaw"))
-    later = fit(made(seed=3, shift=1234.0), start, ("heave", "yaw"))
-    assert later.x == pytest.approx(here.x, abs=1e-6)
-
-
-@pytest.mark.parametrize("excited", ["heave", "yaw"])
-def test_an_axis_that_is_not_moved_keeps_its_numbers(excited: str) -> None:
-    found = fit(made(excited), start_of(FILE), ("heave", "yaw"))
-    assert found.axes == (excited,)
-    assert set(found.refused) == {"heave", "yaw"} - {excited}
-
-
 def test_without_any_excitation_nothing_is_fitted() -> None:
     found = fit(made("none"), start_of(FILE))
     assert found.axes == ()
     assert set(found.refused) >= set(AXES)
-
-
-def test_drag_never_drives() -> None:
-    start = start_of(FILE)
-    found = fit(made(noise=10.0, windows=2), start, ("heave", "yaw"))
-    assert found.axes
-    for axis in map(AXES.index, found.axes):
-        assert min(found.x[3 * axis + 1], found.x[3 * axis + 2]) >= 0.0

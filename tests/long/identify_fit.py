@@ -1,0 +1,29 @@
+"""Laws of the fit that cost a minute or more; `make explore` runs them."""
+
+import pytest
+
+from tests.tools.identify.test_identify_fit import FILE, made
+from tools.identify.fit import fit
+from tools.identify.parameters import AXES, start_of
+
+
+def test_when_it_was_measured_changes_nothing() -> None:
+    start = start_of(FILE)
+    here = fit(made(seed=3), start, ("heave", "yaw"))
+    later = fit(made(seed=3, shift=1234.0), start, ("heave", "yaw"))
+    assert later.x == pytest.approx(here.x, abs=1e-6)
+
+
+@pytest.mark.parametrize("excited", ["heave", "yaw"])
+def test_an_axis_that_is_not_moved_keeps_its_numbers(excited: str) -> None:
+    found = fit(made(excited), start_of(FILE), ("heave", "yaw"))
+    assert found.axes == (excited,)
+    assert set(found.refused) == {"heave", "yaw"} - {excited}
+
+
+def test_drag_never_drives() -> None:
+    start = start_of(FILE)
+    found = fit(made(noise=10.0, windows=2), start, ("heave", "yaw"))
+    assert found.axes
+    for axis in map(AXES.index, found.axes):
+        assert min(found.x[3 * axis + 1], found.x[3 * axis + 2]) >= 0.0
