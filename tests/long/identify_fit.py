@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.tools.identify.test_identify_fit import FILE, made
+from tests.tools.identify.test_identify_fit import FILE, FITTED, made, truth
 from tools.identify.fit import fit
 from tools.identify.parameters import AXES, start_of
 
@@ -27,3 +27,10 @@ def test_drag_never_drives() -> None:
     assert found.axes
     for axis in map(AXES.index, found.axes):
         assert min(found.x[3 * axis + 1], found.x[3 * axis + 2]) >= 0.0
+
+
+def test_without_noise_the_numbers_come_back() -> None:
+    start = start_of(FILE)
+    found = fit(made(noise=0.0), start, ("heave", "yaw"))
+    assert found.axes == ("heave", "yaw")
+    assert found.x[FITTED] == pytest.approx(truth(start)[FITTED], abs=2e-6)

@@ -210,13 +210,13 @@ class DepthObserver:
         if not self._filter.is_sound():
             return self._reset()
         lasts = self._clipped.lasts(innovation, most, stamp_ns)
-        event = self._judge_accelerometer(innovation, used / std, depth, age, stamp_ns)
+        event = self._judge_accelerometer(used / std, depth, age, stamp_ns)
         return event or ("clipped:sensor/pressure" if lasts else None)
 
     def _judge_accelerometer(
-        self, innovation: float, normalised: float, depth: float, age: float, stamp_ns: int
+        self, normalised: float, depth: float, age: float, stamp_ns: int
     ) -> str | None:
-        """After a sample [m] with this innovation [m], and clipped [σ]."""
+        """After a sample [m] with this clipped innovation [σ]."""
         if self._trial is not None:
             if not self._trial.passed(depth, self._sample_std, age, stamp_ns, self._filter):
                 return None
@@ -227,7 +227,7 @@ class DepthObserver:
             return None  # a value that repeats may be of a frozen sensor
         if self._mean.add(normalised, stamp_ns) <= MOST_MEAN:
             return None
-        self._filter.doubt(innovation, GROWN_RATE_STD)
+        self._filter.doubt(0.0, RATE_STD)
         return self._distrust()
 
     @property
@@ -262,7 +262,7 @@ class DepthObserver:
             before, self._outlier_ns = self._outlier_ns, stamp_ns
             lone = before is None or (stamp_ns - before) * 1e-9 > MEMORY
             if grown and lone and self._uses_accelerometer:
-                self._filter.doubt(innovation, GROWN_RATE_STD)
+                self._filter.doubt(0.0, RATE_STD)
                 return self._distrust()
             patience = self._settings.outlier_run if self._trial is None else ALONE_RUN
             self._rejected = RejectedSamples(depth, stamp_ns, patience)

@@ -3,7 +3,6 @@
 from collections import Counter
 
 import numpy as np
-import pytest
 
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
@@ -83,13 +82,6 @@ def truth(start: Beginning) -> Floats:
 
 ROW = (0, 1, 2, 5)
 FITTED = [6, 7, 8, 9, 10, 11, BUOYANCY, LAG]
-
-
-def test_without_noise_the_numbers_come_back() -> None:
-    start = start_of(FILE)
-    found = fit(made(noise=0.0), start, ("heave", "yaw"))
-    assert found.axes == ("heave", "yaw")
-    assert found.x[FITTED] == pytest.approx(truth(start)[FITTED], abs=2e-6)
 
 
 def test_without_any_excitation_nothing_is_fitted() -> None:
