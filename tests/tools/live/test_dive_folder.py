@@ -14,6 +14,7 @@ from services.runtime.config.errors import LindyError
 from tools.__main__ import main
 from tools.fresh import write_fresh
 from tools.live.dive_folder import holds_dive, out_folder, point_latest
+from tools.research.papers import catalogue
 from tools.research.papers.command import figures
 
 SCRIPT = "t,surge,sway,heave,yaw\n0,0,0,0,0\n1,0,0,0.5,0\n2,0,0,0,0\n"
@@ -237,7 +238,11 @@ def test_a_picture_or_trace_that_is_there_is_refused(
     assert hashes(tmp_path) == before
 
 
-def test_figures_of_an_earlier_run_stay(capsys: pytest.CaptureFixture[str], tmp_path: Path):
+def test_figures_of_an_earlier_run_stay(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    # Checking the papers' claims takes longer than the rest; it has a test of its own.
+    monkeypatch.setattr(catalogue, "checked_claims", list)
     out = tmp_path / "figures"
     fill(out, ("fernandes-3.svg", "thesis.pdf"))
     before = hashes(out)
