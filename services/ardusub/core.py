@@ -33,6 +33,7 @@ from services.ardusub.packet import (
     command,
     heartbeat,
 )
+from services.ardusub.pressure_updates import PressureUpdates
 from services.ardusub.rc_channels import NEUTRAL
 from services.ardusub.settings import Settings as Settings
 from services.ardusub.streams import TelemetryStream, TelemetryStreams
@@ -139,6 +140,7 @@ class ArdusubDriver:
             ],
         )
         self._stamps: dict[str, Ns] = {}
+        self._pressures = PressureUpdates(round(self._settings.pressure_age * S))
         self.clock.forget()
 
     # Commands from above.
@@ -324,7 +326,9 @@ class ArdusubDriver:
             return
         self._stamps[name] = stamp
         if name == readings.PRESSURE_MESSAGE:
-            self._keep(readings.pressure(fields, stamp), name)
+            measured = self._pressures.measured_at(fields["press_abs"], stamp)
+            if measured is not None:
+                self._keep(readings.pressure(fields, measured), name)
         else:
             self._keep(readings.magnetometer(name, fields, stamp), name)
             self._keep(readings.imu(name, fields, stamp), name)  # last: it triggers estimation

@@ -78,10 +78,11 @@ def test_samples_come_at_their_rates_in_si_units_and_on_our_clock(version: str) 
     cable = Cable(version).accepted()
     began = cable.now
     cable.run(4.0)
-    for kind, hz in ((ImuSample, 100), (PressureSample, 40), (BatterySample, 1)):
+    # The board takes a pressure over ten times a second, however often it sends it.
+    for kind, hz, oldest_ms in ((ImuSample, 100, 8), (PressureSample, 10, 70), (BatterySample, 1, 8)):
         got = [(at, m) for at, m in cable.samples if isinstance(m, kind) and at > began]
         assert len(got) == pytest.approx(4 * hz, abs=2), kind
-        assert all(0 <= at - m.stamp_ns <= 8 * MS for at, m in got), kind
+        assert all(0 <= at - m.stamp_ns <= oldest_ms * MS for at, m in got), kind
     imu = [m for _, m in cable.samples if isinstance(m, ImuSample)][-1]
     assert imu.specific_force[2] == pytest.approx(-9.81, abs=0.3)
     pressure = [m for _, m in cable.samples if isinstance(m, PressureSample)][-1]
@@ -259,7 +260,7 @@ def test_a_jump_of_the_boards_clock_stops_the_vehicle(seconds: float) -> None:
     assert not cable.board.armed
     late = [m for at, m in cable.samples if at > began + S]
     assert late
-    assert all(at - m.stamp_ns < 10 * MS for at, m in cable.samples if at > began + 2 * S)
+    assert all(at - m.stamp_ns < 70 * MS for at, m in cable.samples if at > began + 2 * S)
 
 
 @pytest.mark.parametrize("what", ["disarm", "mode"])
