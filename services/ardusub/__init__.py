@@ -1,7 +1,11 @@
 """A vehicle whose board runs ArduSub: the six axes of its MANUAL mode down, its telemetry up.
 
-    core           the board as a state machine: introduced, measured, driven
+    core           the board as a state machine: packets and commands in, packets and samples out
+    introduction   a board is checked before it is listened to: version, parameters, clock
     authority      who has the vehicle: Lindy, or somebody else at the same board
+    thrust_path    thruster commands to the sticks for them
+    measurements   telemetry asked for, put on our clock
+    outbox         what all of these have for others
     parameters     what the board's parameters may be
     streams        the telemetry asked for, and its rates
     readings       telemetry to samples

@@ -79,7 +79,11 @@ def test_samples_come_at_their_rates_in_si_units_and_on_our_clock(version: str) 
     began = cable.now
     cable.run(4.0)
     # The board takes a pressure over ten times a second, however often it sends it.
-    for kind, hz, oldest_ms in ((ImuSample, 100, 8), (PressureSample, 10, 70), (BatterySample, 1, 8)):
+    for kind, hz, oldest_ms in (
+        (ImuSample, 100, 8),
+        (PressureSample, 10, 70),
+        (BatterySample, 1, 8),
+    ):
         got = [(at, m) for at, m in cable.samples if isinstance(m, kind) and at > began]
         assert len(got) == pytest.approx(4 * hz, abs=2), kind
         assert all(0 <= at - m.stamp_ns <= oldest_ms * MS for at, m in got), kind
@@ -163,7 +167,19 @@ def test_bytes_that_are_no_mavlink_hint_at_the_speed_of_the_port() -> None:
     cable.driver.heard_garbage(500)
     cable.run(5.0)
     assert "is the speed of the serial port right" in cable.said[0]
-    assert cable.counts["malformed:mavlink"] == 1
+    assert cable.counts["malformed:mavlink"] == 500
+
+
+def test_all_of_a_flood_is_counted() -> None:
+    cable = Cable().flying()
+    for _ in range(10):
+        cable.driver.link_lost(700, 300)
+        cable.driver.heard_garbage(0, 5000)
+        cable.run(0.1)
+    assert cable.counts["stranger:mavlink"] == 7000
+    assert cable.counts["dropped:mavlink"] == 3000
+    assert cable.counts["overflowed:mavlink"] == 50_000
+    assert cable.board.servo[4] > 1600, "it flies on"
 
 
 def test_a_parameter_that_is_never_answered_is_named() -> None:
