@@ -7,6 +7,7 @@
     measurements   telemetry asked for, put on our clock
     outbox         what all of these have for others
     parameters     what the board's parameters may be
+    advice         … and what they had better not be
     streams        the telemetry asked for, and its rates
     readings       telemetry to samples
     pressure_updates  which pressure messages bring a new value, and of when

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from messages.units import Ns
 from services.ardusub import parameters
+from services.ardusub.advice import OPTIONAL, advice
 from services.ardusub.board_clock import BoardClock
 from services.ardusub.mixer import Mixer
 from services.ardusub.outbox import DriverOutbox
@@ -48,7 +49,7 @@ class BoardIntroduction:
         self.mixer: Mixer | None = None
         self.accepted_ns: Ns | None = None
         self._asked_ns: Ns | None = None  # for the version
-        self._reader = parameters.ParameterReader(self._settings.board, [])
+        self._reader = parameters.ParameterReader(self._settings.board, [], OPTIONAL)
 
     def may_begin_again(self, now: Ns) -> bool:
         """Has it been refused for long enough?"""
@@ -62,6 +63,8 @@ class BoardIntroduction:
             self._outbox.send(command(self._settings.board, REQUEST_MESSAGE, VERSION_MESSAGE))
         if self.stage == "parameters":
             self._outbox.packets += self._reader.due(now)
+            if self._reader.complete:  # without those that are optional
+                self._check()
             for name in self._reader.given_up:
                 what = "could not be set" if name in self._reader.to_set else "is not answered"
                 self.refuse(f"the board is not armed: {name} {what}")
@@ -133,7 +136,7 @@ class BoardIntroduction:
             for sentence in wrong:
                 self.refuse(f"the board is not armed: {sentence}")
             return
-        for sentence in parameters.advice(values):
+        for sentence in advice(values):
             self._outbox.say("warning", sentence)
         self.mixer = parameters.mixer_of(values, self._vehicle)
         self.stage = "accepted" if self.stage == "accepted" else "clock"

@@ -207,6 +207,24 @@ def test_a_parameter_that_will_not_set_is_named_and_the_board_is_not_armed() -> 
     assert not cable.board.armed
 
 
+@pytest.mark.parametrize(
+    "name", ["BATT_FS_LOW_ACT", "BATT_FS_CRT_ACT", "FS_EKF_ACTION", "FS_CRASH_CHECK"]
+)
+def test_a_failsafe_that_would_stop_the_motors_in_mid_dive_is_said(name: str) -> None:
+    params = {"FS_PILOT_TIMEOUT": 1.0, name: 2.0}
+    cable = Cable(params=params).accepted()
+    assert [text for text in cable.said if text.startswith(f"{name} is 2: ")]
+    params[name] = 0.0
+    assert not [text for text in Cable(params=params).accepted().said if name in text]
+
+
+def test_a_board_without_an_optional_parameter_is_done_with_the_others() -> None:
+    cable = Cable()
+    del cable.board.params["FS_EKF_ACTION"]
+    cable.run(4.0)
+    assert cable.driver.stage == "accepted", cable.said
+
+
 def test_nothing_but_the_pilot_timeout_is_ever_written() -> None:
     cable = Cable(params={"FS_PILOT_INPUT": 0}, settings=Settings(set_pilot_timeout=1.0))
     cable.run(12.0)
