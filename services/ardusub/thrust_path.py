@@ -24,6 +24,7 @@ class ThrustPath:
         self._rest = at_rest(len(vehicle.thruster))
         self.mixed = self._rest
         self._mixed_for: tuple[Mixer | None, tuple[float, ...]] | None = None
+        self._driven = self._rest.thrust  # [N] as the motors were driven last
         self._light, self._tilt = 0.0, 0.0
 
     # Commands. Each returns whether to be armed is wished, or None where nobody says so.
@@ -67,7 +68,10 @@ class ThrustPath:
             self._mixed_for = mixer, thrust
             self.mixed = self._rest if mixer is None else mixer.mix(thrust)
             self._outbox.count("saturated:mixer", int(self.mixed.limited))
-        self._believed.drive((self.mixed if spooled else self._rest).thrust, now)
+        driven = (self.mixed if spooled else self._rest).thrust
+        if driven is not self._driven:
+            self._driven = driven
+            self._believed.drive(driven, now)
 
     def sticks(self, *, lights: bool) -> MavlinkPacket:
         """All six axes, every time: a channel that is left out would keep its last value.
