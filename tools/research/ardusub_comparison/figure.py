@@ -24,7 +24,7 @@ def draw(flights: Sequence[Flight], path: Path) -> None:
         OSError: the file cannot be written.
     """
     with in_style():
-        figure = sheet(9.0, 7.4)
+        figure = sheet(10.0, 7.4)
         above, below = figure.subplots(2, 1, height_ratios=(1.0, 1.3))
         _dives(above, flights)
         left, *others = _split(below)
@@ -64,7 +64,7 @@ def _split(panel: Axes) -> list[Axes]:
     figure, place = panel.figure, panel.get_subplotspec()
     assert place is not None
     panel.remove()
-    parts = place.subgridspec(1, 4, width_ratios=(2.2, 1.0, 1.0, 1.0))
+    parts = place.subgridspec(1, 4, width_ratios=(1.8, 1.0, 1.0, 1.0))
     return [figure.add_subplot(parts[0, n]) for n in range(4)]
 
 
