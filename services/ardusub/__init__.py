@@ -1,10 +1,16 @@
 """A vehicle whose board runs ArduSub: the six axes of its MANUAL mode down, its telemetry up.
 
-    core           the board as a state machine: introduced, measured, driven
+    core           the board as a state machine: packets and commands in, packets and samples out
+    introduction   a board is checked before it is listened to: version, parameters, clock
     authority      who has the vehicle: Lindy, or somebody else at the same board
+    thrust_path    thruster commands to the sticks for them
+    measurements   telemetry asked for, put on our clock
+    outbox         what all of these have for others
     parameters     what the board's parameters may be
+    advice         … and what they had better not be
     streams        the telemetry asked for, and its rates
     readings       telemetry to samples
+    pressure_updates  which pressure messages bring a new value, and of when
     board_clock    the board's clock against ours
     mixer, frames  a force for each thruster to ArduSub's axes
     rc_channels    an axis to the pulse of its channel

@@ -20,11 +20,11 @@ from services.marine.vehicle import Vehicle
 Values = Mapping[str, float]
 RENAMED = (4, 7)  # first version with the names of 4.8
 OLDEST = (4, 5)
-RECOMMENDED_S = 1.0  # [s] of FS_PILOT_TIMEOUT
 YAW_SCALE = 3.375  # ACRO_YAW_P that leaves manual yaw as it is
 AGAIN_NS = 200_000_000  # [ns] between two rounds of requests
 BATCH = 16  # parameters asked for in a round: the board may drop more at once
 TRIES = 25  # rounds
+OPTIONAL_TRIES = 5  # rounds, for a parameter that this version may not have
 THROTTLE = 3  # override channel
 EXACT = 1e-3  # [-] values travel as 32-bit floats
 
@@ -113,16 +113,6 @@ def problems(
     return found
 
 
-def advice(values: Values) -> list[str]:
-    """What is allowed but not good."""
-    if values["FS_PILOT_TIMEOUT"] <= RECOMMENDED_S + EXACT:
-        return []
-    return [
-        f"FS_PILOT_TIMEOUT is {values['FS_PILOT_TIMEOUT']:g} s: if this computer dies the motors "
-        f"go on for so long; recommended: at most {RECOMMENDED_S:g} s"
-    ]
-
-
 def mixer_of(values: Values, vehicle: Vehicle) -> Mixer:
     """For a board without `problems`."""
     channels = [
@@ -168,6 +158,7 @@ class ParameterReader:
 
     board: int  # system
     wanted: list[str]
+    optional: tuple[str, ...] = ()  # asked for as well, and done without where it is not answered
     values: dict[str, float] = field(default_factory=dict[str, float])
     to_set: dict[str, float] = field(default_factory=dict[str, float])
     _tries: int = 0
@@ -175,7 +166,9 @@ class ParameterReader:
 
     @property
     def complete(self) -> bool:
-        return not self.to_set and all(name in self.values for name in self.wanted)
+        if self.to_set or not all(name in self.values for name in self.wanted):
+            return False
+        return self._tries > OPTIONAL_TRIES or all(n in self.values for n in self.optional)
 
     @property
     def given_up(self) -> list[str]:
@@ -185,7 +178,7 @@ class ParameterReader:
         return [*self.to_set, *[name for name in self.wanted if name not in self.values]]
 
     def heard(self, name: str, value: float) -> None:
-        if name in self.wanted:
+        if name in self.wanted or name in self.optional:
             self.values[name] = value
         if name in self.to_set and abs(value - self.to_set[name]) < EXACT:
             del self.to_set[name]
@@ -202,7 +195,7 @@ class ParameterReader:
             return []
         self._asked, self._tries = now, self._tries + 1
         target = {"target_system": self.board, "target_component": AUTOPILOT}
-        asked = [name for name in self.wanted if name not in self.values][:BATCH]
+        asked = [name for name in (*self.wanted, *self.optional) if name not in self.values][:BATCH]
         return [
             MavlinkPacket("PARAM_REQUEST_READ", {**target, "param_id": name, "param_index": -1})
             for name in asked

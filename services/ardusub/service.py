@@ -133,8 +133,8 @@ def _passing_on(
             link.send(codec.encode(packet))
         for sample in done.samples:
             publishers[type(sample)].put(sample)
-        for name in done.events:
-            node.count(name)
+        for name, times in done.events.items():
+            node.count(name, times)
         for level, text in done.lines:
             node.log(level, text)
         if done.taken is not None:

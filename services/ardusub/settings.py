@@ -16,6 +16,9 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     component: Id = 191  # [-] ours: an onboard computer
     board: Id = 1  # [-] system of the board
     pressure_rate: Annotated[float, msgspec.Meta(ge=1.0, le=100.0)] = 40.0  # [1/s] asked for
+    # Of a value that the board has just taken over: half of the 100 ms of which it is the mean,
+    # less the delay of its filter for the IMU (20 Hz).
+    pressure_age: Annotated[float, msgspec.Meta(ge=0.0, le=0.3)] = 0.04  # [s]
     # May Lindy set FS_PILOT_TIMEOUT to this? None: it only says that a second or less is better.
     set_pilot_timeout: Timeout | None = None  # [s]
     disarm_after: Annotated[float, msgspec.Meta(ge=0.2, le=60.0)] = 2.0  # [s] without commands

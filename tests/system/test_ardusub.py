@@ -6,6 +6,7 @@ On virtual time, over an in-memory link that still encodes and decodes every fra
 from collections import Counter
 from functools import partial
 from pathlib import Path
+from random import Random
 from typing import Any
 
 import pytest
@@ -206,3 +207,21 @@ def test_a_packet_that_arrives_while_the_service_is_held_up_is_no_jump_of_the_cl
     flight.run(10.0)
     assert flight.counts["jumped:board_clock"] == 0
     assert not flight.said("jumped")
+
+
+def test_a_flood_of_garbage_in_mid_dive_is_counted_and_the_vehicle_holds_its_depth(
+    tmp_path: Path,
+) -> None:
+    """On the cable itself, between the frames of the board."""
+    flight = Flight(tmp_path).until_armed().run(9.0)
+    depth, draw, receive = flight.depth, Random(1), flight.board.link.receive
+
+    def noisy() -> list[bytes]:
+        return [part for good in receive() for part in (good, draw.randbytes(400))]
+
+    flight.board.link.receive = noisy
+    flight.run(5.0)
+    assert flight.double.armed
+    assert abs(flight.depth - depth) < 0.15
+    assert flight.counts["malformed:mavlink"] > 10_000
+    assert flight.counts["jumped:board_clock"] == 0

@@ -27,6 +27,7 @@ from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
 from tools.recordings.recording import open_recording
 from tools.report import read_dive
+from tools.research.ardusub_kills.dive import kill_in_a_dive
 
 DOUBLE = "tools.research.ardusub_double.udp"
 FIRMWARE = [path for path in os.environ.get("LINDY_ARDUSUB", "").split(":") if path]
@@ -316,3 +317,19 @@ def test_when_all_of_lindy_is_killed_the_board_is_neutral_after_its_timeout(
         assert beside.until(lambda: beside.servo == NEUTRAL, 30.0)
         assert beside.at - killed < 1.0 + 0.1, "FS_PILOT_TIMEOUT is 1 s"
     beside.link.close()
+
+
+@pytest.mark.system
+@pytest.mark.parametrize("service", ["control", "estimation", "hub_drone", "ardusub"])
+@pytest.mark.parametrize(
+    "kind", FIRMWARE or [pytest.param("", marks=pytest.mark.skip("LINDY_ARDUSUB is not set"))]
+)
+def test_when_a_service_is_killed_the_outputs_are_neutral_in_its_time(
+    tmp_path: Path, kind: str, service: str
+) -> None:
+    found = kill_in_a_dive(kind, service, tmp_path / "dive")
+    own = service == "ardusub"  # nobody is left but the board
+    most = 1.0 if own else 0.2  # [s] FS_PILOT_TIMEOUT, or the life of a command
+    assert found.neutral is not None
+    assert found.neutral <= most + 0.1
+    assert ("Lost manual control" in found.texts) == own

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 
 PATIENCE_S = 0.1  # [s] after which it asks again where to wait: a connection may be another one
-PAUSE_S = 0.003  # [s] after each call: a flood or a pulled cable must not take the processor
+PAUSE_S = 0.003  # [s] between two calls: a flood or a pulled cable must not take the processor
 
 
 class ArrivalWatch:
@@ -31,6 +31,7 @@ class ArrivalWatch:
         self._closed.close()
 
     def _watch(self) -> None:
+        may_notify = 0.0  # [s] monotonic time
         while True:
             descriptor = self._descriptor()
             where = [self._closed.fileno(), *([descriptor] if descriptor >= 0 else [])]
@@ -42,5 +43,7 @@ class ArrivalWatch:
             if where[0] in ready:
                 return
             if ready:
+                if (wait := may_notify - time.monotonic()) > 0.0:
+                    time.sleep(wait)
+                may_notify = time.monotonic() + PAUSE_S
                 self._notify()
-                time.sleep(PAUSE_S)

@@ -1,6 +1,7 @@
 """The double against what was measured on ArduSub 4.5 and 4.8, in their own simulator."""
 
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -248,6 +249,18 @@ def test_streams_come_at_the_rate_that_was_asked_for(version: str, hz: int) -> N
     bench.pass_time(2.0)
     stamps = [p.fields["time_usec"] for _, p in bench.heard if p.name == "RAW_IMU"]
     assert len(stamps) == pytest.approx(2 * hz, abs=2)
+
+
+@BOTH
+def test_a_pressure_is_sent_again_until_the_next_is_taken_over(version: str) -> None:
+    bench = Bench(version)
+    bench.command(511, 137, 25_000)
+    bench.pass_time(3.0)
+    sent = [p.fields["press_abs"] for _, p in bench.heard if p.name == "SCALED_PRESSURE2"]
+    assert len(sent) == pytest.approx(120, abs=2)
+    changes = [n for n in range(1, len(sent)) if sent[n] != sent[n - 1]]
+    assert 20 <= len(changes) <= 30  # two in a row may be the same by chance
+    assert {(after - before) % 4 for before, after in pairwise(changes)} == {0}
 
 
 def test_nothing_but_heartbeats_comes_unasked() -> None:

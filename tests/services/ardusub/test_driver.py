@@ -78,10 +78,15 @@ def test_samples_come_at_their_rates_in_si_units_and_on_our_clock(version: str) 
     cable = Cable(version).accepted()
     began = cable.now
     cable.run(4.0)
-    for kind, hz in ((ImuSample, 100), (PressureSample, 40), (BatterySample, 1)):
+    # The board takes a pressure over ten times a second, however often it sends it.
+    for kind, hz, oldest_ms in (
+        (ImuSample, 100, 8),
+        (PressureSample, 10, 70),
+        (BatterySample, 1, 8),
+    ):
         got = [(at, m) for at, m in cable.samples if isinstance(m, kind) and at > began]
         assert len(got) == pytest.approx(4 * hz, abs=2), kind
-        assert all(0 <= at - m.stamp_ns <= 8 * MS for at, m in got), kind
+        assert all(0 <= at - m.stamp_ns <= oldest_ms * MS for at, m in got), kind
     imu = [m for _, m in cable.samples if isinstance(m, ImuSample)][-1]
     assert imu.specific_force[2] == pytest.approx(-9.81, abs=0.3)
     pressure = [m for _, m in cable.samples if isinstance(m, PressureSample)][-1]
@@ -162,7 +167,19 @@ def test_bytes_that_are_no_mavlink_hint_at_the_speed_of_the_port() -> None:
     cable.driver.heard_garbage(500)
     cable.run(5.0)
     assert "is the speed of the serial port right" in cable.said[0]
-    assert cable.counts["malformed:mavlink"] == 1
+    assert cable.counts["malformed:mavlink"] == 500
+
+
+def test_all_of_a_flood_is_counted() -> None:
+    cable = Cable().flying()
+    for _ in range(10):
+        cable.driver.link_lost(700, 300)
+        cable.driver.heard_garbage(0, 5000)
+        cable.run(0.1)
+    assert cable.counts["stranger:mavlink"] == 7000
+    assert cable.counts["dropped:mavlink"] == 3000
+    assert cable.counts["overflowed:mavlink"] == 50_000
+    assert cable.board.servo[4] > 1600, "it flies on"
 
 
 def test_a_parameter_that_is_never_answered_is_named() -> None:
@@ -188,6 +205,24 @@ def test_a_parameter_that_will_not_set_is_named_and_the_board_is_not_armed() -> 
     cable.run(8.0)
     assert "the board is not armed: FS_PILOT_TIMEOUT could not be set" in cable.said
     assert not cable.board.armed
+
+
+@pytest.mark.parametrize(
+    "name", ["BATT_FS_LOW_ACT", "BATT_FS_CRT_ACT", "FS_EKF_ACTION", "FS_CRASH_CHECK"]
+)
+def test_a_failsafe_that_would_stop_the_motors_in_mid_dive_is_said(name: str) -> None:
+    params = {"FS_PILOT_TIMEOUT": 1.0, name: 2.0}
+    cable = Cable(params=params).accepted()
+    assert [text for text in cable.said if text.startswith(f"{name} is 2: ")]
+    params[name] = 0.0
+    assert not [text for text in Cable(params=params).accepted().said if name in text]
+
+
+def test_a_board_without_an_optional_parameter_is_done_with_the_others() -> None:
+    cable = Cable()
+    del cable.board.params["FS_EKF_ACTION"]
+    cable.run(4.0)
+    assert cable.driver.stage == "accepted", cable.said
 
 
 def test_nothing_but_the_pilot_timeout_is_ever_written() -> None:
@@ -259,7 +294,7 @@ def test_a_jump_of_the_boards_clock_stops_the_vehicle(seconds: float) -> None:
     assert not cable.board.armed
     late = [m for at, m in cable.samples if at > began + S]
     assert late
-    assert all(at - m.stamp_ns < 10 * MS for at, m in cable.samples if at > began + 2 * S)
+    assert all(at - m.stamp_ns < 70 * MS for at, m in cable.samples if at > began + 2 * S)
 
 
 @pytest.mark.parametrize("what", ["disarm", "mode"])

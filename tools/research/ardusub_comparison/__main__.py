@@ -19,19 +19,21 @@ def main() -> int:
         choices=["lindy", "alt_hold"],
         help="one flight with other sticks, without a figure: for trying settings",
     )
+    parser.add_argument("--keep", help="a new folder for the recordings; else they are deleted")
     said = parser.parse_args()
     path = os.environ.get("LINDY_ARDUSUB", "").partition(":")[0]
     if not path:
         print("LINDY_ARDUSUB names no firmware; docs/ardusub.md says what it is", file=sys.stderr)
         return 2
-    with TemporaryDirectory() as folder:
+    with TemporaryDirectory() as temporary:
+        folder = Path(said.keep or temporary)
         if said.practice:
             fly = fly_lindy if said.practice == "lindy" else fly_alt_hold
-            print(summary(fly(path, practice(), Path(folder) / said.practice)))
+            print(summary(fly(path, practice(), folder / said.practice)))
             return 0
         flights = [
-            fly_alt_hold(path, judged(), Path(folder) / "alt_hold"),
-            fly_lindy(path, judged(), Path(folder) / "lindy"),
+            fly_alt_hold(path, judged(), folder / "alt_hold"),
+            fly_lindy(path, judged(), folder / "lindy"),
         ]
     for flight in flights:
         print(summary(flight))

@@ -10,6 +10,11 @@ from matplotlib.axes import Axes
 from tools.research.ardusub_comparison.flights import Flight
 from tools.research.papers.style import DPI, LINDY, PAPER, finish, in_style, sheet
 
+FIGURES = (
+    ("beyond the resting depth [mm]", "bounce"),
+    ("then swung back short of it [mm]", "short"),
+    ("stopping distance [mm]", "stopping"),
+)
 COLOURS = {"Lindy": LINDY, "ALT_HOLD": PAPER}
 
 
@@ -19,13 +24,13 @@ def draw(flights: Sequence[Flight], path: Path) -> None:
         OSError: the file cannot be written.
     """
     with in_style():
-        figure = sheet(9.0, 7.4)
+        figure = sheet(10.0, 7.4)
         above, below = figure.subplots(2, 1, height_ratios=(1.0, 1.3))
         _dives(above, flights)
-        left, middle, right = _split(below)
+        left, *others = _split(below)
         _releases(left, flights)
-        _figures(middle, flights, "beyond the resting depth [mm]", "bounce")
-        _figures(right, flights, "stopping distance [mm]", "stopping")
+        for panel, (label, what) in zip(others, FIGURES, strict=True):
+            _figures(panel, flights, label, what)
         finish(
             figure,
             "Full heave stick let go: Lindy and ArduSub's ALT_HOLD on ArduSub's own simulator",
@@ -54,14 +59,13 @@ def _range(flight: Flight, what: str, unit: float, words: str, digits: str) -> s
     return f"{least:.{digits}} to {most:.{digits}}, median {middle:.{digits}} {words}"
 
 
-def _split(panel: Axes) -> tuple[Axes, Axes, Axes]:
-    """Three panels in the place of one."""
+def _split(panel: Axes) -> list[Axes]:
+    """Four panels in the place of one."""
     figure, place = panel.figure, panel.get_subplotspec()
     assert place is not None
     panel.remove()
-    parts = place.subgridspec(1, 3, width_ratios=(2.0, 1.0, 1.0))
-    left, middle, right = (figure.add_subplot(parts[0, n]) for n in range(3))
-    return left, middle, right
+    parts = place.subgridspec(1, 4, width_ratios=(1.8, 1.0, 1.0, 1.0))
+    return [figure.add_subplot(parts[0, n]) for n in range(4)]
 
 
 def _dives(panel: Axes, flights: Sequence[Flight]) -> None:

@@ -31,12 +31,15 @@ STICK_S = 0.02  # [s] between two overrides
 PATIENCE_S = 90.0  # [s] until armed
 SETTLE_S = 10.0  # [s] at the surface before arming, for the board's own estimator
 # The drone of the firmware's simulator: 10.5 kg, no added mass, 1 N of buoyancy, and in heave
-# 68.8 N s²/m² of drag. Its motors are quadratic. The rest is that of bluerov2_heavy, with gains
+# 68.8 N s²/m² of drag. Its motors are quadratic and have no lag; from a command to them 14 ms pass,
+# and its depth sensor is not averaged. The rest is that of bluerov2_heavy, with gains
 # by the rule of that file: kp = M ω², kd = 2 ζ ω M, ki = kp / 5 s, ω = 5 rad/s.
 MOTORS = {
     'curve = "t200"': 'curve = "ardusub_simulator"',
     "max_thrust = 30.4": "max_thrust = 51.48",
     "dead_band = 0.87": "dead_band = 0.202",
+    "time_constant = 0.029": "time_constant = 0.014",
+    "lag = {": "# lag = {",
 }
 LINDY = (
     "vehicle.mass=10.5",
@@ -53,6 +56,7 @@ LINDY = (
     "reference.heave.stop_acceleration=3.0",
     "reference.heave.stop_jerk=12.0",
     "estimation.calibration.still_time=3",
+    "ardusub.pressure_age=0.0",
 )
 
 

@@ -13,6 +13,9 @@ _BOTH: dict[str, float] = {
     "MOT_FV_CPLNG_K": 1.0,
     "MOT_SPOOL_TIME": 0.5,
     "BATT_FS_LOW_ACT": 0,
+    "BATT_FS_CRT_ACT": 0,
+    "FS_EKF_ACTION": 0,
+    "FS_CRASH_CHECK": 0,
     **{f"MOT_{n}_DIRECTION": 1 for n in range(1, 9)},
     **{
         f"RC{n}_{part}": value

@@ -2,8 +2,12 @@
 
 from collections.abc import Sequence
 from math import copysign
+from statistics import fmean
+
+from msgspec.structs import replace
 
 from messages.control import ThrusterCommand
+from messages.sensors import PressureSample
 from services.ardusub.frames import FRAMES, senses
 from services.ardusub.packet import MavlinkPacket
 from services.marine.thrust_curve import CURVES
@@ -24,6 +28,8 @@ class HullDouble:
             wired_as: FRAME_CONFIG of the real wiring, whatever the parameter says.
         """
         self.simulator = Simulator(vehicle, settings, seed, at_the_surface(vehicle, settings))
+        self._measured: list[PressureSample] = []  # since the firmware took the mean
+        self._taken_over: PressureSample | None = None
         self._thrusters = vehicle.thruster
         self._senses = senses(FRAMES[wired_as], vehicle.thruster)
 
@@ -36,13 +42,26 @@ class HullDouble:
         )
         self.simulator.obey(command, now)
 
+    def measure_depth(self, now: int) -> None:
+        """As the sensor does, much faster than its values are taken over."""
+        self.simulator.advance(now)
+        if (sample := self.simulator.pressure()) is not None:
+            self._measured.append(sample)
+
+    def take_over_depth(self) -> None:
+        """Ten times a second: the mean since the last time, or what there was where none came."""
+        if self._measured:
+            mean = fmean(sample.pressure for sample in self._measured)
+            self._taken_over = replace(self._measured[-1], pressure=mean)
+            self._measured = []
+
     def message(self, name: str, boot_us: int, now: int) -> MavlinkPacket | None:
         """A telemetry message now; None where a simulated fault keeps the sensor silent."""
         self.simulator.advance(now)
         if name in ("RAW_IMU", "SCALED_IMU2", "HIGHRES_IMU"):
             return self._imu(name, boot_us)
         if name == "SCALED_PRESSURE2":
-            sample = self.simulator.pressure()
+            sample = self._taken_over
             if sample is None:
                 return None
             return MavlinkPacket(name, {

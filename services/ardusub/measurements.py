@@ -1,0 +1,111 @@
+"""What the board measures: asked for, put on our clock, and made samples of."""
+
+from typing import Any
+
+from messages import topics
+from messages.message import Message
+from messages.units import Ns
+from services.ardusub import readings
+from services.ardusub.board_clock import BoardClock
+from services.ardusub.outbox import DriverOutbox
+from services.ardusub.pressure_updates import PressureUpdates
+from services.ardusub.settings import Settings
+from services.ardusub.streams import TelemetryStream, TelemetryStreams
+
+S = 1_000_000_000  # [ns]
+LEAK = "Leak Detected"  # text of the board
+LEAK_HOLDS_NS = 45 * S  # [ns] it is said every 20 s; one may be lost
+
+
+class BoardMeasurements:
+    def __init__(self, settings: Settings, clock: BoardClock, outbox: DriverOutbox) -> None:
+        self._settings, self._clock, self._outbox = settings, clock, outbox
+        self._battery = readings.BatteryMeter()
+        self._leak_ns: Ns | None = None
+        self.enclosure: float | None = None  # [°C] inside, newest
+        self.forget()
+
+    def forget(self) -> None:
+        """Another board, or the same one rebooted: nothing is granted, and its clock is another."""
+        self._streams = TelemetryStreams(
+            self._settings.board,
+            [
+                TelemetryStream(readings.IMU_MESSAGES, topics.IMU.hz),
+                TelemetryStream((readings.PRESSURE_MESSAGE,), self._settings.pressure_rate),
+                TelemetryStream((readings.BATTERY_MESSAGE,), topics.BATTERY.hz),
+                TelemetryStream((readings.ENCLOSURE_MESSAGE,), readings.ENCLOSURE_HZ),
+            ],
+        )
+        self._stamps: dict[str, Ns] = {}
+        self._pressures = PressureUpdates(round(self._settings.pressure_age * S))
+        self._clock.forget()
+
+    @property
+    def power(self) -> float:
+        """[W] of the battery."""
+        return self._battery.power
+
+    def ask(self, now: Ns) -> None:
+        """Send what is due now, and say what comes too slowly."""
+        self._outbox.packets += self._streams.due(now)
+        for name, rate, asked in self._streams.judge(now):
+            self._outbox.count(f"rate:{name.lower()}")
+            self._outbox.say(
+                "warning", f"{name} comes {rate:.1f} times a second; asked for {asked:g}"
+            )
+
+    def heard_ack(self, result: int) -> None:
+        """The answer to the newest request."""
+        if (missing := self._streams.heard_ack(result)) is not None:
+            self._outbox.say("error", f"the board does not give {missing}")
+            self._outbox.count(f"refused:{missing.lower()}")
+
+    def heard_leak(self, now: Ns) -> None:
+        self._leak_ns = now
+        self._outbox.count("leak:board")
+
+    def leaked(self, now: Ns) -> bool:
+        """Was a leak said lately?"""
+        return self._leak_ns is not None and now - self._leak_ns <= LEAK_HOLDS_NS
+
+    def heard(self, name: str, fields: dict[str, Any], now: Ns) -> bool:
+        """One measurement at its arrival [ns]. False: the board's clock has jumped."""
+        if not self._streams.counts(name):
+            return True
+        if name == readings.BATTERY_MESSAGE:
+            self._keep(self._battery.sample(fields, now), name)
+            return True
+        if name == readings.ENCLOSURE_MESSAGE:
+            self.enclosure = fields["temperature"] / 100.0
+            return True
+        board = readings.stamp_of(fields)
+        if board is None:
+            return True
+        shifts = self._clock.shifts
+        if not self._clock.heard(board, now):
+            return False
+        if self._clock.shifts > shifts:
+            self._outbox.count("shifted:board_clock")
+        stamp = self._clock.ours(board, now)
+        if stamp is not None:
+            self._stamped(name, fields, stamp)
+        return True
+
+    def _stamped(self, name: str, fields: dict[str, Any], stamp: Ns) -> None:
+        if stamp <= self._stamps.get(name, -(2**62)):
+            self._outbox.count(f"not_newer:{name.lower()}")
+            return
+        self._stamps[name] = stamp
+        if name == readings.PRESSURE_MESSAGE:
+            measured = self._pressures.measured_at(fields["press_abs"], stamp)
+            if measured is not None:
+                self._keep(readings.pressure(fields, measured), name)
+        else:
+            self._keep(readings.magnetometer(name, fields, stamp), name)
+            self._keep(readings.imu(name, fields, stamp), name)  # last: it triggers estimation
+
+    def _keep(self, sample: Message | None, name: str) -> None:
+        if sample is None:
+            self._outbox.count(f"implausible:{name.lower()}")
+        else:
+            self._outbox.samples.append(sample)

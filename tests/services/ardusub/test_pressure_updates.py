@@ -1,0 +1,45 @@
+"""Of the many messages that repeat a value, which bring one, and of when it is."""
+
+from itertools import pairwise
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from services.ardusub.pressure_updates import PERIOD_NS, SAME_NS, PressureUpdates
+
+MS = 1_000_000  # [ns]
+AGE_NS = 40 * MS
+
+
+@given(st.integers(5, 100), st.integers(0, 99), st.integers(0, 10**15))
+def test_every_value_is_used_once_and_stamped_within_half_a_message_of_its_time(
+    every_ms: int, phase_ms: int, boot: int
+) -> None:
+    """Values are taken over every 100 ms and sent every few, at any phase."""
+    updates = PressureUpdates(AGE_NS)
+    found = dict[float, int]()
+    for sent in range(boot, boot + 3000 * MS, every_ms * MS):
+        number = (sent - boot + phase_ms * MS) // PERIOD_NS
+        measured = updates.measured_at(float(number), sent)
+        if measured is not None:
+            assert number not in found
+            found[number] = measured
+    values = sorted(found)
+    assert values == list(range(int(values[0]), int(values[-1]) + 1))
+    for number in values[1:]:
+        taken_over = boot + int(number) * PERIOD_NS - phase_ms * MS
+        assert abs(found[number] - (taken_over - AGE_NS)) <= every_ms * MS / 2
+    assert sorted(found.values()) == [found[number] for number in values]
+
+
+def test_a_sensor_that_is_frozen_is_still_seen() -> None:
+    updates = PressureUpdates(AGE_NS)
+    stamps = [at for ms in range(0, 3000, 25) if (at := updates.measured_at(1013.0, ms * MS))]
+    steps = {after - before for before, after in pairwise(stamps)}
+    assert steps == {SAME_NS}
+
+
+def test_a_value_after_a_gap_is_not_taken_for_older_than_the_boards_period() -> None:
+    updates = PressureUpdates(AGE_NS)
+    updates.measured_at(1013.0, 0)
+    assert updates.measured_at(1014.0, 5000 * MS) == 5000 * MS - AGE_NS - PERIOD_NS // 2
