@@ -38,7 +38,9 @@ def _link(visit: BoardVisit, url: str) -> Iterator[Finding]:
             some = sorted(visit.others)[:MOST]
             heard = ", ".join(f"system {s} component {c}" for s, c in some)
             told = f"no heartbeat of system {visit.settings.board} in {waited}, only of {heard}; "
-            yield Finding("missing", "board", f"{told}ardusub.board names the board's system")
+            flood = f" ({visit.left_out} frames of a flood were not looked at)"
+            told += "ardusub.board names the board's system" + (flood if visit.left_out else "")
+            yield Finding("missing", "board", told)
         elif visit.garbage:
             told = f"{visit.garbage} bytes at {url} in {waited} were no MAVLink"
             yield Finding("missing", "board", f"{told}: is it the speed of the serial port?")
@@ -126,7 +128,9 @@ def _parameters(visit: BoardVisit, vehicle: Vehicle) -> Iterator[Finding]:
     for sentence in wrong:
         name, _, told = sentence.partition(" ")
         value = remedy(name, values, visit.settings, vehicle, new=new)
-        yield Finding(CHANGE, name, told + ("" if value is None else f"; set it to {value:g}"))
+        yield Finding(
+            CHANGE, name, told + ("" if value is None else f"; set it to {_number(value)}")
+        )
     yield from _that_fit(visit, {sentence.split(" ")[0] for sentence in wrong})
     for sentence in parameters.advice(values):
         name, _, told = sentence.partition(" ")
@@ -143,10 +147,15 @@ def _that_fit(visit: BoardVisit, wrong: set[str]) -> Iterator[Finding]:
     for group, names in groups.items():
         if wrong.intersection(names) or advised.intersection(names):
             continue
-        told = f"all {len(names)} fit" if len(names) > 1 else f"{values[group]:g}"
+        told = f"all {len(names)} fit" if len(names) > 1 else _number(values[group])
         if group == "FRAME_CONFIG":
             told += f" ({FRAMES[int(values[group])].name})"
         yield Finding("ok", group, told)
+
+
+def _number(value: float) -> str:
+    """Whole ones with all their digits: some are sums of bits."""
+    return f"{value:.0f}" if value == round(value) else f"{value:g}"
 
 
 def _is_of(name: str, start: str) -> bool:
@@ -207,7 +216,9 @@ def _battery(visit: BoardVisit) -> Iterator[Finding]:
     for name in ("BATT_FS_LOW_ACT", "BATT_FS_CRT_ACT"):
         if name in visit.optional.values:
             action = visit.optional.values[name]
-            yield Finding("ok", name, f"{action:g} ({ACTIONS.get(int(action), 'another one')})")
+            yield Finding(
+                "ok", name, f"{_number(action)} ({ACTIONS.get(int(action), 'another one')})"
+            )
 
 
 def _leak(visit: BoardVisit) -> Finding:

@@ -4,6 +4,7 @@ python -m tools.research.ardusub_double.udp --to 14551 --version 4.8 --set FS_PI
 """
 
 import argparse
+import contextlib
 import os
 import select
 import socket
@@ -34,7 +35,8 @@ def main() -> None:
         version=said.version,
         params={name: float(value) for name, value in pairs},
     )
-    run(board, said.to, os.getppid())
+    with contextlib.suppress(KeyboardInterrupt):
+        run(board, said.to, os.getppid())
 
 
 def run(board: BoardDouble, port: int, parent: int) -> None:
