@@ -56,11 +56,12 @@ def board_process(
 
     Args:
         params: besides those above.
-        beside: port of a second link, which only the firmware has.
+        beside: port of a second link.
     """
     values = params or {}
     if kind in ("4.5", "4.8"):
         said = [sys.executable, "-P", "-m", DOUBLE, "--to", str(port), "--version", kind]
+        said += ["--beside", str(beside)] if beside else []
         said += [word for name, value in values.items() for word in ("--set", f"{name}={value}")]
     else:
         (folder / "lindy.parm").write_text(
