@@ -12,12 +12,14 @@ import time
 from collections.abc import Sequence
 
 from services.ardusub.io.codec import BoardCodec, FrameReader
+from services.ardusub.packet import MavlinkPacket
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
 from services.simulator.core import Settings
 from tools.research.ardusub_double.board import BoardDouble
 
 HOST = "127.0.0.1"
+ANSWERS = ("COMMAND_ACK", "AUTOPILOT_VERSION", "TIMESYNC")
 STEP_S = 0.0025  # [s] half a tick of the board
 
 
@@ -43,29 +45,53 @@ def main() -> None:
 
 
 def run(board: BoardDouble, ports: Sequence[int], parent: int) -> None:
-    """Serve whoever listens on these ports until the parent process ends. Of what one of them says
-    the others hear the heartbeats, as at a board with several links."""
-    codec = BoardCodec(board.system, 1)
+    """Serve whoever listens on these ports until the parent process ends, as a board with several
+    links does: an answer goes to who asked, and of what one says the others hear the heartbeats."""
     with contextlib.ExitStack() as stack:
-        links = {stack.enter_context(_socket()): port for port in ports}
-        readers = {link: FrameReader(BoardCodec(board.system, 1)) for link in links}
+        links = [_Link(stack.enter_context(_socket()), port, board.system) for port in ports]
         while os.getppid() == parent:
-            ready, _, _ = select.select([*links], [], [], STEP_S)
+            ready, _, _ = select.select([link.socket for link in links], [], [], STEP_S)
             now = time.monotonic_ns()
-            passed_on = list[tuple[socket.socket, bytes]]()
-            for link in ready:
-                data, _ = link.recvfrom(2048)
-                for packet in readers[link].read(data).packets:
-                    board.hear(packet, now)
-                    if packet.name == "HEARTBEAT":
-                        other = BoardCodec(packet.system, packet.component)
-                        passed_on.append((link, other.encode(packet)))
+            for link in links:
+                if link.socket in ready:
+                    _hear(board, link, links, now)
             board.advance(now)
-            frames = [codec.encode(packet) for packet in board.sent()]
-            for link, port in links.items():
-                others = [frame for source, frame in passed_on if source is not link]
-                for frame in [*frames, *others]:
-                    link.sendto(frame, (HOST, port))
+            for packet in board.sent():
+                for link in links:
+                    link.send(packet)
+
+
+def _hear(board: BoardDouble, link: "_Link", links: Sequence["_Link"], now: int) -> None:
+    for packet in link.received():
+        board.hear(packet, now)
+        for said in board.sent():
+            for other in [link] if said.name in ANSWERS else links:
+                other.send(said)
+        if packet.name == "HEARTBEAT":
+            for other in links:
+                if other is not link:
+                    other.pass_on(packet)
+
+
+class _Link:
+    """One of the board's, and who listens at its other end."""
+
+    def __init__(self, socket: socket.socket, port: int, system: int) -> None:
+        self.socket, self._port = socket, port
+        self._codec = BoardCodec(system, 1)
+        self._reader = FrameReader(self._codec)
+
+    def received(self) -> list[MavlinkPacket]:
+        data, _ = self.socket.recvfrom(2048)
+        return self._reader.read(data).packets
+
+    def send(self, packet: MavlinkPacket) -> None:
+        self.socket.sendto(self._codec.encode(packet), (HOST, self._port))
+
+    def pass_on(self, packet: MavlinkPacket) -> None:
+        """In the name of who said it."""
+        frame = BoardCodec(packet.system, packet.component).encode(packet)
+        self.socket.sendto(frame, (HOST, self._port))
 
 
 def _socket() -> socket.socket:
