@@ -10,7 +10,7 @@ from services.ardusub.framing import LONGEST
 from services.ardusub.packet import ARDUPILOTMEGA, GCS_TYPE
 from services.ardusub.streams import ENOUGH
 from services.marine.vehicle import Vehicle
-from tools.doctor.finding import Finding, Verdict
+from tools.doctor.finding import VehicleFinding, Verdict
 from tools.doctor.remedies import remedy
 from tools.doctor.visit import NO_BOARD_NS, BoardVisit, S
 
@@ -26,12 +26,12 @@ CHANGE: Verdict = "change"
 MOST = 8  # other systems that are named
 
 
-def of_board(visit: BoardVisit, vehicle: Vehicle, url: str) -> list[Finding]:
+def of_board(visit: BoardVisit, vehicle: Vehicle, url: str) -> list[VehicleFinding]:
     """In the order in which a visit goes; it ends with what the rest depends on."""
     return [*_link(visit, url), *_board(visit, vehicle)]
 
 
-def _link(visit: BoardVisit, url: str) -> Iterator[Finding]:
+def _link(visit: BoardVisit, url: str) -> Iterator[VehicleFinding]:
     if visit.heartbeat is None:
         waited = f"{NO_BOARD_NS / S:g} s"
         if visit.others:
@@ -40,17 +40,19 @@ def _link(visit: BoardVisit, url: str) -> Iterator[Finding]:
             told = f"no heartbeat of system {visit.settings.board} in {waited}, only of {heard}; "
             flood = f" ({visit.left_out} frames of a flood were not looked at)"
             told += "ardusub.board names the board's system" + (flood if visit.left_out else "")
-            yield Finding("missing", "board", told)
+            yield VehicleFinding("missing", "board", told)
         elif visit.garbage:
             told = f"{visit.garbage} bytes at {url} in {waited} were no MAVLink"
-            yield Finding("missing", "board", f"{told}: is it the speed of the serial port?")
+            yield VehicleFinding("missing", "board", f"{told}: is it the speed of the serial port?")
         else:
             told = f"nothing heard at {url} in {waited}: is the board on, and is there an endpoint"
-            yield Finding("missing", "board", f"{told} (docs/bluerov2.md, step 3)?")
+            yield VehicleFinding("missing", "board", f"{told} (docs/bluerov2.md, step 3)?")
     else:
         troubles = _troubles(visit)
         verdict = CHANGE if troubles else "ok"
-        yield Finding(verdict, "link", ": ".join([url, *filter(None, [", ".join(troubles)])]))
+        yield VehicleFinding(
+            verdict, "link", ": ".join([url, *filter(None, [", ".join(troubles)])])
+        )
 
 
 def _troubles(visit: BoardVisit) -> list[str]:
@@ -63,21 +65,21 @@ def _troubles(visit: BoardVisit) -> list[str]:
     return [f"{count} {what}" for what, count in found.items() if count]
 
 
-def _board(visit: BoardVisit, vehicle: Vehicle) -> Iterator[Finding]:
+def _board(visit: BoardVisit, vehicle: Vehicle) -> Iterator[VehicleFinding]:
     if visit.heartbeat is None:
         return
     autopilot, kind = visit.heartbeat["autopilot"], visit.heartbeat["type"]
     if autopilot != ARDUPILOTMEGA:
         found = f"{autopilot} ({AUTOPILOTS.get(autopilot, 'another one')})"
-        yield Finding(CHANGE, "autopilot", f"is {found}; allowed: 3 (ArduPilot)")
+        yield VehicleFinding(CHANGE, "autopilot", f"is {found}; allowed: 3 (ArduPilot)")
         return
     if not visit.is_submarine:
         found = f"{kind} ({KINDS.get(kind, 'another vehicle')})"
-        yield Finding(CHANGE, "autopilot", f"flies a vehicle of type {found}; allowed: 12")
+        yield VehicleFinding(CHANGE, "autopilot", f"flies a vehicle of type {found}; allowed: 12")
         return
     yield from _state(visit)
     if visit.version is None:
-        yield Finding(
+        yield VehicleFinding(
             "missing",
             "version",
             "is not answered; a board that obeys only its own ground station (MAV_OPTIONS, bit 0) "
@@ -95,32 +97,34 @@ def _board(visit: BoardVisit, vehicle: Vehicle) -> Iterator[Finding]:
     yield from _others(visit)
 
 
-def _state(visit: BoardVisit) -> Iterator[Finding]:
+def _state(visit: BoardVisit) -> Iterator[VehicleFinding]:
     assert visit.heartbeat is not None
     mode = int(visit.heartbeat["custom_mode"])
     told = f"in mode {MODES.get(mode, mode)}"
     if visit.armed:
-        yield Finding(CHANGE, "armed", f"the board is armed, {told}: somebody flies it; disarm it")
+        yield VehicleFinding(
+            CHANGE, "armed", f"the board is armed, {told}: somebody flies it; disarm it"
+        )
     else:
-        yield Finding("ok", "armed", f"no, {told}")
+        yield VehicleFinding("ok", "armed", f"no, {told}")
 
 
-def _version(visit: BoardVisit) -> Finding:
+def _version(visit: BoardVisit) -> VehicleFinding:
     packed = visit.version or 0
     major, minor = visit.release
     stage = STAGES.get(packed & 0xFF, "")
     told = f"ArduSub {major}.{minor}.{packed >> 8 & 0xFF} {stage}".rstrip()
     if visit.release < parameters.OLDEST:
-        return Finding(CHANGE, "version", f"{told}; allowed: 4.5 and newer")
-    return Finding("ok", "version", told)
+        return VehicleFinding(CHANGE, "version", f"{told}; allowed: 4.5 and newer")
+    return VehicleFinding("ok", "version", told)
 
 
-def _parameters(visit: BoardVisit, vehicle: Vehicle) -> Iterator[Finding]:
+def _parameters(visit: BoardVisit, vehicle: Vehicle) -> Iterator[VehicleFinding]:
     """Each that is wrong, and one line for each rule that holds."""
     values, release = visit.reader.values, visit.release
     absent = [name for name in visit.reader.wanted if name not in values]
     for name in absent:
-        yield Finding("missing", name, "is not answered")
+        yield VehicleFinding("missing", name, "is not answered")
     if absent:
         return
     wrong = parameters.problems(values, release, visit.settings, vehicle)
@@ -128,16 +132,16 @@ def _parameters(visit: BoardVisit, vehicle: Vehicle) -> Iterator[Finding]:
     for sentence in wrong:
         name, _, told = sentence.partition(" ")
         value = remedy(name, values, visit.settings, vehicle, new=new)
-        yield Finding(
+        yield VehicleFinding(
             CHANGE, name, told + ("" if value is None else f"; set it to {_number(value)}")
         )
     yield from _that_fit(visit, {sentence.split(" ")[0] for sentence in wrong})
     for sentence in parameters.advice(values):
         name, _, told = sentence.partition(" ")
-        yield Finding("ok", name, told)
+        yield VehicleFinding("ok", name, told)
 
 
-def _that_fit(visit: BoardVisit, wrong: set[str]) -> Iterator[Finding]:
+def _that_fit(visit: BoardVisit, wrong: set[str]) -> Iterator[VehicleFinding]:
     values = visit.reader.values
     advised = {sentence.split(" ")[0] for sentence in parameters.advice(values)}
     groups: dict[str, list[str]] = {}
@@ -150,7 +154,7 @@ def _that_fit(visit: BoardVisit, wrong: set[str]) -> Iterator[Finding]:
         told = f"all {len(names)} fit" if len(names) > 1 else _number(values[group])
         if group == "FRAME_CONFIG":
             told += f" ({FRAMES[int(values[group])].name})"
-        yield Finding("ok", group, told)
+        yield VehicleFinding("ok", group, told)
 
 
 def _number(value: float) -> str:
@@ -164,29 +168,29 @@ def _is_of(name: str, start: str) -> bool:
     )
 
 
-def _clock(visit: BoardVisit) -> Finding:
+def _clock(visit: BoardVisit) -> VehicleFinding:
     if not visit.clock.known:
-        return Finding("missing", "clock", "TIMESYNC is not answered")
+        return VehicleFinding("missing", "clock", "TIMESYNC is not answered")
     told = f"known to {visit.clock.bound_ns / 1e6:.1f} ms"
     if visit.clock.jumps:
-        return Finding(CHANGE, "clock", f"it jumped {visit.clock.jumps} times; {told}")
-    return Finding("ok", "clock", told)
+        return VehicleFinding(CHANGE, "clock", f"it jumped {visit.clock.jumps} times; {told}")
+    return VehicleFinding("ok", "clock", told)
 
 
-def _rates(visit: BoardVisit) -> Iterator[Finding]:
+def _rates(visit: BoardVisit) -> Iterator[VehicleFinding]:
     if visit.armed:
-        yield Finding(CHANGE, "rates", "not asked for while the board is armed")
+        yield VehicleFinding(CHANGE, "rates", "not asked for while the board is armed")
         return
     for stream in visit.streams.streams:
         name = stream.message
         if name is None:
-            yield Finding("missing", stream.messages[-1], "the board does not give it")
+            yield VehicleFinding("missing", stream.messages[-1], "the board does not give it")
             continue
         rate = visit.rates.get(name, 0.0)
         told = f"{rate:.1f} a second, asked for {stream.hz:g}{_reading(visit, name)}"
         least = ENOUGH * stream.hz - 1 / visit.seconds  # one may just have missed the end
         verdict = "missing" if rate == 0.0 else "ok" if rate >= least else CHANGE
-        yield Finding(verdict, name, told)
+        yield VehicleFinding(verdict, name, told)
 
 
 def _reading(visit: BoardVisit, name: str) -> str:
@@ -203,28 +207,28 @@ def _reading(visit: BoardVisit, name: str) -> str:
     return ""
 
 
-def _battery(visit: BoardVisit) -> Iterator[Finding]:
+def _battery(visit: BoardVisit) -> Iterator[VehicleFinding]:
     fields = visit.newest.get(readings.BATTERY_MESSAGE)
     sample = None if fields is None else readings.BatteryMeter().sample(fields, 0)
     if sample is not None:
         told = f"{sample.voltage:.1f} V, {sample.current:.1f} A"
-        yield Finding("ok", "battery", told)
+        yield VehicleFinding("ok", "battery", told)
     elif fields is not None:
         monitor = visit.optional.values.get("BATT_MONITOR")
         told = "" if monitor is None else f": BATT_MONITOR is {monitor:g}"
-        yield Finding("missing", "battery", f"the board measures no voltage{told}")
+        yield VehicleFinding("missing", "battery", f"the board measures no voltage{told}")
     for name in ("BATT_FS_LOW_ACT", "BATT_FS_CRT_ACT"):
         if name in visit.optional.values:
             action = visit.optional.values[name]
-            yield Finding(
+            yield VehicleFinding(
                 "ok", name, f"{_number(action)} ({ACTIONS.get(int(action), 'another one')})"
             )
 
 
-def _leak(visit: BoardVisit) -> Finding:
+def _leak(visit: BoardVisit) -> VehicleFinding:
     if visit.leak:
-        return Finding(CHANGE, "leak", "the board says that it has water inside")
-    return Finding(
+        return VehicleFinding(CHANGE, "leak", "the board says that it has water inside")
+    return VehicleFinding(
         "ok",
         "leak",
         f"none said in {visit.seconds:g} s; the board says it every 20 s, from 20 s after its "
@@ -232,7 +236,7 @@ def _leak(visit: BoardVisit) -> Finding:
     )
 
 
-def _others(visit: BoardVisit) -> Iterator[Finding]:
+def _others(visit: BoardVisit) -> Iterator[VehicleFinding]:
     """Whoever speaks as Lindy would is one too many; all others are only told."""
     own = visit.settings.system
     ranked = sorted(visit.others.items(), key=lambda item: (item[0][0] != own, item[0]))
@@ -245,8 +249,8 @@ def _others(visit: BoardVisit) -> Iterator[Finding]:
                 " speaks as Lindy would, and the board would obey the sticks of both; give one of "
                 "the two another system (docs/bluerov2.md, step 4)"
             )
-            yield Finding(CHANGE, what, told)
+            yield VehicleFinding(CHANGE, what, told)
         else:
-            yield Finding("ok", what, f"{told}; Lindy is {own}")
+            yield VehicleFinding("ok", what, f"{told}; Lindy is {own}")
     if len(heard) > MOST:
-        yield Finding(CHANGE, "other system", f"and {len(heard) - MOST} more")
+        yield VehicleFinding(CHANGE, "other system", f"and {len(heard) - MOST} more")

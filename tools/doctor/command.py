@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from services.ardusub.io.link import BoardLink
     from services.marine.vehicle import Vehicle
     from services.runtime.config.stack import Stack
-    from tools.doctor.finding import Finding
+    from tools.doctor.finding import VehicleFinding
     from tools.doctor.visit import BoardVisit
 
 LONGEST_S = 600.0  # [s] of --seconds
@@ -59,7 +59,7 @@ def doctor(
     from tools.checks import PilotChoice, checked
     from tools.choices import Choices
     from tools.doctor.file_checks import of_file
-    from tools.doctor.finding import Finding, as_json, as_lines, fit
+    from tools.doctor.finding import VehicleFinding, as_json, as_lines, fit
 
     if not 0.5 <= seconds <= LONGEST_S:
         raise LindyError(f"--seconds is {seconds:g}, expected 0.5 to {LONGEST_S:g}")
@@ -74,12 +74,12 @@ def doctor(
     if "ardusub" in services:
         found += _of_board(checked_stack, checked_stack.section(BODY, Vehicle), seconds)
     else:
-        found.append(Finding("ok", "board", "none: the vehicle file has no table [ardusub]"))
+        found.append(VehicleFinding("ok", "board", "none: the vehicle file has no table [ardusub]"))
     print(as_json(found) if json else as_lines(found))
     return 0 if fit(found) else 1
 
 
-def _of_board(stack: "Stack", vehicle: "Vehicle", seconds: float) -> "list[Finding]":
+def _of_board(stack: "Stack", vehicle: "Vehicle", seconds: float) -> "list[VehicleFinding]":
     """
     Raises:
         LindyError: the port cannot be opened, or pymavlink is not installed.

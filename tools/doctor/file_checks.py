@@ -6,10 +6,10 @@ from services.estimation.settings import Settings as EstimationSettings
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import BODY, Stack
 from services.simulator.core import Settings as SimulatorSettings
-from tools.doctor.finding import Finding
+from tools.doctor.finding import VehicleFinding
 
 
-def of_file(stack: Stack, *, simulated: bool) -> list[Finding]:
+def of_file(stack: Stack, *, simulated: bool) -> list[VehicleFinding]:
     """
     Raises:
         ValueError: not a file that a dive accepts.
@@ -18,23 +18,23 @@ def of_file(stack: Stack, *, simulated: bool) -> list[Finding]:
     up, down = vehicle.vertical_thrust
     axes = Propulsion(vehicle, stack.section("control", ControlSettings).allocation).axes
     found = [
-        Finding("ok", "vehicle file", f"{vehicle.name}, {stack.vehicle_path}"),
-        Finding(
+        VehicleFinding("ok", "vehicle file", f"{vehicle.name}, {stack.vehicle_path}"),
+        VehicleFinding(
             "ok",
             "thrusters",
             f"{len(vehicle.thruster)}, which drive {', '.join(sorted(axes))}; {up:.0f} N up and "
             f"{down:.0f} N down against {vehicle.net_buoyancy:g} N of buoyancy",
         ),
-        Finding("ok", "control", "stable with these gains behind these thrusters"),
+        VehicleFinding("ok", "control", "stable with these gains behind these thrusters"),
     ]
     return [*found, _pressure_noise(stack)] if simulated else found
 
 
-def _pressure_noise(stack: Stack) -> Finding:
+def _pressure_noise(stack: Stack) -> VehicleFinding:
     """An estimate must not be surer than its sensor is."""
     expected = stack.section("estimation", EstimationSettings).depth.pressure_std
     made = stack.section("simulator", SimulatorSettings).pressure_std
     text = f"estimation.depth.pressure_std is {expected:g} Pa; the simulated sensor has {made:g} Pa"
     if expected >= made:
-        return Finding("ok", "pressure noise", text)
-    return Finding("change", "pressure noise", f"{text}; allowed: at least that")
+        return VehicleFinding("ok", "pressure noise", text)
+    return VehicleFinding("change", "pressure noise", f"{text}; allowed: at least that")

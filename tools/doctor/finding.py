@@ -9,17 +9,17 @@ Verdict = Literal["ok", "change", "missing"]
 VERDICTS: tuple[Verdict, ...] = ("ok", "change", "missing")
 
 
-class Finding(NamedTuple):
+class VehicleFinding(NamedTuple):
     verdict: Verdict  # missing: it should be there, and is not
     what: str
     text: str
 
 
-def fit(findings: Sequence[Finding]) -> bool:
+def fit(findings: Sequence[VehicleFinding]) -> bool:
     return all(finding.verdict == "ok" for finding in findings)
 
 
-def as_lines(findings: Sequence[Finding]) -> str:
+def as_lines(findings: Sequence[VehicleFinding]) -> str:
     """A line for each, and a sum."""
     width = max(len(finding.what) for finding in findings)
     lines = [f"{f.verdict:<8} {f.what:<{width}}  {f.text}" for f in findings]
@@ -28,6 +28,6 @@ def as_lines(findings: Sequence[Finding]) -> str:
     return "\n".join([*lines, f"{total}: {'fit' if fit(findings) else 'not fit to be flown'}"])
 
 
-def as_json(findings: Sequence[Finding]) -> str:
+def as_json(findings: Sequence[VehicleFinding]) -> str:
     found = [finding._asdict() for finding in findings]
     return json.dumps({"fit": fit(findings), "findings": found}, ensure_ascii=False, indent=1)

@@ -21,7 +21,7 @@ from tests.tools.test_cli_verbs import complaint
 from tools.__main__ import main
 from tools.doctor.board_checks import of_board
 from tools.doctor.command import go_through
-from tools.doctor.finding import Finding, fit
+from tools.doctor.finding import VehicleFinding, fit
 from tools.doctor.remedies import remedy
 from tools.doctor.visit import NO_BOARD_NS, BoardVisit, S
 from tools.research.ardusub_double.board import BoardDouble
@@ -65,7 +65,9 @@ class Bench:
         if self.now % NOISE_NS == 0:
             self.link.up.append(self.noise)
 
-    def visited(self, settings: Settings | None = None, seconds: float = 1.0) -> list[Finding]:
+    def visited(
+        self, settings: Settings | None = None, seconds: float = 1.0
+    ) -> list[VehicleFinding]:
         visit = BoardVisit(settings or Settings(), len(VEHICLE.thruster), seconds)
         go_through(visit, self.link, lambda: self.now, self.wait)
         return of_board(visit, VEHICLE, URL)
@@ -79,12 +81,12 @@ def _heartbeat(system: int, component: int) -> bytes:
     return BoardCodec(system, component).encode(MavlinkPacket("HEARTBEAT", fields))
 
 
-def one(findings: list[Finding], what: str) -> Finding:
+def one(findings: list[VehicleFinding], what: str) -> VehicleFinding:
     [found] = [finding for finding in findings if finding.what == what]
     return found
 
 
-def wrong(findings: list[Finding]) -> list[Finding]:
+def wrong(findings: list[VehicleFinding]) -> list[VehicleFinding]:
     return [finding for finding in findings if finding.verdict != "ok"]
 
 
@@ -170,7 +172,9 @@ def test_a_parameter_without_an_answer_is_missing() -> None:
     bench = Bench()
     assert bench.board is not None
     del bench.board.params["FS_LEAK_ENABLE"]
-    assert wrong(bench.visited()) == [Finding("missing", "FS_LEAK_ENABLE", "is not answered")]
+    assert wrong(bench.visited()) == [
+        VehicleFinding("missing", "FS_LEAK_ENABLE", "is not answered")
+    ]
 
 
 @pytest.mark.parametrize(
@@ -257,7 +261,7 @@ def test_a_leak_is_heard_within_25_seconds() -> None:
     assert bench.board is not None
     bench.board.leaking = True
     [found] = wrong(bench.visited(seconds=25.0))
-    assert found == Finding("change", "leak", "the board says that it has water inside")
+    assert found == VehicleFinding("change", "leak", "the board says that it has water inside")
 
 
 # The verb.
