@@ -26,9 +26,16 @@ CHANGE: Verdict = "change"
 MOST = 8  # other systems that are named
 
 
-def of_board(visit: BoardVisit, vehicle: Vehicle, url: str) -> list[VehicleFinding]:
-    """In the order in which a visit goes; it ends with what the rest depends on."""
-    return [*_link(visit, url), *_board(visit, vehicle)]
+def of_board(
+    visit: BoardVisit, vehicle: Vehicle, url: str, imu_frozen: float = 0.2
+) -> list[VehicleFinding]:
+    """In the order in which a visit goes; it ends with what the rest depends on.
+
+    Args:
+        imu_frozen: [s] of one and the same value after which estimation trusts the IMU no more.
+    """
+    found = [*_link(visit, url), *_board(visit, vehicle)]
+    return [*found, *_coarse(visit, imu_frozen)]
 
 
 def _link(visit: BoardVisit, url: str) -> Iterator[VehicleFinding]:
@@ -191,6 +198,18 @@ def _rates(visit: BoardVisit) -> Iterator[VehicleFinding]:
         least = ENOUGH * stream.hz - 1 / visit.seconds  # one may just have missed the end
         verdict = "missing" if rate == 0.0 else "ok" if rate >= least else CHANGE
         yield VehicleFinding(verdict, name, told)
+
+
+def _coarse(visit: BoardVisit, imu_frozen: float) -> Iterator[VehicleFinding]:
+    """RAW_IMU has steps of 1 mg and 1 mrad/s: a quiet sensor repeats itself at rest."""
+    longest = visit.repeated_ns / S
+    if longest > imu_frozen / 2:
+        yield VehicleFinding(
+            CHANGE,
+            "IMU",
+            f"repeated one value for {longest:.2f} s; estimation.watch.imu_frozen is {imu_frozen:g}"
+            f" s, after which it counts as broken; set it to {max(2.0, 5 * longest):.0f}",
+        )
 
 
 def _reading(visit: BoardVisit, name: str) -> str:

@@ -86,6 +86,7 @@ def _of_board(stack: "Stack", vehicle: "Vehicle", seconds: float) -> "list[Vehic
     """
     from services.ardusub.io.link import open_link
     from services.ardusub.settings import Settings
+    from services.estimation.settings import Settings as EstimationSettings
     from tools.doctor.board_checks import of_board
     from tools.doctor.visit import BoardVisit
 
@@ -96,7 +97,8 @@ def _of_board(stack: "Stack", vehicle: "Vehicle", seconds: float) -> "list[Vehic
         go_through(visit, link, time.monotonic_ns, lambda: time.sleep(STEP_S))
     finally:
         link.close()
-    return of_board(visit, vehicle, settings.url)
+    estimation = stack.section("estimation", EstimationSettings)
+    return of_board(visit, vehicle, settings.url, estimation.watch.imu_frozen)
 
 
 def go_through(

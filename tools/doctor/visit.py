@@ -55,12 +55,15 @@ class BoardVisit:
     clock: BoardClock = field(default_factory=BoardClock)
     newest: dict[str, dict[str, Any]] = field(default_factory=dict[str, dict[str, Any]])
     rates: dict[str, float] = field(default_factory=dict[str, float])  # [1/s] as measured
+    repeated_ns: int = 0  # [ns] longest time for which the IMU said one and the same
     garbage: int = 0  # bytes outside of frames, and frames with a wrong check sum
     left_out: int = 0  # frames of a flood
     other_senders: int = 0  # datagrams
     streams: TelemetryStreams = field(init=False)
     reader: parameters.ParameterReader = field(init=False)
     optional: parameters.ParameterReader = field(init=False)
+    _imu: tuple[float, ...] = ()  # its newest value, …
+    _imu_since: Ns = 0  # [ns] … and since when it has said so
     _since: Ns | None = None  # begin of the stage
     _measured_since: Ns | None = None
     _arrived: Counter[str] = field(default_factory=Counter[str])
@@ -100,22 +103,34 @@ class BoardVisit:
             if packet.name == "HEARTBEAT":
                 self.others[packet.system, packet.component] = int(packet.fields["type"])
             return
-        fields = packet.fields
-        self.newest[packet.name] = fields
+        self.newest[packet.name] = packet.fields
         self._arrived[packet.name] += 1
-        if packet.name == "HEARTBEAT":
+        if packet.name in readings.IMU_MESSAGES:
+            self._on_imu(packet.fields, now)
+        else:
+            self._on_answer(packet.name, packet.fields, now)
+
+    def _on_answer(self, name: str, fields: dict[str, Any], now: Ns) -> None:
+        """What the board says, but for its sensors."""
+        if name == "HEARTBEAT":
             self.heartbeat = fields
-        elif packet.name == "AUTOPILOT_VERSION":
+        elif name == "AUTOPILOT_VERSION":
             self.version = int(fields["flight_sw_version"])
-        elif packet.name == "STATUSTEXT":
+        elif name == "STATUSTEXT":
             self.leak |= fields["text"] == LEAK
-        elif packet.name == "PARAM_VALUE":
+        elif name == "PARAM_VALUE":
             for reader in (self.reader, self.optional):
                 reader.heard(fields["param_id"], float(fields["param_value"]))
-        elif packet.name == "TIMESYNC":
+        elif name == "TIMESYNC":
             self._on_timesync(int(fields["ts1"]), int(fields["tc1"]), now)
-        elif packet.name == "COMMAND_ACK" and int(fields["command"]) == SET_INTERVAL:
+        elif name == "COMMAND_ACK" and int(fields["command"]) == SET_INTERVAL:
             self.streams.heard_ack(int(fields["result"]))
+
+    def _on_imu(self, fields: dict[str, Any], now: Ns) -> None:
+        value = tuple(fields[f"{axis}{part}"] for part in ("acc", "gyro") for axis in "xyz")
+        if value != self._imu:
+            self._imu, self._imu_since = value, now
+        self.repeated_ns = max(self.repeated_ns, now - self._imu_since)
 
     def _on_timesync(self, sent: Ns, board: Ns, now: Ns) -> None:
         if board and sent in self._questions:

@@ -256,6 +256,24 @@ def test_a_sensor_that_is_missing_and_one_that_is_slow() -> None:
     assert found[0].text.startswith("20.0 a second, asked for 100")
 
 
+def test_an_imu_that_repeats_itself_is_said_with_the_setting() -> None:
+    bench = Bench("4.5")
+    assert bench.board is not None
+    first = bench.board.hull.message("RAW_IMU", 0, bench.now)
+    message = bench.board.hull.message
+
+    def still(name: str, boot_us: int, now: int) -> MavlinkPacket | None:
+        """Its noise is less than its steps."""
+        if name != "RAW_IMU" or first is None:
+            return message(name, boot_us, now)
+        return first._replace(fields={**first.fields, "time_usec": boot_us})
+
+    bench.board.hull.message = still
+    [found] = wrong(bench.visited())
+    assert found.what == "IMU"
+    assert "estimation.watch.imu_frozen is 0.2 s" in found.text
+
+
 def test_a_leak_is_heard_within_25_seconds() -> None:
     bench = Bench()
     assert bench.board is not None
