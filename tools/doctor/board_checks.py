@@ -23,6 +23,18 @@ ACTIONS = {0: "nothing", 1: "a warning", 2: "disarm", 3: "surface"}  # of BATT_F
 GROUPS = {"MOT_": "MOT_n_DIRECTION", "RC": "RC1 to RC6"}  # of many parameters with one rule
 USUAL_FORCE = (9.3, 10.3)  # [m/s²] of an accelerometer at rest
 CHANGE: Verdict = "change"
+# What the mixer takes for granted. A version without one of them is not judged by it.
+GRANTED = [
+    parameters.ParameterRule("MOT_BAT_CURR_MAX", "0: no limit of the motors", one_of=(0,)),
+    *[
+        parameters.ParameterRule(
+            f"RCMAP_{axis}", f"{channel}, its override channel", one_of=(channel,)
+        )
+        for channel, axis in enumerate(
+            ("PITCH", "ROLL", "THROTTLE", "YAW", "FORWARD", "LATERAL"), 1
+        )
+    ],
+]
 MOST = 8  # other systems that are named
 
 
@@ -146,6 +158,15 @@ def _parameters(visit: BoardVisit, vehicle: Vehicle) -> Iterator[VehicleFinding]
     for sentence in parameters.advice(values):
         name, _, told = sentence.partition(" ")
         yield VehicleFinding("ok", name, told)
+    yield from _granted(visit)
+
+
+def _granted(visit: BoardVisit) -> Iterator[VehicleFinding]:
+    for rule in GRANTED:
+        value = visit.optional.values.get(rule.name)
+        if value is not None and not rule.holds(value):
+            told = f"is {_number(value)}; allowed: {rule.allowed}"
+            yield VehicleFinding(CHANGE, rule.name, told)
 
 
 def _that_fit(visit: BoardVisit, wrong: set[str]) -> Iterator[VehicleFinding]:

@@ -36,7 +36,10 @@ ASK_NS = S // 2
 TIMESYNC_NS = S // 5
 VERSION_MESSAGE = 148
 DEFAULT_RATE = 0  # [µs] interval that means: as if nobody had asked
-OPTIONAL = ["BATT_MONITOR", "BATT_FS_LOW_ACT", "BATT_FS_CRT_ACT"]
+# Which the service does not ask for.
+OPTIONAL = ["BATT_MONITOR", "BATT_FS_LOW_ACT", "BATT_FS_CRT_ACT", "MOT_BAT_CURR_MAX",
+            "RCMAP_PITCH", "RCMAP_ROLL", "RCMAP_THROTTLE", "RCMAP_YAW", "RCMAP_FORWARD",
+            "RCMAP_LATERAL"]  # fmt: skip
 Stage = Literal["heartbeat", "version", "parameters", "rates", "done"]
 
 

@@ -140,6 +140,8 @@ def test_it_only_asks_and_leaves_the_board_as_it_was(version: str, armed: bool) 
         ("4.8", "RC3_TRIM", 1100.0, "set it to 1500"),
         ("4.8", "ARMING_SKIPCHK", -1.0, "set it to 16776767"),
         ("4.5", "ARMING_CHECK", 0.0, "set it to 448"),
+        ("4.8", "RCMAP_FORWARD", 6.0, "is 6; allowed: 5, its override channel"),
+        ("4.8", "MOT_BAT_CURR_MAX", 30.0, "is 30; allowed: 0"),
     ],
 )  # fmt: skip
 def test_a_parameter_that_is_wrong_is_named_with_what_to_set(
