@@ -42,6 +42,8 @@ SIM_BARO_RND 0.002
 SIM_BAR2_RND 0.002
 FS_PILOT_TIMEOUT 1
 """
+# The IMU of the firmware's simulator is quieter than the steps of RAW_IMU, all that 4.5 has.
+QUIET = ["--set", "estimation.watch.imu_frozen=10"]
 BOARDS = [
     "4.5",
     "4.8",
@@ -57,11 +59,12 @@ def board_process(
 
     Args:
         params: besides those above.
-        beside: port of a second link, which only the firmware has.
+        beside: port of a second link.
     """
     values = params or {}
     if kind in ("4.5", "4.8"):
         said = [sys.executable, "-P", "-m", DOUBLE, "--to", str(port), "--version", kind]
+        said += ["--beside", str(beside)] if beside else []
         said += [word for name, value in values.items() for word in ("--set", f"{name}={value}")]
     else:
         (folder / "lindy.parm").write_text(
@@ -215,7 +218,7 @@ def test_a_dive_as_processes(tmp_path: Path, kind: str, port: int) -> None:
     command = [sys.executable, "-P", "-m", "tools", "dive", "--stack", "ardusub"]
     command += ["--vehicle", "bluerov2_heavy", "--pilot", f"script:{script}", "--headless"]
     command += ["--set", f"ardusub.url=udpin:127.0.0.1:{port}", "--out", str(out)]
-    command += ["--set", "estimation.calibration.still_time=3"]
+    command += ["--set", "estimation.calibration.still_time=3", *QUIET]
     with board_process(kind, port, tmp_path):
         said = subprocess.run(
             command, capture_output=True, text=True, timeout=PATIENCE_S, check=False
@@ -304,7 +307,7 @@ def test_when_all_of_lindy_is_killed_the_board_is_neutral_after_its_timeout(
     words = [sys.executable, "-P", "-m", "tools", "dive", "--stack", "ardusub", "--headless"]
     words += ["--vehicle", "bluerov2_heavy", "--pilot", f"script:{script}"]
     words += ["--set", f"ardusub.url=udpin:127.0.0.1:{port}", "--out", str(tmp_path / "out")]
-    words += ["--set", "estimation.calibration.still_time=3"]
+    words += ["--set", "estimation.calibration.still_time=3", *QUIET]
     beside = Beside(second)
     with board_process(kind, port, tmp_path, beside=second):
         dive = subprocess.Popen(words, start_new_session=True, stdout=subprocess.DEVNULL)

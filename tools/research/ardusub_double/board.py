@@ -260,7 +260,7 @@ class BoardDouble:
         if name is None or too_new or name in self.missing:
             return DENIED
         interval = int(fields["param2"])
-        if interval < 0:
+        if interval <= 0:  # 0: the default, which is none
             self.streams.pop(name, None)
         else:
             slowest = max(interval, self.slowest_us.get(name, 0))

@@ -4,17 +4,22 @@ python -m tools.research.ardusub_double.udp --to 14551 --version 4.8 --set FS_PI
 """
 
 import argparse
+import contextlib
 import os
 import select
 import socket
 import time
+from collections.abc import Sequence
 
 from services.ardusub.io.codec import BoardCodec, FrameReader
+from services.ardusub.packet import MavlinkPacket
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
 from services.simulator.core import Settings
 from tools.research.ardusub_double.board import BoardDouble
 
+HOST = "127.0.0.1"
+ANSWERS = ("COMMAND_ACK", "AUTOPILOT_VERSION", "TIMESYNC")
 STEP_S = 0.0025  # [s] half a tick of the board
 
 
@@ -22,6 +27,7 @@ def main() -> None:
     """Ends with its parent, or when it is told to."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--to", type=int, required=True, help="UDP port on 127.0.0.1")
+    parser.add_argument("--beside", type=int, help="port of a second link")
     parser.add_argument("--version", default="4.8", choices=["4.5", "4.8"])
     parser.add_argument("--vehicle", default="bluerov2_heavy")
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE")
@@ -34,25 +40,64 @@ def main() -> None:
         version=said.version,
         params={name: float(value) for name, value in pairs},
     )
-    run(board, said.to, os.getppid())
+    with contextlib.suppress(KeyboardInterrupt):
+        run(board, [said.to, *([said.beside] if said.beside else [])], os.getppid())
 
 
-def run(board: BoardDouble, port: int, parent: int) -> None:
-    """Serve whoever listens on this port until the parent process ends."""
-    codec = BoardCodec(board.system, 1)
-    reader = FrameReader(codec)
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
-        link.bind(("127.0.0.1", 0))
+def run(board: BoardDouble, ports: Sequence[int], parent: int) -> None:
+    """Serve whoever listens on these ports until the parent process ends, as a board with several
+    links does: an answer goes to who asked, and of what one says the others hear the heartbeats."""
+    with contextlib.ExitStack() as stack:
+        links = [_Link(stack.enter_context(_socket()), port, board.system) for port in ports]
         while os.getppid() == parent:
-            ready, _, _ = select.select([link], [], [], STEP_S)
+            ready, _, _ = select.select([link.socket for link in links], [], [], STEP_S)
             now = time.monotonic_ns()
-            if ready:
-                data, _ = link.recvfrom(2048)
-                for packet in reader.read(data).packets:
-                    board.hear(packet, now)
+            for link in links:
+                if link.socket in ready:
+                    _hear(board, link, links, now)
             board.advance(now)
             for packet in board.sent():
-                link.sendto(codec.encode(packet), ("127.0.0.1", port))
+                for link in links:
+                    link.send(packet)
+
+
+def _hear(board: BoardDouble, link: "_Link", links: Sequence["_Link"], now: int) -> None:
+    for packet in link.received():
+        board.hear(packet, now)
+        for said in board.sent():
+            for other in [link] if said.name in ANSWERS else links:
+                other.send(said)
+        if packet.name == "HEARTBEAT":
+            for other in links:
+                if other is not link:
+                    other.pass_on(packet)
+
+
+class _Link:
+    """One of the board's, and who listens at its other end."""
+
+    def __init__(self, socket: socket.socket, port: int, system: int) -> None:
+        self.socket, self._port = socket, port
+        self._codec = BoardCodec(system, 1)
+        self._reader = FrameReader(self._codec)
+
+    def received(self) -> list[MavlinkPacket]:
+        data, _ = self.socket.recvfrom(2048)
+        return self._reader.read(data).packets
+
+    def send(self, packet: MavlinkPacket) -> None:
+        self.socket.sendto(self._codec.encode(packet), (HOST, self._port))
+
+    def pass_on(self, packet: MavlinkPacket) -> None:
+        """In the name of who said it."""
+        frame = BoardCodec(packet.system, packet.component).encode(packet)
+        self.socket.sendto(frame, (HOST, self._port))
+
+
+def _socket() -> socket.socket:
+    link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    link.bind((HOST, 0))
+    return link
 
 
 if __name__ == "__main__":

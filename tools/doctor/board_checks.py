@@ -1,0 +1,296 @@
+"""From what a board answered to findings. What it may be is decided where it is flown:
+services/ardusub/parameters.py."""
+
+from collections.abc import Iterator
+
+from services.ardusub import parameters, readings
+from services.ardusub.authority import MODES
+from services.ardusub.frames import FRAMES
+from services.ardusub.framing import LONGEST
+from services.ardusub.packet import ARDUPILOTMEGA, GCS_TYPE
+from services.ardusub.streams import ENOUGH
+from services.marine.vehicle import Vehicle
+from tools.doctor.finding import VehicleFinding, Verdict
+from tools.doctor.remedies import remedy
+from tools.doctor.visit import NO_BOARD_NS, BoardVisit, S
+
+# MAV_AUTOPILOT and MAV_TYPE, of those that are met.
+AUTOPILOTS = {0: "generic", 3: "ArduPilot", 8: "none", 12: "PX4"}
+KINDS = {1: "a plane", 2: "a quadrotor", 6: "a ground station", 10: "a rover", 11: "a boat",
+         12: "a submarine", 13: "a hexarotor"}  # fmt: skip
+STAGES = {0: "dev", 64: "alpha", 128: "beta", 192: "release candidate", 255: "official"}
+ACTIONS = {0: "nothing", 1: "a warning", 2: "disarm", 3: "surface"}  # of BATT_FS_*_ACT
+GROUPS = {"MOT_": "MOT_n_DIRECTION", "RC": "RC1 to RC6"}  # of many parameters with one rule
+USUAL_FORCE = (9.3, 10.3)  # [m/s²] of an accelerometer at rest
+CHANGE: Verdict = "change"
+# What the mixer takes for granted. A version without one of them is not judged by it.
+GRANTED = [
+    parameters.ParameterRule("MOT_BAT_CURR_MAX", "0: no limit of the motors", one_of=(0,)),
+    *[
+        parameters.ParameterRule(
+            f"RCMAP_{axis}", f"{channel}, its override channel", one_of=(channel,)
+        )
+        for channel, axis in enumerate(
+            ("PITCH", "ROLL", "THROTTLE", "YAW", "FORWARD", "LATERAL"), 1
+        )
+    ],
+]
+MOST = 8  # other systems that are named
+
+
+def of_board(
+    visit: BoardVisit, vehicle: Vehicle, url: str, imu_frozen: float = 0.2
+) -> list[VehicleFinding]:
+    """In the order in which a visit goes; it ends with what the rest depends on.
+
+    Args:
+        imu_frozen: [s] of one and the same value after which estimation trusts the IMU no more.
+    """
+    found = [*_link(visit, url), *_board(visit, vehicle)]
+    return [*found, *_coarse(visit, imu_frozen)]
+
+
+def _link(visit: BoardVisit, url: str) -> Iterator[VehicleFinding]:
+    if visit.heartbeat is None:
+        waited = f"{NO_BOARD_NS / S:g} s"
+        if visit.others:
+            some = sorted(visit.others)[:MOST]
+            heard = ", ".join(f"system {s} component {c}" for s, c in some)
+            told = f"no heartbeat of system {visit.settings.board} in {waited}, only of {heard}; "
+            flood = f" ({visit.left_out} frames of a flood were not looked at)"
+            told += "ardusub.board names the board's system" + (flood if visit.left_out else "")
+            yield VehicleFinding("missing", "board", told)
+        elif visit.garbage:
+            told = f"{visit.garbage} bytes at {url} in {waited} were no MAVLink"
+            yield VehicleFinding("missing", "board", f"{told}: is it the speed of the serial port?")
+        else:
+            told = f"nothing heard at {url} in {waited}: is the board on, and is there an endpoint"
+            yield VehicleFinding("missing", "board", f"{told} (docs/bluerov2.md, step 3)?")
+    else:
+        troubles = _troubles(visit)
+        verdict = CHANGE if troubles else "ok"
+        yield VehicleFinding(
+            verdict, "link", ": ".join([url, *filter(None, [", ".join(troubles)])])
+        )
+
+
+def _troubles(visit: BoardVisit) -> list[str]:
+    """Of a link: less than a frame of garbage is one that was under way when it was opened."""
+    found = {
+        "bytes were no MAVLink": visit.garbage if visit.garbage > LONGEST else 0,
+        "frames of a flood were not looked at": visit.left_out,
+        "datagrams came from another sender than the board": visit.other_senders,
+    }
+    return [f"{count} {what}" for what, count in found.items() if count]
+
+
+def _board(visit: BoardVisit, vehicle: Vehicle) -> Iterator[VehicleFinding]:
+    if visit.heartbeat is None:
+        return
+    autopilot, kind = visit.heartbeat["autopilot"], visit.heartbeat["type"]
+    if autopilot != ARDUPILOTMEGA:
+        found = f"{autopilot} ({AUTOPILOTS.get(autopilot, 'another one')})"
+        yield VehicleFinding(CHANGE, "autopilot", f"is {found}; allowed: 3 (ArduPilot)")
+        return
+    if not visit.is_submarine:
+        found = f"{kind} ({KINDS.get(kind, 'another vehicle')})"
+        yield VehicleFinding(CHANGE, "autopilot", f"flies a vehicle of type {found}; allowed: 12")
+        return
+    yield from _state(visit)
+    if visit.version is None:
+        yield VehicleFinding(
+            "missing",
+            "version",
+            "is not answered; a board that obeys only its own ground station (MAV_OPTIONS, bit 0) "
+            "answers nobody else",
+        )
+        return
+    yield _version(visit)
+    if visit.release < parameters.OLDEST:
+        return
+    yield from _parameters(visit, vehicle)
+    yield _clock(visit)
+    yield from _rates(visit)
+    yield from _battery(visit)
+    yield _leak(visit)
+    yield from _others(visit)
+
+
+def _state(visit: BoardVisit) -> Iterator[VehicleFinding]:
+    assert visit.heartbeat is not None
+    mode = int(visit.heartbeat["custom_mode"])
+    told = f"in mode {MODES.get(mode, mode)}"
+    if visit.armed:
+        yield VehicleFinding(
+            CHANGE, "armed", f"the board is armed, {told}: somebody flies it; disarm it"
+        )
+    else:
+        yield VehicleFinding("ok", "armed", f"no, {told}")
+
+
+def _version(visit: BoardVisit) -> VehicleFinding:
+    packed = visit.version or 0
+    major, minor = visit.release
+    stage = STAGES.get(packed & 0xFF, "")
+    told = f"ArduSub {major}.{minor}.{packed >> 8 & 0xFF} {stage}".rstrip()
+    if visit.release < parameters.OLDEST:
+        return VehicleFinding(CHANGE, "version", f"{told}; allowed: 4.5 and newer")
+    return VehicleFinding("ok", "version", told)
+
+
+def _parameters(visit: BoardVisit, vehicle: Vehicle) -> Iterator[VehicleFinding]:
+    """Each that is wrong, and one line for each rule that holds."""
+    values, release = visit.reader.values, visit.release
+    absent = [name for name in visit.reader.wanted if name not in values]
+    for name in absent:
+        yield VehicleFinding("missing", name, "is not answered")
+    if absent:
+        return
+    wrong = parameters.problems(values, release, visit.settings, vehicle)
+    new = parameters.is_new(release)
+    for sentence in wrong:
+        name, _, told = sentence.partition(" ")
+        value = remedy(name, values, visit.settings, vehicle, new=new)
+        yield VehicleFinding(
+            CHANGE, name, told + ("" if value is None else f"; set it to {_number(value)}")
+        )
+    yield from _that_fit(visit, {sentence.split(" ")[0] for sentence in wrong})
+    for sentence in parameters.advice(values):
+        name, _, told = sentence.partition(" ")
+        yield VehicleFinding("ok", name, told)
+    yield from _granted(visit)
+
+
+def _granted(visit: BoardVisit) -> Iterator[VehicleFinding]:
+    for rule in GRANTED:
+        value = visit.optional.values.get(rule.name)
+        if value is not None and not rule.holds(value):
+            told = f"is {_number(value)}; allowed: {rule.allowed}"
+            yield VehicleFinding(CHANGE, rule.name, told)
+
+
+def _that_fit(visit: BoardVisit, wrong: set[str]) -> Iterator[VehicleFinding]:
+    values = visit.reader.values
+    advised = {sentence.split(" ")[0] for sentence in parameters.advice(values)}
+    groups: dict[str, list[str]] = {}
+    for name in visit.reader.wanted:
+        many = next((group for start, group in GROUPS.items() if _is_of(name, start)), name)
+        groups.setdefault(many, []).append(name)
+    for group, names in groups.items():
+        if wrong.intersection(names) or advised.intersection(names):
+            continue
+        told = f"all {len(names)} fit" if len(names) > 1 else _number(values[group])
+        if group == "FRAME_CONFIG":
+            told += f" ({FRAMES[int(values[group])].name})"
+        yield VehicleFinding("ok", group, told)
+
+
+def _number(value: float) -> str:
+    """Whole ones with all their digits: some are sums of bits."""
+    return f"{value:.0f}" if value == round(value) else f"{value:g}"
+
+
+def _is_of(name: str, start: str) -> bool:
+    return name.startswith(start) and name.endswith(
+        ("_DIRECTION", "_MIN", "_TRIM", "_MAX", "_REVERSED")
+    )
+
+
+def _clock(visit: BoardVisit) -> VehicleFinding:
+    if not visit.clock.known:
+        return VehicleFinding("missing", "clock", "TIMESYNC is not answered")
+    told = f"known to {visit.clock.bound_ns / 1e6:.1f} ms"
+    if visit.clock.jumps:
+        return VehicleFinding(CHANGE, "clock", f"it jumped {visit.clock.jumps} times; {told}")
+    return VehicleFinding("ok", "clock", told)
+
+
+def _rates(visit: BoardVisit) -> Iterator[VehicleFinding]:
+    if visit.armed:
+        yield VehicleFinding(CHANGE, "rates", "not asked for while the board is armed")
+        return
+    for stream in visit.streams.streams:
+        name = stream.message
+        if name is None:
+            yield VehicleFinding("missing", stream.messages[-1], "the board does not give it")
+            continue
+        rate = visit.rates.get(name, 0.0)
+        told = f"{rate:.1f} a second, asked for {stream.hz:g}{_reading(visit, name)}"
+        least = ENOUGH * stream.hz - 1 / visit.seconds  # one may just have missed the end
+        verdict = "missing" if rate == 0.0 else "ok" if rate >= least else CHANGE
+        yield VehicleFinding(verdict, name, told)
+
+
+def _coarse(visit: BoardVisit, imu_frozen: float) -> Iterator[VehicleFinding]:
+    """RAW_IMU has steps of 1 mg and 1 mrad/s: a quiet sensor repeats itself at rest."""
+    longest = visit.repeated_ns / S
+    if longest > imu_frozen / 2:
+        yield VehicleFinding(
+            CHANGE,
+            "IMU",
+            f"repeated one value for {longest:.2f} s; estimation.watch.imu_frozen is {imu_frozen:g}"
+            f" s, after which it counts as broken; set it to {max(2.0, 5 * longest):.0f}",
+        )
+
+
+def _reading(visit: BoardVisit, name: str) -> str:
+    """What a sensor says, where something can be seen in it."""
+    fields = visit.newest.get(name)
+    if fields is None:
+        return ""
+    if name in readings.IMU_MESSAGES and (sample := readings.imu(name, fields, 0)) is not None:
+        force = sum(part**2 for part in sample.specific_force) ** 0.5
+        at_rest = "" if USUAL_FORCE[0] < force < USUAL_FORCE[1] else ", expected 9.8 at rest"
+        return f"; {force:.2f} m/s²{at_rest}"
+    if name == readings.PRESSURE_MESSAGE:
+        return f"; {fields['press_abs']:.0f} hPa"
+    return ""
+
+
+def _battery(visit: BoardVisit) -> Iterator[VehicleFinding]:
+    fields = visit.newest.get(readings.BATTERY_MESSAGE)
+    sample = None if fields is None else readings.BatteryMeter().sample(fields, 0)
+    if sample is not None:
+        told = f"{sample.voltage:.1f} V, {sample.current:.1f} A"
+        yield VehicleFinding("ok", "battery", told)
+    elif fields is not None:
+        monitor = visit.optional.values.get("BATT_MONITOR")
+        told = "" if monitor is None else f": BATT_MONITOR is {monitor:g}"
+        yield VehicleFinding("missing", "battery", f"the board measures no voltage{told}")
+    for name in ("BATT_FS_LOW_ACT", "BATT_FS_CRT_ACT"):
+        if name in visit.optional.values:
+            action = visit.optional.values[name]
+            yield VehicleFinding(
+                "ok", name, f"{_number(action)} ({ACTIONS.get(int(action), 'another one')})"
+            )
+
+
+def _leak(visit: BoardVisit) -> VehicleFinding:
+    if visit.leak:
+        return VehicleFinding(CHANGE, "leak", "the board says that it has water inside")
+    return VehicleFinding(
+        "ok",
+        "leak",
+        f"none said in {visit.seconds:g} s; the board says it every 20 s, from 20 s after its "
+        "start, so that --seconds 25 is sure to hear it",
+    )
+
+
+def _others(visit: BoardVisit) -> Iterator[VehicleFinding]:
+    """Whoever speaks as Lindy would is one too many; all others are only told."""
+    own = visit.settings.system
+    ranked = sorted(visit.others.items(), key=lambda item: (item[0][0] != own, item[0]))
+    heard = [(who, kind) for who, kind in ranked if who[0] != visit.settings.board]
+    for (system, component), kind in heard[:MOST]:
+        what = "ground station" if kind == GCS_TYPE else "other system"
+        told = f"system {system} component {component}"
+        if system == own:
+            told += (
+                " speaks as Lindy would, and the board would obey the sticks of both; give one of "
+                "the two another system (docs/bluerov2.md, step 4)"
+            )
+            yield VehicleFinding(CHANGE, what, told)
+        else:
+            yield VehicleFinding("ok", what, f"{told}; Lindy is {own}")
+    if len(heard) > MOST:
+        yield VehicleFinding(CHANGE, "other system", f"and {len(heard) - MOST} more")

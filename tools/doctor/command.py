@@ -1,0 +1,126 @@
+"""The verb `lindy doctor`."""
+
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from services.runtime.config.errors import LindyError
+
+if TYPE_CHECKING:
+    from messages.units import Ns
+    from services.ardusub.io.link import BoardLink
+    from services.marine.vehicle import Vehicle
+    from services.runtime.config.stack import Stack
+    from tools.doctor.finding import VehicleFinding
+    from tools.doctor.visit import BoardVisit
+
+LONGEST_S = 600.0  # [s] of --seconds
+STEP_S = 0.005  # [s] between two looks at the link
+# As whom it speaks: not as Lindy, so that it can be used beside it.
+SYSTEMS, COMPONENT = (247, 248), 191
+
+
+def doctor(
+    *,
+    vehicle: Annotated[
+        str, Parameter(help="a name in deploy/vehicles, or the path of a TOML file")
+    ] = "pioneer",
+    stack: Annotated[
+        str | None,
+        Parameter(
+            help="a name in deploy/stacks, or a TOML file; default: ardusub for a vehicle file "
+            "with a table [ardusub], else simulated"
+        ),
+    ] = None,
+    seconds: Annotated[float, Parameter(help="[s] for which the board's rates are measured")] = 5.0,
+    set_: Annotated[
+        tuple[str, ...],
+        Parameter(name="--set", negative=(), help="key.path=value into the vehicle file"),
+    ] = (),
+    json: Annotated[
+        bool, Parameter(negative=(), show_default=False, help="no lines, JSON")
+    ] = False,
+) -> int:
+    """Check a vehicle file and, where it names one, the ArduSub board, before anything is flown.
+
+    A line for everything that was looked at: ok, change or missing. The exit status is 0 where all
+    fits, else 1. It arms nothing, moves nothing and sets no parameter; not to be used while a dive
+    goes on over the same endpoint.
+
+    Example: lindy doctor --vehicle bluerov2_heavy
+             lindy doctor --vehicle mine.toml --set ardusub.url=serial:/dev/ttyACM0:115200
+    """
+    from services.marine.vehicle import Vehicle
+    from services.runtime.config.settings import override, read_toml
+    from services.runtime.config.stack import BODY, Stack
+    from services.runtime.hosts.registry import Registry
+    from tools.checks import PilotChoice, checked
+    from tools.choices import Choices
+    from tools.doctor.file_checks import of_file
+    from tools.doctor.finding import VehicleFinding, as_json, as_lines, fit
+
+    if not 0.5 <= seconds <= LONGEST_S:
+        raise LindyError(f"--seconds is {seconds:g}, expected 0.5 to {LONGEST_S:g}")
+    tree = read_toml(Stack(vehicle=vehicle).vehicle_path)
+    override(tree, set_)
+    stack = stack or ("ardusub" if "ardusub" in tree else "simulated")
+    services = Registry.read(stack)
+    checked_stack = checked(
+        Choices(vehicle=vehicle, stack=stack, set_=set_), PilotChoice("gamepad"), services
+    )
+    found = of_file(checked_stack, simulated="simulator" in services)
+    if "ardusub" in services:
+        found += _of_board(checked_stack, checked_stack.section(BODY, Vehicle), seconds)
+    else:
+        found.append(VehicleFinding("ok", "board", "none: the vehicle file has no table [ardusub]"))
+    print(as_json(found) if json else as_lines(found))
+    return 0 if fit(found) else 1
+
+
+def _of_board(stack: "Stack", vehicle: "Vehicle", seconds: float) -> "list[VehicleFinding]":
+    """
+    Raises:
+        LindyError: the port cannot be opened, or pymavlink is not installed.
+    """
+    from services.ardusub.io.link import open_link
+    from services.ardusub.settings import Settings
+    from services.estimation.settings import Settings as EstimationSettings
+    from tools.doctor.board_checks import of_board
+    from tools.doctor.visit import BoardVisit
+
+    settings = stack.section("ardusub", Settings)
+    visit = BoardVisit(settings, len(vehicle.thruster), seconds)
+    link = open_link(settings.url)
+    try:
+        go_through(visit, link, time.monotonic_ns, lambda: time.sleep(STEP_S))
+    finally:
+        link.close()
+    estimation = stack.section("estimation", EstimationSettings)
+    return of_board(visit, vehicle, settings.url, estimation.watch.imu_frozen)
+
+
+def go_through(
+    visit: "BoardVisit", link: "BoardLink", now: "Callable[[], Ns]", wait: Callable[[], None]
+) -> None:
+    """The visit over a link, to its end, which comes whatever is heard.
+
+    Args:
+        wait: until the next look at the link.
+    """
+    from services.ardusub.core import HEARD
+    from services.ardusub.io.codec import BoardCodec, FrameReader
+
+    codec = BoardCodec(next(s for s in SYSTEMS if s != visit.settings.system), COMPONENT)
+    reader = FrameReader(codec, visit.settings.board, HEARD)
+    while visit.stage != "done":
+        found = reader.read(b"".join(link.receive()))
+        arrival = now()
+        for packet in found.packets:
+            visit.hear(packet, arrival)
+        others, _ = link.lost()
+        visit.heard_wrong(found.wrong, found.left_out, others)
+        for packet in visit.tick(now()):
+            link.send(codec.encode(packet))
+        wait()

@@ -1,0 +1,40 @@
+"""What a vehicle file tells by itself, without a board. The file is one that a dive accepts."""
+
+from services.control.allocation.propulsion import Propulsion
+from services.control.settings import Settings as ControlSettings
+from services.estimation.settings import Settings as EstimationSettings
+from services.marine.vehicle import Vehicle
+from services.runtime.config.stack import BODY, Stack
+from services.simulator.core import Settings as SimulatorSettings
+from tools.doctor.finding import VehicleFinding
+
+
+def of_file(stack: Stack, *, simulated: bool) -> list[VehicleFinding]:
+    """
+    Raises:
+        ValueError: not a file that a dive accepts.
+    """
+    vehicle = stack.section(BODY, Vehicle)
+    up, down = vehicle.vertical_thrust
+    axes = Propulsion(vehicle, stack.section("control", ControlSettings).allocation).axes
+    found = [
+        VehicleFinding("ok", "vehicle file", f"{vehicle.name}, {stack.vehicle_path}"),
+        VehicleFinding(
+            "ok",
+            "thrusters",
+            f"{len(vehicle.thruster)}, which drive {', '.join(sorted(axes))}; {up:.0f} N up and "
+            f"{down:.0f} N down against {vehicle.net_buoyancy:g} N of buoyancy",
+        ),
+        VehicleFinding("ok", "control", "stable with these gains behind these thrusters"),
+    ]
+    return [*found, _pressure_noise(stack)] if simulated else found
+
+
+def _pressure_noise(stack: Stack) -> VehicleFinding:
+    """An estimate must not be surer than its sensor is."""
+    expected = stack.section("estimation", EstimationSettings).depth.pressure_std
+    made = stack.section("simulator", SimulatorSettings).pressure_std
+    text = f"estimation.depth.pressure_std is {expected:g} Pa; the simulated sensor has {made:g} Pa"
+    if expected >= made:
+        return VehicleFinding("ok", "pressure noise", text)
+    return VehicleFinding("change", "pressure noise", f"{text}; allowed: at least that")

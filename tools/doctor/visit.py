@@ -1,0 +1,226 @@
+"""A visit at a board as a pure state machine: packets and time in, packets out.
+
+It asks, and listens. It arms nothing, moves nothing and sets no parameter. It speaks as a system
+that the board takes no sticks from, sends no heartbeat, so that no failsafe of the board begins to
+wait for the next one, and gives back the rates that it asked for. While the board is armed it asks
+for no rates: somebody may be flying over the same link.
+"""
+
+from collections import Counter, deque
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from messages import topics
+from messages.units import Ns
+from services.ardusub import parameters, readings
+from services.ardusub.board_clock import BoardClock
+from services.ardusub.core import LEAK
+from services.ardusub.packet import (
+    ARDUPILOTMEGA,
+    ARMED_BIT,
+    AUTOPILOT,
+    REQUEST_MESSAGE,
+    SET_INTERVAL,
+    SUBMARINE,
+    MavlinkPacket,
+    command,
+)
+from services.ardusub.settings import Settings
+from services.ardusub.streams import NUMBERS, TelemetryStream, TelemetryStreams
+
+S = 1_000_000_000  # [ns]
+NO_BOARD_NS = 4 * S  # [ns] heartbeats come once a second
+NO_VERSION_NS = 3 * S
+NOT_GRANTED_NS = 3 * S  # [ns] after which rates are measured, whatever was granted
+ASK_NS = S // 2
+TIMESYNC_NS = S // 5
+VERSION_MESSAGE = 148
+DEFAULT_RATE = 0  # [µs] interval that means: as if nobody had asked
+# Which the service does not ask for.
+OPTIONAL = ["BATT_MONITOR", "BATT_FS_LOW_ACT", "BATT_FS_CRT_ACT", "MOT_BAT_CURR_MAX",
+            "RCMAP_PITCH", "RCMAP_ROLL", "RCMAP_THROTTLE", "RCMAP_YAW", "RCMAP_FORWARD",
+            "RCMAP_LATERAL"]  # fmt: skip
+Stage = Literal["heartbeat", "version", "parameters", "rates", "done"]
+
+
+@dataclass(slots=True)
+class BoardVisit:
+    """What was heard; it is whole when the stage is `done`."""
+
+    settings: Settings
+    motors: int
+    seconds: float  # [s] for which rates are measured
+    stage: Stage = "heartbeat"
+    heartbeat: dict[str, Any] | None = None  # newest of the board
+    others: dict[tuple[int, int], int] = field(default_factory=dict[tuple[int, int], int])
+    version: int | None = None  # flight_sw_version of AUTOPILOT_VERSION
+    leak: bool = False  # it said that there is one
+    clock: BoardClock = field(default_factory=BoardClock)
+    newest: dict[str, dict[str, Any]] = field(default_factory=dict[str, dict[str, Any]])
+    rates: dict[str, float] = field(default_factory=dict[str, float])  # [1/s] as measured
+    repeated_ns: int = 0  # [ns] longest time for which the IMU said one and the same
+    garbage: int = 0  # bytes outside of frames, and frames with a wrong check sum
+    left_out: int = 0  # frames of a flood
+    other_senders: int = 0  # datagrams
+    streams: TelemetryStreams = field(init=False)
+    reader: parameters.ParameterReader = field(init=False)
+    optional: parameters.ParameterReader = field(init=False)
+    _imu: tuple[float, ...] = ()  # its newest value, …
+    _imu_since: Ns = 0  # [ns] … and since when it has said so
+    _since: Ns | None = None  # begin of the stage
+    _measured_since: Ns | None = None
+    _arrived: Counter[str] = field(default_factory=Counter[str])
+    _questions: deque[Ns] = field(default_factory=lambda: deque[Ns](maxlen=16))
+    _due: dict[str, Ns] = field(default_factory=dict[str, Ns])
+
+    def __post_init__(self) -> None:
+        board = self.settings.board
+        self.reader = parameters.ParameterReader(board, [])
+        self.optional = parameters.ParameterReader(board, OPTIONAL)
+        self.streams = TelemetryStreams(board, _wanted(self.settings))
+
+    @property
+    def armed(self) -> bool:
+        return self.heartbeat is not None and bool(self.heartbeat["base_mode"] & ARMED_BIT)
+
+    @property
+    def release(self) -> tuple[int, int]:
+        """Major and minor version; 0, 0 while it is not known."""
+        packed = self.version or 0
+        return packed >> 24 & 0xFF, packed >> 16 & 0xFF
+
+    @property
+    def is_submarine(self) -> bool:
+        """Does the board fly one, by ArduPilot?"""
+        beat = self.heartbeat
+        return beat is not None and (beat["autopilot"], beat["type"]) == (ARDUPILOTMEGA, SUBMARINE)
+
+    def heard_wrong(self, garbage: int, left_out: int, other_senders: int) -> None:
+        self.garbage += garbage
+        self.left_out += left_out
+        self.other_senders += other_senders
+
+    def hear(self, packet: MavlinkPacket, now: Ns) -> None:
+        """One packet at its arrival [ns]."""
+        if (packet.system, packet.component) != (self.settings.board, AUTOPILOT):
+            if packet.name == "HEARTBEAT":
+                self.others[packet.system, packet.component] = int(packet.fields["type"])
+            return
+        self.newest[packet.name] = packet.fields
+        self._arrived[packet.name] += 1
+        if packet.name in readings.IMU_MESSAGES:
+            self._on_imu(packet.fields, now)
+        else:
+            self._on_answer(packet.name, packet.fields, now)
+
+    def _on_answer(self, name: str, fields: dict[str, Any], now: Ns) -> None:
+        """What the board says, but for its sensors."""
+        if name == "HEARTBEAT":
+            self.heartbeat = fields
+        elif name == "AUTOPILOT_VERSION":
+            self.version = int(fields["flight_sw_version"])
+        elif name == "STATUSTEXT":
+            self.leak |= fields["text"] == LEAK
+        elif name == "PARAM_VALUE":
+            for reader in (self.reader, self.optional):
+                reader.heard(fields["param_id"], float(fields["param_value"]))
+        elif name == "TIMESYNC":
+            self._on_timesync(int(fields["ts1"]), int(fields["tc1"]), now)
+        elif name == "COMMAND_ACK" and int(fields["command"]) == SET_INTERVAL:
+            self.streams.heard_ack(int(fields["result"]))
+
+    def _on_imu(self, fields: dict[str, Any], now: Ns) -> None:
+        value = tuple(fields[f"{axis}{part}"] for part in ("acc", "gyro") for axis in "xyz")
+        if value != self._imu:
+            self._imu, self._imu_since = value, now
+        self.repeated_ns = max(self.repeated_ns, now - self._imu_since)
+
+    def _on_timesync(self, sent: Ns, board: Ns, now: Ns) -> None:
+        if board and sent in self._questions:
+            self._questions.remove(sent)
+            self.clock.answered(sent, board, now)
+
+    def tick(self, now: Ns) -> list[MavlinkPacket]:
+        """What is to be sent at `now` [ns]; to be called many times a second."""
+        if self._since is None:
+            self._since = now
+        passed = now - self._since
+        if self.stage == "heartbeat":
+            return self._look_for_it(passed, now)
+        if self.stage == "version":
+            return self._ask_version(passed, now)
+        if self.stage == "parameters":
+            return self._ask_parameters(now)
+        if self.stage == "rates":
+            return self._measure(passed, now)
+        return []
+
+    def _enter(self, stage: Stage, now: Ns) -> None:
+        self.stage, self._since = stage, now
+
+    def _look_for_it(self, passed: Ns, now: Ns) -> list[MavlinkPacket]:
+        """Where it waits for us, something has to be said first: the request for its version."""
+        if self.heartbeat is not None:
+            self._enter("version" if self.is_submarine else "done", now)
+        elif passed > NO_BOARD_NS:
+            self._enter("done", now)
+        return self._version_request(now)
+
+    def _ask_version(self, passed: Ns, now: Ns) -> list[MavlinkPacket]:
+        if self.version is None:
+            if passed > NO_VERSION_NS:
+                self._enter("done", now)
+            return self._version_request(now)
+        old = self.release < parameters.OLDEST
+        self._enter("done" if old else "parameters", now)
+        self.reader.wanted = parameters.names(self.release, self.motors)
+        return []
+
+    def _version_request(self, now: Ns) -> list[MavlinkPacket]:
+        if not self._is_due("version", ASK_NS, now):
+            return []
+        return [command(self.settings.board, REQUEST_MESSAGE, VERSION_MESSAGE)]
+
+    def _ask_parameters(self, now: Ns) -> list[MavlinkPacket]:
+        if self.reader.complete or self.reader.given_up:
+            self._enter("rates", now)
+        return self.reader.due(now)
+
+    def _measure(self, passed: Ns, now: Ns) -> list[MavlinkPacket]:
+        asked = [] if self.armed else self.streams.due(now)
+        settled = all(s.granted or s.message is None for s in self.streams.streams)
+        if self._measured_since is None and (settled or self.armed or passed > NOT_GRANTED_NS):
+            self._measured_since = now
+            self._arrived.clear()
+        if self._measured_since is not None and now - self._measured_since >= self.seconds * S:
+            seconds = (now - self._measured_since) / S
+            self.rates = {name: count / seconds for name, count in self._arrived.items()}
+            self._enter("done", now)
+            return self._as_before()
+        if self._is_due("timesync", TIMESYNC_NS, now):
+            self._questions.append(now)
+            asked.append(MavlinkPacket("TIMESYNC", {"tc1": 0, "ts1": now}))
+        return asked + self.optional.due(now)
+
+    def _as_before(self) -> list[MavlinkPacket]:
+        return [
+            command(self.settings.board, SET_INTERVAL, NUMBERS[s.message], DEFAULT_RATE)
+            for s in self.streams.streams
+            if s.granted and s.message is not None
+        ]
+
+    def _is_due(self, what: str, period: Ns, now: Ns) -> bool:
+        if now < self._due.get(what, now):
+            return False
+        self._due[what] = now + period
+        return True
+
+
+def _wanted(settings: Settings) -> list[TelemetryStream]:
+    """What the service asks for."""
+    return [
+        TelemetryStream(readings.IMU_MESSAGES, topics.IMU.hz),
+        TelemetryStream((readings.PRESSURE_MESSAGE,), settings.pressure_rate),
+        TelemetryStream((readings.BATTERY_MESSAGE,), topics.BATTERY.hz),
+        TelemetryStream((readings.ENCLOSURE_MESSAGE,), readings.ENCLOSURE_HZ),
+    ]
