@@ -27,6 +27,7 @@ class Waves(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     period: Annotated[float, msgspec.Meta(ge=0.5, le=30.0)]  # [s]
     heading: Annotated[float, msgspec.Meta(ge=-6.3, le=6.3)] = 0.0  # [rad] where it runs to
     moves_hull: bool = True  # the water carries the hull along; false: held against it
+    begins: Annotated[float, msgspec.Meta(ge=0.0, le=1e5)] = 0.0  # [s] calm before, as to calibrate
 
     def __post_init__(self) -> None:
         most = STEEPEST * 2.0 * pi / wave_number(self.period)
@@ -52,11 +53,13 @@ def wave_number(period: float) -> float:
 
 def water_at(waves: Waves, seconds: float, position: Vec3) -> Water:
     """The wave `seconds` after the start at a position [m] NED; in the air as at the surface."""
+    after = seconds - waves.begins
     omega, k = 2.0 * pi / waves.period, wave_number(waves.period)
     x, y, depth = position
     north, east = cos(waves.heading), sin(waves.heading)
-    phase = omega * seconds - k * (north * x + east * y)
-    size = 0.5 * waves.height * exp(-k * max(0.0, depth))  # [m] radius of the orbit
+    phase = omega * after - k * (north * x + east * y)
+    grown = max(0.0, min(1.0, after / waves.period))  # [-] over the first period
+    size = 0.5 * grown * waves.height * exp(-k * max(0.0, depth))  # [m] radius of the orbit
     s, c = size * sin(phase), size * cos(phase)
     along, down = omega * s, -omega * c  # velocity
     forward, sinking = omega * omega * c, omega * omega * s  # acceleration
