@@ -10,6 +10,7 @@ from pathlib import Path
 from cyclopts import App, CycloptsError
 
 from services.runtime.config.errors import LindyError
+from tools.calibrate.command import calibrate
 from tools.gains import gains
 from tools.identify.command import identify
 from tools.keys.command import keys
@@ -48,6 +49,7 @@ app.command(profile)
 app.command(ramp)
 app.command(gains)
 app.command(identify)
+app.command(calibrate)
 app.command(link)
 app.command(sweep)
 app.command(keys)

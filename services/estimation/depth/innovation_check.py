@@ -93,20 +93,17 @@ class LatencyCheck:
     the innovations' slope over it, by least squares, is the latency.
     """
 
-    __slots__ = ("_depth", "_rate", "_xv", "_xx")
+    __slots__ = ("_depth", "_rate", "_xv", "_xx", "is_sure")
 
     def __init__(self) -> None:
         self._depth = self._rate = 0.0  # [m/s], [m/s²] of the filter per second of latency
         self._xx = self._xv = 0.0  # [1/s²], [1/s] sums of the least squares
+        self.is_sure = False
 
     @property
     def latency(self) -> float:
         """[s]"""
         return self._xv / self._xx if self._xx > 0.0 else 0.0
-
-    @property
-    def is_sure(self) -> bool:
-        return self._xv * self._xv > SURE * SURE * self._xx
 
     @property
     def errors(self) -> tuple[float, float]:
@@ -127,3 +124,5 @@ class LatencyCheck:
         keep = exp(-dt / REMEMBERED)
         self._xx = keep * self._xx + slope * slope / variance
         self._xv = keep * self._xv + slope * innovation / variance
+        sigma = LIKELY if self.is_sure else SURE
+        self.is_sure = self._xv * self._xv > sigma * sigma * self._xx
