@@ -32,8 +32,8 @@ class AttitudeSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     correction: CorrectionRate = 0.002  # [rad/s]
     recovery: CorrectionRate = 0.02  # [rad/s] while the tilt's std is above 0.04 rad
     gravity_tolerance: UpToTen = 0.5  # [m/s²] | |f| - g | beyond it: accelerating, no correction
-    # [rad] of roll and pitch while corrected: 10 mg of the accelerometer, and 5 mrad in turns.
-    tilt_std: UpToTen = 0.011
+    # [rad] of roll and pitch while corrected: 10 mg of the accelerometer.
+    tilt_std: UpToTen = 0.010
     tilt_drift: UpToTen = 0.001  # [rad/s] growth of that while not corrected
     heading_std: UpToTen = 0.002  # [rad] of the control heading while pitching, without drift
     heading_drift: UpToTen = 7e-5  # [rad/s] growth of the control heading's std; 0.25 deg/min
@@ -43,7 +43,7 @@ class AttitudeSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     compass_time: Annotated[float, msgspec.Meta(gt=0.0, le=1e3)] = 10.0  # [s] filter time constant
     # [rad] of the navigation heading: 0.2 µT of iron left, and at a dip of 73° three times
     # `tilt_std`. More iron: calibrate, or state more.
-    compass_std: UpToTen = 0.037
+    compass_std: UpToTen = 0.033
     compass_gate: Annotated[float, msgspec.Meta(ge=2.0, le=180.0)] = 10.0  # [deg] from gyroscope
     compass_hold_off: WithinAnHour = 3.0  # [s] normal field before the compass is used again
     field_tolerance: Annotated[float, msgspec.Meta(gt=0.0, le=50.0)] = 4.0  # [µT] of strength

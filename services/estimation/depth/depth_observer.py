@@ -233,7 +233,8 @@ class DepthObserver:
         if self._trial is not None:
             if not self._trial.passed(depth, self._sample_std, age, stamp_ns, self._filter):
                 return None
-            self._filter, self._trial, self._mean = self._trial.filter, None, MeanInnovation()
+            self._filter, self._trial = self._trial.filter, None
+            self._mean, self._check = MeanInnovation(), InnovationCheck()
             return "trusted:sensor/imu"
         repeated, self._newest = depth == self._newest, depth
         if repeated or not self._uses_accelerometer:

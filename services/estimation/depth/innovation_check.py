@@ -16,11 +16,12 @@ from math import exp, hypot, sqrt
 from services.estimation.depth.accelerometer_trial import MEMORY, SAMPLES
 from services.estimation.depth.depth_filter import DepthFilter
 
+USUAL, LARGE = 3.2, 5.5  # [σ] of the mean of white noise: counts in the spread, and is told
 FORGET = 12.0  # [s] time constant of the excess once the mean is small again
 TOLD_AFTER = 2.0  # [s] of a mean beyond `LARGE`, before it is told
 CALM = 0.25  # [-] seconds beyond `LARGE` that a second within it makes up for
 REMEMBERED = 300.0  # [s] of innovations, for the latency
-LIKELY, SURE = 1.5, 4.5  # [σ] of the latency, before it counts in the spread and is told
+LIKELY, SURE = 1.5, 6.0  # [σ] of the latency, before it counts in the spread and is told
 
 
 class InnovationCheck:
@@ -77,7 +78,7 @@ class MeanCheck:
         share = min(1.0 / SAMPLES, dt / MEMORY)
         self._mean += share * (innovation - self._mean)
         mean, noise = abs(self._mean), std * sqrt(share / (2.0 - share))  # of white noise, 1 σ
-        usual, large = 3.2 * noise, 5.5 * noise
+        usual, large = USUAL * noise, LARGE * noise
         keep = 1.0 if blind else exp(-2.0 * dt / FORGET)
         self._square = max(mean * mean - usual * usual, self._square * keep)
         self._large_for += dt if mean > large else -CALM * dt
