@@ -306,8 +306,6 @@ class Estimator:
                 found.append(f"lost:{key}")
         if self._depth.distrusts_accelerometer and imu:
             found.append("distrusted:sensor/imu")
-        if self._depth.is_inconsistent:
-            found.append("inconsistent:sensor/pressure")
         if self._attitude.gyroscope.learning:
             found.append("doubted:gyroscope")
         compass = "sensor/magnetometer"

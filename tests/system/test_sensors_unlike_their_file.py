@@ -201,7 +201,7 @@ def test_pressure_at_10_hz_is_worse_by_what_the_spread_says() -> None:
 def test_a_wrong_latency_is_seen_in_the_innovations(late: float, worst: float) -> None:
     found = row(5, says={"pressure_latency": late})
     assert found.rms("depth") < worst
-    assert (found.events[INCONSISTENT] >= 2) == (late > 0.05)  # sure of it within a minute
+    assert (found.events[INCONSISTENT] > 0) == (late > 0.05)
     assert found.nees("depth") < 3.0
     assert found.nees("rate") < 1.5
 

@@ -60,8 +60,8 @@ class DepthObserver:
     sample restarts the filter. The rate is known for as long as the accelerometer keeps its
     standard deviation below `KNOWN_RATE`.
 
-    The mean of the innovations over a second is judged as well (`innovation_check.py`): where it is
-    more than noise makes it, the standard deviations of depth and rate include the excess.
+    Innovations that are no noise (`innovation_check.py`: waves, latency) are in the standard
+    deviations of depth and rate. They are counted once (`inconsistent:`) where they are large.
 
     Innovations of one sign on average mean that the accelerometer does not fit the pressure: depth
     comes from pressure alone until it does (`accelerometer_trial.py`).
@@ -243,11 +243,6 @@ class DepthObserver:
             return None
         self._filter.doubt(0.0, RATE_STD)
         return self._distrust()
-
-    @property
-    def is_inconsistent(self) -> bool:
-        """The pressure moves more than its noise, and the stated spread includes it."""
-        return self._check.large
 
     @property
     def distrusts_accelerometer(self) -> bool:
