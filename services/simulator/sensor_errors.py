@@ -20,10 +20,9 @@ Force = Annotated[float, msgspec.Meta(ge=-5.0, le=5.0)]  # [m/s²]
 Rate = Annotated[float, msgspec.Meta(ge=-1.0, le=1.0)]  # [rad/s]
 Iron = Annotated[float, msgspec.Meta(ge=-1e-4, le=1e-4)]  # [T]
 Scale = Annotated[float, msgspec.Meta(ge=0.5, le=2.0)]  # [-]
-Share = Annotated[float, msgspec.Meta(ge=-2.0, le=2.0)]  # [-]
-SoftIron = tuple[
-    tuple[Share, Share, Share], tuple[Share, Share, Share], tuple[Share, Share, Share]
-]  # fmt: skip
+IronPart = Annotated[float, msgspec.Meta(ge=-2.0, le=2.0)]  # [-]
+SoftIronRow = tuple[IronPart, IronPart, IronPart]
+SoftIron = tuple[SoftIronRow, SoftIronRow, SoftIronRow]
 NONE = (0.0, 0.0, 0.0)
 
 

@@ -38,7 +38,7 @@ class Waves(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             )
 
 
-class Water(NamedTuple):
+class WaveMotion(NamedTuple):
     """The wave's own motion at one place."""
 
     rise: float  # [m] of the surfaces of equal pressure; at depth 0 of the water's surface
@@ -51,7 +51,7 @@ def wave_number(period: float) -> float:
     return (2.0 * pi / period) ** 2 / GRAVITY
 
 
-def water_at(waves: Waves, seconds: float, position: Vec3) -> Water:
+def water_at(waves: Waves, seconds: float, position: Vec3) -> WaveMotion:
     """The wave `seconds` after the start at a position [m] NED; in the air as at the surface."""
     after = seconds - waves.begins
     omega, k = 2.0 * pi / waves.period, wave_number(waves.period)
@@ -63,4 +63,6 @@ def water_at(waves: Waves, seconds: float, position: Vec3) -> Water:
     s, c = size * sin(phase), size * cos(phase)
     along, down = omega * s, -omega * c  # velocity
     forward, sinking = omega * omega * c, omega * omega * s  # acceleration
-    return Water(s, (along * north, along * east, down), (forward * north, forward * east, sinking))
+    return WaveMotion(
+        s, (along * north, along * east, down), (forward * north, forward * east, sinking)
+    )

@@ -17,7 +17,7 @@ from messages.message import Message
 from messages.sensors import ImuSample
 from services.marine.vehicle import GRAVITY
 from tools.calibrate.rests import RestMean, RestWatch
-from tools.calibrate.results import CalibrationError, Found, Setting
+from tools.calibrate.results import CalibrationError, SensorFound, Setting
 from tools.recordings.allan import Floats
 
 REST = 5.0  # [s] in each position
@@ -76,7 +76,7 @@ class AccelerometerGuide:
             f"{REST:.0f} s{why}; to come: {', '.join(self.missing)}"
         )
 
-    def result(self) -> Found:
+    def result(self) -> SensorFound:
         """
         Raises:
             CalibrationError: a side is missing, or the numbers are no sensor's.
@@ -96,7 +96,7 @@ class AccelerometerGuide:
                 f"a working sensor, allowed are ±{MOST_BIAS:g} and 1 ± {MOST_SCALE:g}; check its "
                 f"unit, and that it was at rest on each side"
             )
-        return Found(
+        return SensorFound(
             (
                 Setting("accelerometer_bias", _three(bias), _three(std[:3]), "m/s²"),
                 Setting("accelerometer_scale", _three(scale), _three(std[3:]), "-"),

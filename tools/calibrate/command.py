@@ -2,14 +2,16 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import App, Parameter
 
-from services.marine.vehicle import Vehicle
 from services.runtime.config.errors import LindyError
-from tools.calibrate.guide import Guide
 from tools.choices import named
+
+if TYPE_CHECKING:  # a mistyped command answers at once
+    from services.marine.vehicle import Vehicle
+    from tools.calibrate.guide import CalibrationGuide
 
 calibrate = App(
     name="calibrate",
@@ -19,10 +21,10 @@ calibrate = App(
 RecordingArgument = Annotated[
     Path | None, Parameter(help="a dive's folder or its MCAP file; default: the sensors now")
 ]
-OutOption = Annotated[
+NewFileOption = Annotated[
     Path | None, Parameter(converter=named, help="a new vehicle file with the numbers in it")
 ]
-VehicleOption = Annotated[
+FileOption = Annotated[
     str | None,
     Parameter(help="file to begin from; default: that in the recording, or of the running drone"),
 ]
@@ -36,8 +38,8 @@ def gyroscope(
     recording: RecordingArgument = None,
     /,
     *,
-    out: OutOption = None,
-    vehicle: VehicleOption = None,
+    out: NewFileOption = None,
+    vehicle: FileOption = None,
     dive: DiveOption = None,
 ) -> int:
     """Bias and noise of the gyroscope, of a vehicle that lies still for half a minute.
@@ -55,8 +57,8 @@ def accelerometer(
     recording: RecordingArgument = None,
     /,
     *,
-    out: OutOption = None,
-    vehicle: VehicleOption = None,
+    out: NewFileOption = None,
+    vehicle: FileOption = None,
     dive: DiveOption = None,
 ) -> int:
     """Bias and scale of the accelerometer, of a vehicle laid on each of its six sides for 5 s.
@@ -73,8 +75,8 @@ def compass(
     recording: RecordingArgument = None,
     /,
     *,
-    out: OutOption = None,
-    vehicle: VehicleOption = None,
+    out: NewFileOption = None,
+    vehicle: FileOption = None,
     dive: DiveOption = None,
 ) -> int:
     """Hard and soft iron around the magnetometer, of a vehicle turned through all headings.
@@ -94,8 +96,8 @@ def pressure(
     atmosphere: Annotated[
         float, Parameter(help="[hPa] of a barometer at the place, not reduced to sea level")
     ],
-    out: OutOption = None,
-    vehicle: VehicleOption = None,
+    out: NewFileOption = None,
+    vehicle: FileOption = None,
     dive: DiveOption = None,
 ) -> int:
     """Offset of the pressure sensor, in the air.
@@ -110,13 +112,13 @@ def pressure(
 
 
 def _calibrate(
-    guide_of: Callable[[Vehicle], Guide],
+    guide_of: "Callable[[Vehicle], CalibrationGuide]",
     recording: Path | None,
     out: Path | None,
     vehicle: str | None,
     dive: Path | None,
 ) -> int:
-    """Guide, print what was found, and write it.
+    """CalibrationGuide, print what was found, and write it.
 
     Raises:
         LindyError: the samples do not tell, or the file cannot be written.

@@ -18,7 +18,7 @@ from messages.units import Vec3
 from services.marine.mounting import ALONG, Mounting
 from services.vehicle.mounting import MountedAxes
 from tools.calibrate.ellipse import Ellipse, through
-from tools.calibrate.results import CalibrationError, Found, Setting
+from tools.calibrate.results import CalibrationError, SensorFound, Setting
 from tools.recordings.allan import Floats
 
 BIN = 0.25  # [s] of samples averaged to one point
@@ -106,7 +106,7 @@ class CompassGuide:
         angle = np.arctan2(off[:, 1], off[:, 0])
         return len(np.unique(np.floor((angle + pi) / (2.0 * pi) * SECTORS) % SECTORS))
 
-    def result(self) -> Found:
+    def result(self) -> SensorFound:
         """
         Raises:
             CalibrationError: not turned through all headings, or not round enough to be believed.
@@ -126,7 +126,7 @@ class CompassGuide:
         _check(found)
         return self._settings(found, axes, down)
 
-    def _settings(self, found: Ellipse, axes: Floats, down: Floats) -> Found:
+    def _settings(self, found: Ellipse, axes: Floats, down: Floats) -> SensorFound:
         """In the magnetometer's own axes."""
         columns = [self._field.to_sensor(unit) for unit in ALONG]
         R = np.array(columns).T  # R_SB
@@ -138,7 +138,7 @@ class CompassGuide:
         x, y, z = bias.tolist()
         rows = tuple(tuple(row) for row in matrix.tolist())
         worst = found.shape_std
-        return Found(
+        return SensorFound(
             (
                 Setting("magnetometer_bias", (x, y, z), tuple(stds.tolist()), "T", "horizontal"),
                 Setting("magnetometer_matrix", rows, (), "-", f"± {worst:.2g} at most"),

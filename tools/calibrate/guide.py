@@ -9,14 +9,14 @@ from typing import Protocol
 from messages import topics
 from messages.message import Message
 from services.runtime.node.node import Node
-from tools.calibrate.results import Found
+from tools.calibrate.results import SensorFound
 from tools.recordings.recording import Recording
 
 KEYS = {topics.IMU.key, topics.MAGNETOMETER.key, topics.PRESSURE.key}
 SAID_HZ = 1.0  # [1/s] a new instruction is shown at most this often
 
 
-class Guide(Protocol):
+class CalibrationGuide(Protocol):
     """A state machine; time is that of the samples' stamps."""
 
     def see(self, sample: Message) -> None:
@@ -33,7 +33,7 @@ class Guide(Protocol):
         """What the user should do now, and how far it is."""
         ...
 
-    def result(self) -> Found:
+    def result(self) -> SensorFound:
         """
         Raises:
             CalibrationError: the samples do not tell.
@@ -41,14 +41,14 @@ class Guide(Protocol):
         ...
 
 
-def replay(recording: Recording, guide: Guide) -> None:
+def replay(recording: Recording, guide: CalibrationGuide) -> None:
     """Show the guide every sample of a recording."""
     for raw in recording.raw():
         if raw.key in KEYS and (sample := recording.decode(raw)) is not None:
             guide.see(sample)
 
 
-def listen(node: Node, guide: Guide, say: Callable[[str], None]) -> Callable[[], int]:
+def listen(node: Node, guide: CalibrationGuide, say: Callable[[str], None]) -> Callable[[], int]:
     """Show the guide what a node hears, and say its instructions when they change. Returns what
     says how many samples were heard."""
     said, heard = "", 0

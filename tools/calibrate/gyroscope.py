@@ -5,7 +5,7 @@ from math import sqrt
 from messages.message import Message
 from messages.sensors import ImuSample
 from tools.calibrate.rests import RestMean, RestWatch
-from tools.calibrate.results import CalibrationError, Found, Setting
+from tools.calibrate.results import CalibrationError, SensorFound, Setting
 
 ENOUGH = 30.0  # [s]
 LEAST = 10.0  # [s] of a recording
@@ -34,7 +34,7 @@ class GyroscopeGuide:
         so_far = f"{self._watch.seconds:.0f} of {ENOUGH:.0f} s"
         return f"lay the vehicle down and leave it alone{moved}: {so_far}"
 
-    def result(self) -> Found:
+    def result(self) -> SensorFound:
         """
         Raises:
             CalibrationError: it was never at rest for long enough.
@@ -51,7 +51,7 @@ class GyroscopeGuide:
         a, b, c = best.mean_std[:3].tolist()
         density = max(best.std[:3].tolist()) * sqrt(best.seconds / best.samples)
         about = f"rest of {best.seconds:.0f} s"
-        return Found(
+        return SensorFound(
             (Setting("gyro_bias", (p, q, r), (a, b, c), "rad/s", about),),
             (
                 f"gyroscope: noise {density:.2g} rad/s/√Hz on the worst axis; its bias is learnt "

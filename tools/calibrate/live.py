@@ -9,13 +9,13 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.running import Running
 from services.runtime.node.checkpoint import VolatileCheckpoint
 from services.runtime.node.node import Node
-from tools.calibrate.guide import Guide, listen
+from tools.calibrate.guide import CalibrationGuide, listen
 
 DRONE = "drone"  # the side on which raw samples are
 SILENT_S = 5.0  # [s] without a sample at the start
 
 
-def guide_live(running: Running, guide: Guide, say: Callable[[str], None]) -> None:
+def guide_live(running: Running, guide: CalibrationGuide, say: Callable[[str], None]) -> None:
     """Until the guide has enough; Ctrl-C ends it sooner.
 
     Raises:

@@ -6,7 +6,7 @@ import numpy as np
 
 from messages.message import Message
 from messages.sensors import PressureSample
-from tools.calibrate.results import CalibrationError, Found, Setting
+from tools.calibrate.results import CalibrationError, SensorFound, Setting
 
 ENOUGH = 20.0  # [s]
 LEAST, FEWEST = 10.0, 50  # [s] and samples of a recording
@@ -40,7 +40,7 @@ class PressureGuide:
     def _seconds(self) -> float:
         return self._t[-1] - self._t[0] if self._t else 0.0
 
-    def result(self) -> Found:
+    def result(self) -> SensorFound:
         """
         Raises:
             CalibrationError: too short, not steady, or not in the air.
@@ -68,7 +68,7 @@ class PressureGuide:
             )
         known = max(std / sqrt(len(values)), float(means.std(ddof=1)) / sqrt(len(means)))
         about = f"against {self._atmosphere / 100.0:.2f} hPa"
-        return Found(
+        return SensorFound(
             (Setting("pressure_offset", offset, (known,), "Pa", about),),
             (
                 "pressure: the deviation is the sensor's noise alone, the barometer's error comes "

@@ -29,7 +29,7 @@ class Setting(NamedTuple):
         return f"{self.toml}  # [{self.unit}]{known}{': ' if self.about else ''}{self.about}"
 
 
-class Found(NamedTuple):
+class SensorFound(NamedTuple):
     """Of one sensor."""
 
     settings: tuple[Setting, ...]

@@ -83,7 +83,8 @@ class MeanCheck:
         self._square = max(mean * mean - usual * usual, self._square * keep)
         self._large_for += dt if mean > large else -CALM * dt
         self._large_for = min(TOLD_AFTER, max(0.0, self._large_for))
-        self.lasts = self._large_for >= (TOLD_AFTER if not self.lasts else 1e-9)
+        lasts = self.lasts and self._large_for > 0.0
+        self.lasts = lasts or self._large_for >= TOLD_AFTER
 
 
 class LatencyCheck:
@@ -97,8 +98,11 @@ class LatencyCheck:
     __slots__ = ("_depth", "_rate", "_xv", "_xx", "is_sure")
 
     def __init__(self) -> None:
-        self._depth = self._rate = 0.0  # [m/s], [m/s²] of the filter per second of latency
-        self._xx = self._xv = 0.0  # [1/s²], [1/s] sums of the least squares
+        # [m/s], [m/s²] of the filter per second of latency.
+        self._depth: float = 0.0
+        self._rate: float = 0.0
+        self._xx: float = 0.0  # [1/s²] sums of the least squares
+        self._xv: float = 0.0  # [1/s]
         self.is_sure = False
 
     @property

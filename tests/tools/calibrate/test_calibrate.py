@@ -32,10 +32,10 @@ from services.vehicle.mounting import MountedAxes
 from tools.__main__ import main
 from tools.calibrate.accelerometer import AccelerometerGuide
 from tools.calibrate.compass import CompassGuide
-from tools.calibrate.guide import Guide, listen
+from tools.calibrate.guide import CalibrationGuide, listen
 from tools.calibrate.gyroscope import GyroscopeGuide
 from tools.calibrate.pressure import PressureGuide
-from tools.calibrate.results import CalibrationError, Found
+from tools.calibrate.results import CalibrationError, SensorFound
 from tools.calibrate.vehicle_file import read_vehicle, with_settings
 
 REST: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -74,7 +74,7 @@ def turning(of: Sensors, by: float, seconds: float = 40.0) -> Iterator[Message]:
         yield of.imu(n * STEP_NS, q_NB, turn, REST)
 
 
-def found(guide: Guide, samples: Iterator[Message] | Iterator[ImuSample]) -> Found:
+def found(guide: CalibrationGuide, samples: Iterator[Message] | Iterator[ImuSample]) -> SensorFound:
     for sample in samples:
         guide.see(sample)
     return guide.result()
@@ -192,7 +192,7 @@ WILD = SensorErrors(accelerometer_offset=(4.0, 0.0, 0.0))
     ],
 )
 def test_what_does_not_tell_is_refused_in_one_sentence(
-    guide: Guide, samples: Iterator[Message], words: str
+    guide: CalibrationGuide, samples: Iterator[Message], words: str
 ) -> None:
     with pytest.raises(CalibrationError) as told:
         found(guide, samples)
