@@ -98,6 +98,9 @@ NAMES: dict[str, Meaning] = {
     "jumped:sensor/pressure": Meaning(
         DANGER, "the pressure jumped and stayed: the depth, and the held depth, moved with it"
     ),
+    "inconsistent:sensor/pressure": Meaning(
+        DANGER, "the depth sensor moved more than its noise: waves, latency or a wrong IMU?"
+    ),
     "late:sensor/pressure": Meaning(SENSOR, "pressure samples arrived late"),
     "outlier:vehicle/actuation": Meaning(SENSOR, "a thruster's report did not fit the motion"),
     "saturated:sensor/imu": Meaning(SENSOR, "the IMU reached the end of its range"),

@@ -11,6 +11,7 @@ from cyclopts import App, CycloptsError
 
 from services.runtime.config.errors import LindyError
 from tools.doctor.command import doctor
+from tools.calibrate.command import calibrate
 from tools.gains import gains
 from tools.identify.command import identify
 from tools.keys.command import keys
@@ -50,6 +51,7 @@ app.command(ramp)
 app.command(gains)
 app.command(identify)
 app.command(doctor)
+app.command(calibrate)
 app.command(link)
 app.command(sweep)
 app.command(keys)

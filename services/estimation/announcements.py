@@ -48,6 +48,7 @@ TOLD = {
     "trusted:sensor/imu",
     "jumped:sensor/pressure",
     "restarted:depth",
+    "inconsistent:sensor/pressure",
     "doubted:gyroscope",
     "stepped:gyroscope",
     "trusted:gyroscope",

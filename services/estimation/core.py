@@ -86,8 +86,11 @@ class Estimator:
         self._validation = SampleValidation(
             settings.watch, self.events, settings.depth.pressure_std
         )
-        mounting = Mounting() if vehicle is None else vehicle.mounting
-        self._at_origin = AtOrigin(mounting, density_of(settings.water_density))
+        density = density_of(settings.water_density)
+        if vehicle is None:
+            self._at_origin = AtOrigin(Mounting(), density)
+        else:
+            self._at_origin = AtOrigin(vehicle.mounting, density, vehicle.calibration)
         self._reference_acceleration: float | None = None  # [m/s²] along down
         self._imu_ns: int | None = None  # [ns] newest IMU sample used
         self._now: int | None = None  # [ns] of the newest IMU sample or silence

@@ -9,6 +9,7 @@ from typing import Annotated
 import msgspec
 
 from messages.units import FiniteSetting, NotNegativeSetting, Positive
+from services.marine.calibration import SensorCalibration
 from services.marine.mounting import Mounting
 from services.marine.thrust_curve import CURVES, LINEAR
 from services.marine.thruster_lag import Lag, LagMode, first_order, modes_of
@@ -96,6 +97,7 @@ class Vehicle(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     size: tuple[Positive, Positive, Positive]  # [m] length, width, height; origin in the middle
     thruster: Annotated[list[Thruster], msgspec.Meta(min_length=1)]
     mounting: Mounting = Mounting()  # of the sensors
+    calibration: SensorCalibration = SensorCalibration()
 
     def __post_init__(self) -> None:
         names = [thruster.name for thruster in self.thruster]

@@ -37,6 +37,18 @@ class Battery:
         """The vehicle still runs: the battery model is too rough to end a dive."""
         return self.left_wh == 0.0
 
+    @property
+    def voltage(self) -> float:
+        """[V] Under the present load."""
+        s = self._settings
+        left = self.left_wh / s.battery_capacity
+        return self._under_load(s.battery_empty + left * (s.battery_full - s.battery_empty))
+
+    def _under_load(self, open_circuit: float) -> float:
+        return max(
+            0.0, open_circuit - self._settings.battery_resistance * self.power / open_circuit
+        )
+
     def sample(self, now: int, share: float | None = None) -> BatterySample:
         """Voltage falls linearly with the charge, and with the current.
 
@@ -49,7 +61,7 @@ class Battery:
         current = self.power / open_circuit
         return BatterySample(
             stamp_ns=now,
-            voltage=max(0.0, open_circuit - s.battery_resistance * current),
+            voltage=self._under_load(open_circuit),
             current=current,
             used_wh=self.used_wh if share is None else (1.0 - share) * s.battery_capacity,
             capacity_wh=s.battery_capacity,

@@ -32,6 +32,7 @@ from services.simulator.sensors import Sensors
 from services.simulator.settings import Dvl, Usbl
 from services.simulator.settings import Settings as Settings
 from services.simulator.vessel import Vessel
+from services.simulator.waves import water_at
 from services.simulator.world import WorldCheckpoint as WorldCheckpoint
 from services.simulator.world import at_the_surface as at_the_surface
 from services.vehicle.actuation import OpenLoopThrust
@@ -61,8 +62,8 @@ class Simulator:
             ValueError: a thruster without direction, or a negative seed.
         """
         self._vessel = Vessel(vehicle, settings, world.state, world.thrust, seed)
-        self._sensors = Sensors(settings, seed, vehicle.mounting)
-        self._mounting = vehicle.mounting
+        self._mounting = settings.mounting or vehicle.mounting
+        self._sensors = Sensors(settings, seed, self._mounting)
         self._settings = settings
         self._battery = Battery(vehicle, settings, world.used_wh)
         self._heading = world.heading
@@ -74,6 +75,7 @@ class Simulator:
         self._gate = ActuatorGate(vehicle.thruster)
         # The drone's belief about thrusters that it does not measure.
         self._believed = OpenLoopThrust(vehicle.thruster) if settings.hull else None
+        self._sags = settings.hull.voltage_exponent if settings.hull else 0.0
 
     # Time and commands. Each returns the names to count.
 
@@ -157,6 +159,8 @@ class Simulator:
         seconds = (now - self._now) / 1e9
         self._vessel.advance(seconds)
         self._battery.feed(self._vessel.produced, seconds)
+        if self._sags:
+            self._vessel.sag((self._battery.voltage / self._settings.battery_full) ** self._sags)
         heading = heading_of(self._vessel.attitude)
         self._heading += wrapped(heading - self._heading)
         self._now = now
@@ -166,7 +170,8 @@ class Simulator:
     def imu(self) -> ImuSample | None:
         """From the motion through the water: a steady current causes no acceleration."""
         v = self._vessel
-        sample = self._sensors.imu(self._now, v.attitude, v.through_water, v.acceleration)
+        effort = v.effort if self._settings.vibration is not None else 0.0
+        sample = self._sensors.imu(self._now, v.attitude, v.through_water, v.acceleration, effort)
         return self._with_fault("sensor/imu", sample)
 
     def magnetometer(self) -> MagnetometerSample | None:
@@ -174,7 +179,9 @@ class Simulator:
         return self._with_fault("sensor/magnetometer", sample)
 
     def pressure(self) -> PressureSample | None:
-        sample = self._sensors.pressure(self._now, self._place(self._mounting.pressure)[2])
+        place, waves = self._place(self._mounting.pressure), self._settings.waves
+        rise = 0.0 if waves is None else water_at(waves, self._vessel.elapsed, place).rise
+        sample = self._sensors.pressure(self._now, place[2], rise)
         return self._with_fault("sensor/pressure", sample)
 
     def dvl(self, device: Dvl) -> DvlSample | None:

@@ -33,6 +33,7 @@ class SimulatedThrusters:
         self._commands: Sequence[float] = self.settles_at  # [N]
         self._faults: Mapping[str, Fault] = {}
         self._dry: list[int] = []
+        self.sag = 1.0  # [-] thrust over that with a full battery
         self._age = 0.0  # [s] since the newest change; the gaps are those of then
         modes = [{mode.pole: mode.share for mode in t.modes} for t in vehicle.thruster]
         self._poles = list({pole: None for shares in modes for pole in shares})  # thrusters share
@@ -73,8 +74,8 @@ class SimulatedThrusters:
 
     @property
     def produced(self) -> list[float]:
-        """[N] per thruster now; those out of the water produce none."""
-        return self._in_water(self.thrust)
+        """[N] per thruster now, with sag; those out of the water produce none."""
+        return [self.sag * newtons for newtons in self._in_water(self.thrust)]
 
     def wrench(self, ahead: float) -> Vec6:
         """τ = T f [N, N m] of all thrusters, `ahead` [s] from now (Fossen 2011, §12.3)."""
@@ -87,7 +88,8 @@ class SimulatedThrusters:
             roll -= (left * k).real
             pitch -= (left * m).real
             yaw -= (left * n).real
-        return surge, sway, heave, roll, pitch, yaw
+        wrench = surge, sway, heave, roll, pitch, yaw
+        return wrench if self.sag == 1.0 else _scaled(wrench, self.sag)
 
     def _settle(self) -> None:
         """Set new final values. Thrust is continuous, because the shares of a thruster's modes add

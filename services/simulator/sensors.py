@@ -21,17 +21,25 @@ from services.marine.attitude import to_body
 from services.marine.mounting import Mounting
 from services.marine.vehicle import GRAVITY
 from services.marine.water import density_of
+from services.simulator.sensor_errors import SensorErrors
 from services.simulator.settings import Dvl, Settings, Usbl
 from services.vehicle.mounting import MountedAxes, measured_there, seen_there
 
 AT_THE_ORIGIN = Mounting()
-IMU_HZ = 100.0  # [1/s] also of the magnetometer
 BLOCK = 1024  # samples whose noise is drawn at once, because a single draw is slow
 DRIFT_TIME = 300.0  # [s] correlation time of the bias drift
 # Random streams.
-BIASES, IMU_NOISE, FIELD_NOISE, PRESSURE_NOISE, DVL_NOISE, USBL_NOISE, GYRO_DRIFT, CURRENT = range(
-    8
-)
+(
+    BIASES,
+    IMU_NOISE,
+    FIELD_NOISE,
+    PRESSURE_NOISE,
+    DVL_NOISE,
+    USBL_NOISE,
+    GYRO_DRIFT,
+    CURRENT,
+    VIBRATION,
+) = range(9)
 
 
 class Sensors:
@@ -52,21 +60,29 @@ class Sensors:
         self.noise_times: dict[str, float] = {}  # [-] how much more noise, by key
         self._settings = settings
         # A white sample of a noise density n held for 1/f seconds has the standard deviation n √f.
-        root = sqrt(IMU_HZ)
+        root = sqrt(settings.imu_rate)
         imu = [settings.accelerometer_noise * root] * 3 + [settings.gyro_noise * root] * 3
         self._imu_noise = white_noise(seed, IMU_NOISE, imu)
         self._field_noise = white_noise(seed, FIELD_NOISE, [settings.magnetometer_noise] * 3)
-        self._gyro_drift = wandering(seed, GYRO_DRIFT, settings.gyro_drift)
+        self._gyro_drift = wandering(seed, GYRO_DRIFT, settings.gyro_drift, settings.imu_rate)
+        self._errors = settings.sensor_errors or SensorErrors()
+        self._vibration = None
+        if (shaking := settings.vibration) is not None:
+            stds = [shaking.force] * 3 + [shaking.rate] * 3
+            self._vibration = white_noise(seed, VIBRATION, stds)
         self._dvl_noise = white_noise(seed, DVL_NOISE, [1.0] * 3)
         self._usbl_noise = white_noise(seed, USBL_NOISE, [1.0] * 2)
         self._pressure_noise = white_noise(seed, PRESSURE_NOISE, [settings.pressure_std])
 
-    def imu(self, now: int, q_NB: Quaternion, nu: Vec6, nu_dot: Vec6) -> ImuSample:
+    def imu(
+        self, now: int, q_NB: Quaternion, nu: Vec6, nu_dot: Vec6, effort: float = 0.0
+    ) -> ImuSample:
         """Specific force f = dv/dt + ω × v − R_BN g and angular rate (Fossen 2011, §11.5), with
         bias and noise.
 
         Args:
             nu, nu_dot: velocity and its derivative in the turning body frame, FRD.
+            effort: [-] of the thrusters, 1 is all of them at their limits.
         """
         u, v, w, p, q, r = nu
         a, b, c, *_ = nu_dot
@@ -76,6 +92,10 @@ class Sensors:
             self._mounting.imu, self._imu_axes, force, (p, q, r), nu_dot[3:]
         )
         noise, (dp, dq, dr) = self._noise("sensor/imu", self._imu_noise), next(self._gyro_drift)
+        if self._vibration is not None:
+            shaken = next(self._vibration)
+            noise = [n + effort * s for n, s in zip(noise, shaken, strict=True)]
+        force, (p, q, r) = self._errors.force(force), self._errors.rate((p, q, r))
         return ImuSample(
             stamp_ns=now,
             specific_force=_sum(force, self.accelerometer_bias, noise[:3]),
@@ -85,6 +105,7 @@ class Sensors:
     def magnetometer(self, now: int, q_NB: Quaternion) -> MagnetometerSample:
         """The local field, with the vehicle's own iron and noise."""
         field = self._field_axes.to_sensor(to_body(q_NB, self._settings.magnetic_field))
+        field = self._errors.field(field)
         return MagnetometerSample(
             stamp_ns=now,
             field=_sum(
@@ -92,13 +113,15 @@ class Sensors:
             ),
         )
 
-    def pressure(self, now: int, depth: float) -> PressureSample:
-        """Absolute pressure at a depth [m]: air above, a column of water below the surface."""
+    def pressure(self, now: int, depth: float, rise: float = 0.0) -> PressureSample:
+        """Absolute pressure at a depth [m]: air above, a column of water below the surface, which a
+        wave makes higher by `rise` [m]."""
         place = self._settings
-        water = density_of(place.water_density) * GRAVITY * max(0.0, depth)
+        water = density_of(place.water_density) * GRAVITY * max(0.0, depth + rise)
         pressure = (
             place.atmosphere + water + self._noise("sensor/pressure", self._pressure_noise)[0]
         )
+        pressure += self._errors.pressure_offset
         if place.pressure_step > 0:
             pressure = round(pressure / place.pressure_step) * place.pressure_step
         return PressureSample(stamp_ns=now, pressure=pressure, temperature=place.water_temperature)
@@ -129,10 +152,10 @@ class Sensors:
         return [times * value for value in noise]
 
 
-def wandering(seed: int, stream: int, std: float) -> Iterator[list[float]]:
-    """Endless samples of three independent first-order Gauss-Markov processes at the IMU's rate,
-    zero at first, with the standard deviation `std` in the long run."""
-    keep = exp(-1.0 / (IMU_HZ * DRIFT_TIME))
+def wandering(seed: int, stream: int, std: float, hz: float) -> Iterator[list[float]]:
+    """Endless samples of three independent first-order Gauss-Markov processes at `hz` [1/s], zero
+    at first, with the standard deviation `std` in the long run."""
+    keep = exp(-1.0 / (hz * DRIFT_TIME))
     p = q = r = 0.0
     for a, b, c in white_noise(seed, stream, [std * sqrt(1.0 - keep * keep)] * 3):
         p, q, r = keep * p + a, keep * q + b, keep * r + c

@@ -56,7 +56,7 @@ def wire(node: Node, stack: Stack) -> None:
     node.each(topics.THRUSTERS, obey)
     _disarms(node, simulator, count)
     node.every(stack.section("simulator", Settings).pressure_rate, measure_pressure)
-    node.every(topics.IMU.hz, measure_motion)
+    node.every(stack.section("simulator", Settings).imu_rate, measure_motion)
     node.every(topics.BATTERY.hz, measure_battery)
     _enclosure(node, simulator, count)
     _faults(node, simulator, count)

@@ -6,9 +6,12 @@ import msgspec
 
 from messages import topics
 from messages.units import Positive
+from services.marine.mounting import Mounting
 from services.marine.vehicle import ATMOSPHERE, SEA_WATER
 from services.marine.water import Density
 from services.simulator.hull import Hull
+from services.simulator.sensor_errors import SensorErrors, Vibration
+from services.simulator.waves import Waves
 
 Field = Annotated[float, msgspec.Meta(ge=-1e-4, le=1e-4)]  # [T] the Earth's is 25 to 65 µT
 FieldNoise = Annotated[float, msgspec.Meta(ge=0.0, le=1e-4)]  # [T]
@@ -87,11 +90,16 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     tether: TetherSettings | None = None
     walls: Walls | None = None
     hull: Hull | None = None  # what the vehicle file does not say, or says wrongly
+    waves: Waves | None = None
+    mounting: Mounting | None = None  # where the sensors really are; absent: as in [vehicle]
+    sensor_errors: SensorErrors | None = None  # known ones
+    vibration: Vibration | None = None
 
     # [-] of the Munk moment cancelled by the wake (services/marine/wake.py); 0 is ideal flow.
     wake_share: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 1.0
 
     # The sensors: a typical small MEMS unit. Biases are drawn once per seed.
+    imu_rate: Annotated[float, msgspec.Meta(ge=20.0, le=400.0)] = topics.IMU.hz  # [1/s]
     gyro_bias: ImuNoise = 0.0105  # [rad/s] 1σ per axis, 0.6 °/s
     gyro_drift: ImuNoise = 4.8e-5  # [rad/s] 1σ per axis, 10 °/h: bias drift
     gyro_noise: ImuNoise = 1.22e-4  # [rad/s/√Hz] 0.007 °/s/√Hz

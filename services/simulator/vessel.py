@@ -15,10 +15,11 @@ from services.marine.vehicle import Vehicle
 from services.simulator.current import Current
 from services.simulator.equations import equations_of_motion
 from services.simulator.faults import Faults
-from services.simulator.hull import in_the_water
+from services.simulator.hull import in_the_water, shifted_centres
 from services.simulator.propulsion import SimulatedThrusters
 from services.simulator.settings import Settings
 from services.simulator.surroundings import Surroundings
+from services.simulator.waves import water_at
 
 # Position NED [m], attitude q_NB (w, x, y, z), velocity over the ground FRD [m/s], angular rate
 # FRD [rad/s].
@@ -50,7 +51,11 @@ class Vessel:
         self.vehicle = vehicle = in_the_water(vehicle, hull)
         self.current: Vec3 = (0.0, 0.0, 0.0)  # [m/s] NED
         self._water = Current(place.current, seed) if place.current is not None else None
-        self._elapsed = 0.0  # [s]
+        self._waves = place.waves if place.waves and place.waves.moves_hull else None
+        self._orbit: Vec3 | None = None  # [m/s] NED, of the water in the wave; None: no such wave
+        self._rise = 0.0  # [m] of the surface
+        self.elapsed = 0.0  # [s]
+        self._shifted = shifted_centres(vehicle, hull)
         self._acceleration = equations_of_motion(vehicle, place.wake_share)
         self._propulsion = SimulatedThrusters(vehicle, thrust, hull.thrust_scale if hull else 1.0)
         self._around = Surroundings(place, vehicle.size, system_inertia(vehicle)[2])
@@ -59,8 +64,16 @@ class Vessel:
         self.position: Vec3 = (x, y, z)  # [m] NED
         self.attitude = normalised((qw, qx, qy, qz))  # q_NB
         self.through_water: Vec6 = (u, v, w, p, q, r)  # [m/s, rad/s] FRD
+        self._ride()
+        if self._orbit is not None:
+            a, b, c = to_body(self.attitude, self._orbit)
+            self.through_water = (u - a, v - b, w - c, p, q, r)
         self._flow(0.0)
         self._look_around()
+
+    def sag(self, share: float) -> None:
+        """Thrust from now on is this share [-] of that with a full battery."""
+        self._propulsion.sag = share
 
     def drive(self, thrust: Sequence[float]) -> None:
         """Command this thrust [N] from now on."""
@@ -110,8 +123,19 @@ class Vessel:
 
     @property
     def acceleration(self) -> Vec6:
-        """[m/s², rad/s²] dνᵣ/dt now, of `through_water`, as seen in the turning body frame."""
-        return self._nu_dot
+        """[m/s², rad/s²] dνᵣ/dt now, of `through_water`, as seen in the turning body frame, and in
+        a wave the water's own acceleration."""
+        if self._waves is None:
+            return self._nu_dot
+        carried = water_at(self._waves, self.elapsed, self.position).acceleration
+        return add(self._nu_dot, (*to_body(self.attitude, carried), 0.0, 0.0, 0.0))
+
+    @property
+    def effort(self) -> float:
+        """[-] Mean of |thrust| over its limit."""
+        pairs = zip(self.produced, self.vehicle.thruster, strict=True)
+        shares = [newtons / t.limits[newtons >= 0.0] for newtons, t in pairs]
+        return plain_sum(map(abs, shares)) / len(shares)
 
     @property
     def tether_pull(self) -> Vec3:
@@ -157,12 +181,16 @@ class Vessel:
         north, east, down = to_world(q_NB, (nu[0], nu[1], nu[2]))
         set_north, set_east, _ = self.current
         self.position = (x + h * (north + set_north), y + h * (east + set_east), z + h * down)
+        if self._orbit is not None:
+            self.position = _along(self.position, self._orbit, h)
         self.attitude = normalised((qw + h * ew, qx + h * ex, qy + h * ey, qz + h * ez))
         self.through_water = (u + h * du, v + h * dv, w + h * dw,
                               p + h * dp, q + h * dq, r + h * dr)  # fmt: skip
 
         self._propulsion.pass_time(h)
         self._flow(h)
+        self.elapsed += h
+        self._ride()
         self._look_around()
 
     def _slope(self, ahead: float, position: Vec3, q_NB: Quaternion, nu: Vec6) -> Vec6:
@@ -174,7 +202,10 @@ class Vessel:
                 tau = add(tau, push)
         if self._around.tether is not None:
             tau = add(tau, self._around.pull(position[2], q_NB, nu))
-        return self._acceleration(position[2], q_NB, nu, tau)
+        depth = position[2] + self._rise
+        if self._shifted is not None:
+            tau = add(tau, self._shifted.moment(depth, q_NB))
+        return self._acceleration(depth, q_NB, nu, tau)
 
     def _look_around(self) -> None:
         """Update barriers, dry thrusters and acceleration for the new position."""
@@ -187,8 +218,7 @@ class Vessel:
         """Update the current; a change does not alter the velocity over the ground."""
         if self._water is None:
             return
-        self._elapsed += seconds
-        current = self._water.at(self._elapsed)
+        current = self._water.at(self.elapsed + seconds)
         if current != self.current:
             (a, b, _), (c, d, _) = self.current, current
             change = to_body(self.attitude, (c - a, d - b, 0.0))
@@ -197,18 +227,33 @@ class Vessel:
             )
             self.current = current
 
+    def _ride(self) -> None:
+        """Take along the water's motion in a wave. A body as heavy as its water, and small beside
+        the wave, moves as that water would: its pressure gradient accelerates both alike (Faltinsen
+        1990, ch. 3, Froude-Kriloff and added-mass force). So νᵣ stays as it is."""
+        if self._waves is not None:
+            water = water_at(self._waves, self.elapsed, self.position)
+            self._orbit, self._rise = water.velocity, water.rise
+
     def _over_ground(self, q_NB: Quaternion, nu: Vec6) -> Vec6:
         """ν = νᵣ + ν_c (Fossen 2011, §8.3)."""
+        if self._orbit is not None:
+            nu = add(nu, (*to_body(q_NB, self._orbit), 0.0, 0.0, 0.0))
         if self._water is None:
             return nu
         return add(nu, (*to_body(q_NB, self.current), 0.0, 0.0, 0.0))
 
     def _thrusters_in_air(self) -> list[int]:
         a, b, c = down_in_body(self.attitude)
-        depth = self.position[2]
+        depth = self.position[2] + self._rise
         places = [thruster.position for thruster in self.vehicle.thruster]
         return [i for i, (x, y, z) in enumerate(places) if depth + a * x + b * y + c * z < 0]
 
 
 def add(a: Vec6, b: Vec6) -> Vec6:
     return a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5]
+
+
+def _along(position: Vec3, velocity: Vec3, seconds: float) -> Vec3:
+    (x, y, z), (u, v, w) = position, velocity
+    return x + seconds * u, y + seconds * v, z + seconds * w

@@ -1,8 +1,8 @@
 """From a sensor's position and axes to the vehicle's origin and axes, and back.
 
-A driver publishes raw samples, in the sensor's own axes and position. Estimation transforms them on
-arrival (`AtOrigin`); the simulator uses the inverse. Samples of a sensor at the origin along the
-body's axes are unchanged.
+A driver publishes raw samples, in the sensor's own axes and position. Estimation corrects them by
+the calibration and transforms them on arrival (`AtOrigin`); the simulator uses the inverse of the
+transformation. Samples of a sensor at the origin along the body's axes are unchanged.
 
 Rigid-body kinematics (Fossen 2011, §2.2 and eq. 7.8): a point at r has the velocity v + ω × r and
 the specific force f + ω × (ω × r) + ω̇ × r.
@@ -25,6 +25,7 @@ from messages.sensors import (
 )
 from messages.units import Vec3
 from services.marine.attitude import LEVEL, Quaternion, to_world
+from services.marine.calibration import SensorCalibration
 from services.marine.mounting import ALONG, ORIGIN, Mount, Mounting, Rotation, Turned
 from services.marine.vehicle import GRAVITY
 
@@ -32,6 +33,7 @@ SMOOTHING = 0.02  # [s] of the gyroscope before it is differenced; typically two
 LONGEST_STEP = 0.1  # [s] no differencing over a longer gap
 REMEMBERED_NS = 10_000_000_000  # [ns] no sample may be older: the limit of "oldest" in estimation
 AT_REST: Vec3 = (0.0, 0.0, 0.0)
+UNCORRECTED = SensorCalibration()
 
 
 class MountedAxes:
@@ -84,8 +86,11 @@ class AtOrigin:
     angular rate too: call `moved` after each IMU sample, if `needs_motion`.
     """
 
-    def __init__(self, mounting: Mounting, density: float) -> None:
-        """Water density [kg/m³]."""
+    def __init__(
+        self, mounting: Mounting, density: float, calibration: SensorCalibration = UNCORRECTED
+    ) -> None:
+        """Water density [kg/m³]; the calibration corrects samples before they are turned."""
+        self._calibration = calibration
         self._imu, self._arm = MountedAxes(mounting.imu), mounting.imu.position
         self._field = MountedAxes(mounting.magnetometer)
         self._dvl, self._dvl_arm = MountedAxes(mounting.dvl), mounting.dvl.position
@@ -105,6 +110,7 @@ class AtOrigin:
             self._moments.popleft()
 
     def imu(self, sample: ImuSample) -> ImuSample:
+        sample = self._calibration.imu(sample)
         if self._imu.along and self._arm == ORIGIN:
             return sample
         rate, force = (
@@ -117,11 +123,13 @@ class AtOrigin:
         return replace(sample, angular_rate=rate, specific_force=force)
 
     def magnetometer(self, sample: MagnetometerSample) -> MagnetometerSample:
+        sample = self._calibration.magnetometer(sample)
         if self._field.along:
             return sample
         return replace(sample, field=self._field.to_body(sample.field))
 
     def pressure(self, sample: PressureSample) -> PressureSample:
+        sample = self._calibration.pressure(sample)
         if self._pressure_arm == ORIGIN:
             return sample
         deeper = to_world(self._at(sample.stamp_ns).attitude, self._pressure_arm)[2]  # [m]

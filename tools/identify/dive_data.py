@@ -77,7 +77,7 @@ def read(recording: Recording, vehicle: Vehicle, density: Density, name: Path) -
         LindyError: a stream is missing, or the time before arming is.
     """
     rows: dict[str, list[tuple[float, ...]]] = {key: [] for key in KEYS}
-    origin = AtOrigin(vehicle.mounting, 1000.0)
+    origin = AtOrigin(vehicle.mounting, 1000.0, vehicle.calibration)
     newest: dict[str, int] = {}
     for raw in recording.raw():
         if raw.key not in KEYS or (message := recording.decode(raw)) is None:

@@ -30,16 +30,20 @@ class AttitudeSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     # dives 0.02 rad/s costs 1.4° of tilt and 0.2 °/min of heading, 0.002 a third and nothing. A
     # gyroscope's bias needs no more than ten times itself, which is 0.0005 rad/s.
     correction: CorrectionRate = 0.002  # [rad/s]
-    recovery: CorrectionRate = 0.02  # [rad/s] while the tilt's std is above twice `tilt_std`
+    recovery: CorrectionRate = 0.02  # [rad/s] while the tilt's std is above 0.04 rad
     gravity_tolerance: UpToTen = 0.5  # [m/s²] | |f| - g | beyond it: accelerating, no correction
-    tilt_std: UpToTen = 0.02  # [rad] of roll and pitch while corrected
+    # [rad] of roll and pitch while corrected: 10 mg of the accelerometer.
+    tilt_std: UpToTen = 0.010
     tilt_drift: UpToTen = 0.001  # [rad/s] growth of that while not corrected
     heading_std: UpToTen = 0.002  # [rad] of the control heading while pitching, without drift
     heading_drift: UpToTen = 7e-5  # [rad/s] growth of the control heading's std; 0.25 deg/min
-    yaw_rate_std: UpToTen = 0.005  # [rad/s]
+    # [rad/s] at rest; what the low-pass lags behind by is added.
+    yaw_rate_std: UpToTen = 0.0006
     yaw_rate_cutoff: UpToTen = 8.0  # [Hz] of the exponential low-pass
     compass_time: Annotated[float, msgspec.Meta(gt=0.0, le=1e3)] = 10.0  # [s] filter time constant
-    compass_std: UpToTen = 0.07  # [rad] of the navigation heading, with soft and hard iron
+    # [rad] of the navigation heading: 0.2 µT of iron left, and at a dip of 73° three times
+    # `tilt_std`. More iron: calibrate, or state more.
+    compass_std: UpToTen = 0.033
     compass_gate: Annotated[float, msgspec.Meta(ge=2.0, le=180.0)] = 10.0  # [deg] from gyroscope
     compass_hold_off: WithinAnHour = 3.0  # [s] normal field before the compass is used again
     field_tolerance: Annotated[float, msgspec.Meta(gt=0.0, le=50.0)] = 4.0  # [µT] of strength

@@ -1,6 +1,6 @@
 """From IMU and magnetometer samples to attitude, headings and yaw rate, each with its std."""
 
-from math import isfinite, pi
+from math import hypot, isfinite, pi
 
 from messages.message import Estimate
 from messages.units import Quaternion, Vec3
@@ -20,6 +20,7 @@ from services.marine.summation import plain_sum
 from services.marine.vehicle import GRAVITY
 
 STEEPEST = 1.4  # [rad] of pitch; closer to the vertical, heading is invalid
+LARGE_TILT_STD = 0.04  # [rad] beyond it, the tilt is corrected faster
 UNSURE = 0.1  # [rad] 1σ of a tilt taken from the accelerometer of a moving vehicle
 UNSURE_AFTER = 0.2  # [rad/s] growth of the tilt's std without IMU samples
 COMPASS_HOLD_NS = 60_000_000_000  # [ns] north stays valid on the gyroscope for this long
@@ -221,7 +222,8 @@ class AttitudeObserver:
     def yaw_rate(self, valid: bool) -> Estimate:
         """[rad/s] about the body's down axis."""
         valid = valid and self.gyroscope.trusted
-        return Estimate(self.control.yaw_rate, self._settings.yaw_rate_std, valid)
+        std = hypot(self._settings.yaw_rate_std, self.control.lag)
+        return Estimate(self.control.yaw_rate, std, valid)
 
     @property
     def _gain(self) -> float:
@@ -229,7 +231,7 @@ class AttitudeObserver:
         s = self._settings
         if self.gyroscope.learning:  # which corrects the tilt, and must see all of the bias
             return s.correction
-        return s.recovery if self._tilt_std > 2.0 * s.tilt_std else s.correction
+        return s.recovery if self._tilt_std > LARGE_TILT_STD else s.correction
 
     def _spread(self, beta: float | None, dt: float) -> None:
         """Update the tilt's std; `beta` [rad/s] is the gain used, None: no correction."""

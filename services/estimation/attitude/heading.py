@@ -26,7 +26,7 @@ def wrapped(angle: float) -> float:
 class ControlHeading:
     """Yaw of the gyroscope's attitude, accumulated past ±π, and the rate about the body's z."""
 
-    __slots__ = ("_cutoff", "_drift", "_yaw", "heading", "std", "yaw_rate")
+    __slots__ = ("_cutoff", "_drift", "_yaw", "heading", "lag", "std", "yaw_rate")
 
     def __init__(self, settings: AttitudeSettings, heading: float, std: float) -> None:
         self._cutoff = 2.0 * pi * settings.yaw_rate_cutoff
@@ -34,6 +34,7 @@ class ControlHeading:
         self.heading = heading  # [rad]
         self.std = std  # [rad]
         self.yaw_rate = 0.0  # [rad/s]
+        self.lag = 0.0  # [rad/s] newest sample minus `yaw_rate`
         self._yaw = wrapped(heading)
 
     def step(self, yaw: float, rate: float, dt: float) -> None:
@@ -41,6 +42,7 @@ class ControlHeading:
         self.heading += wrapped(yaw - self._yaw)
         self._yaw = yaw
         self.yaw_rate += (1.0 - exp(-self._cutoff * dt)) * (rate - self.yaw_rate)
+        self.lag = rate - self.yaw_rate
         self.std = min(pi, self.std + self._drift * dt * max(1.0, dt / PERIOD))
 
     def turn(self, by: float, std: float) -> None:

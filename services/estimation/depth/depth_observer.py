@@ -13,6 +13,7 @@ from services.estimation.depth.accelerometer_trial import (
 )
 from services.estimation.depth.depth_filter import LEVEL, DepthFilter, DepthSettings, Lean
 from services.estimation.depth.depth_variants import VARIANTS, DepthVariant
+from services.estimation.depth.innovation_check import InnovationCheck
 from services.estimation.depth.rejected_samples import RejectedSamples
 from services.marine.vehicle import GRAVITY
 
@@ -59,6 +60,9 @@ class DepthObserver:
     sample restarts the filter. The rate is known for as long as the accelerometer keeps its
     standard deviation below `KNOWN_RATE`.
 
+    Innovations that are no noise (`innovation_check.py`: waves, latency) are in the standard
+    deviations of depth and rate. They are counted once (`inconsistent:`) where they are large.
+
     Innovations of one sign on average mean that the accelerometer does not fit the pressure: depth
     comes from pressure alone until it does (`accelerometer_trial.py`).
 
@@ -95,6 +99,7 @@ class DepthObserver:
         self._rejected: RejectedSamples | None = None  # since the last accepted sample
         self._newest = 0.0  # [m] newest sample judged
         self._mean = MeanInnovation()
+        self._check = InnovationCheck()
         self._outlier_ns: int | None = None  # [ns] newest that was the first in a row
         self._trial: AccelerometerTrial | None = None  # None: the accelerometer is used
         self._clipped = _Clipped()
@@ -171,9 +176,11 @@ class DepthObserver:
         else:
             acceleration = self._input or 0.0
             acceleration_std = sqrt(f.p22 + self._settings.motion_noise**2 * BANDWIDTH)
+        off, rate_off = self._check.excess
+        off = max(off, self._clipped.distance)
         return (
-            Estimate(f.depth, hypot(f.depth_std, self._datum_std, self._clipped.distance), valid),
-            Estimate(f.rate, f.rate_std, valid or self._knows_rate),
+            Estimate(f.depth, hypot(f.depth_std, self._datum_std, off), valid),
+            Estimate(f.rate, hypot(f.rate_std, rate_off), valid or self._knows_rate),
             Estimate(acceleration, acceleration_std, valid and measured),
         )
 
@@ -205,12 +212,18 @@ class DepthObserver:
             return self._outlier(innovation, depth, stamp_ns)
         most = self._settings.clip * std
         used = max(-most, min(most, innovation))
+        since = 0.0 if self._accepted_ns is None else (stamp_ns - self._accepted_ns) * 1e-9
+        unlike = self._check.add(
+            innovation, variance, self._filter, max(0.0, since), not self._uses_accelerometer
+        )
         self._filter.update(used, variance, age)
         self._accept(stamp_ns)
         if not self._filter.is_sound():
             return self._reset()
         lasts = self._clipped.lasts(innovation, most, stamp_ns)
         event = self._judge_accelerometer(used / std, depth, age, stamp_ns)
+        if event is None and unlike:
+            event = "inconsistent:sensor/pressure"
         return event or ("clipped:sensor/pressure" if lasts else None)
 
     def _judge_accelerometer(
@@ -220,7 +233,8 @@ class DepthObserver:
         if self._trial is not None:
             if not self._trial.passed(depth, self._sample_std, age, stamp_ns, self._filter):
                 return None
-            self._filter, self._trial, self._mean = self._trial.filter, None, MeanInnovation()
+            self._filter, self._trial = self._trial.filter, None
+            self._mean, self._check = MeanInnovation(), InnovationCheck()
             return "trusted:sensor/imu"
         repeated, self._newest = depth == self._newest, depth
         if repeated or not self._uses_accelerometer:
@@ -289,7 +303,7 @@ class DepthObserver:
             event = "restarted:depth"
         else:
             return "outlier:sensor/pressure"
-        self._clipped, self._mean = _Clipped(), MeanInnovation()
+        self._clipped, self._mean, self._check = _Clipped(), MeanInnovation(), InnovationCheck()
         self._accept(stamp_ns)
         if self._trial is not None:
             self._trial.begin(f)
@@ -314,7 +328,7 @@ class DepthObserver:
         self._filter.start(depth, depth_std, rate_std, self._filter.bias, bias_std)
         self._started, self._lost = True, False
         self._unread = None
-        self._clipped, self._mean = _Clipped(), MeanInnovation()
+        self._clipped, self._mean, self._check = _Clipped(), MeanInnovation(), InnovationCheck()
         if self._trial is not None:
             self._trial.begin(self._filter)
         self._accept(stamp_ns)
@@ -332,7 +346,7 @@ class DepthObserver:
         self._filter.rate = 0.0
         self._started = self._lost = False
         self._unread = None
-        self._clipped = _Clipped()
+        self._clipped, self._check = _Clipped(), InnovationCheck()
         return why
 
     def _reset(self) -> str | None:

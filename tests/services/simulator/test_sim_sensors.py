@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from messages.units import Quaternion, Vec6
 from services.marine.attitude import from_euler, to_world
 from services.marine.vehicle import GRAVITY
-from services.simulator.sensors import IMU_HZ, Sensors
+from services.simulator.sensors import Sensors
 from services.simulator.settings import Dvl, Settings, Usbl
 
 REST: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -85,8 +85,8 @@ def test_noise_has_the_strength_of_its_density_and_no_colour() -> None:
     samples = [sensors.imu(0, LEVEL, REST, REST) for _ in range(5000)]
     rates = np.array([s.angular_rate for s in samples])
     forces = np.array([s.specific_force for s in samples])
-    assert rates.std(axis=0) == pytest.approx(1e-4 * sqrt(IMU_HZ), rel=0.05)
-    assert forces.std(axis=0) == pytest.approx(2e-3 * sqrt(IMU_HZ), rel=0.05)
+    assert rates.std(axis=0) == pytest.approx(1e-4 * sqrt(Settings().imu_rate), rel=0.05)
+    assert forces.std(axis=0) == pytest.approx(2e-3 * sqrt(Settings().imu_rate), rel=0.05)
     assert abs(np.corrcoef(rates[1:, 0], rates[:-1, 0])[0, 1]) < 0.06
     assert abs(np.corrcoef(rates[:, 0], rates[:, 1])[0, 1]) < 0.06
 

@@ -1,0 +1,71 @@
+"""What the sensors read wrongly, as measured: the table [vehicle.calibration].
+
+    accelerometer   f = scale (f' - bias), axis by axis
+    gyroscope       ω = ω' - bias
+    magnetometer    m = S (m' - bias): hard iron and soft iron
+    pressure        p = p' - offset
+
+All in the sensor's own axes, before its mounting. `lindy calibrate` finds the numbers. A vehicle
+without this table has sensors that are right but for what each dive's own calibration finds.
+"""
+
+from typing import Annotated
+
+import msgspec
+
+from messages.sensors import ImuSample, MagnetometerSample, PressureSample
+from messages.units import Vec3
+
+ForceBias = Annotated[float, msgspec.Meta(ge=-5.0, le=5.0)]  # [m/s²]
+RateBias = Annotated[float, msgspec.Meta(ge=-1.0, le=1.0)]  # [rad/s]
+FieldBias = Annotated[float, msgspec.Meta(ge=-5e-4, le=5e-4)]  # [T]
+ScaleFactor = Annotated[float, msgspec.Meta(ge=0.5, le=2.0)]  # [-]
+IronShare = Annotated[float, msgspec.Meta(ge=-3.0, le=3.0)]  # [-]
+IronRow = tuple[IronShare, IronShare, IronShare]
+IronMatrix = tuple[IronRow, IronRow, IronRow]
+NO_BIAS = (0.0, 0.0, 0.0)
+NO_SCALE = (1.0, 1.0, 1.0)
+NO_IRON: IronMatrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+class SensorCalibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Corrections of raw samples."""
+
+    accelerometer_bias: tuple[ForceBias, ForceBias, ForceBias] = NO_BIAS  # [m/s²]
+    accelerometer_scale: tuple[ScaleFactor, ScaleFactor, ScaleFactor] = NO_SCALE  # [-]
+    gyro_bias: tuple[RateBias, RateBias, RateBias] = NO_BIAS  # [rad/s]
+    magnetometer_bias: tuple[FieldBias, FieldBias, FieldBias] = NO_BIAS  # [T]
+    magnetometer_matrix: IronMatrix = NO_IRON  # [-] S
+    pressure_offset: Annotated[float, msgspec.Meta(ge=-1e5, le=1e5)] = 0.0  # [Pa]
+
+    def imu(self, sample: ImuSample) -> ImuSample:
+        if (self.accelerometer_bias, self.accelerometer_scale, self.gyro_bias) == NO_IMU:
+            return sample
+        (fx, fy, fz), (bx, by, bz) = sample.specific_force, self.accelerometer_bias
+        (p, q, r), (dp, dq, dr) = sample.angular_rate, self.gyro_bias
+        sx, sy, sz = self.accelerometer_scale
+        return msgspec.structs.replace(
+            sample,
+            specific_force=(sx * (fx - bx), sy * (fy - by), sz * (fz - bz)),
+            angular_rate=(p - dp, q - dq, r - dr),
+        )
+
+    def magnetometer(self, sample: MagnetometerSample) -> MagnetometerSample:
+        if self.magnetometer_bias == NO_BIAS and self.magnetometer_matrix == NO_IRON:
+            return sample
+        return msgspec.structs.replace(sample, field=self.field(sample.field))
+
+    def field(self, measured: Vec3) -> Vec3:
+        """[T] Of a raw one [T]."""
+        (a, b, c), (x, y, z) = measured, self.magnetometer_bias
+        a, b, c = a - x, b - y, c - z
+        u, v, w = (row[0] * a + row[1] * b + row[2] * c for row in self.magnetometer_matrix)
+        return u, v, w
+
+    def pressure(self, sample: PressureSample) -> PressureSample:
+        if self.pressure_offset == 0.0:
+            return sample
+        return msgspec.structs.replace(sample, pressure=sample.pressure - self.pressure_offset)
+
+
+NO_IMU = NO_BIAS, NO_SCALE, NO_BIAS

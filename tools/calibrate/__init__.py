@@ -1,0 +1,1 @@
+"""`lindy calibrate`: the errors of the sensors, found from how they read in known positions."""

@@ -1,0 +1,155 @@
+"""The verb `lindy calibrate`."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import App, Parameter
+
+from services.runtime.config.errors import LindyError
+from tools.choices import named
+
+if TYPE_CHECKING:  # a mistyped command answers at once
+    from services.marine.vehicle import Vehicle
+    from tools.calibrate.guide import CalibrationGuide
+
+calibrate = App(
+    name="calibrate",
+    help="Find the errors of a vehicle's sensors, on the bench or in the water.",
+)
+
+RecordingArgument = Annotated[
+    Path | None, Parameter(help="a dive's folder or its MCAP file; default: the sensors now")
+]
+NewFileOption = Annotated[
+    Path | None, Parameter(converter=named, help="a new vehicle file with the numbers in it")
+]
+FileOption = Annotated[
+    str | None,
+    Parameter(help="file to begin from; default: that in the recording, or of the running drone"),
+]
+DiveOption = Annotated[
+    Path | None, Parameter(help="folder of the running drone; default: the newest")
+]
+
+
+@calibrate.command
+def gyroscope(
+    recording: RecordingArgument = None,
+    /,
+    *,
+    out: NewFileOption = None,
+    vehicle: FileOption = None,
+    dive: DiveOption = None,
+) -> int:
+    """Bias and noise of the gyroscope, of a vehicle that lies still for half a minute.
+
+    Example: lindy up drone --out dives/on_the_bench
+             lindy calibrate gyroscope --dive dives/on_the_bench --out mine.toml
+    """
+    from tools.calibrate.gyroscope import GyroscopeGuide
+
+    return _calibrate(lambda _: GyroscopeGuide(), recording, out, vehicle, dive)
+
+
+@calibrate.command
+def accelerometer(
+    recording: RecordingArgument = None,
+    /,
+    *,
+    out: NewFileOption = None,
+    vehicle: FileOption = None,
+    dive: DiveOption = None,
+) -> int:
+    """Bias and scale of the accelerometer, of a vehicle laid on each of its six sides for 5 s.
+
+    Example: lindy calibrate accelerometer --dive dives/on_the_bench --out mine.toml
+    """
+    from tools.calibrate.accelerometer import AccelerometerGuide
+
+    return _calibrate(lambda _: AccelerometerGuide(), recording, out, vehicle, dive)
+
+
+@calibrate.command
+def compass(
+    recording: RecordingArgument = None,
+    /,
+    *,
+    out: NewFileOption = None,
+    vehicle: FileOption = None,
+    dive: DiveOption = None,
+) -> int:
+    """Hard and soft iron around the magnetometer, of a vehicle turned through all headings.
+
+    Example: lindy calibrate compass dives/latest --out mine.toml
+    """
+    from tools.calibrate.compass import CompassGuide
+
+    return _calibrate(lambda v: CompassGuide(v.mounting), recording, out, vehicle, dive)
+
+
+@calibrate.command
+def pressure(
+    recording: RecordingArgument = None,
+    /,
+    *,
+    atmosphere: Annotated[
+        float, Parameter(help="[hPa] of a barometer at the place, not reduced to sea level")
+    ],
+    out: NewFileOption = None,
+    vehicle: FileOption = None,
+    dive: DiveOption = None,
+) -> int:
+    """Offset of the pressure sensor, in the air.
+
+    Example: lindy calibrate pressure --atmosphere 1009.4 --dive dives/on_the_bench
+    """
+    from tools.calibrate.pressure import PressureGuide
+
+    if not 500.0 <= atmosphere <= 1200.0:
+        raise LindyError(f"--atmosphere is {atmosphere:g}, expected 500 to 1200 hPa")
+    return _calibrate(lambda _: PressureGuide(100.0 * atmosphere), recording, out, vehicle, dive)
+
+
+def _calibrate(
+    guide_of: "Callable[[Vehicle], CalibrationGuide]",
+    recording: Path | None,
+    out: Path | None,
+    vehicle: str | None,
+    dive: Path | None,
+) -> int:
+    """CalibrationGuide, print what was found, and write it.
+
+    Raises:
+        LindyError: the samples do not tell, or the file cannot be written.
+    """
+    from tools.ask import dive_in
+    from tools.calibrate.guide import replay
+    from tools.calibrate.live import guide_live
+    from tools.calibrate.vehicle_file import read_vehicle, table, vehicle_in, with_settings
+    from tools.fresh import refuse_existing, write_fresh
+    from tools.recordings.recording import open_recording
+
+    if recording is not None and dive is not None:
+        raise LindyError("give a recording, or --dive for the sensors now, not both")
+    if out is not None:
+        refuse_existing(out)
+    if recording is not None:
+        opened = open_recording(recording)
+        name, text = vehicle_in(opened, vehicle, recording)
+        guide = guide_of(read_vehicle(name, text))
+        replay(opened, guide)
+        source = recording.resolve().name
+    else:
+        running = dive_in(dive)
+        name, text = vehicle_in(None, vehicle or running.vehicle, Path())
+        guide = guide_of(read_vehicle(name, text))
+        guide_live(running, guide, lambda line: print(line, flush=True))
+        source = "the running vehicle"
+    found = guide.result()
+    print("\n".join([table(found.settings), "", *(f"# {remark}" for remark in found.remarks)]))
+    if out is not None:
+        text = with_settings(name, text, found.settings, f"from {source}")
+        write_fresh(out, text.encode())
+        print(f"\nwritten {out}")
+    return 0

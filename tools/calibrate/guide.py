@@ -1,0 +1,71 @@
+"""What every calibration is: samples in, the next instruction and in the end a result out.
+
+The same for a recording and for a vehicle that is being calibrated now.
+"""
+
+from collections.abc import Callable
+from typing import Protocol
+
+from messages import topics
+from messages.message import Message
+from services.runtime.node.node import Node
+from tools.calibrate.results import SensorFound
+from tools.recordings.recording import Recording
+
+KEYS = {topics.IMU.key, topics.MAGNETOMETER.key, topics.PRESSURE.key}
+SAID_HZ = 1.0  # [1/s] a new instruction is shown at most this often
+
+
+class CalibrationGuide(Protocol):
+    """A state machine; time is that of the samples' stamps."""
+
+    def see(self, sample: Message) -> None:
+        """Take in a raw sample of any sensor."""
+        ...
+
+    @property
+    def done(self) -> bool:
+        """There is enough for a result."""
+        ...
+
+    @property
+    def prompt(self) -> str:
+        """What the user should do now, and how far it is."""
+        ...
+
+    def result(self) -> SensorFound:
+        """
+        Raises:
+            CalibrationError: the samples do not tell.
+        """
+        ...
+
+
+def replay(recording: Recording, guide: CalibrationGuide) -> None:
+    """Show the guide every sample of a recording."""
+    for raw in recording.raw():
+        if raw.key in KEYS and (sample := recording.decode(raw)) is not None:
+            guide.see(sample)
+
+
+def listen(node: Node, guide: CalibrationGuide, say: Callable[[str], None]) -> Callable[[], int]:
+    """Show the guide what a node hears, and say its instructions when they change. Returns what
+    says how many samples were heard."""
+    said, heard = "", 0
+
+    def see(sample: Message, _: int) -> None:
+        nonlocal heard
+        heard += 1
+        guide.see(sample)
+
+    def speak(_: int) -> None:
+        nonlocal said
+        if (prompt := guide.prompt) != said:
+            said = prompt
+            say(prompt)
+
+    node.each(topics.IMU, see)
+    node.each(topics.MAGNETOMETER, see)
+    node.each(topics.PRESSURE, see)
+    node.every(SAID_HZ, speak)
+    return lambda: heard
