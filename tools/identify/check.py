@@ -8,7 +8,7 @@ import numpy as np
 from services.marine.vehicle import Vehicle
 from services.runtime.config.errors import LindyError
 from tools.identify.dive_data import DiveData, windows
-from tools.identify.fit import fit_input
+from tools.identify.fit_input import fit_input
 from tools.identify.motion_model import Measured, coefficients, predict
 from tools.identify.thrust import Floats
 

@@ -8,7 +8,8 @@ from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
 from services.simulator.hull import Hull, in_the_water
 from tools.identify.dive_data import Windows
-from tools.identify.fit import FitInput, fit
+from tools.identify.fit import fit
+from tools.identify.fit_input import FitInput
 from tools.identify.motion_model import Measured, coefficients, predict
 from tools.identify.parameters import AXES, BUOYANCY, LAG, Beginning, start_of
 from tools.identify.thrust import CommandedThrust, Floats
