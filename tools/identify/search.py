@@ -124,8 +124,10 @@ def by_residuals(here: Search) -> Weights:
 
 
 def _moved(here: Search, point: Point) -> Search:
-    base = predicted(here.taken, here.start, point)
-    return here._replace(at=linearised(here.taken, point, base, here.weights))
+    """At another point. One at which the motion has no bound ends in NaN, and is not taken."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        base = predicted(here.taken, here.start, point)
+        return here._replace(at=linearised(here.taken, point, base, here.weights))
 
 
 def _explained(here: Search) -> Search:
