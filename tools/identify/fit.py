@@ -22,8 +22,21 @@ from tools.identify.judgement import (
 )
 from tools.identify.parameters import AXES, Beginning, linear_of, quadratic_of
 from tools.identify.prediction import Point
-from tools.identify.search import FINE, FIXED, Search, began, descended, free, searched, weighed
+from tools.identify.search import (
+    FINE,
+    FIXED,
+    Search,
+    began,
+    descended,
+    free,
+    misfit,
+    searched,
+    weighed,
+)
 from tools.identify.thrust import Floats
+
+WHITE = 1.5  # [-] deviations enlarged by less: the residuals are white
+ADRIFT = (0.1, 0.0), (-0.1, 0.0), (0.0, 0.1), (0.0, -0.1)  # [m/s] surge and sway
 
 
 class Fit(NamedTuple):
@@ -48,8 +61,7 @@ def fit(taken: FitInput, start: Beginning, axes: tuple[str, ...] = AXES) -> Fit:
         here = began(taken, start, axes, lag, start.vector)
         untold = weak(here, white_covariance(here), axes, lag)  # costs one prediction
         if not untold:
-            guess = first_guess(taken, start, axes, lag)
-            here = searched(began(taken, start, axes, lag, guess), free(axes, lag))
+            here = _best(taken, start, axes, lag)
             untold = weak(here, honest_covariance(here)[0], axes, lag)
         if not untold:
             return _result(taken, here, axes, lag, refused)
@@ -58,6 +70,26 @@ def fit(taken: FitInput, start: Beginning, axes: tuple[str, ...] = AXES) -> Fit:
         axes = tuple(axis for axis in axes if axis not in untold)
         if not axes:
             return _result(taken, here, (), False, refused)
+
+
+def _best(taken: FitInput, start: Beginning, axes: tuple[str, ...], lag: bool) -> Search:
+    """From the regression's numbers; where residuals are not white, also with the vehicle adrift
+    each way at first, and the least sum of squares."""
+    there = began(taken, start, axes, lag, first_guess(taken, start, axes, lag))
+    fitted = free(axes, lag)
+    best = searched(there, fitted)
+    if honest_covariance(best)[1].max() < WHITE:
+        return best
+    for adrift in ADRIFT:
+        found = searched(there, fitted, adrift)
+        if _rank(found) < _rank(best):
+            best = found
+    return best
+
+
+def _rank(found: Search) -> tuple[int, float]:
+    """What explains more windows is better; then what explains them better."""
+    return -len(found.taken.windows.t), misfit(found)
 
 
 def _result(

@@ -55,15 +55,19 @@ def free(axes: tuple[str, ...], lag: bool) -> list[int]:
     return [index for axis in axes for index in indices_of(axis)] + ([LAG] if lag else [])
 
 
-def searched(here: Search, fitted: list[int]) -> Search:
+def searched(here: Search, fitted: list[int], adrift: tuple[float, float] = (0.0, 0.0)) -> Search:
     """At the least sum of squares near by. First only what is fitted moves, the rest is as
-    estimated and as in the file; then everything. The sensors' weights come from the residuals."""
+    estimated and as in the file; then everything. The sensors' weights come from the residuals.
+
+    Args:
+        adrift: [m/s] surge and sway to begin with where no window tells them.
+    """
     whole = here.weights
     inverse = whole.inverse.copy()
     inverse[np.setdiff1d(np.arange(COUNT), fitted)] /= COARSE**2
     pinned = whole.begin_std * np.array([COARSE, COARSE, 1.0, 1.0, 1.0, 1.0])
     here = descended(weighed(here, whole._replace(inverse=inverse, begin_std=pinned)), ROUGH)
-    here = descended(_followed(here, whole), ROUGH)
+    here = descended(_followed(here, whole, adrift), ROUGH)
     here = _explained(here)
     here = descended(_followed(here, by_residuals(here)), ROUGH)
     return descended(weighed(here, by_residuals(here)), FINE)
@@ -89,7 +93,7 @@ def descended(here: Search, enough: float) -> Search:
     return here
 
 
-def _followed(here: Search, whole: Weights) -> Search:
+def _followed(here: Search, whole: Weights, adrift: tuple[float, float] = (0.0, 0.0)) -> Search:
     """By these weights, and with surge and sway at the begin of a window as at the end of the one
     before, where one follows the other. The yaw rate alone tells little more than the product of
     the two (Munk's moment), so that a descent would not find from wrong signs to the right ones."""
@@ -98,6 +102,7 @@ def _followed(here: Search, whole: Weights) -> Search:
     later = 1 + np.flatnonzero(w.t[1:, 0] - w.t[:-1, -1] < 2 * w.period)
     begin, estimate = here.at.point.begin.copy(), whole.estimate.copy()
     std = whole.begin_std.copy()
+    begin[:, :2] += adrift
     begin[later, :2] = estimate[later, :2] = ends[later - 1]
     std[later, :2] = FOLLOWED_STD
     weights = whole._replace(estimate=estimate, begin_std=std)
@@ -121,6 +126,14 @@ def by_residuals(here: Search) -> Weights:
         rms = float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
         noise[channel] = max(LEAST_STD, rms * noise[channel])
     return here.weights._replace(noise=noise)
+
+
+def misfit(here: Search) -> float:
+    """[-] Twice the negative logarithm of the likelihood, up to a constant: sums of squares are
+    in units of each search's own noise."""
+    noise = 2.0 * np.log(here.weights.noise)
+    samples = [noise[channels[channels >= 0]].sum() for channels in here.at.channels]
+    return here.at.normal.cost + float(np.sum(samples))
 
 
 def _moved(here: Search, point: Point) -> Search:
