@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.tools.identify.test_identify_fit import FILE, FITTED, made, truth
+from tests.tools.identify.test_identify_fit import FILE, FITTED, coasting, made, truth
 from tools.identify.fit import fit
 from tools.identify.parameters import AXES, start_of
 
@@ -27,6 +27,12 @@ def test_drag_never_drives() -> None:
     assert found.axes
     for axis in map(AXES.index, found.axes):
         assert min(found.x[3 * axis + 1], found.x[3 * axis + 2]) >= 0.0
+
+
+def test_a_drift_that_nothing_tells_beforehand_is_found() -> None:
+    start = start_of(FILE)
+    found = fit(coasting(seed=1, surge=-0.15), start, ("heave", "yaw"))
+    assert found.x[9:12] == pytest.approx(truth(start)[9:12], abs=0.02)
 
 
 def test_without_noise_the_numbers_come_back() -> None:

@@ -113,9 +113,9 @@ def recording_(
     if compared is not None:
         before, after = compared.before, compared.after
         print(
-            f"\n{check}, {compared.minutes} min predicted: depth rate to {after.depth_rate:.3g} "
-            f"m/s, {after.depth_rate / before.depth_rate:.2f} times the error of "
-            f"{found.file.name}; yaw rate to {after.yaw_rate:.3g} rad/s, "
+            f"\n{check}, {compared.stretches} times {compared.seconds:g} s predicted: depth rate "
+            f"to {after.depth_rate:.3g} m/s, {after.depth_rate / before.depth_rate:.2f} times "
+            f"the error of {found.file.name}; yaw rate to {after.yaw_rate:.3g} rad/s, "
             f"{after.yaw_rate / before.yaw_rate:.2f} times"
         )
     return 0

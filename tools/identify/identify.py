@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 from services.runtime.config.errors import LindyError
 from tools.identify.dive_data import NO_SAMPLES, WINDOW_S, DiveData, read, windows
-from tools.identify.fit import Fit, busiest, fit, fit_input
+from tools.identify.fit import Fit, fit
+from tools.identify.fit_input import busiest, fit_input
 from tools.identify.measured_lag import measured_lag
 from tools.identify.parameters import AXES, LAG, Beginning, start_of
 from tools.identify.results import weakly

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 from msgspec.structs import replace
-from numpy.typing import NDArray
 
 from services.marine.rigid_body import system_inertia
 from services.marine.vehicle import Vehicle
@@ -102,6 +101,3 @@ def vehicle_of(start: Beginning, x: Floats, axes: tuple[str, ...] = AXES) -> Veh
 def six(values: list[float]) -> tuple[float, float, float, float, float, float]:
     a, b, c, d, e, f = values
     return a, b, c, d, e, f
-
-
-Chosen = NDArray[np.bool_]  # (COUNT,) which are fitted

@@ -9,7 +9,8 @@ from msgspec.structs import replace
 
 from services.marine.rigid_body import system_inertia
 from services.marine.vehicle import Vehicle
-from tools.identify.fit import NOT_MOVED, Fit, drag_at
+from tools.identify.fit import Fit
+from tools.identify.judgement import NOT_MOVED, drag_at
 from tools.identify.motion_model import ROWS
 from tools.identify.parameters import (
     AXES,

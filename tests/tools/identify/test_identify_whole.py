@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
+from messages.control import ThrusterCommand
+from messages.message import Message
 from services.gamepad import stick_log
 from services.gamepad.io.path_file import course_named
 from services.marine.vehicle import Vehicle
@@ -16,6 +18,7 @@ from services.runtime.config.stack import Stack
 from tools.__main__ import main
 from tools.identify.plan import AXES, PlanAxis, as_csv, plan
 from tools.identify.vehicle_file import VehicleFile, rewritten, rounded
+from tools.recordings.recording import Raw, Recording
 from tools.sweep.axes import Combination, PlannedDive
 from tools.sweep.one_dive import Job, fly_one
 
@@ -28,34 +31,82 @@ HULL = (
 )
 
 
-def test_the_numbers_of_another_hull_come_out_of_a_dive(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    sticks, new = tmp_path / "sticks.csv", tmp_path / "new.toml"
+@pytest.fixture(scope="module")
+def dive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The planned manoeuvres, flown once."""
+    folder = tmp_path_factory.mktemp("identify")
+    sticks = folder / "sticks.csv"
     assert main(["identify", "plan", "--out", str(sticks)]) == 0
-    assert "s; depths" in capsys.readouterr().out
-    pilot = f"script:{sticks}"
-    flown = PlannedDive(0, Combination("pioneer", "tether", pilot, HULL), 1)
-    row = fly_one(Job(flown, "simulated", None, str(tmp_path)))
+    flown = PlannedDive(0, Combination("pioneer", "tether", f"script:{sticks}", HULL), 1)
+    row = fly_one(Job(flown, "simulated", None, str(folder)))
     assert row is not None
     assert row["end"] == "clean"
-    dive = str(tmp_path / "dive-000000")
+    return folder / "dive-000000"
 
-    assert main(["identify", dive, "--out", str(new), "--check", dive]) == 0
+
+def test_the_numbers_of_another_hull_come_out_of_a_dive(
+    dive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    new = tmp_path / "new.toml"
+    assert main(["identify", str(dive), "--out", str(new), "--check", str(dive)]) == 0
     told = capsys.readouterr().out
     assert "sway: kept as in the file" in told
     vehicle = convert(tomllib.loads(new.read_text())["vehicle"], Vehicle, "vehicle")
-    assert vehicle.mass + vehicle.added_mass[2] == pytest.approx(22.6, rel=0.03)
-    assert vehicle.inertia[2] + vehicle.added_mass[5] == pytest.approx(0.346, rel=0.03)
-    assert _drag(vehicle, 2, 0.5) == pytest.approx((0.38 + 32.0 * 0.5) * 0.5, rel=0.05)
-    assert _drag(vehicle, 5, 1.0) == pytest.approx(0.87 + 1.1, rel=0.03)
+    assert vehicle.mass + vehicle.added_mass[2] == pytest.approx(22.6, rel=0.01)
+    assert vehicle.inertia[2] + vehicle.added_mass[5] == pytest.approx(0.346, rel=0.01)
+    assert _drag(vehicle, 2, 0.5) == pytest.approx((0.38 + 32.0 * 0.5) * 0.5, rel=0.03)
+    assert _drag(vehicle, 5, 1.0) == pytest.approx(0.87 + 1.1, rel=0.01)
     assert vehicle.net_buoyancy == pytest.approx(2.0, abs=0.05)
-    assert [t.time_constant for t in vehicle.thruster] == pytest.approx([0.12] * 4, abs=0.005)
+    assert [t.time_constant for t in vehicle.thruster] == pytest.approx([0.12] * 4, abs=0.003)
     assert vehicle.added_mass[:2] == (5.22, 19.87)
 
-    assert main(["identify", dive, "--out", str(new)]) == 1  # never overwritten
-    assert main(["identify", dive, "--axes", "surge"]) == 1
-    assert "does not excite any axis" in capsys.readouterr().err
+    assert main(["identify", str(dive), "--out", str(new)]) == 1  # never overwritten
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["--axes", "surge"], "does not excite any axis enough; surge: the dive hardly moves"),
+        (["--vehicle", "bluerov2_heavy"], "too few samples to identify anything: 0 of control"),
+    ],
+)
+def test_a_dive_that_does_not_tell_is_refused_in_a_sentence(
+    dive: Path, words: list[str], sentence: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["identify", str(dive), *words]) == 1
+    said = capsys.readouterr().err
+    assert sentence in said
+    assert said.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("share", "sentence"),
+    [(0.001, "no vehicle file"), (0.05, "too few samples"), (0.25, "stretches of 10 s")],
+)
+def test_a_recording_that_was_cut_off_too_early_is_refused(
+    dive: Path, tmp_path: Path, share: float, sentence: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole = next(dive.glob("*.mcap")).read_bytes()
+    short = tmp_path / "short.mcap"
+    short.write_bytes(whole[: int(share * len(whole))])
+    assert main(["identify", str(short)]) == 1
+    said = capsys.readouterr().err
+    assert sentence in said
+    assert said.count("\n") == 1
+
+
+def test_a_dive_of_a_drone_that_was_never_armed_is_refused(
+    dive: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    decode = Recording.decode
+
+    def disarmed(self: Recording, raw: Raw) -> Message | None:
+        message = decode(self, raw)
+        return replace(message, armed=False) if isinstance(message, ThrusterCommand) else message
+
+    monkeypatch.setattr(Recording, "decode", disarmed)
+    assert main(["identify", str(dive)]) == 1
+    assert "the drone was never armed" in capsys.readouterr().err
 
 
 def _drag(vehicle: Vehicle, row: int, speed: float) -> float:
