@@ -10,8 +10,8 @@ from pathlib import Path
 from cyclopts import App, CycloptsError
 
 from services.runtime.config.errors import LindyError
-from tools.doctor.command import doctor
 from tools.calibrate.command import calibrate
+from tools.doctor.command import doctor
 from tools.gains import gains
 from tools.identify.command import identify
 from tools.keys.command import keys
