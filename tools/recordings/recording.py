@@ -98,8 +98,11 @@ class Recording:
 
     def attachment(self, name: str) -> bytes | None:
         """An attached file, such as `topics.json`."""
-        attachments = (r for r in self.described() if isinstance(r, Attachment))
-        return next((a.data for a in attachments if a.name == name), None)
+        return next((a.data for a in self.attachments() if a.name == name), None)
+
+    def attachments(self) -> Iterator[Attachment]:
+        """All attached files. Every part of a dive carries the same ones."""
+        return (record for record in self.described() if isinstance(record, Attachment))
 
     def described(self) -> Iterator[Metadata | Attachment]:
         """Everything in the files that is not a message."""
@@ -196,7 +199,8 @@ def _copy(path: Path, file: McapFile, first: bool) -> int:
         elif isinstance(record, Metadata) and record.name != "hash":
             file.metadata(record.name, record.metadata)
         elif isinstance(record, Attachment) and first:
-            file.attach(record.name, record.media_type, record.data)
+            times = record.log_time, record.create_time
+            file.attach(record.name, record.media_type, record.data, *times)
     return messages
 
 
