@@ -133,7 +133,9 @@ def _judged(
         else "with the same Lindy on the same kind of computer: was it interrupted, or was the code "
         "changed since?"
     )
-    more = "" if flown.folder is None else f"; `lindy log compare {path} {flown.folder}` shows where"
+    more = (
+        "" if flown.folder is None else f"; `lindy log compare {path} {flown.folder}` shows where"
+    )
     raise LindyError(
         f"the log hash is not the same as in {path} ({before[:16]}…, now "
         f"{flown.log_hash[:16]}…): {why}{more}"

@@ -50,9 +50,7 @@ def simulate(choices: Choices, *, files: bool = True) -> int:
     return simulated(choices, files=files).status
 
 
-def simulated(
-    choices: Choices, *, files: bool = True, running: Collection[str] = ()
-) -> Simulated:
+def simulated(choices: Choices, *, files: bool = True, running: Collection[str] = ()) -> Simulated:
     """
 
     Args:

@@ -10,6 +10,7 @@ Existing files are never written to.
 
 import json
 from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal, Protocol
 
@@ -45,6 +46,7 @@ class SessionNode(Protocol):
 
     counts: Counter[str]
     wall_offset_ns: int  # [ns] UTC minus the clock of stamps
+    sides: Mapping[str, object]  # its home first
 
     def now(self) -> int: ...
     def count(self, name: str, times: int = 1) -> None: ...
@@ -145,7 +147,8 @@ class McapSession:
     def _preface(self, file: McapFile) -> None:
         """Metadata that a reader needs before the first message."""
         stack = self._stack
-        file.metadata("dive", about(stack))
+        side = {"side": next(iter(self._node.sides))}  # of which everything is recorded
+        file.metadata("dive", about(stack) | side)
         clock = {
             "utc_minus_stamp_ns": str(self._node.wall_offset_ns),
             "publish_time": "the stamp by this clock; the arrival where the stamp is of another "
