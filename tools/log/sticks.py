@@ -1,8 +1,10 @@
-"""The pilot's sticks and requests of a recorded dive, as a stick log that can be flown again."""
+"""`lindy log sticks`: the pilot's sticks and requests of a recorded dive, as a stick log that can be
+flown again."""
 
 import json
 from collections.abc import Iterator
 from math import degrees, radians
+from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
@@ -18,7 +20,9 @@ from services.gamepad.stick_log import COLUMNS
 from services.gamepad.stick_log_player import QUIET_NS
 from services.piloting.sticks import CENTRED, Sticks
 from services.runtime.config.errors import LindyError
-from tools.recordings.recording import Recording
+from tools.fresh import refuse_existing, write_fresh
+from tools.recordings.progress import reading
+from tools.recordings.recording import Recording, open_recording
 
 HANDED_OVER = "has the sticks"  # how the pilot's log line ends when the drone is armed
 APART_NS = 1000  # [ns] between two events of one instant: a row holds one
@@ -76,10 +80,34 @@ class HeardSticks:
                 pass
 
 
-def sticks_of(recording: Recording, folder: str = "") -> RecordedSticks:
+def sticks(path: Path, out: Path) -> int:
+    """Write the stick log, and print what it is. Returns the exit status.
+
+    Raises:
+        LindyError: nobody flew in that recording, or a file cannot be written.
+    """
+    if out.suffix != ".csv" or {",", "#"} & set(str(out)):
+        raise LindyError(f"--out {out}: expected a name that ends in .csv, without comma or #")
+    refuse_existing(out)
+    recording = open_recording(path)
+    with reading("reading", recording.size) as recording.advance:
+        found = sticks_of(recording, f"{out.with_suffix('')}_")
+    for name, text in found.paths.items():
+        write_fresh(Path(name), text.encode())
+    write_fresh(out, as_csv(found, f"the sticks of {found.source}, from {path}").encode())
+    seconds = found.rows[-1].at_ns / 1e9
+    files = ", ".join([str(out), *found.paths])
+    print(f"{len(found.rows)} rows, {seconds:.1f} s, written to {files}", flush=True)
+    for remark in found.remarks:
+        print(remark, flush=True)
+    print(f"to fly them: lindy simulate --pilot script:{out}", flush=True)
+    return 0
+
+
+def sticks_of(recording: Recording, prefix: str = "") -> RecordedSticks:
     """
     Args:
-        folder: where the files of `paths` will be, with a `/` at its end; empty: here.
+        prefix: what the names of the files in `paths` begin with.
 
     Raises:
         LindyError: nobody flew in it.
@@ -99,7 +127,7 @@ def sticks_of(recording: Recording, folder: str = "") -> RecordedSticks:
     remarks: list[str] = []
     if heard.began_ns is None:
         remarks.append("times count from the drone's own arming: the pilot's log line is missing")
-    events = Events(folder, remarks)
+    events = Events(prefix, remarks)
     timed = [
         (request.stamp_ns - began, event)
         for request in sorted(heard.requests.values(), key=lambda request: request.stamp_ns)
@@ -122,9 +150,9 @@ def as_csv(sticks: RecordedSticks, heading: str) -> str:
 class Events:
     """Requests as events of a stick log."""
 
-    def __init__(self, folder: str, remarks: list[str]) -> None:
+    def __init__(self, prefix: str, remarks: list[str]) -> None:
         self.paths: dict[str, str] = {}
-        self._folder, self._remarks = folder, remarks
+        self._prefix, self._remarks = prefix, remarks
 
     def of(self, request: Request) -> str:
         """Empty: a script does this by itself, or cannot."""
@@ -163,7 +191,7 @@ class Events:
         for name, known in self.paths.items():
             if known == text:
                 return name
-        name = f"{self._folder}path{len(self.paths) + 1}.toml"
+        name = f"{self._prefix}path{len(self.paths) + 1}.toml"
         self.paths[name] = text
         return name
 

@@ -1,4 +1,4 @@
-"""A new MCAP file made of records of others, as any reader opens it: written by the mcap library."""
+"""A new MCAP file made of records of others, for any reader: written by the mcap library."""
 
 from collections.abc import Generator
 from contextlib import contextmanager

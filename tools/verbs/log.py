@@ -92,6 +92,88 @@ def recover(recording: Path, *, out: Out) -> int:
     return recover(recording, out)
 
 
+Tables = Annotated[
+    Path | None,
+    Parameter(
+        converter=named,
+        show_default=False,
+        help="the folder to write to; where it holds files already, a new one beside it; default: "
+        "beside the recording",
+    ),
+]
+
+
+@log.command
+def csv(recording: Path, *, out: Tables = None) -> int:
+    """Every topic as a table: one CSV file each, in a new folder.
+
+    RECORDING is a dive's folder or its MCAP file. Times: t_s, seconds since the recording began,
+    and log_ns and publish_ns, nanoseconds UTC of arrival and of the message's own stamp. Vectors
+    have named columns, such as wanted.surge. Exit status 3: a message could not be read.
+
+    Example: lindy log csv dives/latest --out tables
+    """
+    from tools.log.csv_table import csv_table
+    from tools.log.tables import write_tables
+
+    return write_tables(recording, out, "csv", csv_table)
+
+
+@log.command
+def parquet(recording: Path, *, out: Tables = None) -> int:
+    """The same tables as Parquet, smaller and with types. It needs pyarrow (extra `tables`).
+
+    RECORDING is a dive's folder or its MCAP file. Exit status 3: a message could not be read.
+
+    Example: lindy log parquet dives/latest --out tables
+    """
+    from tools.log.parquet_table import parquet_table, require_pyarrow
+    from tools.log.tables import write_tables
+
+    require_pyarrow()
+    return write_tables(recording, out, "parquet", parquet_table)
+
+
+@log.command
+def sticks(recording: Path, *, out: Out) -> int:
+    """The sticks and requests of its pilot, as a stick log to fly again.
+
+    RECORDING is a dive's folder or its MCAP file. A path that was followed is written beside OUT.
+
+    Example: lindy log sticks dives/latest --out again.csv
+             lindy simulate --pilot script:again.csv
+    """
+    from tools.log.sticks import sticks
+
+    return sticks(recording, out)
+
+
+@log.command
+def compare(
+    a: Path,
+    b: Path,
+    *,
+    tolerance: Annotated[
+        float, Parameter(help="[-] of the largest value of a field: what counts as the same")
+    ] = 0.0,
+    out: Annotated[
+        Path | None,
+        Parameter(converter=named, show_default=False, help="also draw both into this PNG"),
+    ] = None,
+    json: Json = False,
+) -> int:
+    """Which streams and fields of two recordings differ, when first and by how much.
+
+    A and B are dives' folders or MCAP files, of one vehicle. Times are seconds since arming, or,
+    where one was never armed, since the recording began. Exit status 1: they differ.
+
+    Example: lindy log compare dives/before dives/after --out compared.png
+    """
+    from tools.log.compare import compare
+
+    return compare(a, b, tolerance=tolerance, out=out, json=json)
+
+
 @log.command
 def noise(
     recording: Path,
