@@ -130,8 +130,8 @@ def _judged(
     why = (
         f"it was recorded with {'; '.join(differences)}"
         if differences
-        else "with the same Lindy on the same kind of computer: was it interrupted, or was the code "
-        "changed since?"
+        else "with the same Lindy on the same kind of computer: was it interrupted, or the code "
+        "changed?"
     )
     more = (
         "" if flown.folder is None else f"; `lindy log compare {path} {flown.folder}` shows where"

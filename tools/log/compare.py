@@ -102,7 +102,14 @@ def _figures(side_by_side: list[ComparedFigure]) -> str:
 def _row(field: FieldDifference) -> list[str]:
     values = [value if isinstance(value, str) else _number(value) for value in (field.a, field.b)]
     largest, at = _number(field.largest), _number(field.largest_s)
-    return [field.topic, field.field, f"{field.first_s:.3f}", *(v[:24] for v in values), largest, at]
+    return [
+        field.topic,
+        field.field,
+        f"{field.first_s:.3f}",
+        *(v[:24] for v in values),
+        largest,
+        at,
+    ]
 
 
 def _number(value: float | None) -> str:

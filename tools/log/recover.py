@@ -79,7 +79,7 @@ def _add_described(file: Path, copy: McapCopy) -> None:
     try:
         with file.open("rb") as stream:
             summary = make_reader(stream).get_summary()
-    except (*DAMAGE, McapError):
+    except (*DAMAGE, McapError, OSError):  # OSError: it is too short to have a summary
         return
     if summary is not None:
         for record in (*summary.schemas.values(), *summary.channels.values()):

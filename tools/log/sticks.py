@@ -1,5 +1,5 @@
-"""`lindy log sticks`: the pilot's sticks and requests of a recorded dive, as a stick log that can be
-flown again."""
+"""`lindy log sticks`: the sticks and requests of the pilot of a recorded dive, as a stick log that
+can be flown again."""
 
 import json
 from collections.abc import Iterator

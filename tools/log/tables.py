@@ -19,7 +19,7 @@ from tools.recordings.mcap_records import StoredMessage, records
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
 
-# Of every table: [s] since the recording began; [ns] UTC of arrival, and of the message's own stamp.
+# Of every table: [s] since the recording began; [ns] UTC of arrival, and of the message's stamp.
 TIMES = [Column("t_s", "number"), Column("log_ns", "integer"), Column("publish_ns", "integer")]
 CLEAN, DATA_LOST = 0, 3  # exit statuses
 Tree = dict[str, Any]

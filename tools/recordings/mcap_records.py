@@ -65,8 +65,7 @@ class Damage:
 
 def salvaged(path: Path, damage: Damage, at: At = nowhere) -> Iterator[StoredMessage | Described]:
     """Everything in a file that can still be read: what follows a damaged record, and the beginning
-    of a chunk that is cut off. Nothing vouches for that beginning, because its checksum is of the
-    whole."""
+    of a chunk that is cut off."""
     with path.open("rb") as stream, suppress(*DAMAGE):
         size = path.stat().st_size
         damage.cut_off = True
@@ -92,7 +91,7 @@ def salvaged(path: Path, damage: Damage, at: At = nowhere) -> Iterator[StoredMes
                     found = [*_split(head + content)]
             except DAMAGE:
                 damage.records += 1
-                found = [*_split_whole(_beginning(content))] if opcode == Opcode.CHUNK else []
+                continue
             yield from found
 
 

@@ -6,6 +6,7 @@ import hashlib
 import json
 import platform
 from collections.abc import Iterable
+from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -81,10 +82,8 @@ def _about(stack: Stack, rows: list[dict[str, Any]]) -> dict[str, Any]:
 def _files(stack: Stack) -> Iterable[Path]:
     """Without one that is not there any more."""
     files = [*stack.files]
-    try:
+    with suppress(LindyError):
         files.append(deploy_file("stacks", stack.services))
-    except LindyError:
-        pass
     return dict.fromkeys(files)
 
 
