@@ -5,12 +5,12 @@ from pathlib import Path
 import msgspec
 
 from services.runtime.config.errors import LindyError
+from tools.fresh import write_fresh
 from tools.log.compare_picture import check_picture, drawn
 from tools.log.differences import Differences, FieldDifference, differences, zeros
 from tools.log.figures import ComparedFigure, figures
 from tools.log.series import DiveSeries, Words
 from tools.log.text_table import table
-from tools.fresh import write_fresh
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
 

@@ -1,14 +1,13 @@
 """Tables as CSV: a heading, then a line for each message. Words are in quotes, None is an empty
 cell, numbers are as in the recording, to the last digit."""
 
-import io
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
-from tools.log.flatten import Column, Row
-from tools.log.tables import Table
+from tools.log.flatten import Row, TableColumn
+from tools.log.tables import RowTable
 
 ENCODE = msgspec.json.Encoder().encode
 BUFFER = 256 * 1024  # [bytes]
@@ -39,8 +38,8 @@ def _cell(value: Any) -> bytes:
 class CsvTable:
     """One file."""
 
-    def __init__(self, path: Path, columns: list[Column]) -> None:
-        self._file: io.BufferedIOBase = path.open("xb", buffering=BUFFER)
+    def __init__(self, path: Path, columns: list[TableColumn]) -> None:
+        self._file = path.open("xb", buffering=BUFFER)
         self.add([column.name for column in columns])
 
     def add(self, row: Row) -> None:
@@ -50,7 +49,7 @@ class CsvTable:
         self._file.close()
 
 
-def csv_table(path: Path, columns: list[Column]) -> Table:
+def csv_table(path: Path, columns: list[TableColumn]) -> RowTable:
     """
     Raises:
         OSError: it cannot be written, or is there already.

@@ -19,20 +19,20 @@ from tools.recordings.recording import Recording, open_recording
 CUT, HASH = "cut", "hash"  # names of metadata; a hash is of a whole dive
 
 
-class Wanted(NamedTuple):
+class WantedPart(NamedTuple):
     """Which messages to keep."""
 
     from_s: float = 0.0  # [s] since the dive began, inclusive
     to_s: float = inf  # [s] exclusive
     topics: tuple[str, ...] = ()  # keys or patterns such as sensor/*; empty: all
 
-    def within(self, other: "Wanted") -> "Wanted":
+    def within(self, other: "WantedPart") -> "WantedPart":
         """What both keep. A pattern within a pattern is kept as both of them."""
         topics = tuple(dict.fromkeys((*other.topics, *self.topics)))
-        return Wanted(max(self.from_s, other.from_s), min(self.to_s, other.to_s), topics)
+        return WantedPart(max(self.from_s, other.from_s), min(self.to_s, other.to_s), topics)
 
 
-def cut(path: Path, out: Path, wanted: Wanted) -> int:
+def cut(path: Path, out: Path, wanted: WantedPart) -> int:
     """Write the part, and print what is in it. Returns the exit status.
 
     Raises:
@@ -44,7 +44,7 @@ def cut(path: Path, out: Path, wanted: Wanted) -> int:
     return 0
 
 
-def cut_out(recording: Recording, out: Path, wanted: Wanted) -> int:
+def cut_out(recording: Recording, out: Path, wanted: WantedPart) -> int:
     """Returns the number of messages.
 
     Raises:
@@ -96,7 +96,7 @@ def _add(
 
 
 def _require_some(
-    recording: Recording, wanted: Wanted, copy: McapCopy, keys: dict[str, bool]
+    recording: Recording, wanted: WantedPart, copy: McapCopy, keys: dict[str, bool]
 ) -> None:
     for pattern in wanted.topics:
         if not any(fnmatchcase(key, pattern) for key in keys):
@@ -111,9 +111,9 @@ def _require_some(
         )
 
 
-def _noted(wanted: Wanted, earlier: dict[str, str], origin: int) -> dict[str, str]:
+def _noted(wanted: WantedPart, earlier: dict[str, str], origin: int) -> dict[str, str]:
     """What the part says of itself: the same, however often it was cut."""
-    before = Wanted(
+    before = WantedPart(
         float(earlier.get("from_s", "0")),
         float(earlier.get("to_s", "inf")),
         tuple(earlier.get("topics", "").split()),

@@ -90,8 +90,8 @@ class Pair:
 
     def _difference(self, name: str, kind: str, tolerance: float) -> FieldDifference | None:
         a, b = self._a[name][self._inside], self._at_a(self._b[name], kind)
-        by = np.abs(a - b)
-        size = max((float(np.nanmax(np.abs(x))) for x in (a, b) if np.any(~np.isnan(x))), default=0)
+        by: Array = np.abs(a - b)
+        size = float(np.max(np.abs(np.nan_to_num([a, b]))))
         within = 0.0 if kind in ("string", "boolean") else tolerance * size
         one_only = np.isnan(a) != np.isnan(b)
         differs = one_only | (by > within)

@@ -20,7 +20,7 @@ PLAIN = ("number", "integer", "boolean", "string")
 PER_THRUSTER = "thrust"  # a field with one number for each thruster
 
 
-class Column(NamedTuple):
+class TableColumn(NamedTuple):
     name: str
     kind: Kind
 
@@ -36,7 +36,7 @@ class Flattening:
             thrusters: names, in the order of the vehicle file; empty: not known.
             first: message, which says how long a vector without names is.
         """
-        self.columns: list[Column] = []
+        self.columns: list[TableColumn] = []
         self._thrusters = thrusters
         self._put = self._object(schema, COMPONENTS.get(name, {}), "", first)
 
@@ -83,7 +83,7 @@ class Flattening:
             parts = self._parts(field, names, first)
             if parts:
                 return self._vector(name, parts, _kind(schema["items"]))
-        self.columns.append(Column(name, _kind(schema)))
+        self.columns.append(TableColumn(name, _kind(schema)))
         return None if kind in PLAIN else _as_json
 
     def _parts(self, field: str, names: Mapping[str, Sequence[str]], first: Any) -> Sequence[str]:
@@ -96,7 +96,7 @@ class Flattening:
         return [str(number) for number in range(1, length + 1)]
 
     def _vector(self, name: str, parts: Sequence[str], kind: Kind) -> Put:
-        self.columns += [Column(f"{name}.{part}", kind) for part in parts]
+        self.columns += [TableColumn(f"{name}.{part}", kind) for part in parts]
         width, nothing = len(parts), [None] * len(parts)
 
         def put(value: Any, row: Row) -> None:

@@ -6,7 +6,7 @@ from math import inf
 from pathlib import Path
 
 import msgspec
-from mcap.records import Attachment, Metadata
+from mcap.records import Attachment
 
 from messages import topics
 from messages.counts import in_words as words_of
@@ -42,7 +42,7 @@ class TopicInfo(msgspec.Struct, kw_only=True):
         return (self.count - 1) / seconds if self.count > 1 and seconds > 0.0 else None
 
 
-class Event(msgspec.Struct):
+class SeenEvent(msgspec.Struct):
     """Something that a person wants to know of."""
 
     t: float  # [s]
@@ -68,7 +68,7 @@ class Info(msgspec.Struct, kw_only=True):
     log_hash: str | None
     topics: dict[str, TopicInfo]
     attachments: list[Attached]
-    events: list[Event]
+    events: list[SeenEvent]
 
 
 class Gathered:
@@ -76,7 +76,7 @@ class Gathered:
 
     def __init__(self, origin_ns: int) -> None:
         self.topics: dict[str, TopicInfo] = {}
-        self.events: list[Event] = []
+        self.events: list[SeenEvent] = []
         self.armed_s = 0.0  # [s] sum
         self.clock: Clock | None = None
         self._origin_ns = origin_ns
@@ -100,7 +100,7 @@ class Gathered:
                 self._see_status(message, t)
             case LogLine() if message.level != "info":
                 said = f"{message.level}: {message.service}: {words_of(message.text)}"
-                self.events.append(Event(round(t, 3), said))
+                self.events.append(SeenEvent(round(t, 3), said))
             case Clock() if message.offset_ns is not None:
                 self.clock = message
             case _:
@@ -112,12 +112,12 @@ class Gathered:
         if before is not None and before.armed:
             self.armed_s += t - before_t
         if status.armed != (before is not None and before.armed):
-            self.events.append(Event(round(t, 3), "armed" if status.armed else "disarmed"))
+            self.events.append(SeenEvent(round(t, 3), "armed" if status.armed else "disarmed"))
         now = status.failsafe, status.reaction
         if now != (("none", None) if before is None else (before.failsafe, before.reaction)):
             over = "failsafe over" if status.failsafe == "none" else ""
             acts = f"failsafe {status.failsafe}: {status.reaction or 'nothing yet'}"
-            self.events.append(Event(round(t, 3), over or acts))
+            self.events.append(SeenEvent(round(t, 3), over or acts))
 
 
 def info(path: Path, *, json: bool = False) -> int:
@@ -152,7 +152,7 @@ def info_of(recording: Recording) -> Info:
     for record in recording.described():
         if isinstance(record, Attachment):
             attached[record.name] = Attached(record.name, len(record.data))
-        elif isinstance(record, Metadata) and record.name == "dive":
+        elif record.name == "dive":
             about |= record.metadata
     real = origin is not None and origin > REAL_NS
     return Info(

@@ -1,13 +1,14 @@
 """Tables as Parquet, with the types of the messages' schemas."""
 
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
-from tools.log.flatten import Column, Row
-from tools.log.tables import Table
+from tools.log.flatten import Row, TableColumn
+from tools.log.tables import RowTable
 
 BATCH = 20_000  # rows that are kept until they are written
 
@@ -27,11 +28,9 @@ def require_pyarrow() -> None:
 class ParquetTable:
     """One file."""
 
-    def __init__(self, path: Path, columns: list[Column]) -> None:
-        import pyarrow
-        from pyarrow import parquet
-
-        self._pyarrow: Any = pyarrow
+    def __init__(self, path: Path, columns: list[TableColumn]) -> None:
+        self._pyarrow: Any = import_module("pyarrow")  # it has no types
+        parquet: Any = import_module("pyarrow.parquet")
         types = {
             "number": self._pyarrow.float64(),
             "integer": self._pyarrow.int64(),
@@ -70,7 +69,7 @@ class ParquetTable:
         self._rows.clear()
 
 
-def parquet_table(path: Path, columns: list[Column]) -> Table:
+def parquet_table(path: Path, columns: list[TableColumn]) -> RowTable:
     """
     Raises:
         OSError: it cannot be written, or is there already.

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from messages import topics
 from messages.topic import AnyTopic
-from tools.log.flatten import Column, Flattening, Row
+from tools.log.flatten import Flattening, Row, TableColumn
 from tools.recordings.mcap_records import StoredMessage, records
 from tools.recordings.recording import Recording
 
@@ -41,7 +41,7 @@ class TopicSeries:
             values.append(words.number(row[place]))
 
     @property
-    def columns(self) -> list[Column]:
+    def columns(self) -> list[TableColumn]:
         return [column for _, column in self._kept]
 
     def times(self, origin_ns: int) -> Array:
@@ -131,6 +131,6 @@ class DiveSeries:
         return int(armed[0][int(np.argmax(armed[1] > 0.0))])
 
 
-def _is_compared(column: Column) -> bool:
+def _is_compared(column: TableColumn) -> bool:
     field = column.name.rpartition(".")[2]
     return field not in IDENTIFIERS and not field.endswith("_ns")

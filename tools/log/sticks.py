@@ -127,7 +127,7 @@ def sticks_of(recording: Recording, prefix: str = "") -> RecordedSticks:
     remarks: list[str] = []
     if heard.began_ns is None:
         remarks.append("times count from the drone's own arming: the pilot's log line is missing")
-    events = Events(prefix, remarks)
+    events = RequestEvents(prefix, remarks)
     timed = [
         (request.stamp_ns - began, event)
         for request in sorted(heard.requests.values(), key=lambda request: request.stamp_ns)
@@ -147,7 +147,7 @@ def as_csv(sticks: RecordedSticks, heading: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-class Events:
+class RequestEvents:
     """Requests as events of a stick log."""
 
     def __init__(self, prefix: str, remarks: list[str]) -> None:

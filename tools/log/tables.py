@@ -13,27 +13,31 @@ from mcap.records import Channel, Schema
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
 from tools.fresh import fresh_folder
-from tools.log.flatten import Column, Flattening, Row
+from tools.log.flatten import Flattening, Row, TableColumn
 from tools.recordings.dive_file import flown_dive
 from tools.recordings.mcap_records import StoredMessage, records
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
 
 # Of every table: [s] since the recording began; [ns] UTC of arrival, and of the message's stamp.
-TIMES = [Column("t_s", "number"), Column("log_ns", "integer"), Column("publish_ns", "integer")]
+TIMES = [
+    TableColumn("t_s", "number"),
+    TableColumn("log_ns", "integer"),
+    TableColumn("publish_ns", "integer"),
+]
 CLEAN, DATA_LOST = 0, 3  # exit statuses
 Tree = dict[str, Any]
 DECODE = msgspec.json.Decoder(Tree).decode
 
 
-class Table(Protocol):
+class RowTable(Protocol):
     """Where the rows of one topic go."""
 
     def add(self, row: Row) -> None: ...
     def close(self) -> None: ...
 
 
-NewTable = Callable[[Path, list[Column]], Table]
+NewTable = Callable[[Path, list[TableColumn]], RowTable]
 
 
 class TopicTable:
@@ -44,7 +48,7 @@ class TopicTable:
         self.rows = 0
         self._schema = schema
         self._flattening: Flattening | None = None
-        self._table: Table | None = None
+        self._table: RowTable | None = None
 
     def add(self, message: StoredMessage, origin_ns: int, open_table: "OpenTable") -> None:
         """
@@ -78,7 +82,7 @@ class OpenTable:
         name = "" if schema is None else schema.name
         return Flattening(known, name, self._thrusters, first)
 
-    def table(self, key: str, columns: list[Column]) -> Table:
+    def table(self, key: str, columns: list[TableColumn]) -> RowTable:
         plain = re.sub(r"[^A-Za-z0-9_.-]+", "_", key).strip("_.") or "topic"
         name, number = plain, 2
         while name.lower() in self._taken:

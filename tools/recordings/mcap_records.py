@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 import zstandard
-from lz4.frame import LZ4FrameDecompressor
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
@@ -141,8 +140,9 @@ def _uncompressed(stream: BinaryIO, length: int) -> tuple[bytes, bool]:
 
 
 def _beginning(chunk: bytes) -> bytes:
-    """What the beginning of a chunk holds, uncompressed; nothing where it cannot be read."""
-    with suppress(*DAMAGE, RuntimeError):  # the last one: of lz4
+    """What the beginning of a chunk holds, uncompressed; nothing where it cannot be read, or is not
+    compressed as Lindy does it."""
+    with suppress(*DAMAGE):
         at = CHUNK_NUMBERS.size
         (letters,) = LETTERS.unpack_from(chunk, at)
         at += LETTERS.size
@@ -150,8 +150,6 @@ def _beginning(chunk: bytes) -> bytes:
         data = chunk[at + letters + LENGTH.size :]
         if compression == b"zstd":
             return zstandard.ZstdDecompressor().decompressobj().decompress(data)
-        if compression == b"lz4":
-            return LZ4FrameDecompressor().decompress(data)
         return data if not compression else b""
     return b""
 

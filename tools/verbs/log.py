@@ -73,9 +73,9 @@ def cut(
 
     Example: lindy log cut dives/latest --from 30 --to 40 --topics state 'sensor/*' --out part.mcap
     """
-    from tools.log.cut import Wanted, cut
+    from tools.log.cut import WantedPart, cut
 
-    return cut(recording, out, Wanted(from_, to, topics))
+    return cut(recording, out, WantedPart(from_, to, topics))
 
 
 @log.command

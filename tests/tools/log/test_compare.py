@@ -12,7 +12,7 @@ from mcap.records import Channel, Metadata
 
 from messages import topics
 from tools.__main__ import main
-from tools.log.cut import Wanted, cut_out
+from tools.log.cut import WantedPart, cut_out
 from tools.log.differences import Pair, differences
 from tools.log.flatten import Flattening
 from tools.log.series import DiveSeries, TopicSeries, Words
@@ -92,10 +92,12 @@ def changed(dive: ShortDive, out: Path, key: str, old: bytes, new: bytes) -> Pat
         for record in salvaged(dive.folder / "dive.mcap", Damage()):
             if isinstance(record, Channel):
                 channels[record.id] = record.topic
-            wanted = isinstance(record, StoredMessage) and channels[record.channel_id] == key
-            if wanted and record.log_ns >= 4_000_000_000:
-                record = record._replace(data=record.data.replace(old, new))
-            copy.add(record)
+            if isinstance(record, StoredMessage) and channels[record.channel_id] == key:
+                late = record.log_ns >= 4_000_000_000
+                data = record.data.replace(old, new) if late else record.data
+                copy.add(record._replace(data=data))
+            else:
+                copy.add(record)
     return out
 
 
@@ -121,7 +123,7 @@ def test_a_field_that_was_changed_is_named_with_its_time(
 
 def test_a_part_is_the_same_as_its_whole_where_both_are(dive: ShortDive, tmp_path: Path) -> None:
     out = tmp_path / "part.mcap"
-    cut_out(open_recording(dive.folder), out, Wanted(0.5, 1.5, ("sensor/*",)))
+    cut_out(open_recording(dive.folder), out, WantedPart(0.5, 1.5, ("sensor/*",)))
     words = Words()
     a, b = (DiveSeries(open_recording(path), words) for path in (out, dive.folder))
     found = differences(a, b)

@@ -11,7 +11,7 @@ from mcap.reader import make_reader
 
 from services.runtime.config.errors import LindyError
 from tools.__main__ import main
-from tools.log.cut import Wanted, cut_out
+from tools.log.cut import WantedPart, cut_out
 from tools.recordings.recording import is_whole, open_recording
 
 from .conftest import ShortDive
@@ -21,8 +21,8 @@ times = st.floats(0.0, 8.0)
 patterns = st.sampled_from([(), ("sensor/*", "state"), ("state", "reference", "pilot/*")])
 
 
-def wanted(spans: tuple[float, float], topics: tuple[str, ...]) -> Wanted:
-    return Wanted(min(spans), max(spans) + 0.01, topics)
+def wanted(spans: tuple[float, float], topics: tuple[str, ...]) -> WantedPart:
+    return WantedPart(min(spans), max(spans) + 0.01, topics)
 
 
 def messages(path: Path) -> list[tuple[str, int, int, int, bytes]]:
@@ -74,7 +74,7 @@ def test_attachments_and_schemas_are_kept_and_the_hash_is_not(
     dive: ShortDive, tmp_path: Path
 ) -> None:
     out = tmp_path / "part.mcap"
-    cut_out(open_recording(dive.folder), out, Wanted(1.0, 2.0, ("state",)))
+    cut_out(open_recording(dive.folder), out, WantedPart(1.0, 2.0, ("state",)))
     assert is_whole(out)
     with out.open("rb") as part, (dive.folder / "dive.mcap").open("rb") as whole:
         found, before = make_reader(part), make_reader(whole)
@@ -89,7 +89,7 @@ def test_attachments_and_schemas_are_kept_and_the_hash_is_not(
 
 def test_from_beginning_to_end_is_everything(dive: ShortDive, tmp_path: Path) -> None:
     out = tmp_path / "part.mcap"
-    cut_out(open_recording(dive.folder), out, Wanted(0.0, inf))
+    cut_out(open_recording(dive.folder), out, WantedPart(0.0, inf))
     assert messages(out) == messages(dive.folder)
 
 

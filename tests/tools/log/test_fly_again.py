@@ -55,7 +55,10 @@ def test_attachments_have_the_times_of_their_files(dive: ShortDive) -> None:
 
 
 def test_it_is_the_same_dive_again(
-    dive: ShortDive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+    dive: ShortDive,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(["simulate", "--from", str(dive.folder), "--no-files"]) == 0
@@ -74,7 +77,7 @@ def test_another_gain_is_another_dive_and_that_is_said(dive: ShortDive, tmp_path
 
 
 def test_without_the_script_the_recorded_sticks_are_flown(
-    dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture
+    dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     about = json.loads(attached(dive.folder)[DIVE].data)
     stack = about["stack"] | {"pilot": "gamepad", "virtual": False}
@@ -85,7 +88,7 @@ def test_without_the_script_the_recorded_sticks_are_flown(
     assert "not compared: it was flown by the clock" in said
 
 
-def test_other_choices_are_refused(dive: ShortDive, capsys: pytest.CaptureFixture) -> None:
+def test_other_choices_are_refused(dive: ShortDive, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["simulate", "--from", str(dive.folder), "--seed", "3"]) == 1
     assert "--seed: with --from everything but --out is as the recording says" in (
         capsys.readouterr().err

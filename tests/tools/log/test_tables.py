@@ -50,10 +50,11 @@ def cell(value: Any) -> str:
 
 def value_at(message: dict[str, Any], column: str, names: dict[str, Any]) -> Any:
     """The value in a message that a column is named after; `names`: of its vectors' numbers."""
-    found: Any = message
-    for part in column.split("."):
-        if isinstance(found, list):
-            found = found[list(names[column.partition(".")[0]]).index(part)]
+    field, *parts = column.split(".")
+    found: Any = message.get(field)
+    for part in parts:
+        if field in names:
+            found = found[list(names[field]).index(part)]
         else:
             found = None if found is None else found.get(part)
     return found
@@ -147,7 +148,7 @@ def test_parquet_has_the_same_rows_with_types(
         assert len(rows) - 1 == table.num_rows
         middle = table.num_rows // 2
         for name, there in zip(rows[0], rows[1 + middle], strict=True):
-            value = table.column(name)[middle].as_py()
+            value: Any = table.column(name)[middle].as_py()
             same = float(there) == value if isinstance(value, float) else there == cell(value)
             assert same, (path, name)
     state = parquet.read_table(out / "state.parquet").schema
