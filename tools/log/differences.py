@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from tools.log.series import Array, DiveSeries, TopicSeries, Words
 
@@ -94,7 +95,7 @@ class Pair:
         size = float(np.max(np.abs(np.nan_to_num([a, b]))))
         within = 0.0 if kind in ("string", "boolean") else tolerance * size
         one_only = np.isnan(a) != np.isnan(b)
-        differs = one_only | (by > within)
+        differs: NDArray[np.bool_] = one_only | (by > within)
         if not np.any(differs):
             return None
         first = int(np.argmax(differs))

@@ -143,10 +143,10 @@ def test_parquet_has_the_same_rows_with_types(
     for path in tables.iterdir():
         table = parquet.read_table(out / f"{path.stem}.parquet")
         with path.open(newline="") as stream:
-            rows = list(csv.reader(stream))
+            rows: list[list[str]] = list(csv.reader(stream))
         assert rows[0] == table.column_names
         assert len(rows) - 1 == table.num_rows
-        middle = table.num_rows // 2
+        middle: int = table.num_rows // 2
         for name, there in zip(rows[0], rows[1 + middle], strict=True):
             value: Any = table.column(name)[middle].as_py()
             same = float(there) == value if isinstance(value, float) else there == cell(value)
