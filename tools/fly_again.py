@@ -17,7 +17,6 @@ from tools.recordings.dive_file import FlownDive, FlownStack, UsedFile, flown_di
 from tools.recordings.recording import Recording, open_recording
 from tools.simulate import Simulated, simulated
 
-OWN = "deploy:"  # how the path of one of Lindy's own files begins
 STICKS = "recorded.csv"  # the stick log made of a dive that no script flew
 
 
@@ -82,8 +81,7 @@ def _unpacked(recording: Recording, used: Sequence[UsedFile], folder: Path) -> d
             continue
         copy = folder / Path(attachment.name).name
         copy.write_bytes(attachment.data)
-        shipped = file.path.startswith(OWN)
-        path = DEPLOY / file.path.removeprefix(OWN) if shipped else Path(file.path)
+        path = DEPLOY / file.path if file.shipped else Path(file.path)
         copies[str(path)] = str(copy)
     return copies
 
@@ -93,9 +91,8 @@ def _pilot(dive: FlownDive, recording: Recording, folder: Path) -> str:
     sticks."""
     pilot = dive.stack.pilot
     if pilot.startswith(SCRIPT):
-        name = pilot.removeprefix(SCRIPT)
-        paths = {name, f"{OWN}dives/{name}.csv"}
-        if any(file.path in paths and file.attachment for file in dive.files):
+        file = dive.named("dives", pilot.removeprefix(SCRIPT), ".csv")
+        if file is not None and file.attachment is not None:
             return pilot
     sticks = sticks_of(recording, f"{folder}/")
     for name, text in sticks.paths.items():

@@ -172,9 +172,8 @@ def thruster_names(recording: Recording) -> list[str]:
     dive = flown_dive(recording)
     if dive is None:
         return []
-    vehicle = dive.stack.vehicle
-    paths = (vehicle, f"deploy:vehicles/{vehicle}.toml")
-    name = next((file.attachment for file in dive.files if file.path in paths), None)
+    file = dive.named("vehicles", dive.stack.vehicle, ".toml")
+    name = None if file is None else file.attachment
     data = None if name is None else recording.attachment(name)
     try:
         tree: Tree = {} if data is None else tomllib.loads(data.decode())

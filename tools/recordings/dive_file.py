@@ -1,5 +1,6 @@
 """The attachment `dive.json` of a recording: what was flown, by which Lindy, from which files."""
 
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -12,7 +13,8 @@ from tools.recordings.recording import Recording
 class UsedFile(msgspec.Struct, frozen=True):
     """A file that the dive was started with."""
 
-    path: str  # as it was named; one of Lindy's own begins with `deploy:`
+    path: str  # as it was named
+    shipped: bool = False  # it is one of Lindy's own: the path is in the folder deploy
     attachment: str | None = None  # name of its copy in the recording; None: it was gone
     sha256: str = ""
 
@@ -37,6 +39,12 @@ class FlownDive(msgspec.Struct, frozen=True):
     computer: dict[str, str]  # what results may depend on besides
     stack: FlownStack
     files: list[UsedFile] = []
+
+    def named(self, folder: str, name: str, suffix: str) -> UsedFile | None:
+        """The file of a vehicle, a link, a script …, as `deploy_file` finds it."""
+        own = name.endswith(suffix)
+        wanted = (str(Path(name)), False) if own else (f"{folder}/{name}{suffix}", True)
+        return next((file for file in self.files if (file.path, file.shipped) == wanted), None)
 
     def differences(self, lindy: dict[str, str], computer: dict[str, str]) -> list[str]:
         """What is not the same here, in words."""

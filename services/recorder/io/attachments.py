@@ -43,11 +43,11 @@ def attachments(stack: Stack) -> list[AttachedFile]:
         try:
             data, written_ns = kept(path).read_bytes(), path.stat().st_mtime_ns
         except OSError:  # it has gone since the dive began; the rest is worth having
-            rows.append({"path": _portable(path), "attachment": None})
+            rows.append({**_where(path), "attachment": None})
             continue
         name = _name(path, {each.name for each in found})
         sha256 = hashlib.sha256(data).hexdigest()
-        rows.append({"path": _portable(path), "attachment": name, "sha256": sha256})
+        rows.append({**_where(path), "attachment": name, "sha256": sha256})
         media_type = MEDIA_TYPES.get(path.suffix, "application/octet-stream")
         found.append(AttachedFile(name, media_type, data, written_ns))
     written_ns = max((each.create_ns for each in found), default=0)
@@ -87,11 +87,14 @@ def _files(stack: Stack) -> Iterable[Path]:
     return dict.fromkeys(files)
 
 
-def _portable(path: Path) -> str:
-    """A file of Lindy's own as `deploy:links/severe.toml`: it is elsewhere on every computer."""
-    if path.is_relative_to(DEPLOY):
-        return f"deploy:{path.relative_to(DEPLOY).as_posix()}"
-    return str(path)
+def _where(path: Path) -> dict[str, Any]:
+    """The path as it was named; of one of Lindy's own files that in the folder deploy, which is
+    elsewhere on every computer."""
+    shipped = path.is_relative_to(DEPLOY)
+    return {
+        "path": path.relative_to(DEPLOY).as_posix() if shipped else str(path),
+        "shipped": shipped,
+    }
 
 
 def _name(path: Path, taken: set[str]) -> str:

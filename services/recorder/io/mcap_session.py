@@ -46,8 +46,9 @@ class SessionNode(Protocol):
 
     counts: Counter[str]
     wall_offset_ns: int  # [ns] UTC minus the clock of stamps
-    sides: Mapping[str, object]  # its home first
 
+    @property
+    def sides(self) -> Mapping[str, object]: ...  # its home first
     def now(self) -> int: ...
     def count(self, name: str, times: int = 1) -> None: ...
     def log(self, level: Literal["info", "warning", "error"], text: str) -> None: ...
