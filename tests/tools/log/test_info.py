@@ -8,6 +8,8 @@ from mcap.reader import make_reader
 
 from tools.__main__ import main
 from tools.recordings.mcap_copy import new_mcap
+from tools.recordings.mcap_records import Damage, StoredMessage, salvaged
+from tools.recordings.recording import open_recording
 
 from .conftest import ShortDive
 
@@ -75,3 +77,38 @@ def test_what_is_no_recording_is_one_sentence_or_nothing_in_it(
     assert status == (0 if verb == "info" and data[:1] != b"t" else 1)
     assert said.count("\n") == status
     assert [each.name for each in tmp_path.iterdir()] == ["dive.mcap"]
+
+
+@pytest.mark.parametrize("tenth", range(1, 10, 2))
+def test_what_a_file_that_was_cut_off_still_holds_is_read(
+    dive: ShortDive, tmp_path: Path, tenth: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "dive.mcap"
+    data = (dive.folder / "dive.mcap").read_bytes()
+    path.write_bytes(data[: tenth * len(data) // 10])
+    holds = next(open_recording(path).raw(), None) is not None
+    assert main(["log", "info", str(path)]) == 0
+    assert "not finished: see lindy log recover" in capsys.readouterr().out
+    assert main(["log", "check", str(path)]) == (3 if holds else 1)
+    assert main(["log", "csv", str(path)]) == (0 if holds else 1)
+    assert "an error in Lindy itself" not in capsys.readouterr().err
+
+
+def test_a_message_of_an_older_lindy_is_counted_without_its_new_field(
+    dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What this version cannot read as its own type is still in tables, numbers and sizes."""
+    path = tmp_path / "older.mcap"
+    with new_mcap(path) as copy:
+        copy.next_file()
+        for record in salvaged(dive.folder / "dive.mcap", Damage()):
+            if isinstance(record, StoredMessage):
+                record = record._replace(data=record.data.replace(b'"armed":', b'"was_armed":'))
+            copy.add(record)
+    assert main(["log", "check", str(path)]) == 0
+    assert main(["log", "csv", str(path)]) == 0
+    assert main(["log", "info", str(path), "--json"]) == 0
+    found = capsys.readouterr().out
+    whole = msgspec.json.decode(found[found.index("\n{") :])
+    assert whole["topics"]["reference"]["count"] > 400
+    assert main(["log", "compare", str(path), str(path)]) == 0
