@@ -20,6 +20,7 @@ from tools.profile import profile
 from tools.ramp import ramp
 from tools.sweep.command import sweep
 from tools.verbs import analyse, live, research, start
+from tools.verbs.log import log
 
 ERROR, INTERRUPTED = 1, 130  # exit statuses
 DEBUG = "--debug"
@@ -43,7 +44,7 @@ app.command(analyse.picture)
 app.command(analyse.path)
 app.command(live.ask)
 app.command(live.fault)
-app.command(analyse.log)
+app.command(log)
 app.command(research.bench)
 app.command(research.figures)
 app.command(profile)

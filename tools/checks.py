@@ -3,6 +3,9 @@
 from collections.abc import Collection
 from dataclasses import dataclass
 
+import msgspec
+
+from messages.pilot import Course
 from services.control.core import Controller, Settings
 from services.gamepad import stick_log
 from services.gamepad.io.path_file import course_named
@@ -11,11 +14,12 @@ from services.piloting.pilot_intents import FollowIntent
 from services.piloting.sticks import Incident
 from services.reference.guidance.path_following import PlannedPath
 from services.runtime.config.errors import LindyError
-from services.runtime.config.settings import deploy_file, nearest
+from services.runtime.config.settings import deploy_file, kept, nearest
 from services.runtime.config.stack import BODY, Stack
 from services.runtime.hosts.registry import Registry
 from services.tether.io.profile_file import named
 from tools.choices import Choices
+from tools.dive_files import read_besides
 from tools.incident_checks import check_incidents
 from tools.link_fit import check_can_be_flown
 
@@ -30,6 +34,7 @@ class PilotChoice:
     name: str  # as services read it: gamepad, keyboard or script:FILE
     script_s: float | None = None  # [s] length of the script; None: a person
     incidents: tuple[Incident, ...] = ()  # of the script, in their order
+    courses: tuple[str, ...] = ()  # names of the paths in it
 
 
 def pilot_of(choice: str) -> PilotChoice:
@@ -45,8 +50,14 @@ def pilot_of(choice: str) -> PilotChoice:
         known = ["gamepad", "keyboard", "script:FILE"]
         raise LindyError(f"unknown pilot {choice!r}{nearest(choice, known)}")
     path = deploy_file("dives", name, ".csv")
+    courses: list[str] = []
+
+    def course(wanted: str) -> Course:
+        courses.append(wanted)
+        return course_named(wanted)
+
     try:
-        log = stick_log.parse(path.read_bytes(), course_named)
+        log = stick_log.parse(kept(path).read_bytes(), course)
         for row in log.rows:
             if isinstance(row.event, FollowIntent):
                 PlannedPath(row.event.course)  # do the turns fit?
@@ -56,7 +67,7 @@ def pilot_of(choice: str) -> PilotChoice:
         raise LindyError(f"{path}: {error}") from None
     incidents = tuple(row.event for row in log.rows if isinstance(row.event, Incident))
     script = f"script:{path if name.endswith('.csv') else name}"
-    return PilotChoice(script, log.duration, incidents)
+    return PilotChoice(script, log.duration, incidents, tuple(dict.fromkeys(courses)))
 
 
 def checked(
@@ -81,6 +92,9 @@ def checked(
         pilot=pilot.name,
         seed=choices.seed,
         overrides=list(choices.set_),
+        services=choices.stack,
+        running=list(services),
+        seconds=seconds,
     )
     stack.check(known_tables(services, here))
     check_can_be_flown(named(choices.link))
@@ -88,7 +102,8 @@ def checked(
     check_incidents(pilot.incidents, stack, services)
     if (control := services.get("control")) is not None and control.module is None:
         _controllable(stack)
-    return stack
+    besides = read_besides(stack, pilot.incidents, pilot.courses)
+    return msgspec.structs.replace(stack, read_besides=besides)
 
 
 def known_tables(services: Registry, here: Collection[str] | None = None) -> dict[str, type | None]:

@@ -1,10 +1,12 @@
 """`lindy simulate`: the same stack, script and files on virtual time, as fast as possible."""
 
 import sys
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Collection, Generator
 from contextlib import contextmanager
 from functools import partial
+from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import NamedTuple
 
 import msgspec
 from rich.progress import BarColumn, Progress, TextColumn
@@ -24,23 +26,48 @@ from tools.live.outcome import CLEAN, Outcome, title
 from tools.live.stop_signals import StopSignals
 from tools.live.viewer import runnable
 from tools.live.virtual_dive import Advance, fly, without_files
+from tools.recordings.recording import log_hash
 from tools.report import summary
 
 CALIBRATING = "calibrating"
 LINE_S = 10.0  # [s] of virtual time between two lines
 
 
+class Simulated(NamedTuple):
+    """A dive that was flown on virtual time."""
+
+    status: int  # exit status
+    log_hash: str | None  # None: its recording was not finished
+    folder: Path | None  # None: without files
+
+
 def simulate(choices: Choices, *, files: bool = True) -> int:
     """Returns the exit status: 0 clean, 3 done but data or a service was lost.
 
+    Raises:
+        LindyError: a wrong setting, or the dive was aborted.
+    """
+    return simulated(choices, files=files).status
+
+
+def simulated(choices: Choices, *, files: bool = True, running: Collection[str] = ()) -> Simulated:
+    """
+
     Args:
         files: False: no recorder, no viewer, no folder; the report comes from memory.
+        running: services of the stack that take part, the viewer too; empty: all that can here.
 
     Raises:
         LindyError: a wrong setting, or the dive was aborted.
     """
     pilot, services = scripted(choices), Registry.read(choices.stack)
     services.require_whole()
+    if files or running:
+        services = runnable(services)
+    if running:
+        services = services.only({n: spec for n, spec in services.items() if n in running})
+    elif not files:
+        services = without_files(services)
     return _recorded(choices, pilot, services) if files else _in_memory(choices, pilot, services)
 
 
@@ -55,8 +82,7 @@ def scripted(choices: Choices) -> PilotChoice:
     return pilot
 
 
-def _recorded(choices: Choices, pilot: PilotChoice, services: Registry) -> int:
-    services = runnable(services)
+def _recorded(choices: Choices, pilot: PilotChoice, services: Registry) -> Simulated:
     stack = checked(choices, pilot, services)
     stack = msgspec.structs.replace(stack, virtual=True, out=str(out_folder(choices.out)))
     print(f"{title(stack)} → {stack.out_dir}", flush=True)
@@ -65,13 +91,13 @@ def _recorded(choices: Choices, pilot: PilotChoice, services: Registry) -> int:
     timeline = DiveTimeline(pilot.script_s, choices.seconds)
     with StopSignals() as stop:
         _fly_and_show(stack, services, timeline, outcome, stop, begun)
-        return stop.report(outcome.sum_up)
+        status = stop.report(outcome.sum_up)
+    return Simulated(status, log_hash(stack.out_dir), stack.out_dir)
 
 
-def _in_memory(choices: Choices, pilot: PilotChoice, services: Registry) -> int:
+def _in_memory(choices: Choices, pilot: PilotChoice, services: Registry) -> Simulated:
     if choices.out is not None:
         raise LindyError("--out names a folder for files, and --no-files writes none; drop one")
-    services = without_files(services)
     stack = checked(choices, pilot, services)
     memory = MemoryRecorder()
     with TemporaryDirectory(prefix="lindy-") as folder:  # for a user's service that writes files
@@ -80,7 +106,8 @@ def _in_memory(choices: Choices, pilot: PilotChoice, services: Registry) -> int:
         outcome, timeline = Outcome(stack), DiveTimeline(pilot.script_s, choices.seconds)
         with StopSignals() as stop:
             _fly_and_show(stack, services, timeline, outcome, stop, memory=memory)
-            return stop.report(lambda: _sum_up_memory(outcome, memory), "nothing was recorded")
+            status = stop.report(lambda: _sum_up_memory(outcome, memory), "nothing was recorded")
+    return Simulated(status, memory.log_hash(), None)
 
 
 def _sum_up_memory(outcome: Outcome, memory: MemoryRecorder) -> int:

@@ -98,6 +98,7 @@ def drone(
     before = resumed(resume, time.monotonic_ns(), time.time()) if resume is not None else {}
     # The pilot and the link are chosen on the topside.
     stack = msgspec.structs.replace(stack, apart=True, pilot=OTHER["drone"], link=listen)
+    stack = msgspec.structs.replace(stack, read_besides=[])  # they are the pilot's and the link's
     stack = msgspec.structs.replace(stack, out=str(out_folder(choices.out)), insecure=insecure)
     print(f"drone {stack.vehicle}, for the topside at {listen} → {stack.out_dir}", flush=True)
     print(f"vehicle side: {in_words(here.vehicle_side)}", flush=True)

@@ -36,6 +36,19 @@ def recording(path: Path) -> Path:
     return path
 
 
+def test_a_recording_of_the_recorder_is_refused_at_once_with_what_to_do(tmp_path: Path) -> None:
+    mcap = tmp_path / "x.mcap"
+    mcap.write_bytes(b"\x89MCAP0\r\n" + bytes(100))
+    with pytest.raises(LindyError, match=r"x\.rrd .*`lindy simulate --from` flies a recorded dive"):
+        picture(mcap, tmp_path / "dive.png")
+    renamed = mcap.rename(tmp_path / "x.rrd")
+    with pytest.raises(LindyError, match=r"x\.rrd is a recording of the recorder"):
+        picture(renamed, tmp_path / "dive.png")
+    recording(tmp_path / "dive.rrd")
+    with pytest.raises(LindyError, match=r"that of this dive is .*dive\.rrd"):
+        picture(tmp_path / "y.mcap", tmp_path / "dive.png")
+
+
 @needs_vulkan
 def test_a_recording_becomes_a_picture(tmp_path: Path) -> None:
     out = tmp_path / "pictures" / "dive.png"

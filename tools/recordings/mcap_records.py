@@ -1,4 +1,5 @@
-"""The records of an MCAP file, in order, up to its end or to where it is truncated or damaged.
+"""The records of an MCAP file, in order, up to its end or to where it is truncated or damaged; or,
+to mend it, everything that can be read in spite of that.
 
 Only what is in the data section: no index is needed or read. The mcap library's own reader makes
 ten calls for each message and each entry of an index; this one makes one.
@@ -27,6 +28,15 @@ RECORD_HEAD = struct.Struct("<BQ")  # opcode, length
 MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 
 
+CHUNK_NUMBERS = struct.Struct("<QQQI")  # first and last log time, size, checksum
+LETTERS, LENGTH = struct.Struct("<I"), struct.Struct("<Q")
+At = Callable[[int], None]
+
+
+def nowhere(_: int) -> None:
+    """Nobody wants to know how far a file was read."""
+
+
 class StoredMessage(NamedTuple):
     channel_id: int
     sequence: int
@@ -44,13 +54,60 @@ READ: dict[int, Callable[[ReadDataStream], Described]] = {
 }
 
 
-def records(path: Path, *, open_chunks: bool = True) -> Iterator[StoredMessage | Described]:
-    """Everything in a file; without what is in its chunks if these are not to be opened."""
+class Damage:
+    """What was wrong with a file that was read in spite of it."""
+
+    def __init__(self) -> None:
+        self.records = 0  # skipped: chunks, or others, that could not be read
+        self.cut_off = False  # the file ends in the middle of a record, or before its end
+
+
+def salvaged(path: Path, damage: Damage, at: At = nowhere) -> Iterator[StoredMessage | Described]:
+    """Everything in a file that can still be read: what follows a damaged record, and the beginning
+    of a chunk that is cut off."""
+    with path.open("rb") as stream, suppress(*DAMAGE):
+        size = path.stat().st_size
+        damage.cut_off = True
+        if stream.read(len(MAGIC)) != MAGIC:
+            return
+        while len(head := stream.read(RECORD_HEAD.size)) == RECORD_HEAD.size:
+            at(stream.tell())
+            opcode, length = RECORD_HEAD.unpack(head)
+            if opcode == Opcode.DATA_END:
+                damage.cut_off = False
+                return
+            if stream.tell() + length > size:
+                if opcode == Opcode.CHUNK:
+                    yield from _split_whole(_beginning(stream.read()))
+                return
+            content = stream.read(length)
+            try:
+                if opcode == Opcode.CHUNK:
+                    data, whole = _uncompressed(BytesIO(content), length)
+                    found = [*_split(data)]
+                    damage.cut_off = not whole
+                else:
+                    found = [*_split(head + content)]
+            except DAMAGE:
+                damage.records += 1
+                continue
+            yield from found
+
+
+def records(
+    path: Path, *, open_chunks: bool = True, at: At = nowhere
+) -> Iterator[StoredMessage | Described]:
+    """Everything in a file; without what is in its chunks if these are not to be opened.
+
+    Args:
+        at: told how far it has been read [bytes].
+    """
     with path.open("rb") as stream, suppress(*DAMAGE):
         size = path.stat().st_size
         if stream.read(len(MAGIC)) != MAGIC:
             return
         while head := stream.read(RECORD_HEAD.size):
+            at(stream.tell())
             opcode, length = RECORD_HEAD.unpack(head)
             if opcode == Opcode.DATA_END or stream.tell() + length > size:
                 return
@@ -80,6 +137,34 @@ def _uncompressed(stream: BinaryIO, length: int) -> tuple[bytes, bool]:
     if chunk.uncompressed_crc not in (0, zlib.crc32(data)):
         raise ValueError("a damaged chunk")
     return data, frame.eof
+
+
+def _beginning(chunk: bytes) -> bytes:
+    """What the beginning of a chunk holds, uncompressed; nothing where it cannot be read, or is not
+    compressed as Lindy does it."""
+    with suppress(*DAMAGE):
+        at = CHUNK_NUMBERS.size
+        (letters,) = LETTERS.unpack_from(chunk, at)
+        at += LETTERS.size
+        compression = chunk[at : at + letters]
+        data = chunk[at + letters + LENGTH.size :]
+        if compression == b"zstd":
+            return zstandard.ZstdDecompressor().decompressobj().decompress(data)
+        return data if not compression else b""
+    return b""
+
+
+def _split_whole(data: bytes) -> Iterator[StoredMessage | Described]:
+    """The records in it, up to one that is cut off or makes no sense."""
+    at, end = 0, len(data)
+    with suppress(*DAMAGE):
+        while at + RECORD_HEAD.size <= end:
+            _, length = RECORD_HEAD.unpack_from(data, at)
+            after = at + RECORD_HEAD.size + length
+            if after > end:
+                return
+            yield from _split(data[at:after])
+            at = after
 
 
 def _split(data: bytes) -> Iterator[StoredMessage | Described]:

@@ -6,7 +6,7 @@ arrival at the recorder, which is the order of `log_ns`.
 """
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
@@ -21,7 +21,7 @@ from services.recorder.io.open_chunk import MAGIC
 from services.recorder.io.parts import FIRST, parts_in
 from services.runtime.config.disk import reason, require_room
 from services.runtime.config.errors import LindyError
-from tools.recordings.mcap_records import StoredMessage, records
+from tools.recordings.mcap_records import StoredMessage, nowhere, records
 
 RESERVE = 256_000  # [bytes] left free by merging, for the report
 
@@ -33,6 +33,7 @@ class Raw(NamedTuple):
     data: bytes  # JSON
     log_ns: int  # [ns] UTC of arrival
     publish_ns: int  # [ns] UTC of the message's own stamp; of arrival if of an unknown clock
+    sequence: int = 0  # the publisher's count, modulo 2³²
 
 
 class RecordedMessage(NamedTuple):
@@ -50,6 +51,7 @@ class Recording:
     def __init__(self, files: list[Path]) -> None:
         self.files = files
         self.unreadable: Counter[str] = Counter()  # messages skipped so far, by key
+        self.advance: Callable[[int], None] = nowhere  # told how many bytes of `size` were read
         self._decoders: dict[str, msgspec.json.Decoder[Message] | None] = {}
 
     def __iter__(self) -> Iterator[RecordedMessage]:
@@ -59,14 +61,27 @@ class Recording:
 
     def raw(self) -> Iterator[Raw]:
         """Every message, not decoded: for readers that need few of them."""
+        before = 0
         for path in self.files:
             channels: dict[int, str] = {}
-            for record in records(path):
+            for record in records(path, at=self._counting_from(before)):
                 if isinstance(record, StoredMessage):
                     if (key := channels.get(record.channel_id)) is not None:
-                        yield Raw(key, record.data, record.log_ns, record.publish_ns)
+                        yield Raw(
+                            key, record.data, record.log_ns, record.publish_ns, record.sequence
+                        )
                 elif isinstance(record, Channel):
                     channels[record.id] = record.topic
+            before += path.stat().st_size
+
+    @property
+    def size(self) -> int:
+        """[bytes] of all files."""
+        return sum(path.stat().st_size for path in self.files)
+
+    def _counting_from(self, before: int) -> Callable[[int], None]:
+        advance = self.advance
+        return advance if before == 0 else lambda at: advance(before + at)
 
     def decode(self, raw: Raw) -> Message | None:
         """The typed message, or None, counted, when this version of Lindy cannot read it."""
@@ -78,6 +93,15 @@ class Recording:
                 return decoder.decode(raw.data)
         self.unreadable[raw.key] += 1
         return None
+
+    def origin_ns(self) -> int | None:
+        """[ns] UTC from which the seconds of a recording count: its first message, or, where it was
+        cut out of another, that of the whole. None: it holds no message."""
+        whole = self.metadata("cut").get("origin_ns")
+        if whole is not None and whole.isdecimal():
+            return int(whole)
+        first = next(self.raw(), None)
+        return None if first is None else first.log_ns
 
     def metadata(self, name: str) -> dict[str, str]:
         """Keys and values of all metadata records of that name; the last value counts."""
@@ -98,8 +122,11 @@ class Recording:
 
     def attachment(self, name: str) -> bytes | None:
         """An attached file, such as `topics.json`."""
-        attachments = (r for r in self.described() if isinstance(r, Attachment))
-        return next((a.data for a in attachments if a.name == name), None)
+        return next((a.data for a in self.attachments() if a.name == name), None)
+
+    def attachments(self) -> Iterator[Attachment]:
+        """All attached files. Every part of a dive carries the same ones."""
+        return (record for record in self.described() if isinstance(record, Attachment))
 
     def described(self) -> Iterator[Metadata | Attachment]:
         """Everything in the files that is not a message."""
@@ -196,7 +223,8 @@ def _copy(path: Path, file: McapFile, first: bool) -> int:
         elif isinstance(record, Metadata) and record.name != "hash":
             file.metadata(record.name, record.metadata)
         elif isinstance(record, Attachment) and first:
-            file.attach(record.name, record.media_type, record.data)
+            times = record.log_time, record.create_time
+            file.attach(record.name, record.media_type, record.data, *times)
     return messages
 
 

@@ -7,11 +7,14 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
+import msgspec
+
 from services.recorder.io.mcap_session import CannotRecordError
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from tools.checks import pilot_of
+from tools.dive_files import read_besides
 from tools.live.dive_timeline import DiveTimeline
 from tools.live.memory_recorder import MemoryRecorder
 from tools.live.outcome import Outcome
@@ -80,9 +83,14 @@ def _flown(job: Job, folder: str) -> Flown:
         pilot=pilot.name,
         seed=job.dive.seed,
         overrides=list(combination.settings),
+        services=job.stack,
+        running=list(services),
+        seconds=job.seconds,
         virtual=True,
         out=folder,
     )
+    besides = read_besides(stack, pilot.incidents, pilot.courses)
+    stack = msgspec.structs.replace(stack, read_besides=besides)
     outcome, memory = Outcome(stack), None if job.keep else MemoryRecorder()
     timeline = DiveTimeline(pilot.script_s, job.seconds)
     fly(stack, services, timeline, outcome, stop=asked_to_stop, memory=memory)

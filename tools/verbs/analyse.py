@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import App, Parameter
+from cyclopts import Parameter
 
 from tools.choices import named
 
@@ -48,29 +48,3 @@ def path(
     from tools.path import path
 
     return path(file, dt=dt)
-
-
-log = App(name="log", help="Analyse recordings.")
-
-
-@log.command
-def noise(
-    recording: Path,
-    *,
-    json: Annotated[
-        bool, Parameter(negative=(), show_default=False, help="no lines, JSON")
-    ] = False,
-) -> int:
-    """Noise, rate and drift of the sensors, from a recording of a drone that lies still.
-
-    RECORDING is a dive's folder or its MCAP file. Prints the lines to paste into the vehicle file.
-    It uses the longest time in which the drone was neither armed nor moved, at least 20 s. To make
-    a recording, start the drone's side alone, so that nobody arms it, and press Ctrl-C after a
-    minute or longer.
-
-    Example: lindy up drone --out dives/on_the_bench
-             lindy log noise dives/on_the_bench
-    """
-    from tools.noise import noise
-
-    return noise(recording, json=json)

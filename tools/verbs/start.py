@@ -131,12 +131,26 @@ def simulate(
             help="--no-files: no recording, no viewer, no folder; the report only, sooner",
         ),
     ] = True,
+    from_: Annotated[
+        Path | None,
+        Parameter(
+            name="--from",
+            converter=named,
+            help="folder or MCAP file of a recorded dive: fly it again, from nothing else, and "
+            "fail (exit status 1) where what is recorded is not the same, bit for bit",
+        ),
+    ] = None,
 ) -> int:
     """The same dive on virtual time, as fast as the computer can, with the same files.
 
     Example: lindy simulate --seed 7 --set control.depth.kp=3 --out dives/simulated
              lindy simulate --no-files --link severe
+             lindy simulate --from dives/latest
     """
+    if from_ is not None:
+        from tools.fly_again import fly_again
+
+        return fly_again(from_, choices or Choices(), files=files)
     from tools.simulate import simulate
 
     return simulate(choices or Choices(), files=files)

@@ -60,10 +60,18 @@ class McapFile:
         at, length = self._append_record(Metadata(name, entries))
         self._summary.metadata.append(MetadataIndex(at, length, name))
 
-    def attach(self, name: str, media_type: str, data: bytes) -> None:
-        """Add a file as an attachment. Its times are 0: unknown."""
-        at, length = self._append_record(Attachment(0, 0, name, media_type, data))
-        index = AttachmentIndex(at, length, 0, 0, len(data), name, media_type)
+    def attach(
+        self, name: str, media_type: str, data: bytes, log_ns: int = 0, create_ns: int = 0
+    ) -> None:
+        """Add a file as an attachment.
+
+        Args:
+            log_ns: [ns] UTC when it was attached; 0: unknown.
+            create_ns: [ns] UTC when the file was written last; 0: unknown.
+        """
+        record = Attachment(create_ns, log_ns, name, media_type, data)
+        at, length = self._append_record(record)
+        index = AttachmentIndex(at, length, create_ns, log_ns, len(data), name, media_type)
         self._summary.attachments.append(index)
 
     def has_channel(self, key: str) -> bool:

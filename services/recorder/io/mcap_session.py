@@ -10,14 +10,17 @@ Existing files are never written to.
 
 import json
 from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal, Protocol
 
 import msgspec
 
 from messages import topics
+from messages.link import Clock
 from services.recorder.core import RecordedRow
 from services.recorder.foxglove_schema import foxglove_schema
+from services.recorder.io.attachments import attachments
 from services.recorder.io.mcap_file import McapFile
 from services.recorder.io.parts import free_part, part_path
 from services.runtime.config.disk import reason, require_room
@@ -44,6 +47,9 @@ class SessionNode(Protocol):
     counts: Counter[str]
     wall_offset_ns: int  # [ns] UTC minus the clock of stamps
 
+    @property
+    def sides(self) -> Mapping[str, object]: ...  # its home first
+    def now(self) -> int: ...
     def count(self, name: str, times: int = 1) -> None: ...
     def log(self, level: Literal["info", "warning", "error"], text: str) -> None: ...
     def restore_checkpoint(self, kind: type[RecordingCheckpoint]) -> RecordingCheckpoint | None: ...
@@ -61,7 +67,8 @@ class McapSession:
         """
         self._node = node
         self._stack = stack
-        self._vehicle_file = stack.vehicle_path.read_bytes()
+        self._attachments = attachments(stack)
+        self._clock = b""  # newest message of the link monitor, as JSON
         self._file: McapFile | None = None
         self._interrupted = False  # the log says that recording has stopped
         self._retry_at = 0  # [ns]
@@ -86,6 +93,8 @@ class McapSession:
                 kind = row.topic.message
                 self._file.open_channel(row.key, kind.__name__, foxglove_schema(kind))
             self._file.write(row.key, row.data, row.log_ns, row.publish_ns, row.sequence)
+            if row.key == topics.CLOCK.key:
+                self._clock = row.data
         except OSError as error:
             self._fail(self._file, error)
 
@@ -115,6 +124,8 @@ class McapSession:
             self._file.flush()
             losses = {name: str(count) for name, count in sorted(self._node.counts.items())}
             self._file.metadata("losses", losses)
+            if self._clock:
+                self._file.metadata("clock_offset", _clock_offset(self._clock))
             self._file.metadata("hash", {"sha256": log_hash})
             self._file.finish()
         except OSError as error:
@@ -137,15 +148,18 @@ class McapSession:
     def _preface(self, file: McapFile) -> None:
         """Metadata that a reader needs before the first message."""
         stack = self._stack
-        file.metadata("dive", about(stack))
+        side = {"side": next(iter(self._node.sides))}  # of which everything is recorded
+        file.metadata("dive", about(stack) | side)
         clock = {
             "utc_minus_stamp_ns": str(self._node.wall_offset_ns),
             "publish_time": "the stamp by this clock; the arrival where the stamp is of another "
             "machine's clock and the difference is not known",
         }
         file.metadata("clock", clock)
-        file.attach(stack.vehicle_path.name, "application/toml", self._vehicle_file)
-        file.attach("topics.json", "application/json", _topic_table())
+        log_ns = self._node.now() + self._node.wall_offset_ns
+        for each in self._attachments:
+            file.attach(each.name, each.media_type, each.data, log_ns, each.create_ns)
+        file.attach("topics.json", "application/json", _topic_table(), log_ns, log_ns)
 
     def _fail(self, file: McapFile, error: OSError) -> None:
         if file.flushed > 0:
@@ -183,6 +197,18 @@ def about(stack: Stack) -> dict[str, str]:
         "seed": str(stack.seed),
         "overrides": json.dumps(stack.overrides),
     }
+
+
+def _clock_offset(newest: bytes) -> dict[str, str]:
+    """What was known at the end of the drone's clock minus the topside's, with its greatest error;
+    empty: not known."""
+    clock = msgspec.json.decode(newest, type=Clock)
+    known = {
+        "offset_ns": clock.offset_ns,
+        "bound_ns": clock.bound_ns,
+        "drift_ppm": clock.drift_ppm,
+    }
+    return {name: "" if value is None else str(value) for name, value in known.items()}
 
 
 def _topic_table() -> bytes:

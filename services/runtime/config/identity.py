@@ -29,9 +29,9 @@ def identity_of(stack: Stack, side: str, instance: int) -> SideIdentity:
     return SideIdentity(
         side=side,
         instance=instance,
-        version=_version(),
+        version=version_here(),
         # On virtual time a dive is the same bytes whatever it was committed as.
-        commit="" if stack.virtual else _commit(ROOT / ".git"),
+        commit="" if stack.virtual else commit_here(),
         messages=messages_hash(topics.ALL),
         vehicle=stack.vehicle_name,
         vehicle_hash=_hash(stack.section(BODY, dict[str, Any])),
@@ -63,11 +63,17 @@ def _hash(tree: Any) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:LETTERS]
 
 
-def _version() -> str:
+def version_here() -> str:
+    """Of Lindy; empty: run from a folder, not installed."""
     try:
         return version("lindy")
-    except PackageNotFoundError:  # run from a folder, not installed
+    except PackageNotFoundError:
         return ""
+
+
+def commit_here() -> str:
+    """Of the repository that Lindy runs from; empty: installed."""
+    return _commit(ROOT / ".git")
 
 
 @cache

@@ -13,6 +13,7 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import (
     convert,
     deploy_file,
+    kept,
     line_of,
     nearest,
     override,
@@ -41,6 +42,10 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
     insecure: bool = False  # other machines are let in without keys
     arm: bool = True  # the gamepad arms the drone as soon as it is ready
     virtual: bool = False  # on virtual time: a driver that needs real time refuses to start
+    services: str = "simulated"  # a name in deploy/stacks, or the path of a TOML file
+    running: list[str] = []  # services of it that take part; empty: all
+    seconds: float | None = None  # [s] end this long after arming; None: when the pilot ends it
+    read_besides: list[str] = []  # files that those of vehicle, link and pilot name
     overrides: list[str] = []  # key.path=value into the vehicle file
 
     @cached_property
@@ -65,7 +70,8 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
 
     @property
     def files(self) -> list[Path]:
-        """What services read when they start: the files of the vehicle, the link and the script.
+        """What services read when they start: the files of the vehicle, the link and the script,
+        and those that these name.
 
         Raises:
             LindyError: there is no such vehicle.
@@ -77,7 +83,7 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         for folder, name, suffix in wanted:
             with suppress(LindyError):  # nobody on this side may read it
                 files.append(deploy_file(folder, name, suffix))
-        return files
+        return [*dict.fromkeys([*files, *map(Path, self.read_besides)])]
 
     @property
     def out_dir(self) -> Path:
@@ -89,7 +95,7 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         Raises:
             LindyError: the table is wrong; says where and what is allowed.
         """
-        tree = _vehicle_tree(self.vehicle_path, tuple(self.overrides))
+        tree = self._vehicle_tree()
         try:
             return convert(tree.get(name, {}), kind, name, self.vehicle_path)
         except LindyError as error:
@@ -107,7 +113,7 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
             LindyError: an unknown table, a mistake in one, or a name that is not allowed in a key.
         """
         _ = self.vehicle_name
-        tree = _vehicle_tree(self.vehicle_path, tuple(self.overrides))
+        tree = self._vehicle_tree()
         for name in tree:
             if known.get(name) is None:
                 where = f"{self.vehicle_path}{line_of(self.vehicle_path, (name,))}: {name}"
@@ -120,6 +126,10 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         for name, kind in known.items():
             if kind is not None:
                 self.section(name, kind)
+
+    def _vehicle_tree(self) -> dict[str, Any]:
+        path = self.vehicle_path
+        return _vehicle_tree(path, kept(path), tuple(self.overrides))
 
     def mistake(self, key: tuple[str, str], why: str) -> LindyError:
         """The error for a key of the vehicle file, or for the `--set` that it came from."""
@@ -145,7 +155,8 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
 
 
 @lru_cache
-def _vehicle_tree(path: Path, overrides: tuple[str, ...]) -> dict[str, Any]:
+def _vehicle_tree(path: Path, _copy: Path, overrides: tuple[str, ...]) -> dict[str, Any]:
+    """`_copy`: that is read in its place now, if there is one."""
     tree = read_toml(path)
     override(tree, overrides)
     return tree

@@ -49,6 +49,15 @@ def named(name: str) -> Named:
     return Named(name, tree, path, _checked(tree, path))
 
 
+def traces(profile: Named) -> list[Path]:
+    """The files of the delays that it has read."""
+    legs = [profile.tree.get(side) for side in ("down", "up")]
+    delays = [cast(Tree, leg).get("delay") for leg in legs if isinstance(leg, dict)]
+    named = [cast(Tree, delay) for delay in delays if isinstance(delay, dict)]
+    files = [profile.path.parent / str(delay["file"]) for delay in named if "file" in delay]
+    return [*dict.fromkeys(files)]
+
+
 def asked_for(request: LinkRequest, in_force: Named) -> tuple[Named, str] | str:
     """The new profile and what changes, in words; or why the request is refused."""
     try:

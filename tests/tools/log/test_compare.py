@@ -1,0 +1,168 @@
+"""What two dives differ in is found: where, when first, and by how much."""
+
+from array import array
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.records import Channel, Metadata
+
+from messages import topics
+from tools.__main__ import main
+from tools.log.cut import WantedPart, cut_out
+from tools.log.differences import Pair, differences
+from tools.log.flatten import Flattening
+from tools.log.series import DiveSeries, TopicSeries, Words
+from tools.recordings.mcap_copy import new_mcap
+from tools.recordings.mcap_records import Damage, StoredMessage, salvaged
+from tools.recordings.recording import open_recording
+
+from .conftest import ShortDive
+
+SCHEMA = {"type": "object", "properties": {"x": {"type": "number"}, "word": {"type": "string"}}}
+
+
+def series(values: list[float], words: list[str], known: Words, step_ns: int = 10) -> TopicSeries:
+    found = TopicSeries(Flattening(SCHEMA, "", [], {}))
+    for n, (value, word) in enumerate(zip(values, words, strict=True)):
+        found.add([value, word], n * step_ns, known)
+    return found
+
+
+def pair(a: TopicSeries, b: TopicSeries, known: Words) -> Pair:
+    return Pair("topic", a, b, 0, 0, known)
+
+
+@given(
+    st.lists(st.floats(-1e6, 1e6), min_size=2, max_size=30),
+    st.data(),
+)
+def test_the_first_and_the_largest_difference_are_found(
+    values: list[float], data: st.DataObject
+) -> None:
+    added = st.floats(0.0, 10.0) | st.just(0.0)
+    by = data.draw(st.lists(added, min_size=len(values), max_size=len(values)))
+    other = [value + more for value, more in zip(values, by, strict=True)]
+    known, words = Words(), ["a"] * len(values)
+    found = list(
+        pair(series(values, words, known), series(other, words, known), known).differences(0.0)
+    )
+    moved = [n for n, (a, b) in enumerate(zip(values, other, strict=True)) if a != b]
+    if not moved:
+        assert not found
+        return
+    (field,) = found
+    assert (field.field, field.first_s) == ("x", moved[0] * 10 / 1e9)
+    assert field.largest == max(abs(a - b) for a, b in zip(values, other, strict=True))
+    assert field.share == len(moved) / len(values)
+
+
+def test_words_and_what_is_not_there_differ_too() -> None:
+    known = Words()
+    a = series([1.0, 2.0], ["here", "here"], known)
+    b = series([1.0, float("nan")], ["here", "gone"], known)
+    found = {field.field: field for field in pair(a, b, known).differences(0.5)}
+    assert (found["word"].a, found["word"].b) == ("here", "gone")
+    assert (found["x"].a, found["x"].b) == (2.0, None)
+
+
+def test_a_line_sampled_at_other_instants_is_the_same_line() -> None:
+    known = Words()
+    a = series([2.0 * n for n in range(60)], ["w"] * 60, known, step_ns=10)
+    b = series([7.0 * 0.2 * n for n in range(60)], ["w"] * 60, known, step_ns=7)
+    assert not list(pair(a, b, known).differences(1e-12))
+
+
+@settings(max_examples=20)
+@given(st.floats(0.0, 0.5))
+def test_a_tolerance_is_a_share_of_the_largest_value(tolerance: float) -> None:
+    known = Words()
+    a, b = series([10.0, 0.0], ["", ""], known), series([10.0, 2.0], ["", ""], known)
+    assert bool(list(pair(a, b, known).differences(tolerance))) == (tolerance * 10.0 < 2.0)
+
+
+def changed(dive: ShortDive, out: Path, key: str, old: bytes, new: bytes) -> Path:
+    """A copy in which one topic says something else from 4 s on."""
+    channels: dict[int, str] = {}
+    with new_mcap(out) as copy:
+        copy.next_file()
+        for record in salvaged(dive.folder / "dive.mcap", Damage()):
+            if isinstance(record, Channel):
+                channels[record.id] = record.topic
+            if isinstance(record, StoredMessage) and channels[record.channel_id] == key:
+                late = record.log_ns >= 4_000_000_000
+                data = record.data.replace(old, new) if late else record.data
+                copy.add(record._replace(data=data))
+            else:
+                copy.add(record)
+    return out
+
+
+def test_a_dive_is_the_same_as_itself(dive: ShortDive, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["log", "compare", str(dive.folder), str(dive.folder)]) == 0
+    assert "all fields of all messages are the same" in capsys.readouterr().out
+
+
+def test_a_field_that_was_changed_is_named_with_its_time(
+    dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = changed(dive, tmp_path / "b.mcap", "state", b'"phase":"running"', b'"phase":"other"')
+    assert main(["log", "compare", str(dive.folder), str(other), "--json"]) == 1
+    found = msgspec.json.decode(capsys.readouterr().out)
+    (field,) = found["fields"]
+    assert (field["topic"], field["field"]) == ("state", "phase")
+    assert (field["a"], field["b"]) == ("running", "other")
+    words = Words()
+    armed = DiveSeries(open_recording(dive.folder), words).armed_ns
+    assert armed is not None
+    assert field["first_s"] == pytest.approx((4_000_000_000 - armed) / 1e9, abs=0.011)
+
+
+def test_a_part_is_the_same_as_its_whole_where_both_are(dive: ShortDive, tmp_path: Path) -> None:
+    out = tmp_path / "part.mcap"
+    cut_out(open_recording(dive.folder), out, WantedPart(0.5, 1.5, ("sensor/*",)))
+    words = Words()
+    a, b = (DiveSeries(open_recording(path), words) for path in (out, dive.folder))
+    found = differences(a, b)
+    assert not found.fields
+    assert {each.topic for each in found.counts} >= {"state", "sensor/imu"}
+
+
+def test_both_dives_are_drawn_with_figures_side_by_side(
+    dive: ShortDive, clean_dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("matplotlib", reason="the figures extra is missing")
+    out = tmp_path / "both.png"
+    paths = [str(dive.folder), str(clean_dive.folder)]
+    assert main(["log", "compare", *paths, "--out", str(out)]) == 1
+    assert out.read_bytes().startswith(b"\x89PNG")
+    said = capsys.readouterr().out
+    assert "stick to thruster, median" in said
+    assert "pilot/command" in said
+    assert main(["log", "compare", *paths, "--out", str(out)]) == 1
+    assert "it exists already" in capsys.readouterr().err
+
+
+def test_dives_of_two_vehicles_are_one_sentence(
+    dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = tmp_path / "other.mcap"
+    with new_mcap(other) as copy:
+        copy.metadata(Metadata("dive", {"vehicle": "minerva"}))
+    assert main(["log", "compare", str(dive.folder), str(other)]) == 1
+    said = capsys.readouterr().err
+    assert "is of the vehicle my_drone" in said
+    assert "of minerva: compare two dives of one vehicle" in said
+
+
+def test_series_of_a_dive_are_what_it_recorded(dive: ShortDive) -> None:
+    found = DiveSeries(open_recording(dive.folder), Words())
+    depth = found.of(topics.TRUTH, "position.down")
+    assert depth is not None
+    assert isinstance(found.topics["state"].log_ns, array)
+    assert np.all(np.diff(depth[0]) > 0.0)
+    assert found.of(topics.TRUTH, "position.up") is None
+    assert found.unread == 0

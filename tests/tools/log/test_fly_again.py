@@ -1,0 +1,111 @@
+"""A dive flown again from nothing but its recording is the same dive, bit for bit."""
+
+import json
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+from mcap.records import Attachment
+from mcap.writer import Writer
+
+from services.recorder.io.attachments import DIVE
+from services.runtime.config.errors import LindyError
+from tools.__main__ import main
+from tools.choices import Choices
+from tools.fly_again import fly_again
+from tools.recordings.mcap_copy import new_mcap
+from tools.recordings.mcap_records import Damage, salvaged
+
+from .conftest import ShortDive
+
+
+def attached(folder: Path) -> dict[str, Attachment]:
+    """As a foreign reader finds them."""
+    with (folder / "dive.mcap").open("rb") as stream:
+        return {each.name: each for each in make_reader(stream).iter_attachments()}
+
+
+def with_dive_file(dive: ShortDive, out: Path, **changes: object) -> Path:
+    """The same recording, whose attachment `dive.json` says something else."""
+    with new_mcap(out) as copy:
+        copy.next_file()
+        for record in salvaged(dive.folder / "dive.mcap", Damage()):
+            if isinstance(record, Attachment) and record.name == DIVE:
+                about = json.loads(record.data) | changes
+                record.data = json.dumps(about).encode()
+            copy.add(record)
+    return out
+
+
+def test_the_recording_carries_every_file_that_the_dive_was_flown_with(dive: ShortDive) -> None:
+    found = attached(dive.folder)
+    names = {"my_drone.toml", "first.toml", "first.csv", "second.toml", "second.csv", "box.toml"}
+    assert {*names, "script.csv", "simulated.toml", "topics.json", DIVE} == found.keys()
+    assert found["script.csv"].data.decode() == dive.script
+    about = json.loads(found[DIVE].data)
+    assert about["lindy"]["version"]
+    assert about["stack"]["seed"] == 7
+    assert about["stack"]["overrides"][1] == "control.depth.kp=3"
+
+
+def test_attachments_have_the_times_of_their_files(dive: ShortDive) -> None:
+    found = attached(dive.folder)
+    for name in ("my_drone.toml", "script.csv", DIVE):
+        assert found[name].create_time > 10**18  # [ns] UTC: this century
+
+
+def test_it_is_the_same_dive_again(
+    dive: ShortDive,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["simulate", "--from", str(dive.folder), "--no-files"]) == 0
+    assert f"the same as in {dive.folder}: {dive.log_hash[:16]}" in capsys.readouterr().out
+    assert not [*tmp_path.iterdir()]
+
+
+def test_another_gain_is_another_dive_and_that_is_said(dive: ShortDive, tmp_path: Path) -> None:
+    about = json.loads(attached(dive.folder)[DIVE].data)
+    lindy, stack = about["lindy"] | {"version": "0.0.9"}, about["stack"]
+    stack["overrides"] = [stack["overrides"][0], "control.depth.kp=2.9"]
+    changed = with_dive_file(dive, tmp_path / "changed.mcap", lindy=lindy, stack=stack)
+    # Copied with its hash: `new_mcap` copies what it is given.
+    with pytest.raises(LindyError, match=r"hash is not the same.*recorded with version 0\.0\.9"):
+        fly_again(changed, Choices(), files=False)
+
+
+def test_without_the_script_the_recorded_sticks_are_flown(
+    dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    about = json.loads(attached(dive.folder)[DIVE].data)
+    stack = about["stack"] | {"pilot": "gamepad", "virtual": False}
+    flown = with_dive_file(dive, tmp_path / "piloted.mcap", stack=stack)
+    assert fly_again(flown, Choices(), files=False) == 0
+    said = capsys.readouterr().out
+    assert "its sticks, of script script, are flown" in said
+    assert "not compared: it was flown by the clock" in said
+
+
+def test_other_choices_are_refused(dive: ShortDive, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["simulate", "--from", str(dive.folder), "--seed", "3"]) == 1
+    assert "--seed: with --from everything but --out is as the recording says" in (
+        capsys.readouterr().err
+    )
+
+
+def test_a_recording_that_does_not_say_how_it_was_flown_is_one_sentence(tmp_path: Path) -> None:
+    path = tmp_path / "foreign.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        writer.finish()
+    with pytest.raises(LindyError, match=r"foreign\.mcap does not say how it was flown"):
+        fly_again(path, Choices())
+
+
+def test_a_damaged_dive_json_is_one_sentence(dive: ShortDive, tmp_path: Path) -> None:
+    path = with_dive_file(dive, tmp_path / "wrong.mcap", stack=[])
+    with pytest.raises(LindyError, match=r"wrong\.mcap: the attachment dive\.json: "):
+        fly_again(path, Choices())

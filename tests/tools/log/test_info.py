@@ -1,0 +1,114 @@
+"""What `lindy log info` says is what is in the file."""
+
+from pathlib import Path
+
+import msgspec
+import pytest
+from mcap.reader import make_reader
+
+from tools.__main__ import main
+from tools.recordings.mcap_copy import new_mcap
+from tools.recordings.mcap_records import Damage, StoredMessage, salvaged
+from tools.recordings.recording import open_recording
+
+from .conftest import ShortDive
+
+
+def test_topics_and_attachments_are_counted(
+    dive: ShortDive, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["log", "info", str(dive.folder), "--json"]) == 0
+    found = msgspec.json.decode(capsys.readouterr().out)
+    with (dive.folder / "dive.mcap").open("rb") as stream:
+        reader = make_reader(stream)
+        summary = reader.get_summary()
+        attached = {each.name for each in reader.iter_attachments()}
+    assert summary is not None
+    assert summary.statistics is not None
+    counts = {
+        summary.channels[number].topic: count
+        for number, count in summary.statistics.channel_message_counts.items()
+    }
+    assert {key: topic["count"] for key, topic in found["topics"].items()} == counts
+    assert {each["name"] for each in found["attachments"]} == attached
+    assert found["topics"]["sensor/imu"]["type"] == "ImuSample"
+    assert found["log_hash"] == dive.log_hash
+    assert found["about"]["vehicle"] == "my_drone"
+    assert found["dive"]["stack"]["seed"] == 7
+
+
+def test_people_read_what_happened(dive: ShortDive, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["log", "info", str(dive.folder)]) == 0
+    said = capsys.readouterr().out
+    assert "s  armed\n" in said
+    assert "s  disarmed\n" in said
+    assert "Lindy             0." in said
+    assert "set               estimation.calibration.still_time=1, control.depth.kp=3" in said
+    assert "sensor/imu" in said
+
+
+def test_an_empty_or_a_missing_recording_is_no_traceback(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "empty.mcap"
+    with new_mcap(path):
+        pass
+    assert main(["log", "info", str(path)]) == 0
+    assert main(["log", "info", str(tmp_path)]) == 1
+    assert "there is no recording in" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("verb", ["info", "check", "csv", "sticks", "cut", "recover", "compare"])
+@pytest.mark.parametrize("data", [b"", b"t,surge\n0,0\n", b"\x89MCAP0\r\n", b"\x89MCAP0\r\n\x06"])
+def test_what_is_no_recording_is_one_sentence_or_nothing_in_it(
+    tmp_path: Path, verb: str, data: bytes, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "dive.mcap"
+    path.write_bytes(data)
+    more = {
+        "compare": [str(path)],
+        "sticks": ["--out", str(tmp_path / "s.csv")],
+        "cut": ["--out", str(tmp_path / "c.mcap")],
+        "recover": ["--out", str(tmp_path / "r.mcap")],
+    }.get(verb, [])
+    status = main(["log", verb, str(path), *more])
+    said = capsys.readouterr().err
+    assert "an error in Lindy itself" not in said
+    assert status == (0 if verb == "info" and data[:1] != b"t" else 1)
+    assert said.count("\n") == status
+    assert [each.name for each in tmp_path.iterdir()] == ["dive.mcap"]
+
+
+@pytest.mark.parametrize("tenth", range(1, 10, 2))
+def test_what_a_file_that_was_cut_off_still_holds_is_read(
+    dive: ShortDive, tmp_path: Path, tenth: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "dive.mcap"
+    data = (dive.folder / "dive.mcap").read_bytes()
+    path.write_bytes(data[: tenth * len(data) // 10])
+    holds = next(open_recording(path).raw(), None) is not None
+    assert main(["log", "info", str(path)]) == 0
+    assert "not finished: see lindy log recover" in capsys.readouterr().out
+    assert main(["log", "check", str(path)]) == (3 if holds else 1)
+    assert main(["log", "csv", str(path)]) == (0 if holds else 1)
+    assert "an error in Lindy itself" not in capsys.readouterr().err
+
+
+def test_a_message_of_an_older_lindy_is_counted_without_its_new_field(
+    dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What this version cannot read as its own type is still in tables, numbers and sizes."""
+    path = tmp_path / "older.mcap"
+    with new_mcap(path) as copy:
+        copy.next_file()
+        for record in salvaged(dive.folder / "dive.mcap", Damage()):
+            if isinstance(record, StoredMessage):
+                record = record._replace(data=record.data.replace(b'"armed":', b'"was_armed":'))
+            copy.add(record)
+    assert main(["log", "check", str(path)]) == 0
+    assert main(["log", "csv", str(path)]) == 0
+    assert main(["log", "info", str(path), "--json"]) == 0
+    found = capsys.readouterr().out
+    whole = msgspec.json.decode(found[found.index("\n{") :])
+    assert whole["topics"]["reference"]["count"] > 400
+    assert main(["log", "compare", str(path), str(path)]) == 0

@@ -1,0 +1,208 @@
+"""Whatever happened to a file, what is recovered was recorded, and any reader opens it."""
+
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import msgspec
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer
+
+from messages import topics
+from messages.sensors import PressureSample
+from services.recorder.foxglove_schema import foxglove_schema
+from services.recorder.io.mcap_file import McapFile
+from services.runtime.config.errors import LindyError
+from tools.__main__ import main
+from tools.log.recover import recovered
+
+from .conftest import ShortDive
+
+KEY = topics.PRESSURE.key
+CHUNKS, PER_CHUNK, PER_FLUSH = 3, 40, 10
+
+
+def write(path: Path, first: int = 0) -> None:
+    """Numbered samples, flushed as the recorder does."""
+    file = McapFile(path)
+    file.metadata("dive", {"vehicle": "pioneer"})
+    file.attach("topics.json", "application/json", b"[]")
+    file.open_channel(KEY, "PressureSample", foxglove_schema(PressureSample))
+    for n in range(first, first + CHUNKS * PER_CHUNK):
+        sample = PressureSample(stamp_ns=n, pressure=1e5 + n)
+        file.write(KEY, msgspec.json.encode(sample), 10 * n, n, n)
+        if n % PER_FLUSH == PER_FLUSH - 1:
+            file.flush()
+        if n % PER_CHUNK == PER_CHUNK - 1:
+            file.metadata("here", {"a chunk": "ends"})
+    file.metadata("hash", {"sha256": "abc"})
+    file.finish()
+
+
+@cache
+def whole_file() -> tuple[bytes, list[int]]:
+    """A file, and where each of its chunks ends."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "dive.mcap"
+        write(path)
+        with path.open("rb") as stream:
+            summary = make_reader(stream).get_summary()
+        assert summary is not None
+        return path.read_bytes(), [
+            chunk.chunk_start_offset + chunk.chunk_length for chunk in summary.chunk_indexes
+        ]
+
+
+def foreign(path: Path) -> list[tuple[str, int, int, int, bytes]]:
+    """Every message, as a reader of others finds it."""
+    with path.open("rb") as stream:
+        return [
+            (channel.topic, m.log_time, m.publish_time, m.sequence, m.data)
+            for _, channel, m in make_reader(stream).iter_messages(log_time_order=False)
+        ]
+
+
+@cache
+def recorded() -> list[tuple[str, int, int, int, bytes]]:
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "dive.mcap"
+        path.write_bytes(whole_file()[0])
+        return foreign(path)
+
+
+def mended(data: bytes) -> list[tuple[str, int, int, int, bytes]] | None:
+    """None: nothing could be recovered, and nothing was written."""
+    with TemporaryDirectory() as folder:
+        path, out = Path(folder) / "cut.mcap", Path(folder) / "mended.mcap"
+        path.write_bytes(data)
+        try:
+            recovered(path, out)
+        except LindyError:
+            assert not out.exists()
+            return None
+        return foreign(out)
+
+
+def check_cut(at: int) -> None:
+    """A file cut there gives the beginning of what was recorded, at least all whole chunks."""
+    data, ends = whole_file()
+    found = mended(data[:at]) or []
+    assert found == recorded()[: len(found)]
+    assert len(found) >= PER_CHUNK * sum(end <= at for end in ends)
+
+
+@given(share=st.floats(min_value=0.0, max_value=1.0))
+@example(share=0.0)
+@example(share=1.0)
+@settings(max_examples=60)
+def test_a_file_cut_off_anywhere_is_mended(share: float) -> None:
+    check_cut(round(share * len(whole_file()[0])))
+
+
+@pytest.mark.parametrize("beside", [-1, 0, 1])
+def test_a_file_cut_off_beside_the_end_of_a_record_is_mended(beside: int) -> None:
+    data, _ = whole_file()
+    at = 8
+    while at + 9 < len(data):
+        at += 9 + int.from_bytes(data[at + 1 : at + 9], "little")
+        check_cut(min(at + beside, len(data)))
+
+
+def test_of_a_chunk_that_is_cut_off_every_flush_is_recovered() -> None:
+    data, ends = whole_file()
+    found = mended(data[: ends[-1] - 1])
+    assert found is not None
+    assert len(found) >= CHUNKS * PER_CHUNK - PER_FLUSH
+
+
+@given(share=st.floats(min_value=0.0, max_value=1.0, exclude_max=True), bit=st.integers(0, 7))
+@settings(max_examples=60)
+def test_a_wrong_bit_costs_a_chunk_and_invents_nothing(share: float, bit: int) -> None:
+    data = bytearray(whole_file()[0])
+    data[int(share * len(data))] ^= 1 << bit
+    found = mended(bytes(data))
+    if found is not None:
+        rest = iter(recorded())
+        assert all(message in rest for message in found)
+
+
+def test_what_follows_a_damaged_chunk_is_recovered(tmp_path: Path) -> None:
+    data, ends = whole_file()
+    broken = bytearray(data)
+    broken[ends[0] - 20] ^= 0xFF
+    path, out = tmp_path / "dive.mcap", tmp_path / "mended.mcap"
+    path.write_bytes(broken)
+    assert recovered(path, out).words == "dive.mcap had 1 damaged parts"
+    # The channel was described in that chunk; the summary describes it once more.
+    assert foreign(out) == recorded()[PER_CHUNK:]
+
+
+@pytest.mark.parametrize("compression", list(CompressionType))
+def test_a_file_of_another_program_is_mended_too(
+    tmp_path: Path, compression: CompressionType
+) -> None:
+    path, out = tmp_path / "other.mcap", tmp_path / "mended.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream, chunk_size=1000, compression=compression)
+        writer.start()
+        channel = writer.register_channel("/chatter", "ros1", 0)
+        for n in range(200):
+            writer.add_message(channel, n, f"number {n}".encode(), n)
+        writer.finish()
+    whole = foreign(path)
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    recovered(path, out)
+    found = foreign(out)
+    assert 20 < len(found) < 200
+    assert found == whole[: len(found)]
+
+
+def test_all_parts_of_a_dive_become_one_file_with_its_attachments_once(tmp_path: Path) -> None:
+    folder = tmp_path / "dive"
+    folder.mkdir()
+    write(folder / "dive.mcap")
+    write(folder / "dive.part2.mcap", first=1000)
+    cut = folder / "dive.part2.mcap"
+    cut.write_bytes(cut.read_bytes()[:-100])
+    out = tmp_path / "mended.mcap"
+    assert recovered(folder, out).words == "dive.part2.mcap was cut off"
+    assert len(foreign(out)) == 2 * CHUNKS * PER_CHUNK
+    with out.open("rb") as stream:
+        reader = make_reader(stream)
+        assert [each.name for each in reader.iter_attachments()] == ["topics.json"]
+        assert "hash" not in {each.name for each in reader.iter_metadata()}
+
+
+@pytest.mark.parametrize(
+    "data", [b"", b"\x89MCAP0", b"\x89MCAP0\r\n", b"\x89MCAP0\r\n" + bytes(99)]
+)
+def test_nothing_to_recover_is_one_sentence(
+    tmp_path: Path, data: bytes, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, out = tmp_path / "dive.mcap", tmp_path / "mended.mcap"
+    path.write_bytes(data)
+    assert main(["log", "recover", str(path), "--out", str(out)]) == 1
+    said = capsys.readouterr().err
+    assert "nothing can be recovered" in said
+    assert said.count("\n") == 1
+    assert not out.exists()
+
+
+def test_a_whole_dive_is_copied_message_by_message(dive: ShortDive, tmp_path: Path) -> None:
+    out = tmp_path / "copy.mcap"
+    assert recovered(dive.folder, out).whole
+    assert foreign(out) == foreign(dive.folder / "dive.mcap")
+
+
+def test_no_file_is_overwritten(
+    dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "mine.mcap"
+    out.write_bytes(b"mine")
+    for verb in ("recover", "cut"):
+        assert main(["log", verb, str(dive.folder), "--out", str(out)]) == 1
+        assert "it exists already" in capsys.readouterr().err
+    assert out.read_bytes() == b"mine"

@@ -1,0 +1,66 @@
+"""The sticks of a dive that a script flew are that script, to the nanosecond."""
+
+from math import radians
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from messages.pilot import Course
+from services.gamepad.io.path_file import course_of
+from services.gamepad.stick_log import StickLogRow, parse
+from tools.__main__ import main
+from tools.log.sticks import as_csv, in_degrees, sticks_of
+from tools.recordings.recording import open_recording
+
+from .conftest import ShortDive
+
+
+def rows(text: str, folder: Path) -> tuple[StickLogRow, ...]:
+    """A stick log, its paths read."""
+
+    def course(name: str) -> Course:
+        return course_of(folder / Path(name).name)
+
+    return parse(text.encode(), course).rows
+
+
+def test_they_are_the_script(clean_dive: ShortDive, tmp_path: Path) -> None:
+    found = sticks_of(open_recording(clean_dive.folder))
+    assert not found.remarks
+    (name,) = found.paths
+    (tmp_path / name).write_text(found.paths[name])
+    again = rows(as_csv(found, "again"), tmp_path)
+    (tmp_path / "box.toml").write_text(found.paths[name])
+    assert again == rows(clean_dive.script, tmp_path)
+
+
+def test_the_verb_writes_a_stick_log_and_its_path_and_overwrites_nothing(
+    clean_dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "again.csv"
+    assert main(["log", "sticks", str(clean_dive.folder), "--out", str(out)]) == 0
+    assert f"follow {tmp_path}/again_path1.toml" in out.read_text()
+    assert course_of(tmp_path / "again_path1.toml").min_radius > 0.0
+    before = out.read_bytes()
+    assert main(["log", "sticks", str(clean_dive.folder), "--out", str(out)]) == 1
+    assert "it exists already" in capsys.readouterr().err
+    assert out.read_bytes() == before
+
+
+def test_a_name_that_no_stick_log_has_is_refused(
+    clean_dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["log", "sticks", str(clean_dive.folder), "--out", str(tmp_path / "a.txt")]) == 1
+    assert "expected a name that ends in .csv" in capsys.readouterr().err
+
+
+@given(st.integers(-36_000, 36_000).map(lambda hundredths: hundredths / 100.0))
+def test_a_heading_comes_back_as_it_was_written(heading: float) -> None:
+    assert float(in_degrees(radians(heading))) == heading
+
+
+@given(st.floats(-7.0, 7.0))
+def test_a_heading_in_degrees_is_that_angle(heading: float) -> None:
+    assert radians(float(in_degrees(heading))) == pytest.approx(heading, abs=1e-15)

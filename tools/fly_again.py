@@ -1,0 +1,139 @@
+"""`lindy simulate --from`: the dive of a recording, from nothing but that recording."""
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import msgspec
+
+from services.recorder.io.attachments import computer, lindy
+from services.runtime.config.errors import LindyError
+from services.runtime.config.settings import DEPLOY, reading_copies
+from services.runtime.config.stack import SCRIPT
+from tools.choices import Choices
+from tools.log.sticks import as_csv, sticks_of
+from tools.recordings.dive_file import FlownDive, FlownStack, UsedFile, flown_dive
+from tools.recordings.recording import Recording, open_recording
+from tools.simulate import Simulated, simulated
+
+STICKS = "recorded.csv"  # the stick log made of a dive that no script flew
+
+
+def fly_again(path: Path, choices: Choices, *, files: bool = True) -> int:
+    """Fly the dive of a recording again on virtual time, and compare the hash of everything that
+    was recorded. Returns the exit status.
+
+    Args:
+        path: a dive's folder, or its MCAP file.
+        choices: only `out` may be given; everything else is in the recording.
+
+    Raises:
+        LindyError: the recording does not say enough, or the dive was not the same.
+    """
+    _require_nothing_else(choices)
+    recording = open_recording(path)
+    dive = flown_dive(recording)
+    if dive is None:
+        raise LindyError(
+            f"{path} does not say how it was flown: it was recorded before Lindy attached that, "
+            f"or not by Lindy"
+        )
+    before = recording.metadata("hash").get("sha256")
+    with ExitStack() as exits:
+        folder = Path(exits.enter_context(TemporaryDirectory(prefix="lindy-")))
+        pilot = _pilot(dive, recording, folder)
+        exits.enter_context(reading_copies(_unpacked(recording, dive.files, folder)))
+        again = msgspec.structs.replace(dive.stack, pilot=pilot)
+        flown = simulated(_choices(again, choices.out), files=files, running=again.running)
+    return _judged(path, dive, before, flown, changed=pilot != dive.stack.pilot)
+
+
+def _require_nothing_else(choices: Choices) -> None:
+    defaults = Choices(out=choices.out)
+    for name in ("pilot", "vehicle", "stack", "link", "seconds", "seed", "set_"):
+        if getattr(choices, name) != getattr(defaults, name):
+            option = name.rstrip("_")
+            raise LindyError(
+                f"--{option}: with --from everything but --out is as the recording says; drop it"
+            )
+
+
+def _choices(stack: FlownStack, out: Path | None) -> Choices:
+    return Choices(
+        pilot=stack.pilot,
+        vehicle=stack.vehicle,
+        stack=stack.services,
+        link=stack.link,
+        seconds=stack.seconds,
+        out=out,
+        seed=stack.seed,
+        set_=tuple(stack.overrides),
+    )
+
+
+def _unpacked(recording: Recording, used: Sequence[UsedFile], folder: Path) -> dict[str, str]:
+    """Copies of the files, by the path that each was read from."""
+    copies: dict[str, str] = {}
+    wanted = {file.attachment: file for file in used if file.attachment is not None}
+    for attachment in recording.attachments():
+        if (file := wanted.get(attachment.name)) is None:
+            continue
+        copy = folder / Path(attachment.name).name
+        copy.write_bytes(attachment.data)
+        path = DEPLOY / file.path if file.shipped else Path(file.path)
+        copies[str(path)] = str(copy)
+    return copies
+
+
+def _pilot(dive: FlownDive, recording: Recording, folder: Path) -> str:
+    """The script of the dive; where there was none, or it is not in the recording, the recorded
+    sticks."""
+    pilot = dive.stack.pilot
+    if pilot.startswith(SCRIPT):
+        file = dive.named("dives", pilot.removeprefix(SCRIPT), ".csv")
+        if file is not None and file.attachment is not None:
+            return pilot
+    sticks = sticks_of(recording, f"{folder}/")
+    for name, text in sticks.paths.items():
+        Path(name).write_text(text)
+    path = folder / STICKS
+    path.write_text(as_csv(sticks, f"the sticks of {sticks.source}"))
+    print(f"no script in the recording: its sticks, of {sticks.source}, are flown", flush=True)
+    for remark in sticks.remarks:
+        print(remark, flush=True)
+    return f"{SCRIPT}{path}"
+
+
+def _judged(
+    path: Path, dive: FlownDive, before: str | None, flown: Simulated, *, changed: bool
+) -> int:
+    """The exit status.
+
+    Raises:
+        LindyError: the dive was not the same.
+    """
+    if not dive.stack.virtual or changed:
+        how = "it was flown by the clock" if not dive.stack.virtual else "no script flew it"
+        print(f"log hash          not compared: {how}, so it is not the same twice", flush=True)
+        return flown.status
+    if before is None or flown.log_hash is None:
+        which = path if before is None else flown.folder
+        raise LindyError(f"the log hashes cannot be compared: {which} was not finished")
+    if before == flown.log_hash:
+        print(f"log hash          the same as in {path}: {before[:16]}…", flush=True)
+        return flown.status
+    differences = dive.differences(lindy(), computer())
+    why = (
+        f"it was recorded with {'; '.join(differences)}"
+        if differences
+        else "with the same Lindy on the same kind of computer: was it interrupted, or the code "
+        "changed?"
+    )
+    more = (
+        "" if flown.folder is None else f"; `lindy log compare {path} {flown.folder}` shows where"
+    )
+    raise LindyError(
+        f"the log hash is not the same as in {path} ({before[:16]}…, now "
+        f"{flown.log_hash[:16]}…): {why}{more}"
+    )

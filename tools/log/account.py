@@ -1,0 +1,194 @@
+"""Where the messages of a dive are: recorded, or lost where somebody counted it.
+
+Sent = recorded + lost on the link + thinned + dropped in a queue + refused or lost by the recorder
++ not yet reported + missing, for every topic. Sent is known from the sequence numbers, so the parts
+are taken from what is missing there, and never add up to more. What was counted beyond that was
+lost before the first or after the last message of a topic that is in the recording.
+"""
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+
+import msgspec
+
+from messages import topics
+from messages.health import Health
+from messages.topic import Way
+from tools.health_sums import HealthSums
+from tools.log.numbering import Numbering
+from tools.recordings.recording import Raw, Recording
+from tools.report.losses import LINK, NOT_USED
+
+QUEUES = ("queue_full", "codel", "too_many")  # reasons of the link that mean: no room
+LOST = ("loss", "burst", "trace", "outage")
+# What the recorder counts for a message that it received and could not keep.
+REFUSED = ("malformed", "wrong_type", "too_many_keys")
+ANY_TOPIC = ("overflowed:**", "oversized:**", "not_recorded")  # it does not know of which topic
+HEALTH = topics.HEALTH.key[:-1]
+
+
+class Account(msgspec.Struct, kw_only=True):
+    """Of one topic, in messages."""
+
+    before: int  # sent before the recording began; in no sum
+    sent: int
+    recorded: int  # each once
+    link: int = 0  # lost on the link
+    thinned: int = 0  # left out because the link is slow
+    queue: int = 0  # dropped because too many waited for the link
+    refused: int = 0  # the recorder could not read them
+    recorder: int = 0  # the recorder had no room for them, or its disk
+    unreported: int = 0  # after the link's last report, or before its first
+    missing: int = 0  # nobody accounts for these
+    duplicated: int = 0  # arrived more than once; in no sum
+    reordered: int = 0  # arrived late; they are recorded
+
+
+class Accounts(msgspec.Struct, kw_only=True):
+    topics: dict[str, Account]  # by key
+    backwards: int = 0  # times that the recorder's clock ran backwards
+    remarks: list[str] = []  # what could not be taken into account
+
+    @property
+    def missing(self) -> int:
+        return sum(account.missing for account in self.topics.values())
+
+
+class LinkReports:
+    """What the link, or where it is a real one its receivers, counted as lost."""
+
+    def __init__(self) -> None:
+        self.first_ns: int | None = None  # [ns] UTC of its first report, if the dive had begun
+        self.last_ns = 0  # [ns] UTC of its last report
+        self._services: dict[str, HealthSums] = {}
+        self._before = Counter[str]()  # counted by the link before the recording began
+
+    def add(self, health: Health, log_ns: int) -> None:
+        sums = self._services.setdefault(health.service, HealthSums())
+        if health.service == LINK:
+            if not sums.said and health.seq > 0:
+                self.first_ns, self._before = log_ns, Counter(health.counts)
+            self.last_ns = log_ns
+        sums.add(health)
+
+    @property
+    def emulated(self) -> bool:
+        """Is the link a service that counts what it loses?"""
+        return LINK in self._services
+
+    def of(self, name: str, reasons: Iterable[str]) -> int:
+        """Messages of a topic of the table that the link lost for one of these reasons."""
+        counts = self._services[LINK].counts - self._before if self.emulated else Counter[str]()
+        return sum(counts[f"{reason}:{name}"] for reason in reasons)
+
+    def missed(self, key: str) -> int:
+        """Messages that a service on this side missed: on a real link nobody else counts them."""
+        return max((_missed(sums.counts, key) for sums in self._services.values()), default=0)
+
+
+def accounts(recording: Recording) -> Accounts:
+    """Read a recording, and account for every topic in it."""
+    numbers: dict[str, Numbering] = {}
+    reports = LinkReports()
+    backwards, newest = 0, 0
+    for raw in recording.raw():
+        numbers.setdefault(raw.key, Numbering()).see(raw.sequence, raw.publish_ns, raw.log_ns)
+        if raw.log_ns < newest:
+            backwards += 1
+        newest = raw.log_ns
+        if raw.key.startswith(HEALTH):
+            _add(reports, recording, raw)
+    side = recording.metadata("dive").get("side", "drone")
+    found = account_for(numbers, reports, recording.losses(), side)
+    return Accounts(topics=found, backwards=backwards)
+
+
+def account_for(
+    numbers: Mapping[str, Numbering], reports: LinkReports, counted: Counter[str], side: str
+) -> dict[str, Account]:
+    """
+    Args:
+        numbers: what the sequence numbers say, by key.
+        counted: by the recorder.
+        side: of the recorder.
+    """
+    found: dict[str, Account] = {}
+    spent = Counter[str]()  # counts that were taken for another key of a family, or another topic
+    for key, numbering in sorted(numbers.items()):
+        account = found[key] = Account(
+            before=numbering.before,
+            sent=numbering.sent,
+            recorded=numbering.recorded,
+            duplicated=numbering.duplicated,
+            reordered=numbering.reordered,
+        )
+        left = numbering.missing
+        if left and crosses(key, side):
+            left = _on_the_link(account, key, left, numbering, reports, spent)
+        refused = {f"{reason}:{key}": counted[f"{reason}:{key}"] for reason in REFUSED}
+        account.refused, left = _take(left, refused, spent)
+        anything = {name: counted[name] for name in ANY_TOPIC}
+        account.recorder, account.missing = _take(left, anything, spent)
+    return found
+
+
+def crosses(key: str, side: str) -> bool:
+    """May messages of this key have come over the link to this side?"""
+    topic = topics.find(key)
+    return topic is not None and topic.way in (Way.BOTH, Way.DOWN if side == "drone" else Way.UP)
+
+
+def _on_the_link(
+    account: Account,
+    key: str,
+    left: int,
+    numbering: Numbering,
+    reports: LinkReports,
+    spent: Counter[str],
+) -> int:
+    """Returns what is left to account for."""
+    topic = topics.find(key)
+    name = key if topic is None else topic.key  # the link counts a family under its name
+    if not reports.emulated:
+        account.link, left = _take(left, {f"lost:{key}": reports.missed(key)}, spent)
+        return left
+    account.link, left = _take(left, _counts(reports, name, LOST), spent)
+    account.thinned, left = _take(left, _counts(reports, name, ("thinned",)), spent)
+    account.queue, left = _take(left, _counts(reports, name, QUEUES), spent)
+    account.unreported = min(left, _unreported(numbering, reports))
+    return left - account.unreported
+
+
+def _counts(reports: LinkReports, name: str, reasons: Iterable[str]) -> dict[str, int]:
+    return {f"{reason}:{name}": reports.of(name, [reason]) for reason in reasons}
+
+
+def _take(left: int, counts: Mapping[str, int], spent: Counter[str]) -> tuple[int, int]:
+    """(taken, left): from each count as much as is left of it, and not more than is missing."""
+    taken = 0
+    for name, count in counts.items():
+        part = max(0, min(left - taken, count - spent[name]))
+        spent[name] += part
+        taken += part
+    return taken, left - taken
+
+
+def _unreported(numbering: Numbering, reports: LinkReports) -> int:
+    """Messages that the link may have lost without a report of it in the recording."""
+    first, last = reports.first_ns, reports.last_ns
+    return sum(
+        gap.missing
+        for gap in numbering.gaps
+        if gap.before_ns > last or (first is not None and gap.after_ns < first)
+    )
+
+
+def _missed(counts: Counter[str], key: str) -> int:
+    """A message that a service received but did not use leaves a gap as well."""
+    return counts[f"lost:{key}"] - sum(counts[f"{reason}:{key}"] for reason in NOT_USED)
+
+
+def _add(reports: LinkReports, recording: Recording, raw: Raw) -> None:
+    health = recording.decode(raw)
+    if isinstance(health, Health):
+        reports.add(health, raw.log_ns)

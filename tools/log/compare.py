@@ -1,0 +1,116 @@
+"""`lindy log compare`: two recordings side by side."""
+
+from pathlib import Path
+
+import msgspec
+
+from services.runtime.config.errors import LindyError
+from tools.fresh import write_fresh
+from tools.log.compare_picture import check_picture, drawn
+from tools.log.differences import Differences, FieldDifference, differences, zeros
+from tools.log.figures import ComparedFigure, figures
+from tools.log.series import DiveSeries, Words
+from tools.log.text_table import table
+from tools.recordings.progress import reading
+from tools.recordings.recording import Recording, open_recording
+
+SAME, DIFFERENT = 0, 1  # exit statuses
+SHOWN = 20  # fields on the screen; all of them are in the JSON
+
+
+def compare(
+    a: Path, b: Path, *, tolerance: float = 0.0, out: Path | None = None, json: bool = False
+) -> int:
+    """Print what differs, and draw it. Returns the exit status: 1 when something does.
+
+    Raises:
+        LindyError: there is no recording, they are of two vehicles, or the picture cannot be drawn.
+    """
+    if not tolerance >= 0.0:
+        raise LindyError(f"--tolerance is {tolerance:g}, expected 0 or more")
+    if out is not None:
+        check_picture(out)
+    left, right = open_recording(a), open_recording(b)
+    _require_one_vehicle(left, right)
+    with reading("comparing", left.size + right.size) as advance:
+        words = Words()
+        left.advance = advance
+        series_a = DiveSeries(left, words)
+        right.advance = lambda at: advance(left.size + at)
+        series_b = DiveSeries(right, words)
+    for path, series in ((a, series_a), (b, series_b)):
+        if not series.topics:
+            raise LindyError(f"{path} holds no messages that can be compared")
+    found, side_by_side = differences(series_a, series_b, tolerance), figures(left, right)
+    if out is not None:
+        write_fresh(out, drawn(series_a, series_b, (str(a), str(b))))
+    if json:
+        whole = {
+            "same": found.none,
+            "zero": "arming" if zeros(series_a, series_b)[0] == series_a.armed_ns else "beginning",
+            "figures": msgspec.to_builtins(side_by_side),
+            **msgspec.to_builtins(found),
+        }
+        print(msgspec.json.format(msgspec.json.encode(whole)).decode())
+    else:
+        print(as_text(found, side_by_side))
+        if out is not None:
+            print(f"written {out}")
+    return SAME if found.none else DIFFERENT
+
+
+def _require_one_vehicle(a: Recording, b: Recording) -> None:
+    names = [recording.metadata("dive").get("vehicle", "") for recording in (a, b)]
+    if names[0] != names[1]:
+        raise LindyError(
+            f"{a.files[0]} is of the vehicle {names[0] or 'unknown'}, {b.files[0]} of "
+            f"{names[1] or 'unknown'}: compare two dives of one vehicle"
+        )
+
+
+def as_text(found: Differences, side_by_side: list[ComparedFigure]) -> str:
+    """Figures, topics with other numbers of messages, then the fields that differ."""
+    blocks = [_figures(side_by_side)]
+    if found.none:
+        return f"{blocks[0]}\n\nall fields of all messages are the same"
+    if found.counts:
+        rows = [[each.topic, str(each.a), str(each.b)] for each in found.counts]
+        blocks.append(table(["messages of", "A", "B"], rows))
+    if found.fields:
+        heads = ["topic", "field", "first [s]", "A", "B", "largest", "at [s]"]
+        blocks.append(table(heads, [_row(field) for field in found.fields[:SHOWN]], left=2))
+        more = len(found.fields) - SHOWN
+        if more > 0:
+            blocks[-1] += f"\nand {more} more fields; --json has all"
+    return "\n\n".join(blocks)
+
+
+def _figures(side_by_side: list[ComparedFigure]) -> str:
+    rows = [
+        [
+            each.name,
+            each.unit,
+            _number(each.a),
+            _number(each.b),
+            "" if each.a is None or each.b is None else _number(each.b - each.a),
+        ]
+        for each in side_by_side
+    ]
+    return table(["", "", "A", "B", "B - A"], rows, left=2)
+
+
+def _row(field: FieldDifference) -> list[str]:
+    values = [value if isinstance(value, str) else _number(value) for value in (field.a, field.b)]
+    largest, at = _number(field.largest), _number(field.largest_s)
+    return [
+        field.topic,
+        field.field,
+        f"{field.first_s:.3f}",
+        *(v[:24] for v in values),
+        largest,
+        at,
+    ]
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.6g}"

@@ -1,0 +1,127 @@
+"""`lindy log cut`: a part of a recording as a recording of its own."""
+
+from collections.abc import Sequence
+from fnmatch import fnmatchcase
+from math import inf
+from pathlib import Path
+from typing import NamedTuple
+
+from mcap.records import Channel, Metadata
+
+from services.runtime.config.errors import LindyError
+from services.runtime.config.settings import nearest
+from tools.fresh import refuse_existing
+from tools.recordings.mcap_copy import McapCopy, new_mcap
+from tools.recordings.mcap_records import At, StoredMessage, records
+from tools.recordings.progress import reading
+from tools.recordings.recording import Recording, open_recording
+
+CUT, HASH = "cut", "hash"  # names of metadata; a hash is of a whole dive
+
+
+class WantedPart(NamedTuple):
+    """Which messages to keep."""
+
+    from_s: float = 0.0  # [s] since the dive began, inclusive
+    to_s: float = inf  # [s] exclusive
+    topics: tuple[str, ...] = ()  # keys or patterns such as sensor/*; empty: all
+
+    def within(self, other: "WantedPart") -> "WantedPart":
+        """What both keep. A pattern within a pattern is kept as both of them."""
+        topics = tuple(dict.fromkeys((*other.topics, *self.topics)))
+        return WantedPart(max(self.from_s, other.from_s), min(self.to_s, other.to_s), topics)
+
+
+def cut(path: Path, out: Path, wanted: WantedPart) -> int:
+    """Write the part, and print what is in it. Returns the exit status.
+
+    Raises:
+        LindyError: nothing is in that part, or the file cannot be written.
+    """
+    refuse_existing(out)
+    messages = cut_out(open_recording(path), out, wanted)
+    print(f"{messages} messages written to {out}", flush=True)
+    return 0
+
+
+def cut_out(recording: Recording, out: Path, wanted: WantedPart) -> int:
+    """Returns the number of messages.
+
+    Raises:
+        LindyError: nothing is in that part, or the file cannot be written.
+    """
+    if not wanted.from_s < wanted.to_s:
+        raise LindyError(
+            f"--from is {wanted.from_s:g} s and --to {wanted.to_s:g} s; expected from before to"
+        )
+    origin = recording.origin_ns()
+    if origin is None:
+        raise LindyError(f"{recording.files[0]} holds no messages")
+    begin = origin + round(wanted.from_s * 1e9)
+    end = inf if wanted.to_s == inf else origin + round(wanted.to_s * 1e9)
+    before, keys = 0, dict[str, bool]()
+    with reading("cutting", recording.size) as advance, new_mcap(out) as copy:
+        for file in recording.files:
+            _add(
+                file, copy, (begin, end), wanted.topics, keys, lambda at, n=before: advance(n + at)
+            )
+            before += file.stat().st_size
+        _require_some(recording, wanted, copy, keys)
+        earlier = recording.metadata(CUT)
+        copy.metadata(Metadata(CUT, _noted(wanted, earlier, origin)))
+    return copy.messages
+
+
+def _add(
+    file: Path,
+    copy: McapCopy,
+    span: tuple[float, float],
+    patterns: Sequence[str],
+    keys: dict[str, bool],
+    at: At,
+) -> None:
+    copy.next_file()
+    kept: dict[int, bool] = {}  # by channel
+    begin, end = span
+    for record in records(file, at=at):
+        if isinstance(record, StoredMessage):
+            if begin <= record.log_ns < end and kept.get(record.channel_id, False):
+                copy.add(record)
+            continue
+        if isinstance(record, Channel):
+            key = record.topic
+            keys[key] = kept[record.id] = not patterns or any(fnmatchcase(key, p) for p in patterns)
+        if not (isinstance(record, Metadata) and record.name in (HASH, CUT)):
+            copy.add(record)
+
+
+def _require_some(
+    recording: Recording, wanted: WantedPart, copy: McapCopy, keys: dict[str, bool]
+) -> None:
+    for pattern in wanted.topics:
+        if not any(fnmatchcase(key, pattern) for key in keys):
+            raise LindyError(
+                f"--topics: no topic of {recording.files[0]} is {pattern!r}"
+                f"{nearest(pattern, sorted(keys))}"
+            )
+    if not copy.messages:
+        until = "its end" if wanted.to_s == inf else f"{wanted.to_s:g} s"
+        raise LindyError(
+            f"{recording.files[0]} holds no such message from {wanted.from_s:g} s to {until}"
+        )
+
+
+def _noted(wanted: WantedPart, earlier: dict[str, str], origin: int) -> dict[str, str]:
+    """What the part says of itself: the same, however often it was cut."""
+    before = WantedPart(
+        float(earlier.get("from_s", "0")),
+        float(earlier.get("to_s", "inf")),
+        tuple(earlier.get("topics", "").split()),
+    )
+    whole = wanted.within(before)
+    return {
+        "origin_ns": str(origin),
+        "from_s": repr(float(whole.from_s)),
+        "to_s": repr(float(whole.to_s)),
+        "topics": " ".join(whole.topics),
+    }

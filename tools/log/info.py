@@ -1,0 +1,232 @@
+"""`lindy log info`: what a recording is of, and what is in it."""
+
+from collections.abc import Iterator, Mapping
+from datetime import UTC, datetime
+from math import inf
+from pathlib import Path
+
+import msgspec
+from mcap.records import Attachment
+
+from messages import topics
+from messages.counts import in_words as words_of
+from messages.health import LogLine
+from messages.link import Clock
+from messages.message import Message
+from messages.vehicle import VehicleStatus
+from tools.log.text_table import table
+from tools.recordings.dive_file import FlownDive, flown_dive
+from tools.recordings.progress import reading
+from tools.recordings.recording import Raw, Recording, is_whole, open_recording
+from tools.report.summary import lined_up
+
+LOG = topics.LOG.key[:-1]
+KEYS = (topics.STATUS.key, topics.CLOCK.key)
+REAL_NS = 10**18  # [ns] UTC in 2001: an earlier time is virtual
+SHOWN = 12  # events on the screen; all of them are in the JSON
+
+
+class TopicInfo(msgspec.Struct, kw_only=True):
+    """What is recorded of one topic."""
+
+    type: str = ""
+    count: int = 0
+    bytes: int = 0  # of the messages, uncompressed
+    first_s: float = inf  # [s]
+    last_s: float = -inf  # [s]
+
+    @property
+    def hz(self) -> float | None:
+        """[1/s] Between the first and the last."""
+        seconds = self.last_s - self.first_s
+        return (self.count - 1) / seconds if self.count > 1 and seconds > 0.0 else None
+
+
+class SeenEvent(msgspec.Struct):
+    """Something that a person wants to know of."""
+
+    t: float  # [s]
+    what: str
+
+
+class Attached(msgspec.Struct):
+    name: str
+    bytes: int
+
+
+class Info(msgspec.Struct, kw_only=True):
+    files: list[str]
+    bytes: int  # of the files
+    finished: bool  # all of them
+    about: dict[str, str]  # vehicle, link, pilot, seed, overrides
+    dive: FlownDive | None  # by which Lindy, from which files
+    utc: str | None  # when it began; None: on virtual time
+    seconds: float  # [s] from the first message to the last
+    armed_seconds: float  # [s] of them
+    clock_offset_ms: float | None  # [ms] drone's clock minus topside's, newest
+    clock_bound_ms: float | None  # [ms] greatest error of that
+    log_hash: str | None
+    topics: dict[str, TopicInfo]
+    attachments: list[Attached]
+    events: list[SeenEvent]
+
+
+class Gathered:
+    """Everything that `info` says of the messages, collected one by one."""
+
+    def __init__(self, origin_ns: int) -> None:
+        self.topics: dict[str, TopicInfo] = {}
+        self.events: list[SeenEvent] = []
+        self.armed_s = 0.0  # [s] sum
+        self.clock: Clock | None = None
+        self._origin_ns = origin_ns
+        self._status: tuple[float, VehicleStatus] | None = None
+
+    def see(self, raw: Raw) -> float:
+        """Any message; returns when it arrived [s]."""
+        t = (raw.log_ns - self._origin_ns) / 1e9
+        if (seen := self.topics.get(raw.key)) is None:
+            topic = topics.find(raw.key)
+            name = "" if topic is None else topic.message.__name__
+            seen = self.topics[raw.key] = TopicInfo(type=name)
+        seen.count += 1
+        seen.bytes += len(raw.data)
+        seen.first_s, seen.last_s = min(seen.first_s, t), max(seen.last_s, t)
+        return t
+
+    def read(self, message: Message, t: float) -> None:
+        match message:
+            case VehicleStatus():
+                self._see_status(message, t)
+            case LogLine() if message.level != "info":
+                said = f"{message.level}: {message.service}: {words_of(message.text)}"
+                self.events.append(SeenEvent(round(t, 3), said))
+            case Clock() if message.offset_ns is not None:
+                self.clock = message
+            case _:
+                pass
+
+    def _see_status(self, status: VehicleStatus, t: float) -> None:
+        before_t, before = self._status or (t, None)
+        self._status = t, status
+        if before is not None and before.armed:
+            self.armed_s += t - before_t
+        if status.armed != (before is not None and before.armed):
+            self.events.append(SeenEvent(round(t, 3), "armed" if status.armed else "disarmed"))
+        now = status.failsafe, status.reaction
+        if now != (("none", None) if before is None else (before.failsafe, before.reaction)):
+            over = "failsafe over" if status.failsafe == "none" else ""
+            acts = f"failsafe {status.failsafe}: {status.reaction or 'nothing yet'}"
+            self.events.append(SeenEvent(round(t, 3), over or acts))
+
+
+def info(path: Path, *, json: bool = False) -> int:
+    """Print what is in a recording. Returns the exit status.
+
+    Raises:
+        LindyError: there is no recording.
+    """
+    recording = open_recording(path)
+    with reading("reading", recording.size) as recording.advance:
+        found = info_of(recording)
+    if json:
+        print(msgspec.json.format(msgspec.json.encode(found)).decode())
+    else:
+        print(as_text(found))
+    return 0
+
+
+def info_of(recording: Recording) -> Info:
+    origin = recording.origin_ns()
+    gathered = Gathered(origin or 0)
+    for raw in recording.raw():
+        t = gathered.see(raw)
+        if raw.key in KEYS or raw.key.startswith(LOG):
+            message = recording.decode(raw)
+            if message is not None:
+                gathered.read(message, t)
+    seen, clock = gathered.topics.values(), gathered.clock
+    first = min((topic.first_s for topic in seen), default=0.0)
+    about = dict[str, str]()
+    attached = dict[str, Attached]()
+    for record in recording.described():
+        if isinstance(record, Attachment):
+            attached[record.name] = Attached(record.name, len(record.data))
+        elif record.name == "dive":
+            about |= record.metadata
+    real = origin is not None and origin > REAL_NS
+    return Info(
+        files=[str(file) for file in recording.files],
+        bytes=recording.size,
+        finished=all(map(is_whole, recording.files)),
+        about=about,
+        dive=flown_dive(recording),
+        utc=f"{datetime.fromtimestamp((origin or 0) / 1e9, UTC):%Y-%m-%dT%H:%M:%SZ}"
+        if real
+        else None,
+        seconds=max((topic.last_s for topic in seen), default=0.0) - first,
+        armed_seconds=gathered.armed_s,
+        clock_offset_ms=None if clock is None else (clock.offset_ns or 0) / 1e6,
+        clock_bound_ms=None if clock is None or clock.bound_ns is None else clock.bound_ns / 1e6,
+        log_hash=recording.metadata("hash").get("sha256"),
+        topics=dict(sorted(gathered.topics.items())),
+        attachments=[*attached.values()],
+        events=gathered.events,
+    )
+
+
+def as_text(found: Info) -> str:
+    """A few lines, then the events, then a table of the topics."""
+    blocks = [lined_up(_rows(found))]
+    if found.events:
+        lines = [f"{event.t:9.2f} s  {event.what}" for event in found.events[:SHOWN]]
+        more = len(found.events) - SHOWN
+        blocks.append("\n".join(lines + ([f"{'':>11}  and {more} more"] if more > 0 else [])))
+    if found.topics:
+        blocks.append(_topics(found.topics))
+    return "\n\n".join(blocks)
+
+
+def _rows(found: Info) -> Iterator[tuple[str, str]]:
+    ended = "" if found.finished else ", not finished: see lindy log recover"
+    yield "recording", f"{', '.join(found.files)} ({found.bytes / 1e6:.1f} MB{ended})"
+    if found.about:
+        shown = ("vehicle", "link", "pilot")
+        named = " · ".join(found.about[name] for name in shown if found.about.get(name))
+        changed = found.about.get("overrides", "[]")
+        yield "dive", named
+        yield "seed", found.about.get("seed", "")
+        if changed != "[]":
+            yield "set", ", ".join(msgspec.json.decode(changed, type=list[str]))
+    if found.dive is not None:
+        lindy = found.dive.lindy
+        commit = f" ({lindy['commit']})" if lindy.get("commit") else ""
+        yield "Lindy", f"{lindy.get('version', '')}{commit}, messages {lindy.get('messages', '')}"
+        yield "stack", found.dive.stack.services
+    yield "began", found.utc or "at 0 s of virtual time"
+    armed = f", armed {found.armed_seconds:.1f} s" if found.armed_seconds else ""
+    yield "length", f"{found.seconds:.1f} s{armed}"
+    if found.clock_offset_ms is not None:
+        bound = found.clock_bound_ms
+        within = "" if bound is None else f" ± {bound:.1f}"
+        yield "clocks", f"drone's minus topside's {found.clock_offset_ms:.1f}{within} ms"
+    if found.log_hash is not None:
+        yield "log hash", found.log_hash
+    names = ", ".join(each.name for each in found.attachments)
+    yield "attached", names or "nothing"
+
+
+def _topics(known: Mapping[str, TopicInfo]) -> str:
+    heads = ["topic", "type", "messages", "1/s", "kB", "B each"]
+    rows = [
+        [
+            key,
+            topic.type or "unknown",
+            str(topic.count),
+            "" if topic.hz is None else f"{topic.hz:.1f}",
+            f"{topic.bytes / 1e3:.1f}",
+            f"{topic.bytes / topic.count:.0f}",
+        ]
+        for key, topic in known.items()
+    ]
+    return table(heads, rows, left=2)

@@ -1,0 +1,77 @@
+"""Tables as Parquet, with the types of the messages' schemas."""
+
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from services.runtime.config.errors import LindyError
+from services.runtime.config.extras import how_to_install
+from tools.log.flatten import Row, TableColumn
+from tools.log.tables import RowTable
+
+BATCH = 20_000  # rows that are kept until they are written
+
+
+def require_pyarrow() -> None:
+    """
+    Raises:
+        LindyError: it is not installed; says how to get it.
+    """
+    if find_spec("pyarrow") is None:
+        raise LindyError(
+            f"Parquet needs pyarrow, which is not installed; {how_to_install('tables')}; or "
+            "write CSV with `lindy log csv`"
+        )
+
+
+class ParquetTable:
+    """One file."""
+
+    def __init__(self, path: Path, columns: list[TableColumn]) -> None:
+        self._pyarrow: Any = import_module("pyarrow")  # it has no types
+        parquet: Any = import_module("pyarrow.parquet")
+        types = {
+            "number": self._pyarrow.float64(),
+            "integer": self._pyarrow.int64(),
+            "boolean": self._pyarrow.bool_(),
+            "string": self._pyarrow.string(),
+        }
+        self._schema: Any = self._pyarrow.schema([(c.name, types[c.kind]) for c in columns])
+        self._file = path.open("xb")
+        self._writer: Any = parquet.ParquetWriter(self._file, self._schema, compression="zstd")
+        self._rows: list[Row] = []
+
+    def add(self, row: Row) -> None:
+        self._rows.append(row)
+        if len(self._rows) >= BATCH:
+            self._write()
+
+    def close(self) -> None:
+        self._write()
+        self._writer.close()
+        self._file.close()
+
+    def _write(self) -> None:
+        if not self._rows:
+            return
+        columns = zip(*self._rows, strict=True)
+        try:
+            arrays = [
+                self._pyarrow.array(values, type=kind)
+                for values, kind in zip(columns, self._schema.types, strict=True)
+            ]
+        except (ValueError, TypeError, OverflowError) as error:
+            raise LindyError(
+                f"{self._file.name}: a message does not fit its own schema: {error}"
+            ) from None
+        self._writer.write_table(self._pyarrow.Table.from_arrays(arrays, schema=self._schema))
+        self._rows.clear()
+
+
+def parquet_table(path: Path, columns: list[TableColumn]) -> RowTable:
+    """
+    Raises:
+        OSError: it cannot be written, or is there already.
+    """
+    return ParquetTable(path, columns)

@@ -1,0 +1,90 @@
+"""`lindy log recover`: a recording that was cut off or damaged, as a whole file."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+from mcap.exceptions import McapError
+from mcap.reader import make_reader
+from mcap.records import Metadata
+
+from services.runtime.config.errors import LindyError
+from tools.fresh import refuse_existing
+from tools.recordings.mcap_copy import McapCopy, new_mcap
+from tools.recordings.mcap_records import DAMAGE, At, Damage, salvaged
+from tools.recordings.progress import reading
+from tools.recordings.recording import is_whole, open_recording
+
+# Of all that was recorded: no longer true of a file that has less.
+HASH = "hash"
+
+
+class Recovered(NamedTuple):
+    messages: int
+    attachments: int
+    whole: bool  # nothing was missing
+    words: str  # what was wrong with the files
+
+
+def recover(path: Path, out: Path) -> int:
+    """Write everything that can still be read into a new file, and print what that was. Returns the
+    exit status.
+
+    Raises:
+        LindyError: nothing can be read, or the file cannot be written.
+    """
+    refuse_existing(out)
+    found = recovered(path, out)
+    files = f" and {found.attachments} attached files" if found.attachments else ""
+    print(f"{found.messages} messages{files} written to {out}: {found.words}", flush=True)
+    return 0
+
+
+def recovered(path: Path, out: Path) -> Recovered:
+    """
+    Raises:
+        LindyError: nothing can be read, or the file cannot be written.
+    """
+    recording = open_recording(path)
+    before, words = 0, list[str]()
+    with reading("recovering", recording.size) as advance, new_mcap(out) as copy:
+        for file in recording.files:
+            words += _add(file, copy, lambda at, before=before: advance(before + at))
+            before += file.stat().st_size
+        if not copy.messages and not copy.attachments:
+            raise LindyError(f"nothing can be recovered from {path}: no message in it is whole")
+        if copy.orphans:
+            words.append(f"{copy.orphans} messages of unknown topics are left out")
+        about = {file.name: str(file.stat().st_size) for file in recording.files}
+        copy.metadata(Metadata("recovered", about | {"found": "; ".join(words)}))
+    return Recovered(copy.messages, copy.attachments, not words, _in_words(words))
+
+
+def _add(file: Path, copy: McapCopy, at: At) -> list[str]:
+    """Everything in one file; returns what was wrong with it."""
+    copy.next_file()
+    _add_described(file, copy)
+    damage = Damage()
+    for record in salvaged(file, damage, at):
+        if not (isinstance(record, Metadata) and record.name == HASH):
+            copy.add(record)
+    words = [f"{file.name} was cut off"] if damage.cut_off or not is_whole(file) else []
+    if damage.records:
+        words.append(f"{file.name} had {damage.records} damaged parts")
+    return words
+
+
+def _add_described(file: Path, copy: McapCopy) -> None:
+    """The channels that the summary of a whole file describes, in case that the part of it which
+    describes them first is damaged."""
+    try:
+        with file.open("rb") as stream:
+            summary = make_reader(stream).get_summary()
+    except (*DAMAGE, McapError, OSError):  # OSError: it is too short to have a summary
+        return
+    if summary is not None:
+        for record in (*summary.schemas.values(), *summary.channels.values()):
+            copy.add(record)
+
+
+def _in_words(words: list[str]) -> str:
+    return "; ".join(words) or "nothing was missing"

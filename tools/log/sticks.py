@@ -1,0 +1,276 @@
+"""`lindy log sticks`: the sticks and requests of the pilot of a recorded dive, as a stick log that
+can be flown again."""
+
+import json
+from collections.abc import Iterator
+from math import degrees, radians
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+
+from messages import topics
+from messages.health import LogLine
+from messages.link import LinkRequest
+from messages.message import Message, Request
+from messages.pilot import Course, PilotCommand, PilotRequest
+from messages.simulator import FaultRequest
+from messages.vehicle import VehicleStatus
+from services.gamepad.stick_log import COLUMNS
+from services.gamepad.stick_log_player import QUIET_NS
+from services.piloting.sticks import CENTRED, Sticks
+from services.runtime.config.errors import LindyError
+from tools.fresh import refuse_existing, write_fresh
+from tools.recordings.progress import reading
+from tools.recordings.recording import Recording, open_recording
+
+HANDED_OVER = "has the sticks"  # how the pilot's log line ends when the drone is armed
+APART_NS = 1000  # [ns] between two events of one instant: a row holds one
+PLAIN = ("stop", "disarm", "arm", "light")  # requests that are an event of the same name
+# Control is asked for, and a failsafe is ended, by every script itself.
+BY_ITSELF = ("lease", "offer", "release", "force", "resume")
+KEYS = {
+    topic.key
+    for topic in (
+        topics.PILOT_COMMAND,
+        topics.PILOT_REQUEST,
+        topics.FAULT_REQUEST,
+        topics.LINK_REQUEST,
+        topics.STATUS,
+    )
+}
+LOG = topics.LOG.key[:-1]
+
+
+class SticksRow(NamedTuple):
+    at_ns: int  # [ns] since the sticks were handed over
+    sticks: Sticks
+    event: str = ""
+
+
+class RecordedSticks(NamedTuple):
+    rows: list[SticksRow]  # at least one
+    paths: dict[str, str]  # TOML files by the name that an event gives them
+    source: str  # who had the sticks
+    remarks: list[str]  # what a stick log cannot say
+
+
+class HeardSticks:
+    """What the pilot said, in the order of its sending."""
+
+    def __init__(self) -> None:
+        self.commands: list[PilotCommand] = []
+        self.requests: dict[str, Request] = {}  # the first of each id
+        self.began_ns: int | None = None  # [ns] when the sticks were handed over
+        self.armed_ns: int | None = None  # [ns] as the drone itself said, where the log is missing
+        self._epoch = 0
+
+    def add(self, message: Message) -> None:
+        match message:
+            case PilotCommand() if message.epoch >= self._epoch:  # of the pilot in control
+                self._epoch = message.epoch
+                self.commands.append(message)
+            case PilotRequest() | FaultRequest() | LinkRequest():
+                self.requests.setdefault(message.id, message)
+            case LogLine() if self.began_ns is None and message.text.endswith(HANDED_OVER):
+                self.began_ns = message.stamp_ns
+            case VehicleStatus() if self.armed_ns is None and message.armed:
+                self.armed_ns = message.stamp_ns
+            case _:
+                pass
+
+
+def sticks(path: Path, out: Path) -> int:
+    """Write the stick log, and print what it is. Returns the exit status.
+
+    Raises:
+        LindyError: nobody flew in that recording, or a file cannot be written.
+    """
+    if out.suffix != ".csv" or {",", "#"} & set(str(out)):
+        raise LindyError(f"--out {out}: expected a name that ends in .csv, without comma or #")
+    refuse_existing(out)
+    recording = open_recording(path)
+    with reading("reading", recording.size) as recording.advance:
+        found = sticks_of(recording, f"{out.with_suffix('')}_")
+    for name, text in found.paths.items():
+        write_fresh(Path(name), text.encode())
+    write_fresh(out, as_csv(found, f"the sticks of {found.source}, from {path}").encode())
+    seconds = found.rows[-1].at_ns / 1e9
+    files = ", ".join([str(out), *found.paths])
+    print(f"{len(found.rows)} rows, {seconds:.1f} s, written to {files}", flush=True)
+    for remark in found.remarks:
+        print(remark, flush=True)
+    print(f"to fly them: lindy simulate --pilot script:{out}", flush=True)
+    return 0
+
+
+def sticks_of(recording: Recording, prefix: str = "") -> RecordedSticks:
+    """
+    Args:
+        prefix: what the names of the files in `paths` begin with.
+
+    Raises:
+        LindyError: nobody flew in it.
+    """
+    heard = HeardSticks()
+    for raw in recording.raw():
+        if raw.key in KEYS or raw.key.startswith(LOG):
+            message = recording.decode(raw)
+            if message is not None:
+                heard.add(message)
+    began = heard.armed_ns if heard.began_ns is None else heard.began_ns
+    commands = sorted(heard.commands, key=lambda command: command.stamp_ns)
+    commands = [c for c in commands if began is not None and c.stamp_ns >= began]
+    if began is None or not commands:
+        what = "the drone was never armed" if began is None else "there are no pilot commands"
+        raise LindyError(f"{recording.files[0]} holds no sticks to fly again: {what}")
+    remarks: list[str] = []
+    if heard.began_ns is None:
+        remarks.append("times count from the drone's own arming: the pilot's log line is missing")
+    events = RequestEvents(prefix, remarks)
+    timed = [
+        (request.stamp_ns - began, event)
+        for request in sorted(heard.requests.values(), key=lambda request: request.stamp_ns)
+        if request.stamp_ns > began and (event := events.of(request))
+    ]
+    rows = _with_end(_with_events(_changes(commands, began), timed), commands[-1].stamp_ns - began)
+    return RecordedSticks(rows, events.paths, commands[-1].source, remarks)
+
+
+def as_csv(sticks: RecordedSticks, heading: str) -> str:
+    """The text of a stick log; `heading` is a comment in its first line."""
+    lines = [f"# {heading}", ",".join((*COLUMNS, "tilt", "event"))]
+    for row in sticks.rows:
+        numbers = (row.sticks.surge, row.sticks.sway, row.sticks.heave, row.sticks.yaw)
+        cells = [_seconds(row.at_ns), *map(_number, (*numbers, row.sticks.tilt)), row.event]
+        lines.append(",".join(cells))
+    return "\n".join(lines) + "\n"
+
+
+class RequestEvents:
+    """Requests as events of a stick log."""
+
+    def __init__(self, prefix: str, remarks: list[str]) -> None:
+        self.paths: dict[str, str] = {}
+        self._prefix, self._remarks = prefix, remarks
+
+    def of(self, request: Request) -> str:
+        """Empty: a script does this by itself, or cannot."""
+        match request:
+            case PilotRequest():
+                return self._of_pilot(request)
+            case FaultRequest():
+                value = "" if request.value is None else f" {request.value!r}"
+                return f"fault {request.part} {request.fault}{value}"
+            case LinkRequest():
+                words = ("link", request.kind, request.profile or "", *request.settings)
+                return " ".join(word for word in words if word)
+            case _:
+                return ""
+
+    def _of_pilot(self, request: PilotRequest) -> str:
+        kind = request.kind
+        if kind == "light" and request.value not in (0.0, 1.0):
+            return self._unsaid(f"light {request.value}")
+        if kind == "goto" and request.north is not None:
+            return self._unsaid("goto north east")
+        if kind in PLAIN:
+            return kind
+        if kind == "goto":
+            depth = "" if request.depth is None else f" depth={request.depth!r}"
+            heading = "" if request.heading is None else f" heading={in_degrees(request.heading)}"
+            return f"goto{depth}{heading}"
+        if kind == "mode":
+            return f"mode {request.hold}"
+        if kind == "follow" and request.course is not None:
+            return f"follow {self._path(request.course)}"
+        return "" if kind in BY_ITSELF else self._unsaid(kind)
+
+    def _path(self, course: Course) -> str:
+        text = _course_file(course)
+        for name, known in self.paths.items():
+            if known == text:
+                return name
+        name = f"{self._prefix}path{len(self.paths) + 1}.toml"
+        self.paths[name] = text
+        return name
+
+    def _unsaid(self, what: str) -> str:
+        self._remarks.append(f"a stick log cannot say {what!r}: it is left out")
+        return ""
+
+
+def in_degrees(heading: float) -> str:
+    """The shortest number of degrees that gives exactly this angle [rad], if there is one."""
+    exact = degrees(heading)
+    for digits in range(16):
+        if radians(round(exact, digits)) == heading:
+            return repr(round(exact, digits))
+    return repr(exact)
+
+
+def _changes(commands: list[PilotCommand], began: int) -> list[SticksRow]:
+    """A row wherever the sticks, or the pilot's presence, change."""
+    rows: list[SticksRow] = []
+    for command in commands:
+        sticks = Sticks(command.surge, command.sway, command.heave, command.yaw, tilt=command.tilt)
+        row = SticksRow(command.stamp_ns - began, sticks, _lost(command))
+        if not rows or (row.sticks, row.event) != (rows[-1].sticks, rows[-1].event):
+            if rows and rows[-1].at_ns == row.at_ns:
+                rows.pop()
+            rows.append(row)
+    return rows
+
+
+def _lost(command: PilotCommand) -> str:
+    return "lost" if command.pilot == "lost" else ""
+
+
+def _with_events(rows: list[SticksRow], events: list[tuple[int, str]]) -> list[SticksRow]:
+    """The same sticks, with a row for each event."""
+    taken = {row.at_ns: row for row in rows}
+    for wanted, event in events:
+        at = wanted
+        while at in taken and taken[at].event:
+            at += APART_NS
+        before = max((row for row in taken.values() if row.at_ns <= at), key=_time, default=rows[0])
+        taken[at] = SticksRow(at, before.sticks, event)
+        if before.event == "lost":
+            taken[at + APART_NS] = SticksRow(at + APART_NS, CENTRED, "lost")
+    return sorted(taken.values(), key=_time)
+
+
+def _with_end(rows: list[SticksRow], last_ns: int) -> list[SticksRow]:
+    """A script ends with its last row, and disarms by itself a while later: where the pilot did the
+    same, that row is the end; else the pilot's own disarming is."""
+    *before, last = rows
+    quiet = not before or before[-1].at_ns <= last.at_ns - QUIET_NS
+    if last.event == "disarm" and last.sticks == CENTRED and quiet:
+        end = SticksRow(last.at_ns - QUIET_NS, CENTRED)
+        return [*before, end] if not before or before[-1].at_ns < end.at_ns else before
+    if last.event == "disarm":
+        return rows
+    return rows if last_ns <= last.at_ns else [*rows, SticksRow(last_ns, CENTRED)]
+
+
+def _time(row: SticksRow) -> int:
+    return row.at_ns
+
+
+def _seconds(ns: int) -> str:
+    whole, rest = divmod(ns, 10**9)
+    return f"{whole}.{rest:09d}".rstrip("0").rstrip(".")
+
+
+def _number(value: float) -> str:
+    return repr(value).removesuffix(".0")
+
+
+def _course_file(course: Course) -> str:
+    """As in deploy/paths."""
+    return "".join(_toml(msgspec.to_builtins(course)))
+
+
+def _toml(table: dict[str, object]) -> Iterator[str]:
+    for key, value in table.items():
+        yield f"{key} = {json.dumps(value)}\n"

@@ -1,0 +1,78 @@
+"""The attachment `dive.json` of a recording: what was flown, by which Lindy, from which files."""
+
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from services.recorder.io.attachments import DIVE
+from services.runtime.config.errors import LindyError
+from tools.recordings.recording import Recording
+
+
+class UsedFile(msgspec.Struct, frozen=True):
+    """A file that the dive was started with."""
+
+    path: str  # as it was named
+    shipped: bool = False  # it is one of Lindy's own: the path is in the folder deploy
+    attachment: str | None = None  # name of its copy in the recording; None: it was gone
+    sha256: str = ""
+
+
+class FlownStack(msgspec.Struct, frozen=True):
+    """The settings of the dive. A field that a later Lindy adds is ignored."""
+
+    vehicle: str
+    link: str
+    pilot: str
+    seed: int = 0
+    overrides: list[str] = []
+    services: str = "simulated"
+    running: list[str] = []
+    seconds: float | None = None
+    virtual: bool = False
+    apart: bool = False
+
+
+class FlownDive(msgspec.Struct, frozen=True):
+    lindy: dict[str, str]  # version, commit, hash of the messages
+    computer: dict[str, str]  # what results may depend on besides
+    stack: FlownStack
+    files: list[UsedFile] = []
+
+    def named(self, folder: str, name: str, suffix: str) -> UsedFile | None:
+        """The file of a vehicle, a link, a script …, as `deploy_file` finds it."""
+        own = name.endswith(suffix)
+        wanted = (str(Path(name)), False) if own else (f"{folder}/{name}{suffix}", True)
+        return next((file for file in self.files if (file.path, file.shipped) == wanted), None)
+
+    def differences(self, lindy: dict[str, str], computer: dict[str, str]) -> list[str]:
+        """What is not the same here, in words."""
+        pairs: list[tuple[str, str, str]] = [
+            (name, there.get(name, ""), value)
+            for there, here in ((self.lindy, lindy), (self.computer, computer))
+            for name, value in here.items()
+        ]
+        return [
+            f"{name} {then or 'unknown'}, here {now or 'unknown'}"
+            for name, then, now in pairs
+            if then != now
+        ]
+
+
+def flown_dive(recording: Recording) -> FlownDive | None:
+    """None: it carries no such attachment, as of an older Lindy or of another program.
+
+    Raises:
+        LindyError: the attachment cannot be read.
+    """
+    data = recording.attachment(DIVE)
+    return None if data is None else _decoded(data, recording)
+
+
+def _decoded(data: bytes, recording: Recording) -> FlownDive:
+    try:
+        found: Any = msgspec.json.decode(data, type=FlownDive)
+    except msgspec.DecodeError as error:
+        raise LindyError(f"{recording.files[0]}: the attachment {DIVE}: {error}") from None
+    return found
