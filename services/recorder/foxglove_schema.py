@@ -1,9 +1,10 @@
 """JSON Schemas that Foxglove and Lichtblick accept.
 
 Their parser needs `"type": "object"` at the top and supports neither `$ref`, `anyOf`, `enum` nor
-`prefixItems`; a channel whose schema has one of them is not shown. So schemas are flattened:
-references are replaced by their target, a nullable value by the value, an enumeration by its type,
-a tuple by an array of its first item.
+`prefixItems`, nor an object without `properties`; a channel whose schema has one of them is not
+shown. So schemas are flattened: references are replaced by their target, a nullable value by the
+value, an enumeration by its type, a tuple by an array of its first item; and an object whose keys
+are not known beforehand, such as the counts of a service, has no named properties.
 """
 
 import json
@@ -37,6 +38,8 @@ def _flat(schema: Schema, defs: dict[str, Schema]) -> Schema:
     for name in ("items", "additionalProperties"):
         if isinstance(flat.get(name), dict):
             flat[name] = _flat(flat[name], defs)
+    if flat.get("type") == "object":
+        flat.setdefault("properties", {})
     if "properties" in flat:
         flat["properties"] = {k: _flat(s, defs) for k, s in flat["properties"].items()}
     return flat
