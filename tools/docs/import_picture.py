@@ -42,6 +42,7 @@ BOXES = {
     "services.recorder": Box(3.38, 4.0, 0.82),
     "services.visualizer": Box(4.26, 4.0, 0.82),
     "services.predictor": Box(5.14, 4.0, 0.82),
+    "services.foxglove": Box(-0.14, 3.0, 0.82),
     "services.ardusub": Box(0.98, 3.0, 0.78),
     "services.simulator": Box(1.86, 3.0, 0.78),
     "services.estimation": Box(2.82, 3.0),

@@ -13,7 +13,9 @@ PREFIX = "foxglove/"  # of the channels of views; no topic of the bus begins lik
 # Schemas of Foxglove's own message types, published under the MIT licence by
 # https://github.com/foxglove/foxglove-sdk (npm package @foxglove/schemas 2.1.0), without their
 # descriptions. Foxglove knows them by their names.
-OFFICIAL = Path(__file__).with_name("official_schemas.json")
+OFFICIAL: dict[str, Schema] = json.loads(
+    Path(__file__).with_name("official_schemas.json").read_text()
+)
 
 
 class NamedSchema(NamedTuple):
@@ -37,8 +39,7 @@ def schema_of(kind: type[Message]) -> NamedSchema:
 @cache
 def official(name: str) -> NamedSchema:
     """The schema of one of Foxglove's own types, such as `foxglove.Log`."""
-    schemas: dict[str, Schema] = json.loads(OFFICIAL.read_text())
-    return NamedSchema(name, json.dumps(schemas[name]).encode())
+    return NamedSchema(name, json.dumps(OFFICIAL[name]).encode())
 
 
 class View(NamedTuple):
