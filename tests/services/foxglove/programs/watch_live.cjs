@@ -33,6 +33,7 @@ client.on("parameterValues", ({ parameters, id }) => {
   seen.parameters[id ?? "told"] = values;
 });
 client.on("status", ({ message }) => seen.statuses.push(message));
+client.on("serviceCallFailure", ({ message }) => seen.statuses.push(message));
 client.on("message", ({ subscriptionId, timestamp, data }) => {
   const topic = topics.get(subscriptionId);
   const text = new TextDecoder().decode(data);
