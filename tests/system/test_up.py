@@ -18,6 +18,7 @@ import pytest
 
 from messages import topics
 from messages.health import LogLine
+from messages.topic import Way
 from services.runtime.config.running import RUNNING, Running
 from tools.__main__ import main
 from tools.recordings.recording import is_whole, open_recording
@@ -130,10 +131,36 @@ def test_the_drone_reports_on_a_dive_whose_pilot_has_another_clock(tmp_path: Pat
     for line in ("ended cleanly", "report.json in", "elsewhere         the topside's restarts"):
         assert line in drone.said
     assert {path.stem for path in (topside.out / "logs").iterdir()} == {
-        "hub_topside", "topside", "visualizer",
+        "hub_topside", "recorder_topside", "topside", "visualizer",
     }  # fmt: skip
     assert "on the drone" in topside.said
     assert not (topside.out / "report.json").exists()
+    require_one_clock_in_each_recording(drone.out, topside.out)
+
+
+def require_one_clock_in_each_recording(drone: Path, topside: Path) -> None:
+    """Both sides are recorded, each by its own clock, and say how far the other one's is."""
+    ahead: list[int] = []
+    for folder in (drone, topside):
+        assert is_whole(folder / "dive.mcap")
+        recording = open_recording(folder)
+        clock = recording.metadata("other_clock")
+        ahead.append(int(clock["other_minus_this_ns"]))
+        assert 0 < int(clock["bound_ns"]) < 1_000_000_000
+        late = {key: list[int]() for key in (topics.PILOT_COMMAND.key, topics.STATE.key)}
+        for raw in recording.raw():
+            if raw.key in late:
+                late[raw.key].append(raw.log_ns - raw.publish_ns)
+        for delays in late.values():
+            assert len(delays) > 100
+            assert all(abs(delay) < 5_000_000_000 for delay in delays)  # of a day between clocks
+    bounds = [int(open_recording(f).metadata("other_clock")["bound_ns"]) for f in (drone, topside)]
+    assert abs(sum(ahead)) <= sum(bounds)
+    crossed = {topic.key for topic in topics.ALL if topic.way is not Way.STAY}
+    heard = {raw.key for raw in open_recording(topside).raw()}
+    assert all(topics.find(key) is not None for key in heard)
+    assert topics.IMU.key not in heard
+    assert {topics.STATE.key, topics.PREDICTION.key} <= heard & crossed
 
 
 def test_a_drone_whose_recorder_died_says_that_its_recording_has_a_gap(tmp_path: Path):
