@@ -15,7 +15,7 @@ from messages import topics
 from messages.message import Message
 from messages.payload import PayloadDecoder
 from messages.topic import AnyTopic
-from services.recorder.foxglove.channel import NamedSchema, View, schema_of
+from services.recorder.foxglove.channel import FoxgloveView, NamedSchema, schema_of
 from services.recorder.foxglove.views import Views
 from services.recorder.settings import Settings as Settings  # the registry looks for them here
 
@@ -53,7 +53,7 @@ class _Stream:
     decoder: PayloadDecoder[Message]
 
 
-def view_row(view: View, of: RecordedRow) -> RecordedRow:
+def view_row(view: FoxgloveView, of: RecordedRow) -> RecordedRow:
     """The row of a view, beside that of its message."""
     return of._replace(key=view.key, schema=view.schema, data=view.data, is_view=True)
 

@@ -42,7 +42,7 @@ def official(name: str) -> NamedSchema:
     return NamedSchema(name, json.dumps(OFFICIAL[name]).encode())
 
 
-class View(NamedTuple):
+class FoxgloveView(NamedTuple):
     """One message for Foxglove."""
 
     key: str

@@ -13,7 +13,7 @@ from messages.topic import AnyTopic
 from messages.vehicle import Actuation, Truth
 from services.marine.vehicle import Vehicle
 from services.recorder.foxglove import scene
-from services.recorder.foxglove.channel import PREFIX, View, official
+from services.recorder.foxglove.channel import PREFIX, FoxgloveView, official
 from services.recorder.foxglove.named import named_vectors
 
 # The scene is for the eye, so it has fewer messages than the state has.
@@ -36,14 +36,14 @@ class Views:
         self._due: dict[str, int] = {}  # [ns] UTC, when a view is due again
         self._encode = msgspec.json.Encoder().encode
 
-    def of(self, topic: AnyTopic, message: Message, utc_ns: int) -> list[View]:
+    def of(self, topic: AnyTopic, message: Message, utc_ns: int) -> list[FoxgloveView]:
         """The views of one message.
 
         Args:
             topic: its row of the topic table.
             utc_ns: [ns] UTC of its stamp.
         """
-        views: list[View] = []
+        views: list[FoxgloveView] = []
         if (plot := self._plot(topic, message, utc_ns)) is not None:
             views.append(plot)
         if isinstance(message, VehicleState):
@@ -60,15 +60,17 @@ class Views:
             views.append(self._view("log", "Log", _log(message, utc_ns)))
         return views
 
-    def _plot(self, topic: AnyTopic, message: Message, utc_ns: int) -> View | None:
+    def _plot(self, topic: AnyTopic, message: Message, utc_ns: int) -> FoxgloveView | None:
         named = self._named.get(topic.key)
         if named is None or (topic in SLOW and not self._is_due(topic.key, utc_ns, SLOW_NS)):
             return None
         fields = named.of(message)
-        return None if fields is None else View(named.key, named.schema, self._encode(fields))
+        return (
+            None if fields is None else FoxgloveView(named.key, named.schema, self._encode(fields))
+        )
 
-    def _drawn(self, state: VehicleState, utc_ns: int) -> list[View]:
-        views: list[View] = []
+    def _drawn(self, state: VehicleState, utc_ns: int) -> list[FoxgloveView]:
+        views: list[FoxgloveView] = []
         if self._is_due("pose", utc_ns, POSE_NS):
             frames = scene.transforms(utc_ns, state, self._reference, self._truth)
             pose = scene.pose(scene.place(state), state.attitude)
@@ -82,7 +84,7 @@ class Views:
             views.append(self._view("hull", "SceneUpdate", hulls))
         return views
 
-    def _thrust(self, actuation: Actuation, utc_ns: int) -> list[View]:
+    def _thrust(self, actuation: Actuation, utc_ns: int) -> list[FoxgloveView]:
         if not self._is_due("thrust", utc_ns, THRUST_NS):
             return []
         arrows = scene.thrust_arrows(utc_ns, self._vehicle, actuation.thrust)
@@ -96,8 +98,8 @@ class Views:
         self._due[name] = utc_ns + period_ns - (utc_ns - due) % period_ns
         return True
 
-    def _view(self, name: str, kind: str, content: dict[str, Any]) -> View:
-        return View(PREFIX + name, official(f"foxglove.{kind}"), self._encode(content))
+    def _view(self, name: str, kind: str, content: dict[str, Any]) -> FoxgloveView:
+        return FoxgloveView(PREFIX + name, official(f"foxglove.{kind}"), self._encode(content))
 
 
 def _log(line: LogLine, utc_ns: int) -> dict[str, Any]:

@@ -43,4 +43,8 @@ def foxglove_program() -> Callable[..., FoxgloveProgram]:
     node, modules = shutil.which("node"), os.environ.get("LINDY_NODE_MODULES")
     if node is None or modules is None:
         pytest.skip("LINDY_NODE_MODULES does not name a folder with Foxglove's packages (.ci/run)")
-    return lambda name, *words: FoxgloveProgram(node, modules, name, *words)
+
+    def start(name: str, *words: str) -> FoxgloveProgram:
+        return FoxgloveProgram(node, modules, name, *words)
+
+    return start

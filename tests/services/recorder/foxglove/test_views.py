@@ -20,7 +20,7 @@ from messages.topic import AnyTopic
 from messages.units import Quaternion, Vec3
 from messages.vehicle import Actuation, Truth
 from services.marine.vehicle import Vehicle
-from services.recorder.foxglove.channel import OFFICIAL, PREFIX, View
+from services.recorder.foxglove.channel import OFFICIAL, PREFIX, FoxgloveView
 from services.recorder.foxglove.named import THRUST, VECTORS
 from services.recorder.foxglove.scene import NED_IN_WORLD, along
 from services.recorder.foxglove.views import Views
@@ -123,7 +123,7 @@ def everything(now: int) -> list[tuple[AnyTopic, Message]]:
     ]
 
 
-def views_of_all(now: int = START) -> dict[str, View]:
+def views_of_all(now: int = START) -> dict[str, FoxgloveView]:
     views = Views(VEHICLE)
     return {v.key: v for topic, message in everything(now) for v in views.of(topic, message, now)}
 
