@@ -4,9 +4,11 @@ from collections import deque
 
 from messages.link import LatencyBudget
 from messages.message import Message
+from messages.pilot import PilotRequest
 from messages.vehicle import VehicleStatus
 from services.recorder.core import RecordedRow
 
+ABOUT_CONTROL = ("lease", "offer", "release", "force")  # who may fly: asked before anything happens
 ROW_BYTES = 400  # [bytes] of memory that a row takes besides its data
 
 
@@ -57,6 +59,8 @@ def trigger(message: Message) -> str | None:
             return f"failsafe {message.failsafe}"
         if message.conditions:
             return f"the drone noticed {message.conditions[0]}"
+    if isinstance(message, PilotRequest) and message.kind not in ABOUT_CONTROL:
+        return f"the pilot asks for {message.kind}"
     if isinstance(message, LatencyBudget) and message.alarm:
         return f"link alarm: {message.alarm}"
     return None

@@ -4,6 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from messages.link import LatencyBudget
+from messages.pilot import PilotRequest
 from messages.sensors import LeakSample
 from messages.vehicle import VehicleStatus
 from services.recorder.core import RecordedRow
@@ -63,12 +64,15 @@ def status(**changes: object) -> VehicleStatus:
     return VehicleStatus(**({"stamp_ns": 0, "mode": "ready", "armed": False} | changes))  # type: ignore[arg-type]
 
 
-def test_arming_an_alarm_and_a_failsafe_begin_a_recording():
+def test_arming_a_request_an_alarm_and_a_failsafe_begin_a_recording():
     assert trigger(status()) is None
     assert trigger(LeakSample(stamp_ns=0, wet=False)) is None
     assert trigger(status(armed=True)) == "the drone is armed"
     assert trigger(status(failsafe="leak")) == "failsafe leak"
     assert trigger(status(conditions=("too_hot",))) == "the drone noticed too_hot"
+    asked = PilotRequest(stamp_ns=0, id="x", kind="light", value=0.5)
+    assert trigger(asked) == "the pilot asks for light"
+    assert trigger(PilotRequest(stamp_ns=0, id="x", kind="lease")) is None
     quiet = LatencyBudget(
         stamp_ns=0, down=None, up=None, stick_to_thruster_ms=None, sensor_to_screen_ms=None,
         bound_ms=None,
