@@ -52,7 +52,6 @@ class SessionNode(Protocol):
     def log(self, level: Literal["info", "warning", "error"], text: str) -> None: ...
     def restore_checkpoint(self, kind: type[RecordingCheckpoint]) -> RecordingCheckpoint | None: ...
     def save_checkpoint(self, what: RecordingCheckpoint) -> None: ...
-    def other_clock(self) -> tuple[int, int] | None: ...
 
 
 class McapSession:
@@ -163,15 +162,12 @@ class McapSession:
             self._stopped(part_path(self._stack.out_dir, self._opened.parts + 1), error)
 
     def _describe_losses(self, file: McapFile) -> None:
-        """What this part lost, and what is known of the other machine's clock."""
+        """What this part lost."""
         file.flush()
         counts = self._node.counts
         losses = {name: str(counts[name] - self._told[name]) for name in sorted(counts)}
         file.metadata("losses", {name: count for name, count in losses.items() if count != "0"})
         self._told = Counter(counts)
-        if (clock := self._node.other_clock()) is not None:
-            ahead, bound = map(str, clock)
-            file.metadata("other_clock", {"other_minus_this_ns": ahead, "bound_ns": bound})
 
     def _remember(self, parts: int, *, begun: bool) -> None:
         self._opened = RecordingCheckpoint(parts, begun)

@@ -238,14 +238,6 @@ class Node:
             stamp_ns if self._clock_offset is None else self._clock_offset.local_ns(topic, stamp_ns)
         )
 
-    def other_clock(self) -> tuple[int, int] | None:
-        """[ns] The other machine's clock minus this one, and its greatest error; None where there
-        is one clock, or it is not known."""
-        clock = self._clock_offset
-        if clock is None or clock.ahead_ns is None:
-            return None
-        return clock.ahead_ns, clock.bound_ns(self._clock())
-
     def learn_clock(self, clock: Clock) -> None:
         """For the link monitor, which does not receive its own messages."""
         if self._clock_offset is not None:
