@@ -181,7 +181,7 @@ def test_a_report_that_fails_costs_the_exit_status_but_not_the_recording(tmp_pat
     assert topics.IMU.key in {entry.key for entry in open_recording(drone.out)}
 
 
-def test_the_topside_says_what_was_restarted_and_that_nothing_was_recorded(tmp_path: Path):
+def test_the_topside_says_what_was_restarted_and_where_the_report_is(tmp_path: Path):
     # A pad that is not plugged in: no script that would end, no window that needs a display.
     with side(
         tmp_path / "topside", "topside", "--connect", free_endpoint(), "--pilot", "gamepad"
@@ -193,7 +193,9 @@ def test_the_topside_says_what_was_restarted_and_that_nothing_was_recorded(tmp_p
     lines = topside.said.splitlines()
     assert "topside of pioneer, ended; the drone was never heard, " in topside.said
     assert "restarted         hub_topside 1 × and link_monitor 1 ×" in lines
-    assert "recorded          nothing here: recording and report.json are on the drone" in lines
+    heard = "what was heard here; all that never crosses, and report.json, are on the drone"
+    assert f"recorded          {heard}" in lines
+    assert is_whole(topside.out / "dive.mcap")
     assert [path.name for path in topside.out.glob("*.mcap")] == []
 
 

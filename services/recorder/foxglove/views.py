@@ -4,7 +4,6 @@ from typing import Any
 
 import msgspec
 
-from messages import topics
 from messages.health import LogLine
 from messages.message import Message
 from messages.reference import Reference
@@ -16,12 +15,11 @@ from services.recorder.foxglove import scene
 from services.recorder.foxglove.channel import PREFIX, FoxgloveView, official
 from services.recorder.foxglove.named import named_vectors
 
-# The scene is for the eye, so it has fewer messages than the state has.
+# All this is for the eye, so it has fewer messages than the bus has.
 POSE_NS = 40_000_000  # [ns] between two poses
-SLOW_NS = 40_000_000  # [ns] between two plotted values of what is not in the control loop
+PLOT_NS = 40_000_000  # [ns] between two named vectors; the message itself has every sample
 THRUST_NS = 100_000_000  # [ns] between two sets of arrows
 HULL_NS = 1_000_000_000  # [ns] it never changes, but somebody may begin to watch
-SLOW = (topics.MAGNETOMETER, topics.TRUTH)
 LEVELS = {"info": 2, "warning": 3, "error": 4}  # of `foxglove.Log`
 
 
@@ -62,7 +60,7 @@ class Views:
 
     def _plot(self, topic: AnyTopic, message: Message, utc_ns: int) -> FoxgloveView | None:
         named = self._named.get(topic.key)
-        if named is None or (topic in SLOW and not self._is_due(topic.key, utc_ns, SLOW_NS)):
+        if named is None or not self._is_due(topic.key, utc_ns, PLOT_NS):
             return None
         fields = named.of(message)
         return (
