@@ -196,7 +196,6 @@ def test_the_topside_says_what_was_restarted_and_where_the_report_is(tmp_path: P
     heard = "what was heard here; all that never crosses, and report.json, are on the drone"
     assert f"recorded          {heard}" in lines
     assert is_whole(topside.out / "dive.mcap")
-    assert [path.name for path in topside.out.glob("*.mcap")] == []
 
 
 def test_a_drone_without_keys_says_so_from_its_start_to_its_summary(tmp_path: Path):
