@@ -37,6 +37,7 @@ from tools.report import Elsewhere
 
 OTHER = {"topside": "drone", "drone": "topside"}
 HERE = "tcp/127.0.0.1:7447"  # where both sides meet on one machine
+RECORDER_HERE = f"{RECORDER}_topside"  # records what the topside hears
 GATEWAY = "tether"  # the service that may stand between the two
 
 
@@ -146,7 +147,7 @@ def topside(
     grouped: bool,
     insecure: bool,
 ) -> int:
-    """The topside of a dive as in `lindy dive`; the recording is made on board."""
+    """The topside of a dive as in `lindy dive`; the report is made on board."""
     every = Registry.read(choices.stack)
     here = runnable(on_side(every, "topside", gateway=gateway))
     here = here.grouped() if grouped else here
@@ -183,7 +184,7 @@ def run(
     keys: Door | None,
 ) -> int:
     """The topside from its start to its summary. Returns the exit status."""
-    if RECORDER in here:
+    if RECORDER in here or RECORDER_HERE in here:
         require_room_for_recording(stack.out_dir)
     outcome = Outcome(stack)
     with StopSignals() as stop:
@@ -200,12 +201,13 @@ def run(
             return stop.report(lambda: outcome.sum_up(drone))
         return stop.report(
             lambda: outcome.sum_up_unrecorded("topside", "drone"),
-            "the recording is on the drone's side",
+            "the report is on the drone's side",
         )
 
 
 def on_side(every: Registry, side: str, *, gateway: bool) -> Registry:
-    """The services whose home is this side; they are connected to this side only."""
+    """The services whose home is this side; they are connected to this side only. Where the stack
+    has a recorder on board, the topside gets one of its own."""
     specs: dict[str, ServiceSpec] = {}
     for name, spec in every.apart().items():
         if name == GATEWAY:
@@ -213,6 +215,10 @@ def on_side(every: Registry, side: str, *, gateway: bool) -> Registry:
                 specs[name] = spec
         elif spec.sides[0] == side:
             specs[name] = msgspec.structs.replace(spec, sides=[side])
+        elif name == RECORDER and side == "topside":
+            specs[RECORDER_HERE] = msgspec.structs.replace(
+                spec, sides=[side], service=RECORDER, process=RECORDER_HERE
+            )
     return every.only(specs)
 
 

@@ -15,6 +15,9 @@ from messages import topics
 from messages.message import Message
 from messages.payload import PayloadDecoder
 from messages.topic import AnyTopic
+from services.recorder.foxglove.channel import FoxgloveView, NamedSchema, schema_of
+from services.recorder.foxglove.views import Views
+from services.recorder.settings import Settings as Settings  # the registry looks for them here
 
 MEMBERS = 64  # recorded members of one family, such as health/*
 UNKNOWN = 32  # unknown keys that are counted under their own name
@@ -25,12 +28,13 @@ LATEST_NS = 2**63 - 1  # [ns] MCAP tools read times as signed or unsigned 64 bit
 class RecordedRow(NamedTuple):
     """One message as it is written to the file."""
 
-    topic: AnyTopic  # the row of the topic table; for health/control that of health/*
     key: str
+    schema: NamedSchema
     data: bytes  # JSON
     log_ns: int  # [ns] UTC of arrival
     publish_ns: int  # [ns] UTC of the message's own stamp, or of arrival: see `Intake`
     sequence: int  # the publisher's count, modulo 2³²
+    is_view: bool = False  # computed from a message of the bus, so nothing is lost without it
 
 
 class CheckedMessage(NamedTuple):
@@ -49,6 +53,11 @@ class _Stream:
     decoder: PayloadDecoder[Message]
 
 
+def view_row(view: FoxgloveView, of: RecordedRow) -> RecordedRow:
+    """The row of a view, beside that of its message."""
+    return of._replace(key=view.key, schema=view.schema, data=view.data, is_view=True)
+
+
 def _unchanged(_: AnyTopic, stamp_ns: int) -> int | None:
     return stamp_ns
 
@@ -60,11 +69,16 @@ class Intake:
         wall_offset_ns: [ns] UTC minus the recorder's clock, which is that of arrivals.
         local_ns: converts a stamp [ns] of a topic to the recorder's clock; None where that is not
             known, then the arrival time is used. By default there is one clock.
+        views: computes what Foxglove shows; None: only messages are recorded.
     """
 
     def __init__(
-        self, wall_offset_ns: int, local_ns: Callable[[AnyTopic, int], int | None] = _unchanged
+        self,
+        wall_offset_ns: int,
+        local_ns: Callable[[AnyTopic, int], int | None] = _unchanged,
+        views: Views | None = None,
     ) -> None:
+        self._views = views
         self._offset = wall_offset_ns
         self._local_ns = local_ns
         self._streams: dict[str, _Stream] = {}  # every topic of the table, and members seen
@@ -84,9 +98,16 @@ class Intake:
         found = self.check(key, encoding, payload, arrival)
         if isinstance(found, str):
             return found
-        topic, message, log_ns, publish_ns = found
-        data = self._encode(message)
-        return RecordedRow(topic, key, data, log_ns, publish_ns, message.seq & 0xFFFFFFFF)
+        return self.rows(key, found)[0]
+
+    def rows(self, key: str, checked: CheckedMessage) -> list[RecordedRow]:
+        """The row of a message that was checked, and those of its views."""
+        topic, message, log_ns, publish_ns = checked
+        data, sequence = self._encode(message), message.seq & 0xFFFFFFFF
+        row = RecordedRow(key, schema_of(topic.message), data, log_ns, publish_ns, sequence)
+        if self._views is None:
+            return [row]
+        return [row, *(view_row(v, row) for v in self._views.of(topic, message, publish_ns))]
 
     def check(self, key: str, encoding: str, payload: bytes, arrival: int) -> CheckedMessage | str:
         """The message, counted into the hash; or the name under which its loss is counted.

@@ -1,9 +1,11 @@
 """JSON Schemas that Foxglove and Lichtblick accept.
 
 Their parser needs `"type": "object"` at the top and supports neither `$ref`, `anyOf`, `enum` nor
-`prefixItems`; a channel whose schema has one of them is not shown. So schemas are flattened:
-references are replaced by their target, a nullable value by the value, an enumeration by its type,
-a tuple by an array of its first item.
+`prefixItems`, nor an object without `properties`, nor an array of arrays; a channel whose schema
+has one of them is not shown. So schemas are flattened: references are replaced by their target, a
+nullable value by the value, an enumeration by its type, a tuple by an array of its first item. An
+object whose keys are not known beforehand, such as the counts of a service, has no named
+properties, and a field that is an array of arrays is left out.
 """
 
 import json
@@ -37,6 +39,14 @@ def _flat(schema: Schema, defs: dict[str, Schema]) -> Schema:
     for name in ("items", "additionalProperties"):
         if isinstance(flat.get(name), dict):
             flat[name] = _flat(flat[name], defs)
+    if flat.get("type") == "object":
+        flat.setdefault("properties", {})
     if "properties" in flat:
-        flat["properties"] = {k: _flat(s, defs) for k, s in flat["properties"].items()}
+        parts = {k: _flat(s, defs) for k, s in flat["properties"].items()}
+        flat["properties"] = {k: part for k, part in parts.items() if not _is_nested(part)}
     return flat
+
+
+def _is_nested(schema: Schema) -> bool:
+    """Is it an array of arrays?"""
+    return schema["type"] == "array" and schema["items"]["type"] == "array"

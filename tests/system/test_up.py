@@ -18,6 +18,7 @@ import pytest
 
 from messages import topics
 from messages.health import LogLine
+from messages.link import Clock
 from services.runtime.config.running import RUNNING, Running
 from tools.__main__ import main
 from tools.recordings.recording import is_whole, open_recording
@@ -130,10 +131,32 @@ def test_the_drone_reports_on_a_dive_whose_pilot_has_another_clock(tmp_path: Pat
     for line in ("ended cleanly", "report.json in", "elsewhere         the topside's restarts"):
         assert line in drone.said
     assert {path.stem for path in (topside.out / "logs").iterdir()} == {
-        "hub_topside", "topside", "visualizer",
+        "hub_topside", "recorder_topside", "topside", "visualizer",
     }  # fmt: skip
     assert "on the drone" in topside.said
     assert not (topside.out / "report.json").exists()
+    require_one_clock_in_each_recording(drone.out, topside.out)
+
+
+def require_one_clock_in_each_recording(drone: Path, topside: Path) -> None:
+    """Both sides are recorded, each by its own clock, with the offset of the two and its bound."""
+    for folder in (drone, topside):
+        assert is_whole(folder / "dive.mcap")
+        recording = open_recording(folder)
+        clocks = [entry.message for entry in recording if isinstance(entry.message, Clock)]
+        assert clocks
+        assert clocks[-1].offset_ns is not None
+        assert 0 < (clocks[-1].bound_ns or 0) < 1_000_000_000
+        late = {key: list[int]() for key in (topics.PILOT_COMMAND.key, topics.STATE.key)}
+        for raw in recording.raw():
+            if raw.key in late:
+                late[raw.key].append(raw.log_ns - raw.publish_ns)
+        for delays in late.values():
+            assert len(delays) > 100
+            assert all(abs(delay) < 5_000_000_000 for delay in delays)  # of a day between clocks
+    heard = {raw.key for raw in open_recording(topside).raw()}
+    assert topics.IMU.key not in heard
+    assert {topics.STATE.key, topics.PREDICTION.key} <= heard
 
 
 def test_a_drone_whose_recorder_died_says_that_its_recording_has_a_gap(tmp_path: Path):
@@ -158,7 +181,7 @@ def test_a_report_that_fails_costs_the_exit_status_but_not_the_recording(tmp_pat
     assert topics.IMU.key in {entry.key for entry in open_recording(drone.out)}
 
 
-def test_the_topside_says_what_was_restarted_and_that_nothing_was_recorded(tmp_path: Path):
+def test_the_topside_says_what_was_restarted_and_where_the_report_is(tmp_path: Path):
     # A pad that is not plugged in: no script that would end, no window that needs a display.
     with side(
         tmp_path / "topside", "topside", "--connect", free_endpoint(), "--pilot", "gamepad"
@@ -170,8 +193,9 @@ def test_the_topside_says_what_was_restarted_and_that_nothing_was_recorded(tmp_p
     lines = topside.said.splitlines()
     assert "topside of pioneer, ended; the drone was never heard, " in topside.said
     assert "restarted         hub_topside 1 × and link_monitor 1 ×" in lines
-    assert "recorded          nothing here: recording and report.json are on the drone" in lines
-    assert [path.name for path in topside.out.glob("*.mcap")] == []
+    heard = "what was heard here; all that never crosses, and report.json, are on the drone"
+    assert f"recorded          {heard}" in lines
+    assert is_whole(topside.out / "dive.mcap")
 
 
 def test_a_drone_without_keys_says_so_from_its_start_to_its_summary(tmp_path: Path):

@@ -106,12 +106,14 @@ class Outcome:
             )
 
     def sum_up_unrecorded(self, side: str, other: str) -> int:
-        """Print what is known on the side without a recorder. Returns the exit status.
+        """Print what is known on the side without a report. Returns the exit status.
 
         Raises:
             LindyError: why the dive was aborted.
         """
         restarts, folder = self.restarts(), self._stack.out_dir
+        if parts_in(folder):
+            merge(folder)
         troubles = [
             *self._unarmed(side),
             *processes(restarts, self.gone, self.shared),
@@ -223,9 +225,7 @@ def data_was_lost(dive: RecordedDive, report: Report) -> bool:
 
 def was_deaf(restarts: Mapping[str, int]) -> bool:
     """A restarted recorder or hub received nothing for a while."""
-    return any(
-        count > 0 and (name == RECORDER or name.startswith(HUB)) for name, count in restarts.items()
-    )
+    return any(count > 0 and name.startswith((RECORDER, HUB)) for name, count in restarts.items())
 
 
 def written(folder: Path) -> list[Path]:

@@ -16,6 +16,7 @@ from mcap.records import Attachment, Channel, Metadata, Schema
 
 from messages import topics
 from messages.message import Message
+from services.recorder.foxglove.channel import is_view
 from services.recorder.io.mcap_file import McapFile
 from services.recorder.io.open_chunk import MAGIC
 from services.recorder.io.parts import FIRST, parts_in
@@ -60,7 +61,8 @@ class Recording:
                 yield RecordedMessage(raw.key, message, raw.log_ns, raw.publish_ns)
 
     def raw(self) -> Iterator[Raw]:
-        """Every message, not decoded: for readers that need few of them."""
+        """Every message, not decoded: for readers that need few of them. What is recorded for
+        Foxglove is computed from these, and left out."""
         before = 0
         for path in self.files:
             channels: dict[int, str] = {}
@@ -70,7 +72,7 @@ class Recording:
                         yield Raw(
                             key, record.data, record.log_ns, record.publish_ns, record.sequence
                         )
-                elif isinstance(record, Channel):
+                elif isinstance(record, Channel) and not is_view(record.topic):
                     channels[record.id] = record.topic
             before += path.stat().st_size
 
@@ -158,14 +160,16 @@ def open_recording(path: Path) -> Recording:
 
 def log_hash(path: Path) -> str | None:
     """SHA-256 over everything recorded, in order, as the recorder wrote it at the end of the dive.
-    None when it did not end cleanly or is in several parts.
+    None when it did not end cleanly or was interrupted. Parts that ended because they were large
+    or long are one dive, whose hash is in the last.
 
     Raises:
         LindyError: as `open_recording`.
     """
     recording = open_recording(path)
-    whole = len(recording.files) == 1
-    return recording.metadata("hash").get("sha256") if whole else None
+    found = recording.metadata("hash")
+    whole = found.get("parts", "1") == str(len(recording.files))
+    return found.get("sha256") if whole else None
 
 
 def merge_parts(folder: Path) -> bool:
@@ -173,7 +177,8 @@ def merge_parts(folder: Path) -> bool:
 
     Whole chunks and metadata are kept, except the hash, which no longer applies. A metadata record
     `merged` has the number of messages of each part. All parts belong to this dive, because it
-    began in a folder without a dive.
+    began in a folder without a dive. Where the user asked for parts of some size or time, they stay
+    apart, and only those without an end are made complete.
 
     Returns:
         False when there was nothing to do.
@@ -181,9 +186,17 @@ def merge_parts(folder: Path) -> bool:
     Raises:
         LindyError: as `open_recording`, or the folder cannot be written.
     """
-    parts = open_recording(folder).files
-    if len(parts) == 1 and is_whole(parts[0]):
-        return False
+    recording = open_recording(folder)
+    stay_apart = bool(recording.metadata("rotation"))
+    groups = [[file] for file in recording.files] if stay_apart else [recording.files]
+    unfinished = [files for files in groups if len(files) > 1 or not is_whole(files[0])]
+    for files in unfinished:
+        _merge(folder, files, files[0] if stay_apart else folder / FIRST)
+    return bool(unfinished)
+
+
+def _merge(folder: Path, parts: list[Path], whole: Path) -> None:
+    """Make one complete file of some parts, in their place."""
     try:
         require_room(folder, sum(part.stat().st_size for part in parts) + RESERVE)
         file = McapFile(folder / "merging.mcap")
@@ -194,13 +207,12 @@ def merge_parts(folder: Path) -> bool:
         except BaseException:
             file.discard()
             raise
-        file.path.replace(folder / FIRST)
+        file.path.replace(whole)
         for part in parts:
-            if part.name != FIRST:
+            if part != whole:
                 part.unlink()
     except OSError as error:
         raise LindyError(f"cannot merge the recording in {folder}: {reason(error)}") from None
-    return True
 
 
 def _copy(path: Path, file: McapFile, first: bool) -> int:
@@ -211,8 +223,9 @@ def _copy(path: Path, file: McapFile, first: bool) -> int:
     for record in records(path):
         if isinstance(record, StoredMessage):
             times = record.log_ns, record.publish_ns
-            file.write(channels[record.channel_id], record.data, *times, record.sequence)
-            messages += 1
+            key = channels[record.channel_id]
+            file.write(key, record.data, *times, record.sequence, is_view=is_view(key))
+            messages += not is_view(key)
         elif isinstance(record, Schema):
             schemas[record.id] = record
         elif isinstance(record, Channel):

@@ -1,5 +1,5 @@
-"""Summary of a dive on the machine without a recorder: there is no report there, but only its own
-supervisor knows its restarts."""
+"""Summary of a dive on the machine without a report, whose recorder heard only what crossed the
+link: but only its own supervisor knows its restarts."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -23,7 +23,7 @@ def unrecorded(
         how: the side, the vehicle and how the dive ended.
         restarts: times each service and hub here was started again.
         gone: services that were not alive at the end.
-        other: the side that has the recorder.
+        other: the side that has the report.
         files: files that were written here, such as the viewer's.
         shared: the process of each service that is not alone in a process of its own name.
     """
@@ -32,6 +32,12 @@ def unrecorded(
         ("Dive", how),
         ("restarted", in_a_row(again) or "nothing"),
         ("lost", f"{in_a_row(gone)} not alive at the end" if gone else "no service"),
-        ("recorded", f"nothing here: recording and report.json are on the {other}"),
+        ("recorded", _recorded(files, other)),
     ]
     return lined_up([*rows, *written(files)])
+
+
+def _recorded(files: Sequence[Path], other: str) -> str:
+    if any(path.suffix == ".mcap" for path in files):
+        return f"what was heard here; all that never crosses, and report.json, are on the {other}"
+    return f"nothing here: recording and report.json are on the {other}"

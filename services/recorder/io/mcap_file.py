@@ -33,6 +33,7 @@ class McapFile:
     Attributes:
         flushed: messages that are certainly in the file.
         unflushed: messages that would be lost if the process were killed now.
+            Neither counts views, because these can be computed from messages.
     """
 
     def __init__(self, path: Path) -> None:
@@ -90,10 +91,24 @@ class McapFile:
         self._summary.channels.append(channel)
         self._open_chunk().add(encoded(channel))
 
-    def write(self, key: str, data: bytes, log_ns: int, publish_ns: int, sequence: int) -> None:
-        """Add a message to the chunk in progress. Times in ns UTC."""
+    @property
+    def size(self) -> int:
+        """[bytes] Certainly in the file."""
+        return self._end if self._chunk is None else self._chunk.end
+
+    def write(
+        self,
+        key: str,
+        data: bytes,
+        log_ns: int,
+        publish_ns: int,
+        sequence: int,
+        *,
+        is_view: bool = False,
+    ) -> None:
+        """Add a message, or a view, to the chunk in progress. Times in ns UTC."""
         chunk = self._chunk or self._open_chunk()
-        self.unflushed += 1
+        self.unflushed += not is_view
         chunk.add_message(self._channels[key], data, log_ns, publish_ns, sequence)
         if chunk.size > CHUNK_BYTES:
             self._close_chunk()

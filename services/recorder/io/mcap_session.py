@@ -5,6 +5,9 @@ the service with one sentence. During a dive it must not affect anything else: t
 with one log line, everything not written is counted, and every few seconds a new part is tried. A
 new one, because the old one was truncated and ended after its last flush.
 
+A new part also begins where the settings ask for it, by size or by time. Every part is a complete
+file with the attachments and schemas, and can be read alone.
+
 Existing files are never written to.
 """
 
@@ -19,10 +22,10 @@ import msgspec
 from messages import topics
 from messages.link import Clock
 from services.recorder.core import RecordedRow
-from services.recorder.foxglove_schema import foxglove_schema
 from services.recorder.io.attachments import attachments
 from services.recorder.io.mcap_file import McapFile
 from services.recorder.io.parts import free_part, part_path
+from services.recorder.settings import Settings
 from services.runtime.config.disk import reason, require_room
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
@@ -39,6 +42,7 @@ class RecordingCheckpoint(msgspec.Struct):
     """Checkpoint: how many parts this dive has."""
 
     parts: int = 0
+    begun: bool = False  # something triggered the recording
 
 
 class SessionNode(Protocol):
@@ -59,7 +63,7 @@ class SessionNode(Protocol):
 class McapSession:
     """Writes the rows of one dive, part after part."""
 
-    def __init__(self, node: SessionNode, stack: Stack) -> None:
+    def __init__(self, node: SessionNode, stack: Stack, settings: Settings) -> None:
         """Open the next part of this dive.
 
         Raises:
@@ -67,11 +71,15 @@ class McapSession:
         """
         self._node = node
         self._stack = stack
+        self._settings = settings
         self._attachments = attachments(stack)
         self._clock = b""  # newest message of the link monitor, as JSON
         self._file: McapFile | None = None
         self._interrupted = False  # the log says that recording has stopped
         self._retry_at = 0  # [ns]
+        self._part_since: int | None = None  # [ns] first flush of the present part
+        self._rotated = 0  # parts that ended because they were large or long
+        self._told: Counter[str] = Counter()  # losses that a part of this dive tells already
         self._opened = node.restore_checkpoint(RecordingCheckpoint) or RecordingCheckpoint()
         path = part_path(stack.out_dir, self._opened.parts + 1)
         try:
@@ -83,18 +91,28 @@ class McapSession:
                 raise CannotRecordError(sentence) from None
             self._stopped(path, error)  # started again in mid-dive
 
+    @property
+    def begun(self) -> bool:
+        """Did something trigger the recording already, also before a restart of the service?"""
+        return self._opened.begun
+
+    def begin(self) -> None:
+        """Something triggers the recording."""
+        self._remember(self._opened.parts, begun=True)
+
     def write(self, row: RecordedRow) -> None:
         """Add a row, or count it as not recorded while there is no file."""
         if self._file is None:
-            self._node.count("not_recorded")
+            if not row.is_view:
+                self._node.count("not_recorded")
             return
+        key, schema, data, *stamps, is_view = row
         try:
-            if not self._file.has_channel(row.key):
-                kind = row.topic.message
-                self._file.open_channel(row.key, kind.__name__, foxglove_schema(kind))
-            self._file.write(row.key, row.data, row.log_ns, row.publish_ns, row.sequence)
-            if row.key == topics.CLOCK.key:
-                self._clock = row.data
+            if not self._file.has_channel(key):
+                self._file.open_channel(key, *schema)
+            self._file.write(key, data, *stamps, is_view=is_view)
+            if key == topics.CLOCK.key:
+                self._clock = data
         except OSError as error:
             self._fail(self._file, error)
 
@@ -115,21 +133,56 @@ class McapSession:
         if self._interrupted and self._file.flushed > 0:
             self._interrupted = False
             self._node.log("info", f"recording continues in {self._file.path}")
+        if self._is_full(self._file, now):
+            self._rotate(self._file)
 
     def close(self, log_hash: str) -> None:
         """Write the counts of losses, the hash and the index."""
         if self._file is None:
             return
         try:
-            self._file.flush()
-            losses = {name: str(count) for name, count in sorted(self._node.counts.items())}
-            self._file.metadata("losses", losses)
-            if self._clock:
-                self._file.metadata("clock_offset", _clock_offset(self._clock))
-            self._file.metadata("hash", {"sha256": log_hash})
+            self._describe_losses(self._file)
+            parts = {"parts": str(self._rotated + 1)} if self._rotated else {}
+            self._file.metadata("hash", {"sha256": log_hash, **parts})
             self._file.finish()
         except OSError as error:
             self._fail(self._file, error)
+
+    def _is_full(self, file: McapFile, now: int) -> bool:
+        """Do the settings ask for the next part?"""
+        self._part_since = now if self._part_since is None else self._part_since
+        size, time = self._settings.part_size, self._settings.part_time
+        by_size = size is not None and file.size >= size * 1e6
+        return by_size or (time is not None and now - self._part_since >= time * 60e9)
+
+    def _rotate(self, file: McapFile) -> None:
+        """End the present part and begin the next."""
+        try:
+            self._describe_losses(file)
+            file.finish()
+        except OSError as error:
+            self._fail(file, error)
+            return
+        self._file = None
+        self._rotated += 1
+        try:
+            self._open()
+        except OSError as error:
+            self._stopped(part_path(self._stack.out_dir, self._opened.parts + 1), error)
+
+    def _describe_losses(self, file: McapFile) -> None:
+        """What this part lost, and what was known of the other machine's clock."""
+        file.flush()
+        counts = self._node.counts
+        losses = {name: str(counts[name] - self._told[name]) for name in sorted(counts)}
+        file.metadata("losses", {name: count for name, count in losses.items() if count != "0"})
+        self._told = Counter(counts)
+        if self._clock:
+            file.metadata("clock_offset", _clock_offset(self._clock))
+
+    def _remember(self, parts: int, *, begun: bool) -> None:
+        self._opened = RecordingCheckpoint(parts, begun)
+        self._node.save_checkpoint(self._opened)
 
     def _open(self) -> None:
         require_room(self._stack.out_dir, RESERVE)
@@ -138,12 +191,12 @@ class McapSession:
         try:
             self._preface(file)
             file.flush()
-            self._node.save_checkpoint(RecordingCheckpoint(number))
+            self._remember(number, begun=self._opened.begun)
         except OSError:
             file.discard()
             raise
-        self._opened = RecordingCheckpoint(number)
         self._file = file
+        self._part_since = None
 
     def _preface(self, file: McapFile) -> None:
         """Metadata that a reader needs before the first message."""
@@ -156,6 +209,8 @@ class McapSession:
             "machine's clock and the difference is not known",
         }
         file.metadata("clock", clock)
+        if self._settings.part_size or self._settings.part_time:
+            file.metadata("rotation", _limits(self._settings))
         log_ns = self._node.now() + self._node.wall_offset_ns
         for each in self._attachments:
             file.attach(each.name, each.media_type, each.data, log_ns, each.create_ns)
@@ -166,7 +221,7 @@ class McapSession:
             file.abandon()
         else:  # nothing in it: the next attempt can use its name
             file.discard()
-            self._opened = RecordingCheckpoint(self._opened.parts - 1)
+            self._opened = RecordingCheckpoint(self._opened.parts - 1, self._opened.begun)
         self._file = None
         self._node.count("not_recorded", file.unflushed)
         self._stopped(file.path, error)
@@ -186,6 +241,12 @@ class McapSession:
             self._open()
         except OSError:
             self._node.count("disk_error")
+
+
+def _limits(settings: Settings) -> dict[str, str]:
+    """What ends a part."""
+    limits = {"part_size": settings.part_size, "part_time": settings.part_time}
+    return {name: str(limit) for name, limit in limits.items() if limit is not None}
 
 
 def about(stack: Stack) -> dict[str, str]:

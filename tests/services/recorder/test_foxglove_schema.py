@@ -29,6 +29,8 @@ def parts_of(schema: dict[str, Any]) -> list[dict[str, Any]]:
 def test_every_part_has_a_plain_type_and_nothing_the_parser_refuses(kind: type[Message]):
     for part in parts_of(schema_of(kind)):
         assert part["type"] in TYPES
+        assert part["type"] != "object" or "properties" in part
+        assert part["type"] != "array" or part["items"]["type"] != "array"
         assert not REFUSED & set(part)
 
 

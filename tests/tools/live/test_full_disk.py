@@ -20,6 +20,7 @@ import services.visualizer.io.rrd_file
 import tools.recordings.recording
 from messages import topics
 from messages.link import LinkRequest
+from services.recorder.foxglove.channel import is_view
 from services.recorder.foxglove_schema import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
 from services.runtime.config.disk import require_room
@@ -70,7 +71,8 @@ def record(path: Path, stamps: range) -> None:
 
 def read_by_others(path: Path) -> int:
     with path.open("rb") as stream:
-        return sum(1 for _ in make_reader(stream).iter_messages())
+        read = make_reader(stream).iter_messages()
+        return sum(not is_view(channel.topic) for _, channel, _ in read)
 
 
 @pytest.mark.filterwarnings("ignore:RRD file has no footer")

@@ -1,0 +1,111 @@
+"""Which views each message of the bus gives."""
+
+from typing import Any
+
+import msgspec
+
+from messages.health import LogLine
+from messages.message import Message
+from messages.reference import Reference
+from messages.state import VehicleState
+from messages.topic import AnyTopic
+from messages.vehicle import Actuation, Truth
+from services.marine.vehicle import Vehicle
+from services.recorder.foxglove import scene
+from services.recorder.foxglove.channel import PREFIX, FoxgloveView, official
+from services.recorder.foxglove.named import named_vectors
+
+# All this is for the eye, so it has fewer messages than the bus has.
+POSE_NS = 40_000_000  # [ns] between two poses
+PLOT_NS = 40_000_000  # [ns] between two named vectors; the message itself has every sample
+THRUST_NS = 100_000_000  # [ns] between two sets of arrows
+HULL_NS = 1_000_000_000  # [ns] it never changes, but somebody may begin to watch
+LEVELS = {"info": 2, "warning": 3, "error": 4}  # of `foxglove.Log`
+
+
+class Views:
+    """Of one dive."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._vehicle = vehicle
+        self._named = named_vectors([thruster.name for thruster in vehicle.thruster])
+        self._reference: Reference | None = None
+        self._truth: Truth | None = None
+        self._due: dict[str, int] = {}  # [ns] UTC, when a view is due again
+        self._encode = msgspec.json.Encoder().encode
+
+    def of(self, topic: AnyTopic, message: Message, utc_ns: int) -> list[FoxgloveView]:
+        """The views of one message.
+
+        Args:
+            topic: its row of the topic table.
+            utc_ns: [ns] UTC of its stamp.
+        """
+        views: list[FoxgloveView] = []
+        if (plot := self._plot(topic, message, utc_ns)) is not None:
+            views.append(plot)
+        if isinstance(message, VehicleState):
+            if scene.state_is_known(message):
+                views += self._drawn(message, utc_ns)
+        elif isinstance(message, Reference):
+            self._reference = message
+        elif isinstance(message, Truth):
+            self._truth = message
+        elif isinstance(message, Actuation):
+            if len(message.thrust) == len(self._vehicle.thruster):
+                views += self._thrust(message, utc_ns)
+        elif isinstance(message, LogLine):
+            views.append(self._view("log", "Log", _log(message, utc_ns)))
+        return views
+
+    def _plot(self, topic: AnyTopic, message: Message, utc_ns: int) -> FoxgloveView | None:
+        named = self._named.get(topic.key)
+        if named is None or not self._is_due(topic.key, utc_ns, PLOT_NS):
+            return None
+        fields = named.of(message)
+        return (
+            None if fields is None else FoxgloveView(named.key, named.schema, self._encode(fields))
+        )
+
+    def _drawn(self, state: VehicleState, utc_ns: int) -> list[FoxgloveView]:
+        views: list[FoxgloveView] = []
+        if self._is_due("pose", utc_ns, POSE_NS):
+            frames = scene.transforms(utc_ns, state, self._reference, self._truth)
+            pose = scene.pose(scene.place(state), state.attitude)
+            stamped = {"timestamp": scene.time(utc_ns), "frame_id": scene.NED, "pose": pose}
+            views.append(self._view("transforms", "FrameTransforms", frames))
+            views.append(self._view("pose", "PoseInFrame", stamped))
+        if self._is_due("hull", utc_ns, HULL_NS):
+            known = {scene.REFERENCE: self._reference, scene.TRUTH: self._truth}
+            ghosts = [frame for frame, message in known.items() if message is not None]
+            hulls = scene.hulls(utc_ns, self._vehicle, ghosts)
+            views.append(self._view("hull", "SceneUpdate", hulls))
+        return views
+
+    def _thrust(self, actuation: Actuation, utc_ns: int) -> list[FoxgloveView]:
+        if not self._is_due("thrust", utc_ns, THRUST_NS):
+            return []
+        arrows = scene.thrust_arrows(utc_ns, self._vehicle, actuation.thrust)
+        return [self._view("thrust", "SceneUpdate", arrows)]
+
+    def _is_due(self, name: str, utc_ns: int, period_ns: int) -> bool:
+        """Is it as long ago as a period, or did the clock run backwards?"""
+        due = self._due.get(name, utc_ns)
+        if due - period_ns < utc_ns < due:
+            return False
+        self._due[name] = utc_ns + period_ns - (utc_ns - due) % period_ns
+        return True
+
+    def _view(self, name: str, kind: str, content: dict[str, Any]) -> FoxgloveView:
+        return FoxgloveView(PREFIX + name, official(f"foxglove.{kind}"), self._encode(content))
+
+
+def _log(line: LogLine, utc_ns: int) -> dict[str, Any]:
+    return {
+        "timestamp": scene.time(utc_ns),
+        "level": LEVELS[line.level],
+        "message": line.text,
+        "name": line.service,
+        "file": "",  # the type has these two; nobody needs to know where in the code
+        "line": 0,
+    }

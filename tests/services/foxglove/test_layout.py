@@ -1,0 +1,52 @@
+"""The layout shows what there is: every path names a channel and a field of its schema."""
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from messages import topics
+from services.marine.vehicle import Vehicle
+from services.recorder.foxglove.channel import PREFIX, official, schema_of
+from services.recorder.foxglove.named import named_vectors
+from services.runtime.config.settings import DEPLOY
+from services.runtime.config.stack import Stack
+
+LAYOUT: dict[str, Any] = json.loads(Path(DEPLOY / "foxglove" / "lindy.json").read_text())
+PANELS: dict[str, dict[str, Any]] = LAYOUT["configById"]
+PATHS = [path["value"] for panel in PANELS.values() for path in panel.get("paths", ())]
+THRUSTERS = [thruster.name for thruster in Stack().section("vehicle", Vehicle).thruster]
+
+
+def schemas() -> dict[str, dict[str, Any]]:
+    found = {topic.key: schema_of(topic.message) for topic in topics.ALL}
+    found |= {vector.key: vector.schema for vector in named_vectors(THRUSTERS).values()}
+    drawn = {"pose": "PoseInFrame", "hull": "SceneUpdate", "thrust": "SceneUpdate", "log": "Log"}
+    found |= {PREFIX + name: official(f"foxglove.{kind}") for name, kind in drawn.items()}
+    return {key: json.loads(schema.data) for key, schema in found.items()}
+
+
+@pytest.mark.parametrize("path", PATHS)
+def test_every_path_names_a_field(path: str):
+    key, *fields = path.split(".")
+    part = schemas()[key]
+    for field in fields:
+        part = part["properties"][field]
+    assert part["type"] in {"number", "integer", "string", "boolean"}
+    assert re.fullmatch(r"[\w/]+(\.\w+)+", path)  # what the viewers' grammar takes without quotes
+
+
+def test_every_topic_of_the_scene_and_the_log_is_recorded():
+    named = [*PANELS["3D!scene"]["topics"], PANELS["RosOut!log"]["topicToRender"]]
+    assert set(named) <= set(schemas())
+
+
+def test_every_panel_has_its_place():
+    def places(part: Any) -> list[str]:
+        if isinstance(part, str):
+            return [part]
+        return places(part["first"]) + places(part["second"])
+
+    assert sorted(places(LAYOUT["layout"])) == sorted(PANELS)

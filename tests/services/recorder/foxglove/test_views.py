@@ -1,0 +1,258 @@
+"""What Foxglove draws is where the drone is, and every view is what its schema promises."""
+
+import json
+from collections import Counter
+from math import cos, hypot, pi, sin
+from typing import Any
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from messages import topics
+from messages.control import ThrusterCommand, Wrench
+from messages.health import LogLine
+from messages.message import Estimate, Message
+from messages.reference import Motion, Reference
+from messages.sensors import DvlSample, ImuSample, MagnetometerSample
+from messages.state import VehicleState
+from messages.topic import AnyTopic
+from messages.units import Quaternion, Vec3
+from messages.vehicle import Actuation, Truth
+from services.marine.vehicle import Vehicle
+from services.recorder.foxglove.channel import OFFICIAL, PREFIX, FoxgloveView
+from services.recorder.foxglove.named import THRUST, VECTORS
+from services.recorder.foxglove.scene import NED_IN_WORLD, along
+from services.recorder.foxglove.views import Views
+from services.runtime.config.stack import Stack
+
+SECOND = 1_000_000_000
+START = 1_700_000_000 * SECOND
+VEHICLE = Stack().section("vehicle", Vehicle)
+THRUSTERS = [thruster.name for thruster in VEHICLE.thruster]
+part = st.floats(min_value=-1.0, max_value=1.0)
+vectors = st.tuples(part, part, part).filter(lambda v: hypot(*v) > 0.01)
+metres = st.floats(min_value=-100.0, max_value=100.0)
+places = st.tuples(metres, metres, metres)
+
+
+@st.composite
+def attitudes(draw: st.DrawFn) -> Quaternion:
+    x, y, z = draw(vectors)
+    length, half = hypot(x, y, z), draw(st.floats(min_value=-pi, max_value=pi)) / 2
+    s = sin(half) / length
+    return (cos(half), s * x, s * y, s * z)
+
+
+def turned(q: Quaternion, v: Vec3) -> Vec3:
+    """v + 2 w (u × v) + 2 u × (u × v) with q = (w, u)."""
+
+    def cross(a: Vec3, b: Vec3) -> Vec3:
+        return (
+            a[1] * b[2] - a[2] * b[1],
+            a[2] * b[0] - a[0] * b[2],
+            a[0] * b[1] - a[1] * b[0],
+        )
+
+    w, u = q[0], (q[1], q[2], q[3])
+    once = cross(u, v)
+    twice = cross(u, once)
+    return (
+        v[0] + 2 * (w * once[0] + twice[0]),
+        v[1] + 2 * (w * once[1] + twice[1]),
+        v[2] + 2 * (w * once[2] + twice[2]),
+    )
+
+
+def state(now: int, place: Vec3 = (0.0, 0.0, 1.0), q: Quaternion = (1.0, 0, 0, 0)) -> VehicleState:
+    known = Estimate(0.0, 0.1)
+    return VehicleState(
+        stamp_ns=now, sensor_ns=now, phase="running", attitude=q,
+        depth=Estimate(place[2], 0.1), north=Estimate(place[0], 0.1), east=Estimate(place[1], 0.1),
+        depth_rate=known, depth_acceleration=known, roll=known, pitch=known, heading=known,
+        heading_navigation=None, yaw_rate=known,
+    )  # fmt: skip
+
+
+def motion(value: float) -> Motion:
+    return Motion(value, 0.0, 0.0, 0.0)
+
+
+def reference(now: int, depth: float = 2.0, heading: float = 0.0) -> Reference:
+    return Reference(
+        stamp_ns=now, sensor_ns=now, pilot_ns=now, armed=True, depth=motion(depth),
+        heading=motion(heading), surge_force=0.0, sway_force=0.0,
+    )  # fmt: skip
+
+
+def truth(now: int, place: Vec3 = (3.0, 4.0, 5.0)) -> Truth:
+    return Truth(
+        stamp_ns=now, position=place, attitude=(1.0, 0.0, 0.0, 0.0), velocity=(1.0, 2.0, 3.0),
+        angular_rate=(4.0, 5.0, 6.0), depth_rate=0.0, roll=0.0, pitch=0.0, heading=0.0,
+        on_floor=False,
+    )  # fmt: skip
+
+
+def actuation(now: int, thrust: tuple[float, ...]) -> Actuation:
+    return Actuation(
+        stamp_ns=now, thrust=thrust, actuated_ns=now, sensor_ns=now, pilot_ns=now, stale=False,
+        power=1.0,
+    )  # fmt: skip
+
+
+def everything(now: int) -> list[tuple[AnyTopic, Message]]:
+    six, newton = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0), tuple(10.0 * n for n in range(len(THRUSTERS)))
+    wrench = Wrench(
+        stamp_ns=now, sensor_ns=now, wanted=six, achieved=six, depth_integral=0.0,
+        heading_integral=0.0, saturated=False,
+    )  # fmt: skip
+    return [
+        (topics.REFERENCE, reference(now)),
+        (topics.TRUTH, truth(now)),
+        (topics.STATE, state(now)),
+        (topics.IMU, ImuSample(stamp_ns=now, specific_force=(1, 2, 3), angular_rate=(4, 5, 6))),
+        (topics.MAGNETOMETER, MagnetometerSample(stamp_ns=now, field=(1, 2, 3))),
+        (topics.DVL, DvlSample(stamp_ns=now, velocity=(1, 2, 3), std=0.1)),
+        (topics.WRENCH, wrench),
+        (
+            topics.THRUSTERS,
+            ThrusterCommand(stamp_ns=now, sensor_ns=now, pilot_ns=now, thrust=newton),
+        ),
+        (topics.ACTUATION, actuation(now, newton)),
+        (topics.LOG, LogLine(stamp_ns=now, service="control", level="warning", text="words")),
+    ]
+
+
+def views_of_all(now: int = START) -> dict[str, FoxgloveView]:
+    views = Views(VEHICLE)
+    return {v.key: v for topic, message in everything(now) for v in views.of(topic, message, now)}
+
+
+def fits(schema: dict[str, Any], value: Any) -> bool:
+    if "oneOf" in schema:
+        return value in [alternative["const"] for alternative in schema["oneOf"]]
+    if schema["type"] == "object":
+        inner = schema["properties"]
+        return set(schema.get("required", ())) <= set(value) <= set(inner) and all(
+            fits(inner[name], part) for name, part in value.items()
+        )
+    if schema["type"] == "array":
+        return all(fits(schema["items"], part) for part in value)
+    kinds = {"number": (int, float), "integer": (int,), "string": (str,), "boolean": (bool,)}
+    return isinstance(value, kinds[schema["type"]])
+
+
+def test_every_view_has_all_that_its_schema_promises_and_nothing_else():
+    views = views_of_all()
+    plots = {f"{PREFIX}plot/{topic.key}" for topic in (*VECTORS, *THRUST)}
+    drawn = {f"{PREFIX}{name}" for name in ("transforms", "pose", "hull", "thrust", "log")}
+    assert set(views) == plots | drawn
+    for view in views.values():
+        assert topics.find(view.key) is None
+        assert fits(json.loads(view.schema.data), json.loads(view.data)), view.key
+    official = {view.schema.name for view in views.values() if view.schema.name in OFFICIAL}
+    assert official == set(OFFICIAL)
+
+
+@given(place=places, q=attitudes(), depth=metres, heading=st.floats(min_value=-50, max_value=50))
+def test_frames_put_the_drone_east_north_and_up(
+    place: Vec3, q: Quaternion, depth: float, heading: float
+):
+    views = Views(VEHICLE)
+    views.of(topics.REFERENCE, reference(START, depth, heading), START)
+    drawn_now = views.of(topics.STATE, state(START, place, q), START)
+    drawn = {view.key: json.loads(view.data) for view in drawn_now}
+    frames = {f["child_frame_id"]: f for f in drawn[f"{PREFIX}transforms"]["transforms"]}
+    assert set(frames) == {"ned", "vehicle", "reference"}
+
+    def to_world(frame: str, point: Vec3) -> Vec3:
+        while frame != "world":
+            here = frames[frame]
+            r, t = here["rotation"], here["translation"]
+            x, y, z = turned((r["w"], r["x"], r["y"], r["z"]), point)
+            point, frame = (x + t["x"], y + t["y"], z + t["z"]), here["parent_frame_id"]
+        return point
+
+    north, east, down = place
+    ahead = turned(q, (1.0, 0.0, 0.0))
+    assert to_world("vehicle", (0.0, 0.0, 0.0)) == pytest.approx((east, north, -down), abs=1e-9)
+    assert to_world("vehicle", (1.0, 0.0, 0.0)) == pytest.approx(
+        (east + ahead[1], north + ahead[0], -down - ahead[2]), abs=1e-9
+    )
+    wanted = (east + sin(heading), north + cos(heading), -depth)
+    assert to_world("reference", (1.0, 0.0, 0.0)) == pytest.approx(wanted, abs=1e-9)
+    pose = drawn[f"{PREFIX}pose"]
+    assert pose["frame_id"] == "ned"
+    assert pose["pose"]["position"] == {"x": north, "y": east, "z": down}
+    assert turned(NED_IN_WORLD, (0.0, 0.0, 1.0)) == pytest.approx((0.0, 0.0, -1.0))
+
+
+@given(direction=vectors)
+def test_an_arrow_points_where_its_thruster_pushes(direction: Vec3):
+    length = hypot(*direction)
+    unit = tuple(p / length for p in direction)
+    assert turned(along(direction), (1.0, 0.0, 0.0)) == pytest.approx(unit, abs=1e-4)
+
+
+def test_arrows_are_those_of_the_thrusters_that_push():
+    thrust = [0.0] * len(THRUSTERS)
+    thrust[1] = -10.0
+    (arrows,) = [
+        json.loads(view.data)
+        for view in Views(VEHICLE).of(topics.ACTUATION, actuation(START, tuple(thrust)), START)
+        if view.key == f"{PREFIX}thrust"
+    ]
+    (arrow,) = arrows["entities"][0]["arrows"]
+    assert arrow["shaft_length"] == pytest.approx(0.4)
+    x, y, z = VEHICLE.thruster[1].position
+    assert arrow["pose"]["position"] == {"x": x, "y": y, "z": z}
+    o = arrow["pose"]["orientation"]
+    back = turned((o["w"], o["x"], o["y"], o["z"]), (1.0, 0.0, 0.0))
+    assert back == pytest.approx((-1.0, 0.0, 0.0))
+
+
+def test_a_plot_has_the_same_numbers_under_names():
+    views = views_of_all()
+    wrench = json.loads(views[f"{PREFIX}plot/control/wrench"].data)
+    names = ("surge", "sway", "heave", "roll", "pitch", "yaw")
+    assert wrench["wanted"] == dict(zip(names, range(1, 7), strict=True))
+    command = json.loads(views[f"{PREFIX}plot/control/thrusters"].data)
+    assert command["thrust"] == {name: 10.0 * n for n, name in enumerate(THRUSTERS)}
+    imu = json.loads(views[f"{PREFIX}plot/sensor/imu"].data)
+    assert imu["angular_rate"] == {"x": 4, "y": 5, "z": 6}
+
+
+@pytest.mark.parametrize("count", [0, 1, len(THRUSTERS) + 1, 32])
+def test_a_message_with_other_thrusters_gives_no_view(count: int):
+    assert Views(VEHICLE).of(topics.ACTUATION, actuation(START, (1.0,) * count), START) == []
+
+
+def test_nothing_is_drawn_before_the_depth_is_known():
+    calibrating = msgspec.structs.replace(state(START), phase="calibrating")
+    unknown = msgspec.structs.replace(state(START), depth=Estimate(0.0, 1.0, valid=False))
+    views = Views(VEHICLE)
+    for message in (calibrating, unknown):
+        assert views.of(topics.STATE, message, START) == []
+    assert views.of(topics.STATE, state(START), START)
+
+
+@pytest.mark.parametrize("jump", [0, -3600 * SECOND, 3600 * SECOND])
+def test_the_scene_goes_on_at_its_rate_whatever_the_clock_does(jump: int):
+    views, count = Views(VEHICLE), Counter[str]()
+    for n in range(1000):
+        now = START + n * SECOND // 100 + (jump if n >= 500 else 0)
+        imu = ImuSample(stamp_ns=now, specific_force=(1, 2, 3), angular_rate=(4, 5, 6))
+        given = [*views.of(topics.STATE, state(now), now), *views.of(topics.IMU, imu, now)]
+        count.update(view.key.removeprefix(PREFIX) for view in given)
+    assert 249 <= count["plot/sensor/imu"] <= 251
+    assert count["transforms"] == count["pose"]
+    assert 249 <= count["pose"] <= 251
+    assert 9 <= count["hull"] <= 11
+
+
+def test_a_log_line_keeps_its_service_and_level():
+    line = json.loads(views_of_all()[f"{PREFIX}log"].data)
+    assert line["name"] == "control"
+    assert line["level"] == 3
+    assert line["timestamp"] == {"sec": 1_700_000_000, "nsec": 0}

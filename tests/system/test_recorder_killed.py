@@ -1,0 +1,82 @@
+"""A recorder that is killed at any moment has lost at most a quarter of a second, and what is left
+is a file that anybody can read.
+
+With LINDY_KILLS=20 in the environment it is killed so often.
+"""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+from random import Random
+
+import pytest
+from mcap.reader import make_reader
+
+from messages import topics
+from messages.sensors import PressureSample
+from services.recorder.io.parts import FIRST
+from services.runtime.bus.zenoh_bus import open_bus
+from services.runtime.node.checkpoint import VolatileCheckpoint
+from services.runtime.node.node import Node
+from tools.recordings.recording import is_whole, merge_parts, open_recording
+
+pytestmark = pytest.mark.system
+
+PATIENCE_S = 60.0  # never reached unless something is broken
+PROMISED_S = 0.25
+KILLS = int(os.environ.get("LINDY_KILLS", "2"))
+SPEAKS_S = 0.005  # [s] between two messages
+
+
+@contextmanager
+def lindy(*words: str) -> Generator[subprocess.Popen[bytes]]:
+    process = subprocess.Popen([sys.executable, "-P", "-m", "tools", *words])
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait(PATIENCE_S)
+
+
+@pytest.mark.parametrize("seed", range(KILLS))
+def test_at_most_a_quarter_of_a_second_is_lost(tmp_path: Path, seed: int):
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        endpoint = f"tcp/127.0.0.1:{free.getsockname()[1]}"
+    recorder = ("run", "recorder", "--connect", f"drone={endpoint}", "--out", str(tmp_path))
+    with lindy("hub", endpoint), open_bus(endpoint, "pioneer") as bus, lindy(*recorder) as process:
+        node = Node("speaker", {"drone": bus}, time.monotonic_ns, VolatileCheckpoint())
+        say, sent, late = node.publisher(topics.PRESSURE), list[int](), 0
+        begin, end, kill = time.monotonic_ns(), None, Random(seed).uniform(0.5, 1.5)
+        while end is None or time.monotonic_ns() < end:
+            now = time.monotonic_ns()
+            late = max(late, now - sent[-1]) if sent else 0
+            sent.append(now)
+            say.put(PressureSample(stamp_ns=now, pressure=now % 1e6))
+            if end is None and any(open_recording(tmp_path).raw() if dive_is(tmp_path) else ()):
+                end, late = now + round(kill * 1e9), 0
+            assert now < begin + PATIENCE_S * 1e9
+            assert process.poll() is None
+            time.sleep(SPEAKS_S)  # as a sensor does
+        process.send_signal(signal.SIGKILL)
+        killed = time.monotonic_ns()
+        process.wait(PATIENCE_S)
+    stamps = [entry.message.stamp_ns for entry in open_recording(tmp_path)]
+    assert stamps == sent[sent.index(stamps[0]) :][: len(stamps)]
+    lost = (killed - stamps[-1]) / 1e9
+    print(f"killed after {kill:.3f} s: {lost:.3f} s lost; the speaker was {late / 1e9:.3f} s late")
+    assert lost <= PROMISED_S + late / 1e9  # on a busy machine all processes are as late as ours
+    merge_parts(tmp_path)
+    assert is_whole(tmp_path / FIRST)
+    with (tmp_path / FIRST).open("rb") as stream:
+        found = list(make_reader(stream, validate_crcs=True).iter_messages(topics.PRESSURE.key))
+    assert len(found) == len(stamps)
+
+
+def dive_is(folder: Path) -> bool:
+    return (folder / FIRST).exists() and (folder / FIRST).stat().st_size > 8
