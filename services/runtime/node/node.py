@@ -62,6 +62,7 @@ class Node:
         self._gateway = gateway
         self._publishers: list[Publisher[Any]] = []
         self._inboxes: list[Inbox] = []
+        self._heard: list[tuple[str, str]] = []
         self._pending: deque[Callable[[], None]] = deque()  # drain inboxes with new messages
         self._collected: list[Callable[[], None]] = []  # drain inboxes at the next step
         self._timers: list[Tick | Alarm] = []
@@ -91,6 +92,11 @@ class Node:
     def published(self) -> list[AnyTopic]:
         """Topics it may publish."""
         return [publisher.topic for publisher in self._publishers]
+
+    @property
+    def heard(self) -> list[tuple[str, str]]:
+        """What it subscribes to: side and key expression."""
+        return self._heard
 
     def log(self, level: Literal["info", "warning", "error"], text: str) -> None:
         """A line for people: on the bus, in the recording and on stderr."""
@@ -381,6 +387,7 @@ class Node:
         inbox = Inbox(key, depth, self._clock, self.counts)
         self.sides[side].hear(key, inbox.store)
         self._inboxes.append(inbox)
+        self._heard.append((side, key))
         return inbox
 
     def _on_arrival(self, inbox: Inbox, drain: Callable[[], None]) -> None:

@@ -1,0 +1,56 @@
+"""What services publish during a replay, in the form in which it is compared."""
+
+from collections import defaultdict
+
+import msgspec
+
+from messages import topics
+from services.runtime.bus.envelope import Bus, Envelope
+from tools.recordings.recording import Raw
+from tools.replay.differences import Told
+
+
+class Head(msgspec.Struct):
+    """What every message has."""
+
+    stamp_ns: int
+    seq: int = 0
+
+
+HEAD = msgspec.json.Decoder(Head)
+
+
+class Outputs:
+    """Everything that others than the given port publish on its bus."""
+
+    def __init__(self, port: Bus) -> None:
+        self._by_key: dict[str, list[Told]] = defaultdict(list)
+        self._decoders: dict[str, msgspec.msgpack.Decoder[msgspec.Struct]] = {}
+        self._encode = msgspec.json.Encoder().encode
+        port.hear("**", self._store)
+
+    def of(self, key: str) -> list[Told]:
+        """In the order in which they were published."""
+        return self._by_key[key]
+
+    def has(self, told: Told) -> bool:
+        """Was a message of this key published at or after this stamp?"""
+        newest = self._by_key[told.key]
+        return bool(newest) and newest[-1].stamp_ns >= told.stamp_ns
+
+    def _store(self, envelope: Envelope) -> None:
+        decoder = self._decoders.get(envelope.key)
+        if decoder is None:
+            topic = topics.find(envelope.key)
+            assert topic is not None  # nodes publish rows of the topic table only
+            decoder = self._decoders[envelope.key] = msgspec.msgpack.Decoder(topic.message)
+        message = decoder.decode(envelope.payload)
+        seq, stamp_ns = message.seq, message.stamp_ns  # type: ignore[attr-defined]
+        told = Told(envelope.key, seq, stamp_ns, self._encode(message))
+        self._by_key[envelope.key].append(told)
+
+
+def told_of(raw: Raw, utc_offset_ns: int) -> Told:
+    """A recorded message; its stamp by the clock on board."""
+    head = HEAD.decode(raw.data)
+    return Told(raw.key, head.seq, raw.publish_ns - utc_offset_ns, raw.data)

@@ -1,0 +1,54 @@
+"""Which differences between a recording and today's output are none."""
+
+from collections.abc import Sequence
+
+from services.runtime.config.errors import LindyError
+from tools.replay.differences import Tolerance
+
+ANY = float("inf")
+# A recording of the real clock does not say when exactly a handler was called: the service is
+# stepped at the stamps of its own recorded messages, but a timer rings at its nominal instant.
+# What follows from the load of that computer is not compared at all.
+REAL_TIME = (
+    Tolerance("health/*", absolute=ANY),
+    Tolerance("identity/*", absolute=ANY),  # version and commit are today's
+    Tolerance("*.seq", absolute=ANY),
+    Tolerance("*stamp_ns", absolute=50e6),  # [ns]
+    Tolerance("*_age_ms", absolute=50.0),  # [ms]
+    Tolerance("vehicle/status.*_ns", absolute=50e6),  # [ns]
+    Tolerance("control/*_integral", absolute=0.05, relative=0.02),  # [N, N m]
+    Tolerance("control/wrench.*", absolute=0.5, relative=0.05),  # [N, N m]
+    Tolerance("control/thrusters.thrust*", absolute=0.5, relative=0.05),  # [N]
+    Tolerance("state.*", absolute=0.01, relative=0.01),  # [m, rad, m/s …]
+    Tolerance("reference.*", absolute=0.01, relative=0.01),  # [m, rad, m/s …]
+)
+# Text names its own moments and figures, and the version is not the dive.
+VIRTUAL = (Tolerance("identity/*.version", absolute=ANY),)
+
+
+def parsed(texts: Sequence[str]) -> tuple[Tolerance, ...]:
+    """`TOPIC.FIELD=NUMBER` as the user writes it; * for anything in the name, % behind a relative
+    one.
+
+    Raises:
+        LindyError: not of that form, or not a number from 0.
+    """
+    found: list[Tolerance] = []
+    for text in texts:
+        pattern, equals, number = text.rpartition("=")
+        try:
+            value = float(number.removesuffix("%"))
+        except ValueError:
+            value = -1.0
+        if not pattern or not equals or not value >= 0.0:
+            raise LindyError(
+                f"--tolerance {text}: expected TOPIC.FIELD=NUMBER, such as state.depth.*=1e-6 or "
+                f"control/wrench.*=1%"
+            )
+        is_share = number.endswith("%")
+        found.append(
+            Tolerance(pattern, relative=value / 100.0)
+            if is_share
+            else Tolerance(pattern, absolute=value)
+        )
+    return tuple(found)
