@@ -17,7 +17,7 @@ from tools.link import link
 from tools.profile import profile
 from tools.ramp import ramp
 from tools.sweep.command import sweep
-from tools.verbs import analyse, live, research, start
+from tools.verbs import analyse, live, replay, research, start
 
 ERROR, INTERRUPTED = 1, 130  # exit statuses
 DEBUG = "--debug"
@@ -39,6 +39,7 @@ app.command(start.run)
 app.command(start.hub)
 app.command(analyse.picture)
 app.command(analyse.path)
+app.command(replay.replay)
 app.command(live.ask)
 app.command(live.fault)
 app.command(analyse.log)

@@ -32,6 +32,7 @@ class Told(NamedTuple):
     seq: int
     stamp_ns: int  # [ns] by the clock of the service
     data: bytes  # JSON
+    sensor_ns: int | None = None  # [ns] the sensor sample behind it, where it names one
 
 
 class Pair(NamedTuple):
@@ -55,22 +56,20 @@ class Difference:
     worst_ns: int = 0
 
 
-def by_seq(recorded: Sequence[Told], today: Sequence[Told], *, thinned: bool) -> Iterator[Pair]:
-    """Pair the messages of one key by their sequence numbers.
-
-    Args:
-        thinned: messages were taken out of the recording on purpose, so that what is not in it is
-            no difference.
-    """
+def by_seq(recorded: Sequence[Told], today: Sequence[Told]) -> Iterator[Pair]:
+    """Pair the messages of one key by their sequence numbers, on virtual time."""
     ours = {told.seq: told for told in today}
-    last = recorded[-1].seq if recorded else -1
-    expected = {told.seq for told in recorded}
     yield from (Pair(told, ours.get(told.seq)) for told in recorded)
-    if not thinned:
-        first = recorded[0].seq if recorded else 0
-        for told in today:
-            if first < told.seq < last and told.seq not in expected:
-                yield Pair(None, told)
+
+
+def more(
+    recorded: Sequence[Told], today: Sequence[Told], begin_ns: int, end_ns: int
+) -> Iterator[Pair]:
+    """What is published today between two instants, and was not recorded."""
+    expected = {told.seq for told in recorded}
+    for told in today:
+        if begin_ns < told.stamp_ns < end_ns and told.seq not in expected:
+            yield Pair(None, told)
 
 
 def stood_in(recorded: Sequence[Told], today: Sequence[Told]) -> Iterator[Pair]:
@@ -80,21 +79,23 @@ def stood_in(recorded: Sequence[Told], today: Sequence[Told]) -> Iterator[Pair]:
     yield from (Pair(then.get(told.stamp_ns), told) for told in today)
 
 
-def by_stamp(recorded: Sequence[Told], today: Sequence[Told], apart_ns: int) -> Iterator[Pair]:
-    """Pair the messages of one key by their stamps, at most `apart_ns` apart: where a real clock
-    decided when a timer rang. Both in order of their stamps."""
+def by_cause(recorded: Sequence[Told], today: Sequence[Told], apart_ns: int) -> Iterator[Pair]:
+    """Pair the messages of one key where a real clock decided when a timer rang: by the sensor
+    sample behind them, else by their stamps, at most `apart_ns` apart. In order of their stamps."""
+    samples = {told.sensor_ns: told for told in today if told.sensor_ns is not None}
+    others = [told for told in today if told.sensor_ns is None]
     k = 0
     for told in recorded:
-        while k < len(today) and today[k].stamp_ns < told.stamp_ns - apart_ns:
+        if told.sensor_ns is not None:
+            yield Pair(told, samples.get(told.sensor_ns))
+            continue
+        while k < len(others) and others[k].stamp_ns < told.stamp_ns - apart_ns:
             k += 1
-        best = k
-        while best + 1 < len(today) and _distance(today[best + 1], told) <= _distance(
-            today[best], told
-        ):
-            best += 1
-        if best < len(today) and _distance(today[best], told) <= apart_ns:
-            yield Pair(told, today[best])
-            k = best + 1
+        while k + 1 < len(others) and _distance(others[k + 1], told) <= _distance(others[k], told):
+            k += 1
+        if k < len(others) and _distance(others[k], told) <= apart_ns:
+            yield Pair(told, others[k])
+            k += 1
         else:
             yield Pair(told, None)
 

@@ -26,6 +26,8 @@ RECORDER = "recorder"
 # [ns] On a real clock what was recorded so shortly before a service's own message is handled at the
 # stamp of that message; what is older, at its own time.
 HELD_NS = 5_000_000
+NAMES_ITS_START = "reference"  # in the epochs it grants
+SLOW_START_NS = 5_000_000_000  # [ns] between its wiring and its first tick, at most
 NOT_RECORDED = Process(SIDE, 0, 0, 0)
 
 
@@ -47,13 +49,12 @@ class OnBoard:
             names: of the services, in the order of the stack file.
         """
         self.recorded: list[Told] = []
-        self.remarks: list[str] = []
         self.nodes: list[Node] = []
         self._source, self._services, self._stack = source, services, stack
         self._encoder = Encoder(source.recording)
         self._host = VirtualHost({SIDE: SAME} if source.apart else None)
         self._port = MemoryBusPort(self._host.hub(SIDE))
-        self.outputs = Outputs(self._port)
+        self.outputs = Outputs(self._port, self._is_own)
         self._starts = _starts(source, names)
         self._wanted: dict[str, bool] = {}  # key: does a service subscribe to it?
         self._own: dict[str, bool] = {}  # key: does a service publish it?
@@ -62,9 +63,9 @@ class OnBoard:
 
     def run(self, until_ns: int) -> None:
         """Replay up to `until_ns` [ns UTC], which is included."""
-        self._start(0 if self._source.virtual else self._first_start())
         for raw in self._until(until_ns):
             at = raw.log_ns - self._source.utc_offset_ns
+            self._start(at)
             if self._is_own(raw.key):
                 told = told_of(raw, self._source.utc_offset_ns)
                 self.recorded.append(told)
@@ -97,18 +98,18 @@ class OnBoard:
             if self._waiting or at > self._settled_ns:
                 self._step_for(at)
             return
-        if at <= self._settled_ns:
-            return
         early = [one for one in self._waiting if one.at_ns < at - HELD_NS]
         self._give(early)
         held = self._waiting[len(early) :]
-        before = [one for one in held if one.at_ns <= at]
-        late = held[len(before) :]
-        self._settle(at, before)
-        # A message may reach the recorder later than the service that acts on it.
-        while late and not self.outputs.has(told):
-            self._settle(at, [late.pop(0)])
-        self._waiting = late
+        if told.sensor_ns is None:
+            now = sum(one.at_ns <= at for one in held)
+            self._settle(at, held[:now])
+            self._waiting = held[now:]
+            return
+        # Up to the message that it acted on, which may have reached the recorder later than it.
+        while held and not self.outputs.has(told):
+            self._settle(at, [held.pop(0)])
+        self._waiting = held
 
     def _step_for(self, at: int) -> None:
         waiting, self._waiting = self._waiting, []
@@ -129,7 +130,6 @@ class OnBoard:
 
     def _settle(self, at: int, messages: list[Waiting]) -> None:
         """Advance to `at`, hand over these messages and step the services."""
-        self._start(at)
         host = self._host
         if at > host.now:
             host.run(at - 1)
@@ -142,25 +142,27 @@ class OnBoard:
 
     # Who.
 
-    def _first_start(self) -> int:
-        return self._starts[0][0]
-
     def _start(self, now: int) -> None:
-        """Start the services whose time has come."""
-        while self._starts and self._starts[0][0] <= now:
-            at, name, process = self._starts.pop(0)
-            if self._host.nodes:
-                self._host.run(at)
-            self._host.now = max(self._host.now, at)
-            if name == RECORDER:  # its health is not in its recording; others hear it
+        """Start the services whose time has come, and hand over nothing from before."""
+        while self._starts and self._starts[0].at_ns <= now:
+            start = self._starts.pop(0)
+            self._advance(start.at_ns)
+            if start.name == RECORDER:  # its health is not in its recording; others hear it
                 self._host.node(RECORDER, [SIDE])
                 continue
-            spec = self._services[name]
-            node = self._host.node(name, spec.sides, gateway=spec.gateway)
-            node.instance = Instance(process.instance, process.pid)
-            self._services.wire(name)(node, self._stack)
-            self.nodes.append(node)
+            spec = self._services[start.name]
+            node = self._host.node(start.name, spec.sides, gateway=spec.gateway)
+            node.instance = Instance(start.process.instance, start.process.pid)
+            self.nodes.append(node)  # what it publishes while it is wired is its own, too
+            self._services.wire(start.name)(node, self._stack)
+            self._advance(start.ticks_ns)
+            node.start()
             self._wanted, self._own = {}, {}
+
+    def _advance(self, to: int) -> None:
+        if self._host.nodes and to > self._host.now:
+            self._host.run(to)
+        self._host.now = max(self._host.now, to)
 
     def _is_wanted(self, key: str) -> bool:
         if key not in self._wanted:
@@ -169,16 +171,29 @@ class OnBoard:
         return self._wanted[key]
 
     def _is_own(self, key: str) -> bool:
-        if key not in self._own:
+        if not self._own.get(key):  # a publisher may be new
             self._own[key] = any(topic.key == key for n in self.nodes for topic in n.published)
         return self._own[key]
 
 
-def _starts(source: ReplaySource, names: tuple[str, ...]) -> list[tuple[int, str, Process]]:
-    """[ns] When each service started by the clock on board, in that order."""
+class Start(NamedTuple):
+    """When a service was started by the clock on board."""
+
+    at_ns: int  # [ns] when it was wired
+    ticks_ns: int  # [ns] from when its rates count
+    name: str
+    process: Process
+
+
+def _starts(source: ReplaySource, names: tuple[str, ...]) -> list[Start]:
+    """In the order of their starts."""
     if source.virtual:
-        order = [*names, RECORDER]
-        return [(0, name, source.processes.get(name, NOT_RECORDED)) for name in order]
-    known = source.processes
-    started = [(known[n].started_ns - source.utc_offset_ns, n, known[n]) for n in names]
-    return sorted(started, key=lambda start: start[0])
+        return [Start(0, 0, n, source.processes.get(n, NOT_RECORDED)) for n in (*names, RECORDER)]
+    found: list[Start] = []
+    for name in names:
+        process = source.processes[name]
+        ticks = process.started_ns - source.utc_offset_ns
+        named = source.named_start_ns if name == NAMES_ITS_START else None
+        at = ticks if named is None or not 0 <= ticks - named < SLOW_START_NS else named
+        found.append(Start(at, ticks, name, process))
+    return sorted(found)

@@ -1,6 +1,7 @@
 """What services publish during a replay, in the form in which it is compared."""
 
 from collections import defaultdict
+from collections.abc import Callable
 
 import msgspec
 
@@ -15,30 +16,42 @@ class Head(msgspec.Struct):
 
     stamp_ns: int
     seq: int = 0
+    sensor_ns: int | None = None
 
 
 HEAD = msgspec.json.Decoder(Head)
 
 
 class Outputs:
-    """Everything that others than the given port publish on its bus."""
+    """What the services of a replay publish on the bus of a port, which others use as well."""
 
-    def __init__(self, port: Bus) -> None:
+    def __init__(self, port: Bus, is_own: Callable[[str], bool]) -> None:
+        """
+        Args:
+            is_own: does one of these services publish this key?
+        """
+        self._is_own = is_own
         self._by_key: dict[str, list[Told]] = defaultdict(list)
         self._decoders: dict[str, msgspec.msgpack.Decoder[msgspec.Struct]] = {}
         self._encode = msgspec.json.Encoder().encode
         port.hear("**", self._store)
+
+    @property
+    def keys(self) -> list[str]:
+        return list(self._by_key)
 
     def of(self, key: str) -> list[Told]:
         """In the order in which they were published."""
         return self._by_key[key]
 
     def has(self, told: Told) -> bool:
-        """Was a message of this key published at or after this stamp?"""
+        """Was today's message for this sensor sample published?"""
         newest = self._by_key[told.key]
-        return bool(newest) and newest[-1].stamp_ns >= told.stamp_ns
+        return bool(newest) and newest[-1].sensor_ns == told.sensor_ns
 
     def _store(self, envelope: Envelope) -> None:
+        if not self._is_own(envelope.key):
+            return
         decoder = self._decoders.get(envelope.key)
         if decoder is None:
             topic = topics.find(envelope.key)
@@ -46,11 +59,12 @@ class Outputs:
             decoder = self._decoders[envelope.key] = msgspec.msgpack.Decoder(topic.message)
         message = decoder.decode(envelope.payload)
         seq, stamp_ns = message.seq, message.stamp_ns  # type: ignore[attr-defined]
-        told = Told(envelope.key, seq, stamp_ns, self._encode(message))
+        sample = getattr(message, "sensor_ns", None)
+        told = Told(envelope.key, seq, stamp_ns, self._encode(message), sample)
         self._by_key[envelope.key].append(told)
 
 
 def told_of(raw: Raw, utc_offset_ns: int) -> Told:
     """A recorded message; its stamp by the clock on board."""
     head = HEAD.decode(raw.data)
-    return Told(raw.key, head.seq, raw.publish_ns - utc_offset_ns, raw.data)
+    return Told(raw.key, head.seq, raw.publish_ns - utc_offset_ns, raw.data, head.sensor_ns)

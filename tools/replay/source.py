@@ -8,25 +8,18 @@ from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
-import msgspec
 from mcap.records import Attachment
 
 from messages import topics
 from messages.health import Health
 from messages.identity import SideIdentity
+from messages.vehicle import VehicleStatus
 from services.runtime.config.errors import LindyError
 from services.runtime.config.identity import messages_hash
 from services.runtime.config.stack import Stack
 from tools.recordings.recording import Raw, Recording, is_whole, open_recording
 
 THINNED = "thinned"  # metadata: messages were taken out on purpose
-
-
-class Head(msgspec.Struct):
-    """What every message has."""
-
-    stamp_ns: int
-    seq: int = 0
 
 
 class Process(NamedTuple):
@@ -57,6 +50,12 @@ class ReplaySource:
     @property
     def thinned(self) -> bool:
         return bool(self.recording.metadata(THINNED))
+
+    @property
+    def damaged(self) -> int:
+        """How many messages arrived on board that nobody could read."""
+        lost = self.recording.losses()
+        return sum(n for name, n in lost.items() if name.startswith("malformed:"))
 
     def raw(self) -> Iterator[Raw]:
         return self.recording.raw()
@@ -90,6 +89,17 @@ class ReplaySource:
                 started = raw.publish_ns - round(reports * 1e9 / topics.HEALTH.hz)
                 found[service] = Process(health.side, started, health.instance, health.pid)
         return found
+
+    @cached_property
+    def named_start_ns(self) -> int | None:
+        """[ns] When `reference` was started, by the clock on board: the first epoch it grants says
+        so to the microsecond. None: nothing was granted."""
+        for raw in self.raw():
+            if raw.key == topics.STATUS.key:
+                status = self.recording.decode(raw)
+                if isinstance(status, VehicleStatus) and status.epoch:
+                    return (status.epoch - 1) * 1000
+        return None
 
     @cached_property
     def other_messages(self) -> str:

@@ -3,18 +3,30 @@
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import NamedTuple
 
 from messages import topics
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import nearest
 from services.runtime.hosts.garbage_collection import rare_collections
 from services.runtime.hosts.registry import Registry
-from tools.replay.differences import Comparison, Difference, Pair, Told, Tolerance, by_seq, by_stamp, stood_in
+from tools.replay.differences import (
+    Comparison,
+    Difference,
+    Pair,
+    Told,
+    Tolerance,
+    by_cause,
+    by_seq,
+    more,
+    stood_in,
+)
 from tools.replay.on_board import OnBoard
 from tools.replay.source import ReplaySource
-from tools.replay.tolerances import REAL_TIME, VIRTUAL
+from tools.replay.tolerances import A_FEW, DAMAGED, RARELY, REAL_TIME, VIRTUAL
 from tools.replay.topside import Topside
 
 CANNOT = (
@@ -25,6 +37,13 @@ CANNOT = (
 POSSIBLE = ("estimation", "reference", "control", "link_monitor", "predictor")
 APART_NS = 20_000_000  # [ns] between two stamps of one message, where a real clock decided
 IN_PLACE_OF = {topics.PILOT_ANSWER.key: "reference"}  # control answers where reference is silent
+
+
+class Window(NamedTuple):
+    """What is compared: stamps by the services' clock, both ends included."""
+
+    begin_ns: int
+    end_ns: int
 
 
 @dataclass
@@ -71,42 +90,78 @@ def through(
         kind = OnBoard if side == "drone" else Topside
         replay = kind(source, ordered, services, stack)
         replay.run(end)
-    offset = source.utc_offset_ns
-    remarks = [*replay.remarks]
-    cut = _first_restart(replay.recorded)
-    if cut is not None:
-        at = (cut - first + offset) / 1e9
-        remarks.append(f"it was started again at {at:.1f} s: compared up to there")
-    inside = _inside(replay.recorded, begin - offset, end - offset, cut)
-    wanted = (*tolerances, *(VIRTUAL if source.virtual else REAL_TIME))
-    comparison = Comparison(wanted, common_only=bool(source.other_messages))
+    offset, restart = source.utc_offset_ns, _first_restart(replay.recorded)
+    until = end if restart is None else restart + offset - 1
+    window = Window(max(first, begin) - offset, min(last, until) - offset)
+    found = _compared(replay, names, source, window, tolerances)
+    found.begin_ns = first - offset
+    if restart is not None:
+        at = (restart - found.begin_ns) / 1e9
+        found.remarks.append(f"it was started again at {at:.1f} s: compared up to there")
+    return found
+
+
+def _compared(
+    replay: OnBoard | Topside,
+    names: Sequence[str],
+    source: ReplaySource,
+    window: Window,
+    tolerances: Sequence[Tolerance],
+) -> ThroughResult:
+    """What was recorded in a window, and what is published today."""
+    remarks: list[str] = []
+    declared = VIRTUAL if source.virtual else REAL_TIME
+    if damaged := source.damaged:
+        declared = (*DAMAGED, *declared)
+        remarks.append(
+            f"{damaged} messages were damaged on their way and are not in the recording: how many "
+            f"messages a service received or could not read is not compared"
+        )
+    comparison = Comparison((*tolerances, *declared), common_only=bool(source.other_messages))
     compared: dict[str, int] = {}
-    for key, told in sorted(inside.items()):
+    inside = _inside(replay.recorded, window)
+    for key in sorted({*inside, *replay.outputs.keys}):
         before = comparison.compared
-        today = replay.outputs.of(key)
-        others = key in IN_PLACE_OF and IN_PLACE_OF[key] not in names
-        for pair in stood_in(told, today) if others else _pairs(told, today, source):
+        today = [told for told in replay.outputs.of(key) if told.stamp_ns <= window.end_ns]
+        stands_in = IN_PLACE_OF.get(key, names[0]) not in names
+        for pair in _pairs(inside[key], today, source, window, stands_in=stands_in):
             comparison.compare(pair)
         compared[key] = comparison.compared - before
-    seconds = max(0, end - max(begin, first)) / 1e9
-    return ThroughResult(comparison.differences, compared, first - offset, seconds, remarks)
+    seconds = max(0, window.end_ns - window.begin_ns) / 1e9
+    found = comparison.differences
+    if not source.virtual:
+        found = [one for one in found if one.count > max(A_FEW, RARELY * compared[one.key])]
+        if rare := len(comparison.differences) - len(found):
+            remarks.append(
+                f"{rare} fields differ in at most {RARELY:.0%} of their messages or in {A_FEW}: on "
+                f"a real clock, what arrives together may be handled in another order"
+            )
+    return ThroughResult(found, compared, 0, seconds, remarks)
 
 
-def _pairs(recorded: list[Told], today: list[Told], source: ReplaySource) -> Iterator[Pair]:
+def _pairs(
+    recorded: list[Told],
+    today: list[Told],
+    source: ReplaySource,
+    window: Window,
+    *,
+    stands_in: bool,
+) -> Iterator[Pair]:
+    if stands_in:
+        return stood_in(recorded, [told for told in today if told.stamp_ns >= window.begin_ns])
     if source.virtual:
-        return by_seq(recorded, today, thinned=source.thinned)
-    topic = topics.find(recorded[0].key)
+        extra = iter(()) if source.thinned else more(recorded, today, *window)
+        return chain(by_seq(recorded, today), extra)
+    topic = topics.find(recorded[0].key) if recorded else None
     period = 1e9 / topic.hz if topic is not None and topic.hz else APART_NS
-    return by_stamp(recorded, today, min(APART_NS, round(period / 2)))
+    return by_cause(recorded, today, min(APART_NS, round(period / 2)))
 
 
-def _inside(
-    recorded: Iterable[Told], begin: int, end: int, cut: int | None
-) -> dict[str, list[Told]]:
+def _inside(recorded: Iterable[Told], window: Window) -> defaultdict[str, list[Told]]:
     """Recorded messages in this span of stamps, by key."""
-    found: dict[str, list[Told]] = defaultdict(list)
+    found: defaultdict[str, list[Told]] = defaultdict(list)
     for told in recorded:
-        if begin <= told.stamp_ns <= end and (cut is None or told.stamp_ns < cut):
+        if window.begin_ns <= told.stamp_ns <= window.end_ns:
             found[told.key].append(told)
     return found
 
@@ -131,6 +186,11 @@ def _side_of(names: Sequence[str], services: Registry, source: ReplaySource) -> 
         if name not in services:
             raise LindyError(f"--through {name}: unknown service{nearest(name, list(POSSIBLE))}")
         spec = services[name]
+        if name not in source.processes:
+            raise LindyError(
+                f"--through {name}: {source.path} has no health of it, so it did not run in that "
+                f"dive; found {', '.join(sorted(source.processes)) or 'none'}"
+            )
         if spec.module is None and (spec.service or name) not in POSSIBLE:
             raise LindyError(f"--through {name}: allowed are {', '.join(POSSIBLE)}; {CANNOT}")
     sides = {services[name].sides[0] for name in names}

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable
 from messages import topics
 from messages.topic import AnyTopic, Way
 from services.runtime.bus.memory_bus import MemoryBus, MemoryBusPort
+from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
@@ -41,28 +42,31 @@ class Topside:
             names: of the services, in the order of the stack file.
         """
         self.recorded: list[Told] = []
-        self.remarks: list[str] = []
         self._source, self._encoder = source, Encoder(source.recording)
         self._host = VirtualHost()
         self._below = MemoryBusPort(self._host.hub("drone"))
-        self.outputs = Outputs(MemoryBusPort(self._host.hub("topside")))
+        self._own: set[str] = set()  # keys that the services publish
+        above = MemoryBusPort(self._host.hub("topside"))
+        self.outputs = Outputs(above, self._own.__contains__)
         # Where several services are due at one instant, they have their turns in this order.
         self._host.add(GATEWAY, services[GATEWAY], stack)
         self._host.node(RECORDER, ["drone"])  # its health crosses the link and is not recorded
         self._before = self._player("before")
-        self.nodes: list[Node] = []
         for name in names:
             node = self._host.node(name, services[name].sides, gateway=services[name].gateway)
             services.wire(name)(node, stack)
-            self.nodes.append(node)
+            self._own.update(topic.key for topic in node.published)
         self._after = self._player("after")
         order = list(services)
         self._behind = set(order[order.index(names[-1]) + 1 :])
-        self._own = {topic.key for node in self.nodes for topic in node.published}
         self._topside = {n for n, who in source.processes.items() if who.side == "topside"}
 
     def run(self, until_ns: int) -> None:
-        """Replay up to `until_ns` [ns], which is included."""
+        """Replay up to `until_ns` [ns], which is included.
+
+        Raises:
+            LindyError: the link lost messages on their way down.
+        """
         above: list[Raw] = []
         below: list[Raw] = []
         lost = _Gaps()
@@ -77,9 +81,10 @@ class Topside:
             elif side == "drone":
                 below.append(raw)
         if lost.count:
-            self.remarks.append(
-                f"{lost.count} messages were lost on their way down and are not in the recording: "
-                f"differences may come from that"
+            raise LindyError(
+                f"{self._source.path}: {lost.count} messages were lost on their way down, are not "
+                f"in the recording made on board, and were heard topside; allowed is a dive over a "
+                f"link without loss, such as perfect or tether"
             )
         above.sort(key=lambda raw: raw.publish_ns)
         self._before.play(raw for raw in above if not self._is_later(raw.key))

@@ -45,7 +45,9 @@ class Node:
         *,
         gateway: bool = False,
         clock_offset: ClockOffset | None = None,
+        replay: bool = False,
     ) -> None:
+        """`replay`: its onlooking ports get what is played again from a recording."""
         self.name = name
         self.sides = sides
         self.counts: Counter[str] = Counter()
@@ -60,6 +62,7 @@ class Node:
         self._home = next(iter(sides))
         self._clock_offset = clock_offset
         self._gateway = gateway
+        self._replay = replay
         self._publishers: list[Publisher[Any]] = []
         self._inboxes: list[Inbox] = []
         self._heard: list[tuple[str, str]] = []
@@ -126,7 +129,9 @@ class Node:
         """Every message on the home side, or on another side, in order of arrival. An onlooker acts
         on no command, so it also gets expired ones."""
         inbox = self._inbox(topic.key, EVENTS, side or self._home)
-        gates = Gates(topic, self.counts, self._clock_offset, onlooker=onlooker)
+        gates = Gates(
+            topic, self.counts, self._clock_offset, onlooker=onlooker, replay=self._replay
+        )
 
         def drain() -> None:
             for arrival, envelope in inbox.take_all():
@@ -236,7 +241,8 @@ class Node:
 
     def gate(self, topic: Topic[M], *, onlooker: bool = False) -> Gate[M]:
         """A gate, for services that decode envelopes themselves."""
-        return Gate(topic, self.counts, self._clock_offset, onlooker=onlooker)
+        offset, replay = self._clock_offset, self._replay
+        return Gate(topic, self.counts, offset, onlooker=onlooker, replay=replay)
 
     def local_ns(self, topic: AnyTopic, stamp_ns: int) -> int | None:
         """[ns] A stamp of an envelope by this node's clock; None where not known."""
