@@ -51,7 +51,7 @@ class OnBoard:
         self.recorded: list[Told] = []
         self.nodes: list[Node] = []
         self._source, self._services, self._stack = source, services, stack
-        self._encoder = Encoder(source.recording)
+        self._encoder = Encoder(source, stack)
         self._host = VirtualHost({SIDE: SAME} if source.apart else None)
         self._port = MemoryBusPort(self._host.hub(SIDE))
         self.outputs = Outputs(self._port, self._is_own)

@@ -102,16 +102,24 @@ class ReplaySource:
         return None
 
     @cached_property
-    def other_messages(self) -> str:
-        """The hash of the messages it was made with, if they are not today's; empty: they are, or
-        nobody knows."""
-        ours = messages_hash(topics.ALL)
+    def identity(self) -> SideIdentity | None:
+        """What the drone said of itself first; else any side; None: nobody said anything."""
+        found: SideIdentity | None = None
         for raw in self.raw():
             if raw.key.startswith("identity/"):
                 said = self.recording.decode(raw)
-                if isinstance(said, SideIdentity) and said.messages:
-                    return "" if said.messages == ours else said.messages
-        return ""
+                if isinstance(said, SideIdentity) and said.side == "drone":
+                    return said
+                if isinstance(said, SideIdentity):
+                    found = found or said
+        return found
+
+    @property
+    def other_messages(self) -> str:
+        """The hash of the messages it was made with, if they are not today's; empty: they are, or
+        nobody knows."""
+        said = "" if self.identity is None else self.identity.messages
+        return "" if said == messages_hash(topics.ALL) else said
 
     @property
     def apart(self) -> bool:

@@ -42,7 +42,7 @@ class Topside:
             names: of the services, in the order of the stack file.
         """
         self.recorded: list[Told] = []
-        self._source, self._encoder = source, Encoder(source.recording)
+        self._source, self._encoder = source, Encoder(source, stack)
         self._host = VirtualHost()
         self._below = MemoryBusPort(self._host.hub("drone"))
         self._own: set[str] = set()  # keys that the services publish

@@ -30,9 +30,9 @@ class Authority(Protocol):
 
 
 class Gate(Generic[M]):
-    """Admits the messages of one key. Reasons counted: wrong_type, replayed, malformed, from_future,
-    expired, reordered, duplicated, wrong_epoch, unsynchronised (from another machine, whose clock
-    is not known yet); and `lost` for gaps in the sequence numbers, which are admitted.
+    """Admits the messages of one key. Reasons counted: wrong_type, replayed, malformed,
+    from_future, expired, reordered, duplicated, wrong_epoch, unsynchronised (from another machine,
+    whose clock is not known yet); and `lost` for gaps in the sequence numbers, which are admitted.
 
     Ages include the greatest error of the clock offset, so that no message is taken to be fresher
     than it is.
