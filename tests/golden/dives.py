@@ -102,9 +102,7 @@ def _outputs(path: Path) -> list[Raw]:
         replay = OnBoard(source, CHAIN, services, source.stack(Path(place)))
         replay.run(source.span[1])
     told = [t for key in replay.outputs.keys for t in replay.outputs.of(key) if _is_kept(t)]
-    return [
-        Raw(t.key, _fewer_digits(t.data, OUT_DIGITS), t.stamp_ns, t.stamp_ns) for t in told
-    ]
+    return [Raw(t.key, _fewer_digits(t.data, OUT_DIGITS), t.stamp_ns, t.stamp_ns) for t in told]
 
 
 def _is_kept(told: Told) -> bool:
