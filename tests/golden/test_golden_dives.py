@@ -1,5 +1,5 @@
-"""Today's estimation, reference and control on a recorded dive of each vehicle: nothing changed that
-nobody wanted to change. Where it was wanted: `python -m tests.golden.update`."""
+"""Today's estimation, reference and control on a recorded dive of each vehicle: nothing changed
+that nobody wanted to change. Where it was wanted: `python -m tests.golden.update`."""
 
 from pathlib import Path
 

@@ -80,9 +80,16 @@ class Replay:
         self._next = next(self._rows, None)
 
     def play(self, stopped: Callable[[], bool]) -> int:
-        print(self._beginning(), flush=True)
+        """
+        Args:
+            stopped: does the user want it to end?
+
+        Raises:
+            LindyError: there is nothing to play.
+        """
         if self._next is None:
             raise LindyError(f"{self._source.path}: nothing of what is asked for is in it")
+        print(self._beginning(), flush=True)
         self._clock.jump(self._clock.begin, time.monotonic_ns())
         while not stopped() and not self._quit and self._turn():
             pass

@@ -13,6 +13,7 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import nearest
 from services.runtime.hosts.garbage_collection import rare_collections
 from services.runtime.hosts.registry import Registry
+from tools.checks import known_tables
 from tools.replay.differences import (
     Comparison,
     Difference,
@@ -86,6 +87,7 @@ def through(
     with TemporaryDirectory(prefix="lindy-") as folder, rare_collections():
         stack = source.stack(Path(folder))
         stack.overrides.extend(overrides)
+        stack.check(known_tables(services))
         ordered = tuple(name for name in services if name in names)
         kind = OnBoard if side == "drone" else Topside
         replay = kind(source, ordered, services, stack)

@@ -1,4 +1,4 @@
-"""Recorded time follows real time at the speed that was asked for, and stands while it is paused."""
+"""Recorded time follows real time at the speed that was asked for, and stands in a pause."""
 
 from hypothesis import given
 from hypothesis import strategies as st
