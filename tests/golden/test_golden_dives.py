@@ -90,11 +90,18 @@ def test_an_update_prints_what_changed(
         path.write_bytes(golden(vehicle).read_bytes())
 
     monkeypatch.setattr(update, "make", put)
-    monkeypatch.setattr(update, "golden", lambda vehicle: tmp_path / f"{vehicle}.mcap")
+
+    def kept(vehicle: str) -> Path:
+        return tmp_path / f"{vehicle}.mcap"
+
+    def wrongly(law: AxisLaw, reference: Motion, water: float = 0.0) -> float:  # noqa: ARG001
+        return 1.0
+
+    monkeypatch.setattr(update, "golden", kept)
     monkeypatch.setattr(update, "VEHICLES", ("pioneer",))
     update.update()
     assert "it is new" in capsys.readouterr().out
-    monkeypatch.setattr(AxisLaw, "feed_forward", lambda *_: 1.0)
+    monkeypatch.setattr(AxisLaw, "feed_forward", wrongly)
     update.update()
     said = capsys.readouterr().out
     assert "control/wrench: wanted[" in said

@@ -54,7 +54,7 @@ class OnBoard:
         self._encoder = Encoder(source, stack)
         self._host = VirtualHost({SIDE: SAME} if source.apart else None)
         self._port = MemoryBusPort(self._host.hub(SIDE))
-        self.outputs = Outputs(self._port, self._is_own)
+        self.outputs = Outputs([self._port], self._is_own)
         self._starts = _starts(source, names)
         self._wanted: dict[str, bool] = {}  # key: does a service subscribe to it?
         self._own: dict[str, bool] = {}  # key: does a service publish it?

@@ -10,7 +10,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from services.runtime.bus.zenoh_bus import ZenohBus, listening, open_bus
+from services.runtime.bus.envelope import Bus
+from services.runtime.bus.zenoh_bus import listening, open_bus
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import REPLAY
 from tools.live.stop_signals import StopSignals
@@ -69,7 +70,7 @@ def onto_bus(
 class Replay:
     """One replay onto a bus."""
 
-    def __init__(self, source: ReplaySource, wish: Wish, bus: ZenohBus, shown: Terminal) -> None:
+    def __init__(self, source: ReplaySource, wish: Wish, bus: Bus, shown: Terminal) -> None:
         self._source, self._wish, self._shown = source, wish, shown
         self._out = Republisher(source.recording, bus.forward)
         self._clock = PlayClock(*wish.span, wish.speed, time.monotonic_ns())
@@ -140,8 +141,7 @@ class Replay:
 
     def _go_to(self, position: int) -> None:
         """Go on from there. A file is read from its beginning again."""
-        self._clock.jump(position, time.monotonic_ns())
-        begin = self._clock.position(time.monotonic_ns())
+        begin = min(self._clock.end, max(self._clock.begin, position))
         self._rows = self._from(begin)
         self._next = next(self._rows, None)
         self._clock.jump(begin, time.monotonic_ns())

@@ -1,11 +1,13 @@
 """What services publish during a replay, in the form in which it is compared."""
 
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import msgspec
 
 from messages import topics
+from messages.message import Message
+from messages.payload import PayloadDecoder
 from services.runtime.bus.envelope import Bus, Envelope
 from tools.recordings.recording import Raw
 from tools.replay.differences import Told
@@ -23,18 +25,19 @@ HEAD = msgspec.json.Decoder(Head)
 
 
 class Outputs:
-    """What the services of a replay publish on the bus of a port, which others use as well."""
+    """What the services of a replay publish, on buses which others use as well."""
 
-    def __init__(self, port: Bus, is_own: Callable[[str], bool]) -> None:
+    def __init__(self, ports: Sequence[Bus], is_own: Callable[[str], bool]) -> None:
         """
         Args:
             is_own: does one of these services publish this key?
         """
         self._is_own = is_own
         self._by_key: dict[str, list[Told]] = defaultdict(list)
-        self._decoders: dict[str, msgspec.msgpack.Decoder[msgspec.Struct]] = {}
+        self._decoders: dict[str, PayloadDecoder[Message]] = {}
         self._encode = msgspec.json.Encoder().encode
-        port.hear("**", self._store)
+        for port in ports:
+            port.hear("**", self._store)
 
     @property
     def keys(self) -> list[str]:
@@ -56,11 +59,13 @@ class Outputs:
         if decoder is None:
             topic = topics.find(envelope.key)
             assert topic is not None  # nodes publish rows of the topic table only
-            decoder = self._decoders[envelope.key] = msgspec.msgpack.Decoder(topic.message)
+            decoder = self._decoders[envelope.key] = PayloadDecoder(topic)
         message = decoder.decode(envelope.payload)
-        seq, stamp_ns = message.seq, message.stamp_ns  # type: ignore[attr-defined]
+        if message is None:  # damaged on the link
+            return
         sample = getattr(message, "sensor_ns", None)
-        told = Told(envelope.key, seq, stamp_ns, self._encode(message), sample)
+        data = self._encode(message)
+        told = Told(envelope.key, message.seq, message.stamp_ns, data, sample)
         self._by_key[envelope.key].append(told)
 
 

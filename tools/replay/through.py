@@ -31,9 +31,9 @@ from tools.replay.tolerances import A_FEW, DAMAGED, RARELY, REAL_TIME, VIRTUAL
 from tools.replay.topside import Topside
 
 CANNOT = (
-    "simulator, gamepad, keyboard, mavlink, ardusub, tether, recorder and visualizer cannot: they "
-    "work from a simulated world, a device, another program, the other end of the link or for a "
-    "file, and none of these is in a recording"
+    "simulator, gamepad, mavlink, ardusub, tether, recorder and visualizer cannot, because a "
+    "simulated world, a device, another program, the far end of the link or a file is part of "
+    "what they do, and none of these is in a recording"
 )
 POSSIBLE = ("estimation", "reference", "control", "link_monitor", "predictor")
 APART_NS = 20_000_000  # [ns] between two stamps of one message, where a real clock decided

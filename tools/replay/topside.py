@@ -47,7 +47,8 @@ class Topside:
         self._below = MemoryBusPort(self._host.hub("drone"))
         self._own: set[str] = set()  # keys that the services publish
         above = MemoryBusPort(self._host.hub("topside"))
-        self.outputs = Outputs(above, self._own.__contains__)
+        # A message that crosses the link is heard on both, and counts once.
+        self.outputs = Outputs([above, self._below], self._own.__contains__)
         # Where several services are due at one instant, they have their turns in this order.
         self._host.add(GATEWAY, services[GATEWAY], stack)
         self._host.node(RECORDER, ["drone"])  # its health crosses the link and is not recorded

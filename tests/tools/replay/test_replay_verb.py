@@ -80,6 +80,10 @@ def foreign(path: Path) -> None:
     McapFile(path).finish()
 
 
+def no_file(path: Path) -> None:
+    assert not path.exists()
+
+
 def only_its_beginning(path: Path) -> None:
     path.write_bytes(golden("pioneer").read_bytes()[:30])
 
@@ -92,7 +96,7 @@ def only_its_beginning(path: Path) -> None:
         (text, "is not a recording: it does not begin as MCAP files do"),
         (foreign, "is not a recording of Lindy"),
         (only_its_beginning, "is not a recording of Lindy, or is cut off"),
-        (lambda _: None, "No such file"),
+        (no_file, "No such file"),
     ],
 )
 def test_a_wrong_file_is_explained(
