@@ -104,7 +104,7 @@ def _distance(a: Told, b: Told) -> int:
     return abs(a.stamp_ns - b.stamp_ns)
 
 
-class Comparison:
+class FieldComparison:
     """Collects differences.
 
     Attributes:

@@ -176,7 +176,7 @@ class OnBoard:
         return self._own[key]
 
 
-class Start(NamedTuple):
+class ServiceStart(NamedTuple):
     """When a service was started by the clock on board."""
 
     at_ns: int  # [ns] when it was wired
@@ -185,15 +185,17 @@ class Start(NamedTuple):
     process: Process
 
 
-def _starts(source: ReplaySource, names: tuple[str, ...]) -> list[Start]:
+def _starts(source: ReplaySource, names: tuple[str, ...]) -> list[ServiceStart]:
     """In the order of their starts."""
     if source.virtual:
-        return [Start(0, 0, n, source.processes.get(n, NOT_RECORDED)) for n in (*names, RECORDER)]
-    found: list[Start] = []
+        return [
+            ServiceStart(0, 0, n, source.processes.get(n, NOT_RECORDED)) for n in (*names, RECORDER)
+        ]
+    found: list[ServiceStart] = []
     for name in names:
         process = source.processes[name]
         ticks = process.started_ns - source.utc_offset_ns
         named = source.named_start_ns if name == NAMES_ITS_START else None
         at = ticks if named is None or not 0 <= ticks - named < SLOW_START_NS else named
-        found.append(Start(at, ticks, name, process))
+        found.append(ServiceStart(at, ticks, name, process))
     return sorted(found)

@@ -15,7 +15,7 @@ from services.runtime.hosts.garbage_collection import rare_collections
 from services.runtime.hosts.registry import Registry
 from tools.checks import known_tables
 from tools.replay.differences import (
-    Comparison,
+    FieldComparison,
     Difference,
     Pair,
     Told,
@@ -119,7 +119,7 @@ def _compared(
             f"{damaged} messages were damaged on their way and are not in the recording: how many "
             f"messages a service received or could not read is not compared"
         )
-    comparison = Comparison((*tolerances, *declared), common_only=bool(source.other_messages))
+    comparison = FieldComparison((*tolerances, *declared), common_only=bool(source.other_messages))
     compared: dict[str, int] = {}
     inside = _inside(replay.recorded, window)
     for key in sorted({*inside, *replay.outputs.keys}):

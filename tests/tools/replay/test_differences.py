@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from services.runtime.config.errors import LindyError
 from tools.replay.differences import (
-    Comparison,
+    FieldComparison,
     Pair,
     Told,
     Tolerance,
@@ -41,21 +41,21 @@ def told(body: object, seq: int = 0, stamp: int = 0, sample: int | None = None) 
 
 @given(BODY)
 def test_the_same_is_no_difference(body: dict[str, object]) -> None:
-    comparison = Comparison(())
+    comparison = FieldComparison(())
     comparison.compare(Pair(told(body), told(body)))
     assert comparison.differences == []
 
 
 @given(BODY, BODY)
 def test_what_is_not_the_same_is_one(a: dict[str, object], b: dict[str, object]) -> None:
-    comparison = Comparison(())
+    comparison = FieldComparison(())
     comparison.compare(Pair(told(a), told(b)))
     assert bool(comparison.differences) == (dict(fields(a)) != dict(fields(b)))
 
 
 @given(NUMBER, NUMBER, st.floats(0.0, 10.0))
 def test_a_tolerance_allows_just_so_much(a: float, b: float, most: float) -> None:
-    comparison = Comparison((Tolerance("state.depth", absolute=most),))
+    comparison = FieldComparison((Tolerance("state.depth", absolute=most),))
     comparison.compare(Pair(told({"depth": a, "x": a}), told({"depth": b, "x": b})))
     found = {one.field for one in comparison.differences}
     assert ("x" in found) == (a != b)
@@ -63,7 +63,7 @@ def test_a_tolerance_allows_just_so_much(a: float, b: float, most: float) -> Non
 
 
 def test_first_count_and_worst_are_said() -> None:
-    comparison = Comparison(())
+    comparison = FieldComparison(())
     for k, (a, b) in enumerate([(1.0, 1.0), (1.0, 1.5), (1.0, 3.0), (1.0, 2.0)]):
         at = k * 10**9
         comparison.compare(Pair(told({"depth": a}, k, at), told({"depth": b}, k, at)))
@@ -78,7 +78,7 @@ def test_first_count_and_worst_are_said() -> None:
 
 def test_a_field_that_one_has_is_compared_unless_the_messages_were_others() -> None:
     pair = Pair(told({"depth": 1.0}), told({"depth": 1.0, "new": 2.0}))
-    strict, common = Comparison(()), Comparison((), common_only=True)
+    strict, common = FieldComparison(()), FieldComparison((), common_only=True)
     strict.compare(pair)
     common.compare(pair)
     assert [one.field for one in strict.differences] == ["new"]
