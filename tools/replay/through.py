@@ -15,8 +15,8 @@ from services.runtime.hosts.garbage_collection import rare_collections
 from services.runtime.hosts.registry import Registry
 from tools.checks import known_tables
 from tools.replay.differences import (
-    FieldComparison,
     Difference,
+    FieldComparison,
     Pair,
     Told,
     Tolerance,
