@@ -3,11 +3,13 @@
 import json
 import re
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
+from mcap.reader import make_reader
 from mcap.records import Attachment
 
 from messages import topics
@@ -17,6 +19,7 @@ from messages.vehicle import VehicleStatus
 from services.runtime.config.errors import LindyError
 from services.runtime.config.identity import messages_hash
 from services.runtime.config.stack import Stack
+from tools.recordings.mcap_records import DAMAGE
 from tools.recordings.recording import Raw, Recording, is_whole, open_recording
 
 THINNED = "thinned"  # metadata: messages were taken out on purpose
@@ -41,6 +44,7 @@ class ReplaySource:
     about: dict[str, str]
     utc_offset_ns: int  # [ns] UTC minus the clock of stamps on board; 0: virtual time
     files: dict[str, bytes]  # attachments by name
+    _readable: int = 0  # messages, once `span` is known
 
     @property
     def virtual(self) -> bool:
@@ -67,13 +71,26 @@ class ReplaySource:
         Raises:
             LindyError: there is none.
         """
-        first, last = None, 0
+        first, last, readable = None, 0, 0
         for raw in self.raw():
             first = raw.log_ns if first is None else min(first, raw.log_ns)
             last = max(last, raw.log_ns)
+            readable += 1
         if first is None:
-            raise LindyError(f"{self.path} holds no message: nothing can be replayed")
+            raise LindyError(f"{self.path} holds no message that can be read: nothing to replay")
+        self._readable = readable
         return first, last
+
+    @property
+    def unread(self) -> int:
+        """How many messages its own summary names beyond those that can be read: it is damaged.
+
+        Raises:
+            LindyError: as `span`.
+        """
+        _ = self.span
+        named = [messages_named(file) for file in self.recording.files]
+        return max(0, sum(n for n in named if n is not None) - self._readable)
 
     @cached_property
     def processes(self) -> dict[str, Process]:
@@ -194,6 +211,15 @@ def open_source(path: Path) -> ReplaySource:
         raise LindyError(f"{path}: its clock is {offset!r}, expected whole nanoseconds") from None
 
 
+def messages_named(file: Path) -> int | None:
+    """How many messages a file says it has; None: it was not ended, or its end is damaged."""
+    with file.open("rb") as stream, suppress(*DAMAGE):
+        summary = make_reader(stream).get_summary()
+        if summary is not None and summary.statistics is not None:
+            return summary.statistics.message_count
+    return None
+
+
 def remarks(source: ReplaySource) -> list[str]:
     """What a reader should know of this recording before he trusts a result."""
     said = [
@@ -201,6 +227,13 @@ def remarks(source: ReplaySource) -> list[str]:
         for file in source.recording.files
         if not is_whole(file)
     ]
+    if unread := source.unread:
+        _, last = source.span
+        seconds = (last - source.span[0]) / 1e9
+        said.append(
+            f"it is damaged: {unread} of its messages cannot be read; what is left ends after "
+            f"{seconds:.1f} s"
+        )
     if theirs := source.other_messages:
         said.append(
             f"it was made with other messages (hash {theirs}, today's is "

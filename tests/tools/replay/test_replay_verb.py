@@ -125,6 +125,18 @@ def test_what_is_left_of_a_cut_off_file_is_compared(
     assert "exactly as recorded" in out
 
 
+def test_a_damaged_file_is_said_to_be_one(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    path = tmp_path / "dive.mcap"
+    data = bytearray(golden("pioneer").read_bytes())
+    data[len(data) * 6 // 10] ^= 0xFF
+    path.write_bytes(data)
+    together = [f for n in ("estimation", "reference", "control") for f in ("--through", n)]
+    assert main(["replay", str(path), *together, "--diff", "--tolerance", "*=1e-6"]) == 0
+    assert "it is damaged: " in capsys.readouterr().out
+
+
 def test_a_difference_is_said_and_is_the_exit_status(capsys: pytest.CaptureFixture[str]) -> None:
     together = [f for n in ("estimation", "reference", "control") for f in ("--through", n)]
     changed = ["--set", "control.depth.kp=120", "--tolerance", "*=1e-6", "--from", "6"]
