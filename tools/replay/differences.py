@@ -18,6 +18,10 @@ class Tolerance(NamedTuple):
     absolute: float = 0.0  # unit of the field
     relative: float = 0.0  # [-] of the larger number
 
+    def covers(self, path: str) -> bool:
+        """Is it for this TOPIC.FIELD? Brackets are those of an index, such as `thrust[3]`."""
+        return fnmatchcase(path, self.pattern.replace("[", "[[]"))
+
     def allows(self, a: float, b: float) -> bool:
         return isclose(a, b, rel_tol=self.relative, abs_tol=self.absolute)
 
@@ -159,7 +163,7 @@ class FieldComparison:
         known = self._of_field.get((key, name))
         if known is None:
             path = f"{key}.{name}"
-            known = next((t for t in self._tolerances if fnmatchcase(path, t.pattern)), EXACT)
+            known = next((t for t in self._tolerances if t.covers(path)), EXACT)
             self._of_field[key, name] = known
         return known
 

@@ -22,7 +22,11 @@ def replay(
     to: Annotated[float | None, Parameter(help="[s] since the recording began")] = None,
     topics: Annotated[
         tuple[str, ...],
-        Parameter(negative=(), help="only these, such as state or 'sensor/*'; repeatable"),
+        Parameter(
+            negative=(),
+            show_default=False,
+            help="only these, such as state or 'sensor/*'; repeatable",
+        ),
     ] = (),
     connect: Annotated[
         str | None,
@@ -39,6 +43,7 @@ def replay(
         tuple[str, ...],
         Parameter(
             negative=(),
+            show_default=False,
             help="with --diff: feed the recorded inputs of this service to today's code; "
             "repeatable: together, on one side",
         ),
@@ -55,7 +60,9 @@ def replay(
     tolerance: Annotated[
         tuple[str, ...],
         Parameter(
-            negative=(), help="TOPIC.FIELD=NUMBER or NUMBER% that may differ, * for any; repeatable"
+            negative=(),
+            show_default=False,
+            help="TOPIC.FIELD=NUMBER or NUMBER% that may differ, * for any; repeatable",
         ),
     ] = (),
     stack: Annotated[
@@ -66,6 +73,7 @@ def replay(
         Parameter(
             name="--set",
             negative=(),
+            show_default=False,
             help="with --through: key.path=value into the recorded vehicle file; repeatable",
         ),
     ] = (),

@@ -62,6 +62,12 @@ def test_a_tolerance_allows_just_so_much(a: float, b: float, most: float) -> Non
     assert ("depth" in found) == (abs(a - b) > most)
 
 
+def test_a_field_is_named_as_it_is_printed() -> None:
+    assert Tolerance("control/thrusters.thrust[3]").covers("control/thrusters.thrust[3]")
+    assert Tolerance("control/*.thrust[*").covers("control/thrusters.thrust[3]")
+    assert not Tolerance("control/thrusters.thrust[3]").covers("control/thrusters.thrust3")
+
+
 def test_first_count_and_worst_are_said() -> None:
     comparison = FieldComparison(())
     for k, (a, b) in enumerate([(1.0, 1.0), (1.0, 1.5), (1.0, 3.0), (1.0, 2.0)]):
