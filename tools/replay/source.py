@@ -22,6 +22,7 @@ from services.runtime.config.stack import Stack
 from tools.recordings.mcap_records import DAMAGE
 from tools.recordings.recording import Raw, Recording, is_whole, open_recording
 
+BACKWARDS_S = 0.01  # [s] less is no matter
 THINNED = "thinned"  # metadata: messages were taken out on purpose
 
 
@@ -45,6 +46,7 @@ class ReplaySource:
     utc_offset_ns: int  # [ns] UTC minus the clock of stamps on board; 0: virtual time
     files: dict[str, bytes]  # attachments by name
     _readable: int = 0  # messages, once `span` is known
+    _goes_back_ns: int = 0  # likewise: the farthest that a message is before an earlier one
 
     @property
     def virtual(self) -> bool:
@@ -74,12 +76,23 @@ class ReplaySource:
         first, last, readable = None, 0, 0
         for raw in self.raw():
             first = raw.log_ns if first is None else min(first, raw.log_ns)
+            self._goes_back_ns = max(self._goes_back_ns, last - raw.log_ns)
             last = max(last, raw.log_ns)
             readable += 1
         if first is None:
             raise LindyError(f"{self.path} holds no message that can be read: nothing to replay")
         self._readable = readable
         return first, last
+
+    @property
+    def goes_back_s(self) -> float:
+        """[s] How far its clock ran backwards.
+
+        Raises:
+            LindyError: as `span`.
+        """
+        _ = self.span
+        return self._goes_back_ns / 1e9
 
     @property
     def unread(self) -> int:
@@ -233,6 +246,11 @@ def remarks(source: ReplaySource) -> list[str]:
         said.append(
             f"it is damaged: {unread} of its messages cannot be read; what is left ends after "
             f"{seconds:.1f} s"
+        )
+    if (seconds := source.goes_back_s) > BACKWARDS_S:
+        said.append(
+            f"its clock runs backwards by {seconds:.1f} s: what it holds from then on has other "
+            f"times than it had in the dive"
         )
     if theirs := source.other_messages:
         said.append(

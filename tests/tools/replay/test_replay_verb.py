@@ -146,7 +146,11 @@ def test_a_difference_is_said_and_is_the_exit_status(capsys: pytest.CaptureFixtu
     assert "fields differ" in out
 
 
-def rewritten(path: Path, change: Callable[[str, dict[str, object]], None]) -> Path:
+def rewritten(
+    path: Path,
+    change: Callable[[str, dict[str, object]], None],
+    clock: Callable[[int], int] = lambda ns: ns,
+) -> Path:
     """The golden dive with every message changed, and what another Lindy said of itself."""
     source, file = open_source(golden("pioneer")), McapFile(path)
     file.metadata("dive", source.about)
@@ -163,9 +167,13 @@ def rewritten(path: Path, change: Callable[[str, dict[str, object]], None]) -> P
             file.open_channel(key, topic.message.__name__, foxglove_schema(topic.message))
         body = msgspec.json.decode(data)
         change(key, body)
-        file.write(key, msgspec.json.encode(body), log_ns, publish_ns, 0)
+        file.write(key, msgspec.json.encode(body), clock(log_ns), publish_ns, 0)
     file.finish()
     return path
+
+
+def unchanged(_key: str, _body: dict[str, object]) -> None:
+    pass
 
 
 def test_other_messages_are_said_and_compared_as_far_as_possible(
@@ -183,6 +191,19 @@ def test_other_messages_are_said_and_compared_as_far_as_possible(
     arguments = [*together, "--diff", *one_more, "--tolerance", "*=1e-6"]
     assert main(["replay", str(path), *arguments]) == 0
     assert "it was made with other messages (hash 0123456789ab" in capsys.readouterr().out
+
+
+def test_a_clock_that_runs_backwards_is_said(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    source = open_source(golden("pioneer"))
+    times = [raw.log_ns for raw in source.raw()]
+    half = times[len(times) // 2]
+    path = rewritten(tmp_path / "back.mcap", unchanged, lambda ns: ns - 10**9 * (ns > half))
+    assert main(["replay", str(path), *THROUGH]) == 1
+    out, err = capsys.readouterr()
+    assert "its clock runs backwards by 1.0 s" in out
+    assert err == ""
 
 
 def test_without_a_terminal_it_plays_and_says_what(capsys: pytest.CaptureFixture[str]) -> None:
