@@ -18,7 +18,7 @@ from tools.replay.differences import (
     more,
     stood_in,
 )
-from tools.replay.tolerances import parsed
+from tools.replay.tolerances import REAL_TIME, parsed
 
 NUMBER = st.floats(-1e6, 1e6)
 TREE = st.recursive(
@@ -137,3 +137,35 @@ def test_tolerances_as_they_are_typed() -> None:
 def test_a_wrong_tolerance_is_explained(text: str) -> None:
     with pytest.raises(LindyError, match=r"expected TOPIC.FIELD=NUMBER"):
         parsed([text])
+
+
+@pytest.mark.parametrize(
+    ("key", "name", "recorded", "today", "same"),
+    [
+        ("control/thrusters", "epoch", 35071433529, 35071433530, False),
+        ("control/thrusters", "armed_ns", 35081315374258, 35081315374258 + 10**8, False),
+        ("control/wrench", "stamp_ns", 35081315374258, 35081315374258 + 10**7, True),
+        ("control/wrench", "wanted[2]", 8.0, 8.05, True),
+        ("control/wrench", "wanted[2]", 8.0, 8.5, False),
+        ("state", "seq", 3, 4, True),
+        ("state", "depth.value", 1.0, 1.1, False),
+        ("reference", "armed", True, False, False),
+    ],
+)
+def test_what_a_real_clock_may_change(
+    key: str, name: str, recorded: object, today: object, same: bool
+) -> None:
+    comparison = FieldComparison(REAL_TIME)
+    then, now = (
+        Told(key, 0, 0, msgspec.json.encode(_nested(name, x)), None) for x in (recorded, today)
+    )
+    comparison.compare(Pair(then, now))
+    assert (comparison.differences == []) == same
+
+
+def _nested(name: str, value: object) -> object:
+    """`wanted[2]` and `depth.value` as they stand in a message."""
+    if name.endswith("[2]"):
+        return {name.removesuffix("[2]"): [0.0, 0.0, value]}
+    head, dot, tail = name.partition(".")
+    return {head: {tail: value}} if dot else {head: value}
