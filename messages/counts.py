@@ -230,6 +230,7 @@ KINDS: dict[str, Meaning] = {
     "unknown_parameter": Meaning(MESSAGE, "a parameter was asked for that there is not"),
     "does_not_fit": Meaning(MESSAGE, "a number did not fit into a message and was not sent"),
     "wrong_type": Meaning(MESSAGE, "a message was of the wrong type"),
+    "replayed": Meaning(MESSAGE, "a recorded message that was played again was refused"),
     "wrong_epoch": Meaning(MESSAGE, "a command came from a pilot who is not in control"),
     "unknown": Meaning(MESSAGE, "a message arrived on an unknown key"),
     "unknown_key": Meaning(MESSAGE, "a message arrived on an unknown key"),

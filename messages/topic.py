@@ -51,6 +51,11 @@ class Topic(Generic[M]):
         return f"application/msgpack;{self.message.__name__}"
 
     @property
+    def replayed(self) -> str:
+        """Encoding of a recorded message that is played again: no port of a live dive takes it."""
+        return f"{self.encoding};replayed"
+
+    @property
     def stale_after_ns(self) -> int | None:
         """[ns] Age beyond which a message of this topic is stale; None for events."""
         if self.hz == 0:

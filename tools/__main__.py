@@ -19,7 +19,7 @@ from tools.link import link
 from tools.profile import profile
 from tools.ramp import ramp
 from tools.sweep.command import sweep
-from tools.verbs import analyse, live, research, start
+from tools.verbs import analyse, live, replay, research, start
 from tools.verbs.log import log
 
 ERROR, INTERRUPTED = 1, 130  # exit statuses
@@ -42,6 +42,7 @@ app.command(start.run)
 app.command(start.hub)
 app.command(analyse.picture)
 app.command(analyse.path)
+app.command(replay.replay)
 app.command(live.ask)
 app.command(live.fault)
 app.command(log)

@@ -18,13 +18,25 @@ from tools.choices import Choices
 from tools.keys.door import door, is_local
 from tools.keys.roles import Role
 from tools.live.dive_folder import dive_files
+from tools.live.viewer import VIEWER
+from tools.replay.viewing import one_bus
 
 CALLERS: tuple[Role, ...] = ("observer", "pilot")
 FILE = {"recorder": "mcap", "visualizer": "rrd"}  # of one dive only
 
 
-def run(service: str, connect: tuple[str, ...], choices: Choices, keys: Path | None = None) -> int:
+def run(
+    service: str,
+    connect: tuple[str, ...],
+    choices: Choices,
+    keys: Path | None = None,
+    *,
+    replay: bool = False,
+) -> int:
     """Run one service until Ctrl-C. Returns its exit status.
+
+    Args:
+        replay: it shows what `lindy replay` plays, and no vehicle.
 
     Raises:
         LindyError: an unknown service, or a side that is missing or has no endpoint.
@@ -33,12 +45,14 @@ def run(service: str, connect: tuple[str, ...], choices: Choices, keys: Path | N
     if service not in services:
         raise LindyError(f"unknown service {service!r}{nearest(service, sorted(services))}")
     spec = services[service]
+    if replay:
+        spec = of_a_replay(service, spec)
     endpoints = endpoints_of(service, spec, connect)
     stack = checked(choices, pilot_of(choices.pilot or "gamepad"), services, {service})
     out = (choices.out or Path()).resolve()
     if (kind := FILE.get(service)) and (earlier := dive_files(out, kind)):
         raise LindyError(f"{earlier[0]} is there already; choose another --out for the {service}")
-    stack = msgspec.structs.replace(stack, out=str(out))
+    stack = msgspec.structs.replace(stack, out=str(out), replay=replay)
     with tempfile.TemporaryDirectory(prefix="lindy-") as checkpoint:
         return run_services(
             Launch(
@@ -51,6 +65,20 @@ def run(service: str, connect: tuple[str, ...], choices: Choices, keys: Path | N
                 keys=keys_for(endpoints, keys),
             )
         )
+
+
+def of_a_replay(service: str, spec: ServiceSpec) -> ServiceSpec:
+    """The service with the one bus that a replay has.
+
+    Raises:
+        LindyError: it acts, and does not merely show.
+    """
+    if service != VIEWER:
+        raise LindyError(
+            f"{service} --replay: a replay is looked at only; allowed is {VIEWER}. To feed a "
+            f"recording to {service}: lindy replay FILE --through {service} --diff"
+        )
+    return one_bus(spec)
 
 
 def keys_for(endpoints: Mapping[str, str], keys: Path | None) -> KeyFiles | None:

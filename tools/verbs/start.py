@@ -174,6 +174,14 @@ def run(
             help="for a hub at tls/…: folder of the keys; default: ~/.config/lindy/keys",
         ),
     ] = None,
+    replay: Annotated[
+        bool,
+        Parameter(
+            negative=(),
+            show_default=False,
+            help="visualizer: show what `lindy replay --listen` plays, and no vehicle",
+        ),
+    ] = False,
     choices: Choices | None = None,
 ) -> int:
     """Run one service in the foreground, on hubs that are already running.
@@ -182,7 +190,7 @@ def run(
     """
     from tools.run import run
 
-    return run(service, connect, choices or Choices(), keys)
+    return run(service, connect, choices or Choices(), keys, replay=replay)
 
 
 def hub(

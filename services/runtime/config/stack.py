@@ -26,6 +26,9 @@ NO_SETTINGS = (
     "class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True)"
 )
 SCRIPT = "script:"  # of a pilot: then comes its name
+# A replay's own part of the keys. Wildcards do not match a chunk that begins with @, and no vehicle
+# can have such a name: docs/decisions/0018-replay.md.
+REPLAY = "@replay"
 BODY = "vehicle"  # the table of the vehicle file that describes the vehicle itself
 
 
@@ -46,6 +49,7 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
     running: list[str] = []  # services of it that take part; empty: all
     seconds: float | None = None  # [s] end this long after arming; None: when the pilot ends it
     read_besides: list[str] = []  # files that those of vehicle, link and pilot name
+    replay: bool = False  # shows a recorded dive that is played again, and no vehicle
     overrides: list[str] = []  # key.path=value into the vehicle file
 
     @cached_property
@@ -67,6 +71,16 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
                 f"{self.vehicle_path.stem!r}; rename the file"
             )
         return name
+
+    @property
+    def space(self) -> str:
+        """What the keys of this dive begin with: the vehicle's name; of a replay one that no
+        vehicle can have.
+
+        Raises:
+            LindyError: as `vehicle_name`.
+        """
+        return f"{REPLAY}/{self.vehicle_name}" if self.replay else self.vehicle_name
 
     @property
     def files(self) -> list[Path]:

@@ -83,7 +83,7 @@ def run_services(launch: Launch) -> int:
         # Imports take long: all of them are done before the first node hears anything.
         wires = {name: registry.wire(name) for name in launch.services}
         sessions = {
-            side: exits.enter_context(open_bus(endpoint, launch.stack.vehicle_name, launch.keys))
+            side: exits.enter_context(open_bus(endpoint, launch.stack.space, launch.keys))
             for side, endpoint in launch.endpoints.items()
         }
         buses = {side: SharedBus(session) for side, session in sessions.items()}
@@ -130,6 +130,7 @@ def _node(name: str, launch: Launch, buses: dict[str, SharedBus], exits: ExitSta
         checkpoint,
         gateway=spec.gateway,
         clock_offset=clock_offset,
+        replay=launch.stack.replay,
     )
     node.show, node.instance = _show, instance()
     node.wall_offset_ns = time.time_ns() - time.monotonic_ns()

@@ -141,6 +141,12 @@ class VirtualHost:
             self.now = max(self.now, due)
             self._settle([name for name, at in self._due.items() if at <= due])
 
+    def settle(self) -> None:
+        """Step now those for whom something was published from outside since, and those whose timer
+        is due. Whoever publishes from outside sets `now` first."""
+        due = [name for name in self.nodes if self._deadline(name) <= self.now]
+        self._settle(due)
+
     def close(self) -> None:
         """End all services in order, as a clean stop would. One that fails to end does not keep the
         others, such as the recorder, from ending.

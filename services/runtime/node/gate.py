@@ -1,7 +1,8 @@
 """Input validation of every port: decodes envelopes and admits only messages that are well-formed,
 in order and in time.
 
-Pure: `now` is an argument. Every rejected message is counted by reason.
+Pure: `now` is an argument. Every rejected message is counted by reason. A recorded message that is
+played again is refused by every gate but that of an onlooker of a replay.
 """
 
 from collections import Counter
@@ -29,9 +30,9 @@ class Authority(Protocol):
 
 
 class Gate(Generic[M]):
-    """Admits the messages of one key. Reasons counted: wrong_type, malformed, from_future,
-    expired, reordered, duplicated, wrong_epoch, unsynchronised (from another machine, whose clock
-    is not known yet); and `lost` for gaps in the sequence numbers, which are admitted.
+    """Admits the messages of one key. Reasons counted: wrong_type, replayed, malformed,
+    from_future, expired, reordered, duplicated, wrong_epoch, unsynchronised (from another machine,
+    whose clock is not known yet); and `lost` for gaps in the sequence numbers, which are admitted.
 
     Ages include the greatest error of the clock offset, so that no message is taken to be fresher
     than it is.
@@ -47,13 +48,15 @@ class Gate(Generic[M]):
         clock_offset: ClockOffset | None = None,
         *,
         onlooker: bool = False,
+        replay: bool = False,
     ) -> None:
-        """An `onlooker` never acts on commands, so it also gets expired ones. `clock_offset`: of
-        the other machine's clock, where there are two machines."""
+        """An `onlooker` never acts on commands, so it also gets expired ones; of a `replay` it gets
+        recorded messages, and no others. `clock_offset`: of the other machine's clock, where there
+        are two machines."""
         self.authority: Authority | None = None  # None: messages of every epoch are admitted
         self._topic = topic
         self._counts = counts
-        self._encoding = topic.encoding
+        self._encoding = topic.replayed if replay and onlooker else topic.encoding
         self._decoder = PayloadDecoder(topic)
         self._expires = not onlooker and "ttl_ms" in topic.message.__struct_fields__
         self._clock_offset = (
@@ -79,7 +82,8 @@ class Gate(Generic[M]):
     def admit(self, envelope: Envelope, now: int) -> M | None:
         """The message inside, or None with the reason counted."""
         if envelope.encoding != self._encoding:
-            return self._refuse("wrong_type", envelope)
+            is_replayed = envelope.encoding == self._topic.replayed
+            return self._refuse("replayed" if is_replayed else "wrong_type", envelope)
         message = self._decoder.decode(envelope.payload)
         if message is None:
             return self._refuse("malformed", envelope)
@@ -150,11 +154,12 @@ class Gates(Generic[M]):
         clock_offset: ClockOffset | None = None,
         *,
         onlooker: bool = False,
+        replay: bool = False,
     ) -> None:
         """Arguments as of a `Gate`."""
         self._topic = topic
         self._counts = counts
-        self._new = lambda: Gate(topic, counts, clock_offset, onlooker=onlooker)
+        self._new = lambda: Gate(topic, counts, clock_offset, onlooker=onlooker, replay=replay)
         self._next = self._new()  # for a member of which nothing was admitted yet
         self._gates: dict[str, Gate[M]] = {}  # by key
 

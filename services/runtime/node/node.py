@@ -45,7 +45,9 @@ class Node:
         *,
         gateway: bool = False,
         clock_offset: ClockOffset | None = None,
+        replay: bool = False,
     ) -> None:
+        """`replay`: its onlooking ports get what is played again from a recording."""
         self.name = name
         self.sides = sides
         self.counts: Counter[str] = Counter()
@@ -60,8 +62,10 @@ class Node:
         self._home = next(iter(sides))
         self._clock_offset = clock_offset
         self._gateway = gateway
+        self._replay = replay
         self._publishers: list[Publisher[Any]] = []
         self._inboxes: list[Inbox] = []
+        self._heard: list[tuple[str, str]] = []
         self._pending: deque[Callable[[], None]] = deque()  # drain inboxes with new messages
         self._collected: list[Callable[[], None]] = []  # drain inboxes at the next step
         self._timers: list[Tick | Alarm] = []
@@ -92,6 +96,11 @@ class Node:
         """Topics it may publish."""
         return [publisher.topic for publisher in self._publishers]
 
+    @property
+    def heard(self) -> list[tuple[str, str]]:
+        """What it subscribes to: side and key expression."""
+        return self._heard
+
     def log(self, level: Literal["info", "warning", "error"], text: str) -> None:
         """A line for people: on the bus, in the recording and on stderr."""
         line = LogLine(stamp_ns=self._clock(), service=self.name, level=level, text=text[:2000])
@@ -120,7 +129,9 @@ class Node:
         """Every message on the home side, or on another side, in order of arrival. An onlooker acts
         on no command, so it also gets expired ones."""
         inbox = self._inbox(topic.key, EVENTS, side or self._home)
-        gates = Gates(topic, self.counts, self._clock_offset, onlooker=onlooker)
+        gates = Gates(
+            topic, self.counts, self._clock_offset, onlooker=onlooker, replay=self._replay
+        )
 
         def drain() -> None:
             for arrival, envelope in inbox.take_all():
@@ -230,7 +241,8 @@ class Node:
 
     def gate(self, topic: Topic[M], *, onlooker: bool = False) -> Gate[M]:
         """A gate, for services that decode envelopes themselves."""
-        return Gate(topic, self.counts, self._clock_offset, onlooker=onlooker)
+        offset, replay = self._clock_offset, self._replay
+        return Gate(topic, self.counts, offset, onlooker=onlooker, replay=replay)
 
     def local_ns(self, topic: AnyTopic, stamp_ns: int) -> int | None:
         """[ns] A stamp of an envelope by this node's clock; None where not known."""
@@ -381,6 +393,7 @@ class Node:
         inbox = Inbox(key, depth, self._clock, self.counts)
         self.sides[side].hear(key, inbox.store)
         self._inboxes.append(inbox)
+        self._heard.append((side, key))
         return inbox
 
     def _on_arrival(self, inbox: Inbox, drain: Callable[[], None]) -> None:

@@ -18,6 +18,7 @@ from services.runtime.bus.access_control import (
 )
 from services.runtime.bus.key_files import Door, KeyFiles
 from services.runtime.bus.zenoh_bus import namespace
+from services.runtime.config.stack import REPLAY
 
 SPACE = namespace("pioneer")
 OTHER: dict[Side, Side] = {"topside": "drone", "drone": "topside"}
@@ -184,3 +185,22 @@ def test_nobody_breaks_a_part_or_cuts_the_cable_from_another_machine(key: str, s
     for message in ALL_MESSAGES:
         for flow in ("ingress", "egress"):
             assert not passes(side, "tcp", flow, message, f"{SPACE}/{key}")
+
+
+@given(
+    SIDES,
+    FLOWS,
+    st.sampled_from(ALL_MESSAGES),
+    st.sampled_from(topics.ALL),
+    st.sampled_from([*NETWORK, LOCAL]),
+    st.sampled_from([None, "drone:pioneer", "pilot:ann", "observer:eve"]),
+)
+def test_nothing_of_a_replay_passes_the_hub_of_a_vehicle(
+    side: Side, flow: str, message: str, topic: AnyTopic, link: str, caller: str | None
+) -> None:
+    """Not even from a service of the same machine, with keys or without."""
+    names = ("drone:pioneer", "pilot:ann", "observer:eve")
+    door = None if caller is None else Door(KeyFiles("", "", ""), names)
+    for vehicle in ("pioneer", "another"):
+        key = f"{namespace(f'{REPLAY}/{vehicle}')}/{member(topic.key, 'control')}"
+        assert not passes(side, link, flow, message, key, door, caller)

@@ -30,6 +30,7 @@ from services.runtime.bus.zenoh_bus import (
     watch_callers,
 )
 from services.runtime.config.errors import LindyError
+from services.runtime.config.stack import REPLAY
 from tools.keys import authority
 from tools.keys.key_folder import CA, CERTIFICATE, KEY, own_keys
 from tools.keys.roles import parse
@@ -202,6 +203,12 @@ def test_it_is_seen_who_comes_also_who_is_not_admitted(drone: Drone) -> None:
 
 
 # What each may say.
+
+
+@pytest.mark.parametrize("who", ["ours/pilot-ann", "ours/observer-eve"])
+def test_nobody_plays_a_replay_to_the_drones_hub(drone: Drone, who: str) -> None:
+    assert drone.attacked_by(who, say_all, space=namespace(f"{REPLAY}/pioneer")) == set()
+    assert not any(REPLAY in key for key in drone.everything)
 
 
 def test_a_pilot_says_the_rows_that_go_down_and_no_others(drone: Drone) -> None:

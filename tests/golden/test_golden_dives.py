@@ -1,0 +1,108 @@
+"""Today's estimation, reference and control on a recorded dive of each vehicle: nothing changed
+that nobody wanted to change. Where it was wanted: `python -m tests.golden.update`."""
+
+from pathlib import Path
+
+import pytest
+
+from services.control.axis.axis_law import AxisLaw, Motion
+from services.runtime.bus.envelope import Envelope
+from services.runtime.node.ports import Inbox
+from tests.golden.dives import CHAIN, TOLERANCES, VEHICLES, golden
+from tools.replay.differences import in_words
+from tools.replay.source import open_source
+from tools.replay.through import ThroughResult, through
+
+LARGEST = 300_000  # [bytes] of a golden file
+
+
+def replayed(vehicle: str, *overrides: str) -> ThroughResult:
+    source = open_source(golden(vehicle))
+    return through(source, CHAIN, tolerances=TOLERANCES, overrides=overrides)
+
+
+@pytest.mark.parametrize("vehicle", VEHICLES)
+def test_todays_code_does_as_it_did(vehicle: str) -> None:
+    found = replayed(vehicle)
+    assert [in_words(one, found.begin_ns) for one in found.differences] == []
+    assert found.seconds > 10.0
+    for key in ("state", "reference", "control/wrench", "control/thrusters"):
+        assert found.compared[key] >= 50
+    assert found.compared["pilot/answer"] == 2  # control was taken and the drone armed
+
+
+@pytest.mark.parametrize("vehicle", VEHICLES)
+def test_a_golden_dive_moves_and_is_small(vehicle: str) -> None:
+    assert golden(vehicle).stat().st_size < LARGEST
+    source = open_source(golden(vehicle))
+    moved = [raw for raw in source.raw() if raw.key == "control/thrusters"]
+    thrusts = [source.recording.decode(raw) for raw in moved]
+    assert len({getattr(command, "thrust") for command in thrusts}) > 20  # noqa: B009
+
+
+def test_a_changed_gain_is_caught() -> None:
+    found = replayed("pioneer", "control.depth.kp=101")
+    assert {one.key for one in found.differences} >= {"control/wrench", "control/thrusters"}
+    wanted = next(one for one in found.differences if one.field == "wanted[2]")
+    assert wanted.worst > 1e-3
+    assert not any(one.key in ("state", "reference") for one in found.differences)
+
+
+def test_a_flipped_sign_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
+    rightly = AxisLaw.feed_forward
+
+    def wrongly(law: AxisLaw, reference: Motion, water: float = 0.0) -> float:
+        return -rightly(law, reference, water)
+
+    monkeypatch.setattr(AxisLaw, "feed_forward", wrongly)
+    found = replayed("bluerov2_heavy")
+    assert {one.key for one in found.differences} >= {"control/wrench", "control/thrusters"}
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "key", "where"),
+    [("pioneer", "sensor/pressure", "state"), ("minerva", "pilot/command", "health/reference")],
+)
+def test_a_dropped_message_is_caught(
+    monkeypatch: pytest.MonkeyPatch, vehicle: str, key: str, where: str
+) -> None:
+    rightly = Inbox.store
+    dropped: list[Envelope] = []
+
+    def without_one(inbox: Inbox, envelope: Envelope) -> None:
+        if envelope.key == key and not dropped and inbox.stored == 200:
+            dropped.append(envelope)
+        else:
+            rightly(inbox, envelope)
+
+    monkeypatch.setattr(Inbox, "store", without_one)
+    found = replayed(vehicle)
+    assert len(dropped) == 1
+    assert where in {one.key for one in found.differences}
+
+
+def test_an_update_prints_what_changed(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from tests.golden import update
+
+    def put(vehicle: str, path: Path) -> None:
+        path.write_bytes(golden(vehicle).read_bytes())
+
+    monkeypatch.setattr(update, "make", put)
+
+    def kept(vehicle: str) -> Path:
+        return tmp_path / f"{vehicle}.mcap"
+
+    def wrongly(law: AxisLaw, reference: Motion, water: float = 0.0) -> float:  # noqa: ARG001
+        return 1.0
+
+    monkeypatch.setattr(update, "golden", kept)
+    monkeypatch.setattr(update, "VEHICLES", ("pioneer",))
+    update.update()
+    assert "it is new" in capsys.readouterr().out
+    monkeypatch.setattr(AxisLaw, "feed_forward", wrongly)
+    update.update()
+    said = capsys.readouterr().out
+    assert "control/wrench: wanted[" in said
+    assert "first at" in said

@@ -1,0 +1,85 @@
+"""A dive of `lindy simulate`: today's code on its recorded inputs publishes the same bytes."""
+
+from pathlib import Path
+
+import pytest
+
+from services.runtime.config.errors import LindyError
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.virtual_host import VirtualHost
+from tests.golden.dives import OVERRIDES, SCRIPT
+from tools.replay.differences import in_words
+from tools.replay.source import ReplaySource, open_source
+from tools.replay.through import CANNOT, POSSIBLE, through
+
+SECONDS = 8.0
+
+
+def dive(folder: Path, link: str) -> ReplaySource:
+    (folder / "script.csv").write_text(SCRIPT)
+    stack = Stack(
+        vehicle="minerva",  # it has every sensor
+        link=link,
+        pilot=f"script:{folder / 'script.csv'}",
+        out=str(folder),
+        seed=5,
+        virtual=True,
+        overrides=OVERRIDES,
+    )
+    services = Registry.read()
+    shown = {name: spec for name, spec in services.items() if name != "visualizer"}
+    host = VirtualHost()
+    host.add_all(services.only(shown), stack)
+    host.run(round(SECONDS * 1e9))
+    host.close()
+    return open_source(folder)
+
+
+@pytest.fixture(scope="module")
+def good(tmp_path_factory: pytest.TempPathFactory) -> ReplaySource:
+    return dive(tmp_path_factory.mktemp("good"), "tether")
+
+
+@pytest.fixture(scope="module")
+def bad(tmp_path_factory: pytest.TempPathFactory) -> ReplaySource:
+    return dive(tmp_path_factory.mktemp("bad"), "severe")
+
+
+@pytest.mark.parametrize("name", POSSIBLE)
+def test_the_same_input_is_the_same_output(good: ReplaySource, name: str) -> None:
+    found = through(good, [name])
+    assert [in_words(one, found.begin_ns) for one in found.differences] == []
+    assert sum(found.compared.values()) > SECONDS * 5
+    assert f"health/{name}" in found.compared
+
+
+@pytest.mark.parametrize("name", ["estimation", "reference", "control"])
+def test_on_board_a_bad_link_changes_nothing(bad: ReplaySource, name: str) -> None:
+    found = through(bad, [name])
+    assert [in_words(one, found.begin_ns) for one in found.differences] == []
+
+
+def test_topside_it_is_said_that_what_was_lost_is_not_known(bad: ReplaySource) -> None:
+    with pytest.raises(LindyError, match="were lost on their way down"):
+        through(bad, ["predictor"])
+
+
+def test_only_a_window_is_compared(good: ReplaySource) -> None:
+    first, _ = good.span
+    found = through(good, ["control"], span=(first + 5 * 10**9, first + 6 * 10**9))
+    assert found.differences == []
+    assert 100 <= found.compared["control/wrench"] <= 102
+
+
+@pytest.mark.parametrize("name", [n for n in Registry.read() if n not in POSSIBLE])
+def test_who_cannot_is_told_why(good: ReplaySource, name: str) -> None:
+    if name in good.processes:
+        with pytest.raises(LindyError, match="cannot, because"):
+            through(good, [name])
+    assert name in CANNOT
+
+
+def test_services_of_two_sides_are_refused(good: ReplaySource) -> None:
+    with pytest.raises(LindyError, match="two sides"):
+        through(good, ["control", "predictor"])

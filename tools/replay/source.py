@@ -1,0 +1,264 @@
+"""What a replay needs to know of a recording before its first message."""
+
+import json
+import re
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import NamedTuple
+
+from mcap.reader import make_reader
+from mcap.records import Attachment
+
+from messages import topics
+from messages.health import Health
+from messages.identity import SideIdentity
+from messages.vehicle import VehicleStatus
+from services.runtime.config.errors import LindyError
+from services.runtime.config.identity import messages_hash
+from services.runtime.config.stack import Stack
+from tools.recordings.mcap_records import DAMAGE
+from tools.recordings.recording import Raw, Recording, is_whole, open_recording
+
+BACKWARDS_S = 0.01  # [s] less is no matter
+THINNED = "thinned"  # metadata: messages were taken out on purpose
+
+
+class Process(NamedTuple):
+    """A service as its first health message shows it."""
+
+    side: str
+    started_ns: int  # [ns] UTC; health is reported every second from then on
+    instance: int
+    pid: int
+
+
+@dataclass
+class ReplaySource:
+    """A recording of Lindy."""
+
+    path: Path
+    recording: Recording
+    vehicle: str  # as in keys
+    about: dict[str, str]
+    utc_offset_ns: int  # [ns] UTC minus the clock of stamps on board; 0: virtual time
+    files: dict[str, bytes]  # attachments by name
+    _readable: int = 0  # messages, once `span` is known
+    _goes_back_ns: int = 0  # likewise: the farthest that a message is before an earlier one
+
+    @property
+    def virtual(self) -> bool:
+        """Was it made on virtual time?"""
+        return self.utc_offset_ns == 0
+
+    @property
+    def thinned(self) -> bool:
+        return bool(self.recording.metadata(THINNED))
+
+    @property
+    def damaged(self) -> int:
+        """How many messages arrived on board that nobody could read."""
+        lost = self.recording.losses()
+        return sum(n for name, n in lost.items() if name.startswith("malformed:"))
+
+    def raw(self) -> Iterator[Raw]:
+        return self.recording.raw()
+
+    @cached_property
+    def span(self) -> tuple[int, int]:
+        """[ns] UTC of the first and the last message.
+
+        Raises:
+            LindyError: there is none.
+        """
+        first, last, readable = None, 0, 0
+        for raw in self.raw():
+            first = raw.log_ns if first is None else min(first, raw.log_ns)
+            self._goes_back_ns = max(self._goes_back_ns, last - raw.log_ns)
+            last = max(last, raw.log_ns)
+            readable += 1
+        if first is None:
+            raise LindyError(f"{self.path} holds no message that can be read: nothing to replay")
+        self._readable = readable
+        return first, last
+
+    @property
+    def goes_back_s(self) -> float:
+        """[s] How far its clock ran backwards.
+
+        Raises:
+            LindyError: as `span`.
+        """
+        _ = self.span
+        return self._goes_back_ns / 1e9
+
+    @property
+    def unread(self) -> int:
+        """How many messages its own summary names beyond those that can be read: it is damaged.
+
+        Raises:
+            LindyError: as `span`.
+        """
+        _ = self.span
+        named = [messages_named(file) for file in self.recording.files]
+        return max(0, sum(n for n in named if n is not None) - self._readable)
+
+    @cached_property
+    def processes(self) -> dict[str, Process]:
+        """The services that reported their health, by name."""
+        found: dict[str, Process] = {}
+        for raw in self.raw():
+            service = raw.key.removeprefix("health/")
+            if service == raw.key or service in found:
+                continue
+            health = self.recording.decode(raw)
+            if isinstance(health, Health):
+                reports = health.seq + 1  # the first one comes a period after the start
+                started = raw.publish_ns - round(reports * 1e9 / topics.HEALTH.hz)
+                found[service] = Process(health.side, started, health.instance, health.pid)
+        return found
+
+    @cached_property
+    def named_start_ns(self) -> int | None:
+        """[ns] When `reference` was started, by the clock on board: the first epoch it grants says
+        so to the microsecond. None: nothing was granted."""
+        for raw in self.raw():
+            if raw.key == topics.STATUS.key:
+                status = self.recording.decode(raw)
+                if isinstance(status, VehicleStatus) and status.epoch:
+                    return (status.epoch - 1) * 1000
+        return None
+
+    @cached_property
+    def identity(self) -> SideIdentity | None:
+        """What the drone said of itself first; else any side; None: nobody said anything."""
+        found: SideIdentity | None = None
+        for raw in self.raw():
+            if raw.key.startswith("identity/"):
+                said = self.recording.decode(raw)
+                if isinstance(said, SideIdentity) and said.side == "drone":
+                    return said
+                if isinstance(said, SideIdentity):
+                    found = found or said
+        return found
+
+    @property
+    def other_messages(self) -> str:
+        """The hash of the messages it was made with, if they are not today's; empty: they are, or
+        nobody knows."""
+        said = "" if self.identity is None else self.identity.messages
+        return "" if said == messages_hash(topics.ALL) else said
+
+    @property
+    def apart(self) -> bool:
+        """Were topside and drone two machines? Then the link monitor ran on each."""
+        return "link_monitor_drone" in self.processes
+
+    def stack(self, folder: Path) -> Stack:
+        """The settings of that dive, from the files that are in the recording.
+
+        Args:
+            folder: where these files are put; it must be empty.
+
+        Raises:
+            LindyError: the vehicle file is not in the recording.
+        """
+        vehicle = self._file("vehicle", self.vehicle, folder)
+        if vehicle is None:
+            raise LindyError(
+                f"{self.path}: the file of the vehicle {self.vehicle!r} is not in the recording, "
+                f"so its settings are not known"
+            )
+        link = self.about.get("link", "perfect")
+        return Stack(
+            vehicle=str(vehicle),
+            link=str(self._file("link", Path(link).stem, folder) or link),
+            pilot=self.about.get("pilot", "gamepad"),
+            seed=int(self.about.get("seed", "0")),
+            overrides=json.loads(self.about.get("overrides", "[]")),
+            virtual=self.virtual,
+            apart=self.apart,
+            out=str(folder),
+        )
+
+    def _file(self, what: str, stem: str, folder: Path) -> Path | None:
+        """An attached TOML file, written below `folder`; None: there is none of that name."""
+        alike = [
+            name
+            for name in self.files
+            if name.endswith(".toml") and _as_in_keys(Path(name).stem) == _as_in_keys(stem)
+        ]
+        if not alike:
+            return None
+        chosen = min(alike, key=lambda name: (what not in name, name))  # two of one name
+        place = folder / what
+        place.mkdir(exist_ok=True)
+        path = place / Path(chosen).name
+        path.write_bytes(self.files[chosen])
+        return path
+
+
+def open_source(path: Path) -> ReplaySource:
+    """
+    Raises:
+        LindyError: no such file, not a recording of Lindy, or nothing in it.
+    """
+    recording = open_recording(path)
+    if not any(file.stat().st_size for file in recording.files):
+        raise LindyError(f"{path} is empty: there is nothing to replay")
+    described = list(recording.described())
+    about = recording.metadata("dive")
+    vehicle = about.get("vehicle", "")
+    if not re.fullmatch(r"[a-z0-9_]+", vehicle):
+        raise LindyError(
+            f"{path} is not a recording of Lindy, or is cut off before it says of which vehicle: "
+            f"allowed is a dive's folder or its dive.mcap"
+        )
+    offset = recording.metadata("clock").get("utc_minus_stamp_ns", "0")
+    files = {one.name: one.data for one in described if isinstance(one, Attachment)}
+    try:
+        return ReplaySource(path, recording, vehicle, about, int(offset), files)
+    except ValueError:
+        raise LindyError(f"{path}: its clock is {offset!r}, expected whole nanoseconds") from None
+
+
+def messages_named(file: Path) -> int | None:
+    """How many messages a file says it has; None: it was not ended, or its end is damaged."""
+    with file.open("rb") as stream, suppress(*DAMAGE):
+        summary = make_reader(stream).get_summary()
+        if summary is not None and summary.statistics is not None:
+            return summary.statistics.message_count
+    return None
+
+
+def remarks(source: ReplaySource) -> list[str]:
+    """What a reader should know of this recording before he trusts a result."""
+    said = [
+        f"{file} was not ended: it is read up to where it breaks off"
+        for file in source.recording.files
+        if not is_whole(file)
+    ]
+    if unread := source.unread:
+        _, last = source.span
+        seconds = (last - source.span[0]) / 1e9
+        said.append(
+            f"it is damaged: {unread} of its messages cannot be read; what is left ends after "
+            f"{seconds:.1f} s"
+        )
+    if (seconds := source.goes_back_s) > BACKWARDS_S:
+        said.append(
+            f"its clock runs backwards by {seconds:.1f} s: what it holds from then on has other "
+            f"times than it had in the dive"
+        )
+    if theirs := source.other_messages:
+        said.append(
+            f"it was made with other messages (hash {theirs}, today's is "
+            f"{messages_hash(topics.ALL)}): fields that only one of them has are not compared"
+        )
+    return said
+
+
+def _as_in_keys(stem: str) -> str:
+    return stem.lower().replace("-", "_")

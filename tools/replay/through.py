@@ -1,0 +1,210 @@
+"""`lindy replay FILE --through SERVICE --diff`: today's code on the inputs of a recorded dive."""
+
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import chain
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
+
+from messages import topics
+from services.runtime.config.errors import LindyError
+from services.runtime.config.settings import nearest
+from services.runtime.hosts.garbage_collection import rare_collections
+from services.runtime.hosts.registry import Registry
+from tools.checks import known_tables
+from tools.replay.differences import (
+    Difference,
+    FieldComparison,
+    Pair,
+    Told,
+    Tolerance,
+    by_cause,
+    by_seq,
+    more,
+    stood_in,
+)
+from tools.replay.on_board import OnBoard
+from tools.replay.source import ReplaySource
+from tools.replay.tolerances import A_FEW, DAMAGED, RARELY, REAL_TIME, VIRTUAL
+from tools.replay.topside import Topside
+
+CANNOT = (
+    "simulator, gamepad, mavlink, ardusub, tether, recorder and visualizer cannot, because a "
+    "simulated world, a device, another program, the far end of the link or a file is part of "
+    "what they do, and none of these is in a recording"
+)
+POSSIBLE = ("estimation", "reference", "control", "link_monitor", "predictor")
+APART_NS = 20_000_000  # [ns] between two stamps of one message, where a real clock decided
+IN_PLACE_OF = {topics.PILOT_ANSWER.key: "reference"}  # control answers where reference is silent
+
+
+class Window(NamedTuple):
+    """What is compared: stamps by the services' clock, both ends included."""
+
+    begin_ns: int
+    end_ns: int
+
+
+@dataclass
+class ThroughResult:
+    """What a process replay found."""
+
+    differences: list[Difference]
+    compared: dict[str, int]  # messages by key
+    begin_ns: int  # [ns] by the services' clock, from which times are counted
+    seconds: float  # [s] compared
+    remarks: list[str] = field(default_factory=list[str])
+
+
+def through(
+    source: ReplaySource,
+    names: Sequence[str],
+    *,
+    stack_file: str = "simulated",
+    span: tuple[int, int] | None = None,
+    tolerances: Sequence[Tolerance] = (),
+    overrides: Sequence[str] = (),
+) -> ThroughResult:
+    """Replay a recording through services and compare what they publish.
+
+    Args:
+        names: of services that run on one side.
+        stack_file: a name in deploy/stacks, or the path of a TOML file.
+        span: [ns UTC] compare from here to there only; the replay always begins with the dive,
+            because a service has a memory.
+        tolerances: in front of the declared ones.
+        overrides: key.path=value into the vehicle file, besides those of the dive.
+
+    Raises:
+        LindyError: a service that cannot be replayed, or settings that are refused.
+    """
+    services = Registry.read(stack_file)
+    side = _side_of(names, services, source)
+    first, last = source.span
+    begin, end = span or (first, last)
+    with TemporaryDirectory(prefix="lindy-") as folder, rare_collections():
+        stack = source.stack(Path(folder))
+        stack.overrides.extend(overrides)
+        stack.check(known_tables(services))
+        ordered = tuple(name for name in services if name in names)
+        kind = OnBoard if side == "drone" else Topside
+        replay = kind(source, ordered, services, stack)
+        replay.run(end)
+    offset, restart = source.utc_offset_ns, _first_restart(replay.recorded)
+    until = end if restart is None else restart + offset - 1
+    window = Window(max(first, begin) - offset, min(last, until) - offset)
+    found = _compared(replay, names, source, window, tolerances)
+    found.begin_ns = first - offset
+    if restart is not None:
+        at = (restart - found.begin_ns) / 1e9
+        found.remarks.append(f"it was started again at {at:.1f} s: compared up to there")
+    return found
+
+
+def _compared(
+    replay: OnBoard | Topside,
+    names: Sequence[str],
+    source: ReplaySource,
+    window: Window,
+    tolerances: Sequence[Tolerance],
+) -> ThroughResult:
+    """What was recorded in a window, and what is published today."""
+    remarks: list[str] = []
+    declared = VIRTUAL if source.virtual else REAL_TIME
+    if damaged := source.damaged:
+        declared = (*DAMAGED, *declared)
+        remarks.append(
+            f"{damaged} messages were damaged on their way and are not in the recording: how many "
+            f"messages a service received or could not read is not compared"
+        )
+    comparison = FieldComparison((*tolerances, *declared), common_only=bool(source.other_messages))
+    compared: dict[str, int] = {}
+    inside = _inside(replay.recorded, window)
+    for key in sorted({*inside, *replay.outputs.keys}):
+        before = comparison.compared
+        today = [told for told in replay.outputs.of(key) if told.stamp_ns <= window.end_ns]
+        stands_in = IN_PLACE_OF.get(key, names[0]) not in names
+        for pair in _pairs(inside[key], today, source, window, stands_in=stands_in):
+            comparison.compare(pair)
+        compared[key] = comparison.compared - before
+    seconds = max(0, window.end_ns - window.begin_ns) / 1e9
+    found = comparison.differences
+    if not source.virtual:
+        found = [one for one in found if one.count > max(A_FEW, RARELY * compared[one.key])]
+        if rare := len(comparison.differences) - len(found):
+            remarks.append(
+                f"{rare} fields differ in at most {RARELY:.0%} of their messages or in {A_FEW}: on "
+                f"a real clock, what arrives together may be handled in another order"
+            )
+    return ThroughResult(found, compared, 0, seconds, remarks)
+
+
+def _pairs(
+    recorded: list[Told],
+    today: list[Told],
+    source: ReplaySource,
+    window: Window,
+    *,
+    stands_in: bool,
+) -> Iterator[Pair]:
+    if stands_in:
+        return stood_in(recorded, [told for told in today if told.stamp_ns >= window.begin_ns])
+    if source.virtual:
+        extra = iter(()) if source.thinned else more(recorded, today, *window)
+        return chain(by_seq(recorded, today), extra)
+    topic = topics.find(recorded[0].key) if recorded else None
+    period = 1e9 / topic.hz if topic is not None and topic.hz else APART_NS
+    return by_cause(recorded, today, min(APART_NS, round(period / 2)))
+
+
+def _inside(recorded: Iterable[Told], window: Window) -> defaultdict[str, list[Told]]:
+    """Recorded messages in this span of stamps, by key."""
+    found: defaultdict[str, list[Told]] = defaultdict(list)
+    for told in recorded:
+        if window.begin_ns <= told.stamp_ns <= window.end_ns:
+            found[told.key].append(told)
+    return found
+
+
+def _first_restart(recorded: Sequence[Told]) -> int | None:
+    """[ns] The first message of a service's second life, which counts from 0 again."""
+    newest: dict[str, int] = {}
+    for told in recorded:
+        if told.seq < newest.get(told.key, 0) and told.seq == 0:
+            return told.stamp_ns
+        newest[told.key] = told.seq
+    return None
+
+
+def _side_of(names: Sequence[str], services: Registry, source: ReplaySource) -> str:
+    """The side on which all of these services run.
+
+    Raises:
+        LindyError: an unknown service, one that cannot be replayed, or services of both sides.
+    """
+    for name in names:
+        if name not in services:
+            raise LindyError(f"--through {name}: unknown service{nearest(name, list(POSSIBLE))}")
+        spec = services[name]
+        if name not in source.processes:
+            raise LindyError(
+                f"--through {name}: {source.path} has no health of it, so it did not run in that "
+                f"dive; found {', '.join(sorted(source.processes)) or 'none'}"
+            )
+        if spec.module is None and (spec.service or name) not in POSSIBLE:
+            raise LindyError(f"--through {name}: allowed are {', '.join(POSSIBLE)}; {CANNOT}")
+    sides = {services[name].sides[0] for name in names}
+    if len(sides) > 1:
+        raise LindyError(
+            f"--through {', '.join(names)}: they run on two sides; allowed are services of one"
+        )
+    (side,) = sides
+    if side != "drone" and not source.virtual:
+        raise LindyError(
+            f"--through {names[0]}: it runs topside, and a recording made on board does not say "
+            f"when messages arrived there; allowed is a recording of `lindy simulate`, whose link "
+            f"can be run again"
+        )
+    return side
