@@ -4,6 +4,7 @@ services/ardusub/parameters.py."""
 from collections.abc import Iterator
 
 from services.ardusub import parameters, readings
+from services.ardusub.advice import advice
 from services.ardusub.authority import MODES
 from services.ardusub.frames import FRAMES
 from services.ardusub.framing import LONGEST
@@ -155,10 +156,14 @@ def _parameters(visit: BoardVisit, vehicle: Vehicle) -> Iterator[VehicleFinding]
             CHANGE, name, told + ("" if value is None else f"; set it to {_number(value)}")
         )
     yield from _that_fit(visit, {sentence.split(" ")[0] for sentence in wrong})
-    for sentence in parameters.advice(values):
+    for sentence in _advised(visit):
         name, _, told = sentence.partition(" ")
         yield VehicleFinding("ok", name, told)
     yield from _granted(visit)
+
+
+def _advised(visit: BoardVisit) -> list[str]:
+    return advice({**visit.optional.values, **visit.reader.values})
 
 
 def _granted(visit: BoardVisit) -> Iterator[VehicleFinding]:
@@ -171,7 +176,7 @@ def _granted(visit: BoardVisit) -> Iterator[VehicleFinding]:
 
 def _that_fit(visit: BoardVisit, wrong: set[str]) -> Iterator[VehicleFinding]:
     values = visit.reader.values
-    advised = {sentence.split(" ")[0] for sentence in parameters.advice(values)}
+    advised = {sentence.split(" ")[0] for sentence in _advised(visit)}
     groups: dict[str, list[str]] = {}
     for name in visit.reader.wanted:
         many = next((group for start, group in GROUPS.items() if _is_of(name, start)), name)
