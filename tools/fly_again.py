@@ -124,8 +124,10 @@ def _judged(
         LindyError: the dive was not the same.
     """
     if not dive.stack.virtual or changed:
-        how = "it was flown by the clock" if not dive.stack.virtual else "no script flew it"
-        print(f"log hash          not compared: {how}, so it is not the same twice", flush=True)
+        why = "its script is not in the recording"
+        if not dive.stack.virtual:
+            why = "it was flown by the clock, so it is not the same twice"
+        print(f"log hash          not compared: {why}", flush=True)
         return flown.status
     if before is None or flown.log_hash is None:
         which = path if before is None else flown.folder
