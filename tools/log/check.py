@@ -8,7 +8,7 @@ from services.runtime.config.errors import LindyError
 from tools.log.account import Account, Accounts, accounts
 from tools.log.text_table import table
 from tools.recordings.progress import reading
-from tools.recordings.recording import Recording, is_whole, open_recording
+from tools.recordings.recording import Recording, open_recording
 
 SOUND, NOT_SOUND = 0, 3  # exit statuses
 COLUMNS = ("link", "thinned", "queue", "refused", "recorder", "unreported", "missing")
@@ -16,7 +16,7 @@ COLUMNS = ("link", "thinned", "queue", "refused", "recorder", "unreported", "mis
 
 def check(path: Path, *, json: bool = False) -> int:
     """Print where every message is. Returns the exit status: 3 when some are missing and nobody
-    accounts for them, or the recording has no end.
+    accounts for them, or the recording is damaged or was not finished.
 
     Raises:
         LindyError: there is no recording, or none of Lindy's.
@@ -28,7 +28,7 @@ def check(path: Path, *, json: bool = False) -> int:
         found = accounts(recording)
     if not found.topics:
         raise LindyError(f"{path} holds no messages")
-    wrong = [*unfinished(recording), *in_words(found)]
+    wrong = [*incomplete(recording), *in_words(found)]
     if json:
         whole = {"ok": not wrong, "wrong": wrong, **msgspec.to_builtins(found)}
         print(msgspec.json.format(msgspec.json.encode(whole)).decode())
@@ -38,9 +38,9 @@ def check(path: Path, *, json: bool = False) -> int:
     return NOT_SOUND if wrong else SOUND
 
 
-def unfinished(recording: Recording) -> list[str]:
-    """Why a recording may have had more at its end, or between its parts."""
-    found = [f"{path.name} was not finished" for path in recording.files if not is_whole(path)]
+def incomplete(recording: Recording) -> list[str]:
+    """Why a recording that was read may have had more."""
+    found = recording.damage
     if recording.metadata("recovered").get("found"):
         found.append(f"it was recovered: {recording.metadata('recovered')['found']}")
     return found

@@ -14,14 +14,15 @@ from tools.log.text_table import table
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
 
-SAME, DIFFERENT = 0, 1  # exit statuses
+SAME, DIFFERENT, INCOMPLETE = 0, 1, 3  # exit statuses
 SHOWN = 20  # fields on the screen; all of them are in the JSON
 
 
 def compare(
     a: Path, b: Path, *, tolerance: float = 0.0, out: Path | None = None, json: bool = False
 ) -> int:
-    """Print what differs, and draw it. Returns the exit status: 1 when something does.
+    """Print what differs, and draw it. Returns the exit status: 1 when something does, 3
+    when one of them is damaged or was not finished.
 
     Raises:
         LindyError: there is no recording, they are of two vehicles, or the picture cannot be drawn.
@@ -41,6 +42,7 @@ def compare(
     for path, series in ((a, series_a), (b, series_b)):
         if not series.topics:
             raise LindyError(f"{path} holds no messages that can be compared")
+    damage = [f"{a}: {said}" for said in left.damage] + [f"{b}: {said}" for said in right.damage]
     found, side_by_side = differences(series_a, series_b, tolerance), figures(left, right)
     if out is not None:
         write_fresh(out, drawn(series_a, series_b, (str(a), str(b))))
@@ -48,6 +50,7 @@ def compare(
         whole = {
             "same": found.none,
             "zero": "arming" if zeros(series_a, series_b)[0] == series_a.armed_ns else "beginning",
+            "damage": damage,
             "figures": msgspec.to_builtins(side_by_side),
             **msgspec.to_builtins(found),
         }
@@ -56,6 +59,9 @@ def compare(
         print(as_text(found, side_by_side))
         if out is not None:
             print(f"written {out}")
+        print("".join(f"{said}\n" for said in damage), end="")
+    if damage:
+        return INCOMPLETE
     return SAME if found.none else DIFFERENT
 
 

@@ -1,6 +1,6 @@
 """`lindy log cut`: a part of a recording as a recording of its own."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from fnmatch import fnmatchcase
 from math import inf
 from pathlib import Path
@@ -12,10 +12,11 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import nearest
 from tools.fresh import refuse_existing
 from tools.recordings.mcap_copy import McapCopy, new_mcap
-from tools.recordings.mcap_records import At, StoredMessage, records
+from tools.recordings.mcap_records import Described, StoredMessage
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
 
+COMPLETE, INCOMPLETE = 0, 3  # exit statuses
 CUT, HASH = "cut", "hash"  # names of metadata; a hash is of a whole dive
 
 
@@ -33,15 +34,17 @@ class WantedPart(NamedTuple):
 
 
 def cut(path: Path, out: Path, wanted: WantedPart) -> int:
-    """Write the part, and print what is in it. Returns the exit status.
+    """Write the part, and print what is in it. Returns the exit status: 3 when the recording is
+    damaged or was not finished.
 
     Raises:
         LindyError: nothing is in that part, or the file cannot be written.
     """
     refuse_existing(out)
-    messages = cut_out(open_recording(path), out, wanted)
-    print(f"{messages} messages written to {out}", flush=True)
-    return 0
+    recording = open_recording(path)
+    messages = cut_out(recording, out, wanted)
+    print("\n".join([f"{messages} messages written to {out}", *recording.damage]), flush=True)
+    return INCOMPLETE if recording.damage else COMPLETE
 
 
 def cut_out(recording: Recording, out: Path, wanted: WantedPart) -> int:
@@ -59,13 +62,11 @@ def cut_out(recording: Recording, out: Path, wanted: WantedPart) -> int:
         raise LindyError(f"{recording.files[0]} holds no messages")
     begin = origin + round(wanted.from_s * 1e9)
     end = inf if wanted.to_s == inf else origin + round(wanted.to_s * 1e9)
-    before, keys = 0, dict[str, bool]()
-    with reading("cutting", recording.size) as advance, new_mcap(out) as copy:
+    keys = dict[str, bool]()
+    with reading("cutting", recording.size) as recording.advance, new_mcap(out) as copy:
         for file in recording.files:
-            _add(
-                file, copy, (begin, end), wanted.topics, keys, lambda at, n=before: advance(n + at)
-            )
-            before += file.stat().st_size
+            copy.next_file()
+            _add(recording.records(file), copy, (begin, end), wanted.topics, keys)
         _require_some(recording, wanted, copy, keys)
         earlier = recording.metadata(CUT)
         copy.metadata(Metadata(CUT, _noted(wanted, earlier, origin)))
@@ -73,17 +74,15 @@ def cut_out(recording: Recording, out: Path, wanted: WantedPart) -> int:
 
 
 def _add(
-    file: Path,
+    found: Iterable[StoredMessage | Described],
     copy: McapCopy,
     span: tuple[float, float],
     patterns: Sequence[str],
     keys: dict[str, bool],
-    at: At,
 ) -> None:
-    copy.next_file()
     kept: dict[int, bool] = {}  # by channel
     begin, end = span
-    for record in records(file, at=at):
+    for record in found:
         if isinstance(record, StoredMessage):
             if begin <= record.log_ns < end and kept.get(record.channel_id, False):
                 copy.add(record)

@@ -14,6 +14,7 @@ from messages.health import LogLine
 from messages.link import Clock
 from messages.message import Message
 from messages.vehicle import VehicleStatus
+from services.runtime.config.errors import LindyError
 from tools.log.text_table import table
 from tools.recordings.dive_file import FlownDive, flown_dive
 from tools.recordings.progress import reading
@@ -23,6 +24,7 @@ from tools.report.summary import lined_up
 LOG = topics.LOG.key[:-1]
 KEYS = (topics.STATUS.key, topics.CLOCK.key)
 REAL_NS = 10**18  # [ns] UTC in 2001: an earlier time is virtual
+COMPLETE, INCOMPLETE = 0, 3  # exit statuses
 SHOWN = 12  # events on the screen; all of them are in the JSON
 
 
@@ -58,6 +60,7 @@ class Info(msgspec.Struct, kw_only=True):
     files: list[str]
     bytes: int  # of the files
     finished: bool  # all of them
+    damage: list[str]  # what cannot be read, or may be missing at the end; empty: nothing
     about: dict[str, str]  # vehicle, link, pilot, seed, overrides
     dive: FlownDive | None  # by which Lindy, from which files
     utc: str | None  # when it began; None: on virtual time
@@ -121,19 +124,22 @@ class Gathered:
 
 
 def info(path: Path, *, json: bool = False) -> int:
-    """Print what is in a recording. Returns the exit status.
+    """Print what is in a recording. Returns the exit status: 3 when it is damaged or was not
+    finished.
 
     Raises:
-        LindyError: there is no recording.
+        LindyError: there is no recording, or nothing in it.
     """
     recording = open_recording(path)
     with reading("reading", recording.size) as recording.advance:
         found = info_of(recording)
+    if not found.topics and not found.about:
+        raise LindyError(f"{path} holds no message that can be read")
     if json:
         print(msgspec.json.format(msgspec.json.encode(found)).decode())
     else:
         print(as_text(found))
-    return 0
+    return INCOMPLETE if found.damage else COMPLETE
 
 
 def info_of(recording: Recording) -> Info:
@@ -145,6 +151,7 @@ def info_of(recording: Recording) -> Info:
             message = recording.decode(raw)
             if message is not None:
                 gathered.read(message, t)
+    damage = recording.damage
     seen, clock = gathered.topics.values(), gathered.clock
     first = min((topic.first_s for topic in seen), default=0.0)
     about = dict[str, str]()
@@ -159,6 +166,7 @@ def info_of(recording: Recording) -> Info:
         files=[str(file) for file in recording.files],
         bytes=recording.size,
         finished=all(map(is_whole, recording.files)),
+        damage=damage,
         about=about,
         dive=flown_dive(recording),
         utc=f"{datetime.fromtimestamp((origin or 0) / 1e9, UTC):%Y-%m-%dT%H:%M:%SZ}"
@@ -184,12 +192,15 @@ def as_text(found: Info) -> str:
         blocks.append("\n".join(lines + ([f"{'':>11}  and {more} more"] if more > 0 else [])))
     if found.topics:
         blocks.append(_topics(found.topics))
+    if found.damage:
+        blocks.append("\n".join(found.damage))
     return "\n\n".join(blocks)
 
 
 def _rows(found: Info) -> Iterator[tuple[str, str]]:
-    ended = "" if found.finished else ", not finished: see lindy log recover"
-    yield "recording", f"{', '.join(found.files)} ({found.bytes / 1e6:.1f} MB{ended})"
+    yield "recording", f"{', '.join(found.files)} ({found.bytes / 1e6:.1f} MB)"
+    if not found.about:
+        yield "dive", "unknown: it is not a recording of Lindy, or what says so cannot be read"
     if found.about:
         shown = ("vehicle", "link", "pilot")
         named = " · ".join(found.about[name] for name in shown if found.about.get(name))
@@ -203,7 +214,8 @@ def _rows(found: Info) -> Iterator[tuple[str, str]]:
         commit = f" ({lindy['commit']})" if lindy.get("commit") else ""
         yield "Lindy", f"{lindy.get('version', '')}{commit}, messages {lindy.get('messages', '')}"
         yield "stack", found.dive.stack.services
-    yield "began", found.utc or "at 0 s of virtual time"
+    if found.utc or found.about:
+        yield "began", found.utc or "at 0 s of virtual time"
     armed = f", armed {found.armed_seconds:.1f} s" if found.armed_seconds else ""
     yield "length", f"{found.seconds:.1f} s{armed}"
     if found.clock_offset_ms is not None:

@@ -3,14 +3,12 @@
 from pathlib import Path
 from typing import NamedTuple
 
-from mcap.exceptions import McapError
-from mcap.reader import make_reader
 from mcap.records import Metadata
 
 from services.runtime.config.errors import LindyError
 from tools.fresh import refuse_existing
 from tools.recordings.mcap_copy import McapCopy, new_mcap
-from tools.recordings.mcap_records import DAMAGE, At, Damage, salvaged
+from tools.recordings.mcap_records import At, Damage, salvaged
 from tools.recordings.progress import reading
 from tools.recordings.recording import is_whole, open_recording
 
@@ -62,28 +60,24 @@ def recovered(path: Path, out: Path) -> Recovered:
 def _add(file: Path, copy: McapCopy, at: At) -> list[str]:
     """Everything in one file; returns what was wrong with it."""
     copy.next_file()
-    _add_described(file, copy)
     damage = Damage()
     for record in salvaged(file, damage, at):
         if not (isinstance(record, Metadata) and record.name == HASH):
             copy.add(record)
     words = [f"{file.name} was cut off"] if damage.cut_off or not is_whole(file) else []
-    if damage.records:
-        words.append(f"{file.name} had {damage.records} damaged parts")
+    if damage.places:
+        words.append(_of_parts(file.name, damage))
+    elif damage.index.damaged_at is not None:
+        words.append(f"{file.name} had a damaged summary")
+    elif not words and damage.in_words(file.name):
+        words.append(damage.in_words(file.name)[0])
     return words
 
 
-def _add_described(file: Path, copy: McapCopy) -> None:
-    """The channels that the summary of a whole file describes, in case that the part of it which
-    describes them first is damaged."""
-    try:
-        with file.open("rb") as stream:
-            summary = make_reader(stream).get_summary()
-    except (*DAMAGE, McapError, OSError):  # OSError: it is too short to have a summary
-        return
-    if summary is not None:
-        for record in (*summary.schemas.values(), *summary.channels.values()):
-            copy.add(record)
+def _of_parts(name: str, damage: Damage) -> str:
+    count, named = len(damage.places), damage.index.messages
+    lost = "" if named is None else f", with {named - damage.messages} of its {named} messages"
+    return f"{name} had {count} damaged part{'s' if count > 1 else ''}{lost}"
 
 
 def _in_words(words: list[str]) -> str:

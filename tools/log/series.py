@@ -16,7 +16,7 @@ from messages import topics
 from messages.topic import AnyTopic
 from services.recorder.foxglove.channel import is_view
 from tools.log.flatten import Flattening, Row, TableColumn
-from tools.recordings.mcap_records import StoredMessage, records
+from tools.recordings.mcap_records import StoredMessage
 from tools.recordings.recording import Recording
 
 Array = NDArray[np.float64]
@@ -103,7 +103,7 @@ class DiveSeries:
     def _read(self, recording: Recording, file: Any) -> None:
         schemas: dict[int, Schema] = {}
         channels: dict[int, Channel] = {}
-        for record in records(file, at=recording.advance):
+        for record in recording.records(file):
             if isinstance(record, StoredMessage):
                 channel = channels.get(record.channel_id)
                 if channel is not None:

@@ -40,6 +40,7 @@ KEYS = {
     )
 }
 LOG = topics.LOG.key[:-1]
+COMPLETE, INCOMPLETE = 0, 3  # exit statuses
 
 
 class SticksRow(NamedTuple):
@@ -81,7 +82,8 @@ class HeardSticks:
 
 
 def sticks(path: Path, out: Path) -> int:
-    """Write the stick log, and print what it is. Returns the exit status.
+    """Write the stick log, and print what it is. Returns the exit status: 3 when the recording is
+    damaged or was not finished.
 
     Raises:
         LindyError: nobody flew in that recording, or a file cannot be written.
@@ -98,10 +100,10 @@ def sticks(path: Path, out: Path) -> int:
     seconds = found.rows[-1].at_ns / 1e9
     files = ", ".join([str(out), *found.paths])
     print(f"{len(found.rows)} rows, {seconds:.1f} s, written to {files}", flush=True)
-    for remark in found.remarks:
+    for remark in [*found.remarks, *recording.damage]:
         print(remark, flush=True)
     print(f"to fly them: lindy simulate --pilot script:{out}", flush=True)
-    return 0
+    return INCOMPLETE if recording.damage else COMPLETE
 
 
 def sticks_of(recording: Recording, prefix: str = "") -> RecordedSticks:

@@ -16,7 +16,7 @@ from services.runtime.config.errors import LindyError
 from tools.fresh import fresh_folder
 from tools.log.flatten import Flattening, Row, TableColumn
 from tools.recordings.dive_file import flown_dive
-from tools.recordings.mcap_records import StoredMessage, records
+from tools.recordings.mcap_records import StoredMessage
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
 
@@ -94,7 +94,7 @@ class OpenTable:
 
 def write_tables(path: Path, out: Path | None, kind: str, new: NewTable) -> int:
     """Write the tables, and print what they are. Returns the exit status: 3 when a message could
-    not be read.
+    not be read, or the recording is damaged or was not finished.
 
     Args:
         out: folder; None: beside the recording.
@@ -119,7 +119,9 @@ def write_tables(path: Path, out: Path | None, kind: str, new: NewTable) -> int:
     print(f"{sum(rows.values())} messages of {len(rows)} topics written to {folder}", flush=True)
     for why, count in unread.items():
         print(f"{count} messages left out: {why}", flush=True)
-    return DATA_LOST if unread else CLEAN
+    said = recording.damage
+    print("".join(f"{sentence}\n" for sentence in said), end="", flush=True)
+    return DATA_LOST if unread or said else CLEAN
 
 
 def _fill(
@@ -130,7 +132,7 @@ def _fill(
     unread = Counter[str]()
     try:
         for file in recording.files:
-            _fill_from(file, origin_ns, opener, tables, unread, recording.advance)
+            _fill_from(recording, file, origin_ns, opener, tables, unread)
     finally:
         for table in tables.values():
             table.close()
@@ -138,18 +140,18 @@ def _fill(
 
 
 def _fill_from(
+    recording: Recording,
     file: Path,
     origin_ns: int,
     opener: OpenTable,
     tables: dict[str, TopicTable],
     unread: Counter[str],
-    at: Callable[[int], None],
 ) -> None:
     schemas: dict[int, Schema] = {}
     of_channel: dict[int, TopicTable] = {}
     other: dict[int, str] = {}  # channels of which no table is made, and why
     views = set[int]()  # channels that were computed from others, for Foxglove
-    for record in records(file, at=at):
+    for record in recording.records(file):
         if isinstance(record, StoredMessage):
             if record.channel_id in views:
                 continue

@@ -1,8 +1,8 @@
-"""The records of an MCAP file, in order, up to its end or to where it is truncated or damaged; or,
-to mend it, everything that can be read in spite of that.
+"""The records of an MCAP file, in order, and where it is truncated or damaged.
 
-Only what is in the data section: no index is needed or read. The mcap library's own reader makes
-ten calls for each message and each entry of an index; this one makes one.
+The index is needed only to go on behind a damaged record; where there is none, the next chunk is
+looked for. The mcap library's own reader makes ten calls for each message and each entry of an
+index; this one makes one.
 """
 
 import struct
@@ -10,24 +10,24 @@ import zlib
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from io import BytesIO
+from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 import zstandard
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
 from mcap.stream_reader import get_chunk_data_stream
 
-from services.recorder.io.open_chunk import MAGIC
+from services.recorder.io.open_chunk import CHUNK_HEAD, MAGIC
+from tools.recordings.mcap_index import DAMAGE, RECORD_HEAD, FileIndex, index_of
 
-# What reading a truncated or damaged file raises; a damaged length can exhaust the memory.
-DAMAGE = (McapError, struct.error, zstandard.ZstdError, ValueError, OverflowError, MemoryError)
-RECORD_HEAD = struct.Struct("<BQ")  # opcode, length
+DIVE, LOSSES, MERGED = "dive", "losses", "merged"  # metadata of Lindy's files
+MENDED_BY = "lindy log recover makes a whole file of the rest"
 MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
-
-
+ZSTD = b"\x04\x00\x00\x00zstd"  # in the head of a chunk …
+ZSTD_AT = 37  # [bytes] … behind its beginning
 CHUNK_NUMBERS = struct.Struct("<QQQI")  # first and last log time, size, checksum
 LETTERS, LENGTH = struct.Struct("<I"), struct.Struct("<Q")
 At = Callable[[int], None]
@@ -58,68 +58,195 @@ class Damage:
     """What was wrong with a file that was read in spite of it."""
 
     def __init__(self) -> None:
-        self.records = 0  # skipped: chunks, or others, that could not be read
+        self.places: list[int] = []  # [bytes] where a record begins that cannot be read
         self.cut_off = False  # the file ends in the middle of a record, or before its end
+        self.messages = 0  # that were read
+        self.metadata: set[str] = set()  # names of those that were read
+        self.index = FileIndex()
+
+    def see(self, found: list["StoredMessage | Described"]) -> None:
+        """What was read."""
+        for record in found:
+            if isinstance(record, StoredMessage):
+                self.messages += 1
+            elif isinstance(record, Metadata):
+                self.metadata.add(record.name)
+
+    def in_words(self, name: str) -> list[str]:
+        """What a reader of the file should know, one sentence each; nothing where it is whole.
+
+        Args:
+            name: of the file.
+        """
+        named = self.index.messages
+        lost = None if named is None else named - self.messages
+        places = [*self.places, *filter(None, [self.index.damaged_at])]
+        found: list[str] = []
+        if places:
+            more = f" and at {len(places) - 1} more places" if len(places) > 1 else ""
+            how_many = "" if lost is None else f": {lost} of its {named} messages cannot be read"
+            found.append(f"{name} is damaged at byte {places[0]}{more}{how_many}; {MENDED_BY}")
+        elif lost:
+            found.append(
+                f"{name} is damaged: {self.messages} messages can be read where it says that it "
+                f"has {named}; {MENDED_BY}"
+            )
+        if self.cut_off or not self.index.ended or self._recorder_failed:
+            found.append(f"{name} was not finished: what was recorded last may be missing")
+        return found
+
+    @property
+    def _recorder_failed(self) -> bool:
+        """Lindy's recorder ends a file with what it lost and a summary. On a full disk it ends it
+        without; and where it was killed, the file gets a summary later, when it is merged."""
+        if DIVE not in self.metadata or self.places or self.index.damaged_at is not None:
+            return False
+        no_summary = self.index.messages is None
+        return no_summary or (MERGED in self.metadata and LOSSES not in self.metadata)
 
 
 def salvaged(path: Path, damage: Damage, at: At = nowhere) -> Iterator[StoredMessage | Described]:
-    """Everything in a file that can still be read: what follows a damaged record, and the beginning
-    of a chunk that is cut off."""
-    with path.open("rb") as stream, suppress(*DAMAGE):
-        size = path.stat().st_size
-        damage.cut_off = True
-        if stream.read(len(MAGIC)) != MAGIC:
-            return
-        while len(head := stream.read(RECORD_HEAD.size)) == RECORD_HEAD.size:
-            at(stream.tell())
-            opcode, length = RECORD_HEAD.unpack(head)
-            if opcode == Opcode.DATA_END:
-                damage.cut_off = False
-                return
-            if stream.tell() + length > size:
-                if opcode == Opcode.CHUNK:
-                    yield from _split_whole(_beginning(stream.read()))
-                return
-            content = stream.read(length)
-            try:
-                if opcode == Opcode.CHUNK:
-                    data, whole = _uncompressed(BytesIO(content), length)
-                    found = [*_split(data)]
-                    damage.cut_off = not whole
-                else:
-                    found = [*_split(head + content)]
-            except DAMAGE:
-                damage.records += 1
-                continue
-            yield from found
+    """As `records`, and the beginning of a chunk that is cut off."""
+    return records(path, at=at, damage=damage, open_beginnings=True)
 
 
 def records(
-    path: Path, *, open_chunks: bool = True, at: At = nowhere
+    path: Path,
+    *,
+    open_chunks: bool = True,
+    open_beginnings: bool = False,
+    at: At = nowhere,
+    damage: Damage | None = None,
 ) -> Iterator[StoredMessage | Described]:
-    """Everything in a file; without what is in its chunks if these are not to be opened.
+    """Everything in a file, also what follows a damaged record. Behind the first damaged one come
+    the schemas and channels that the summary describes, in case that it had them.
 
     Args:
+        open_chunks: also what is in its chunks.
+        open_beginnings: also what is in a chunk that is cut off.
         at: told how far it has been read [bytes].
+        damage: told what cannot be read; complete at the end.
     """
-    with path.open("rb") as stream, suppress(*DAMAGE):
-        size = path.stat().st_size
-        if stream.read(len(MAGIC)) != MAGIC:
-            return
-        while head := stream.read(RECORD_HEAD.size):
-            at(stream.tell())
-            opcode, length = RECORD_HEAD.unpack(head)
-            if opcode == Opcode.DATA_END or stream.tell() + length > size:
-                return
-            if opcode == Opcode.CHUNK and open_chunks:
-                data, whole = _uncompressed(stream, length)
-                yield from _split(data)
-                if not whole:
+    damage = Damage() if damage is None else damage
+    with path.open("rb") as stream:
+        reader = _RecordReader(stream, path.stat().st_size, open_chunks=open_chunks)
+        index = damage.index = reader.index
+        position = len(MAGIC)
+        while True:
+            at(position)
+            try:
+                opcode, found, after = reader.read(position)
+            except DAMAGE:
+                beyond = reader.beyond(position)
+                if beyond is None:
+                    damage.cut_off = True
+                    if open_beginnings:
+                        yield from reader.beginning(position)
                     return
-            elif opcode == Opcode.MESSAGE or opcode in READ:
-                yield from _split(head + stream.read(length))
-            else:
-                stream.seek(length, 1)
+                if not damage.places:
+                    yield from index.described
+                damage.places.append(position)
+                position = beyond
+                continue
+            if opcode == Opcode.DATA_END:
+                return
+            damage.see(found)
+            yield from found
+            if after is None:
+                damage.cut_off = True
+                return
+            position = after
+
+
+class _RecordReader:
+    """Reads one record after the other, and finds the next behind one that is damaged."""
+
+    def __init__(self, stream: BinaryIO, size: int, *, open_chunks: bool) -> None:
+        self.index = index_of(stream, size)
+        self._stream = stream
+        self._size = size  # [bytes]
+        self._open_chunks = open_chunks
+        self._chunked = self.index.has_chunks  # then there is no message outside a chunk
+
+    def read(self, position: int) -> tuple[int, list[StoredMessage | Described], int | None]:
+        """(opcode, what is in it, where it ends). It ends nowhere where it is a chunk whose writer
+        was killed between the two writes of a flush.
+
+        Raises:
+            DAMAGE: it is damaged or cut off.
+        """
+        self._stream.seek(position)
+        head = self._stream.read(RECORD_HEAD.size)
+        opcode, length = RECORD_HEAD.unpack(head)
+        after = position + RECORD_HEAD.size + length
+        if self.index.opcodes.get(position, opcode) != opcode or opcode == 0:
+            raise ValueError("another record is here")
+        if after > (self.index.following(position) or self._size):
+            raise ValueError("it ends behind the beginning of the next one")
+        if opcode == Opcode.CHUNK:
+            self._chunked = True
+            return self._chunk(length, after) if self._open_chunks else (opcode, [], after)
+        if opcode == Opcode.MESSAGE and self._chunked:
+            raise ValueError("a message outside a chunk")
+        if opcode != Opcode.MESSAGE and opcode not in READ:
+            return opcode, [], after
+        content = self._stream.read(length)
+        if opcode == Opcode.ATTACHMENT:
+            _check_attachment(content)
+        return opcode, [*_split(head + content)], after
+
+    def _chunk(
+        self, length: int, after: int
+    ) -> tuple[int, list[StoredMessage | Described], int | None]:
+        data, whole = _uncompressed(self._stream, length)
+        goes_on = whole or self.index.has_chunks
+        return Opcode.CHUNK, [*_split(data)], after if goes_on else None
+
+    def beyond(self, position: int) -> int | None:
+        """[bytes] Where the record behind a damaged one begins; None: there is no more."""
+        known = self.index.following(position) if self.index.starts else self._next_chunk(position)
+        self._stream.seek(position)
+        head = self._stream.read(RECORD_HEAD.size)
+        if len(head) == RECORD_HEAD.size:
+            after = position + RECORD_HEAD.size + RECORD_HEAD.unpack(head)[1]
+            if after <= (known or self._size):
+                return after
+        return known
+
+    def _next_chunk(self, position: int) -> int | None:
+        """[bytes] Where the next chunk begins as Lindy writes them, known by its head."""
+        if position + CHUNK_HEAD.size > self._size:
+            return None
+        with mmap(self._stream.fileno(), 0, access=ACCESS_READ) as whole:
+            at = whole.find(ZSTD, position + 1 + ZSTD_AT)
+            while at >= 0:
+                head = whole[at - ZSTD_AT : at - ZSTD_AT + CHUNK_HEAD.size]
+                if len(head) == CHUNK_HEAD.size:
+                    opcode, length, *_, size = CHUNK_HEAD.unpack(head)
+                    if (
+                        opcode == Opcode.CHUNK
+                        and length == CHUNK_HEAD.size + size - RECORD_HEAD.size
+                    ):
+                        return at - ZSTD_AT
+                at = whole.find(ZSTD, at + 1)
+        return None
+
+    def beginning(self, position: int) -> Iterator[StoredMessage | Described]:
+        """What is whole in a chunk that is cut off."""
+        self._stream.seek(position)
+        head = self._stream.read(RECORD_HEAD.size)
+        if len(head) == RECORD_HEAD.size and head[0] == Opcode.CHUNK:
+            yield from _split_whole(_beginning(self._stream.read()))
+
+
+def _check_attachment(content: bytes) -> None:
+    """
+    Raises:
+        ValueError: its checksum is wrong.
+    """
+    (checksum,) = LETTERS.unpack(content[-LETTERS.size :])
+    if checksum not in (0, zlib.crc32(content[: -LETTERS.size])):
+        raise ValueError("a damaged attachment")
 
 
 def _uncompressed(stream: BinaryIO, length: int) -> tuple[bytes, bool]:

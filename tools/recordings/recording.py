@@ -1,7 +1,8 @@
 """Reads a recording as typed messages, also after a crash.
 
 Every file is read from its beginning, chunk by chunk, so a file without an index (the recorder
-was killed) reads like any other: up to its last whole chunk. Messages come in the order of their
+was killed) reads like any other: up to its last whole chunk. A damaged chunk is left out, and
+`Recording.damage` says so. Messages come in the order of their
 arrival at the recorder, which is the order of `log_ns`.
 """
 
@@ -22,7 +23,7 @@ from services.recorder.io.open_chunk import MAGIC
 from services.recorder.io.parts import FIRST, parts_in
 from services.runtime.config.disk import reason, require_room
 from services.runtime.config.errors import LindyError
-from tools.recordings.mcap_records import StoredMessage, nowhere, records
+from tools.recordings.mcap_records import Damage, Described, StoredMessage, nowhere, records
 
 RESERVE = 256_000  # [bytes] left free by merging, for the report
 
@@ -53,6 +54,7 @@ class Recording:
         self.files = files
         self.unreadable: Counter[str] = Counter()  # messages skipped so far, by key
         self.advance: Callable[[int], None] = nowhere  # told how many bytes of `size` were read
+        self._read: dict[Path, Damage] = {}  # of the files that were read to their ends
         self._decoders: dict[str, msgspec.json.Decoder[Message] | None] = {}
 
     def __iter__(self) -> Iterator[RecordedMessage]:
@@ -63,10 +65,9 @@ class Recording:
     def raw(self) -> Iterator[Raw]:
         """Every message, not decoded: for readers that need few of them. What is recorded for
         Foxglove is computed from these, and left out."""
-        before = 0
         for path in self.files:
             channels: dict[int, str] = {}
-            for record in records(path, at=self._counting_from(before)):
+            for record in self.records(path):
                 if isinstance(record, StoredMessage):
                     if (key := channels.get(record.channel_id)) is not None:
                         yield Raw(
@@ -74,7 +75,18 @@ class Recording:
                         )
                 elif isinstance(record, Channel) and not is_view(record.topic):
                     channels[record.id] = record.topic
-            before += path.stat().st_size
+
+    def records(self, path: Path) -> Iterator[StoredMessage | Described]:
+        """Everything in one of its files. `damage` knows what is wrong with it at the end."""
+        before = sum(file.stat().st_size for file in self.files[: self.files.index(path)])
+        damage = Damage()
+        yield from records(path, at=self._counting_from(before), damage=damage)
+        self._read[path] = damage
+
+    @property
+    def damage(self) -> list[str]:
+        """What is wrong with the files that were read to their ends, one sentence each."""
+        return [said for path, found in self._read.items() for said in found.in_words(path.name)]
 
     @property
     def size(self) -> int:
@@ -223,7 +235,9 @@ def _copy(path: Path, file: McapFile, first: bool) -> int:
     for record in records(path):
         if isinstance(record, StoredMessage):
             times = record.log_ns, record.publish_ns
-            key = channels[record.channel_id]
+            key = channels.get(record.channel_id)
+            if key is None:
+                continue  # what described its channel is damaged
             file.write(key, record.data, *times, record.sequence, is_view=is_view(key))
             messages += not is_view(key)
         elif isinstance(record, Schema):
@@ -231,8 +245,11 @@ def _copy(path: Path, file: McapFile, first: bool) -> int:
         elif isinstance(record, Channel):
             channels[record.id] = record.topic
             if not file.has_channel(record.topic):
-                schema = schemas[record.schema_id]
-                file.open_channel(record.topic, schema.name, schema.data)
+                schema = schemas.get(record.schema_id)
+                if schema is None:
+                    del channels[record.id]
+                else:
+                    file.open_channel(record.topic, schema.name, schema.data)
         elif isinstance(record, Metadata) and record.name != "hash":
             file.metadata(record.name, record.metadata)
         elif isinstance(record, Attachment) and first:

@@ -3,13 +3,11 @@
 import json
 import re
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
-from mcap.reader import make_reader
 from mcap.records import Attachment
 
 from messages import topics
@@ -19,8 +17,7 @@ from messages.vehicle import VehicleStatus
 from services.runtime.config.errors import LindyError
 from services.runtime.config.identity import messages_hash
 from services.runtime.config.stack import Stack
-from tools.recordings.mcap_records import DAMAGE
-from tools.recordings.recording import Raw, Recording, is_whole, open_recording
+from tools.recordings.recording import Raw, Recording, open_recording
 
 BACKWARDS_S = 0.01  # [s] less is no matter
 THINNED = "thinned"  # metadata: messages were taken out on purpose
@@ -45,7 +42,6 @@ class ReplaySource:
     about: dict[str, str]
     utc_offset_ns: int  # [ns] UTC minus the clock of stamps on board; 0: virtual time
     files: dict[str, bytes]  # attachments by name
-    _readable: int = 0  # messages, once `span` is known
     _goes_back_ns: int = 0  # likewise: the farthest that a message is before an earlier one
 
     @property
@@ -73,15 +69,13 @@ class ReplaySource:
         Raises:
             LindyError: there is none.
         """
-        first, last, readable = None, 0, 0
+        first, last = None, 0
         for raw in self.raw():
             first = raw.log_ns if first is None else min(first, raw.log_ns)
             self._goes_back_ns = max(self._goes_back_ns, last - raw.log_ns)
             last = max(last, raw.log_ns)
-            readable += 1
         if first is None:
             raise LindyError(f"{self.path} holds no message that can be read: nothing to replay")
-        self._readable = readable
         return first, last
 
     @property
@@ -95,15 +89,14 @@ class ReplaySource:
         return self._goes_back_ns / 1e9
 
     @property
-    def unread(self) -> int:
-        """How many messages its own summary names beyond those that can be read: it is damaged.
+    def damage(self) -> list[str]:
+        """What cannot be read in it, or may be missing at its end, one sentence each.
 
         Raises:
             LindyError: as `span`.
         """
         _ = self.span
-        named = [messages_named(file) for file in self.recording.files]
-        return max(0, sum(n for n in named if n is not None) - self._readable)
+        return self.recording.damage
 
     @cached_property
     def processes(self) -> dict[str, Process]:
@@ -224,29 +217,9 @@ def open_source(path: Path) -> ReplaySource:
         raise LindyError(f"{path}: its clock is {offset!r}, expected whole nanoseconds") from None
 
 
-def messages_named(file: Path) -> int | None:
-    """How many messages a file says it has; None: it was not ended, or its end is damaged."""
-    with file.open("rb") as stream, suppress(*DAMAGE):
-        summary = make_reader(stream).get_summary()
-        if summary is not None and summary.statistics is not None:
-            return summary.statistics.message_count
-    return None
-
-
 def remarks(source: ReplaySource) -> list[str]:
     """What a reader should know of this recording before he trusts a result."""
-    said = [
-        f"{file} was not ended: it is read up to where it breaks off"
-        for file in source.recording.files
-        if not is_whole(file)
-    ]
-    if unread := source.unread:
-        _, last = source.span
-        seconds = (last - source.span[0]) / 1e9
-        said.append(
-            f"it is damaged: {unread} of its messages cannot be read; what is left ends after "
-            f"{seconds:.1f} s"
-        )
+    said = source.damage
     if (seconds := source.goes_back_s) > BACKWARDS_S:
         said.append(
             f"its clock runs backwards by {seconds:.1f} s: what it holds from then on has other "

@@ -38,6 +38,7 @@ def write(path: Path, first: int = 0) -> None:
             file.flush()
         if n % PER_CHUNK == PER_CHUNK - 1:
             file.metadata("here", {"a chunk": "ends"})
+    file.metadata("losses", {})
     file.metadata("hash", {"sha256": "abc"})
     file.finish()
 
@@ -135,7 +136,7 @@ def test_what_follows_a_damaged_chunk_is_recovered(tmp_path: Path) -> None:
     broken[ends[0] - 20] ^= 0xFF
     path, out = tmp_path / "dive.mcap", tmp_path / "mended.mcap"
     path.write_bytes(broken)
-    assert recovered(path, out).words == "dive.mcap had 1 damaged parts"
+    assert recovered(path, out).words == "dive.mcap had 1 damaged part, with 40 of its 120 messages"
     # The channel was described in that chunk; the summary describes it once more.
     assert foreign(out) == recorded()[PER_CHUNK:]
 

@@ -1,0 +1,135 @@
+"""Every verb says where a recording is damaged or ends too early, and reads the rest."""
+
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+
+from services.recorder.io.mcap_file import McapFile
+from tools.__main__ import main
+from tools.log.recover import recovered
+from tools.recordings.recording import open_recording
+from tools.replay.source import open_source, remarks
+
+from .conftest import ShortDive
+from .test_recover import CHUNKS, KEY, PER_CHUNK, foreign, recorded, whole_file, write
+
+IN_CHUNK = 80  # [bytes] behind the beginning of a chunk: in its data
+VERBS = ["info", "check", "csv", "cut", "compare", "sticks"]
+
+
+def chunks_of(path: Path) -> list[int]:
+    """[bytes] Where they begin."""
+    with path.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    return [each.chunk_start_offset for each in summary.chunk_indexes]
+
+
+def flipped(source: Path, out: Path, at: int) -> Path:
+    data = bytearray(source.read_bytes())
+    data[at] ^= 0x55
+    out.write_bytes(data)
+    return out
+
+
+def arguments(verb: str, path: Path, folder: Path) -> list[str]:
+    rest = {
+        "csv": ["--out", str(folder / "tables")],
+        "cut": ["--out", str(folder / "part.mcap")],
+        "compare": [str(path)],
+        "sticks": ["--out", str(folder / "again.csv")],
+    }
+    return ["log", verb, str(path), *rest.get(verb, [])]
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_verb_says_that_a_chunk_is_damaged(
+    dive: ShortDive, tmp_path: Path, verb: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole = dive.folder / "dive.mcap"
+    begin = chunks_of(whole)[-1]
+    path = flipped(whole, tmp_path / "broken.mcap", begin + IN_CHUNK)
+    assert main(arguments(verb, path, tmp_path)) == 3
+    assert f"broken.mcap is damaged at byte {begin}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("verb", ["info", "check", "csv", "cut"])
+def test_a_recording_that_ended_on_a_full_disk_was_not_finished(
+    tmp_path: Path, verb: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "dive.mcap"
+    file = McapFile(path)
+    file.metadata("dive", {"vehicle": "pioneer"})
+    file.open_channel(KEY, "PressureSample", b"{}")
+    for n in range(20):
+        file.write(KEY, b'{"stamp_ns": 1, "pressure": 1e5}', n, n, n)
+    file.flush()
+    file.abandon()
+    assert main(arguments(verb, path, tmp_path)) == 3
+    assert "dive.mcap was not finished" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_a_damaged_attachment_is_said(
+    dive: ShortDive, tmp_path: Path, verb: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole = dive.folder / "dive.mcap"
+    at = whole.read_bytes().index(b"[vehicle]")
+    path = flipped(whole, tmp_path / "broken.mcap", at)
+    assert main(arguments(verb, path, tmp_path)) == 3
+    assert "broken.mcap is damaged at byte " in capsys.readouterr().out
+    assert not recovered(path, tmp_path / "mended.mcap").whole
+    assert any("is damaged" in remark for remark in remarks(open_source(path)))
+
+
+def test_of_a_whole_recording_nothing_is_said(dive: ShortDive) -> None:
+    """Also of one with views for Foxglove, which are no messages of the bus."""
+    assert remarks(open_source(dive.folder)) == []
+    recording = open_recording(dive.folder)
+    assert sum(1 for _ in recording) > 0
+    assert recording.damage == []
+
+
+def test_views_for_foxglove_are_not_missing_messages(tmp_path: Path) -> None:
+    path = tmp_path / "dive.mcap"
+    file = McapFile(path)
+    file.metadata("dive", {"vehicle": "pioneer"})
+    for key in (KEY, "foxglove/pose"):
+        file.open_channel(key, "PressureSample", b"{}")
+        for n in range(20):
+            file.write(key, b'{"stamp_ns": 1, "pressure": 1e5}', n, n, n)
+    file.metadata("losses", {})
+    file.finish()
+    assert remarks(open_source(path)) == []
+
+
+@pytest.mark.parametrize("byte", range(2, 9))  # 1: less than what ends the frame
+def test_what_follows_a_chunk_with_a_damaged_length_is_recovered(tmp_path: Path, byte: int) -> None:
+    path, out = tmp_path / "whole.mcap", tmp_path / "mended.mcap"
+    path.write_bytes(whole_file()[0])
+    flipped(path, tmp_path / "broken.mcap", chunks_of(path)[1] + byte)
+    found = recovered(tmp_path / "broken.mcap", out)
+    assert not found.whole
+    assert foreign(out) == recorded()[:PER_CHUNK] + recorded()[2 * PER_CHUNK :]
+
+
+@pytest.mark.parametrize("byte", range(2, 9))  # 1: less than what ends the frame
+def test_a_chunk_with_a_damaged_length_in_a_file_without_an_end(tmp_path: Path, byte: int) -> None:
+    path, out = tmp_path / "whole.mcap", tmp_path / "mended.mcap"
+    write(path)
+    begin = chunks_of(path)
+    path.write_bytes(path.read_bytes()[: begin[2] + 40])
+    flipped(path, tmp_path / "broken.mcap", begin[0] + byte)
+    assert CHUNKS == 3
+    # Its channel was described in the first chunk, and there is no summary.
+    assert "40 messages of unknown topics" in recovered(tmp_path / "broken.mcap", out).words
+
+
+@pytest.mark.parametrize("at", range(9, 17))
+def test_a_damaged_length_of_the_header_costs_no_message(tmp_path: Path, at: int) -> None:
+    path, out = tmp_path / "whole.mcap", tmp_path / "mended.mcap"
+    path.write_bytes(whole_file()[0])
+    flipped(path, tmp_path / "broken.mcap", at)
+    assert not recovered(tmp_path / "broken.mcap", out).whole
+    assert foreign(out) == recorded()
