@@ -11,7 +11,7 @@ from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
 
 SOUND, NOT_SOUND = 0, 3  # exit statuses
-COLUMNS = ("link", "thinned", "queue", "refused", "recorder", "unreported", "missing")
+COLUMNS = ("link", "thinned", "queue", "refused", "recorder", "unreported", "missing", "duplicated")
 
 
 def check(path: Path, *, json: bool = False) -> int:

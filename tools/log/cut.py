@@ -53,6 +53,9 @@ def cut_out(recording: Recording, out: Path, wanted: WantedPart) -> int:
     Raises:
         LindyError: nothing is in that part, or the file cannot be written.
     """
+    for option, value in (("--from", wanted.from_s), ("--to", wanted.to_s)):
+        if not value >= 0.0:  # not a number neither
+            raise LindyError(f"{option} is {value:g}, expected seconds from 0")
     if not wanted.from_s < wanted.to_s:
         raise LindyError(
             f"--from is {wanted.from_s:g} s and --to {wanted.to_s:g} s; expected from before to"

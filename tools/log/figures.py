@@ -6,6 +6,7 @@ from tools.recordings.recording import Recording
 from tools.report import report_on
 from tools.report.dive import RecordedDive, read_dive
 from tools.report.report import Extras, Report
+from tools.report.summary import is_loss
 
 
 class ComparedFigure(msgspec.Struct):
@@ -44,5 +45,10 @@ def _named(dive: RecordedDive, report: Report) -> list[tuple[str, str, float | N
         ("energy", "Wh", report.energy.wh),
         ("thrust squared", "N² s", report.energy.thrust_squared_n2s),
         ("failsafes", "", float(len(report.failsafes))),
-        ("losses of all kinds", "", float(sum(report.losses.values()))),
+        ("losses of all kinds", "", float(_lost(report))),
     ]
+
+
+def _lost(report: Report) -> int:
+    """By the rule of the dive's summary."""
+    return sum(count for name, count in report.losses.items() if is_loss(name))

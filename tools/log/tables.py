@@ -13,7 +13,7 @@ from mcap.records import Channel, Schema
 from services.recorder.foxglove.channel import is_view
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
-from tools.fresh import fresh_folder
+from tools.fresh import EXISTS, fresh_folder
 from tools.log.flatten import Flattening, Row, TableColumn
 from tools.recordings.dive_file import flown_dive
 from tools.recordings.mcap_records import StoredMessage
@@ -113,6 +113,10 @@ def write_tables(path: Path, out: Path | None, kind: str, new: NewTable) -> int:
         opener = OpenTable(folder, f".{kind}", new, thruster_names(recording))
         with reading(f"writing {kind}", recording.size) as recording.advance:
             rows, unread = _fill(recording, origin, opener)
+    except FileExistsError as error:
+        raise LindyError(
+            f"cannot write {error.filename or wanted}: {EXISTS.format('--out')}"
+        ) from None
     except OSError as error:
         where = error.filename or wanted
         raise LindyError(f"cannot write {where}: {reason(error)}") from None

@@ -90,22 +90,27 @@ def opened(path: Path) -> ReplaySource:
 
 
 def span_of(source: ReplaySource, begin_s: float | None, end_s: float | None) -> tuple[int, int]:
-    """[ns UTC] Between two times that count from the first message.
+    """[ns UTC] Between two times that count from the beginning of the recording.
 
     Raises:
         LindyError: not within the recording, or the wrong way round.
     """
-    first, last = source.span
-    length = (last - first) / 1e9
+    (first, last), origin = source.span, source.origin_ns
+    length = (last - origin) / 1e9
     begin, end = begin_s or 0.0, length if end_s is None else end_s
     for option, value in (("--from", begin), ("--to", end)):
         if not isfinite(value) or value < 0.0:
             raise LindyError(f"{option} is {value:g}, expected seconds from 0 to {length:.1f}")
+    if begin_s is not None and end_s is not None and begin >= end:
+        raise LindyError(f"--from {begin:g} is not before --to {end:g}")
     if begin > length:
         raise LindyError(f"--from is {begin:g} s, but the recording ends after {length:.1f} s")
+    if origin + round(end * 1e9) < first:
+        begins = (first - origin) / 1e9
+        raise LindyError(f"--to is {end:g} s, but the recording begins at {begins:.1f} s")
     if begin >= end and begin_s is not None:
         raise LindyError(f"--from {begin:g} is not before --to {end:g}")
-    return first + round(begin * 1e9), min(last, first + round(end * 1e9))
+    return max(first, origin + round(begin * 1e9)), min(last, origin + round(end * 1e9))
 
 
 def told(services: tuple[str, ...], source: ReplaySource, found: ThroughResult) -> str:

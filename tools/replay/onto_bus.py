@@ -170,7 +170,7 @@ class Replay:
         )
 
     def _status(self, now: int) -> str:
-        first, (_, end) = self._source.span[0], self._wish.span
+        first, (_, end) = self._source.origin_ns, self._wish.span
         here = (self._clock.position(now) - first) / 1e9
         state = "playing" if self._clock.playing else "paused "
         return f"{here:8.1f} / {(end - first) / 1e9:.1f} s  ×{self._wish.speed:g}  {state}"

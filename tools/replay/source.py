@@ -20,6 +20,7 @@ from services.runtime.config.stack import Stack
 from tools.recordings.recording import Raw, Recording, open_recording
 
 BACKWARDS_S = 0.01  # [s] less is no matter
+CUT = "cut"  # metadata: it is a part of another recording
 THINNED = "thinned"  # metadata: messages were taken out on purpose
 
 
@@ -77,6 +78,17 @@ class ReplaySource:
         if first is None:
             raise LindyError(f"{self.path} holds no message that can be read: nothing to replay")
         return first, last
+
+    @cached_property
+    def origin_ns(self) -> int:
+        """[ns] UTC from which its seconds count: its first message, or, where it was cut out of
+        another recording, that of the whole.
+
+        Raises:
+            LindyError: as `span`.
+        """
+        first, _ = self.span
+        return first if not self.recording.metadata(CUT) else self.recording.origin_ns() or first
 
     @property
     def goes_back_s(self) -> float:

@@ -96,7 +96,7 @@ def through(
     until = end if restart is None else restart + offset - 1
     window = Window(max(first, begin) - offset, min(last, until) - offset)
     found = _compared(replay, names, source, window, tolerances)
-    found.begin_ns = first - offset
+    found.begin_ns = source.origin_ns - offset
     if restart is not None:
         at = (restart - found.begin_ns) / 1e9
         found.remarks.append(f"it was started again at {at:.1f} s: compared up to there")

@@ -139,6 +139,11 @@ def _past(stop: StickStop) -> str:
     return f"{degrees(stop.overshoot):.1f}°"
 
 
+def is_loss(name: str) -> bool:
+    """Is this count one of something lost? Failsafes are told apart, and routine is no loss."""
+    return Rank.FAILSAFE < meaning(name).rank < Rank.ROUTINE
+
+
 def _losses(report: Report, kinds: int | None) -> list[tuple[str, str]]:
     """Counts with the same words together; the most important first, of those the largest.
 
@@ -147,7 +152,7 @@ def _losses(report: Report, kinds: int | None) -> list[tuple[str, str]]:
     """
     times: defaultdict[Meaning, int] = defaultdict(int)
     for name, count in report.losses.items():
-        if count and Rank.FAILSAFE < meaning(name).rank < Rank.ROUTINE:
+        if count and is_loss(name):
             times[meaning(name)] += count
     ordered = sorted(times.items(), key=lambda found: (found[0].rank, -found[1], found[0].words))
     rows = [in_words(report.holes)] if report.holes else []

@@ -20,7 +20,7 @@ Out = Annotated[Path, Parameter(converter=named, help="the file to write, a new 
 def info(recording: Path, *, json: Json = False) -> int:
     """What a recording is of, and what is in it: vehicle, versions, length, events, topics.
 
-    RECORDING is a dive's folder or its MCAP file.
+    RECORDING is a dive's folder or its MCAP file. Exit status 3: it is damaged or was not finished.
 
     Example: lindy log info dives/latest
     """
@@ -36,7 +36,8 @@ def check(recording: Path, *, json: Json = False) -> int:
     RECORDING is a dive's folder or its MCAP file. `link`: lost on the link; `thinned`: left out
     because the link is slow; `queue`: too many waited for it; `refused`: the recorder could not
     read them; `recorder`: it or its disk was too slow or full; `unreported`: after the link's last
-    report. Exit status 3: some are missing and nobody accounts for them, or the file has no end.
+    report. Exit status 3: some are missing and nobody accounts for them, or the file is damaged,
+    was recovered, or was not finished.
 
     Example: lindy log check dives/latest
     """
@@ -69,7 +70,8 @@ def cut(
     """A part of a recording as a recording of its own, which any MCAP reader opens.
 
     RECORDING is a dive's folder or its MCAP file. Attached files and schemas are kept, and so are
-    the seconds: a part of a part has those of the whole.
+    the seconds: a part of a part has those of the whole. Exit status 3: the recording is damaged or
+    was not finished.
 
     Example: lindy log cut dives/latest --from 30 --to 40 --topics state 'sensor/*' --out part.mcap
     """
@@ -109,7 +111,8 @@ def csv(recording: Path, *, out: Tables = None) -> int:
 
     RECORDING is a dive's folder or its MCAP file. Times: t_s, seconds since the recording began,
     and log_ns and publish_ns, nanoseconds UTC of arrival and of the message's own stamp. Vectors
-    have named columns, such as wanted.surge. Exit status 3: a message could not be read.
+    have named columns, such as wanted.surge. Exit status 3: a message could not be read, or the
+    file is damaged or was not finished.
 
     Example: lindy log csv dives/latest --out tables
     """
@@ -123,7 +126,8 @@ def csv(recording: Path, *, out: Tables = None) -> int:
 def parquet(recording: Path, *, out: Tables = None) -> int:
     """The same tables as Parquet, smaller and with types. It needs pyarrow (extra `tables`).
 
-    RECORDING is a dive's folder or its MCAP file. Exit status 3: a message could not be read.
+    RECORDING is a dive's folder or its MCAP file. Exit status 3: a message could not be read, or
+    the file is damaged or was not finished.
 
     Example: lindy log parquet dives/latest --out tables
     """
@@ -139,6 +143,7 @@ def sticks(recording: Path, *, out: Out) -> int:
     """The sticks and requests of its pilot, as a stick log to fly again.
 
     RECORDING is a dive's folder or its MCAP file. A path that was followed is written beside OUT.
+    Exit status 3: the recording is damaged or was not finished.
 
     Example: lindy log sticks dives/latest --out again.csv
              lindy simulate --pilot script:again.csv
@@ -165,7 +170,8 @@ def compare(
     """Which streams and fields of two recordings differ, when first and by how much.
 
     A and B are dives' folders or MCAP files, of one vehicle. Times are seconds since arming, or,
-    where one was never armed, since the recording began. Exit status 1: they differ.
+    where one was never armed, since the recording began. Exit status 1: they differ; 3: one is damaged
+    or was not finished.
 
     Example: lindy log compare dives/before dives/after --out compared.png
     """

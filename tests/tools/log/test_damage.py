@@ -6,10 +6,17 @@ import pytest
 from mcap.reader import make_reader
 
 from services.recorder.io.mcap_file import McapFile
+from services.runtime.config.errors import LindyError
 from tools.__main__ import main
+from tools.log.figures import figures
 from tools.log.recover import recovered
 from tools.recordings.recording import open_recording
+from tools.replay.command import span_of
 from tools.replay.source import open_source, remarks
+from tools.report import report_on
+from tools.report.dive import read_dive
+from tools.report.report import Extras
+from tools.report.summary import is_loss
 
 from .conftest import ShortDive
 from .test_recover import CHUNKS, KEY, PER_CHUNK, foreign, recorded, whole_file, write
@@ -133,3 +140,43 @@ def test_a_damaged_length_of_the_header_costs_no_message(tmp_path: Path, at: int
     flipped(path, tmp_path / "broken.mcap", at)
     assert not recovered(tmp_path / "broken.mcap", out).whole
     assert foreign(out) == recorded()
+
+
+def test_a_part_keeps_the_seconds_of_the_whole_in_a_replay(dive: ShortDive, tmp_path: Path) -> None:
+    part = tmp_path / "part.mcap"
+    assert main(["log", "cut", str(dive.folder), "--from", "1.5", "--out", str(part)]) == 0
+    source = open_source(part)
+    first, last = source.span
+    begin, end = span_of(source, 2.0, 2.5)
+    assert end - begin == 500_000_000
+    assert begin - open_source(dive.folder).span[0] == 2_000_000_000
+    assert span_of(source, None, None) == (first, last)
+    with pytest.raises(LindyError, match="begins at 1.5 s"):
+        span_of(source, None, 1.0)
+
+
+def test_duplicates_are_in_the_table_of_check(
+    dive: ShortDive, capsys: pytest.CaptureFixture[str]
+) -> None:
+    main(["log", "check", str(dive.folder)])
+    assert "duplicated" in capsys.readouterr().out
+
+
+def test_losses_are_counted_by_the_rule_of_the_summary(dive: ShortDive) -> None:
+    recording = open_recording(dive.folder)
+    report = report_on(read_dive(recording), Extras())
+    sides = figures(recording, recording)
+    (found,) = [each.a for each in sides if each.name.startswith("losses")]
+    assert sum(report.losses.values()) > 0
+    assert found == sum(count for name, count in report.losses.items() if is_loss(name))
+    assert not is_loss("accelerating:sensor/imu")
+
+
+def test_a_table_in_place_of_a_file_is_one_sentence(
+    dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "mine"
+    out.write_bytes(b"mine")
+    assert main(["log", "csv", str(dive.folder), "--out", str(out)]) == 1
+    assert "choose another --out" in capsys.readouterr().err
+    assert out.read_bytes() == b"mine"

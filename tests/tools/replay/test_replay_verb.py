@@ -43,6 +43,7 @@ def complaint(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
         (["--speed", "-2"], "--speed is -2"),
         (["--speed", "nan"], "--speed is nan"),
         (["--from", "5", "--to", "4"], "--from 5 is not before --to 4"),
+        (["--from", "4001", "--to", "4000"], "--from 4001 is not before --to 4000"),
         (["--from", "4000"], "--from is 4000 s, but the recording ends after 11.0 s"),
         (["--from", "nan"], "--from is nan, expected seconds from 0 to 11.0"),
         (["--to", "-1"], "--to is -1, expected seconds"),
