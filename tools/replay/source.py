@@ -88,7 +88,8 @@ class ReplaySource:
             LindyError: as `span`.
         """
         first, _ = self.span
-        return first if not self.recording.metadata(CUT) else self.recording.origin_ns() or first
+        whole = self.recording.origin_ns() if self.recording.metadata(CUT) else None
+        return first if whole is None else whole
 
     @property
     def goes_back_s(self) -> float:

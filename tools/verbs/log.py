@@ -170,8 +170,8 @@ def compare(
     """Which streams and fields of two recordings differ, when first and by how much.
 
     A and B are dives' folders or MCAP files, of one vehicle. Times are seconds since arming, or,
-    where one was never armed, since the recording began. Exit status 1: they differ; 3: one is damaged
-    or was not finished.
+    where one was never armed, since the recording began. Exit status 1: they differ; 3: one is
+    damaged or was not finished.
 
     Example: lindy log compare dives/before dives/after --out compared.png
     """
