@@ -48,7 +48,7 @@ class SampleValidation:
             field.key,
             limits.magnetometer_frozen,
             events,
-            field.hz,
+            limits.magnetometer_rate,
             like,
             limits.magnetometer_silent,
         )

@@ -14,7 +14,7 @@ from messages.units import OpenShare, Positive, WithinAnHour
 from services.estimation.checks.frozen_watch import FrozenWatch
 from services.estimation.checks.noise_watch import NoiseWatch
 
-PressureRate = Annotated[float, msgspec.Meta(ge=1.0, le=100.0)]
+SensorRate = Annotated[float, msgspec.Meta(ge=1.0, le=100.0)]
 WINDOW = 2.0  # [s] over which a rate is judged
 GAP = 5.0  # [periods] a longer break is a drop-out and does not count in the rate
 
@@ -30,10 +30,11 @@ class WatchSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     imu_frozen: WithinAnHour = 0.2  # [s]
     magnetometer_frozen: WithinAnHour = 1.0  # [s]
     pressure_frozen: WithinAnHour = 10.0  # [s]
-    pressure_rate: PressureRate = topics.PRESSURE.hz  # [1/s] of this vehicle's sensor
+    pressure_rate: SensorRate = topics.PRESSURE.hz  # [1/s] of this vehicle's sensor
+    magnetometer_rate: SensorRate = topics.MAGNETOMETER.hz  # [1/s] the same
     dvl_frozen: WithinAnHour = 10.0  # [s]
     usbl_frozen: WithinAnHour = 20.0  # [s]
-    rate_tolerance: OpenShare = 0.2  # [-] of the topic's rate
+    rate_tolerance: OpenShare = 0.2  # [-] of the sensor's rate
 
     # More noise than any mounting has; below, the filters weigh and clip.
     gyro_noise: Positive = 0.15  # [rad/s] 1σ of one sample

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from messages.sensors import BatterySample, ImuSample, PressureSample
+from messages.sensors import BatterySample, ImuSample, MagnetometerSample, PressureSample
 from services.ardusub.core import Settings
 from services.ardusub.packet import MavlinkPacket
 from tools.research.ardusub_double.cable import DOWN, MS, Cable, S
@@ -79,10 +79,11 @@ def test_samples_come_at_their_rates_in_si_units_and_on_our_clock(version: str) 
     cable = Cable(version).accepted()
     began = cable.now
     cable.run(4.0)
-    # The board takes a pressure over ten times a second, however often it sends it.
+    # The board takes a pressure and a field over ten times a second, however often it sends them.
     for kind, hz, oldest_ms in (
         (ImuSample, 100, 8),
         (PressureSample, 10, 70),
+        (MagnetometerSample, 10, 70),
         (BatterySample, 1, 8),
     ):
         got = [(at, m) for at, m in cable.samples if isinstance(m, kind) and at > began]
