@@ -67,6 +67,9 @@ class HullDouble:
     def message(self, name: str, boot_us: int, now: int) -> MavlinkPacket | None:
         """A telemetry message now; None where a simulated fault keeps the sensor silent."""
         self.simulator.advance(now)
+        if self._field is None:
+            self.measure(now)
+            self.take_over()
         if name in ("RAW_IMU", "SCALED_IMU2", "HIGHRES_IMU"):
             return self._imu(name, boot_us)
         if name == "SCALED_PRESSURE2":
