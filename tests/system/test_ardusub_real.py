@@ -42,8 +42,6 @@ SIM_BARO_RND 0.002
 SIM_BAR2_RND 0.002
 FS_PILOT_TIMEOUT 1
 """
-# The IMU of the firmware's simulator is quieter than the steps of RAW_IMU, all that 4.5 has.
-QUIET = ["--set", "estimation.watch.imu_frozen=10"]
 BOARDS = [
     "4.5",
     "4.8",
@@ -218,7 +216,7 @@ def test_a_dive_as_processes(tmp_path: Path, kind: str, port: int) -> None:
     command = [sys.executable, "-P", "-m", "tools", "dive", "--stack", "ardusub"]
     command += ["--vehicle", "bluerov2_heavy", "--pilot", f"script:{script}", "--headless"]
     command += ["--set", f"ardusub.url=udpin:127.0.0.1:{port}", "--out", str(out)]
-    command += ["--set", "estimation.calibration.still_time=3", *QUIET]
+    command += ["--set", "estimation.calibration.still_time=3"]
     with board_process(kind, port, tmp_path):
         said = subprocess.run(
             command, capture_output=True, text=True, timeout=PATIENCE_S, check=False
@@ -307,7 +305,7 @@ def test_when_all_of_lindy_is_killed_the_board_is_neutral_after_its_timeout(
     words = [sys.executable, "-P", "-m", "tools", "dive", "--stack", "ardusub", "--headless"]
     words += ["--vehicle", "bluerov2_heavy", "--pilot", f"script:{script}"]
     words += ["--set", f"ardusub.url=udpin:127.0.0.1:{port}", "--out", str(tmp_path / "out")]
-    words += ["--set", "estimation.calibration.still_time=3", *QUIET]
+    words += ["--set", "estimation.calibration.still_time=3"]
     beside = Beside(second)
     with board_process(kind, port, tmp_path, beside=second):
         dive = subprocess.Popen(words, start_new_session=True, stdout=subprocess.DEVNULL)

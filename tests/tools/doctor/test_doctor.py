@@ -277,7 +277,8 @@ def test_an_imu_that_repeats_itself_is_said_with_the_setting() -> None:
     bench.board.hull.message = still
     [found] = wrong(bench.visited())
     assert found.what == "IMU"
-    assert "estimation.watch.imu_frozen is 0.2 s" in found.text
+    assert "after 0.2 s at rest" in found.text
+    assert "estimation.watch.imu_frozen_at_rest to 1" in found.text
 
 
 def test_a_leak_is_heard_within_25_seconds() -> None:
