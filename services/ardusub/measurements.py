@@ -7,15 +7,15 @@ from messages.message import Message
 from messages.units import Ns
 from services.ardusub import readings
 from services.ardusub.board_clock import BoardClock
-from services.ardusub.board_updates import PERIOD_NS, BoardUpdates
+from services.ardusub.board_updates import BoardUpdates
 from services.ardusub.outbox import DriverOutbox
 from services.ardusub.settings import Settings
 from services.ardusub.streams import TelemetryStream, TelemetryStreams
 
 S = 1_000_000_000  # [ns]
 # A value that stays for as long is passed on. A field is more often the same again, in the steps of
-# 1 mG of RAW_IMU and in still water: it must not be missing until the next one.
-PRESSURE_SAME_NS, FIELD_SAME_NS = 250_000_000, PERIOD_NS * 3 // 2  # [ns]
+# 1 mG of RAW_IMU and in still water: it must not look as if it came too seldom.
+PRESSURE_SAME_NS, FIELD_SAME_NS = 250_000_000, 115_000_000  # [ns]
 LEAK = "Leak Detected"  # text of the board
 LEAK_HOLDS_NS = 45 * S  # [ns] it is said every 20 s; one may be lost
 

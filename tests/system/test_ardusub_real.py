@@ -35,11 +35,12 @@ SCRIPT = "t,surge,sway,heave,yaw\n0,0,0,0,0\n1,0,0,0.8,0\n5,0,0,0,0\n9,0,0,0,0\n
 S = 1_000_000_000  # [ns]
 PATIENCE_S = 120.0  # for a slow and busy computer
 # Of the simulator that comes with the firmware: no RC receiver, as on every tethered ROV, and
-# sensors without the noise that no water has.
+# sensors without the noise that no water has, and a compass with that of every compass.
 DEFAULTS = """FRAME_CONFIG 2
 SIM_RC_FAIL 1
 SIM_BARO_RND 0.002
 SIM_BAR2_RND 0.002
+SIM_MAG_RND 3
 FS_PILOT_TIMEOUT 1
 """
 BOARDS = [

@@ -11,7 +11,12 @@ from tools.doctor.finding import VehicleFinding
 from tools.doctor.remedies import remedy
 from tools.doctor.visit import BoardVisit
 
-GROUPS = {"MOT_": "MOT_n_DIRECTION", "RC": "RC1 to RC6", "RCMAP_": "RCMAP_*"}  # of many parameters with one rule
+GROUPS = {
+    "MOT_": "MOT_n_DIRECTION",
+    "RC": "RC1 to RC6",
+    "RCMAP_": "RCMAP_*",
+}  # of many parameters with one rule
+
 
 def of_parameters(visit: BoardVisit, vehicle: Vehicle) -> Iterator[VehicleFinding]:
     """Each that is wrong, and one line for each rule that holds."""

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from services.ardusub.board_updates import PERIOD_NS, BoardUpdates
+from services.ardusub.measurements import FIELD_SAME_NS
 
 MS = 1_000_000  # [ns]
 AGE_NS, SAME_NS = 40 * MS, 250 * MS
@@ -47,9 +48,9 @@ def test_a_value_after_a_gap_is_not_taken_for_older_than_the_boards_period() -> 
 
 @given(st.lists(st.booleans(), min_size=30, max_size=30), st.integers(5, 25))
 def test_a_value_that_is_measured_again_is_not_missing(again: list[bool], every_ms: int) -> None:
-    """With the shorter patience, however often a new value is equal to the one before: never a gap
-    of more than one and a half periods and a message."""
-    updates = BoardUpdates(AGE_NS, PERIOD_NS * 3 // 2)
+    """However often a new value is equal to the one before: never a gap of more than the patience
+    and a message, and one more between the two ways of stamping."""
+    updates = BoardUpdates(AGE_NS, FIELD_SAME_NS)
     value, values = 0, list[int]()
     for same in again:
         value += not same
@@ -60,4 +61,4 @@ def test_a_value_that_is_measured_again_is_not_missing(again: list[bool], every_
         if (at := updates.measured_at(values[sent // PERIOD_NS], sent)) is not None
     ]
     steps = [after - before for before, after in pairwise(stamps)]
-    assert all(0 < step <= PERIOD_NS * 3 // 2 + 2 * every_ms * MS for step in steps)
+    assert all(0 < step <= FIELD_SAME_NS + 2 * every_ms * MS for step in steps)
