@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from services.marine.summation import plain_sum
 from services.marine.vehicle import Thruster
 
 # [-] of all thrust that there is: 1 % of a BlueROV2's is 2.4 N, eight steps of an accelerometer of
@@ -20,13 +21,13 @@ class ThrustWatch:
 
     @classmethod
     def of(cls, thrusters: Sequence[Thruster]) -> "ThrustWatch":
-        most = sum(thruster.max_thrust for thruster in thrusters)
+        most = plain_sum([thruster.max_thrust for thruster in thrusters])
         return cls(NOTICEABLE * most, [0.0] * len(thrusters))
 
     def see(self, thrust: Sequence[float], stamp_ns: int) -> None:
         """[N] Per thruster, as reported; a report of another length is left alone."""
         if len(thrust) != len(self._thrust):
             return
-        change = sum(abs(a - b) for a, b in zip(thrust, self._thrust, strict=True))
+        change = plain_sum([abs(a - b) for a, b in zip(thrust, self._thrust, strict=True)])
         if change > self._noticeable:
             self._thrust, self.changed_ns = thrust, stamp_ns
