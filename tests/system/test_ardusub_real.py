@@ -44,8 +44,7 @@ SIM_MAG_RND 3
 FS_PILOT_TIMEOUT 1
 """
 BOARDS = [
-    "4.5",
-    "4.8",
+    "4.8",  # the double's 4.5 is flown on virtual time: test_ardusub.py
     *(FIRMWARE or [pytest.param("", marks=pytest.mark.skip("LINDY_ARDUSUB names no firmware"))]),
 ]
 
@@ -179,7 +178,7 @@ DOWN = (0.0, 0.0, 0.0, 0.0, 6.0, 6.0, 6.0, 6.0)  # [N]
 
 
 @pytest.mark.system
-@pytest.mark.parametrize("kind", BOARDS[1:])
+@pytest.mark.parametrize("kind", BOARDS)
 def test_the_driver_alone_on_the_wire(tmp_path: Path, kind: str, port: int) -> None:
     wire = Wire(port)
     with board_process(kind, port, tmp_path):
@@ -231,7 +230,7 @@ def test_a_dive_as_processes(tmp_path: Path, kind: str, port: int) -> None:
 
 @pytest.mark.system
 @pytest.mark.parametrize("wanted", ["disarm", "mode"])
-@pytest.mark.parametrize("kind", BOARDS[1:])
+@pytest.mark.parametrize("kind", BOARDS)
 def test_another_ground_station_is_obeyed(
     tmp_path: Path, kind: str, wanted: str, port: int
 ) -> None:
@@ -253,7 +252,7 @@ def test_another_ground_station_is_obeyed(
 
 
 @pytest.mark.system
-@pytest.mark.parametrize("kind", BOARDS[1:])
+@pytest.mark.parametrize("kind", BOARDS)
 def test_a_board_with_a_wrong_parameter_is_not_armed(tmp_path: Path, kind: str, port: int) -> None:
     wire = Wire(port)
     with board_process(kind, port, tmp_path, {"FS_PILOT_INPUT": 0.0}):
