@@ -17,7 +17,7 @@ from services.runtime.bus.access_control import (
     access_control,
 )
 from services.runtime.bus.key_files import Door, KeyFiles
-from services.runtime.bus.zenoh_bus import namespace
+from services.runtime.bus.spaces import namespace
 
 SPACE = namespace("pioneer")
 OTHER: dict[Side, Side] = {"topside": "drone", "drone": "topside"}

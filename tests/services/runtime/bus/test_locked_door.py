@@ -21,14 +21,8 @@ from messages.topic import AnyTopic, Way
 from services.runtime.bus.access_control import HubSide
 from services.runtime.bus.envelope import Envelope
 from services.runtime.bus.key_files import Door, KeyFiles
-from services.runtime.bus.zenoh_bus import (
-    ZenohBus,
-    config,
-    connected,
-    listening,
-    namespace,
-    watch_callers,
-)
+from services.runtime.bus.spaces import namespace
+from services.runtime.bus.zenoh_bus import ZenohBus, config, connected, listening, watch_callers
 from services.runtime.config.errors import LindyError
 from tools.keys import authority
 from tools.keys.key_folder import CA, CERTIFICATE, KEY, own_keys
