@@ -17,7 +17,7 @@ from tools.link import link
 from tools.profile import profile
 from tools.ramp import ramp
 from tools.sweep.command import sweep
-from tools.verbs import analyse, live, research, start
+from tools.verbs import analyse, fleet, live, research, start
 
 ERROR, INTERRUPTED = 1, 130  # exit statuses
 DEBUG = "--debug"
@@ -34,6 +34,9 @@ app = App(
 
 app.command(start.dive)
 app.command(start.up)
+app.command(fleet.fly)
+app.command(fleet.drones)
+app.command(fleet.router_config)
 app.command(start.simulate)
 app.command(start.run)
 app.command(start.hub)

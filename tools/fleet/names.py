@@ -25,10 +25,8 @@ def in_words(names: Iterable[str]) -> str:
     return f"{', '.join(shown)} and {more} more" if more > 0 else ", ".join(shown)
 
 
-def unfit(wanted: str, there: Sequence[str], endpoint: str) -> str:
-    """Why a pilot who wants a drone of this name cannot have one; empty: it is there."""
-    if wanted in there:
-        return ""
+def missing(wanted: str, there: Sequence[str], endpoint: str) -> str:
+    """Why a pilot who wants a drone of this name cannot have it."""
     who = f"there are {in_words(there)}" if there else "nobody is there"
     return f"no drone is called {wanted} at {endpoint}; {who}"
 

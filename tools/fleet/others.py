@@ -20,7 +20,7 @@ class Others:
 
     def __init__(self, wanted: str, now: int) -> None:
         self._wanted, self._since = wanted, now
-        self.roster = Roster()
+        self.roster = Roster(wanted)
 
     def words(self, now: int) -> str:
         """What the pilot is to be told; empty: nothing."""

@@ -23,7 +23,7 @@ BEYOND, STRANGE, UNREADABLE = "beyond", "strange", "unreadable"
 REMARKS = {
     BEYOND: f"announced beyond the first {MOST}, and not listed",
     STRANGE: "announced with names that no drone may have, and not listed",
-    UNREADABLE: "messages could not be read",
+    UNREADABLE: "unreadable messages from drones",
 }
 
 
@@ -45,7 +45,12 @@ class Drone:
 class Roster:
     """Tokens and rows, in any order."""
 
-    def __init__(self) -> None:
+    def __init__(self, wanted: str = "") -> None:
+        """
+        Args:
+            wanted: a drone that is told apart however many others there are.
+        """
+        self._wanted = wanted
         self.drones: dict[str, Drone] = {}
         self.counts: Counter[str] = Counter()
         self._decoders: dict[str, Any] = {
@@ -65,7 +70,8 @@ class Roster:
                 del self.drones[here.name]
 
     def _announced(self, name: str, instance: str) -> None:
-        if name not in self.drones and len(self.drones) >= MOST:
+        full = len(self.drones) >= MOST and name != self._wanted
+        if full and name not in self.drones:
             self.counts[BEYOND] += 1
             return
         starts = self.drones.setdefault(name, Drone(name)).starts

@@ -51,7 +51,7 @@ def new(
 
 @keys.command
 def add(role: str, name: str, *, folder: Keys = Path(DEFAULT), days: Days = LONGEST) -> int:
-    """Make keys for one more. ROLE is drone, pilot, router or observer (hears, and can send nothing).
+    """Make keys for one more. ROLE is drone, pilot, router, or observer (hears, sends nothing).
 
     Example: lindy keys add pilot bob
     """

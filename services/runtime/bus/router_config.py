@@ -145,13 +145,18 @@ def _priorities() -> list[dict[str, Any]]:
                 f"{EVERY_SPACE}/{topic.key}" for topic in topics.ALL if topic.qos is profile
             ],
             "overwrite": {
-                "priority": qos.priority.name.lower(),
-                "congestion_control": qos.congestion_control.name.lower(),
+                "priority": _word(qos.priority),
+                "congestion_control": _word(qos.congestion_control),
                 "express": qos.express,
             },
         }
         for profile, qos in QOS_PROFILES.items()
     ]
+
+
+def _word(setting: object) -> str:
+    """As Zenoh's configuration spells it."""
+    return str(setting).rpartition(".")[2].lower()
 
 
 def _thinned(interfaces: Sequence[str]) -> dict[str, Any]:
