@@ -145,7 +145,9 @@ def test_a_second_drone_of_a_name_does_not_start_and_the_first_stays(
     monkeypatch.setattr(meeting, "AGAIN_S", 0.05)
     require_only("rov1", network.endpoint, None)
     network.announce(["rov1"])
-    with pytest.raises(LindyError, match=r"a drone called rov1 is on the network .* another --name"):
+    with pytest.raises(
+        LindyError, match=r"a drone called rov1 is on the network .* another --name"
+    ):
         require_only("rov1", network.endpoint, None)
     require_only("rov2", network.endpoint, None)
     assert who_is_there(network.endpoint) == ["rov1"]
