@@ -19,7 +19,7 @@ HERE = "tcp/127.0.0.1:7447"
 
 
 def fly(
-    name: str,
+    drone: str,
     *,
     router: Meet = HERE,
     grouped: Grouped = False,
@@ -27,16 +27,16 @@ def fly(
     insecure: Insecure = False,
     choices: Choices | None = None,
 ) -> int:
-    """Start the topside for the drone called NAME, which must be there; `lindy drones` lists them.
+    """Start the topside for the drone of this name, which must be there; `lindy drones` lists them.
 
-    The same as `lindy up topside --router ENDPOINT --name NAME`, which also waits for the drone.
+    The same as `lindy up topside --router ENDPOINT --name DRONE`, which also waits for the drone.
 
     Example: lindy fly rov2 --router tls/192.168.2.1:7447
     """
     from tools.fleet.fly import fly
 
     return fly(
-        name, choices or Choices(), router=router, grouped=grouped, keys=keys, insecure=insecure
+        drone, choices or Choices(), router=router, grouped=grouped, keys=keys, insecure=insecure
     )
 
 
