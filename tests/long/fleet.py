@@ -65,8 +65,8 @@ def test_a_fleet_is_found_flown_cut_off_and_flown_again(tmp_path: Path) -> None:
 
     def there() -> dict[str, dict[str, Any]]:
         listed = once("drones", "--router", router, "--json")
-        rows = json.loads(listed.stdout)["drones"] if listed.returncode == 0 else []
-        return {row["name"]: row for row in rows if row["speaks"]}
+        answer: dict[str, list[dict[str, Any]]] = json.loads(listed.stdout or "{}")
+        return {row["name"]: row for row in answer.get("drones", []) if row["speaks"]}
 
     def side(name: str, exits: ExitStack, *words: str) -> Program:
         out = str(tmp_path / name)
