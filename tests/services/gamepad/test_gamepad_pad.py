@@ -239,3 +239,28 @@ def test_a_display_that_cannot_be_reached_does_not_matter_to_a_pad(
     assert os.environ["SDL_VIDEODRIVER"] == "dummy"
     assert not pilot.read().present
     pilot.pad.close()
+
+
+def test_a_pad_that_is_connected_and_frozen_is_lost_and_must_be_centred_afterwards(pilot: Pilot):
+    plugged = VirtualPad()
+    pilot.read()
+    plugged.axis(LEFT_Y, 0.5)
+    held = [pilot.read() for _ in range(249)]
+    assert all(reading.present and reading.age_ms == 0.0 for reading in held)
+    gone = [pilot.read() for _ in range(3)][1:]
+    assert not any(reading.present or reading.at_rest for reading in gone)
+    assert all(reading.sticks == CENTRED for reading in gone)
+    assert [reading.age_ms for reading in gone] == [5000.0, 5020.0]
+    assert [reading.lost for reading in gone] == [("silent:pad",), ()]
+    assert "has not answered for 5.0 s: pilot lost" in gone[0].notes[0][1]
+    plugged.axis(LEFT_Y, 0.7)
+    plugged.button(START)
+    plugged.button(B)
+    back = pilot.read()
+    assert (back.present, back.sticks, back.presses) == (True, CENTRED, ("stop",))
+    assert "answers again" in back.notes[0][1]
+    plugged.axis(LEFT_Y, 0.0)
+    pilot.read()
+    plugged.axis(LEFT_Y, 1.0)
+    assert pilot.read().sticks == Sticks(heave=0.6)
+    plugged.pull()

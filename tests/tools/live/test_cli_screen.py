@@ -173,7 +173,7 @@ WORST = replace(
     depth_m=123.45,
     depth_wanted_m=123.46,
     heading_wanted_deg=359.8,
-    alarm="the other side runs Lindy 0.1.0, this one 0.2.0; round trip has risen from 12 to 1234 ms",
+    alarm="the other side runs Lindy 0.1.0, not 0.2.0; round trip has risen from 12 to 1234 ms",
     silent=("recorder", "control", "estimation"),
     lines=[],
 )
