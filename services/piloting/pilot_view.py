@@ -8,9 +8,11 @@ from messages.link import Clock, LatencyBudget, LinkStatus
 from messages.reference import Reference
 from messages.sensors import BatterySample
 from messages.state import VehicleState
+from messages.topic import M
 from messages.units import Ns
 from messages.vehicle import VehicleStatus
 
+RECENT_NS = 3_000_000_000  # [ns] an older state or reference is not shown
 STATUS_S = 1.5  # [s] a status is repeated five times a second
 
 
@@ -55,10 +57,11 @@ def pilot_view(
     """
     Args:
         now: [ns]
-        status: the newest that ever arrived.
-        state: and all others: None where there is none that is recent.
+        status, state, reference: the newest that ever arrived.
+        battery, link, clock, budget: None where there is none that is fresh.
         note: where there is no status.
     """
+    state, reference = recent(state, now), recent(reference, now)
     silence = _silence(status, now) if status else ""
     heard = None if silence else status
     return PilotView(
@@ -83,6 +86,11 @@ def pilot_view(
         rtt_ms=clock.rtt_ms if clock else link.rtt_ms if link else None,
         alarm=budget.alarm if budget else "",
     )
+
+
+def recent(message: M | None, now: Ns) -> M | None:
+    """A message, even over a slow link; None once it is older than `RECENT_NS`."""
+    return message if message is not None and now - message.stamp_ns <= RECENT_NS else None
 
 
 def _seconds(since_ns: Ns | None, until_ns: Ns | None) -> float | None:

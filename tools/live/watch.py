@@ -6,15 +6,12 @@ from dataclasses import asdict
 from messages import topics
 from messages.health import Health, LogLine
 from messages.link import Shown
-from messages.topic import M
-from services.piloting.pilot_view import pilot_view
+from services.piloting.pilot_view import pilot_view, recent
 from services.runtime.node.node import Node
-from services.runtime.node.ports import Latest
 from tools.live.dive_timeline import DiveTimeline
 from tools.live.log_lines import LogLines
 from tools.live.screen import LINES, ServiceView, View
 
-RECENT_NS = 3_000_000_000  # [ns] an older state or reference is not shown
 LOOK_HZ = 25.0  # [1/s] often enough that ports that keep the newest 8 do not overflow at 100 Hz
 
 
@@ -66,7 +63,7 @@ class Watch:
             silent: processes that run but do not answer.
         """
         timeline = self._timeline
-        state, reference = _recent(self._state, now), _recent(self._reference, now)
+        state = recent(self._state.newest(now), now)
         status, pilot = self._status.newest(now), self._pilot.fresh(now)
         battery = self._battery.fresh(now)
         link, budget, clock = self._link.fresh(now), self._budget.fresh(now), self._clock.fresh(now)
@@ -76,7 +73,7 @@ class Watch:
             now,
             status=status,
             state=state,
-            reference=reference,
+            reference=self._reference.newest(now),
             battery=battery,
             link=link,
             clock=clock,
@@ -132,9 +129,3 @@ class Watch:
         ports = (self._state, self._status, self._reference, self._pilot, self._link)
         for port in (*ports, self._battery, self._budget, self._clock):
             port.newest(now)
-
-
-def _recent(port: Latest[M], now: int) -> M | None:
-    """The newest message, even over a slow link; None once it is older than `RECENT_NS`."""
-    message = port.newest(now)
-    return message if message is not None and now - message.stamp_ns <= RECENT_NS else None

@@ -10,13 +10,17 @@ has stopped answering although it is plugged in (`pad_silence` says how that is 
 pilot is lost. It is 0 for still sticks, because a pad only reports changes.
 """
 
+from collections.abc import Sequence
+
 import pygame
 from pygame._sdl2 import controller
 
 from services.gamepad.core import PadProfile, presses_of, sticks_of
 from services.gamepad.io import sdl
 from services.gamepad.io.hid_reports import HidReports
+from services.gamepad.io.window import Window, open_window
 from services.gamepad.pad_silence import Answering, PadSilence
+from services.piloting.head_up import Row
 from services.piloting.pilot_intents import Press
 from services.piloting.sticks import CENTRED, Level, StickReading
 
@@ -171,6 +175,27 @@ class Pad:
 
     def _log(self, level: Level, text: str) -> None:
         self._notes.append((level, text))
+
+
+class PadWithWindow(Pad):
+    """Shows the head-up numbers in a window, which does nothing else: it takes no keys, and the pad
+    works whether it has the focus or not."""
+
+    def __init__(self, profile: PadProfile) -> None:
+        """
+        Raises:
+            LindyError: there is no display.
+        """
+        surface = open_window("pad")
+        super().__init__(profile)
+        self._window = Window(surface)
+
+    def show(self, rows: Sequence[Row]) -> None:
+        self._window.draw(rows)
+
+    def close(self) -> None:
+        pygame.font.quit()
+        super().close()
 
 
 def _name(index: int) -> str:
