@@ -18,6 +18,7 @@ from tools.gains import gains
 from tools.identify.command import identify
 from tools.keys.command import keys
 from tools.link import link
+from tools.pad.command import pad
 from tools.profile import profile
 from tools.ramp import ramp
 from tools.sweep.command import sweep
@@ -58,6 +59,7 @@ app.command(identify)
 app.command(doctor)
 app.command(calibrate)
 app.command(link)
+app.command(pad)
 app.command(sweep)
 app.command(keys)
 

@@ -66,7 +66,7 @@ class Pad:
             self._answered_at = now
         if self._pad is None:
             return self._absent(now)
-        controls = self._controls(self._pad)
+        controls = controls_of(self._pad)
         answering = self._silence.read(controls, self._reports.arrived(), now)
         self._answered_at = now - answering.age_ns
         self._notice_silence(self._pad.name, answering)
@@ -157,11 +157,6 @@ class Pad:
         self._announced = True
         self._log("info", f"the pad {self._pad.name} is plugged in")
 
-    def _controls(self, pad: controller.Controller) -> dict[str, float]:
-        return {name: pad.get_axis(axis) / FULL for axis, name in enumerate(AXES)} | {
-            name: float(pad.get_button(button)) for button, name in enumerate(BUTTONS)
-        }
-
     def _pressed(self, events: list[pygame.event.Event], pad: controller.Controller) -> list[str]:
         """Names of the buttons that went down, in order."""
         here = pad.as_joystick().get_instance_id()
@@ -196,6 +191,13 @@ class PadWithWindow(Pad):
     def close(self) -> None:
         pygame.font.quit()
         super().close()
+
+
+def controls_of(pad: controller.Controller) -> dict[str, float]:
+    """The state of a pad, in SDL's names."""
+    return {name: pad.get_axis(axis) / FULL for axis, name in enumerate(AXES)} | {
+        name: float(pad.get_button(button)) for button, name in enumerate(BUTTONS)
+    }
 
 
 def _name(index: int) -> str:

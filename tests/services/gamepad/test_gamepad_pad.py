@@ -11,6 +11,7 @@ import pytest
 from services.gamepad.core import PadProfile
 from services.gamepad.io import sdl
 from services.piloting.sticks import CENTRED, StickReading, Sticks
+from services.runtime.config.errors import LindyError
 
 sdl.load()
 
@@ -264,3 +265,28 @@ def test_a_pad_that_is_connected_and_frozen_is_lost_and_must_be_centred_afterwar
     plugged.axis(LEFT_Y, 1.0)
     assert pilot.read().sticks == Sticks(heave=0.6)
     plugged.pull()
+
+
+def test_a_pad_is_shown_as_it_is_and_its_loss_is_one_sentence(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    from tools.pad.device import Device
+
+    with pytest.raises(LindyError, match="no pad is plugged in"):
+        Device()
+    sdl.start_events()
+    pygame.joystick.init()
+    plugged = VirtualPad()
+    with Device() as device:
+        assert device.name == "Virtual Controller"
+        device.read(0.0)
+        plugged.axis(RIGHT_X, -1.0)
+        plugged.button(B)
+        controls = device.read(0.5)
+        assert {name for name, value in controls.items() if value} == {"rightx", "b"}
+        assert controls["rightx"] <= -1.0
+        assert device.events_hz == 2.0
+        device.read(2.0)
+        assert device.events_hz == 0.0
+        plugged.pull()
+        with pytest.raises(LindyError, match="Virtual Controller was unplugged"):
+            device.read(3.0)
