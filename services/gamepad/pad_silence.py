@@ -28,7 +28,7 @@ PROOF_NS = 10_000_000_000  # [ns] of reports without such a pause, with still st
 BEAT_NS = 1_000_000_000  # [ns] without a report after which such a pad is lost
 
 
-class Answering(NamedTuple):
+class PadAnswer(NamedTuple):
     """What is known of a pad that is plugged in."""
 
     age_ns: Ns = 0  # [ns] since it last answered; 0 also where its silence means nothing
@@ -46,7 +46,7 @@ class PadSilence:
     _beats_since: Ns = 0  # when the reports began that came without a pause, with still sticks
     _beats: bool = False  # it sends reports all the time
 
-    def read(self, controls: Mapping[str, float], reported: bool, now: Ns) -> Answering:
+    def read(self, controls: Mapping[str, float], reported: bool, now: Ns) -> PadAnswer:
         """
         Args:
             controls: the pad's state in SDL's names.
@@ -63,10 +63,10 @@ class PadSilence:
             self._answered_at = now
         age_ns = now - self._answered_at
         if self._beats and age_ns >= BEAT_NS:
-            return Answering(age_ns, lost=True)
+            return PadAnswer(age_ns, lost=True)
         if held_by_a_hand(controls, self.dead_band) and age_ns >= self.silent_after * 1e9:
-            return Answering(age_ns, lost=True)
-        return Answering(age_ns if self._beats else 0)
+            return PadAnswer(age_ns, lost=True)
+        return PadAnswer(age_ns if self._beats else 0)
 
     def _beat(self, now: Ns) -> None:
         if self._answered_at is not None and now - self._answered_at > PAUSE_NS:

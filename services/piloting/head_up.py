@@ -19,41 +19,41 @@ class Cell(NamedTuple):
     tone: Tone = "plain"
 
 
-class Row(NamedTuple):
+class NumbersRow(NamedTuple):
     """Cells of the same width, side by side."""
 
     cells: tuple[Cell, ...]
     size: Size = "small"
 
 
-def head_up(view: PilotView) -> list[Row]:
+def head_up(view: PilotView) -> list[NumbersRow]:
     """Always the same rows in the same places, so that a pilot finds each without searching."""
     old = view_words.old(view)
     tone: Tone = "warning" if old or view.depth_m is None else "plain"
     heading_tone: Tone = "warning" if old or view.heading_deg is None else "plain"
     return [
-        Row((_armed(view), _mode(view)), "big"),
-        Row(
+        NumbersRow((_armed(view), _mode(view)), "big"),
+        NumbersRow(
             (
                 Cell("depth [m]", number(view.depth_m, ".2f"), tone),
                 Cell("heading [°]", number(view.heading_deg, ".1f"), heading_tone),
             ),
             "big",
         ),
-        Row(
+        NumbersRow(
             (
                 Cell("", f"reference {number(view.depth_wanted_m, '.2f')}"),
                 Cell("", f"reference {number(view.heading_wanted_deg, '.1f')}"),
             ),
         ),
-        Row(
+        NumbersRow(
             (
                 Cell("battery", view_words.battery(view)),
                 Cell("light", view_words.light(view)),
             ),
         ),
-        Row((_link(view), _age(view, old))),
-        Row((_said(view),)),
+        NumbersRow((_link(view), _age(view, old))),
+        NumbersRow((_said(view),)),
     ]
 
 

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 import pygame
 
 from services.gamepad.core import StickGain
-from services.gamepad.io.window import Window, open_window
-from services.piloting.head_up import Row, head_up
+from services.gamepad.io.window import PilotWindow, open_window
+from services.piloting.head_up import NumbersRow, head_up
 from services.piloting.pilot_intents import Press
 from services.piloting.pilot_view import PilotView
 from services.piloting.sticks import Level, StickReading, Sticks
@@ -47,7 +47,7 @@ class Keyboard:
             LindyError: there is no display.
         """
         surface = open_window("keyboard")
-        self._window = Window(surface, HELP)
+        self._window = PilotWindow(surface, HELP)
         self.show(head_up(PilotView()))
         self._gain = gain
         self._down: set[int] = set()
@@ -74,7 +74,7 @@ class Keyboard:
     def next_ns(self, now: int, began: int) -> int | None:  # noqa: ARG002
         return None
 
-    def show(self, rows: Sequence[Row]) -> None:
+    def show(self, rows: Sequence[NumbersRow]) -> None:
         """Draw the head-up numbers, and what each key does."""
         self._window.draw(rows, focused=pygame.key.get_focused())
 

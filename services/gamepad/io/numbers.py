@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from typing import Protocol, runtime_checkable
 
 from messages import topics
-from services.piloting.head_up import Row, head_up
+from services.piloting.head_up import NumbersRow, head_up
 from services.piloting.pilot_view import PilotView, pilot_view
 from services.runtime.node.node import Node
 
@@ -18,7 +18,7 @@ SHARE = 10  # the sticks have the rest: a picture's time is at most a tenth of a
 class HasWindow(Protocol):
     """A source of sticks with a window of its own."""
 
-    def show(self, rows: Sequence[Row]) -> None: ...
+    def show(self, rows: Sequence[NumbersRow]) -> None: ...
 
 
 class Numbers:
@@ -28,7 +28,7 @@ class Numbers:
     first, so that a picture is drawn in the pause after the sticks were sent.
     """
 
-    def __init__(self, node: Node, draw: Callable[[Sequence[Row]], None]) -> None:
+    def __init__(self, node: Node, draw: Callable[[Sequence[NumbersRow]], None]) -> None:
         self._draw = draw
         self._next_ns = 0
         self._status = node.latest(topics.STATUS)

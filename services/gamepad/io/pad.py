@@ -18,9 +18,9 @@ from pygame._sdl2 import controller
 from services.gamepad.core import PadProfile, presses_of, sticks_of
 from services.gamepad.io import sdl
 from services.gamepad.io.hid_reports import HidReports
-from services.gamepad.io.window import Window, open_window
-from services.gamepad.pad_silence import Answering, PadSilence
-from services.piloting.head_up import Row
+from services.gamepad.io.window import PilotWindow, open_window
+from services.gamepad.pad_silence import PadAnswer, PadSilence
+from services.piloting.head_up import NumbersRow
 from services.piloting.pilot_intents import Press
 from services.piloting.sticks import CENTRED, Level, StickReading
 
@@ -117,7 +117,7 @@ class Pad:
             self._pad, self._silent = None, False
             self._reports.close()
 
-    def _notice_silence(self, name: str, answering: Answering) -> None:
+    def _notice_silence(self, name: str, answering: PadAnswer) -> None:
         """A pad that answers again is as one that was plugged in again."""
         if answering.lost and not self._silent:
             seconds = answering.age_ns / 1e9
@@ -183,9 +183,9 @@ class PadWithWindow(Pad):
         """
         surface = open_window("pad")
         super().__init__(profile)
-        self._window = Window(surface)
+        self._window = PilotWindow(surface)
 
-    def show(self, rows: Sequence[Row]) -> None:
+    def show(self, rows: Sequence[NumbersRow]) -> None:
         self._window.draw(rows)
 
     def close(self) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import pygame
 
 from services.gamepad.io import sdl
-from services.piloting.head_up import Row, Tone
+from services.piloting.head_up import NumbersRow, Tone
 from services.runtime.config.errors import LindyError
 
 SIZE = (720, 650)  # [px]
@@ -49,7 +49,7 @@ def open_window(whose: str) -> pygame.Surface:
     return surface
 
 
-class Window:
+class PilotWindow:
     """Open and drawn into from one thread only."""
 
     def __init__(self, surface: pygame.Surface, keys: Sequence[tuple[str, str]] = ()) -> None:
@@ -59,7 +59,7 @@ class Window:
         self._fonts = {size: pygame.font.Font(None, size) for size in (LABELS, SMALL, BIG)}
         self._surface, self._keys = surface, keys
 
-    def draw(self, rows: Sequence[Row], *, focused: bool = True) -> None:
+    def draw(self, rows: Sequence[NumbersRow], *, focused: bool = True) -> None:
         self._surface.fill(PAPER)
         top = MARGIN
         for row in rows[:-1]:
@@ -69,7 +69,7 @@ class Window:
             self._help(top, focused)
         pygame.display.flip()
 
-    def _cells(self, row: Row, top: int) -> int:
+    def _cells(self, row: NumbersRow, top: int) -> int:
         """Returns where the next row begins."""
         width = (self._surface.get_width() - 2 * MARGIN) // len(row.cells)
         size = BIG if row.size == "big" else SMALL
@@ -86,7 +86,7 @@ class Window:
             self._write(cell.text, size, TONES[cell.tone], left, top + labelled, width - MARGIN)
         return top + labelled + size * 3 // 4 + MARGIN // 2
 
-    def _sentences(self, row: Row, top: int) -> int:
+    def _sentences(self, row: NumbersRow, top: int) -> int:
         """Always as high, so that nothing below it moves."""
         height = SAID_ROWS * SMALL + 8
         (cell,) = row.cells

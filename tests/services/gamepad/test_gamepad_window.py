@@ -25,7 +25,7 @@ import pygame  # noqa: E402
 
 from services.gamepad.io.keyboard import HELP, Keyboard  # noqa: E402
 from services.gamepad.io.pad import Pad, PadWithWindow  # noqa: E402
-from services.gamepad.io.window import SIZE, Window  # noqa: E402
+from services.gamepad.io.window import SIZE, PilotWindow  # noqa: E402
 
 S = 1_000_000_000  # [ns]
 LONG = PilotView(
@@ -88,7 +88,7 @@ def test_drawing_has_at_most_a_tenth_of_the_time(cost_ns: int):
 def test_each_view_is_a_picture_of_its_own_and_the_keys_stay_where_they_are(
     surface: pygame.Surface, view: PilotView
 ):
-    window = Window(surface, HELP)
+    window = PilotWindow(surface, HELP)
     window.draw(head_up(PilotView(armed=True)))
     keys = surface.subsurface((0, SIZE[1] - 130, SIZE[0], 130))
     before, keys_before = picture(surface), picture(keys)
@@ -100,7 +100,7 @@ def test_each_view_is_a_picture_of_its_own_and_the_keys_stay_where_they_are(
 
 
 def test_a_sentence_for_every_row_fits_into_its_width(surface: pygame.Surface):
-    window = Window(surface, HELP)
+    window = PilotWindow(surface, HELP)
     window.draw(head_up(LONG))
     edge = surface.subsurface((SIZE[0] - 4, 0, 4, 300))
     assert pygame.transform.average_color(edge)[:3] == (8, 14, 22)  # nothing but paper
@@ -117,7 +117,7 @@ def test_a_sentence_for_every_row_fits_into_its_width(surface: pygame.Surface):
 @example("W" * 100_000)
 def test_no_text_from_the_bus_ends_the_drawing(surface: pygame.Surface, text: str):
     view = PilotView(mode=text, hold=text, words=text, note=text, alarm=text)
-    Window(surface, HELP).draw(head_up(view))
+    PilotWindow(surface, HELP).draw(head_up(view))
 
 
 @pytest.mark.usefixtures("surface")

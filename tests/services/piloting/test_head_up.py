@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from messages.vehicle import VehicleStatus
-from services.piloting.head_up import Row, head_up
+from services.piloting.head_up import NumbersRow, head_up
 from services.piloting.pilot_view import PilotView, pilot_view
 
 CALM = PilotView(
@@ -36,7 +36,7 @@ views = st.builds(
 )  # fmt: skip
 
 
-def places(rows: list[Row]) -> list[tuple[str, int]]:
+def places(rows: list[NumbersRow]) -> list[tuple[str, int]]:
     return [(row.size, len(row.cells)) for row in rows]
 
 
