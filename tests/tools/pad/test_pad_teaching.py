@@ -143,7 +143,10 @@ class Recorded:
 def test_a_session_ends_with_the_profile_or_with_the_pad(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr("time.sleep", lambda _: None)
+    def at_once(_: float) -> None:
+        pass
+
+    monkeypatch.setattr("time.sleep", at_once)
     profile = teach(Recorded(presses(*WANTED)), DEFAULT, None)
     assert profile == taught(presses(*WANTED)).profile()
     with pytest.raises(LindyError, match="unplugged"):
