@@ -90,6 +90,8 @@ class Outcome:
         self.require_recording()
         try:
             lost = self._report(folder, other)
+        except BrokenPipeError:  # nobody reads the summary; the report is written
+            raise
         except Exception as error:  # whatever it is: the recording is worth more than its report
             raise LindyError(self._kept(folder, error)) from error
         self.complain()
