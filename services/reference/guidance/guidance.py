@@ -17,10 +17,12 @@ from services.reference.guidance.ground_motion import GroundMotion, ground_of, n
 from services.reference.guidance.manoeuvre import Manoeuvre
 from services.reference.guidance.modes import HOLDS, HeldAxes, safe
 from services.reference.guidance.reference_governor import ReferenceGovernor, is_released
+from services.reference.guidance.standstill import Standstill
 from services.reference.settings import Settings
 from services.reference.trajectory.minimum_jerk import Ramp, Sample
 
 RISEN = 0.01  # [m] an ascent that ends this close to its depth has reached it
+FURTHEST = {"depth": 0.05, "heading": 0.02}  # [m], [rad] a stop ends at most so far from its plan
 PLACE_PATIENCE_S = 2.0  # [s] without a position measurement before station keeping ends
 
 
@@ -44,12 +46,14 @@ class Guidance:
     _moved: float | None = None  # [m] jumps of the pressure that the depth has been moved with
     _estimates: dict[str, EstimateWatch] = field(init=False)
     _governors: dict[str, ReferenceGovernor] = field(init=False)
+    standstills: dict[str, Standstill] = field(init=False)  # by axis
 
     def __post_init__(self) -> None:
         s = self.settings
         self.axes = Axes.of(s)
         self.manoeuvre = Manoeuvre(self.axes)
         self._estimates = {"depth": EstimateWatch(), "heading": EstimateWatch()}
+        self.standstills = {name: Standstill(most) for name, most in FURTHEST.items()}
         self._governors = {
             "depth": ReferenceGovernor(s.heave.max_error),
             "heading": ReferenceGovernor(s.yaw.max_error),
@@ -126,8 +130,12 @@ class Guidance:
             self.manoeuvre.following.watch(state, self.ground, t)
             return
         if held.depth:
-            self._keep("depth", axes.heave, state.depth, self.settings.failsafe.depth_limit)
+            deepest = self.settings.failsafe.depth_limit
+            rate = state.depth_rate if state.depth_acceleration.valid else None
+            self._end_stop("depth", axes.heave, state.depth, rate, deepest)
+            self._keep("depth", axes.heave, state.depth, deepest)
         if held.heading:
+            self._end_stop("heading", axes.yaw, state.heading, state.yaw_rate)
             self._keep("heading", axes.yaw, state.heading)
         if axes.place.held and self.ground is not None:
             (north, east), size = axes.place.error(self.ground)
@@ -199,6 +207,29 @@ class Guidance:
         self.notes.append("the place is not measured any more: depth and heading are still held")
         self.manoeuvre.go_blind()
         self.hold = "stabilised" if self.held.place else self.hold
+
+    def _end_stop(
+        self,
+        name: str,
+        ramp: Ramp,
+        estimate: Estimate,
+        rate: Estimate | None,
+        deepest: float = inf,
+    ) -> None:
+        """Hold the vehicle where a stop of the stick has brought it. `rate` None: known too late.
+        Where the reference ends somewhere that was asked for, or waits for the vehicle, it
+        stays."""
+        stop, here = self.standstills[name], ramp.at(self.t)
+        asked_for = self.manoeuvre.busy or self._rising or self.axes.limited
+        asked_for = asked_for or self._governors[name].blocked
+        if asked_for or rate is None or not (estimate.valid and rate.valid):
+            stop.cancel()
+            return
+        error = min(estimate.value - here.position, max(0.0, deepest - here.position))
+        resting = here.velocity == 0.0 == here.acceleration and ramp.settles() <= self.t
+        by = stop.step(error, rate.value, self.t, resting=resting)
+        if by != 0.0:
+            ramp.shift(by)
 
     def _keep(self, name: str, ramp: Ramp, estimate: Estimate, deepest: float = inf) -> None:
         """`deepest`: the reference is not moved beyond this position."""
