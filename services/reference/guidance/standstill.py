@@ -1,5 +1,4 @@
-"""Where a stop ends: once the reference rests, what is held is moved to where the vehicle comes to a
-standstill.
+"""Where a stop ends: when the reference rests, what is held moves to where the vehicle then stands.
 
 A stop ends where its plan says, and the vehicle runs past that point by some millimetres. Nobody
 asked for that very point, only for a stop, so to be pulled back to it is a motion that the pilot
