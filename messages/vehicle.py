@@ -48,9 +48,8 @@ class VehicleStatus(Message, frozen=True, kw_only=True):
     light: Stick = 0.0  # [-] 0 … 1
     note: Text = ""  # why it is not ready, and every notice, in words for the pilot
     stop: StopDistance | None = None  # while stopping: distance from the stop request to standstill
-    # By which the newest stop of a stick was moved from its plan to the vehicle; absent: not moved.
+    # By which the newest stop of heave was moved from its plan to the vehicle; absent: not moved.
     depth_moved: Finite | UnsetType = UNSET  # [m]
-    heading_moved: Finite | UnsetType = UNSET  # [rad]
 
 
 class Actuation(Message, frozen=True, kw_only=True):

@@ -306,8 +306,7 @@ class ReferenceGenerator:
             light=self.light,
             note="; ".join(filter(None, (self._not_ready, failsafes.notices))),
             stop=self._stop if self.stopping else None,
-            depth_moved=self._guidance.standstills["depth"].moved or UNSET,
-            heading_moved=self._guidance.standstills["heading"].moved or UNSET,
+            depth_moved=self._guidance.standstill.moved or UNSET,
         )
 
     @property

@@ -22,7 +22,7 @@ from services.reference.settings import Settings
 from services.reference.trajectory.minimum_jerk import Ramp, Sample
 
 RISEN = 0.01  # [m] an ascent that ends this close to its depth has reached it
-FURTHEST = {"depth": 0.05, "heading": 0.02}  # [m], [rad] a stop ends at most so far from its plan
+FURTHEST = 0.05  # [m] a stop of heave ends at most so far from its plan
 PLACE_PATIENCE_S = 2.0  # [s] without a position measurement before station keeping ends
 
 
@@ -46,14 +46,13 @@ class Guidance:
     _moved: float | None = None  # [m] jumps of the pressure that the depth has been moved with
     _estimates: dict[str, EstimateWatch] = field(init=False)
     _governors: dict[str, ReferenceGovernor] = field(init=False)
-    standstills: dict[str, Standstill] = field(init=False)  # by axis
+    standstill: Standstill = field(default_factory=lambda: Standstill(FURTHEST))  # of heave, [m]
 
     def __post_init__(self) -> None:
         s = self.settings
         self.axes = Axes.of(s)
         self.manoeuvre = Manoeuvre(self.axes)
         self._estimates = {"depth": EstimateWatch(), "heading": EstimateWatch()}
-        self.standstills = {name: Standstill(most) for name, most in FURTHEST.items()}
         self._governors = {
             "depth": ReferenceGovernor(s.heave.max_error),
             "heading": ReferenceGovernor(s.yaw.max_error),
@@ -131,11 +130,9 @@ class Guidance:
             return
         if held.depth:
             deepest = self.settings.failsafe.depth_limit
-            rate = state.depth_rate if state.depth_acceleration.valid else None
-            self._end_stop("depth", axes.heave, state.depth, rate, deepest)
+            self._end_stop(state, deepest)
             self._keep("depth", axes.heave, state.depth, deepest)
         if held.heading:
-            self._end_stop("heading", axes.yaw, state.heading, state.yaw_rate)
             self._keep("heading", axes.yaw, state.heading)
         if axes.place.held and self.ground is not None:
             (north, east), size = axes.place.error(self.ground)
@@ -208,28 +205,22 @@ class Guidance:
         self.manoeuvre.go_blind()
         self.hold = "stabilised" if self.held.place else self.hold
 
-    def _end_stop(
-        self,
-        name: str,
-        ramp: Ramp,
-        estimate: Estimate,
-        rate: Estimate | None,
-        deepest: float = inf,
-    ) -> None:
-        """Hold the vehicle where a stop of the stick has brought it. `rate` None: known too late.
-        Where the reference ends somewhere that was asked for, or waits for the vehicle, it
-        stays."""
-        stop, here = self.standstills[name], ramp.at(self.t)
+    def _end_stop(self, state: VehicleState, deepest: float) -> None:
+        """Hold the depth to which a stop of the stick has brought the vehicle, not below `deepest`
+        [m]. Where the reference ends at a depth that was asked for, or waits for the vehicle, it
+        stays; and without the accelerometer, with which a standstill is known too late."""
+        heave, depth, rate = self.axes.heave, state.depth, state.depth_rate
         asked_for = self.manoeuvre.busy or self._rising or self.axes.limited
-        asked_for = asked_for or self._governors[name].blocked
-        if asked_for or rate is None or not (estimate.valid and rate.valid):
-            stop.cancel()
+        known = depth.valid and rate.valid and state.depth_acceleration.valid
+        if asked_for or self._governors["depth"].blocked or not known:
+            self.standstill.cancel()
             return
-        error = min(estimate.value - here.position, max(0.0, deepest - here.position))
-        resting = here.velocity == 0.0 == here.acceleration and ramp.settles() <= self.t
-        by = stop.step(error, rate.value, self.t, resting=resting)
+        here = heave.at(self.t)
+        error = min(depth.value - here.position, max(0.0, deepest - here.position))
+        resting = here.velocity == 0.0 == here.acceleration and heave.settles() <= self.t
+        by = self.standstill.step(error, rate.value, self.t, resting=resting)
         if by != 0.0:
-            ramp.shift(by)
+            heave.shift(by)
 
     def _keep(self, name: str, ramp: Ramp, estimate: Estimate, deepest: float = inf) -> None:
         """`deepest`: the reference is not moved beyond this position."""
