@@ -24,7 +24,6 @@ KINDS: dict[Wish, RequestKind] = {
 LOST = {
     "silent": "nothing arrives from the pilot's page",
     "hidden": "the pilot's page is hidden or locked",
-    "unfocused": "the pilot's page has lost the keyboard",
     "unplugged": "the pad was unplugged",
     "frozen": "the pad holds a stick and reports nothing: move the stick, or plug it in again",
     "closed": "the pilot's page was closed",

@@ -18,7 +18,7 @@ LONGEST = 1024  # [B] of one message
 Wish = Literal[
     "arm", "disarm", "stop", "light", "mode", "take", "force", "offer", "give_back"
 ]  # fmt: skip
-Absence = Literal["hidden", "unplugged", "unfocused"]
+Absence = Literal["hidden", "unplugged"]
 
 
 class PageMessage(

@@ -1,5 +1,6 @@
 """The files of the page, as they are served."""
 
+import hashlib
 from importlib.resources import files
 
 from websockets.datastructures import Headers
@@ -18,6 +19,7 @@ HEADERS = {
     "Cache-Control": "no-store",
 }
 INDEX = "index.html"
+VERSION = b"@VERSION@"  # stands in the page for the version
 
 
 class PageFiles:
@@ -30,6 +32,9 @@ class PageFiles:
             for entry in folder.iterdir()
             if entry.name.rpartition(".")[2] in TYPES
         }
+        everything = b"".join(self.contents[name] for name in sorted(self.contents))
+        self.version = hashlib.sha256(everything).hexdigest()[:12]
+        self.contents[INDEX] = self.contents[INDEX].replace(VERSION, self.version.encode())
 
     def response(self, path: str) -> Response:
         """A page or a module of it; 404 for everything else."""

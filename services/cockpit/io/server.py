@@ -12,7 +12,8 @@ import threading
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, cast
+from urllib.parse import parse_qs
 
 from websockets.asyncio.server import ServerConnection, broadcast, serve
 from websockets.exceptions import ConnectionClosed
@@ -38,7 +39,7 @@ MOST_PER_SECOND = 250  # messages of one page, which sends 50 sticks and 25 conf
 WAITING = 64  # events of all pages that may wait for the service
 HANDSHAKE_S = 5.0  # [s] for a connection to say what it wants
 SEND_BUFFER = 32_768  # [B] of the system, per page: some pictures
-TOO_BIG, TOO_FAST = 1009, 1008  # close codes of the protocol
+TOO_BIG, TOO_FAST, OLD_PAGE = 1009, 1008, 4001  # close codes; the last one is our own
 
 
 class PageServer:
@@ -107,7 +108,9 @@ class PageServer:
             sock=self._socket,
             ssl=self._tls,
             process_request=self._answer,
-            create_connection=self._connection,
+            create_connection=cast(
+                Any, self._connection
+            ),  # a class, says its type; it is called only
             compression=None,
             max_size=LONGEST,
             max_queue=8,
@@ -143,11 +146,17 @@ class PageServer:
         """One page, until it is closed."""
         sock = connection.transport.get_extra_info("socket")
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
-        self._last += 1
-        number, request = self._last, connection.request
+        request = connection.request
         assert request is not None
+        path, _, query = request.path.partition("?")
+        if parse_qs(query).get("version") != [self._files.version]:
+            self.counts["wrong_version:page"] += 1
+            await connection.close(OLD_PAGE, "this page is of another version: load it again")
+            return
+        self._last += 1
+        number = self._last
         self._pages[number] = connection
-        self._add(Opened(number, request.path.partition("?")[0] == WATCH))
+        self._add(Opened(number, path == WATCH))
         try:
             await self._read(number, connection)
         except ConnectionClosed as closed:
