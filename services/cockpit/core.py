@@ -79,7 +79,8 @@ class Personal(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
 @dataclass(slots=True)
 class Page:
     watcher: bool
-    seen: int  # number of the newest picture it has confirmed
+    sent: int  # number of the newest picture that it was sent
+    seen: int  # number of the newest that it has confirmed
     delay_ns: Ns | None = None
 
 
@@ -102,7 +103,7 @@ class Cockpit:
     # From pages.
 
     def opened(self, page: int, *, watcher: bool) -> None:
-        self._pages[page] = Page(watcher, self._picture)
+        self._pages[page] = Page(watcher, self._picture, self._picture)
 
     def closed(self, page: int, waiting: Waiting, now: Ns) -> Effects:
         self._pages.pop(page, None)
@@ -133,10 +134,10 @@ class Cockpit:
 
     def _read_ns(self, sender: Page, message: PageMessage, now: Ns) -> Ns:
         """[ns] The earliest moment at which the page may have made the message."""
+        sender.seen = max(sender.seen, min(message.seen, sender.sent))
         sent = self._sent_ns.get(message.seen)
         if sent is None:
             return VERY_OLD_NS
-        sender.seen = max(sender.seen, message.seen)
         read = min(now, sent + round(message.held_ms * 1e6))
         sender.delay_ns = now - read
         return read
@@ -175,7 +176,9 @@ class Cockpit:
             return {}, []
         view = outlook(newest, command, self._limits, tuple(self._lines), now)
         shared = self._encode(view).decode()
-        ready = [n for n, page in self._pages.items() if self._picture - page.seen <= UNSEEN]
+        ready = [n for n, page in self._pages.items() if page.sent - page.seen < UNSEEN]
+        for number in ready:
+            self._pages[number].sent = self._picture
         head = f'{{"n":{self._picture},"you":'
         texts = {n: f'{head}{self._personal(n, newest)},"view":{shared}}}' for n in ready}
         return texts, ["dropped:page"] * (len(self._pages) - len(ready))

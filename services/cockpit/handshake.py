@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from urllib.parse import parse_qs
 
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
-PILOT, WATCH = "/pilot", "/watch"  # paths of the two kinds of WebSocket
+PILOT, WATCH = "/ws/pilot", "/ws/watch"  # paths of the two kinds of WebSocket
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,11 +20,12 @@ export class Connection {
   open() {
     const scheme = location.protocol === "https:" ? "wss:" : "ws:";
     const query = new URLSearchParams({ version: this.version, token: location.hash.slice(1) });
-    const path = this.watching ? "/watch" : "/pilot";
+    const path = this.watching ? "/ws/watch" : "/ws/pilot";
     this.opened = performance.now();
     const socket = new WebSocket(`${scheme}//${location.host}${path}?${query}`);
     this.socket = socket;
     this.picture = null;
+    this.confirmed = 0; // number of the picture that the service knows to have arrived
     socket.onmessage = (event) => this.hear(event.data);
     socket.onclose = (event) => {
       if (this.socket !== socket) return;
@@ -39,7 +40,7 @@ export class Connection {
     this.picture = JSON.parse(text);
     this.arrived = performance.now();
     this.words = "";
-    if (this.picture.n % CONFIRM_EVERY === 0) this.send("seen", {});
+    if (this.picture.n - this.confirmed >= CONFIRM_EVERY) this.send("seen", {});
   }
 
   // Also while nothing arrives, a person must read that.
@@ -70,6 +71,7 @@ export class Connection {
     if (this.socket.readyState !== WebSocket.OPEN) return;
     const seen = this.picture ? this.picture.n : 0;
     const held_ms = this.picture ? performance.now() - this.arrived : 0;
+    this.confirmed = seen;
     this.socket.send(JSON.stringify({ kind, seen, held_ms, ...fields }));
   }
 }

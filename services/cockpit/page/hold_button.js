@@ -12,7 +12,8 @@ export class HoldButton {
       element.setPointerCapture(e.pointerId);
       this.press();
     });
-    for (const name of ["pointerup", "pointercancel", "lostpointercapture"])
+    element.addEventListener("pointerup", () => this.end());
+    for (const name of ["pointercancel", "lostpointercapture"])
       element.addEventListener(name, () => this.release());
     element.addEventListener("contextmenu", (e) => e.preventDefault());
   }
@@ -21,19 +22,26 @@ export class HoldButton {
     if (this.since !== null || this.element.disabled || this.element.hidden) return;
     this.since = performance.now();
     this.begin();
-    requestAnimationFrame(() => this.grow());
+    this.timer = setInterval(() => this.grow(), 40);
+  }
+
+  // Let go of: on a busy computer this may be noticed before the last step of growing.
+  end() {
+    if (this.since !== null) this.grow();
+    this.release();
   }
 
   release() {
     this.since = null;
+    clearInterval(this.timer);
     this.element.style.setProperty("--held", 0);
   }
 
   grow() {
-    if (this.since === null) return;
     const share = (performance.now() - this.since) / HOLD_MS;
     this.element.style.setProperty("--held", Math.min(share, 1));
-    if (share < 1) requestAnimationFrame(() => this.grow());
-    else { this.release(); this.done(); }
+    if (share < 1) return;
+    this.release();
+    this.done();
   }
 }

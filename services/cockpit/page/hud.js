@@ -26,7 +26,8 @@ export class Hud {
       canvas.width = Math.round(width * ratio);
       canvas.height = Math.round(height * ratio);
     }
-    this.u = parseFloat(getComputedStyle(document.documentElement).fontSize); // [px] of text
+    const size = parseFloat(getComputedStyle(document.documentElement).fontSize); // [px] of text
+    this.u = Math.min(size, Math.max(height / 22, size * 0.7));
     g.setTransform(ratio, 0, 0, ratio, 0, 0);
     g.clearRect(0, 0, width, height);
     g.lineWidth = Math.max(2, this.u / 8);
@@ -79,6 +80,7 @@ export class Hud {
     this.font(0.8);
     for (const degrees of LADDER) {
       const y = -degrees * perDegree;
+      if (y + view.pitch * perDegree < 6 * u - height / 2) continue; // the heading is there
       this.path([[-2.2 * u, y], [2.2 * u, y]], c.dim);
       this.text(String(Math.abs(degrees)), 3.4 * u, y, c.dim);
     }
@@ -172,10 +174,9 @@ export class Hud {
     const of = (value) => (value === undefined ? "–" : `${value > 0 ? "+" : ""}${value.toFixed(0)}°`);
     const lines = [["roll", of(view.roll)], ["pitch", of(view.pitch)], ["camera", of(view.tilt)]];
     if (view.heading_wanted !== undefined) lines.push(["to", `${view.heading_wanted.toFixed(0)}°`]);
-    const y = 2.2 * u;
-    const wide = width > 50 * u;
+    const top = width > 64 * u; // there is room beside the heading
     lines.forEach(([name, value], k) => {
-      const at = wide ? y + k * 1.3 * u : height - (lines.length - k) * 1.25 * u - 1.2 * u;
+      const at = top ? (2.2 + 1.3 * k) * u : height - (1.2 + 1.25 * (lines.length - k)) * u;
       this.text(`${name} ${value}`, 1.2 * u, at, name === "to" ? c.bug : c.dim, "left");
     });
   }

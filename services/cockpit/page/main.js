@@ -12,6 +12,7 @@ import { TouchStick } from "/touch_stick.js";
 import { Trace } from "/trace.js";
 
 const STICKS_MS = 20;
+const SAME_MS = 200; // the same picture is drawn again after this
 const THEMES = ["dark", "bright", "contrast"];
 const $ = (id) => document.getElementById(id);
 
@@ -33,7 +34,7 @@ const arm = new HoldButton($("arm"), takeFirst, () => wish(arming));
 new HoldButton($("force"), () => {}, () => wish("force"));
 const hold = (down) => {
   if (!down) arm.release();
-  else if (arming === "arm") arm.press();
+  else if (arming === "arm") arm.press(); // to disarm there is a button of its own
 };
 const pad = new Pad(wish, hold);
 const keyboard = new Keyboard(wish, hold);
@@ -46,7 +47,7 @@ $("hold").addEventListener("change", (e) => { wish("mode", e.target.value); e.ta
 $("gain").addEventListener("click", () => {
   const names = Object.keys(GAINS);
   gain = names[(names.indexOf(gain) + 1) % names.length];
-  $("gain").textContent = gain;
+  $("gain").textContent = `Speed: ${gain.toLowerCase()}`;
 });
 
 // Sticks, 50 times a second while the page can be seen.
@@ -78,7 +79,7 @@ stayAwake();
 // A choice for this screen; without one as the system wants it.
 function theme(name) {
   document.documentElement.className = name;
-  $("theme").textContent = name[0].toUpperCase() + name.slice(1);
+  $("theme").textContent = `Screen: ${name}`;
   hud.colours();
 }
 const preferred = matchMedia("(prefers-color-scheme: light)");
@@ -95,6 +96,18 @@ $("theme").addEventListener("click", () => {
 });
 
 document.body.classList.toggle("watcher", connection.watching);
+
+// Drawn when there is something new, and now and then to say that there is not.
+let drawn = null, drawnAt = 0;
+function frame() {
+  requestAnimationFrame(frame);
+  const now = performance.now();
+  if (connection.picture === drawn && now - drawnAt < SAME_MS) return;
+  drawn = connection.picture;
+  drawnAt = now;
+  draw();
+}
+
 function draw() {
   const picture = connection.picture ?? { you: {}, view: {} };
   const steeredBy = steering.device === "pad" ? "pad" : steering.device;
@@ -102,6 +115,5 @@ function draw() {
   arming = buttons(picture.you, picture.view);
   hud.draw(picture.view, old);
   trace.add(picture.view.rtt_ms, performance.now());
-  requestAnimationFrame(draw);
 }
-draw();
+frame();
