@@ -9,14 +9,15 @@ import signal
 import subprocess
 import tempfile
 import time
+from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple
 
-from websockets.sync.client import ClientConnection, connect
+from websockets.sync.client import connect
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
-PATIENCE_S = 60.0  # [s] never reached unless something is broken
+PATIENCE_S = 30.0  # [s] never reached unless something is broken
 LOOK_S = 0.05  # [s]
 LARGEST = 64_000_000  # [B] of a picture
 FLAGS = (
@@ -92,7 +93,8 @@ class Channel:
     """Calls of the DevTools protocol over one WebSocket."""
 
     def __init__(self, url: str) -> None:
-        self._socket: ClientConnection = connect(url, max_size=LARGEST, compression=None)
+        self._exits = ExitStack()
+        self._socket = self._exits.enter_context(connect(url, max_size=LARGEST, compression=None))
         self._ids = itertools.count(1)
 
     def call(self, method: str, **parameters: Any) -> dict[str, Any]:
@@ -106,7 +108,7 @@ class Channel:
                 return answer["result"]
 
     def close(self) -> None:
-        self._socket.close()
+        self._exits.close()
 
 
 class BrowserPage:

@@ -10,16 +10,20 @@ export class Pad {
   constructor(press, hold) {
     this.press = press;
     this.hold = hold;
-    this.forget();
+    this.clear();
   }
 
   forget() {
+    if (this.pressed.arm) this.hold(false);
+    this.clear();
+  }
+
+  clear() {
     this.id = null;
     this.trusted = false;
     this.values = "";
     this.reported = 0; // [ms]
     this.pressed = {};
-    this.hold(false);
   }
 
   // Read it. Returns the raw pad, or null when there is none.
@@ -27,7 +31,8 @@ export class Pad {
     const pads = navigator.getGamepads ? [...navigator.getGamepads()] : [];
     const found = pads.filter((p) => p && p.connected && p.mapping === "standard");
     const pad = found.find((p) => p.index === this.index && p.id === this.id) ?? found[0] ?? null;
-    if (!pad || pad.id !== this.id || pad.index !== this.index) this.forget();
+    const same = pad && pad.id === this.id && pad.index === this.index;
+    if (this.id !== null && !same) this.forget();
     this.pad = pad;
     if (!pad) return null;
     this.id = pad.id;
