@@ -1,5 +1,5 @@
-"""A simulated dive with a cockpit in one process, as fast as the clock on the wall, for pictures and
-for tests with a browser."""
+"""A simulated dive with a cockpit in one process, at the pace of the clock on the wall, for
+pictures and for tests with a browser."""
 
 import threading
 import time

@@ -23,6 +23,7 @@ pytestmark = [
 ]
 PHONE = Size(360, 640, touch=True)
 
+CONNECTED = "document.getElementById('mode').textContent.length > 8"
 PAD = """
 window.virtualPad = {
   id: 'virtual', index: 0, connected: true, mapping: 'standard', timestamp: 1,
@@ -68,7 +69,7 @@ class Flight:
         raise AssertionError(f"never true: {true}")
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def flight() -> Iterator[Flight]:
     with ExitStack() as exits:
         yield Flight(exits)
@@ -102,7 +103,7 @@ def test_a_phone_arms_dives_by_thumb_stops_and_is_lost_when_it_is_locked(flight:
 def test_a_pad_and_keys_fly_and_a_frozen_pad_is_lost_and_space_never_arms(flight: Flight):
     page = flight.page(Size(3840, 2160))
     page.look(PAD)
-    page.wait("document.getElementById('take').offsetParent !== null")
+    page.wait(CONNECTED)
     assert page.look(OVERFLOWS) == ""
     page.look("document.getElementById('take').click()")
     page.wait("document.getElementById('who').textContent.startsWith('you have')")
@@ -131,10 +132,11 @@ def test_a_pad_and_keys_fly_and_a_frozen_pad_is_lost_and_space_never_arms(flight
 
 def test_a_watcher_sees_the_same_numbers_and_has_no_button_to_command_with(flight: Flight):
     page = flight.page(Size(1280, 800), "watch")
-    page.wait("document.getElementById('mode').textContent !== '–'")
+    page.wait(CONNECTED)
     assert page.look("document.getElementById('who').textContent").startswith("watching")
     hidden = "['arm', 'stop', 'left', 'take'].every((i) => !document.getElementById(i).offsetParent)"
     assert page.look(hidden)
     page.key("keyDown", "Space", " ")
     flight.until("self.dive.counts['refused:watcher'] == 1")
+    assert page.look("document.getElementById('no-picture').textContent") == "no picture"
     page.close()
