@@ -196,7 +196,7 @@ def test_each_loss_of_the_pilot_ends_the_motion_within_the_time_to_live(dive: Di
         case "hidden" | "unplugged":
             dive.say("absent", why=how)
         case "frozen":
-            stick = {"surge": 0.6, "sway": 0.0, "heave": 0.0, "yaw": 0.0}
+            stick: dict[str, Any] = {"surge": 0.6, "sway": 0.0, "heave": 0.0, "yaw": 0.0}
             dive.say("sticks", **stick, device="pad x", device_ms=1001.0)
         case "closed":
             dive.event(Closed(ANN))
