@@ -14,7 +14,7 @@ from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
 from messages.units import Name, Ns
 from messages.vehicle import VehicleStatus
 from services.cockpit.cockpit_pilot import CockpitPilot
-from services.cockpit.outlook import Newest, outlook
+from services.cockpit.outlook import LastHeard, outlook
 from services.cockpit.page_messages import (
     AnyPageMessage,
     PageAbsence,
@@ -163,7 +163,7 @@ class Cockpit:
 
     # To pages.
 
-    def pictures(self, newest: Newest, now: Ns) -> tuple[dict[int, str], list[str]]:
+    def pictures(self, newest: LastHeard, now: Ns) -> tuple[dict[int, str], list[str]]:
         """What each page is sent now, and what is to be counted. A page that has not seen the
         newest pictures gets none, so that none of them waits anywhere."""
         self._picture += 1
@@ -183,7 +183,7 @@ class Cockpit:
         texts = {n: f'{head}{self._personal(n, newest)},"view":{shared}}}' for n in ready}
         return texts, ["dropped:page"] * (len(self._pages) - len(ready))
 
-    def _personal(self, number: int, newest: Newest) -> str:
+    def _personal(self, number: int, newest: LastHeard) -> str:
         page, holder, pilot = self._pages[number], self._pilot.holder, self._pilot.pilot
         given = None if newest.status is None else newest.status.epoch
         told = Personal(

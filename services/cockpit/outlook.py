@@ -22,7 +22,7 @@ OLD_BATTERY_NS = 10_000_000_000  # [ns] it is said once a second
 SILENT_NS = 1_500_000_000  # [ns] a status is repeated five times a second
 
 
-class Newest(NamedTuple):
+class LastHeard(NamedTuple):
     """The newest message of each stream, however old."""
 
     status: VehicleStatus | None = None
@@ -75,7 +75,7 @@ class Outlook(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
 
 
 def outlook(
-    newest: Newest,
+    newest: LastHeard,
     command: PilotCommand | None,
     limits: Sequence[tuple[float, float]],
     lines: tuple[tuple[str, str], ...],
@@ -116,7 +116,7 @@ def _status(status: VehicleStatus | None, now: Ns) -> dict[str, Any]:
     }
 
 
-def _motion(newest: Newest, now: Ns) -> dict[str, Any]:
+def _motion(newest: LastHeard, now: Ns) -> dict[str, Any]:
     state, reference = newest.state, newest.reference
     shown: dict[str, Any] = {}
     if state is not None and now - state.stamp_ns <= OLD_NS:
@@ -137,7 +137,7 @@ def _motion(newest: Newest, now: Ns) -> dict[str, Any]:
     return shown
 
 
-def _vehicle(newest: Newest, limits: Sequence[tuple[float, float]], now: Ns) -> dict[str, Any]:
+def _vehicle(newest: LastHeard, limits: Sequence[tuple[float, float]], now: Ns) -> dict[str, Any]:
     shown: dict[str, Any] = {}
     if (command := newest.thrusters) is not None and now - command.stamp_ns <= OLD_NS:
         shares = zip(command.thrust, limits, strict=False)
@@ -156,7 +156,7 @@ def _vehicle(newest: Newest, limits: Sequence[tuple[float, float]], now: Ns) -> 
     return shown
 
 
-def _link(newest: Newest) -> dict[str, Any]:
+def _link(newest: LastHeard) -> dict[str, Any]:
     shown: dict[str, Any] = {}
     if (link := newest.link) is not None:
         losses = [d.loss for d in (link.down_link, link.up_link) if d.loss is not None]

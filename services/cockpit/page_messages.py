@@ -71,18 +71,18 @@ def parsed(raw: str | bytes) -> AnyPageMessage | None:
         return None
 
 
-class Opened(NamedTuple):
+class PageOpened(NamedTuple):
     page: int
     watcher: bool
 
 
-class Closed(NamedTuple):
+class PageClosed(NamedTuple):
     page: int
 
 
-class Said(NamedTuple):
+class PageSaid(NamedTuple):
     page: int
     message: AnyPageMessage | None  # None: it could not be read
 
 
-PageEvent = Opened | Closed | Said
+PageEvent = PageOpened | PageClosed | PageSaid

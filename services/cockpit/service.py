@@ -9,8 +9,8 @@ from messages.health import LogLine
 from messages.pilot import PilotAnswer, PilotRequest, RequestKind
 from messages.vehicle import VehicleStatus
 from services.cockpit.core import SHOW_HZ, Cockpit, Settings
-from services.cockpit.outlook import Newest
-from services.cockpit.page_messages import Closed, Opened, PageEvent, Said
+from services.cockpit.outlook import LastHeard
+from services.cockpit.page_messages import PageClosed, PageEvent, PageOpened, PageSaid
 from services.marine.vehicle import Vehicle
 from services.piloting.overruling import overrules
 from services.piloting.pilot import Effects, Pilot, Progress
@@ -86,11 +86,11 @@ class CockpitPages:
         """Something has arrived from a page."""
         for event in self._pages.received():
             match event:
-                case Opened(page, watcher):
+                case PageOpened(page, watcher):
                     self._cockpit.opened(page, watcher=watcher)
-                case Closed(page):
+                case PageClosed(page):
                     self._do(self._cockpit.closed(page, self._waiting, now), now)
-                case Said(page, message):
+                case PageSaid(page, message):
                     self._do(self._cockpit.received(page, message, self._waiting, now), now)
 
     def _tick(self, now: int) -> None:
@@ -104,8 +104,8 @@ class CockpitPages:
             self._node.count(name)
         self._pages.show(texts)
 
-    def _newest(self, now: int) -> Newest:
-        return Newest(
+    def _newest(self, now: int) -> LastHeard:
+        return LastHeard(
             status=self._status.newest(now),
             state=self._state.newest(now),
             reference=self._reference.newest(now),

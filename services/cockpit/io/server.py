@@ -24,11 +24,11 @@ from services.cockpit.handshake import WATCH, Access
 from services.cockpit.io.files import PageFiles, plain
 from services.cockpit.page_messages import (
     LONGEST,
-    Closed,
-    Opened,
+    PageClosed,
     PageEvent,
+    PageOpened,
+    PageSaid,
     PageSticks,
-    Said,
     parsed,
 )
 from services.runtime.config.errors import LindyError
@@ -156,7 +156,7 @@ class PageServer:
         self._last += 1
         number = self._last
         self._pages[number] = connection
-        self._add(Opened(number, path == WATCH))
+        self._add(PageOpened(number, path == WATCH))
         try:
             await self._read(number, connection)
         except ConnectionClosed as closed:
@@ -164,7 +164,7 @@ class PageServer:
                 self.counts["oversized:page"] += 1
         finally:
             del self._pages[number]
-            self._add(Closed(number))
+            self._add(PageClosed(number))
 
     async def _read(self, number: int, connection: ServerConnection) -> None:
         second, heard = 0, 0
@@ -175,14 +175,14 @@ class PageServer:
                 self.counts["too_many:page_messages"] += 1
                 await connection.close(TOO_FAST, "too many messages")
                 return
-            self._add(Said(number, parsed(raw)))
+            self._add(PageSaid(number, parsed(raw)))
 
     def _add(self, event: PageEvent) -> None:
         with self._lock:
             last = self._events[-1] if self._events else None
             if _supersedes(event, last):
                 self._events.pop()
-            elif len(self._events) >= WAITING and isinstance(event, Said):
+            elif len(self._events) >= WAITING and isinstance(event, PageSaid):
                 self.counts["overflowed:page"] += 1
                 return
             self._events.append(event)
@@ -211,7 +211,7 @@ class PageServer:
 
 
 class CountedConnection(ServerConnection):
-    """Closed at once where there are too many, before it may say anything."""
+    """PageClosed at once where there are too many, before it may say anything."""
 
     def __init__(self, pages: PageServer, *args: Any, **more: Any) -> None:
         super().__init__(*args, **more)
@@ -232,8 +232,8 @@ class CountedConnection(ServerConnection):
 def _supersedes(newer: PageEvent, older: PageEvent | None) -> bool:
     """Are both stick positions of one page, of which only the newest counts?"""
     return (
-        isinstance(newer, Said)
-        and isinstance(older, Said)
+        isinstance(newer, PageSaid)
+        and isinstance(older, PageSaid)
         and newer.page == older.page
         and isinstance(newer.message, PageSticks)
         and isinstance(older.message, PageSticks)

@@ -173,7 +173,7 @@ export class Hud {
     this.font(0.9);
     const of = (value) => (value === undefined ? "–" : `${value > 0 ? "+" : ""}${value.toFixed(0)}°`);
     const lines = [["roll", of(view.roll)], ["pitch", of(view.pitch)], ["camera", of(view.tilt)]];
-    if (view.heading_wanted !== undefined) lines.push(["to", `${view.heading_wanted.toFixed(0)}°`]);
+    if (view.heading_wanted !== undefined && height > 28 * u) lines.push(["to", `${view.heading_wanted.toFixed(0)}°`]);
     const top = width > 64 * u; // there is room beside the heading
     lines.forEach(([name, value], k) => {
       const at = top ? (2.2 + 1.3 * k) * u : height - (1.2 + 1.25 * (lines.length - k)) * u;

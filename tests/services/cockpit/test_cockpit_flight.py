@@ -12,7 +12,7 @@ from messages import topics
 from messages.pilot import TTL_MS, PilotCommand
 from messages.vehicle import Truth, VehicleStatus
 from services.cockpit.core import SHOW_HZ, UNSEEN, Settings
-from services.cockpit.page_messages import Closed, Opened, PageEvent, Said, parsed
+from services.cockpit.page_messages import PageClosed, PageEvent, PageOpened, PageSaid, parsed
 from services.cockpit.service import CockpitPages
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
@@ -53,7 +53,7 @@ class Browsers:
             self.pictures[page] = picture
             if number - self.confirmed[page] >= 5:  # as the page does
                 self.confirmed[page] = number
-                self.hear(Said(page, parsed(f'{{"kind":"seen","seen":{number},"held_ms":0}}')))
+                self.hear(PageSaid(page, parsed(f'{{"kind":"seen","seen":{number},"held_ms":0}}')))
 
 
 class Dive:
@@ -96,13 +96,13 @@ class Dive:
         self.notify()
 
     def open(self, page: int = ANN, *, watcher: bool = False) -> "Dive":
-        self.event(Opened(page, watcher))
+        self.event(PageOpened(page, watcher))
         return self.run(0.1)
 
     def say(self, kind: str, page: int = ANN, **fields: Any) -> None:
         seen = self.browsers.pictures.get(page, {}).get("n", 0)
         message = {"kind": kind, "seen": seen, "held_ms": 0.0, **fields}
-        self.event(Said(page, parsed(json.dumps(message))))
+        self.event(PageSaid(page, parsed(json.dumps(message))))
 
     def wish(self, what: str, page: int = ANN, **more: Any) -> "Dive":
         self.say("wish", page, what=what, **more)
@@ -199,7 +199,7 @@ def test_each_loss_of_the_pilot_ends_the_motion_within_the_time_to_live(dive: Di
             stick: dict[str, Any] = {"surge": 0.6, "sway": 0.0, "heave": 0.0, "yaw": 0.0}
             dive.say("sticks", **stick, device="pad x", device_ms=1001.0)
         case "closed":
-            dive.event(Closed(ANN))
+            dive.event(PageClosed(ANN))
         case _:
             pass
     assert lost_after(dive) <= TTL_MS
@@ -326,7 +326,7 @@ def test_a_gamepad_s_lease_holds_against_a_page_until_offered_or_forced(tmp_path
 def test_garbage_is_counted_and_moves_nothing(dive: Dive):
     before = len(dive.commands)
     for _ in range(5):
-        dive.event(Said(ANN, parsed(b"\xff garbage")))
+        dive.event(PageSaid(ANN, parsed(b"\xff garbage")))
     dive.steer(0.1)
     assert dive.counts["malformed:page"] == 5
     assert dive.status.armed
@@ -338,6 +338,6 @@ def test_sticks_from_the_future_or_of_an_unknown_picture_are_not_believed(dive: 
         dive.run(0.5)
         stick = {"surge": 0.9, "sway": 0.0, "heave": 0.0, "yaw": 0.0}
         message = {"kind": "sticks", "seen": seen, "held_ms": held_ms, **stick}
-        dive.event(Said(ANN, parsed(json.dumps(message))))
+        dive.event(PageSaid(ANN, parsed(json.dumps(message))))
         dive.run(0.1)
     assert max(abs(c.surge) for c in dive.commands) == 0.0

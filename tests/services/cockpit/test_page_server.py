@@ -2,11 +2,13 @@
 
 import json
 import socket
+import ssl
 import time
 import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, nullcontext, suppress
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
@@ -21,7 +23,7 @@ from services.cockpit.handshake import Access
 from services.cockpit.io import server as server_module
 from services.cockpit.io.access import VARIABLE, access_to
 from services.cockpit.io.server import MOST_CONNECTIONS, MOST_PAGES, MOST_PER_SECOND, PageServer
-from services.cockpit.page_messages import Closed, Opened, PageAbsence, PageEvent, Said
+from services.cockpit.page_messages import PageAbsence, PageClosed, PageEvent, PageOpened, PageSaid
 from services.cockpit.service import wire
 from services.runtime.config.errors import LindyError, NeedsRealTimeError
 from services.runtime.config.stack import Stack
@@ -104,9 +106,9 @@ def test_what_pages_say_arrives_in_order_and_of_sticks_the_newest(served: Served
     ann.send("garbage")
     ann.send(b"\x00\xff")
     ann.close()
-    served.until(lambda: bool(served.of(Closed)))
-    assert served.of(Opened) == [Opened(1, False), Opened(2, True)]
-    said = [event for event in served.events if isinstance(event, Said) and event.page == 1]
+    served.until(lambda: bool(served.of(PageClosed)))
+    assert served.of(PageOpened) == [PageOpened(1, False), PageOpened(2, True)]
+    said = [event for event in served.events if isinstance(event, PageSaid) and event.page == 1]
     assert said[-1].message is None
     assert said[-2].message is None
     assert isinstance(said[-3].message, PageAbsence)
@@ -115,7 +117,7 @@ def test_what_pages_say_arrives_in_order_and_of_sticks_the_newest(served: Served
 
 def test_each_page_gets_its_own_picture_and_a_slow_one_costs_nothing(served: Served):
     ann, eve = served.page(), served.page("/ws/watch")
-    served.until(lambda: len(served.of(Opened)) == 2)
+    served.until(lambda: len(served.of(PageOpened)) == 2)
     served.server.show({1: "for ann", 2: "for eve", 99: "for nobody"})
     assert ann.recv(timeout=PATIENCE_S) == "for ann"
     assert eve.recv(timeout=PATIENCE_S) == "for eve"
@@ -139,17 +141,17 @@ def test_foreign_pages_and_other_versions_are_refused(served: Served):
 
 def test_huge_and_too_many_messages_end_that_page_alone(served: Served):
     ann, bob, eve = served.page(), served.page(), served.page()
-    served.until(lambda: len(served.of(Opened)) == 3)
+    served.until(lambda: len(served.of(PageOpened)) == 3)
     bob.send("x" * 5000)
-    served.until(lambda: Closed(2) in served.events)
+    served.until(lambda: PageClosed(2) in served.events)
     assert served.server.counts["oversized:page"] == 1
     with suppress(ConnectionClosed):
         for _ in range(20 * MOST_PER_SECOND):
             eve.send("[]")
-    served.until(lambda: Closed(3) in served.events)
+    served.until(lambda: PageClosed(3) in served.events)
     assert served.server.counts["too_many:page_messages"] == 1
     ann.send(json.dumps(STICKS))
-    served.until(lambda: any(isinstance(e, Said) and e.page == 1 for e in served.events))
+    served.until(lambda: any(isinstance(e, PageSaid) and e.page == 1 for e in served.events))
 
 
 def test_a_flood_of_connections_leaves_the_pilot_alone(served: Served):
@@ -157,7 +159,7 @@ def test_a_flood_of_connections_leaves_the_pilot_alone(served: Served):
     flood = [socket.create_connection(("127.0.0.1", served.settings.port)) for _ in range(300)]
     try:
         served.until(lambda: served.server.counts["too_many:connection"] >= 300 - MOST_CONNECTIONS)
-        served.until(lambda: bool(served.of(Opened)))
+        served.until(lambda: bool(served.of(PageOpened)))
         served.server.show({1: "still here"})
         assert ann.recv(timeout=PATIENCE_S) == "still here"
     finally:
@@ -215,3 +217,35 @@ def test_the_token_is_new_at_each_start_unless_it_is_given(monkeypatch: pytest.M
     monkeypatch.setenv(VARIABLE, "given")
     assert access_to(away) == Access("https", "0.0.0.0", away.port, False, "given")
     assert access_to(Settings()).token == ""
+
+
+def test_with_a_certificate_the_page_is_served_by_https_and_asks_for_the_token(tmp_path: Path):
+    pytest.importorskip("cryptography", reason="the extra keys is not installed")
+    from cryptography.hazmat.primitives.asymmetric import ec
+
+    from tools.keys import certificates
+
+    key = ec.generate_private_key(ec.SECP256R1())
+    now = datetime.now(UTC)
+    files = tmp_path / "certificate.pem", tmp_path / "key.pem"
+    files[0].write_bytes(certificates.authority(key, now, 1))
+    files[1].write_bytes(certificates.key_pem(key))
+    certificate, private = map(str, files)
+    settings = Settings("127.0.0.1", free_port(), certificate=certificate, key=private)
+    # As to other machines, which this address is not.
+    access = Access("https", settings.host, settings.port, local=False, token="secret")
+    server = PageServer(settings, access)
+    server.start(lambda: None)
+    trusting = ssl.create_default_context()  # whom a browser trusts is its own affair
+    trusting.check_hostname, trusting.verify_mode = False, ssl.CERT_NONE
+    address = access.address.rstrip("/")
+    with ExitStack() as exits:
+        exits.callback(server.close)
+        with urllib.request.urlopen(address, timeout=PATIENCE_S, context=trusting) as answer:
+            version = answer.read().decode().partition('name="version" content="')[2][:12]
+        secure = f"{address.replace('https', 'wss')}/ws/pilot?version={version}"
+        for token, welcome in (("wrong", False), ("secret", True)):
+            with nullcontext() if welcome else pytest.raises(InvalidStatus, match="403"):
+                exits.enter_context(
+                    connect(f"{secure}&token={token}", origin=address, ssl=trusting)  # type: ignore[arg-type]
+                )
