@@ -244,8 +244,8 @@ def test_sticks_that_waited_in_a_network_move_nothing(dive: Dive):
 
 
 def test_a_slow_page_is_left_out_and_catches_up(dive: Dive):
-    dive.open(BOB, watcher=True)
     dive.browsers.cut.add(BOB)
+    dive.open(BOB, watcher=True)
     dive.steer(2.0)
     shown = dive.browsers.shown[BOB]
     assert shown <= UNSEEN
