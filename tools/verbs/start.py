@@ -39,6 +39,15 @@ def dive(
         str | None,
         Parameter(help="endpoint for other programs on the topside, e.g. tcp/127.0.0.1:7447"),
     ] = None,
+    cockpit: Annotated[
+        bool,
+        Parameter(
+            negative=(),
+            show_default=False,
+            help="fly in a browser: prints the page's address, and opens it where there is a "
+            "display; with --pilot it is beside that pilot",
+        ),
+    ] = False,
     grouped: Grouped = False,
     keys: KeysFolder = None,
     insecure: Insecure = False,
@@ -54,6 +63,7 @@ def dive(
         choices or Choices(),
         headless=headless,
         listen=listen,
+        cockpit=cockpit,
         grouped=grouped,
         keys=keys,
         insecure=insecure,
