@@ -32,7 +32,7 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     width: Pixels = 640  # [px] pictures of another size are scaled
     height: Pixels = 360  # [px]
     rate: Annotated[float, msgspec.Meta(ge=1.0, le=60.0)] = 25.0  # [1/s] pictures at most
-    least_kbit: Kilobits = 8.0  # [kbit/s] of a link with no room: a slide show
+    least_kbit: Kilobits = 16.0  # [kbit/s] of a link with no room: a slide show
     most_kbit: Kilobits = 2000.0  # [kbit/s]
     angle: Annotated[float, msgspec.Meta(ge=0.3, le=2.4)] = radians(80.0)  # [rad] simulated: width
     water: Water = Water()  # simulated
@@ -101,6 +101,7 @@ class Camera:
             return []
         if order.keyframe:
             self._keyframe, self._keyframe_wanted = self._pictures, False
+        self._law.sent(encoded)
         pieces = split(data, self._law.room_kbit)
         size = len(data) + HEADERS * len(pieces)
         self._pacer.sent(size, order.kbit, order.hz, keyframe=order.keyframe, now=encoded)
