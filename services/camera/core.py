@@ -11,7 +11,7 @@ from messages.units import Ns
 from messages.video import LONGEST_UNIT, PictureAge, VideoPart
 from services.camera.bitrate import BitrateLaw
 from services.camera.pacing import HEADERS, Pacer, encoder_kbit, pictures_per_second, split
-from services.camera.sea import Water
+from services.camera.sea import WaterLight
 
 SIMULATED = "simulated"
 STALE_NS = 200_000_000  # [ns] an older picture is not even encoded
@@ -35,7 +35,7 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     least_kbit: Kilobits = 16.0  # [kbit/s] of a link with no room: a slide show
     most_kbit: Kilobits = 2000.0  # [kbit/s]
     angle: Annotated[float, msgspec.Meta(ge=0.3, le=2.4)] = radians(80.0)  # [rad] simulated: width
-    water: Water = Water()  # simulated
+    water: WaterLight = WaterLight()  # simulated
 
     def __post_init__(self) -> None:
         if self.least_kbit > self.most_kbit:

@@ -8,7 +8,7 @@ from messages import topics
 from messages.units import Positive, Vec3
 from services.camera import time_stripe
 from services.camera.core import SIMULATED, Camera, Settings
-from services.camera.sea import Picture, Sea, View
+from services.camera.sea import CameraView, Picture, SimulatedSea
 from services.marine.attitude import to_world
 from services.marine.vehicle import Vehicle
 from services.runtime.config.errors import LindyError, NeedsRealTimeError
@@ -29,12 +29,12 @@ class Site(msgspec.Struct, frozen=True):
 def wire(node: Node, stack: Stack) -> None:
     settings = stack.section("camera", Settings)
     try:
-        from services.camera.io.encoder import Encoder
+        from services.camera.io.encoder import VideoEncoder
     except ImportError:
         raise LindyError(
             f"camera needs PyAV, which is not installed; {how_to_install('camera')}"
         ) from None
-    camera, encoder = Camera(settings), Encoder(settings.width, settings.height)
+    camera, encoder = Camera(settings), VideoEncoder(settings.width, settings.height)
     video = node.publisher(topics.VIDEO)
 
     def film(stamp: int, take: Callable[[], tuple[Picture, int]]) -> None:
@@ -61,7 +61,7 @@ def _simulate(node: Node, stack: Stack, settings: Settings, film: Film) -> None:
     """Draw what a camera at the front of the simulated vehicle sees."""
     site, vehicle = stack.section("simulator", Site), stack.section("vehicle", Vehicle)
     width, height = settings.width, settings.height
-    sea = Sea(width, height, settings.angle, settings.water, site.floor_depth)
+    sea = SimulatedSea(width, height, settings.angle, settings.water, site.floor_depth)
     truth, status = node.latest(topics.TRUTH), node.latest(topics.STATUS)
     reference = node.latest(topics.REFERENCE)
     front = (vehicle.size[0] / 2.0, 0.0, 0.0)
@@ -74,7 +74,7 @@ def _simulate(node: Node, stack: Stack, settings: Settings, film: Film) -> None:
 
         def draw() -> tuple[Picture, int]:
             asked, wanted = status.newest(now), reference.newest(now)
-            view = View(
+            view = CameraView(
                 _plus(here.position, to_world(here.attitude, front)),
                 here.attitude,
                 0.0 if wanted is None else wanted.tilt.position,

@@ -28,7 +28,7 @@ class _Period:
     train_ns: int = 0  # … which took so long
 
 
-class Account:
+class PictureAccount:
     """`counts` collects what must be counted."""
 
     def __init__(self) -> None:

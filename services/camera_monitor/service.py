@@ -4,7 +4,7 @@ from messages import topics
 from messages.units import Ns
 from messages.video import AccessUnit, VideoPart
 from services.camera import time_stripe
-from services.camera_monitor.core import Account
+from services.camera_monitor.core import PictureAccount
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
 from services.runtime.config.stack import Stack
@@ -13,12 +13,12 @@ from services.runtime.node.node import Node
 
 def wire(node: Node, _: Stack) -> None:
     try:
-        from services.camera_monitor.io.decoder import Decoder
+        from services.camera_monitor.io.decoder import VideoDecoder
     except ImportError:
         raise LindyError(
             f"camera_monitor needs PyAV, which is not installed; {how_to_install('camera')}"
         ) from None
-    account, decoder = Account(), Decoder()
+    account, decoder = PictureAccount(), VideoDecoder()
     age = node.publisher(topics.PICTURE_AGE)
 
     def report(now: Ns) -> None:

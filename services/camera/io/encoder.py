@@ -17,7 +17,7 @@ BUFFER_PICTURES = 3.0  # … or so many pictures of average size, whichever is m
 NEVER = 1 << 20  # pictures between two keyframes: they are asked for
 
 
-class Encoder:
+class VideoEncoder:
     """One size, one bitrate at a time."""
 
     def __init__(self, width: int, height: int) -> None:

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import av
 import numpy as np
 from av.container import InputContainer
+from av.error import FFmpegError
 
 from messages.units import Ns
 from services.camera.sea import Bytes, Picture
@@ -20,7 +21,6 @@ from services.camera.sea import Bytes, Picture
 RETRY_S = 2.0  # [s]
 TIMEOUT_S = 5.0  # [s] for an answer from the network
 LARGEST = 8192  # [px] of a side of a picture that is taken
-NETWORK = ("rtsp://", "rtp://", "udp://", "tcp://", "http://", "https://")
 # Nothing is collected before the first picture is shown.
 AT_ONCE = {"fflags": "nobuffer", "flags": "low_delay"}
 
@@ -68,7 +68,7 @@ class Feed:
             try:
                 with self._opened() as container:
                     self._watch(container, notify)
-            except (av.FFmpegError, OSError, ValueError, IndexError, MemoryError) as error:
+            except (FFmpegError, OSError, ValueError, IndexError, MemoryError) as error:
                 why = " ".join(str(error).split())[:200]
             if not self._stop.is_set():
                 self._complain(why)
@@ -79,7 +79,7 @@ class Feed:
         source, timeout = self._source, (TIMEOUT_S, TIMEOUT_S)
         if source.startswith("/dev/"):
             return av.open(source, format="v4l2", options=AT_ONCE, timeout=timeout)
-        if source.startswith(NETWORK):
+        if "://" in source:
             return av.open(source, options=AT_ONCE, timeout=timeout)
         if source.endswith(".sdp"):  # says what an RTP stream is
             among = {"protocol_whitelist": "file,udp,rtp"}

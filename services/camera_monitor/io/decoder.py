@@ -2,13 +2,14 @@
 
 import av
 import numpy as np
+from av.error import FFmpegError
 from av.video.codeccontext import VideoCodecContext
 from numpy.typing import NDArray
 
 LARGEST = 8192  # [px] of a side of a picture
 
 
-class Decoder:
+class VideoDecoder:
     def __init__(self) -> None:
         self._codec = _opened()
 
@@ -22,7 +23,7 @@ class Decoder:
             self._codec = _opened()
         try:
             frames = self._codec.decode(av.Packet(data))
-        except (av.FFmpegError, ValueError, MemoryError):
+        except (FFmpegError, ValueError, MemoryError):
             return None
         if not frames or max(frames[-1].width, frames[-1].height) > LARGEST:
             return None
