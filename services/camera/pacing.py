@@ -34,7 +34,7 @@ def split(data: bytes, room_kbit: float) -> list[bytes]:
     are two or more, so that the pace of their arrival can be measured."""
     size = min(max(round(room_kbit * BLOCKS_MS / 8.0), SMALLEST), LARGEST)
     number = max(2 if len(data) > SMALLEST else 1, -(-len(data) // size))
-    size = -(-len(data) // number)
+    size = max(1, -(-len(data) // number))
     return [data[at : at + size] for at in range(0, len(data), size)]
 
 

@@ -33,7 +33,7 @@ PILINGS_REACH = 12.0  # [m] further ones are not drawn
 STEEP = 1.35  # [rad] of a ray: here a piling's outlines are not looked for
 RING_WHITE = np.float32(0.45)  # [-] more albedo, on
 RING = 0.08  # [m] width of the white ring on a piling at each metre of depth
-LAST_SEEN = 3.5  # [-] attenuation after which a thing is not worth drawing
+LAST_SEEN = 2.5  # [-] attenuation after which a thing is not worth drawing
 PARTICLES, PARTICLE_BOX = 220, 4.0  # in a box of this side [m], which repeats
 LAMP, LAMP_ANGLE = 2.2, 0.6  # [m²] strength, [rad] where it has fallen to 1/e
 DAY_LOSS = 0.3  # [-] of the beam attenuation, per metre of depth
@@ -83,6 +83,7 @@ class Rays(NamedTuple):
     east: Floats
     down: Floats
     length: Floats  # [-] of each
+    shortening: Floats  # [-] 1 / length
 
 
 class SeenSurfaces(NamedTuple):
@@ -116,6 +117,7 @@ class SimulatedSea:
         self._below = ((np.arange(height) - (height - 1) / 2.0) / self._focal).astype(np.float32)
         aside = np.hypot(self._right[None, :], self._below[:, None])
         self._length = np.hypot(aside, np.float32(1.0))
+        self._shortening = 1.0 / self._length
         self._corner = float(np.arctan(aside.max()))  # [rad] of the widest ray
         self._beam = np.exp(-((np.arctan(aside) / LAMP_ANGLE) ** 2))
         self._water, self._floor_depth = water, floor_depth
@@ -149,7 +151,7 @@ class SimulatedSea:
             + (axes.down[k] * self._below[rows])[:, None]
             for k in range(3)
         )
-        return Rays(north, east, down, self._length[rows])
+        return Rays(north, east, down, self._length[rows], self._shortening[rows])
 
     def _floor(self, position: Vec3, rays: Rays) -> SeenSurfaces:
         above = max(self._floor_depth - position[2], NEAREST)
@@ -235,9 +237,9 @@ class SimulatedSea:
     def _lit(
         self, seen: SeenSurfaces, rays: Rays, beam: Floats, lamp: float, day: float
     ) -> tuple[Bytes, Bytes, Bytes]:
-        through = np.exp(-self._water.turbidity * np.minimum(seen.way, FARTHEST))
+        through = np.exp(-self._water.turbidity * seen.way)
         shine = (lamp * LAMP) * beam * through / np.maximum(seen.way * seen.way, 0.3)
-        veil = day * (0.45 - 0.25 * rays.down / rays.length) + (lamp * BACKSCATTER) * beam
+        veil = day * (0.45 - 0.25 * rays.down * rays.shortening) + (lamp * BACKSCATTER) * beam
         luma = seen.albedo * (day + shine) * through + veil * (1.0 - through)
         np.minimum(luma, 1.0, out=luma)
         clear = through[::2, ::2]

@@ -1,4 +1,4 @@
-"""Laws of the camera's bitrate: within its limits, never above the room, down at once, back soon."""
+"""Laws of the bitrate: within its limits, below the room, down at once, back soon."""
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -180,8 +180,9 @@ def test_pictures_come_as_often_as_wanted(hz: float, camera_hz: float) -> None:
     assert sent >= 0.45 * min(hz, camera_hz) * seconds - 1
 
 
-@given(st.binary(max_size=50_000), st.floats(1.0, 1e6))
-def test_parts_are_the_access_unit_and_none_is_long(data: bytes, room: float) -> None:
+@given(st.integers(0, 50_000), st.floats(1.0, 1e6))
+def test_parts_are_the_access_unit_and_none_is_long(size: int, room: float) -> None:
+    data = bytes(k % 251 for k in range(256)) * (size // 256) + bytes(size % 256)
     parts = split(data, room)
     assert b"".join(parts) == data
     assert all(0 < len(part) <= LARGEST for part in parts)

@@ -7,7 +7,8 @@ camera.
 """
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from math import radians
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -65,7 +66,7 @@ def _costs() -> Iterator[Figure]:
             CameraView((0.5 + 0.01 * k, 0.3, 6.0), from_euler(0.02, -0.05, 0.01 * k), -0.1, 0.5)
             for k in range(PICTURES)
         ]
-        drawn, pictures = _timed([lambda v=view: sea.draw(v) for view in views])
+        drawn, pictures = _timed(sea.draw, views)
         size = f"{width} × {height}"
         goal = {"baseline_name": f"a tenth of a core at {HZ:g} Hz", "baseline": SHARE / HZ * 1e3}
         yield _figure(
@@ -75,13 +76,9 @@ def _costs() -> Iterator[Figure]:
         encoder, decoder = VideoEncoder(width, height), VideoDecoder()
         orders = [Order(1500.0, HZ, k == 0) for k in range(PICTURES)]
         encoded, data = _timed(
-            [
-                lambda p=picture, o=order, k=k: encoder.encode(p, k * S // 25, o)
-                for k, (picture, order) in enumerate(zip(pictures, orders, strict=True))
-            ]
+            partial(_encode, encoder), list(zip(pictures, orders, range(PICTURES), strict=True))
         )
-        decoded, _ = _timed([lambda d=d, k=k: decoder.luma(d, keyframe=k == 0)
-                             for k, d in enumerate(data)])  # fmt: skip
+        decoded, _ = _timed(partial(_decode, decoder), list(enumerate(data)))
         yield _figure(f"encode, {size}", "ms", encoded, note=_share(encoded))
         yield _figure(f"decode, {size}", "ms", decoded, note=_share(decoded))
 
@@ -90,12 +87,22 @@ def _share(ms: float) -> str:
     return f"{100.0 * ms * 1e-3 * HZ:.1f} % of a core at {HZ:g} Hz"
 
 
-def _timed(calls: list[Callable[[], Any]]) -> tuple[float, list[Any]]:
-    """[ms] Median processor time of one call, and what they gave."""
+def _encode(encoder: Any, what: tuple[Any, Any, int]) -> bytes:
+    picture, order, number = what
+    return encoder.encode(picture, round(number * S / HZ), order)
+
+
+def _decode(decoder: Any, what: tuple[int, bytes]) -> Any:
+    number, data = what
+    return decoder.luma(data, keyframe=number == 0)
+
+
+def _timed(call: Callable[[Any], Any], inputs: Iterable[Any]) -> tuple[float, list[Any]]:
+    """[ms] Median processor time of one call, and what the calls gave."""
     times, results = list[float](), list[Any]()
-    for call in calls:
+    for each in inputs:
         began = time.process_time()
-        results.append(call())
+        results.append(call(each))
         times.append(time.process_time() - began)
     return float(np.median(times)) * 1e3, results
 
