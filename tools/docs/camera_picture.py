@@ -20,7 +20,7 @@ FLOOR = 8.0  # [m]
 # Water, lamp [-], bitrate [kbit/s], pictures a second.
 WATERS = (
     (WaterLight(turbidity=0.2), 0.0, 1500.0, HZ),
-    (WaterLight(turbidity=0.9), 0.0, 1500.0, HZ),
+    (WaterLight(turbidity=0.5), 0.0, 1500.0, HZ),
     (WaterLight(turbidity=0.3, daylight=0.0), 1.0, 1500.0, HZ),
     (WaterLight(turbidity=0.2), 0.0, 50.0, 8.0),
 )
