@@ -1,7 +1,9 @@
 """`lindy simulate --from`: the dive of a recording, from nothing but that recording."""
 
+import hashlib
+import os
 from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -73,14 +75,22 @@ def _choices(stack: FlownStack, out: Path | None) -> Choices:
 
 
 def _unpacked(recording: Recording, used: Sequence[UsedFile], folder: Path) -> dict[str, str]:
-    """Copies of the files, by the path that each was read from."""
+    """Copies of the files, by the path that each was read from.
+
+    Raises:
+        LindyError: one is not what it was when it was recorded.
+    """
     copies: dict[str, str] = {}
     wanted = {file.attachment: file for file in used if file.attachment is not None}
     for attachment in recording.attachments():
         if (file := wanted.get(attachment.name)) is None:
             continue
-        copy = folder / Path(attachment.name).name
+        if file.sha256 and hashlib.sha256(attachment.data).hexdigest() != file.sha256:
+            raise LindyError(f"{recording.files[0]}: the attached {file.path} is damaged")
+        copy = folder / str(len(copies))
         copy.write_bytes(attachment.data)
+        with suppress(OverflowError):  # of a damaged recording: no time at all
+            os.utime(copy, ns=(attachment.create_time, attachment.create_time))
         path = DEPLOY / file.path if file.shipped else Path(file.path)
         copies[str(path)] = str(copy)
     return copies
@@ -114,8 +124,10 @@ def _judged(
         LindyError: the dive was not the same.
     """
     if not dive.stack.virtual or changed:
-        how = "it was flown by the clock" if not dive.stack.virtual else "no script flew it"
-        print(f"log hash          not compared: {how}, so it is not the same twice", flush=True)
+        why = "its script is not in the recording"
+        if not dive.stack.virtual:
+            why = "it was flown by the clock, so it is not the same twice"
+        print(f"log hash          not compared: {why}", flush=True)
         return flown.status
     if before is None or flown.log_hash is None:
         which = path if before is None else flown.folder

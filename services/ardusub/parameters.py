@@ -101,10 +101,12 @@ def problems(
     ]
     found += _wrong_throttle(values, version)
     found += _wrong_system(values, version, settings)
+    # A board may say anything, infinity too.
+    frame = next((f for number, f in FRAMES.items() if number == values["FRAME_CONFIG"]), None)
+    if frame is None:
+        return [*found, f"FRAME_CONFIG is {values['FRAME_CONFIG']:g}; allowed: 0 to 7"]
     try:
-        senses(FRAMES[int(values["FRAME_CONFIG"])], vehicle.thruster)
-    except KeyError:
-        found.append(f"FRAME_CONFIG is {values['FRAME_CONFIG']:g}; allowed: 0 to 7")
+        senses(frame, vehicle.thruster)
     except ValueError as error:
         found.append(
             f"FRAME_CONFIG is {values['FRAME_CONFIG']:g}; allowed: the frame of {vehicle.name}, "

@@ -15,8 +15,8 @@ from services.camera.sea import WaterLight
 
 SIMULATED = "simulated"
 STALE_NS = 200_000_000  # [ns] an older picture is not even encoded
-Pixels = Annotated[int, msgspec.Meta(ge=64, le=4096, multiple_of=2)]
-Kilobits = Annotated[float, msgspec.Meta(ge=4.0, le=50_000.0)]
+PictureSide = Annotated[int, msgspec.Meta(ge=64, le=4096, multiple_of=2)]
+VideoKilobits = Annotated[float, msgspec.Meta(ge=4.0, le=50_000.0)]
 
 
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -29,11 +29,11 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     # "simulated", a device such as /dev/video0, an address such as rtsp://192.168.2.10/stream, or a
     # file, which is repeated.
     source: Annotated[str, msgspec.Meta(min_length=1, max_length=500)] = SIMULATED
-    width: Pixels = 640  # [px] pictures of another size are scaled
-    height: Pixels = 360  # [px]
+    width: PictureSide = 640  # [px] pictures of another size are scaled
+    height: PictureSide = 360  # [px]
     rate: Annotated[float, msgspec.Meta(ge=1.0, le=60.0)] = 25.0  # [1/s] pictures at most
-    least_kbit: Kilobits = 16.0  # [kbit/s] of a link with no room: a slide show
-    most_kbit: Kilobits = 2000.0  # [kbit/s]
+    least_kbit: VideoKilobits = 16.0  # [kbit/s] of a link with no room: a slide show
+    most_kbit: VideoKilobits = 2000.0  # [kbit/s]
     angle: Annotated[float, msgspec.Meta(ge=0.3, le=2.4)] = radians(80.0)  # [rad] simulated: width
     water: WaterLight = WaterLight()  # simulated
 

@@ -239,7 +239,7 @@ def test_with_any_process_stopped_the_drone_can_be_disarmed(tmp_path: Path):
 
 
 def test_two_dives_side_by_side_do_not_notice_each_other(tmp_path: Path):
-    with dive(tmp_path / "one") as one, dive(tmp_path / "two") as two:
+    with dive(tmp_path / "one", "--grouped") as one, dive(tmp_path / "two", "--grouped") as two:
         reports = [one.end(), two.end()]
     for report in reports:
         assert report["exit"] == "clean"
@@ -250,7 +250,7 @@ def test_two_dives_side_by_side_do_not_notice_each_other(tmp_path: Path):
 
 
 def test_garbage_nan_and_wrong_types_on_our_keys_are_counted_and_disturb_nobody(tmp_path: Path):
-    with dive(tmp_path) as flown:
+    with dive(tmp_path, "--grouped") as flown:
         running = flown.until_armed()
         spoil(running)
         report = flown.end()
@@ -320,9 +320,9 @@ def test_ctrl_c_disarms_and_ends_the_dive_with_a_summary(tmp_path: Path):
 def test_a_taken_port_is_one_sentence(tmp_path: Path):
     with socket.create_server(("127.0.0.1", 0)) as free:
         endpoint = f"tcp/127.0.0.1:{free.getsockname()[1]}"
-    with dive(tmp_path / "first", "--listen", endpoint) as first:
+    with dive(tmp_path / "first", "--grouped", "--listen", endpoint) as first:
         first.until(lambda: first.running is not None)
-        second = Dive(tmp_path / "second", "--listen", endpoint)
+        second = Dive(tmp_path / "second", "--grouped", "--listen", endpoint)
         assert second.process.wait(PATIENCE_S) == 1
         sentence = second.said.strip().splitlines()[-1]
         assert sentence.startswith(f"lindy: endpoint {endpoint} is already in use")

@@ -19,6 +19,7 @@ from services.runtime.hosts.virtual_host import VirtualHost
 S = 1_000_000_000  # [ns]
 CHAIN = ("simulator", "estimation", "reference", "control", "tether", "gamepad")
 CALIBRATED, FLOWN = 10.1, 34.0  # [s]
+FLOWN_BEFORE: dict[tuple[int | str, ...], dict[str, "Errors"]] = {}  # no dive is flown twice
 # Down, turn, ahead in a curve, up, turn back, down again: no axis is spared.
 SCRIPT = """t,surge,sway,heave,yaw
 1,0,0,0.8,0
@@ -50,7 +51,10 @@ class Errors(NamedTuple):
 
 def flown(folder: Path, seed: int, *settings: str) -> dict[str, Errors]:
     """A dive from power-on with the default calibration; what the estimates were worth."""
-    return compared(*sailed(folder, seed, *settings))
+    key = (seed, *settings)
+    if key not in FLOWN_BEFORE:
+        FLOWN_BEFORE[key] = compared(*sailed(folder, seed, *settings))
+    return FLOWN_BEFORE[key]
 
 
 def sailed(
@@ -106,7 +110,7 @@ def compared(states: list[VehicleState], truth: dict[int, Truth]) -> dict[str, E
     return {name: Errors(*np.array(pairs).T) for name, pairs in rows.items()}
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(3))
 def test_errors_are_small_and_no_larger_than_the_state_says(tmp_path: Path, seed: int) -> None:
     found = flown(tmp_path, seed)
     for name, errors in found.items():

@@ -1,17 +1,15 @@
-"""From what a board answered to findings. What it may be is decided where it is flown:
-services/ardusub/parameters.py."""
+"""From what a board answered to findings."""
 
 from collections.abc import Iterator
 
 from services.ardusub import parameters, readings
 from services.ardusub.authority import MODES
-from services.ardusub.frames import FRAMES
 from services.ardusub.framing import LONGEST
 from services.ardusub.packet import ARDUPILOTMEGA, GCS_TYPE
 from services.ardusub.streams import ENOUGH
 from services.marine.vehicle import Vehicle
 from tools.doctor.finding import VehicleFinding, Verdict
-from tools.doctor.remedies import remedy
+from tools.doctor.parameter_checks import number, of_parameters
 from tools.doctor.visit import NO_BOARD_NS, BoardVisit, S
 
 # MAV_AUTOPILOT and MAV_TYPE, of those that are met.
@@ -19,22 +17,10 @@ AUTOPILOTS = {0: "generic", 3: "ArduPilot", 8: "none", 12: "PX4"}
 KINDS = {1: "a plane", 2: "a quadrotor", 6: "a ground station", 10: "a rover", 11: "a boat",
          12: "a submarine", 13: "a hexarotor"}  # fmt: skip
 STAGES = {0: "dev", 64: "alpha", 128: "beta", 192: "release candidate", 255: "official"}
-ACTIONS = {0: "nothing", 1: "a warning", 2: "disarm", 3: "surface"}  # of BATT_FS_*_ACT
-GROUPS = {"MOT_": "MOT_n_DIRECTION", "RC": "RC1 to RC6"}  # of many parameters with one rule
+# Of BATT_FS_*_ACT.
+ACTIONS = {0.0: "nothing", 1.0: "a warning", 2.0: "disarm", 3.0: "surface"}
 USUAL_FORCE = (9.3, 10.3)  # [m/s²] of an accelerometer at rest
 CHANGE: Verdict = "change"
-# What the mixer takes for granted. A version without one of them is not judged by it.
-GRANTED = [
-    parameters.ParameterRule("MOT_BAT_CURR_MAX", "0: no limit of the motors", one_of=(0,)),
-    *[
-        parameters.ParameterRule(
-            f"RCMAP_{axis}", f"{channel}, its override channel", one_of=(channel,)
-        )
-        for channel, axis in enumerate(
-            ("PITCH", "ROLL", "THROTTLE", "YAW", "FORWARD", "LATERAL"), 1
-        )
-    ],
-]
 MOST = 8  # other systems that are named
 
 
@@ -108,7 +94,7 @@ def _board(visit: BoardVisit, vehicle: Vehicle) -> Iterator[VehicleFinding]:
     yield _version(visit)
     if visit.release < parameters.OLDEST:
         return
-    yield from _parameters(visit, vehicle)
+    yield from of_parameters(visit, vehicle)
     yield _clock(visit)
     yield from _rates(visit)
     yield from _battery(visit)
@@ -136,64 +122,6 @@ def _version(visit: BoardVisit) -> VehicleFinding:
     if visit.release < parameters.OLDEST:
         return VehicleFinding(CHANGE, "version", f"{told}; allowed: 4.5 and newer")
     return VehicleFinding("ok", "version", told)
-
-
-def _parameters(visit: BoardVisit, vehicle: Vehicle) -> Iterator[VehicleFinding]:
-    """Each that is wrong, and one line for each rule that holds."""
-    values, release = visit.reader.values, visit.release
-    absent = [name for name in visit.reader.wanted if name not in values]
-    for name in absent:
-        yield VehicleFinding("missing", name, "is not answered")
-    if absent:
-        return
-    wrong = parameters.problems(values, release, visit.settings, vehicle)
-    new = parameters.is_new(release)
-    for sentence in wrong:
-        name, _, told = sentence.partition(" ")
-        value = remedy(name, values, visit.settings, vehicle, new=new)
-        yield VehicleFinding(
-            CHANGE, name, told + ("" if value is None else f"; set it to {_number(value)}")
-        )
-    yield from _that_fit(visit, {sentence.split(" ")[0] for sentence in wrong})
-    for sentence in parameters.advice(values):
-        name, _, told = sentence.partition(" ")
-        yield VehicleFinding("ok", name, told)
-    yield from _granted(visit)
-
-
-def _granted(visit: BoardVisit) -> Iterator[VehicleFinding]:
-    for rule in GRANTED:
-        value = visit.optional.values.get(rule.name)
-        if value is not None and not rule.holds(value):
-            told = f"is {_number(value)}; allowed: {rule.allowed}"
-            yield VehicleFinding(CHANGE, rule.name, told)
-
-
-def _that_fit(visit: BoardVisit, wrong: set[str]) -> Iterator[VehicleFinding]:
-    values = visit.reader.values
-    advised = {sentence.split(" ")[0] for sentence in parameters.advice(values)}
-    groups: dict[str, list[str]] = {}
-    for name in visit.reader.wanted:
-        many = next((group for start, group in GROUPS.items() if _is_of(name, start)), name)
-        groups.setdefault(many, []).append(name)
-    for group, names in groups.items():
-        if wrong.intersection(names) or advised.intersection(names):
-            continue
-        told = f"all {len(names)} fit" if len(names) > 1 else _number(values[group])
-        if group == "FRAME_CONFIG":
-            told += f" ({FRAMES[int(values[group])].name})"
-        yield VehicleFinding("ok", group, told)
-
-
-def _number(value: float) -> str:
-    """Whole ones with all their digits: some are sums of bits."""
-    return f"{value:.0f}" if value == round(value) else f"{value:g}"
-
-
-def _is_of(name: str, start: str) -> bool:
-    return name.startswith(start) and name.endswith(
-        ("_DIRECTION", "_MIN", "_TRIM", "_MAX", "_REVERSED")
-    )
 
 
 def _clock(visit: BoardVisit) -> VehicleFinding:
@@ -261,7 +189,7 @@ def _battery(visit: BoardVisit) -> Iterator[VehicleFinding]:
         if name in visit.optional.values:
             action = visit.optional.values[name]
             yield VehicleFinding(
-                "ok", name, f"{_number(action)} ({ACTIONS.get(int(action), 'another one')})"
+                "ok", name, f"{number(action)} ({ACTIONS.get(action, 'another one')})"
             )
 
 

@@ -2,8 +2,9 @@
 
 from contextlib import suppress
 
+from services.ardusub.advice import RECOMMENDED_S
 from services.ardusub.frames import FRAMES, senses
-from services.ardusub.parameters import RECOMMENDED_S, Values
+from services.ardusub.parameters import Values
 from services.ardusub.rc_channels import NEUTRAL
 from services.ardusub.settings import Settings
 from services.marine.vehicle import Vehicle

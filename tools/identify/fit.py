@@ -58,12 +58,15 @@ def fit(taken: FitInput, start: Beginning, axes: tuple[str, ...] = AXES) -> Fit:
     refused: dict[str, Deviations] = {}
     lag = taken.fits_lag
     while True:
-        here = began(taken, start, axes, lag, start.vector)
+        there = here = began(taken, start, axes, lag, start.vector)
         untold = weak(here, white_covariance(here), axes, lag)  # costs one prediction
         if not untold:
-            here = _best(taken, start, axes, lag)
+            guess = first_guess(taken, start, axes, lag)
+            there = began(taken, start, axes, lag, guess)
+            here = searched(there, free(axes, lag))
             untold = weak(here, honest_covariance(here)[0], axes, lag)
         if not untold:
+            here = _best(there, here, free(axes, lag))
             return _result(taken, here, axes, lag, refused)
         refused |= untold
         lag = lag and "lag" not in untold
@@ -72,19 +75,13 @@ def fit(taken: FitInput, start: Beginning, axes: tuple[str, ...] = AXES) -> Fit:
             return _result(taken, here, (), False, refused)
 
 
-def _best(taken: FitInput, start: Beginning, axes: tuple[str, ...], lag: bool) -> Search:
-    """From the regression's numbers; where residuals are not white, also with the vehicle adrift
-    each way at first, and the least sum of squares."""
-    there = began(taken, start, axes, lag, first_guess(taken, start, axes, lag))
-    fitted = free(axes, lag)
-    best = searched(there, fitted)
-    if honest_covariance(best)[1].max() < WHITE:
-        return best
-    for adrift in ADRIFT:
-        found = searched(there, fitted, adrift)
-        if _rank(found) < _rank(best):
-            best = found
-    return best
+def _best(there: Search, found: Search, fitted: list[int]) -> Search:
+    """What was found from there; where its residuals are not white, the best of that and of
+    searches with the vehicle adrift each way at first."""
+    if honest_covariance(found)[1].max() < WHITE:
+        return found
+    others = [searched(there, fitted, adrift) for adrift in ADRIFT]
+    return min([found, *others], key=_rank)
 
 
 def _rank(found: Search) -> tuple[int, float]:

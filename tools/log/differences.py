@@ -53,7 +53,7 @@ def differences(a: DiveSeries, b: DiveSeries, tolerance: float = 0.0) -> Differe
         if size[0] != size[1]:
             counts.append(Counted(key, size[0], size[1]))
         if left is not None and right is not None:
-            pair = Pair(key, left, right, zero_a, zero_b, a.words)
+            pair = TopicPair(key, left, right, zero_a, zero_b, a.words)
             fields += pair.differences(tolerance)
     return Differences(counts, sorted(fields, key=lambda field: (field.first_s, field.topic)))
 
@@ -65,7 +65,7 @@ def zeros(a: DiveSeries, b: DiveSeries) -> tuple[int, int]:
     return a.recording_ns, b.recording_ns
 
 
-class Pair:
+class TopicPair:
     """One topic in both. Where its messages were not recorded at the same instants, B is taken at
     those of A: numbers between two messages, everything else from the newest one."""
 

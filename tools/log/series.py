@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from messages import topics
 from messages.topic import AnyTopic
+from services.recorder.foxglove.channel import is_view
 from tools.log.flatten import Flattening, Row, TableColumn
 from tools.recordings.mcap_records import StoredMessage, records
 from tools.recordings.recording import Recording
@@ -109,7 +110,7 @@ class DiveSeries:
                     self._add(record, channel.topic, schemas.get(channel.schema_id))
             elif isinstance(record, Schema):
                 schemas[record.id] = record
-            elif isinstance(record, Channel) and record.message_encoding == "json":
+            elif isinstance(record, Channel) and _is_read(record):
                 channels[record.id] = record
 
     def _add(self, message: StoredMessage, key: str, schema: Schema | None) -> None:
@@ -129,6 +130,11 @@ class DiveSeries:
         if armed is None or not np.any(armed[1] > 0.0):
             return None
         return int(armed[0][int(np.argmax(armed[1] > 0.0))])
+
+
+def _is_read(channel: Channel) -> bool:
+    """What is recorded for Foxglove was computed from the rest."""
+    return channel.message_encoding == "json" and not is_view(channel.topic)
 
 
 def _is_compared(column: TableColumn) -> bool:

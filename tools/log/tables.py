@@ -10,6 +10,7 @@ from typing import Any, Protocol, cast
 import msgspec
 from mcap.records import Channel, Schema
 
+from services.recorder.foxglove.channel import is_view
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
 from tools.fresh import fresh_folder
@@ -147,8 +148,11 @@ def _fill_from(
     schemas: dict[int, Schema] = {}
     of_channel: dict[int, TopicTable] = {}
     other: dict[int, str] = {}  # channels of which no table is made, and why
+    views = set[int]()  # channels that were computed from others, for Foxglove
     for record in records(file, at=at):
         if isinstance(record, StoredMessage):
+            if record.channel_id in views:
+                continue
             table = of_channel.get(record.channel_id)
             if table is None:
                 unread[other.get(record.channel_id, "of an unknown topic")] += 1
@@ -159,6 +163,8 @@ def _fill_from(
                 unread[f"{table.key}: {error}"] += 1
         elif isinstance(record, Schema):
             schemas[record.id] = record
+        elif isinstance(record, Channel) and is_view(record.topic):
+            views.add(record.id)
         elif isinstance(record, Channel):
             if record.message_encoding != "json":
                 other[record.id] = f"{record.topic}: it is {record.message_encoding}, not JSON"

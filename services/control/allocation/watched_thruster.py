@@ -23,6 +23,7 @@ AGREES = 0.35  # [-] error of a healthy thruster, as a share of its thrust
 WEAK, DEAD, REVERSED = 0.6, 0.25, -0.5  # [-] slopes below which the verdict is this
 FINER = 0.1  # [-] a weak thruster's gain is updated when it has changed by this
 DEPTH_SURE = 0.1  # [m] uncertainty of the depth
+GAINS: dict[ThrusterVerdict, float] = {"fine": 1.0, "dead": 0.0, "reversed": -1.0}  # [-]
 
 
 class ReportInterval:
@@ -117,7 +118,7 @@ class WatchedThruster:
         self._suspected = seen
         if self._for >= PERSISTS_S:
             self.verdict = seen
-            self.gain = {"fine": 1.0, "weak": self._slope, "dead": 0.0, "reversed": -1.0}[seen]
+            self.gain = self._slope if seen == "weak" else GAINS[seen]
             self._suspected, self._for = None, 0.0
 
     @property

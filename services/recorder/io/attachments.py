@@ -41,7 +41,7 @@ def attachments(stack: Stack) -> list[AttachedFile]:
     rows: list[dict[str, Any]] = []
     for path in _files(stack):
         try:
-            data, written_ns = kept(path).read_bytes(), path.stat().st_mtime_ns
+            data, written_ns = kept(path).read_bytes(), kept(path).stat().st_mtime_ns
         except OSError:  # it has gone since the dive began; the rest is worth having
             rows.append({**_where(path), "attachment": None})
             continue

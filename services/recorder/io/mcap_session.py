@@ -78,6 +78,7 @@ class McapSession:
         self._interrupted = False  # the log says that recording has stopped
         self._retry_at = 0  # [ns]
         self._part_since: int | None = None  # [ns] first flush of the present part
+        self._gaps = False  # the disk failed for a while
         self._rotated = 0  # parts that ended because they were large or long
         self._told: Counter[str] = Counter()  # losses that a part of this dive tells already
         self._opened = node.restore_checkpoint(RecordingCheckpoint) or RecordingCheckpoint()
@@ -134,7 +135,7 @@ class McapSession:
             self._interrupted = False
             self._node.log("info", f"recording continues in {self._file.path}")
         if self._is_full(self._file, now):
-            self._rotate(self._file)
+            self._rotate(self._file, now)
 
     def close(self, log_hash: str) -> None:
         """Write the counts of losses, the hash and the index."""
@@ -142,8 +143,9 @@ class McapSession:
             return
         try:
             self._describe_losses(self._file)
-            parts = {"parts": str(self._rotated + 1)} if self._rotated else {}
-            self._file.metadata("hash", {"sha256": log_hash, **parts})
+            if not self._gaps:  # it is the hash of everything that was heard
+                parts = {"parts": str(self._rotated + 1)} if self._rotated else {}
+                self._file.metadata("hash", {"sha256": log_hash, **parts})
             self._file.finish()
         except OSError as error:
             self._fail(self._file, error)
@@ -155,8 +157,9 @@ class McapSession:
         by_size = size is not None and file.size >= size * 1e6
         return by_size or (time is not None and now - self._part_since >= time * 60e9)
 
-    def _rotate(self, file: McapFile) -> None:
+    def _rotate(self, file: McapFile, now: int) -> None:
         """End the present part and begin the next."""
+        self._retry_at = now + RETRY_NS  # where one of the two fails
         try:
             self._describe_losses(file)
             file.finish()
@@ -227,6 +230,7 @@ class McapSession:
         self._stopped(file.path, error)
 
     def _stopped(self, path: Path, error: OSError) -> None:
+        self._gaps = True
         self._node.count("disk_error")
         if not self._interrupted:
             self._interrupted = True

@@ -146,6 +146,8 @@ class LocalStack:
             copy = self._folder / f"{number}-{path.name}"
             try:
                 copy.write_bytes(path.read_bytes())
+                written_ns = path.stat().st_mtime_ns  # which a recording says
+                os.utime(copy, ns=(written_ns, written_ns))
             except OSError as error:
                 self._tell("warning", f"cannot keep a copy of {path}: {reason(error)}")
             else:

@@ -1,5 +1,6 @@
 """The driver against the double, packet by packet: what it accepts, refuses, sends and says."""
 
+from math import inf
 from typing import Any
 
 import pytest
@@ -125,6 +126,7 @@ def test_lights_and_tilt_as_the_version_allows(version: str) -> None:
         ({"version": "4.1"}, "ArduSub 4.1; allowed: 4.5 and newer"),
         ({"params": {"FRAME_CONFIG": 1}}, "FRAME_CONFIG is 1; allowed: the frame of BlueROV2"),
         ({"params": {"FRAME_CONFIG": 3}}, "FRAME_CONFIG is 3; allowed: the frame of BlueROV2"),
+        ({"params": {"FRAME_CONFIG": inf}}, "FRAME_CONFIG is inf; allowed: 0 to 7"),
         ({"params": {"MAV_GCS_SYSID": 254}}, "MAV_GCS_SYSID is 254; allowed: 255"),
         ({"params": {"FS_PILOT_INPUT": 0}}, "FS_PILOT_INPUT is 0; allowed: 2"),
         ({"params": {"FS_GCS_ENABLE": 1}}, "FS_GCS_ENABLE is 1; allowed: 2, 3 or 4"),

@@ -1,6 +1,7 @@
 """Parts by size and time, and a recording that begins with the seconds before its trigger, on
 virtual time, writing real files."""
 
+import errno
 import json
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from messages import topics
 from messages.health import LogLine
 from messages.sensors import PressureSample
 from messages.vehicle import VehicleStatus
+from services.recorder.io.mcap_file import McapFile
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.stack_file import ServiceSpec
@@ -89,7 +91,7 @@ def test_a_recording_goes_on_in_the_next_part_and_each_part_can_be_read_alone(tm
             rows = list(reader.iter_messages(topics.PRESSURE.key))
             attached = {a.name for a in reader.iter_attachments()}
             about = {m.name: m.metadata for m in reader.iter_metadata()}
-        assert attached == {"pioneer.toml", "topics.json"}
+        assert {"dive.json", "pioneer.toml", "topics.json"} <= attached
         assert about["rotation"] == {"part_time": "0.05"}
         assert {"dive", "clock", "losses"} <= set(about)
         for schema, channel, message in rows:
@@ -239,3 +241,30 @@ def test_without_foxglove_only_messages_are_recorded(tmp_path: Path):
         keys.append({channel.topic for channel in summary.channels.values()})
     assert keys[1] - keys[0] == {"foxglove/log"}
     assert log_hash(tmp_path / "plain") == log_hash(tmp_path / "both")
+
+
+@pytest.mark.parametrize("fails", ["finish", "__init__"], ids=["at the end", "at the beginning"])
+def test_a_disk_that_fails_between_two_parts_costs_no_more_than_a_full_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fails: str
+):
+    dive = Dive(tmp_path, "part_time=0.05")
+    dive.run(2.0)
+    with monkeypatch.context() as full:
+
+        def refuse(*_: object) -> None:
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+        full.setattr(McapFile, fails, refuse)
+        dive.run(7.0)
+    dive.run(20.0)
+    dive.host.close()
+    (error,) = [line.text for line in dive.lines if line.level == "error"]
+    assert "the disk is full" in error
+    stamps, lost = dive.stamps(), dive.recorder.counts["not_recorded"]
+    assert all(is_whole(tmp_path / name) for name in dive.files)
+    assert set(stamps) <= set(ticks(20.0))
+    assert [t for t in stamps if t <= 3 * SECOND] == ticks(3.0)
+    assert stamps[-1] == 20 * SECOND
+    assert sum(1 for _ in open_recording(tmp_path).raw()) + lost == 20 * (40 + 5 + 1)
+    assert open_recording(tmp_path).losses()["not_recorded"] == lost > 0
+    assert log_hash(tmp_path) is None

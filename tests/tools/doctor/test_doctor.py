@@ -5,6 +5,7 @@ import socket
 import subprocess
 import sys
 from collections import Counter
+from math import inf, nan
 from typing import Any
 
 import pytest
@@ -140,6 +141,9 @@ def test_it_only_asks_and_leaves_the_board_as_it_was(version: str, armed: bool) 
         ("4.8", "RC3_TRIM", 1100.0, "set it to 1500"),
         ("4.8", "ARMING_SKIPCHK", -1.0, "set it to 16776767"),
         ("4.5", "ARMING_CHECK", 0.0, "set it to 448"),
+        ("4.8", "FRAME_CONFIG", inf, "is inf; allowed: 0 to 7; set it to 2"),
+        ("4.8", "FRAME_CONFIG", nan, "is nan; allowed: 0 to 7; set it to 2"),
+        ("4.5", "RC_OVERRIDE_TIME", nan, "is nan; allowed: 0.1 to 10 s"),
         ("4.8", "RCMAP_FORWARD", 6.0, "is 6; allowed: 5, its override channel"),
         ("4.8", "MOT_BAT_CURR_MAX", 30.0, "is 30; allowed: 0"),
     ],

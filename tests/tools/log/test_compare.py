@@ -13,7 +13,7 @@ from mcap.records import Channel, Metadata
 from messages import topics
 from tools.__main__ import main
 from tools.log.cut import WantedPart, cut_out
-from tools.log.differences import Pair, differences
+from tools.log.differences import TopicPair, differences
 from tools.log.flatten import Flattening
 from tools.log.series import DiveSeries, TopicSeries, Words
 from tools.recordings.mcap_copy import new_mcap
@@ -32,8 +32,8 @@ def series(values: list[float], words: list[str], known: Words, step_ns: int = 1
     return found
 
 
-def pair(a: TopicSeries, b: TopicSeries, known: Words) -> Pair:
-    return Pair("topic", a, b, 0, 0, known)
+def pair(a: TopicSeries, b: TopicSeries, known: Words) -> TopicPair:
+    return TopicPair("topic", a, b, 0, 0, known)
 
 
 @given(

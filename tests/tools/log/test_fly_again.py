@@ -25,14 +25,23 @@ def attached(folder: Path) -> dict[str, Attachment]:
         return {each.name: each for each in make_reader(stream).iter_attachments()}
 
 
-def with_dive_file(dive: ShortDive, out: Path, **changes: object) -> Path:
-    """The same recording, whose attachment `dive.json` says something else."""
+def with_dive_file(
+    dive: ShortDive, out: Path, other: str = "", times: int = 0, **changes: object
+) -> Path:
+    """The same recording, whose attachment `dive.json` says something else.
+
+    Args:
+        other: attachment that says something else, too.
+        times: [ns] of that.
+    """
     with new_mcap(out) as copy:
         copy.next_file()
         for record in salvaged(dive.folder / "dive.mcap", Damage()):
             if isinstance(record, Attachment) and record.name == DIVE:
                 about = json.loads(record.data) | changes
                 record.data = json.dumps(about).encode()
+            if isinstance(record, Attachment) and record.name == other:
+                record.data, record.create_time = record.data + b"\n", times
             copy.add(record)
     return out
 
@@ -64,6 +73,18 @@ def test_it_is_the_same_dive_again(
     assert main(["simulate", "--from", str(dive.folder), "--no-files"]) == 0
     assert f"the same as in {dive.folder}: {dive.log_hash[:16]}" in capsys.readouterr().out
     assert not [*tmp_path.iterdir()]
+
+
+def test_its_recording_carries_the_same_files_so_that_it_can_be_flown_once_more(
+    dive: ShortDive, tmp_path: Path
+) -> None:
+    assert fly_again(dive.folder, Choices(out=tmp_path / "again")) == 0
+    before, after = attached(dive.folder), attached(tmp_path / "again")
+    assert {name: each.data for name, each in after.items()} == {
+        name: each.data for name, each in before.items()
+    }
+    for name in ("script.csv", "second.csv", "my_drone.toml"):
+        assert after[name].create_time == before[name].create_time
 
 
 def test_another_gain_is_another_dive_and_that_is_said(dive: ShortDive, tmp_path: Path) -> None:
@@ -102,6 +123,12 @@ def test_a_recording_that_does_not_say_how_it_was_flown_is_one_sentence(tmp_path
         writer.start()
         writer.finish()
     with pytest.raises(LindyError, match=r"foreign\.mcap does not say how it was flown"):
+        fly_again(path, Choices())
+
+
+def test_a_damaged_attachment_is_one_sentence(dive: ShortDive, tmp_path: Path) -> None:
+    path = with_dive_file(dive, tmp_path / "wrong.mcap", "script.csv", 2**64 - 1)
+    with pytest.raises(LindyError, match=r"wrong\.mcap: the attached .*script\.csv is damaged"):
         fly_again(path, Choices())
 
 

@@ -16,6 +16,7 @@ from mcap.writer import Writer
 
 from messages import topics
 from messages.components import COMPONENTS
+from services.recorder.foxglove.channel import is_view
 from services.runtime.config.settings import DEPLOY
 from tools.__main__ import main
 from tools.log.csv_table import line_of
@@ -61,12 +62,14 @@ def value_at(message: dict[str, Any], column: str, names: dict[str, Any]) -> Any
 
 
 def messages(dive: ShortDive) -> dict[str, list[tuple[int, int, dict[str, Any]]]]:
-    """(arrival, stamp, message) by topic, as a foreign reader finds them."""
+    """(arrival, stamp, message) by topic, as a foreign reader finds them; what was computed from
+    them for Foxglove has no table."""
     found: dict[str, list[tuple[int, int, dict[str, Any]]]] = {}
     with (dive.folder / "dive.mcap").open("rb") as stream:
         for _, channel, message in make_reader(stream).iter_messages(log_time_order=False):
             row = (message.log_time, message.publish_time, json.loads(message.data))
-            found.setdefault(channel.topic, []).append(row)
+            if not is_view(channel.topic):
+                found.setdefault(channel.topic, []).append(row)
     return found
 
 

@@ -160,7 +160,7 @@ def rewritten(
         file.attach(name, "application/toml", data)
     said = SideIdentity(stamp_ns=0, side="drone", messages="0123456789ab", version="0.0")
     rows = [("identity/drone", msgspec.json.encode(said), 0, 0)]
-    for key, data, log_ns, publish_ns in [*rows, *source.raw()]:
+    for key, data, log_ns, publish_ns, *_ in [*rows, *source.raw()]:
         if not file.has_channel(key):
             topic = topics.find(key)
             assert topic is not None

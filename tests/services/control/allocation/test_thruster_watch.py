@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from messages.vehicle import Actuation
 from services.control.allocation.thruster_watch import ThrusterWatch
+from services.control.allocation.watched_thruster import ReportInterval, WatchedThruster
 from services.marine.thrusters import driven
 from services.marine.vehicle import Vehicle
 
@@ -242,3 +243,14 @@ def test_a_dead_thruster_is_tried_again_a_quarter_of_the_time(pioneer: Vehicle) 
     assert sum(thrust != nothing for thrust in asked) == 150
     assert {thrust[2] for thrust in asked} == {0.0, 3.5}
     assert {(a, b, d) for a, b, _, d in asked} == {(5.0, 5.0, 5.0)}
+
+
+@pytest.mark.parametrize("push", [5.0, -5.0, 500.0])
+def test_thrust_that_nobody_asked_for_is_that_of_a_dead_thruster(
+    pioneer: Vehicle, push: float
+) -> None:
+    """A thruster that was never commanded has a model of exactly zero, so there is no slope."""
+    watched = WatchedThruster(pioneer.thruster[0])
+    for tick in range(300):
+        watched.judge(0.0, 0.0 if tick < 10 else push, ReportInterval(0.01, 0.01))
+    assert (watched.verdict, watched.gain) == ("dead", 0.0)
