@@ -12,7 +12,7 @@ from messages.units import Count, NotNegative, Share, Stamp, Text
 LONGEST_PART = 60_000  # [B] of one message
 MOST_PARTS = 256  # of one access unit
 LONGEST_UNIT = 900_000  # [B] of one access unit, below what a port keeps
-Part = Annotated[int, msgspec.Meta(ge=0, lt=MOST_PARTS)]
+Part = Annotated[int, msgspec.Meta(ge=0, le=MOST_PARTS - 1)]
 Parts = Annotated[int, msgspec.Meta(ge=1, le=MOST_PARTS)]
 Pixels = Annotated[int, msgspec.Meta(ge=0, le=16_384)]
 Data = Annotated[bytes, msgspec.Meta(max_length=LONGEST_PART)]

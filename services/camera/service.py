@@ -64,13 +64,18 @@ def _simulate(node: Node, stack: Stack, settings: Settings, film: Film) -> None:
     sea = SimulatedSea(width, height, settings.angle, settings.water, site.floor_depth)
     truth, status = node.latest(topics.TRUTH), node.latest(topics.STATUS)
     reference = node.latest(topics.REFERENCE)
+    filmed: int | None = None  # [ns] stamp of the truth that was filmed last
     front = (vehicle.size[0] / 2.0, 0.0, 0.0)
 
     def tick(now: int) -> None:
+        nonlocal filmed
         here = truth.newest(now)
         if here is None or now > here.stamp_ns + TRUTH_NS:
             node.count("silent:simulator/truth")
             return
+        if here.stamp_ns == filmed:
+            return
+        filmed = here.stamp_ns
 
         def draw() -> tuple[Picture, int]:
             asked, wanted = status.newest(now), reference.newest(now)

@@ -60,9 +60,7 @@ class Flown:
         )
 
     def _record(self, envelope: Envelope) -> None:
-        found = self._intake.check(
-            envelope.key, envelope.encoding, envelope.payload, self.host.now
-        )
+        found = self._intake.check(envelope.key, envelope.encoding, envelope.payload, self.host.now)
         assert not isinstance(found, str)
         _, *views = self._intake.rows(envelope.key, found)
         for view in views:

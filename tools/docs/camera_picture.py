@@ -5,7 +5,7 @@ from pathlib import Path
 
 import av
 import numpy as np
-from matplotlib.image import imsave
+from matplotlib import image
 
 from services.camera import time_stripe
 from services.camera.core import Order
@@ -28,7 +28,7 @@ WATERS = (
 
 def main() -> None:
     pictures = [_decoded(*water) for water in WATERS]
-    imsave(OUT, np.vstack([np.hstack(pictures[:2]), np.hstack(pictures[2:])]))
+    image.imsave(OUT, np.vstack([np.hstack(pictures[:2]), np.hstack(pictures[2:])]))
 
 
 def _decoded(water: WaterLight, lamp: float, kbit: float, hz: float) -> np.ndarray:

@@ -1,9 +1,11 @@
 """H.264 by x264, through PyAV: each picture at once, none refers to a later one."""
 
 from fractions import Fraction
+from typing import cast
 
 import av
 import numpy as np
+from av.codec import Codec
 from av.video.codeccontext import VideoCodecContext
 from av.video.frame import PictureType
 
@@ -30,7 +32,7 @@ class VideoEncoder:
         self._kbit = 0.0
         self._began_ns = 0
         try:
-            av.codec.Codec("libx264", "w")
+            Codec("libx264", "w")
         except ValueError:
             raise LindyError(
                 "camera: the installed PyAV has no H.264 encoder (libx264); the wheels of PyPI do"
@@ -47,7 +49,8 @@ class VideoEncoder:
         frame.time_base = Fraction(1, TICKS)
         if order.keyframe:
             frame.pict_type = PictureType.I
-        return b"".join(bytes(packet) for packet in self._codec.encode(frame))
+        packets = cast(list[memoryview], self._codec.encode(frame))
+        return b"".join(map(bytes, packets))
 
     def _opened(self, kbit: float, hz: float) -> VideoCodecContext:
         codec = av.CodecContext.create("libx264", "w")
@@ -77,6 +80,7 @@ def _frame(picture: Picture) -> av.VideoFrame:
     frame = av.VideoFrame(width, height, "yuv420p")
     for plane, values in zip(frame.planes, picture, strict=True):
         rows, columns = values.shape
-        into = np.frombuffer(plane, np.uint8).reshape(-1, plane.line_size)
+        # A plane is a buffer, which its type does not say before Python 3.12.
+        into = np.frombuffer(cast(memoryview, plane), np.uint8).reshape(-1, plane.line_size)
         into[:rows, :columns] = values
     return frame

@@ -45,16 +45,23 @@ def test_none_is_sent_after_its_life_and_each_is_sent_or_counted(
     assert len(arrived) + line.lost[NO_ROOM] == len(entered)
 
 
+def state_delays(link: Link[tuple[str, int]], until: int) -> list[int]:
+    """[ns] Of every state that arrives by `until`."""
+    delays = list[int]()
+    while (due := link.up.due()) is not None and due <= until:
+        while (arrival := link.up.leave(due)) is not None:
+            if arrival.item[0] == topics.STATE.key:
+                delays.append(due - arrival.item[1])
+    return delays
+
+
 def test_telemetry_is_thinned_out_as_if_there_were_no_video() -> None:
     def flown(video_bytes: int) -> tuple[list[int], dict[str, float]]:
         link: Link[tuple[str, int]] = Link("congested", named("congested").profile, 1)
         states = list[int]()
         for tick in range(2000):
             now = tick * 10 * MS
-            while (due := link.up.due()) is not None and due <= now:
-                while (arrival := link.up.leave(due)) is not None:
-                    if arrival.item[0] == topics.STATE.key:
-                        states.append(due - arrival.item[1])
+            states.extend(state_delays(link, now))
             if tick % 20 == 0:
                 link.judge(now)
             for topic in (topics.STATE, topics.TRUTH, topics.WRENCH, topics.REFERENCE):

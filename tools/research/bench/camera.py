@@ -9,6 +9,7 @@ camera.
 import time
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial
+from importlib.util import find_spec
 from math import radians
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -42,9 +43,7 @@ FLOOR = "simulator.floor_depth=8"  # [m] so that there is something to be seen
 
 
 def figures() -> list[Figure]:
-    try:
-        import av  # noqa: F401
-    except ImportError:
+    if find_spec("av") is None:
         return [Figure(section="camera", name="picture", unit="", note="no PyAV")]
     return [*_costs(), *_beside(), *_ages()]
 
