@@ -239,8 +239,8 @@ class SimulatedSea:
     ) -> tuple[Bytes, Bytes, Bytes]:
         through = np.exp(-self._water.turbidity * seen.way)
         shine = (lamp * LAMP) * beam * through / np.maximum(seen.way * seen.way, 0.3)
-        veil = day * (0.45 - 0.25 * rays.down * rays.shortening) + (lamp * BACKSCATTER) * beam
-        luma = seen.albedo * (day + shine) * through + veil * (1.0 - through)
+        veil = 0.45 * day - (0.25 * day) * rays.down * rays.shortening + (lamp * BACKSCATTER) * beam
+        luma = (seen.albedo * (day + shine) - veil) * through + veil
         np.minimum(luma, 1.0, out=luma)
         clear = through[::2, ::2]
         shade = np.minimum(2.0 * luma[::2, ::2], 1.0)
