@@ -69,7 +69,7 @@ def _simulate(node: Node, stack: Stack, settings: Settings, film: Film) -> None:
 
     def tick(now: int) -> None:
         nonlocal filmed
-        here = truth.newest(now)
+        here, asked, wanted = truth.newest(now), status.newest(now), reference.newest(now)
         if here is None or now > here.stamp_ns + TRUTH_NS:
             node.count("silent:simulator/truth")
             return
@@ -78,7 +78,6 @@ def _simulate(node: Node, stack: Stack, settings: Settings, film: Film) -> None:
         filmed = here.stamp_ns
 
         def draw() -> tuple[Picture, int]:
-            asked, wanted = status.newest(now), reference.newest(now)
             view = CameraView(
                 _plus(here.position, to_world(here.attitude, front)),
                 here.attitude,
