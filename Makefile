@@ -18,6 +18,7 @@ explore: $(READY) ## search for minutes for new cases that break a law; prints w
 	$(BIN)/python -m pytest -n 2 -p tests.long.explore --hypothesis-profile explore \
 		-m "hypothesis and not system"
 	$(BIN)/python -m pytest -n 2 tests/long/identify_fit.py
+	$(BIN)/python -m pytest -n 0 tests/long/fleet.py
 
 mutants: $(READY) ## how many small faults, put into a copy of the laws, the tests notice
 	$(BIN)/python tests/long/mutants.py

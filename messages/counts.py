@@ -49,6 +49,7 @@ NAMES: dict[str, Meaning] = {
     "notice:service_late": Meaning(DANGER, "a service on board was late"),
     "notice:recorder_down": Meaning(DATA, "the recorder did not answer the drone"),
     "alarm:peers": Meaning(DANGER, "the other side runs another Lindy, or a service runs twice"),
+    "alarm:other_drone": Meaning(DANGER, "the drone that was there had another name"),
     "alarm:junk": Meaning(DANGER, "services received many messages that they could not read"),
     "overruled:reference": Meaning(
         DANGER, "the pilot's disarm was obeyed by control; reference had not heard it"

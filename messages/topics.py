@@ -1,8 +1,8 @@
 """The topic table: every topic in the system, once.
 
-Keys are relative to the session's namespace, `lindy/@v1/<vehicle>`, so two vehicles can use one
-table and one network. Publishers, the tether, the recorder, the visualizer, the freshness checks
-and `docs/topics.md` all read these rows.
+Keys are relative to the session's namespace, `lindy/@v1/<name of the drone>`, so many drones can
+use one table and one network. Publishers, the tether, the recorder, the visualizer, the freshness
+checks and `docs/topics.md` all read these rows.
 """
 
 from messages.control import ThrusterCommand, Wrench

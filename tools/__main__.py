@@ -19,7 +19,7 @@ from tools.link import link
 from tools.profile import profile
 from tools.ramp import ramp
 from tools.sweep.command import sweep
-from tools.verbs import analyse, live, replay, research, start
+from tools.verbs import analyse, fleet, live, replay, research, start
 from tools.verbs.log import log
 
 ERROR, INTERRUPTED = 1, 130  # exit statuses
@@ -37,6 +37,9 @@ app = App(
 
 app.command(start.dive)
 app.command(start.up)
+app.command(fleet.fly)
+app.command(fleet.drones)
+app.command(fleet.router_config)
 app.command(start.simulate)
 app.command(start.run)
 app.command(start.hub)

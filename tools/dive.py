@@ -2,6 +2,7 @@
 
 import os
 from pathlib import Path
+from socket import gethostname
 
 import msgspec
 
@@ -9,6 +10,7 @@ from services.runtime.hosts.registry import Registry
 from services.runtime.launch.local_stack import local_stack
 from tools.checks import checked
 from tools.choices import Choices
+from tools.fleet.names import own_name
 from tools.keys.door import door
 from tools.live.display import display
 from tools.live.dive_folder import out_folder, point_latest, require_room_for_recording
@@ -45,6 +47,8 @@ def dive(
     stack = checked(choices, pilot, services)
     stack = msgspec.structs.replace(stack, viewer=viewer, out=str(out_folder(choices.out)))
     stack = msgspec.structs.replace(stack, insecure=insecure and listen is not None)
+    name = stack.name or own_name(stack.vehicle_name, gethostname())
+    stack = msgspec.structs.replace(stack, name=name)
     if RECORDER in services:
         require_room_for_recording(stack.out_dir)
     outcome = Outcome(stack)

@@ -24,7 +24,8 @@ from messages.pilot import PilotCommand
 from messages.state import VehicleState
 from messages.topic import M
 from messages.vehicle import VehicleStatus
-from services.runtime.bus.zenoh_bus import connected, namespace
+from services.runtime.bus.spaces import namespace
+from services.runtime.bus.zenoh_bus import connected
 from services.runtime.config.running import RUNNING, Running
 from tools.recordings.recording import open_recording
 

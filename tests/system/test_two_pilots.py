@@ -16,7 +16,8 @@ import pytest
 
 from messages import topics
 from messages.vehicle import VehicleStatus
-from services.runtime.bus.zenoh_bus import connected, namespace
+from services.runtime.bus.spaces import namespace
+from services.runtime.bus.zenoh_bus import connected
 from services.runtime.config.running import RUNNING, Running
 
 pytestmark = pytest.mark.system

@@ -119,7 +119,7 @@ class Outcome:
             *processes(restarts, self.gone, self.shared),
             *counted(self._counted()),
         ]
-        how = f"{side} of {self._stack.vehicle_name}, {ending(self.exit, troubles)}"
+        how = f"{side} of {self._stack.drone_name}, {ending(self.exit, troubles)}"
         files = written(folder)
         print(unrecorded(how, restarts, self.gone, other, files, self.shared), flush=True)
         self._tell_insecure()

@@ -77,6 +77,12 @@ def up(
             "tcp/127.0.0.1:7447"
         ),
     ] = None,
+    router: Annotated[
+        str | None,
+        Parameter(
+            help="either side: endpoint of a Zenoh router where both meet; see docs/fleet.md"
+        ),
+    ] = None,
     gateway: Annotated[
         bool,
         Parameter(
@@ -99,7 +105,8 @@ def up(
     """Start one SIDE of a dive, topside or drone, on this machine; the other side runs on another.
 
     Start the drone first. Each side has its own clock; the clock offset is measured. By default
-    both connect on this machine. Between machines both need keys: see `lindy keys`.
+    both connect on this machine. Between machines both need keys: see `lindy keys`. A topside
+    without --name takes the one drone that can be reached.
 
     Example: lindy up drone --listen tls/192.168.2.2:7447
              lindy up topside --connect tls/192.168.2.2:7447
@@ -111,6 +118,7 @@ def up(
         choices or Choices(),
         listen=listen,
         connect=connect,
+        router=router,
         gateway=gateway,
         grouped=grouped,
         resume=resume,
