@@ -37,6 +37,7 @@ picture: $(READY) ## the pictures in the README; Debian: mesa-vulkan-drivers lib
 	rm -rf $(PICTURES)
 	$(BIN)/lindy simulate --out $(PICTURES)/dive
 	$(BIN)/lindy picture $(PICTURES)/dive/dive.rrd --at 60 --out $(PICTURES)/dive.png
+	$(BIN)/python -m tools.docs.camera_picture
 	$(BIN)/lindy figures --only andren-5.6 link-profiles --out $(PICTURES)
 	cp $(PICTURES)/dive.png docs/dive.png
 	cp $(PICTURES)/andren-5.6.png docs/retargeting.png

@@ -49,6 +49,8 @@ BOXES = {
     "services.estimation": Box(2.82, 3.0),
     "services.control": Box(3.86, 3.0),
     "services.reference": Box(5.12, 3.0),
+    "services.camera": Box(-0.14, 2.5, 0.82, 0.3),
+    "services.camera_monitor": Box(1.1, 2.5, 0.82, 0.3),
     "services.piloting": Box(-0.14, 2.0, 0.82),
     "services.vehicle": Box(1.1, 2.0),
     "services.marine": Box(3.0, 2.0, 1.4),
