@@ -41,7 +41,9 @@ def lindy(log: Path, *words: str) -> Process:
 
 @contextmanager
 def side(folder: Path, *words: str) -> Generator[Process]:
-    process = lindy(folder.with_suffix(".txt"), "up", *words, "--grouped", *QUICK, "--out", str(folder))
+    process = lindy(
+        folder.with_suffix(".txt"), "up", *words, "--grouped", *QUICK, "--out", str(folder)
+    )
     try:
         yield process
     finally:
