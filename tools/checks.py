@@ -13,6 +13,7 @@ from services.marine.vehicle import Vehicle
 from services.piloting.pilot_intents import FollowIntent
 from services.piloting.sticks import Incident
 from services.reference.guidance.path_following import PlannedPath
+from services.runtime.bus.spaces import checked_name
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import deploy_file, kept, nearest
 from services.runtime.config.stack import BODY, Stack
@@ -88,6 +89,7 @@ def checked(
         raise LindyError(f"--seed is {choices.seed}, expected 0 or more")
     stack = Stack(
         vehicle=choices.vehicle,
+        name="" if choices.name is None else checked_name(choices.name, "--name"),
         link=choices.link,
         pilot=pilot.name,
         seed=choices.seed,

@@ -10,7 +10,7 @@
     advice         … and what they had better not be
     streams        the telemetry asked for, and its rates
     readings       telemetry to samples
-    pressure_updates  which pressure messages bring a new value, and of when
+    board_updates  which messages bring a new pressure or field, and of when
     board_clock    the board's clock against ours
     mixer, frames  a force for each thruster to ArduSub's axes
     rc_channels    an axis to the pulse of its channel

@@ -49,7 +49,7 @@ class BoardIntroduction:
         self.mixer: Mixer | None = None
         self.accepted_ns: Ns | None = None
         self._asked_ns: Ns | None = None  # for the version
-        self._reader = parameters.ParameterReader(self._settings.board, [], OPTIONAL)
+        self._reader = parameters.ParameterReader(self._settings.board, [])
 
     def may_begin_again(self, now: Ns) -> bool:
         """Has it been refused for long enough?"""
@@ -98,6 +98,7 @@ class BoardIntroduction:
             return
         self.stage = "parameters"
         self._reader.wanted = parameters.names(self.version, len(self._vehicle.thruster))
+        self._reader.optional = (*parameters.optional(self.version), *OPTIONAL)
 
     def heard_parameter(self, fields: dict[str, Any]) -> None:
         name, value = fields["param_id"], float(fields["param_value"])

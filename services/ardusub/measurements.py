@@ -7,12 +7,15 @@ from messages.message import Message
 from messages.units import Ns
 from services.ardusub import readings
 from services.ardusub.board_clock import BoardClock
+from services.ardusub.board_updates import BoardUpdates
 from services.ardusub.outbox import DriverOutbox
-from services.ardusub.pressure_updates import PressureUpdates
 from services.ardusub.settings import Settings
 from services.ardusub.streams import TelemetryStream, TelemetryStreams
 
 S = 1_000_000_000  # [ns]
+# A value that stays for as long is passed on. A field is more often the same again, in the steps of
+# 1 mG of RAW_IMU and in still water: it must not look as if it came too seldom.
+PRESSURE_SAME_NS, FIELD_SAME_NS = 250_000_000, 115_000_000  # [ns]
 LEAK = "Leak Detected"  # text of the board
 LEAK_HOLDS_NS = 45 * S  # [ns] it is said every 20 s; one may be lost
 
@@ -37,7 +40,8 @@ class BoardMeasurements:
             ],
         )
         self._stamps: dict[str, Ns] = {}
-        self._pressures = PressureUpdates(round(self._settings.pressure_age * S))
+        self._pressures = BoardUpdates(round(self._settings.pressure_age * S), PRESSURE_SAME_NS)
+        self._fields = BoardUpdates(round(self._settings.compass_age * S), FIELD_SAME_NS)
         self._clock.forget()
 
     @property
@@ -101,7 +105,9 @@ class BoardMeasurements:
             if measured is not None:
                 self._keep(readings.pressure(fields, measured), name)
         else:
-            self._keep(readings.magnetometer(name, fields, stamp), name)
+            measured = self._fields.measured_at(readings.field_of(fields), stamp)
+            if measured is not None:
+                self._keep(readings.magnetometer(name, fields, measured), name)
             self._keep(readings.imu(name, fields, stamp), name)  # last: it triggers estimation
 
     def _keep(self, sample: Message | None, name: str) -> None:

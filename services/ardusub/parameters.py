@@ -27,6 +27,11 @@ TRIES = 25  # rounds
 OPTIONAL_TRIES = 5  # rounds, for a parameter that this version may not have
 THROTTLE = 3  # override channel
 EXACT = 1e-3  # [-] values travel as 32-bit floats
+# Which channel moves which axis: newer than 4.5, where it is fixed.
+CHANNELS = {
+    f"RCMAP_{axis}": channel
+    for channel, axis in enumerate(("PITCH", "ROLL", "THROTTLE", "YAW", "FORWARD", "LATERAL"), 1)
+}
 
 
 class ParameterRule(NamedTuple):
@@ -53,12 +58,17 @@ def names(version: tuple[int, int], motors: int) -> list[str]:
     new = is_new(version)
     return [
         "FRAME_CONFIG", "FS_PILOT_INPUT", "FS_PILOT_TIMEOUT", "FS_GCS_ENABLE", "FS_LEAK_ENABLE",
-        "RC_OVERRIDE_TIME", "ACRO_YAW_P", "MOT_FV_CPLNG_K",
+        "RC_OVERRIDE_TIME", "ACRO_YAW_P", "MOT_FV_CPLNG_K", "MOT_BAT_CURR_MAX",
         *(["MAV_GCS_SYSID", "MAV_GCS_SYSID_HI", "ARMING_SKIPCHK"] if new
           else ["SYSID_MYGCS", "ARMING_CHECK"]),
         *[f"MOT_{n}_DIRECTION" for n in range(1, motors + 1)],
         *[f"RC{n}_{part}" for n in range(1, 7) for part in ("MIN", "TRIM", "MAX", "REVERSED")],
     ]  # fmt: skip
+
+
+def optional(version: tuple[int, int]) -> tuple[str, ...]:
+    """Names of those that are judged where this version has them."""
+    return tuple(CHANNELS) if version > OLDEST else ()
 
 
 def rules(version: tuple[int, int], settings: Settings, motors: int) -> list[ParameterRule]:
@@ -78,6 +88,11 @@ def rules(version: tuple[int, int], settings: Settings, motors: int) -> list[Par
         *[ParameterRule(f"RC{n}_MAX", "1700 to 2000 µs", 1700, 2000) for n in axes],
         *[ParameterRule(f"RC{n}_REVERSED", "0 or 1", one_of=(0, 1)) for n in axes],
         *[ParameterRule(f"RC{n}_TRIM", "1500 µs", NEUTRAL, NEUTRAL) for n in axes if n != THROTTLE],
+        ParameterRule("MOT_BAT_CURR_MAX", "0 (no limit of the motors)", one_of=(0,)),
+        *[
+            ParameterRule(name, f"{channel}, its override channel", one_of=(channel,))
+            for name, channel in CHANNELS.items()
+        ],
     ]
     if is_new(version):
         found.append(ParameterRule("ARMING_SKIPCHK", "not -1 (all checks skipped)", never=-1))
@@ -93,11 +108,15 @@ def rules(version: tuple[int, int], settings: Settings, motors: int) -> list[Par
 def problems(
     values: Values, version: tuple[int, int], settings: Settings, vehicle: Vehicle
 ) -> list[str]:
-    """Why the board must not be armed, one sentence each: parameter, found, allowed."""
+    """Why the board must not be armed, one sentence each: parameter, found, allowed.
+
+    Args:
+        values: of all `names`, and of those `optional` that the board has.
+    """
     found = [
         f"{rule.name} is {values[rule.name]:g}; allowed: {rule.allowed}"
         for rule in rules(version, settings, len(vehicle.thruster))
-        if not rule.holds(values[rule.name])
+        if (rule.name in values or rule.name not in CHANNELS) and not rule.holds(values[rule.name])
     ]
     found += _wrong_throttle(values, version)
     found += _wrong_system(values, version, settings)
@@ -164,13 +183,19 @@ class ParameterReader:
     values: dict[str, float] = field(default_factory=dict[str, float])
     to_set: dict[str, float] = field(default_factory=dict[str, float])
     _tries: int = 0
+    _optional_tries: int = 0  # of them, since all that is wanted was answered
     _asked: Ns | None = None
 
     @property
     def complete(self) -> bool:
-        if self.to_set or not all(name in self.values for name in self.wanted):
+        if self.to_set or not self._has_wanted:
             return False
-        return self._tries > OPTIONAL_TRIES or all(n in self.values for n in self.optional)
+        tried = self._optional_tries > OPTIONAL_TRIES
+        return tried or all(name in self.values for name in self.optional)
+
+    @property
+    def _has_wanted(self) -> bool:
+        return all(name in self.values for name in self.wanted)
 
     @property
     def given_up(self) -> list[str]:
@@ -196,6 +221,7 @@ class ParameterReader:
         if self._asked is not None and now - self._asked < AGAIN_NS:
             return []
         self._asked, self._tries = now, self._tries + 1
+        self._optional_tries += self._has_wanted
         target = {"target_system": self.board, "target_component": AUTOPILOT}
         asked = [name for name in (*self.wanted, *self.optional) if name not in self.values][:BATCH]
         return [

@@ -33,6 +33,11 @@ def imu(name: str, fields: dict[str, Any], stamp_ns: Ns) -> ImuSample | None:
     return ImuSample(stamp_ns=stamp_ns, specific_force=force, angular_rate=rate)
 
 
+def field_of(fields: dict[str, Any]) -> tuple[float, ...]:
+    """What an IMU message says of the compass, in its own unit."""
+    return fields["xmag"], fields["ymag"], fields["zmag"]
+
+
 def magnetometer(name: str, fields: dict[str, Any], stamp_ns: Ns) -> MagnetometerSample | None:
     gauss = 1.0 if name == "HIGHRES_IMU" else 1e-3
     field = _vector(fields, "mag", gauss * TESLA_PER_GAUSS)

@@ -19,6 +19,7 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     # Of a value that the board has just taken over: half of the 100 ms of which it is the mean,
     # less the delay of its filter for the IMU (20 Hz).
     pressure_age: Annotated[float, msgspec.Meta(ge=0.0, le=0.3)] = 0.04  # [s]
+    compass_age: Annotated[float, msgspec.Meta(ge=0.0, le=0.3)] = 0.04  # [s] the same
     # May Lindy set FS_PILOT_TIMEOUT to this? None: it only says that a second or less is better.
     set_pilot_timeout: Timeout | None = None  # [s]
     disarm_after: Annotated[float, msgspec.Meta(ge=0.2, le=60.0)] = 2.0  # [s] without commands

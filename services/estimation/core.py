@@ -84,7 +84,10 @@ class Estimator:
         self._settings = settings
         self._floating_depth = floating_depth
         self._validation = SampleValidation(
-            settings.watch, self.events, settings.depth.pressure_std
+            settings.watch,
+            self.events,
+            settings.depth.pressure_std,
+            () if vehicle is None else vehicle.thruster,
         )
         density = density_of(settings.water_density)
         if vehicle is None:
@@ -183,6 +186,7 @@ class Estimator:
         """Thrust as reported: with the hull's drag, the only measurement of the current."""
         if self._calibrating is not None and max(map(abs, sample.thrust), default=0.0) > DRIVEN:
             self._calibrating.drive()
+        self._validation.actuation(sample)
         self._events.note(self._horizontal.actuation(sample))
 
     def reference(self, newest: Reference | None) -> None:

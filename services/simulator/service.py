@@ -28,6 +28,7 @@ def wire(node: Node, stack: Stack) -> None:
     battery = node.publisher(topics.BATTERY)
     actuation = node.publisher(topics.ACTUATION)
     truth = node.publisher(topics.TRUTH)
+    field_is_due = _once_in_a_period(stack.section("simulator", Settings).magnetometer_rate)
 
     def count(names: list[str]) -> None:
         for name in names:
@@ -38,7 +39,8 @@ def wire(node: Node, stack: Stack) -> None:
 
     def measure_motion(now: int) -> None:
         count(simulator.advance(now))
-        publish(node, magnetometer, simulator.magnetometer())
+        if field_is_due(now):
+            publish(node, magnetometer, simulator.magnetometer())
         publish(node, imu, simulator.imu())  # last, because it triggers estimation
         actuation.put(simulator.actuation())
         truth.put(simulator.truth())
@@ -62,6 +64,20 @@ def wire(node: Node, stack: Stack) -> None:
     _faults(node, simulator, count)
     _position_aids(node, simulator, stack.section("simulator", Settings), count)
     node.every(CHECKPOINT_HZ, lambda _: node.save_checkpoint(simulator.world()))
+
+
+def _once_in_a_period(hz: float) -> Callable[[int], bool]:
+    """For what is measured with the motion, but not as often: is it due?"""
+    period_ns, next_ns = round(1e9 / hz), 0
+
+    def is_due(now: int) -> bool:
+        nonlocal next_ns
+        if now < next_ns:
+            return False
+        next_ns = max(next_ns + period_ns, now + period_ns // 2)  # not all that was missed at once
+        return True
+
+    return is_due
 
 
 def publish(node: Node, publisher: Publisher[M], sample: M | None) -> None:

@@ -14,6 +14,7 @@ from services.simulator.sensor_errors import SensorErrors, Vibration
 from services.simulator.waves import Waves
 
 Field = Annotated[float, msgspec.Meta(ge=-1e-4, le=1e-4)]  # [T] the Earth's is 25 to 65 µT
+SampleRate = Annotated[float, msgspec.Meta(ge=1.0, le=100.0)]
 FieldNoise = Annotated[float, msgspec.Meta(ge=0.0, le=1e-4)]  # [T]
 StartHeading = Annotated[float, msgspec.Meta(ge=-6.3, le=6.3)]  # [rad]
 ImuNoise = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]  # far beyond any sensor worth the name
@@ -107,8 +108,9 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     accelerometer_noise: ImuNoise = 1.5e-3  # [m/s²/√Hz] 150 µg/√Hz
     hard_iron: FieldNoise = 0.2e-6  # [T] 1σ per axis
     magnetometer_noise: FieldNoise = 0.2e-6  # [T] 1σ per axis and sample
+    magnetometer_rate: SampleRate = topics.MAGNETOMETER.hz  # [1/s] at most that of the IMU
     pressure_std: Annotated[float, msgspec.Meta(ge=0.0, le=5000.0)] = 500.0  # [Pa] 5 mbar
-    pressure_rate: Annotated[float, msgspec.Meta(ge=1.0, le=100.0)] = topics.PRESSURE.hz  # [1/s]
+    pressure_rate: SampleRate = topics.PRESSURE.hz  # [1/s]
     pressure_step: Annotated[float, msgspec.Meta(ge=0.0, le=5000.0)] = 0.0  # [Pa] 0: unrounded
 
     # Optional sensors: absent means none.

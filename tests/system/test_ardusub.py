@@ -225,3 +225,24 @@ def test_a_flood_of_garbage_in_mid_dive_is_counted_and_the_vehicle_holds_its_dep
     assert abs(flight.depth - depth) < 0.15
     assert flight.counts["malformed:mavlink"] > 10_000
     assert flight.counts["jumped:board_clock"] == 0
+
+
+def test_an_imu_quieter_than_its_steps_is_believed_until_the_thrust_changes(tmp_path: Path) -> None:
+    """4.5 sends whole mg and mrad/s; what repeats itself is at rest, or frozen."""
+    quiet = ("simulator.gyro_noise=0", "simulator.gyro_drift=0", "simulator.accelerometer_noise=0")
+    flight = Flight(tmp_path, "4.5", overrides=quiet).until_armed().run(12.0)
+    said = flight.host.nodes["estimation"].counts
+    assert not [name for name in said if name.startswith("frozen")], said
+    assert flight.depth > 0.6
+    message, last = flight.double.hull.message, dict[str, dict[str, Any]]()
+
+    def frozen(name: str, boot_us: int, now: int) -> MavlinkPacket | None:
+        packet = message(name, boot_us, now)
+        if packet is None or name != "RAW_IMU":
+            return packet
+        fields = last.setdefault(name, packet.fields)
+        return packet._replace(fields={**fields, "time_usec": packet.fields["time_usec"]})
+
+    flight.double.hull.message = frozen
+    flight.run(3.0)
+    assert said["frozen:sensor/imu"] == 1

@@ -7,6 +7,7 @@ from services.ardusub.authority import MODES
 from services.ardusub.framing import LONGEST
 from services.ardusub.packet import ARDUPILOTMEGA, GCS_TYPE
 from services.ardusub.streams import ENOUGH
+from services.estimation.checks.sensor_watch import WatchSettings
 from services.marine.vehicle import Vehicle
 from tools.doctor.finding import VehicleFinding, Verdict
 from tools.doctor.parameter_checks import number, of_parameters
@@ -25,15 +26,15 @@ MOST = 8  # other systems that are named
 
 
 def of_board(
-    visit: BoardVisit, vehicle: Vehicle, url: str, imu_frozen: float = 0.2
+    visit: BoardVisit, vehicle: Vehicle, url: str, watch: WatchSettings | None = None
 ) -> list[VehicleFinding]:
     """In the order in which a visit goes; it ends with what the rest depends on.
 
     Args:
-        imu_frozen: [s] of one and the same value after which estimation trusts the IMU no more.
+        watch: how long the IMU may say one and the same.
     """
     found = [*_link(visit, url), *_board(visit, vehicle)]
-    return [*found, *_coarse(visit, imu_frozen)]
+    return [*found, *_coarse(visit, watch or WatchSettings())]
 
 
 def _link(visit: BoardVisit, url: str) -> Iterator[VehicleFinding]:
@@ -149,15 +150,17 @@ def _rates(visit: BoardVisit) -> Iterator[VehicleFinding]:
         yield VehicleFinding(verdict, name, told)
 
 
-def _coarse(visit: BoardVisit, imu_frozen: float) -> Iterator[VehicleFinding]:
+def _coarse(visit: BoardVisit, watch: WatchSettings) -> Iterator[VehicleFinding]:
     """RAW_IMU has steps of 1 mg and 1 mrad/s: a quiet sensor repeats itself at rest."""
     longest = visit.repeated_ns / S
-    if longest > imu_frozen / 2:
+    allowed = watch.imu_frozen_at_rest or watch.imu_frozen
+    if longest > allowed / 2:
         yield VehicleFinding(
             CHANGE,
             "IMU",
-            f"repeated one value for {longest:.2f} s; estimation.watch.imu_frozen is {imu_frozen:g}"
-            f" s, after which it counts as broken; set it to {max(2.0, 5 * longest):.0f}",
+            f"repeated one value for {longest:.2f} s; after {allowed:g} s at rest it counts as "
+            "broken; set estimation.watch.imu_frozen_at_rest to "
+            f"{max(10.0, 5 * longest):.0f}",
         )
 
 

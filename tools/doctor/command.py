@@ -98,7 +98,7 @@ def _of_board(stack: "Stack", vehicle: "Vehicle", seconds: float) -> "list[Vehic
     finally:
         link.close()
     estimation = stack.section("estimation", EstimationSettings)
-    return of_board(visit, vehicle, settings.url, estimation.watch.imu_frozen)
+    return of_board(visit, vehicle, settings.url, estimation.watch)
 
 
 def go_through(

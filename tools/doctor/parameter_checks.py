@@ -11,19 +11,11 @@ from tools.doctor.finding import VehicleFinding
 from tools.doctor.remedies import remedy
 from tools.doctor.visit import BoardVisit
 
-GROUPS = {"MOT_": "MOT_n_DIRECTION", "RC": "RC1 to RC6"}  # of many parameters with one rule
-# What the mixer takes for granted. A version without one of them is not judged by it.
-GRANTED = [
-    parameters.ParameterRule("MOT_BAT_CURR_MAX", "0: no limit of the motors", one_of=(0,)),
-    *[
-        parameters.ParameterRule(
-            f"RCMAP_{axis}", f"{channel}, its override channel", one_of=(channel,)
-        )
-        for channel, axis in enumerate(
-            ("PITCH", "ROLL", "THROTTLE", "YAW", "FORWARD", "LATERAL"), 1
-        )
-    ],
-]
+GROUPS = {
+    "MOT_": "MOT_n_DIRECTION",
+    "RC": "RC1 to RC6",
+    "RCMAP_": "RCMAP_*",
+}  # of many parameters with one rule
 
 
 def of_parameters(visit: BoardVisit, vehicle: Vehicle) -> Iterator[VehicleFinding]:
@@ -46,26 +38,17 @@ def of_parameters(visit: BoardVisit, vehicle: Vehicle) -> Iterator[VehicleFindin
     for sentence in _advised(visit):
         name, _, told = sentence.partition(" ")
         yield VehicleFinding("ok", name, told)
-    yield from _granted(visit)
 
 
 def _advised(visit: BoardVisit) -> list[str]:
     return advice({**visit.optional.values, **visit.reader.values})
 
 
-def _granted(visit: BoardVisit) -> Iterator[VehicleFinding]:
-    for rule in GRANTED:
-        value = visit.optional.values.get(rule.name)
-        if value is not None and not rule.holds(value):
-            told = f"is {number(value)}; allowed: {rule.allowed}"
-            yield VehicleFinding("change", rule.name, told)
-
-
 def _that_fit(visit: BoardVisit, wrong: set[str]) -> Iterator[VehicleFinding]:
     values = visit.reader.values
     advised = {sentence.split(" ")[0] for sentence in _advised(visit)}
     groups: dict[str, list[str]] = {}
-    for name in visit.reader.wanted:
+    for name in (*visit.reader.wanted, *filter(values.__contains__, visit.reader.optional)):
         many = next((group for start, group in GROUPS.items() if _is_of(name, start)), name)
         groups.setdefault(many, []).append(name)
     for group, names in groups.items():

@@ -4,7 +4,7 @@ from contextlib import suppress
 
 from services.ardusub.advice import RECOMMENDED_S
 from services.ardusub.frames import FRAMES, senses
-from services.ardusub.parameters import Values
+from services.ardusub.parameters import CHANNELS, Values
 from services.ardusub.rc_channels import NEUTRAL
 from services.ardusub.settings import Settings
 from services.marine.vehicle import Vehicle
@@ -13,7 +13,8 @@ from services.marine.vehicle import Vehicle
 USUAL = {
     "FS_PILOT_INPUT": 2.0, "FS_PILOT_TIMEOUT": RECOMMENDED_S, "FS_GCS_ENABLE": 2.0,
     "FS_LEAK_ENABLE": 1.0, "RC_OVERRIDE_TIME": 3.0, "ACRO_YAW_P": 3.375, "ARMING_CHECK": 448.0,
-    "ARMING_SKIPCHK": 16776767.0,
+    "ARMING_SKIPCHK": 16776767.0, "MOT_BAT_CURR_MAX": 0.0,
+    **{name: float(channel) for name, channel in CHANNELS.items()},
 }  # fmt: skip
 OF_CHANNEL = {"MIN": 1100.0, "TRIM": 1500.0, "MAX": 1900.0, "REVERSED": 0.0}
 OLD_THROTTLE = "RC3_TRIM"  # in versions whose throttle runs from 0 to 1

@@ -36,10 +36,8 @@ ASK_NS = S // 2
 TIMESYNC_NS = S // 5
 VERSION_MESSAGE = 148
 DEFAULT_RATE = 0  # [µs] interval that means: as if nobody had asked
-# Which the service does not ask for.
-OPTIONAL = ["BATT_MONITOR", "BATT_FS_LOW_ACT", "BATT_FS_CRT_ACT", "MOT_BAT_CURR_MAX",
-            "RCMAP_PITCH", "RCMAP_ROLL", "RCMAP_THROTTLE", "RCMAP_YAW", "RCMAP_FORWARD",
-            "RCMAP_LATERAL"]  # fmt: skip
+# Which are shown, and not judged.
+OPTIONAL = ["BATT_MONITOR", "BATT_FS_LOW_ACT", "BATT_FS_CRT_ACT"]
 Stage = Literal["heartbeat", "version", "parameters", "rates", "done"]
 
 
@@ -174,6 +172,7 @@ class BoardVisit:
         old = self.release < parameters.OLDEST
         self._enter("done" if old else "parameters", now)
         self.reader.wanted = parameters.names(self.release, self.motors)
+        self.reader.optional = parameters.optional(self.release)
         return []
 
     def _version_request(self, now: Ns) -> list[MavlinkPacket]:

@@ -7,6 +7,7 @@ serial:DEVICE:BAUD    a cable
 """
 
 import contextlib
+import errno
 import os
 import socket
 import termios
@@ -59,6 +60,11 @@ def open_link(url: str) -> BoardLink:
             return TcpLink(address)
         return UdpLink(address, listens=kind == "udpin")
     except (OSError, OverflowError, termios.error) as error:
+        if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
+            raise LindyError(
+                f"ardusub.url {url}: another program has this port, perhaps another dive, `lindy "
+                f"doctor` or a ground station; end it, or send the board's packets to another port"
+            ) from None
         raise LindyError(f"ardusub.url {url}: {error}; allowed: {ALLOWED}") from None
 
 

@@ -1,5 +1,7 @@
 """Validation of samples: in range, and from a working sensor."""
 
+from collections.abc import Sequence
+
 from messages import topics
 from messages.sensors import (
     DvlSample,
@@ -8,18 +10,27 @@ from messages.sensors import (
     PressureSample,
     UsblSample,
 )
+from messages.vehicle import Actuation
 from services.estimation.checks import range_checks
 from services.estimation.checks.sensor_watch import SensorWatch, WatchSettings
+from services.estimation.checks.thrust_watch import ThrustWatch
+from services.marine.vehicle import Thruster
 
 
 class SampleValidation:
     """One method per sensor: may this sample be used? `events` collects the refusals."""
 
     def __init__(
-        self, limits: WatchSettings, events: list[str], pressure_std: float | None = None
+        self,
+        limits: WatchSettings,
+        events: list[str],
+        pressure_std: float | None = None,
+        thrusters: Sequence[Thruster] = (),
     ) -> None:
         """`pressure_std`: [Pa] declared noise of one sample."""
         self._events = events
+        self._thrust = ThrustWatch.of(thrusters)
+        rest = limits.imu_frozen_at_rest
         imu, field, pressure, like = (
             topics.IMU,
             topics.MAGNETOMETER,
@@ -34,6 +45,7 @@ class SampleValidation:
             imu.hz,
             like,
             noise=(force, force, force, rate, rate, rate),
+            at_rest=None if rest is None else (rest, self._thrust),
         )
         self._pressure = SensorWatch(
             pressure.key,
@@ -48,7 +60,7 @@ class SampleValidation:
             field.key,
             limits.magnetometer_frozen,
             events,
-            field.hz,
+            limits.magnetometer_rate,
             like,
             limits.magnetometer_silent,
         )
@@ -69,6 +81,10 @@ class SampleValidation:
             return self._refused("implausible:sensor/imu")
         content = (*sample.specific_force, *sample.angular_rate)
         return self._imu.usable(content, sample.stamp_ns)
+
+    def actuation(self, sample: Actuation) -> None:
+        """Thrust as reported: whether the vehicle may be at rest."""
+        self._thrust.see(sample.thrust, sample.stamp_ns)
 
     def pressure(self, sample: PressureSample) -> bool:
         if not range_checks.pressure(sample):

@@ -13,8 +13,9 @@ from messages import topics
 from messages.units import OpenShare, Positive, WithinAnHour
 from services.estimation.checks.frozen_watch import FrozenWatch
 from services.estimation.checks.noise_watch import NoiseWatch
+from services.estimation.checks.thrust_watch import ThrustWatch
 
-PressureRate = Annotated[float, msgspec.Meta(ge=1.0, le=100.0)]
+SensorRate = Annotated[float, msgspec.Meta(ge=1.0, le=100.0)]
 WINDOW = 2.0  # [s] over which a rate is judged
 GAP = 5.0  # [periods] a longer break is a drop-out and does not count in the rate
 
@@ -28,12 +29,16 @@ class WatchSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """
 
     imu_frozen: WithinAnHour = 0.2  # [s]
+    # The same as long as the thrust does not change, for an IMU whose steps are coarser than its
+    # noise; None: no longer than `imu_frozen`.
+    imu_frozen_at_rest: WithinAnHour | None = None  # [s]
     magnetometer_frozen: WithinAnHour = 1.0  # [s]
     pressure_frozen: WithinAnHour = 10.0  # [s]
-    pressure_rate: PressureRate = topics.PRESSURE.hz  # [1/s] of this vehicle's sensor
+    pressure_rate: SensorRate = topics.PRESSURE.hz  # [1/s] of this vehicle's sensor
+    magnetometer_rate: SensorRate = topics.MAGNETOMETER.hz  # [1/s] the same
     dvl_frozen: WithinAnHour = 10.0  # [s]
     usbl_frozen: WithinAnHour = 20.0  # [s]
-    rate_tolerance: OpenShare = 0.2  # [-] of the topic's rate
+    rate_tolerance: OpenShare = 0.2  # [-] of the sensor's rate
 
     # More noise than any mounting has; below, the filters weigh and clip.
     gyro_noise: Positive = 0.15  # [rad/s] 1σ of one sample
@@ -60,6 +65,7 @@ class SensorWatch:
         silent_after: float = inf,
         noise: tuple[float, ...] = (),
         std: float | None = None,
+        at_rest: tuple[float, ThrustWatch] | None = None,
     ) -> None:
         """
         Args:
@@ -69,6 +75,7 @@ class SensorWatch:
             silent_after: [s] without samples.
             noise: largest 1σ of each number; empty: any.
             std: declared 1σ of the only number, to find out sooner that it is frozen.
+            at_rest: [s] in place of `frozen_after` while nothing moves the vehicle, and who knows.
         """
         self._key = key
         self._frozen_ns = round(frozen_after * 1e9)
@@ -76,12 +83,15 @@ class SensorWatch:
         self._content: tuple[float, ...] | None = None
         self._stamp_ns: int | None = None
         self._same_since_ns = 0
+        self._moved_ns: int | None = None  # the vehicle, first since then
         self._frozen = False
         self._silent_after = silent_after
         self._silent = False
         self._rate = None if hz is None else _Rate(hz, tolerance)
         self._noise = NoiseWatch(noise) if noise else None
         self._repeats = None if std is None else FrozenWatch(std, frozen_after)
+        self._rest_ns = None if at_rest is None else round(at_rest[0] * 1e9)
+        self._thrust = None if at_rest is None else at_rest[1]
 
     @property
     def frozen(self) -> str | None:
@@ -136,8 +146,20 @@ class SensorWatch:
             self._repeats.step(content[0], stamp_ns)
             return self._repeats.frozen
         if content != before:
-            self._same_since_ns = stamp_ns
-        return content == before and stamp_ns - self._same_since_ns >= self._frozen_ns
+            self._same_since_ns, self._moved_ns = stamp_ns, None
+            return False
+        same_ns = stamp_ns - self._same_since_ns
+        if self._rest_ns is None:
+            return same_ns >= self._frozen_ns
+        return same_ns >= self._rest_ns or self._repeats_in_motion(stamp_ns)
+
+    def _repeats_in_motion(self, stamp_ns: int) -> bool:
+        """Has it said the same for too long since the thrust began to change?"""
+        if self._moved_ns is None and self._thrust is not None:
+            changed_ns = self._thrust.changed_ns
+            if changed_ns is not None and changed_ns > self._same_since_ns:
+                self._moved_ns = changed_ns
+        return self._moved_ns is not None and stamp_ns - self._moved_ns >= self._frozen_ns
 
 
 class _Rate:

@@ -1,11 +1,11 @@
 """The driver against the double, packet by packet: what it accepts, refuses, sends and says."""
 
-from math import inf
+from math import inf, nan
 from typing import Any
 
 import pytest
 
-from messages.sensors import BatterySample, ImuSample, PressureSample
+from messages.sensors import BatterySample, ImuSample, MagnetometerSample, PressureSample
 from services.ardusub.core import Settings
 from services.ardusub.packet import MavlinkPacket
 from tools.research.ardusub_double.cable import DOWN, MS, Cable, S
@@ -79,10 +79,11 @@ def test_samples_come_at_their_rates_in_si_units_and_on_our_clock(version: str) 
     cable = Cable(version).accepted()
     began = cable.now
     cable.run(4.0)
-    # The board takes a pressure over ten times a second, however often it sends it.
+    # The board takes a pressure and a field over ten times a second, however often it sends them.
     for kind, hz, oldest_ms in (
         (ImuSample, 100, 8),
         (PressureSample, 10, 70),
+        (MagnetometerSample, 10, 70),
         (BatterySample, 1, 8),
     ):
         got = [(at, m) for at, m in cable.samples if isinstance(m, kind) and at > began]
@@ -136,6 +137,10 @@ def test_lights_and_tilt_as_the_version_allows(version: str) -> None:
         ({"params": {"RC5_TRIM": 1480}}, "RC5_TRIM is 1480; allowed: 1500"),
         ({"params": {"ARMING_SKIPCHK": -1}}, "ARMING_SKIPCHK is -1; allowed: not -1"),
         ({"params": {"ACRO_YAW_P": 0}}, "ACRO_YAW_P is 0; allowed: 0.5 to 10"),
+        ({"params": {"RCMAP_FORWARD": 6}}, "RCMAP_FORWARD is 6; allowed: 5, its override channel"),
+        ({"params": {"RCMAP_ROLL": nan}}, "RCMAP_ROLL is nan; allowed: 2"),
+        ({"params": {"MOT_BAT_CURR_MAX": 30}}, "MOT_BAT_CURR_MAX is 30; allowed: 0"),
+        ({"version": "4.5", "params": {"MOT_BAT_CURR_MAX": 30}}, "MOT_BAT_CURR_MAX is 30"),
         ({"version": "4.5", "params": {"SYSID_MYGCS": 1}}, "SYSID_MYGCS is 1; allowed: 255"),
         ({"version": "4.5", "params": {"RC3_TRIM": 1500}}, "RC3_TRIM is 1500; allowed: RC3_MIN"),
         ({"version": "4.5", "params": {"ARMING_CHECK": 0}}, "ARMING_CHECK is 0; allowed: not 0"),
@@ -225,6 +230,35 @@ def test_a_board_without_an_optional_parameter_is_done_with_the_others() -> None
     del cable.board.params["FS_EKF_ACTION"]
     cable.run(4.0)
     assert cable.driver.stage == "accepted", cable.said
+
+
+def test_an_axis_on_another_channel_is_found_however_many_answers_are_lost() -> None:
+    """Half of them and all of the first seconds, in which a board may still start."""
+    cable = Cable(params={"RCMAP_YAW": 6.0})
+    rightly, asked = cable.board.hear, 0
+
+    def seldom(packet: MavlinkPacket, now: int) -> None:
+        nonlocal asked
+        asked += packet.name == "PARAM_REQUEST_READ"
+        if packet.name != "PARAM_REQUEST_READ" or (asked > 110 and asked % 2):
+            rightly(packet, now)
+
+    cable.board.hear = seldom
+    cable.thrust = DOWN
+    cable.run(6.0)
+    assert not cable.board.armed
+    assert any("RCMAP_YAW is 6; allowed: 4" in text for text in cable.said), cable.said
+
+
+def test_an_axis_moved_to_another_channel_in_flight_ends_it() -> None:
+    cable = Cable().flying()
+    cable.board.hear(
+        MavlinkPacket("PARAM_SET", {"param_id": "RCMAP_YAW", "param_value": 6.0}, 254, 190),
+        cable.now,
+    )
+    cable.run(0.5)
+    assert not cable.board.armed
+    assert any("RCMAP_YAW is 6" in text for text in cable.said)
 
 
 def test_nothing_but_the_pilot_timeout_is_ever_written() -> None:

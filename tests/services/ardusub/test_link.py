@@ -50,7 +50,7 @@ def test_a_link_that_cannot_be_opened_is_one_sentence(url: str) -> None:
 def test_a_port_that_is_taken_is_said() -> None:
     port = free_port()
     link = open_link(f"udpin:127.0.0.1:{port}")
-    with pytest.raises(LindyError, match="in use"):
+    with pytest.raises(LindyError, match="another program has this port"):
         open_link(f"udpin:127.0.0.1:{port}")
     link.close()
 

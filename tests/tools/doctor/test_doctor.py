@@ -144,8 +144,9 @@ def test_it_only_asks_and_leaves_the_board_as_it_was(version: str, armed: bool) 
         ("4.8", "FRAME_CONFIG", inf, "is inf; allowed: 0 to 7; set it to 2"),
         ("4.8", "FRAME_CONFIG", nan, "is nan; allowed: 0 to 7; set it to 2"),
         ("4.5", "RC_OVERRIDE_TIME", nan, "is nan; allowed: 0.1 to 10 s"),
-        ("4.8", "RCMAP_FORWARD", 6.0, "is 6; allowed: 5, its override channel"),
-        ("4.8", "MOT_BAT_CURR_MAX", 30.0, "is 30; allowed: 0"),
+        ("4.8", "RCMAP_FORWARD", 6.0, "is 6; allowed: 5, its override channel; set it to 5"),
+        ("4.8", "MOT_BAT_CURR_MAX", 30.0, "is 30; allowed: 0 (no limit of the motors); set it to"
+         " 0"),
     ],
 )  # fmt: skip
 def test_a_parameter_that_is_wrong_is_named_with_what_to_set(
@@ -277,7 +278,8 @@ def test_an_imu_that_repeats_itself_is_said_with_the_setting() -> None:
     bench.board.hull.message = still
     [found] = wrong(bench.visited())
     assert found.what == "IMU"
-    assert "estimation.watch.imu_frozen is 0.2 s" in found.text
+    assert "after 0.2 s at rest" in found.text
+    assert "estimation.watch.imu_frozen_at_rest to 1" in found.text
 
 
 def test_a_leak_is_heard_within_25_seconds() -> None:

@@ -17,7 +17,7 @@ from tools.research.ardusub_double.telemetry import HullDouble
 
 MS, S = 1_000_000, 1_000_000_000  # [ns]
 TICK_NS, INPUT_NS, GCS_CHECK_NS = 5 * MS, 20 * MS, S // 3
-DEPTH_NS = 100 * MS  # [ns] a value of the depth sensor stays for as long
+TAKEN_OVER_NS = 100 * MS  # [ns] a value of depth sensor and compass stays for as long
 MANUAL, STABILIZE = 19, 0
 MODES = (0, 1, 2, 3, 4, 7, 9, 16, 19, 20, 21)
 DENIED, UNSUPPORTED, FAILED = 2, 3, 4  # results of a command
@@ -82,7 +82,7 @@ class BoardDouble:
         self._gcs_lost = False
         self.streams: dict[str, list[int]] = {}  # interval and next time [ns]
         self._leak_ns = self._heartbeat_ns = self._input_ns = -LEAK_EVERY_NS
-        self._gcs_check_ns = self._depth_ns = -LEAK_EVERY_NS
+        self._gcs_check_ns = self._taken_over_ns = -LEAK_EVERY_NS
 
     # What tests do to it.
 
@@ -121,10 +121,10 @@ class BoardDouble:
         if now - self._input_ns >= INPUT_NS:
             self._input_ns, self._input = now, self.override[:6]
             self._drive(now)
-            self.hull.measure_depth(now)
-        if now - self._depth_ns >= DEPTH_NS:
-            self._depth_ns = now
-            self.hull.take_over_depth()
+            self.hull.measure(now)
+        if now - self._taken_over_ns >= TAKEN_OVER_NS:
+            self._taken_over_ns = now
+            self.hull.take_over()
         if now - self._heartbeat_ns >= S:
             self._heartbeat_ns = now
             self._say_heartbeat()

@@ -12,6 +12,7 @@ _BOTH: dict[str, float] = {
     "ACRO_YAW_P": 3.375,
     "MOT_FV_CPLNG_K": 1.0,
     "MOT_SPOOL_TIME": 0.5,
+    "MOT_BAT_CURR_MAX": 0,
     "BATT_FS_LOW_ACT": 0,
     "BATT_FS_CRT_ACT": 0,
     "FS_EKF_ACTION": 0,
@@ -31,6 +32,12 @@ _OF_VERSION: dict[str, dict[str, float]] = {
         "MAV_SYSID": 1,
         "ARMING_SKIPCHK": 16776767,
         "FS_GCS_TIMEOUT": 5.0,
+        "RCMAP_PITCH": 1,
+        "RCMAP_ROLL": 2,
+        "RCMAP_THROTTLE": 3,
+        "RCMAP_YAW": 4,
+        "RCMAP_FORWARD": 5,
+        "RCMAP_LATERAL": 6,
     },
 }
 LIMITS = {"FS_PILOT_TIMEOUT": (0.1, 3.0)}  # a value outside is taken as the nearest

@@ -7,7 +7,7 @@ from statistics import fmean
 from msgspec.structs import replace
 
 from messages.control import ThrusterCommand
-from messages.sensors import PressureSample
+from messages.sensors import MagnetometerSample, PressureSample
 from services.ardusub.frames import FRAMES, senses
 from services.ardusub.packet import MavlinkPacket
 from services.marine.thrust_curve import CURVES
@@ -28,8 +28,11 @@ class HullDouble:
             wired_as: FRAME_CONFIG of the real wiring, whatever the parameter says.
         """
         self.simulator = Simulator(vehicle, settings, seed, at_the_surface(vehicle, settings))
-        self._measured: list[PressureSample] = []  # since the firmware took the mean
-        self._taken_over: PressureSample | None = None
+        # Measured since the firmware took the means, and these.
+        self._pressures: list[PressureSample] = []
+        self._pressure: PressureSample | None = None
+        self._fields: list[MagnetometerSample] = []
+        self._field: MagnetometerSample | None = None
         self._thrusters = vehicle.thruster
         self._senses = senses(FRAMES[wired_as], vehicle.thruster)
 
@@ -42,26 +45,35 @@ class HullDouble:
         )
         self.simulator.obey(command, now)
 
-    def measure_depth(self, now: int) -> None:
-        """As the sensor does, much faster than its values are taken over."""
+    def measure(self, now: int) -> None:
+        """As depth sensor and compass do, much faster than their values are taken over."""
         self.simulator.advance(now)
-        if (sample := self.simulator.pressure()) is not None:
-            self._measured.append(sample)
+        if (pressure := self.simulator.pressure()) is not None:
+            self._pressures.append(pressure)
+        if (field := self.simulator.magnetometer()) is not None:
+            self._fields.append(field)
 
-    def take_over_depth(self) -> None:
+    def take_over(self) -> None:
         """Ten times a second: the mean since the last time, or what there was where none came."""
-        if self._measured:
-            mean = fmean(sample.pressure for sample in self._measured)
-            self._taken_over = replace(self._measured[-1], pressure=mean)
-            self._measured = []
+        if self._pressures:
+            mean = fmean(sample.pressure for sample in self._pressures)
+            self._pressure = replace(self._pressures[-1], pressure=mean)
+            self._pressures = []
+        if self._fields:
+            x, y, z = (fmean(part) for part in zip(*[m.field for m in self._fields], strict=True))
+            self._field = replace(self._fields[-1], field=(x, y, z))
+            self._fields = []
 
     def message(self, name: str, boot_us: int, now: int) -> MavlinkPacket | None:
         """A telemetry message now; None where a simulated fault keeps the sensor silent."""
         self.simulator.advance(now)
+        if self._field is None:
+            self.measure(now)
+            self.take_over()
         if name in ("RAW_IMU", "SCALED_IMU2", "HIGHRES_IMU"):
             return self._imu(name, boot_us)
         if name == "SCALED_PRESSURE2":
-            sample = self._taken_over
+            sample = self._pressure
             if sample is None:
                 return None
             return MavlinkPacket(name, {
@@ -87,7 +99,7 @@ class HullDouble:
         return None
 
     def _imu(self, name: str, boot_us: int) -> MavlinkPacket | None:
-        imu, compass = self.simulator.imu(), self.simulator.magnetometer()
+        imu, compass = self.simulator.imu(), self._field
         if imu is None or compass is None:
             return None
         if name == "HIGHRES_IMU":

@@ -19,16 +19,18 @@ from messages.sensors import (
     UsblSample,
 )
 from messages.state import VehicleState
+from messages.vehicle import Actuation
 from services.estimation.checks.sensor_watch import SensorWatch, WatchSettings
 from services.estimation.core import Estimator, Settings
 from services.estimation.startup.calibration import CalibrationSettings
-from services.marine.vehicle import GRAVITY, SEA_WATER
+from services.marine.vehicle import GRAVITY, SEA_WATER, Vehicle
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.hosts.virtual_host import VirtualHost
 
 QUICK = Settings(calibration=CalibrationSettings(still_time=3.0))  # [s] less to wait for
 FLOATING = 0.168  # [m]
+PIONEER = Stack().section("vehicle", Vehicle)
 MS = 1_000_000  # [ns]
 SURFACE = 100_900.0 + SEA_WATER * GRAVITY * FLOATING  # [Pa]
 
@@ -99,6 +101,62 @@ def test_a_frozen_imu_is_counted_once_and_treated_as_silent() -> None:
     bench.frozen = set()
     assert not bench.run(0.5).heading.valid  # it may have turned
     assert bench.run(1.0).heading.valid  # as the compass measured it
+
+
+class Coarse(Bench):
+    """An IMU that may repeat itself at rest for ten seconds, and the thrust that is reported."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        watch = WatchSettings(imu_frozen_at_rest=10.0)
+        self.estimator = Estimator(
+            msgspec.structs.replace(QUICK, watch=watch), FLOATING, vehicle=PIONEER
+        )
+        assert self.run(5.0).phase == "running"
+        self.frozen = {"force", "rate"}
+
+    def push(self, newtons: float, seconds: float) -> None:
+        """With one thruster, told a hundred times a second."""
+        for _ in range(round(100 * seconds)):
+            rest = (0.0,) * (len(PIONEER.thruster) - 1)
+            self.estimator.actuation(
+                Actuation(
+                    stamp_ns=self.ms * MS, thrust=(newtons, *rest), measured=False,
+                    actuated_ns=None, sensor_ns=None, pilot_ns=None, stale=False, power=0.0,
+                )
+            )  # fmt: skip
+            self.run(0.01)
+
+
+def test_a_coarse_imu_may_repeat_itself_at_rest_but_not_for_ever() -> None:
+    bench = Coarse()
+    bench.push(0.0, 9.8)
+    assert "frozen:sensor/imu" not in bench.counts
+    bench.push(0.0, 0.5)
+    assert bench.counts["frozen:sensor/imu"] == 1
+
+
+@pytest.mark.parametrize("rests", [0.0, 3.0])
+def test_a_coarse_imu_that_repeats_itself_while_the_thrust_changes_is_frozen(rests: float) -> None:
+    bench = Coarse()
+    bench.push(0.0, rests)
+    for n in range(10):  # on and off, faster than the limit
+        bench.push(20.0 * (n % 2), 0.04)
+    assert bench.counts["frozen:sensor/imu"] == 1
+    bench.push(0.0, 5.0)
+    assert bench.counts["frozen:sensor/imu"] == 1, "it is frozen until it says something else"
+    bench.frozen = set()
+    bench.run(2.0)
+    bench.frozen = {"force", "rate"}
+    bench.push(0.0, 5.0)
+    assert bench.counts["frozen:sensor/imu"] == 1, "and may then rest again"
+
+
+def test_the_small_thrust_of_a_vehicle_that_is_held_is_no_motion() -> None:
+    bench = Coarse()
+    for n in range(20):
+        bench.push(0.2 * (-1) ** n, 0.2)
+    assert "frozen:sensor/imu" not in bench.counts
 
 
 def test_a_frozen_pressure_sensor_is_counted_once_and_depth_becomes_invalid() -> None:

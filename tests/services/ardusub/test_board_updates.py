@@ -5,10 +5,11 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.ardusub.pressure_updates import PERIOD_NS, SAME_NS, PressureUpdates
+from services.ardusub.board_updates import PERIOD_NS, BoardUpdates
+from services.ardusub.measurements import FIELD_SAME_NS
 
 MS = 1_000_000  # [ns]
-AGE_NS = 40 * MS
+AGE_NS, SAME_NS = 40 * MS, 250 * MS
 
 
 @given(st.integers(5, 100), st.integers(0, 99), st.integers(0, 10**15))
@@ -16,7 +17,7 @@ def test_every_value_is_used_once_and_stamped_within_half_a_message_of_its_time(
     every_ms: int, phase_ms: int, boot: int
 ) -> None:
     """Values are taken over every 100 ms and sent every few, at any phase."""
-    updates = PressureUpdates(AGE_NS)
+    updates = BoardUpdates(AGE_NS, SAME_NS)
     found = dict[float, int]()
     for sent in range(boot, boot + 3000 * MS, every_ms * MS):
         number = (sent - boot + phase_ms * MS) // PERIOD_NS
@@ -33,13 +34,31 @@ def test_every_value_is_used_once_and_stamped_within_half_a_message_of_its_time(
 
 
 def test_a_sensor_that_is_frozen_is_still_seen() -> None:
-    updates = PressureUpdates(AGE_NS)
+    updates = BoardUpdates(AGE_NS, SAME_NS)
     stamps = [at for ms in range(0, 3000, 25) if (at := updates.measured_at(1013.0, ms * MS))]
     steps = {after - before for before, after in pairwise(stamps)}
     assert steps == {SAME_NS}
 
 
 def test_a_value_after_a_gap_is_not_taken_for_older_than_the_boards_period() -> None:
-    updates = PressureUpdates(AGE_NS)
+    updates = BoardUpdates(AGE_NS, SAME_NS)
     updates.measured_at(1013.0, 0)
     assert updates.measured_at(1014.0, 5000 * MS) == 5000 * MS - AGE_NS - PERIOD_NS // 2
+
+
+@given(st.lists(st.booleans(), min_size=30, max_size=30), st.integers(5, 25))
+def test_a_value_that_is_measured_again_is_not_missing(again: list[bool], every_ms: int) -> None:
+    """However often a new value is equal to the one before: never a gap of more than the patience
+    and a message, and one more between the two ways of stamping."""
+    updates = BoardUpdates(AGE_NS, FIELD_SAME_NS)
+    value, values = 0, list[int]()
+    for same in again:
+        value += not same
+        values.append(value)
+    stamps = [
+        at
+        for sent in range(0, len(values) * PERIOD_NS, every_ms * MS)
+        if (at := updates.measured_at(values[sent // PERIOD_NS], sent)) is not None
+    ]
+    steps = [after - before for before, after in pairwise(stamps)]
+    assert all(0 < step <= FIELD_SAME_NS + 2 * every_ms * MS for step in steps)
