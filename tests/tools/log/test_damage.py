@@ -15,8 +15,8 @@ from tools.recordings.recording import open_recording
 from tools.replay.command import span_of
 from tools.replay.source import open_source, remarks
 from tools.report import report_on
-from tools.report.dive import read_dive
-from tools.report.report import Extras
+from tools.report.dive import RecordedDive, read_dive
+from tools.report.report import Extras, Report
 
 from .conftest import ShortDive
 from .test_recover import CHUNKS, KEY, PER_CHUNK, foreign, recorded, whole_file, write
@@ -168,7 +168,11 @@ def test_losses_are_counted_by_the_rule_of_the_summary(
     recording = open_recording(dive.folder)
     counts = {"loss:state": 5, "accelerating:sensor/imu": 535}  # the second is no loss
     report = replace(report_on(read_dive(recording), Extras()), losses=counts)
-    monkeypatch.setattr("tools.log.figures.report_on", lambda *_: report)
+
+    def same(_dive: RecordedDive, _extras: Extras) -> Report:
+        return report
+
+    monkeypatch.setattr("tools.log.figures.report_on", same)
     sides = figures(recording, recording)
     assert [each.a for each in sides if each.name.startswith("losses")] == [5.0]
 
