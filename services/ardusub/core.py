@@ -275,10 +275,13 @@ class ArdusubDriver:
                     self._outbox.may_repeat(sentence)
             return
         since = self._began if self._began is not None else now
-        if now - since < PATIENCE_NS or self._is_silent:
+        if now - since < PATIENCE_NS:
+            return
+        if self._is_due("silence", S, now):  # every second of it is counted
+            self._outbox.count("silent:board")
+        if self._is_silent:
             return
         self._is_silent = True
-        self._outbox.count("silent:board")
         nothing, unreadable = self._silences
         no_mavlink = self._garbage and self.stage == "silent"
         self._outbox.say("error", unreadable if no_mavlink else nothing)
