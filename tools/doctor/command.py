@@ -71,12 +71,26 @@ def doctor(
         Choices(vehicle=vehicle, stack=stack, set_=set_), PilotChoice("gamepad"), services
     )
     found = of_file(checked_stack, simulated="simulator" in services)
-    if "ardusub" in services:
-        found += _of_board(checked_stack, checked_stack.section(BODY, Vehicle), seconds)
-    else:
+    of_a_board, asked = "ardusub" in tree, "ardusub" in services
+    if of_a_board != asked:
+        found.append(_other_stack(stack, asked=asked))
+    elif not asked:
         found.append(VehicleFinding("ok", "board", "none: the vehicle file has no table [ardusub]"))
+    if asked:
+        found += _of_board(checked_stack, checked_stack.section(BODY, Vehicle), seconds)
     print(as_json(found) if json else as_lines(found))
     return 0 if fit(found) else 1
+
+
+def _other_stack(stack: str, *, asked: bool) -> "VehicleFinding":
+    """The stack has a board and the vehicle file does not, or the other way about."""
+    from services.ardusub.settings import Settings
+    from tools.doctor.finding import VehicleFinding
+
+    if not asked:
+        return VehicleFinding("ok", "board", f"not asked: the stack {stack} has no ardusub")
+    text = f"the vehicle file has no table [ardusub]: asked at {Settings().url}, as by default"
+    return VehicleFinding("change", "board", text)
 
 
 def _of_board(stack: "Stack", vehicle: "Vehicle", seconds: float) -> "list[VehicleFinding]":

@@ -304,6 +304,17 @@ def test_a_vehicle_without_a_board_is_checked_as_a_file(capsys: pytest.CaptureFi
     assert [f["what"] for f in told["findings"] if f["verdict"] == "change"] == ["pressure noise"]
 
 
+def test_a_stack_that_does_not_go_with_the_vehicle_file_is_said(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert main(["doctor", "--vehicle", "bluerov2_heavy", "--stack", "simulated"]) == 0
+    assert "not asked: the stack simulated has no ardusub" in capsys.readouterr().out
+    monkeypatch.setattr("tools.doctor.command._of_board", lambda *_: [])
+    assert main(["doctor", "--vehicle", "pioneer", "--stack", "ardusub"]) == 1
+    said = capsys.readouterr().out
+    assert f"no table [ardusub]: asked at {Settings().url}, as by default" in said
+
+
 @pytest.mark.parametrize(
     ("words", "says"),
     [
