@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections import Counter
 from math import inf, nan
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -302,6 +303,37 @@ def test_a_vehicle_without_a_board_is_checked_as_a_file(capsys: pytest.CaptureFi
     told = json.loads(capsys.readouterr().out)
     assert told["fit"] is False
     assert [f["what"] for f in told["findings"] if f["verdict"] == "change"] == ["pressure noise"]
+
+
+def test_without_pymavlink_the_vehicle_file_is_checked_all_the_same(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tools.checks.find_spec", lambda _: None)
+    assert main(["doctor", "--vehicle", "bluerov2_heavy"]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("ok       vehicle file")
+    assert lines[-2].startswith("missing  board")
+    assert "needs pymavlink" in lines[-2]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["dive", "--stack", "mavlink"],
+        ["dive", "--stack", "ardusub", "--vehicle", "bluerov2_heavy"],
+        ["up", "drone", "--stack", "ardusub", "--vehicle", "bluerov2_heavy"],
+    ],
+)
+def test_without_pymavlink_nothing_is_written_and_it_is_said_once(
+    words: list[str],
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> None:
+    monkeypatch.setattr("tools.checks.find_spec", lambda _: None)
+    monkeypatch.chdir(tmp_path)
+    assert "needs pymavlink, which is missing: in the folder" in complaint(capsys, *words)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_stack_that_does_not_go_with_the_vehicle_file_is_said(
