@@ -114,7 +114,7 @@ def _of_board(stack: "Stack", vehicle: "Vehicle", seconds: float) -> "list[Vehic
     finally:
         link.close()
     estimation = stack.section("estimation", EstimationSettings)
-    return of_board(visit, vehicle, settings.url, estimation.watch)
+    return of_board(visit, vehicle, settings.url, estimation.watch, link.trouble)
 
 
 def go_through(
