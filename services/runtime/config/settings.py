@@ -34,6 +34,10 @@ def deploy_file(folder: str, name: str, suffix: str = ".toml") -> Path:
         if _is_file(Path(name)):
             return Path(name)
         raise LindyError(f"there is no file {name}")
+    if "/" in name:
+        raise LindyError(
+            f"{name} is no {suffix} file: give a name in deploy/{folder} or such a file"
+        )
     path = DEPLOY / folder / f"{name}{suffix}"
     if _is_file(path):
         return path

@@ -118,6 +118,12 @@ def test_an_unknown_vehicle_suggests_the_nearest() -> None:
         deploy_file("vehicles", "pionere")
 
 
+@pytest.mark.parametrize("path", ["/tmp", "/dev/null", "./mine"])
+def test_a_path_that_is_no_file_of_the_kind_is_said(path: str) -> None:
+    with pytest.raises(LindyError, match=rf"^{path} is no .toml file: give a name in deploy/veh"):
+        deploy_file("vehicles", path)
+
+
 @pytest.mark.parametrize("vehicle", ["pioneer"])
 def test_every_shipped_vehicle_is_valid(vehicle: str) -> None:
     Stack(vehicle=vehicle).check(known_tables(Registry.read()))
