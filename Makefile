@@ -18,6 +18,7 @@ explore: $(READY) ## search for minutes for new cases that break a law; prints w
 	$(BIN)/python -m pytest -n 2 -p tests.long.explore --hypothesis-profile explore \
 		-m "hypothesis and not system"
 	$(BIN)/python -m pytest -n 2 tests/long/identify_fit.py
+	$(BIN)/python -m pytest -n 0 tests/long/fleet.py
 
 mutants: $(READY) ## how many small faults, put into a copy of the laws, the tests notice
 	$(BIN)/python tests/long/mutants.py
@@ -36,6 +37,7 @@ picture: $(READY) ## the pictures in the README; Debian: mesa-vulkan-drivers lib
 	rm -rf $(PICTURES)
 	$(BIN)/lindy simulate --out $(PICTURES)/dive
 	$(BIN)/lindy picture $(PICTURES)/dive/dive.rrd --at 60 --out $(PICTURES)/dive.png
+	$(BIN)/python -m tools.docs.camera_picture
 	$(BIN)/lindy figures --only andren-5.6 link-profiles --out $(PICTURES)
 	cp $(PICTURES)/dive.png docs/dive.png
 	cp $(PICTURES)/andren-5.6.png docs/retargeting.png

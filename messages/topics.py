@@ -1,8 +1,8 @@
 """The topic table: every topic in the system, once.
 
-Keys are relative to the session's namespace, `lindy/@v1/<vehicle>`, so two vehicles can use one
-table and one network. Publishers, the tether, the recorder, the visualizer, the freshness checks
-and `docs/topics.md` all read these rows.
+Keys are relative to the session's namespace, `lindy/@v1/<name of the drone>`, so many drones can
+use one table and one network. Publishers, the tether, the recorder, the visualizer, the freshness
+checks and `docs/topics.md` all read these rows.
 """
 
 from messages.control import ThrusterCommand, Wrench
@@ -35,6 +35,7 @@ from messages.simulator import FaultAnswer, FaultRequest
 from messages.state import VehicleState
 from messages.topic import AnyTopic, Qos, Topic, Way, rows
 from messages.vehicle import Actuation, Truth, VehicleStatus
+from messages.video import PictureAge, VideoPart
 
 REALTIME, LIVE, EVENT, BULK = Qos.REALTIME, Qos.LIVE, Qos.EVENT, Qos.BULK
 DOWN, UP, BOTH, STAY = Way.DOWN, Way.UP, Way.BOTH, Way.STAY
@@ -71,6 +72,8 @@ CLOCK          = Topic("link/clock",          Clock,               5, LIVE,     
 CLOCK_PING     = Topic("clock/ping",          ClockPing,           5, REALTIME,       DOWN)
 CLOCK_PONG     = Topic("clock/pong",          ClockPong,           5, REALTIME,       UP)
 PREDICTION     = Topic("prediction",          Prediction,         25, LIVE,           DOWN)
+VIDEO          = Topic("camera/video",        VideoPart,          25, BULK,           UP)
+PICTURE_AGE    = Topic("camera/age",          PictureAge,          5, BULK,           DOWN)
 IDENTITY       = Topic("identity/*",          SideIdentity,        0, BULK,           BOTH)
 HEALTH         = Topic("health/*",            Health,              1, BULK,           BOTH)
 LOG            = Topic("log/*",               LogLine,             0, BULK,           BOTH)

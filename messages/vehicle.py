@@ -2,6 +2,8 @@
 
 from typing import Literal
 
+from msgspec import UNSET, UnsetType
+
 from messages.message import Message
 from messages.pilot import Hold, StopDistance
 from messages.units import (
@@ -46,6 +48,8 @@ class VehicleStatus(Message, frozen=True, kw_only=True):
     light: Stick = 0.0  # [-] 0 … 1
     note: Text = ""  # why it is not ready, and every notice, in words for the pilot
     stop: StopDistance | None = None  # while stopping: distance from the stop request to standstill
+    # By which the newest stop of heave was moved from its plan to the vehicle; absent: not moved.
+    depth_moved: Finite | UnsetType = UNSET  # [m]
 
 
 class Actuation(Message, frozen=True, kw_only=True):

@@ -14,6 +14,7 @@ from services.marine.vehicle import Vehicle
 from services.piloting.pilot_intents import FollowIntent
 from services.piloting.sticks import Incident
 from services.reference.guidance.path_following import PlannedPath
+from services.runtime.bus.spaces import checked_name
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
 from services.runtime.config.settings import deploy_file, kept, nearest
@@ -91,6 +92,7 @@ def checked(
         raise LindyError(f"--seed is {choices.seed}, expected 0 or more")
     stack = Stack(
         vehicle=choices.vehicle,
+        name="" if choices.name is None else checked_name(choices.name, "--name"),
         link=choices.link,
         pilot=pilot.name,
         seed=choices.seed,

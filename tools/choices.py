@@ -29,6 +29,13 @@ class Choices:
     vehicle: Annotated[
         str, Parameter(help="a name in deploy/vehicles, or the path of a TOML file")
     ] = "pioneer"
+    name: Annotated[
+        str | None,
+        Parameter(
+            help="of this drone on the network; default: its file's and this computer's, such as "
+            "pioneer-boat; in virtual time its file's"
+        ),
+    ] = None
     stack: Annotated[
         str,
         Parameter(help="which services: a name in deploy/stacks, or the path of a TOML file"),

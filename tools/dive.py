@@ -2,6 +2,7 @@
 
 import os
 from pathlib import Path
+from socket import gethostname
 
 import msgspec
 
@@ -9,7 +10,9 @@ from services.runtime.hosts.registry import Registry
 from services.runtime.launch.local_stack import local_stack
 from tools.checks import checked, require_mavlink
 from tools.choices import Choices
+from tools.fleet.names import own_name
 from tools.keys.door import door
+from tools.live.cockpit import COCKPIT, announce, with_cockpit
 from tools.live.display import display
 from tools.live.dive_folder import out_folder, point_latest, require_room_for_recording
 from tools.live.monitor_loop import followed_by
@@ -24,6 +27,7 @@ def dive(
     *,
     headless: bool,
     listen: str | None,
+    cockpit: bool = False,
     grouped: bool = False,
     keys: Path | None = None,
     insecure: bool = False,
@@ -37,6 +41,8 @@ def dive(
     if listen is not None:  # to other programs this machine is the drone
         way_in = door(listen, "--listen", ("drone",), keys, insecure=insecure)
     services = runnable(Registry.read(choices.stack))
+    if cockpit:
+        services = with_cockpit(services, choices.pilot)
     if grouped:
         services = services.grouped()
     pilot = who_flies(choices, services)
@@ -46,11 +52,15 @@ def dive(
     require_mavlink(services)
     stack = msgspec.structs.replace(stack, viewer=viewer, out=str(out_folder(choices.out)))
     stack = msgspec.structs.replace(stack, insecure=insecure and listen is not None)
+    name = stack.name or own_name(stack.vehicle_name, gethostname())
+    stack = msgspec.structs.replace(stack, name=name)
     if RECORDER in services:
         require_room_for_recording(stack.out_dir)
     outcome = Outcome(stack)
     tell_who_flies(choices, pilot)
     print(f"{title(stack)} → {stack.out_dir}", flush=True)
+    if COCKPIT in services:
+        announce(stack, browser=viewer and cockpit)
     with StopSignals() as stop:
         with (
             display() as shown,

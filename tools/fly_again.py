@@ -14,6 +14,8 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import DEPLOY, reading_copies
 from services.runtime.config.stack import SCRIPT
 from tools.choices import Choices
+from tools.live.cockpit import COCKPIT
+from tools.live.piloted_dive import GAMEPAD
 from tools.log.sticks import as_csv, sticks_of
 from tools.recordings.dive_file import FlownDive, FlownStack, UsedFile, flown_dive
 from tools.recordings.recording import Recording, open_recording
@@ -47,7 +49,9 @@ def fly_again(path: Path, choices: Choices, *, files: bool = True) -> int:
         pilot = _pilot(dive, recording, folder)
         exits.enter_context(reading_copies(_unpacked(recording, dive.files, folder)))
         again = msgspec.structs.replace(dive.stack, pilot=pilot)
-        flown = simulated(_choices(again, choices.out), files=files, running=again.running)
+        # What a browser's pilot did is a script by now, which the gamepad plays.
+        running = [GAMEPAD if name == COCKPIT else name for name in again.running]
+        flown = simulated(_choices(again, choices.out), files=files, running=running)
     return _judged(path, dive, before, flown, changed=pilot != dive.stack.pilot)
 
 

@@ -3,6 +3,7 @@
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
+from socket import gethostname
 
 import msgspec
 
@@ -15,6 +16,7 @@ from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.stack_file import ServiceSpec
 from tools.checks import checked, pilot_of
 from tools.choices import Choices
+from tools.fleet.names import own_name
 from tools.keys.door import door, is_local
 from tools.keys.roles import Role
 from tools.live.dive_folder import dive_files
@@ -52,7 +54,8 @@ def run(
     out = (choices.out or Path()).resolve()
     if (kind := FILE.get(service)) and (earlier := dive_files(out, kind)):
         raise LindyError(f"{earlier[0]} is there already; choose another --out for the {service}")
-    stack = msgspec.structs.replace(stack, out=str(out), replay=replay)
+    name = stack.name or own_name(stack.vehicle_name, gethostname())
+    stack = msgspec.structs.replace(stack, out=str(out), name=name, replay=replay)
     with tempfile.TemporaryDirectory(prefix="lindy-") as checkpoint:
         return run_services(
             Launch(

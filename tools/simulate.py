@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Callable, Collection, Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -174,7 +174,8 @@ def _lines() -> Advance:
             last_s = now / 1e9
             elapsed = timeline.elapsed_s(now)
             state = "armed" if timeline.armed else _note(timeline)
-            print(f"{'':<7} {when(elapsed):>8}  {state}", flush=True)
+            with suppress(OSError):  # whoever read it may be gone, and the dive goes on
+                print(f"{'':<7} {when(elapsed):>8}  {state}", flush=True)
 
     return advance
 

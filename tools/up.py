@@ -3,6 +3,7 @@
 import time
 from collections.abc import Mapping
 from pathlib import Path
+from socket import gethostname
 from typing import NamedTuple, NoReturn
 
 import msgspec
@@ -16,6 +17,9 @@ from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.launch.local_stack import OtherSide, local_stack, require_free
 from tools.checks import DEFAULT_PILOT, PilotChoice, checked, pilot_of, require_mavlink
 from tools.choices import Choices
+from tools.fleet.meeting import Meeting, drone_at, drones_door, drones_name, require_only
+from tools.fleet.names import own_name
+from tools.fleet.others import others_named
 from tools.keys.door import door
 from tools.live.display import display
 from tools.live.dive_folder import (
@@ -47,6 +51,7 @@ def up(
     *,
     listen: str | None,
     connect: str | None,
+    router: str | None = None,
     gateway: bool,
     grouped: bool,
     resume: Path | None = None,
@@ -65,9 +70,10 @@ def up(
             raise LindyError(
                 f"--connect is for the topside: the drone waits for it, with --listen {connect}"
             )
-        listen = HERE if listen is None else listen
-        way_in = door(listen, "--listen", ("drone",), keys, insecure=insecure)
-        return drone(choices, listen, resume, way_in, grouped=grouped, insecure=insecure)
+        listen = HERE if listen is None and router is None else listen
+        way_in = drones_door(listen, router, keys, insecure=insecure)
+        meeting = Meeting(listen, router, way_in)
+        return drone(choices, meeting, resume, grouped=grouped, insecure=insecure)
     if resume is not None:
         raise LindyError(
             "--resume is for the drone: only on board there is something to go on with"
@@ -76,16 +82,18 @@ def up(
         raise LindyError(
             f"--listen is for the drone: the topside calls it, with --connect {listen}"
         )
-    connect = HERE if connect is None else connect
-    way_out = door(connect, "--connect", ("pilot",), keys, insecure=insecure)
+    if connect is not None and router is not None:
+        raise LindyError(f"--connect {connect} and --router {router}: one of them is enough")
+    option = "--connect" if router is None else "--router"
+    connect = connect or router or HERE
+    way_out = door(connect, option, ("pilot",), keys, insecure=insecure)
     return topside(choices, connect, way_out, gateway=gateway, grouped=grouped, insecure=insecure)
 
 
 def drone(
     choices: Choices,
-    listen: str,
+    meeting: Meeting,
     resume: Path | None,
-    way_in: Door | None,
     *,
     grouped: bool,
     insecure: bool,
@@ -99,21 +107,30 @@ def drone(
     require_mavlink(here)
     before = resumed(resume, time.monotonic_ns(), time.time()) if resume is not None else {}
     # The pilot and the link are chosen on the topside.
-    stack = msgspec.structs.replace(stack, apart=True, pilot=OTHER["drone"], link=listen)
+    stack = msgspec.structs.replace(stack, apart=True, pilot=OTHER["drone"], link=meeting.link)
+    stack = msgspec.structs.replace(stack, name=drones_name(stack, meeting), insecure=insecure)
     stack = msgspec.structs.replace(stack, read_besides=[])  # they are the pilot's and the link's
-    stack = msgspec.structs.replace(stack, out=str(out_folder(choices.out)), insecure=insecure)
-    print(f"drone {stack.vehicle}, for the topside at {listen} → {stack.out_dir}", flush=True)
+    stack = msgspec.structs.replace(stack, out=str(out_folder(choices.out)))
+    print(
+        f"drone {stack.drone_name} ({stack.vehicle}), for the topside at {meeting.link} → "
+        f"{stack.out_dir}",
+        flush=True,
+    )
     print(f"vehicle side: {in_words(here.vehicle_side)}", flush=True)
     if RECORDER in here:
         require_room_for_recording(stack.out_dir)
-    require_free(listen, stack, way_in)
+    if meeting.listen is not None:
+        require_free(meeting.listen, stack, meeting.door)
+    if meeting.router is not None:
+        require_only(stack.drone_name, meeting.router, meeting.keys)
     plan = Plan(
         stack=stack,
         stack_file=str(here.file),
         services=dict(here),
         elsewhere=tuple(on_side(every, "topside", gateway=False)),
-        listen=listen,
-        door=way_in,
+        listen=meeting.listen,
+        router=meeting.router,
+        door=meeting.door,
         begin_with={**goes_on_with(stack), **before},
         seconds=choices.seconds,
         claim=hand_over(stack.out_dir),
@@ -127,8 +144,8 @@ def goes_on_with(stack: Stack) -> dict[str, bytes]:
     boot, now = boot_id(), time.monotonic_ns()
     if boot is None:
         return {}
-    start = {NOTE: msgspec.json.encode(Start(boot, stack.vehicle_name, now))}
-    before = broken_off(stack.out_dir.parent, boot, stack.vehicle_name, now)
+    start = {NOTE: msgspec.json.encode(Start(boot, stack.drone_name, now))}
+    before = broken_off(stack.out_dir.parent, boot, stack.drone_name, now)
     if before is None:
         return start
     print(
@@ -156,6 +173,9 @@ def topside(
     stack = checked(choices, pilot, every, here)
     require_mavlink(here)
     stack = msgspec.structs.replace(stack, apart=True, insecure=insecure)
+    own = own_name(stack.vehicle_name, gethostname())
+    keys = None if way_out is None else way_out.keys
+    stack = msgspec.structs.replace(stack, name=stack.name or drone_at(connect, own, keys))
     stack = msgspec.structs.replace(stack, out=str(out_folder(choices.out)))
     # Either the two hubs are connected, or the tether service forwards between them.
     other_side = (
@@ -165,7 +185,7 @@ def topside(
     )
     way = f"{stack.link} at {connect}" if gateway else connect
     tell_who_flies(choices, pilot)
-    print(f"topside of {stack.vehicle}, drone by way of {way} → {stack.out_dir}", flush=True)
+    print(f"topside of {stack.drone_name}, drone by way of {way} → {stack.out_dir}", flush=True)
 
     return run(stack, every, here, other_side, Piloting(pilot, choices.seconds), way_out)
 
@@ -195,6 +215,7 @@ def run(
             outcome.of_the_dive(),
             local_stack(stack, here, other_side=other_side, door=keys) as local,
             followed_by(outcome, local),
+            others_named(local),
         ):
             point_latest(stack.out_dir)
             outcome.exit = PilotedDive(local, *piloting, stop, shown).fly()

@@ -15,6 +15,7 @@ from services.piloting.pilot_intents import Press
 from services.piloting.sticks import StickReading, Sticks
 
 DeadBand = Annotated[float, msgspec.Meta(ge=0.0, le=0.9)]
+SilentAfter = Annotated[float, msgspec.Meta(ge=1.0, le=3600.0)]
 StickName = Literal["leftx", "lefty", "rightx", "righty", "-leftx", "-lefty", "-rightx", "-righty"]
 Trigger = Literal["lefttrigger", "righttrigger", "leftshoulder", "rightshoulder"]
 Button = Literal[
@@ -26,6 +27,9 @@ Button = Literal[
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     profile: str = "default"  # a pad profile in deploy/pads, or the path of one
     pilot: Name = ""  # the pilot's name, for other pilots; empty: that of the pad or script
+    window: bool = (
+        False  # with a pad, a window with the head-up numbers; the keyboard always has it
+    )
 
 
 class StickGain(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -84,6 +88,7 @@ class PadProfile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     dead_band: DeadBand = 0.12  # [-] share of a stick's travel that counts as centred
     expo: Share = 0.4  # [-] 0: straight; 1: cubic, finest around the centre
+    silent_after: SilentAfter = 5.0  # [s] a stick that a hand holds cannot be this still: pad lost
     gain: StickGain = StickGain()
     axis: StickAxes = StickAxes()
     trigger: Triggers = Triggers()

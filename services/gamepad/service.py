@@ -7,6 +7,7 @@ from messages.simulator import FaultAnswer, FaultRequest
 from messages.vehicle import VehicleStatus
 from services.gamepad.core import Settings, StickSource
 from services.gamepad.incidents import in_words
+from services.gamepad.io.numbers import HasWindow, Numbers
 from services.gamepad.io.sources import open_source
 from services.piloting.overruling import overrules
 from services.piloting.pilot import Effects, Pilot, Progress
@@ -24,6 +25,8 @@ def wire(node: Node, stack: Stack) -> None:
     by_itself = stack.arm or is_script
     name = stack.section("gamepad", Settings).pilot
     Connected(node, source, Pilot(progress, by_itself, resumes=is_script), name)
+    if isinstance(source, HasWindow):
+        Numbers(node, source.show)
 
 
 class Connected:

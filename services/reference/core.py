@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import cast
 
 import msgspec
+from msgspec import UNSET
 
 from messages.counts import sentence
 from messages.pilot import Hold, PilotAnswer, PilotCommand, PilotRequest, StopDistance
@@ -306,6 +307,7 @@ class ReferenceGenerator:
             light=self.light,
             note="; ".join(filter(None, (self._not_ready, failsafes.notices))),
             stop=self._stop if self.stopping else None,
+            depth_moved=self._guidance.standstill.moved or UNSET,
         )
 
     @property

@@ -23,10 +23,13 @@ class Crossing(Generic[T]):
         self._line = line
         self._admits = admits
 
-    def enter(self, key: str, item: T, size: int, rank: int, now: Ns) -> None:
-        """`size` [B] of a message on a key; `rank` as in `priority_queue.RANK`."""
+    def enter(
+        self, key: str, item: T, size: int, rank: int, now: Ns, life: Ns | None = None
+    ) -> None:
+        """`size` [B] of a message on a key; `rank` as in `priority_queue.RANK`, `life` as in a
+        `Packet`."""
         if self._admits(key, size, now):
-            self._line.enter((key, item), now, size, rank)
+            self._line.enter((key, item), now, size, rank, life)
         else:
             self.counts.append(f"thinned:{key}")
 

@@ -58,12 +58,15 @@ class LinkDirection(Generic[T]):
 
     # Messages.
 
-    def enter(self, item: T, now: int, size: int = 0, rank: int = 0) -> None:
-        """A message of `size` bytes enters at `now` [ns]; `rank` as in `priority_queue.RANK`."""
+    def enter(
+        self, item: T, now: int, size: int = 0, rank: int = 0, life: int | None = None
+    ) -> None:
+        """A message of `size` bytes enters at `now` [ns]; `rank` as in `priority_queue.RANK`,
+        `life` as in a `Packet`."""
         self._advance(now)
         self._began = now if self._began is None else self._began
         self.entered += 1
-        packet = Packet(item, size + self._profile.overhead_bytes, rank, now)
+        packet = Packet(item, size + self._profile.overhead_bytes, rank, now, life)
         if self._is_cut:
             self._lose(item, "outage")
         elif self.on_the_way >= self._most:
@@ -147,10 +150,11 @@ class LinkDirection(Generic[T]):
         return not self._is_cut and not self._profile.outages.touch(at, at)
 
     def standing_bytes(self, now: int) -> int:
-        """[B] Shortest queue since the last call: what a burst alone cannot explain."""
+        """[B] Shortest queue since the last call: what a burst alone cannot explain. Without what
+        does not wait for long anyway."""
         self._advance(now)
-        standing = min(self._least_waiting, self._waiting.bytes)
-        self._least_waiting = self._waiting.bytes
+        standing = min(self._least_waiting, self._waiting.lasting_bytes)
+        self._least_waiting = self._waiting.lasting_bytes
         return standing
 
     @property
@@ -201,7 +205,7 @@ class LinkDirection(Generic[T]):
         """The link is free at `at` [ns]: start to send the next packet."""
         packet, dropped = self._waiting.take(at)
         self._lose_all(dropped)
-        self._least_waiting = min(self._least_waiting, self._waiting.bytes)
+        self._least_waiting = min(self._least_waiting, self._waiting.lasting_bytes)
         self._sending = None
         if packet is not None:
             takes = packet.size * 8e6 / self._profile.rate_kbit  # [ns]

@@ -13,6 +13,7 @@ T = TypeVar("T")
 URGENCY = (Qos.REALTIME, Qos.EVENT, Qos.LIVE, Qos.BULK)
 DROPPED_FIRST = (Qos.BULK, Qos.LIVE, Qos.EVENT, Qos.REALTIME)  # when the queue is full
 RANK = {qos: rank for rank, qos in enumerate(URGENCY)}
+NO_ROOM = "no_room"  # why a packet with a limited life was dropped: the link had no time for it
 Lost = list[tuple[T, str]]  # dropped items, and why
 
 
@@ -22,6 +23,7 @@ class Packet(Generic[T]):
     size: int  # [B] with overhead
     rank: int  # index in URGENCY
     entered: int  # [ns]
+    life: int | None = None  # [ns] after that it is useless, and not sent; None: it waits
 
 
 class PriorityQueue(Generic[T]):
@@ -32,6 +34,7 @@ class PriorityQueue(Generic[T]):
         self._rows: list[deque[Packet[T]]] = [deque() for _ in URGENCY]
         self._droppers = [Dropper(queue.codel) for _ in URGENCY]
         self.bytes = 0
+        self.lasting_bytes = 0  # of packets that wait however long it takes
 
     def __len__(self) -> int:
         return sum(map(len, self._rows))
@@ -41,13 +44,14 @@ class PriorityQueue(Generic[T]):
         lost: Lost[T] = []
         self.admit(packet)
         while self.bytes > self._queue.limit_bytes:
-            lost.append((self._evict().item, "queue_full"))
+            evicted = self._evict()
+            lost.append((evicted.item, "queue_full" if evicted.life is None else NO_ROOM))
         return lost
 
     def admit(self, packet: Packet[T]) -> None:
         """Enqueue a packet whatever the limit: it was in the queue before the limit changed."""
         self._rows[packet.rank].append(packet)
-        self.bytes += packet.size
+        self._add(packet, 1)
 
     def take(self, now: int) -> tuple[Packet[T] | None, Lost[T]]:
         """The next packet to send at `now` [ns], and those that CoDel dropped before it."""
@@ -55,8 +59,11 @@ class PriorityQueue(Generic[T]):
         for row, dropper in zip(self._rows, self._droppers, strict=True):
             while row:
                 packet = row.popleft()
-                self.bytes -= packet.size
+                self._add(packet, -1)
                 waited = now - packet.entered
+                if packet.life is not None and waited > packet.life:
+                    lost.append((packet.item, NO_ROOM))
+                    continue
                 if self._queue.policy == "codel" and dropper.drops(waited, not row, now):
                     lost.append((packet.item, "codel"))
                     continue
@@ -68,12 +75,17 @@ class PriorityQueue(Generic[T]):
         packets = [packet for row in self._rows for packet in row]
         for row in self._rows:
             row.clear()
-        self.bytes = 0
+        self.bytes = self.lasting_bytes = 0
         return packets
 
     def _evict(self) -> Packet[T]:
         """Remove a packet of the least urgent QoS profile: the newest, or by policy the oldest."""
         row = next(row for qos in DROPPED_FIRST if (row := self._rows[RANK[qos]]))
         evicted = row.popleft() if self._queue.policy == "drop_oldest" else row.pop()
-        self.bytes -= evicted.size
+        self._add(evicted, -1)
         return evicted
+
+    def _add(self, packet: Packet[T], sign: int) -> None:
+        self.bytes += sign * packet.size
+        if packet.life is None:
+            self.lasting_bytes += sign * packet.size

@@ -18,6 +18,8 @@ from services.tether.priority_queue import RANK
 TOPSIDE, DRONE = "topside", "drone"
 OWN_TOPICS = (topics.LINK, topics.LINK_ANSWER)  # published by the tether itself, on both sides
 DOWN, UP = (Way.DOWN, Way.BOTH), (Way.UP, Way.BOTH)
+# [ns] Parts of a picture are useless later, and those of one picture are dropped together.
+LIFE = {topics.VIDEO.key: 400_000_000}
 JUDGE_HZ = 5.0  # [1/s] how often telemetry rate control checks the upward direction
 
 
@@ -54,11 +56,11 @@ def _carry(
     """Connect one direction of the link; returns a function that publishes what has arrived."""
 
     def entrance(topic: AnyTopic) -> Callable[[Envelope, int], None]:
-        rank = RANK[topic.qos]
+        rank, life = RANK[topic.qos], LIFE.get(topic.key)
 
         def enter(envelope: Envelope, arrived: int) -> None:
             size = len(envelope.payload) + len(envelope.attachment or b"")
-            crossing.enter(_stream(envelope.key), envelope, size, rank, arrived)
+            crossing.enter(_stream(envelope.key), envelope, size, rank, arrived, life)
             let_out(arrived)
 
         return enter

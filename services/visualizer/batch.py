@@ -43,12 +43,20 @@ class Frame(msgspec.Struct, frozen=True, array_like=True):
     now_heading: float = 0.0  # [rad] … and heading
 
 
+class VideoSample(msgspec.Struct, frozen=True, array_like=True):
+    """A picture of the drone's camera."""
+
+    time: int  # [ns]
+    data: bytes  # access unit of H.264, Annex B
+
+
 class Batch(msgspec.Struct, frozen=True, array_like=True):
     """Everything to draw since the last batch."""
 
     columns: list[CurveColumns] = []
     notes: list[Note] = []
     frames: list[Frame] = []
+    video: list[VideoSample] = []
     trail: list[Point] = []  # [m] NED points newly flown, from the last one drawn; none or ≥ 2
     trail_time: int = 0  # [ns] of its last point
     floor: Point | None = None  # [m] NED, where the vehicle has just found the sea floor

@@ -184,6 +184,17 @@ def _link() -> rrb.Grid:
     )
 
 
+def _camera() -> rrb.Grid:
+    """What the drone sees, and how late the pilot sees it."""
+    return rrb.Grid(
+        rrb.Spatial2DView(origin="/camera", name="Picture"),
+        _plot("picture", "Age of the picture [ms], by stage"),
+        _plot("picture_rate", "Pictures [1/s], carried [kbit/s]"),
+        grid_columns=2,
+        name="Camera",
+    )
+
+
 def _health() -> rrb.Grid:
     return rrb.Grid(
         rrb.TextDocumentView(origin="/services", name="Services"),
@@ -234,5 +245,6 @@ PAGES: dict[str, Callable[[], rrb.Grid]] = {
     "control": _control,
     "sensors": _sensors,
     "link": _link,
+    "camera": _camera,
     "health": _health,
 }

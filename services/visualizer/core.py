@@ -14,8 +14,9 @@ from messages.link import ClockPong
 from messages.message import Message
 from messages.topic import AnyTopic, Way
 from messages.vehicle import Actuation
+from messages.video import Assembler, VideoPart
 from services.marine.vehicle import Vehicle
-from services.visualizer.batch import Batch, CurveColumns, Frame
+from services.visualizer.batch import Batch, CurveColumns, Frame, VideoSample
 from services.visualizer.curve import CurveRow
 from services.visualizer.curves import Curve, curves
 from services.visualizer.scene import Scene
@@ -56,6 +57,8 @@ class Collector:
         self._widths: dict[str, int] = {}  # of the last row by path; 0: not known at the time
         self._scene = Scene(vehicle)
         self._frames: list[Frame] = []
+        self._assembler = Assembler()
+        self._video: list[VideoSample] = []
         self._status = Status()
 
     def hear(self, topic: AnyTopic, key: str, message: Message, now: int) -> str | None:
@@ -68,12 +71,20 @@ class Collector:
         if self.start is None:
             self.start = now
         self.newest = now
+        if isinstance(message, VideoPart):
+            self._film(message, self.start)
+            return None
         self._scene.hear(message)
         self._heard[key].append(message)
         if by_arrival:
             self._arrivals[key].append(now)
         self._topics[key] = topic
         return None
+
+    def _film(self, part: VideoPart, start: int) -> None:
+        """Keep the picture that this part completes, at the time of its light."""
+        if (unit := self._assembler.take(part)) is not None:
+            self._video.append(VideoSample(part.stamp_ns - start, unit.data))
 
     def newest_sample(self) -> int | None:
         """[ns] Sensor sample of the newest state."""
@@ -93,9 +104,11 @@ class Collector:
         heard, self._heard = self._heard, defaultdict(list)
         arrivals, self._arrivals = self._arrivals, defaultdict(list)
         frames, self._frames = self._frames, []
+        video, self._video = self._video, []
         start = now if self.start is None else self.start
         batch = Batch(
             frames=frames,
+            video=video,
             trail=self._scene.take_trail(),
             trail_time=now - start,
             floor=self._scene.take_floor(),

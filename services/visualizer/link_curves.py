@@ -7,6 +7,7 @@ from typing import Any
 from messages import topics
 from messages.link import DOWN_STAGES, UP_STAGES, Clock, ClockPong, LatencyBudget, LinkStatus, Stage
 from messages.prediction import Miss, Prediction
+from messages.video import PICTURE_STAGES, PictureAge
 from services.visualizer.curve import (
     AXES,
     DOWN,
@@ -33,6 +34,27 @@ def link_curves() -> list[Curve]:
         *_clocks(),
         *_budget(),
         *_prediction(),
+        *_picture(),
+    ]
+
+
+def _picture() -> list[Curve]:
+    """The age of the drone's picture."""
+    age, names = topics.PICTURE_AGE, PICTURE_STAGES
+
+    def stages(m: PictureAge) -> CurveRow | None:
+        known = {stage.name: stage.p50_ms for stage in m.stages or ()}
+        return [known[name] for name in names] if known.keys() >= set(names) else None
+
+    def total(m: PictureAge) -> CurveRow | None:
+        return None if m.total is None else (m.total.p50_ms, m.total.p99_ms)
+
+    return [
+        Curve("picture/stages", age, names, AXES[:4], stages),
+        Curve("picture/total", age, ("light to picture p50", "p99"), (UP, TRUTH), total, 2.0),
+        Curve("picture/now", age, ("age now",), (STICK,), lambda m: number(m.age_ms)),
+        Curve("picture_rate/pictures", age, ("pictures",), (UP,), lambda m: (m.per_second,)),
+        Curve("picture_rate/carried", age, ("carried",), (DOWN,), lambda m: (m.heard_kbit,)),
     ]
 
 

@@ -49,6 +49,9 @@ def values(kind: inspect.Type) -> st.SearchStrategy[Any]:  # noqa: C901 - one ca
         case inspect.StrType():
             assert kind.max_length is not None, "without limits"
             return st.text(max_size=min(kind.max_length, 200))
+        case inspect.BytesType():
+            assert kind.max_length is not None, "without limits"
+            return st.binary(max_size=min(kind.max_length, 200))
         case inspect.LiteralType():
             return st.sampled_from(kind.values)
         case inspect.BoolType():

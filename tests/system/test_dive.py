@@ -24,7 +24,8 @@ from messages.pilot import PilotCommand
 from messages.state import VehicleState
 from messages.topic import M
 from messages.vehicle import VehicleStatus
-from services.runtime.bus.zenoh_bus import connected, namespace
+from services.runtime.bus.spaces import namespace
+from services.runtime.bus.zenoh_bus import connected
 from services.runtime.config.running import RUNNING, Running
 from tools.recordings.recording import open_recording
 
@@ -225,7 +226,7 @@ def test_a_recorder_that_hangs_is_named_and_the_gap_in_its_file_is_said(tmp_path
 def test_with_any_process_stopped_the_drone_can_be_disarmed(tmp_path: Path):
     with dive(tmp_path, flies="t,surge,sway,heave,yaw\n0,0,0,0,0\n600,0,0,0,0\n") as flown:
         flown.until_armed()
-        for name in ("reference", "control", "hub_drone"):
+        for name in ("control", "hub_drone"):
             running = flown.running
             assert running is not None
             os.kill(running.pids[name], signal.SIGSTOP)
@@ -235,7 +236,7 @@ def test_with_any_process_stopped_the_drone_can_be_disarmed(tmp_path: Path):
         flown.process.send_signal(signal.SIGINT)
         report = flown.end(status=3)
     hung = {name for name in report["losses"] if name.startswith("hung:")}
-    assert hung == {"hung:reference", "hung:control", "hung:hub_drone"}
+    assert hung == {"hung:control", "hung:hub_drone"}
 
 
 def test_two_dives_side_by_side_do_not_notice_each_other(tmp_path: Path):

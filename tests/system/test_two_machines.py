@@ -17,7 +17,8 @@ import pytest
 from messages import topics
 from messages.reference import Reference
 from messages.vehicle import VehicleStatus
-from services.runtime.bus.zenoh_bus import connected, namespace
+from services.runtime.bus.spaces import namespace
+from services.runtime.bus.zenoh_bus import connected
 from services.runtime.config.running import RUNNING, Running
 from tools.__main__ import main
 

@@ -16,7 +16,8 @@ import pytest
 
 from messages import topics
 from messages.vehicle import VehicleStatus
-from services.runtime.bus.zenoh_bus import connected, namespace
+from services.runtime.bus.spaces import namespace
+from services.runtime.bus.zenoh_bus import connected
 from services.runtime.config.running import RUNNING, Running
 
 pytestmark = pytest.mark.system
@@ -40,7 +41,9 @@ def lindy(log: Path, *words: str) -> Process:
 
 @contextmanager
 def side(folder: Path, *words: str) -> Generator[Process]:
-    process = lindy(folder.with_suffix(".txt"), "up", *words, *QUICK, "--out", str(folder))
+    process = lindy(
+        folder.with_suffix(".txt"), "up", *words, "--grouped", *QUICK, "--out", str(folder)
+    )
     try:
         yield process
     finally:

@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Generator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from socket import gethostname
 from typing import Any
 
 import msgspec
@@ -21,6 +22,7 @@ from messages.health import LogLine
 from messages.link import Clock
 from services.runtime.config.running import RUNNING, Running
 from tools.__main__ import main
+from tools.fleet.names import own_name
 from tools.recordings.recording import is_whole, open_recording
 
 pytestmark = pytest.mark.system
@@ -191,7 +193,8 @@ def test_the_topside_says_what_was_restarted_and_where_the_report_is(tmp_path: P
         topside.kill("hub_topside")
         assert topside.end(signal.SIGINT) == 3, topside.said  # the hub heard nothing for a while
     lines = topside.said.splitlines()
-    assert "topside of pioneer, ended; the drone was never heard, " in topside.said
+    assert "ended; the drone was never heard, " in topside.said
+    assert f"topside of {own_name('pioneer', gethostname())}, ended" in topside.said
     assert "restarted         hub_topside 1 × and link_monitor 1 ×" in lines
     heard = "what was heard here; all that never crosses, and report.json, are on the drone"
     assert f"recorded          {heard}" in lines

@@ -18,7 +18,7 @@ HEADING = """# Topics
 
 Every stream in the system. Written by `make docs` from `messages/`; do not edit.
 
-Keys are relative to the namespace `lindy/@v1/<vehicle>`. Every message is a msgpack map with
+Keys are relative to the namespace `lindy/@v1/<drone's name>`. Every message is a msgpack map with
 `seq` (count per publisher) and `stamp_ns` (when the content was true). A request also has an `id`;
 its answer has the same `id` and says whether it was `accepted`. A topic is stale after
 five periods, and never before 100 ms.

@@ -163,7 +163,8 @@ def _let_in_by_all(keys: Path, who: Identity) -> list[Path]:
     lists = [
         folder / ADMITTED
         for folder in bundles(keys)
-        if any(folder.name.startswith(f"{role}-") for role in LETS_IN if who.role in LETS_IN[role])
+        if folder.name != who.folder  # a router needs no other with its own key
+        and any(folder.name.startswith(f"{role}-") for role in LETS_IN if who.role in LETS_IN[role])
     ]
     return [path for path in lists if key_folder.change(path, lambda text: with_one(text, who))]
 

@@ -1,8 +1,9 @@
 """Certificates: made from a public key, and judged from their bytes. Pure.
 
-X.509 (RFC 5280). A drone's certificate may only answer (extended key usage `serverAuth`), a pilot's
-or observer's may only call (`clientAuth`), so that a stolen pilot's key cannot pose as a drone. All
-raise ValueError with what is wrong, to be put behind the name of the file.
+X.509 (RFC 5280). A drone's or router's certificate may answer (extended key usage `serverAuth`) and
+call a router (`clientAuth`); a pilot's or observer's may only call, so that a stolen pilot's key
+cannot pose as a drone. All raise ValueError with what is wrong, to be put behind the name of the
+file.
 """
 
 from datetime import UTC, datetime, timedelta
@@ -30,10 +31,13 @@ AUTHORITY_DAYS = 3650
 LONGEST_DAYS = 730
 EARLIER = timedelta(days=1)  # valid from a day before: no two clocks are equal
 AUTHORITY_NAME = "lindy keys"
-USAGE: dict[Role, x509.ObjectIdentifier] = {
-    "drone": ExtendedKeyUsageOID.SERVER_AUTH,
-    "pilot": ExtendedKeyUsageOID.CLIENT_AUTH,
-    "observer": ExtendedKeyUsageOID.CLIENT_AUTH,
+ANSWER, CALL = ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH
+# The first is what makes a certificate good for its role.
+USAGE: dict[Role, tuple[x509.ObjectIdentifier, ...]] = {
+    "drone": (ANSWER, CALL),
+    "pilot": (CALL,),
+    "observer": (CALL,),
+    "router": (ANSWER, CALL),
 }
 
 
@@ -79,7 +83,7 @@ def issue(
         .not_valid_before(now - EARLIER)
         .not_valid_after(now + timedelta(days=days))
         .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
-        .add_extension(x509.ExtendedKeyUsage([USAGE[who.role]]), critical=True)
+        .add_extension(x509.ExtendedKeyUsage(USAGE[who.role]), critical=True)
         .add_extension(x509.SubjectAlternativeName([x509.DNSName("lindy")]), critical=False)
         .sign(signer, hashes.SHA256())
     )
@@ -165,9 +169,18 @@ def check_issued(data: bytes, authority: bytes) -> Certificate:
     except (ValueError, TypeError, InvalidSignature):
         raise ValueError("is from another authority than that of ca.pem") from None
     found = read(data)
-    if USAGE[found.who.role] not in _usages(certificate):
+    if USAGE[found.who.role][0] not in _usages(certificate):
         raise ValueError(f"is not made for the role of {found.who}")
     return found
+
+
+def may_call(data: bytes) -> bool:
+    """May who has this certificate call others, as a router is called?
+
+    Raises:
+        ValueError: not a certificate.
+    """
+    return CALL in _usages(_load(data))
 
 
 def public_key(data: bytes) -> EllipticCurvePublicKey:

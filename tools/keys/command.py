@@ -51,7 +51,7 @@ def new(
 
 @keys.command
 def add(role: str, name: str, *, folder: Keys = Path(DEFAULT), days: Days = LONGEST) -> int:
-    """Make keys for one more. ROLE is drone, pilot or observer (hears, and can send nothing).
+    """Make keys for one more. ROLE is drone, pilot, router, or observer (hears, sends nothing).
 
     Example: lindy keys add pilot bob
     """
@@ -151,4 +151,6 @@ def _parsed(name: str) -> Identity:
 
 
 def _machine(who: Identity) -> str:
-    return f"the drone {who.name}" if who.role == "drone" else f"{who.name}'s computer"
+    if who.role in ("drone", "router"):
+        return f"the {who.role} {who.name}"
+    return f"{who.name}'s computer"

@@ -82,6 +82,21 @@ def door(
     return found
 
 
+def require_may_call(own: Door) -> None:
+    """
+    Raises:
+        LindyError: this machine's keys are from before there were routers.
+    """
+    from tools.keys.certificates import may_call
+    from tools.keys.key_folder import read
+
+    if not may_call(read(Path(own.keys.certificate))):
+        raise LindyError(
+            f"{own.keys.certificate} may be called and not call, as a router must be: renew it "
+            f"where the authority is, with `lindy keys renew drone:{own.name}`"
+        )
+
+
 def require_cryptography() -> None:
     """
     Raises:

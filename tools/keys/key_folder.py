@@ -58,7 +58,7 @@ def own_keys(keys: Path, roles: Collection[Role], now: datetime) -> Own:
     _private(folder / KEY)
     admitted = read_list(folder / ADMITTED)
     files = KeyFiles(*(str((folder / name).absolute()) for name in (CA, CERTIFICATE, KEY)))
-    return Own(found, Door(files, tuple(str(who) for who in admitted)))
+    return Own(found, Door(files, tuple(str(who) for who in admitted), found.who.name))
 
 
 def bundles(keys: Path) -> list[Path]:

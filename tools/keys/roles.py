@@ -4,13 +4,14 @@ import re
 from collections.abc import Iterable
 from typing import Literal, NamedTuple, get_args
 
-Role = Literal["drone", "pilot", "observer"]
+Role = Literal["drone", "pilot", "observer", "router"]
 ROLES: tuple[Role, ...] = get_args(Role)
 NAME = re.compile(r"[a-z0-9_]{1,32}")
 LETS_IN: dict[Role, tuple[Role, ...]] = {  # whom each role has a use for
-    "drone": ("pilot", "observer"),
-    "pilot": ("drone",),
-    "observer": ("drone",),
+    "drone": ("pilot", "observer", "router"),
+    "pilot": ("drone", "router"),
+    "observer": ("drone", "router"),
+    "router": ("drone", "pilot", "observer", "router"),
 }
 
 

@@ -3,7 +3,7 @@
 import sys
 import time
 from collections.abc import Callable, Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Protocol
 
 from rich.console import Console
@@ -51,7 +51,9 @@ class LineDisplay(PrintedLines):
     def show(self, look: Callable[[], View]) -> None:
         if (now := time.monotonic()) >= self._next_s:
             self._next_s = now + LINE_S
-            print(plain(look()), flush=True)
+            line = plain(look())
+            with suppress(OSError):  # whoever read it may be gone, and the dive goes on
+                print(line, flush=True)
 
 
 @contextmanager

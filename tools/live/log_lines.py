@@ -3,12 +3,14 @@ warning or an error again when it comes back."""
 
 import re
 from collections import OrderedDict
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from messages.counts import in_words
 from messages.health import LogLine
 
 MOST = 200  # different lines that are kept; beyond that the oldest are dropped
+KEPT = 3  # newest warnings and errors that stay on the screen
 ABSENT_NS = 10_000_000_000  # [ns] a warning that comes again after this has come back
 NUMBER = re.compile(r"\d+(\.\d+)?")  # lines that differ in numbers alone are the same line
 
@@ -65,7 +67,7 @@ class LogLines:
         return entry
 
     def newest(self, most: int) -> list[LogEntry]:
-        return list(self._entries.values())[-most:]
+        return newest(list(self._entries.values()), most)
 
     def unprinted(self) -> list[LogEntry]:
         """Lines that were repeated since they were printed last, without information from before
@@ -79,6 +81,16 @@ class LogLines:
                 and not (entry.line.level == "info" and entry.last_s is None)
             )
         ]
+
+
+def newest(entries: Sequence[LogEntry], most: int) -> list[LogEntry]:
+    """The newest, in their order. Warnings and errors are not pushed out by what is only
+    information: the last `KEPT` of them are among these, however old they are."""
+    numbers = range(len(entries))
+    warnings = [n for n in numbers if entries[n].line.level != "info"]
+    first = [*reversed(warnings[-KEPT:]), *reversed(numbers)]
+    shown = set(list(dict.fromkeys(first))[:most])
+    return [entries[n] for n in sorted(shown)]
 
 
 def _back(before: LogEntry, line: LogLine, printed: PrintedEntry) -> bool:

@@ -90,6 +90,8 @@ class Outcome:
         self.require_recording()
         try:
             lost = self._report(folder, other)
+        except BrokenPipeError:  # nobody reads the summary; the report is written
+            raise
         except Exception as error:  # whatever it is: the recording is worth more than its report
             raise LindyError(self._kept(folder, error)) from error
         self.complain()
@@ -119,7 +121,7 @@ class Outcome:
             *processes(restarts, self.gone, self.shared),
             *counted(self._counted()),
         ]
-        how = f"{side} of {self._stack.vehicle_name}, {ending(self.exit, troubles)}"
+        how = f"{side} of {self._stack.drone_name}, {ending(self.exit, troubles)}"
         files = written(folder)
         print(unrecorded(how, restarts, self.gone, other, files, self.shared), flush=True)
         self._tell_insecure()

@@ -16,24 +16,26 @@ from tools.live.pads import pad_is_there
 from tools.live.stop_signals import StopSignals
 
 KNOWN_S = 0.25  # [s] until a status tells who has control now
-GAMEPAD, GROUND_STATION = "gamepad", "mavlink"  # services that are a pilot
+GAMEPAD = "gamepad"  # the pilot, unless the stack has one of these in its place
+IN_PLACE = {"mavlink": "a ground station", "cockpit": "a browser"}
 DISARM_S = 1.0  # [s] at most, for the drone's answer at the end
 
 
 def who_flies(choices: Choices, services: Collection[str]) -> PilotChoice:
     """The pilot that the user chose; else the gamepad; else, where none is plugged in, a script.
-    Where the stack has a ground station in place of the gamepad, it is the pilot.
+    Where the stack has a ground station or a browser in place of the gamepad, it is the pilot.
 
     Raises:
         LindyError: no such pilot, or a mistake in the script.
     """
-    if GROUND_STATION in services and GAMEPAD not in services:
+    others = [name for name in IN_PLACE if name in services]
+    if others and GAMEPAD not in services:
         if choices.pilot is not None:
             raise LindyError(
-                f"--pilot {choices.pilot}: a ground station flies in the stack {choices.stack}; "
-                f"allowed with a stack that has [services.{GAMEPAD}]"
+                f"--pilot {choices.pilot}: {IN_PLACE[others[0]]} flies in the stack "
+                f"{choices.stack}; allowed with a stack that has [services.{GAMEPAD}]"
             )
-        return PilotChoice(GROUND_STATION)
+        return PilotChoice(others[0])
     if choices.pilot is None and not pad_is_there():
         return pilot_of(DEFAULT_PILOT)
     return pilot_of(choices.pilot or "gamepad")

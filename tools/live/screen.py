@@ -1,18 +1,25 @@
 """What the pilot reads in the terminal during a dive. Pure: a view in, something printable out.
 
 The screen fits the terminal's height. What a pilot needs comes first and is never left out: armed,
-mode, alarm, depth, heading, hold, battery, sticks and link, then the newest log lines. The services
-get the rows that are left; those that are gone or were restarted are shown before the others.
+mode, alarm, depth, heading, hold, battery, sticks and link, then the newest log lines, the last
+warnings among them. The services get the rows that are left; those that are gone or were restarted
+are shown before the others.
+
+On a terminal of 24 rows or more every alarm has rows of its own and is wrapped, because its end
+says what the pilot has to do. On a lower one they share rows, and the ends may be cut.
 """
 
 from dataclasses import dataclass, field
+from textwrap import wrap
 
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from messages.counts import short
-from tools.live.log_lines import LogEntry, brief
+from services.piloting import view_words
+from services.piloting.pilot_view import PilotView
+from services.piloting.view_words import known, number
+from tools.live.log_lines import LogEntry, brief, newest
 
 STICKS = ("surge", "sway", "heave", "yaw")
 HALF = 6  # [characters] of a stick's bar on either side of its centre
@@ -20,8 +27,10 @@ LINES = 6  # newest log lines shown
 PILOT_ROWS = 8  # above the log lines: title, state, motion, vehicle, 2 of sticks, 2 of the link
 GAP = 1  # empty row
 TABLE_HEADING = 1  # row
-OLD_MS = 150.0  # [ms] the age of depth and heading is shown from here on
-UNKNOWN = "–"
+COLUMNS = 80  # of the narrowest terminal
+ALARM_ROWS = 3  # of each alarm at most
+INDENT = " " * 10  # of a log line's second row
+ROOMY = 23  # [rows] from here on every alarm has rows of its own
 LEVELS = {"info": "", "warning": "yellow", "error": "bold red"}
 
 
@@ -37,38 +46,18 @@ class ServiceView:
     process: str = ""  # that it shares with others
 
 
-@dataclass(frozen=True, slots=True)
-class View:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class View(PilotView):
     """Everything on the screen, in the pilot's units. Unknown is None."""
 
     title: str
     elapsed_s: float | None = None  # [s] since arming
     length_s: float | None = None  # [s]
-    mode: str = "starting"
-    hold: str = ""  # what the drone holds by itself
-    light: float | None = None  # [-] 0 … 1
-    battery_v: float | None = None  # [V]
-    used_wh: float | None = None  # [Wh] since power-on
-    capacity_wh: float | None = None  # [Wh] when full
-    armed: bool = False
-    last_known: bool = False  # no status arrives: armed, mode and failsafe are those of the last
-    failsafe: str = "none"
-    since_s: float | None = None  # [s] since its condition began
-    next_s: float | None = None  # [s] until the next reaction begins
-    words: str = ""  # what has happened, what the drone does and what ends it
-    note: str = ""
-    age_ms: float | None = None  # [ms] of depth and heading
-    depth_m: float | None = None
-    depth_wanted_m: float | None = None
-    heading_deg: float | None = None  # [0, 360)
-    heading_wanted_deg: float | None = None
     sticks: tuple[float, float, float, float] | None = None  # [-] surge, sway, heave, yaw
     down_ms: float | None = None  # [ms] median delay to the drone
     up_ms: float | None = None  # [ms] median delay to the pilot
-    rtt_ms: float | None = None
     stick_ms: float | None = None  # [ms] stick to thruster
     screen_ms: float | None = None  # [ms] sensor to screen
-    alarm: str = ""  # what is wrong with the link
     silent: tuple[str, ...] = ()  # processes that run but do not answer
     lost: int = 0  # messages the link has dropped
     services: list[ServiceView] = field(default_factory=list[ServiceView])
@@ -81,11 +70,17 @@ def render(view: View, height: int | None = None) -> RenderableType:
     Args:
         height: rows there are; None: as many as are needed.
     """
-    pilot: list[RenderableType] = [_title(view), _state(view), *_alarm(view), _motion(view)]
+    roomy = height is None or height >= ROOMY
+    alarms = _alarms(view) if roomy else _alarms_in_short(view)
+    if roomy and len(_state(view, view.note)) > COLUMNS:
+        state = [_state(view, ""), *_wrapped("NOTE", view.note, "yellow")]
+    else:
+        state = [_state(view, view.note)]
+    pilot: list[RenderableType] = [_title(view), *state, *alarms, _motion(view)]
     pilot += [_vehicle(view), _sticks(view), _link(view)]
     lines, services = LINES, len(view.services)
     if height is not None:
-        rows = PILOT_ROWS + len(_alarm(view))
+        rows = PILOT_ROWS - 1 + len(state) + len(alarms)
         lines = max(0, min(LINES, height - rows - GAP))
         services = max(0, min(services, height - rows - GAP - lines - GAP - TABLE_HEADING))
     shown: list[RenderableType] = [*pilot]
@@ -98,17 +93,16 @@ def render(view: View, height: int | None = None) -> RenderableType:
 
 def plain(view: View) -> str:
     """The same in one line, for a log file or a pipe."""
-    depth, heading = _number(view.depth_m, "7.2f"), _number(view.heading_deg, "6.1f")
+    depth, heading = number(view.depth_m, "7.2f"), number(view.heading_deg, "6.1f")
     parts = [
-        f"{_clock(view.elapsed_s)}  {_known(view)}{'armed' if view.armed else 'disarmed'}"
+        f"{_clock(view.elapsed_s)}  {known(view)}{'armed' if view.armed else 'disarmed'}"
         f" {view.mode}",
-        f"depth {depth} m  heading {heading}°{_old(view.age_ms)}"
-        f"  rtt {_number(view.rtt_ms, '.1f')} ms",
+        f"depth {depth} m  heading {heading}°{_age(view)}  rtt {number(view.rtt_ms, '.1f')} ms",
     ]
-    if failsafe := _failsafe(view):
-        parts.append(failsafe)
+    if acts := view_words.failsafe(view):
+        parts.append(acts)
     if view.words:
-        parts.append(f"{_known(view)}{view.words}")
+        parts.append(f"{known(view)}{view.words}")
     if view.alarm:
         parts.append(f"LINK {view.alarm}")
     if view.silent:
@@ -119,16 +113,6 @@ def plain(view: View) -> str:
     if restarts := sum(processes.values()):
         parts.append(f"restarts {restarts}")
     return "  ".join(parts)
-
-
-def _failsafe(view: View) -> str:
-    """What acts, since when, and when it does more."""
-    coming = "" if view.next_s is None else f"in {max(0.0, view.next_s):.0f} s"
-    if view.failsafe == "none":
-        return f"FAILSAFE {coming}" if coming else ""
-    since = "" if view.since_s is None else f" for {view.since_s:.0f} s"
-    name = short(f"failsafe:{view.failsafe}")
-    return f"FAILSAFE {name}{since}" + (f", next {coming}" if coming else "")
 
 
 def _title(view: View) -> Table:
@@ -142,69 +126,79 @@ def _title(view: View) -> Table:
     return row
 
 
-def _state(view: View) -> Text:
+def _state(view: View, note: str) -> Text:
     style = "bold white on red" if view.armed and not view.last_known else "dim"
     return Text.assemble(
-        (_known(view), "yellow"),
-        (" ARMED " if view.armed else " DISARMED ", style),
+        (known(view), "yellow"),
+        (f" {view_words.armed(view)} ", style),
         f"  {view.mode}",
-        (f"  {_failsafe(view)}", "bold red"),
-        (f"  {view.note}" if view.note else "", "yellow"),
+        (f"  {view_words.failsafe(view)}", "bold red"),
+        (f"  {note}" if note else "", "yellow"),
         overflow="ellipsis", no_wrap=True,
     )  # fmt: skip
 
 
-def _known(view: View) -> str:
-    """What stands before the state of a drone that is not heard any more."""
-    return "last known: " if view.last_known else ""
+def _alarms(view: View) -> list[Text]:
+    """Rows of their own, the gravest first; none when all is well."""
+    alarms = [("DRONE", f"{known(view)}{view.words}")] if view.words else []
+    alarms += [("SILENT", _silent(view))] if view.silent else []
+    alarms += [("LINK", view.alarm)] if view.alarm else []
+    return [row for name, words in alarms for row in _wrapped(name, words, "bold red")]
 
 
-def _alarm(view: View) -> list[Text]:
-    """Rows of their own, so that none is cut by another; none when all is well."""
-    alarms = [f"LINK   {view.alarm}"] if view.alarm else []
-    if view.silent:
-        more = len(view.silent) - 1
-        alarms.insert(0, f"SILENT {view.silent[0]}" + (f" +{more}" if more else ""))
-    rows = ["  ".join(alarms)] if alarms else []
-    if view.words:
-        rows.insert(0, f"DRONE  {_known(view)}{view.words}")
-    return [Text(row, "bold red", overflow="ellipsis", no_wrap=True) for row in rows]
+def _wrapped(name: str, words: str, style: str) -> list[Text]:
+    """In as many rows as it needs, up to `ALARM_ROWS`."""
+    rows = wrap(words, COLUMNS - 7, max_lines=ALARM_ROWS, placeholder=" …")
+    return [_row(f"{'' if n else name:<6} {row}", style) for n, row in enumerate(rows)]
+
+
+def _alarms_in_short(view: View) -> list[Text]:
+    """At most two rows; their ends may be cut."""
+    alarms = [f"SILENT {_silent(view)}"] if view.silent else []
+    alarms += [f"LINK   {view.alarm}"] if view.alarm else []
+    rows = [f"DRONE  {known(view)}{view.words}"] if view.words else []
+    rows += ["  ".join(alarms)] if alarms else []
+    return [_row(row, "bold red") for row in rows]
+
+
+def _row(words: str, style: str) -> Text:
+    return Text(words, style, overflow="ellipsis", no_wrap=True)
+
+
+def _silent(view: View) -> str:
+    more = len(view.silent) - 1
+    return view.silent[0] + (f" +{more}" if more else "")
 
 
 def _motion(view: View) -> Text:
-    depth, wanted_depth = _number(view.depth_m, "7.2f"), _number(view.depth_wanted_m, ".2f")
-    heading, wanted = _number(view.heading_deg, "6.1f"), _number(view.heading_wanted_deg, ".1f")
+    depth, wanted_depth = number(view.depth_m, "6.2f"), number(view.depth_wanted_m, ".2f")
+    heading, wanted = number(view.heading_deg, "5.1f"), number(view.heading_wanted_deg, ".1f")
     return Text.assemble(
         ("depth  ", "dim"), (f"{depth} m", "bold"), (f"  reference {wanted_depth} m", "dim"),
-        ("   heading ", "dim"), (f"{heading}°", "bold"), (f"  reference {wanted}°", "dim"),
-        (_old(view.age_ms), "yellow"),
+        ("  heading ", "dim"), (f"{heading}°", "bold"), (f"  reference {wanted}°", "dim"),
+        (_age(view), "yellow"),
         overflow="ellipsis", no_wrap=True,
     )  # fmt: skip
 
 
 def _vehicle(view: View) -> Text:
-    light = None if view.light is None else 100.0 * view.light
-    battery = f"{_number(view.battery_v, '.1f')} V"
-    if view.used_wh is not None:
-        battery += f", {view.used_wh:.1f} Wh used"
-        battery += "" if view.capacity_wh is None else f" of {view.capacity_wh:.0f}"
     return Text.assemble(
-        ("hold   ", "dim"), f"{view.hold.replace('_', ' ') or UNKNOWN:<15}",
-        ("  light ", "dim"), f"{_number(light, '.0f')} %",
-        ("   battery ", "dim"), battery,
+        ("hold   ", "dim"), f"{view_words.hold(view):<15}",
+        ("  light ", "dim"), view_words.light(view),
+        ("   battery ", "dim"), view_words.battery(view),
         overflow="ellipsis", no_wrap=True,
     )  # fmt: skip
 
 
-def _old(age_ms: float | None) -> str:
-    return "" if age_ms is None or age_ms <= OLD_MS else f"  {age_ms / 1e3:.1f} s old"
+def _age(view: View) -> str:
+    return f"  {old}" if (old := view_words.old(view)) else ""
 
 
 def _sticks(view: View) -> Table:
     grid = Table.grid(padding=(0, 1))
     values: tuple[float | None, ...] = view.sticks or (None,) * len(STICKS)
     cells = [
-        Text.assemble((f"{name:<6}", "dim"), bar(value), f" {_number(value, '+.2f'):>5}")
+        Text.assemble((f"{name:<6}", "dim"), bar(value), f" {number(value, '+.2f'):>5}")
         for name, value in zip(STICKS, values, strict=True)
     ]
     grid.add_row(cells[0], Text("   "), cells[1])
@@ -223,11 +217,11 @@ def bar(value: float | None) -> str:
 def _link(view: View) -> Text:
     return Text.assemble(
         ("link   ", "dim"),
-        f"down {_number(view.down_ms, '.1f')} ms   up {_number(view.up_ms, '.1f')} ms",
-        f"   round trip {_number(view.rtt_ms, '.1f')} ms   lost {view.lost}",
+        f"down {number(view.down_ms, '.1f')} ms   up {number(view.up_ms, '.1f')} ms",
+        f"   round trip {number(view.rtt_ms, '.1f')} ms   lost {view.lost}",
         ("\n       ", ""),
-        f"stick to thruster {_number(view.stick_ms, '.1f')} ms",
-        f"   sensor to screen {_number(view.screen_ms, '.1f')} ms",
+        f"stick to thruster {number(view.stick_ms, '.1f')} ms",
+        f"   sensor to screen {number(view.screen_ms, '.1f')} ms",
         overflow="ellipsis", no_wrap=True,
     )  # fmt: skip
 
@@ -249,9 +243,9 @@ def _services(view: View, rows: int) -> Table:
         table.add_row(
             Text(row.name if row.alive else f"{row.name} gone", style=style),
             *([Text(row.process, style="dim")] if shared else []),
-            _number(row.sent_hz, ".0f"),
-            _number(row.late_ms, ".2f"),
-            _number(row.cpu_percent, ".0f"),
+            number(row.sent_hz, ".0f"),
+            number(row.late_ms, ".2f"),
+            number(row.cpu_percent, ".0f"),
             Text(str(row.restarts), style="yellow" if row.restarts else "dim"),
             Text(str(row.troubles), style="yellow" if row.troubles else "dim"),
         )
@@ -268,15 +262,19 @@ def most_important(services: list[ServiceView], most: int) -> list[ServiceView]:
 
 
 def _lines(view: View, most: int) -> list[Text]:
-    lines = [
-        Text(brief(entry), LEVELS[entry.line.level], overflow="ellipsis", no_wrap=True)
-        for entry in view.lines[-most:]
-    ]
-    return lines + [Text()] * (most - len(lines))
-
-
-def _number(value: float | None, form: str) -> str:
-    return UNKNOWN if value is None else format(value, form)
+    """The newest log lines in `most` rows. Rows that are free go to the ends of warnings and errors
+    that are longer than a row, the newest first."""
+    entries = newest(view.lines, most)
+    free = most - len(entries)
+    rows: list[Text] = []
+    for entry in reversed(entries):
+        style, shown = LEVELS[entry.line.level], [brief(entry)]
+        if free and entry.line.level != "info" and len(shown[0]) > COLUMNS:
+            words = shown[0]
+            shown = wrap(words, COLUMNS, max_lines=2, subsequent_indent=INDENT, placeholder=" …")
+            free -= len(shown) - 1
+        rows = [_row(row, style) for row in shown] + rows
+    return rows + [Text()] * (most - len(rows))
 
 
 def _clock(seconds: float | None) -> str:

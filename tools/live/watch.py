@@ -1,21 +1,17 @@
 """Collects what the screen shows of a dive, on the topside."""
 
-import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
 
 from messages import topics
 from messages.health import Health, LogLine
 from messages.link import Shown
-from messages.topic import M
-from messages.vehicle import VehicleStatus
+from services.piloting.pilot_view import pilot_view, recent
 from services.runtime.node.node import Node
-from services.runtime.node.ports import Latest
 from tools.live.dive_timeline import DiveTimeline
 from tools.live.log_lines import LogLines
 from tools.live.screen import LINES, ServiceView, View
 
-STATUS_S = 1.5  # [s] a status is repeated five times a second
-RECENT_NS = 3_000_000_000  # [ns] an older state or reference is not shown
 LOOK_HZ = 25.0  # [1/s] often enough that ports that keep the newest 8 do not overflow at 100 Hz
 
 
@@ -67,43 +63,33 @@ class Watch:
             silent: processes that run but do not answer.
         """
         timeline = self._timeline
-        state, reference = _recent(self._state, now), _recent(self._reference, now)
+        state = recent(self._state.newest(now), now)
         status, pilot = self._status.newest(now), self._pilot.fresh(now)
-        silence = _silence(status, now) if status else ""
-        heard = None if silence else status
         battery = self._battery.fresh(now)
         link, budget, clock = self._link.fresh(now), self._budget.fresh(now), self._clock.fresh(now)
         if state is not None:
             self._shown.put(Shown(stamp_ns=now, sensor_ns=state.sensor_ns))
+        seen = pilot_view(
+            now,
+            status=status,
+            state=state,
+            reference=self._reference.newest(now),
+            battery=battery,
+            link=link,
+            clock=clock,
+            budget=budget,
+            note=timeline.note,
+        )
         return View(
+            **asdict(seen),
             title=title,
             elapsed_s=timeline.elapsed_s(now),
             length_s=timeline.length_s,
-            mode=status.mode if status else "starting",
-            hold=heard.hold if heard else "",
-            light=heard.light if heard else None,
-            battery_v=battery.voltage if battery else None,
-            used_wh=battery.used_wh if battery else None,
-            capacity_wh=battery.capacity_wh if battery else None,
-            armed=status.armed if status else False,
-            last_known=bool(silence),
-            failsafe=status.failsafe if status else "none",
-            since_s=_seconds(now, heard.since_ns) if heard else None,
-            next_s=_until(now, heard.next_ns) if heard else None,
-            words=status.words if status else "",
-            note=silence or (status.note if status else timeline.note),
-            age_ms=(now - state.stamp_ns) / 1e6 if state else None,
-            depth_m=state.depth.value if state and state.depth.valid else None,
-            depth_wanted_m=reference.depth.position if reference else None,
-            heading_deg=_compass(state.heading.value) if state and state.heading.valid else None,
-            heading_wanted_deg=_compass(reference.heading.position) if reference else None,
             sticks=(pilot.surge, pilot.sway, pilot.heave, pilot.yaw) if pilot else None,
             down_ms=link.down_link.delay_p50_ms if link else None,
             up_ms=link.up_link.delay_p50_ms if link else None,
-            rtt_ms=clock.rtt_ms if clock else link.rtt_ms if link else None,
             stick_ms=budget.stick_to_thruster_ms if budget else None,
             screen_ms=budget.sensor_to_screen_ms if budget else None,
-            alarm=budget.alarm if budget else "",
             silent=tuple(silent),
             lost=link.down_link.dropped + link.up_link.dropped if link else 0,
             services=[
@@ -143,30 +129,3 @@ class Watch:
         ports = (self._state, self._status, self._reference, self._pilot, self._link)
         for port in (*ports, self._battery, self._budget, self._clock):
             port.newest(now)
-
-
-def _seconds(now: int, since_ns: int | None) -> float | None:
-    """[s] Since an instant."""
-    return None if since_ns is None else (now - since_ns) / 1e9
-
-
-def _until(now: int, then_ns: int | None) -> float | None:
-    """[s] Until an instant."""
-    return None if then_ns is None else (then_ns - now) / 1e9
-
-
-def _silence(status: VehicleStatus, now: int) -> str:
-    """That what is shown of the vehicle's mode is old; nothing while it is not."""
-    age_s = (now - status.stamp_ns) / 1e9
-    return "" if age_s <= STATUS_S else f"no status from the drone for {age_s:.0f} s"
-
-
-def _recent(port: Latest[M], now: int) -> M | None:
-    """The newest message, even over a slow link; None once it is older than `RECENT_NS`."""
-    message = port.newest(now)
-    return message if message is not None and now - message.stamp_ns <= RECENT_NS else None
-
-
-def _compass(heading: float) -> float:
-    """[deg] From a heading in radians that accumulates, as it is shown: 0.0 … 359.9."""
-    return round(math.degrees(heading), 1) % 360.0  # rounded first: 359.96 is 0.0, not 360.0

@@ -25,8 +25,9 @@ class Plan(msgspec.Struct, frozen=True, kw_only=True):
     stack_file: str
     services: dict[str, ServiceSpec]  # on board
     elsewhere: tuple[str, ...]  # services of the topside
-    listen: str  # endpoint for the topside
-    door: Door | None  # its keys
+    listen: str | None  # endpoint for the topside
+    router: str | None = None  # … or of a router, where drone and topside meet
+    door: Door | None  # the keys for both
     begin_with: dict[str, bytes]  # files that the folder of the checkpoints begins with, by name
     seconds: float | None  # [s] after arming, as asked for with --seconds; None: until it is ended
     claim: int | None  # descriptor of the lock of the dive's folder

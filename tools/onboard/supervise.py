@@ -36,7 +36,9 @@ def supervise(plan: Plan) -> NoReturn:
 
 def _run(plan: Plan, stop: StopSignals, seen: Seen) -> None:
     services = Registry(Path(plan.stack_file), plan.services)
-    drone = OtherSide("drone", listen=(plan.listen,))
+    listen = () if plan.listen is None else (plan.listen,)
+    connect = () if plan.router is None else (plan.router,)
+    drone = OtherSide("drone", listen=listen, connect=connect)
     with (
         local_stack(
             plan.stack, services, other_side=drone, begin_with=plan.begin_with, door=plan.door

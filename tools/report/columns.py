@@ -23,6 +23,7 @@ from messages.sensors import BatterySample
 from messages.state import VehicleState
 from messages.topic import AnyTopic
 from messages.vehicle import Actuation, Failsafe, Reaction, Truth, VehicleStatus
+from messages.video import PICTURE_STAGES, PictureAge
 
 Array = NDArray[np.float64]
 Figures = tuple[float | None, ...]
@@ -123,6 +124,12 @@ def _medians(stages: tuple[Stage, ...] | None, count: int) -> Figures:
     return tuple(stage.p50_ms for stage in stages)
 
 
+def _picture(m: PictureAge) -> Figures:
+    stages = _medians(m.stages, len(PICTURE_STAGES))
+    total = (None, None) if m.total is None else (m.total.p50_ms, m.total.p99_ms)
+    return m.stamp_ns, *stages, *total, m.per_second, m.checked
+
+
 def _clock(m: Clock) -> Figures:
     return m.stamp_ns, m.offset_ns, m.bound_ns, m.drift_ppm
 
@@ -133,6 +140,9 @@ LATENCY = (
     *(f"up {stage}" for stage in UP_STAGES),  # [ms]
     *("stick", "screen"),  # [ms]
 )
+
+
+PICTURE = ("stamp", *PICTURE_STAGES, "p50", "worst", "rate", "checked")  # [ns, ms …, 1/s, -]
 
 
 def _battery(m: BatterySample) -> Figures:
@@ -162,6 +172,7 @@ WANTED = (
     ),
     StreamFigures(topics.BATTERY, ("stamp", "used", "capacity"), _battery),  # [ns, Wh, Wh]
     StreamFigures(topics.LATENCY, LATENCY, _latency),
+    StreamFigures(topics.PICTURE_AGE, PICTURE, _picture),
     StreamFigures(topics.CLOCK, ("stamp", "offset", "bound", "drift"), _clock),  # [ns ×3, ppm]
     StreamFigures(topics.TRUTH, ("stamp", "heave", "yaw"), _truth),  # [ns, m, rad]
 )

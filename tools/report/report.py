@@ -14,6 +14,7 @@ from tools.report.failsafes import ActedReaction, failsafes
 from tools.report.holes import Hole, holes
 from tools.report.latency import LatencyReport, latency
 from tools.report.losses import losses
+from tools.report.picture import PictureReport, picture
 from tools.report.services import Service, by_service, services
 from tools.report.stops import StickStop, stops
 from tools.report.tracking import error_rms, peak_jerk_ratio
@@ -63,6 +64,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     exit: str  # "clean" or the reason
     speedup: float | msgspec.UnsetType = msgspec.UNSET
     log_hash: str | msgspec.UnsetType = msgspec.UNSET
+    picture: PictureReport | msgspec.UnsetType = msgspec.UNSET  # where there is a camera
 
 
 def make_report(recording: Recording, extras: Extras) -> Report:
@@ -100,6 +102,7 @@ def report_on(dive: RecordedDive, extras: Extras) -> Report:
         exit=extras.exit,
         speedup=extras.speedup,
         log_hash=extras.log_hash,
+        picture=picture(dive),
     )
 
 

@@ -5,6 +5,8 @@ from collections.abc import Iterable, Sequence
 from math import degrees
 from pathlib import Path
 
+import msgspec
+
 from messages.counts import Meaning, Rank, meaning, sentence
 from tools.report.holes import in_words
 from tools.report.report import Report
@@ -47,6 +49,9 @@ def summary(
     if stick.p50 is not None and stick.p99 is not None:
         delay = f"{stick.p50:.0f} ms, in 99 of 100 cases below {stick.p99:.0f} ms"
         rows.append(("stick to thruster", delay))
+    if (picture := report.picture) is not msgspec.UNSET and picture.p50_ms is not None:
+        age = f"{picture.p50_ms:.0f} ms, in 99 of 100 cases below {picture.p99_ms:.0f} ms"
+        rows.append(("light to picture", f"{age}; {picture.per_second:.1f} a second"))
     rows.append(("link", report.link))
     rows.append(("energy", _energy(report)))
     rows += _restarts(report)

@@ -39,6 +39,15 @@ def dive(
         str | None,
         Parameter(help="endpoint for other programs on the topside, e.g. tcp/127.0.0.1:7447"),
     ] = None,
+    cockpit: Annotated[
+        bool,
+        Parameter(
+            negative=(),
+            show_default=False,
+            help="fly in a browser: prints the page's address, and opens it where there is a "
+            "display; with --pilot it is beside that pilot",
+        ),
+    ] = False,
     grouped: Grouped = False,
     keys: KeysFolder = None,
     insecure: Insecure = False,
@@ -54,6 +63,7 @@ def dive(
         choices or Choices(),
         headless=headless,
         listen=listen,
+        cockpit=cockpit,
         grouped=grouped,
         keys=keys,
         insecure=insecure,
@@ -75,6 +85,12 @@ def up(
         Parameter(
             help="topside: endpoint of the drone, e.g. tls/192.168.2.2:7447; default "
             "tcp/127.0.0.1:7447"
+        ),
+    ] = None,
+    router: Annotated[
+        str | None,
+        Parameter(
+            help="either side: endpoint of a Zenoh router where both meet; see docs/fleet.md"
         ),
     ] = None,
     gateway: Annotated[
@@ -99,7 +115,8 @@ def up(
     """Start one SIDE of a dive, topside or drone, on this machine; the other side runs on another.
 
     Start the drone first. Each side has its own clock; the clock offset is measured. By default
-    both connect on this machine. Between machines both need keys: see `lindy keys`.
+    both connect on this machine. Between machines both need keys: see `lindy keys`. A topside
+    without --name takes the one drone that can be reached.
 
     Example: lindy up drone --listen tls/192.168.2.2:7447
              lindy up topside --connect tls/192.168.2.2:7447
@@ -111,6 +128,7 @@ def up(
         choices or Choices(),
         listen=listen,
         connect=connect,
+        router=router,
         gateway=gateway,
         grouped=grouped,
         resume=resume,

@@ -1,16 +1,19 @@
-"""The keyboard as a pad, in a small window of its own.
+"""The keyboard as a pad, in a window of its own, which shows the head-up numbers.
 
 While the window does not have the focus, all keys count as released and the pilot counts as
 present. When the window is closed, the pilot is lost.
 """
 
+from collections.abc import Sequence
+
 import pygame
 
 from services.gamepad.core import StickGain
-from services.gamepad.io import sdl
+from services.gamepad.io.window import PilotWindow, open_window
+from services.piloting.head_up import NumbersRow, head_up
 from services.piloting.pilot_intents import Press
+from services.piloting.pilot_view import PilotView
 from services.piloting.sticks import Level, StickReading, Sticks
-from services.runtime.config.errors import LindyError
 
 HELP = (
     ("W  S", "forward, back"),
@@ -23,8 +26,6 @@ HELP = (
     ("Space", "STOP"),
     ("L", "light on, off"),
 )
-SIZE = (360, 254)  # [px]
-INK, PAPER = (220, 230, 240), (16, 32, 48)
 
 REQUESTS: dict[int, Press] = {
     pygame.K_RETURN: "arm",
@@ -41,20 +42,13 @@ class Keyboard:
     name = "keyboard"
 
     def __init__(self, gain: StickGain) -> None:
-        if not sdl.has_display():
-            raise LindyError(
-                "the keyboard needs a window and there is no display; "
-                "use a pad or --pilot script:FILE"
-            )
-        try:
-            pygame.display.init()
-            window = pygame.display.set_mode(SIZE)
-        except pygame.error as error:
-            raise LindyError(
-                f"cannot open the keyboard's window ({error}); use a pad or --pilot script:FILE"
-            ) from None
-        pygame.display.set_caption("Lindy: keyboard")
-        _write(window)
+        """
+        Raises:
+            LindyError: there is no display.
+        """
+        surface = open_window("keyboard")
+        self._window = PilotWindow(surface, HELP)
+        self.show(head_up(PilotView()))
         self._gain = gain
         self._down: set[int] = set()
         self._closed_at: int | None = None  # [ns]
@@ -68,7 +62,7 @@ class Keyboard:
                 self._closed_at = now
                 notes = (("warning", "the keyboard's window was closed: pilot lost"),)
             if event.type == pygame.WINDOWEXPOSED:
-                pygame.display.flip()  # show the help again after another window covered it
+                pygame.display.flip()  # show it again after another window covered it
             presses += self._key(event)
         if self._closed_at is not None:
             age_ms = (now - self._closed_at) / 1e6
@@ -79,6 +73,10 @@ class Keyboard:
 
     def next_ns(self, now: int, began: int) -> int | None:  # noqa: ARG002
         return None
+
+    def show(self, rows: Sequence[NumbersRow]) -> None:
+        """Draw the head-up numbers, and what each key does."""
+        self._window.draw(rows, focused=pygame.key.get_focused())
 
     def close(self) -> None:
         pygame.font.quit()
@@ -110,13 +108,3 @@ class Keyboard:
 
     def _any(self, *keys: int) -> float:
         return float(not self._down.isdisjoint(keys))
-
-
-def _write(window: pygame.Surface) -> None:
-    pygame.font.init()
-    font = pygame.font.Font(None, 24)  # pygame's own, so that no font has to be installed
-    window.fill(PAPER)
-    for line, (keys, meaning) in enumerate(HELP):
-        window.blit(font.render(keys, True, INK), (20, 20 + 24 * line))
-        window.blit(font.render(meaning, True, INK), (200, 20 + 24 * line))
-    pygame.display.flip()

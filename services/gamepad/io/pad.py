@@ -5,16 +5,22 @@ that is plugged in, again or for the first time, moves nothing until its sticks 
 and until then only its stop and disarm buttons work, because pads send a burst of false events when
 they are opened.
 
-`age_ms` is the time since the pad last answered when it was read: 0 for a plugged-in pad, even with
-still sticks, and growing from the moment it is unplugged. (A pad only reports changes, so the age
-of its last event cannot distinguish still sticks from a broken cable.)
+`age_ms` is the time since the pad last answered. It grows from the moment the pad is unplugged, or
+has stopped answering although it is plugged in (`pad_silence` says how that is known); then the
+pilot is lost. It is 0 for still sticks, because a pad only reports changes.
 """
+
+from collections.abc import Sequence
 
 import pygame
 from pygame._sdl2 import controller
 
 from services.gamepad.core import PadProfile, presses_of, sticks_of
 from services.gamepad.io import sdl
+from services.gamepad.io.hid_reports import HidReports
+from services.gamepad.io.window import PilotWindow, open_window
+from services.gamepad.pad_silence import PadAnswer, PadSilence
+from services.piloting.head_up import NumbersRow
 from services.piloting.pilot_intents import Press
 from services.piloting.sticks import CENTRED, Level, StickReading
 
@@ -40,6 +46,9 @@ class Pad:
         self.name = "gamepad"
         self._profile = profile
         self._pad: controller.Controller | None = None
+        self._reports = HidReports("")
+        self._silence = PadSilence(profile.silent_after, profile.dead_band)
+        self._silent = False  # it is plugged in and does not answer
         self._trusted = False  # the sticks were at rest once since the pad was plugged in
         self._answered_at: int | None = None  # [ns]
         self._notes: list[tuple[Level, str]] = []
@@ -57,8 +66,12 @@ class Pad:
             self._answered_at = now
         if self._pad is None:
             return self._absent(now)
-        self._answered_at = now
-        controls = self._controls(self._pad)
+        controls = controls_of(self._pad)
+        answering = self._silence.read(controls, self._reports.arrived(), now)
+        self._answered_at = now - answering.age_ns
+        self._notice_silence(self._pad.name, answering)
+        if self._silent:
+            return self._absent(now)
         sticks = sticks_of(controls, self._profile)
         presses: tuple[Press, ...]
         presses = presses_of(self._pressed(events, self._pad), self._profile)
@@ -68,6 +81,7 @@ class Pad:
         return StickReading(
             sticks=sticks if self._trusted else CENTRED,
             at_rest=sticks.at_rest,
+            age_ms=answering.age_ns / 1e6,
             presses=presses,
             notes=tuple(self._notes),
             lost=tuple(self._lost),
@@ -77,6 +91,7 @@ class Pad:
         return None
 
     def close(self) -> None:
+        self._reports.close()
         controller.quit()
         pygame.joystick.quit()
         pygame.display.quit()
@@ -99,7 +114,20 @@ class Pad:
             self._log("warning", f"the pad {self._pad.name} was unplugged: pilot lost")
             self._lost.append("unplugged:pad")
             self._pad.quit()
-            self._pad = None
+            self._pad, self._silent = None, False
+            self._reports.close()
+
+    def _notice_silence(self, name: str, answering: PadAnswer) -> None:
+        """A pad that answers again is as one that was plugged in again."""
+        if answering.lost and not self._silent:
+            seconds = answering.age_ns / 1e9
+            what = f"the pad {name} is connected and has not answered for {seconds:.1f} s"
+            self._log("warning", f"{what}: pilot lost")
+            self._lost.append("silent:pad")
+            self._trusted = False
+        elif self._silent and not answering.lost:
+            self._log("info", f"the pad {name} answers again; centre its sticks once")
+        self._silent = answering.lost
 
     def _notice_arrival(self, event: pygame.event.Event) -> None:
         if event.type == pygame.CONTROLLERDEVICEADDED:
@@ -123,14 +151,11 @@ class Pad:
             self._log("warning", f"a pad was plugged in and cannot be opened: {error}")
             return
         self.name = f"gamepad {self._pad.name}"
+        self._silence = PadSilence(self._profile.silent_after, self._profile.dead_band)
+        self._reports = HidReports(self._pad.as_joystick().get_guid())
         self._trusted = False
         self._announced = True
         self._log("info", f"the pad {self._pad.name} is plugged in")
-
-    def _controls(self, pad: controller.Controller) -> dict[str, float]:
-        return {name: pad.get_axis(axis) / FULL for axis, name in enumerate(AXES)} | {
-            name: float(pad.get_button(button)) for button, name in enumerate(BUTTONS)
-        }
 
     def _pressed(self, events: list[pygame.event.Event], pad: controller.Controller) -> list[str]:
         """Names of the buttons that went down, in order."""
@@ -145,6 +170,34 @@ class Pad:
 
     def _log(self, level: Level, text: str) -> None:
         self._notes.append((level, text))
+
+
+class PadWithWindow(Pad):
+    """Shows the head-up numbers in a window, which does nothing else: it takes no keys, and the pad
+    works whether it has the focus or not."""
+
+    def __init__(self, profile: PadProfile) -> None:
+        """
+        Raises:
+            LindyError: there is no display.
+        """
+        surface = open_window("pad")
+        super().__init__(profile)
+        self._window = PilotWindow(surface)
+
+    def show(self, rows: Sequence[NumbersRow]) -> None:
+        self._window.draw(rows)
+
+    def close(self) -> None:
+        pygame.font.quit()
+        super().close()
+
+
+def controls_of(pad: controller.Controller) -> dict[str, float]:
+    """The state of a pad, in SDL's names."""
+    return {name: pad.get_axis(axis) / FULL for axis, name in enumerate(AXES)} | {
+        name: float(pad.get_button(button)) for button, name in enumerate(BUTTONS)
+    }
 
 
 def _name(index: int) -> str:

@@ -55,9 +55,10 @@ def _open_script(node: Node, name: str, played: int) -> Player:
 
 def _open_pad(node: Node, stack: Stack) -> StickSource:
     sdl.load()
-    from services.gamepad.io.pad import Pad  # here, because a script needs no pygame
+    from services.gamepad.io.pad import Pad, PadWithWindow  # here: a script needs no pygame
 
-    pad = Pad(_profile(stack))
+    wanted = stack.section("gamepad", Settings).window
+    pad = (PadWithWindow if wanted else Pad)(_profile(stack))
     node.on_close(pad.close)
     return pad
 

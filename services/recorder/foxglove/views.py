@@ -10,6 +10,7 @@ from messages.reference import Reference
 from messages.state import VehicleState
 from messages.topic import AnyTopic
 from messages.vehicle import Actuation, Truth
+from messages.video import Assembler, VideoPart
 from services.marine.vehicle import Vehicle
 from services.recorder.foxglove import scene
 from services.recorder.foxglove.channel import PREFIX, FoxgloveView, official
@@ -31,6 +32,7 @@ class Views:
         self._named = named_vectors([thruster.name for thruster in vehicle.thruster])
         self._reference: Reference | None = None
         self._truth: Truth | None = None
+        self._video = Assembler()
         self._due: dict[str, int] = {}  # [ns] UTC, when a view is due again
         self._encode = msgspec.json.Encoder().encode
 
@@ -54,6 +56,8 @@ class Views:
         elif isinstance(message, Actuation):
             if len(message.thrust) == len(self._vehicle.thruster):
                 views += self._thrust(message, utc_ns)
+        elif isinstance(message, VideoPart):
+            views += self._picture(message, utc_ns)
         elif isinstance(message, LogLine):
             views.append(self._view("log", "Log", _log(message, utc_ns)))
         return views
@@ -87,6 +91,15 @@ class Views:
             return []
         arrows = scene.thrust_arrows(utc_ns, self._vehicle, actuation.thrust)
         return [self._view("thrust", "SceneUpdate", arrows)]
+
+    def _picture(self, part: VideoPart, utc_ns: int) -> list[FoxgloveView]:
+        """The access unit that this part completes."""
+        unit = self._video.take(part)
+        if unit is None:
+            return []
+        stamped = {"timestamp": scene.time(utc_ns), "frame_id": scene.VEHICLE}
+        video = {**stamped, "data": unit.data, "format": "h264"}
+        return [self._view("camera", "CompressedVideo", video)]
 
     def _is_due(self, name: str, utc_ns: int, period_ns: int) -> bool:
         """Is it as long ago as a period, or did the clock run backwards?"""

@@ -257,6 +257,7 @@ def about(stack: Stack) -> dict[str, str]:
     """What a recording says of its dive."""
     return {
         "vehicle": stack.vehicle_name,
+        "drone": stack.drone_name,
         "link": stack.link,
         "pilot": stack.pilot,
         "seed": str(stack.seed),

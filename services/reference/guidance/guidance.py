@@ -17,10 +17,12 @@ from services.reference.guidance.ground_motion import GroundMotion, ground_of, n
 from services.reference.guidance.manoeuvre import Manoeuvre
 from services.reference.guidance.modes import HOLDS, HeldAxes, safe
 from services.reference.guidance.reference_governor import ReferenceGovernor, is_released
+from services.reference.guidance.standstill import Standstill
 from services.reference.settings import Settings
 from services.reference.trajectory.minimum_jerk import Ramp, Sample
 
 RISEN = 0.01  # [m] an ascent that ends this close to its depth has reached it
+FURTHEST = 0.05  # [m] a stop of heave ends at most so far from its plan
 PLACE_PATIENCE_S = 2.0  # [s] without a position measurement before station keeping ends
 
 
@@ -44,6 +46,7 @@ class Guidance:
     _moved: float | None = None  # [m] jumps of the pressure that the depth has been moved with
     _estimates: dict[str, EstimateWatch] = field(init=False)
     _governors: dict[str, ReferenceGovernor] = field(init=False)
+    standstill: Standstill = field(default_factory=lambda: Standstill(FURTHEST))  # of heave, [m]
 
     def __post_init__(self) -> None:
         s = self.settings
@@ -126,7 +129,9 @@ class Guidance:
             self.manoeuvre.following.watch(state, self.ground, t)
             return
         if held.depth:
-            self._keep("depth", axes.heave, state.depth, self.settings.failsafe.depth_limit)
+            deepest = self.settings.failsafe.depth_limit
+            self._end_stop(state, deepest)
+            self._keep("depth", axes.heave, state.depth, deepest)
         if held.heading:
             self._keep("heading", axes.yaw, state.heading)
         if axes.place.held and self.ground is not None:
@@ -199,6 +204,23 @@ class Guidance:
         self.notes.append("the place is not measured any more: depth and heading are still held")
         self.manoeuvre.go_blind()
         self.hold = "stabilised" if self.held.place else self.hold
+
+    def _end_stop(self, state: VehicleState, deepest: float) -> None:
+        """Hold the depth to which a stop of the stick has brought the vehicle, not below `deepest`
+        [m]. Where the reference ends at a depth that was asked for, or waits for the vehicle, it
+        stays; and without the accelerometer, with which a standstill is known too late."""
+        heave, depth, rate = self.axes.heave, state.depth, state.depth_rate
+        asked_for = self.manoeuvre.busy or self._rising or self.axes.limited
+        known = depth.valid and rate.valid and state.depth_acceleration.valid
+        if asked_for or self._governors["depth"].blocked or not known:
+            self.standstill.cancel()
+            return
+        here = heave.at(self.t)
+        error = min(depth.value - here.position, max(0.0, deepest - here.position))
+        resting = here.velocity == 0.0 == here.acceleration and heave.settles() <= self.t
+        by = self.standstill.step(error, rate.value, self.t, resting=resting)
+        if by != 0.0:
+            heave.shift(by)
 
     def _keep(self, name: str, ramp: Ramp, estimate: Estimate, deepest: float = inf) -> None:
         """`deepest`: the reference is not moved beyond this position."""

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 from messages import topics
 from messages.topic import Side, Way
 from services.runtime.bus.key_files import Door
+from services.runtime.bus.spaces import EVERY_SPACE, here_key
 
 LOCAL, NETWORK = "unixsock-stream", ("tcp", "tls", "quic", "udp")
 WITH_KEYS = "tls"
@@ -21,13 +22,16 @@ ALL_MESSAGES = (
     *("query", "reply", "declare_queryable"),
     *("liveliness_token", "declare_liveliness_subscriber", "liveliness_query"),
 )
-HEAR = ("out", "may_ask_for")
-SAY = ("in", "asks_for")
+HEAR = ("out", "may_ask_for", "is_here", "may_ask_who")
+SAY = ("in", "asks_for", "others_are_here", "asks_who")
 # What each role may do at the hub of a side; a role that is not named may do nothing.
 RIGHTS: dict[Side, dict[str, tuple[str, ...]]] = {
-    "drone": {"pilot": (*SAY, *HEAR), "observer": HEAR},
-    "topside": {"drone": (*SAY, *HEAR)},
+    "drone": {"pilot": (*SAY, *HEAR), "observer": HEAR, "router": (*SAY, *HEAR)},
+    "topside": {"drone": (*SAY, *HEAR), "router": (*SAY, *HEAR)},
 }
+
+
+ASK_WHO = ("liveliness_query", "declare_liveliness_subscriber")
 
 
 class HubSide(NamedTuple):
@@ -41,13 +45,18 @@ class HubSide(NamedTuple):
 def access_control(hub_side: HubSide) -> dict[str, Any]:
     """Zenoh's `access_control` for this hub."""
     inward, outward = (Way.UP, Way.DOWN) if hub_side.side == "topside" else (Way.DOWN, Way.UP)
-    here, there = _keys(hub_side.space, outward), _keys(hub_side.space, inward)
+    here, there = keys(hub_side.space, outward), keys(hub_side.space, inward)
     rules = [
-        _rule("own", ["ingress", "egress"], ALL_MESSAGES, ["**", "**/@v1/**"]),
-        _rule("in", ["ingress"], ("put", "delete"), there),
-        _rule("out", ["egress"], ("put", "delete"), here),
-        _rule("may_ask_for", ["ingress"], ("declare_subscriber",), here),
-        _rule("asks_for", ["egress"], ("declare_subscriber",), there),
+        rule("own", ["ingress", "egress"], ALL_MESSAGES, ["**", "**/@v1/**"]),
+        rule("in", ["ingress"], ("put", "delete"), there),
+        rule("out", ["egress"], ("put", "delete"), here),
+        # Who watches several drones asks for a row of all of them, and gets that of this one.
+        rule("may_ask_for", ["ingress"], ("declare_subscriber",), keys(EVERY_SPACE, outward)),
+        rule("asks_for", ["egress"], ("declare_subscriber",), there),
+        rule("is_here", ["egress"], ("liveliness_token",), [here_key(hub_side.space)]),
+        rule("may_ask_who", ["ingress"], ASK_WHO, [here_key(EVERY_SPACE)]),
+        rule("others_are_here", ["ingress"], ("liveliness_token",), _whose_tokens(hub_side)),
+        rule("asks_who", ["egress"], ASK_WHO, [here_key(EVERY_SPACE)]),
     ]
     granted = [_services(), *_others(hub_side)]
     return {
@@ -81,14 +90,23 @@ def _others(hub_side: HubSide) -> list[Granted]:
     return granted
 
 
-def _keys(space: str, way: Way) -> list[str]:
+def _whose_tokens(hub_side: HubSide) -> list[str]:
+    """Who is there that a hub wants to know of. A drone's wants nobody else's but its own name's,
+    however many a stranger announces."""
+    return [here_key(EVERY_SPACE if hub_side.side == "topside" else hub_side.space)]
+
+
+def keys(space: str, way: Way) -> list[str]:
+    """Of the rows that cross in this direction, or in both.
+
+    Args:
+        space: of one vehicle, or `EVERY_SPACE`.
+    """
     rows = [topic for topic in topics.ALL if topic.way in (way, Way.BOTH)]
     return [f"{space}/{topic.key}" for topic in rows if topic not in topics.WITHIN_ONE_MACHINE]
 
 
-def _rule(
-    name: str, flows: list[str], messages: tuple[str, ...], keys: list[str]
-) -> dict[str, Any]:
+def rule(name: str, flows: list[str], messages: tuple[str, ...], keys: list[str]) -> dict[str, Any]:
     return {
         "id": name,
         "permission": "allow",

@@ -16,6 +16,7 @@ class Door(NamedTuple):
 
     keys: KeyFiles
     admitted: tuple[str, ...]  # common names of certificates, `role:name`
+    name: str = ""  # of this machine's own certificate, without its role
 
 
 def tls_settings(keys: KeyFiles) -> dict[str, Any]:

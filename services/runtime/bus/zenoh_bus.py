@@ -6,7 +6,7 @@ import os
 import time
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
-from typing import Literal
+from typing import Any, Literal
 
 import zenoh
 
@@ -16,16 +16,12 @@ from services.runtime.bus.access_control import HubSide, access_control
 from services.runtime.bus.envelope import Envelope, Say, Store
 from services.runtime.bus.key_files import KeyFiles, tls_settings
 from services.runtime.bus.qos import QOS_PROFILES, ZenohQos
+from services.runtime.bus.spaces import namespace
 from services.runtime.bus.zenoh_threads import QUEUES, VARIABLE, keep_thread_state, use_one_thread
 from services.runtime.config.errors import LindyError
 
 SessionMode = Literal["router", "client"]
-VERSION = "@v1"  # a verbatim chunk of the key: incompatible versions do not see each other
 HUB_PATIENCE_S = 10.0  # [s] a client waits for its hub to start
-
-
-def namespace(vehicle: str) -> str:
-    return f"lindy/{VERSION}/{vehicle}"
 
 
 def config(
@@ -35,9 +31,22 @@ def config(
     space: str | None = None,
     keys: KeyFiles | None = None,
 ) -> zenoh.Config:
-    """Explicit endpoints, no discovery, so that many stacks run side by side on one machine."""
     settings = zenoh.Config()
-    for key, value in {
+    for key, value in common_settings(mode, listen, connect).items():
+        settings.insert_json5(key, json.dumps(value))
+    if space is not None:
+        settings.insert_json5("namespace", json.dumps(space))
+    if keys is not None:
+        settings.insert_json5("transport/link/tls", json.dumps(tls_settings(keys)))
+    return settings
+
+
+def common_settings(
+    mode: SessionMode, listen: Sequence[str], connect: Sequence[str]
+) -> dict[str, Any]:
+    """Explicit endpoints, no discovery, so that many stacks run side by side on one machine. By
+    their place in Zenoh's configuration."""
+    return {
         "mode": mode,
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
@@ -49,13 +58,7 @@ def config(
         "transport/link/tx/lease": 1000,  # [ms] a disconnected cable is noticed after this
         "transport/link/tx/queue/size": QUEUES,
         "connect/retry": {"period_init_ms": 50, "period_max_ms": 200, "period_increase_factor": 2},
-    }.items():
-        settings.insert_json5(key, json.dumps(value))
-    if space is not None:
-        settings.insert_json5("namespace", json.dumps(space))
-    if keys is not None:
-        settings.insert_json5("transport/link/tls", json.dumps(tls_settings(keys)))
-    return settings
+    }
 
 
 def listening(
@@ -88,11 +91,16 @@ def listening(
 
 
 def connected(
-    endpoint: str, space: str, patience_s: float = HUB_PATIENCE_S, *, keys: KeyFiles | None = None
+    endpoint: str,
+    space: str | None,
+    patience_s: float = HUB_PATIENCE_S,
+    *,
+    keys: KeyFiles | None = None,
 ) -> zenoh.Session:
     """A client's session; waits for the hub, because a client's `open` raises without one.
 
     Args:
+        space: its keys are relative to this namespace; None: to none, to see several drones.
         keys: for a hub that is reached by TLS.
 
     Raises:
@@ -117,6 +125,11 @@ def _open(settings: zenoh.Config) -> zenoh.Session:
             raise
         reason = f"{VARIABLE} is {os.environ[VARIABLE]!r}, and Zenoh does not start with it"
         raise LindyError(f"{reason}; without it, one thread is used") from None
+
+
+def announce_here(session: zenoh.Session, key: str) -> object:
+    """Hold a liveliness token as long as what is returned is kept, and the session lives."""
+    return session.liveliness().declare_token(key)
 
 
 def watch_callers(session: zenoh.Session, changed: Callable[[str, bool], None]) -> object:
@@ -200,9 +213,9 @@ class ZenohBus:
 
 
 @contextmanager
-def open_bus(endpoint: str, vehicle: str, keys: KeyFiles | None = None) -> Generator[ZenohBus]:
+def open_bus(endpoint: str, name: str, keys: KeyFiles | None = None) -> Generator[ZenohBus]:
     """A client's bus. Always closed: a session left open hangs the process at exit."""
-    with connected(endpoint, namespace(vehicle), keys=keys) as session:
+    with connected(endpoint, namespace(name), keys=keys) as session:
         yield ZenohBus(session)
 
 

@@ -9,7 +9,7 @@ RUNNING = "run.json"
 
 
 class Running(msgspec.Struct, frozen=True):
-    vehicle: str  # its name in keys
+    vehicle: str  # name of the drone on the network
     endpoints: dict[str, str]  # side → hub's endpoint
     supervisor: int  # process id
     pids: dict[str, int]  # process id of every hub and service; some services may share one

@@ -36,6 +36,7 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
     """The settings of one dive, as given on the command line."""
 
     vehicle: str = "pioneer"
+    name: str = ""  # of this drone on the network; empty: that of its file
     link: str = "tether"
     pilot: str = "gamepad"  # gamepad, keyboard or script:FILE
     out: str = "."  # folder for recordings
@@ -58,7 +59,7 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
 
     @property
     def vehicle_name(self) -> str:
-        """Name of the vehicle in keys: [a-z0-9_].
+        """Name of the type of vehicle, by its file: [a-z0-9_].
 
         Raises:
             LindyError: its file has a name that is not allowed in a key.
@@ -74,13 +75,22 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
 
     @property
     def space(self) -> str:
-        """What the keys of this dive begin with: the vehicle's name; of a replay one that no
+        """What the keys of this dive begin with: the drone's name; of a replay one that no
         vehicle can have.
 
         Raises:
             LindyError: as `vehicle_name`.
         """
-        return f"{REPLAY}/{self.vehicle_name}" if self.replay else self.vehicle_name
+        return f"{REPLAY}/{self.vehicle_name}" if self.replay else self.drone_name
+
+    @property
+    def drone_name(self) -> str:
+        """Name of this drone on the network: two of one type have two names.
+
+        Raises:
+            LindyError: it has no name of its own, and its file's cannot be one.
+        """
+        return self.name or self.vehicle_name
 
     @property
     def files(self) -> list[Path]:

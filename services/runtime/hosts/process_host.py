@@ -26,7 +26,7 @@ from messages.health import LogLine
 from services.runtime.bus.access_control import HubSide
 from services.runtime.bus.key_files import KeyFiles
 from services.runtime.bus.shared_bus import SharedBus, SharedBusPort
-from services.runtime.bus.zenoh_bus import listening, open_bus, watch_callers
+from services.runtime.bus.zenoh_bus import announce_here, listening, open_bus, watch_callers
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import reading_copies
 from services.runtime.config.stack import Stack
@@ -143,6 +143,7 @@ class HubLaunch(msgspec.Struct, frozen=True, kw_only=True):
     listen: list[str]  # endpoints
     connect: list[str] = []  # endpoints of other machines' hubs
     hub_side: HubSide | None = None  # for access control, where other machines can reach it
+    here: str = ""  # key of the liveliness token that says that this side is there
     heartbeat: str | None = None  # file for the sign of life; None: nobody watches
     parent: int | None = None
     tells: bool = False  # says on the parent's stderr that the parent was killed
@@ -158,6 +159,8 @@ def run_hub(launch: HubLaunch) -> int:
         door = None if launch.hub_side is None else launch.hub_side.door
         if door is not None:
             _watching = watch_callers(session, Callers(door.admitted).see)
+        if launch.here:
+            _here = announce_here(session, launch.here)
         heartbeat = Heartbeat(None if launch.heartbeat is None else Path(launch.heartbeat))
         while not stop.asked:
             heartbeat.beat(time.monotonic_ns())

@@ -38,7 +38,7 @@ NEEDED: dict[str, AnyTopic] = {
     "reference": topics.REFERENCE,
     "control": topics.THRUSTERS,
 }
-INSTEAD = {"gamepad": "mavlink"}  # which other one publishes the same
+INSTEAD = {"gamepad": ("mavlink", "cockpit")}  # which others publish the same
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +102,7 @@ class Registry(Mapping[str, ServiceSpec]):
         """
         codes = [code_of(n, spec) for n, spec in self.specs.items() if spec.module is None]
         there = {*codes, *self.specs}
-        missing = [own for own in NEEDED if not {own, INSTEAD.get(own, own)} & there]
+        missing = [own for own in NEEDED if not {own, *INSTEAD.get(own, ())} & there]
         others = [s for n, s in self.specs.items() if s.module is not None and n not in NEEDED]
         if len(missing) > sum(not spec.vehicle_side for spec in others):
             raise self._unpublished(missing)

@@ -1,6 +1,7 @@
 """A whole stack as processes on this machine: a hub for each side and every service."""
 
 import os
+import secrets
 import sys
 import tempfile
 import threading
@@ -19,7 +20,8 @@ import msgspec
 from messages.topic import Side
 from services.runtime.bus.access_control import HubSide
 from services.runtime.bus.key_files import Door
-from services.runtime.bus.zenoh_bus import ZenohBus, connected, listening, namespace
+from services.runtime.bus.spaces import here_key, namespace
+from services.runtime.bus.zenoh_bus import ZenohBus, connected, listening
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
 from services.runtime.config.running import RUNNING, Running
@@ -95,6 +97,7 @@ class LocalStack:
         self._tokens: deque[tuple[str, str, bool]] = deque()  # filled on the bus's thread
         self._buses: dict[str, ZenohBus] = {}
         self._wake = threading.Event()
+        self._start = secrets.token_hex(8)  # tells this start from one of another drone of the name
         self._pids: dict[str, int] = {}
         self._has_node = False
         self._copies: dict[str, str] = {}  # file → its copy in `folder`
@@ -112,7 +115,7 @@ class LocalStack:
             while side not in self._buses:
                 self.pump()
                 try:
-                    session = connected(endpoint, namespace(self.stack.vehicle_name), 0.0)
+                    session = connected(endpoint, namespace(self.stack.space), 0.0)
                 except LindyError:
                     if time.monotonic() > deadline:
                         raise
@@ -282,7 +285,7 @@ class LocalStack:
         if (pids := self._each(self.supervisor.pids)) != self._pids:
             self._pids = pids
             running = Running(
-                self.stack.vehicle_name,
+                self.stack.space,
                 self.endpoints,
                 os.getpid(),
                 pids,
@@ -310,9 +313,13 @@ class LocalStack:
             parent=os.getpid(),
             tells=side == (HOME if HOME in self.endpoints else next(iter(self.endpoints))),
         )
+        if side == (HOME if HOME in self.endpoints else next(iter(self.endpoints))):
+            what = "drone" if self._other_side is None else self._other_side.side
+            here = here_key(namespace(self.stack.space), what, self._start)
+            launch = msgspec.structs.replace(launch, here=here)
         border = self._other_side or (self._programs if side == HOME else None)
         if border is not None:
-            hub_side = HubSide(border.side, namespace(self.stack.vehicle_name), self._door)
+            hub_side = HubSide(border.side, namespace(self.stack.space), self._door)
             launch = msgspec.structs.replace(
                 launch,
                 listen=[*launch.listen, *border.listen],
@@ -398,7 +405,7 @@ def require_free(endpoint: str, stack: Stack, door: Door | None) -> None:
     Raises:
         LindyError: the endpoint is taken or malformed.
     """
-    with listening(endpoint, hub_side=HubSide("drone", namespace(stack.vehicle_name), door)):
+    with listening(endpoint, hub_side=HubSide("drone", namespace(stack.space), door)):
         pass
 
 

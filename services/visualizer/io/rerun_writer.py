@@ -12,7 +12,14 @@ import rerun as rr
 from messages.units import Quaternion, Vec3
 from messages.vehicle import Failsafe
 from services.marine.vehicle import Vehicle
-from services.visualizer.batch import Batch, CurveColumns, Frame, Note, joined_columns
+from services.visualizer.batch import (
+    Batch,
+    CurveColumns,
+    Frame,
+    Note,
+    VideoSample,
+    joined_columns,
+)
 from services.visualizer.blueprint import TIMELINE, blueprint
 from services.visualizer.curve import MANY, PREDICTED, REFERENCE, Curve
 from services.visualizer.curves import curves
@@ -54,6 +61,7 @@ class RerunWriter:
         self._times: list[int] = []  # [ns] of the columns written last …
         self._when = np.array([], TIME)  # … and as an array
         self._styled = {curve.path for curve in curves(vehicle) if curve.names}
+        self._filming = False  # has a picture of a camera been written?
         self._services: dict[str, int] = {}  # colour of each, in every panel
 
     def save(self, file: RrdFile) -> None:
@@ -79,6 +87,8 @@ class RerunWriter:
             self._columns(columns)
         if frames := [frame for batch in batches for frame in batch.frames]:
             self._frames(frames)
+        if video := [sample for batch in batches for sample in batch.video]:
+            self._film(video)
         for batch in batches:
             for note in batch.notes:
                 self._note(note)
@@ -193,6 +203,14 @@ class RerunWriter:
         if times:
             pose = rr.Transform3D.columns(translation=places, quaternion=turns)
             self._rec.send_columns("world/predicted", [_index(times)], pose)
+
+    def _film(self, video: list[VideoSample]) -> None:
+        if not self._filming:  # nothing is said of a camera where there is none
+            self._filming = True
+            self._static("camera", rr.VideoStream(codec=rr.VideoCodec.H264))
+        when = [_index([sample.time for sample in video])]
+        samples = rr.VideoStream.columns(sample=[sample.data for sample in video])
+        self._rec.send_columns("camera", when, samples)
 
     def _at(self, time: int) -> None:
         self._rec.set_time(TIMELINE, duration=np.timedelta64(time, "ns"))

@@ -11,6 +11,7 @@ import pytest
 from services.gamepad.core import PadProfile
 from services.gamepad.io import sdl
 from services.piloting.sticks import CENTRED, StickReading, Sticks
+from services.runtime.config.errors import LindyError
 
 sdl.load()
 
@@ -239,3 +240,53 @@ def test_a_display_that_cannot_be_reached_does_not_matter_to_a_pad(
     assert os.environ["SDL_VIDEODRIVER"] == "dummy"
     assert not pilot.read().present
     pilot.pad.close()
+
+
+def test_a_pad_that_is_connected_and_frozen_is_lost_and_must_be_centred_afterwards(pilot: Pilot):
+    plugged = VirtualPad()
+    pilot.read()
+    plugged.axis(LEFT_Y, 0.5)
+    held = [pilot.read() for _ in range(249)]
+    assert all(reading.present and reading.age_ms == 0.0 for reading in held)
+    gone = [pilot.read() for _ in range(3)][1:]
+    assert not any(reading.present or reading.at_rest for reading in gone)
+    assert all(reading.sticks == CENTRED for reading in gone)
+    assert [reading.age_ms for reading in gone] == [5000.0, 5020.0]
+    assert [reading.lost for reading in gone] == [("silent:pad",), ()]
+    assert "has not answered for 5.0 s: pilot lost" in gone[0].notes[0][1]
+    plugged.axis(LEFT_Y, 0.7)
+    plugged.button(START)
+    plugged.button(B)
+    back = pilot.read()
+    assert (back.present, back.sticks, back.presses) == (True, CENTRED, ("stop",))
+    assert "answers again" in back.notes[0][1]
+    plugged.axis(LEFT_Y, 0.0)
+    pilot.read()
+    plugged.axis(LEFT_Y, 1.0)
+    assert pilot.read().sticks == Sticks(heave=0.6)
+    plugged.pull()
+
+
+def test_a_pad_is_shown_as_it_is_and_its_loss_is_one_sentence(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    from tools.pad.device import Device
+
+    with pytest.raises(LindyError, match="no pad is plugged in"):
+        Device()
+    sdl.start_events()
+    pygame.joystick.init()
+    plugged = VirtualPad()
+    with Device() as device:
+        assert device.name == "Virtual Controller"
+        device.read(0.0)
+        plugged.axis(RIGHT_X, -1.0)
+        plugged.button(B)
+        controls = device.read(0.5)
+        assert {name for name, value in controls.items() if value} == {"rightx", "b"}
+        assert controls["rightx"] <= -1.0
+        assert device.events_hz == 2.0
+        device.read(2.0)
+        assert device.events_hz == 0.0
+        plugged.pull()
+        with pytest.raises(LindyError, match="Virtual Controller was unplugged"):
+            device.read(3.0)

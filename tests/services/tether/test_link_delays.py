@@ -169,3 +169,19 @@ def test_no_message_takes_longer_than_a_minute(correlation: float, mean_ms: floa
         assert 0.5 * MINUTE_MS < longest <= MINUTE_MS
         if mean_ms > 0.5 * MINUTE_MS:
             assert longest == MINUTE_MS
+
+
+@pytest.mark.parametrize(
+    ("spread", "mean"),
+    [
+        (Constant(3.0), 3.0),
+        (UniformDelay(2.0, 8.0), 5.0),
+        (Normal(40.0, 10.0), 40.0),
+        (Exponential(15.0), 15.0),
+        (Pareto(40.0, 2.5), 40.0),
+        (Table((1.0, 3.0, 2.0)), 2.0),
+        (Exponential(1e6), 60_000.0),  # nearly all of it is cut off at a minute
+    ],
+)
+def test_the_declared_mean_is_that_of_the_distribution(spread: Drawn, mean: float) -> None:
+    assert spread.expected == pytest.approx(mean, rel=0.05 if mean == MINUTE_MS else 0.005)

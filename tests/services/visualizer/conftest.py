@@ -37,6 +37,7 @@ from messages.sensors import (
 from messages.simulator import FaultAnswer, FaultRequest
 from messages.state import VehicleState
 from messages.vehicle import Actuation, Truth, VehicleStatus
+from messages.video import PICTURE_STAGES, PictureAge, VideoPart
 
 Sample = Callable[[str, int], Message]
 
@@ -164,6 +165,23 @@ def _all(now: int) -> list[Message]:
             starboard=0.0,
             missed=Miss(0.01, 0.01),
             delayed=Miss(0.05, 0.02),
+        ),
+        VideoPart(
+            stamp_ns=now,
+            picture=1,
+            keyframe=True,
+            width=640,
+            height=360,
+            captured_ns=now,
+            encoded_ns=now,
+            budget_kbit=300.0,
+            data=b"a picture",
+        ),
+        PictureAge(
+            stamp_ns=now,
+            age_ms=30.0,
+            stages=tuple(Stage(name, 1.0, 2.0) for name in PICTURE_STAGES),
+            total=Stage("light to picture", 20.0, 30.0),
         ),
         SideIdentity(stamp_ns=now, side="drone", version="1.0"),
         Health(

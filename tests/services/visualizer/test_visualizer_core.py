@@ -47,7 +47,7 @@ def truth(time: int, *, north: float = 0.0, depth: float = 1.0, floor: bool = Fa
 
 def shown(batch: Batch) -> list[object]:
     pages = [note for note in batch.notes if note.kind == "document"]
-    return [*batch.columns, *[note for note in batch.notes if note not in pages]]
+    return [*batch.columns, *batch.video, *[note for note in batch.notes if note not in pages]]
 
 
 @pytest.mark.parametrize("topic", topics.ALL, ids=lambda topic: topic.key)

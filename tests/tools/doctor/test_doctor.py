@@ -349,10 +349,18 @@ def test_a_vehicle_without_a_board_is_checked_as_a_file(capsys: pytest.CaptureFi
     assert [f["what"] for f in told["findings"] if f["verdict"] == "change"] == ["pressure noise"]
 
 
+def nothing(name: str) -> None:
+    """As `find_spec` where the package is not installed."""
+
+
+def no_findings(*_: object) -> list[VehicleFinding]:
+    return []
+
+
 def test_without_pymavlink_the_vehicle_file_is_checked_all_the_same(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("tools.checks.find_spec", lambda _: None)
+    monkeypatch.setattr("tools.checks.find_spec", nothing)
     assert main(["doctor", "--vehicle", "bluerov2_heavy"]) == 1
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("ok       vehicle file")
@@ -374,7 +382,7 @@ def test_without_pymavlink_nothing_is_written_and_it_is_said_once(
     monkeypatch: pytest.MonkeyPatch,
     tmp_path: Path,
 ) -> None:
-    monkeypatch.setattr("tools.checks.find_spec", lambda _: None)
+    monkeypatch.setattr("tools.checks.find_spec", nothing)
     monkeypatch.chdir(tmp_path)
     assert "needs pymavlink, which is missing: in the folder" in complaint(capsys, *words)
     assert list(tmp_path.iterdir()) == []
@@ -385,7 +393,7 @@ def test_a_stack_that_does_not_go_with_the_vehicle_file_is_said(
 ) -> None:
     assert main(["doctor", "--vehicle", "bluerov2_heavy", "--stack", "simulated"]) == 0
     assert "not asked: the stack simulated has no ardusub" in capsys.readouterr().out
-    monkeypatch.setattr("tools.doctor.command._of_board", lambda *_: [])
+    monkeypatch.setattr("tools.doctor.command._of_board", no_findings)
     assert main(["doctor", "--vehicle", "pioneer", "--stack", "ardusub"]) == 1
     said = capsys.readouterr().out
     assert f"no table [ardusub]: asked at {Settings().url}, as by default" in said

@@ -72,12 +72,12 @@ def test_a_name_that_is_taken_off_is_off_and_nothing_else_changes(text: str, who
 
 
 @given(st.lists(WHO, max_size=8))
-def test_a_drone_lets_in_who_calls_and_a_caller_speaks_to_drones_alone(
+def test_a_drone_lets_in_who_calls_and_a_caller_speaks_to_drones_and_routers_alone(
     others: list[Identity],
 ) -> None:
-    assert {who.role for who in let_in("drone", others)} <= {"pilot", "observer"}
+    assert {who.role for who in let_in("drone", others)} <= {"pilot", "observer", "router"}
     for role in ("pilot", "observer"):
-        assert {who.role for who in let_in(role, others)} <= {"drone"}
+        assert {who.role for who in let_in(role, others)} <= {"drone", "router"}
     for one in ROLES:
         for other in ROLES:
             assert (other in LETS_IN[one]) == (one in LETS_IN[other])

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from messages.health import LogLine
-from tools.live.log_lines import LogEntry
+from tools.live.log_lines import LogEntry, LogLines
 from tools.live.screen import HALF, LINES, ServiceView, View, bar, plain, render
 
 NAMES = ["simulator", "estimation", "reference", "control", "tether", "gamepad", "recorder"]
@@ -67,8 +67,9 @@ def text_of(view: View, width: int, height: int | None = None) -> list[str]:
 
 
 @WIDTHS
-def test_a_full_screen_fits_and_has_as_many_lines_as_an_empty_one(width: int):
-    blank = View(title="x", alarm="x", words="x", services=FULL.services)
+def test_a_full_screen_fits_and_has_as_many_lines_as_one_of_unknowns(width: int):
+    note = "x" * 73  # too long for the row of the state
+    blank = View(title="x", alarm="x", words="x", silent=("x",), note=note, services=FULL.services)
     full, empty = text_of(FULL, width), text_of(blank, width)
     assert max(map(len, full)) <= width
     assert len(full) == len(empty)
@@ -114,7 +115,7 @@ def test_a_terminal_of_24_rows_shows_all_log_lines_and_says_how_many_services_ar
     lines = text_of(replace(FULL, words=""), 80, 23)
     assert len(lines) == 23
     assert sum(" [ms] long" in line for line in lines) == LINES
-    assert lines[-1].startswith("and 4 more")
+    assert lines[-1].startswith("and 6 more")
     assert any(line.startswith("visualizer gone") for line in lines)
 
 
@@ -155,6 +156,54 @@ def test_old_figures_are_said_to_be_old_in_one_line_too() -> None:
 @pytest.mark.parametrize("known", [True, False])
 def test_the_state_of_a_drone_that_is_not_heard_is_said_to_be_the_last_known(known: bool) -> None:
     view = replace(FULL, last_known=known, words="the drone rises slowly")
-    state, drone = text_of(view, 80)[1:3]
+    state, *_ = text_of(view, 80)[1:]
+    (drone,) = [line for line in text_of(view, 80) if line.startswith("DRONE")]
     assert state.startswith("last known:  ARMED ") == known
     assert ("last known: the drone rises" in drone) == known
+
+
+WORST = replace(
+    FULL,
+    last_known=True,
+    failsafe="imu_lost",
+    words="the drone has stopped and holds; resume to have the sticks: the IMU cannot be used: no "
+    "attitude and heading, depth from pressure alone",
+    note="no status from the drone for 1234 s",
+    age_ms=2_950.0,
+    depth_m=123.45,
+    depth_wanted_m=123.46,
+    heading_wanted_deg=359.8,
+    alarm="the other side runs Lindy 0.1.0, not 0.2.0; round trip has risen from 12 to 1234 ms",
+    silent=("recorder", "control", "estimation"),
+    lines=[],
+)
+
+
+def test_everything_at_once_is_shown_whole_on_80_by_24():
+    """One row is left free for the cursor."""
+    log = LogLines()
+    for n, text in enumerate(["water in the enclosure", "tether pulled", "battery low"]):
+        log.add(LogLine(stamp_ns=n, service="reference", level="warning", text=text), float(n))
+    for n in range(50):
+        log.add(LogLine(stamp_ns=n, service=f"toy{n}", level="info", text="all is well"), 60.0)
+    lines = text_of(replace(WORST, lines=log.newest(LINES)), 80, 23)
+    text = " ".join(" ".join(lines).split())
+    assert len(lines) <= 23
+    assert max(map(len, lines)) <= 80
+    for whole in (
+        "last known: ARMED", "FAILSAFE IMU lost for 17 s, next in 43 s", WORST.words, WORST.note,
+        WORST.alarm, "SILENT recorder +2", "123.45 m", "123.46 m", "359.9°", "359.8°", "3.0 s old",
+        "station keeping", "50 %", "15.9 V, 123.4 Wh used of 266", "+0.50", "lost 123456",
+        "2.0 s reference: battery low", "1.0 s reference: tether pulled",
+        "0.0 s reference: water in the enclosure", "toy49: all is well",
+    ):  # fmt: skip
+        assert whole in text
+
+
+def test_a_long_warning_takes_a_second_row_while_there_is_one_free():
+    text = "the drone holds its depth only; calibrate the compass before the next dive, on land"
+    line = LogLine(stamp_ns=0, service="estimation", level="warning", text=text)
+    lines = text_of(replace(WORST, lines=[LogEntry(line, 1, 3.0, 3.0)]), 80, 23)
+    assert text in " ".join(" ".join(lines).split())
+    crowded = [LogEntry(line, 1, 3.0, 3.0)] * LINES
+    assert sum("calibrate" in line for line in text_of(replace(WORST, lines=crowded), 80)) == LINES

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from messages.health import LogLine
 from tools.live.display import LineDisplay
-from tools.live.log_lines import MOST, LogLines, brief, full
+from tools.live.log_lines import KEPT, MOST, LogLines, brief, full
 
 
 def said(text: str, service: str = "reference") -> LogLine:
@@ -143,3 +143,18 @@ def test_what_comes_back_again_and_again_is_printed_a_few_times_in_a_dive(pauses
         now += pause
         told += lines.add(said_at(now), now) is not None
     assert told <= 4 + math.log2(1.0 + now / 10.0)
+
+
+@given(st.lists(st.sampled_from(["info", "warning", "error"]), max_size=30), st.integers(0, 8))
+def test_information_never_pushes_the_last_warnings_out(
+    levels: list[Literal["info", "warning", "error"]], most: int
+):
+    lines = LogLines()
+    for n, level in enumerate(levels):
+        lines.add(LogLine(stamp_ns=n, service=f"toy{n}", level=level, text="x"), float(n))
+    shown = [entry.line.stamp_ns for entry in lines.newest(most)]
+    warnings = [n for n, level in enumerate(levels) if level != "info"]
+    assert shown == sorted(shown)
+    assert len(shown) == min(most, len(levels))
+    assert set(warnings[-KEPT:] if most >= KEPT else []) <= set(shown)
+    assert most == 0 or not levels or len(levels) - 1 in shown or most <= KEPT

@@ -26,6 +26,7 @@ SECTIONS = {
     "onboard": "tools.research.bench.onboard",
     "transport": "tools.research.bench.transport",
     "mavlink": "tools.research.bench.mavlink",
+    "camera": "tools.research.bench.camera",
     "busy": "tools.research.bench.busy",
     "ardusub": "tools.research.bench.ardusub",
 }

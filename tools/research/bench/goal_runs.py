@@ -16,6 +16,7 @@ from tools.research.bench.sortie import DEEP, HANDS_OFF, Sortie, SortieRow, Sort
 # Random sticks.
 HEAVE, YAW = (-1.0, -0.6, -0.3, 0.3, 0.6, 1.0), (-1.0, -0.5, 0.5, 1.0)
 QUIET_S = 5.0  # [s] hands off after every move
+STOPPING = 140  # samples of 10 ms: 1.4 s, after which the reference rests at the latest
 LEAST, MOST = 1.5, 20.0  # [m] the pilot turns round here
 FULL_HEAVE = 0.5  # [m/s] more than any vehicle's
 
@@ -34,6 +35,7 @@ class ReleaseResult(NamedTuple):
     t: float  # [s] after arming
     horizontal: str  # surge and sway sticks: "centred" all the time, "kept" or "released" now
     overshoot: float  # [m] or [rad]
+    by_estimate: float  # [m] or [rad] the same of a vehicle that would follow its estimate exactly
 
 
 def random_sticks(
@@ -74,11 +76,20 @@ def releases(
     found: list[ReleaseResult] = []
     for t, (_, _, heave, yaw), horizontal in ends:
         quiet = sortie.columns(t, t + QUIET_S)
-        for axis, column, stick in (("heave", quiet.depth, heave), ("yaw", quiet.heading, yaw)):
-            way = column * np.sign(stick)
-            settled = float(way[-100:].mean())
-            found.append(ReleaseResult(axis, t, horizontal, float(way.max()) - settled))
+        off_depth, off_heading = sortie.estimate_errors(quiet, t)
+        for axis, column, off, stick in (
+            ("heave", quiet.depth, off_depth, heave),
+            ("yaw", quiet.heading, off_heading, yaw),
+        ):
+            sign = np.sign(stick)
+            past = _past(column * sign)
+            found.append(ReleaseResult(axis, t, horizontal, past, _past(off[STOPPING:] * -sign)))
     return found
+
+
+def _past(way: NDArray[np.float64]) -> float:
+    """From the furthest point to where it settles, the mean of the last second."""
+    return float(way.max()) - float(way[-100:].mean())
 
 
 def buoyancy_step(seed: int, force: float, overrides: Sequence[str] = ()) -> float:

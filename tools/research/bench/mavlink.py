@@ -20,7 +20,8 @@ import msgspec
 
 from messages import topics
 from messages.pilot import PilotCommand
-from services.runtime.bus.zenoh_bus import connected, namespace
+from services.runtime.bus.spaces import namespace
+from services.runtime.bus.zenoh_bus import connected
 from services.runtime.config.errors import LindyError
 from services.runtime.config.running import RUNNING, Running
 from tools.research.bench.processes import Cost, costs

@@ -208,6 +208,15 @@ class Sortie:
             np.stack(thrust, axis=1),
         )
 
+    def estimate_errors(self, seen: SortieColumns, begin: float) -> tuple[Floats, Floats]:
+        """Estimate minus truth of these columns, which start at `begin` [s]: depth [m] and
+        heading [rad]."""
+        t = self._armed_ns / SECOND + begin + 0.01 * np.arange(len(seen.depth))
+        at = np.array([m.sensor_ns / SECOND for m in self.states])
+        depth = np.interp(t, at, [m.depth.value for m in self.states])
+        heading = np.interp(t, at, [m.heading.value for m in self.states])
+        return depth - seen.depth, heading - seen.heading
+
 
 def _script(folder: Path, sticks: Sequence[SortieRow]) -> Path:
     path = folder / "sticks.csv"

@@ -249,7 +249,7 @@ def _run(link: str) -> tuple[list[float], list[float], list[LinkStatus]]:
                 return True
 
             local.wait_alive(30.0, look)
-            vehicle, ends = stack.vehicle_name, local.endpoints
+            vehicle, ends = stack.drone_name, local.endpoints
             with (
                 open_bus(ends["topside"], vehicle) as pilot,
                 open_bus(ends["topside"], vehicle) as neighbour,

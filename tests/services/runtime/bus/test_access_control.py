@@ -17,7 +17,7 @@ from services.runtime.bus.access_control import (
     access_control,
 )
 from services.runtime.bus.key_files import Door, KeyFiles
-from services.runtime.bus.zenoh_bus import namespace
+from services.runtime.bus.spaces import here_key, namespace
 from services.runtime.config.stack import REPLAY
 
 SPACE = namespace("pioneer")
@@ -28,7 +28,7 @@ SAID_AT: dict[Side, set[Way]] = {  # what one side says that the other may hear
 }
 SIDES = st.sampled_from(["topside", "drone"])
 FLOWS = st.sampled_from(["ingress", "egress"])
-ROLE = st.sampled_from(["drone", "pilot", "observer"])
+ROLE = st.sampled_from(["drone", "pilot", "observer", "router"])
 CHUNK = st.from_regex(r"[a-z0-9_]{1,12}", fullmatch=True)
 STRANGE = st.lists(CHUNK, min_size=1, max_size=4).map("/".join)
 
@@ -101,7 +101,23 @@ def test_nothing_that_is_not_in_the_table_passes_the_network(
     assert ours or not passes(side, "tcp", flow, message, f"{SPACE}/{key}")
     assert not passes(side, "tcp", flow, message, key)  # outside the vehicle's namespace
     other_vehicle = f"{namespace('another')}/{key}"
+    if (flow, message) == ("ingress", "declare_subscriber"):
+        return  # who watches several drones asks all of them; none answers for another
     assert not passes(side, "tcp", flow, message, other_vehicle)
+
+
+@given(SIDES, st.sampled_from(NETWORK), CHUNK, st.sampled_from(["drone", "topside"]))
+def test_a_side_says_that_it_is_there_by_its_own_name_only_and_a_drone_lets_in_no_other(
+    side: Side, link: str, name: str, other_side: str
+) -> None:
+    token = "liveliness_token"
+    own, others = here_key(SPACE, other_side, "1"), here_key(namespace(name), other_side, "1")
+    assert passes(side, link, "egress", token, own)
+    assert passes(side, link, "ingress", token, own)
+    assert passes(side, link, "egress", token, others) == (name == "pioneer")
+    assert passes(side, link, "ingress", token, others) == (name == "pioneer" or side == "topside")
+    for act in ("put", "delete", "query", "reply", "declare_queryable", "declare_subscriber"):
+        assert not passes(side, link, "ingress", act, own)
 
 
 @given(SIDES, FLOWS, st.sampled_from(["query", "reply", "liveliness_token", "liveliness_query"]))
@@ -168,6 +184,8 @@ def test_a_role_may_do_what_the_other_side_may_or_only_hear_or_nothing(
         ("drone", "pilot"): whole,
         ("drone", "observer"): whole and hears,
         ("topside", "drone"): whole,
+        ("drone", "router"): whole,
+        ("topside", "router"): whole,
     }.get((side, role), False)
     assert passes(side, "tls", flow, message, key, door, caller) == expected
 

@@ -21,14 +21,8 @@ from messages.topic import AnyTopic, Way
 from services.runtime.bus.access_control import HubSide
 from services.runtime.bus.envelope import Envelope
 from services.runtime.bus.key_files import Door, KeyFiles
-from services.runtime.bus.zenoh_bus import (
-    ZenohBus,
-    config,
-    connected,
-    listening,
-    namespace,
-    watch_callers,
-)
+from services.runtime.bus.spaces import namespace
+from services.runtime.bus.zenoh_bus import ZenohBus, config, connected, listening, watch_callers
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import REPLAY
 from tools.keys import authority
@@ -165,10 +159,8 @@ def drone(keys: Keys, tmp_path_factory: pytest.TempPathFactory) -> Generator[Dro
 # Who is let in at all.
 
 
-@pytest.mark.parametrize("who", ["foreign/pilot-ann", "ours/pilot-late", "ours/drone-other"])
-def test_another_authoritys_expired_or_a_drones_certificate_is_refused(
-    drone: Drone, who: str
-) -> None:
+@pytest.mark.parametrize("who", ["foreign/pilot-ann", "ours/pilot-late"])
+def test_another_authoritys_or_an_expired_certificate_is_refused(drone: Drone, who: str) -> None:
     with pytest.raises(LindyError, match="no hub answers"):
         drone.session(who)
 
@@ -241,8 +233,10 @@ ATTACKS: dict[str, Callable[[zenoh.Session], object]] = {
 
 
 @pytest.mark.parametrize("attack", ATTACKS)
-@pytest.mark.parametrize("who", ["ours/observer-eve", "ours/pilot-gone"])
-def test_observers_and_the_revoked_say_nothing(drone: Drone, who: str, attack: str) -> None:
+@pytest.mark.parametrize("who", ["ours/observer-eve", "ours/pilot-gone", "ours/drone-other"])
+def test_observers_the_revoked_and_other_drones_say_nothing(
+    drone: Drone, who: str, attack: str
+) -> None:
     assert drone.attacked_by(who, ATTACKS[attack]) == set()
     assert drone.everything == [f"{SPACE}/log/end"]
 
@@ -273,6 +267,8 @@ def test_a_pilot_deletes_nothing_of_the_drones_own(drone: Drone) -> None:
 
 # What each may hear.
 
+NOT_LET_IN = ("ours/pilot-gone", "ours/drone-other")
+
 
 class Ear:
     """Everything that somebody hears, asking for everything and for each row."""
@@ -294,12 +290,12 @@ def heard_from_board(drone: Drone, who: str) -> set[str]:
             return key in ear.heard
 
         until(lambda: goes_through("log/begin", ours))
-        if who != "ours/pilot-gone":
+        if who not in NOT_LET_IN:
             until(lambda: goes_through("log/begin", theirs))
         for topic in topics.ALL:
             drone.board.put(one(topic).key, b"x")
         until(lambda: goes_through("log/end", ours))
-        if who != "ours/pilot-gone":
+        if who not in NOT_LET_IN:
             until(lambda: goes_through("log/end", theirs))
             until(lambda: {one(topic).key for topic in UP if topic in CROSS} <= {*theirs.heard})
         return {*theirs.heard} - {"log/begin", "log/end"}
@@ -314,8 +310,9 @@ def test_pilots_and_observers_hear_the_rows_that_go_up_and_no_others(
     assert not heard & {"sensor/imu", "pilot/command", "pilot/request", "simulator/answer"}
 
 
-def test_the_revoked_hear_nothing(drone: Drone) -> None:
-    assert heard_from_board(drone, "ours/pilot-gone") == set()
+@pytest.mark.parametrize("who", NOT_LET_IN)
+def test_the_revoked_and_other_drones_hear_nothing(drone: Drone, who: str) -> None:
+    assert heard_from_board(drone, who) == set()
 
 
 # Questions, liveliness, and what the hub knows of itself.

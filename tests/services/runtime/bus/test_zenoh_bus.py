@@ -15,7 +15,8 @@ from messages.topic import AnyTopic, Side, Way
 from services.runtime.bus.access_control import HubSide
 from services.runtime.bus.envelope import Envelope
 from services.runtime.bus.qos import QOS_PROFILES, ZenohQos
-from services.runtime.bus.zenoh_bus import ZenohBus, connected, listening, namespace
+from services.runtime.bus.spaces import namespace
+from services.runtime.bus.zenoh_bus import ZenohBus, connected, listening
 from services.runtime.config.errors import LindyError
 
 PATIENCE_S = 60.0  # never reached unless something is broken

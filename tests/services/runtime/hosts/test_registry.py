@@ -14,6 +14,7 @@ from services.runtime.hosts.service_module import own_services
 from services.runtime.hosts.virtual_host import VirtualHost
 from tools.checks import known_tables
 from tools.choices import Choices
+from tools.live.cockpit import with_cockpit
 from tools.live.piloted_dive import who_flies
 
 NUMBERS = count()
@@ -50,7 +51,9 @@ def test_the_shipped_stacks_differ_in_the_vehicle_side_alone() -> None:
     assert {n: s for n, s in simulated.items() if not s.vehicle_side} == {
         n: s for n, s in real.items() if not s.vehicle_side
     }
-    others = [Registry.read(stack) for stack in ("mavlink", "ardusub", "foxglove")]
+    others = [
+        Registry.read(stack) for stack in ("mavlink", "ardusub", "foxglove", "camera", "cockpit")
+    ]
     named = {*simulated, *(name for stack in others for name in stack)}
     assert named == set(own_services())
 
@@ -62,6 +65,17 @@ def test_a_ground_station_may_be_the_pilot_in_place_of_the_gamepad() -> None:
     assert who_flies(Choices(stack="mavlink"), mavlink).name == "mavlink"
     with pytest.raises(LindyError, match="a ground station flies in the stack mavlink"):
         who_flies(Choices(stack="mavlink", pilot="keyboard"), mavlink)
+    cockpit = Registry.read("cockpit")
+    assert set(simulated) ^ set(cockpit) == {"gamepad", "cockpit"}
+    cockpit.require_whole()
+    with pytest.raises(LindyError, match="a browser flies in the stack cockpit"):
+        who_flies(Choices(stack="cockpit", pilot="keyboard"), cockpit)
+    added = with_cockpit(simulated, None)
+    assert dict(added) == dict(cockpit) | dict(added)
+    assert who_flies(Choices(), added).name == "cockpit"
+    beside = with_cockpit(simulated, "keyboard")
+    assert set(beside) == {*simulated, "cockpit"}
+    assert with_cockpit(cockpit, "keyboard") is cockpit
     both = {**simulated, "mavlink": mavlink["mavlink"]}
     assert who_flies(Choices(pilot="keyboard"), both).name == "keyboard"
 

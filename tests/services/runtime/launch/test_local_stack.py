@@ -13,7 +13,8 @@ import pytest
 from messages import topics
 from messages.health import LogLine
 from services.marine.vehicle import Vehicle
-from services.runtime.bus.zenoh_bus import ZenohBus, connected, namespace
+from services.runtime.bus.spaces import namespace
+from services.runtime.bus.zenoh_bus import ZenohBus, connected
 from services.runtime.config.errors import LindyError
 from services.runtime.config.running import RUNNING, Running
 from services.runtime.config.settings import deploy_file

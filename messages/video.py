@@ -1,0 +1,100 @@
+"""The drone's picture as it crosses the link, and how old it is topside. From `camera` and
+`camera_monitor`."""
+
+from typing import Annotated
+
+import msgspec
+
+from messages.link import Stage, Stages
+from messages.message import Message
+from messages.units import Count, NotNegative, Share, Stamp, Text
+
+LONGEST_PART = 60_000  # [B] of one message
+MOST_PARTS = 256  # of one access unit
+LONGEST_UNIT = 900_000  # [B] of one access unit, below what a port keeps
+Part = Annotated[int, msgspec.Meta(ge=0, le=MOST_PARTS - 1)]
+Parts = Annotated[int, msgspec.Meta(ge=1, le=MOST_PARTS)]
+Pixels = Annotated[int, msgspec.Meta(ge=0, le=16_384)]
+Data = Annotated[bytes, msgspec.Meta(max_length=LONGEST_PART)]
+
+# The stages of a picture, from the light to the decoded picture topside. Each is a difference of
+# two stamps.
+PICTURE_STAGES = ("captured", "encoded", "crossed", "decoded")
+
+
+class VideoPart(Message, frozen=True, kw_only=True):
+    """A part of one access unit of H.264 in Annex B form, which is one picture. All parts of a
+    picture have its number and stamp; `messages.video.Assembler` puts them together again.
+
+    `stamp_ns` is when the light of the picture arrived. A keyframe begins with its parameter sets,
+    so that anybody can begin to decode there.
+    """
+
+    picture: Count  # number of the picture, also of those that were not sent
+    keyframe: bool
+    part: Part = 0  # which one
+    parts: Parts = 1  # of how many
+    width: Pixels  # [px]
+    height: Pixels  # [px]
+    captured_ns: Stamp  # [ns] the picture was in memory
+    encoded_ns: Stamp  # [ns] its access unit was there
+    budget_kbit: NotNegative  # [kbit/s] what the camera may send, when this was encoded
+    data: Data
+
+
+class PictureAge(Message, frozen=True, kw_only=True):
+    """How old the picture is where it is seen, and what the link let through, over the last report
+    period. From `camera_monitor`; the camera's bitrate follows it. None: not known now."""
+
+    picture_ns: Stamp | None = None  # [ns] stamp of the newest picture that was decoded
+    age_ms: NotNegative | None = None  # [ms] of that picture now; it grows while none arrives
+    stages: Stages | None = None  # PICTURE_STAGES, in their order
+    total: Stage | None = None  # "light to picture", measured end to end
+    checked: bool = False  # the time stripe in the picture says the same
+    per_second: NotNegative = 0.0  # [1/s] pictures decoded
+    heard_kbit: NotNegative = 0.0  # [kbit/s] that arrived, without headers
+    room_kbit: NotNegative | None = None  # [kbit/s] at which the parts of a picture arrive
+    lost: Share = 0.0  # [-] of the period's pictures that did not arrive whole
+    newest: Count | None = None  # number of the newest picture of which anything arrived
+    keyframe_wanted: bool = False  # nothing can be decoded before the next one
+    words: Text = ""  # what is wrong with the picture, for the pilot; empty: nothing
+
+
+class AccessUnit(msgspec.Struct, frozen=True):
+    """A picture put together again."""
+
+    about: VideoPart  # without its data
+    data: bytes  # H.264, Annex B
+
+
+class Assembler:
+    """Puts access units together from their parts. Of a picture that is not whole when a part of a
+    newer one arrives nothing is used: it is dropped whole."""
+
+    def __init__(self) -> None:
+        self.dropped = 0  # pictures of which only some parts arrived
+        self._of: VideoPart | None = None  # any part of the newest picture
+        self._data: dict[int, bytes] = {}  # its parts so far; empty once it is complete
+
+    def take(self, part: VideoPart) -> AccessUnit | None:
+        """The access unit that this part completes, or None."""
+        if part.part >= part.parts:
+            return None
+        if self._of is None or not _same(self._of, part):
+            if self._of is not None and part.stamp_ns < self._of.stamp_ns:
+                return None  # of a picture that was given up
+            self.dropped += bool(self._data)
+            self._of, self._data = part, {}
+        elif not self._data:
+            return None  # this picture is complete
+        self._data[part.part] = part.data
+        if len(self._data) < part.parts:
+            return None
+        data = b"".join(self._data[number] for number in range(part.parts))
+        self._data = {}
+        return AccessUnit(msgspec.structs.replace(part, part=0, data=b""), data)
+
+
+def _same(one: VideoPart, other: VideoPart) -> bool:
+    """Are both parts of one picture?"""
+    return (one.picture, one.stamp_ns, one.parts) == (other.picture, other.stamp_ns, other.parts)

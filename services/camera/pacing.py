@@ -1,0 +1,70 @@
+"""Which pictures are sent: never more bytes than the bitrate allows, whatever the encoder makes."""
+
+from dataclasses import dataclass
+from math import floor, log
+
+from messages.units import Ns
+
+STEP = 1.25  # [-] between two bitrates of the encoder: each change costs a keyframe
+WORTH_KBIT = 6.0  # [kbit] of a picture that can be recognised; below it fewer pictures are better
+BURST_NS = 100_000_000  # [ns] of the bitrate that may be sent ahead
+EARLY = 0.3  # [-] of the time between two pictures
+HEADERS = 240  # [B] of one message: its other fields, and those of the network
+KEYFRAME_SHARE = 0.2  # [-] of the bitrate that regular keyframes may take
+KEYFRAME_NS = 2_000_000_000  # [ns] between two of them at least
+BLOCKS_MS = 10.0  # [ms] for which one part may hold back something more urgent
+SMALLEST, LARGEST = 600, 16_000  # [B] of one part
+
+
+def encoder_kbit(budget: float, before: float) -> float:
+    """[kbit/s] The encoder's bitrate for a budget: the next lower of a geometric row. The one
+    before is kept until the budget is well above the next higher."""
+    if before <= budget < 1.1 * STEP * before:
+        return before
+    return STEP ** floor(log(budget) / log(STEP))
+
+
+def pictures_per_second(kbit: float, most: float) -> float:
+    """[1/s] For this bitrate [kbit/s]."""
+    return min(most, kbit / WORTH_KBIT)
+
+
+def split(data: bytes, room_kbit: float) -> list[bytes]:
+    """An access unit in parts of about the same size. None occupies the link for long, and there
+    are two or more, so that the pace of their arrival can be measured."""
+    size = min(max(round(room_kbit * BLOCKS_MS / 8.0), SMALLEST), LARGEST)
+    number = max(2 if len(data) > SMALLEST else 1, -(-len(data) // size))
+    size = max(1, -(-len(data) // number))
+    return [data[at : at + size] for at in range(0, len(data), size)]
+
+
+@dataclass(slots=True)
+class Pacer:
+    """Says when the next picture may be sent, and when it should be a keyframe."""
+
+    _free_at: Ns = 0  # [ns] when all that was sent is paid for, at the bitrate
+    _due: Ns = 0  # [ns] of the next picture
+    _keyframe_due: Ns | None = None
+
+    def admits(self, now: Ns, hz: float) -> bool:
+        """May a picture be sent now?
+
+        Args:
+            hz: [1/s] pictures wanted.
+        """
+        period = 1e9 / hz
+        # Pictures come when the camera has them: one that is a little early is in time.
+        in_time = now >= min(self._due, now + period) - EARLY * period
+        return in_time and now + BURST_NS >= self._free_at
+
+    def wants_keyframe(self, now: Ns) -> bool:
+        return self._keyframe_due is None or now >= self._keyframe_due
+
+    def sent(self, size: int, kbit: float, hz: float, *, keyframe: bool, now: Ns) -> None:
+        """A picture of `size` [B], headers included, was sent at a bitrate [kbit/s]."""
+        takes = round(size * 8e6 / kbit)  # [ns]
+        period = round(1e9 / hz)
+        self._free_at = max(now, self._free_at) + takes
+        self._due = max(self._due, now - period) + period
+        if keyframe:
+            self._keyframe_due = now + max(KEYFRAME_NS, round(takes / KEYFRAME_SHARE))

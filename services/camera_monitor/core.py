@@ -1,0 +1,157 @@
+"""The account of the pictures that arrive. Pure: decoding is elsewhere, time is an argument."""
+
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+from messages.link import Stage
+from messages.units import Ns
+from messages.video import PICTURE_STAGES, AccessUnit, Assembler, PictureAge, VideoPart
+
+TOTAL = "light to picture"
+STRIPE_NS = 1_000_000  # [ns] the stripe and the stamp may differ by, after clocks were converted
+OLD_MS = 500.0  # [ms] an older picture is said to be old
+MOST_KBIT = 1e6  # [kbit/s] parts that arrive at one instant
+MOST_MISSING = 1000  # messages: a greater gap is a sender that began anew
+
+
+@dataclass(slots=True)
+class _Period:
+    """Since the last report."""
+
+    stages: list[tuple[float, ...]] = field(default_factory=list[tuple[float, ...]])  # [ms]
+    totals: list[float] = field(default_factory=list[float])  # [ms]
+    stripes: list[bool] = field(default_factory=list[bool])  # did it say the same as the stamp?
+    heard: int = 0  # messages
+    missing: int = 0  # messages
+    bytes: int = 0
+    train_bytes: int = 0  # of parts behind the first of their picture …
+    train_ns: int = 0  # … which took so long
+
+
+class PictureAccount:
+    """`counts` collects what must be counted."""
+
+    def __init__(self) -> None:
+        self.counts: list[str] = []
+        self._assembler = Assembler()
+        self._period = _Period()
+        self._began_ns: Ns = 0  # [ns] of the period
+        self._train: tuple[Ns, Ns, int] | None = None  # stamp, arrival of the first part, bytes
+        self._seq: int | None = None
+        self._newest: int | None = None
+        self._picture_ns: Ns | None = None  # stamp of the newest decoded picture
+        self._broken = True  # nothing can be decoded before the next keyframe
+
+    @property
+    def broken(self) -> bool:
+        return self._broken
+
+    def take(self, part: VideoPart, now: Ns) -> AccessUnit | None:
+        """A part has arrived. Returns an access unit to decode, if it completes one."""
+        self._measure(part, now)
+        dropped = self._assembler.dropped
+        unit = self._assembler.take(part)
+        if self._assembler.dropped > dropped:
+            self.counts.append("dropped:picture")
+        if unit is None:
+            return None
+        if self._broken and not part.keyframe:
+            self.counts.append("undecodable:picture")
+            return None
+        return unit
+
+    def decoded(self, unit: AccessUnit, stripe_ns: Ns | None, arrived: Ns, now: Ns) -> None:
+        """An access unit was decoded at `now` [ns].
+
+        Args:
+            stripe_ns: the time in the picture itself, by this clock; None: it has none.
+            arrived: [ns] of its last part.
+        """
+        about, self._broken = unit.about, False
+        light = about.stamp_ns if stripe_ns is None else stripe_ns
+        self._picture_ns = light
+        times = light, about.captured_ns, about.encoded_ns, arrived, now
+        self._period.stages.append(tuple(_ms(begin, end) for begin, end in pairwise(times)))
+        self._period.totals.append(_ms(light, now))
+        if stripe_ns is not None:
+            agrees = abs(stripe_ns - about.stamp_ns) <= STRIPE_NS
+            self._period.stripes.append(agrees)
+            if not agrees:
+                self.counts.append("wrong_stamp:picture")
+
+    def failed(self) -> None:
+        """An access unit could not be decoded."""
+        self.counts.append("undecodable:picture")
+        self._broken = True
+
+    def report(self, now: Ns) -> PictureAge:
+        """What happened since the last report; a new period begins."""
+        period, self._period = self._period, _Period()
+        seconds = max((now - self._began_ns) / 1e9, 1e-3)
+        self._began_ns = now
+        expected = period.heard + period.missing
+        age = None if self._picture_ns is None else _ms(self._picture_ns, now)
+        columns = zip(*period.stages, strict=True)
+        stages = tuple(_stage(*each) for each in zip(PICTURE_STAGES, columns, strict=False))
+        return PictureAge(
+            stamp_ns=now,
+            picture_ns=self._picture_ns,
+            age_ms=age,
+            stages=stages or None,
+            total=_stage(TOTAL, tuple(period.totals)) if period.totals else None,
+            checked=bool(period.stripes) and all(period.stripes),
+            per_second=len(period.totals) / seconds,
+            heard_kbit=period.bytes * 8e-3 / seconds,
+            room_kbit=_room(period),
+            lost=period.missing / expected if expected else 0.0,
+            newest=self._newest,
+            keyframe_wanted=self._broken,
+            words=_words(age, self._broken, self._newest),
+        )
+
+    def _measure(self, part: VideoPart, now: Ns) -> None:
+        period = self._period
+        period.heard += 1
+        period.bytes += len(part.data)
+        if self._seq is not None and 0 < part.seq - self._seq - 1 < MOST_MISSING:
+            period.missing += part.seq - self._seq - 1
+            self._broken = True
+        if self._seq is not None and part.seq <= self._seq and part.part == 0:
+            self._broken = True  # a camera that began anew
+        self._seq, self._newest = part.seq, part.picture
+        if self._train is None or self._train[0] != part.stamp_ns:
+            self._train = part.stamp_ns, now, 0
+            return
+        stamp, began, size = self._train
+        self._train = stamp, began, size + len(part.data)
+        if part.part == part.parts - 1:
+            period.train_bytes += self._train[2]
+            period.train_ns += now - began
+
+
+def _room(period: _Period) -> float | None:
+    """[kbit/s] Pace at which parts behind the first one arrive."""
+    if period.train_bytes == 0:
+        return None
+    return min(MOST_KBIT, period.train_bytes * 8e6 / max(period.train_ns, 1))
+
+
+def _words(age: float | None, broken: bool, newest: int | None) -> str:
+    if newest is None:
+        return "no picture has arrived"
+    if age is None:
+        return "no picture could be decoded"
+    if age > OLD_MS:
+        why = ", and no newer one can be decoded" if broken else ""
+        return f"the picture is {age / 1e3:.1f} s old{why}"
+    return ""
+
+
+def _stage(name: str, values: tuple[float, ...]) -> Stage:
+    ordered = sorted(values)
+    return Stage(name, ordered[len(ordered) // 2], ordered[len(ordered) * 99 // 100])
+
+
+def _ms(begin: Ns, end: Ns) -> float:
+    """[ms] Never negative: two clocks are known to within some time only."""
+    return max(0.0, (end - begin) / 1e6)

@@ -1,0 +1,1 @@
+"""The H.264 decoder, by FFmpeg through PyAV."""

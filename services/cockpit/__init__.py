@@ -1,0 +1,10 @@
+"""Cockpit: the pilot's page in a browser. Serves it, flies by it, and shows the dive to whoever
+watches.
+
+page_messages   what a page may send, and how it is checked
+stick_page      which page has the sticks, and how old they are
+outlook         what every page is shown
+core            the state machine of all pages
+io              web server
+page            the page itself: HTML, CSS and ES modules, served as they are
+"""

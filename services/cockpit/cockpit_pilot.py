@@ -1,0 +1,188 @@
+"""The page with the sticks as a pilot: sticks, lease and requests by the rules of every pilot."""
+
+from dataclasses import dataclass, field
+
+from msgspec.structs import replace
+
+from messages.pilot import TTL_MS, PilotAnswer, PilotRequest, RequestKind
+from messages.units import Ns
+from messages.vehicle import VehicleStatus
+from services.cockpit.page_messages import PageSticks, PageWish, Wish
+from services.cockpit.stick_page import StickPage
+from services.piloting.pilot import Effects, Pilot, Waiting
+from services.piloting.pilot_intents import Intent, ModeIntent
+
+REPEAT_NS = 30_000_000  # [ns] after the newest command: a page that is late for once
+SAY_LOST_NS = (
+    1_000_000_000  # [ns] so long `lost` is published; then silence, so that the lease ends
+)
+WISH_PATIENCE_NS = 1_000_000_000  # [ns] an older wish is not carried out: it waited in a network
+ALWAYS: tuple[Wish, ...] = ("stop", "disarm", "give_back")  # however old
+KINDS: dict[Wish, RequestKind] = {
+    "take": "lease", "force": "force", "offer": "offer", "give_back": "release"
+}  # fmt: skip
+LOST = {
+    "silent": "nothing arrives from the pilot's page",
+    "hidden": "the pilot's page is hidden or locked",
+    "unplugged": "the pad was unplugged",
+    "frozen": "the pad holds a stick and reports nothing: move the stick, or plug it in again",
+    "closed": "the pilot's page was closed",
+}  # why the pilot is lost
+
+
+@dataclass(slots=True)
+class CockpitPilot:
+    pilot: Pilot
+    name: str
+    holder: StickPage = field(default_factory=StickPage)
+    lost: str = ""  # why the pilot is lost, in words; empty: not lost
+    _was_fresh: bool = False
+    _lost_ns: Ns = -SAY_LOST_NS
+    _said_ns: Ns = 0
+
+    def __post_init__(self) -> None:
+        self.pilot.source = self.name
+
+    # From pages.
+
+    def steer(
+        self, page: int, message: PageSticks, read_ns: Ns, waiting: Waiting, now: Ns
+    ) -> Effects:
+        out = Effects()
+        if self.holder.page != page:
+            out.counts.append("not_the_holder:page")
+            return out
+        self.holder.move(message, read_ns, now)
+        self._notice(now, out)
+        self._say(waiting, now, out)
+        return out
+
+    def absent(self, page: int, why: str, waiting: Waiting, now: Ns) -> Effects:
+        """The pilot cannot steer from this page now."""
+        out = Effects()
+        if self.holder.page == page:
+            self.holder.lose(why)
+            self._notice(now, out)
+            self._say(waiting, now, out)
+        return out
+
+    def closed(self, page: int, waiting: Waiting, now: Ns) -> Effects:
+        out = self.absent(page, "closed", waiting, now)
+        if self.holder.page == page:
+            self.holder.lay_down()
+        return out
+
+    def wish(self, page: int, message: PageWish, read_ns: Ns, waiting: Waiting, now: Ns) -> Effects:
+        out, what = Effects(), message.what
+        if what not in ALWAYS and now > read_ns + WISH_PATIENCE_NS:
+            _refuse(out, "expired:wish", f"{_named(what)}: came too late and was not done")
+        elif what in ("take", "force"):
+            self._take(page, what, waiting, now, out)
+        elif what != "stop" and self.holder.page != page:
+            whose = "another page has" if self.holder.page else "this page does not have"
+            _refuse(out, "not_the_holder:page", f"{_named(what)}: {whose} the sticks")
+        elif KINDS.get(what, what) in waiting:
+            pass  # it is being repeated until the drone answers
+        elif what == "give_back":
+            self._give_back(out)
+        elif what == "offer":
+            out.requests.append(self._request("offer"))
+        elif what == "arm" and not self.holder.fresh(now):
+            _refuse(out, "refused_here:arm", "not arming: no stick positions arrive")
+        else:
+            self._press(message, waiting, now, out)
+        return out
+
+    # From the drone, and from the clock.
+
+    def tick(self, waiting: Waiting, now: Ns) -> Effects:
+        """Repeat the newest sticks while they are fresh, and say so when they no longer are."""
+        out = Effects()
+        self._notice(now, out)
+        if now >= self._said_ns + REPEAT_NS:
+            self._say(waiting, now, out)
+        return out
+
+    def status(self, status: VehicleStatus, waiting: Waiting, now: Ns) -> Effects:
+        """Ask for control only while a page sends sticks."""
+        if self.holder.fresh(now):
+            return self.pilot.status(status, waiting, now)
+        return Effects()
+
+    def answered(self, request: PilotRequest, answer: PilotAnswer, now: Ns) -> Effects:
+        out = self.pilot.answered(request, answer, now)
+        if answer.epoch is not None:
+            self._say(frozenset(), now, out)  # the drone arms only with sticks of this epoch
+        return out
+
+    # Within.
+
+    def _take(self, page: int, what: Wish, waiting: Waiting, now: Ns, out: Effects) -> None:
+        if not self.holder.take(page, now):
+            words = f"{_named(what)}: another page has the sticks and must give them back"
+            _refuse(out, "not_the_holder:page", words)
+        elif KINDS[what] not in waiting:
+            out.requests.append(self._request(KINDS[what]))
+
+    def _give_back(self, out: Effects) -> None:
+        """Deliberately: no pilot is lost by it."""
+        self.holder.lay_down()
+        self._was_fresh, self.lost = False, ""
+        if self.pilot.in_control:
+            out.requests.append(self._request("release"))
+
+    def _press(self, message: PageWish, waiting: Waiting, now: Ns, out: Effects) -> None:
+        match message.what:
+            case "mode":
+                intent: Intent | None = message.hold and ModeIntent(message.hold)
+            case "arm" | "disarm" | "stop" | "light":
+                intent = message.what
+            case _:
+                intent = None
+        if intent is None:
+            out.counts.append("malformed:page")
+        else:
+            self._say(waiting, now, out, (intent,))
+
+    def _notice(self, now: Ns, out: Effects) -> None:
+        """Whether the pilot was lost or is there again."""
+        fresh = self.holder.fresh(now)
+        if self._was_fresh and not fresh:
+            why = self.holder.lost or "silent"
+            self.holder.lose(why)
+            self.lost, self._lost_ns = LOST[why], now
+            out.counts.append(f"lost:page_{why}")
+            out.notes.append(("warning", f"pilot lost: {self.lost}"))
+        elif fresh:
+            self.lost = ""
+        self._was_fresh = fresh
+
+    def _say(
+        self, waiting: Waiting, now: Ns, out: Effects, presses: tuple[Intent, ...] = ()
+    ) -> None:
+        """Read the sticks, and publish them while this pilot has control: another pilot on this
+        side is not disturbed."""
+        effects = self.pilot.read(self.holder.reading(now, presses), self.name, 0, waiting, now)
+        out.counts += effects.counts
+        out.notes += effects.notes
+        out.requests += effects.requests
+        fresh = self.holder.fresh(now)
+        if effects.command is None or not self.pilot.in_control:
+            return
+        if fresh or now < self._lost_ns + SAY_LOST_NS:
+            left = TTL_MS - self.holder.age_ns(now) / 1e6 if fresh else TTL_MS
+            out.command = replace(effects.command, ttl_ms=left)
+            self._said_ns = now
+
+    def _request(self, kind: RequestKind) -> PilotRequest:
+        epoch = self.pilot.progress.epoch or 0
+        return PilotRequest(stamp_ns=0, id="", kind=kind, source=self.name, epoch=epoch)
+
+
+def _refuse(out: Effects, count: str, words: str) -> None:
+    out.counts.append(count)
+    out.notes.append(("warning", words))
+
+
+def _named(what: Wish) -> str:
+    return what.replace("_", " ")

@@ -1,0 +1,66 @@
+"""Who may open a page's connection: checked before a WebSocket is opened.
+
+Any page that the pilot has open in a browser can try to open a WebSocket to this machine. The
+browser says whose page it is (`Origin`) and which name it looked up (`Host`), which no page can
+forge (RFC 6455, 10.2).
+"""
+
+import hashlib
+import hmac
+from collections.abc import Sequence
+from dataclasses import dataclass
+from urllib.parse import parse_qs
+
+LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
+PILOT, WATCH = "/ws/pilot", "/ws/watch"  # paths of the two kinds of WebSocket
+
+
+@dataclass(frozen=True, slots=True)
+class Access:
+    scheme: str  # http, https
+    host: str  # where it listens
+    port: int
+    local: bool  # only this machine reaches it
+    token: str = ""  # of the pilot; empty: none is asked for
+
+    @property
+    def watch_token(self) -> str:
+        """Follows from the pilot's, and not the other way round."""
+        return hashlib.sha256(f"watch {self.token}".encode()).hexdigest()[:22] if self.token else ""
+
+    @property
+    def address(self) -> str:
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"{self.scheme}://{host}:{self.port}/"
+
+    @property
+    def pilot_url(self) -> str:
+        return f"{self.address}#{self.token}" if self.token else self.address
+
+    @property
+    def watch_url(self) -> str:
+        return f"{self.address}watch" + (f"#{self.watch_token}" if self.token else "")
+
+    def refusal(self, target: str, hosts: Sequence[str], origins: Sequence[str]) -> str:
+        """Why a request is refused; empty when it is not.
+
+        Args:
+            target: path and query.
+            hosts, origins: all values of these headers.
+        """
+        if len(hosts) != 1 or (self.local and not self._is_local(hosts[0])):
+            return f"wrong Host: this page is at {self.address}"
+        path, _, query = target.partition("?")
+        if path not in (PILOT, WATCH):
+            return ""  # a file, which holds no secret
+        if list(origins) != [f"{self.scheme}://{hosts[0]}"]:
+            return f"wrong Origin: only the cockpit's own page may connect, at {self.address}"
+        wanted = self.token if path == PILOT else self.watch_token
+        given = parse_qs(query).get("token", [""])[0]
+        if not hmac.compare_digest(given.encode(), wanted.encode()):
+            return "wrong token: open the address that the cockpit has printed"
+        return ""
+
+    def _is_local(self, host: str) -> bool:
+        name, _, port = host.rpartition(":")
+        return name in LOOPBACK and port == str(self.port)

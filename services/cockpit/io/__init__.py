@@ -1,0 +1,1 @@
+"""The web server of the cockpit: files and WebSockets, on a thread of its own."""

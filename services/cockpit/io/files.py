@@ -1,0 +1,57 @@
+"""The files of the page, as they are served."""
+
+import hashlib
+from importlib.resources import files
+
+from websockets.datastructures import Headers
+from websockets.http11 import Response
+
+TYPES = {
+    "html": "text/html; charset=utf-8",
+    "css": "text/css; charset=utf-8",
+    "js": "text/javascript; charset=utf-8",
+}
+HEADERS = {
+    # Nothing from elsewhere, and nobody may lay another page over the sticks.
+    "Content-Security-Policy": "default-src 'self'; frame-ancestors 'none'; base-uri 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cache-Control": "no-store",
+}
+INDEX = "index.html"
+VERSION = b"@VERSION@"  # stands in the page for the version
+
+
+class PageFiles:
+    """Read once: what is served is what was there at the start."""
+
+    def __init__(self) -> None:
+        folder = files("services.cockpit") / "page"
+        self.contents = {
+            entry.name: entry.read_bytes()
+            for entry in folder.iterdir()
+            if entry.name.rpartition(".")[2] in TYPES
+        }
+        everything = b"".join(self.contents[name] for name in sorted(self.contents))
+        self.version = hashlib.sha256(everything).hexdigest()[:12]
+        self.contents[INDEX] = self.contents[INDEX].replace(VERSION, self.version.encode())
+
+    def response(self, path: str) -> Response:
+        """A page or a module of it; 404 for everything else."""
+        name = INDEX if path in ("/", "/watch") else path.removeprefix("/")
+        body = self.contents.get(name)
+        if body is None:
+            return plain(404, "Not Found", "there is no such page")
+        return _response(200, "OK", TYPES[name.rpartition(".")[2]], body)
+
+
+def plain(status: int, reason: str, sentence: str) -> Response:
+    return _response(status, reason, "text/plain; charset=utf-8", f"{sentence}\n".encode())
+
+
+def _response(status: int, reason: str, kind: str, body: bytes) -> Response:
+    headers = Headers(HEADERS)
+    headers["Content-Type"] = kind
+    headers["Content-Length"] = str(len(body))
+    headers["Connection"] = "close"
+    return Response(status, reason, headers, body)

@@ -1,0 +1,265 @@
+"""Serves the page, and holds the WebSockets of all pages.
+
+A thread of its own with an event loop; the service's thread takes what has arrived and hands over
+what is to be shown. Nothing waits for a page: one that has not read its last picture is left out.
+"""
+
+import asyncio
+import logging
+import socket
+import ssl
+import threading
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Mapping
+from typing import Any, cast
+from urllib.parse import parse_qs
+
+from websockets.asyncio.server import ServerConnection, broadcast, serve
+from websockets.exceptions import ConnectionClosed
+from websockets.http11 import Request, Response
+
+from services.cockpit.core import Settings
+from services.cockpit.handshake import WATCH, Access
+from services.cockpit.io.files import PageFiles, plain
+from services.cockpit.page_messages import (
+    LONGEST,
+    PageClosed,
+    PageEvent,
+    PageOpened,
+    PageSaid,
+    PageSticks,
+    parsed,
+)
+from services.runtime.config.errors import LindyError
+
+MOST_PAGES = 32
+MOST_CONNECTIONS = 128  # with those that load files or never say what they want
+MOST_PER_SECOND = 250  # messages of one page, which sends 50 sticks and 25 confirmations
+WAITING = 64  # events of all pages that may wait for the service
+HANDSHAKE_S = 5.0  # [s] for a connection to say what it wants
+SEND_BUFFER = 32_768  # [B] of the system, per page: some pictures
+TOO_BIG, TOO_FAST, OLD_PAGE = 1009, 1008, 4001  # close codes; the last one is our own
+
+
+class PageServer:
+    """`counts` is taken and cleared by the service."""
+
+    def __init__(self, settings: Settings, access: Access) -> None:
+        """Listen.
+
+        Raises:
+            LindyError: the address cannot be used, or the certificate is no good.
+        """
+        self.counts: Counter[str] = Counter()
+        self._access, self._files = access, PageFiles()
+        self._events: deque[PageEvent] = deque()
+        self._lock = threading.Lock()  # of the events
+        self._pages: dict[int, ServerConnection] = {}
+        self._last = 0  # number of the newest page
+        self._open = 0  # connections
+        self._notify: Callable[[], None] = lambda: None
+        self._tls = _tls(settings)
+        self._socket = _listening(settings)
+        self._loop = asyncio.new_event_loop()
+        self._thread: threading.Thread | None = None
+
+    def start(self, notify: Callable[[], None]) -> None:
+        """Begin to serve; `notify` is called when something has arrived."""
+        self._notify = notify
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        if self._thread is None:
+            self._socket.close()
+            self._loop.close()
+            return
+        self._loop.call_soon_threadsafe(self._stop.set)
+        self._thread.join(2.0)
+
+    def received(self) -> list[PageEvent]:
+        """Everything that has arrived since, in order; of sticks the newest only."""
+        with self._lock:
+            events = list(self._events)
+            self._events.clear()
+        return events
+
+    def show(self, texts: Mapping[int, str]) -> None:
+        """Send each page its picture, unless the last one has not left yet."""
+        if texts and self._thread is not None and not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(self._send, texts)
+
+    # On the thread of its own.
+
+    def _run(self) -> None:
+        asyncio.set_event_loop(self._loop)
+        self._stop = asyncio.Event()
+        try:
+            self._loop.run_until_complete(self._serve())
+        finally:
+            self._loop.close()
+
+    async def _serve(self) -> None:
+        quiet = logging.getLogger("lindy.cockpit")  # what strangers send is counted, not logged
+        quiet.disabled = True
+        server = serve(
+            self._page,
+            sock=self._socket,
+            ssl=self._tls,
+            process_request=self._answer,
+            create_connection=cast(
+                Any, self._connection
+            ),  # a class, says its type; it is called only
+            compression=None,
+            max_size=LONGEST,
+            max_queue=8,
+            open_timeout=HANDSHAKE_S,
+            close_timeout=0.5,
+            ping_interval=5.0,
+            ping_timeout=5.0,
+            server_header=None,
+            logger=quiet,
+        )
+        async with server:
+            await self._stop.wait()
+
+    def _connection(self, *args: Any, **more: Any) -> ServerConnection:
+        return CountedConnection(self, *args, **more)
+
+    def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
+        """A file, a refusal, or None: the WebSocket is opened."""
+        del connection
+        headers = request.headers
+        why = self._access.refusal(request.path, headers.get_all("Host"), headers.get_all("Origin"))
+        if why:
+            self.counts["refused:page"] += 1
+            return plain(403, "Forbidden", why)
+        if "Upgrade" not in headers:
+            return self._files.response(request.path.partition("?")[0])
+        if len(self._pages) >= MOST_PAGES:
+            self.counts["too_many:page"] += 1
+            return plain(503, "Service Unavailable", f"{MOST_PAGES} pages are open already")
+        return None
+
+    async def _page(self, connection: ServerConnection) -> None:
+        """One page, until it is closed."""
+        sock = connection.transport.get_extra_info("socket")
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
+        request = connection.request
+        assert request is not None
+        path, _, query = request.path.partition("?")
+        if parse_qs(query).get("version") != [self._files.version]:
+            self.counts["wrong_version:page"] += 1
+            await connection.close(OLD_PAGE, "this page is of another version: load it again")
+            return
+        self._last += 1
+        number = self._last
+        self._pages[number] = connection
+        self._add(PageOpened(number, path == WATCH))
+        try:
+            await self._read(number, connection)
+        except ConnectionClosed as closed:
+            if closed.sent is not None and closed.sent.code == TOO_BIG:
+                self.counts["oversized:page"] += 1
+        finally:
+            del self._pages[number]
+            self._add(PageClosed(number))
+
+    async def _read(self, number: int, connection: ServerConnection) -> None:
+        second, heard = 0, 0
+        async for raw in connection:
+            now = int(time.monotonic())
+            second, heard = now, heard + 1 if now == second else 1
+            if heard > MOST_PER_SECOND:
+                self.counts["too_many:page_messages"] += 1
+                await connection.close(TOO_FAST, "too many messages")
+                return
+            self._add(PageSaid(number, parsed(raw)))
+
+    def _add(self, event: PageEvent) -> None:
+        with self._lock:
+            last = self._events[-1] if self._events else None
+            if _supersedes(event, last):
+                self._events.pop()
+            elif len(self._events) >= WAITING and isinstance(event, PageSaid):
+                self.counts["overflowed:page"] += 1
+                return
+            self._events.append(event)
+        self._notify()
+
+    def _send(self, texts: Mapping[int, str]) -> None:
+        for number, text in texts.items():
+            connection = self._pages.get(number)
+            if connection is None:
+                continue
+            if connection.transport.get_write_buffer_size() > 0:
+                self.counts["dropped:page"] += 1
+            else:
+                broadcast([connection], text)
+
+    def opened(self) -> bool:
+        """A connection was opened. False: there are too many."""
+        self._open += 1
+        return self._open <= MOST_CONNECTIONS
+
+    def lost(self) -> None:
+        self._open -= 1
+
+    def refused(self) -> None:
+        self.counts["too_many:connection"] += 1
+
+
+class CountedConnection(ServerConnection):
+    """PageClosed at once where there are too many, before it may say anything."""
+
+    def __init__(self, pages: PageServer, *args: Any, **more: Any) -> None:
+        super().__init__(*args, **more)
+        self._all = pages
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        admitted = self._all.opened()
+        super().connection_made(transport)
+        if not admitted:
+            self._all.refused()
+            self.transport.abort()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self._all.lost()
+        super().connection_lost(exc)
+
+
+def _supersedes(newer: PageEvent, older: PageEvent | None) -> bool:
+    """Are both stick positions of one page, of which only the newest counts?"""
+    return (
+        isinstance(newer, PageSaid)
+        and isinstance(older, PageSaid)
+        and newer.page == older.page
+        and isinstance(newer.message, PageSticks)
+        and isinstance(older.message, PageSticks)
+    )
+
+
+def _listening(settings: Settings) -> socket.socket:
+    family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
+    try:
+        return socket.create_server((settings.host, settings.port), family=family)
+    except OSError as error:
+        raise LindyError(
+            f"the cockpit cannot listen on {settings.host}:{settings.port}: {error.strerror}; "
+            f"another port is --set cockpit.port={settings.port % 65535 + 1}"
+        ) from None
+
+
+def _tls(settings: Settings) -> ssl.SSLContext | None:
+    if not settings.certificate:
+        return None
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    try:
+        context.load_cert_chain(settings.certificate, settings.key)
+    except (OSError, ssl.SSLError) as error:
+        raise LindyError(
+            f"cockpit.certificate {settings.certificate} with cockpit.key {settings.key} cannot be "
+            f"used: {error}; expected two PEM files"
+        ) from None
+    return context

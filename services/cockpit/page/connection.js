@@ -1,0 +1,77 @@
+// The WebSocket to the service. Nothing is queued: old sticks are not sent, old pictures not drawn.
+
+const RETRY_MS = 700;
+const DEAD_MS = 3000; // without a picture: the connection is opened anew
+const CONFIRM_EVERY = 5; // pictures
+const OLD_PAGE = 4001;
+
+export class Connection {
+  constructor() {
+    this.picture = null; // the newest
+    this.arrived = 0; // [ms] when, by this page's clock
+    this.words = "connecting"; // what is wrong; empty: nothing
+    this.watching = location.pathname === "/watch";
+    this.version = document.querySelector("meta[name=version]").content;
+    this.opened = 0;
+    this.open();
+    setInterval(() => this.look(), 500);
+  }
+
+  open() {
+    const scheme = location.protocol === "https:" ? "wss:" : "ws:";
+    const query = new URLSearchParams({ version: this.version, token: location.hash.slice(1) });
+    const path = this.watching ? "/ws/watch" : "/ws/pilot";
+    this.opened = performance.now();
+    const socket = new WebSocket(`${scheme}//${location.host}${path}?${query}`);
+    this.socket = socket;
+    this.picture = null;
+    this.confirmed = 0; // number of the picture that the service knows to have arrived
+    socket.onmessage = (event) => this.hear(event.data);
+    socket.onclose = (event) => {
+      if (this.socket !== socket) return;
+      this.picture = null;
+      const old = event.code === OLD_PAGE;
+      this.words = old ? event.reason : "no connection to the cockpit";
+      if (!old) setTimeout(() => this.open(), RETRY_MS);
+    };
+  }
+
+  hear(text) {
+    this.picture = JSON.parse(text);
+    this.arrived = performance.now();
+    this.words = "";
+    if (this.picture.n - this.confirmed >= CONFIRM_EVERY) this.send("seen", {});
+  }
+
+  // Also while nothing arrives, a person must read that.
+  look() {
+    const silent = performance.now() - Math.max(this.arrived, this.opened);
+    if (silent > 1000 && !this.words) this.words = "nothing arrives from the cockpit";
+    if (silent > DEAD_MS && this.socket.readyState < WebSocket.CLOSING) {
+      this.socket.onclose = null;
+      this.socket.close();
+      this.open();
+    }
+  }
+
+  // Sticks are left out while older ones have not left yet; they come again in 20 ms.
+  steer(fields) {
+    if (this.socket.bufferedAmount === 0) this.send("sticks", fields);
+  }
+
+  wish(what, hold) {
+    this.send("wish", hold ? { what, hold } : { what });
+  }
+
+  absent(why) {
+    this.send("absent", { why });
+  }
+
+  send(kind, fields) {
+    if (this.socket.readyState !== WebSocket.OPEN) return;
+    const seen = this.picture ? this.picture.n : 0;
+    const held_ms = this.picture ? performance.now() - this.arrived : 0;
+    this.confirmed = seen;
+    this.socket.send(JSON.stringify({ kind, seen, held_ms, ...fields }));
+  }
+}

@@ -1,0 +1,119 @@
+// The pilot's page: devices → connection → service, and pictures of the drone → screen.
+
+import { Connection } from "/connection.js";
+import { HoldButton } from "/hold_button.js";
+import { Hud } from "/hud.js";
+import { Keyboard } from "/keyboard.js";
+import { Pad } from "/pad.js";
+import { buttons, show } from "/panel.js";
+import { GAINS } from "/shape.js";
+import { Steering } from "/steering.js";
+import { TouchStick } from "/touch_stick.js";
+import { Trace } from "/trace.js";
+
+const STICKS_MS = 20;
+const SAME_MS = 200; // the same picture is drawn again after this
+const THEMES = ["dark", "bright", "contrast"];
+const $ = (id) => document.getElementById(id);
+
+const connection = new Connection();
+const hud = new Hud($("hud"));
+const trace = new Trace($("trace"));
+let arming = "arm"; // what the hold button asks for now
+let gain = "Normal";
+let gone = false; // the device that steered is gone
+
+const you = () => connection.picture?.you ?? {};
+const wish = (what, hold) => connection.wish(what, hold);
+
+// Holding begins to steer, so that positions have arrived when it ends.
+function takeFirst() {
+  if (!you().has_sticks && !you().taken) wish("take");
+}
+const arm = new HoldButton($("arm"), takeFirst, () => wish(arming));
+new HoldButton($("force"), () => {}, () => wish("force"));
+const hold = (down) => {
+  if (!down) arm.release();
+  else if (arming === "arm") arm.press(); // to disarm there is a button of its own
+};
+const pad = new Pad(wish, hold);
+const keyboard = new Keyboard(wish, hold);
+const steering = new Steering(new TouchStick($("left")), new TouchStick($("right")), keyboard, pad);
+
+$("stop").addEventListener("pointerdown", (e) => { e.preventDefault(); wish("stop"); });
+for (const id of ["take", "offer", "give_back"]) $(id).addEventListener("click", () => wish(id));
+$("lamp").addEventListener("click", () => wish("light"));
+$("hold").addEventListener("change", (e) => { wish("mode", e.target.value); e.target.blur(); });
+$("gain").addEventListener("click", () => {
+  const names = Object.keys(GAINS);
+  gain = names[(names.indexOf(gain) + 1) % names.length];
+  $("gain").textContent = `Speed: ${gain.toLowerCase()}`;
+});
+
+// Sticks, 50 times a second while the page can be seen.
+setInterval(() => {
+  if (document.hidden || connection.watching) return;
+  const sticks = steering.read(GAINS[gain]);
+  if (!you().has_sticks) return;
+  if (sticks) connection.steer(sticks);
+  else if (!gone) connection.absent("unplugged");
+  gone = !sticks;
+}, STICKS_MS);
+
+function hide() {
+  if (connection.watching) return;
+  steering.release();
+  arm.release();
+  connection.absent("hidden");
+}
+document.addEventListener("visibilitychange", () => (document.hidden ? hide() : stayAwake()));
+addEventListener("pagehide", hide);
+addEventListener("contextmenu", (e) => e.preventDefault());
+
+// Where the browser has it: the screen does not lock while this page is open.
+function stayAwake() {
+  navigator.wakeLock?.request("screen").catch(() => {});
+}
+stayAwake();
+
+// A choice for this screen; without one as the system wants it.
+function theme(name) {
+  document.documentElement.className = name;
+  $("theme").textContent = `Screen: ${name}`;
+  hud.colours();
+}
+const preferred = matchMedia("(prefers-color-scheme: light)");
+const contrast = matchMedia("(prefers-contrast: more)");
+const wanted = () => (contrast.matches ? "contrast" : preferred.matches ? "bright" : "dark");
+let stored = null;
+try { stored = localStorage.getItem("theme"); } catch { /* not allowed: not remembered */ }
+theme(THEMES.includes(stored) ? stored : wanted());
+preferred.addEventListener("change", () => stored || theme(wanted()));
+$("theme").addEventListener("click", () => {
+  stored = THEMES[(THEMES.indexOf(document.documentElement.className) + 1) % THEMES.length];
+  theme(stored);
+  try { localStorage.setItem("theme", stored); } catch { /* as above */ }
+});
+
+document.body.classList.toggle("watcher", connection.watching);
+
+// Drawn when there is something new, and now and then to say that there is not.
+let drawn = null, drawnAt = 0;
+function frame() {
+  requestAnimationFrame(frame);
+  const now = performance.now();
+  if (connection.picture === drawn && now - drawnAt < SAME_MS) return;
+  drawn = connection.picture;
+  drawnAt = now;
+  draw();
+}
+
+function draw() {
+  const picture = connection.picture ?? { you: {}, view: {} };
+  const steeredBy = steering.device === "pad" ? "pad" : steering.device;
+  const old = show(connection, picture.you, picture.view, steeredBy);
+  arming = buttons(picture.you, picture.view);
+  hud.draw(picture.view, old);
+  trace.add(picture.view.rtt_ms, performance.now());
+}
+frame();

@@ -1,0 +1,39 @@
+// Which device steers: the one that was moved last.
+
+import { shape } from "/shape.js";
+
+const CENTRED = { surge: 0, sway: 0, heave: 0, yaw: 0, tilt: 0 };
+const DEAD_BAND = 0.06, EXPO = 0.4;
+
+export class Steering {
+  constructor(left, right, keyboard, pad) {
+    Object.assign(this, { left, right, keyboard, pad });
+    this.device = "touch";
+  }
+
+  // What the service is told: sticks with their device, or null when the device has gone.
+  read(gain) {
+    this.pad.look();
+    if (this.left.down || this.right.down) this.device = "touch";
+    else if (this.keyboard.moving) this.device = "keyboard";
+    else if (this.pad.active) this.device = "pad";
+    if (this.device === "pad" && !this.pad.pad) return null;
+    if (this.device === "pad" && !this.pad.trusted) return { ...CENTRED, device: this.name };
+    if (this.device === "pad")
+      return { ...this.pad.sticks(gain), device: this.name, device_ms: this.pad.age };
+    if (this.device === "keyboard") return { ...this.keyboard.sticks(gain), device: "keyboard" };
+    const of = (travel) => gain * shape(travel, DEAD_BAND, EXPO);
+    return {
+      surge: of(-this.right.y), sway: of(this.right.x), heave: of(this.left.y),
+      yaw: of(this.left.x), tilt: 0, device: "touch",
+    };
+  }
+
+  get name() { return `pad ${this.pad.id}`.slice(0, 100); }
+
+  release() {
+    this.left.release();
+    this.right.release();
+    this.keyboard.keys.clear();
+  }
+}

@@ -1,0 +1,88 @@
+"""What a page may send, as JSON, and how it is checked.
+
+Every message says which picture of the drone its sender had seen, and how long ago that arrived.
+The service knows when it sent that picture, so the true age of a message is bounded without a
+common clock, and what waited in a network is recognised as old.
+"""
+
+from typing import Literal, NamedTuple
+
+import msgspec
+
+from messages.pilot import Hold
+from messages.units import Count, Name, NotNegative, Stick
+
+LONGEST = 1024  # [B] of one message
+# take: the sticks of this cockpit, and control of the drone unless another pilot has it;
+# force: control from whoever has it; give_back: both; offer: control, to any other pilot
+Wish = Literal[
+    "arm", "disarm", "stop", "light", "mode", "take", "force", "offer", "give_back"
+]  # fmt: skip
+Absence = Literal["hidden", "unplugged"]
+
+
+class PageMessage(
+    msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind"
+):
+    seen: Count  # number of the newest picture it had; 0: none yet
+    held_ms: NotNegative  # [ms] since that picture arrived
+
+
+class PageSticks(PageMessage, frozen=True, kw_only=True, tag="sticks"):
+    """Stick positions, 50 times a second while the page can be seen. SNAME signs."""
+
+    surge: Stick  # [-] + forward
+    sway: Stick  # [-] + starboard
+    heave: Stick  # [-] + down
+    yaw: Stick  # [-] + clockwise seen from above
+    tilt: Stick = 0.0  # [-] camera, + upwards
+    device: Name = ""  # touch, keyboard or the name of a pad
+    device_ms: NotNegative = 0.0  # [ms] since a pad last reported anything
+
+
+class PageWish(PageMessage, frozen=True, kw_only=True, tag="wish"):
+    """A button was pressed."""
+
+    what: Wish
+    hold: Hold | None = None  # mode
+
+
+class PageAbsence(PageMessage, frozen=True, kw_only=True, tag="absent"):
+    """The pilot cannot steer from this page now."""
+
+    why: Absence
+
+
+class PageSeen(PageMessage, frozen=True, kw_only=True, tag="seen"):
+    """Pictures arrive; nothing else to say."""
+
+
+AnyPageMessage = PageSticks | PageWish | PageAbsence | PageSeen
+_DECODER = msgspec.json.Decoder(AnyPageMessage)
+
+
+def parsed(raw: str | bytes) -> AnyPageMessage | None:
+    """The message; None: not one that a page of this version sends."""
+    if len(raw) > LONGEST:
+        return None
+    try:
+        return _DECODER.decode(raw)
+    except (msgspec.DecodeError, msgspec.ValidationError, UnicodeError, RecursionError):
+        return None
+
+
+class PageOpened(NamedTuple):
+    page: int
+    watcher: bool
+
+
+class PageClosed(NamedTuple):
+    page: int
+
+
+class PageSaid(NamedTuple):
+    page: int
+    message: AnyPageMessage | None  # None: it could not be read
+
+
+PageEvent = PageOpened | PageClosed | PageSaid

@@ -1,0 +1,150 @@
+"""Cockpit service: serves the pilot's page, and publishes what the page with the sticks says."""
+
+from collections import Counter
+from collections.abc import Mapping
+from typing import Protocol
+
+from messages import topics
+from messages.health import LogLine
+from messages.pilot import PilotAnswer, PilotRequest, RequestKind
+from messages.vehicle import VehicleStatus
+from services.cockpit.core import SHOW_HZ, Cockpit, Settings
+from services.cockpit.outlook import LastHeard
+from services.cockpit.page_messages import PageClosed, PageEvent, PageOpened, PageSaid
+from services.marine.vehicle import Vehicle
+from services.piloting.overruling import overrules
+from services.piloting.pilot import Effects, Pilot, Progress
+from services.runtime.config.errors import LindyError, NeedsRealTimeError
+from services.runtime.config.extras import how_to_install
+from services.runtime.config.stack import Stack
+from services.runtime.node.node import Node
+
+
+class Pages(Protocol):
+    """The pages that are open in browsers."""
+
+    counts: Counter[str]
+
+    def received(self) -> list[PageEvent]: ...
+    def show(self, texts: Mapping[int, str]) -> None: ...
+
+
+def wire(node: Node, stack: Stack) -> None:
+    if stack.virtual:
+        raise NeedsRealTimeError("cockpit")
+    try:
+        from services.cockpit.io.server import PageServer
+    except ImportError:
+        raise LindyError(
+            f"the cockpit needs websockets, which is not installed; {how_to_install('cockpit')}"
+        ) from None
+    from services.cockpit.io.access import access_to
+
+    settings = stack.section("cockpit", Settings)
+    access = access_to(settings)
+    server = PageServer(settings, access)
+    node.on_close(server.close)
+    connected = CockpitPages(node, settings, stack.section("vehicle", Vehicle), server)
+    server.start(node.from_outside(connected.receive))
+    node.log("info", f"cockpit: {access.address}")
+    if not settings.local:
+        # Not on the bus: with the token in it whoever reads the recording could fly.
+        node.show(_line(node, f"cockpit, to fly: {access.pilot_url}"))
+        node.show(_line(node, f"cockpit, to watch: {access.watch_url}"))
+
+
+class CockpitPages:
+    """Connects a `Cockpit` to its pages and to a node."""
+
+    def __init__(self, node: Node, settings: Settings, vehicle: Vehicle, pages: Pages) -> None:
+        self._node, self._pages = node, pages
+        self._pilot = Pilot(node.restore_checkpoint(Progress) or Progress(), arms=False)
+        self._kept = self._pilot.progress
+        self._cockpit = Cockpit(settings, self._pilot, [t.limits for t in vehicle.thruster])
+        self._status = node.latest(topics.STATUS)
+        self._state = node.latest(topics.STATE)
+        self._reference = node.latest(topics.REFERENCE)
+        self._thrusters = node.latest(topics.THRUSTERS)
+        self._battery = node.latest(topics.BATTERY)
+        self._link = node.latest(topics.LINK)
+        self._clock = node.latest(topics.CLOCK)
+        self._latency = node.latest(topics.LATENCY)
+        self._commands = node.publisher(topics.PILOT_COMMAND)
+        self._asking = node.request(
+            topics.PILOT_REQUEST,
+            topics.PILOT_ANSWER,
+            on_answer=self._on_answer,
+            on_given_up=self._on_given_up,
+            overrules=overrules,
+        )
+        node.each(topics.STATUS, self._on_status)
+        node.each(topics.LOG, self._on_log)
+        node.every(topics.PILOT_COMMAND.hz, self._tick)
+        node.every(SHOW_HZ, self._show)
+
+    def receive(self, now: int) -> None:
+        """Something has arrived from a page."""
+        for event in self._pages.received():
+            match event:
+                case PageOpened(page, watcher):
+                    self._cockpit.opened(page, watcher=watcher)
+                case PageClosed(page):
+                    self._do(self._cockpit.closed(page, self._waiting, now), now)
+                case PageSaid(page, message):
+                    self._do(self._cockpit.received(page, message, self._waiting, now), now)
+
+    def _tick(self, now: int) -> None:
+        self._do(self._cockpit.tick(self._waiting, now), now)
+        for name in list(self._pages.counts):
+            self._node.count(name, self._pages.counts.pop(name))
+
+    def _show(self, now: int) -> None:
+        texts, counts = self._cockpit.pictures(self._newest(now), now)
+        for name in counts:
+            self._node.count(name)
+        self._pages.show(texts)
+
+    def _newest(self, now: int) -> LastHeard:
+        return LastHeard(
+            status=self._status.newest(now),
+            state=self._state.newest(now),
+            reference=self._reference.newest(now),
+            thrusters=self._thrusters.newest(now),
+            battery=self._battery.newest(now),
+            link=self._link.newest(now),
+            clock=self._clock.fresh(now),
+            latency=self._latency.fresh(now),
+        )
+
+    def _on_status(self, status: VehicleStatus, now: int) -> None:
+        self._do(self._cockpit.status(status, self._waiting, now), now)
+
+    def _on_log(self, line: LogLine, _: int) -> None:
+        self._cockpit.log(line)
+
+    def _on_answer(self, request: PilotRequest, answer: PilotAnswer, now: int) -> None:
+        self._do(self._cockpit.answered(request, answer, now), now)
+
+    def _on_given_up(self, request: PilotRequest, now: int) -> None:
+        self._do(self._cockpit.given_up(request, now), now)
+
+    @property
+    def _waiting(self) -> set[RequestKind]:
+        return {request.kind for request in self._asking.pending}
+
+    def _do(self, effects: Effects, now: int) -> None:
+        for name in effects.counts:
+            self._node.count(name)
+        for level, text in effects.notes:
+            self._node.log(level, text)
+        if effects.command is not None:
+            self._commands.put(effects.command)
+        for request in effects.requests:
+            self._asking.ask(request, now)
+        if self._kept != self._pilot.progress:
+            self._kept = self._pilot.progress
+            self._node.save_checkpoint(self._kept)
+
+
+def _line(node: Node, text: str) -> LogLine:
+    return LogLine(stamp_ns=node.now(), service=node.name, level="info", text=text)

@@ -1,0 +1,86 @@
+"""A camera that is not there, ends or sends garbage is one sentence, and no more."""
+
+import threading
+import time
+from collections.abc import Generator
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("av")
+
+import av
+from av.video.stream import VideoStream
+
+from services.camera.io.feed import Feed
+
+PATIENCE_S = 20.0  # [s]
+
+
+class Watched:
+    """A feed and what it says."""
+
+    def __init__(self, source: str) -> None:
+        self.feed = Feed(source, 160, 90, time.monotonic_ns)
+        self.noticed = threading.Event()
+        self.feed.start(self.noticed.set)
+
+    def wait(self) -> None:
+        assert self.noticed.wait(PATIENCE_S)
+        self.noticed.clear()
+
+
+@pytest.fixture
+def watched(request: pytest.FixtureRequest) -> Generator[Watched]:
+    watched = Watched(str(request.param))
+    yield watched
+    watched.feed.close()
+
+
+@pytest.mark.parametrize(
+    "watched", ["/dev/video97", "/nowhere/film.mp4", "rtsp://127.0.0.1:9/none"], indirect=True
+)
+def test_a_camera_that_is_not_there_is_one_sentence(watched: Watched) -> None:
+    watched.wait()
+    assert watched.feed.take() is None
+    assert len(watched.feed.said) == 1
+    assert "gives no pictures" in watched.feed.said[0]
+    assert watched.feed.counts == {"lost:camera": 1}
+
+
+def test_a_file_that_is_no_video_is_one_sentence(tmp_path: Path) -> None:
+    path = tmp_path / "film.mp4"
+    path.write_bytes(np.random.default_rng(1).bytes(30_000))
+    watched = Watched(str(path))
+    watched.wait()
+    watched.feed.close()
+    assert watched.feed.take() is None
+    assert len(watched.feed.said) == 1
+
+
+def test_a_film_of_another_size_is_scaled_and_repeated(tmp_path: Path) -> None:
+    path = tmp_path / "film.mp4"
+    with av.open(str(path), "w") as film:
+        stream = film.add_stream("libx264", rate=Fraction(50))
+        assert isinstance(stream, VideoStream)
+        stream.width, stream.height, stream.pix_fmt = 322, 242, "yuv420p"
+        for level in (40, 80, 120):
+            frame = av.VideoFrame.from_ndarray(np.full((363, 322), level, np.uint8), "yuv420p")
+            film.mux(stream.encode(frame))
+        film.mux(stream.encode(None))
+    watched = Watched(str(path))
+    seen = set[int]()
+    shown = 0
+    while shown < 7:  # more than the film has
+        watched.wait()
+        if (shot := watched.feed.take()) is not None:
+            shown += 1
+            assert shot.picture.y.shape == (90, 160)
+            assert shot.picture.u.shape == (45, 80)
+            assert shot.stamp_ns <= shot.captured_ns
+            seen.add(round(float(shot.picture.y.mean()) / 40.0))
+    watched.feed.close()
+    assert seen == {1, 2, 3}
+    assert watched.feed.said == []

@@ -1,0 +1,343 @@
+"""Pages fly the simulated vehicle on virtual time, over connections that a test holds."""
+
+import json
+from collections import Counter, deque
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from messages import topics
+from messages.pilot import TTL_MS, PilotCommand
+from messages.vehicle import Truth, VehicleStatus
+from services.cockpit.core import SHOW_HZ, UNSEEN, Settings
+from services.cockpit.page_messages import PageClosed, PageEvent, PageOpened, PageSaid, parsed
+from services.cockpit.service import CockpitPages
+from services.marine.vehicle import Vehicle
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.virtual_host import VirtualHost
+from services.runtime.node.node import Node
+
+S = 1_000_000_000
+MS = 1_000_000
+DRONE = ("simulator", "estimation", "reference", "control", "tether")
+ANN, BOB = 1, 2
+STICKS_HZ = 50.0
+
+
+class Browsers:
+    """Connections that the test holds both ends of."""
+
+    def __init__(self) -> None:
+        self.counts: Counter[str] = Counter()
+        self.waiting: deque[PageEvent] = deque()
+        self.pictures: dict[int, dict[str, Any]] = {}  # the newest of each page
+        self.shown: Counter[int] = Counter()
+        self.confirmed: Counter[int] = Counter()
+        self.cut: set[int] = set()  # pages that nothing reaches
+        self.hear: Callable[[PageEvent], None] = lambda _: None
+
+    def received(self) -> list[PageEvent]:
+        events = list(self.waiting)
+        self.waiting.clear()
+        return events
+
+    def show(self, texts: Mapping[int, str]) -> None:
+        for page, text in texts.items():
+            self.shown[page] += 1
+            if page in self.cut:
+                continue
+            number = (picture := json.loads(text))["n"]
+            self.pictures[page] = picture
+            if number - self.confirmed[page] >= 5:  # as the page does
+                self.confirmed[page] = number
+                self.hear(PageSaid(page, parsed(f'{{"kind":"seen","seen":{number},"held_ms":0}}')))
+
+
+class Dive:
+    """The whole chain with pages as pilots, and perhaps a gamepad's script beside them."""
+
+    def __init__(self, folder: Path, script: str | None = None) -> None:
+        rows = Registry.read()
+        pilot = "cockpit"
+        if script is not None:
+            (folder / "script.csv").write_text("t,surge,sway,heave,yaw\n" + script)
+            pilot = f"script:{folder / 'script.csv'}"
+        quick = ["estimation.calibration.still_time=3"]  # [s] less to wait for
+        stack = Stack(pilot=pilot, out=str(folder), overrides=quick)
+        self.host, self.browsers = VirtualHost(), Browsers()
+        for name in DRONE if script is None else (*DRONE, "gamepad"):
+            self.host.add(name, rows[name], stack)
+        self.notify: Callable[[], None] = lambda: None
+
+        def wired(node: Node, stack: Stack) -> None:
+            vehicle = stack.section("vehicle", Vehicle)
+            pages = CockpitPages(node, Settings(pilot="ann"), vehicle, self.browsers)
+            self.notify = node.from_outside(pages.receive)
+
+        self.host.add("cockpit", rows["gamepad"], stack, wired)
+        self.browsers.hear = self.event
+        self.truth: list[Truth] = []
+        self.statuses: list[VehicleStatus] = []
+        self.commands: list[PilotCommand] = []
+        self.asked: list[str] = []
+        observer = self.host.node("observer", ["drone"])
+        observer.each(topics.TRUTH, lambda m, _: self.truth.append(m))
+        observer.each(topics.STATUS, lambda m, _: self.statuses.append(m))
+        observer.each(topics.PILOT_REQUEST, lambda m, _: self.asked.append(m.kind))
+        observer.each(topics.PILOT_COMMAND, lambda m, _: self.commands.append(m))
+
+    # What pages do.
+
+    def event(self, event: PageEvent) -> None:
+        self.browsers.waiting.append(event)
+        self.notify()
+
+    def open(self, page: int = ANN, *, watcher: bool = False) -> "Dive":
+        self.event(PageOpened(page, watcher))
+        return self.run(0.1)
+
+    def say(self, kind: str, page: int = ANN, **fields: Any) -> None:
+        seen = self.browsers.pictures.get(page, {}).get("n", 0)
+        message = {"kind": kind, "seen": seen, "held_ms": 0.0, **fields}
+        self.event(PageSaid(page, parsed(json.dumps(message))))
+
+    def wish(self, what: str, page: int = ANN, **more: Any) -> "Dive":
+        self.say("wish", page, what=what, **more)
+        return self.run(0.1) if page not in (ANN,) else self.steer(0.1)
+
+    def steer(self, seconds: float, page: int = ANN, **sticks: float) -> "Dive":
+        for _ in range(round(seconds * STICKS_HZ)):
+            move = {"surge": 0.0, "sway": 0.0, "heave": 0.0, "yaw": 0.0, **sticks}
+            self.say("sticks", page, **move)
+            self.run(1.0 / STICKS_HZ)
+        return self
+
+    def run(self, seconds: float) -> "Dive":
+        self.host.run(self.host.now + round(seconds * S))
+        return self
+
+    def armed(self) -> "Dive":
+        self.open().wish("take")
+        while self.status.mode != "ready":
+            self.steer(0.5)
+        self.wish("arm").steer(0.5)
+        assert self.status.armed
+        return self
+
+    # What comes of it.
+
+    @property
+    def counts(self) -> Counter[str]:
+        return self.host.nodes["cockpit"].counts
+
+    @property
+    def status(self) -> VehicleStatus:
+        return self.statuses[-1]
+
+    @property
+    def depth(self) -> float:
+        return self.truth[-1].position[2]
+
+    def view(self, page: int = ANN) -> dict[str, Any]:
+        return self.browsers.pictures[page]["view"]
+
+    def you(self, page: int = ANN) -> dict[str, Any]:
+        return self.browsers.pictures[page]["you"]
+
+
+@pytest.fixture
+def dive(tmp_path: Path) -> Dive:
+    return Dive(tmp_path).armed()
+
+
+def test_a_page_arms_dives_a_metre_and_sees_what_the_drone_does(dive: Dive):
+    assert dive.status.pilot == "ann"
+    start = dive.depth
+    while dive.depth < start + 1.0:
+        dive.steer(0.2, heave=0.6)
+    dive.steer(3.0)
+    held = dive.depth
+    dive.steer(2.0)
+    assert abs(dive.depth - held) < 0.1
+    view = dive.view()
+    assert view["depth"] == pytest.approx(dive.depth, abs=0.1)
+    assert view["depth_wanted"] == pytest.approx(held, abs=0.2)
+    assert view["armed"]
+    assert view["pilot"] == "ann"
+    assert len(view["thrust"]) == 4
+    assert all(-1.0 <= share <= 1.0 for share in view["thrust"])
+    assert dive.you() == {
+        "has_sticks": True, "in_control": True, "pages": 1, "delay_ms": dive.you()["delay_ms"]
+    }  # fmt: skip
+    dive.wish("mode", hold="manual").steer(0.3)
+    assert dive.status.hold == "manual"
+    dive.wish("light").steer(0.3)
+    assert dive.status.light == 1.0
+    dive.wish("disarm").steer(0.5)
+    assert not dive.status.armed
+
+
+def lost_after(dive: Dive, seconds: float = 2.0) -> float:
+    """[ms] From now until no command of a present pilot acts any more."""
+    began = dive.host.now
+    dive.run(seconds)
+    ends = [c.stamp_ns + c.ttl_ms * 1e6 for c in dive.commands if c.pilot == "present"]
+    absent = [c.stamp_ns for c in dive.commands if c.pilot == "lost" and c.stamp_ns >= began]
+    return (min([max(ends), *absent]) - began) / MS
+
+
+@pytest.mark.parametrize("how", ["hidden", "unplugged", "frozen", "closed", "silent"])
+def test_each_loss_of_the_pilot_ends_the_motion_within_the_time_to_live(dive: Dive, how: str):
+    dive.open(BOB, watcher=True).steer(1.0, surge=0.6)
+    match how:
+        case "hidden" | "unplugged":
+            dive.say("absent", why=how)
+        case "frozen":
+            stick: dict[str, Any] = {"surge": 0.6, "sway": 0.0, "heave": 0.0, "yaw": 0.0}
+            dive.say("sticks", **stick, device="pad x", device_ms=1001.0)
+        case "closed":
+            dive.event(PageClosed(ANN))
+        case _:
+            pass
+    assert lost_after(dive) <= TTL_MS
+    assert dive.counts[f"lost:page_{how}"] == 1
+    assert dive.status.failsafe == "pilot_lost"
+    assert "lost" in dive.you(BOB)  # said on the other screens
+    assert any("pilot lost" in text for _, text in dive.view(BOB)["lines"])
+    assert dive.commands[-1].pilot == "lost"
+    assert dive.commands[-1].stamp_ns < dive.host.now - S // 2  # and then silence: the lease ends
+
+
+def test_after_a_loss_the_sticks_are_centred_first_and_holding_arm_resumes(dive: Dive):
+    dive.steer(1.0, surge=0.6).run(1.0)
+    assert dive.status.failsafe == "pilot_lost"
+    dive.steer(0.5, surge=0.6)
+    assert dive.commands[-1].pilot == "present"
+    assert dive.commands[-1].surge == 0.0
+    dive.say("wish", what="arm")  # deflected or not: the stick still moves nothing
+    dive.steer(0.5, surge=0.6)
+    assert dive.status.failsafe == "none"
+    assert dive.commands[-1].surge == 0.0
+    dive.steer(0.1)
+    dive.steer(0.5, surge=0.6)
+    assert dive.commands[-1].surge == 0.6
+    assert "lost" not in dive.you()
+
+
+def test_sticks_that_waited_in_a_network_move_nothing(dive: Dive):
+    """The page goes on, but what it says arrives as an answer to a picture of long ago."""
+    dive.browsers.cut.add(ANN)
+    dive.steer(2.0, surge=0.6)
+    assert dive.counts["lost:page_silent"] == 1
+    assert dive.status.failsafe == "pilot_lost"
+    assert all(c.pilot == "lost" for c in dive.commands if c.stamp_ns > dive.host.now - S)
+    dive.say("wish", what="light")
+    dive.run(0.5)
+    assert dive.counts["expired:wish"] == 1
+    assert dive.status.light == 0.0
+    dive.say("wish", what="disarm")  # never too late
+    dive.run(0.5)
+    assert not dive.status.armed
+
+
+def test_a_slow_page_is_left_out_and_catches_up(dive: Dive):
+    dive.browsers.cut.add(BOB)
+    dive.open(BOB, watcher=True)
+    dive.steer(2.0)
+    shown = dive.browsers.shown[BOB]
+    assert shown <= UNSEEN
+    assert dive.counts["dropped:page"] >= SHOW_HZ
+    dive.browsers.cut.clear()
+    dive.say("seen", BOB, seen=dive.browsers.pictures[ANN]["n"] - 40)  # the last that it got
+    dive.steer(0.5)
+    assert dive.browsers.shown[BOB] > shown + 5
+
+
+def test_a_watcher_commands_nothing(dive: Dive):
+    dive.open(BOB, watcher=True)
+    for what in ("take", "force", "stop", "disarm", "arm", "light"):
+        dive.wish(what, BOB)
+        dive.steer(0.02)
+    dive.steer(0.1, BOB, surge=1.0)
+    dive.say("absent", BOB, why="hidden")
+    dive.steer(0.2)
+    assert dive.counts["refused:watcher"] == 12
+    assert dive.status.armed
+    assert dive.status.mode == "piloted"
+    assert max(abs(c.surge) for c in dive.commands) == 0.0
+
+
+def test_a_second_page_waits_until_the_sticks_are_given_back_but_may_stop(dive: Dive):
+    dive.open(BOB).steer(0.1)
+    assert dive.you(BOB)["taken"]
+    dive.wish("take", BOB)
+    dive.steer(0.1)
+    dive.steer(0.1, BOB, surge=1.0)
+    dive.wish("light", BOB)
+    assert dive.counts["not_the_holder:page"] == 7
+    assert dive.you()["has_sticks"]
+    dive.steer(0.5, surge=0.6)
+    dive.wish("stop", BOB)
+    dive.steer(0.3)
+    assert "stop" in dive.asked
+    dive.wish("give_back").run(0.3)
+    assert dive.status.pilot == ""
+    assert dive.counts["lost:page_silent"] == 0  # deliberate
+    dive.wish("take", BOB)
+    dive.steer(0.5, BOB)
+    assert dive.you(BOB)["in_control"]
+    assert dive.status.pilot == "ann"
+
+
+def test_a_page_that_is_gone_without_a_word_gives_way_after_two_seconds(dive: Dive):
+    dive.run(1.0).open(BOB)
+    dive.wish("take", BOB)
+    assert not dive.you(BOB).get("has_sticks")
+    dive.run(2.0)
+    dive.wish("take", BOB)
+    dive.steer(0.2, BOB)
+    assert dive.you(BOB)["has_sticks"]
+    assert dive.you(BOB)["in_control"]
+
+
+def test_a_gamepad_s_lease_holds_against_a_page_until_offered_or_forced(tmp_path: Path):
+    dive = Dive(tmp_path, "0,0,0,0,0\n60,0,0,0,0\n").open()
+    while not dive.statuses or not dive.status.armed:
+        dive.run(0.5)
+    assert dive.status.pilot == "script script"
+    dive.wish("take").steer(0.3, surge=0.5)
+    assert dive.status.pilot == "script script"
+    assert dive.counts["refused:lease"] == 1
+    assert not dive.you().get("in_control")
+    assert max(abs(c.surge) for c in dive.commands) == 0.0  # nothing is published meanwhile
+    dive.wish("force").steer(0.5)
+    assert dive.status.pilot == "ann"
+    dive.steer(0.3, surge=0.5)
+    assert dive.commands[-1].surge == 0.5
+    dive.wish("offer").steer(0.2)
+    assert "offer" in dive.asked
+    dive.wish("give_back").run(0.5)
+    assert dive.status.pilot == ""
+
+
+def test_garbage_is_counted_and_moves_nothing(dive: Dive):
+    before = len(dive.commands)
+    for _ in range(5):
+        dive.event(PageSaid(ANN, parsed(b"\xff garbage")))
+    dive.steer(0.1)
+    assert dive.counts["malformed:page"] == 5
+    assert dive.status.armed
+    assert all(c.surge == 0.0 for c in dive.commands[before:])
+
+
+def test_sticks_from_the_future_or_of_an_unknown_picture_are_not_believed(dive: Dive):
+    for seen, held_ms in ((10**9, 0.0), (0, 0.0), (1, 1e9)):
+        dive.run(0.5)
+        stick = {"surge": 0.9, "sway": 0.0, "heave": 0.0, "yaw": 0.0}
+        message = {"kind": "sticks", "seen": seen, "held_ms": held_ms, **stick}
+        dive.event(PageSaid(ANN, parsed(json.dumps(message))))
+        dive.run(0.1)
+    assert max(abs(c.surge) for c in dive.commands) == 0.0

@@ -1,0 +1,145 @@
+"""The page in a real browser flies the simulated drone; skipped where there is no Chromium."""
+
+import socket
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+
+import pytest
+
+pytest.importorskip("websockets", reason="the extra cockpit is not installed")
+
+from messages import topics
+from messages.pilot import TTL_MS, PilotCommand
+from messages.vehicle import VehicleStatus
+from tools.docs.chromium import Browser, BrowserPage, Size, chromium
+from tools.docs.cockpit_dive import CockpitDive
+from tools.docs.cockpit_picture import arm
+
+PROGRAM = chromium()
+pytestmark = [
+    pytest.mark.system,
+    pytest.mark.skipif(PROGRAM is None, reason="no Chromium on the path (.ci/run installs it)"),
+]
+PHONE = Size(360, 640, touch=True)
+
+CONNECTED = "document.getElementById('mode').textContent.length > 8"
+PAD = """
+window.virtualPad = {
+  id: 'virtual', index: 0, connected: true, mapping: 'standard', timestamp: 1,
+  axes: [0, 0, 0, 0],
+  buttons: Array.from({ length: 17 }, () => ({ pressed: false, value: 0 })),
+};
+navigator.getGamepads = () => [window.virtualPad];
+"""
+OVERFLOWS = """
+[...document.querySelectorAll('header > *, button:not([hidden]), #stop, .stick')]
+  .filter((e) => e.offsetParent !== null)
+  .filter((e) => {
+    const box = e.getBoundingClientRect();
+    return box.left < -1 || box.top < -1 || box.right > innerWidth + 1
+      || box.bottom > innerHeight + 1
+      || (e.tagName === 'BUTTON' && e.scrollWidth > e.clientWidth + 1);
+  })
+  .map((e) => e.id || e.textContent).join()
+"""
+
+
+class Flight:
+    def __init__(self, exits: ExitStack) -> None:
+        with socket.create_server(("127.0.0.1", 0)) as free:
+            port = free.getsockname()[1]
+        assert PROGRAM is not None
+        self.commands: list[PilotCommand] = []
+        self.statuses: list[VehicleStatus] = []
+        self.dive = exits.enter_context(CockpitDive(port))
+        observer = self.dive.host.node("observer", ["drone"])
+        observer.each(topics.PILOT_COMMAND, lambda m, _: self.commands.append(m))
+        observer.each(topics.STATUS, lambda m, _: self.statuses.append(m))
+        self.browser = exits.enter_context(Browser(PROGRAM))
+
+    def page(self, size: Size, path: str = "") -> BrowserPage:
+        return self.browser.open(self.dive.url + path, size)
+
+    def until(self, true: str, seconds: float = 30.0) -> None:
+        deadline = time.monotonic() + seconds
+        while time.monotonic() < deadline:
+            if eval(true, {"self": self, "now": self.statuses, "said": self.commands}):
+                return
+            time.sleep(0.02)
+        raise AssertionError(f"never true: {true}")
+
+
+@pytest.fixture
+def flight() -> Iterator[Flight]:
+    with ExitStack() as exits:
+        yield Flight(exits)
+
+
+def test_a_phone_arms_dives_by_thumb_stops_and_is_lost_when_it_is_locked(flight: Flight):
+    page = flight.page(PHONE)
+    arm(page)
+    assert page.look(OVERFLOWS) == ""
+    left = page.middle("#left")
+    page.touch("touchStart", left)
+    page.touch("touchMove", (left[0], left[1] + 40.0))
+    flight.until("said[-1].heave > 0.2")
+    page.look("Object.defineProperty(document, 'hidden', { value: true, configurable: true })")
+    page.look("document.dispatchEvent(new Event('visibilitychange'))")
+    flight.until("said[-1].pilot == 'lost' and now[-1].failsafe == 'pilot_lost'")
+    assert flight.dive.counts["lost:page_hidden"] == 1
+    assert flight.statuses[-1].failsafe == "pilot_lost"
+    page.touch("touchEnd")
+    page.look("delete document.hidden")
+    page.wait("document.getElementById('arm').textContent === 'Hold to resume'")
+    page.touch("touchStart", page.middle("#arm"))
+    flight.until("now[-1].failsafe == 'none' and said[-1].pilot == 'present'")
+    page.touch("touchEnd")
+    assert flight.commands[-1].ttl_ms <= TTL_MS
+    page.close()
+    flight.until("said[-1].pilot == 'lost'")
+    assert flight.dive.counts["lost:page_closed"] + flight.dive.counts["lost:page_hidden"] >= 2
+
+
+def test_a_pad_and_keys_fly_and_a_frozen_pad_is_lost_and_space_never_arms(flight: Flight):
+    page = flight.page(Size(3840, 2160))
+    page.look(PAD)
+    page.wait(CONNECTED)
+    assert page.look(OVERFLOWS) == ""
+    page.look("document.getElementById('take').click()")
+    page.wait("document.getElementById('who').textContent.startsWith('you have')")
+    page.key("keyDown", "Enter", "Enter")
+    flight.until("now[-1].armed and now[-1].failsafe == 'none' and said[-1].pilot == 'present'")
+    page.key("keyUp", "Enter", "Enter")
+    page.key("keyDown", "KeyW", "w")
+    flight.until("said[-1].surge > 0.3 and said[-1].source == 'cockpit'")
+    page.key("keyUp", "KeyW", "w")
+    flight.until("said[-1].surge == 0.0")
+    page.look("void (virtualPad.axes[1] = -1, virtualPad.timestamp = 2)")
+    flight.until("said[-1].heave < -0.3")
+    flight.until("said[-1].pilot == 'lost'")  # it stays connected, deflected, and says nothing more
+    assert flight.dive.counts["lost:page_frozen"] == 1
+    page.wait("document.getElementById('lost').textContent.includes('the pad holds a stick')")
+    page.look("document.getElementById('arm').focus()")
+    page.key("keyDown", "Space", " ")
+    page.key("keyUp", "Space", " ")
+    page.look("void (virtualPad.axes[1] = 0, virtualPad.timestamp = 3)")
+    flight.until("said[-1].pilot == 'present'")
+    page.key("keyDown", "Backspace", "Backspace")
+    flight.until("not now[-1].armed")
+    page.key("keyUp", "Backspace", "Backspace")
+    page.close()
+
+
+def test_a_watcher_sees_the_same_numbers_and_has_no_button_to_command_with(flight: Flight):
+    page = flight.page(Size(1280, 800), "watch")
+    page.wait(CONNECTED)
+    assert page.look("document.getElementById('who').textContent").startswith("watching")
+    hidden = (
+        "['arm', 'stop', 'left', 'take'].every((i) => !document.getElementById(i).offsetParent)"
+    )
+    assert page.look(hidden)
+    page.key("keyDown", "Space", " ")
+    flight.until("self.dive.counts['refused:watcher'] == 1")
+    assert page.look("document.getElementById('no-picture').textContent") == "no picture"
+    page.close()

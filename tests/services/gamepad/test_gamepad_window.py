@@ -1,0 +1,141 @@
+"""The head-up numbers in a window, and that they never delay the sticks."""
+
+from collections.abc import Iterator
+
+import pytest
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+
+from messages import topics
+from messages.vehicle import VehicleStatus
+from services.gamepad.core import PadProfile, StickGain
+from services.gamepad.io import sdl
+from services.gamepad.io.numbers import HasWindow, Numbers, pause_ns
+from services.gamepad.service import Connected
+from services.piloting.head_up import head_up
+from services.piloting.pilot import Pilot, Progress
+from services.piloting.pilot_view import PilotView
+from services.piloting.sticks import StickReading
+from services.runtime.config.errors import LindyError
+from services.runtime.hosts.virtual_host import VirtualHost
+
+sdl.load()
+
+import pygame  # noqa: E402
+
+from services.gamepad.io.keyboard import HELP, Keyboard  # noqa: E402
+from services.gamepad.io.pad import Pad, PadWithWindow  # noqa: E402
+from services.gamepad.io.window import SIZE, PilotWindow  # noqa: E402
+
+S = 1_000_000_000  # [ns]
+LONG = PilotView(
+    words="the drone has stopped and holds; " * 20, alarm="x" * 300, depth_m=-12345.678
+)
+
+
+class Still:
+    """Sticks that nobody touches."""
+
+    name, played = "still", 0
+
+    def read(self, now: int, began: int | None) -> StickReading:  # noqa: ARG002
+        return StickReading()
+
+    def next_ns(self, now: int, began: int) -> int | None:  # noqa: ARG002
+        return None
+
+
+@pytest.fixture
+def surface(monkeypatch: pytest.MonkeyPatch) -> Iterator[pygame.Surface]:
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    pygame.display.init()
+    yield pygame.display.set_mode(SIZE)
+    pygame.display.quit()
+
+
+def picture(surface: pygame.Surface) -> bytes:
+    return pygame.image.tobytes(surface, "RGB")
+
+
+def test_numbers_are_drawn_ten_times_a_second_after_the_sticks_were_sent():
+    host = VirtualHost()
+    node = host.node("gamepad", ["topside"])
+    done: list[tuple[str, int]] = []
+    Connected(node, Still(), Pilot(Progress(), False))
+    Numbers(node, lambda rows: done.append((rows[0].cells[0].text, host.now)))
+    other = host.node("other", ["topside"])
+    other.each(topics.PILOT_COMMAND, lambda command, _: done.append(("", command.stamp_ns)))
+    status = other.publisher(topics.STATUS)
+    other.every(
+        topics.STATUS.hz,
+        lambda now: status.put(VehicleStatus(stamp_ns=now, mode="piloted", armed=True)),
+    )
+    host.run(2 * S)
+    drawn = [at for what, at in done if what]
+    sent = [at for what, at in done if not what]
+    assert {what for what, at in done if at > S and what} == {"ARMED"}
+    assert 12 <= len(drawn) <= 20
+    assert len(sent) >= 99
+    assert set(drawn) <= set(sent)  # always in an instant in which the sticks were sent
+
+
+@given(st.integers(0, 10**11))
+def test_drawing_has_at_most_a_tenth_of_the_time(cost_ns: int):
+    assert pause_ns(cost_ns) >= max(100_000_000, 10 * cost_ns)
+
+
+@pytest.mark.parametrize("view", [PilotView(), LONG])
+def test_each_view_is_a_picture_of_its_own_and_the_keys_stay_where_they_are(
+    surface: pygame.Surface, view: PilotView
+):
+    window = PilotWindow(surface, HELP)
+    window.draw(head_up(PilotView(armed=True)))
+    keys = surface.subsurface((0, SIZE[1] - 130, SIZE[0], 130))
+    before, keys_before = picture(surface), picture(keys)
+    window.draw(head_up(view))
+    assert picture(surface) != before
+    assert picture(keys) == keys_before
+    window.draw(head_up(view), focused=False)
+    assert picture(keys) != keys_before
+
+
+def test_a_sentence_for_every_row_fits_into_its_width(surface: pygame.Surface):
+    window = PilotWindow(surface, HELP)
+    window.draw(head_up(LONG))
+    edge = surface.subsurface((SIZE[0] - 4, 0, 4, 300))
+    assert pygame.transform.average_color(edge)[:3] == (8, 14, 22)  # nothing but paper
+
+
+@settings(
+    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(st.text(st.characters(categories=None), max_size=600))
+@example("\0")
+@example("\ud800")
+@example("\U0001f99e")
+@example("\u0301")
+@example("W" * 100_000)
+def test_no_text_from_the_bus_ends_the_drawing(surface: pygame.Surface, text: str):
+    view = PilotView(mode=text, hold=text, words=text, note=text, alarm=text)
+    PilotWindow(surface, HELP).draw(head_up(view))
+
+
+@pytest.mark.usefixtures("surface")
+def test_the_keyboard_has_a_window_and_a_pad_has_one_if_it_is_wanted():
+    keyboard = Keyboard(StickGain())
+    assert isinstance(keyboard, HasWindow)
+    keyboard.show(head_up(PilotView(armed=True)))
+    keyboard.close()
+    pad = PadWithWindow(PadProfile())
+    assert isinstance(pad, HasWindow)
+    pad.show(head_up(PilotView(armed=True)))
+    assert not pad.read(0, None).present
+    pad.close()
+    assert not isinstance(Pad(PadProfile()), HasWindow)
+
+
+def test_a_pads_window_without_a_display_is_one_sentence(monkeypatch: pytest.MonkeyPatch):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"):
+        monkeypatch.delenv(name, raising=False)
+    with pytest.raises(LindyError, match=r"no display; leave gamepad\.window out"):
+        PadWithWindow(PadProfile())

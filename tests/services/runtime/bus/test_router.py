@@ -1,0 +1,386 @@
+"""Two drones and their topsides on one Zenoh router that runs the configuration which is written
+for zenohd: every hub and every service is a real session, in this process.
+
+That nothing came is only believed after a message that was sent later has come.
+"""
+
+import json
+import socket
+import time
+from collections.abc import Callable, Generator
+from contextlib import ExitStack
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import pytest
+import zenoh
+
+from messages import topics
+from messages.topic import AnyTopic, Side, Way
+from services.runtime.bus.access_control import HubSide
+from services.runtime.bus.envelope import Envelope
+from services.runtime.bus.key_files import Door
+from services.runtime.bus.network import open_network
+from services.runtime.bus.qos import QOS_PROFILES, ZenohQos
+from services.runtime.bus.router_config import THIN_HZ, router_config
+from services.runtime.bus.spaces import here_key, namespace
+from services.runtime.bus.zenoh_bus import (
+    ZenohBus,
+    announce_here,
+    config,
+    connected,
+    listening,
+)
+from tools.keys import authority
+from tools.keys.key_folder import own_keys
+from tools.keys.roles import Role, parse
+
+NOW = datetime.now(UTC)
+PATIENCE_S = 60.0  # never reached unless something is broken
+AWAY_S = 0.2  # [s] a router that is back within 0.05 s is not found again by all (docs/fleet.md)
+LAST = "log/last"  # said behind everything else: what has not come when it has, never comes
+CROSS = [topic for topic in topics.ALL if topic not in topics.WITHIN_ONE_MACHINE]
+SAID_BY: dict[Side, tuple[Way, Way]] = {
+    "drone": (Way.UP, Way.BOTH),
+    "topside": (Way.DOWN, Way.BOTH),
+}
+
+
+def until(happened: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + PATIENCE_S
+    while not happened():
+        assert time.monotonic() < deadline
+        time.sleep(0.005)  # Zenoh's threads do it, and announce nothing
+
+
+def free_endpoint() -> str:
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        return f"tcp/127.0.0.1:{free.getsockname()[1]}"
+
+
+def one(topic: AnyTopic) -> AnyTopic:
+    return topic.of("x") if topic.is_family else topic
+
+
+def say(session: zenoh.Session, key: str, payload: bytes = b"") -> None:
+    """As slowly as it takes: dropping is allowed to nobody here."""
+    session.put(key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
+
+
+def zenohd(folder: Path, tree: dict[str, Any], name: str = "router") -> zenoh.Session:
+    """What zenohd does with such a file."""
+    path = folder / f"{name}-{time.monotonic_ns()}.json5"
+    path.write_text("// as it is written\n" + json.dumps(tree))
+    settings = zenoh.Config.from_file(path)
+    return zenoh.open(settings)
+
+
+class Half:
+    """A side of a drone: its hub, and a service on it that hears everything."""
+
+    def __init__(
+        self,
+        side: Side,
+        name: str,
+        router: str,
+        folder: Path,
+        exits: ExitStack,
+        door: Door | None = None,
+    ) -> None:
+        space = namespace(name)
+        private = f"unixsock-stream/{folder}/{side}-{name}.sock"
+        border = HubSide(side, space, door)
+        self.side: Side = side
+        self.hub = exits.enter_context(listening(private, connect=[router], hub_side=border))
+        self._here = announce_here(self.hub, here_key(space, side, "1"))
+        self.session = exits.enter_context(connected(private, space, PATIENCE_S))
+        self.bus, self.heard = ZenohBus(self.session), list[Envelope]()
+        self.bus.hear("**", self.heard.append)
+        for topic in topics.ALL:  # a row is asked for across the network, `**` is not
+            self.bus.hear(topic.key, lambda _: None)
+
+    def keys(self) -> set[str]:
+        return {e.key for e in self.heard if not e.key.startswith("log/")}
+
+
+def meet(talker: Half, ear: Half) -> None:
+    """Talk until it is heard: a subscription takes a moment to come round."""
+
+    def met() -> bool:
+        say(talker.session, "log/meet")
+        return any(e.key == "log/meet" for e in ear.heard)
+
+    ear.heard.clear()
+    until(met)
+
+
+def quiet(talker: Half, ear: Half) -> None:
+    """Wait until all that was said before has come. A message of low priority is the last one."""
+    ear.heard[:] = [e for e in ear.heard if e.key != LAST]
+    talker.session.put(
+        LAST, b"", priority=zenoh.Priority.BACKGROUND,
+        congestion_control=zenoh.CongestionControl.BLOCK,
+    )  # fmt: skip
+    until(lambda: any(e.key == LAST for e in ear.heard))
+
+
+class Fleet:
+    """A router, drones a and b with their topsides, and a stranger."""
+
+    def __init__(self, folder: Path, exits: ExitStack) -> None:
+        self.endpoint = free_endpoint()
+        self.router = exits.enter_context(zenohd(folder, router_config([self.endpoint])))
+        self.drone = {n: Half("drone", n, self.endpoint, folder, exits) for n in "ab"}
+        self.desk = {n: Half("topside", n, self.endpoint, folder, exits) for n in "ab"}
+        self.stranger = exits.enter_context(zenoh.open(config("client", connect=[self.endpoint])))
+        self.all = [*self.drone.values(), *self.desk.values()]
+
+    def fresh(self) -> None:
+        """Everybody has met its other side, and nobody has heard anything else."""
+        for name in "ab":
+            meet(self.drone[name], self.desk[name])
+            meet(self.desk[name], self.drone[name])
+        self.settle()
+        for half in self.all:
+            half.heard.clear()
+
+    def settle(self) -> None:
+        for name in "ab":
+            quiet(self.drone[name], self.desk[name])
+            quiet(self.desk[name], self.drone[name])
+
+
+@pytest.fixture(scope="module")
+def fleet(tmp_path_factory: pytest.TempPathFactory) -> Generator[Fleet]:
+    with ExitStack() as exits:
+        yield Fleet(tmp_path_factory.mktemp("f"), exits)
+
+
+@pytest.mark.parametrize("name", ["a", "b"])
+def test_what_is_said_to_or_by_one_drone_reaches_its_other_side_and_no_other_drone(
+    fleet: Fleet, name: str
+) -> None:
+    fleet.fresh()
+    for half in (fleet.drone[name], fleet.desk[name]):
+        for topic in topics.ALL:
+            say(half.session, one(topic).key, name.encode())
+    fleet.settle()
+    for half, other in (
+        (fleet.drone[name], fleet.desk[name]),
+        (fleet.desk[name], fleet.drone[name]),
+    ):
+        crossed = {one(t).key for t in CROSS if t.way in SAID_BY[half.side]}
+        expected = {key for key in crossed if not key.startswith("log/")}
+        assert other.keys() == expected, half.side
+    for half in (*fleet.drone.values(), *fleet.desk.values()):
+        if half not in (fleet.drone[name], fleet.desk[name]):
+            assert half.keys() == set()
+
+
+WILD = [
+    "**", "lindy/**", "lindy/@v1/**", "lindy/@v1/*/**", "lindy/@v1/*/pilot/command",
+    "lindy/@v1/a/**",
+    "lindy/@v1/a/pilot/*", "lindy/@v1/a/*", "*/@v1/*/pilot/command", "lindy/@v1/**/command",
+    "lindy/@v1/a*/pilot/command", "lindy/@v1/$*a/pilot/command", "lindy/@v1/a/control/thrusters",
+    "lindy/@v1/a/sensor/imu", "lindy/@v1/a/simulator/request", "lindy/@v2/a/pilot/command",
+    "a/pilot/command", "lindy/@v1//pilot/command", "lindy/@v1/a/state",
+]  # fmt: skip
+
+
+def test_wild_keys_and_rows_of_the_other_direction_reach_no_service_on_board(fleet: Fleet) -> None:
+    fleet.fresh()
+    refused = 0
+    for key in WILD:
+        try:
+            say(fleet.stranger, key, b"x")
+            fleet.stranger.delete(key)
+        except zenoh.ZError:  # no key at all
+            refused += 1
+    assert refused < len(WILD)
+    say(fleet.stranger, "lindy/@v1/a/log/stranger", b"behind all of it")
+    until(lambda: any(e.key == "log/stranger" for e in fleet.drone["a"].heard))
+    fleet.settle()
+    for half in fleet.drone.values():
+        assert half.keys() == set()
+
+
+def test_priorities_are_those_of_the_table_whatever_the_sender_claims(fleet: Fleet) -> None:
+    fleet.fresh()
+    rows = [t for t in CROSS if t.way is Way.DOWN and not t.is_family]
+    for topic in rows:
+        wrong = zenoh.Priority.BACKGROUND
+        if QOS_PROFILES[topic.qos].priority == wrong:
+            wrong = zenoh.Priority.REAL_TIME
+        fleet.stranger.put(f"{namespace('a')}/{topic.key}", b"x", priority=wrong)
+    board = fleet.drone["a"]
+    until(lambda: board.keys() == {topic.key for topic in rows})
+    for envelope in board.heard:
+        topic = topics.find(envelope.key)
+        if topic in rows:
+            travelled = envelope.travelled
+            assert isinstance(travelled, ZenohQos)
+            assert travelled.priority == QOS_PROFILES[topic.qos].priority, envelope.key
+
+
+def test_who_is_there_is_seen_from_everywhere_and_who_watches_gets_a_row_of_all(
+    fleet: Fleet,
+) -> None:
+    fleet.fresh()
+    with open_network(fleet.endpoint, PATIENCE_S) as network:
+        until(lambda: len(network.tokens()) == 2)
+        assert sorted(network.tokens()) == [here_key(namespace(n), "drone", "1") for n in "ab"]
+        assert network.tokens("a", "topside") == [here_key(namespace("a"), "topside", "1")]
+        assert network.tokens("c") == []
+        rows = list[str]()
+        network.hear(topics.STATUS, lambda key, _: rows.append(key))
+
+        def seen() -> bool:
+            for half in fleet.drone.values():
+                say(half.session, topics.STATUS.key)
+            return len(set(rows)) == 2
+
+        until(seen)
+        assert set(rows) == {f"{namespace(n)}/{topics.STATUS.key}" for n in "ab"}
+
+
+def test_a_router_that_is_started_again_is_joined_again_by_everybody(tmp_path: Path) -> None:
+    endpoint = free_endpoint()
+    tree = router_config([endpoint])
+    with ExitStack() as exits:
+        router = zenohd(tmp_path, tree)
+        drone = Half("drone", "a", endpoint, tmp_path, exits)
+        desk = Half("topside", "a", endpoint, tmp_path, exits)
+        meet(drone, desk)
+        router.close()  # type: ignore[no-untyped-call]
+        desk.heard.clear()
+        say(drone.session, topics.STATE.key, b"into the void")
+        time.sleep(AWAY_S)
+        router = exits.enter_context(zenohd(tmp_path, tree))
+        meet(drone, desk)
+        meet(desk, drone)
+        assert topics.STATE.key not in {e.key for e in desk.heard}
+        with open_network(endpoint, PATIENCE_S) as network:
+            until(lambda: network.tokens() == [here_key(namespace("a"), "drone", "1")])
+
+
+def test_a_loop_of_routers_carries_every_message_once(tmp_path: Path) -> None:
+    ring = [free_endpoint() for _ in range(3)]
+    with ExitStack() as exits:
+        for k, here in enumerate(ring):
+            others = [each for each in ring if each != here]
+            exits.enter_context(zenohd(tmp_path, router_config([here], others), f"r{k}"))
+        drone = Half("drone", "a", ring[0], tmp_path, exits)
+        desk = Half("topside", "a", ring[1], tmp_path, exits)
+        third = exits.enter_context(open_network(ring[2], PATIENCE_S))
+        meet(drone, desk)
+        meet(desk, drone)
+        until(lambda: third.tokens() == [here_key(namespace("a"), "drone", "1")])
+        for half in (drone, desk):
+            half.heard.clear()
+        for k in range(200):
+            say(drone.session, topics.STATUS.key, b"%d" % k)
+            say(desk.session, topics.PILOT_REQUEST.key, b"%d" % k)
+        quiet(drone, desk)
+        quiet(desk, drone)
+        for half, row in ((desk, topics.STATUS), (drone, topics.PILOT_REQUEST)):
+            assert [e.payload for e in half.heard if e.key == row.key] == [
+                b"%d" % k for k in range(200)
+            ]
+
+
+def test_a_thin_link_thins_what_goes_up_and_never_a_command(tmp_path: Path) -> None:
+    endpoint = free_endpoint()
+    with ExitStack() as exits:
+        exits.enter_context(zenohd(tmp_path, router_config([endpoint], thin=["lo"])))
+        drone = Half("drone", "a", endpoint, tmp_path, exits)
+        desk = Half("topside", "a", endpoint, tmp_path, exits)
+        meet(drone, desk)
+        meet(desk, drone)
+        began = time.monotonic()
+        for _ in range(40):
+            say(drone.session, topics.STATE.key)
+            say(drone.session, topics.STATUS.key)
+            say(desk.session, topics.PILOT_COMMAND.key)
+            time.sleep(0.01)  # as fast as a drone's state comes
+        took_s = time.monotonic() - began
+        quiet(drone, desk)
+        quiet(desk, drone)
+        counts = [[e.key for e in h.heard].count for h in (desk, drone)]
+        assert counts[0](topics.STATUS.key) == counts[1](topics.PILOT_COMMAND.key) == 40
+        assert 1 < counts[0](topics.STATE.key) <= THIN_HZ * took_s + 2
+
+
+class Keys:
+    """Keys for two drones, a pilot, an observer and a router, all of one authority."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        authority.new(folder, NOW)
+        for name in ("drone:a", "drone:b", "pilot:ann", "observer:eve", "router:base"):
+            authority.add(folder, parse(name), NOW, 10)
+
+    def door(self, bundle: str, role: Role) -> Door:
+        return own_keys(self.folder / bundle, (role,), NOW).door
+
+
+@pytest.fixture(scope="module")
+def keys(tmp_path_factory: pytest.TempPathFactory) -> Keys:
+    return Keys(tmp_path_factory.mktemp("keys"))
+
+
+def test_with_keys_a_drone_speaks_by_its_own_name_and_each_role_says_its_own_rows(
+    keys: Keys, tmp_path: Path
+) -> None:
+    endpoint = free_endpoint().replace("tcp/", "tls/")
+    tree = router_config([endpoint], door=keys.door("router-base", "router"))
+    with ExitStack() as exits:
+        exits.enter_context(zenohd(tmp_path, tree))
+        drone = Half("drone", "a", endpoint, tmp_path, exits, keys.door("drone-a", "drone"))
+        desk = Half("topside", "a", endpoint, tmp_path, exits, keys.door("pilot-ann", "pilot"))
+        meet(drone, desk)
+        meet(desk, drone)
+        ann = keys.door("pilot-ann", "pilot").keys
+        listener = exits.enter_context(open_network(endpoint, PATIENCE_S, keys=ann))
+        until(lambda: listener.tokens() == [here_key(namespace("a"), "drone", "1")])
+        for half in (drone, desk):
+            half.heard.clear()
+        own = list[str]()
+        listener.hear(topics.STATE, lambda key, _: own.append(key))
+        roles: tuple[tuple[str, Role], ...] = (("observer-eve", "observer"), ("drone-b", "drone"))
+        others = list[zenoh.Session]()
+        for bundle, role in roles:
+            files = keys.door(bundle, role).keys
+            other = exits.enter_context(connected(endpoint, None, PATIENCE_S, keys=files))
+            _token = announce_here(other, here_key(namespace("a"), "drone", "2"))
+            for topic in topics.ALL:
+                say(other, f"{namespace('a')}/{one(topic).key}", b"false")
+            others.append(other)
+
+        def all_was_said() -> bool:
+            say(others[-1], f"{namespace('b')}/{topics.STATE.key}", b"behind all of it")
+            return bool(own)
+
+        until(all_was_said)
+        assert set(own) == {f"{namespace('b')}/{topics.STATE.key}"}
+        quiet(drone, desk)
+        quiet(desk, drone)
+        assert drone.keys() == desk.keys() == set()
+        assert listener.tokens() == [here_key(namespace("a"), "drone", "1")]
+        for half, other in ((drone, desk), (desk, drone)):
+            for topic in topics.ALL:
+                say(half.session, one(topic).key)
+            quiet(half, other)
+            rows = {one(t).key for t in CROSS if t.way in SAID_BY[half.side]}
+            assert other.keys() == {key for key in rows if not key.startswith("log/")}
+
+
+def test_whoever_is_on_no_list_may_do_nothing_at_a_router(keys: Keys) -> None:
+    door = keys.door("router-base", "router")
+    table = router_config(["tls/127.0.0.1:1"], door=door)["access_control"]
+    assert table["default_permission"] == "deny"
+    for subject in table["subjects"]:  # without names it would be everybody
+        assert subject["link_protocols"] == ["tls"]
+        assert set(subject["cert_common_names"]) <= set(door.admitted)
+    empty = router_config(["tls/127.0.0.1:1"], door=door._replace(admitted=()))["access_control"]
+    assert empty["subjects"] == empty["policies"] == []

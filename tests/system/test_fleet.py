@@ -1,0 +1,162 @@
+"""Two drones on one router: control is granted by each for itself, and a pilot of one is a stranger
+to the other. The drones' own `reference` on real sessions, in this process.
+"""
+
+import json
+import socket
+import time
+from collections.abc import Callable, Generator
+from contextlib import ExitStack
+from pathlib import Path
+
+import msgspec
+import pytest
+import zenoh
+
+from messages import topics
+from messages.pilot import PilotAnswer, PilotCommand, PilotRequest, RequestKind
+from messages.topic import M, Side, Topic
+from messages.vehicle import VehicleStatus
+from services.reference.service import wire
+from services.runtime.bus.access_control import HubSide
+from services.runtime.bus.router_config import router_config
+from services.runtime.bus.spaces import namespace
+from services.runtime.bus.zenoh_bus import ZenohBus, connected, listening
+from services.runtime.config.stack import Stack
+from services.runtime.node.checkpoint import VolatileCheckpoint
+from services.runtime.node.loop_stats import Instance
+from services.runtime.node.node import Node
+
+PATIENCE_S = 60.0  # never reached unless something is broken
+
+
+def free_endpoint() -> str:
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        return f"tcp/127.0.0.1:{free.getsockname()[1]}"
+
+
+class World:
+    """A router, and what is joined to it."""
+
+    def __init__(self, folder: Path, exits: ExitStack) -> None:
+        self.endpoint, self._folder, self._exits = free_endpoint(), folder, exits
+        file = folder / "router.json5"
+        file.write_text(json.dumps(router_config([self.endpoint])))
+        exits.enter_context(zenoh.open(zenoh.Config.from_file(file)))
+        self.nodes: list[Node] = []
+
+    def joined(self, side: Side, name: str, who: str) -> ZenohBus:
+        """A service behind a hub of its own."""
+        space = namespace(name)
+        private = f"unixsock-stream/{self._folder}/{who}.sock"
+        self._exits.enter_context(
+            listening(private, connect=[self.endpoint], hub_side=HubSide(side, space))
+        )
+        return ZenohBus(self._exits.enter_context(connected(private, space, PATIENCE_S)))
+
+    def until(self, happened: Callable[[], bool]) -> None:
+        deadline = time.monotonic() + PATIENCE_S
+        while not happened():
+            assert time.monotonic() < deadline
+            for node in self.nodes:
+                node.step()
+            time.sleep(0.005)  # Zenoh's threads bring the messages
+
+
+class Drone:
+    """A drone's `reference`, which grants control."""
+
+    def __init__(self, world: World, name: str, number: int) -> None:
+        bus = world.joined("drone", name, f"drone{number}")
+        self.arrived: list[str] = []  # keys of all that pilots say
+        for topic in (topics.PILOT_COMMAND, topics.PILOT_REQUEST, topics.CLOCK_PING):
+            bus.hear(topic.key, lambda e: self.arrived.append(e.key))
+        self.node = Node("reference", {"drone": bus}, time.monotonic_ns, VolatileCheckpoint())
+        self.node.instance = Instance(number, number)
+        wire(self.node, Stack(name=name))
+        world.nodes.append(self.node)
+
+
+class Desk:
+    """A pilot's program."""
+
+    def __init__(self, world: World, name: str, pilot: str) -> None:
+        self._world, self.pilot, self._asked = world, pilot, 0
+        self._bus = world.joined("topside", name, f"desk-{pilot}")
+        self.statuses: list[VehicleStatus] = []
+        self.answers: list[PilotAnswer] = []
+        self._listen(topics.STATUS, self.statuses)
+        self._listen(topics.PILOT_ANSWER, self.answers)
+
+    def _listen(self, topic: Topic[M], into: list[M]) -> None:
+        decoder = msgspec.msgpack.Decoder(topic.message)
+        self._bus.hear(topic.key, lambda e: into.append(decoder.decode(e.payload)))
+
+    def ask(self, kind: RequestKind, epoch: int = 0) -> PilotAnswer:
+        """Repeated until it is answered, as every pilot does."""
+        self._asked += 1
+        say = self._bus.say(topics.PILOT_REQUEST)
+        name = f"{self.pilot}-{self._asked}"
+
+        def answered() -> bool:
+            request = PilotRequest(
+                id=name, kind=kind, source=self.pilot, epoch=epoch, stamp_ns=time.monotonic_ns()
+            )
+            say(msgspec.msgpack.encode(request))
+            return any(answer.id == name for answer in self.answers)
+
+        self._world.until(answered)
+        return next(answer for answer in self.answers if answer.id == name)
+
+    def command(self, epoch: int) -> None:
+        command = PilotCommand(
+            stamp_ns=time.monotonic_ns(), surge=1.0, sway=0.0, heave=0.0, yaw=0.0,
+            source=self.pilot, epoch=epoch,
+        )  # fmt: skip
+        self._bus.say(topics.PILOT_COMMAND)(msgspec.msgpack.encode(command))
+
+
+@pytest.fixture
+def world(tmp_path: Path) -> Generator[World]:
+    with ExitStack() as exits:
+        yield World(tmp_path, exits)
+
+
+def test_each_drone_has_a_pilot_of_its_own_and_hears_nothing_of_the_others(world: World) -> None:
+    a, b = Drone(world, "a", 1), Drone(world, "b", 2)
+    ann, bob = Desk(world, "a", "ann"), Desk(world, "b", "bob")
+    granted = ann.ask("lease")
+    assert granted.accepted, granted.reason
+    assert granted.epoch is not None
+    world.until(lambda: bool(ann.statuses) and ann.statuses[-1].pilot == "ann")
+    for _ in range(20):
+        ann.command(granted.epoch)
+    assert not ann.ask("offer", granted.epoch + 1).accepted  # behind the commands
+    world.until(lambda: bool(bob.statuses))
+    assert {status.pilot for status in bob.statuses} == {""}
+    assert b.arrived == []
+    assert {topics.PILOT_COMMAND.key, topics.PILOT_REQUEST.key} == {*a.arrived}
+    taken = bob.ask("lease")
+    assert taken.accepted, taken.reason  # nobody has b, whoever has a
+    world.until(lambda: bob.statuses[-1].pilot == "bob")
+    begin = len(ann.statuses)
+    world.until(lambda: len(ann.statuses) > begin + 2)
+    assert {status.pilot for status in ann.statuses[begin:]} == {"ann"}
+    assert ann.ask("release", granted.epoch).accepted
+    world.until(lambda: ann.statuses[-1].pilot == "")
+    assert bob.statuses[-1].pilot == "bob"
+
+
+def test_of_two_drones_of_one_name_that_meet_later_none_arms(world: World) -> None:
+    """A router that was away when the second one started could not be asked."""
+    first, second = Drone(world, "a", 1), Drone(world, "a", 2)
+    ann = Desk(world, "a", "ann")
+    world.until(lambda: bool(ann.statuses))
+
+    def both_refuse() -> bool:
+        ann.ask("arm")
+        said = [answer.reason for answer in ann.answers if not answer.accepted]
+        return sum("two services call themselves reference" in reason for reason in said) >= 2
+
+    world.until(both_refuse)
+    assert set(first.arrived) == set(second.arrived) == {topics.PILOT_REQUEST.key}

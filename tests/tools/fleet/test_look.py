@@ -1,0 +1,197 @@
+"""Looking at who is there, with real sessions on a hub of this test's own."""
+
+import json
+import socket
+import threading
+from collections.abc import Generator, Iterable
+from contextlib import ExitStack, contextmanager
+
+import msgspec
+import pytest
+import zenoh
+
+from messages import topics
+from messages.identity import SideIdentity
+from messages.sensors import BatterySample
+from messages.vehicle import VehicleStatus
+from services.runtime.bus.network import NobodyThereError
+from services.runtime.bus.spaces import here_key, namespace
+from services.runtime.bus.zenoh_bus import announce_here, connected, listening
+from services.runtime.config.errors import LindyError
+from services.runtime.config.identity import messages_hash
+from tools.__main__ import main
+from tools.fleet import look as looking
+from tools.fleet import meeting
+from tools.fleet.look import is_there, look, who_is_there
+from tools.fleet.meeting import drone_at, require_only
+from tools.fleet.roster import MOST
+
+PATIENCE_S = 60.0  # never reached unless something is broken
+TALK_S = 0.05  # [s] between two words of a drone here; a real one says them once a second
+
+
+def free_endpoint() -> str:
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        return f"tcp/127.0.0.1:{free.getsockname()[1]}"
+
+
+@pytest.fixture
+def network() -> Generator["Drones"]:
+    with ExitStack() as exits:
+        yield Drones(exits)
+
+
+class Drones:
+    """A hub, and a session that announces drones and speaks for them."""
+
+    def __init__(self, exits: ExitStack) -> None:
+        self.endpoint = free_endpoint()
+        exits.enter_context(listening(self.endpoint))
+        self._session = exits.enter_context(connected(self.endpoint, None, PATIENCE_S))
+        self._tokens: list[object] = []
+        self._exits = exits
+
+    def announce(self, names: Iterable[str], instance: str = "1") -> None:
+        for name in names:
+            key = here_key(namespace(name), "drone", instance)
+            self._tokens.append(announce_here(self._session, key))
+
+    def speak(self, names: Iterable[str]) -> None:
+        self._exits.enter_context(speaking(self._session, list(names)))
+
+
+@contextmanager
+def speaking(session: zenoh.Session, names: list[str]) -> Generator[None]:
+    over = threading.Event()
+    rows = {
+        topics.IDENTITY.of("drone").key: SideIdentity(
+            side="drone", vehicle="pioneer", version="1", messages=messages_hash(topics.ALL)
+        ),
+        topics.STATUS.key: VehicleStatus(stamp_ns=0, mode="ready", armed=False, pilot="ann"),
+        topics.BATTERY.key: BatterySample(stamp_ns=0, voltage=16.0, current=1.0, used_wh=1.0),
+    }
+    words = {key: msgspec.msgpack.encode(row) for key, row in rows.items()}
+
+    def talk() -> None:
+        while not over.wait(TALK_S):
+            for name in names:
+                for key, payload in words.items():
+                    session.put(f"{namespace(name)}/{key}", payload)
+
+    thread = threading.Thread(target=talk, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+
+
+def test_twenty_drones_are_listed_with_everything(
+    network: Drones, capsys: pytest.CaptureFixture[str]
+) -> None:
+    names = [f"rov{k:02}" for k in range(20)]
+    network.announce(names)
+    network.speak(names)
+    assert who_is_there(network.endpoint) == names
+    roster = look(network.endpoint, longest_s=PATIENCE_S)  # returns when all have spoken
+    assert roster.names == names
+    assert all(d.complete and d.status is not None for d in roster.drones.values())
+    assert main(["drones", "--router", network.endpoint, "--json"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert [row["name"] for row in printed["drones"]] == names
+    assert {(row["type"], row["pilot"], row["same_messages"]) for row in printed["drones"]} == {
+        ("pioneer", "ann", True)
+    }
+    assert main(["drones", "--connect", network.endpoint]) == 0
+    assert len(capsys.readouterr().out.splitlines()) == 1 + len(names)
+
+
+def test_hundreds_announced_by_a_stranger_are_counted_and_the_real_one_is_found(
+    network: Drones, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(looking, "LOOK_S", 0.3)
+    network.announce(f"ghost{k:04}" for k in range(MOST + 50))
+    network.announce(["~~~"])
+    network.announce(["rov"])
+    network.speak(["rov"])
+    assert is_there("rov", network.endpoint)
+    roster = look(network.endpoint, longest_s=0.3)
+    assert len(roster.drones) == MOST
+    assert sum(roster.counts.values()) >= 51
+    with pytest.raises(LindyError, match=r"drones can be reached at .*more; say which with --name"):
+        drone_at(network.endpoint, "pioneer-here", None)
+    assert main(["fly", "nobody", "--router", network.endpoint]) == 1
+    complaint = capsys.readouterr().err
+    assert "no drone is called nobody" in complaint
+    assert complaint.count("\n") == 1
+
+
+def test_the_one_drone_that_is_there_is_taken_and_of_several_one_must_be_named(
+    network: Drones,
+) -> None:
+    assert drone_at(network.endpoint, "pioneer-here", None) == "pioneer-here"  # of this machine
+    network.announce(["rov1"])
+    assert drone_at(network.endpoint, "pioneer-here", None) == "rov1"
+    network.announce(["rov2"])
+    with pytest.raises(LindyError, match=r"2 drones can be reached at .*: rov1, rov2; say which"):
+        drone_at(network.endpoint, "pioneer-here", None)
+
+
+def test_a_second_drone_of_a_name_does_not_start_and_the_first_stays(
+    network: Drones, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(meeting, "GONE_S", 0.1)
+    monkeypatch.setattr(meeting, "AGAIN_S", 0.05)
+    require_only("rov1", network.endpoint, None)
+    network.announce(["rov1"])
+    with pytest.raises(
+        LindyError, match=r"a drone called rov1 is on the network .* another --name"
+    ):
+        require_only("rov1", network.endpoint, None)
+    require_only("rov2", network.endpoint, None)
+    assert who_is_there(network.endpoint) == ["rov1"]
+
+
+def test_a_router_that_is_away_or_is_none_keeps_no_drone_from_its_start(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(looking, "PATIENCE_S", 0.1)
+    away = free_endpoint()
+    require_only("rov1", away, None)
+    assert f"no router answers at {away} yet: rov1 joins when one does" in capsys.readouterr().out
+    with pytest.raises(NobodyThereError):
+        who_is_there(away)
+    assert drone_at(away, "pioneer-here", None) == "pioneer-here"
+    with something_else() as endpoint:
+        require_only("rov1", endpoint, None)
+        assert "is no Zenoh router of this version" in capsys.readouterr().out
+        with pytest.raises(LindyError, match="no Zenoh router of this version, or asks for keys"):
+            drone_at(endpoint, "pioneer-here", None)
+        assert main(["drones", "--router", endpoint]) == 1
+        assert capsys.readouterr().err.count("\n") == 1
+
+
+@contextmanager
+def something_else() -> Generator[str]:
+    """A server of another protocol: it hangs up on whatever it hears."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.settimeout(0.05)
+        over = threading.Event()
+
+        def serve() -> None:
+            while not over.is_set():
+                try:
+                    caller, _ = server.accept()
+                except TimeoutError:
+                    continue
+                caller.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n")
+                caller.close()
+
+        thread = threading.Thread(target=serve, daemon=True)
+        thread.start()
+        try:
+            yield f"tcp/127.0.0.1:{server.getsockname()[1]}"
+        finally:
+            over.set()
+            thread.join()

@@ -1,0 +1,135 @@
+"""Where a drone meets its pilots, by which name and with which keys; and a router's file."""
+
+import json
+from datetime import UTC, datetime
+from pathlib import Path
+from socket import gethostname
+
+import pytest
+import zenoh
+
+from services.runtime.config.errors import LindyError
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import Registry
+from tools.__main__ import main
+from tools.checks import checked, pilot_of
+from tools.choices import Choices
+from tools.fleet.meeting import Meeting, drones_door, drones_name
+from tools.fleet.names import own_name
+from tools.keys import authority, certificates
+from tools.keys.roles import parse
+
+NOW = datetime.now(UTC)
+LISTEN, ROUTER = "tls/127.0.0.1:7447", "tls/127.0.0.1:7448"
+
+
+@pytest.fixture(scope="module")
+def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("keys")
+    authority.new(folder, NOW)
+    for name in ("drone:boat", "pilot:ann", "router:base"):
+        authority.add(folder, parse(name), NOW, 10)
+    return folder
+
+
+def test_a_drone_is_called_what_is_said_else_as_its_keys_else_by_its_computer(keys: Path) -> None:
+    door = drones_door(LISTEN, None, keys, insecure=False)
+    tcp = drones_door("tcp/127.0.0.1:1", None, keys, insecure=False)
+    assert tcp is None
+    with_keys, without = Meeting(LISTEN, None, door), Meeting("tcp/127.0.0.1:1", None, None)
+    assert drones_name(Stack(name="x"), with_keys) == "x"
+    assert drones_name(Stack(), with_keys) == "boat"
+    assert drones_name(Stack(), without) == own_name("pioneer", gethostname())
+
+
+def test_at_a_router_with_keys_a_drone_has_the_name_of_its_keys(keys: Path) -> None:
+    meeting = Meeting(None, ROUTER, drones_door(None, ROUTER, keys, insecure=False))
+    assert drones_name(Stack(name="boat"), meeting) == drones_name(Stack(), meeting) == "boat"
+    with pytest.raises(LindyError, match="keys are those of drone:boat, and a router lets it"):
+        drones_name(Stack(name="x"), meeting)
+
+
+def test_keys_from_before_there_were_routers_must_be_renewed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(certificates.USAGE, "drone", (certificates.ANSWER,))
+    authority.new(tmp_path, NOW)
+    authority.add(tmp_path, parse("drone:old"), NOW, 10)
+    assert drones_door(LISTEN, None, tmp_path, insecure=False) is not None
+    with pytest.raises(LindyError, match="lindy keys renew drone:old"):
+        drones_door(None, ROUTER, tmp_path, insecure=False)
+
+
+def test_both_ways_in_have_keys_or_none_has(keys: Path) -> None:
+    both = drones_door(LISTEN, ROUTER, keys, insecure=False)
+    assert both is not None
+    assert Meeting(LISTEN, ROUTER, both).link == f"{LISTEN} and {ROUTER}"
+    with pytest.raises(LindyError, match="both with tls, or none of them"):
+        drones_door("tcp/127.0.0.1:7447", ROUTER, keys, insecure=False)
+
+
+@pytest.mark.parametrize("name", ["", "a/b", "*", "a b", "ä", "x" * 65, "@v1", "$*", "a?b#c"])
+def test_a_name_that_no_key_may_have_is_one_sentence(name: str) -> None:
+    with pytest.raises(LindyError, match=r"--name .* 1 to 64 of them"):
+        checked(Choices(name=name), pilot_of("gamepad"), Registry.read("simulated"))
+
+
+def test_on_virtual_time_a_drone_is_called_as_its_file() -> None:
+    stack = checked(Choices(), pilot_of("gamepad"), Registry.read("simulated"))
+    assert stack.drone_name == stack.vehicle_name == "pioneer"
+
+
+def test_a_routers_file_is_read_by_zenoh_and_never_written_over(
+    keys: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "router.json5"
+    words = ["router-config", "--listen", LISTEN, "--keys", str(keys), "--out", str(out)]
+    assert main([*words, "--thin", "wwan0", "--connect", ROUTER]) == 0
+    assert "lets in 2 roles and drones by their keys" in capsys.readouterr().out
+    read = zenoh.Config.from_file(out)
+    assert json.loads(read.get_json("listen/endpoints")) == [LISTEN]
+    assert json.loads(read.get_json("connect/endpoints")) == [ROUTER]
+    assert json.loads(read.get_json("scouting/multicast/enabled")) is False
+    subjects = json.loads(read.get_json("access_control"))["subjects"]
+    assert [each["cert_common_names"] for each in subjects] == [["drone:boat"], ["pilot:ann"]]
+    before = out.read_bytes()
+    assert main(words) == 1
+    assert out.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        (["--listen", "tcp/0.0.0.0:7447"], "goes over the network without keys"),
+        (["--listen", "7447"], "expected PROTOCOL/ADDRESS:PORT"),
+        (["--connect", "7447"], "expected PROTOCOL/ADDRESS:PORT"),
+        (["--out", "router.json"], "*.json5"),
+        (["--listen", "tcp/127.0.0.1:1", "--listen", LISTEN], "all with tls, or none of them"),
+    ],
+)
+def test_a_router_that_would_be_open_or_unreadable_is_refused(
+    keys: Path, words: list[str], why: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["router-config", *words, "--keys", str(keys)]) == 1
+    complaint = capsys.readouterr().err
+    assert why in complaint
+    assert complaint.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        (["up", "topside", "--connect", "tcp/127.0.0.1:1", "--router", "tcp/127.0.0.1:2"],
+         "one of them is enough"),
+        (["fly", "a*b"], "a drone's name"),
+        (["fly", "a", "--name", "b"], "is said once"),
+        (["up", "drone", "--router", "tcp/192.168.2.2:7447"], "over the network without keys"),
+    ],
+)  # fmt: skip
+def test_a_command_that_means_two_things_or_none_is_one_sentence(
+    words: list[str], why: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(words) == 1
+    complaint = capsys.readouterr().err
+    assert why in complaint
+    assert complaint.count("\n") == 1

@@ -1,0 +1,82 @@
+"""What drones may be called, and which one a pilot means."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from services.runtime.bus.spaces import (
+    LONGEST,
+    Here,
+    checked_name,
+    here_key,
+    here_of,
+    name_in,
+    namespace,
+)
+from services.runtime.config.errors import LindyError
+from tools.fleet.names import in_words, missing, other_drone, own_name
+
+NAME = st.from_regex(rf"[A-Za-z0-9_.-]{{1,{LONGEST}}}", fullmatch=True)
+SIDE = st.sampled_from(["drone", "topside"])
+INSTANCE = st.from_regex(r"[0-9a-f]{1,16}", fullmatch=True)
+
+
+@given(NAME, SIDE, INSTANCE)
+def test_a_name_is_read_from_its_keys_as_it_was_written(name: str, side: str, start: str) -> None:
+    assert checked_name(name, "--name") == name
+    token = here_key(namespace(name), side, start)
+    assert here_of(token) == Here(name, side, start)
+    assert name_in(token) == name_in(f"{namespace(name)}/state") == name
+
+
+@given(st.one_of(st.text(max_size=80), st.sampled_from("*$?#/@")))
+def test_what_is_no_name_is_refused_in_one_sentence_and_is_in_no_key(text: str) -> None:
+    allowed = set("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_.")
+    if 1 <= len(text) <= LONGEST and set(text) <= allowed:
+        assert checked_name(text, "--name") == text
+        return
+    with pytest.raises(LindyError, match=r"--name .*1 to 64 of them") as refused:
+        checked_name(text, "--name")
+    assert "\n" not in str(refused.value)
+    assert here_of(here_key(namespace(text), "drone", "1")) is None
+    assert name_in(f"{namespace(text)}/state") != text or not text
+
+
+@given(st.text(max_size=200))
+def test_a_strangers_key_is_no_hub_of_ours(key: str) -> None:
+    here = here_of(key)
+    assert here is None or here_key(namespace(here.name), here.side, here.instance) == key
+    assert len(name_in(key)) <= LONGEST
+
+
+@given(st.from_regex(r"[a-z0-9_]{1,80}", fullmatch=True), st.text(max_size=100))
+def test_every_computer_gives_its_drone_a_good_name(vehicle: str, host: str) -> None:
+    name = own_name(vehicle, host)
+    assert checked_name(name, "") == name
+    assert name.startswith(vehicle[:LONGEST])
+
+
+def test_a_drone_is_named_by_its_type_and_the_computers_own_name() -> None:
+    assert own_name("pioneer", "boat.example.org") == "pioneer-boat"
+    assert own_name("pioneer", "Käpt'n's rov") == "pioneer-K-pt-n-s-rov"
+    assert own_name("pioneer", "") == "pioneer"
+
+
+def test_a_list_of_a_thousand_is_one_sentence() -> None:
+    names = [f"rov{k:04}" for k in range(1000)]
+    assert in_words(names) == (
+        "rov0000, rov0001, rov0002, rov0003, rov0004, rov0005, rov0006, rov0007 and 992 more"
+    )
+    assert len(missing("pioneer", names, "tcp/127.0.0.1:7447")) < 200
+    assert in_words(["b", "a"]) == "a, b"
+
+
+def test_a_pilot_whose_drone_is_not_there_hears_who_is() -> None:
+    assert missing("c", ["a", "b"], "E") == "no drone is called c at E; there are a, b"
+    assert missing("c", [], "E") == "no drone is called c at E; nobody is there"
+
+
+def test_a_topside_of_another_name_is_told() -> None:
+    assert other_drone("a", []) == other_drone("a", ["a", "b"]) == ""
+    assert "topside of a, and only b can be reached" in other_drone("a", ["b"])
+    assert "--name b" in other_drone("a", ["b", "c"])

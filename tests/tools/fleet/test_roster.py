@@ -1,0 +1,146 @@
+"""Who is there: whatever strangers say, the list stays small, true and readable."""
+
+import json
+from typing import Any
+
+import msgspec
+from hypothesis import given
+from hypothesis import strategies as st
+
+from messages import topics
+from messages.identity import SideIdentity
+from messages.message import Message
+from messages.sensors import BatterySample
+from messages.topic import AnyTopic
+from messages.vehicle import VehicleStatus
+from services.runtime.bus.spaces import here_key, namespace
+from tools.fleet.drones import as_row, table
+from tools.fleet.others import WAIT_NS, Others
+from tools.fleet.roster import BEYOND, MOST, ROWS, STRANGE, UNREADABLE, Roster
+
+IDENTITY = topics.IDENTITY.of("drone")
+NAME = st.sampled_from(["a", "b", "c"])
+TOKEN = st.tuples(NAME, st.sampled_from("123"))
+
+
+def token(name: str, instance: str = "1", side: str = "drone") -> str:
+    return here_key(namespace(name), side, instance)
+
+
+def say(roster: Roster, name: str, topic: AnyTopic, message: Message) -> None:
+    roster.row(f"{namespace(name)}/{topic.key}", msgspec.msgpack.encode(message))
+
+
+def status(pilot: str = "", *, armed: bool = False) -> VehicleStatus:
+    return VehicleStatus(stamp_ns=0, mode="ready", armed=armed, pilot=pilot)
+
+
+def whole(name: str = "rov1") -> Roster:
+    roster = Roster()
+    roster.token(token(name))
+    say(roster, name, IDENTITY, SideIdentity(vehicle="pioneer", version="1.0", messages="same"))
+    say(roster, name, topics.STATUS, status("ann", armed=True))
+    battery = BatterySample(stamp_ns=0, voltage=15.87, current=1.0, used_wh=20.0, capacity_wh=96.0)
+    say(roster, name, topics.BATTERY, battery)
+    return roster
+
+
+def test_a_drone_that_speaks_is_a_line_with_everything_and_a_row_for_programs() -> None:
+    roster = whole()
+    assert roster.complete
+    heading, line = table(roster, "E", "same").splitlines()
+    assert heading.split("  ")[0] == "name"
+    assert [word.strip() for word in line.split("  ") if word] == [
+        "rov1", "pioneer", "1.0", "ready, armed", "15.9 V, 79 %", "ann",
+    ]  # fmt: skip
+    row = as_row(roster.drones["rov1"], "same")
+    assert json.loads(json.dumps(row)) == row
+    assert (row["type"], row["pilot"], row["armed"], row["same_messages"]) == (
+        "pioneer", "ann", True, True,
+    )  # fmt: skip
+    assert round(row["charge"], 3) == 0.792
+
+
+def test_other_messages_two_of_a_name_and_silence_are_said() -> None:
+    roster = whole()
+    assert "cannot be flown from here" in table(roster, "E", "others")
+    roster.token(token("rov1", "2"))
+    assert "two drones of this name" in table(roster, "E", "same")
+    roster.token(token("mute"))
+    assert not roster.complete
+    assert "mute" in table(roster, "E", "same")
+    assert "is announced, but says nothing" in table(roster, "E", "same")
+
+
+def test_where_nobody_is_one_sentence_says_so() -> None:
+    assert table(Roster(), "tcp/127.0.0.1:7447", "") == (
+        "no drone can be reached at tcp/127.0.0.1:7447"
+    )
+    assert not Roster().complete
+
+
+def test_a_thousand_announced_by_a_stranger_are_counted_and_hide_nobody_who_was_there() -> None:
+    roster = whole()
+    for k in range(1000):
+        roster.token(token(f"ghost{k}"))
+        roster.token(token(f"gh*st{k}"))
+        roster.token(token("rov1", f"{k:x}"))
+    assert len(roster.drones) == MOST
+    assert roster.counts == {BEYOND: 1001 - MOST, STRANGE: 1000}
+    assert len(roster.drones["rov1"].starts) == 2
+    assert roster.drones["rov1"].complete
+    last = table(roster, "E", "same").splitlines()[-2:]
+    assert last[0] == f"{1001 - MOST} announced beyond the first {MOST}, and not listed"
+    assert last[1].startswith("1000 announced with names that no drone may have")
+
+
+@given(st.sampled_from(ROWS), st.binary(max_size=60))
+def test_whatever_a_row_carries_the_list_goes_on(topic: AnyTopic, payload: bytes) -> None:
+    roster = whole()
+    roster.row(f"{namespace('rov1')}/{topic.key}", payload)
+    roster.row(f"{namespace('nobody')}/{topic.key}", payload)
+    assert roster.names == ["rov1"]
+    assert roster.complete
+    table(roster, "E", "same")
+
+
+def test_what_cannot_be_read_is_counted() -> None:
+    roster = whole()
+    roster.row(f"{namespace('rov1')}/{topics.STATUS.key}", b"\xc1")
+    assert roster.counts == {UNREADABLE: 1}
+    assert roster.remarks == ["1 unreadable messages from drones"]
+
+
+@given(st.lists(st.tuples(TOKEN, st.booleans()), max_size=30))
+def test_who_came_and_has_not_gone_is_there(events: list[tuple[Any, bool]]) -> None:
+    roster, there = Roster(), set[tuple[str, str]]()
+    for who, comes in events:
+        roster.token(token(*who), comes)
+        (there.add if comes else there.discard)(who)
+        if len({one for one in there if one[0] == who[0]}) > 2:
+            return  # of three of one name two are known
+    assert roster.names == sorted({name for name, _ in there})
+
+
+def test_a_topside_is_told_once_that_only_others_are_there_and_after_a_while() -> None:
+    others = Others("a", 0)
+    for k in range(2 * MOST):
+        others.roster.token(token(f"ghost{k}"))
+    others.roster.token(token("a"))
+    assert others.words(2 * WAIT_NS) == ""  # however many there are
+    others = Others("a", 0)
+    others.roster.token(token("b"))
+    assert others.words(WAIT_NS - 1) == ""
+    assert "only b can be reached" in others.words(WAIT_NS)
+    others.roster.token(token("a"))
+    assert others.words(WAIT_NS) == ""
+    others.roster.token(token("a"), False)
+    assert others.words(WAIT_NS + 1) == ""
+    assert others.words(2 * WAIT_NS) != ""
+
+
+def test_a_topside_is_told_that_two_drones_have_its_name() -> None:
+    others = Others("a", 0)
+    for instance in "12":
+        others.roster.token(token("a", instance))
+    assert others.words(0) == "two drones call themselves a: give one of them another --name"

@@ -1,0 +1,39 @@
+"""Names of drones: which one a machine's drone has, and which one a pilot means. Pure."""
+
+import re
+from collections.abc import Iterable, Sequence
+
+from services.runtime.bus.spaces import LONGEST
+
+SHOWN = 8  # names in one sentence
+
+
+def own_name(vehicle: str, host: str) -> str:
+    """Of a drone that was given none: its type and its computer, such as `pioneer-boat`.
+
+    Args:
+        host: name of the computer, whatever letters it has.
+    """
+    machine = re.sub(r"[^A-Za-z0-9_-]+", "-", host.partition(".")[0]).strip("-")
+    return f"{vehicle}-{machine}"[:LONGEST].rstrip("-")
+
+
+def in_words(names: Iterable[str]) -> str:
+    """`a, b and 3 more`, in their order."""
+    every = sorted(names)
+    shown, more = every[:SHOWN], len(every) - SHOWN
+    return f"{', '.join(shown)} and {more} more" if more > 0 else ", ".join(shown)
+
+
+def missing(wanted: str, there: Sequence[str], endpoint: str) -> str:
+    """Why a pilot who wants a drone of this name cannot have it."""
+    who = f"there are {in_words(there)}" if there else "nobody is there"
+    return f"no drone is called {wanted} at {endpoint}; {who}"
+
+
+def other_drone(wanted: str, there: Sequence[str]) -> str:
+    """What a topside that waits for a drone is to be told; empty: nothing is wrong."""
+    if wanted in there or not there:
+        return ""
+    return f"this is the topside of {wanted}, and only {in_words(there)} can be reached: end it, \
+and start it with --name {sorted(there)[0]}"

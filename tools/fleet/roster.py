@@ -1,0 +1,116 @@
+"""Which drones are there, from their liveliness tokens and three of their rows. Pure.
+
+Whatever strangers announce, it stays small: `MOST` drones are told apart, and what is beyond, or
+cannot be read, is counted.
+"""
+
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import Any
+
+import msgspec
+
+from messages import topics
+from messages.identity import SideIdentity
+from messages.sensors import BatterySample
+from messages.topic import AnyTopic
+from messages.vehicle import VehicleStatus
+from services.runtime.bus.spaces import here_of, name_in, namespace
+
+MOST = 256  # drones that are told apart
+ROWS: tuple[AnyTopic, ...] = (topics.IDENTITY.of("drone"), topics.STATUS, topics.BATTERY)
+BEYOND, STRANGE, UNREADABLE = "beyond", "strange", "unreadable"
+REMARKS = {
+    BEYOND: f"announced beyond the first {MOST}, and not listed",
+    STRANGE: "announced with names that no drone may have, and not listed",
+    UNREADABLE: "unreadable messages from drones",
+}
+
+
+@dataclass(slots=True)
+class Drone:
+    """What is known of a drone. A name alone anybody can announce; a drone also speaks."""
+
+    name: str
+    starts: set[str] = field(default_factory=set[str])  # instances of its hub; two: two drones
+    identity: SideIdentity | None = None
+    status: VehicleStatus | None = None
+    battery: BatterySample | None = None
+
+    @property
+    def complete(self) -> bool:
+        return self.identity is not None and self.status is not None
+
+
+class Roster:
+    """Tokens and rows, in any order."""
+
+    def __init__(self, wanted: str = "") -> None:
+        """
+        Args:
+            wanted: a drone that is told apart however many others there are.
+        """
+        self._wanted = wanted
+        self.drones: dict[str, Drone] = {}
+        self.counts: Counter[str] = Counter()
+        self._decoders: dict[str, Any] = {
+            topic.key: msgspec.msgpack.Decoder(topic.message) for topic in ROWS
+        }
+
+    def token(self, key: str, there: bool = True) -> None:
+        """A drone's hub came, or went."""
+        here = here_of(key)
+        if here is None or here.side != "drone":
+            self.counts[STRANGE] += 1
+        elif there:
+            self._announced(here.name, here.instance)
+        elif (drone := self.drones.get(here.name)) is not None:
+            drone.starts.discard(here.instance)
+            if not drone.starts:
+                del self.drones[here.name]
+
+    def _announced(self, name: str, instance: str) -> None:
+        full = len(self.drones) >= MOST and name != self._wanted
+        if full and name not in self.drones:
+            self.counts[BEYOND] += 1
+            return
+        starts = self.drones.setdefault(name, Drone(name)).starts
+        if len(starts) < 2:  # more is not to be known
+            starts.add(instance)
+
+    def row(self, key: str, payload: bytes) -> None:
+        """One of `ROWS` of a drone. Of one that is not announced it means nothing."""
+        drone = self.drones.get(name := name_in(key))
+        decoder = self._decoders.get(key.removeprefix(f"{namespace(name)}/"))
+        if drone is None or decoder is None:
+            return
+        try:
+            message = decoder.decode(payload)
+        except msgspec.DecodeError:  # also a field that is out of its range
+            self.counts[UNREADABLE] += 1
+            return
+        match message:
+            case SideIdentity():
+                drone.identity = message
+            case VehicleStatus():
+                drone.status = message
+            case BatterySample():
+                drone.battery = message
+            case _:
+                pass
+
+    @property
+    def complete(self) -> bool:
+        """Has everybody who is announced said what there is to know?"""
+        return bool(self.drones) and all(drone.complete for drone in self.drones.values())
+
+    @property
+    def names(self) -> list[str]:
+        return sorted(self.drones)
+
+    @property
+    def remarks(self) -> list[str]:
+        """What was not used, in words."""
+        return [
+            f"{self.counts[what]} {words}" for what, words in REMARKS.items() if self.counts[what]
+        ]

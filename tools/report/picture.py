@@ -1,0 +1,43 @@
+"""How old the drone's picture was when it was decoded topside, as `camera_monitor` measured it."""
+
+import msgspec
+import numpy as np
+
+from messages import topics
+from messages.video import PICTURE_STAGES
+from tools.report.columns import Array
+from tools.report.dive import RecordedDive
+
+
+class PictureReport(msgspec.Struct, frozen=True):
+    """Of the whole dive. None: no picture was decoded."""
+
+    p50_ms: float | None  # [ms] light to picture
+    p99_ms: float | None  # [ms]
+    stages_ms: dict[str, float | None]  # [ms] medians, by stage
+    per_second: float  # [1/s] pictures decoded
+    checked: float  # [-] of the reports with pictures, those whose time stripes agreed
+
+
+def picture(dive: RecordedDive) -> PictureReport | msgspec.UnsetType:
+    """Unset: there was no camera."""
+    measured = dive[topics.PICTURE_AGE]
+    if not measured.count:
+        return msgspec.UNSET
+    rate = measured["rate"]
+    seen = np.isfinite(measured["p50"])
+    # A report has the worst of its n pictures; all n are below the 99th percentile in 0.99^n of
+    # the reports.
+    pictures = float(np.mean(rate[seen])) / topics.PICTURE_AGE.hz if seen.any() else 1.0
+    return PictureReport(
+        p50_ms=_percentile(measured["p50"], 50.0),
+        p99_ms=_percentile(measured["worst"], 100.0 * 0.99 ** max(1.0, pictures)),
+        stages_ms={stage: _percentile(measured[stage], 50.0) for stage in PICTURE_STAGES},
+        per_second=round(float(np.mean(rate)), 2),
+        checked=round(float(np.mean(measured["checked"][seen])), 3) if seen.any() else 0.0,
+    )
+
+
+def _percentile(values: Array, percent: float) -> float | None:
+    known = values[np.isfinite(values)]
+    return round(float(np.percentile(known, percent)), 3) if len(known) else None

@@ -1,0 +1,92 @@
+"""Verbs for several drones on one network."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from tools.choices import Choices, named
+from tools.verbs.start import Grouped, Insecure, KeysFolder
+
+Meet = Annotated[
+    str,
+    Parameter(
+        name=("--router", "--connect"),
+        help="endpoint of a router, or of a drone, e.g. tls/192.168.2.2:7447",
+    ),
+]
+HERE = "tcp/127.0.0.1:7447"
+
+
+def fly(
+    drone: str,
+    *,
+    router: Meet = HERE,
+    grouped: Grouped = False,
+    keys: KeysFolder = None,
+    insecure: Insecure = False,
+    choices: Choices | None = None,
+) -> int:
+    """Start the topside for the drone of this name, which must be there; `lindy drones` lists them.
+
+    The same as `lindy up topside --router ENDPOINT --name DRONE`, which also waits for the drone.
+
+    Example: lindy fly rov2 --router tls/192.168.2.1:7447
+    """
+    from tools.fleet.fly import fly
+
+    return fly(
+        drone, choices or Choices(), router=router, grouped=grouped, keys=keys, insecure=insecure
+    )
+
+
+def drones(
+    *,
+    router: Meet = HERE,
+    keys: KeysFolder = None,
+    insecure: Insecure = False,
+    json: Annotated[bool, Parameter(negative=(), show_default=False, help="as JSON")] = False,
+) -> int:
+    """List the drones that can be reached: name, type, version, mode, battery, who flies.
+
+    Example: lindy drones --router tls/192.168.2.1:7447
+    """
+    from tools.fleet.drones import drones
+
+    return drones(router, "--router", as_json=json, keys=keys, insecure=insecure)
+
+
+def router_config(
+    *,
+    listen: Annotated[
+        tuple[str, ...],
+        Parameter(negative=(), help="endpoint for drones, pilots and routers; repeatable"),
+    ] = (HERE,),
+    connect: Annotated[
+        tuple[str, ...],
+        Parameter(negative=(), show_default=False, help="endpoint of another router; repeatable"),
+    ] = (),
+    thin: Annotated[
+        tuple[str, ...],
+        Parameter(
+            negative=(),
+            show_default=False,
+            help="network interface with little room, such as wwan0: fast streams are sent there "
+            "25 times a second; repeatable",
+        ),
+    ] = (),
+    out: Annotated[
+        Path | None, Parameter(converter=named, help="a new file, *.json5; default: printed")
+    ] = None,
+    keys: KeysFolder = None,
+    insecure: Insecure = False,
+) -> int:
+    """Write the configuration of a Zenoh router (zenohd) between drones and pilots.
+
+    From the topic table: who may say and hear what, by the router's keys, and how urgent it is.
+
+    Example: lindy router-config --listen tls/0.0.0.0:7447 --out router.json5
+    """
+    from tools.fleet.router import write_router_config
+
+    return write_router_config(listen, connect, out, thin=thin, keys=keys, insecure=insecure)
