@@ -162,7 +162,7 @@ NAMES: dict[str, Meaning] = {
     "refused:board": Meaning(DANGER, "the vehicle's board was not accepted and not armed"),
     "refused:arm": Meaning(DANGER, "the vehicle's board refused to arm"),
     "silent:pad": Meaning(DANGER, "the pad was connected and did not answer any more: pilot lost"),
-    "silent:board": Meaning(DANGER, "the vehicle's board was silent"),
+    "silent:board": Meaning(DANGER, "the vehicle's board was silent for a second"),
     "jumped:board_clock": Meaning(DANGER, "the clock of the vehicle's board jumped"),
     "shifted:board_clock": Meaning(
         MESSAGE, "the clock of the vehicle's board shifted by some milliseconds"

@@ -20,6 +20,8 @@ AGAIN_NS = 500_000_000  # [ns] before a command without an effect is repeated
 REFUSED_NS = 1_000_000_000  # [ns] before arming is tried again after a refusal
 SETTLED_NS = 200_000_000  # [ns] after arming, for a heartbeat that was already under way
 SPOOL_NS = 520_000_000  # [ns] from arming until the motors follow
+RECENT_NS = 3_000_000_000  # [ns] for which a text of the board may be the reason of what it does
+DOUBT_NS = 500_000_000  # [ns] before a disarming is said: a restart is known by the board's clock
 
 
 class TakenCheckpoint(msgspec.Struct, frozen=True):
@@ -37,8 +39,10 @@ class BoardAuthority:
     ours: bool = False  # armed by Lindy
     mode: int | None = None
     board_armed: bool = False
-    said: str = ""  # why it was taken or what it refuses, to be logged; then emptied
-    last_text: str = ""  # newest STATUSTEXT
+    said: str = ""  # why it was taken, until it is asked for by `to_say`
+    _text: str = ""  # newest STATUSTEXT
+    _text_ns: Ns = 0
+    _doubt_until: Ns = 0  # `said` is not certain yet
     _wanted: bool = False  # the newest command's `armed`
     _commanded: Ns | None = None
     _heartbeat: Ns | None = None
@@ -75,19 +79,31 @@ class BoardAuthority:
         elif not armed and self._asked is False:
             self.ours, self._asked = False, None
         elif self.ours and not armed and now - self._armed_ns > SETTLED_NS:
-            self._lose("was disarmed")
+            self._lose("was disarmed", now)
+            self._doubt_until = now + DOUBT_NS
         elif not self.ours and armed and not was_armed and self._asked is None and not resumed:
-            self._lose("was armed")
+            self._lose("was armed", now)
         if self.ours and mode != MANUAL:
-            self._lose(f"was switched to {MODES.get(mode, f'mode {mode}')}")
+            self._lose(f"was switched to {MODES.get(mode, f'mode {mode}')}", now)
 
-    def text(self, text: str) -> None:
+    def text(self, text: str, now: Ns) -> None:
         """A STATUSTEXT: faster than the next heartbeat."""
         if self.ours and self._asked is None and text == "Disarming motors":
             self.board_armed = False
-            self._lose("was disarmed")
+            self._lose("was disarmed", now)
         else:
-            self.last_text = text
+            self._text, self._text_ns = text, now
+
+    def reason(self, now: Ns) -> str:
+        """What the board said lately, which may be why it does what it does; else empty."""
+        return self._text if now - self._text_ns <= RECENT_NS else ""
+
+    def to_say(self, now: Ns) -> str:
+        """Why it was taken, once and when that is certain; else empty."""
+        if now < self._doubt_until:
+            return ""
+        said, self.said = self.said, ""
+        return said
 
     def acknowledged(self, number: int, result: int, now: Ns) -> bool:
         """An answer to a command. False: the board refuses to arm."""
@@ -106,6 +122,7 @@ class BoardAuthority:
         """Everything it had is gone, and nobody armed it since."""
         self.ours, self.taken, self._asked, self._heartbeat = False, self._wanted, None, None
         self.board_armed, self.mode = False, None
+        self.said = self._text = ""
 
     def heard(self, now: Ns) -> bool:
         """Is the board there?"""
@@ -156,9 +173,10 @@ class BoardAuthority:
             self._armed_ns = now
         self.ours, self._asked, self.board_armed = True, None, True
 
-    def _lose(self, how: str) -> None:
-        why = f" (the board says: {self.last_text})" if self.last_text else ""
-        self.ours, self.taken, self._asked = False, True, None
+    def _lose(self, how: str, now: Ns) -> None:
+        reason = self.reason(now)
+        why = f" (the board says: {reason})" if reason else ""
+        self.ours, self.taken, self._asked, self._doubt_until = False, True, None, now
         self.said = (
             f"the vehicle {how}, not by Lindy{why}: somebody else has it; disarm and arm to go on"
         )

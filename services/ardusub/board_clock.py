@@ -24,6 +24,7 @@ class BoardClock:
     """Offset = our clock - board's clock [ns]."""
 
     jumps: int = 0
+    went_back: bool = False  # at the newest jump: as a restart of the board does
     shifts: int = 0
     _least: float = -inf
     _most: float = inf
@@ -63,6 +64,7 @@ class BoardClock:
         jumped = backwards or gap > SHIFT_NS
         if jumped:
             self.jumps += 1
+            self.went_back = backwards or least > self._most
             self.forget()
             self._as_of = now
         elif gap > 0:

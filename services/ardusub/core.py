@@ -170,7 +170,7 @@ class ArdusubDriver:
             self._measurements.heard_ack(result)
         elif not self.authority.acknowledged(number, result, now):
             self._outbox.count("refused:arm")
-            why = self.authority.last_text or f"result {result}"
+            why = self.authority.reason(now) or f"result {result}"
             self._outbox.say("error", f"the board refuses to arm: {why}")
 
     def _on_text(self, fields: dict[str, Any], now: Ns) -> None:
@@ -180,7 +180,7 @@ class ArdusubDriver:
         if int(fields["severity"]) <= 4:
             level = "error" if text == LEAK else "warning"
             self._outbox.say(level, f"the board says: {text}")
-        self.authority.text(text)
+        self.authority.text(text, now)
 
     def _meet_stranger(self, now: Ns) -> None:
         """Somebody else speaks as our system; the board would obey the sticks of both."""
@@ -197,9 +197,11 @@ class ArdusubDriver:
         self._outbox.count("jumped:board_clock")
         self._outbox.may_repeat()
         self._is_silent = False
-        self._outbox.say(
-            "error", "the board's clock jumped: it is taken as rebooted, and checked again"
+        back = self._clock.went_back
+        what = (
+            "the board was restarted (its clock went back)" if back else "the board's clock jumped"
         )
+        self._outbox.say("error", f"{what}; it is checked again: disarm and arm to go on")
         self.disarm()
         self.authority.rebooted()
         self._forget_board()
@@ -250,10 +252,9 @@ class ArdusubDriver:
         self._introduction.ask(now)
         if self.stage == "accepted":
             self._work(now)
-        if self.authority.said:
-            self._outbox.say("warning", self.authority.said)
+        if said := self.authority.to_say(now):
+            self._outbox.say("warning", said)
             self._outbox.count("outdone:ardusub")
-            self.authority.said = ""
 
     def _work(self, now: Ns) -> None:
         self._measurements.ask(now)
@@ -274,10 +275,13 @@ class ArdusubDriver:
                     self._outbox.may_repeat(sentence)
             return
         since = self._began if self._began is not None else now
-        if now - since < PATIENCE_NS or self._is_silent:
+        if now - since < PATIENCE_NS:
+            return
+        if self._is_due("silence", S, now):  # every second of it is counted
+            self._outbox.count("silent:board")
+        if self._is_silent:
             return
         self._is_silent = True
-        self._outbox.count("silent:board")
         nothing, unreadable = self._silences
         no_mavlink = self._garbage and self.stage == "silent"
         self._outbox.say("error", unreadable if no_mavlink else nothing)

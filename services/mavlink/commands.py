@@ -53,6 +53,8 @@ class TellInterval(NamedTuple):
 
 Meaning = Ask | Refusal | Show | SetStream | TellInterval
 UNSUPPORTED = Refusal(MavResult.UNSUPPORTED)
+NEVER = -1.0  # [µs] as an interval
+NO_INTERVAL = "an interval is in µs: 0 as by default, -1 never"
 
 
 def meaning(fields: Mapping[str, Any]) -> Meaning:
@@ -72,8 +74,10 @@ def meaning(fields: Mapping[str, Any]) -> Meaning:
             return Ask("stop") if first == 0.0 else refusal
         case MavCommand.SET_MESSAGE_INTERVAL:
             name = _message(first)
-            good = name is not None and isfinite(second)
-            return SetStream(name, second) if name and good else UNSUPPORTED
+            if name is None:
+                return UNSUPPORTED
+            good = isfinite(second) and (second >= 0.0 or second == NEVER)
+            return SetStream(name, second) if good else Refusal(MavResult.DENIED, NO_INTERVAL)
         case MavCommand.GET_MESSAGE_INTERVAL:
             name = _message(first)
             return UNSUPPORTED if name is None else TellInterval(name)

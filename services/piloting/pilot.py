@@ -23,6 +23,14 @@ BACK_OFF_NS = (
     10_000_000_000,
 )  # [ns] after a lease; doubles when it was refused
 ABSENT = StickReading(present=False, at_rest=False)  # until the source was read
+VERBS: dict[RequestKind, str] = {
+    "mode": "change the mode",
+    "light": "change the light",
+    "lease": "hand over control",
+    "force": "hand over control",
+    "offer": "offer control",
+    "release": "release control",
+}  # of the kinds that are none themselves
 Waiting = Set[RequestKind]  # kinds of the requests that have not been answered yet
 
 
@@ -125,7 +133,8 @@ class Pilot:
                 out.requests.append(self._request("resume" if self.in_failsafe else "arm"))
         if not answer.accepted:
             out.counts.append(f"refused:{request.kind}")
-            out.notes.append(("warning", f"the drone refuses to {request.kind}: {answer.reason}"))
+            verb = VERBS.get(request.kind, request.kind)
+            out.notes.append(("warning", f"the drone refuses to {verb}: {answer.reason}"))
         return out
 
     def overheard(self, request: PilotRequest, answer: PilotAnswer) -> Effects:

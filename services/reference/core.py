@@ -207,6 +207,7 @@ class ReferenceGenerator:
             command,
             armed=self.armed,
             ready=self._running and "state_lost" not in self._failsafes.holding,
+            board="board_silent" not in self._failsafes.holding,
             stopping=self.stopping or self._failsafes.acting is not None,
         )
         takes = request.kind in ("lease", "force")

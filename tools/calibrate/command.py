@@ -44,6 +44,8 @@ def gyroscope(
 ) -> int:
     """Bias and noise of the gyroscope, of a vehicle that lies still for half a minute.
 
+    Of a recording ten seconds are enough.
+
     Example: lindy up drone --out dives/on_the_bench
              lindy calibrate gyroscope --dive dives/on_the_bench --out mine.toml
     """

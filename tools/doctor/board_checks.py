@@ -26,18 +26,23 @@ MOST = 8  # other systems that are named
 
 
 def of_board(
-    visit: BoardVisit, vehicle: Vehicle, url: str, watch: WatchSettings | None = None
+    visit: BoardVisit,
+    vehicle: Vehicle,
+    url: str,
+    watch: WatchSettings | None = None,
+    trouble: str = "",
 ) -> list[VehicleFinding]:
     """In the order in which a visit goes; it ends with what the rest depends on.
 
     Args:
         watch: how long the IMU may say one and the same.
+        trouble: why there was no connection.
     """
-    found = [*_link(visit, url), *_board(visit, vehicle)]
+    found = [*_link(visit, url, trouble), *_board(visit, vehicle)]
     return [*found, *_coarse(visit, watch or WatchSettings())]
 
 
-def _link(visit: BoardVisit, url: str) -> Iterator[VehicleFinding]:
+def _link(visit: BoardVisit, url: str, trouble: str) -> Iterator[VehicleFinding]:
     if visit.heartbeat is None:
         waited = f"{NO_BOARD_NS / S:g} s"
         if visit.others:
@@ -50,6 +55,13 @@ def _link(visit: BoardVisit, url: str) -> Iterator[VehicleFinding]:
         elif visit.garbage:
             told = f"{visit.garbage} bytes at {url} in {waited} were no MAVLink"
             yield VehicleFinding("missing", "board", f"{told}: is it the speed of the serial port?")
+        elif visit.unknown or visit.left_out:
+            frames = visit.unknown + visit.left_out
+            told = f"{frames} frames at {url} in {waited} were of no message of MAVLink"
+            yield VehicleFinding("missing", "board", f"{told}: is it the board that sends there?")
+        elif trouble:
+            told = f"no connection to {url} in {waited}: {trouble}"
+            yield VehicleFinding("missing", "board", f"{told}; is the board on?")
         else:
             told = f"nothing heard at {url} in {waited}: is the board on, and is there an endpoint"
             yield VehicleFinding("missing", "board", f"{told} (docs/bluerov2.md, step 3)?")

@@ -56,7 +56,7 @@ def doctor(
     from services.runtime.config.settings import override, read_toml
     from services.runtime.config.stack import BODY, Stack
     from services.runtime.hosts.registry import Registry
-    from tools.checks import PilotChoice, checked
+    from tools.checks import PilotChoice, checked, lacking_mavlink
     from tools.choices import Choices
     from tools.doctor.file_checks import of_file
     from tools.doctor.finding import VehicleFinding, as_json, as_lines, fit
@@ -71,12 +71,28 @@ def doctor(
         Choices(vehicle=vehicle, stack=stack, set_=set_), PilotChoice("gamepad"), services
     )
     found = of_file(checked_stack, simulated="simulator" in services)
-    if "ardusub" in services:
-        found += _of_board(checked_stack, checked_stack.section(BODY, Vehicle), seconds)
-    else:
+    of_a_board, asked = "ardusub" in tree, "ardusub" in services
+    if of_a_board != asked:
+        found.append(_other_stack(stack, asked=asked))
+    elif not asked:
         found.append(VehicleFinding("ok", "board", "none: the vehicle file has no table [ardusub]"))
+    if asked and (why := lacking_mavlink(services)) is not None:
+        found.append(VehicleFinding("missing", "board", f"not asked: {why}"))
+    elif asked:
+        found += _of_board(checked_stack, checked_stack.section(BODY, Vehicle), seconds)
     print(as_json(found) if json else as_lines(found))
     return 0 if fit(found) else 1
+
+
+def _other_stack(stack: str, *, asked: bool) -> "VehicleFinding":
+    """The stack has a board and the vehicle file does not, or the other way about."""
+    from services.ardusub.settings import Settings
+    from tools.doctor.finding import VehicleFinding
+
+    if not asked:
+        return VehicleFinding("ok", "board", f"not asked: the stack {stack} has no ardusub")
+    text = f"the vehicle file has no table [ardusub]: asked at {Settings().url}, as by default"
+    return VehicleFinding("change", "board", text)
 
 
 def _of_board(stack: "Stack", vehicle: "Vehicle", seconds: float) -> "list[VehicleFinding]":
@@ -98,7 +114,7 @@ def _of_board(stack: "Stack", vehicle: "Vehicle", seconds: float) -> "list[Vehic
     finally:
         link.close()
     estimation = stack.section("estimation", EstimationSettings)
-    return of_board(visit, vehicle, settings.url, estimation.watch)
+    return of_board(visit, vehicle, settings.url, estimation.watch, link.trouble)
 
 
 def go_through(

@@ -58,6 +58,7 @@ class BoardVisit:
     rates: dict[str, float] = field(default_factory=dict[str, float])  # [1/s] as measured
     repeated_ns: int = 0  # [ns] longest time for which the IMU said one and the same
     garbage: int = 0  # bytes outside of frames, and frames with a wrong check sum
+    unknown: int = 0  # frames of messages that nobody knows, whose check sum says nothing
     left_out: int = 0  # frames of a flood
     other_senders: int = 0  # datagrams
     streams: TelemetryStreams = field(init=False)
@@ -100,6 +101,7 @@ class BoardVisit:
 
     def hear(self, packet: MavlinkPacket, now: Ns) -> None:
         """One packet at its arrival [ns]."""
+        self.unknown += not packet.fields
         if (packet.system, packet.component) != (self.settings.board, AUTOPILOT):
             if packet.name == "HEARTBEAT":
                 self.others[packet.system, packet.component] = int(packet.fields["type"])

@@ -1,5 +1,7 @@
 """The verb `lindy identify`."""
 
+import sys
+from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any, cast
 
@@ -88,8 +90,12 @@ def recording_(
     from tools.identify.results import as_json, as_table, identified, remarks, rows, thrust_scale
     from tools.identify.vehicle_file import rewritten, rounded
 
+    if net_buoyancy is not None and not (isfinite(net_buoyancy) and net_buoyancy != 0.0):
+        raise LindyError(f"--net-buoyancy is {net_buoyancy:g}, expected a number of N other than 0")
     if out is not None:
         refuse_existing(out)
+    if sys.stderr.isatty():
+        print("lindy: reads and fits, which may take minutes", file=sys.stderr, flush=True)
     found = identify_dive(recording, vehicle, _axes(axes, AXES))
     exact = identified(found.fit, found.start)
     scale = None if net_buoyancy is None else thrust_scale(found.fit, net_buoyancy)

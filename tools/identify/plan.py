@@ -69,8 +69,8 @@ def plan(
         strength: [-] of full stick.
 
     Raises:
-        LindyError: the manoeuvres do not fit between this depth and the surface, or an axis has no
-            thrust.
+        LindyError: the manoeuvres do not fit between the surface and the depth limit, or an axis
+            has no thrust.
     """
     rows = [PlanRow(0.0, None, 0.0, ""), PlanRow(1.0, None, 0.0, f"goto depth={depth:g}")]
     at = 1.0 + _descent(depth, reference) + SETTLE_S
@@ -109,6 +109,13 @@ def plan(
         raise LindyError(
             f"--depth is {depth:g}, but the manoeuvres go up to {found.up:.1f} m above it and the "
             f"drone must stay under water; expected at least {least:.1f} m, or a smaller --strength"
+        )
+    most = reference.failsafe.depth_limit - found.down
+    if depth > most:
+        raise LindyError(
+            f"--depth is {depth:g}, but the manoeuvres go down to {found.down:.1f} m below it and "
+            f"reference.failsafe.depth_limit is {reference.failsafe.depth_limit:g} m; expected at "
+            f"most {most:.1f} m, or a smaller --strength"
         )
     return found
 

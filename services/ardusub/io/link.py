@@ -26,6 +26,11 @@ AGAIN_S = 1.0  # [s] between two attempts to connect
 
 
 class BoardLink(Protocol):
+    @property
+    def trouble(self) -> str:
+        """Why there was no connection at the last attempt; empty where nothing is known."""
+        ...
+
     def start(self, notify: Callable[[], None]) -> None:
         """`notify` is called when something has arrived; `receive` then takes it. A connection
         that is lost is made again by `receive` alone, so that it is called now and then anyway."""
@@ -65,6 +70,8 @@ def open_link(url: str) -> BoardLink:
                 f"ardusub.url {url}: another program has this port, perhaps another dive, `lindy "
                 f"doctor` or a ground station; end it, or send the board's packets to another port"
             ) from None
+        if isinstance(error, FileNotFoundError | PermissionError):
+            raise LindyError(f"ardusub.url {url}: {error.strerror}") from None
         raise LindyError(f"ardusub.url {url}: {error}; allowed: {ALLOWED}") from None
 
 
@@ -73,6 +80,7 @@ class _Link:
 
     def __init__(self) -> None:
         self.strangers = self.unsent = 0
+        self.trouble = ""
         self._watch: ArrivalWatch | None = None
 
     def descriptor(self) -> int:
@@ -157,7 +165,7 @@ class TcpLink(_Link):
         self._connect()
 
     def _connect(self) -> None:
-        self._again = time.monotonic() + AGAIN_S
+        self._again, self._refused = time.monotonic() + AGAIN_S, ""
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         self._socket.setblocking(False)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -176,18 +184,24 @@ class TcpLink(_Link):
             data = self._socket.recv(LONGEST)
         except BlockingIOError:
             return []
-        except OSError:
+        except ConnectionResetError:
             data = b""
+        except OSError as error:
+            self._refused, data = self._refused or error.strerror or str(error), b""
         if data:
+            self.trouble = ""
             return [data]
+        self.trouble = self._refused or "closed by the other side"
         self._disconnect()
         return []
 
     def send(self, data: bytes) -> None:
         try:
             sent = 0 if self._socket is None else self._socket.send(data)
-        except OSError:  # not connected yet, or no room
+        except OSError as error:  # not connected yet, or no room
             sent = 0
+            if isinstance(error, ConnectionRefusedError):
+                self._refused = error.strerror or str(error)  # the system says it only once
         if 0 < sent < len(data):  # the rest of a frame must not follow later
             self._disconnect()
         self.unsent += sent < len(data)

@@ -142,6 +142,13 @@ def table(s: FailsafeSettings) -> tuple[Row, ...]:
             (NOTICE,),
         ),
         Row(
+            "board_silent",
+            "the vehicle's board does not answer",
+            "`health` of ardusub: no heartbeat of the board for 3 s",
+            (NOTICE,),
+            told=False,
+        ),
+        Row(
             "service_silent",
             "a service on board does not answer",
             "no `health` of estimation, control or the simulator for 3 s, after there was some",

@@ -25,6 +25,8 @@ ON_BOARD = ("simulator", "estimation", "control")  # services that the motion de
 TIMED = ("simulator", "estimation", "control")  # their lateness is that of the motion
 RECORDERS = ("recorder", "recorder_drone")
 CLOCKS = ("link_monitor",)
+BOARDS = ("ardusub",)  # drivers of a board with a life of its own
+BOARD_PATIENCE_NS = 2_500_000_000  # [ns] without a count of a silent board, of one a second
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +55,7 @@ class ConditionWatch:
     _late_ns: dict[str, Ns] = field(default_factory=dict[str, Ns])  # newest late report of each
     _disk_error_ns: Ns | None = None
     _clock_jump_ns: Ns | None = None
+    _board_silent_ns: Ns | None = None
 
     def ping(self, now: Ns) -> None:
         """Something that is not from the pilot arrived from topside."""
@@ -60,21 +63,19 @@ class ConditionWatch:
 
     def health(self, health: Health, now: Ns) -> None:
         name, before = health.service, self._health.get(health.service)
-        if name not in (*ON_BOARD, *RECORDERS, *CLOCKS):
+        if name not in (*ON_BOARD, *RECORDERS, *CLOCKS, *BOARDS):
             return
         self._health[name], self._healthy_ns[name] = health, now
         if before is None:
             return  # the first second, in which it starts
         if name in TIMED and _late(health):
             self._late_ns[name] = now
-        if name in RECORDERS and health.counts.get("disk_error", 0) > before.counts.get(
-            "disk_error", 0
-        ):
+        if name in RECORDERS and _more("disk_error", health, before):
             self._disk_error_ns = now
-        if name in CLOCKS and health.counts.get("jumped:clock", 0) > before.counts.get(
-            "jumped:clock", 0
-        ):
+        if name in CLOCKS and _more("jumped:clock", health, before):
             self._clock_jump_ns = now
+        if name in BOARDS and _more("silent:board", health, before):
+            self._board_silent_ns = now
 
     def holding(
         self,
@@ -165,6 +166,9 @@ class ConditionWatch:
         silent = [n for n, at in self._healthy_ns.items() if now - at > HEALTH_PATIENCE_NS]
         if stopped := [name for name in silent if name in ON_BOARD]:
             holds["service_silent"] = Holding(detail=", ".join(stopped))
+        board = self._board_silent_ns
+        if board is not None and now - board < BOARD_PATIENCE_NS:
+            holds["board_silent"] = Holding()
         if any(name in RECORDERS for name in silent):
             holds["recorder_down"] = Holding()
         late = [n for n, at in self._late_ns.items() if n not in silent and now - at < RECENT_NS]
@@ -190,6 +194,11 @@ def _unsaid(state: VehicleState) -> list[str]:
         *([] if state.depth.valid else ["sensor/pressure"]),
     ]
     return [name for name in state.troubles or () if name.partition(":")[2] not in named]
+
+
+def _more(count: str, health: Health, before: Health) -> bool:
+    """Was it counted again since then?"""
+    return health.counts.get(count, 0) > before.counts.get(count, 0)
 
 
 def _late(health: Health) -> bool:

@@ -11,7 +11,13 @@ def centred(command: PilotCommand) -> bool:
 
 
 def refusal(
-    request: PilotRequest, command: PilotCommand | None, *, armed: bool, ready: bool, stopping: bool
+    request: PilotRequest,
+    command: PilotCommand | None,
+    *,
+    armed: bool,
+    ready: bool,
+    stopping: bool,
+    board: bool = True,
 ) -> str:
     """Why a request cannot be granted now; empty when it can.
 
@@ -19,7 +25,10 @@ def refusal(
         command: the newest fresh stick positions.
         ready: the drone knows its depth and attitude.
         stopping: coming to rest, by request or by failsafe.
+        board: the vehicle's board answers.
     """
+    if request.kind == "arm" and not board:
+        return "the vehicle's board does not answer"
     if request.kind == "arm" and not armed:
         if not ready:
             return "the drone does not know its depth and attitude yet"

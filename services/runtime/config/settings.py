@@ -34,6 +34,10 @@ def deploy_file(folder: str, name: str, suffix: str = ".toml") -> Path:
         if _is_file(Path(name)):
             return Path(name)
         raise LindyError(f"there is no file {name}")
+    if "/" in name:
+        raise LindyError(
+            f"{name} is no {suffix} file: give a name in deploy/{folder} or such a file"
+        )
     path = DEPLOY / folder / f"{name}{suffix}"
     if _is_file(path):
         return path
@@ -182,12 +186,18 @@ def _explain(error: str, tree: Any, kind: type, where: str, path: Path | None) -
     key = (*filter(None, where.split(".")), *parts, *([unknown[1]] if unknown else []))
     line = line_of(path, key, exact=bool(unknown)) if path else ""
     text = [f"{path}{line}: " if path else "", f"{in_words(key) or 'this file'}: "]
+    missing = re.fullmatch(r"Object missing required field `(\w+)`", what)
+    known = _fields(kind, list(parts))
+    found = _at(tree, list(parts))
     if unknown:
-        text.append(f"unknown key{nearest(unknown[1], _fields(kind, list(parts)))}")
+        text.append(f"unknown key{nearest(unknown[1], known)}")
+    elif missing:
+        text.append(f"the key {missing[1]} is missing; known: {', '.join(known)}")
+    elif what.startswith("Expected `object") and known:
+        text.append(f"expected a table, found {found!r}; its keys: {', '.join(known)}")
     else:
         what = what[0].lower() + what[1:].replace("`", "")
         text.append(_with_lines(what, key, path) if path else what)
-        found = _at(tree, list(parts))
         if not isinstance(found, dict | list):
             text.append(f", found {found!r}")
     return "".join(text)
@@ -267,7 +277,7 @@ def _at(tree: Any, parts: list[Any]) -> Any:
 
 def _fields(kind: Any, parts: list[Any]) -> list[str]:
     """Names a Struct knows at the end of a path of keys."""
-    node = msgspec.inspect.type_info(kind)
+    node = _table(msgspec.inspect.type_info(kind))
     for part in parts:
         if isinstance(node, msgspec.inspect.StructType):
             node = next((f.type for f in node.fields if f.encode_name == part), node)
@@ -278,8 +288,17 @@ def _fields(kind: Any, parts: list[Any]) -> list[str]:
             msgspec.inspect.ListType | msgspec.inspect.VarTupleType,
         ):
             node = node.item_type
+        node = _table(node)
     return (
         sorted(f.encode_name for f in node.fields)
         if isinstance(node, msgspec.inspect.StructType)
         else []
     )
+
+
+def _table(node: msgspec.inspect.Type) -> msgspec.inspect.Type:
+    """Of what may be absent, or a table or a word, that which has keys or entries."""
+    if not isinstance(node, msgspec.inspect.UnionType):
+        return node
+    inner = (msgspec.inspect.StructType, msgspec.inspect.DictType, msgspec.inspect.ListType)
+    return next((kind for kind in node.types if isinstance(kind, inner)), node)

@@ -173,7 +173,8 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
             if key == wrong:
                 return LindyError(f"--set {assignment}: {why}")
             inside = wrong.startswith((f"{key}.", f"{key} "))  # of the table or array it sets
-            if inside or (key.startswith(f"{wrong}.") and not in_file and "unknown" in why):
+            begun = "is missing" in why or ("unknown" in why and not in_file)  # by this option
+            if inside or (key.startswith(f"{wrong}.") and begun):
                 return LindyError(f"--set {assignment}: {wrong}: {why}")
         return LindyError(sentence)
 

@@ -10,6 +10,7 @@ from services.ardusub.packet import MavlinkPacket
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
 from services.simulator.core import Settings
+from tools.research.ardusub_double import udp
 from tools.research.ardusub_double.board import BoardDouble
 from tools.research.ardusub_double.motors import motor_pulses
 from tools.research.ardusub_double.settings import defaults
@@ -305,3 +306,27 @@ def test_full_stick_is_as_fast_as_the_vehicle_of_the_file() -> None:
     bench.pulses = {**dict.fromkeys(range(1, 7), 1500), 4: 1600}
     bench.pass_time(2.0)
     assert bench.board.hull.simulator.truth().angular_rate[2] > 0.2
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "assignments", "words"),
+    [
+        ("nosuch", [], "unknown vehicle 'nosuch'"),
+        ("pioneer", [], "8 motors and the vehicle file has 4 thrusters"),
+        ("bluerov2_heavy", ["NOSUCH=3"], "--set NOSUCH=3: unknown parameter"),
+        ("bluerov2_heavy", ["FS_PILOT_INPUT=x"], "FS_PILOT_INPUT=x: expected NAME=NUMBER"),
+    ],
+)
+def test_a_mistake_at_its_command_line_is_one_sentence(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    vehicle: str,
+    assignments: list[str],
+    words: str,
+) -> None:
+    options = [word for assignment in assignments for word in ("--set", assignment)]
+    monkeypatch.setattr("sys.argv", ["udp", "--to", "1", "--vehicle", vehicle, *options])
+    with pytest.raises(SystemExit) as ended:
+        udp.main()
+    assert ended.value.code == 2
+    assert words in capsys.readouterr().err

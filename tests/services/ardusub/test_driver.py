@@ -312,12 +312,36 @@ def test_a_reboot_in_mid_dive_needs_a_deliberate_arming(version: str) -> None:
     assert not cable.board.armed
     assert cable.driver.stage == "accepted"
     assert cable.counts["jumped:board_clock"] == 1
-    assert any("jumped" in text for text in cable.said)
+    assert any("the board was restarted" in text for text in cable.said)
+    assert not any("not by Lindy" in text for text in cable.said)
     cable.armed = False
     cable.run(0.5)
     cable.armed = True
     cable.run(1.0)
     assert cable.board.armed
+
+
+@pytest.mark.parametrize("silence", [0.0, 1.0, 10.0])
+def test_a_board_that_restarts_is_nobody_else_s(silence: float) -> None:
+    """Its heartbeat says that it is disarmed before its clock says why."""
+    cable = Cable().flying()
+    cable.board.reboot(cable.now)
+    cable.dumb = True
+    cable.run(silence)
+    cable.dumb = False
+    cable.run(6.0)
+    assert cable.counts["outdone:ardusub"] == 0
+    assert [text for text in cable.said if "the board was restarted" in text]
+    assert not [text for text in cable.said if "not by Lindy" in text]
+
+
+def test_an_old_text_of_the_board_is_no_reason() -> None:
+    cable = Cable().flying().run(4.0)
+    assert "Arming motors" in cable.board.texts
+    cable.another(400, 0)
+    cable.run(1.5)
+    [said] = [text for text in cable.said if "was disarmed, not by Lindy" in text]
+    assert "Arming motors" not in said
 
 
 @pytest.mark.parametrize("seconds", [-3.0, -0.8, 0.2, 30.0])
@@ -417,7 +441,10 @@ def test_a_cable_cut_in_flight_ends_in_the_boards_failsafe() -> None:
     cable.run(4.0)
     assert not cable.board.armed
     assert cable.board.servo == [1500] * 8
-    assert cable.counts["silent:board"] == 1
+    silent = cable.counts["silent:board"]
+    assert silent >= 1
+    cable.run(5.0)
+    assert cable.counts["silent:board"] == silent + 5, "one for each second"
     cable.deaf = cable.dumb = False
     cable.run(3.0)
     assert not cable.board.armed, "it comes back without arming by itself"

@@ -366,6 +366,14 @@ def test_no_interval_floods_a_link_or_ends_the_heartbeat(period_us: float, numbe
     assert sent(interval, "MESSAGE_INTERVAL")[0]["interval_us"] > 0
 
 
+@pytest.mark.parametrize("period_us", [-5.0, -0.5, math.nan, math.inf])
+def test_an_interval_that_is_none_is_denied(period_us: float) -> None:
+    drone = Drone()
+    told = drone.command(MavCommand.SET_MESSAGE_INTERVAL, MESSAGE_IDS["ATTITUDE"], period_us)
+    assert acks(told) == [MavResult.DENIED]
+    assert rates(drone, ANN.link)["ATTITUDE"] == pytest.approx(DEFAULT_HZ["ATTITUDE"], rel=0.15)
+
+
 @pytest.mark.parametrize("name", MESSAGE_IDS)
 def test_a_message_is_sent_once_by_request_if_it_is_known(name: str) -> None:
     drone = Drone()

@@ -4,8 +4,11 @@ import json
 import socket
 import subprocess
 import sys
+import time
 from collections import Counter
+from contextlib import suppress
 from math import inf, nan
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -15,8 +18,10 @@ from hypothesis import strategies as st
 
 from services.ardusub import parameters
 from services.ardusub.io.codec import BoardCodec, FrameReader
+from services.ardusub.io.link import open_link
 from services.ardusub.packet import MavlinkPacket
 from services.ardusub.settings import Settings
+from services.runtime.config.errors import LindyError
 from services.simulator.core import Settings as SimulatorSettings
 from tests.tools.test_cli_verbs import complaint
 from tools.__main__ import main
@@ -85,6 +90,46 @@ def _heartbeat(system: int, component: int) -> bytes:
 def one(findings: list[VehicleFinding], what: str) -> VehicleFinding:
     [found] = [finding for finding in findings if finding.what == what]
     return found
+
+
+def test_a_flood_of_what_looks_like_frames_is_said() -> None:
+    bench = Bench()
+    bench.board, bench.noise = None, b"\xfd" * 280
+    [found] = bench.visited()
+    assert "frames at" in found.text
+    assert "were of no message of MAVLink" in found.text
+
+
+@pytest.mark.parametrize(("accepts", "why"), [(False, "refused"), (True, "closed by the other")])
+def test_a_connection_that_fails_is_said(*, accepts: bool, why: str) -> None:
+    server = socket.create_server(("127.0.0.1", 0))
+    url = f"tcp:127.0.0.1:{server.getsockname()[1]}"
+    server.settimeout(0.05)
+    if not accepts:
+        server.close()
+    link, now = open_link(url), 7 * S
+    visit = BoardVisit(Settings(), len(VEHICLE.thruster), 1.0)
+
+    def wait() -> None:
+        nonlocal now
+        now += NO_BOARD_NS // 4
+        time.sleep(0.02)  # a real socket needs a moment
+        with suppress(OSError):
+            server.accept()[0].close()
+
+    go_through(visit, link, lambda: now, wait)
+    [found] = of_board(visit, VEHICLE, url, trouble=link.trouble)
+    link.close()
+    server.close()
+    assert found.verdict == "missing"
+    assert why in found.text
+
+
+def test_a_device_that_is_not_there_is_said_without_what_is_allowed() -> None:
+    with pytest.raises(
+        LindyError, match=r"^ardusub.url serial:/dev/none:115200: No such file .*y$"
+    ):
+        open_link("serial:/dev/none:115200")
 
 
 def wrong(findings: list[VehicleFinding]) -> list[VehicleFinding]:
@@ -304,6 +349,56 @@ def test_a_vehicle_without_a_board_is_checked_as_a_file(capsys: pytest.CaptureFi
     assert [f["what"] for f in told["findings"] if f["verdict"] == "change"] == ["pressure noise"]
 
 
+def nothing(name: str) -> None:
+    """As `find_spec` where the package is not installed."""
+
+
+def no_findings(*_: object) -> list[VehicleFinding]:
+    return []
+
+
+def test_without_pymavlink_the_vehicle_file_is_checked_all_the_same(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tools.checks.find_spec", nothing)
+    assert main(["doctor", "--vehicle", "bluerov2_heavy"]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("ok       vehicle file")
+    assert lines[-2].startswith("missing  board")
+    assert "needs pymavlink" in lines[-2]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["dive", "--stack", "mavlink"],
+        ["dive", "--stack", "ardusub", "--vehicle", "bluerov2_heavy"],
+        ["up", "drone", "--stack", "ardusub", "--vehicle", "bluerov2_heavy"],
+    ],
+)
+def test_without_pymavlink_nothing_is_written_and_it_is_said_once(
+    words: list[str],
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> None:
+    monkeypatch.setattr("tools.checks.find_spec", nothing)
+    monkeypatch.chdir(tmp_path)
+    assert "needs pymavlink, which is missing: in the folder" in complaint(capsys, *words)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_stack_that_does_not_go_with_the_vehicle_file_is_said(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert main(["doctor", "--vehicle", "bluerov2_heavy", "--stack", "simulated"]) == 0
+    assert "not asked: the stack simulated has no ardusub" in capsys.readouterr().out
+    monkeypatch.setattr("tools.doctor.command._of_board", no_findings)
+    assert main(["doctor", "--vehicle", "pioneer", "--stack", "ardusub"]) == 1
+    said = capsys.readouterr().out
+    assert f"no table [ardusub]: asked at {Settings().url}, as by default" in said
+
+
 @pytest.mark.parametrize(
     ("words", "says"),
     [
@@ -311,7 +406,7 @@ def test_a_vehicle_without_a_board_is_checked_as_a_file(capsys: pytest.CaptureFi
         (["--set", "control.depth.kp=1e5"], "control.depth"),
         (["--seconds", "0"], "--seconds is 0, expected 0.5 to 600"),
         (["--vehicle", "bluerov2_heavy", "--set", "ardusub.url=serial:/dev/nothing:115200"],
-         "ardusub.url serial:/dev/nothing:115200: [Errno 2] No such file"),
+         "ardusub.url serial:/dev/nothing:115200: No such file"),
         (["--vehicle", "bluerov2_heavy", "--set", "ardusub.url=radio"], "found 'radio'; allowed:"),
     ],
 )  # fmt: skip

@@ -21,6 +21,10 @@ class MemoryLink(BoardLink):
         self.cut = False
         self.notify: Callable[[], None] = lambda: None
 
+    @property
+    def trouble(self) -> str:
+        return ""
+
     def start(self, notify: Callable[[], None]) -> None:
         self.notify = notify
 

@@ -14,9 +14,12 @@ from collections.abc import Sequence
 from services.ardusub.io.codec import BoardCodec, FrameReader
 from services.ardusub.packet import MavlinkPacket
 from services.marine.vehicle import Vehicle
+from services.runtime.config.errors import LindyError
+from services.runtime.config.settings import nearest
 from services.runtime.config.stack import Stack
 from services.simulator.core import Settings
 from tools.research.ardusub_double.board import BoardDouble
+from tools.research.ardusub_double.settings import defaults
 
 HOST = "127.0.0.1"
 ANSWERS = ("COMMAND_ACK", "AUTOPILOT_VERSION", "TIMESYNC")
@@ -25,23 +28,42 @@ STEP_S = 0.0025  # [s] half a tick of the board
 
 def main() -> None:
     """Ends with its parent, or when it is told to."""
-    parser = argparse.ArgumentParser()
+    parser = argparse.ArgumentParser(description="A double of a board with ArduSub, over UDP.")
     parser.add_argument("--to", type=int, required=True, help="UDP port on 127.0.0.1")
-    parser.add_argument("--beside", type=int, help="port of a second link")
-    parser.add_argument("--version", default="4.8", choices=["4.5", "4.8"])
-    parser.add_argument("--vehicle", default="bluerov2_heavy")
-    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE")
-    said = parser.parse_args()
-    stack = Stack(vehicle=said.vehicle)
-    pairs = [assignment.split("=") for assignment in said.set]
-    board = BoardDouble(
-        stack.section("vehicle", Vehicle),
-        stack.section("simulator", Settings),
-        version=said.version,
-        params={name: float(value) for name, value in pairs},
+    parser.add_argument("--beside", type=int, help="UDP port of a second link")
+    parser.add_argument("--version", default="4.8", choices=["4.5", "4.8"], help="of ArduSub")
+    parser.add_argument("--vehicle", default="bluerov2_heavy", help="name, or a TOML file")
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="NAME=VALUE", help="a parameter of the board"
     )
+    said = parser.parse_args()
+    try:
+        board = board_of(said.vehicle, said.version, said.set)
+    except (LindyError, ValueError) as error:
+        parser.error(f"{said.vehicle}: {error}")
+    print(f"ArduSub {said.version} with {said.vehicle} → {HOST}:{said.to}", flush=True)
     with contextlib.suppress(KeyboardInterrupt):
         run(board, [said.to, *([said.beside] if said.beside else [])], os.getppid())
+
+
+def board_of(vehicle: str, version: str, assignments: Sequence[str]) -> BoardDouble:
+    """
+    Raises:
+        LindyError: no such vehicle or parameter.
+        ValueError: the board cannot drive its thrusters.
+    """
+    stack, known = Stack(vehicle=vehicle), defaults(version)
+    params: dict[str, float] = {}
+    for assignment in assignments:
+        name, _, value = assignment.partition("=")
+        if name not in known:
+            raise LindyError(f"--set {assignment}: unknown parameter{nearest(name, sorted(known))}")
+        try:
+            params[name] = float(value)
+        except ValueError:
+            raise LindyError(f"--set {assignment}: expected NAME=NUMBER") from None
+    body, place = stack.section("vehicle", Vehicle), stack.section("simulator", Settings)
+    return BoardDouble(body, place, version=version, params=params)
 
 
 def run(board: BoardDouble, ports: Sequence[int], parent: int) -> None:

@@ -1,11 +1,14 @@
-"""Which services on board are late, by their health."""
+"""What the health of the services says: who is late, and whether the board is silent."""
 
+import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from messages.health import LATE_MS, Health
+from messages.pilot import PilotCommand, PilotRequest
 from services.reference.failsafe.watch import RECENT_NS, TIMED, ConditionWatch
+from services.reference.guidance.refusals import refusal
 from services.reference.settings import FailsafeSettings
 
 S = 1_000_000_000  # [ns]
@@ -43,3 +46,24 @@ def test_only_services_that_the_motion_depends_on_are_said_to_be_late(service: s
     for second in range(3):
         watch.health(health(service, 500.0), second * S)
     assert late(watch, 2 * S) == (service in TIMED)
+
+
+def test_a_silent_board_is_said_while_its_silence_is_counted() -> None:
+    watch = ConditionWatch(FailsafeSettings())
+    counts = [0, 0, 1, 2, 3, 3, 3, 3]
+    said: list[bool] = []
+    for second, count in enumerate(counts):
+        of_driver = msgspec.structs.replace(health("ardusub", 0.0), counts={"silent:board": count})
+        watch.health(of_driver, second * S)
+        holding = watch.holding(None, None, (), second * S, armed=False, limited=False)
+        said.append("board_silent" in holding)
+    assert said == [False, False, True, True, True, True, True, False]
+
+
+@pytest.mark.parametrize("armed", [False, True])
+def test_arming_is_refused_while_the_board_does_not_answer(armed: bool) -> None:
+    arm = PilotRequest(stamp_ns=0, id="1", kind="arm")
+    sticks = PilotCommand(stamp_ns=0, surge=0.0, sway=0.0, heave=0.0, yaw=0.0)
+    for board, words in ((True, ""), (False, "the vehicle's board does not answer")):
+        found = refusal(arm, sticks, armed=armed, ready=True, stopping=False, board=board)
+        assert found == words

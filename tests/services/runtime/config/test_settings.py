@@ -10,6 +10,7 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import convert, deploy_file, override, read
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
+from services.simulator.core import Settings as Simulator
 from tools.checks import known_tables
 
 
@@ -56,7 +57,7 @@ def file(folder: Path, text: str) -> Path:
         ),
         (
             "name = 'a'\n\n[[part]]\nsize = 2.0",
-            r"toml:3: part number 1: object missing .*field name",
+            r"toml:3: part number 1: the key name is missing; known: name, size",
         ),
         (f"{TWO_PARTS}\nsize = 'x'", r"toml:5: part number 2, size: expected float, got str"),
         (f"{TWO_PARTS}\nsizes = 1.0", r"toml:5: part number 2, sizes: unknown key"),
@@ -69,12 +70,30 @@ def file(folder: Path, text: str) -> Path:
             "[[part]]\nname='a'\n[[part]]\nname='a'",
             r"this file: part number 1 \(line 1\) and part number 2 \(line 3\) are the same",
         ),
-        ("depth = 3", r"some.toml:1: depth: expected object, got int, found 3"),
+        ("depth = 3", r"toml:1: depth: expected a table, found 3; its keys: kd, kp"),
     ],
 )
 def test_a_mistake_is_named(tmp_path: Path, text: str, sentence: str) -> None:
     with pytest.raises(LindyError, match=sentence):
         read(file(tmp_path, text), Some)
+
+
+@pytest.mark.parametrize(
+    ("assignment", "sentence"),
+    [
+        ("simulator.waves={hieght=0.3,period=4}", r"simulator.waves.hieght: .*mean 'height'\?"),
+        ("simulator.hull.masss=1", r"unknown key; did you mean 'mass'\? known: added_mass"),
+        ("simulator.mounting={foo=1}", r"simulator.mounting.foo: .*known: dvl, imu"),
+        ("simulator.water_density={temp=3}", r"density.temp: .*known: salinity, temperature"),
+        ("simulator.vibration=-1", r"expected a table, found -1; its keys: force, rate"),
+        ("simulator.waves={height=0.3}", r"the key period is missing; known: begins, .*period"),
+        ("simulator.waves.height=0.3", r": simulator.waves: the key period is missing"),
+    ],
+)
+def test_a_mistake_in_an_optional_table_says_what_it_knows(assignment: str, sentence: str) -> None:
+    with pytest.raises(LindyError, match=sentence) as refused:
+        Stack(overrides=[assignment]).section("simulator", Simulator)
+    assert str(refused.value).startswith(f"--set {assignment}: ")
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
@@ -97,6 +116,12 @@ def test_a_malformed_override_is_refused(bad: str) -> None:
 def test_an_unknown_vehicle_suggests_the_nearest() -> None:
     with pytest.raises(LindyError, match=r"unknown vehicle 'pionere'; did you mean 'pioneer'"):
         deploy_file("vehicles", "pionere")
+
+
+@pytest.mark.parametrize("path", ["/tmp", "/dev/null", "./mine"])
+def test_a_path_that_is_no_file_of_the_kind_is_said(path: str) -> None:
+    with pytest.raises(LindyError, match=rf"^{path} is no .toml file: give a name in deploy/veh"):
+        deploy_file("vehicles", path)
 
 
 @pytest.mark.parametrize("vehicle", ["pioneer"])
