@@ -17,7 +17,7 @@ test: $(READY) ## all tests; every run draws the same cases
 explore: $(READY) ## search for minutes for new cases that break a law; prints what to keep
 	$(BIN)/python -m pytest -n 2 -p tests.long.explore --hypothesis-profile explore \
 		-m "hypothesis and not system"
-	$(BIN)/python -m pytest -n 2 tests/long/identify_fit.py
+	$(BIN)/python -m pytest -n 2 tests/long/identify_fit.py tests/long/figures_of_dives.py
 	$(BIN)/python -m pytest -n 0 tests/long/fleet.py
 
 mutants: $(READY) ## how many small faults, put into a copy of the laws, the tests notice

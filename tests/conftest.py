@@ -10,6 +10,7 @@ from hypothesis.internal.constants_ast import Constants
 
 settings.register_profile(
     "same",
+    max_examples=60,  # `make explore` draws more, and others
     derandomize=True,  # cases follow from the text of the test alone
     database=None,  # nor from what failed here before
     deadline=None,  # nor does the verdict follow from the speed of the machine

@@ -118,6 +118,8 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     yaw_moment: StickForce = StickForce(3.0, 8.0, 40.0)  # [N m]
     tilt: TiltAxis = TiltAxis()
     failsafe: FailsafeSettings = FailsafeSettings()
+    # [m] furthest that a stop moves the held depth to where the vehicle stands; 0: it stays
+    standstill: NotNegativeSetting = 0.05
 
     def __post_init__(self) -> None:
         if not self.failsafe.ascent_speed <= self.heave.max_velocity:

@@ -48,7 +48,8 @@ def lindy(*words: str) -> Generator[subprocess.Popen[bytes]]:
 def test_at_most_a_quarter_of_a_second_is_lost(tmp_path: Path, seed: int):
     with socket.create_server(("127.0.0.1", 0)) as free:
         endpoint = f"tcp/127.0.0.1:{free.getsockname()[1]}"
-    recorder = ("run", "recorder", "--connect", f"drone={endpoint}", "--out", str(tmp_path))
+    where = ("--name", "pioneer", "--connect", f"drone={endpoint}", "--out", str(tmp_path))
+    recorder = ("run", "recorder", *where)
     with lindy("hub", endpoint), open_bus(endpoint, "pioneer") as bus, lindy(*recorder) as process:
         node = Node("speaker", {"drone": bus}, time.monotonic_ns, VolatileCheckpoint())
         say, sent, late = node.publisher(topics.PRESSURE), list[int](), 0

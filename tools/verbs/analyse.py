@@ -17,7 +17,9 @@ def picture(
     at: Annotated[
         float | None, Parameter(help="seconds since the dive began; default: its end")
     ] = None,
-    page: Annotated[str, Parameter(help="dive, motion, control, sensors, link or health")] = "dive",
+    page: Annotated[
+        str, Parameter(help="dive, motion, control, sensors, link, camera or health")
+    ] = "dive",
 ) -> int:
     """Write a picture of a recorded dive as the viewer shows it, without a display.
 

@@ -22,7 +22,6 @@ from services.reference.settings import Settings
 from services.reference.trajectory.minimum_jerk import Ramp, Sample
 
 RISEN = 0.01  # [m] an ascent that ends this close to its depth has reached it
-FURTHEST = 0.05  # [m] a stop of heave ends at most so far from its plan
 PLACE_PATIENCE_S = 2.0  # [s] without a position measurement before station keeping ends
 
 
@@ -46,11 +45,11 @@ class Guidance:
     _moved: float | None = None  # [m] jumps of the pressure that the depth has been moved with
     _estimates: dict[str, EstimateWatch] = field(init=False)
     _governors: dict[str, ReferenceGovernor] = field(init=False)
-    standstill: Standstill = field(default_factory=lambda: Standstill(FURTHEST))  # of heave, [m]
+    standstill: Standstill = field(init=False)  # of heave, [m]
 
     def __post_init__(self) -> None:
         s = self.settings
-        self.axes = Axes.of(s)
+        self.axes, self.standstill = Axes.of(s), Standstill(s.standstill)
         self.manoeuvre = Manoeuvre(self.axes)
         self._estimates = {"depth": EstimateWatch(), "heading": EstimateWatch()}
         self._governors = {

@@ -24,6 +24,7 @@ NAIVE = (
     *(f"reference.{limit}=1e6" for limit in AT_ONCE),
     "control.depth.acceleration_percent=0",
     "control.heading.acceleration_percent=0",
+    "reference.standstill=0",  # which is no ramp, but is ours
 )
 SEEDS = (0, 1, 2)
 SECONDS = 41.0  # [s]

@@ -17,6 +17,7 @@ from services.runtime.node.stamps import mover
 
 SHIFTS = st.integers(-(10**15), 10**15)
 SIMPLE: dict[type, st.SearchStrategy[Any]] = {
+    inspect.BytesType: st.binary(max_size=8),
     inspect.NoneType: st.none(),
     inspect.BoolType: st.booleans(),
     inspect.StrType: st.text(max_size=3),
