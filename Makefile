@@ -6,13 +6,16 @@ READY := .venv/.ready
 UV := $(BIN)/python -m uv
 PICTURES := .pictures
 
-.PHONY: dive test explore mutants check format laws stops soak faults picture docs clean
+.PHONY: dive test slow explore mutants check format laws stops soak faults picture docs clean
 
 dive: $(READY) ## fly the demo dive: every service, one command
 	$(BIN)/lindy dive
 
 test: $(READY) ## all tests; every run draws the same cases
 	PYTHONHASHSEED=0 $(BIN)/pytest -n 3 --dist worksteal
+
+slow: $(READY) ## the tests that `make test` leaves out: fault cells, papers, sweeps, many flights
+	PYTHONHASHSEED=0 $(BIN)/pytest -n 3 --dist worksteal -m slow
 
 explore: $(READY) ## search for minutes for new cases that break a law; prints what to keep
 	$(BIN)/python -m pytest -n 2 -p tests.long.explore --hypothesis-profile explore \

@@ -16,6 +16,8 @@ from tools.research.faults.modes import MODES
 from tools.research.faults.rows import CellRow, read_rows
 from tools.research.faults.virtual_dive import VirtualDive
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 CELLS = (
     "manual/none",

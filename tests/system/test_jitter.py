@@ -7,6 +7,7 @@ from math import pi, radians, remainder
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from messages import topics
 from messages.reference import Reference
@@ -16,6 +17,8 @@ from services.runtime.config.stack import Stack
 from services.runtime.hosts.jitter import Jitter, Lateness
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
+
+pytestmark = pytest.mark.slow
 
 S = 1_000_000_000  # [ns]
 # The simulator is not among them: it plays the sensors and the thrusters, whose clockwork does

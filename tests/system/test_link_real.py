@@ -17,7 +17,7 @@ from messages.vehicle import Actuation, VehicleStatus
 from tools import link
 from tools.recordings.recording import open_recording
 
-pytestmark = pytest.mark.system
+pytestmark = [pytest.mark.system, pytest.mark.slow]
 
 PATIENCE_S = 60.0  # never reached unless something is broken
 MS = 1_000_000  # [ns]

@@ -26,6 +26,8 @@ from services.runtime.node.answers import AnswerBook
 from services.runtime.node.requests import Requests
 from services.vehicle.actuator_gate import LATCH_NS, ActuatorGate
 
+pytestmark = pytest.mark.slow
+
 MS, S = 10**6, 10**9  # [ns]
 TICK = 100 * MS  # [ns] between two steps of everything
 STRANGER = 10**9  # an epoch that nobody granted

@@ -61,11 +61,13 @@ def test_modes_change_without_a_bump(vehicle: str) -> None:
     assert bump.heading < radians(0.5)
 
 
+@pytest.mark.slow
 def test_minerva_keeps_her_place_in_a_current_of_1_metre_per_second() -> None:
     held = place_held("minerva", north=-1.0, seed=0, after=45.0, seconds=15.0)
     assert held.place < 0.3
 
 
+@pytest.mark.slow
 def test_a_bluerov_with_a_dvl_keeps_its_place_as_long_as_it_has_the_thrust() -> None:
     current = (NEAR_FLOOR, *DVL)
     held = place_held(

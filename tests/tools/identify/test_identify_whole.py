@@ -22,6 +22,8 @@ from tools.recordings.recording import Raw, Recording
 from tools.sweep.axes import Combination, PlannedDive
 from tools.sweep.one_dive import Job, fly_one
 
+pytestmark = pytest.mark.slow
+
 HULL = (
     "simulator.hull.net_buoyancy=2",
     "simulator.hull.added_mass=[5.22, 19.87, 14.0, 0.097, 0.182, 0.13]",

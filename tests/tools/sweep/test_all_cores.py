@@ -12,6 +12,8 @@ import pytest
 from services.runtime.config.errors import LindyError
 from tools.sweep.all_cores import asked_to_stop, on_all_cores
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[3]
 
 

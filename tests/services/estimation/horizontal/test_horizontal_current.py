@@ -20,6 +20,8 @@ from services.marine.attitude import from_euler
 from services.marine.vehicle import GRAVITY, Vehicle
 from services.runtime.config.stack import Stack
 
+pytestmark = pytest.mark.slow
+
 S = 1_000_000_000  # [ns]
 DT = 0.02  # [s]
 LEAN = 0.05  # [m/s²] assumed of a vehicle that is trimmed well; twice as much is allowed for

@@ -11,6 +11,8 @@ from tools.research.bench.control_loop import NAMES, SEEDS, ControlScores
 from tools.research.bench.drag_runs import worst_errors
 from tools.research.bench.table import Figure
 
+pytestmark = pytest.mark.slow
+
 # As fast as naive to the last digit, the jerk is 18.9 times smaller, and the goal is 19.
 MISSED = "squared jerk of thrust, equal rise, end jerk 3.024 m/s³"
 

@@ -13,6 +13,8 @@ from tools.research.bench.depth_runs import (
     world,
 )
 
+pytestmark = pytest.mark.slow
+
 COARSE, LATE = Sensor("coarse", 0.05), Sensor("late", 0.005, latency=0.03)
 
 

@@ -31,6 +31,8 @@ from tools.research.papers.fernandes_loop import RoutePair, rotation
 from tools.research.papers.fernandes_loop_flight import LawName, flown, survey_route, trial_route
 from tools.research.papers.fernandes_loop_guide import Guide
 
+pytestmark = pytest.mark.slow
+
 LENGTH = 1.0  # [m]
 SHORT = Route(
     Path.through(((0.0, 0.0), (LENGTH, 0.0)), 5.0), stretch(LENGTH, Limits(0.1, 0.05), 0.2)

@@ -13,6 +13,8 @@ from tools.research.papers.full_stack_energy import PUSHING, Used
 from tools.research.papers.full_stack_runs import NAIVE, AxisLog, StickStep, scores
 from tools.research.papers.identified_battery import hotel_power
 
+pytestmark = pytest.mark.slow
+
 few = settings(max_examples=25, deadline=None)
 STICKS = "t,surge,sway,heave,yaw\n0,0,0,0,0\n1,0.5,0,0.6,0.5\n3,0,0,0,0\n60,0,0,0,0\n"
 ON, OFF, END = 1.0, 3.0, 5.0  # [s]
