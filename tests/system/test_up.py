@@ -18,7 +18,6 @@ import msgspec
 import pytest
 
 from messages import topics
-from messages.health import LogLine
 from messages.link import Clock
 from services.runtime.config.running import RUNNING, Running
 from tools.__main__ import main
@@ -213,8 +212,6 @@ def test_a_drone_without_keys_says_so_from_its_start_to_its_summary(tmp_path: Pa
         in lines
     )
     assert drone.report()["link"] == endpoint
-    logged = [e.message for e in open_recording(drone.out)]
-    assert any(isinstance(m, LogLine) and m.text.startswith("INSECURE") for m in logged)
 
 
 def test_who_is_not_on_the_drones_list_is_not_heard_and_is_named_in_its_log(tmp_path: Path):
