@@ -18,6 +18,7 @@ import msgspec
 import pytest
 
 from messages import topics
+from messages.health import LogLine
 from messages.link import Clock
 from services.runtime.config.running import RUNNING, Running
 from tools.__main__ import main
@@ -203,7 +204,8 @@ def test_the_topside_says_what_was_restarted_and_where_the_report_is(tmp_path: P
 def test_a_drone_without_keys_says_so_from_its_start_to_its_summary(tmp_path: Path):
     endpoint = free_endpoint()
     with side(tmp_path / "drone", "drone", "--listen", endpoint, "--insecure") as drone:
-        drone.until(lambda: "calibrating" in drone.said)
+        # Said once every service listens; a dive that is ended before that has no recorder yet.
+        drone.until(lambda: "INSECURE" in drone.said and "calibrating" in drone.said)
         assert drone.end(signal.SIGTERM) == 0, drone.said
     lines = drone.said.splitlines()
     assert any("INSECURE: whoever reaches this port can fly the drone" in line for line in lines)
@@ -212,6 +214,8 @@ def test_a_drone_without_keys_says_so_from_its_start_to_its_summary(tmp_path: Pa
         in lines
     )
     assert drone.report()["link"] == endpoint
+    logged = [e.message for e in open_recording(drone.out)]
+    assert any(isinstance(m, LogLine) and m.text.startswith("INSECURE") for m in logged)
 
 
 def test_who_is_not_on_the_drones_list_is_not_heard_and_is_named_in_its_log(tmp_path: Path):
