@@ -143,6 +143,10 @@ NAMES: dict[str, Meaning] = {
     "wrong_version:page": Meaning(MESSAGE, "a page of another version was refused"),
     "expired:wish": Meaning(PILOT, "a pilot's request came too late from the page"),
     "dropped:page": Meaning(ROUTINE, "a page was too slow and missed a picture of the drone"),
+    "dropped:page_video": Meaning(ROUTINE, "a page was too slow and missed a camera's picture"),
+    "broken:page_video": Meaning(
+        MESSAGE, "a camera's picture was lost: pages had none until the next keyframe"
+    ),
     "too_many:page": Meaning(PILOT, "there were too many pages of the cockpit"),
     "too_many:page_messages": Meaning(PILOT, "a page sent too many messages and was closed"),
     "too_many:connection": Meaning(PILOT, "there were too many connections to the cockpit"),

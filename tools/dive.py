@@ -12,7 +12,7 @@ from tools.checks import checked, require_mavlink
 from tools.choices import Choices
 from tools.fleet.names import own_name
 from tools.keys.door import door
-from tools.live.cockpit import COCKPIT, announce, with_cockpit
+from tools.live.cockpit import COCKPIT, announce, with_cockpit, with_picture
 from tools.live.display import display
 from tools.live.dive_folder import out_folder, point_latest, require_room_for_recording
 from tools.live.monitor_loop import followed_by
@@ -43,6 +43,7 @@ def dive(
     services = runnable(Registry.read(choices.stack))
     if cockpit:
         services = with_cockpit(services, choices.pilot)
+    services = with_picture(services, choices)
     if grouped:
         services = services.grouped()
     pilot = who_flies(choices, services)

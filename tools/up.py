@@ -21,6 +21,7 @@ from tools.fleet.meeting import Meeting, drone_at, drones_door, drones_name, req
 from tools.fleet.names import own_name
 from tools.fleet.others import others_named
 from tools.keys.door import door
+from tools.live.cockpit import with_picture
 from tools.live.display import display
 from tools.live.dive_folder import (
     hand_over,
@@ -101,7 +102,7 @@ def drone(
     """Run the drone's side until Ctrl-C, whether or not the topside is connected. This program only
     checks and plans: a smaller one takes its place."""
     every = Registry.read(choices.stack)
-    here = on_side(every, "drone", gateway=False)
+    here = with_picture(on_side(every, "drone", gateway=False), choices, every)
     here = here.grouped() if grouped else here
     stack = checked(choices, pilot_of(choices.pilot or DEFAULT_PILOT), every, here)
     require_mavlink(here)
@@ -167,7 +168,7 @@ def topside(
 ) -> int:
     """The topside of a dive as in `lindy dive`; the report is made on board."""
     every = Registry.read(choices.stack)
-    here = runnable(on_side(every, "topside", gateway=gateway))
+    here = with_picture(runnable(on_side(every, "topside", gateway=gateway)), choices, every)
     here = here.grouped() if grouped else here
     pilot = who_flies(choices, here)
     stack = checked(choices, pilot, every, here)

@@ -4,6 +4,7 @@ watches.
 page_messages   what a page may send, and how it is checked
 stick_page      which page has the sticks, and how old they are
 outlook         what every page is shown
+video           the camera's picture: as pages are sent it, and which pages get which
 core            the state machine of all pages
 io              web server
 page            the page itself: HTML, CSS and ES modules, served as they are

@@ -179,7 +179,7 @@ class Cockpit:
         ready = [n for n, page in self._pages.items() if page.sent - page.seen < UNSEEN]
         for number in ready:
             self._pages[number].sent = self._picture
-        head = f'{{"n":{self._picture},"you":'
+        head = f'{{"n":{self._picture},"t":{now / 1e6:.2f},"you":'
         texts = {n: f'{head}{self._personal(n, newest)},"view":{shared}}}' for n in ready}
         return texts, ["dropped:page"] * (len(self._pages) - len(ready))
 

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from urllib.parse import parse_qs
 
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
-PILOT, WATCH = "/ws/pilot", "/ws/watch"  # paths of the two kinds of WebSocket
+PILOT, WATCH = "/ws/pilot", "/ws/watch"  # paths of the two kinds of WebSocket of a page
+VIDEO = "/ws/video"  # and of the one for its picture, whichever page it is
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,13 +52,14 @@ class Access:
         if len(hosts) != 1 or (self.local and not self._is_local(hosts[0])):
             return f"wrong Host: this page is at {self.address}"
         path, _, query = target.partition("?")
-        if path not in (PILOT, WATCH):
+        if path not in (PILOT, WATCH, VIDEO):
             return ""  # a file, which holds no secret
         if list(origins) != [f"{self.scheme}://{hosts[0]}"]:
             return f"wrong Origin: only the cockpit's own page may connect, at {self.address}"
-        wanted = self.token if path == PILOT else self.watch_token
         given = parse_qs(query).get("token", [""])[0]
-        if not hmac.compare_digest(given.encode(), wanted.encode()):
+        tokens = {PILOT: [self.token], WATCH: [self.watch_token]}
+        wanted = tokens.get(path, [self.token, self.watch_token])
+        if not any(hmac.compare_digest(given.encode(), token.encode()) for token in wanted):
             return "wrong token: open the address that the cockpit has printed"
         return ""
 

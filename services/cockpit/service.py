@@ -1,16 +1,18 @@
 """Cockpit service: serves the pilot's page, and publishes what the page with the sticks says."""
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Protocol
 
 from messages import topics
 from messages.health import LogLine
 from messages.pilot import PilotAnswer, PilotRequest, RequestKind
 from messages.vehicle import VehicleStatus
+from messages.video import VideoPart
 from services.cockpit.core import SHOW_HZ, Cockpit, Settings
 from services.cockpit.outlook import LastHeard
 from services.cockpit.page_messages import PageClosed, PageEvent, PageOpened, PageSaid
+from services.cockpit.video import PageUnit, PictureStream
 from services.marine.vehicle import Vehicle
 from services.piloting.overruling import overrules
 from services.piloting.pilot import Effects, Pilot, Progress
@@ -45,6 +47,7 @@ def wire(node: Node, stack: Stack) -> None:
     server = PageServer(settings, access)
     node.on_close(server.close)
     connected = CockpitPages(node, settings, stack.section("vehicle", Vehicle), server)
+    _relay(node, server.show_video)
     server.start(node.from_outside(connected.receive))
     node.log("info", f"cockpit: {access.address}")
     if not settings.local:
@@ -144,6 +147,20 @@ class CockpitPages:
         if self._kept != self._pilot.progress:
             self._kept = self._pilot.progress
             self._node.save_checkpoint(self._kept)
+
+
+def _relay(node: Node, show: Callable[[PageUnit], None]) -> None:
+    """Hand the camera's pictures on to the pages."""
+    stream = PictureStream()
+
+    def hear(part: VideoPart, _: int) -> None:
+        unit = stream.take(part)
+        while stream.counts:
+            node.count(stream.counts.pop())
+        if unit is not None:
+            show(unit)
+
+    node.each(topics.VIDEO, hear)
 
 
 def _line(node: Node, text: str) -> LogLine:

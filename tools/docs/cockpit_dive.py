@@ -11,6 +11,8 @@ from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
 
 SERVICES = ("simulator", "estimation", "reference", "control", "tether", "link_monitor", "cockpit")
+CAMERA = ("camera", "camera_monitor")
+FLOOR = "simulator.floor_depth=4"  # [m] so that there is something to be seen
 STILL = "estimation.calibration.still_time=3"  # [s] less to wait for
 READY_NS = 6_000_000_000  # [ns] calibration is done by then; it is not waited for
 STEP_NS = 5_000_000  # [ns]
@@ -20,11 +22,11 @@ LAG_NS = 50_000_000  # [ns] a busy computer is not made up for in one go
 class CockpitDive:
     """Runs until it is closed. The pilot is whoever opens `url`."""
 
-    def __init__(self, port: int) -> None:
+    def __init__(self, port: int, *, camera: bool = False) -> None:
         rows = Registry.read("cockpit")
-        stack = Stack(pilot="cockpit", overrides=[STILL, f"cockpit.port={port}"])
+        stack = Stack(pilot="cockpit", overrides=[STILL, FLOOR, f"cockpit.port={port}"])
         self.host = VirtualHost()
-        for name in SERVICES:
+        for name in (*SERVICES, *CAMERA) if camera else SERVICES:
             self.host.add(name, rows[name], stack)
         self.counts = self.host.nodes["cockpit"].counts
         # Its own ticks suffice to notice what arrives; the host is for one thread.

@@ -20,7 +20,7 @@ FLOWN_S = 9.0  # [s]
 def main(out: Path) -> None:
     if (program := chromium()) is None:
         raise SystemExit("lindy: no Chromium on the path; Debian: apt install chromium")
-    with CockpitDive(PORT) as dive, Browser(program) as browser:
+    with CockpitDive(PORT, camera=True) as dive, Browser(program) as browser:
         page = browser.open(dive.url, SCREEN)
         dark = [{"name": "prefers-color-scheme", "value": "dark"}]
         page.call("Emulation.setEmulatedMedia", features=dark)

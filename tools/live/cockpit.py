@@ -6,27 +6,58 @@ import socket
 import threading
 import time
 import webbrowser
+from collections.abc import Collection
 from contextlib import suppress
+from importlib.util import find_spec
 
+from services.camera.core import SIMULATED
+from services.camera.core import Settings as CameraSettings
 from services.cockpit.core import Settings
 from services.cockpit.io.access import VARIABLE, access_to
+from services.runtime.config.extras import how_to_install
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
+from tools.choices import Choices
 from tools.live.piloted_dive import GAMEPAD
 
 COCKPIT = "cockpit"  # its name as a service, and of the stack that it is taken from
+CAMERA = ("camera", "camera_monitor")  # services of the picture
+SIMULATOR = "simulator"  # what a simulated camera films
 PATIENCE_S = 20.0  # [s] for the service to listen
 LOOK_S = 0.1  # [s]
 
 
 def with_cockpit(services: Registry, pilot: str | None) -> Registry:
-    """The stack with a cockpit: in place of the gamepad, or beside the pilot that was chosen."""
-    if COCKPIT in services:
-        return services
-    added = Registry.read(COCKPIT)[COCKPIT]
-    leaves = {GAMEPAD} if pilot is None else set[str]()
+    """The stack with a cockpit, in place of the gamepad or beside the pilot that was chosen, and
+    with the camera."""
+    shipped = Registry.read(COCKPIT)
+    leaves = {GAMEPAD} if pilot is None and COCKPIT not in services else set[str]()
     kept = {name: spec for name, spec in services.items() if name not in leaves}
-    return services.only({**kept, COCKPIT: added})
+    added = {name: shipped[name] for name in (COCKPIT, *CAMERA) if name not in services}
+    return services.only({**kept, **added})
+
+
+def with_picture(services: Registry, choices: Choices, every: Collection[str] = ()) -> Registry:
+    """A stack with a cockpit as it can run here. Without PyAV it has no camera, and none where the
+    vehicle file names no camera and there is no simulator to be filmed; either is printed.
+
+    Args:
+        every: where these are those of one side, all services of the stack.
+
+    Raises:
+        LindyError: the table [camera] is wrong.
+    """
+    if COCKPIT not in {*services, *every} or not set(CAMERA) & set(services):
+        return services
+    stack = Stack(vehicle=choices.vehicle, overrides=list(choices.set_))
+    if find_spec("av") is None:
+        why = f"PyAV is not installed, so this dive has no picture; {how_to_install('camera')}"
+    elif SIMULATOR in {*services, *every} or stack.section("camera", CameraSettings).source != SIMULATED:
+        return services
+    else:
+        why = "no camera is named, so this dive has no picture: --set camera.source=/dev/video0"
+    print(why, flush=True)
+    return services.only({name: spec for name, spec in services.items() if name not in CAMERA})
 
 
 def announce(stack: Stack, *, browser: bool) -> None:

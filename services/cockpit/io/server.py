@@ -20,8 +20,9 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from services.cockpit.core import Settings
-from services.cockpit.handshake import WATCH, Access
+from services.cockpit.handshake import VIDEO, WATCH, Access
 from services.cockpit.io.files import PageFiles, plain
+from services.cockpit.io.video_server import VideoServer
 from services.cockpit.page_messages import (
     LONGEST,
     PageClosed,
@@ -31,6 +32,7 @@ from services.cockpit.page_messages import (
     PageSticks,
     parsed,
 )
+from services.cockpit.video import PageUnit
 from services.runtime.config.errors import LindyError
 
 MOST_PAGES = 32
@@ -56,6 +58,7 @@ class PageServer:
         self._events: deque[PageEvent] = deque()
         self._lock = threading.Lock()  # of the events
         self._pages: dict[int, ServerConnection] = {}
+        self._video = VideoServer(self.counts)
         self._last = 0  # number of the newest page
         self._open = 0  # connections
         self._notify: Callable[[], None] = lambda: None
@@ -89,6 +92,11 @@ class PageServer:
         """Send each page its picture, unless the last one has not left yet."""
         if texts and self._thread is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._send, texts)
+
+    def show_video(self, unit: PageUnit) -> None:
+        """Send every page a picture of the camera."""
+        if self._thread is not None and not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(self._video.send, unit)
 
     # On the thread of its own.
 
@@ -131,21 +139,20 @@ class PageServer:
         """A file, a refusal, or None: the WebSocket is opened."""
         del connection
         headers = request.headers
+        path = request.path.partition("?")[0]
         why = self._access.refusal(request.path, headers.get_all("Host"), headers.get_all("Origin"))
         if why:
             self.counts["refused:page"] += 1
             return plain(403, "Forbidden", why)
         if "Upgrade" not in headers:
-            return self._files.response(request.path.partition("?")[0])
-        if len(self._pages) >= MOST_PAGES:
+            return self._files.response(path)
+        if self._video.full if path == VIDEO else len(self._pages) >= MOST_PAGES:
             self.counts["too_many:page"] += 1
             return plain(503, "Service Unavailable", f"{MOST_PAGES} pages are open already")
         return None
 
     async def _page(self, connection: ServerConnection) -> None:
         """One page, until it is closed."""
-        sock = connection.transport.get_extra_info("socket")
-        sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
         request = connection.request
         assert request is not None
         path, _, query = request.path.partition("?")
@@ -153,6 +160,11 @@ class PageServer:
             self.counts["wrong_version:page"] += 1
             await connection.close(OLD_PAGE, "this page is of another version: load it again")
             return
+        if path == VIDEO:
+            await self._video.page(connection)
+            return
+        sock = connection.transport.get_extra_info("socket")
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
         self._last += 1
         number = self._last
         self._pages[number] = connection

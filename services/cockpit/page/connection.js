@@ -1,5 +1,7 @@
 // The WebSocket to the service. Nothing is queued: old sticks are not sent, old pictures not drawn.
 
+import { ServiceClock } from "/service_clock.js";
+
 const RETRY_MS = 700;
 const DEAD_MS = 3000; // without a picture: the connection is opened anew
 const CONFIRM_EVERY = 5; // pictures
@@ -10,6 +12,8 @@ export class Connection {
     this.picture = null; // the newest
     this.arrived = 0; // [ms] when, by this page's clock
     this.words = "connecting"; // what is wrong; empty: nothing
+    this.old = false; // this page is of another version than the service
+    this.clock = new ServiceClock();
     this.watching = location.pathname === "/watch";
     this.version = document.querySelector("meta[name=version]").content;
     this.opened = 0;
@@ -18,27 +22,32 @@ export class Connection {
   }
 
   open() {
-    const scheme = location.protocol === "https:" ? "wss:" : "ws:";
-    const query = new URLSearchParams({ version: this.version, token: location.hash.slice(1) });
-    const path = this.watching ? "/ws/watch" : "/ws/pilot";
     this.opened = performance.now();
-    const socket = new WebSocket(`${scheme}//${location.host}${path}?${query}`);
+    const socket = new WebSocket(this.address(this.watching ? "/ws/watch" : "/ws/pilot"));
     this.socket = socket;
+    this.clock.forget(); // of a service that may have begun anew
     this.picture = null;
     this.confirmed = 0; // number of the picture that the service knows to have arrived
     socket.onmessage = (event) => this.hear(event.data);
     socket.onclose = (event) => {
       if (this.socket !== socket) return;
       this.picture = null;
-      const old = event.code === OLD_PAGE;
-      this.words = old ? event.reason : "no connection to the cockpit";
-      if (!old) setTimeout(() => this.open(), RETRY_MS);
+      this.old = event.code === OLD_PAGE;
+      this.words = this.old ? event.reason : "no connection to the cockpit";
+      if (!this.old) setTimeout(() => this.open(), RETRY_MS);
     };
+  }
+
+  address(path) {
+    const scheme = location.protocol === "https:" ? "wss:" : "ws:";
+    const query = new URLSearchParams({ version: this.version, token: location.hash.slice(1) });
+    return `${scheme}//${location.host}${path}?${query}`;
   }
 
   hear(text) {
     this.picture = JSON.parse(text);
     this.arrived = performance.now();
+    this.clock.learn(this.picture.t, this.arrived, this.picture.you.delay_ms);
     this.words = "";
     if (this.picture.n - this.confirmed >= CONFIRM_EVERY) this.send("seen", {});
   }

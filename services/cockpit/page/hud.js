@@ -8,6 +8,7 @@ export class Hud {
   constructor(canvas) {
     this.canvas = canvas;
     this.g = canvas.getContext("2d");
+    this.picture = false; // the camera's is behind: no sky, and an outline around everything
     this.colours();
   }
 
@@ -30,7 +31,8 @@ export class Hud {
     this.u = Math.min(size, Math.max(height / 22, size * 0.7));
     g.setTransform(ratio, 0, 0, ratio, 0, 0);
     g.clearRect(0, 0, width, height);
-    g.lineWidth = Math.max(2, this.u / 8);
+    g.lineWidth = this.line = Math.max(2, this.u / 8);
+    g.lineJoin = "round";
     g.globalAlpha = old ? 0.45 : 1;
     this.horizon(view, width, height);
     this.heading(view, width);
@@ -40,12 +42,21 @@ export class Hud {
     g.globalAlpha = 1;
   }
 
+  // For what matters less; on a picture it must be bright all the same.
+  get faint() { return this.picture ? this.c.ink : this.c.dim; }
+
   font(size, weight = 500) { this.g.font = `${weight} ${size * this.u}px system-ui, "DejaVu Sans", sans-serif`; }
 
   text(words, x, y, colour = this.c.ink, align = "center") {
     const { g } = this;
     g.textAlign = align;
     g.textBaseline = "middle";
+    if (this.picture) {
+      g.strokeStyle = this.c.paper;
+      g.lineWidth = this.u / 3;
+      g.strokeText(words, x, y);
+      g.lineWidth = this.line;
+    }
     g.fillStyle = colour;
     g.fillText(words, x, y);
   }
@@ -54,7 +65,14 @@ export class Hud {
     const { g } = this;
     g.beginPath();
     points.forEach(([x, y], k) => (k ? g.lineTo(x, y) : g.moveTo(x, y)));
-    if (close) { g.closePath(); g.fillStyle = colour; g.fill(); }
+    if (close) g.closePath();
+    if (this.picture) {
+      g.strokeStyle = this.c.paper;
+      g.lineWidth = 2.5 * this.line;
+      g.stroke();
+      g.lineWidth = this.line;
+    }
+    if (close) { g.fillStyle = colour; g.fill(); }
     else { g.strokeStyle = colour; g.stroke(); }
   }
 
@@ -80,9 +98,9 @@ export class Hud {
     this.font(0.8);
     for (const degrees of LADDER) {
       const y = -degrees * perDegree;
-      if (y + view.pitch * perDegree < 6 * u - height / 2) continue; // the heading is there
-      this.path([[-2.2 * u, y], [2.2 * u, y]], c.dim);
-      this.text(String(Math.abs(degrees)), 3.4 * u, y, c.dim);
+      if (y + view.pitch * perDegree < 4.5 * u - height / 2) continue; // the heading is there
+      this.path([[-2.2 * u, y], [2.2 * u, y]], this.faint);
+      this.text(String(Math.abs(degrees)), 3.4 * u, y, this.faint);
     }
     g.restore();
     // The vehicle.
@@ -103,7 +121,7 @@ export class Hud {
 
   heading(view, width) {
     const { g, u, c } = this;
-    const y = 2.9 * u, half = Math.min(width * 0.36, 26 * u), x = width / 2, perDegree = half / 45;
+    const y = 1.35 * u, half = Math.min(width * 0.36, 26 * u), x = width / 2, perDegree = half / 45;
     g.fillStyle = c.panel;
     g.fillRect(x - half, y - 1.1 * u, 2 * half, 2.2 * u);
     const now = view.heading;
@@ -147,7 +165,7 @@ export class Hud {
     }
     this.box(now === undefined ? "–" : now.toFixed(2), x, y, now === undefined ? c.warn : c.ink);
     this.font(0.85);
-    this.text("depth m", x + 0.4 * u, y - half - 0.8 * u, c.dim);
+    this.text("depth m", x + 0.4 * u, y - half - 0.8 * u, this.faint);
     if (view.depth_wanted !== undefined) this.text(`→ ${view.depth_wanted.toFixed(2)}`, x + 0.4 * u, y + half + 0.8 * u, c.bug);
   }
 
@@ -156,7 +174,7 @@ export class Hud {
     const shares = view.thrust ?? [], w = 0.75 * u, gap = 0.3 * u, half = Math.min(5 * u, height * 0.2);
     const y = height / 2 + u, x0 = 1.2 * u;
     this.font(0.85);
-    this.text("thrust", x0, y - half - 0.9 * u, c.dim, "left");
+    this.text("thrust", x0, y - half - 0.9 * u, this.faint, "left");
     if (!shares.length) this.text("–", x0, y, c.warn, "left");
     shares.forEach((share, k) => {
       const x = x0 + k * (w + gap), full = Math.abs(share) >= 0.99;
@@ -177,7 +195,7 @@ export class Hud {
     const top = width > 64 * u; // there is room beside the heading
     lines.forEach(([name, value], k) => {
       const at = top ? (2.2 + 1.3 * k) * u : height - (1.2 + 1.25 * (lines.length - k)) * u;
-      this.text(`${name} ${value}`, 1.2 * u, at, name === "to" ? c.bug : c.dim, "left");
+      this.text(`${name} ${value}`, 1.2 * u, at, name === "to" ? c.bug : this.faint, "left");
     });
   }
 }

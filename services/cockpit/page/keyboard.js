@@ -4,8 +4,8 @@ const MOVES = new Set(["KeyW", "KeyS", "KeyA", "KeyD", "ArrowUp", "ArrowDown", "
 const PRESSES = { Space: "stop", Backspace: "disarm", KeyL: "light" };
 
 export class Keyboard {
-  // press(what): a key that asks for something; hold(isDown): Enter
-  constructor(press, hold) {
+  // press(what): a key that asks for something; hold(isDown): Enter; moved(): a key that steers
+  constructor(press, hold, moved) {
     this.keys = new Set();
     addEventListener("keydown", (e) => {
       if (e.ctrlKey && e.code.startsWith("Key") && !MOVES.has(e.code)) return; // the browser's own
@@ -14,12 +14,14 @@ export class Keyboard {
       if (known) { e.preventDefault(); document.activeElement?.blur(); }
       this.keys.add(e.code);
       if (e.repeat) return;
+      if (MOVES.has(e.code)) moved();
       if (e.code in PRESSES) press(PRESSES[e.code]);
       if (e.code === "Enter") hold(true);
     }, { capture: true });
     addEventListener("keyup", (e) => {
       if (e.code in PRESSES || e.code === "Enter") e.preventDefault();
       this.keys.delete(e.code);
+      if (MOVES.has(e.code)) moved();
       if (e.code === "Enter") hold(false);
     }, { capture: true });
     addEventListener("blur", () => { this.keys.clear(); hold(false); });

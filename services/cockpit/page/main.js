@@ -5,13 +5,15 @@ import { HoldButton } from "/hold_button.js";
 import { Hud } from "/hud.js";
 import { Keyboard } from "/keyboard.js";
 import { Pad } from "/pad.js";
-import { buttons, show } from "/panel.js";
+import { buttons, show, showPicture } from "/panel.js";
 import { GAINS } from "/shape.js";
 import { Steering } from "/steering.js";
 import { TouchStick } from "/touch_stick.js";
 import { Trace } from "/trace.js";
+import { Video } from "/video.js";
 
-const STICKS_MS = 20;
+const STICKS_MS = 20; // between two messages at most …
+const SOONER_MS = 8; // … and at least, where a stick has moved
 const SAME_MS = 200; // the same picture is drawn again after this
 const THEMES = ["dark", "bright", "contrast"];
 const $ = (id) => document.getElementById(id);
@@ -19,6 +21,7 @@ const $ = (id) => document.getElementById(id);
 const connection = new Connection();
 const hud = new Hud($("hud"));
 const trace = new Trace($("trace"));
+export const video = new Video($("picture"), connection);
 let arming = "arm"; // what the hold button asks for now
 let gain = "Normal";
 let gone = false; // the device that steered is gone
@@ -37,8 +40,9 @@ const hold = (down) => {
   else if (arming === "arm") arm.press(); // to disarm there is a button of its own
 };
 const pad = new Pad(wish, hold);
-const keyboard = new Keyboard(wish, hold);
-const steering = new Steering(new TouchStick($("left")), new TouchStick($("right")), keyboard, pad);
+const keyboard = new Keyboard(wish, hold, steer);
+const thumbs = ["left", "right"].map((id) => new TouchStick($(id), steer));
+const steering = new Steering(...thumbs, keyboard, pad);
 
 $("stop").addEventListener("pointerdown", (e) => { e.preventDefault(); wish("stop"); });
 for (const id of ["take", "offer", "give_back"]) $(id).addEventListener("click", () => wish(id));
@@ -50,15 +54,21 @@ $("gain").addEventListener("click", () => {
   $("gain").textContent = `Speed: ${gain.toLowerCase()}`;
 });
 
-// Sticks, 50 times a second while the page can be seen.
-setInterval(() => {
+// Sticks, 50 times a second while the page can be seen, and at once when one has moved.
+let sent = "", sentAt = 0;
+function steer() {
   if (document.hidden || connection.watching) return;
   const sticks = steering.read(GAINS[gain]);
   if (!you().has_sticks) return;
+  const now = performance.now(), moved = positions(sticks) !== sent;
+  if (now - sentAt < (moved ? SOONER_MS : STICKS_MS - 1)) return;
+  [sent, sentAt] = [positions(sticks), now];
   if (sticks) connection.steer(sticks);
   else if (!gone) connection.absent("unplugged");
   gone = !sticks;
-}, STICKS_MS);
+}
+const positions = (sticks) => sticks && [sticks.surge, sticks.sway, sticks.heave, sticks.yaw, sticks.tilt].join();
+setInterval(steer, STICKS_MS / 2); // a pad tells nobody that it has moved
 
 function hide() {
   if (connection.watching) return;
@@ -102,6 +112,9 @@ let drawn = null, drawnAt = 0;
 function frame() {
   requestAnimationFrame(frame);
   const now = performance.now();
+  const seen = video.draw();
+  if (seen !== hud.picture) drawnAt = 0; // with or without a sky of its own
+  hud.picture = seen;
   if (connection.picture === drawn && now - drawnAt < SAME_MS) return;
   drawn = connection.picture;
   drawnAt = now;
@@ -112,6 +125,7 @@ function draw() {
   const picture = connection.picture ?? { you: {}, view: {} };
   const steeredBy = steering.device === "pad" ? "pad" : steering.device;
   const old = show(connection, picture.you, picture.view, steeredBy);
+  showPicture(video);
   arming = buttons(picture.you, picture.view);
   hud.draw(picture.view, old);
   trace.add(picture.view.rtt_ms, performance.now());

@@ -52,6 +52,14 @@ export function show(connection, you, view, steeredBy) {
   return old === undefined || old > OLD_MS || Boolean(connection.words);
 }
 
+// The age of the picture, and what is wrong with it.
+export function showPicture(video) {
+  const { age, words, silence } = video;
+  const known = age !== undefined && silence < Infinity;
+  put("picture-age", `picture ${known ? seconds(age / 1000) : UNKNOWN}`, known && words ? "old" : "");
+  put("no-picture", words, words && known ? "old" : "");
+}
+
 function failsafe(view) {
   const acts = view.failsafe && view.failsafe !== "none";
   if (!acts && view.next_s === undefined) return "";

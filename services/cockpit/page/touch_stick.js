@@ -1,7 +1,9 @@
 // One stick for one thumb. It is centred where it is drawn, and returns when it is let go.
 
 export class TouchStick {
-  constructor(element) {
+  // moved(): it was moved
+  constructor(element, moved) {
+    this.moved = moved;
     this.x = 0; // [-] + right
     this.y = 0; // [-] + down
     this.pointer = null;
@@ -39,6 +41,7 @@ export class TouchStick {
   show(x, y) {
     this.x = x;
     this.y = y;
+    this.moved();
     const reach = this.element.clientWidth * 0.33;
     this.knob.style.transform = `translate(calc(-50% + ${x * reach}px), calc(-50% + ${y * reach}px))`;
   }

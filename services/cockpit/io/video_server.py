@@ -1,0 +1,62 @@
+"""The camera's picture to the pages, each over a WebSocket of its own: a keyframe that takes its
+time holds up neither sticks nor the state of the drone. On the thread of the page server."""
+
+import time
+from collections import Counter
+
+from websockets.asyncio.server import ServerConnection, broadcast
+from websockets.exceptions import ConnectionClosed
+
+from services.cockpit.video import PageUnit, PageVideo, RecentUnits
+
+MOST_VIDEO_PAGES = 32
+MOST_PER_SECOND = 250  # confirmations of one page; more than any camera has pictures
+LONGEST_CONFIRMATION = 10  # [B] a number
+
+
+class VideoServer:
+    def __init__(self, counts: Counter[str]) -> None:
+        """`counts`: what must be counted is added to it."""
+        self._counts = counts
+        self._pages: dict[ServerConnection, PageVideo] = {}
+        self._recent = RecentUnits()
+
+    @property
+    def full(self) -> bool:
+        return len(self._pages) >= MOST_VIDEO_PAGES
+
+    def send(self, unit: PageUnit) -> None:
+        """To every page that can do with it."""
+        self._recent.add(unit)
+        now = time.monotonic_ns()
+        taking = [page for page, video in self._pages.items() if video.admits(unit, now)]
+        if left_out := len(self._pages) - len(taking):
+            self._counts["dropped:page_video"] += left_out
+        broadcast(taking, unit.message)
+
+    async def page(self, connection: ServerConnection) -> None:
+        """One page, until it is closed."""
+        video = PageVideo()
+        now = time.monotonic_ns()
+        for unit in self._recent:
+            if video.admits(unit, now):
+                broadcast([connection], unit.message)
+        self._pages[connection] = video
+        try:
+            await self._read(connection, video)
+        except ConnectionClosed:
+            pass
+        finally:
+            del self._pages[connection]
+
+    async def _read(self, connection: ServerConnection, video: PageVideo) -> None:
+        second, heard = 0, 0
+        async for raw in connection:
+            now = int(time.monotonic())
+            second, heard = now, heard + 1 if now == second else 1
+            if heard > MOST_PER_SECOND:
+                self._counts["too_many:page_messages"] += 1
+                return
+            is_number = len(raw) <= LONGEST_CONFIRMATION and raw.isascii() and raw.isdigit()
+            if not (is_number and video.confirmed(int(raw))):
+                self._counts["malformed:page"] += 1

@@ -1,0 +1,154 @@
+// The drone's picture, over a WebSocket of its own: access units → WebCodecs → canvas. The newest
+// wins. Its age is counted from the light on, and a picture that is old does not look live.
+
+const VERSION = 1, KEYFRAME = 1, HEADER = 16; // of a message, see services/cockpit/video.py
+const RETRY_MS = 700;
+const OLD_MS = 500; // age from which on it is said
+const SILENT_MS = 1000; // without a new picture: the last one turns grey …
+const GONE_MS = 3000; // … and then vanishes
+const NOTHING = "no picture";
+
+export class Video {
+  constructor(canvas, connection) {
+    Object.assign(this, { canvas, connection });
+    this.g = canvas.getContext("2d");
+    this.light = null; // [ms] of the shown picture, by the service's clock
+    this.shownAt = 0; // [ms] when it was decoded, by this page's
+    this.frame = null; // decoded, not yet drawn
+    this.unable = cannot(); // why this browser shows no picture; empty: it can
+    this.underWay = []; // units that the decoder has
+    this.failures = 0;
+    document.addEventListener("visibilitychange", () => (document.hidden ? this.close() : this.open()));
+    if (!document.hidden) this.open();
+  }
+
+  open() {
+    if (this.unable || this.socket) return;
+    const socket = new WebSocket(this.connection.address("/ws/video"));
+    socket.binaryType = "arraybuffer";
+    socket.onmessage = (event) => this.take(socket, event.data);
+    socket.onclose = () => {
+      if (this.socket !== socket) return;
+      this.close();
+      if (!this.connection.old) setTimeout(() => document.hidden || this.open(), RETRY_MS);
+    };
+    this.socket = socket;
+  }
+
+  // Nobody looks, or nothing comes: begin anew, with a keyframe.
+  close() {
+    const socket = this.socket;
+    this.socket = null;
+    socket?.close();
+    this.stop();
+  }
+
+  stop() {
+    if (this.decoder && this.decoder.state !== "closed") this.decoder.close();
+    this.decoder = null;
+    this.underWay = [];
+  }
+
+  take(socket, message) {
+    const head = new DataView(message);
+    if (head.getUint8(0) !== VERSION) return;
+    const unit = {
+      keyframe: Boolean(head.getUint8(1) & KEYFRAME), number: head.getUint32(4, true),
+      light: head.getFloat64(8, true), data: new Uint8Array(message, HEADER), socket,
+    };
+    if (unit.keyframe) this.configure(codecOf(unit.data));
+    if (!this.decoder) return confirm(unit); // before the first keyframe, or after an error
+    this.underWay.push(unit);
+    const type = unit.keyframe ? "key" : "delta";
+    try {
+      this.decoder.decode(new EncodedVideoChunk({ type, timestamp: unit.number, data: unit.data }));
+    } catch (error) {
+      this.fail(error);
+    }
+  }
+
+  // Parameters that change are in the stream; only another profile or level needs another decoder.
+  configure(codec) {
+    if (!codec || (this.decoder && codec === this.codec)) return;
+    this.stop();
+    this.codec = codec;
+    const decoder = new VideoDecoder({
+      output: (frame) => (decoder === this.decoder ? this.decoded(frame) : frame.close()),
+      error: (error) => decoder === this.decoder && this.fail(error),
+    });
+    this.decoder = decoder;
+    decoder.configure({ codec, optimizeForLatency: true });
+  }
+
+  decoded(frame) {
+    const at = this.underWay.findIndex((unit) => unit.number === frame.timestamp);
+    if (at < 0) return frame.close();
+    const unit = this.underWay[at];
+    this.underWay.splice(0, at + 1);
+    confirm(unit);
+    this.frame?.close();
+    this.frame = frame;
+    this.light = unit.light;
+    this.shownAt = performance.now();
+  }
+
+  fail(error) {
+    this.failures++;
+    const last = this.underWay.at(-1);
+    this.stop(); // until the next keyframe
+    if (last) confirm(last);
+    if (error.name !== "NotSupportedError") return;
+    this.unable = `no picture: this browser has no decoder for H.264 (${this.codec}); Chrome, Edge and Safari have one`;
+    this.close();
+  }
+
+  // [ms] Of the newest picture, from the light on; undefined: not known.
+  get age() { return this.light === null ? undefined : this.connection.clock.age(this.light); }
+
+  // [ms] Since the newest one was decoded.
+  get silence() { return this.light === null ? Infinity : performance.now() - this.shownAt; }
+
+  // What is wrong with the picture; empty: nothing.
+  get words() {
+    if (this.unable) return this.unable;
+    if (this.light === null) return NOTHING;
+    if (this.silence > SILENT_MS) return `no picture for ${(this.silence / 1000).toFixed(0)} s`;
+    return this.age > OLD_MS ? `picture ${(this.age / 1000).toFixed(1)} s old` : "";
+  }
+
+  // Draw the newest picture. Returns whether one is to be seen.
+  draw() {
+    const { canvas, frame } = this;
+    if (frame) {
+      if (canvas.width !== frame.displayWidth || canvas.height !== frame.displayHeight) {
+        canvas.width = frame.displayWidth;
+        canvas.height = frame.displayHeight;
+      }
+      this.g.drawImage(frame, 0, 0);
+      frame.close();
+      this.frame = null;
+    }
+    const seen = this.silence < GONE_MS;
+    canvas.hidden = !seen;
+    canvas.className = this.silence > SILENT_MS ? "stopped" : "";
+    return seen;
+  }
+}
+
+function confirm(unit) {
+  if (unit.socket.readyState === WebSocket.OPEN) unit.socket.send(String(unit.number));
+}
+
+function cannot() {
+  if (!isSecureContext) return "no picture: browsers decode it on secure pages only (https, or 127.0.0.1)";
+  if (typeof VideoDecoder === "undefined") return "no picture: this browser has no WebCodecs; a newer one has";
+  return "";
+}
+
+// As RFC 6381 names it, from the sequence parameter set of a keyframe.
+function codecOf(data) {
+  for (let k = 0; k + 6 < data.length; k++)
+    if (!data[k] && !data[k + 1] && data[k + 2] === 1 && (data[k + 3] & 31) === 7)
+      return `avc1.${[4, 5, 6].map((j) => data[k + j].toString(16).padStart(2, "0")).join("")}`;
+  return null;
+}
