@@ -56,9 +56,12 @@ class Browser:
         self._base = f"ws://127.0.0.1:{port}"
         self._control = Channel(f"{self._base}{path}")
 
-    def open(self, url: str, size: Size) -> "BrowserPage":
+    def open(self, url: str, size: Size, before: str = "") -> "BrowserPage":
+        """`before`: a script that runs before those of the page."""
         target = self._control.call("Target.createTarget", url="about:blank")["targetId"]
         page = BrowserPage(Channel(f"{self._base}/devtools/page/{target}"), size)
+        if before:
+            page.call("Page.addScriptToEvaluateOnNewDocument", source=before)
         page.go(url)
         return page
 

@@ -52,7 +52,10 @@ def with_picture(services: Registry, choices: Choices, every: Collection[str] = 
     stack = Stack(vehicle=choices.vehicle, overrides=list(choices.set_))
     if find_spec("av") is None:
         why = f"PyAV is not installed, so this dive has no picture; {how_to_install('camera')}"
-    elif SIMULATOR in {*services, *every} or stack.section("camera", CameraSettings).source != SIMULATED:
+    elif (
+        SIMULATOR in {*services, *every}
+        or stack.section("camera", CameraSettings).source != SIMULATED
+    ):
         return services
     else:
         why = "no camera is named, so this dive has no picture: --set camera.source=/dev/video0"

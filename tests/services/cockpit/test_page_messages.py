@@ -62,6 +62,7 @@ AWAY = Access("https", "10.0.0.2", 8767, local=False, token="secret")
         ("/ws/pilot", "127.0.0.1:8767", "https://127.0.0.1:8767", "Origin"),
         ("/ws/watch", "127.0.0.1:8767", "http://127.0.0.1:3000", "Origin"),
         ("/ws/pilot", "127.0.0.1:8767", "null", "Origin"),
+        ("/ws/video", "127.0.0.1:8767", "http://evil.example", "Origin"),
         ("/ws/pilot", "127.0.0.1:8767", None, "Origin"),
         ("/ws/pilot", "evil.example:8767", "http://evil.example:8767", "Host"),  # DNS rebinding
         ("/main.js", "evil.example:8767", None, "Host"),
@@ -84,6 +85,9 @@ def test_only_the_page_itself_may_connect(
         (f"/ws/watch?token={AWAY.watch_token}", ""),
         (f"/ws/pilot?token={AWAY.watch_token}", "token"),
         ("/ws/watch?token=secret", "token"),
+        ("/ws/video?token=secret", ""),
+        (f"/ws/video?token={AWAY.watch_token}", ""),
+        ("/ws/video", "token"),
         ("/ws/pilot?token=", "token"),
         ("/ws/pilot", "token"),
         ("/ws/pilot?token=secre", "token"),

@@ -25,6 +25,7 @@ from services.cockpit.io.access import VARIABLE, access_to
 from services.cockpit.io.server import MOST_CONNECTIONS, MOST_PAGES, MOST_PER_SECOND, PageServer
 from services.cockpit.page_messages import PageAbsence, PageClosed, PageEvent, PageOpened, PageSaid
 from services.cockpit.service import wire
+from services.cockpit.video import PageUnit
 from services.runtime.config.errors import LindyError, NeedsRealTimeError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.virtual_host import VirtualHost
@@ -126,6 +127,37 @@ def test_each_page_gets_its_own_picture_and_a_slow_one_costs_nothing(served: Ser
         served.server.show({2: big})
         served.server.show({1: "still here"})
         assert ann.recv(timeout=PATIENCE_S) == "still here"
+
+
+def test_pages_get_the_picture_and_a_slow_one_costs_nothing_but_its_own(served: Served):
+    units = [PageUnit(n, n % 25 == 1, bytes([n]) * 20_000) for n in range(1, 200)]
+    served.server.show_video(units[0])
+    ann, eve, late = (served.page("/ws/video") for _ in range(3))
+    for page in (ann, eve, late):  # opened after it: what there is since the keyframe
+        assert page.recv(timeout=PATIENCE_S) == units[0].message
+    late.send("0")
+    late.send("garbage")
+    late.send("²")
+    served.until(lambda: served.server.counts["malformed:page"] == 3)
+    late.close()
+    for unit in units[1:]:
+        ann.send(str(unit.number - 1))
+        served.server.show_video(unit)
+        assert ann.recv(timeout=PATIENCE_S) == unit.message
+        time.sleep(0.005)  # eve confirms nothing, for 0.6 s at least
+    assert served.server.counts["dropped:page_video"] > 0
+    assert not served.of(PageOpened)  # it is no page of its own
+
+
+def test_the_picture_holds_up_nothing_else(served: Served):
+    ann, video = served.page(), served.page("/ws/video")
+    served.until(lambda: bool(served.of(PageOpened)))
+    served.server.show_video(PageUnit(1, True, bytes(900_000)))  # nobody reads it
+    for n in range(50):
+        served.server.show({1: str(n)})
+        assert ann.recv(timeout=PATIENCE_S) == str(n)
+    assert served.server.counts["dropped:page"] == 0
+    assert len(video.recv(timeout=PATIENCE_S)) == 900_000
 
 
 def test_foreign_pages_and_other_versions_are_refused(served: Served):
