@@ -37,7 +37,7 @@ export class Hud {
     this.horizon(view, width, height);
     this.heading(view, width);
     this.depth(view, width, height);
-    this.thrusters(view, height);
+    this.thrusters(view, width, height);
     this.attitude(view, width, height);
     g.globalAlpha = 1;
   }
@@ -145,7 +145,7 @@ export class Hud {
 
   depth(view, width, height) {
     const { g, u, c } = this;
-    const x = width - 3.3 * u, y = height / 2 + u, half = Math.min(height * 0.34, 18 * u), span = 5; // [m]
+    const x = width - 3.3 * u, y = height * 0.46, half = Math.min(height * 0.3, 18 * u), span = 5; // [m]
     const perMetre = half / span;
     g.fillStyle = c.panel;
     g.fillRect(x - 1.8 * u, y - half, 4.4 * u, 2 * half);
@@ -169,10 +169,14 @@ export class Hud {
     if (view.depth_wanted !== undefined) this.text(`→ ${view.depth_wanted.toFixed(2)}`, x + 0.4 * u, y + half + 0.8 * u, c.bug);
   }
 
-  thrusters(view, height) {
+  // Beside the heading there is room for the attitude; else it is below.
+  besideHeading(width) { return width > 64 * this.u; }
+
+  thrusters(view, width, height) {
     const { g, u, c } = this;
     const shares = view.thrust ?? [], w = 0.75 * u, gap = 0.3 * u, half = Math.min(5 * u, height * 0.2);
-    const y = height / 2 + u, x0 = 1.2 * u;
+    const x0 = 1.2 * u, middle = height / 2 + u;
+    const y = this.besideHeading(width) ? Math.max(middle, 7.5 * u + half) : Math.min(middle, height - 6 * u - half);
     this.font(0.85);
     this.text("thrust", x0, y - half - 0.9 * u, this.faint, "left");
     if (!shares.length) this.text("–", x0, y, c.warn, "left");
@@ -192,7 +196,7 @@ export class Hud {
     const of = (value) => (value === undefined ? "–" : `${value > 0 ? "+" : ""}${value.toFixed(0)}°`);
     const lines = [["roll", of(view.roll)], ["pitch", of(view.pitch)], ["camera", of(view.tilt)]];
     if (view.heading_wanted !== undefined && height > 28 * u) lines.push(["to", `${view.heading_wanted.toFixed(0)}°`]);
-    const top = width > 64 * u; // there is room beside the heading
+    const top = this.besideHeading(width);
     lines.forEach(([name, value], k) => {
       const at = top ? (2.2 + 1.3 * k) * u : height - (1.2 + 1.25 * (lines.length - k)) * u;
       this.text(`${name} ${value}`, 1.2 * u, at, name === "to" ? c.bug : this.faint, "left");

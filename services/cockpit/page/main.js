@@ -12,8 +12,8 @@ import { TouchStick } from "/touch_stick.js";
 import { Trace } from "/trace.js";
 import { Video } from "/video.js";
 
-const STICKS_MS = 20; // between two messages at most …
-const SOONER_MS = 8; // … and at least, where a stick has moved
+const STICKS_MS = 20; // between two messages
+const MOVED_MS = 8; // between two of a stick that moves; the service takes 250 messages a second
 const SAME_MS = 200; // the same picture is drawn again after this
 const THEMES = ["dark", "bright", "contrast"];
 const $ = (id) => document.getElementById(id);
@@ -55,14 +55,15 @@ $("gain").addEventListener("click", () => {
 });
 
 // Sticks, 50 times a second while the page can be seen, and at once when one has moved.
-let sent = "", sentAt = 0;
+let sent = "", sentAt = 0, movedAt = 0;
 function steer() {
   if (document.hidden || connection.watching) return;
   const sticks = steering.read(GAINS[gain]);
   if (!you().has_sticks) return;
   const now = performance.now(), moved = positions(sticks) !== sent;
-  if (now - sentAt < (moved ? SOONER_MS : STICKS_MS - 1)) return;
+  if (now - (moved ? movedAt : sentAt) < (moved ? MOVED_MS : STICKS_MS - 1)) return;
   [sent, sentAt] = [positions(sticks), now];
+  if (moved) movedAt = now;
   if (sticks) connection.steer(sticks);
   else if (!gone) connection.absent("unplugged");
   gone = !sticks;

@@ -1,7 +1,7 @@
 // The service's clock, as far as it can be known from here: texts say when they were sent, and the
 // fastest of the last seconds took half of the shortest way there and back.
 
-const SPAN_MS = 10000;
+const SPAN_MS = 3000;
 
 export class ServiceClock {
   constructor() { this.forget(); }

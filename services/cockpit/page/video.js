@@ -1,6 +1,8 @@
 // The drone's picture, over a WebSocket of its own: access units → WebCodecs → canvas. The newest
 // wins. Its age is counted from the light on, and a picture that is old does not look live.
 
+import { stripeRows } from "/stripe.js";
+
 const VERSION = 1, KEYFRAME = 1, HEADER = 16; // of a message, see services/cockpit/video.py
 const RETRY_MS = 700;
 const OLD_MS = 500; // age from which on it is said
@@ -77,6 +79,7 @@ export class Video {
       error: (error) => decoder === this.decoder && this.fail(error),
     });
     this.decoder = decoder;
+    this.anew = true; // it may be another camera
     decoder.configure({ codec, optimizeForLatency: true });
   }
 
@@ -124,6 +127,8 @@ export class Video {
         canvas.width = frame.displayWidth;
         canvas.height = frame.displayHeight;
       }
+      if (this.anew) canvas.style.objectViewBox = `inset(${stripeRows(frame)}px 0 0 0)`;
+      this.anew = false;
       this.g.drawImage(frame, 0, 0);
       frame.close();
       this.frame = null;

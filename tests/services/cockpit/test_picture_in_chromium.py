@@ -47,7 +47,8 @@ READ = """(() => {
     const x = (k % 32) * 16 + 8, y = (k >> 5) * 8 + 4;
     return pixels[4 * (y * 512 + x)] > 127 ? 1 : 0;
   });
-  const bytes = Array.from({ length: 8 }, (_, k) => parseInt(bits.slice(8 * k, 8 * k + 8).join(''), 2));
+  const bytes = Array.from({ length: 8 },
+    (_, k) => parseInt(bits.slice(8 * k, 8 * k + 8).join(''), 2));
   let crc = 0xffff;
   for (const byte of bytes.slice(0, 6)) {
     crc ^= byte << 8;

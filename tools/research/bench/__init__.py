@@ -27,6 +27,7 @@ SECTIONS = {
     "transport": "tools.research.bench.transport",
     "mavlink": "tools.research.bench.mavlink",
     "camera": "tools.research.bench.camera",
+    "cockpit": "tools.research.bench.cockpit",
     "busy": "tools.research.bench.busy",
     "ardusub": "tools.research.bench.ardusub",
 }
