@@ -46,13 +46,13 @@ OVERFLOWS = """
 
 
 class Flight:
-    def __init__(self, exits: ExitStack) -> None:
+    def __init__(self, exits: ExitStack, *, camera: bool = False) -> None:
         with socket.create_server(("127.0.0.1", 0)) as free:
             port = free.getsockname()[1]
         assert PROGRAM is not None
         self.commands: list[PilotCommand] = []
         self.statuses: list[VehicleStatus] = []
-        self.dive = exits.enter_context(CockpitDive(port))
+        self.dive = exits.enter_context(CockpitDive(port, camera=camera))
         observer = self.dive.host.node("observer", ["drone"])
         observer.each(topics.PILOT_COMMAND, lambda m, _: self.commands.append(m))
         observer.each(topics.STATUS, lambda m, _: self.statuses.append(m))
@@ -76,9 +76,18 @@ def flight() -> Iterator[Flight]:
         yield Flight(exits)
 
 
-def test_a_phone_arms_dives_by_thumb_stops_and_is_lost_when_it_is_locked(flight: Flight):
+@pytest.fixture
+def filmed_flight() -> Iterator[Flight]:
+    pytest.importorskip("av", reason="the extra camera is not installed")
+    with ExitStack() as exits:
+        yield Flight(exits, camera=True)
+
+
+def test_a_phone_arms_dives_by_thumb_stops_and_is_lost_when_it_is_locked(filmed_flight: Flight):
+    flight = filmed_flight
     page = flight.page(PHONE)
     arm(page)
+    page.wait("!document.getElementById('picture').hidden")
     assert page.look(OVERFLOWS) == ""
     left = page.middle("#left")
     page.touch("touchStart", left)

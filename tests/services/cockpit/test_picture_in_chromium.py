@@ -180,9 +180,9 @@ def test_a_picture_that_stops_is_marked_then_vanishes_and_comes_back(browser: Br
     page.wait(FRESH)
     film.running = False
     page.wait("document.getElementById('picture').className === 'stopped'")
-    assert "no picture for" in page.look(WORDS)
+    page.wait(f"{WORDS}.includes('no picture for')")
     page.wait(f"!({SEEN})")
-    assert "no picture for" in page.look(WORDS)
+    page.wait(f"{WORDS}.includes('no picture for')")
     film.roll()
     page.wait(FRESH)
     film.broken = True

@@ -14,7 +14,7 @@ from services.runtime.hosts.service_module import own_services
 from services.runtime.hosts.virtual_host import VirtualHost
 from tools.checks import known_tables
 from tools.choices import Choices
-from tools.live.cockpit import with_cockpit
+from tools.live.cockpit import with_cockpit, with_picture
 from tools.live.piloted_dive import who_flies
 
 NUMBERS = count()
@@ -66,7 +66,8 @@ def test_a_ground_station_may_be_the_pilot_in_place_of_the_gamepad() -> None:
     with pytest.raises(LindyError, match="a ground station flies in the stack mavlink"):
         who_flies(Choices(stack="mavlink", pilot="keyboard"), mavlink)
     cockpit = Registry.read("cockpit")
-    assert set(simulated) ^ set(cockpit) == {"gamepad", "cockpit"}
+    picture = {"camera", "camera_monitor"}
+    assert set(simulated) ^ set(cockpit) == {"gamepad", "cockpit"} | picture
     cockpit.require_whole()
     with pytest.raises(LindyError, match="a browser flies in the stack cockpit"):
         who_flies(Choices(stack="cockpit", pilot="keyboard"), cockpit)
@@ -74,10 +75,50 @@ def test_a_ground_station_may_be_the_pilot_in_place_of_the_gamepad() -> None:
     assert dict(added) == dict(cockpit) | dict(added)
     assert who_flies(Choices(), added).name == "cockpit"
     beside = with_cockpit(simulated, "keyboard")
-    assert set(beside) == {*simulated, "cockpit"}
-    assert with_cockpit(cockpit, "keyboard") is cockpit
+    assert set(beside) == {*simulated, "cockpit"} | picture
+    assert dict(with_cockpit(cockpit, "keyboard")) == dict(cockpit)
     both = {**simulated, "mavlink": mavlink["mavlink"]}
     assert who_flies(Choices(pilot="keyboard"), both).name == "keyboard"
+
+
+DEVICE = Choices(set_=("camera.source=/dev/video0",))
+
+
+@pytest.mark.parametrize(
+    ("stack", "choices", "has_av", "sentence"),
+    [
+        ("simulated", Choices(), True, ""),
+        ("simulated", Choices(), False, "PyAV is not installed, so this dive has no picture; in"),
+        ("ardusub", Choices(), True, "no camera is named, so this dive has no picture: --set cam"),
+        ("ardusub", DEVICE, True, ""),
+        ("ardusub", DEVICE, False, "PyAV is not installed"),
+    ],
+)
+def test_a_cockpit_has_a_picture_where_there_can_be_one_and_else_says_why(
+    stack: str,
+    choices: Choices,
+    has_av: bool,
+    sentence: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr("tools.live.cockpit.find_spec", lambda _: object() if has_av else None)
+    whole = with_cockpit(Registry.read(stack), None)
+    flown = with_picture(whole, choices)
+    said = capsys.readouterr().out
+    assert said.count("\n") == bool(sentence)
+    assert said.startswith(sentence)
+    without = set() if not sentence else {"camera", "camera_monitor"}
+    assert set(flown) == set(whole) - without
+    flown.require_whole()
+
+
+def test_a_stack_with_a_camera_and_no_cockpit_is_left_as_it_is(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("tools.live.cockpit.find_spec", lambda _: None)
+    camera = Registry.read("camera")
+    assert with_picture(camera, Choices()) is camera
 
 
 @pytest.mark.parametrize(
