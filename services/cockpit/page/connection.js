@@ -5,6 +5,7 @@ import { ServiceClock } from "/service_clock.js";
 const RETRY_MS = 700;
 const DEAD_MS = 3000; // without a picture: the connection is opened anew
 const CONFIRM_EVERY = 5; // pictures
+const ON_THE_WAY = 300; // [B] about one message
 const OLD_PAGE = 4001;
 
 export class Connection {
@@ -63,9 +64,12 @@ export class Connection {
     }
   }
 
-  // Sticks are left out while older ones have not left yet; they come again in 20 ms.
+  // Sticks are left out while older ones have not left yet: one message may be on its way from the
+  // page to the browser's network. Returns whether they were sent.
   steer(fields) {
-    if (this.socket.bufferedAmount === 0) this.send("sticks", fields);
+    if (this.socket.bufferedAmount > ON_THE_WAY) return false;
+    this.send("sticks", fields);
+    return true;
   }
 
   wish(what, hold) {

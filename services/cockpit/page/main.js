@@ -62,11 +62,11 @@ function steer() {
   if (!you().has_sticks) return;
   const now = performance.now(), moved = positions(sticks) !== sent;
   if (now - (moved ? movedAt : sentAt) < (moved ? MOVED_MS : STICKS_MS - 1)) return;
+  if (sticks && !connection.steer(sticks)) return;
+  if (!sticks && !gone) connection.absent("unplugged");
+  gone = !sticks;
   [sent, sentAt] = [positions(sticks), now];
   if (moved) movedAt = now;
-  if (sticks) connection.steer(sticks);
-  else if (!gone) connection.absent("unplugged");
-  gone = !sticks;
 }
 const positions = (sticks) => sticks && [sticks.surge, sticks.sway, sticks.heave, sticks.yaw, sticks.tilt].join();
 setInterval(steer, STICKS_MS / 2); // a pad tells nobody that it has moved

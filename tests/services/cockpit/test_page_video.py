@@ -1,4 +1,4 @@
-"""Which of the camera's pictures a page is sent: whatever is lost or slow, it can decode them all."""
+"""Which of the camera's pictures a page is sent: whatever is lost or slow, it can decode them."""
 
 from typing import NamedTuple
 
@@ -44,8 +44,8 @@ def parts_of(sent: list[Sent]) -> list[VideoPart]:
     for number, picture in enumerate(sent):
         for part in range(picture.parts):
             message = VideoPart(
-                seq=len(arriving), stamp_ns=1000 + number * 40 * MS, picture=number, keyframe=picture.keyframe,
-                part=part, parts=picture.parts, width=64, height=64, captured_ns=0, encoded_ns=0,
+                seq=len(arriving), stamp_ns=1000 + number * 40 * MS, picture=number,
+                keyframe=picture.keyframe, part=part, parts=picture.parts, width=64, height=64, captured_ns=0, encoded_ns=0,
                 budget_kbit=100.0, data=bytes([number, part]),
             )  # fmt: skip
             arriving.append(None if part in picture.lost else message)
