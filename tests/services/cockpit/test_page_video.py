@@ -45,7 +45,8 @@ def parts_of(sent: list[Sent]) -> list[VideoPart]:
         for part in range(picture.parts):
             message = VideoPart(
                 seq=len(arriving), stamp_ns=1000 + number * 40 * MS, picture=number,
-                keyframe=picture.keyframe, part=part, parts=picture.parts, width=64, height=64, captured_ns=0, encoded_ns=0,
+                keyframe=picture.keyframe, part=part, parts=picture.parts,
+                width=64, height=64, captured_ns=0, encoded_ns=0,
                 budget_kbit=100.0, data=bytes([number, part]),
             )  # fmt: skip
             arriving.append(None if part in picture.lost else message)

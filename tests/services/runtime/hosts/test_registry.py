@@ -102,21 +102,22 @@ def test_a_cockpit_has_a_picture_where_there_can_be_one_and_else_says_why(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr("tools.live.cockpit.find_spec", lambda _: object() if has_av else None)
+    spec = object() if has_av else None
+    monkeypatch.setattr("tools.live.cockpit.find_spec", {"av": spec}.get)
     whole = with_cockpit(Registry.read(stack), None)
     flown = with_picture(whole, choices)
     said = capsys.readouterr().out
     assert said.count("\n") == bool(sentence)
     assert said.startswith(sentence)
-    without = set() if not sentence else {"camera", "camera_monitor"}
-    assert set(flown) == set(whole) - without
+    left_out = {"camera", "camera_monitor"} if sentence else set[str]()
+    assert set(flown) == set(whole) - left_out
     flown.require_whole()
 
 
 def test_a_stack_with_a_camera_and_no_cockpit_is_left_as_it_is(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("tools.live.cockpit.find_spec", lambda _: None)
+    monkeypatch.setattr("tools.live.cockpit.find_spec", {"av": None}.get)
     camera = Registry.read("camera")
     assert with_picture(camera, Choices()) is camera
 
