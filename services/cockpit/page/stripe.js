@@ -4,7 +4,7 @@
 const COLUMNS = 32, ROWS = 2, WIDTH = 16, HEIGHT = 8; // blocks, and their size [px]
 const BLACK = 60, WHITE = 195;
 
-// How many rows [px] of a picture are such a stripe.
+// How many rows [px] of a picture are such a stripe, with those that the codec blurs into it.
 export function stripeRows(frame) {
   const width = COLUMNS * WIDTH, height = ROWS * HEIGHT;
   if (frame.displayWidth < width || frame.displayHeight < 4 * height) return 0;
@@ -18,5 +18,5 @@ export function stripeRows(frame) {
       black += level < BLACK;
       white += level > WHITE;
     }
-  return black && white && black + white === COLUMNS * ROWS ? height : 0;
+  return black && white && black + white === COLUMNS * ROWS ? height + 2 : 0;
 }
