@@ -47,7 +47,7 @@ export function show(connection, you, view, steeredBy) {
   put("age", old === undefined ? `state ${UNKNOWN}` : `state ${seconds(old / 1000)}`, old > OLD_MS ? "old" : "");
   alarm("lost", connection.words ? `${connection.words}${connection.watching ? "" : ": pilot lost"}` : you.lost && `pilot lost: ${you.lost}`);
   alarm("failsafe", failsafe(view));
-  alarm("note", notes(view));
+  alarm("note", notes(you, view));
   lines(view.lines ?? []);
   return old === undefined || old > OLD_MS || Boolean(connection.words);
 }
@@ -67,9 +67,10 @@ function failsafe(view) {
   return `${view.words || plain(view.failsafe)}${next}`;
 }
 
-function notes(view) {
+function notes(you, view) {
   const silent = view.silent_s === undefined ? "" : `no status from the drone for ${view.silent_s.toFixed(1)} s`;
-  return [silent, view.alarm && `link: ${view.alarm}`, view.note].filter(Boolean).join(" · ");
+  const rest = you.wants_rest ? "centre the sticks: until then they move nothing" : "";
+  return [rest, silent, view.alarm && `link: ${view.alarm}`, view.note].filter(Boolean).join(" · ");
 }
 
 let shown = "";
