@@ -1,4 +1,4 @@
-"""Ctrl-C, SIGTERM, a closed terminal: the first ends the dive, and no report is lost by accident."""
+"""Ctrl-C, SIGTERM, a closed terminal: the first ends the dive; no report is lost by accident."""
 
 import io
 import os
