@@ -2,7 +2,7 @@
 // flies by them, so they are not shown. Other cameras' pictures have none.
 
 const COLUMNS = 32, ROWS = 2, WIDTH = 16, HEIGHT = 8; // blocks, and their size [px]
-const BLACK = 60, WHITE = 195;
+const BLACK = 80, WHITE = 175;
 
 // How many rows [px] of a picture are such a stripe, with those that the codec blurs into it.
 export function stripeRows(frame) {

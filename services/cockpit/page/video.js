@@ -79,7 +79,7 @@ export class Video {
       error: (error) => decoder === this.decoder && this.fail(error),
     });
     this.decoder = decoder;
-    this.anew = true; // it may be another camera
+    this.stripe = 0; // [px] rows at the top that are for machines, once they were found
     decoder.configure({ codec, optimizeForLatency: true });
   }
 
@@ -89,6 +89,7 @@ export class Video {
     const unit = this.underWay[at];
     this.underWay.splice(0, at + 1);
     confirm(unit);
+    if (unit.keyframe && !this.stripe) this.stripe = stripeRows(frame);
     this.frame?.close();
     this.frame = frame;
     this.light = unit.light;
@@ -127,8 +128,7 @@ export class Video {
         canvas.width = frame.displayWidth;
         canvas.height = frame.displayHeight;
       }
-      if (this.anew) canvas.style.objectViewBox = `inset(${stripeRows(frame)}px 0 0 0)`;
-      this.anew = false;
+      canvas.style.objectViewBox = `inset(${this.stripe}px 0 0 0)`;
       this.g.drawImage(frame, 0, 0);
       frame.close();
       this.frame = null;

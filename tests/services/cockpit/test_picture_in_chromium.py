@@ -166,6 +166,8 @@ def test_the_shown_age_is_that_of_the_light_on_the_canvas(
     page.wait(FRESH)
     page.look(INSIDE)
     page.wait("window.video")
+    # On the canvas for machines, and not shown to people.
+    assert "18px" in page.look("document.getElementById('picture').style.objectViewBox")
     least, most, shown = ages(page)
     assert least >= late_ms
     assert least - FRAME_MS <= shown <= most + FRAME_MS
