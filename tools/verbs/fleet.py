@@ -75,6 +75,15 @@ def router_config(
             "25 times a second; repeatable",
         ),
     ] = (),
+    drone: Annotated[
+        tuple[str, ...],
+        Parameter(
+            negative=(),
+            show_default=False,
+            help="name of a drone that --thin thins, besides those whom this router's keys let "
+            "in; repeatable",
+        ),
+    ] = (),
     out: Annotated[
         Path | None, Parameter(converter=named, help="a new file, *.json5; default: printed")
     ] = None,
@@ -89,4 +98,6 @@ def router_config(
     """
     from tools.fleet.router import write_router_config
 
-    return write_router_config(listen, connect, out, thin=thin, keys=keys, insecure=insecure)
+    return write_router_config(
+        listen, connect, out, thin=thin, drones=drone, keys=keys, insecure=insecure
+    )
