@@ -56,6 +56,30 @@ def drones(
     return drones(router, "--router", as_json=json, keys=keys, insecure=insecure)
 
 
+def fleet(
+    *,
+    router: Meet = HERE,
+    keys: KeysFolder = None,
+    insecure: Insecure = False,
+    json: Annotated[
+        bool, Parameter(negative=(), show_default=False, help="a line of JSON every second")
+    ] = False,
+    seconds: Annotated[
+        float | None, Parameter(show_default=False, help="end after so long; default: Ctrl-C")
+    ] = None,
+) -> int:
+    """Show all drones that can be reached: mode, depth, heading, battery, link, who flies, alarms.
+
+    On a terminal one screen; elsewhere a line for each drone whenever its mode, its pilot or its
+    alarms change. `link` is the time since the drone was last heard, and what was lost since.
+
+    Example: lindy fleet --router tls/192.168.2.1:7447
+    """
+    from tools.fleet.fleet import fleet
+
+    return fleet(router, "--router", json=json, keys=keys, insecure=insecure, seconds=seconds)
+
+
 def router_config(
     *,
     listen: Annotated[
