@@ -80,6 +80,42 @@ def fleet(
     return fleet(router, "--router", json=json, keys=keys, insecure=insecure, seconds=seconds)
 
 
+def record(
+    *,
+    router: Meet = HERE,
+    out: Annotated[
+        Path | None,
+        Parameter(
+            converter=named,
+            help="folder for the recordings, one folder each; default: dives/ and the time (UTC)",
+        ),
+    ] = None,
+    drone: Annotated[
+        tuple[str, ...],
+        Parameter(
+            negative=(), show_default=False, help="record this one only; repeatable; default: all"
+        ),
+    ] = (),
+    keys: KeysFolder = None,
+    insecure: Insecure = False,
+    seconds: Annotated[
+        float | None, Parameter(show_default=False, help="end after so long; default: Ctrl-C")
+    ] = None,
+) -> int:
+    """Record every drone that can be reached: all that leaves it but its video, a file for each.
+
+    Each file is a recording like any other, of which `lindy log cut` cuts a dive out. Exit status
+    3: something that came is in none of them.
+
+    Example: lindy record --router tls/192.168.2.1:7447 --out dives/class
+    """
+    from tools.fleet.record import record
+
+    return record(
+        router, "--router", out=out, only=drone, keys=keys, insecure=insecure, seconds=seconds
+    )
+
+
 def router_config(
     *,
     listen: Annotated[

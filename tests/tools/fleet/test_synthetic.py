@@ -51,7 +51,8 @@ def test_rows_are_as_long_as_those_of_a_real_dive() -> None:
         lengths.setdefault(entry.key, []).append(len(payload))
     compared = 0
     for stream in said_by("drone", "x"):
-        if (known := lengths.get(row_of(stream.topic.key))) is not None:
+        known = lengths.get(row_of(stream.topic.key))
+        if known is not None and stream.hz > 1.0:  # the others weigh nothing
             ours = len(msgspec.msgpack.encode(stream.example))
             assert 0.65 < ours / mean(known) < 1.5, stream.topic.key
             compared += 1
