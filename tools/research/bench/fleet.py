@@ -198,12 +198,13 @@ def _changed_and_restarted(folder: Path) -> Iterator[Figure]:
         wait_until(lambda: statuses.flown(names[:1], 0.0), "the first drone to be flown")
         began = time.monotonic()
         first.end()
+        ended = time.monotonic() - began
         second = begin_pilot(routers, folder / "second", names[1], PILOT, exits)
         wait_until(lambda: statuses.flown(names[1:], began), "the other drone to be flown")
         yield Figure(
             section=SECTION, name="change of drone, to the first command in force", unit="s",
             ours=time.monotonic() - began, baseline_name="goal", baseline=CHANGE_S, goal=1.0,
-            note="the topside is ended and another one started",
+            note=f"one topside is ended, in {ended:.1f} s, and another one started",
         )  # fmt: skip
         again = begin_pilot(routers, folder / "again", names[0], PILOT, exits)
         wait_until(lambda: statuses.flown(names, time.monotonic() - 1.0), "both to be flown")

@@ -12,7 +12,7 @@ from tools.research.bench.processes import spent_s
 from tools.research.scale.model import Join, Point
 
 FLEETS = ((1, 1.0), (2, 1.0), (4, 1.0), (8, 1.0), (12, 1.0), (4, 4.0), (8, 3.0), (12, 3.0))
-JOINING = (5, 10, 20, 40, 80)
+JOINING = (10, 20, 40, 80, 120, 160)
 SETTLE_S, WINDOW_S = 2.0, 6.0
 SLOW = 0.01  # times the table's rates: drones that only are there
 

@@ -202,4 +202,78 @@ def _minutes(seconds: float) -> str:
     return f"{seconds:.0f} s" if seconds < 120.0 else f"{seconds / 60.0:.0f} min"
 
 
-HEADING = """PLACEHOLDER"""
+HEADING = """# How many drones a network carries
+
+Written by `make docs` from `tools/research/scale`; do not edit. `python -m tools.research.scale` prints it,
+`--measure` measures the points anew.
+
+## What a drone sends
+
+From the topic table: the rows that the other side asks for, at their rates. A row that nobody asks for is not
+sent. Without video, which is 1 to 8 Mbit/s more for each picture that is watched ([camera.md](camera.md)).
+
+{traffic}
+
+## The model
+
+Two straight lines: a router needs so much of a core for each message that it passes on, and a link carries the
+payload and so many bytes more for each message. A message that crosses three routers is counted at each.
+
+{model}
+
+Both are fitted, by least squares of relative errors, to every second of the points below, ordered by their load.
+They were measured with synthetic drones and pilots (`python -m tools.fleet.synthetic_fleet`) on two routers, each
+a Python process with Zenoh's router and one thread, on {where}. Each drone and each
+pilot has a hub of its own, as real ones have. `× rates`: times the table's rates. `link` is the one between both
+routers, as the operating system counts its bytes in both directions, without TCP's and IP's headers. The delay is
+from a drone to its pilot through both routers; on a busy computer its 99th percentile is that of the processes.
+
+Fitted to:
+
+{fitted}
+
+Checked on, and not fitted to:
+
+{checked}
+
+## Read off
+
+Ten drones at the router of their site, 25 pilots at a router of the centre, core routers between them that take
+half a core each at most, and two who watch all with `lindy fleet`. Every drone is flown. Routers are those of the
+model, with one thread; zenohd has more.
+
+{fleets}
+
+With every site's link thinned (`lindy router-config --thin`):
+
+{thinned}
+
+One router that takes a whole core passes on {capacity} messages a second, by extrapolation: some {drones} drones
+with their pilots. A site's link, not its router, is what limits a site.
+
+## Drones that join
+
+Every drone's hub and every pilot's is a Zenoh router, and each of them learns of each other one.
+
+{joins}
+
+The routers' time grows with the power {exponent} of the number of drones that join at once. By extrapolation
+a router that comes back costs both routers {hundred} of a core for 100 drones, and {thousand} for 1,000.
+
+## What breaks first
+
+1. **The uplink of a site.** Ten flown drones are some 14 Mbit/s: more than LTE carries upwards in most places. Thinned
+   they are below 4 Mbit/s. Commands are never thinned; they are small.
+2. **Who records everything** (`lindy record`): at 100 drones it writes some 42,000 messages a second, and Python
+   records about 10,000 on a core. Several of them share the drones (`--drone`), or each drone records on board and
+   its files are fetched after the dive, which is what Lindy does without being asked.
+3. **All who join again at once**, after the failure of a core router: see above. Sites of ten that meet at a few core
+   routers keep each router's list of hubs short only if the hubs connect as clients, which they do not yet.
+4. **A core router**: 1,000 drones need several, between which Zenoh does not balance the load; who connects
+   where is in the routers' files.
+
+Not what breaks: who watches all (`lindy fleet`), which asks for three slow rows; and the routers of sites and centre.
+
+Not measured: more than two routers in a row, other computers' network cards, TLS (it adds its own cost to every
+message), 1,000 real hubs.
+"""
