@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 from tools.research.scale.__main__ import PAGE
 from tools.research.scale.model import (
-    Join,
     Model,
     Plan,
     Point,
@@ -17,7 +16,7 @@ from tools.research.scale.model import (
     halves,
     load,
 )
-from tools.research.scale.page import join_exponent, join_s, measured, page
+from tools.research.scale.page import measured, page
 from tools.research.scale.traffic import Traffic, flown, watched
 
 POSITIVE = st.floats(1e-4, 1e2)
@@ -80,13 +79,6 @@ def test_a_thinned_link_carries_less_up_and_who_watches_hears_little() -> None:
     up, thin = flown("drone"), flown("drone", thinned=True)
     assert thin.messages_hz < up.messages_hz / 3
     assert watched().messages_hz < up.messages_hz / 50
-
-
-@given(st.floats(0.5, 3.0), st.floats(0.01, 1.0))
-def test_the_power_of_joining_is_found(exponent: float, start: float) -> None:
-    joins = [Join(n, 1.0, start * n**exponent, 0.1) for n in (5, 10, 40)]
-    assert join_exponent(joins) == pytest.approx(exponent)
-    assert join_s(joins, 100) == pytest.approx(start * 100**exponent)
 
 
 def test_the_page_is_written_from_the_points() -> None:

@@ -18,6 +18,8 @@ import numpy as np
 
 from tools.research.scale.traffic import Traffic
 
+JOIN_S = 30.0  # [s] that joining may take
+
 
 class Point(msgspec.Struct, frozen=True):
     """One measurement: so many synthetic drones and pilots on two routers."""
@@ -36,7 +38,7 @@ class Join(msgspec.Struct, frozen=True):
     """One measurement: so many drones that join at once."""
 
     drones: int
-    seconds: float  # until all were known at the other router
+    seconds: float | None  # until all were known at the other router; None: not in `JOIN_S`
     router_s: float  # [s] of processor time of both routers meanwhile
     idle_cores: float  # of both, afterwards, while nobody says anything
 
