@@ -23,7 +23,7 @@ from messages.topic import Side
 from services.runtime.bus.access_control import HubSide
 from services.runtime.bus.envelope import Envelope
 from services.runtime.bus.spaces import here_key, namespace
-from services.runtime.bus.zenoh_bus import ZenohBus, announce_here, listening
+from services.runtime.bus.zenoh_bus import ZenohBus, announce_here, connected, listening
 from services.runtime.config.identity import messages_hash
 from tools.fleet.synthetic import ASKED, TICK_HZ, due, said, said_by
 
@@ -54,12 +54,19 @@ class SyntheticSide:
     """One drone, or the topside of one."""
 
     def __init__(
-        self, side: Side, name: str, router: str, folder: str, heard: Heard, exits: ExitStack
+        self, side: Side, name: str, router: str, folder: str | None, heard: Heard, exits: ExitStack
     ) -> None:
+        """
+        Args:
+            folder: for the private socket of its hub; None: it has no hub, and is a client itself.
+        """
         space = namespace(name)
-        private = f"unixsock-stream/{folder}/{name}.sock"
-        border = HubSide(side, space)
-        session = exits.enter_context(listening(private, connect=[router], hub_side=border))
+        if folder is None:
+            session = exits.enter_context(connected(router, None))
+        else:
+            private = f"unixsock-stream/{folder}/{name}.sock"
+            border = HubSide(side, space)
+            session = exits.enter_context(listening(private, connect=[router], hub_side=border))
         self._here = announce_here(session, here_key(space, side, secrets.token_hex(8)))
         self._bus = ZenohBus(session)
         self.streams = said_by(side, name, messages=messages_hash(topics.ALL))
@@ -80,13 +87,21 @@ class SyntheticSide:
         return sent
 
 
-def run(side: Side, router: str, names: Sequence[str], seconds: float, speed: float) -> None:
-    """Speak until the time is over, or standard input is closed."""
+def run(
+    side: Side, router: str, names: Sequence[str], seconds: float, speed: float, *, hubs: bool
+) -> None:
+    """Speak until the time is over, or standard input is closed.
+
+    Args:
+        hubs: each has a hub, as real ones have.
+    """
     heard = Heard()
     with tempfile.TemporaryDirectory(prefix="lindy-") as folder, ExitStack() as exits:
         with ThreadPoolExecutor(len(names)) as pool:  # each takes half a second to join
             joining = [
-                pool.submit(SyntheticSide, side, name, router, folder, heard, exits)
+                pool.submit(
+                    SyntheticSide, side, name, router, folder if hubs else None, heard, exits
+                )
                 for name in names
             ]
             sides = [each.result() for each in joining]
@@ -133,10 +148,11 @@ def main(words: Sequence[str]) -> None:
     parser.add_argument("--first", type=int, default=0, help="number of the first of them")
     parser.add_argument("--seconds", type=float, default=float("inf"))
     parser.add_argument("--speed", type=float, default=1.0, help="times the table's rates")
+    parser.add_argument("--clients", action="store_true", help="clients instead of hubs")
     args = parser.parse_args(words)
     names = [f"synthetic{number}" for number in range(args.first, args.first + args.count)]
     side: Side = "drone" if args.who == "drones" else "topside"
-    run(side, args.router, names, args.seconds, args.speed)
+    run(side, args.router, names, args.seconds, args.speed, hubs=not args.clients)
 
 
 if __name__ == "__main__":

@@ -94,10 +94,20 @@ class Synthetic:
     """A process with synthetic drones, or their pilots."""
 
     def __init__(
-        self, who: str, router: str, count: int, exits: ExitStack, speed: float = 1.0
+        self,
+        who: str,
+        router: str,
+        count: int,
+        exits: ExitStack,
+        speed: float = 1.0,
+        *more: str,
     ) -> None:
+        """
+        Args:
+            more: options of `tools.fleet.synthetic_fleet`.
+        """
         command = [*PYTHON, "tools.fleet.synthetic_fleet", who, "--router", router]
-        command += ["--count", str(count), "--speed", f"{speed:g}"]
+        command += ["--count", str(count), "--speed", f"{speed:g}", *more]
         pipe = subprocess.PIPE
         self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True)
         exits.callback(_end, self._process)

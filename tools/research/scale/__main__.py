@@ -27,7 +27,7 @@ def main(words: Sequence[str]) -> None:
         found = Measured(
             f"{len(os.sched_getaffinity(0))} cores, load {load:.1f} from others at the start",
             [measured_point(*fleet) for fleet in FLEETS],
-            [measured_join(drones) for drones in JOINING],
+            [measured_join(*joining) for joining in JOINING],
         )
         POINTS.write_bytes(msgspec.json.format(msgspec.json.encode(found), indent=1) + b"\n")
     if args.write:

@@ -18,8 +18,9 @@ from tools.research.bench.processes import spent_s
 from tools.research.scale.model import JOIN_S, Join, Point
 
 FLEETS = ((1, 1.0), (2, 1.0), (4, 1.0), (8, 1.0), (12, 1.0), (4, 4.0), (8, 3.0), (12, 3.0))
-JOINING = (10, 20, 40, 80, 120)
-SETTLE_S, WINDOW_S = 2.0, 6.0
+JOINING = (*((n, False) for n in (10, 20, 40, 60, 80, 120)), (120, True), (240, True))
+SETTLE_S, WINDOW_S, REST_S = 2.0, 6.0, 3.0
+PROCESSES = 4  # that the drones share which join
 SLOW = 0.01  # times the table's rates: drones that only are there
 
 
@@ -49,13 +50,16 @@ def measured_point(drones: int, speed: float) -> Point:
     )
 
 
-def measured_join(drones: int) -> Join:
+def measured_join(drones: int, clients: bool) -> Join:
     """Drones that join at once, and say next to nothing."""
+    each = drones // PROCESSES
     with ExitStack() as exits:
         routers = _routers(exits)
         pids = {name: process.pid for name, process in routers.processes.items()}
         before, began = _spent_s(pids), time.monotonic()
-        Synthetic("drones", routers.drones, drones, exits, SLOW)
+        for first in range(0, drones, each):
+            more = ["--first", str(first), *(["--clients"] if clients else [])]
+            Synthetic("drones", routers.drones, min(each, drones - first), exits, SLOW, *more)
         while (joined := len(who_is_there(routers.pilots))) < drones:
             if time.monotonic() - began > JOIN_S:
                 break
@@ -63,7 +67,7 @@ def measured_join(drones: int) -> Join:
         seconds = time.monotonic() - began if joined == drones else None
         spent = _spent_s(pids) - before
         time.sleep(SETTLE_S)
-        return Join(drones, seconds, spent, routers.costs(WINDOW_S).cpu / 100.0)
+        return Join(drones, clients, seconds, spent, routers.costs(REST_S).cpu / 100.0)
 
 
 def wire_bytes(endpoint: str) -> int | None:

@@ -38,6 +38,7 @@ class Join(msgspec.Struct, frozen=True):
     """One measurement: so many drones that join at once."""
 
     drones: int
+    clients: bool  # they are Zenoh clients of the router; False: routers, as hubs are
     seconds: float | None  # until all were known at the other router; None: not in `JOIN_S`
     router_s: float  # [s] of processor time of both routers meanwhile
     idle_cores: float  # of both, afterwards, while nobody says anything

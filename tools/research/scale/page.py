@@ -131,10 +131,11 @@ def _number(bytes_hz: float | None) -> str:
 
 def _joins(joins: Sequence[Join]) -> str:
     return _table(
-        "| drones that join at once | known after s | both routers, s of a core | idle, % |",
+        "| drones that join at once | their hubs | known after s | both routers, core s | idle, % |",
         (
             (
                 f"{join.drones}",
+                "clients" if join.clients else "routers, as they are",
                 f"not within {JOIN_S:.0f}" if join.seconds is None else f"{join.seconds:.1f}",
                 f"{join.router_s:.2f}",
                 f"{100 * join.idle_cores:.1f}",
