@@ -18,35 +18,35 @@ COLOURS = (
 )  # of the drones, one after the other
 
 
-class Pose(NamedTuple):
+class TrackPose(NamedTuple):
     time: int  # [ns] UTC
     position: Vec3  # [m] NED
     attitude: Quaternion  # [-] q_NB as w, x, y, z
 
 
-class Track(NamedTuple):
+class FlownTrack(NamedTuple):
     """The way of one drone."""
 
     name: str
     size: Vec3  # [m] of its hull: length, width, height
-    poses: list[Pose]
+    poses: list[TrackPose]
 
 
-def track(name: str, vehicle: Vehicle, said: Iterable[tuple[int, Message]]) -> Track:
+def track(name: str, vehicle: Vehicle, said: Iterable[tuple[int, Message]]) -> FlownTrack:
     """
     Args:
         said: time [ns] UTC and message, in their order.
     """
-    scene, poses, due = Scene(vehicle), list[Pose](), 0
+    scene, poses, due = Scene(vehicle), list[TrackPose](), 0
     for time, message in said:
         scene.hear(message)
         if time < due:
             continue
         if (frame := scene.frame(0)) is not None:
             due = time + STEP_NS
-            poses.append(Pose(time, frame.position, frame.attitude))
+            poses.append(TrackPose(time, frame.position, frame.attitude))
     length, width, height = vehicle.size
-    return Track(name, (length, width, height), poses)
+    return FlownTrack(name, (length, width, height), poses)
 
 
 def entity(name: str) -> str:
@@ -55,7 +55,7 @@ def entity(name: str) -> str:
     return f"world/{kept or '_'}"
 
 
-def entities(tracks: Iterable[Track]) -> list[str]:
+def entities(tracks: Iterable[FlownTrack]) -> list[str]:
     """Of each, and no two the same."""
     found: list[str] = []
     for each in tracks:

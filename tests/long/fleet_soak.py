@@ -141,7 +141,7 @@ class FleetSoak:
             kill(pid, signal.SIGCONT)
 
 
-class Read(NamedTuple):
+class DroneRead(NamedTuple):
     """What a drone's recording says."""
 
     commands: int
@@ -151,7 +151,7 @@ class Read(NamedTuple):
     pilots: int  # that had control, one after the other
 
 
-def read(folder: Path, name: str) -> Read:
+def read(folder: Path, name: str) -> DroneRead:
     """Of the drone of this name."""
     own, found, pilots = f"-{name}-", Counter[str](), set[str]()
     for entry in open_recording(folder):
@@ -167,7 +167,9 @@ def read(folder: Path, name: str) -> Read:
                 found["stale"] += stamp_ns - pilot_ns > STALE_NS
             case _:
                 pass
-    return Read(found["commands"], found["mixed_up"], found["stale"], found["flown"], len(pilots))
+    return DroneRead(
+        found["commands"], found["mixed_up"], found["stale"], found["flown"], len(pilots)
+    )
 
 
 def own_missing(folder: Path) -> int:

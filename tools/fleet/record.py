@@ -34,7 +34,7 @@ RECORDED: tuple[AnyTopic, ...] = tuple(
 )
 
 
-class Arrived(NamedTuple):
+class ArrivedMessage(NamedTuple):
     envelope: Envelope
     at: int  # [ns]
 
@@ -43,7 +43,7 @@ class Arrivals:
     """What has come and was not looked at yet. Filled on Zenoh's thread."""
 
     def __init__(self) -> None:
-        self.waiting: deque[Arrived] = deque()
+        self.waiting: deque[ArrivedMessage] = deque()
         self.tokens: deque[tuple[str, bool]] = deque(maxlen=KEPT)
         self._overflowed: Counter[str] = Counter()  # by drone
 
@@ -51,7 +51,7 @@ class Arrivals:
         if len(self.waiting) >= KEPT:
             self._overflowed[name_in(envelope.key)] += 1
         else:
-            self.waiting.append(Arrived(envelope, time.monotonic_ns()))
+            self.waiting.append(ArrivedMessage(envelope, time.monotonic_ns()))
 
     def take_overflowed(self) -> Counter[str]:
         found, self._overflowed = self._overflowed, Counter()

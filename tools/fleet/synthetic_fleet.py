@@ -34,7 +34,7 @@ class _Stamp(msgspec.Struct):
     stamp_ns: int
 
 
-class Heard:
+class SyntheticHeard:
     """What came, on Zenoh's thread."""
 
     def __init__(self) -> None:
@@ -54,7 +54,13 @@ class SyntheticSide:
     """One drone, or the topside of one."""
 
     def __init__(
-        self, side: Side, name: str, router: str, folder: str | None, heard: Heard, exits: ExitStack
+        self,
+        side: Side,
+        name: str,
+        router: str,
+        folder: str | None,
+        heard: SyntheticHeard,
+        exits: ExitStack,
     ) -> None:
         """
         Args:
@@ -95,7 +101,7 @@ def run(
     Args:
         hubs: each has a hub, as real ones have.
     """
-    heard = Heard()
+    heard = SyntheticHeard()
     with tempfile.TemporaryDirectory(prefix="lindy-") as folder, ExitStack() as exits:
         with ThreadPoolExecutor(len(names)) as pool:  # each takes half a second to join
             joining = [

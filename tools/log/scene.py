@@ -9,7 +9,7 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
 from services.runtime.config.settings import convert
 from services.runtime.config.stack import BODY, Stack
-from services.visualizer.fleet_scene import Track, track
+from services.visualizer.fleet_scene import FlownTrack, track
 from services.visualizer.scene import SCENE_KINDS
 from tools.fresh import refuse_existing, write_fresh
 from tools.recordings.dive_file import flown_dive
@@ -41,7 +41,7 @@ def scene(paths: Sequence[Path], out: Path) -> int:
     return INCOMPLETE if damage else COMPLETE
 
 
-def track_of(recording: Recording) -> Track:
+def track_of(recording: Recording) -> FlownTrack:
     """The way of the drone that was recorded."""
     about = recording.metadata("dive")
     name = about.get("drone") or about.get("vehicle") or recording.files[0].parent.name

@@ -7,12 +7,12 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from services.visualizer.blueprint import TIMELINE
-from services.visualizer.fleet_scene import COLOURS, Track, entities
+from services.visualizer.fleet_scene import COLOURS, FlownTrack, entities
 
 WIDTH = -1.75  # [screen points] of a line; in rerun a negative radius
 
 
-def encoded(tracks: Sequence[Track]) -> bytes:
+def encoded(tracks: Sequence[FlownTrack]) -> bytes:
     """The file's bytes."""
     recording = rr.RecordingStream("lindy")
     stream = recording.binary_stream()
@@ -24,7 +24,9 @@ def encoded(tracks: Sequence[Track]) -> bytes:
     return stream.read() or b""
 
 
-def _drone(recording: rr.RecordingStream, path: str, track: Track, rgb: int, began: int) -> None:
+def _drone(
+    recording: rr.RecordingStream, path: str, track: FlownTrack, rgb: int, began: int
+) -> None:
     colour = rgb << 8 | 0xFF
     half = (track.size[0] / 2, track.size[1] / 2, track.size[2] / 2)
     hull = rr.Boxes3D(half_sizes=[half], colors=[colour], labels=[track.name], fill_mode="solid")

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from messages.vehicle import Truth
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
-from services.visualizer.fleet_scene import STEP_NS, Track, entities, track
+from services.visualizer.fleet_scene import STEP_NS, FlownTrack, entities, track
 from services.visualizer.io.fleet_writer import encoded
 from tools.__main__ import main
 
@@ -24,7 +24,7 @@ TRUTH = Truth(
 
 @given(st.lists(st.text(max_size=70), max_size=12))
 def test_every_drone_has_a_part_of_its_own_whatever_it_is_called(names: list[str]) -> None:
-    paths = entities([Track(name, (1.0, 1.0, 1.0), []) for name in names])
+    paths = entities([FlownTrack(name, (1.0, 1.0, 1.0), []) for name in names])
     assert len(set(paths)) == len(names)
     assert all(path.count("/") == 1 and path.startswith("world/") for path in paths)
 
@@ -54,7 +54,7 @@ def test_two_recordings_are_one_file_with_both_and_nothing_is_written_over(tmp_p
 
 
 def test_a_drone_that_never_said_where_it_is_has_a_hull_and_no_way() -> None:
-    still = encoded([Track("a", (1.0, 0.5, 0.5), [])])
+    still = encoded([FlownTrack("a", (1.0, 0.5, 0.5), [])])
     moved = encoded([track("a", VEHICLE, [(0, TRUTH)])])
     assert still.startswith(b"RRF2")
     assert len(moved) > len(still)

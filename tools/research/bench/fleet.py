@@ -24,8 +24,8 @@ from services.runtime.config.errors import LindyError
 from tools.fleet.look import look, who_is_there
 from tools.recordings.recording import open_recording
 from tools.research.bench.fleet_network import (
-    Flown,
-    Synthetic,
+    FlownFleet,
+    SyntheticProcess,
     TwoRouters,
     answers,
     begin_pilot,
@@ -47,7 +47,7 @@ AWAY_S = 2.0  # [s] a router is away: long enough that every drone holds by itse
 LOADED, SPEED, LOAD_S = 8, 3.0, 6.0  # synthetic drones, times the table's rates, for so long
 
 
-class Shared(NamedTuple):
+class SharedRouters(NamedTuple):
     """So many drones, each flown."""
 
     drones: int
@@ -71,7 +71,7 @@ def figures() -> list[Figure]:
         ]
 
 
-def _shared(folder: Path, count: int) -> Shared:
+def _shared(folder: Path, count: int) -> SharedRouters:
     folder.mkdir()
     with ExitStack() as exits:
         routers = TwoRouters(exits)
@@ -85,7 +85,7 @@ def _shared(folder: Path, count: int) -> Shared:
         stick = [drone.report().latency_ms.stick_to_thruster for drone in flown.drones]
     heard = [crossed(folder / f"pilot{number}") for number in range(count)]
     routed = sum((found[name] for name in own if name in found), NOTHING)
-    return Shared(
+    return SharedRouters(
         drones=count,
         cores=total(found).cpu / 100.0,
         routers=routed.cpu / 100.0,
@@ -96,7 +96,7 @@ def _shared(folder: Path, count: int) -> Shared:
     )
 
 
-def fly(routers: TwoRouters, folder: Path, count: int, exits: ExitStack) -> Flown:
+def fly(routers: TwoRouters, folder: Path, count: int, exits: ExitStack) -> FlownFleet:
     """Drones that are there, each with a pilot who flies."""
     drones = start_drones(routers, folder, count, exits)
     pilots = [
@@ -105,7 +105,7 @@ def fly(routers: TwoRouters, folder: Path, count: int, exits: ExitStack) -> Flow
     ]
     for pilot in pilots:
         pilot.until_said(HAS_STICKS)
-    return Flown([*drones.values()], pilots)
+    return FlownFleet([*drones.values()], pilots)
 
 
 def crossed(folder: Path) -> tuple[float, float]:
@@ -121,7 +121,7 @@ def crossed(folder: Path) -> tuple[float, float]:
     return messages / seconds, size / seconds
 
 
-def _each_added(points: list[Shared]) -> Iterator[Figure]:
+def _each_added(points: list[SharedRouters]) -> Iterator[Figure]:
     counts = [float(point.drones) for point in points]
     for name, unit, values in (
         ("processor of all", "cores", [point.cores for point in points]),
@@ -149,7 +149,7 @@ def _listed() -> Figure:
     with ExitStack() as exits:
         routers = TwoRouters(exits)
         wait_until(lambda: answers(routers.pilots), "the routers")
-        Synthetic("drones", routers.drones, LISTED, exits)
+        SyntheticProcess("drones", routers.drones, LISTED, exits)
         wait_until(lambda: len(who_is_there(routers.pilots)) == LISTED, "all to be announced")
         for _ in range(LOOKS):
             began = time.monotonic()

@@ -57,7 +57,7 @@ class TwoRouters:
         return process
 
 
-class Flown(NamedTuple):
+class FlownFleet(NamedTuple):
     """Drones, and a pilot for each."""
 
     drones: list[StartedDive]
@@ -90,7 +90,7 @@ def begin_pilot(
     return exits.enter_context(started(folder, *words))
 
 
-class Synthetic:
+class SyntheticProcess:
     """A process with synthetic drones, or their pilots."""
 
     def __init__(
@@ -127,11 +127,11 @@ class Synthetic:
 @contextmanager
 def synthetic(
     routers: TwoRouters, count: int, speed: float = 1.0
-) -> Generator[tuple[Synthetic, Synthetic]]:
+) -> Generator[tuple[SyntheticProcess, SyntheticProcess]]:
     """Drones with their pilots."""
     with ExitStack() as exits:
-        drones = Synthetic("drones", routers.drones, count, exits, speed)
-        pilots = Synthetic("pilots", routers.pilots, count, exits, speed)
+        drones = SyntheticProcess("drones", routers.drones, count, exits, speed)
+        pilots = SyntheticProcess("pilots", routers.pilots, count, exits, speed)
         drones.until_ready()
         pilots.until_ready()
         yield drones, pilots

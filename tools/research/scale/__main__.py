@@ -12,7 +12,7 @@ from pathlib import Path
 import msgspec
 
 from tools.research.scale.measure import FLEETS, JOINING, measured_join, measured_point
-from tools.research.scale.page import POINTS, Measured, page
+from tools.research.scale.page import POINTS, MeasuredScale, page
 
 PAGE = Path(__file__).parents[3] / "docs" / "scale.md"
 
@@ -24,7 +24,7 @@ def main(words: Sequence[str]) -> None:
     args = parser.parse_args(words)
     if args.measure:
         load = os.getloadavg()[0]
-        found = Measured(
+        found = MeasuredScale(
             f"{len(os.sched_getaffinity(0))} cores, load {load:.1f} from others at the start",
             [measured_point(*fleet) for fleet in FLEETS],
             [measured_join(*joining) for joining in JOINING],

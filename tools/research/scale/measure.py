@@ -9,13 +9,13 @@ from contextlib import ExitStack
 from tools.fleet.look import who_is_there
 from tools.research.bench.fleet_network import (
     RETRY_S,
-    Synthetic,
+    SyntheticProcess,
     TwoRouters,
     answers,
     wait_until,
 )
 from tools.research.bench.processes import spent_s
-from tools.research.scale.model import JOIN_S, Join, Point
+from tools.research.scale.model import JOIN_S, FleetJoin, ScalePoint
 
 FLEETS = ((1, 1.0), (2, 1.0), (4, 1.0), (8, 1.0), (12, 1.0), (4, 4.0), (8, 3.0), (12, 3.0))
 JOINING = (*((n, False) for n in (10, 20, 40, 60, 80, 120)), (120, True), (240, True))
@@ -24,12 +24,12 @@ PROCESSES = 4  # that the drones share which join
 SLOW = 0.01  # times the table's rates: drones that only are there
 
 
-def measured_point(drones: int, speed: float) -> Point:
+def measured_point(drones: int, speed: float) -> ScalePoint:
     """Drones and pilots that speak, for some seconds."""
     with ExitStack() as exits:
         routers = _routers(exits)
-        flown = Synthetic("drones", routers.drones, drones, exits, speed)
-        pilots = Synthetic("pilots", routers.pilots, drones, exits, speed)
+        flown = SyntheticProcess("drones", routers.drones, drones, exits, speed)
+        pilots = SyntheticProcess("pilots", routers.pilots, drones, exits, speed)
         flown.until_ready()
         pilots.until_ready()
         time.sleep(SETTLE_S)
@@ -38,7 +38,7 @@ def measured_point(drones: int, speed: float) -> Point:
         after, seconds = wire_bytes(routers.drones), time.monotonic() - began
         up, down = pilots.end(), flown.end()
     both = (up, down)
-    return Point(
+    return ScalePoint(
         drones=drones,
         speed=speed,
         messages_hz=sum(each["heard_steady"] / (each["seconds"] - 1.0) for each in both),
@@ -50,7 +50,7 @@ def measured_point(drones: int, speed: float) -> Point:
     )
 
 
-def measured_join(drones: int, clients: bool) -> Join:
+def measured_join(drones: int, clients: bool) -> FleetJoin:
     """Drones that join at once, and say next to nothing."""
     each = drones // PROCESSES
     with ExitStack() as exits:
@@ -59,7 +59,9 @@ def measured_join(drones: int, clients: bool) -> Join:
         before, began = _spent_s(pids), time.monotonic()
         for first in range(0, drones, each):
             more = ["--first", str(first), *(["--clients"] if clients else [])]
-            Synthetic("drones", routers.drones, min(each, drones - first), exits, SLOW, *more)
+            SyntheticProcess(
+                "drones", routers.drones, min(each, drones - first), exits, SLOW, *more
+            )
         while (joined := len(who_is_there(routers.pilots))) < drones:
             if time.monotonic() - began > JOIN_S:
                 break
@@ -67,7 +69,7 @@ def measured_join(drones: int, clients: bool) -> Join:
         seconds = time.monotonic() - began if joined == drones else None
         spent = _spent_s(pids) - before
         time.sleep(SETTLE_S)
-        return Join(drones, clients, seconds, spent, routers.costs(REST_S).cpu / 100.0)
+        return FleetJoin(drones, clients, seconds, spent, routers.costs(REST_S).cpu / 100.0)
 
 
 def wire_bytes(endpoint: str) -> int | None:

@@ -16,12 +16,12 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from tools.research.scale.traffic import Traffic
+from tools.research.scale.traffic import FleetTraffic
 
 JOIN_S = 30.0  # [s] that joining may take
 
 
-class Point(msgspec.Struct, frozen=True):
+class ScalePoint(msgspec.Struct, frozen=True):
     """One measurement: so many synthetic drones and pilots on two routers."""
 
     drones: int
@@ -34,7 +34,7 @@ class Point(msgspec.Struct, frozen=True):
     p99_ms: float
 
 
-class Join(msgspec.Struct, frozen=True):
+class FleetJoin(msgspec.Struct, frozen=True):
     """One measurement: so many drones that join at once."""
 
     drones: int
@@ -44,23 +44,23 @@ class Join(msgspec.Struct, frozen=True):
     idle_cores: float  # of both, afterwards, while nobody says anything
 
 
-class Model(NamedTuple):
+class ScaleModel(NamedTuple):
     """Fitted."""
 
     idle: float  # [cores] of a router
     per_message: float  # [core s] of a router for one message
     overhead: float  # [bytes] on the wire of a message, besides its payload
 
-    def cores(self, traffic: Traffic) -> float:
+    def cores(self, traffic: FleetTraffic) -> float:
         """Of one router that all of this passes."""
         return self.idle + self.per_message * traffic.messages_hz
 
-    def bits_hz(self, traffic: Traffic) -> float:
+    def bits_hz(self, traffic: FleetTraffic) -> float:
         """[bit/s] On one link that all of this passes; without TCP's and IP's part."""
         return 8.0 * (traffic.payload_hz + self.overhead * traffic.messages_hz)
 
 
-def fit(points: Sequence[Point]) -> Model:
+def fit(points: Sequence[ScalePoint]) -> ScaleModel:
     """By least squares, of relative errors: a small fleet counts as much as a large one.
 
     Args:
@@ -73,19 +73,19 @@ def fit(points: Sequence[Point]) -> Model:
     wired = [point for point in points if point.wire_hz is not None]
     overheads = [((p.wire_hz or 0.0) - p.payload_hz) / p.messages_hz for p in wired]
     overhead = float(np.mean(overheads)) if overheads else 0.0
-    return Model(max(0.0, float(idle)), float(per_message), overhead)
+    return ScaleModel(max(0.0, float(idle)), float(per_message), overhead)
 
 
-def halves(points: Sequence[Point]) -> tuple[list[Point], list[Point]]:
+def halves(points: Sequence[ScalePoint]) -> tuple[list[ScalePoint], list[ScalePoint]]:
     """To fit, and to check: every second one, by load."""
     by_load = sorted(points, key=lambda point: point.messages_hz)
     return by_load[::2], by_load[1::2]
 
 
-class Miss(NamedTuple):
+class ScaleMiss(NamedTuple):
     """What the model says of a point that it was not fitted to."""
 
-    point: Point
+    point: ScalePoint
     cores: float
     wire_hz: float | None  # [bytes/s]
 
@@ -102,16 +102,18 @@ class Miss(NamedTuple):
         return self.wire_hz / self.point.wire_hz - 1.0
 
 
-def check(model: Model, points: Sequence[Point]) -> list[Miss]:
+def check(model: ScaleModel, points: Sequence[ScalePoint]) -> list[ScaleMiss]:
     """The model beside what was measured."""
     return [
-        Miss(point, model.cores(passing), model.bits_hz(passing) / 8.0 if point.wire_hz else None)
+        ScaleMiss(
+            point, model.cores(passing), model.bits_hz(passing) / 8.0 if point.wire_hz else None
+        )
         for point in points
-        for passing in [Traffic(point.messages_hz, point.payload_hz)]
+        for passing in [FleetTraffic(point.messages_hz, point.payload_hz)]
     ]
 
 
-class Plan(NamedTuple):
+class FleetPlan(NamedTuple):
     """A fleet: drones at routers of their own site, pilots at those of a centre, and core routers
     between the two. Everybody is at the next router; the load is spread evenly."""
 
@@ -131,18 +133,18 @@ class Plan(NamedTuple):
         return math.ceil(self.drones / self.per_desk)
 
 
-class Load(NamedTuple):
+class FleetLoad(NamedTuple):
     """What passes each part of a plan."""
 
-    site: Traffic  # a site's router, and up and down its link
-    site_up: Traffic  # of it what goes up
-    core: Traffic  # all core routers together
-    desk: Traffic  # a router of the centre
-    watcher: Traffic  # the link of one who watches
-    recorder: Traffic  # the link of one who records all
+    site: FleetTraffic  # a site's router, and up and down its link
+    site_up: FleetTraffic  # of it what goes up
+    core: FleetTraffic  # all core routers together
+    desk: FleetTraffic  # a router of the centre
+    watcher: FleetTraffic  # the link of one who watches
+    recorder: FleetTraffic  # the link of one who records all
 
 
-def load(plan: Plan, up: Traffic, down: Traffic, watched: Traffic) -> Load:
+def load(plan: FleetPlan, up: FleetTraffic, down: FleetTraffic, watched: FleetTraffic) -> FleetLoad:
     """
     Args:
         up, down: of one drone that is flown.
@@ -151,7 +153,7 @@ def load(plan: Plan, up: Traffic, down: Traffic, watched: Traffic) -> Load:
     # A router asks once for a row, however many behind it want it: who watches or records hears
     # copies that the core makes, and of a row that the pilot has, none comes twice up the link.
     copies = watched.times(plan.watchers) + up.times(plan.recorders)
-    return Load(
+    return FleetLoad(
         site=(up + down).times(plan.per_site),
         site_up=up.times(plan.per_site),
         core=(up + down + copies).times(plan.drones),
@@ -161,7 +163,7 @@ def load(plan: Plan, up: Traffic, down: Traffic, watched: Traffic) -> Load:
     )
 
 
-def core_routers(plan: Plan, model: Model, passing: Traffic) -> int:
+def core_routers(plan: FleetPlan, model: ScaleModel, passing: FleetTraffic) -> int:
     """How many core routers it takes."""
     room = (plan.most_cores - model.idle) / model.per_message
     return max(1, math.ceil(passing.messages_hz / room))

@@ -7,10 +7,10 @@ import msgspec
 
 from tools.research.scale.model import (
     JOIN_S,
-    Join,
-    Model,
-    Plan,
-    Point,
+    FleetJoin,
+    FleetPlan,
+    ScaleModel,
+    ScalePoint,
     check,
     core_routers,
     fit,
@@ -18,22 +18,22 @@ from tools.research.scale.model import (
     load,
 )
 from tools.research.scale.page_text import PAGE_TEXT
-from tools.research.scale.traffic import Traffic, flown, watched
+from tools.research.scale.traffic import FleetTraffic, flown, watched
 
 POINTS = Path(__file__).with_name("points.json")
 FLEETS = (20, 100, 1000)  # drones that the model is read for
 
 
-class Measured(msgspec.Struct, frozen=True):
+class MeasuredScale(msgspec.Struct, frozen=True):
     """What a run of `--measure` found."""
 
     where: str  # the computer, and how busy it was
-    points: list[Point]
-    joins: list[Join]
+    points: list[ScalePoint]
+    joins: list[FleetJoin]
 
 
-def measured() -> Measured:
-    return msgspec.json.decode(POINTS.read_bytes(), type=Measured)
+def measured() -> MeasuredScale:
+    return msgspec.json.decode(POINTS.read_bytes(), type=MeasuredScale)
 
 
 def page() -> str:
@@ -65,7 +65,7 @@ def page() -> str:
     )
 
 
-def _capacity(model: Model) -> float:
+def _capacity(model: ScaleModel) -> float:
     """[1/s] Messages of one router that takes one core."""
     return (1.0 - model.idle) / model.per_message
 
@@ -76,7 +76,7 @@ def _table(heading: str, rows: Iterable[Sequence[str]]) -> str:
     return "\n".join(lines)
 
 
-def _traffic(rows: Iterable[tuple[str, Traffic]], model: Model) -> str:
+def _traffic(rows: Iterable[tuple[str, FleetTraffic]], model: ScaleModel) -> str:
     return _table(
         "| of one drone that is flown | messages/s | payload kB/s | on the wire kbit/s |",
         (
@@ -91,7 +91,7 @@ def _traffic(rows: Iterable[tuple[str, Traffic]], model: Model) -> str:
     )
 
 
-def _model(model: Model) -> str:
+def _model(model: ScaleModel) -> str:
     return _table(
         "| fitted | |",
         (
@@ -102,7 +102,7 @@ def _model(model: Model) -> str:
     )
 
 
-def _points(model: Model, points: Sequence[Point]) -> str:
+def _points(model: ScaleModel, points: Sequence[ScalePoint]) -> str:
     return _table(
         "| drones | × rates | messages/s | router, cores | model | off | link kB/s | model | off "
         "| p50 ms | p99 ms |",
@@ -129,9 +129,9 @@ def _number(bytes_hz: float | None) -> str:
     return "–" if bytes_hz is None else f"{bytes_hz / 1e3:.0f}"
 
 
-def _joins(joins: Sequence[Join]) -> str:
+def _joins(joins: Sequence[FleetJoin]) -> str:
     return _table(
-        "| drones that join at once | their hubs | known after s | both routers, core s | idle, % |",
+        "| drones that join at once | their hubs | known after s | both routers, s | idle, % |",
         (
             (
                 f"{join.drones}",
@@ -145,8 +145,8 @@ def _joins(joins: Sequence[Join]) -> str:
     )
 
 
-def _fleets(model: Model, up: Traffic, down: Traffic, looked: Traffic) -> str:
-    rows = [_fleet(model, Plan(drones), up, down, looked) for drones in FLEETS]
+def _fleets(model: ScaleModel, up: FleetTraffic, down: FleetTraffic, looked: FleetTraffic) -> str:
+    rows = [_fleet(model, FleetPlan(drones), up, down, looked) for drones in FLEETS]
     return _table(
         "| drones | routers at sites, centre, core | link of a site | router of a site, cores "
         "| router of the centre, cores | core: messages/s | core: each, cores "
@@ -156,11 +156,11 @@ def _fleets(model: Model, up: Traffic, down: Traffic, looked: Traffic) -> str:
 
 
 def _fleet(
-    model: Model, plan: Plan, up: Traffic, down: Traffic, looked: Traffic
+    model: ScaleModel, plan: FleetPlan, up: FleetTraffic, down: FleetTraffic, looked: FleetTraffic
 ) -> tuple[str, ...]:
     found = load(plan, up, down, looked)
     cores = core_routers(plan, model, found.core)
-    each = Traffic(found.core.messages_hz / cores, found.core.payload_hz / cores)
+    each = FleetTraffic(found.core.messages_hz / cores, found.core.payload_hz / cores)
     return (
         f"{plan.drones:,}",
         f"{plan.sites} + {plan.desks} + {cores}",

@@ -14,24 +14,26 @@ OTHER: dict[Side, Side] = {"drone": "topside", "topside": "drone"}
 HASH = "0123456789abcdef"
 
 
-class Traffic(NamedTuple):
+class FleetTraffic(NamedTuple):
     """Of one drone, in one direction."""
 
     messages_hz: float  # [1/s]
     payload_hz: float  # [bytes/s] without Zenoh's part
 
-    def __add__(self, other: object) -> "Traffic":
-        assert isinstance(other, Traffic)
-        return Traffic(self.messages_hz + other.messages_hz, self.payload_hz + other.payload_hz)
+    def __add__(self, other: object) -> "FleetTraffic":
+        assert isinstance(other, FleetTraffic)
+        return FleetTraffic(
+            self.messages_hz + other.messages_hz, self.payload_hz + other.payload_hz
+        )
 
-    def times(self, count: float) -> "Traffic":
-        return Traffic(count * self.messages_hz, count * self.payload_hz)
+    def times(self, count: float) -> "FleetTraffic":
+        return FleetTraffic(count * self.messages_hz, count * self.payload_hz)
 
 
-NONE = Traffic(0.0, 0.0)
+NONE = FleetTraffic(0.0, 0.0)
 
 
-def flown(side: Side, *, thinned: bool = False) -> Traffic:
+def flown(side: Side, *, thinned: bool = False) -> FleetTraffic:
     """What this side says to the other one while a pilot flies.
 
     Args:
@@ -41,7 +43,7 @@ def flown(side: Side, *, thinned: bool = False) -> Traffic:
     return _sum(map(_thinned, asked) if thinned else asked)
 
 
-def watched() -> Traffic:
+def watched() -> FleetTraffic:
     """What a drone says to whoever watches all of them, as `lindy fleet` does."""
     rows = {topic.key for topic in ROWS}
     return _sum(s for s in said_by("drone", "x", messages=HASH) if _row(s) in rows)
@@ -61,9 +63,9 @@ def _row(stream: SyntheticStream) -> str:
     return stream.topic.key.split("/", 3)[3]
 
 
-def _sum(streams: Iterable[SyntheticStream]) -> Traffic:
+def _sum(streams: Iterable[SyntheticStream]) -> FleetTraffic:
     found = NONE
     for stream in streams:
         size = len(msgspec.msgpack.encode(stream.example))
-        found += Traffic(stream.hz, stream.hz * size)
+        found += FleetTraffic(stream.hz, stream.hz * size)
     return found
