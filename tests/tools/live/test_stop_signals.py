@@ -1,4 +1,4 @@
-"""Ctrl-C, SIGTERM, a closed terminal: the first ends the dive; none costs the report by accident."""
+"""Ctrl-C, SIGTERM, a closed terminal: the first ends the dive; no report is lost by accident."""
 
 import io
 import os
