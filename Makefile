@@ -52,8 +52,9 @@ laws: $(READY) ## the laws of the reference over millions of states, into docs/l
 stops: $(READY) ## a hundred dives with random sticks: bounce-back and overshoot at every stop
 	$(BIN)/python tests/long/stops.py
 
-soak: $(READY) ## half an hour of faults in a real dive: does anything grow? MINUTES=, SEED=
+soak: $(READY) ## half an hour of faults, in a real dive and in a fleet of four. MINUTES=, SEED=
 	$(BIN)/python -m tests.long.soak $(or $(MINUTES),30) $(or $(SEED),1)
+	$(BIN)/python -m tests.long.fleet_soak $(or $(MINUTES),30) $(or $(SEED),1)
 
 faults: $(READY) ## every fault in every mode, and again in real processes, into docs/faults.md
 	$(BIN)/python -m tools.research.faults
@@ -62,6 +63,7 @@ docs: $(READY) ## pages and pictures written from the code
 	$(BIN)/python -m tools.docs.topics_page
 	$(BIN)/python -m tools.docs.failsafes_page
 	$(BIN)/python -m tools.docs.import_picture
+	$(BIN)/python -m tools.research.scale --write
 
 $(READY): pyproject.toml uv.lock
 	test -d .venv || $(PYTHON) -m venv .venv

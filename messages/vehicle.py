@@ -48,6 +48,9 @@ class VehicleStatus(Message, frozen=True, kw_only=True):
     light: Stick = 0.0  # [-] 0 … 1
     note: Text = ""  # why it is not ready, and every notice, in words for the pilot
     stop: StopDistance | None = None  # while stopping: distance from the stop request to standstill
+    # Where it is, for those who watch many drones; absent: the state does not know it.
+    depth: Finite | UnsetType = UNSET  # [m] positive down
+    heading: Finite | UnsetType = UNSET  # [rad] clockwise from north, as far as it is known; ±π
     # By which the newest stop of heave was moved from its plan to the vehicle; absent: not moved.
     depth_moved: Finite | UnsetType = UNSET  # [m]
 

@@ -29,6 +29,7 @@ from services.reference.guidance.guidance import Guidance
 from services.reference.guidance.modes import lacking
 from services.reference.guidance.reference_message import reference_of
 from services.reference.guidance.refusals import centred, refusal
+from services.reference.guidance.whereabouts import whereabouts
 from services.reference.settings import Settings as Settings
 
 AT_REST = PilotCommand(stamp_ns=0, surge=0.0, sway=0.0, heave=0.0, yaw=0.0)
@@ -290,6 +291,7 @@ class ReferenceGenerator:
 
     def status(self, now: Ns) -> VehicleStatus:
         failsafes = self._failsafes
+        where = whereabouts(None if self._silent else self._guidance.state)
         return VehicleStatus(
             stamp_ns=now,
             mode=self.mode,
@@ -307,6 +309,8 @@ class ReferenceGenerator:
             light=self.light,
             note="; ".join(filter(None, (self._not_ready, failsafes.notices))),
             stop=self._stop if self.stopping else None,
+            depth=where.depth,
+            heading=where.heading,
             depth_moved=self._guidance.standstill.moved or UNSET,
         )
 

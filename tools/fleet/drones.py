@@ -89,13 +89,14 @@ def _line(drone: Drone, ours: str) -> tuple[str, ...]:
         "" if identity is None else identity.vehicle,
         "" if identity is None else identity.version,
         "" if status is None else f"{status.mode}{', armed' if status.armed else ''}",
-        "" if drone.battery is None else _battery(drone.battery),
+        "" if drone.battery is None else in_volts(drone.battery),
         "" if status is None else status.pilot or "nobody",
         "; ".join(remarks),
     )
 
 
-def _battery(battery: BatterySample) -> str:
+def in_volts(battery: BatterySample) -> str:
+    """`16.7 V, 80 %`."""
     charge = _charge(battery)
     return f"{battery.voltage:.1f} V" + ("" if charge is None else f", {100 * charge:.0f} %")
 

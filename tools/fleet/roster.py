@@ -38,6 +38,10 @@ class Drone:
     battery: BatterySample | None = None
 
     @property
+    def speaks(self) -> bool:
+        return self.identity is not None or self.status is not None
+
+    @property
     def complete(self) -> bool:
         return self.identity is not None and self.status is not None
 
@@ -61,18 +65,24 @@ class Roster:
         """A drone's hub came, or went."""
         here = here_of(key)
         if here is None or here.side != "drone":
-            self.counts[STRANGE] += 1
+            self._count(STRANGE, there)
         elif there:
             self._announced(here.name, here.instance)
         elif (drone := self.drones.get(here.name)) is not None:
             drone.starts.discard(here.instance)
             if not drone.starts:
                 del self.drones[here.name]
+        else:
+            self._count(BEYOND, there)
+
+    def _count(self, what: str, there: bool) -> None:
+        """One more, or one less, that is announced and not listed."""
+        self.counts[what] = max(0, self.counts[what] + (1 if there else -1))
 
     def _announced(self, name: str, instance: str) -> None:
         full = len(self.drones) >= MOST and name != self._wanted
         if full and name not in self.drones:
-            self.counts[BEYOND] += 1
+            self._count(BEYOND, True)
             return
         starts = self.drones.setdefault(name, Drone(name)).starts
         if len(starts) < 2:  # more is not to be known
@@ -80,8 +90,8 @@ class Roster:
 
     def row(self, key: str, payload: bytes) -> None:
         """One of `ROWS` of a drone. Of one that is not announced it means nothing."""
-        drone = self.drones.get(name := name_in(key))
-        decoder = self._decoders.get(key.removeprefix(f"{namespace(name)}/"))
+        decoder = self._decoders.get(key.removeprefix(f"{namespace(name := name_in(key))}/"))
+        drone = self.drones.get(name) or self._makes_room(name)
         if drone is None or decoder is None:
             return
         try:
@@ -98,6 +108,17 @@ class Roster:
                 drone.battery = message
             case _:
                 pass
+
+    def _makes_room(self, name: str) -> Drone | None:
+        """A drone that speaks takes the place of a name that only was announced: so however many a
+        stranger announces, a drone that is there is listed."""
+        if not name or not self.counts[BEYOND]:
+            return None
+        silent = next((n for n, drone in self.drones.items() if not drone.speaks), None)
+        if silent is None or silent == self._wanted:
+            return None
+        del self.drones[silent]
+        return self.drones.setdefault(name, Drone(name))
 
     @property
     def complete(self) -> bool:

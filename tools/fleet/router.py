@@ -5,7 +5,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from services.runtime.bus.endpoint import checked_endpoint
-from services.runtime.bus.router_config import router_config
+from services.runtime.bus.router_config import router_config, thinned_drones
+from services.runtime.bus.spaces import checked_name
 from services.runtime.config.errors import LindyError
 from tools.fresh import write_fresh
 from tools.keys.door import door
@@ -22,13 +23,15 @@ def write_router_config(
     out: Path | None,
     *,
     thin: Sequence[str] = (),
+    drones: Sequence[str] = (),
     keys: Path | None = None,
     insecure: bool = False,
 ) -> int:
     """Print the configuration, or write it to a new file.
 
     Raises:
-        LindyError: not an endpoint, it needs keys and has none, or the file is there already.
+        LindyError: not an endpoint, it needs keys and has none, nobody knows which drones to thin,
+            or the file is there already.
     """
     if out is not None and out.suffix != ".json5":
         raise LindyError(f"--out {out}: zenohd reads such a file by its name, *.json5")
@@ -37,7 +40,14 @@ def write_router_config(
         raise LindyError(f"--listen {' and '.join(listen)}: all with tls, or none of them")
     for each in connect:
         checked_endpoint(each, "--connect")
-    tree = router_config(listen, connect, doors[0], thin)
+    for each in drones:
+        checked_name(each, "--drone")
+    if thin and not thinned_drones(doors[0], drones):
+        raise LindyError(
+            f"--thin {thin[0]}: each drone is thinned by its name, and this router's keys let in "
+            f"none; add --drone NAME, once for each"
+        )
+    tree = router_config(listen, connect, doors[0], thin, drones)
     text = HEADING + json.dumps(tree, indent=2) + "\n"
     if out is None:
         print(text, end="")

@@ -238,4 +238,4 @@ def title(stack: Stack) -> str:
     """Title of a dive on the screen."""
     pilot = stack.pilot.replace(":", " ").rpartition("/")[2]
     first = "INSECURE, no keys · " if stack.insecure else ""
-    return f"{first}{stack.vehicle} · {stack.link} · {pilot}"
+    return f"{first}{stack.drone_name} · {stack.link} · {pilot}"

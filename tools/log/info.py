@@ -202,7 +202,8 @@ def _rows(found: Info) -> Iterator[tuple[str, str]]:
     if not found.about:
         yield "dive", "unknown: it is not a recording of Lindy, or what says so cannot be read"
     if found.about:
-        shown = ("vehicle", "link", "pilot")
+        own = found.about.get("drone") != found.about.get("vehicle")
+        shown = (*(("drone",) if own else ()), "vehicle", "link", "pilot")
         named = " · ".join(found.about[name] for name in shown if found.about.get(name))
         changed = found.about.get("overrides", "[]")
         yield "dive", named

@@ -45,7 +45,8 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
 
     seconds: float  # [s] first to last message
     armed_seconds: float  # [s] of them, armed
-    vehicle: str
+    drone: str  # its name
+    vehicle: str  # its type
     link: str
     services: dict[str, Service]  # by name
     topics: dict[str, Stream]  # by key
@@ -83,6 +84,7 @@ def report_on(dive: RecordedDive, extras: Extras) -> Report:
     return Report(
         seconds=dive.seconds,
         armed_seconds=dive.armed_seconds,
+        drone=dive.about.get("drone") or dive.about.get("vehicle", ""),  # older ones had no name
         vehicle=dive.about.get("vehicle", ""),
         link=dive.about.get("link", ""),
         services=figures,

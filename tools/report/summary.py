@@ -38,7 +38,7 @@ def summary(
     """
     stick = report.latency_ms.stick_to_thruster
     how = ending(report.exit, report.troubles)
-    rows = [("Dive", f"{report.vehicle}, {_length(report)}, {how}")]
+    rows = [("Dive", f"{_named(report)}, {_length(report)}, {how}")]
     if _cut(report):
         recorded = _duration(report.seconds)
         rows.append(("incomplete", f"{DISK}; all figures are of the recorded {recorded}"))
@@ -75,6 +75,13 @@ def _energy(report: Report) -> str:
     text = f"{report.energy.wh:.2f} Wh"
     hours = report.energy.endurance_h
     return text if hours is None else f"{text}; a full battery lasts {hours:.1f} h like this"
+
+
+def _named(report: Report) -> str:
+    """The drone, and its type where that is not its name."""
+    if report.drone == report.vehicle:
+        return report.drone
+    return f"{report.drone} ({report.vehicle})"
 
 
 def _length(report: Report) -> str:

@@ -56,6 +56,66 @@ def drones(
     return drones(router, "--router", as_json=json, keys=keys, insecure=insecure)
 
 
+def fleet(
+    *,
+    router: Meet = HERE,
+    keys: KeysFolder = None,
+    insecure: Insecure = False,
+    json: Annotated[
+        bool, Parameter(negative=(), show_default=False, help="a line of JSON every second")
+    ] = False,
+    seconds: Annotated[
+        float | None, Parameter(show_default=False, help="end after so long; default: Ctrl-C")
+    ] = None,
+) -> int:
+    """Show all drones that can be reached: mode, depth, heading, battery, link, who flies, alarms.
+
+    On a terminal one screen; elsewhere a line for each drone whenever its mode, its pilot or its
+    alarms change. `link` is the time since the drone was last heard, and what was lost since.
+
+    Example: lindy fleet --router tls/192.168.2.1:7447
+    """
+    from tools.fleet.fleet import fleet
+
+    return fleet(router, "--router", json=json, keys=keys, insecure=insecure, seconds=seconds)
+
+
+def record(
+    *,
+    router: Meet = HERE,
+    out: Annotated[
+        Path | None,
+        Parameter(
+            converter=named,
+            help="folder for the recordings, one folder each; default: dives/ and the time (UTC)",
+        ),
+    ] = None,
+    drone: Annotated[
+        tuple[str, ...],
+        Parameter(
+            negative=(), show_default=False, help="record this one only; repeatable; default: all"
+        ),
+    ] = (),
+    keys: KeysFolder = None,
+    insecure: Insecure = False,
+    seconds: Annotated[
+        float | None, Parameter(show_default=False, help="end after so long; default: Ctrl-C")
+    ] = None,
+) -> int:
+    """Record every drone that can be reached: all that leaves it but its video, a file for each.
+
+    Each file is a recording like any other, of which `lindy log cut` cuts a dive out. Exit status
+    3: something that came is in none of them.
+
+    Example: lindy record --router tls/192.168.2.1:7447 --out dives/class
+    """
+    from tools.fleet.record import record
+
+    return record(
+        router, "--router", out=out, only=drone, keys=keys, insecure=insecure, seconds=seconds
+    )
+
+
 def router_config(
     *,
     listen: Annotated[
@@ -75,6 +135,15 @@ def router_config(
             "25 times a second; repeatable",
         ),
     ] = (),
+    drone: Annotated[
+        tuple[str, ...],
+        Parameter(
+            negative=(),
+            show_default=False,
+            help="name of a drone that --thin thins, besides those whom this router's keys let "
+            "in; repeatable",
+        ),
+    ] = (),
     out: Annotated[
         Path | None, Parameter(converter=named, help="a new file, *.json5; default: printed")
     ] = None,
@@ -89,4 +158,6 @@ def router_config(
     """
     from tools.fleet.router import write_router_config
 
-    return write_router_config(listen, connect, out, thin=thin, keys=keys, insecure=insecure)
+    return write_router_config(
+        listen, connect, out, thin=thin, drones=drone, keys=keys, insecure=insecure
+    )

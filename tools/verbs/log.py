@@ -81,6 +81,21 @@ def cut(
 
 
 @log.command
+def scene(recordings: Annotated[tuple[Path, ...], Parameter(negative=())], /, *, out: Out) -> int:
+    """The drones of several recordings in one 3-D scene, a file for rerun.
+
+    RECORDINGS are dives' folders or MCAP files, such as those of `lindy record`. All share one time
+    and one frame: where a drone does not know its position, it is drawn at (0, 0). Exit status 3:
+    one is damaged or was not finished.
+
+    Example: lindy log scene dives/class/rov1 dives/class/rov2 --out class.rrd
+    """
+    from tools.log.scene import scene
+
+    return scene(recordings, out)
+
+
+@log.command
 def recover(recording: Path, *, out: Out) -> int:
     """Everything that can still be read in a recording that was cut off or damaged, as a new file.
 

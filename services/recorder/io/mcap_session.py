@@ -13,7 +13,7 @@ Existing files are never written to.
 
 import json
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Literal, Protocol
 
@@ -22,7 +22,7 @@ import msgspec
 from messages import topics
 from messages.link import Clock
 from services.recorder.core import RecordedRow
-from services.recorder.io.attachments import attachments
+from services.recorder.io.attachments import AttachedFile, attachments
 from services.recorder.io.mcap_file import McapFile
 from services.recorder.io.parts import free_part, part_path
 from services.recorder.settings import Settings
@@ -63,8 +63,19 @@ class SessionNode(Protocol):
 class McapSession:
     """Writes the rows of one dive, part after part."""
 
-    def __init__(self, node: SessionNode, stack: Stack, settings: Settings) -> None:
+    def __init__(
+        self,
+        node: SessionNode,
+        stack: Stack,
+        settings: Settings,
+        attached: Sequence[AttachedFile] | None = None,
+        described: Mapping[str, str] | None = None,
+    ) -> None:
         """Open the next part of this dive.
+
+        Args:
+            attached: the files that it was started with; None: those of `stack`.
+            described: what the file says of the dive otherwise than `stack`.
 
         Raises:
             CannotRecordError: the folder or the file cannot be written.
@@ -72,7 +83,8 @@ class McapSession:
         self._node = node
         self._stack = stack
         self._settings = settings
-        self._attachments = attachments(stack)
+        self._attachments = attachments(stack) if attached is None else attached
+        self._described = {**(described or {})}
         self._clock = b""  # newest message of the link monitor, as JSON
         self._file: McapFile | None = None
         self._interrupted = False  # the log says that recording has stopped
@@ -205,7 +217,7 @@ class McapSession:
         """Metadata that a reader needs before the first message."""
         stack = self._stack
         side = {"side": next(iter(self._node.sides))}  # of which everything is recorded
-        file.metadata("dive", about(stack) | side)
+        file.metadata("dive", about(stack) | side | self._described)
         clock = {
             "utc_minus_stamp_ns": str(self._node.wall_offset_ns),
             "publish_time": "the stamp by this clock; the arrival where the stamp is of another "

@@ -10,9 +10,10 @@ from contextlib import contextmanager
 import zenoh
 
 from messages.topic import AnyTopic
+from services.runtime.bus.envelope import Store
 from services.runtime.bus.key_files import KeyFiles
 from services.runtime.bus.spaces import EVERY_SPACE, here_key, namespace
-from services.runtime.bus.zenoh_bus import connected
+from services.runtime.bus.zenoh_bus import connected, envelope_of
 from services.runtime.bus.zenoh_threads import keep_thread_state
 from services.runtime.config.errors import LindyError
 
@@ -56,11 +57,15 @@ class Network:
 
     def hear(self, topic: AnyTopic, heard: Hears) -> None:
         """A row of every drone."""
+        self.collect(topic, lambda envelope: heard(envelope.key, envelope.payload))
+
+    def collect(self, topic: AnyTopic, store: Store) -> None:
+        """The same, as it has arrived."""
 
         def on_sample(sample: zenoh.Sample) -> None:
             keep_thread_state()
             if sample.kind == zenoh.SampleKind.PUT:
-                heard(str(sample.key_expr), sample.payload.to_bytes())
+                store(envelope_of(sample))
 
         handler = zenoh.handlers.Callback(on_sample, indirect=False)
         self._keep.append(self._session.declare_subscriber(f"{EVERY_SPACE}/{topic.key}", handler))

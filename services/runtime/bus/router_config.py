@@ -19,6 +19,7 @@ from services.runtime.bus.zenoh_bus import common_settings
 
 THIN_HZ = 25.0  # [1/s] on a thin link; at 40 ms between two, no receiver takes a stream for stale
 PUTS = ("put", "delete")
+DRONE = "drone:"  # of the common name of a drone
 Rules = list[dict[str, Any]]
 
 
@@ -27,6 +28,7 @@ def router_config(
     connect: Sequence[str] = (),
     door: Door | None = None,
     thin: Sequence[str] = (),
+    drones: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Zenoh's whole configuration, as its JSON5 file.
 
@@ -35,6 +37,7 @@ def router_config(
         connect: endpoints of other routers; retried while they cannot be reached.
         door: this router's keys, and whom it lets in; None: whoever reaches it.
         thin: network interfaces of links with little room.
+        drones: names of the drones that are thinned there, besides those that `door` lets in.
     """
     tree: dict[str, Any] = {}
     for place, value in common_settings("router", listen, connect).items():
@@ -43,8 +46,15 @@ def router_config(
         _put(tree, "transport/link/tls", tls_settings(door.keys))
     tree["access_control"] = _access_control(door)
     tree["qos"] = {"network": _priorities()}
-    tree["downsampling"] = [_thinned(thin)] if thin else []
+    tree["downsampling"] = [_thinned(thin, thinned_drones(door, drones))] if thin else []
     return tree
+
+
+def thinned_drones(door: Door | None, named: Sequence[str] = ()) -> list[str]:
+    """Names of the drones whose streams a thin link thins."""
+    admitted = () if door is None else door.admitted
+    own = [name.removeprefix(DRONE) for name in admitted if name.startswith(DRONE)]
+    return sorted({*own, *named})
 
 
 def _access_control(door: Door | None) -> dict[str, Any]:
@@ -159,15 +169,23 @@ def _word(setting: object) -> str:
     return str(setting).rpartition(".")[2].lower()
 
 
-def _thinned(interfaces: Sequence[str]) -> dict[str, Any]:
-    """Fast streams that go up, fewer times a second. What a pilot says is never thinned."""
+def _thinned(interfaces: Sequence[str], drones: Sequence[str]) -> dict[str, Any]:
+    """Fast streams that go up, fewer times a second. What a pilot says is never thinned.
+
+    A rule for every drone: Zenoh counts per rule, so that of all drones that one rule matches, one
+    alone would be let through.
+    """
     fast = [topic for topic in topics.ALL if topic.way is Way.UP and topic.hz > THIN_HZ]
     return {
         "id": "thin",
         "interfaces": list(interfaces),
         "messages": ["put"],
         "flows": ["egress"],
-        "rules": [{"key_expr": f"{EVERY_SPACE}/{topic.key}", "freq": THIN_HZ} for topic in fast],
+        "rules": [
+            {"key_expr": f"{namespace(drone)}/{topic.key}", "freq": THIN_HZ}
+            for drone in drones
+            for topic in fast
+        ],
     }
 
 

@@ -157,7 +157,7 @@ class ZenohBus:
         def on_sample(sample: zenoh.Sample) -> None:
             keep_thread_state()
             if sample.kind == zenoh.SampleKind.PUT:
-                store(_envelope(sample))
+                store(envelope_of(sample))
 
         handler = zenoh.handlers.Callback(on_sample, indirect=False)
         self._keep.append(
@@ -219,7 +219,8 @@ def open_bus(endpoint: str, name: str, keys: KeyFiles | None = None) -> Generato
         yield ZenohBus(session)
 
 
-def _envelope(sample: zenoh.Sample) -> Envelope:
+def envelope_of(sample: zenoh.Sample) -> Envelope:
+    """What has arrived, not yet decoded."""
     attachment = sample.attachment
     return Envelope(
         key=str(sample.key_expr),

@@ -104,6 +104,8 @@ def test_a_routers_file_is_read_by_zenoh_and_never_written_over(
         (["--listen", "7447"], "expected PROTOCOL/ADDRESS:PORT"),
         (["--connect", "7447"], "expected PROTOCOL/ADDRESS:PORT"),
         (["--out", "router.json"], "*.json5"),
+        (["--thin", "wwan0"], "add --drone NAME, once for each"),
+        (["--thin", "wwan0", "--drone", "a b"], "--drone 'a b': a drone's name"),
         (["--listen", "tcp/127.0.0.1:1", "--listen", LISTEN], "all with tls, or none of them"),
     ],
 )

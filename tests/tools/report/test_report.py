@@ -32,6 +32,7 @@ KEYS = [
     *(
         "seconds",
         "armed_seconds",
+        "drone",
         "vehicle",
         "link",
         "services",
@@ -359,6 +360,14 @@ def test_losses_are_summed_by_name_over_everybody_who_counted(tmp_path: Path):
     expected = {"clamped": 4, "crashed": 1, "malformed": 5, "stale": 13, "unknown": 3}
     assert report.losses == expected
     assert report.services["recorder"].sent == 1
+
+
+def test_a_dive_is_of_a_drone_and_its_type_is_named_where_it_is_another(tmp_path: Path):
+    report = report_of(tmp_path, [])
+    assert report.drone == report.vehicle  # nothing says its name: an older recording
+    for drone, words in (("pioneer", "pioneer, "), ("boat-2", "boat-2 (pioneer), ")):
+        named = msgspec.structs.replace(report, drone=drone, vehicle="pioneer")
+        assert words in summary(named).splitlines()[0].replace("Dive", "", 1)
 
 
 def test_the_summary_fits_and_says_what_a_pilot_cares_about(tmp_path: Path):

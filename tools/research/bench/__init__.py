@@ -24,6 +24,7 @@ SECTIONS = {
     "identify": "tools.research.bench.identify",
     "dive": "tools.research.bench.dive",
     "onboard": "tools.research.bench.onboard",
+    "fleet": "tools.research.bench.fleet",
     "transport": "tools.research.bench.transport",
     "mavlink": "tools.research.bench.mavlink",
     "camera": "tools.research.bench.camera",

@@ -59,6 +59,12 @@ def costs(pids: Mapping[str, int], seconds: float) -> dict[str, Cost]:
     }
 
 
+def spent_s(pid: int) -> float:
+    """[s] Processor time of a process since its start; 0 where there is none."""
+    count = _count(pid)
+    return 0.0 if count is None else count.user + count.system
+
+
 def total(costs: Mapping[str, Cost]) -> Cost:
     return sum(costs.values(), NOTHING)
 

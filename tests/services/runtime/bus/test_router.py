@@ -289,26 +289,32 @@ def test_a_loop_of_routers_carries_every_message_once(tmp_path: Path) -> None:
             ]
 
 
-def test_a_thin_link_thins_what_goes_up_and_never_a_command(tmp_path: Path) -> None:
+def test_a_thin_link_thins_what_each_drone_says_and_never_a_command(tmp_path: Path) -> None:
     endpoint = free_endpoint()
     with ExitStack() as exits:
-        exits.enter_context(zenohd(tmp_path, router_config([endpoint], thin=["lo"])))
-        drone = Half("drone", "a", endpoint, tmp_path, exits)
-        desk = Half("topside", "a", endpoint, tmp_path, exits)
-        meet(drone, desk)
-        meet(desk, drone)
+        tree = router_config([endpoint], thin=["lo"], drones=["a", "b"])
+        exits.enter_context(zenohd(tmp_path, tree))
+        pairs = [
+            tuple(Half(side, name, endpoint, tmp_path, exits) for side in ("drone", "topside"))
+            for name in ("a", "b")
+        ]
+        for drone, desk in pairs:
+            meet(drone, desk)
+            meet(desk, drone)
         began = time.monotonic()
         for _ in range(40):
-            say(drone.session, topics.STATE.key)
-            say(drone.session, topics.STATUS.key)
-            say(desk.session, topics.PILOT_COMMAND.key)
+            for drone, desk in pairs:
+                say(drone.session, topics.STATE.key)
+                say(drone.session, topics.STATUS.key)
+                say(desk.session, topics.PILOT_COMMAND.key)
             time.sleep(0.01)  # as fast as a drone's state comes
         took_s = time.monotonic() - began
-        quiet(drone, desk)
-        quiet(desk, drone)
-        counts = [[e.key for e in h.heard].count for h in (desk, drone)]
-        assert counts[0](topics.STATUS.key) == counts[1](topics.PILOT_COMMAND.key) == 40
-        assert 1 < counts[0](topics.STATE.key) <= THIN_HZ * took_s + 2
+        for drone, desk in pairs:
+            quiet(drone, desk)
+            quiet(desk, drone)
+            counts = [[e.key for e in h.heard].count for h in (desk, drone)]
+            assert counts[0](topics.STATUS.key) == counts[1](topics.PILOT_COMMAND.key) == 40
+            assert 1 < counts[0](topics.STATE.key) <= THIN_HZ * took_s + 2
 
 
 class Keys:

@@ -1,0 +1,55 @@
+"""Where the drone is, as whoever watches many drones is told."""
+
+from math import pi
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from msgspec import UNSET
+from msgspec.structs import replace
+
+from messages.message import Estimate
+from messages.state import VehicleState
+from services.reference.core import ReferenceGenerator, Settings
+from services.reference.guidance.whereabouts import Whereabouts, whereabouts
+from services.reference.paths.heading import wrap
+
+ZERO = Estimate(0.0, 0.01)
+STATE = VehicleState(
+    stamp_ns=0, sensor_ns=0, phase="running", depth=Estimate(2.5, 0.01), depth_rate=ZERO,
+    depth_acceleration=ZERO, attitude=(1.0, 0.0, 0.0, 0.0), roll=ZERO, pitch=ZERO, heading=ZERO,
+    heading_navigation=None, yaw_rate=ZERO,
+)  # fmt: skip
+angle = st.floats(-50.0, 50.0)
+
+
+@given(angle, st.none() | st.floats(-pi, pi))
+def test_the_heading_is_that_of_the_compass_however_often_the_drone_has_turned(
+    control: float, compass: float | None
+) -> None:
+    state = replace(
+        STATE,
+        heading=Estimate(control, 0.01),
+        heading_navigation=None if compass is None else Estimate(compass, 0.1),
+    )
+    said = whereabouts(state).heading
+    assert isinstance(said, float)
+    assert -pi <= said <= pi
+    wanted = control if compass is None else compass
+    assert wrap(said - wanted) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_what_is_not_known_is_not_said() -> None:
+    unknown = Estimate(2.5, 0.01, valid=False)
+    assert whereabouts(None) == Whereabouts(UNSET, UNSET)
+    assert whereabouts(replace(STATE, depth=unknown)).depth is UNSET
+    assert whereabouts(replace(STATE, heading=unknown)).heading is UNSET
+
+
+def test_a_status_says_where_the_drone_is_only_while_there_is_a_state() -> None:
+    generator = ReferenceGenerator(Settings())
+    assert generator.status(0).depth is UNSET
+    generator.step(STATE, None, 0)
+    assert generator.status(0).depth == 2.5
+    generator.step(None, None, 10_000_000)
+    assert generator.status(10_000_000).depth is UNSET

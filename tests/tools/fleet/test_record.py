@@ -1,0 +1,153 @@
+"""`lindy record`: a recording like any other of every drone that speaks, and of no other name."""
+
+import json
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from messages import topics
+from messages.message import Message
+from messages.topic import AnyTopic
+from services.runtime.bus.envelope import Envelope
+from services.runtime.bus.spaces import here_key, namespace
+from services.runtime.config.identity import identity_of
+from services.runtime.config.stack import Stack
+from tools.__main__ import main
+from tools.fleet import record as recording_of_all
+from tools.fleet.record import Arrivals, FleetRecorder
+from tools.fleet.synthetic import due, said, said_by
+from tools.log.cut import WantedPart, cut
+from tools.recordings.recording import open_recording
+
+TICK_NS = 10_000_000
+
+
+class Network:
+    """What comes from drones, without a network."""
+
+    def __init__(self, folder: Path, *only: str) -> None:
+        self.arrivals = Arrivals()
+        self.recorder = FleetRecorder("tcp/127.0.0.1:1", folder, only)
+        self.sent: dict[str, int] = {}
+
+    def announce(self, *names: str) -> None:
+        for name in names:
+            self.arrivals.tokens.append((here_key(namespace(name), "drone", "1"), True))
+
+    def say(self, name: str, topic: AnyTopic, message: Message) -> None:
+        payload = msgspec.msgpack.encode(message)
+        key = f"{namespace(name)}/{topic.key}"
+        self.arrivals.store(Envelope(key, payload, topic.encoding))
+
+    def introduce(self, name: str, vehicle: str = "pioneer") -> None:
+        identity = identity_of(Stack(), "drone", 1)
+        identity = msgspec.structs.replace(identity, vehicle=vehicle)
+        self.say(name, topics.IDENTITY.of("drone"), identity)
+
+    def fly(self, name: str, seconds: float = 1.0) -> None:
+        streams = said_by("drone", name)
+        for tick in range(round(100 * seconds)):
+            for number in due(streams, tick):
+                stream = streams[number]
+                if stream.topic.key.endswith("identity/drone"):
+                    continue
+                self.sent[name] = self.sent.get(name, 0) + 1
+                row = stream.topic.key.split("/", 3)[3]
+                topic = topics.find(row)
+                assert topic is not None
+                message = said(stream, self.sent[name], tick * TICK_NS)
+                key = stream.topic.key
+                payload = msgspec.msgpack.encode(message)
+                self.arrivals.store(Envelope(key, payload, topic.encoding))
+
+    def end(self) -> list[str]:
+        self.recorder.look(self.arrivals)
+        self.recorder.close()
+        return self.recorder.summary()
+
+
+def test_two_drones_are_two_recordings_of_which_a_part_can_be_cut(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    network = Network(tmp_path)
+    network.announce("rov1", "rov2")
+    for name in ("rov1", "rov2"):
+        network.introduce(name)
+        network.fly(name)
+        network.fly(name)
+    first, second = network.end()
+    assert first.startswith("rov1: ")
+    assert second.startswith("rov2: ")
+    assert not network.recorder.lost
+    recording = open_recording(tmp_path / "rov1")
+    about = recording.metadata("dive")
+    assert (about["drone"], about["vehicle"]) == ("rov1", "pioneer")
+    states = [entry for entry in recording if entry.key == topics.STATE.key]
+    assert 180 <= len(states) <= 200  # those before its first status have no file yet
+    assert main(["log", "info", str(tmp_path / "rov1")]) == 0
+    assert "rov1 · pioneer" in capsys.readouterr().out
+    part = tmp_path / "part.mcap"
+    assert cut(tmp_path / "rov1", part, WantedPart(topics=("state",))) == 0
+    assert {entry.key for entry in open_recording(part)} == {"state"}
+
+
+def test_only_drones_that_speak_get_a_file_and_only_those_that_are_wanted(tmp_path: Path) -> None:
+    network = Network(tmp_path, "rov1")
+    network.announce(*(f"ghost{k}" for k in range(1000)), "rov1", "rov2")
+    for name in ("rov1", "rov2"):
+        network.introduce(name)
+        network.fly(name, 0.3)
+    network.end()
+    assert [path.name for path in tmp_path.iterdir()] == ["rov1"]
+
+
+@pytest.mark.parametrize("vehicle", ["/dev/stdin", "../../secret", "nobodys_boat", "", "pioneer "])
+def test_what_a_stranger_calls_itself_opens_nothing_of_this_machine(
+    tmp_path: Path, vehicle: str
+) -> None:
+    out = tmp_path / "out"
+    network = Network(out)
+    for name in ("..", ".", "rov1"):
+        network.announce(name)
+        network.introduce(name, vehicle)
+        network.fly(name, 0.3)
+    network.end()
+    assert sorted(path.name for path in out.iterdir()) == ["_.", "_..", "rov1"]
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+    recording = open_recording(out / "rov1")
+    assert recording.metadata("dive")["vehicle"] == vehicle
+    assert sum(1 for _ in recording) > 50
+
+
+def test_what_comes_too_fast_or_cannot_be_read_is_counted_in_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recording_of_all, "KEPT", 100)
+    network = Network(tmp_path)
+    network.announce("rov1")
+    network.introduce("rov1")
+    network.fly("rov1", 0.2)
+    network.recorder.look(network.arrivals)
+    network.arrivals.store(Envelope(f"{namespace('rov1')}/state", b"\xc1", topics.STATE.encoding))
+    network.fly("rov1", 1.0)
+    network.end()
+    losses = open_recording(tmp_path / "rov1").metadata("losses")
+    assert losses["malformed:state"] == "1"
+    assert int(losses["overflowed"]) > 100
+    assert network.recorder.lost
+
+
+def test_an_earlier_recording_is_never_written_over(tmp_path: Path) -> None:
+    for _ in range(2):
+        network = Network(tmp_path)
+        network.announce("rov1")
+        network.introduce("rov1")
+        network.fly("rov1", 0.2)
+        network.end()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["rov1", "rov1-2"]
+
+
+def test_where_nobody_was_heard_one_sentence_says_so(tmp_path: Path) -> None:
+    assert Network(tmp_path).end() == ["no drone was heard"]
+    assert json.dumps([*tmp_path.iterdir()]) == "[]"

@@ -1,0 +1,193 @@
+"""`lindy fleet`: who is there, how well each is heard, what is wrong; whatever strangers say."""
+
+import json
+from io import StringIO
+from math import pi
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
+
+from messages import topics
+from messages.identity import SideIdentity
+from messages.message import Message
+from messages.sensors import BatterySample
+from messages.topic import AnyTopic
+from messages.vehicle import VehicleStatus
+from services.runtime.bus.spaces import here_key, namespace
+from tools.fleet.fleet_screen import as_json, clean, line, news, screen
+from tools.fleet.hearing import SPAN, Hearing
+from tools.fleet.roster import MOST
+from tools.fleet.watching import GONE_NS, OLD_NS, FleetRow, FleetWatch
+
+SECOND = 1_000_000_000
+IDENTITY = topics.IDENTITY.of("drone")
+TEXT = st.text(max_size=200)
+
+
+def token(name: str, instance: str = "1") -> str:
+    return here_key(namespace(name), "drone", instance)
+
+
+def say(watch: FleetWatch, name: str, topic: AnyTopic, message: Message, now: int = 0) -> None:
+    watch.row(f"{namespace(name)}/{topic.key}", msgspec.msgpack.encode(message), now)
+
+
+def flying(seq: int = 0, **more: object) -> VehicleStatus:
+    status = VehicleStatus(
+        seq=seq, stamp_ns=0, mode="piloted", armed=True, pilot="ann", depth=4.25, heading=-pi / 2
+    )
+    return msgspec.structs.replace(status, **more)
+
+
+def watching(*names: str) -> FleetWatch:
+    watch = FleetWatch("same")
+    for name in names:
+        watch.token(token(name), True, 0)
+        say(watch, name, IDENTITY, SideIdentity(vehicle="pioneer", messages="same"))
+        say(watch, name, topics.STATUS, flying())
+        battery = BatterySample(stamp_ns=0, voltage=15.9, current=1.0, used_wh=1.0)
+        say(watch, name, topics.BATTERY, battery)
+    return watch
+
+
+def shown(rows: list[FleetRow], remarks: list[str], height: int, width: int = 200) -> list[str]:
+    console = Console(width=width, height=height, record=True, file=StringIO())
+    console.print(screen(rows, remarks, "E", height))
+    return console.export_text().splitlines()
+
+
+def test_a_drone_is_a_line_with_everything_that_matters() -> None:
+    (row,) = watching("rov1").rows(SECOND // 5)
+    assert line(row) == "rov1  piloted, armed  4.2 m  270°  15.9 V  0.2 s  ann"
+    assert json.loads(as_json([row], ["x"])) == {
+        "drones": [json.loads(json.dumps(row._asdict()))],
+        "not_listed": ["x"],
+    }
+
+
+@pytest.mark.parametrize(
+    ("said", "alarm"),
+    [
+        (flying(failsafe="leak", reaction="ascend"), "FAILSAFE leak, ascend"),
+        (flying(note="not ready: calibrating"), "not ready: calibrating"),
+    ],
+)
+def test_what_a_drone_complains_of_is_an_alarm(said: VehicleStatus, alarm: str) -> None:
+    watch = watching("rov1")
+    say(watch, "rov1", topics.STATUS, said)
+    assert watch.rows(0)[0].alarms == (alarm,)
+
+
+def test_silence_two_of_a_name_other_messages_and_departure_are_alarms() -> None:
+    watch = watching("rov1")
+    assert watch.rows(OLD_NS)[0].alarms == ()
+    assert watch.rows(OLD_NS + 1)[0].alarms == ("not heard for 2 s",)
+    watch.token(token("rov1", "2"), True, 0)
+    say(watch, "rov1", IDENTITY, SideIdentity(vehicle="pioneer", messages="others"))
+    assert [alarm.split(":")[0] for alarm in watch.rows(0)[0].alarms] == [
+        "two drones of this name", "other messages than here",
+    ]  # fmt: skip
+    for instance in "12":
+        watch.token(token("rov1", instance), False, SECOND)
+    (gone,) = watch.rows(5 * SECOND)
+    assert gone.alarms == ("gone for 4 s",)
+    watch.token(token("rov1", "3"), True, 6 * SECOND)
+    assert [row.alarms for row in watch.rows(6 * SECOND)] == [
+        ("is announced, but says nothing",)
+    ]  # nothing of before its departure is believed
+    watch.token(token("rov1", "3"), False, 6 * SECOND)
+    assert watch.rows(7 * SECOND + GONE_NS) == []
+
+
+def test_a_thousand_names_of_a_stranger_are_one_sentence_and_hide_no_drone_that_speaks() -> None:
+    watch = FleetWatch("same")
+    for k in range(1000):
+        watch.token(token(f"ghost{k}"), True, 0)
+        watch.token(token(f"gh\x1b[2Jst{k}"), True, 0)
+    for k in range(20):  # behind all of them
+        watch.token(token(f"rov{k:02}"), True, 0)
+        say(watch, f"rov{k:02}", topics.STATUS, flying())
+    rows = watch.rows(0)
+    assert len(rows) == MOST
+    assert {f"rov{k:02}" for k in range(20)} <= {row.name for row in rows if row.mode}
+    assert watch.roster.remarks == [
+        f"{1020 - MOST} announced beyond the first {MOST}, and not listed",
+        "1000 announced with names that no drone may have, and not listed",
+    ]
+    for k in range(1000):
+        watch.token(token(f"ghost{k}"), False, 0)
+        watch.token(token(f"gh\x1b[2Jst{k}"), False, 0)
+    assert [row.name for row in watch.rows(0)] == [f"rov{k:02}" for k in range(20)]
+    assert watch.roster.remarks == []
+
+
+def test_drones_that_speak_are_no_more_than_the_list_is_long() -> None:
+    watch = FleetWatch("same")
+    for k in range(3 * MOST):
+        watch.token(token(f"rov{k}"), True, 0)
+        say(watch, f"rov{k}", topics.STATUS, flying())
+    assert len(watch.rows(0)) == MOST
+    for k in range(3 * MOST):
+        watch.token(token(f"rov{k}"), False, 0)
+    assert len(watch.rows(0)) <= MOST
+
+
+@given(
+    st.lists(st.tuples(st.sampled_from("abc"), TEXT, TEXT), min_size=1, max_size=6),
+    st.integers(1, 60),
+)
+def test_the_screen_fits_and_nothing_on_it_acts_on_the_terminal(
+    said: list[tuple[str, str, str]], height: int
+) -> None:
+    watch = watching("a", "b", "c", *(f"rov{k}" for k in range(30)))
+    for name, pilot, note in said:
+        say(watch, name, topics.STATUS, flying(pilot=pilot[:128], note=note))
+    rows = watch.rows(0)
+    lines = shown(rows, ["5 announced beyond"], height)
+    assert len(lines) <= max(height, 6)
+    assert all(letter.isprintable() for each in lines for letter in each)
+    for row in rows:
+        assert all(letter.isprintable() for letter in line(row))
+
+
+def test_where_the_window_is_too_low_alarms_come_first_and_the_rest_is_counted() -> None:
+    watch = watching(*(f"rov{k:02}" for k in range(20)))
+    say(watch, "rov17", topics.STATUS, flying(failsafe="leak"))
+    lines = shown(watch.rows(0), [], 10)
+    assert "rov17" in lines[2]
+    assert lines[-1] == "and 15 more, 0 of them with an alarm: the window is too low"
+
+
+def test_a_drone_gets_another_line_for_news_and_not_for_passing_seconds() -> None:
+    watch = watching("rov1")
+    old, older = watch.rows(3 * SECOND)[0], watch.rows(9 * SECOND)[0]
+    assert news(watch.rows(0)[0]) != news(old) == news(older)
+    say(watch, "rov1", topics.STATUS, flying(pilot="bob"), 9 * SECOND)
+    assert news(watch.rows(9 * SECOND)[0]) not in (news(old), ("piloted", True, "ann", ()))
+
+
+@given(st.lists(st.booleans(), min_size=1, max_size=80))
+def test_the_loss_is_the_share_that_did_not_come(came: list[bool]) -> None:
+    hearing, seen = Hearing(), [True, *came, True]
+    for seq, heard in enumerate(seen):
+        if heard:
+            hearing.hear(seq, seq * SPAN // 100)
+    assert hearing.loss(0) == pytest.approx(1.0 - sum(seen) / len(seen))
+    assert hearing.loss(10 * SPAN) is None  # long ago
+
+
+def test_a_service_that_starts_again_has_lost_nothing() -> None:
+    hearing = Hearing()
+    for seq in (500, 501, 0, 1, 2, 10**9):
+        hearing.hear(seq, SECOND)
+    assert hearing.loss(SECOND) == 0.0
+
+
+@given(TEXT, st.integers(2, 40))
+def test_cleaned_text_is_short_and_printable(text: str, longest: int) -> None:
+    cleaned = clean(text, longest)
+    assert len(cleaned) <= longest
+    assert cleaned.isprintable()

@@ -1,0 +1,139 @@
+"""`lindy fleet`: all drones of a network on one screen, until Ctrl-C."""
+
+import sys
+import time
+from collections import deque
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from itertools import count
+from pathlib import Path
+
+from rich.console import Console
+from rich.live import Live
+
+from messages import topics
+from services.runtime.bus.network import Network, open_network
+from services.runtime.config.identity import messages_hash
+from tools.fleet.drones import WATCHERS
+from tools.fleet.fleet_screen import as_json, line, news, screen, title_of
+from tools.fleet.look import PATIENCE_S
+from tools.fleet.roster import ROWS
+from tools.fleet.watching import FleetRow, FleetWatch
+from tools.keys.door import door
+from tools.live.stop_signals import StopSignals
+
+LOOK_S = 0.5  # [s] between two looks at what has arrived
+LOOKS_A_LINE = 2  # of JSON
+REPEAT_S = 60.0  # [s] after which every drone gets a line again
+KEPT = 50_000  # messages between two looks; of more the oldest are left out
+
+Show = Callable[[FleetWatch, int], None]
+
+
+def fleet(
+    endpoint: str,
+    option: str,
+    *,
+    json: bool = False,
+    keys: Path | None = None,
+    insecure: bool = False,
+    seconds: float | None = None,
+) -> int:
+    """Show the drones until Ctrl-C, or for so many seconds.
+
+    Raises:
+        LindyError: nobody answers there, or the keys are no good.
+    """
+    way = door(endpoint, option, WATCHERS, keys, insecure=insecure)
+    watch = FleetWatch(messages_hash(topics.ALL))
+    on_terminal = _screen(endpoint) if sys.stdout.isatty() else _lines(endpoint)
+    shown = _json() if json else on_terminal
+    with (
+        open_network(endpoint, PATIENCE_S, keys=None if way is None else way.keys) as network,
+        StopSignals() as stop,
+        shown as show,
+    ):
+        look = _watched(network, watch)
+        end = time.monotonic() + (float("inf") if seconds is None else seconds)
+        while not stop.asked and time.monotonic() < end:
+            time.sleep(LOOK_S)  # messages come on Zenoh's thread; nothing here is in a hurry
+            now = time.monotonic_ns()
+            look(now)
+            show(watch, now)
+    return 0
+
+
+def _watched(network: Network, watch: FleetWatch) -> Callable[[int], None]:
+    """Subscribe; returns a function that takes in what has arrived."""
+    tokens: deque[tuple[str, bool]] = deque(maxlen=KEPT)  # both are filled on Zenoh's thread
+    heard: deque[tuple[str, bytes, int]] = deque(maxlen=KEPT)
+
+    def hear(key: str, payload: bytes) -> None:
+        heard.append((key, payload, time.monotonic_ns()))
+
+    def look(now: int) -> None:
+        while tokens:
+            watch.token(*tokens.popleft(), now)
+        while heard:
+            watch.row(*heard.popleft())
+
+    network.watch(lambda key, there: tokens.append((key, there)))
+    for topic in ROWS:
+        network.hear(topic, hear)
+    return look
+
+
+@contextmanager
+def _screen(endpoint: str) -> Generator[Show]:
+    with Live(console=Console(), auto_refresh=False, transient=True) as live:
+
+        def show(watch: FleetWatch, now: int) -> None:
+            height = live.console.height
+            rows = watch.rows(now)
+            live.update(screen(rows, watch.roster.remarks, endpoint, height), refresh=True)
+
+        yield show
+
+
+@contextmanager
+def _lines(endpoint: str) -> Generator[Show]:
+    """A line for a drone when its mode, pilot or alarms change, and for all every minute."""
+    said: dict[str, tuple[object, ...]] = {}
+    about, repeated = "", -float("inf")
+
+    def show(watch: FleetWatch, now: int) -> None:
+        nonlocal about, repeated
+        rows = watch.rows(now)
+        if time.monotonic() - repeated >= REPEAT_S:
+            repeated = time.monotonic()
+            said.clear()
+        changed = [row for row in rows if said.get(row.name) != news(row)]
+        said.update((row.name, news(row)) for row in changed)
+        now_about = "; ".join([title_of(rows, endpoint), *watch.roster.remarks])
+        _say(*([now_about] if now_about != about else []), *map(line, changed))
+        about = now_about
+        _forget(said, rows)
+
+    yield show
+
+
+@contextmanager
+def _json() -> Generator[Show]:
+    """One line a second, for programs."""
+    looks = count(1)
+
+    def show(watch: FleetWatch, now: int) -> None:
+        if next(looks) % LOOKS_A_LINE == 0:
+            _say(as_json(watch.rows(now), watch.roster.remarks))
+
+    yield show
+
+
+def _say(*lines: str) -> None:
+    for each in lines:
+        print(each, flush=True)
+
+
+def _forget(said: dict[str, tuple[object, ...]], rows: list[FleetRow]) -> None:
+    for name in said.keys() - {row.name for row in rows}:
+        del said[name]

@@ -1,0 +1,107 @@
+"""`lindy fleet` as a screen, as lines and as JSON. Pure: rows in, something printable out."""
+
+import json
+from collections.abc import Sequence
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from tools.fleet.watching import FleetRow
+
+HEADING = ("name", "mode", "depth", "heading", "battery", "link", "who flies", "alarms")
+UNKNOWN = "–"
+LONGEST = 24  # [characters] of a name or a mode
+LONGEST_ALARM = 120  # [characters]
+FRAME = 3  # rows of the screen that are no drones: title, heading, one left free
+LOSS_SHOWN = 0.01  # [-] a smaller share is not worth a word
+
+
+def screen(
+    rows: Sequence[FleetRow], remarks: Sequence[str], place: str, height: int
+) -> RenderableType:
+    """All drones by name; where they are too many for the terminal, those with an alarm first.
+
+    Args:
+        remarks: what was not listed, in words.
+        place: where was asked.
+        height: rows of the terminal.
+    """
+    room = max(1, height - FRAME - len(remarks) - 1)
+    shown, hidden = _fitting(rows, room)
+    table = Table(box=None, header_style="dim", padding=(0, 2, 0, 0), expand=False)
+    for title in HEADING:
+        right = title in ("depth", "heading")
+        table.add_column(title, no_wrap=True, justify="right" if right else "left")
+    for row in shown:
+        cells = [Text(cell) for cell in _cells(row)]
+        cells[0].stylize("bold")
+        cells[-1].stylize("bold red" if row.alarms else "")
+        table.add_row(*cells)
+    below = [_hidden(hidden)] if hidden else []
+    return Group(Text(title_of(rows, place)), table, *map(Text, [*below, *remarks]))
+
+
+def title_of(rows: Sequence[FleetRow], place: str) -> str:
+    """One line about all of them."""
+    if not rows:
+        return f"no drone can be reached at {place}"
+    armed = sum(row.armed for row in rows)
+    flown = sum(bool(row.pilot) for row in rows)
+    alarmed = sum(bool(row.alarms) for row in rows)
+    return f"{len(rows)} drones at {place}: {armed} armed, {flown} flown, {alarmed} with an alarm"
+
+
+def line(row: FleetRow) -> str:
+    """One drone on a line of its own."""
+    return "  ".join(cell for cell in _cells(row) if cell and cell != UNKNOWN)
+
+
+def news(row: FleetRow) -> tuple[object, ...]:
+    """A drone gets another line when this changes."""
+    heads = tuple(alarm.partition(" for ")[0].partition(",")[0] for alarm in row.alarms)
+    return row.mode, row.armed, row.pilot, heads
+
+
+def as_json(rows: Sequence[FleetRow], remarks: Sequence[str]) -> str:
+    """For programs."""
+    return json.dumps({"drones": [row._asdict() for row in rows], "not_listed": [*remarks]})
+
+
+def _fitting(rows: Sequence[FleetRow], room: int) -> tuple[list[FleetRow], list[FleetRow]]:
+    """Those that are shown, and those for whom there is no room."""
+    if len(rows) <= room:
+        return [*rows], []
+    first = sorted(rows, key=lambda row: not row.alarms)  # else they stay in their order
+    return first[: room - 1], first[room - 1 :]
+
+
+def _hidden(rows: Sequence[FleetRow]) -> str:
+    alarmed = sum(bool(row.alarms) for row in rows)
+    return f"and {len(rows)} more, {alarmed} of them with an alarm: the window is too low"
+
+
+def _cells(row: FleetRow) -> tuple[str, ...]:
+    return (
+        clean(row.name),
+        clean(f"{row.mode}{', armed' if row.armed else ''}") or UNKNOWN,
+        UNKNOWN if row.depth_m is None else f"{row.depth_m:.1f} m",
+        UNKNOWN if row.heading_deg is None else f"{row.heading_deg:03.0f}°",
+        row.battery or UNKNOWN,
+        _link(row),
+        clean(row.pilot) or "nobody",
+        "; ".join(clean(alarm, LONGEST_ALARM) for alarm in row.alarms),
+    )
+
+
+def _link(row: FleetRow) -> str:
+    if row.age_s is None:
+        return UNKNOWN
+    lost = row.loss is not None and row.loss >= LOSS_SHOWN
+    return f"{row.age_s:.1f} s" + (f", {100 * (row.loss or 0.0):.0f} % lost" if lost else "")
+
+
+def clean(text: str, longest: int = LONGEST) -> str:
+    """Text from a network, of which nothing can act on a terminal."""
+    kept = "".join(letter if letter.isprintable() else "?" for letter in text[: longest + 1])
+    return kept if len(kept) <= longest else f"{kept[: longest - 1]}…"

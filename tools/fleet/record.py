@@ -1,0 +1,184 @@
+"""`lindy record`: one program that records every drone of a network, each in a file of its own."""
+
+import time
+from collections import Counter, deque
+from collections.abc import Collection
+from itertools import count
+from pathlib import Path
+from typing import NamedTuple
+
+from messages import topics
+from messages.topic import AnyTopic, Way
+from services.runtime.bus.envelope import Envelope
+from services.runtime.bus.network import open_network
+from services.runtime.bus.spaces import checked_name, name_in, namespace
+from services.runtime.config.disk import reason
+from services.runtime.config.errors import LindyError
+from tools.fleet.drones import WATCHERS
+from tools.fleet.look import PATIENCE_S
+from tools.fleet.recordings import FleetRecording
+from tools.fleet.roster import MOST, ROWS, Roster
+from tools.keys.door import door
+from tools.live.dive_folder import out_folder, require_room_for_recording
+from tools.live.stop_signals import StopSignals
+
+CLEAN, DATA_LOST = 0, 3  # exit statuses
+STEP_S = 0.1  # [s] between two looks at what has arrived
+STEPS_A_FLUSH = 2  # of a disk: at most 0.2 s is lost when this program is killed
+KEPT = 100_000  # messages between two looks; some ten seconds of twenty drones
+SKIPPED = (topics.VIDEO,)  # heavy, and no camera sends it unless somebody asks for it
+RECORDED: tuple[AnyTopic, ...] = tuple(
+    topic
+    for topic in topics.ALL
+    if topic.way in (Way.UP, Way.BOTH) and topic not in (*topics.WITHIN_ONE_MACHINE, *SKIPPED)
+)
+
+
+class ArrivedMessage(NamedTuple):
+    envelope: Envelope
+    at: int  # [ns]
+
+
+class Arrivals:
+    """What has come and was not looked at yet. Filled on Zenoh's thread."""
+
+    def __init__(self) -> None:
+        self.waiting: deque[ArrivedMessage] = deque()
+        self.tokens: deque[tuple[str, bool]] = deque(maxlen=KEPT)
+        self._overflowed: Counter[str] = Counter()  # by drone
+
+    def store(self, envelope: Envelope) -> None:
+        if len(self.waiting) >= KEPT:
+            self._overflowed[name_in(envelope.key)] += 1
+        else:
+            self.waiting.append(ArrivedMessage(envelope, time.monotonic_ns()))
+
+    def take_overflowed(self) -> Counter[str]:
+        found, self._overflowed = self._overflowed, Counter()
+        return found
+
+
+class FleetRecorder:
+    """The recordings of all drones that were heard."""
+
+    def __init__(self, endpoint: str, folder: Path, only: Collection[str]) -> None:
+        """
+        Args:
+            only: names of the drones to record; empty: all.
+        """
+        self.recordings: dict[str, FleetRecording] = {}
+        self.roster = Roster()
+        self._endpoint, self._folder, self._only = endpoint, folder, only
+        self._rows = {topic.key for topic in ROWS}
+        self._failed: set[str] = set()  # drones that are not recorded
+        self.beyond = 0  # messages of those beyond `MOST`
+
+    def look(self, arrivals: Arrivals) -> None:
+        """Take in what has arrived."""
+        while arrivals.tokens:
+            self.roster.token(*arrivals.tokens.popleft())
+        for _ in range(len(arrivals.waiting)):
+            self._take(*arrivals.waiting.popleft())
+        for name, messages in arrivals.take_overflowed().items():
+            if (recording := self.recordings.get(name)) is not None:
+                recording.overflowed(messages)
+
+    def flush(self) -> None:
+        for recording in self.recordings.values():
+            recording.flush(time.monotonic_ns())
+
+    def close(self) -> None:
+        for recording in self.recordings.values():
+            recording.close()
+
+    def summary(self) -> list[str]:
+        """A line for each drone, and what was not recorded."""
+        lines = [
+            f"{name}: {recording.messages} messages in {recording.folder}"
+            + (f", {recording.lost} lost" if recording.lost else "")
+            for name, recording in sorted(self.recordings.items())
+        ]
+        beyond = f"{self.beyond} messages of drones beyond the first {MOST}, not recorded"
+        remarks = [*([beyond] if self.beyond else []), *self.roster.remarks]
+        return [*(lines or ["no drone was heard"]), *remarks]
+
+    @property
+    def lost(self) -> bool:
+        return bool(self._failed or self.beyond) or any(
+            one.lost for one in self.recordings.values()
+        )
+
+    def _take(self, envelope: Envelope, arrived: int) -> None:
+        name = name_in(envelope.key)
+        row = envelope.key.removeprefix(f"{namespace(name)}/")
+        if row in self._rows:
+            self.roster.row(envelope.key, envelope.payload)
+        recording = self.recordings.get(name) or self._begin(name)
+        if recording is not None:
+            recording.take(row, envelope, arrived)
+
+    def _begin(self, name: str) -> FleetRecording | None:
+        """A drone that has said what it is gets a recording. A name alone anybody can announce."""
+        drone = self.roster.drones.get(name)
+        unwanted = name in self._failed or (self._only and name not in self._only)
+        if drone is None or drone.identity is None or not drone.complete or unwanted:
+            return None
+        if len(self.recordings) + len(self._failed) >= MOST:
+            self.beyond += 1
+            return None
+        try:
+            recording = FleetRecording(name, drone.identity, self._endpoint, self._folder)
+        except (LindyError, OSError) as error:
+            why = reason(error) if isinstance(error, OSError) else str(error)
+            self._failed.add(name)
+            print(f"{name} is not recorded: {why}", flush=True)
+            return None
+        self.recordings[name] = recording
+        without = "" if recording.knows_vehicle else ", without its vehicle file: it has another"
+        print(f"{name} → {recording.folder}{without}", flush=True)
+        return recording
+
+
+def record(
+    endpoint: str,
+    option: str,
+    *,
+    out: Path | None,
+    only: Collection[str] = (),
+    keys: Path | None = None,
+    insecure: bool = False,
+    seconds: float | None = None,
+) -> int:
+    """Record until Ctrl-C, or for so many seconds. Returns the exit status: 3 when something that
+    came is not in a file.
+
+    Raises:
+        LindyError: nobody answers there, the keys are no good, or nothing can be written.
+    """
+    for name in only:
+        checked_name(name, "--drone")
+    way = door(endpoint, option, WATCHERS, keys, insecure=insecure)
+    arrivals = Arrivals()
+    with (
+        open_network(endpoint, PATIENCE_S, keys=None if way is None else way.keys) as network,
+        StopSignals() as stop,
+    ):
+        folder = out_folder(out)
+        require_room_for_recording(folder)
+        recorder = FleetRecorder(endpoint, folder, only)
+        network.watch(lambda key, there: arrivals.tokens.append((key, there)))
+        for topic in RECORDED:
+            network.collect(topic, arrivals.store)
+        print(f"records every drone at {endpoint} → {folder}, until Ctrl-C", flush=True)
+        end = time.monotonic() + (float("inf") if seconds is None else seconds)
+        for step in count(1):
+            time.sleep(STEP_S)  # messages come on Zenoh's thread
+            recorder.look(arrivals)
+            if step % STEPS_A_FLUSH == 0:
+                recorder.flush()
+            if stop.asked or time.monotonic() > end:
+                break
+    recorder.look(arrivals)
+    recorder.close()
+    print("\n".join(recorder.summary()), flush=True)
+    return DATA_LOST if recorder.lost else CLEAN

@@ -1,0 +1,135 @@
+"""All drones that are there, as `lindy fleet` shows them: from the roster, what came when, and who
+has gone. Pure."""
+
+from collections.abc import Iterator
+from math import degrees
+from typing import NamedTuple
+
+from msgspec import UNSET, UnsetType
+
+from messages.counts import short
+from messages.units import Ns
+from services.runtime.bus.spaces import here_of, name_in
+from tools.fleet.drones import OTHER_MESSAGES, SILENT, TWICE, in_volts
+from tools.fleet.hearing import Hearing
+from tools.fleet.roster import MOST, Drone, Roster
+
+SECOND: Ns = 1_000_000_000
+OLD_NS = 2 * SECOND  # a status comes five times a second
+GONE_NS = 600 * SECOND  # how long a drone that has gone stays on the screen
+
+
+class FleetRow(NamedTuple):
+    """One drone."""
+
+    name: str
+    mode: str  # empty: not known
+    armed: bool
+    depth_m: float | None
+    heading_deg: float | None  # 0 … 360
+    battery: str  # in words
+    age_s: float | None  # since it was last heard
+    loss: float | None  # [-] of its words that did not come here
+    pilot: str  # who flies; empty: nobody
+    alarms: tuple[str, ...]  # the gravest first
+
+
+class FleetWatch:
+    """Tokens and rows of all drones, in any order."""
+
+    def __init__(self, ours: str) -> None:
+        """
+        Args:
+            ours: hash of the messages of this Lindy.
+        """
+        self.roster = Roster()
+        self._ours = ours
+        self._hearings: dict[str, Hearing] = {}
+        self._gone: dict[str, tuple[Drone, Ns]] = {}
+
+    def token(self, key: str, there: bool, now: Ns) -> None:
+        """A drone's hub came, or went."""
+        here = here_of(key)
+        before = None if here is None else self.roster.drones.get(here.name)
+        self.roster.token(key, there)
+        if here is None:
+            return
+        if here.name in self.roster.drones:
+            self._gone.pop(here.name, None)
+        elif before is not None and before.speaks:
+            self._gone[here.name] = (before, now)
+            if len(self._gone) > MOST:
+                del self._gone[next(iter(self._gone))]
+
+    def row(self, key: str, payload: bytes, now: Ns) -> None:
+        """One of the roster's rows of a drone."""
+        drone = self.roster.drones.get(name := name_in(key))
+        before = None if drone is None else drone.status
+        self.roster.row(key, payload)
+        drone = self.roster.drones.get(name)
+        if drone is not None and drone.status is not None and drone.status is not before:
+            if name not in self._hearings:
+                self._forget()
+            self._hearings.setdefault(name, Hearing()).hear(drone.status.seq, now)
+
+    def _forget(self) -> None:
+        """Of those who are not shown any more."""
+        for name in self._hearings.keys() - self.roster.drones.keys() - self._gone.keys():
+            del self._hearings[name]
+
+    def rows(self, now: Ns) -> list[FleetRow]:
+        """By name, those that have gone among them."""
+        for name, (_, since) in list(self._gone.items()):
+            if now - since > GONE_NS:
+                del self._gone[name]
+        there = [self._row(drone, now) for drone in self.roster.drones.values()]
+        gone = [
+            self._row(drone, now)._replace(alarms=(f"gone for {_seconds(now - since)}",))
+            for drone, since in self._gone.values()
+        ]
+        return sorted([*there, *gone], key=lambda row: row.name)
+
+    def _row(self, drone: Drone, now: Ns) -> FleetRow:
+        status, hearing = drone.status, self._hearings.get(drone.name)
+        age = None if hearing is None or status is None else now - hearing.heard_ns
+        return FleetRow(
+            name=drone.name,
+            mode="" if status is None else status.mode,
+            armed=status is not None and status.armed,
+            depth_m=None if status is None else _known(status.depth),
+            heading_deg=None if status is None else _compass(status.heading),
+            battery="" if drone.battery is None else in_volts(drone.battery),
+            age_s=None if age is None else max(0.0, age / 1e9),
+            loss=None if hearing is None else hearing.loss(now),
+            pilot="" if status is None else status.pilot,
+            alarms=tuple(self._alarms(drone, age)),
+        )
+
+    def _alarms(self, drone: Drone, age: Ns | None) -> Iterator[str]:
+        if age is not None and age > OLD_NS:
+            yield f"not heard for {_seconds(age)}"
+        if len(drone.starts) > 1:
+            yield TWICE
+        status, identity = drone.status, drone.identity
+        if status is not None and status.failsafe != "none":
+            acts = f", {status.reaction}" if status.reaction else ""
+            yield f"FAILSAFE {short(f'failsafe:{status.failsafe}')}{acts}"
+        if status is not None and status.note:
+            yield status.note
+        if not drone.speaks:
+            yield SILENT
+        if identity is not None and identity.messages != self._ours:
+            yield OTHER_MESSAGES
+
+
+def _known(value: float | UnsetType) -> float | None:
+    return None if value is UNSET else value
+
+
+def _compass(heading: float | UnsetType) -> float | None:
+    """[°] As it is shown: 0 … 359.9."""
+    return None if heading is UNSET else round(degrees(heading), 1) % 360.0
+
+
+def _seconds(span: Ns) -> str:
+    return f"{max(0, span) / 1e9:.0f} s"

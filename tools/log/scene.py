@@ -1,0 +1,68 @@
+"""`lindy log scene`: several recordings as one 3-D scene, for rerun."""
+
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+
+from services.marine.vehicle import Vehicle
+from services.runtime.config.errors import LindyError
+from services.runtime.config.extras import how_to_install
+from services.runtime.config.settings import convert
+from services.runtime.config.stack import BODY, Stack
+from services.visualizer.fleet_scene import FlownTrack, track
+from services.visualizer.scene import SCENE_KINDS
+from tools.fresh import refuse_existing, write_fresh
+from tools.recordings.dive_file import flown_dive
+from tools.recordings.recording import Recording, open_recording
+
+COMPLETE, INCOMPLETE = 0, 3  # exit statuses
+
+
+def scene(paths: Sequence[Path], out: Path) -> int:
+    """Write the scene, and print what is in it. Returns the exit status: 3 when a recording is
+    damaged or was not finished.
+
+    Raises:
+        LindyError: there is no such recording, no rerun, or the file cannot be written.
+    """
+    refuse_existing(out)
+    try:
+        from services.visualizer.io.fleet_writer import encoded
+    except ImportError:
+        raise LindyError(
+            f"a scene needs rerun, which is not installed; {how_to_install('viewer')}"
+        ) from None
+    recordings = [open_recording(path) for path in paths]
+    tracks = [track_of(recording) for recording in recordings]
+    write_fresh(out, encoded(tracks))
+    damage = [words for recording in recordings for words in recording.damage]
+    lines = [f"{each.name}: {len(each.poses)} poses" for each in tracks]
+    print("\n".join([*lines, f"{len(tracks)} drones in {out}", *damage]), flush=True)
+    return INCOMPLETE if damage else COMPLETE
+
+
+def track_of(recording: Recording) -> FlownTrack:
+    """The way of the drone that was recorded."""
+    about = recording.metadata("dive")
+    name = about.get("drone") or about.get("vehicle") or recording.files[0].parent.name
+    said = (
+        (entry.log_ns, entry.message)
+        for entry in recording
+        if isinstance(entry.message, SCENE_KINDS)
+    )
+    return track(name, vehicle_of(recording), said)
+
+
+def vehicle_of(recording: Recording) -> Vehicle:
+    """That of the file that it carries; where it carries none, the usual one."""
+    dive = flown_dive(recording)
+    file = None if dive is None else dive.named("vehicles", dive.stack.vehicle, ".toml")
+    name = None if file is None else file.attachment
+    data = None if name is None else recording.attachment(name)
+    if data is None:
+        return Stack().section(BODY, Vehicle)
+    try:
+        tree = tomllib.loads(data.decode())
+    except ValueError as error:
+        raise LindyError(f"{recording.files[0]}: {name} cannot be read: {error}") from None
+    return convert(tree.get(BODY, {}), Vehicle, BODY, Path(str(name)))
