@@ -30,6 +30,7 @@ class Difference(NamedTuple):
 
 
 BUOYANCY = {"pioneer": 5.0, "bluerov2_heavy": 17.0, "minerva": 55.0}  # [N] 1/7 of heave thrust
+BALLAST_S = 0.8  # [s] after arming, before the first move, a heavier hull gets its weight
 SHIFT = 0.005  # [m] of the centre of gravity
 
 # The lines of the table; every dive of a line is flown with each of its hulls.
@@ -83,8 +84,11 @@ def fly(vehicle: str, difference: Difference, seed: int, overrides: Sequence[str
     """A minute of random sticks, as of `goal_runs.releases`."""
     rows, ends = random_sticks(seed, 60.0)
     over = ends[-1][0] + QUIET_S
-    hull = settings(vehicle, difference)
+    heavier = difference.buoyancy < 0.0  # it would sink before it is armed
+    hull = settings(vehicle, difference._replace(buoyancy=0.0) if heavier else difference)
     sortie = Sortie(rows, vehicle=vehicle, seed=seed, overrides=(DEEP, *hull, *overrides))
+    if heavier:
+        sortie.until(BALLAST_S).become(*settings(vehicle, difference))
     seen = sortie.until(over).columns(0.0, over)
     off_depth, off_heading = sortie.estimate_errors(seen, 0.0)
     depth = seen.wanted_depth - seen.depth - np.median(off_depth)
