@@ -34,8 +34,8 @@ class Adaptation:
 
     def __post_init__(self) -> None:
         v, s = self.vehicle, self.settings
-        self.heave = ModelEstimate(plant_of(v, 2), HEAVE_NOISE, s)
-        self.yaw = ModelEstimate(plant_of(v, 5), YAW_NOISE, s)
+        self.heave = ModelEstimate(plant_of(v, 2), HEAVE_NOISE, s, s.heave)
+        self.yaw = ModelEstimate(plant_of(v, 5), YAW_NOISE, s, s.yaw)
         self._most = plant_of(v, 0).drag(CALM_SPEED), plant_of(v, 1).drag(CALM_SPEED)
 
     def learn(

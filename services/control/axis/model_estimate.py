@@ -53,6 +53,9 @@ class AdaptationSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True
     on: bool = True  # False: it is estimated and reported, and not used
     thrust: tuple[Scale, Scale] = (0.5, 2.0)  # [-] least and most of the file's thrust
     drag: tuple[Scale, Scale] = (0.4, 2.5)  # [-] least and most of the file's drag
+    # [-] Thrust and drag to begin with, of heave and of yaw: what an earlier dive has learnt.
+    heave: tuple[Scale, Scale] = (1.0, 1.0)
+    yaw: tuple[Scale, Scale] = (1.0, 1.0)
 
     def __post_init__(self) -> None:
         for name, (least, most) in (("thrust", self.thrust), ("drag", self.drag)):
@@ -60,6 +63,13 @@ class AdaptationSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True
                 raise ValueError(
                     f"{name}: 1 must lie between its bounds, found {least:g}, {most:g}"
                 )
+        for name, (thrust, drag) in (("heave", self.heave), ("yaw", self.yaw)):
+            for what, begin, bounds in (("thrust", thrust, self.thrust), ("drag", drag, self.drag)):
+                if not bounds[0] <= begin <= bounds[1]:
+                    raise ValueError(
+                        f"{name}: it begins with {begin:g} of the {what}, allowed are "
+                        f"{bounds[0]:g} to {bounds[1]:g}"
+                    )
 
 
 class ModelNoise(NamedTuple):
@@ -82,6 +92,10 @@ class UsedScale:
     value: float = 1.0  # [-]
     used: bool = False
 
+    def start(self, value: float) -> None:
+        """Begin with it; what is learnt may soon be another."""
+        self.value, self.used = value, value != 1.0
+
     def follow(self, estimate: float, std: float, dt: float) -> None:
         away = abs(estimate - 1.0)
         if away > max(self.zone, SURE * std):
@@ -100,7 +114,8 @@ class ModelEstimate:
     plant: Plant
     noise: ModelNoise
     settings: AdaptationSettings = field(default_factory=AdaptationSettings)
-    estimate: Rows = (1.0, 1.0, 0.0)  # [-] κ, δ; [m/s²] or [rad/s²] b / M
+    begin: tuple[float, float] = (1.0, 1.0)  # [-] κ and δ before anything is learnt
+    estimate: Rows = field(init=False)  # [-] κ, δ; [m/s²] or [rad/s²] b / M
     thrust: UsedScale = field(init=False)
     drag: UsedScale = field(init=False)
     _spread: Matrix = field(init=False)  # covariance of the estimate
@@ -111,8 +126,13 @@ class ModelEstimate:
     _held_back: float = 0.0  # [s]
 
     def __post_init__(self) -> None:
+        thrust, drag = self.begin
+        self.estimate = thrust, drag, 0.0
         self.thrust = UsedScale(THRUST_ZONE, self.settings.thrust)
         self.drag = UsedScale(DRAG_ZONE, self.settings.drag)
+        if self.settings.on:
+            self.thrust.start(thrust)
+            self.drag.start(drag)
         a, b, c = THRUST_STD**2, DRAG_STD**2, self.noise.lasting**2
         self._spread = (a, 0.0, 0.0), (0.0, b, 0.0), (0.0, 0.0, c)
 

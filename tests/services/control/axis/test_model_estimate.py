@@ -7,6 +7,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from messages.control import LearntModel
 from services.control.axis.model_estimate import (
     HEAVE_NOISE,
     RATE,
@@ -45,7 +46,8 @@ def moves(
         needed = PIONEER.inertia * ((speed - before) / DT - lasting)
         needed += drag * PIONEER.drag((speed + before) / 2)
         steps.append((speed, 0.0, 20.0 * share) if blocked else (speed, speed, needed / thrust))
-    estimate, used = ModelEstimate(PIONEER, HEAVE_NOISE, chosen), list[float]()
+    estimate = ModelEstimate(PIONEER, HEAVE_NOISE, chosen, chosen.heave)
+    used = list[float]()
     for (reference, velocity, _), (_, _, force) in pairwise(steps):  # it takes effect a step later
         estimate.step(velocity, force, DT, reference, calm=calm)
         used.append(estimate.thrust.value)
@@ -138,7 +140,29 @@ def test_whatever_happens_it_stays_within_its_bounds(
             assert least <= value <= most
 
 
-@pytest.mark.parametrize("bounds", [{"thrust": (1.1, 2.0)}, {"drag": (0.4, 0.9)}])
-def test_bounds_without_1_are_refused(bounds: dict[str, tuple[float, float]]) -> None:
-    with pytest.raises(ValueError, match="1 must lie between"):
-        AdaptationSettings(**bounds)  # type: ignore[arg-type]
+def test_what_an_earlier_dive_has_learnt_counts_from_the_first_move() -> None:
+    known = AdaptationSettings(heave=(0.6, 1.0))
+    estimate = ModelEstimate(PIONEER, HEAVE_NOISE, known, known.heave)
+    assert estimate.learnt == LearntModel(0.6, 1.0, 0.6, 1.0)
+    _, used = moves(0.6, chosen=known)
+    assert used == pytest.approx([0.6] * len(used), abs=0.05)
+
+
+def test_what_an_earlier_dive_has_learnt_wrongly_is_learnt_anew() -> None:
+    _, used = moves(1.0, chosen=AdaptationSettings(heave=(0.6, 1.0)), seconds=80.0)
+    assert used[-1] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("wrong", "why"),
+    [
+        ({"thrust": (1.1, 2.0)}, "1 must lie between"),
+        ({"drag": (0.4, 0.9)}, "1 must lie between"),
+        ({"yaw": (0.3, 1.0)}, "yaw: it begins with 0.3 of the thrust, allowed are 0.5 to 2"),
+    ],
+)
+def test_settings_that_contradict_each_other_are_refused(
+    wrong: dict[str, tuple[float, float]], why: str
+) -> None:
+    with pytest.raises(ValueError, match=why):
+        AdaptationSettings(**wrong)  # type: ignore[arg-type]
