@@ -166,6 +166,8 @@ class Controller:
             saturated=bool(done.saturated),
             disturbance=(-x, -y, -z, -k, -m, -n),
             distrusted=self._propulsion.distrusted,
+            heave=self._laws.adaptation.heave.learnt,
+            yaw=self._laws.adaptation.yaw.learnt,
         )
         command = ThrusterCommand(
             stamp_ns=now,

@@ -9,6 +9,7 @@ from messages.units import Vec6
 from services.control import horizontal_plane
 from services.control.allocation.actuator_model import ActuatorModel, lags_of
 from services.control.allocation.layout import AXES
+from services.control.axis.adaptation import Adaptation
 from services.control.axis.axis import PilotedAxis
 from services.control.axis.axis_law import AxisLaw, Gains
 from services.control.axis.bumpless_transfer import BumplessTransfer
@@ -45,11 +46,13 @@ class Laws:
         self.sway = axis("sway", settings.sway, 1)
         self.depth = axis("depth", settings.depth, 2)
         self.heading = axis("heading", settings.heading, 5, own=False)
+        self.adaptation = Adaptation(settings.adaptation, vehicle)
         self._max_error = min(settings.surge.max_error, settings.sway.max_error)  # [m]
         self._roll, self._pitch = RollPitchHold(settings.roll), RollPitchHold(settings.pitch)
 
     def wrench(self, reference: Reference, state: VehicleState, dt: float) -> Vec6:
-        """The required wrench [N, N m], `dt` [s] after the last one."""
+        """The required wrench [N, N m], `dt` [s] after the last one, as commands of thrusters that
+        yield what the vehicle file says."""
         self._learn(state, dt)
         surge, sway = self._horizontal(reference, state, dt)
         r, s = reference, state
@@ -64,11 +67,15 @@ class Laws:
             yaw = self.heading.forced(r.yaw_moment, dt)
         roll = self._roll.step(s.roll, s.sensor_ns)
         pitch = self._pitch.step(s.pitch, s.sensor_ns)
-        return surge, sway, heave, roll, pitch, yaw
+        wanted = surge, sway, heave, roll, pitch, yaw
+        self.adaptation.asked(reference, wanted)
+        return self.adaptation.scaled(wanted)
 
     def done(self, wanted: Vec6, achieved: Vec6, *, saturated: bool) -> None:
         """Take in the achieved wrench. An axis short of force by saturation does not learn."""
         self._actuators.command(achieved)
+        if saturated:
+            self.adaptation.saturated()
         self._short = frozenset(
             name
             for name, want, got in zip(AXES, wanted, achieved, strict=True)
@@ -84,6 +91,7 @@ class Laws:
 
     def pause(self) -> None:
         """Learn nothing from the time since the last step."""
+        self.adaptation.pause()
         for axis in (self.surge, self.sway, self.depth, self.heading):
             axis.law.pause()
 
@@ -112,13 +120,17 @@ class Laws:
         # observer would be unstable.
         heave = _known(state.depth_rate) if state.depth_acceleration.valid else None
         yaw = _known(state.yaw_rate)
-        for axis, row, velocity in (
-            (self.surge, 0, surge),
-            (self.sway, 1, sway),
-            (self.depth, 2, heave),
-            (self.heading, 5, yaw),
+        self.adaptation.learn(state, (heave, force[2]), (yaw, force[5]), dt)
+        self.depth.law.take_model(self.adaptation.heave.model)
+        self.heading.law.take_model(self.adaptation.yaw.model)
+        for axis, row, velocity, scale in (
+            (self.surge, 0, surge, 1.0),
+            (self.sway, 1, sway, 1.0),
+            (self.depth, 2, heave, self.adaptation.heave.thrust.value),
+            (self.heading, 5, yaw, self.adaptation.yaw.thrust.value),
         ):
-            axis.learn(None if AXES[row] in self._short else velocity, force[row], dt)
+            known = None if AXES[row] in self._short else velocity
+            axis.learn(known, scale * force[row], dt)
 
     def _switch_current(
         self, here: horizontal_plane.MeasuredMotion, water: tuple[float, float] | None

@@ -6,6 +6,7 @@ import msgspec
 
 from services.control.allocation.allocation import AllocationSettings
 from services.control.axis.axis_law import Gains
+from services.control.axis.model_estimate import AdaptationSettings
 from services.control.axis.roll_pitch_hold import RollPitchGains
 
 
@@ -19,4 +20,5 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     roll: RollPitchGains = RollPitchGains()
     pitch: RollPitchGains = RollPitchGains()
     allocation: AllocationSettings = AllocationSettings()
+    adaptation: AdaptationSettings = AdaptationSettings()
     transfer: Annotated[float, msgspec.Meta(ge=0.05, le=5.0)] = 0.3  # [s] fade between modes

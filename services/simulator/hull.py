@@ -24,6 +24,7 @@ class Hull(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     mass: Positive | None = None  # [kg]
     net_buoyancy: FiniteSetting | None = None  # [N]
+    inertia: tuple[Positive, Positive, Positive] | None = None  # [kg m²]
     added_mass: Diagonal | None = None  # [kg, kg m²]
     linear_damping: Diagonal | None = None  # [N s/m, N m s/rad]
     quadratic_damping: Diagonal | None = None  # [N s²/m², N m s²/rad²]
@@ -44,7 +45,9 @@ def in_the_water(vehicle: Vehicle, hull: Hull | None) -> Vehicle:
     thrusters = vehicle.thruster
     if (lag := hull.time_constant) is not None:
         thrusters = [replace(thruster, time_constant=lag, lag=None) for thruster in thrusters]
-    names = ("mass", "net_buoyancy", "added_mass", "linear_damping", "quadratic_damping")
+    names = (
+        "mass", "net_buoyancy", "inertia", "added_mass", "linear_damping", "quadratic_damping",
+    )  # fmt: skip
     given = {name: getattr(hull, name) for name in names if getattr(hull, name) is not None}
     return replace(vehicle, thruster=thrusters, **given)
 

@@ -16,6 +16,9 @@ def bench(
     json: Annotated[
         bool, Parameter(negative=(), show_default=False, help="no table, JSON")
     ] = False,
+    quick: Annotated[
+        bool, Parameter(negative=(), show_default=False, help="fewer dives where it flies many")
+    ] = False,
 ) -> int:
     """Compare Lindy's speed with other implementations, as ratios with their goals.
 
@@ -23,7 +26,7 @@ def bench(
     """
     from tools.research.bench import bench
 
-    return bench(only=only, json=json)
+    return bench(only=only, json=json, quick=quick)
 
 
 def figures(

@@ -119,24 +119,37 @@ class Allocation:
         return yields
 
     def _by_priority(self, wrench: Vec6, saturated: set[int]) -> list[float]:
-        """Forces group by group; adds the limiting thrusters to `saturated`."""
+        """Forces group by group; adds the thrusters that limit an unmet demand to `saturated`.
+
+        A lateral thruster ahead of the centre turns the vehicle, and other thrusters have to
+        compensate that. Where it turns the vehicle the way that is wanted, they are relieved, and
+        can give more of a group that came before. So after each group those before it have another
+        turn; none ever gets less by a group that comes after it.
+        """
         yields = [0.0] * len(self._gains)
-        for rows in self._groups:
-            demand = [(row, wrench[row]) for row in rows if wrench[row]]
-            if demand:
-                yields = self._add(yields, demand, saturated)
+        left = [1.0] * len(self._groups)  # [-] of each group's demand
+        limiting: list[list[int]] = [[] for _ in self._groups]
+        demands = [[(row, wrench[row]) for row in rows if wrench[row]] for rows in self._groups]
+        for newest in range(len(demands)):
+            for turn in (newest, *range(newest)):
+                if demands[turn] and left[turn] > 0.0:
+                    yields, left[turn], limiting[turn] = self._add(
+                        yields, demands[turn], left[turn]
+                    )
+        saturated.update(*limiting)
         return yields
 
     def _add(
-        self, yields: list[float], demand: list[tuple[int, float]], saturated: set[int]
-    ) -> list[float]:
+        self, yields: list[float], demand: list[tuple[int, float]], left: float
+    ) -> tuple[list[float], float, list[int]]:
         """Add one group's demand to `yields`, in its direction, until it is met or no thruster has
-        capacity left.
+        capacity left. Returns also the share that is not met, and the thrusters that limit it.
 
         Args:
             demand: row and value of the group's part of the wrench.
+            left: [-] share of it that is not in `yields` yet.
         """
-        left, frozen = 1.0, list[int]()
+        frozen = list[int]()
         while (columns := self._columns_without(frozen)) is not None:
             more = [0.0] * len(yields)
             for row, value in demand:
@@ -144,13 +157,12 @@ class Allocation:
             fits, limiting = self._largest_share(yields, more, left)
             yields = [force + fits * extra for force, extra in zip(yields, more, strict=True)]
             if limiting is None:
-                return yields
+                return yields, 0.0, []
             left -= fits
             frozen.append(limiting)
             if not self._settings.redistribute:
                 break
-        saturated.update(frozen)
-        return yields
+        return yields, left, frozen
 
     def _largest_share(
         self, yields: list[float], more: list[float], most: float

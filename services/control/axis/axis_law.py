@@ -23,6 +23,7 @@ from services.control.axis.lasting_value import LastingValue
 from services.control.axis.plant import Plant
 
 Percent = Annotated[float, msgspec.Meta(ge=0.0, le=200.0)]
+Doubt = Annotated[float, msgspec.Meta(ge=0.0, le=5.0)]
 WIDEST = 50.0  # [rad/s]
 Bandwidth = Annotated[float, msgspec.Meta(ge=0.0, le=WIDEST)]
 BLOCKED = 0.2  # [-] of the reference velocity; a slower vehicle does not move freely
@@ -42,6 +43,7 @@ class Gains(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     max_integral: NotNegativeSetting  # [N] or [N m]; guard 2, well below a saturated thruster
     observer: Bandwidth = 0.0  # [rad/s] of the disturbance observer; 0: the integral instead
     drag_speed: NotNegativeSetting = 0.0  # position units per second; drag is learnt above; 0: off
+    drag_doubt: Doubt = 0.0  # [-] of the model's drag that guard 2 is wider by in motion; observer
     still: NotNegativeSetting = 0.0  # position units per second; below, it learns as slowly as ki
     decay: OpenShare = 0.98  # [-] per step; guard 3
     decay_threshold: Positive = 0.1  # position units; guard 3 acts on errors larger than this
@@ -94,7 +96,7 @@ class AxisLaw:
         self._observer = None
         if g.observer > 0.0:
             self._observer = DisturbanceObserver(
-                self.plant, g.observer, g.max_integral, g.drag_speed or inf
+                self.plant, g.observer, g.max_integral, g.drag_speed or inf, g.drag_doubt
             )
         self._blend = GainBlend(FeedbackGains(g.kp, g.kd, 0.0), g.static)
 
@@ -183,6 +185,12 @@ class AxisLaw:
         if self._observer is not None:
             most = self._slow * dt if abs(velocity) < self._still else inf
             self._observer.learn(velocity, force, dt, most, self._reference_rate)
+
+    def take_model(self, plant: Plant) -> None:
+        """Count with this plant from now on."""
+        self.plant = plant
+        if self._observer is not None:
+            self._observer.plant = plant
 
     def give_up(self, force: float) -> None:
         """The feed-forward gives `force` [N] or [N m] more from now on: subtract it from the learnt

@@ -30,8 +30,9 @@ DRAG_DECAY = 1.0  # [s] time constant of the drag without motion
 class DisturbanceObserver:
     plant: Plant
     bandwidth: float  # [rad/s] ω
-    limit: float  # [N] or [N m] largest estimate
+    limit: float  # [N] or [N m] largest estimate at rest
     drag_speed: float = inf  # [m/s] or [rad/s] v₀; at much lower speed, all counts as constant
+    drag_doubt: float = 0.0  # [-] of the model's drag, by which the limit is wider in motion
     estimate: float = 0.0  # [N] or [N m] ŵ at rest, in the direction of positive motion
     drag: float = 0.0  # [N s/m] or [N m s/rad] of ŵ, per unit of reference velocity
     lasting: LastingValue = field(default_factory=LastingValue)  # [N] or [N m] at rest
@@ -39,7 +40,11 @@ class DisturbanceObserver:
 
     def expected(self, reference: float) -> float:
         """ŵ [N] or [N m] at this reference velocity."""
-        return clamped(self.estimate + self.drag * reference, self.limit)
+        return clamped(self.estimate + self.drag * reference, self.most(reference))
+
+    def most(self, reference: float) -> float:
+        """[N] or [N m] Largest estimate at this reference velocity."""
+        return self.limit + self.drag_doubt * abs(self.plant.drag(reference))
 
     def learn(
         self, velocity: float, force: float, dt: float, most: float = inf, reference: float = 0.0
@@ -61,7 +66,7 @@ class DisturbanceObserver:
         plant, middle = self.plant, (before + velocity) / 2
         inertia = plant.sampled_inertia(dt) * (velocity - before) / dt
         drag = plant.linear * before + plant.quadratic * middle * abs(middle)
-        observed = clamped(inertia + drag - force, self.limit)
+        observed = clamped(inertia + drag - force, self.most(reference))
         change = -expm1(-self.bandwidth * dt) * (observed - self.expected(reference))
         self._change(clamped(change, most), reference, dt)
         if reference == 0.0:
@@ -80,7 +85,7 @@ class DisturbanceObserver:
 
     def is_limited(self, reference: float) -> bool:
         """Whether the estimate is at its limit for this reference velocity."""
-        return abs(self.expected(reference)) > NEARLY * self.limit
+        return abs(self.expected(reference)) > NEARLY * self.most(reference)
 
     def recall(self) -> None:
         """Back to the trusted estimate: what was learnt last may be of a wrong velocity."""

@@ -17,6 +17,8 @@ SECTIONS = {
     "heading": "tools.research.bench.heading",
     "horizontal": "tools.research.bench.horizontal",
     "control": "tools.research.bench.control",
+    "hulls": "tools.research.bench.hulls",
+    "other_hulls": "tools.research.bench.other_hulls",
     "simulator": "tools.research.bench.simulator",
     "simulate": "tools.research.bench.simulate",
     "tether": "tools.research.bench.tether",
@@ -32,12 +34,14 @@ SECTIONS = {
     "busy": "tools.research.bench.busy",
     "ardusub": "tools.research.bench.ardusub",
 }
+QUICK = ("hulls", "other_hulls")  # sections that can fly fewer dives
 
 
 def bench(
     *,
     only: Annotated[tuple[str, ...], Parameter(negative=())] = (),
     json: Annotated[bool, Parameter(negative=(), show_default=False)] = False,
+    quick: Annotated[bool, Parameter(negative=(), show_default=False)] = False,
 ) -> int:
     """Measure Lindy's speed beside other ways of doing the same, as ratios with their goals.
 
@@ -49,13 +53,16 @@ def bench(
         sections to run, repeatable; all if left out
     json
         print JSON instead of a table
+    quick
+        fewer dives in the sections that fly many
     """
     for name in only:
         if name not in SECTIONS:
             raise LindyError(f"--only {name}: no such section; there are {', '.join(SECTIONS)}")
     figures: list[Figure] = []
     for name in only or SECTIONS:
-        figures += import_module(SECTIONS[name]).figures()
+        options = {"quick": True} if quick and name in QUICK else {}
+        figures += import_module(SECTIONS[name]).figures(**options)
     if json:
         print(as_json(figures))
     else:

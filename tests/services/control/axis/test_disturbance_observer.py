@@ -49,6 +49,20 @@ def test_at_a_steady_speed_against_its_drag_alone_nothing_is_learnt(
     assert observer.estimate == pytest.approx(0.0, abs=1e-9)
 
 
+def test_in_motion_it_may_find_the_model_s_drag_wrong_but_at_rest_no_more_than_its_limit() -> None:
+    """A vehicle with 60 % of its thrust takes 6.2 N m of commands for a turn that 3.7 drag."""
+    plant = Plant(0.375, 0.87, 1.53)
+    observer = DisturbanceObserver(plant, 5.0, 2.0, drag_speed=0.1, drag_doubt=1.0)
+    for _ in range(300):
+        observer.learn(1.05, 6.0, DT, reference=1.05)
+    assert observer.expected(1.05) == pytest.approx(plant.drag(1.05) - 6.0, abs=0.01)
+    assert abs(observer.expected(1.05)) > 2.0
+    assert abs(observer.expected(0.0)) <= 2.0
+    for _ in range(300):
+        observer.learn(1.05, 60.0, DT, reference=1.05)
+    assert abs(observer.expected(1.05)) <= 2.0 + plant.drag(1.05)
+
+
 @many
 @given(st.lists(st.tuples(st.floats(-1e9, 1e9), st.floats(-1e6, 1e6)), min_size=1, max_size=50))
 def test_it_never_believes_in_more_than_its_limit(steps: list[tuple[float, float]]) -> None:
