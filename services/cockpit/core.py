@@ -90,9 +90,18 @@ class Cockpit:
     """The state machine. `waiting`: kinds of the requests that the drone has not answered yet."""
 
     def __init__(
-        self, settings: Settings, pilot: Pilot, limits: Sequence[tuple[float, float]] = ()
+        self,
+        settings: Settings,
+        pilot: Pilot,
+        limits: Sequence[tuple[float, float]] = (),
+        drone: str = "",
     ) -> None:
-        """`limits`: [N] least and most thrust of each thruster."""
+        """
+        Args:
+            limits: [N] least and most thrust of each thruster.
+            drone: its name, which every page is shown.
+        """
+        self._drone = drone
         self._pilot = CockpitPilot(pilot, settings.pilot)
         self._limits = limits
         self._pages: dict[int, Page] = {}
@@ -176,7 +185,7 @@ class Cockpit:
             command = None
         if not self._pages:
             return {}, []
-        view = outlook(newest, command, self._limits, tuple(self._lines), now)
+        view = outlook(newest, command, self._limits, tuple(self._lines), self._drone, now)
         shared = self._encode(view).decode()
         ready = [n for n, page in self._pages.items() if page.sent - page.seen < UNSEEN]
         for number in ready:

@@ -39,6 +39,7 @@ class LastHeard(NamedTuple):
 class Outlook(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """One picture of the drone. Angles in degrees, because people read them."""
 
+    drone: str = ""  # its name
     armed: bool = False
     mode: str = ""
     hold: str = ""
@@ -80,10 +81,12 @@ def outlook(
     command: PilotCommand | None,
     limits: Sequence[tuple[float, float]],
     lines: tuple[tuple[str, str], ...],
+    drone: str,
     now: Ns,
 ) -> Outlook:
     """
     Args:
+        drone: its name.
         command: the one that was sent last, if it still acts.
         limits: [N] least and most thrust of each thruster.
     """
@@ -94,6 +97,7 @@ def outlook(
         **_link(newest, now),
         sticks=() if command is None else (command.surge, command.sway, command.heave, command.yaw),
         lines=lines,
+        drone=drone,
     )
 
 

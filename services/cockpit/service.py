@@ -45,7 +45,8 @@ def wire(node: Node, stack: Stack) -> None:
     access = access_to(settings)
     server = PageServer(settings, access)
     node.on_close(server.close)
-    connected = CockpitPages(node, settings, stack.section("vehicle", Vehicle), server)
+    vehicle = stack.section("vehicle", Vehicle)
+    connected = CockpitPages(node, settings, vehicle, server, stack.name)
     _relay(node, server.show_video)
     server.start(node.from_outside(connected.receive))
     node.log("info", f"cockpit: {access.address}")
@@ -58,10 +59,13 @@ def wire(node: Node, stack: Stack) -> None:
 class CockpitPages:
     """Connects a `Cockpit` to its pages and to a node."""
 
-    def __init__(self, node: Node, settings: Settings, vehicle: Vehicle, pages: Pages) -> None:
+    def __init__(
+        self, node: Node, settings: Settings, vehicle: Vehicle, pages: Pages, drone: str = ""
+    ) -> None:
         self._node, self._pages = node, pages
         pilot = Pilot(restored(node), arms=False)
-        self._cockpit = Cockpit(settings, pilot, [t.limits for t in vehicle.thruster])
+        limits = [thruster.limits for thruster in vehicle.thruster]
+        self._cockpit = Cockpit(settings, pilot, limits, drone)
         self._status = node.latest(topics.STATUS)
         self._state = node.latest(topics.STATE)
         self._reference = node.latest(topics.REFERENCE)

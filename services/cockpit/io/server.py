@@ -36,12 +36,14 @@ from services.cockpit.video import PageUnit
 from services.runtime.config.errors import LindyError
 
 MOST_PAGES = 32
+MOST_WATCHERS = 24  # of them: the others' places are for pilots
 MOST_CONNECTIONS = 128  # with those that load files or never say what they want
 MOST_PER_SECOND = 250  # messages of one page, which sends 50 sticks and 25 confirmations
 WAITING = 64  # events of all pages that may wait for the service
 HANDSHAKE_S = 5.0  # [s] for a connection to say what it wants
 SEND_BUFFER = 32_768  # [B] of the system, per page: some pictures
-TOO_BIG, TOO_FAST, OLD_PAGE = 1009, 1008, 4001  # close codes; the last one is our own
+TOO_BIG, TOO_FAST = 1009, 1008  # close codes of the protocol
+OLD_PAGE, TOO_MANY = 4001, 4002  # and our own
 
 
 class PageServer:
@@ -58,6 +60,7 @@ class PageServer:
         self._events: deque[PageEvent] = deque()
         self._lock = threading.Lock()  # of the events
         self._pages: dict[int, ServerConnection] = {}
+        self._watchers: set[int] = set()
         self._video = VideoServer(self.counts)
         self._last = 0  # number of the newest page
         self._open = 0  # connections
@@ -146,9 +149,6 @@ class PageServer:
             return plain(403, "Forbidden", why)
         if "Upgrade" not in headers:
             return self._files.response(path)
-        if self._video.full if path == VIDEO else len(self._pages) >= MOST_PAGES:
-            self.counts["too_many:page"] += 1
-            return plain(503, "Service Unavailable", f"{MOST_PAGES} pages are open already")
         return None
 
     async def _page(self, connection: ServerConnection) -> None:
@@ -160,6 +160,11 @@ class PageServer:
             self.counts["wrong_version:page"] += 1
             await connection.close(OLD_PAGE, "this page is of another version: load it again")
             return
+        if self._full(path):
+            self.counts["too_many:page"] += 1
+            kind = f"{MOST_WATCHERS} watchers'" if path == WATCH else str(MOST_PAGES)
+            await connection.close(TOO_MANY, f"{kind} pages are open already")
+            return
         if path == VIDEO:
             await self._video.page(connection)
             return
@@ -168,6 +173,8 @@ class PageServer:
         self._last += 1
         number = self._last
         self._pages[number] = connection
+        if path == WATCH:
+            self._watchers.add(number)
         self._add(PageOpened(number, path == WATCH))
         try:
             await self._read(number, connection)
@@ -176,7 +183,15 @@ class PageServer:
                 self.counts["oversized:page"] += 1
         finally:
             del self._pages[number]
+            self._watchers.discard(number)
             self._add(PageClosed(number))
+
+    def _full(self, path: str) -> bool:
+        """Is there no room for one more page?"""
+        if path == VIDEO:
+            return self._video.full
+        watchers = path == WATCH and len(self._watchers) >= MOST_WATCHERS
+        return watchers or len(self._pages) >= MOST_PAGES
 
     async def _read(self, number: int, connection: ServerConnection) -> None:
         second, heard = 0, 0

@@ -6,7 +6,9 @@ const RETRY_MS = 700;
 const DEAD_MS = 3000; // without a picture: the connection is opened anew
 const CONFIRM_EVERY = 5; // pictures
 const ON_THE_WAY = 300; // [B] about one message
-const OLD_PAGE = 4001;
+const OLD_PAGE = 4001; // close codes of the service
+const TOO_MANY = 4002;
+const LATER_MS = 5000; // until another attempt where there is no room
 
 export class Connection {
   constructor() {
@@ -34,8 +36,9 @@ export class Connection {
       if (this.socket !== socket) return;
       this.picture = null;
       this.old = event.code === OLD_PAGE;
-      this.words = this.old ? event.reason : "no connection to the cockpit";
-      if (!this.old) setTimeout(() => this.open(), RETRY_MS);
+      const full = event.code === TOO_MANY;
+      this.words = this.old || full ? event.reason : "no connection to the cockpit";
+      if (!this.old) setTimeout(() => this.open(), full ? LATER_MS : RETRY_MS);
     };
   }
 

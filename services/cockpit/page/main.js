@@ -34,6 +34,7 @@ function takeFirst() {
   if (!you().has_sticks && !you().taken) wish("take");
 }
 const arm = new HoldButton($("arm"), takeFirst, () => wish(arming));
+new HoldButton($("disarm"), takeFirst, () => wish("disarm"));
 new HoldButton($("force"), () => {}, () => wish("force"));
 const hold = (down) => {
   if (!down) arm.release();

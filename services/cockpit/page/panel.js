@@ -36,6 +36,8 @@ export function age(you, view, arrived) {
 export function show(connection, you, view, steeredBy) {
   const silent = view.silent_s === undefined ? "" : "last known: ";
   put("armed", view.mode ? `${silent}${view.armed ? "ARMED" : "DISARMED"}` : UNKNOWN, view.armed && !silent ? "on" : "");
+  put("drone", view.drone || UNKNOWN);
+  document.title = view.drone ? `${view.drone} · Lindy cockpit` : "Lindy cockpit";
   put("mode", `${plain(view.mode)} · ${plain(view.hold)}`);
   put("who", you.watcher ? `watching · ${who(you, view)}` : who(you, view) + (you.has_sticks ? ` · ${steeredBy}` : ""));
   put("battery", view.volts === undefined ? `battery ${UNKNOWN}`
@@ -91,6 +93,8 @@ export function buttons(you, view) {
   const resumes = view.armed && view.failsafe && view.failsafe !== "none";
   put("arm", resumes ? "Hold to resume" : view.armed ? "Hold to disarm" : "Hold to arm", "hold");
   $("arm").disabled = Boolean(you.taken);
+  $("disarm").hidden = !resumes; // then the button above resumes
+  $("disarm").disabled = $("arm").disabled;
   $("take").hidden = may && Boolean(you.in_control);
   $("take").disabled = Boolean(you.taken);
   $("force").hidden = !(view.pilot && !you.in_control && !you.taken);

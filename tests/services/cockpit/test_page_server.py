@@ -22,7 +22,13 @@ from services.cockpit.core import Settings
 from services.cockpit.handshake import Access
 from services.cockpit.io import server as server_module
 from services.cockpit.io.access import VARIABLE, access_to
-from services.cockpit.io.server import MOST_CONNECTIONS, MOST_PAGES, MOST_PER_SECOND, PageServer
+from services.cockpit.io.server import (
+    MOST_CONNECTIONS,
+    MOST_PAGES,
+    MOST_PER_SECOND,
+    MOST_WATCHERS,
+    PageServer,
+)
 from services.cockpit.page_messages import PageAbsence, PageClosed, PageEvent, PageOpened, PageSaid
 from services.cockpit.service import wire
 from services.cockpit.video import PageUnit
@@ -199,12 +205,20 @@ def test_a_flood_of_connections_leaves_the_pilot_alone(served: Served):
             one.close()
 
 
-def test_more_pages_than_there_may_be_are_refused(served: Served):
-    for _ in range(MOST_PAGES):
+def test_more_pages_than_there_may_be_are_told_so_and_watchers_leave_room_for_pilots(
+    served: Served,
+):
+    for _ in range(MOST_WATCHERS):
         served.page("/ws/watch")
-    with pytest.raises(InvalidStatus, match="503"):
+    served.until(lambda: len(served.of(PageOpened)) == MOST_WATCHERS)
+    with pytest.raises(ConnectionClosed, match=r"4002.*24 watchers' pages are open already"):
+        served.page("/ws/watch").recv(timeout=PATIENCE_S)
+    for _ in range(MOST_PAGES - MOST_WATCHERS):
         served.page()
-    assert served.server.counts["too_many:page"] == 1
+    served.until(lambda: len(served.of(PageOpened)) == MOST_PAGES)
+    with pytest.raises(ConnectionClosed, match=r"4002.*32 pages are open already"):
+        served.page().recv(timeout=PATIENCE_S)
+    assert served.server.counts["too_many:page"] == 2
 
 
 def stack(*settings: str, virtual: bool = False) -> Stack:
