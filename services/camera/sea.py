@@ -26,6 +26,8 @@ BAND = 90  # [px] rows that are computed at once: their arrays stay in the proce
 FARTHEST = 40.0  # [m] here the water hides everything
 NEAREST = 0.2  # [m]
 TILE, PX_PER_M = 1024, 100.0  # [px], [px/m] of the texture, which repeats
+ALBEDO_STEP = np.float32(1.0 / 255.0)  # [-] of the texture
+GROWTH_STEP = np.float32(0.6) * ALBEDO_STEP  # [-] a piling is darker
 PILING_RADIUS = 0.22  # [m]
 PILINGS_APART = (6.0, 4.0)  # [m] north, east: in rows, as under a quay
 FIRST_PILING = (3.5, 2.0)  # [m] north, east
@@ -121,7 +123,8 @@ class SimulatedSea:
         self._corner = float(np.arctan(aside.max()))  # [rad] of the widest ray
         self._beam = np.exp(-((np.arctan(aside) / LAMP_ANGLE) ** 2))
         self._water, self._floor_depth = water, floor_depth
-        self._texture = _texture().reshape(-1)
+        # Bytes: they stay in the processor's cache, which saves a sixth of the time.
+        self._texture = np.rint(_texture().reshape(-1) / ALBEDO_STEP).astype(np.uint8)
         self._particles = np.random.default_rng(3).uniform(0.0, PARTICLE_BOX, (PARTICLES, 3))
 
     def draw(self, view: CameraView) -> Picture:
@@ -160,9 +163,8 @@ class SimulatedSea:
         x = (rays.north * ahead + position[0] % side) * PX_PER_M
         y = (rays.east * ahead + position[1] % side) * PX_PER_M
         at = (x.astype(np.int32) & (TILE - 1)) * TILE + (y.astype(np.int32) & (TILE - 1))
-        return SeenSurfaces(
-            ahead * rays.length, self._texture.take(at), np.zeros(at.shape, np.bool_)
-        )
+        albedo = self._texture.take(at) * ALBEDO_STEP
+        return SeenSurfaces(ahead * rays.length, albedo, np.zeros(at.shape, np.bool_))
 
     def _pilings(self, position: Vec3, axes: CameraAxes) -> list[Piling]:
         """Those in sight."""
@@ -219,7 +221,7 @@ class SimulatedSea:
         x = ((north * ahead - piling.north) * (5.0 * PX_PER_M)).astype(np.int32) & (TILE - 1)
         y = (down * PX_PER_M).astype(np.int32) & (TILE - 1)
         ring = np.abs(down - np.rint(down)) < RING / 2.0
-        albedo = 0.6 * self._texture.take(x * TILE + y) + RING_WHITE * ring
+        albedo = GROWTH_STEP * self._texture.take(x * TILE + y) + RING_WHITE * ring
         np.copyto(seen.way[at], way, where=hit)
         np.copyto(seen.albedo[at], albedo, where=hit)
         np.copyto(seen.piling[at], hit, where=hit)
