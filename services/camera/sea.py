@@ -26,6 +26,7 @@ BAND = 90  # [px] rows that are computed at once: their arrays stay in the proce
 FARTHEST = 40.0  # [m] here the water hides everything
 NEAREST = 0.2  # [m]
 TILE, PX_PER_M = 1024, 100.0  # [px], [px/m] of the texture, which repeats
+MEAN_ALBEDO = 0.42  # [-] of the floor
 ALBEDO_STEP = np.float32(1.0 / 255.0)  # [-] of the texture
 GROWTH_STEP = np.float32(0.6) * ALBEDO_STEP  # [-] a piling is darker
 PILING_RADIUS = 0.22  # [m]
@@ -35,6 +36,7 @@ PILINGS_REACH = 12.0  # [m] further ones are not drawn
 STEEP = 1.35  # [rad] of a ray: here a piling's outlines are not looked for
 RING_WHITE = np.float32(0.45)  # [-] more albedo, on
 RING = 0.08  # [m] width of the white ring on a piling at each metre of depth
+HIDDEN = 6.0  # [-] attenuation after which less than a step of the picture is left
 LAST_SEEN = 2.5  # [-] attenuation after which a thing is not worth drawing
 PARTICLES, PARTICLE_BOX = 220, 4.0  # in a box of this side [m], which repeats
 LAMP, LAMP_ANGLE = 9.0, 0.6  # [m²] strength, [rad] where it has fallen to 1/e
@@ -158,6 +160,9 @@ class SimulatedSea:
 
     def _floor(self, position: Vec3, rays: Rays) -> SeenSurfaces:
         above = max(self._floor_depth - position[2], NEAREST)
+        if float(rays.down.max()) * min(FARTHEST, HIDDEN / self._water.turbidity) < above:
+            same = np.full(rays.down.shape, MEAN_ALBEDO, np.float32)
+            return SeenSurfaces(FARTHEST * rays.length, same, np.zeros(same.shape, np.bool_))
         ahead = above / np.maximum(rays.down, above / FARTHEST)
         side = TILE / PX_PER_M
         x = (rays.north * ahead + position[0] % side) * PX_PER_M
@@ -217,6 +222,8 @@ class SimulatedSea:
         ahead = (towards - np.sqrt(np.maximum(found, 0.0))) / np.maximum(across, 1e-9)
         way = ahead * rays.length[at]
         hit = (found > 0.0) & (ahead > NEAREST) & (way < seen.way[at])
+        if not hit.any():
+            return
         down = depth + rays.down[at] * ahead
         x = ((north * ahead - piling.north) * (5.0 * PX_PER_M)).astype(np.int32) & (TILE - 1)
         y = (down * PX_PER_M).astype(np.int32) & (TILE - 1)
@@ -302,7 +309,7 @@ def _texture() -> Floats:
                                    * np.exp(-((k / 0.02) ** 2))))  # fmt: skip
     x = np.arange(TILE) * (2.0 * np.pi * 40 / TILE)
     ripples = np.sin(x[:, None] + 2.2 * patches)
-    albedo = 0.42 + 0.07 * patches + 0.05 * ripples + 0.04 * grain
+    albedo = MEAN_ALBEDO + 0.07 * patches + 0.05 * ripples + 0.04 * grain
     albedo = np.where(stones > 2.1, 0.16 + 0.04 * grain, albedo)
     return np.clip(albedo, 0.05, 0.9).astype(np.float32)
 
