@@ -3,6 +3,7 @@
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from importlib.util import find_spec
+from typing import NamedTuple
 
 import msgspec
 
@@ -26,9 +27,21 @@ from tools.dive_files import read_besides
 from tools.incident_checks import check_incidents
 from tools.link_fit import check_can_be_flown
 
-SPEAK_MAVLINK = ("ardusub", "mavlink")
+MAVLINK_SERVICES = {"ardusub", "mavlink"}
 DEFAULT_PILOT = "script:first_dive"
 LONGEST_S = 86_400.0  # [s] a day
+
+
+class Package(NamedTuple):
+    """What a service needs and Lindy alone does not install."""
+
+    called: str
+    module: str
+    extra: str  # of Lindy, which installs it
+
+
+MAVLINK, VIDEO = Package("pymavlink", "pymavlink", "mavlink"), Package("PyAV", "av", "camera")
+PACKAGES = dict.fromkeys(MAVLINK_SERVICES, MAVLINK) | {"camera": VIDEO, "camera_monitor": VIDEO}
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,22 +124,23 @@ def checked(
     return msgspec.structs.replace(stack, read_besides=besides)
 
 
-def require_mavlink(names: Iterable[str]) -> None:
+def require_packages(names: Iterable[str]) -> None:
     """Before anything is written: what cannot run for want of a package is said once.
 
     Raises:
-        LindyError: one of these services speaks MAVLink, and pymavlink is not installed.
+        LindyError: one of these services needs a package that is not installed.
     """
-    if (why := lacking_mavlink(names)) is not None:
+    if (why := lacking(names)) is not None:
         raise LindyError(why)
 
 
-def lacking_mavlink(names: Iterable[str]) -> str | None:
-    """Why these services cannot run here, where one speaks MAVLink; None: they can."""
-    speaking = [name for name in names if name in SPEAK_MAVLINK]
-    if not speaking or find_spec("pymavlink") is not None:
-        return None
-    return f"{speaking[0]} needs pymavlink, which is missing: {how_to_install('mavlink')}"
+def lacking(names: Iterable[str]) -> str | None:
+    """Why these services cannot run here, where one needs a package that is missing; None: they
+    can."""
+    for name in names:
+        if (needs := PACKAGES.get(name)) is not None and find_spec(needs.module) is None:
+            return f"{name} needs {needs.called}, which is missing: {how_to_install(needs.extra)}"
+    return None
 
 
 def known_tables(services: Registry, here: Collection[str] | None = None) -> dict[str, type | None]:

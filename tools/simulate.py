@@ -15,7 +15,7 @@ from messages.health import LogLine
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
-from tools.checks import DEFAULT_PILOT, PilotChoice, checked, pilot_of
+from tools.checks import DEFAULT_PILOT, PilotChoice, checked, pilot_of, require_packages
 from tools.choices import Choices
 from tools.live.display import LineDisplay
 from tools.live.dive_folder import out_folder, point_latest
@@ -68,6 +68,7 @@ def simulated(choices: Choices, *, files: bool = True, running: Collection[str] 
         services = services.only({n: spec for n, spec in services.items() if n in running})
     elif not files:
         services = without_files(services)
+    require_packages(services)
     return _recorded(choices, pilot, services) if files else _in_memory(choices, pilot, services)
 
 

@@ -371,12 +371,14 @@ def test_without_pymavlink_the_vehicle_file_is_checked_all_the_same(
 @pytest.mark.parametrize(
     "words",
     [
+        ["dive", "--stack", "camera"],
+        ["simulate", "--stack", "camera", "--out", "dive"],
         ["dive", "--stack", "mavlink"],
         ["dive", "--stack", "ardusub", "--vehicle", "bluerov2_heavy"],
         ["up", "drone", "--stack", "ardusub", "--vehicle", "bluerov2_heavy"],
     ],
 )
-def test_without_pymavlink_nothing_is_written_and_it_is_said_once(
+def test_without_its_package_nothing_is_written_and_it_is_said_once(
     words: list[str],
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
@@ -384,7 +386,8 @@ def test_without_pymavlink_nothing_is_written_and_it_is_said_once(
 ) -> None:
     monkeypatch.setattr("tools.checks.find_spec", nothing)
     monkeypatch.chdir(tmp_path)
-    assert "needs pymavlink, which is missing: in the folder" in complaint(capsys, *words)
+    needed = "PyAV" if "camera" in words else "pymavlink"
+    assert f"needs {needed}, which is missing: in the folder" in complaint(capsys, *words)
     assert list(tmp_path.iterdir()) == []
 
 
