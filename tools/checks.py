@@ -1,9 +1,7 @@
 """Everything that can be checked before a dive starts, so that a mistake is reported at once."""
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection
 from dataclasses import dataclass
-from importlib.util import find_spec
-from typing import NamedTuple
 
 import msgspec
 
@@ -11,13 +9,13 @@ from messages.pilot import Course
 from services.control.core import Controller, Settings
 from services.gamepad import stick_log
 from services.gamepad.io.path_file import course_named
+from services.gamepad.io.sources import pad_profile
 from services.marine.vehicle import Vehicle
 from services.piloting.pilot_intents import FollowIntent
 from services.piloting.sticks import Incident
 from services.reference.guidance.path_following import PlannedPath
 from services.runtime.bus.spaces import checked_name
 from services.runtime.config.errors import LindyError
-from services.runtime.config.extras import how_to_install
 from services.runtime.config.settings import deploy_file, kept, nearest
 from services.runtime.config.stack import BODY, Stack
 from services.runtime.hosts.registry import Registry
@@ -27,21 +25,8 @@ from tools.dive_files import read_besides
 from tools.incident_checks import check_incidents
 from tools.link_fit import check_can_be_flown
 
-MAVLINK_SERVICES = {"ardusub", "mavlink"}
 DEFAULT_PILOT = "script:first_dive"
 LONGEST_S = 86_400.0  # [s] a day
-
-
-class Package(NamedTuple):
-    """What a service needs and Lindy alone does not install."""
-
-    called: str
-    module: str
-    extra: str  # of Lindy, which installs it
-
-
-MAVLINK, VIDEO = Package("pymavlink", "pymavlink", "mavlink"), Package("PyAV", "av", "camera")
-PACKAGES = dict.fromkeys(MAVLINK_SERVICES, MAVLINK) | {"camera": VIDEO, "camera_monitor": VIDEO}
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,27 +105,11 @@ def checked(
     check_incidents(pilot.incidents, stack, services)
     if (control := services.get("control")) is not None and control.module is None:
         _controllable(stack)
+    hands = services.get("gamepad") if pilot.script_s is None else None
+    if hands is not None and hands.module is None:
+        pad_profile(stack)
     besides = read_besides(stack, pilot.incidents, pilot.courses)
     return msgspec.structs.replace(stack, read_besides=besides)
-
-
-def require_packages(names: Iterable[str]) -> None:
-    """Before anything is written: what cannot run for want of a package is said once.
-
-    Raises:
-        LindyError: one of these services needs a package that is not installed.
-    """
-    if (why := lacking(names)) is not None:
-        raise LindyError(why)
-
-
-def lacking(names: Iterable[str]) -> str | None:
-    """Why these services cannot run here, where one needs a package that is missing; None: they
-    can."""
-    for name in names:
-        if (needs := PACKAGES.get(name)) is not None and find_spec(needs.module) is None:
-            return f"{name} needs {needs.called}, which is missing: {how_to_install(needs.extra)}"
-    return None
 
 
 def known_tables(services: Registry, here: Collection[str] | None = None) -> dict[str, type | None]:

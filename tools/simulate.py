@@ -15,7 +15,7 @@ from messages.health import LogLine
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
-from tools.checks import DEFAULT_PILOT, PilotChoice, checked, pilot_of, require_packages
+from tools.checks import DEFAULT_PILOT, PilotChoice, checked, pilot_of
 from tools.choices import Choices
 from tools.live.display import LineDisplay
 from tools.live.dive_folder import out_folder, point_latest
@@ -26,6 +26,7 @@ from tools.live.outcome import CLEAN, Outcome, title
 from tools.live.stop_signals import StopSignals
 from tools.live.viewer import runnable
 from tools.live.virtual_dive import Advance, fly, without_files
+from tools.packages import require_packages
 from tools.recordings.recording import log_hash
 from tools.report import summary
 
