@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 
 from messages.units import Ns
 from messages.video import PictureAge
+from services.marine.summation import plain_sum
 
 FIRST_KBIT = 300.0  # [kbit/s] before anything is known
 SHARE = 0.75  # [-] of the room that is used: the rest is headroom
@@ -67,7 +68,7 @@ class BitrateLaw:
         of times, not of paces: as long as all those pictures took together."""
         if not self._paces:
             return 2.0 * self._kbit
-        return len(self._paces) / sum(1.0 / max(pace, 1e-3) for pace in self._paces)
+        return len(self._paces) / plain_sum(1.0 / max(pace, 1e-3) for pace in self._paces)
 
     def sent(self, now: Ns) -> None:
         """A picture was sent."""
