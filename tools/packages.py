@@ -11,6 +11,8 @@ PACKAGES = {
     "ardusub": ("pymavlink", "mavlink"),
     "mavlink": ("pymavlink", "mavlink"),
     "cockpit": ("websockets", "cockpit"),
+    "camera": ("av", "camera"),
+    "camera_monitor": ("av", "camera"),
 }  # service → what it imports, and the extra that installs it
 HANDS = ("gamepad", "keyboard")  # pilots whose sticks pygame reads
 SCRIPT = "or use --pilot script:FILE"

@@ -26,6 +26,7 @@ from tools.live.outcome import CLEAN, Outcome, title
 from tools.live.stop_signals import StopSignals
 from tools.live.viewer import runnable
 from tools.live.virtual_dive import Advance, fly, without_files
+from tools.packages import require_packages
 from tools.recordings.recording import log_hash
 from tools.report import summary
 
@@ -68,6 +69,7 @@ def simulated(choices: Choices, *, files: bool = True, running: Collection[str] 
         services = services.only({n: spec for n, spec in services.items() if n in running})
     elif not files:
         services = without_files(services)
+    require_packages(services)
     return _recorded(choices, pilot, services) if files else _in_memory(choices, pilot, services)
 
 

@@ -26,6 +26,9 @@ BAND = 90  # [px] rows that are computed at once: their arrays stay in the proce
 FARTHEST = 40.0  # [m] here the water hides everything
 NEAREST = 0.2  # [m]
 TILE, PX_PER_M = 1024, 100.0  # [px], [px/m] of the texture, which repeats
+MEAN_ALBEDO = 0.42  # [-] of the floor
+ALBEDO_STEP = np.float32(1.0 / 255.0)  # [-] of the texture
+GROWTH_STEP = np.float32(0.6) * ALBEDO_STEP  # [-] a piling is darker
 PILING_RADIUS = 0.22  # [m]
 PILINGS_APART = (6.0, 4.0)  # [m] north, east: in rows, as under a quay
 FIRST_PILING = (3.5, 2.0)  # [m] north, east
@@ -33,6 +36,7 @@ PILINGS_REACH = 12.0  # [m] further ones are not drawn
 STEEP = 1.35  # [rad] of a ray: here a piling's outlines are not looked for
 RING_WHITE = np.float32(0.45)  # [-] more albedo, on
 RING = 0.08  # [m] width of the white ring on a piling at each metre of depth
+HIDDEN = 6.0  # [-] attenuation after which less than a step of the picture is left
 LAST_SEEN = 2.5  # [-] attenuation after which a thing is not worth drawing
 PARTICLES, PARTICLE_BOX = 220, 4.0  # in a box of this side [m], which repeats
 LAMP, LAMP_ANGLE = 9.0, 0.6  # [m²] strength, [rad] where it has fallen to 1/e
@@ -121,7 +125,8 @@ class SimulatedSea:
         self._corner = float(np.arctan(aside.max()))  # [rad] of the widest ray
         self._beam = np.exp(-((np.arctan(aside) / LAMP_ANGLE) ** 2))
         self._water, self._floor_depth = water, floor_depth
-        self._texture = _texture().reshape(-1)
+        # Bytes: they stay in the processor's cache, which saves a sixth of the time.
+        self._texture = np.rint(_texture().reshape(-1) / ALBEDO_STEP).astype(np.uint8)
         self._particles = np.random.default_rng(3).uniform(0.0, PARTICLE_BOX, (PARTICLES, 3))
 
     def draw(self, view: CameraView) -> Picture:
@@ -155,14 +160,16 @@ class SimulatedSea:
 
     def _floor(self, position: Vec3, rays: Rays) -> SeenSurfaces:
         above = max(self._floor_depth - position[2], NEAREST)
+        if float(rays.down.max()) * min(FARTHEST, HIDDEN / self._water.turbidity) < above:
+            same = np.full(rays.down.shape, MEAN_ALBEDO, np.float32)
+            return SeenSurfaces(FARTHEST * rays.length, same, np.zeros(same.shape, np.bool_))
         ahead = above / np.maximum(rays.down, above / FARTHEST)
         side = TILE / PX_PER_M
         x = (rays.north * ahead + position[0] % side) * PX_PER_M
         y = (rays.east * ahead + position[1] % side) * PX_PER_M
         at = (x.astype(np.int32) & (TILE - 1)) * TILE + (y.astype(np.int32) & (TILE - 1))
-        return SeenSurfaces(
-            ahead * rays.length, self._texture.take(at), np.zeros(at.shape, np.bool_)
-        )
+        albedo = self._texture.take(at) * ALBEDO_STEP
+        return SeenSurfaces(ahead * rays.length, albedo, np.zeros(at.shape, np.bool_))
 
     def _pilings(self, position: Vec3, axes: CameraAxes) -> list[Piling]:
         """Those in sight."""
@@ -215,11 +222,13 @@ class SimulatedSea:
         ahead = (towards - np.sqrt(np.maximum(found, 0.0))) / np.maximum(across, 1e-9)
         way = ahead * rays.length[at]
         hit = (found > 0.0) & (ahead > NEAREST) & (way < seen.way[at])
+        if not hit.any():
+            return
         down = depth + rays.down[at] * ahead
         x = ((north * ahead - piling.north) * (5.0 * PX_PER_M)).astype(np.int32) & (TILE - 1)
         y = (down * PX_PER_M).astype(np.int32) & (TILE - 1)
         ring = np.abs(down - np.rint(down)) < RING / 2.0
-        albedo = 0.6 * self._texture.take(x * TILE + y) + RING_WHITE * ring
+        albedo = GROWTH_STEP * self._texture.take(x * TILE + y) + RING_WHITE * ring
         np.copyto(seen.way[at], way, where=hit)
         np.copyto(seen.albedo[at], albedo, where=hit)
         np.copyto(seen.piling[at], hit, where=hit)
@@ -300,7 +309,7 @@ def _texture() -> Floats:
                                    * np.exp(-((k / 0.02) ** 2))))  # fmt: skip
     x = np.arange(TILE) * (2.0 * np.pi * 40 / TILE)
     ripples = np.sin(x[:, None] + 2.2 * patches)
-    albedo = 0.42 + 0.07 * patches + 0.05 * ripples + 0.04 * grain
+    albedo = MEAN_ALBEDO + 0.07 * patches + 0.05 * ripples + 0.04 * grain
     albedo = np.where(stones > 2.1, 0.16 + 0.04 * grain, albedo)
     return np.clip(albedo, 0.05, 0.9).astype(np.float32)
 

@@ -6,9 +6,9 @@ import msgspec
 
 from messages import topics
 from messages.units import Positive, Vec3
-from services.camera import time_stripe
 from services.camera.core import SIMULATED, Camera, Settings
 from services.camera.sea import CameraView, Picture, SimulatedSea
+from services.marine import time_stripe
 from services.marine.attitude import to_world
 from services.marine.vehicle import Vehicle
 from services.runtime.config.errors import LindyError, NeedsRealTimeError
@@ -102,13 +102,18 @@ def _watch(node: Node, settings: Settings, film: Film) -> None:
 
     def look(_: int) -> None:
         while feed.said:
-            node.log("warning", feed.said.pop(0))
-        for name in list(feed.counts):
-            node.count(name, feed.counts.pop(name))
+            node.log("warning", feed.said.popleft())
+        while feed.counts:
+            node.count(feed.counts.popleft())
         if (shot := feed.take()) is not None:
             film(shot.stamp_ns, lambda: (shot.picture, shot.captured_ns))
 
+    def look_after(now: int) -> None:
+        feed.look_after(now)
+        look(now)
+
     node.on_close(feed.close)
+    node.every(1.0, look_after)
     feed.start(node.from_outside(look))
 
 

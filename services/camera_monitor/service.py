@@ -3,8 +3,8 @@
 from messages import topics
 from messages.units import Ns
 from messages.video import AccessUnit, VideoPart
-from services.camera import time_stripe
 from services.camera_monitor.core import PictureAccount
+from services.marine import time_stripe
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
 from services.runtime.config.stack import Stack

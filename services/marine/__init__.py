@@ -1,1 +1,2 @@
-"""Shared physics: pure functions on plain floats, with their sources."""
+"""Shared physics: pure functions on plain floats, with their sources. And the time in a picture,
+for what writes it and what reads it."""

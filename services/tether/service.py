@@ -18,8 +18,9 @@ from services.tether.priority_queue import RANK
 TOPSIDE, DRONE = "topside", "drone"
 OWN_TOPICS = (topics.LINK, topics.LINK_ANSWER)  # published by the tether itself, on both sides
 DOWN, UP = (Way.DOWN, Way.BOTH), (Way.UP, Way.BOTH)
-# [ns] Parts of a picture are useless later, and those of one picture are dropped together.
-LIFE = {topics.VIDEO.key: 400_000_000}
+# [ns] Parts of a picture are useless later, and those of one picture are dropped together. Long
+# enough for a keyframe at the least bitrate.
+LIFE = {topics.VIDEO.key: 1_000_000_000}
 JUDGE_HZ = 5.0  # [1/s] how often telemetry rate control checks the upward direction
 
 

@@ -99,8 +99,8 @@ def test_the_bitrate_follows_the_link_down_within_two_seconds_and_up_again(flown
 
 
 def test_what_arrives_is_never_late_and_what_is_not_is_said(flown: Flown) -> None:
-    """On any link: a part waits for 0.4 s at most, and takes 30 ms and its time to be sent."""
-    assert max(at - part.encoded_ns for at, part in flown.arrived) < 0.8 * S
+    """On any link: a part waits for 1 s at most, and takes 30 ms and its time to be sent."""
+    assert max(at - part.encoded_ns for at, part in flown.arrived) < 1.4 * S
     for _, age in flown.ages:
         assert (age.age_ms is None or age.age_ms > 500.0) == bool(age.words)
 

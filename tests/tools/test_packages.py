@@ -15,6 +15,7 @@ def nothing(_: str) -> None:
     ("words", "says"),
     [
         (("--cockpit", "--pilot", "script:first_dive"), "cockpit needs websockets"),
+        (("--stack", "camera", "--pilot", "script:first_dive"), "camera needs av"),
         (("--pilot", "keyboard"), "pads and the keyboard need pygame"),
         (("--pilot", "gamepad"), "pads and the keyboard need pygame"),
     ],
@@ -29,6 +30,15 @@ def test_without_its_packages_a_dive_is_not_begun(
     monkeypatch.setattr("tools.packages.find_spec", nothing)
     monkeypatch.chdir(tmp_path)
     assert says in complaint(capsys, "dive", "--headless", *words)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_camera_s_dive_is_not_simulated_without_its_package(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr("tools.packages.find_spec", nothing)
+    monkeypatch.chdir(tmp_path)
+    assert "camera needs av" in complaint(capsys, "simulate", "--stack", "camera", "--out", "dive")
     assert list(tmp_path.iterdir()) == []
 
 

@@ -7,10 +7,10 @@ import av
 import numpy as np
 from matplotlib import image
 
-from services.camera import time_stripe
 from services.camera.core import Order
 from services.camera.io.encoder import VideoEncoder
 from services.camera.sea import CameraView, SimulatedSea, WaterLight
+from services.marine import time_stripe
 from services.marine.attitude import from_euler
 
 OUT = Path(__file__).parents[2] / "docs" / "camera.png"

@@ -1,28 +1,36 @@
 """Pictures from a device, the network or a file, by FFmpeg.
 
-A thread of its own waits for them and keeps the newest one. A camera that is not there, vanishes or
-sends garbage is said once and tried again every two seconds.
+A thread of its own waits for them and keeps the newest one. A camera that is not there, vanishes,
+falls silent or sends garbage is said once and tried again every two seconds.
 """
 
+import re
 import threading
-from collections import Counter
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterator
+from errno import ENOTTY
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import av
 import numpy as np
+from av.codec.context import Flags2
 from av.container import InputContainer
-from av.error import FFmpegError
+from av.error import ExitError, FFmpegError, InvalidDataError
+from av.video.codeccontext import VideoCodecContext
+from av.video.stream import VideoStream
 
 from messages.units import Ns
 from services.camera.sea import Bytes, Picture
 
 RETRY_S = 2.0  # [s]
-TIMEOUT_S = 5.0  # [s] for an answer from the network
+TIMEOUT_S = 5.0  # [s] without a picture: the camera is silent
+SILENT = f"no picture has come for {TIMEOUT_S:g} s"
+MOST_GARBAGE = 100  # packets in a row of which nothing can be decoded
 LARGEST = 8192  # [px] of a side of a picture that is taken
-# Nothing is collected before the first picture is shown.
-AT_ONCE = {"fflags": "nobuffer", "flags": "low_delay"}
+# What a stream holds is known from its first pictures; how many a second they are is not waited
+# for. What was read by then is shown, not thrown away: without its keyframe the rest is garbage.
+AT_ONCE = {"fpsprobesize": "0", "analyzeduration": "1000000"}  # [µs]
 
 
 class Shot(NamedTuple):
@@ -34,14 +42,16 @@ class Shot(NamedTuple):
 
 
 class Feed:
-    """Keeps the newest picture of one source. `counts` is taken and cleared by the service."""
+    """Keeps the newest picture of one source. `counts` and `said` are emptied by the service."""
 
     def __init__(self, source: str, width: int, height: int, clock: Callable[[], Ns]) -> None:
-        self.counts: Counter[str] = Counter()
-        self.said: list[str] = []  # sentences for the log
+        self.counts: deque[str] = deque()  # names, one for each time
+        self.said: deque[str] = deque()  # sentences for the log
         self._source, self._size, self._clock = source, (width, height), clock
-        self._newest: Shot | None = None
+        self._newest: deque[Shot] = deque(maxlen=1)
+        self._called = without_password(source)
         self._trouble = ""
+        self._alive_ns = clock()  # [ns] of the last picture, or of the last that was said
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -52,8 +62,12 @@ class Feed:
 
     def take(self) -> Shot | None:
         """The newest picture, once."""
-        newest, self._newest = self._newest, None
-        return newest
+        return self._newest.pop() if self._newest else None
+
+    def look_after(self, now: Ns) -> None:
+        """To be called now and then: FFmpeg waits for ever for a device that is only connected."""
+        if now > self._alive_ns + round((TIMEOUT_S + RETRY_S) * 1e9):
+            self._complain(SILENT, now)
 
     def close(self) -> None:
         self._stop.set()
@@ -68,16 +82,16 @@ class Feed:
             try:
                 with self._opened() as container:
                     self._watch(container, notify)
-            except (FFmpegError, OSError, ValueError, IndexError, MemoryError) as error:
-                why = " ".join(str(error).split())[:200]
+            except Exception as error:  # whatever it is, the next attempt is two seconds away
+                why = reason(error)
             if not self._stop.is_set():
-                self._complain(why)
+                self._complain(why, self._clock())
                 notify()
                 self._stop.wait(RETRY_S)
 
     def _opened(self) -> InputContainer:
         source, timeout = self._source, (TIMEOUT_S, TIMEOUT_S)
-        if source.startswith("/dev/"):
+        if source.startswith("/dev/") and not Path(source).is_file():
             return av.open(source, format="v4l2", options=AT_ONCE, timeout=timeout)
         if "://" in source:
             return av.open(source, options=AT_ONCE, timeout=timeout)
@@ -87,20 +101,36 @@ class Feed:
         return av.open(source)
 
     def _watch(self, container: InputContainer, notify: Callable[[], None]) -> None:
-        """Every picture of an open source; a file from its beginning again and again."""
-        paced = Path(self._source).is_file() and not self._source.endswith(".sdp")
+        """Every picture of an open source; a film from its beginning again and again.
+
+        Raises:
+            ValueError: it has no pictures.
+        """
+        if not container.streams.video:
+            raise ValueError("there is no picture in it")
+        stream = container.streams.video[0]
+        codec = cast(VideoCodecContext | None, stream.codec_context)
+        if codec is None:
+            raise ValueError("the installed PyAV cannot decode its pictures")
+        if codec.name == "h264":
+            # GStreamer puts parameter sets before each slice of a keyframe, where FFmpeg then sees
+            # as many pictures. So told, its decoder puts them together again.
+            codec.flags2 |= Flags2.chunks
+        film = Path(self._source).is_file() and not self._source.endswith(".sdp")
         while not self._stop.is_set():
-            before = self._pass(container, notify, paced=paced)
-            if not (paced and before):
+            before = self._pass(container, stream, notify, film=film)
+            if not (film and before):
                 return
             container.seek(0)
 
-    def _pass(self, container: InputContainer, notify: Callable[[], None], *, paced: bool) -> int:
+    def _pass(
+        self, container: InputContainer, stream: VideoStream, notify: Callable[[], None], *,
+        film: bool,
+    ) -> int:  # fmt: skip
         """Until the source ends. Returns how many pictures there were."""
-        stream = container.streams.video[0]
         began, number = self._clock(), 0
-        for number, frame in enumerate(container.decode(stream), 1):
-            if paced:
+        for number, frame in enumerate(self._frames(container, stream), 1):
+            if film:
                 wait = began + round((frame.time or 0.0) * 1e9) - self._clock()
                 self._stop.wait(min(max(wait / 1e9, 0.001), 1.0))
             if self._stop.is_set():
@@ -109,23 +139,60 @@ class Feed:
             notify()
         return number
 
+    def _frames(self, container: InputContainer, stream: VideoStream) -> Iterator[av.VideoFrame]:
+        """What is decoded. A packet that was damaged on its way is no reason to connect anew."""
+        garbage, asked = 0, self._clock()
+        for packet in container.demux(stream):
+            # A wait that timed out first gives what was kept back: an old picture.
+            if self._clock() > asked + round(TIMEOUT_S * 1e9):
+                raise ValueError(SILENT)
+            try:
+                frames = packet.decode()
+                garbage = 0 if frames else garbage
+            except InvalidDataError:
+                frames, garbage = [], garbage + 1
+                self.counts.append("undecodable:picture")
+                if garbage > MOST_GARBAGE:
+                    raise
+            yield from frames
+            asked = self._clock()
+
     def _keep(self, frame: av.VideoFrame) -> None:
         stamp = self._clock()
         if max(frame.width, frame.height) > LARGEST:
             raise ValueError(f"its pictures have {frame.width} x {frame.height} pixels")
         picture = planes(frame.reformat(*self._size, format="yuv420p"))
-        if self._newest is not None:
-            self.counts["skipped:picture"] += 1
-        self._newest = Shot(picture, stamp, self._clock())
+        if self._newest:
+            self.counts.append("skipped:picture")
+        self._newest.append(Shot(picture, stamp, self._clock()))
+        self._alive_ns = stamp
         if self._trouble:
             self._trouble = ""
-            self.said.append(f"camera: {self._source} gives pictures again")
+            self.said.append(f"camera: {self._called} gives pictures again")
 
-    def _complain(self, why: str) -> None:
-        self.counts["lost:camera"] += 1
+    def _complain(self, why: str, now: Ns) -> None:
+        self.counts.append("lost:camera")
+        self._alive_ns = now
         if why != self._trouble:
             self._trouble = why
-            self.said.append(f"camera: {self._source} gives no pictures: {why}; tried every 2 s")
+            self.said.append(f"camera: {self._called} gives no pictures: {why}; tried every 2 s")
+
+
+def reason(error: Exception) -> str:
+    """An error of FFmpeg in words, without its number and the address."""
+    if isinstance(error, ExitError):
+        return SILENT
+    if isinstance(error, InvalidDataError):
+        return "what it gives is no video, or damaged"
+    if isinstance(error, OSError) and error.errno == ENOTTY:
+        return "it is no camera"
+    said = error.strerror if isinstance(error, OSError | FFmpegError) else None
+    return without_password(" ".join((said or str(error)).split()))[:200]
+
+
+def without_password(source: str) -> str:
+    """An address as it may be shown and recorded."""
+    return re.sub("//[^/@ ]*@", "//", source)
 
 
 def planes(frame: av.VideoFrame) -> Picture:

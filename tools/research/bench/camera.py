@@ -25,6 +25,7 @@ from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
 from tools.report.picture import PictureReport
+from tools.research.bench.processes import Cost, costs
 from tools.research.bench.started_dives import HAS_STICKS, PILOT, started
 from tools.research.bench.table import Figure
 
@@ -38,6 +39,7 @@ SECONDS, SETTLED = 40.0, 10.0  # [s] of a virtual dive, and from when on it is m
 NOT_SLOWER = 1.2  # [-] goal of the p99 with a picture
 DIVES = ("perfect", "tether", "wifi_buoy")
 DIVE_S = 20.0  # [s] armed
+PROCESSES = ("camera", "camera_monitor")
 FILES = ("recorder", "visualizer")
 FLOOR = "simulator.floor_depth=8"  # [m] so that there is something to be seen
 
@@ -170,13 +172,13 @@ def _p99(values: list[float]) -> float:
 
 def _ages() -> Iterator[Figure]:
     """Light to picture in dives with processes; the goal is the encoder, the link, the decoder
-    and one picture's time."""
+    and one picture's time. And what these processes cost."""
     for link in DIVES:
         with TemporaryDirectory(prefix="lindy-bench-") as folder:
-            found = _flown(Path(folder), link)
+            found, spent = _flown(Path(folder), link)
         stages = {name: ms or 0.0 for name, ms in found.stages_ms.items()}
         parts = ", ".join(f"{name} {ms:.1f}" for name, ms in stages.items())
-        least = stages["encoded"] + stages["crossed"] + stages["decoded"] + 1e3 / HZ
+        least = sum(stages.get(name, 0.0) for name in ("encoded", "crossed", "decoded")) + 1e3 / HZ
         for name, ms in (("p50", found.p50_ms), ("p99", found.p99_ms)):
             yield _figure(
                 f"{link}, light to picture {name}", "ms", ms,
@@ -184,15 +186,21 @@ def _ages() -> Iterator[Figure]:
                 goal=1.0 if name == "p50" else None,
                 note=f"{parts}; {found.per_second:.1f} a second, {found.checked:.0%} checked",
             )  # fmt: skip
+        for name in PROCESSES:
+            yield _figure(
+                f"{link}, process {name}", "% of a core", spent[name].cpu,
+                note=f"{spent[name].rss_mb:.0f} MB",
+            )  # fmt: skip
 
 
-def _flown(folder: Path, link: str) -> PictureReport:
-    """The report's figures of a dive's picture."""
+def _flown(folder: Path, link: str) -> tuple[PictureReport, dict[str, Cost]]:
+    """The report's figures of a dive's picture, and what its processes cost."""
     words = ("dive", "--stack", "camera", "--headless", "--link", link, "--set", FLOOR)
     with started(folder / "dive", *words, *PILOT) as dive:
         dive.until_said(HAS_STICKS)
-        time.sleep(DIVE_S)  # the dive is measured, not this
+        pids = dive.pids()
+        spent = costs({name: pids[name] for name in PROCESSES}, DIVE_S)
         report = dive.report()
-    if report.picture is msgspec.UNSET:
+    if report.picture is msgspec.UNSET or not spent.keys() >= set(PROCESSES):
         raise LindyError(f"no picture was measured in the benchmark's dive on {link}")
-    return report.picture
+    return report.picture, spent

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.camera import time_stripe
 from services.camera.core import Order
 from services.camera.sea import CameraView, SimulatedSea, WaterLight
+from services.marine import time_stripe
 from services.marine.attitude import LEVEL
 
 S = 1_000_000_000

@@ -1,0 +1,35 @@
+"""A dive with a camera that others wrote: GStreamer's RTSP server, which vanishes and returns."""
+
+import time
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("av")
+
+from tests.services.camera.test_foreign_cameras import gstreamer, served
+from tools.research.bench.started_dives import HAS_STICKS, PILOT, started
+
+pytestmark = [pytest.mark.system, pytest.mark.slow]
+SEEN_S = 6.0  # [s] of pictures, before and after
+
+
+@gstreamer
+def test_the_dive_goes_on_and_the_picture_comes_back(tmp_path: Path) -> None:
+    words = ("dive", "--stack", "camera", "--headless", *PILOT)
+    with served() as (server, port):
+        source = ("--set", f"camera.source=rtsp://127.0.0.1:{port}/stream")
+        with started(tmp_path / "dive", *words, *source) as dive:
+            dive.until_said(HAS_STICKS)
+            time.sleep(SEEN_S)  # the dive is measured, not this
+            server.kill()
+            dive.until_said("gives no pictures")
+            with served(port):
+                dive.until_said("gives pictures again")
+                time.sleep(SEEN_S)
+                report = dive.report()
+    assert report.exit == "clean"
+    assert report.picture
+    assert report.picture.checked == 0.0  # the stamp is that of arrival, later than the stripe
+    assert report.picture.per_second > 3.0
+    assert report.losses["lost:camera"] >= 1
