@@ -13,7 +13,6 @@ pytest.importorskip("websockets", reason="the extra cockpit is not installed")
 pytest.importorskip("av", reason="the extra camera is not installed")
 
 from messages.video import VideoPart
-from services.camera import time_stripe
 from services.camera.core import Order
 from services.camera.io.encoder import VideoEncoder
 from services.camera.sea import Picture
@@ -22,6 +21,7 @@ from services.cockpit.io.access import access_to
 from services.cockpit.io.server import PageServer
 from services.cockpit.page_messages import PageClosed, PageOpened
 from services.cockpit.video import PageUnit, PictureStream
+from services.marine import time_stripe
 from tools.docs.chromium import Browser, BrowserPage, Size, chromium
 
 PROGRAM = chromium()
@@ -37,7 +37,7 @@ WORDS = "document.getElementById('no-picture').textContent"
 SEEN = "!document.getElementById('picture').hidden"
 FRESH = f"{SEEN} && {WORDS} === ''"
 INSIDE = "void import('/main.js').then((main) => { window.video = main.video; })"
-# The time stripe [µs] of what is on the canvas, as services/camera/time_stripe.py draws it, and the
+# The time stripe [µs] of what is on the canvas, as services/marine/time_stripe.py draws it, and the
 # age [ms] that is shown beside it. `null`: its sum is wrong.
 READ = """(() => {
   video.draw();
