@@ -51,8 +51,9 @@ class Controller:
 
     def __post_init__(self) -> None:
         require_stable(self.settings, self.vehicle, PERIOD_S)
-        self._laws = Laws(self.settings, self.vehicle, PERIOD_S, self._note)
         self._propulsion = Propulsion(self.vehicle, self.settings.allocation)
+        least = self._propulsion.least("yaw")
+        self._laws = Laws(self.settings, self.vehicle, PERIOD_S, self._note, least)
         _require_driven(self.settings, self._propulsion.axes)
 
     def step(

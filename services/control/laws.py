@@ -6,13 +6,14 @@ from messages.message import Estimate
 from messages.reference import Motion, Reference
 from messages.state import VehicleState
 from messages.units import Vec6
-from services.control import horizontal_plane
+from services.control import horizontal_plane, tilted_turn
 from services.control.allocation.actuator_model import ActuatorModel, lags_of
 from services.control.allocation.layout import AXES
 from services.control.axis.axis import PilotedAxis
 from services.control.axis.axis_law import AxisLaw, Gains
 from services.control.axis.bumpless_transfer import BumplessTransfer
 from services.control.axis.plant import plant_of
+from services.control.axis.rest_pulse import RestPulse
 from services.control.axis.roll_pitch_hold import RollPitchHold
 from services.control.settings import Settings
 from services.marine.rigid_body import system_inertia
@@ -23,12 +24,21 @@ class Laws:
     """Surge, sway, heave and yaw, each with its own law, and roll and pitch held level."""
 
     def __init__(
-        self, settings: Settings, vehicle: Vehicle, period: float, count: Callable[[str], None]
+        self,
+        settings: Settings,
+        vehicle: Vehicle,
+        period: float,
+        count: Callable[[str], None],
+        least_moment: float = 0.0,
     ) -> None:
         """
         Args:
             period: [s] for which a wrench is held.
             count: called with the name of a condition, at every step while it lasts.
+            least_moment: [N m] in yaw; smallest that the thrusters give. 0: any.
+
+        Raises:
+            ValueError: pulses of the heading, on a vehicle without linear damping.
         """
         self._inertia = system_inertia(vehicle)
         self._lags = lags_of(vehicle)
@@ -47,6 +57,12 @@ class Laws:
         self.heading = axis("heading", settings.heading, 5, own=False)
         self._max_error = min(settings.surge.max_error, settings.sway.max_error)  # [m]
         self._roll, self._pitch = RollPitchHold(settings.roll), RollPitchHold(settings.pitch)
+        self._pulse: RestPulse | None = None  # of the heading
+        if settings.heading_pulse > 0.0 and least_moment > 0.0:
+            yaw = self.heading.law
+            self._pulse = RestPulse(
+                yaw.plant, yaw.lag, period, least_moment, settings.heading_pulse
+            )
 
     def wrench(self, reference: Reference, state: VehicleState, dt: float) -> Vec6:
         """The required wrench [N, N m], `dt` [s] after the last one."""
@@ -58,17 +74,36 @@ class Laws:
             heave = self.depth.held(r.depth, s.depth, s.depth_rate, dt, late=late)
         else:
             heave = self.depth.forced(r.heave_force, dt)
-        if r.yaw_moment is None:
-            yaw = self.heading.held(r.heading, s.heading, s.yaw_rate, dt)
-        else:
-            yaw = self.heading.forced(r.yaw_moment, dt)
         roll = self._roll.step(s.roll, s.sensor_ns)
         pitch = self._pitch.step(s.pitch, s.sensor_ns)
+        yaw = self._yaw(r, s, dt)
         return surge, sway, heave, roll, pitch, yaw
+
+    def _yaw(self, r: Reference, s: VehicleState, dt: float) -> float:
+        """[N m] After the pitch of this step, whose rate it uses."""
+        if r.yaw_moment is not None:
+            self._end_pulses()
+            return self.heading.forced(r.yaw_moment, dt)
+        motion = tilted_turn.along_body(r.heading, s.roll, s.pitch)
+        rate = tilted_turn.of_heading(s.yaw_rate, s.roll, self._pitch.rate)
+        moment = self.heading.held(motion, s.heading, rate, dt)
+        if self._pulse is None:
+            return moment
+        if not (s.heading.valid and rate.valid):
+            self._end_pulses()
+            return moment
+        error, resting = motion.position - s.heading.value, motion.velocity == motion.acceleration == 0.0
+        return self._pulse.step(moment, error, rate.value, resting=resting)
+
+    def _end_pulses(self) -> None:
+        if self._pulse is not None:
+            self._pulse.forget()
 
     def done(self, wanted: Vec6, achieved: Vec6, *, saturated: bool) -> None:
         """Take in the achieved wrench. An axis short of force by saturation does not learn."""
         self._actuators.command(achieved)
+        if self._pulse is not None:
+            self._pulse.effective = wanted[5] == 0.0 or achieved[5] != 0.0
         self._short = frozenset(
             name
             for name, want, got in zip(AXES, wanted, achieved, strict=True)
@@ -95,6 +130,7 @@ class Laws:
             axis.transfer.forget()
         self._roll.forget()
         self._pitch.forget()
+        self._end_pulses()
 
     def forget(self) -> None:
         """Reset integrals and disturbance observers."""

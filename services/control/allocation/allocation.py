@@ -92,6 +92,15 @@ class Allocation:
         """Reset the hysteresis of the dead-bands. For disarming."""
         self._on = [False] * len(self._on)
 
+    def least(self, axis: AxisName) -> float:
+        """[N] or [N m] Smallest effort along this axis alone for which every thruster that takes
+        part is out of its dead-band."""
+        row = AXES.index(axis)
+        shares = [abs(shares[row]) for shares in self._all_shares]
+        edges = [edge for _, _, edge in self._bounds]
+        pairs = zip(edges, shares, strict=True)
+        return max((edge / share for edge, share in pairs if share > ROUNDING), default=0.0)
+
     # Allocation.
 
     def allocate(self, wrench: Vec6) -> Allocated:

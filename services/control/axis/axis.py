@@ -9,6 +9,7 @@ from services.control.axis.axis_law import AxisLaw
 from services.control.axis.bumpless_transfer import BumplessTransfer
 
 Count = Callable[[str], None]
+FREE = 1e-3  # [-] of max_integral; less force than this is none
 
 
 @dataclass(slots=True)
@@ -85,7 +86,9 @@ class PilotedAxis:
         if velocity is None or self._blind:
             self.law.pause()
         else:
-            self.law.learn(velocity, force, dt)
+            # Where nothing lasting acts, whatever moves the vehicle without force is a disturbance.
+            free = not self.own and abs(force) < FREE * self.law.gains.max_integral
+            self.law.learn(velocity, force, dt, freely=free)
 
     def forget(self) -> None:
         self._blind = self._late = False

@@ -172,16 +172,17 @@ class AxisLaw:
             else -self._observer.expected(self._reference_rate)
         )
 
-    def learn(self, velocity: float, force: float, dt: float) -> None:
+    def learn(self, velocity: float, force: float, dt: float, *, freely: bool = False) -> None:
         """Update the observer: velocity relative to the water now, and mean thruster force since
         the last call.
 
         A vehicle that does not move may lie on the sea floor, which opposes any force. So without
         motion it learns no faster than the integral would, and not at all while the reference
-        moves.
+        moves; unless `freely`, because no force acts that a floor could oppose.
         """
         if self._observer is not None:
-            most = self._slow * dt if abs(velocity) < self._still else inf
+            slowly = abs(velocity) < self._still and not freely
+            most = self._slow * dt if slowly else inf
             self._observer.learn(velocity, force, dt, most, self._reference_rate)
 
     def give_up(self, force: float) -> None:

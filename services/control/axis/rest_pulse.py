@@ -1,0 +1,103 @@
+"""Short pulses, for an axis at rest that needs less effort than its thrusters can hold.
+
+Within the thrusters' dead-band feedback has no effect: the error grows until it calls for the
+dead-band's edge, which then moves the vehicle further than it was off. A pulse of the edge is as
+small as it is short. With linear drag D it turns a vehicle without other forces by J / D, with
+J [N m s] its moment times its length, whatever the thrusters' lag, and a vehicle that coasts at the
+rate v goes on by M v / D. So the length that brings it to its reference is known before. What each
+pulse has done corrects that, for a vehicle with another drag than its file's.
+"""
+
+from dataclasses import dataclass
+
+from services.control.axis.plant import Plant
+
+LONGEST = 10  # steps
+DAMPED, SETTLED = 2.0, 4.0  # time constants, of the hull and the thrusters, from pulse to pulse
+BEYOND = 0.6  # [-] of the zone; so far beyond the reference, where pulse follows pulse one way
+MOVED = 0.3  # [-] of what was planned; a vehicle that moved less lies on something
+PATIENCE = 64.0  # [-] times longer, at most, does it then wait
+MOST_AT_ONCE, MOST = 2.0, 4.0  # [-] by which the model of the pulse is corrected
+
+
+@dataclass(slots=True)
+class RestPulse:
+    """Takes the effort of the law and returns it, or a pulse while the law's is without effect.
+
+    Args:
+        plant: of the axis, with linear drag.
+        lag: [s] of its thrusters.
+        period: [s] for which an effort is held.
+        least: [N m] smallest effort its thrusters give together.
+        zone: [rad] errors up to this are left alone.
+    """
+
+    plant: Plant
+    lag: float
+    period: float
+    least: float
+    zone: float
+    effective: bool = True  # the thrusters gave something for the last effort
+    correction: float = 1.0  # [-] what a pulse turns, over what the model says
+    _left: int = 0  # steps of the pulse under way, and one of nothing that ends it
+    _sign: float = 0.0  # of the newest pulse
+    _since: float = 0.0  # [s] with neither motion of the reference nor pulse
+    _before: float = 0.0  # [rad] where it would have come to rest without the newest pulse
+    _planned: float = 0.0  # [rad] turn by the newest pulse; 0: none, or its effect is known
+    _patience: float = 1.0  # [-] of the pause between pulses
+
+    def step(self, effort: float, error: float, rate: float, *, resting: bool) -> float:
+        """The effort [N m] of this step.
+
+        Args:
+            effort: [N m] of the law.
+            error: [rad] reference minus position.
+            rate: [rad/s] of the vehicle.
+            resting: the reference rests.
+        """
+        if not resting:
+            self.forget()
+            return effort
+        if self._left > 0:
+            self._left -= 1
+            return self._sign * self.least if self._left > 0 else 0.0
+        if self.effective:
+            self._since = self._planned = 0.0
+            return effort
+        self._since += self.period
+        coasting = self.plant.inertia / self.plant.linear  # [s]
+        pause = DAMPED * coasting + SETTLED * self.lag
+        end = error - rate * coasting
+        if self._since < pause:
+            return effort
+        self._judge(end)
+        if self._since < self._patience * pause or abs(end) <= self.zone:
+            return effort
+        self._begin(end)
+        return self._sign * self.least
+
+    def _judge(self, end: float) -> None:
+        """What did the newest pulse do?"""
+        if self._planned == 0.0:
+            return
+        moved = (self._before - end) / self._planned
+        self._planned = 0.0
+        if moved < MOVED:  # pulses would go on for ever
+            self._patience = min(PATIENCE, 2.0 * self._patience)
+            return
+        self._patience = 1.0
+        corrected = self.correction * min(MOST_AT_ONCE, max(1.0 / MOST_AT_ONCE, moved))
+        self.correction = min(MOST, max(1.0 / MOST, corrected))
+
+    def _begin(self, end: float) -> None:
+        sign = 1.0 if end > 0.0 else -1.0
+        beyond = BEYOND * self.zone if sign == self._sign else 0.0
+        one = self.correction * self.least * self.period / self.plant.linear  # [rad] a step's turn
+        steps = max(1, min(LONGEST, round((abs(end) + beyond) / one)))
+        self._left, self._sign, self._since = steps, sign, 0.0
+        self._before, self._planned = end, sign * steps * one
+
+    def forget(self) -> None:
+        """Begin anew, as after a motion. What a pulse does stays known."""
+        self._left, self._since, self._patience = 0, 0.0, 1.0
+        self._sign = self._planned = 0.0
