@@ -13,7 +13,8 @@ from dataclasses import dataclass
 from services.control.axis.plant import Plant
 
 LONGEST = 10  # steps
-DAMPED, SETTLED = 2.0, 4.0  # time constants, of the hull and the thrusters, from pulse to pulse
+DAMPED, SETTLED = 2.0, 4.0  # time constants of the hull and of the thrusters, to come to rest
+SMOOTHING = 0.2  # [s]
 BEYOND = 0.6  # [-] of the zone; so far beyond the reference, where pulse follows pulse one way
 MOVED = 0.3  # [-] of what was planned; a vehicle that moved less lies on something
 PATIENCE = 64.0  # [-] times longer, at most, does it then wait
@@ -41,6 +42,7 @@ class RestPulse:
     correction: float = 1.0  # [-] what a pulse turns, over what the model says
     _left: int = 0  # steps of the pulse under way, and one of nothing that ends it
     _sign: float = 0.0  # of the newest pulse
+    _end: float = 0.0  # [rad] error at which the vehicle comes to rest, without the rate's noise
     _since: float = 0.0  # [s] with neither motion of the reference nor pulse
     _before: float = 0.0  # [rad] where it would have come to rest without the newest pulse
     _planned: float = 0.0  # [rad] turn by the newest pulse; 0: none, or its effect is known
@@ -65,16 +67,26 @@ class RestPulse:
             self._since = self._planned = 0.0
             return effort
         self._since += self.period
-        coasting = self.plant.inertia / self.plant.linear  # [s]
-        pause = DAMPED * coasting + SETTLED * self.lag
-        end = error - rate * coasting
-        if self._since < pause:
+        end = error - rate * self._coasting
+        self._end += min(1.0, self.period / min(self._since, SMOOTHING)) * (end - self._end)
+        if self._since < self._pause:
             return effort
-        self._judge(end)
-        if self._since < self._patience * pause or abs(end) <= self.zone:
+        self._judge(self._end)
+        if self._since < self._pause or abs(self._end) <= self.zone:
             return effort
-        self._begin(end)
+        self._begin(self._end)
         return self._sign * self.least
+
+    @property
+    def _coasting(self) -> float:
+        """[s]"""
+        return self.plant.inertia / self.plant.linear
+
+    @property
+    def _pause(self) -> float:
+        """[s] Until the thrusters have stopped, and after a pulse until its effect is seen."""
+        pulsed = self._patience if self._sign else 0.0
+        return SETTLED * self.lag + pulsed * DAMPED * self._coasting
 
     def _judge(self, end: float) -> None:
         """What did the newest pulse do?"""
