@@ -36,9 +36,6 @@ class Laws:
             period: [s] for which a wrench is held.
             count: called with the name of a condition, at every step while it lasts.
             least_moment: [N m] in yaw; smallest that the thrusters give. 0: any.
-
-        Raises:
-            ValueError: pulses of the heading, on a vehicle without linear damping.
         """
         self._inertia = system_inertia(vehicle)
         self._lags = lags_of(vehicle)
@@ -92,7 +89,10 @@ class Laws:
         if not (s.heading.valid and rate.valid):
             self._end_pulses()
             return moment
-        error, resting = motion.position - s.heading.value, motion.velocity == motion.acceleration == 0.0
+        error, resting = (
+            motion.position - s.heading.value,
+            motion.velocity == motion.acceleration == 0.0,
+        )
         return self._pulse.step(moment, error, rate.value, resting=resting)
 
     def _end_pulses(self) -> None:

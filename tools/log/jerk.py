@@ -1,4 +1,4 @@
-"""`lindy log jerk`: the jerk that dives were felt to have, beside what their references asked for."""
+"""`lindy log jerk`: the jerk that dives felt, beside what their references asked for."""
 
 import io
 from collections.abc import Sequence

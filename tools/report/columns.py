@@ -162,7 +162,13 @@ STATUS = ("stamp", "failsafe", "reaction", "since", "own way", "hold")
 COMMAND = ("stamp", "heave", "yaw", "deflection", "lost", "epoch")
 STATE = (
     *("sensor", "stamp", "heave", "yaw"),  # [ns, ns, m, rad]
-    *("moved", "heave known", "yaw known", "heave acceleration", "yaw rate"),  # [m, -, -, m/s², rad/s]
+    *(
+        "moved",
+        "heave known",
+        "yaw known",
+        "heave acceleration",
+        "yaw rate",
+    ),  # [m, -, -, m/s², rad/s]
 )
 COMMANDED = ("stamp", "sensor", "count", "ahead", "astern")  # thrusters; bit k: thruster k turns so
 WANTED = (

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 
 from messages import topics
-from tools.report.columns import Array, StreamColumns
+from tools.report.columns import Array
 from tools.report.dive import RecordedDive
 
 RATE = 100.0  # [1/s] at which all is compared
@@ -76,10 +76,10 @@ def axis_spectra(dive: RecordedDive, axis: str) -> AxisSpectra | None:
     reference, state = dive[topics.REFERENCE], dive[topics.STATE]
     wanted = np.interp(at, reference["valid"], reference[f"{axis} acceleration"])
     if axis == "heave":
-        felt = differentiated(spectrum(_at(at, state, "heave acceleration"), RATE))
+        felt = np.interp(at, state["sensor"], state["heave acceleration"])
     else:
-        felt = differentiated(spectrum(_at(at, state, "yaw rate"), RATE), times=2)
-    return AxisSpectra(felt, differentiated(spectrum(wanted, RATE)))
+        felt = np.gradient(np.interp(at, state["sensor"], state["yaw rate"]), 1.0 / RATE)
+    return AxisSpectra(jerk_spectrum(felt), jerk_spectrum(wanted))
 
 
 def thruster_changes(dive: RecordedDive) -> tuple[list[float], list[float]]:
@@ -106,10 +106,6 @@ def _changes(values: np.ndarray) -> int:
     return int(np.count_nonzero(values[1:] != values[:-1]))
 
 
-def _at(at: Array, columns: StreamColumns, name: str) -> Array:
-    return np.interp(at, columns["sensor"], columns[name])
-
-
 def _felt(spectra: AxisSpectra | None) -> FeltJerk | None:
     if spectra is None:
         return None
@@ -132,9 +128,10 @@ def spectrum(values: Array, rate: float, segment: int = SEGMENT) -> Spectrum:
     if length % 2 == 0:
         one_sided[-1] = 1.0
     density = one_sided * power / (rate * np.sum(window**2))
-    return Spectrum(np.fft.rfftfreq(length, 1.0 / rate), density)
+    return Spectrum(np.arange(len(power)) * rate / length, density)
 
 
-def differentiated(of: Spectrum, times: int = 1) -> Spectrum:
-    """The spectrum of the derivative: (2 π f)² of it, each time."""
-    return Spectrum(of.frequency, of.density * (2.0 * pi * of.frequency) ** (2 * times))
+def jerk_spectrum(acceleration: Array) -> Spectrum:
+    """Of an acceleration at `RATE`: (2 π f)² times its own."""
+    of = spectrum(acceleration, RATE)
+    return Spectrum(of.frequency, of.density * (2.0 * pi * of.frequency) ** 2)

@@ -230,7 +230,9 @@ class AxisLaw:
         if self._observer is None:
             self.integral = force
         else:
-            self._observer.estimate = -force - self._observer.drag * (self._reference_rate + self._soon)
+            self._observer.estimate = -force - self._observer.drag * (
+                self._reference_rate + self._soon
+            )
             self._observer.pause()
 
     def _integrate(self, error: float, feedback: FeedbackGains, moves: bool, dt: float) -> bool:

@@ -308,3 +308,16 @@ def test_any_one_of_eight_thrusters_may_fail(
     wanted = cast(Vec6, tuple(s * m for s, m in zip(shares, (6, 6, 6, 0.5, 0.5, 0.5), strict=True)))
     done = allocation.allocate(wanted)
     assert done.achieved == pytest.approx(wanted, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["pioneer", "heavy"])
+def test_the_least_moment_is_where_every_thruster_of_it_leaves_its_dead_band(
+    name: str, request: pytest.FixtureRequest
+) -> None:
+    vehicle: Vehicle = request.getfixturevalue(name)
+    allocation = Allocation(vehicle, EXACT)
+    least = allocation.least("yaw")
+    assert allocation.allocate((0.0, 0.0, 0.0, 0.0, 0.0, 1.001 * least)).achieved[5] == (
+        pytest.approx(1.001 * least)
+    )
+    assert allocation.allocate((0.0, 0.0, 0.0, 0.0, 0.0, 0.999 * least)).achieved[5] < 0.9 * least
