@@ -92,7 +92,7 @@ def thruster_changes(dive: RecordedDive) -> tuple[list[float], list[float]]:
     count = int(command["count"].max())
     ahead, astern = (bits(command[name], count) for name in ("ahead", "astern"))
     on = ahead | astern
-    starts = np.sum(on[1:] & ~on[:-1], axis=0)
+    starts = [int(np.count_nonzero(on[1:, k] & ~on[:-1, k])) for k in range(count)]
     reversals = [_changes(ahead[on[:, k], k]) for k in range(count)]
     return [round(n / minutes, 2) for n in starts], [round(n / minutes, 2) for n in reversals]
 

@@ -2,6 +2,7 @@
 
 from math import pi, sqrt
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,7 +12,15 @@ from messages import topics
 from messages.topic import AnyTopic
 from tools.report.columns import Array, StreamColumns
 from tools.report.dive import RecordedDive
-from tools.report.jerk import BAND, RATE, jerk_spectrum, smoothness, spectrum, thruster_changes
+from tools.report.jerk import (
+    BAND,
+    RATE,
+    Smoothness,
+    jerk_spectrum,
+    smoothness,
+    spectrum,
+    thruster_changes,
+)
 
 SECOND = 1e9  # [ns]
 
@@ -61,6 +70,7 @@ def dive(t: Array, felt: Array, wanted: Array, thrust: Array) -> RecordedDive:
     zero: Array = 0.0 * t
     turned = np.cumsum(felt) / RATE  # so that the yaw acceleration is `felt`
     weights = np.array([2.0**k for k in range(thrust.shape[1])])
+    ahead, astern = [turns.astype(np.float64) @ weights for turns in (thrust > 0.0, thrust < 0.0)]
     columns: dict[AnyTopic, dict[str, Array]] = {
         topics.REFERENCE: {
             "valid": stamps, "armed": zero + 1.0, "heave acceleration": wanted,
@@ -68,8 +78,7 @@ def dive(t: Array, felt: Array, wanted: Array, thrust: Array) -> RecordedDive:
         },
         topics.STATE: {"sensor": stamps, "heave acceleration": felt, "yaw rate": turned},
         topics.THRUSTERS: {
-            "stamp": stamps, "count": zero + thrust.shape[1], "ahead": (thrust > 0) @ weights,
-            "astern": (thrust < 0) @ weights,
+            "stamp": stamps, "count": zero + thrust.shape[1], "ahead": ahead, "astern": astern,
         },
     }  # fmt: skip
     streams = {
@@ -110,3 +119,4 @@ def test_starts_and_reversals_are_counted_for_each_thruster() -> None:
     minutes = t[-1] / 60.0
     assert starts == pytest.approx([4 / minutes, 0.0], abs=0.01)
     assert reversals == pytest.approx([2 / minutes, 0.0], abs=0.01)
+    assert msgspec.json.decode(msgspec.json.encode(smoothness(found)), type=Smoothness)
