@@ -19,6 +19,8 @@ from services.control.settings import Settings
 from services.marine.rigid_body import system_inertia
 from services.marine.vehicle import Vehicle
 
+IDLE = 0.015  # [-] of the smallest moment the thrusters give; a smaller one only runs down
+
 
 class Laws:
     """Surge, sway, heave and yaw, each with its own law, and roll and pitch held level."""
@@ -154,7 +156,12 @@ class Laws:
             (self.depth, 2, heave),
             (self.heading, 5, yaw),
         ):
-            axis.learn(None if AXES[row] in self._short else velocity, force[row], dt)
+            known = None if AXES[row] in self._short else velocity
+            axis.learn(known, force[row], dt, freely=axis is self.heading and self._idle(force[5]))
+
+    def _idle(self, moment: float) -> bool:
+        """Does the dead-band leave the law of the heading without effect, [N m]?"""
+        return self._pulse is not None and abs(moment) < IDLE * self._pulse.least
 
     def _switch_current(
         self, here: horizontal_plane.MeasuredMotion, water: tuple[float, float] | None

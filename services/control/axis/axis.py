@@ -9,7 +9,6 @@ from services.control.axis.axis_law import AxisLaw
 from services.control.axis.bumpless_transfer import BumplessTransfer
 
 Count = Callable[[str], None]
-FREE = 1e-3  # [-] of max_integral; less force than this is none
 
 
 @dataclass(slots=True)
@@ -80,15 +79,15 @@ class PilotedAxis:
         self.law.idle()
         return self.transfer.step("forced", force, dt)
 
-    def learn(self, velocity: float | None, force: float, dt: float) -> None:
+    def learn(
+        self, velocity: float | None, force: float, dt: float, *, freely: bool = False
+    ) -> None:
         """Update the disturbance observer; a velocity of None, or a position that is not known,
-        pauses it."""
+        pauses it. `freely`: see `AxisLaw.learn`."""
         if velocity is None or self._blind:
             self.law.pause()
         else:
-            # Where nothing lasting acts, whatever moves the vehicle without force is a disturbance.
-            free = not self.own and abs(force) < FREE * self.law.gains.max_integral
-            self.law.learn(velocity, force, dt, freely=free)
+            self.law.learn(velocity, force, dt, freely=freely)
 
     def forget(self) -> None:
         self._blind = self._late = False
