@@ -54,8 +54,8 @@ class Controller:
     def __post_init__(self) -> None:
         require_stable(self.settings, self.vehicle, PERIOD_S)
         self._propulsion = Propulsion(self.vehicle, self.settings.allocation)
-        least = self._propulsion.least("yaw")
-        self._laws = Laws(self.settings, self.vehicle, PERIOD_S, self._note, least)
+        pushes = self._propulsion.smallest("yaw")
+        self._laws = Laws(self.settings, self.vehicle, PERIOD_S, self._note, pushes)
         _require_possible(self.settings, self.vehicle, self._propulsion.axes)
 
     def step(

@@ -19,7 +19,7 @@ from services.control.settings import Settings
 from services.marine.rigid_body import system_inertia
 from services.marine.vehicle import Vehicle
 
-IDLE = 0.015  # [-] of the smallest moment the thrusters give; a smaller one only runs down
+IDLE = 0.03  # [-] of the smallest moment of a thruster; a smaller one only runs down
 
 
 class Laws:
@@ -31,13 +31,13 @@ class Laws:
         vehicle: Vehicle,
         period: float,
         count: Callable[[str], None],
-        least_moment: float = 0.0,
+        yaw_pushes: tuple[Vec6, ...] = (),
     ) -> None:
         """
         Args:
             period: [s] for which a wrench is held.
             count: called with the name of a condition, at every step while it lasts.
-            least_moment: [N m] in yaw; smallest that the thrusters give. 0: any.
+            yaw_pushes: [N, N m] smallest wrenches of single thrusters that turn the vehicle.
         """
         self._inertia = system_inertia(vehicle)
         self._lags = lags_of(vehicle)
@@ -56,12 +56,12 @@ class Laws:
         self.heading = axis("heading", settings.heading, 5, own=False)
         self._max_error = min(settings.surge.max_error, settings.sway.max_error)  # [m]
         self._roll, self._pitch = RollPitchHold(settings.roll), RollPitchHold(settings.pitch)
+        self._yaw_pushes = yaw_pushes
         self._pulse: RestPulse | None = None  # of the heading
-        if settings.heading_pulse > 0.0 and least_moment > 0.0:
+        if settings.heading_pulse > 0.0 and yaw_pushes:
             yaw = self.heading.law
-            self._pulse = RestPulse(
-                yaw.plant, yaw.lag, period, least_moment, settings.heading_pulse
-            )
+            moments = [push[5] for push in yaw_pushes]
+            self._pulse = RestPulse(yaw.plant, yaw.lag, period, moments, settings.heading_pulse)
 
     def wrench(self, reference: Reference, state: VehicleState, dt: float) -> Vec6:
         """The required wrench [N, N m], `dt` [s] after the last one."""
@@ -76,36 +76,35 @@ class Laws:
         roll = self._roll.step(s.roll, s.sensor_ns)
         pitch = self._pitch.step(s.pitch, s.sensor_ns)
         yaw = self._yaw(r, s, dt)
-        return surge, sway, heave, roll, pitch, yaw
+        return self._pulsed((surge, sway, heave, roll, pitch, yaw), r, s)
 
     def _yaw(self, r: Reference, s: VehicleState, dt: float) -> float:
         """[N m] After the pitch of this step, whose rate it uses."""
         if r.yaw_moment is not None:
-            self._end_pulses()
             return self.heading.forced(r.yaw_moment, dt)
         motion = tilted_turn.along_body(r.heading, s.roll, s.pitch)
         rate = tilted_turn.of_heading(s.yaw_rate, s.roll, self._pitch.rate)
-        moment = self.heading.held(motion, s.heading, rate, dt)
-        if self._pulse is None:
-            return moment
-        if not (s.heading.valid and rate.valid):
-            self._end_pulses()
-            return moment
-        error, resting = (
-            motion.position - s.heading.value,
-            motion.velocity == motion.acceleration == 0.0,
-        )
-        return self._pulse.step(moment, error, rate.value, resting=resting)
+        return self.heading.held(motion, s.heading, rate, dt)
 
-    def _end_pulses(self) -> None:
-        if self._pulse is not None:
-            self._pulse.forget()
+    def _pulsed(self, wrench: Vec6, r: Reference, s: VehicleState) -> Vec6:
+        """The wrench with a pulse instead of the moment, where that has no effect at rest."""
+        if self._pulse is None:
+            return wrench
+        held = r.yaw_moment is None and s.heading.valid and s.yaw_rate.valid
+        resting = held and r.heading.velocity == 0.0 == r.heading.acceleration
+        error = r.heading.position - s.heading.value
+        share = self._pulse.step(error, s.yaw_rate.value, resting=resting)
+        if share is None:
+            return wrench
+        x, y, z, k, m, _ = wrench
+        a, b, c, d, e, f = [share * part for part in self._yaw_pushes[self._pulse.turn]]
+        return x + a, y + b, z + c, k + d, m + e, f
 
     def done(self, wanted: Vec6, achieved: Vec6, *, saturated: bool) -> None:
         """Take in the achieved wrench. An axis short of force by saturation does not learn."""
         self._actuators.command(achieved)
         if self._pulse is not None:
-            self._pulse.effective = wanted[5] == 0.0 or achieved[5] != 0.0
+            self._pulse.effective = achieved[5] != 0.0
         self._short = frozenset(
             name
             for name, want, got in zip(AXES, wanted, achieved, strict=True)
@@ -132,7 +131,8 @@ class Laws:
             axis.transfer.forget()
         self._roll.forget()
         self._pitch.forget()
-        self._end_pulses()
+        if self._pulse is not None:
+            self._pulse.forget()
 
     def forget(self) -> None:
         """Reset integrals and disturbance observers."""
@@ -161,7 +161,7 @@ class Laws:
 
     def _idle(self, moment: float) -> bool:
         """Does the dead-band leave the law of the heading without effect, [N m]?"""
-        return self._pulse is not None and abs(moment) < IDLE * self._pulse.least
+        return self._pulse is not None and abs(moment) < IDLE * self._pulse.pushes[0]
 
     def _switch_current(
         self, here: horizontal_plane.MeasuredMotion, water: tuple[float, float] | None

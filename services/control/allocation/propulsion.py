@@ -56,9 +56,9 @@ class Propulsion:
         }
         return Allocated(thrust, done.achieved, done.saturated)
 
-    def least(self, axis: AxisName) -> float:
-        """[N] or [N m] Along an axis alone, with every thruster of it out of its dead-band."""
-        return self._allocation.least(axis)
+    def smallest(self, axis: AxisName) -> tuple[Vec6, ...]:
+        """See `Allocation.smallest`."""
+        return self._allocation.smallest(axis)
 
     def forget(self) -> None:
         """For disarming. Thruster verdicts stay: disarming repairs nothing."""

@@ -20,6 +20,7 @@ from services.control.allocation.allocation import (
 from services.control.allocation.layout import AXES
 from services.marine.thrusters import driven, total_wrench, wrench_per_newton
 from services.marine.vehicle import Vehicle
+from services.runtime.config.stack import Stack
 
 many = settings(max_examples=150, deadline=None)
 force, moment = st.floats(-200.0, 200.0), st.floats(-40.0, 40.0)
@@ -310,14 +311,19 @@ def test_any_one_of_eight_thrusters_may_fail(
     assert done.achieved == pytest.approx(wanted, abs=1e-9)
 
 
-@pytest.mark.parametrize("name", ["pioneer", "heavy"])
-def test_the_least_moment_is_where_every_thruster_of_it_leaves_its_dead_band(
-    name: str, request: pytest.FixtureRequest
-) -> None:
-    vehicle: Vehicle = request.getfixturevalue(name)
-    allocation = Allocation(vehicle, EXACT)
-    least = allocation.least("yaw")
-    assert allocation.allocate((0.0, 0.0, 0.0, 0.0, 0.0, 1.001 * least)).achieved[5] == (
-        pytest.approx(1.001 * least)
-    )
-    assert allocation.allocate((0.0, 0.0, 0.0, 0.0, 0.0, 0.999 * least)).achieved[5] < 0.9 * least
+def test_the_smallest_pushes_of_yaw_are_those_of_one_thruster_at_the_edge(pioneer: Vehicle) -> None:
+    allocation = Allocation(pioneer)
+    pushes = allocation.smallest("yaw")
+    assert [round(push[0], 9) for push in pushes] == [0.8, -0.8]  # port ahead, starboard astern
+    for index, push in enumerate(pushes):
+        for sign in (1.0, -1.0):
+            wanted = cast(Vec6, tuple(sign * part for part in push))
+            done = allocation.allocate(wanted)
+            assert done.achieved == pytest.approx(wanted)
+            assert done.thrust[index] != 0.0
+            assert sum(thrust != 0.0 for thrust in done.thrust) == 1
+            allocation.forget()
+
+
+def test_without_dead_bands_there_is_no_smallest_push() -> None:
+    assert Allocation(Stack(vehicle="minerva").section("vehicle", Vehicle)).smallest("yaw") == ()

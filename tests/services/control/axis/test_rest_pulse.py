@@ -1,5 +1,6 @@
 """Short pulses at rest, on a vehicle whose thrusters give nothing below their dead-band's edge."""
 
+from itertools import pairwise
 from math import exp
 
 import pytest
@@ -11,10 +12,10 @@ from services.control.axis.rest_pulse import PATIENCE, RestPulse
 
 PERIOD = 0.01  # [s]
 LAG = 0.08  # [s]
-EDGE = 0.1376  # [N m]
+PUSHES = (0.0688, 0.0688)  # [N m] of each of two thrusters
 ZONE = 0.003  # [rad]
 FILE = Plant(inertia=0.375, linear=0.87)  # [kg m², N m s/rad]
-ONE_STEP = EDGE * PERIOD / FILE.linear  # [rad]
+ONE_STEP = PUSHES[0] * PERIOD / FILE.linear  # [rad]
 
 
 class Hull:
@@ -22,16 +23,15 @@ class Hull:
 
     def __init__(self, off: float, plant: Plant = FILE, *, held: bool = False) -> None:
         self.plant, self.held = plant, held
-        self.pulse = RestPulse(FILE, LAG, PERIOD, EDGE, ZONE)
+        self.pulse = RestPulse(FILE, LAG, PERIOD, PUSHES, ZONE)
         self.error, self.rate, self.moment = off, 0.0, 0.0
         self.given: list[float] = []  # [N m] commands
 
-    def rest(self, seconds: float, drift: float = 0.0, *, resting: bool = True) -> "Hull":
+    def rest(self, seconds: float, drift: float = 0.0) -> "Hull":
         """`drift` [rad/s]: of the estimate."""
         for _ in range(round(seconds / PERIOD)):
-            effort = 12.0 * self.error - 4.0 * self.rate
-            command = self.pulse.step(effort, self.error, self.rate, resting=resting)
-            command = command if abs(command) >= EDGE else 0.0
+            share = self.pulse.step(self.error, self.rate, resting=True)
+            command = PUSHES[self.pulse.turn] * (share or 0.0)
             self.pulse.effective = command != 0.0
             self.given.append(command)
             self.moment += (1.0 - exp(-PERIOD / LAG)) * (command - self.moment)
@@ -82,7 +82,7 @@ def test_a_heading_that_drifts_is_kept_with_as_few_pulses_as_the_zone_allows(dri
         hull.rest(1.0, drift)
         worst = max(worst, abs(hull.error))
     assert worst < 1.1 * ZONE
-    every = 1.4 * ZONE / abs(drift)  # [s] from the edge of the zone to well beyond the reference
+    every = 1.3 * ZONE / abs(drift)  # [s] from the edge of the zone to well beyond the reference
     assert hull.starts - begun <= since / every
 
 
@@ -93,17 +93,27 @@ def test_a_vehicle_that_lies_on_something_is_pushed_ever_more_seldom() -> None:
     assert hull.rest(300.0).starts - begun <= 300.0 / (0.9 * PATIENCE * 0.86) + 1
 
 
-def test_the_law_passes_through_while_it_has_effect_or_the_reference_moves() -> None:
-    pulse = RestPulse(FILE, LAG, PERIOD, EDGE, ZONE)
+def test_the_law_acts_while_it_has_effect_or_the_reference_moves() -> None:
+    pulse = RestPulse(FILE, LAG, PERIOD, PUSHES, ZONE)
     for _ in range(500):
-        assert pulse.step(0.5, 0.02, 0.0, resting=True) == 0.5  # effective
+        assert pulse.step(0.02, 0.0, resting=True) is None  # effective
     pulse.effective = False
     for _ in range(500):
-        assert pulse.step(0.05, 0.02, 0.0, resting=False) == 0.05
-    assert pulse.step(0.05, 0.02, 0.0, resting=True) == 0.05  # the thrusters still run down
+        assert pulse.step(0.02, 0.0, resting=False) is None
+    assert pulse.step(0.02, 0.0, resting=True) is None  # the thrusters still run down
 
 
 def test_a_pulse_ends_when_the_reference_moves() -> None:
     hull = Hull(0.01).rest(0.34)
     assert hull.given[-1] != 0.0
-    assert hull.pulse.step(0.02, 0.01, 0.0, resting=False) == 0.02
+    assert hull.pulse.step(0.01, 0.0, resting=False) is None
+
+
+def test_the_thrusters_take_turns() -> None:
+    hull, turns = Hull(0.0), list[int]()
+    for _ in range(200):
+        before = hull.starts
+        if hull.rest(1.0, drift=2e-4).starts > before:
+            turns.append(hull.pulse.turn)
+    assert len(turns) > 4
+    assert all(now != before for before, now in pairwise(turns))
