@@ -104,7 +104,7 @@ class RestPulse:
             return
         self._patience = 1.0
         corrected = self.correction * min(MOST_AT_ONCE, max(1.0 / MOST_AT_ONCE, moved))
-        self.correction = min(MOST, max(1.0 / MOST, corrected))
+        self.correction = min(MOST, max(1.0, corrected))  # never longer than the model says
 
     def _begin(self, end: float) -> None:
         sign = 1.0 if end > 0.0 else -1.0
