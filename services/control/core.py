@@ -22,6 +22,7 @@ from services.vehicle.disarm_latch import DisarmLatch
 
 PERIOD_S = 1 / topics.REFERENCE.hz  # [s] for which a wrench is held
 LONGEST_STEP_S = 0.05  # [s] a longer step counts as this long
+YAW = 5  # row of a six-vector
 MOST = 1e6  # [N, N m] more than any vehicle has; keeps sums within the range of messages
 NOTHING: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
@@ -34,7 +35,8 @@ class Controller:
 
     Raises:
         ValueError: gains that make the sampled loop of an axis unstable, gains of an axis without
-            thrust, or thrusters that cannot drive the axes a pilot needs.
+            thrust, pulses of the heading without linear damping, or thrusters that cannot drive the
+            axes a pilot needs.
     """
 
     settings: Settings
@@ -51,9 +53,10 @@ class Controller:
 
     def __post_init__(self) -> None:
         require_stable(self.settings, self.vehicle, PERIOD_S)
-        self._laws = Laws(self.settings, self.vehicle, PERIOD_S, self._note)
         self._propulsion = Propulsion(self.vehicle, self.settings.allocation)
-        _require_driven(self.settings, self._propulsion.axes)
+        pushes = self._propulsion.smallest("yaw")
+        self._laws = Laws(self.settings, self.vehicle, PERIOD_S, self._note, pushes)
+        _require_possible(self.settings, self.vehicle, self._propulsion.axes)
 
     def step(
         self, reference: Reference | None, state: VehicleState | None, now: Ns
@@ -181,7 +184,12 @@ class Controller:
         return wrench, command
 
 
-def _require_driven(settings: Settings, axes: frozenset[str]) -> None:
+def _require_possible(settings: Settings, vehicle: Vehicle, axes: frozenset[str]) -> None:
+    if settings.heading_pulse > 0.0 and vehicle.linear_damping[YAW] == 0.0:
+        raise ValueError(
+            f"control.heading_pulse is {settings.heading_pulse:g}, but without linear damping of "
+            f"yaw nobody can say what a pulse does; allowed is 0"
+        )
     for name, gains in (("roll", settings.roll), ("pitch", settings.pitch)):
         if (gains.kp or gains.kd) and name not in axes:
             raise ValueError(

@@ -6,7 +6,7 @@ from messages.message import Estimate
 from messages.reference import Motion, Reference
 from messages.state import VehicleState
 from messages.units import Vec6
-from services.control import horizontal_plane
+from services.control import horizontal_plane, tilted_turn
 from services.control.allocation.actuator_model import ActuatorModel, lags_of
 from services.control.allocation.layout import AXES
 from services.control.axis.adaptation import Adaptation
@@ -14,22 +14,31 @@ from services.control.axis.axis import PilotedAxis
 from services.control.axis.axis_law import AxisLaw, Gains
 from services.control.axis.bumpless_transfer import BumplessTransfer
 from services.control.axis.plant import plant_of
+from services.control.axis.rest_pulse import RestPulse
 from services.control.axis.roll_pitch_hold import RollPitchHold
 from services.control.settings import Settings
 from services.marine.rigid_body import system_inertia
 from services.marine.vehicle import Vehicle
+
+IDLE = 0.03  # [-] of the smallest moment of a thruster; a smaller one only runs down
 
 
 class Laws:
     """Surge, sway, heave and yaw, each with its own law, and roll and pitch held level."""
 
     def __init__(
-        self, settings: Settings, vehicle: Vehicle, period: float, count: Callable[[str], None]
+        self,
+        settings: Settings,
+        vehicle: Vehicle,
+        period: float,
+        count: Callable[[str], None],
+        yaw_pushes: tuple[Vec6, ...] = (),
     ) -> None:
         """
         Args:
             period: [s] for which a wrench is held.
             count: called with the name of a condition, at every step while it lasts.
+            yaw_pushes: [N, N m] smallest wrenches of single thrusters that turn the vehicle.
         """
         self._inertia = system_inertia(vehicle)
         self._lags = lags_of(vehicle)
@@ -49,6 +58,12 @@ class Laws:
         self.adaptation = Adaptation(settings.adaptation, vehicle)
         self._max_error = min(settings.surge.max_error, settings.sway.max_error)  # [m]
         self._roll, self._pitch = RollPitchHold(settings.roll), RollPitchHold(settings.pitch)
+        self._yaw_pushes = yaw_pushes
+        self._pulse: RestPulse | None = None  # of the heading
+        if settings.heading_pulse > 0.0 and yaw_pushes:
+            yaw = self.heading.law
+            moments = [push[5] for push in yaw_pushes]
+            self._pulse = RestPulse(yaw.plant, yaw.lag, period, moments, settings.heading_pulse)
 
     def wrench(self, reference: Reference, state: VehicleState, dt: float) -> Vec6:
         """The required wrench [N, N m], `dt` [s] after the last one, as commands of thrusters that
@@ -61,21 +76,41 @@ class Laws:
             heave = self.depth.held(r.depth, s.depth, s.depth_rate, dt, late=late)
         else:
             heave = self.depth.forced(r.heave_force, dt)
-        if r.yaw_moment is None:
-            yaw = self.heading.held(r.heading, s.heading, s.yaw_rate, dt)
-        else:
-            yaw = self.heading.forced(r.yaw_moment, dt)
         roll = self._roll.step(s.roll, s.sensor_ns)
         pitch = self._pitch.step(s.pitch, s.sensor_ns)
-        wanted = surge, sway, heave, roll, pitch, yaw
+        wanted = surge, sway, heave, roll, pitch, self._yaw(r, s, dt)
         self.adaptation.asked(reference, wanted)
-        return self.adaptation.scaled(wanted)
+        return self._pulsed(self.adaptation.scaled(wanted), r, s)
+
+    def _yaw(self, r: Reference, s: VehicleState, dt: float) -> float:
+        """[N m] After the pitch of this step, whose rate it uses."""
+        if r.yaw_moment is not None:
+            return self.heading.forced(r.yaw_moment, dt)
+        motion = tilted_turn.along_body(r.heading, s.roll, s.pitch)
+        rate = tilted_turn.of_heading(s.yaw_rate, s.roll, self._pitch.rate)
+        return self.heading.held(motion, s.heading, rate, dt)
+
+    def _pulsed(self, wrench: Vec6, r: Reference, s: VehicleState) -> Vec6:
+        """The wrench with a pulse instead of the moment, where that has no effect at rest."""
+        if self._pulse is None:
+            return wrench
+        held = r.yaw_moment is None and s.heading.valid and s.yaw_rate.valid
+        resting = held and r.heading.velocity == 0.0 == r.heading.acceleration
+        error = r.heading.position - s.heading.value
+        share = self._pulse.step(error, s.yaw_rate.value, resting=resting)
+        if share is None:
+            return wrench
+        x, y, z, k, m, _ = wrench
+        a, b, c, d, e, f = [share * part for part in self._yaw_pushes[self._pulse.turn]]
+        return x + a, y + b, z + c, k + d, m + e, f
 
     def done(self, wanted: Vec6, achieved: Vec6, *, saturated: bool) -> None:
         """Take in the achieved wrench. An axis short of force by saturation does not learn."""
         self._actuators.command(achieved)
         if saturated:
             self.adaptation.saturated()
+        if self._pulse is not None:
+            self._pulse.effective = achieved[5] != 0.0
         self._short = frozenset(
             name
             for name, want, got in zip(AXES, wanted, achieved, strict=True)
@@ -103,6 +138,8 @@ class Laws:
             axis.transfer.forget()
         self._roll.forget()
         self._pitch.forget()
+        if self._pulse is not None:
+            self._pulse.forget()
 
     def forget(self) -> None:
         """Reset integrals and disturbance observers."""
@@ -130,7 +167,12 @@ class Laws:
             (self.heading, 5, yaw, self.adaptation.yaw.thrust.value),
         ):
             known = None if AXES[row] in self._short else velocity
-            axis.learn(known, scale * force[row], dt)
+            freely = axis is self.heading and self._idle(force[5])
+            axis.learn(known, scale * force[row], dt, freely=freely)
+
+    def _idle(self, moment: float) -> bool:
+        """Does the dead-band leave the law of the heading without effect, [N m]?"""
+        return self._pulse is not None and abs(moment) < IDLE * self._pulse.pushes[0]
 
     def _switch_current(
         self, here: horizontal_plane.MeasuredMotion, water: tuple[float, float] | None

@@ -4,6 +4,7 @@ from typing import Annotated
 
 import msgspec
 
+from messages.units import NotNegativeSetting
 from services.control.allocation.allocation import AllocationSettings
 from services.control.axis.axis_law import Gains
 from services.control.axis.model_estimate import AdaptationSettings
@@ -21,4 +22,7 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     pitch: RollPitchGains = RollPitchGains()
     allocation: AllocationSettings = AllocationSettings()
     adaptation: AdaptationSettings = AdaptationSettings()
+    # [rad] A larger error of the heading at rest, for which the thrusters' dead-band leaves the law
+    # without effect, is corrected by pulses (axis/rest_pulse.py). 0: none.
+    heading_pulse: NotNegativeSetting = 0.0
     transfer: Annotated[float, msgspec.Meta(ge=0.05, le=5.0)] = 0.3  # [s] fade between modes

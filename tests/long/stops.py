@@ -2,11 +2,12 @@
 turn. Run it as a script, for minutes: `python tests/long/stops.py [SEEDS [FIRST]]`.
 
 Each seed is a dive of the whole chain with its own noise, biases and random sticks. Prints worst
-and percentiles, and fails when a stop from heave or yaw alone breaks its limit. Two things are
-shown and not judged. Where surge and sway are let go at the same moment, or are kept on, the
-vehicle pitches by up to 20 degrees and turns. And the sensor of 5 mbar makes the vehicle wander by
-more than a stop does; what the stop itself does shows with a sensor of 1 mbar. The line "by its
-estimate" is of the same dives: a vehicle that would hold exactly what it estimates.
+and percentiles, and fails when a stop from heave alone breaks its limit, or more than one turn in
+a hundred of all kinds. Two things are shown and not judged. Where surge and sway are let go at the
+same moment as heave, or are kept on, the vehicle pitches by up to 20 degrees. And the sensor of
+5 mbar makes the vehicle wander by more than a stop does; what the stop itself does shows with a
+sensor of 1 mbar. The line "by its estimate" is of the same dives: a vehicle that would hold
+exactly what it estimates.
 """
 
 import sys
@@ -23,7 +24,7 @@ SIDES = ("centred", "released", "kept")
 # axis → what, unit, factor, limit
 AXES = {
     "heave": ("bounce back", "mm", 1e3, 30.0),
-    "yaw": ("overshoot", "deg", degrees(1.0), 1.0),
+    "yaw": ("overshoot", "deg", degrees(1.0), 0.3),
 }
 
 
@@ -46,16 +47,17 @@ def with_a_fine_sensor(seed: int) -> list[ReleaseResult]:
 
 
 def _show(found: list[ReleaseResult], axis: str) -> int:
-    """Returns how many releases of this stick alone were over the limit."""
+    """Returns how many releases were over the limit: of heave those of this stick alone, of yaw
+    all, less the one in a hundred that may be."""
     broken = 0
     for side in SIDES:
         these = [r for r in found if r.axis == axis and r.horizontal == side]
         over = _line(axis, f"surge and sway {side}", [r.overshoot for r in these])
         broken += over if side == "centred" else 0
     every = [r for r in found if r.axis == axis]
-    _line(axis, "all of them", [r.overshoot for r in every])
+    over = _line(axis, "all of them", [r.overshoot for r in every])
     _line(axis, "by its estimate", [r.by_estimate for r in every])
-    return broken
+    return max(0, over - len(every) // 100) if axis == "yaw" else broken
 
 
 def _line(axis: str, which: str, sizes: list[float]) -> int:

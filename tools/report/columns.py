@@ -90,7 +90,8 @@ def _status(m: VehicleStatus) -> Figures:
 def _state(m: VehicleState) -> Figures:
     moved = m.depth_moved or 0.0  # absent: no jump
     known = m.depth.valid, m.heading.valid
-    return m.sensor_ns, m.stamp_ns, m.depth.value, m.heading.value, moved, *known
+    felt = m.depth_acceleration.value, m.yaw_rate.value
+    return m.sensor_ns, m.stamp_ns, m.depth.value, m.heading.value, moved, *known, *felt
 
 
 def _reference(m: Reference) -> Figures:
@@ -100,7 +101,9 @@ def _reference(m: Reference) -> Figures:
 
 
 def _thrusters(m: ThrusterCommand) -> Figures:
-    return m.stamp_ns, m.sensor_ns
+    ahead = sum(1 << k for k, thrust in enumerate(m.thrust) if thrust > 0.0)
+    astern = sum(1 << k for k, thrust in enumerate(m.thrust) if thrust < 0.0)
+    return m.stamp_ns, m.sensor_ns, len(m.thrust), ahead, astern
 
 
 def _actuation(m: Actuation) -> Figures:
@@ -157,14 +160,24 @@ REFERENCE = (
 )
 STATUS = ("stamp", "failsafe", "reaction", "since", "own way", "hold")
 COMMAND = ("stamp", "heave", "yaw", "deflection", "lost", "epoch")
-STATE = ("sensor", "stamp", "heave", "yaw", "moved", "heave known", "yaw known")  # [ns, ns, m, rad]
+STATE = (
+    *("sensor", "stamp", "heave", "yaw"),  # [ns, ns, m, rad]
+    *(
+        "moved",
+        "heave known",
+        "yaw known",
+        "heave acceleration",
+        "yaw rate",
+    ),  # [m, -, -, m/s², rad/s]
+)
+COMMANDED = ("stamp", "sensor", "count", "ahead", "astern")  # thrusters; bit k: thruster k turns so
 WANTED = (
     StreamFigures(topics.PILOT_COMMAND, COMMAND, _command),
     StreamFigures(topics.PILOT_REQUEST, ("stamp", "stop"), _request),
     StreamFigures(topics.STATUS, STATUS, _status),
     StreamFigures(topics.STATE, STATE, _state),
     StreamFigures(topics.REFERENCE, REFERENCE, _reference),
-    StreamFigures(topics.THRUSTERS, ("stamp", "sensor"), _thrusters),
+    StreamFigures(topics.THRUSTERS, COMMANDED, _thrusters),
     StreamFigures(
         topics.ACTUATION,
         ("stamp", "actuated", "sensor", "pilot", "thrust_squared", "power"),  # [ns ×4, N², W]

@@ -12,6 +12,7 @@ from tools.report.dive import RecordedDive, Traffic, read_dive
 from tools.report.energy import Energy, energy
 from tools.report.failsafes import ActedReaction, failsafes
 from tools.report.holes import Hole, holes
+from tools.report.jerk import Smoothness, smoothness
 from tools.report.latency import LatencyReport, latency
 from tools.report.losses import losses
 from tools.report.picture import PictureReport, picture
@@ -58,6 +59,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     depth_error_rms_m: float | None  # [m] true depth minus reference, while armed
     heading_error_rms_deg: float | None  # [°] true heading minus reference, while armed
     peak_jerk_ratio: float | None  # [-] largest |reference jerk| over the limit in force
+    smoothness: Smoothness  # jerk as felt, and the thrusters' work
     energy: Energy
     holes: list[Hole]  # times in which nothing was recorded
     losses: dict[str, int]  # everything dropped, stale, expired, clamped …; by name
@@ -97,6 +99,7 @@ def report_on(dive: RecordedDive, extras: Extras) -> Report:
         depth_error_rms_m=error_rms(dive, "heave"),
         heading_error_rms_deg=None if heading_error is None else degrees(heading_error),
         peak_jerk_ratio=peak_jerk_ratio(dive),
+        smoothness=smoothness(dive),
         energy=energy(dive),
         holes=holes(dive.holes, dive.first_ns if dive.armed_utc_ns is None else dive.armed_utc_ns),
         losses=lost,

@@ -196,6 +196,29 @@ def compare(
 
 
 @log.command
+def jerk(
+    recording: Annotated[tuple[Path, ...], Parameter(negative=())],
+    *,
+    out: Annotated[
+        Path | None,
+        Parameter(converter=named, show_default=False, help="also draw the spectra into this PNG"),
+    ] = None,
+) -> int:
+    """The jerk that was felt in dives, beside the jerk that their references asked for.
+
+    Each RECORDING is a dive's folder or its MCAP file. Felt: of the IMU's vertical acceleration and
+    yaw rate, below 2 Hz, while armed. A vehicle that followed its reference exactly would feel the
+    reference's jerk. Beside it how often thrusters started and changed their direction. Dives with
+    the same sticks and other settings are drawn side by side.
+
+    Example: lindy log jerk dives/one dives/other --out jerk.png
+    """
+    from tools.log.jerk import jerk
+
+    return jerk(recording, out)
+
+
+@log.command
 def noise(
     recording: Path,
     *,

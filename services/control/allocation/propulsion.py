@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from messages.units import Ns, Vec6
 from messages.vehicle import Actuation
 from services.control.allocation.allocation import Allocated, Allocation, AllocationSettings
-from services.control.allocation.layout import AXES, require_pilotable
+from services.control.allocation.layout import AXES, AxisName, require_pilotable
 from services.control.allocation.thruster_watch import ThrusterWatch
 from services.marine.vehicle import Vehicle
 
@@ -55,6 +55,10 @@ class Propulsion:
             if value and axis not in self.axes
         }
         return Allocated(thrust, done.achieved, done.saturated)
+
+    def smallest(self, axis: AxisName) -> tuple[Vec6, ...]:
+        """See `Allocation.smallest`."""
+        return self._allocation.smallest(axis)
 
     def forget(self) -> None:
         """For disarming. Thruster verdicts stay: disarming repairs nothing."""

@@ -79,13 +79,15 @@ class PilotedAxis:
         self.law.idle()
         return self.transfer.step("forced", force, dt)
 
-    def learn(self, velocity: float | None, force: float, dt: float) -> None:
+    def learn(
+        self, velocity: float | None, force: float, dt: float, *, freely: bool = False
+    ) -> None:
         """Update the disturbance observer; a velocity of None, or a position that is not known,
-        pauses it."""
+        pauses it. `freely`: see `AxisLaw.learn`."""
         if velocity is None or self._blind:
             self.law.pause()
         else:
-            self.law.learn(velocity, force, dt)
+            self.law.learn(velocity, force, dt, freely=freely)
 
     def forget(self) -> None:
         self._blind = self._late = False

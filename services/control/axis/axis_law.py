@@ -50,6 +50,7 @@ class Gains(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     acceleration_percent: Percent = 100.0  # [%] of the acceleration feed-forward; 100 is exact
     drag_percent: Percent = 100.0  # [%] of the drag feed-forward
     lead_percent: Percent = 100.0  # [%] of the thrusters' lag that the feed-forward leads by
+    drag_lead_percent: Percent = 0.0  # [%] of that lag that the learnt drag leads by
     static: StaticGains | None = None  # other gains while the reference rests
 
     def __post_init__(self) -> None:
@@ -88,6 +89,7 @@ class AxisLaw:
     _blend: GainBlend = field(init=False)
     _still: float = 0.0  # position units per second; a slower vehicle counts as not moving
     _reference_rate: float = 0.0  # position units per second, of the newest reference
+    _soon: float = 0.0  # position units per second, by which it is another when thrust follows
     _slow: float = 0.0  # [N/s] or [N m/s] fastest learning without motion
     _feedback: FeedbackGains | None = None  # gains of the previous step
 
@@ -119,7 +121,7 @@ class AxisLaw:
             late: the rate is a third of a second old, as from pressure alone; the full gains would
                 make the loop oscillate.
         """
-        self._reference_rate = reference.velocity
+        self._look_ahead(reference)
         error = reference.position - position
         near = clamped(error, self.gains.max_error)
         moves = abs(reference.velocity) > MOVING or abs(reference.acceleration) > MOVING
@@ -159,7 +161,7 @@ class AxisLaw:
     def blind(self, reference: Motion, rate: float | None = None, water: float = 0.0) -> float:
         """Effort without a position: feed-forward, disturbance compensation and, if the rate is
         known, damping."""
-        self._reference_rate = reference.velocity
+        self._look_ahead(reference)
         moves = abs(reference.velocity) > MOVING or abs(reference.acceleration) > MOVING
         kd = self._blend.step(moves, 0.0, self.period).kd
         damping = 0.0 if rate is None else kd * (reference.velocity - rate)
@@ -171,19 +173,20 @@ class AxisLaw:
         return (
             self.integral
             if self._observer is None
-            else -self._observer.expected(self._reference_rate)
+            else -self._observer.expected(self._reference_rate + self._soon)
         )
 
-    def learn(self, velocity: float, force: float, dt: float) -> None:
+    def learn(self, velocity: float, force: float, dt: float, *, freely: bool = False) -> None:
         """Update the observer: velocity relative to the water now, and mean thruster force since
         the last call.
 
         A vehicle that does not move may lie on the sea floor, which opposes any force. So without
         motion it learns no faster than the integral would, and not at all while the reference
-        moves.
+        moves; unless `freely`, because no force acts that a floor could oppose.
         """
         if self._observer is not None:
-            most = self._slow * dt if abs(velocity) < self._still else inf
+            slowly = abs(velocity) < self._still and not freely
+            most = self._slow * dt if slowly else inf
             self._observer.learn(velocity, force, dt, most, self._reference_rate)
 
     def take_model(self, plant: Plant) -> None:
@@ -207,6 +210,7 @@ class AxisLaw:
     def idle(self) -> None:
         """The axis is not held: no error to learn from."""
         self._reference_rate, self._slow, self._still = 0.0, 0.0, self.gains.still
+        self._soon = 0.0
 
     def pause(self) -> None:
         """Learn nothing from this step."""
@@ -226,11 +230,17 @@ class AxisLaw:
         if self._observer is not None:
             self._observer.forget()
 
+    def _look_ahead(self, reference: Motion) -> None:
+        self._reference_rate = reference.velocity
+        self._soon = self.gains.drag_lead_percent / 100 * self.lag * reference.acceleration
+
     def _set_standing(self, force: float) -> None:
         if self._observer is None:
             self.integral = force
         else:
-            self._observer.estimate = -force - self._observer.drag * self._reference_rate
+            self._observer.estimate = -force - self._observer.drag * (
+                self._reference_rate + self._soon
+            )
             self._observer.pause()
 
     def _integrate(self, error: float, feedback: FeedbackGains, moves: bool, dt: float) -> bool:

@@ -20,7 +20,7 @@ class RollPitchHold:
     gains: RollPitchGains
     _angle: float = 0.0  # [rad] at the last step
     _at: Ns | None = None  # [ns] stamp of its sensor sample; None: not known
-    _rate: float = 0.0  # [rad/s]
+    rate: float = 0.0  # [rad/s] of the angle; 0 while it is not known
 
     def step(self, angle: Estimate, sensor_ns: Ns) -> float:
         """Moment [N m]. The rate is the difference of two angles of the attitude filter, which
@@ -29,12 +29,12 @@ class RollPitchHold:
             self.forget()
             return 0.0
         if self._at is None:
-            self._rate = 0.0
+            self.rate = 0.0
         elif sensor_ns > self._at:
-            self._rate = (angle.value - self._angle) / ((sensor_ns - self._at) * 1e-9)
+            self.rate = (angle.value - self._angle) / ((sensor_ns - self._at) * 1e-9)
         self._angle, self._at = angle.value, sensor_ns
-        return -self.gains.kp * angle.value - self.gains.kd * self._rate
+        return -self.gains.kp * angle.value - self.gains.kd * self.rate
 
     def forget(self) -> None:
         """Restart the rate with the next sample."""
-        self._at = None
+        self._at, self.rate = None, 0.0

@@ -43,7 +43,14 @@ KEYS = [
         "stops",
         "failsafes",
     ),
-    *("depth_error_rms_m", "heading_error_rms_deg", "peak_jerk_ratio", "energy", "holes"),
+    *(
+        "depth_error_rms_m",
+        "heading_error_rms_deg",
+        "peak_jerk_ratio",
+        "smoothness",
+        "energy",
+        "holes",
+    ),
     *("losses", "troubles", "exit"),
 ]
 Said = list[tuple[str, Message]]

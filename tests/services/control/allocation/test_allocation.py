@@ -21,6 +21,7 @@ from services.control.allocation.allocation import (
 from services.control.allocation.layout import AXES
 from services.marine.thrusters import driven, total_wrench, wrench_per_newton
 from services.marine.vehicle import Vehicle
+from services.runtime.config.stack import Stack
 
 many = settings(max_examples=150, deadline=None)
 force, moment = st.floats(-200.0, 200.0), st.floats(-40.0, 40.0)
@@ -324,3 +325,21 @@ def test_any_one_of_eight_thrusters_may_fail(
     wanted = cast(Vec6, tuple(s * m for s, m in zip(shares, (6, 6, 6, 0.5, 0.5, 0.5), strict=True)))
     done = allocation.allocate(wanted)
     assert done.achieved == pytest.approx(wanted, abs=1e-9)
+
+
+def test_the_smallest_pushes_of_yaw_are_those_of_one_thruster_at_the_edge(pioneer: Vehicle) -> None:
+    allocation = Allocation(pioneer)
+    pushes = allocation.smallest("yaw")
+    assert [round(push[0], 9) for push in pushes] == [0.8, -0.8]  # port ahead, starboard astern
+    for index, push in enumerate(pushes):
+        for sign in (1.0, -1.0):
+            wanted = cast(Vec6, tuple(sign * part for part in push))
+            done = allocation.allocate(wanted)
+            assert done.achieved == pytest.approx(wanted)
+            assert done.thrust[index] != 0.0
+            assert sum(thrust != 0.0 for thrust in done.thrust) == 1
+            allocation.forget()
+
+
+def test_without_dead_bands_there_is_no_smallest_push() -> None:
+    assert Allocation(Stack(vehicle="minerva").section("vehicle", Vehicle)).smallest("yaw") == ()

@@ -264,3 +264,30 @@ def test_gains_for_a_late_rate_are_weaker_and_damp_no_less(error: float, rate: f
 def test_a_drag_speed_too_small_to_divide_by_is_refused(speed: float) -> None:
     with pytest.raises(ValueError, match=r"drag_speed is .*, allowed are 0 and 0.001 or more"):
         msgspec.structs.replace(GAINS, drag_speed=speed)
+
+
+@given(lead=st.floats(0.0, 200.0), speed=st.floats(-1.0, 1.0), brake=st.floats(-2.0, 2.0))
+def test_learnt_drag_is_that_of_the_speed_when_the_thrust_follows(
+    lead: float, speed: float, brake: float
+) -> None:
+    gains = msgspec.structs.replace(GAINS, observer=3.0, drag_speed=0.1, drag_lead_percent=lead)
+    axis = AxisLaw(gains, PLANT, lag=0.08)
+    axis._observer.drag = -4.0  # type: ignore[union-attr]  # [N s/m] more than the plant's
+    axis.step(Motion(0.0, speed, brake, 0.0), 0.0, speed, DT)
+    assert axis.standing == pytest.approx(4.0 * (speed + lead / 100 * 0.08 * brake))
+    axis.idle()
+    assert axis.standing == 0.0
+
+
+@given(st.floats(-3.0, 3.0))
+def test_freely_it_learns_at_rest_as_fast_as_in_motion(learnt: float) -> None:
+    """Where no force acts, a vehicle that stays at rest is not pushed by anything."""
+    axis = AxisLaw(msgspec.structs.replace(GAINS, observer=5.0, still=0.03), PLANT)
+    axis.take_over(learnt)
+    axis.step(hold(0.0), 0.0, 0.0, DT)
+    for _ in range(200):
+        axis.learn(0.0, 0.0, DT)
+    assert axis.standing == pytest.approx(learnt)
+    for _ in range(200):
+        axis.learn(0.0, 0.0, DT, freely=True)
+    assert abs(axis.standing) <= 1e-4 * abs(learnt)

@@ -1,0 +1,28 @@
+"""The heading of the Pioneer over the whole chain: at rest, and at stops of a tilted vehicle."""
+
+from math import degrees
+
+import numpy as np
+
+from tools.research.bench.sortie import DEEP, HANDS_OFF, Sortie
+
+
+def test_the_heading_does_not_rest_off_and_swing_later() -> None:
+    """With this seed the estimate drifts through the thrusters' dead-band."""
+    sortie = Sortie([(1.0, (0.0, 0.0, 1.0, 0.5)), (8.0, HANDS_OFF)], seed=5007).until(48.0)
+    seen = sortie.columns(13.0)
+    _, off = sortie.estimate_errors(seen, 13.0)
+    known = seen.heading + off
+    assert degrees(np.abs(known - seen.wanted_heading).max()) <= 0.2
+    assert degrees(np.abs(seen.heading[200:] - seen.heading[:-200]).max()) <= 0.4  # in 2 s
+
+
+def test_a_turn_that_stops_while_the_vehicle_is_tilted_does_not_run_on() -> None:
+    """Surge, dive and turn at once pitch it by more than twenty degrees."""
+    together = (0.75, 0.48, 1.0, 0.5)
+    sortie = Sortie([(1.0, together), (5.0, HANDS_OFF)], seed=1, overrides=(DEEP,)).until(10.0)
+    under_way, after = sortie.columns(4.0, 5.0), sortie.columns(5.0)
+    _, off = sortie.estimate_errors(under_way, 4.0)
+    error = under_way.heading + off - under_way.wanted_heading
+    assert degrees(np.abs(error[50:]).max()) <= 0.3
+    assert degrees(after.heading.max() - after.heading[-100:].mean()) <= 0.3
