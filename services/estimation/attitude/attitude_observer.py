@@ -16,7 +16,7 @@ from services.estimation.attitude.heading import (
 )
 from services.estimation.attitude.unseen_turn import UnseenTurn
 from services.estimation.attitude.yaw_bias import YawBias
-from services.estimation.depth.depth_filter import Lean
+from services.estimation.lean import Lean
 from services.marine.attitude import to_euler, to_world
 from services.marine.summation import plain_sum
 from services.marine.vehicle import GRAVITY

@@ -26,12 +26,13 @@ same bits on every computer.
 """
 
 from math import sqrt
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import msgspec
 
-from messages.units import Positive, Vec3
+from messages.units import Positive
 from services.estimation.depth.depth_variants import Observer
+from services.estimation.lean import LEVEL, Lean
 from services.marine.summation import plain_sum
 from services.marine.vehicle import GRAVITY
 
@@ -49,19 +50,6 @@ AT_REST_STD = 0.05  # [m/s] of each horizontal velocity there
 SPEED_DENSITY = 4.0
 SPEED_EVERY = 1.0  # [s] it is used as a measurement of zero
 UNSURE = 0.04  # [rad] of the attitude's own spread: it was restarted, so the tilt is unknown
-
-
-class Lean(NamedTuple):
-    """How the accelerometer lies in the world by the estimated attitude, at one instant."""
-
-    forward: Vec3 = (1.0, 0.0, 0.0)  # [-] the body's forward axis along north, east, down
-    starboard: Vec3 = (0.0, 1.0, 0.0)  # [-]
-    force: tuple[float, float] = (0.0, 0.0)  # [m/s²] specific force along north and east
-    levelled: tuple[float, float] = (0.0, 0.0)  # [rad] turn by which it has corrected the attitude
-    tilt_std: float = 0.0  # [rad] of the attitude, as far as its own filter knows
-
-
-LEVEL = Lean()
 
 
 class DepthSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -101,14 +89,14 @@ class DepthFilter:
     horizontal_bias: tuple[float, float]  # [m/s²] forward, starboard
     tilt: tuple[float, float]  # [rad] about north and east, to be added to the attitude
     velocity: tuple[float, float]  # [m/s] north, east
-    P: list[Row]  # 9 × 9 covariance, symmetric
+    covariance: list[Row]  # 9 × 9, symmetric
 
     def __init__(self, settings: DepthSettings) -> None:
         self._qa = settings.acceleration_noise**2
         self._walks = [settings.bias_walk**2] * 3 + [settings.tilt_walk**2] * 2
         self._qm = settings.motion_noise**2
         self._bias_std = settings.horizontal_bias_std
-        self.P = [[0.0] * SIZE for _ in range(SIZE)]
+        self.covariance = [[0.0] * SIZE for _ in range(SIZE)]
         self.horizontal_bias = self.tilt = self.velocity = (0.0, 0.0)
         self._free = 0.0  # [s] since the velocity was last limited
         tilt_std = self._bias_std / GRAVITY
@@ -142,14 +130,14 @@ class DepthFilter:
         of_biases = ((std, 0.0), (0.0, std), (lever * fe, lever * se), (-lever * fn, -lever * sn))
         for k, (a, b) in enumerate(of_biases, start=3):
             for m, (c, d) in enumerate(of_biases, start=3):
-                self.P[k][m] = a * c + b * d
+                self.covariance[k][m] = a * c + b * d
         for k in (5, 6):
-            self.P[k][k] += LEVELLED_STD**2
+            self.covariance[k][k] += LEVELLED_STD**2
 
     def doubt(self, depth_std: float, rate_std: float) -> None:
         """Depth and rate may be wrong by this much more: [m], [m/s]."""
-        self.P[0][0] += depth_std**2
-        self.P[1][1] += rate_std**2
+        self.covariance[0][0] += depth_std**2
+        self.covariance[1][1] += rate_std**2
 
     def predict(
         self, acceleration: float | None, dt: float, measured: bool = True, lean: Lean = LEVEL
@@ -167,10 +155,10 @@ class DepthFilter:
         if acceleration is not None and measured:
             a, q = self.unbiased(acceleration, lean), self._qa
             self._move_horizontally(lean, dt)
-            _advance(self.P, _shares(lean, self._horizontal_force(lean)), dt)
+            _advance(self.covariance, _shares(lean, self._horizontal_force(lean)), dt)
         else:  # the other states have no effect
             a, q = acceleration or 0.0, self._qm
-            _advance_blind(self.P, dt)
+            _advance_blind(self.covariance, dt)
         self.depth += (self.rate + 0.5 * a * dt) * dt
         self.rate += a * dt
         self._add_noise(q, dt)
@@ -198,7 +186,7 @@ class DepthFilter:
     def update(self, innovation: float, variance: float, age: float) -> None:
         """Correct by an `innovation` [m] and its variance [m²]: H = [1, -age, 0, …], so that a late
         sample applies at its own time."""
-        self._correct([row[0] - age * row[1] for row in self.P], innovation, variance)
+        self._correct([row[0] - age * row[1] for row in self.covariance], innovation, variance)
 
     def _correct(self, seen: Row, innovation: float, variance: float) -> None:
         """`seen`: P Hᵀ."""
@@ -211,47 +199,49 @@ class DepthFilter:
         self.tilt = about_north + k[5] * innovation, about_east + k[6] * innovation
         north, east = self.velocity
         self.velocity = north + k[7] * innovation, east + k[8] * innovation
-        self.P = [
+        self.covariance = [
             [p - a * b / variance for p, b in zip(row, seen, strict=True)]
-            for row, a in zip(self.P, seen, strict=True)
+            for row, a in zip(self.covariance, seen, strict=True)
         ]
 
     @property
     def p00(self) -> float:
         """[m²]"""
-        return self.P[0][0]
+        return self.covariance[0][0]
 
     @property
     def p01(self) -> float:
         """[m²/s]"""
-        return self.P[0][1]
+        return self.covariance[0][1]
 
     @property
     def p11(self) -> float:
         """[m²/s²]"""
-        return self.P[1][1]
+        return self.covariance[1][1]
 
     @property
     def depth_std(self) -> float:
         """[m]"""
-        return sqrt(self.P[0][0])
+        return sqrt(self.covariance[0][0])
 
     @property
     def rate_std(self) -> float:
         """[m/s]"""
-        return sqrt(self.P[1][1])
+        return sqrt(self.covariance[1][1])
 
     @property
     def bias_std(self) -> float:
         """[m/s²]"""
-        return sqrt(self.P[2][2])
+        return sqrt(self.covariance[2][2])
 
     def acceleration_variance(self, lean: Lean, bandwidth: float) -> float:
         """[m²/s⁴] of `unbiased`, with the accelerometer's noise below `bandwidth` [Hz]."""
         shares, _, _ = _shares(lean, self._horizontal_force(lean))
         b, f, s, n, e = shares
         spread = 0.0
-        for share, (_, _, p2, p3, p4, p5, p6, _, _) in zip(shares, self.P[2:7], strict=True):
+        for share, (_, _, p2, p3, p4, p5, p6, _, _) in zip(
+            shares, self.covariance[2:7], strict=True
+        ):
             spread += share * (b * p2 + f * p3 + s * p4 + n * p5 + e * p6)
         return spread + self._qa * bandwidth
 
@@ -259,15 +249,15 @@ class DepthFilter:
         """False if a number is not finite or a variance is not positive; then restart."""
         total = self.depth + self.rate + self.bias
         total += plain_sum((*self.horizontal_bias, *self.tilt, *self.velocity))
-        total += plain_sum(map(plain_sum, self.P))
+        total += plain_sum(map(plain_sum, self.covariance))
         sound = total - total == 0.0  # NaN and infinities fail
-        return sound and all(0.0 < self.P[k][k] < MOST for k in range(SIZE))
+        return sound and all(0.0 < self.covariance[k][k] < MOST for k in range(SIZE))
 
     def _see_tilt(self, lean: Lean) -> None:
         """Take in by how much the attitude was corrected, or that it has been restarted."""
         (about_north, about_east), (north, east) = self.tilt, lean.levelled
         self.tilt = about_north - north, about_east - east
-        if lean.tilt_std > UNSURE and self.P[5][5] < (0.5 * lean.tilt_std) ** 2:
+        if lean.tilt_std > UNSURE and self.covariance[5][5] < (0.5 * lean.tilt_std) ** 2:
             self.tilt = (0.0, 0.0)
             for k in (5, 6):
                 self._make_independent(k, lean.tilt_std)
@@ -291,12 +281,12 @@ class DepthFilter:
         """The horizontal velocity, measured to be zero."""
         variance, self._free = SPEED_DENSITY / self._free, 0.0
         for k in (7, 8):
-            seen = [row[k] for row in self.P]
+            seen = [row[k] for row in self.covariance]
             self._correct(seen, -self.velocity[k - 7], seen[k] + variance)
 
     def _add_noise(self, q: float, dt: float) -> None:
         """Of a vertical acceleration with the spectral density `q` [m²/s³], and of the rest."""
-        P = self.P
+        P = self.covariance
         P[0][0] += q * dt**3 / 3.0
         P[1][0] = P[0][1] = P[0][1] + q * dt**2 / 2.0
         P[1][1] += q * dt
@@ -306,8 +296,8 @@ class DepthFilter:
     def _make_independent(self, k: int, std: float) -> None:
         """State `k` has this standard deviation, and no correlation with the others."""
         for m in range(SIZE):
-            self.P[k][m] = self.P[m][k] = 0.0
-        self.P[k][k] = std * std
+            self.covariance[k][m] = self.covariance[m][k] = 0.0
+        self.covariance[k][k] = std * std
 
 
 def _shares(lean: Lean, force: tuple[float, float]) -> tuple[Shares, Shares, Shares]:

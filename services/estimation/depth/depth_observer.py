@@ -11,10 +11,11 @@ from services.estimation.depth.accelerometer_trial import (
     AccelerometerTrial,
     MeanInnovation,
 )
-from services.estimation.depth.depth_filter import LEVEL, DepthFilter, DepthSettings, Lean
+from services.estimation.depth.depth_filter import DepthFilter, DepthSettings
 from services.estimation.depth.depth_variants import VARIANTS, DepthVariant
 from services.estimation.depth.innovation_check import InnovationCheck
 from services.estimation.depth.rejected_samples import RejectedSamples
+from services.estimation.lean import LEVEL, Lean
 from services.marine.vehicle import GRAVITY
 
 LATEST_AGE = 0.5  # [s] an older sample is not used

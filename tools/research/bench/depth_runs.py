@@ -10,9 +10,10 @@ from messages.sensors import ImuSample
 from messages.units import Vec3
 from services.estimation.attitude.attitude_filter import AttitudeSettings
 from services.estimation.attitude.attitude_observer import AttitudeObserver
-from services.estimation.depth.depth_filter import DepthSettings, Lean
+from services.estimation.depth.depth_filter import DepthSettings
 from services.estimation.depth.depth_observer import Atmosphere, DepthObserver
 from services.estimation.depth.depth_variants import VARIANTS
+from services.estimation.lean import Lean
 from services.marine.attitude import to_body
 from services.marine.vehicle import GRAVITY, SEA_WATER
 from services.runtime.config.stack import Stack

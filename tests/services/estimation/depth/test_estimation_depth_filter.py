@@ -8,14 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from services.estimation.depth.depth_filter import (
-    LEVEL,
     SPEED_DENSITY,
     SPEED_EVERY,
     DepthFilter,
     DepthSettings,
-    Lean,
 )
 from services.estimation.depth.depth_observer import Atmosphere, DepthObserver
+from services.estimation.lean import LEVEL, Lean
 from services.marine.attitude import from_euler, to_world
 from services.marine.vehicle import GRAVITY
 
@@ -38,7 +37,7 @@ def disturbance(dt: float, walk: float = SET.bias_walk) -> np.ndarray:
 
 def covariance(f: DepthFilter) -> np.ndarray:
     """Of depth, rate and bias."""
-    return np.array(f.P)[:3, :3]
+    return np.array(f.covariance)[:3, :3]
 
 
 def states(f: DepthFilter) -> list[float]:
@@ -49,7 +48,7 @@ class Matrices:
     """The filter's equations as they are printed, with all nine states."""
 
     def __init__(self, f: DepthFilter) -> None:
-        self.x, self.p, self.free = np.array(states(f)), np.array(f.P), 0.0
+        self.x, self.p, self.free = np.array(states(f)), np.array(f.covariance), 0.0
 
     def predict(self, acceleration: float | None, dt: float, measured: bool, lean: Lean) -> None:
         self.x[5:7] -= lean.levelled
@@ -133,8 +132,8 @@ def test_plain_floats_give_what_matrices_give(
             f.update(*f.innovation(depth, STD, age), age)
             printed.update(depth, age)
     assert states(f) == pytest.approx(printed.x.tolist(), rel=1e-6, abs=1e-8)
-    assert np.array(f.P) == pytest.approx(printed.p, rel=1e-6, abs=1e-11)
-    assert np.array_equal(f.P, np.transpose(f.P))
+    assert np.array(f.covariance) == pytest.approx(printed.p, rel=1e-6, abs=1e-11)
+    assert np.array_equal(f.covariance, np.transpose(f.covariance))
 
 
 spread = st.floats(0.01, 10.0)
@@ -150,7 +149,7 @@ def test_it_begins_at_rest_with_the_spreads_it_is_given(
     assert (f.depth, f.rate, f.bias) == (depth, 0.0, bias)
     assert (f.depth_std, f.rate_std, f.bias_std) == pytest.approx((depth_std, rate_std, bias_std))
     assert np.array_equal(covariance(f), np.diag(np.diag(covariance(f))))
-    assert not np.array(f.P)[:3, 3:].any()
+    assert not np.array(f.covariance)[:3, 3:].any()
 
 
 def test_without_noise_on_the_way_it_is_the_least_squares_line_through_all_samples():
@@ -233,12 +232,12 @@ def test_without_an_accelerometer_the_spread_grows_faster():
     assert blind.rate_std > driven.rate_std
 
 
-@pytest.mark.parametrize("field", ["depth", "rate", "bias", "P"])
+@pytest.mark.parametrize("field", ["depth", "rate", "bias", "covariance"])
 def test_a_number_that_is_not_finite_is_noticed(field: str):
     f = DepthFilter(SET)
     assert f.is_sound()
-    if field == "P":
-        f.P[4][4] = float("nan")
+    if field == "covariance":
+        f.covariance[4][4] = float("nan")
     else:
         setattr(f, field, float("nan"))
     assert not f.is_sound()
@@ -311,9 +310,9 @@ def test_an_attitude_that_was_restarted_makes_the_tilt_unknown_once():
     f = DepthFilter(SET)
     f.level(LEVEL)
     f.predict(0.0, DT, True, Lean(force=(2.0, 0.0)))
-    assert f.P[6][6] < 2.0 * (SET.horizontal_bias_std / GRAVITY) ** 2
+    assert f.covariance[6][6] < 2.0 * (SET.horizontal_bias_std / GRAVITY) ** 2
     f.predict(0.0, DT, True, Lean(tilt_std=0.1))
-    assert f.P[6][6] == pytest.approx(0.01, rel=1e-3)
+    assert f.covariance[6][6] == pytest.approx(0.01, rel=1e-3)
     for _ in range(100):
         f.predict(0.0, DT, True, Lean(force=(2.0, 0.0), tilt_std=0.1))
     assert f.rate_std > 0.15  # 0.1 rad of 2 m/s² for a second, and no new errors at each step
