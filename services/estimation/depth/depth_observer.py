@@ -31,6 +31,7 @@ DOUBTED_STD, DOUBTED_RATE_STD = 0.3, 1.0  # [m], [m/s] errors after two seconds 
 LEVEL_LINE = 0.05  # [m/s] slope of innovations that counts as none, and 3 σ
 SCATTER = 0.05  # [m] about a line through samples that agree with each other, and 3 σ
 KNOWN_RATE = 0.1  # [m/s] 1σ; without pressure the accelerometer keeps it below for half a minute
+SHOCK = 1.0  # [m/s²] from sample to sample, as on the sea floor; thrusters change it by 0.1
 RESTING_BIAS_STD = 0.01  # [m/s²] of the mean at rest: the vehicle may bob a little
 BANDWIDTH = 50.0  # [Hz] of the accelerometer at 100 Hz, to turn noise density into spread
 
@@ -137,9 +138,7 @@ class DepthObserver:
         heard = self._heard_within(self._settings.lost_after, at_ns)
         if dt > LONGEST_STEP or not (heard or self._knows_rate):
             return self._stop(None if self._lost else "lost:depth")
-        # The mean of both ends: the newest sample alone would lead by half a step.
-        if before is not None and acceleration is not None:
-            acceleration = (before + acceleration) / 2.0
+        acceleration = self._mean_of(before, acceleration, dt)
         self._filter.predict(acceleration, dt, self._variant.measured, lean)
         if trial is not None:
             trial.predict(measured, dt, lean)
@@ -149,6 +148,16 @@ class DepthObserver:
             self._lost = True
             return "lost:depth"
         return None if self._unread is None else self._read(self._unread)
+
+    def _mean_of(self, before: float | None, newest: float | None, dt: float) -> float | None:
+        """[m/s²] Mean of both ends of a step [s]: the newest alone would lead by half of it. After
+        a shock, what was between them is not known."""
+        if before is None or newest is None:
+            return newest
+        change = abs(newest - before)
+        if change > SHOCK and self._variant.measured:
+            self._filter.doubt(0.0, 0.5 * change * dt)
+        return (before + newest) / 2.0
 
     def pressure(self, pressure: float, stamp_ns: int) -> str | None:
         """Use a validated sample [Pa]. Returns an event to count."""

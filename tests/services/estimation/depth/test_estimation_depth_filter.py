@@ -322,3 +322,22 @@ def test_a_correction_of_the_attitude_is_taken_from_the_tilt_error():
     f = DepthFilter(SET)
     f.predict(0.0, DT, True, Lean(levelled=(0.01, -0.02)))
     assert f.tilt == (-0.01, 0.02)
+
+
+def test_after_a_shock_the_rate_is_known_no_better_than_what_was_between_two_samples():
+    o = DepthObserver(SET, Atmosphere(101_325.0, 0.0), 1025.0, 0.0)
+    o.start(101_325.0, 100, 0)
+    for k in range(1, 1001):
+        o.predict(0.0, k * 10_000_000)
+        o.pressure(101_325.0, k * 10_000_000)
+    _, quiet, _ = o.estimates(1)
+    o.predict(-12.0, 10_010_000_000)
+    _, shocked, _ = o.estimates(1)
+    assert quiet.std < 0.01
+    assert shocked.std == pytest.approx(0.06, rel=0.1)
+    # A stop of 0.1 m/s that no sample saw: pressure corrects it, and the accelerometer is believed.
+    o.predict(0.0, 10_020_000_000)
+    for k in range(1003, 1303):
+        o.predict(0.0, k * 10_000_000)
+        assert o.pressure(101_325.0, k * 10_000_000) is None
+    assert abs(o.estimates(1)[1].value) < 0.02
