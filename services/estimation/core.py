@@ -259,7 +259,7 @@ class Estimator:
         follows = self._settings.depth.observer == "reference"
         measured = self._attitude.acceleration_down(force)
         input_ = self._reference_acceleration if follows else measured
-        self._announcements.tell(self._depth.predict(input_, at_ns, self._attitude.lean))
+        self._announcements.tell(self._depth.predict(input_, at_ns, self._attitude.lean(force)))
         note(self._predict_horizontal(force, at_ns))
 
     def _note_motion(self, sample: ImuSample) -> None:

@@ -47,7 +47,7 @@ def calibrated(
         events.note("disturbed:sensor/magnetometer")
         events.warn("the magnetic field here is not the Earth's: the compass is not used")
     depth = _depth(settings, atmosphere, learnt.accelerometer_bias)
-    depth.start(learnt.pressure, learnt.pressures, at_ns)
+    depth.start(learnt.pressure, learnt.pressures, at_ns, attitude.lean(learnt.specific_force))
     bias = ", ".join(f"{degrees(rate):+.3f}" for rate in learnt.gyro_bias)
     air = f"{atmosphere.pressure / 100.0:.1f} hPa"
     events.say(f"calibrated: gyroscope bias {bias} deg/s, atmosphere {air}")

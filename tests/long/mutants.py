@@ -198,9 +198,6 @@ EQUIVALENT: dict[tuple[str, str], str] = {
     ("services/control/allocation/allocation.py", "Allocation._at_once: yields.append"): (
         "one after the other comes to the same as all at once"
     ),
-    ("services/estimation/depth/depth_filter.py", "DepthFilter.is_sound: self.p01 + self.p02"): (
-        "asked is only whether the sum is a number"
-    ),
     (
         "services/tether/delay.py",
         "Delays.__init__: 0.0  →  1.0",

@@ -56,12 +56,14 @@ class AttitudeSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class AttitudeFilter:
     """The attitude q_NB."""
 
-    __slots__ = ("_beta", "_tolerance", "q")
+    __slots__ = ("_beta", "_tolerance", "levelled", "q")
 
     def __init__(self, settings: AttitudeSettings) -> None:
         self._beta = settings.correction
         self._tolerance = settings.gravity_tolerance
         self.q: Quaternion = (1.0, 0.0, 0.0, 0.0)
+        # [rad] About north and east: by how much the accelerometer turned it in the last step.
+        self.levelled = (0.0, 0.0)
 
     def start(self, specific_force: Vec3, heading: float) -> None:
         """Begin with the tilt of a specific force at rest [m/s²], FRD, and a heading [rad]."""
@@ -77,13 +79,15 @@ class AttitudeFilter:
         """Advance by `dt` [s] with the angular rate [rad/s], bias removed, and the specific force
         [m/s²], both in FRD; `beta` [rad/s] replaces `correction`. False: accelerating too much, the
         accelerometer was not used."""
-        self.q = turned(self.q, rate, dt)
+        self.q, self.levelled = turned(self.q, rate, dt), (0.0, 0.0)
         fx, fy, fz = specific_force
         size = sqrt(fx * fx + fy * fy + fz * fz)
         if abs(size - GRAVITY) > self._tolerance:
             return False
         # At rest the specific force points up.
-        self.q = corrected(self.q, (-fx / size, -fy / size, -fz / size), (beta or self._beta) * dt)
+        before = self.q
+        self.q = corrected(before, (-fx / size, -fy / size, -fz / size), (beta or self._beta) * dt)
+        self.levelled = turn_between(before, self.q)
         return True
 
 
@@ -98,6 +102,13 @@ def turned(q: Quaternion, rate: Vec3, dt: float) -> Quaternion:
         y + w * b - x * c + z * a,
         z + w * c + x * b - y * a,
     )
+
+
+def turn_between(before: Quaternion, after: Quaternion) -> tuple[float, float]:
+    """[rad] About north and east, of the small turn from one q_NB to another: twice the vector part
+    of `after` times the inverse of `before`."""
+    (a, b, c, d), (w, x, y, z) = before, after
+    return 2.0 * (x * a - w * b + z * c - y * d), 2.0 * (y * a - w * c + x * d - z * b)
 
 
 def corrected(q: Quaternion, down: Vec3, step: float) -> Quaternion:

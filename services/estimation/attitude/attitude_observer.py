@@ -10,12 +10,14 @@ from services.estimation.attitude.heading import (
     Compass,
     ControlHeading,
     down_along,
+    horizontal,
     strength_and_dip,
     wrapped,
 )
 from services.estimation.attitude.unseen_turn import UnseenTurn
 from services.estimation.attitude.yaw_bias import YawBias
-from services.marine.attitude import down_in_body, to_euler
+from services.estimation.lean import Lean
+from services.marine.attitude import to_euler, to_world
 from services.marine.summation import plain_sum
 from services.marine.vehicle import GRAVITY
 
@@ -23,6 +25,7 @@ STEEPEST = 1.4  # [rad] of pitch; closer to the vertical, heading is invalid
 LARGE_TILT_STD = 0.04  # [rad] beyond it, the tilt is corrected faster
 UNSURE = 0.1  # [rad] 1σ of a tilt taken from the accelerometer of a moving vehicle
 UNSURE_AFTER = 0.2  # [rad/s] growth of the tilt's std without IMU samples
+FORWARD, STARBOARD = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)  # body
 COMPASS_HOLD_NS = 60_000_000_000  # [ns] north stays valid on the gyroscope for this long
 
 
@@ -184,11 +187,16 @@ class AttitudeObserver:
         """[m/s²] NED, of a specific force [m/s²] in FRD, accelerometer bias included."""
         return down_along(self._filter.q, specific_force) + GRAVITY
 
-    @property
-    def lean(self) -> tuple[float, float]:
-        """[-] Down components of the body's forward and starboard axes."""
-        forward, starboard, _ = down_in_body(self._filter.q)
-        return forward, starboard
+    def lean(self, specific_force: Vec3) -> Lean:
+        """How the accelerometer lies in the world, with its newest sample [m/s²], FRD."""
+        q = self._filter.q
+        return Lean(
+            to_world(q, FORWARD),
+            to_world(q, STARBOARD),
+            horizontal(q, specific_force),
+            self._filter.levelled,
+            self._tilt_std,
+        )
 
     def tilt(self, valid: bool) -> tuple[Estimate, Estimate]:
         """Roll and pitch [rad]."""

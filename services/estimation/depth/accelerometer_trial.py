@@ -6,7 +6,8 @@ comes from pressure alone, until a second filter with the accelerometer has agre
 for some seconds.
 """
 
-from services.estimation.depth.depth_filter import DepthFilter, DepthSettings, Lean
+from services.estimation.depth.depth_filter import DepthFilter, DepthSettings
+from services.estimation.lean import Lean
 
 MEMORY = 1.0  # [s] of the running mean …
 # … but at least so many samples: over one second of a sensor with 8 Hz, noise alone has a spread of

@@ -11,10 +11,11 @@ from services.estimation.depth.accelerometer_trial import (
     AccelerometerTrial,
     MeanInnovation,
 )
-from services.estimation.depth.depth_filter import LEVEL, DepthFilter, DepthSettings, Lean
+from services.estimation.depth.depth_filter import DepthFilter, DepthSettings
 from services.estimation.depth.depth_variants import VARIANTS, DepthVariant
 from services.estimation.depth.innovation_check import InnovationCheck
 from services.estimation.depth.rejected_samples import RejectedSamples
+from services.estimation.lean import LEVEL, Lean
 from services.marine.vehicle import GRAVITY
 
 LATEST_AGE = 0.5  # [s] an older sample is not used
@@ -30,6 +31,8 @@ DOUBTED_STD, DOUBTED_RATE_STD = 0.3, 1.0  # [m], [m/s] errors after two seconds 
 LEVEL_LINE = 0.05  # [m/s] slope of innovations that counts as none, and 3 σ
 SCATTER = 0.05  # [m] about a line through samples that agree with each other, and 3 σ
 KNOWN_RATE = 0.1  # [m/s] 1σ; without pressure the accelerometer keeps it below for half a minute
+SHOCK = 1.0  # [m/s²] from sample to sample, as on the sea floor; thrusters change it by 0.1
+RESTING_BIAS_STD = 0.01  # [m/s²] of the mean at rest: the vehicle may bob a little
 BANDWIDTH = 50.0  # [Hz] of the accelerometer at 100 Hz, to turn noise density into spread
 
 
@@ -105,10 +108,12 @@ class DepthObserver:
         self._clipped = _Clipped()
         self._unread: tuple[float, int] | None = None  # [m], [ns] newest sample, if not timed
 
-    def start(self, pressure: float, samples: int, at_ns: int) -> None:
-        """Begin with the mean [Pa] of several samples taken at rest."""
-        depth_std = self._sample_std / sqrt(samples)
-        self._begin(self.depth_of(pressure), depth_std, RESTING_RATE_STD, 0.02, at_ns)
+    def start(self, pressure: float, samples: int, at_ns: int, lean: Lean = LEVEL) -> None:
+        """Begin with the mean [Pa] of several samples taken at rest, and the attitude that the
+        accelerometer measured there."""
+        depth_std, bias_std = self._sample_std / sqrt(samples), RESTING_BIAS_STD
+        self._filter.level(lean)
+        self._begin(self.depth_of(pressure), depth_std, RESTING_RATE_STD, bias_std, at_ns)
         self._at_ns = at_ns
 
     def depth_of(self, pressure: float) -> float:
@@ -117,8 +122,8 @@ class DepthObserver:
 
     def predict(self, acceleration: float | None, at_ns: int, lean: Lean = LEVEL) -> str | None:
         """Advance to `at_ns`. `acceleration` [m/s²] along down is measured or, for the observer
-        "reference", of the reference; None: unknown. `lean`: down components of the body's forward
-        and starboard axes. Returns an event to count."""
+        "reference", of the reference; None: unknown. `lean`: of the accelerometer. Returns an event
+        to count."""
         dt = (at_ns - self._at_ns) * 1e-9
         if dt <= 0.0:
             return None
@@ -133,9 +138,7 @@ class DepthObserver:
         heard = self._heard_within(self._settings.lost_after, at_ns)
         if dt > LONGEST_STEP or not (heard or self._knows_rate):
             return self._stop(None if self._lost else "lost:depth")
-        # The mean of both ends: the newest sample alone would lead by half a step.
-        if before is not None and acceleration is not None:
-            acceleration = (before + acceleration) / 2.0
+        acceleration = self._mean_of(before, acceleration, dt)
         self._filter.predict(acceleration, dt, self._variant.measured, lean)
         if trial is not None:
             trial.predict(measured, dt, lean)
@@ -145,6 +148,16 @@ class DepthObserver:
             self._lost = True
             return "lost:depth"
         return None if self._unread is None else self._read(self._unread)
+
+    def _mean_of(self, before: float | None, newest: float | None, dt: float) -> float | None:
+        """[m/s²] Mean of both ends of a step [s]: the newest alone would lead by half of it. After
+        a shock, what was between them is not known."""
+        if before is None or newest is None:
+            return newest
+        change = abs(newest - before)
+        if change > SHOCK and self._variant.measured:
+            self._filter.doubt(0.0, 0.5 * change * dt)
+        return (before + newest) / 2.0
 
     def pressure(self, pressure: float, stamp_ns: int) -> str | None:
         """Use a validated sample [Pa]. Returns an event to count."""
@@ -172,10 +185,10 @@ class DepthObserver:
         measured = self._input is not None and self._variant.measured
         if measured:
             acceleration = f.unbiased(self._input or 0.0, self._lean)
-            acceleration_std = sqrt(f.p22 + f.noise(self._lean) * BANDWIDTH)
+            acceleration_std = sqrt(f.acceleration_variance(self._lean, BANDWIDTH))
         else:
             acceleration = self._input or 0.0
-            acceleration_std = sqrt(f.p22 + self._settings.motion_noise**2 * BANDWIDTH)
+            acceleration_std = hypot(f.bias_std, self._settings.motion_noise * sqrt(BANDWIDTH))
         off, rate_off = self._check.excess
         off = max(off, self._clipped.distance)
         return (

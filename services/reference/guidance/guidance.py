@@ -217,7 +217,9 @@ class Guidance:
         here = heave.at(self.t)
         error = min(depth.value - here.position, max(0.0, deepest - here.position))
         resting = here.velocity == 0.0 == here.acceleration and heave.settles() <= self.t
-        by = self.standstill.step(error, rate.value, self.t, resting=resting)
+        by = self.standstill.step(
+            error, rate.value, self.t, resting=resting, velocity=here.velocity
+        )
         if by != 0.0:
             heave.shift(by)
 

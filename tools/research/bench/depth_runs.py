@@ -13,6 +13,7 @@ from services.estimation.attitude.attitude_observer import AttitudeObserver
 from services.estimation.depth.depth_filter import DepthSettings
 from services.estimation.depth.depth_observer import Atmosphere, DepthObserver
 from services.estimation.depth.depth_variants import VARIANTS
+from services.estimation.lean import Lean
 from services.marine.attitude import to_body
 from services.marine.vehicle import GRAVITY, SEA_WATER
 from services.runtime.config.stack import Stack
@@ -68,7 +69,7 @@ class DepthWorld(NamedTuple):
     rate: Floats  # [m/s]
     asked: Floats  # [m/s²] acceleration of the reference
     measured: Floats  # [m/s²] accelerometer along down
-    lean: Floats  # [-] n × 2: down components of the body's forward and starboard axes
+    leans: list[Lean]  # of the accelerometer, by the attitude observer
     stamps: Floats  # [s] when a pressure sample is handed over
     said: Floats  # [m] depth of each pressure sample
     rest: float  # [m] mean depth said at rest, before
@@ -108,14 +109,14 @@ def world(sensor: Sensor, seed: int, flight: TruthLog | None = None) -> DepthWor
     pressures = [device.pressure(0, d).pressure for d in np.interp(taken, t, depth).tolist()]
     said = (np.array(pressures) - TYPICAL.atmosphere) / PER_METRE
     resting = taken + sensor.latency < 0.0
-    bias, measured, lean = felt(seed, flight, push)
+    bias, measured, leans = felt(seed, flight, push)
     return DepthWorld(
         t=t[first:],
         depth=depth[first:],
         rate=(flight.depth_rate + rise)[first:],
         asked=flight.asked[first:],
         measured=measured,
-        lean=lean,
+        leans=leans,
         stamps=(taken + sensor.latency)[~resting],
         said=said[~resting],
         rest=float(np.mean(said[resting])),
@@ -148,10 +149,10 @@ def steps(number: int) -> Script:
     return tuple(rows)
 
 
-def felt(seed: int, flight: TruthLog, push: Floats) -> tuple[float, Floats, Floats]:
+def felt(seed: int, flight: TruthLog, push: Floats) -> tuple[float, Floats, list[Lean]]:
     """The accelerometer's bias along down as calibration learns it [m/s²], and from then on what
     the service's attitude observer makes of IMU samples: the acceleration along down [m/s²], and
-    the down components of the forward and starboard axes [-] n × 2.
+    how the accelerometer lies in the world.
 
     Args:
         push: [m/s²] acceleration down besides the flight's.
@@ -167,12 +168,12 @@ def felt(seed: int, flight: TruthLog, push: Floats) -> tuple[float, Floats, Floa
     observer = AttitudeObserver(AttitudeSettings(), rate, 0.0, 0.0)
     observer.start(force)
     found: list[float] = []
-    leans: list[tuple[float, float]] = []
+    leans: list[Lean] = []
     for sample in samples[first:]:
         observer.step(sample.angular_rate, sample.specific_force, 1.0 / RATE)
         found.append(observer.acceleration_down(sample.specific_force))
-        leans.append(observer.lean)
-    return GRAVITY - hypot(*force), np.array(found), np.array(leans)
+        leans.append(observer.lean(sample.specific_force))
+    return GRAVITY - hypot(*force), np.array(found), leans
 
 
 def _mean(values: list[Vec3]) -> Vec3:
@@ -190,8 +191,7 @@ def observe(seen: DepthWorld, way: str, settings: DepthSettings) -> Estimates:
     pressures = (TYPICAL.atmosphere + seen.said * PER_METRE).tolist()
     depths, rates, surprises = [0.0] * len(inputs), [0.0] * len(inputs), [0.0] * len(stamps)
     heard = 0
-    leans: list[tuple[float, float]] = [(a, b) for a, b in seen.lean.tolist()]
-    for k, (acceleration, lean) in enumerate(zip(inputs, leans, strict=True)):
+    for k, (acceleration, lean) in enumerate(zip(inputs, seen.leans, strict=True)):
         now = round(k * 1e9 / RATE)
         while heard < len(stamps) and stamps[heard] <= now:
             observer.pressure(pressures[heard], stamps[heard])

@@ -1,14 +1,22 @@
 """The depth filter against NumPy: matrix form, batch least squares, steady state, consistency."""
 
-from math import sqrt
+from math import cos, sin, sqrt
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.estimation.depth.depth_filter import LEVEL, DepthFilter, DepthSettings, Lean
+from services.estimation.depth.depth_filter import (
+    SPEED_DENSITY,
+    SPEED_EVERY,
+    DepthFilter,
+    DepthSettings,
+)
 from services.estimation.depth.depth_observer import Atmosphere, DepthObserver
+from services.estimation.lean import LEVEL, Lean
+from services.marine.attitude import from_euler, to_world
+from services.marine.vehicle import GRAVITY
 
 DT = 0.01  # [s]
 STD = 0.05  # [m]
@@ -19,8 +27,8 @@ def transition(dt: float) -> np.ndarray:
     return np.array([[1, dt, -dt * dt / 2], [0, 1, -dt], [0, 0, 1]])
 
 
-def disturbance(dt: float) -> np.ndarray:
-    qa, qb = SET.acceleration_noise**2, SET.bias_walk**2
+def disturbance(dt: float, walk: float = SET.bias_walk) -> np.ndarray:
+    qa, qb = SET.acceleration_noise**2, walk**2
     q = np.zeros((3, 3))
     q[:2, :2] = qa * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
     q[2, 2] = qb * dt
@@ -28,54 +36,82 @@ def disturbance(dt: float) -> np.ndarray:
 
 
 def covariance(f: DepthFilter) -> np.ndarray:
-    return np.array([[f.p00, f.p01, f.p02], [f.p01, f.p11, f.p12], [f.p02, f.p12, f.p22]])
+    """Of depth, rate and bias."""
+    return np.array(f.covariance)[:3, :3]
+
+
+def states(f: DepthFilter) -> list[float]:
+    return [f.depth, f.rate, f.bias, *f.horizontal_bias, *f.tilt, *f.velocity]
 
 
 class Matrices:
-    """The filter's equations as they are printed, with all four states."""
+    """The filter's equations as they are printed, with all nine states."""
 
     def __init__(self, f: DepthFilter) -> None:
-        self.x = np.array([f.depth, f.rate, f.bias, f.forward_bias])
-        self.p = whole_covariance(f)
+        self.x, self.p, self.free = np.array(states(f)), np.array(f.covariance), 0.0
 
     def predict(self, acceleration: float | None, dt: float, measured: bool, lean: Lean) -> None:
-        forward, starboard = lean
-        f, q = np.eye(4), np.zeros((4, 4))
+        self.x[5:7] -= lean.levelled
+        q, a = np.zeros((9, 9)), np.zeros(9)
+        f = np.eye(9)
         f[0, 1] = dt
         density = SET.motion_noise**2
+        down = acceleration or 0.0
         if acceleration is not None and measured:
-            f[:2, 2:] = -np.outer([dt * dt / 2, dt], [1.0, forward])
+            # R f = R̂ f + φ × R̂ f, and the biases are subtracted first.
+            axes = np.array([lean.forward, lean.starboard]).T
+            force = np.array([*lean.force, acceleration]) - axes @ self.x[3:5]
+            tilted = np.cross([*self.x[5:7], 0.0], [*force[:2], -GRAVITY])
+            north, east, _ = force + tilted
+            down = force[2] - self.x[2] + tilted[2]
+            a[7:] = dt * north, dt * east
+            share = np.zeros((3, 9))
+            share[:, 3:5], share[2, 2] = -axes, -1.0
+            share[:, 5:7] = [[0.0, -GRAVITY], [GRAVITY, 0.0], [force[1], -force[0]]]
+            f[0] += dt * dt / 2 * share[2]
+            f[1] += dt * share[2]
+            f[7:] += dt * share[:2]
             density = SET.acceleration_noise**2
-            density += (SET.pitch_noise * forward) ** 2 + (SET.roll_noise * starboard) ** 2
+        a[:2] = dt * self.x[1] + dt * dt / 2 * down, dt * down
         q[:2, :2] = density * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
-        q[2, 2] = q[3, 3] = SET.bias_walk**2 * dt
-        self.x = f @ self.x + np.array([dt * dt / 2, dt, 0, 0]) * (acceleration or 0.0)
+        q[2:, 2:] = dt * np.diag([SET.bias_walk**2] * 3 + [SET.tilt_walk**2] * 2 + [density] * 2)
+        self.x = self.x + a
         self.p = f @ self.p @ f.T + q
+        self.free += dt
+        if self.free >= SPEED_EVERY:
+            for k in (7, 8):
+                self.correct(np.eye(9)[k], 0.0, SPEED_DENSITY / self.free)
+            self.free = 0.0
 
     def update(self, depth: float, age: float) -> None:
-        h = np.array([1, -age, 0, 0])
-        gain = self.p @ h / (h @ self.p @ h + STD**2)
-        self.x = self.x + gain * (depth - h @ self.x)
+        self.correct(np.array([1, -age, *[0] * 7]), depth, STD**2)
+
+    def correct(self, h: np.ndarray, seen: float, variance: float) -> None:
+        gain = self.p @ h / (h @ self.p @ h + variance)
+        self.x = self.x + gain * (seen - h @ self.x)
         self.p = self.p - np.outer(gain, h @ self.p)
 
 
-def whole_covariance(f: DepthFilter) -> np.ndarray:
-    return np.array(
-        [
-            [f.p00, f.p01, f.p02, f.p03],
-            [f.p01, f.p11, f.p12, f.p13],
-            [f.p02, f.p12, f.p22, f.p23],
-            [f.p03, f.p13, f.p23, f.p33],
-        ]
+angle, force = st.floats(-0.7, 0.7) | st.just(0.0), st.floats(-3.0, 3.0) | st.just(0.0)
+
+
+@st.composite
+def a_lean(draw: st.DrawFn) -> Lean:
+    q = from_euler(draw(angle), draw(angle), 5.0 * draw(angle))
+    turn = draw(angle), draw(angle)
+    return Lean(
+        to_world(q, (1.0, 0.0, 0.0)),
+        to_world(q, (0.0, 1.0, 0.0)),
+        (draw(force), draw(force)),
+        (0.01 * turn[0], 0.01 * turn[1]),
     )
 
 
-sine = st.floats(-0.7, 0.7) | st.just(0.0)
 motion = st.tuples(
     st.none() | st.floats(-2.0, 2.0),  # [m/s²]
     st.floats(0.001, 0.1),  # [s]
     st.booleans(),  # measured
-    st.tuples(sine, sine) | st.just(LEVEL),
+    a_lean() | st.just(LEVEL),
 )
 sample = st.none() | st.tuples(st.floats(-5.0, 5.0), st.floats(-0.01, 0.2))  # depth [m], age [s]
 
@@ -95,9 +131,9 @@ def test_plain_floats_give_what_matrices_give(
             depth, age = told
             f.update(*f.innovation(depth, STD, age), age)
             printed.update(depth, age)
-    states = [f.depth, f.rate, f.bias, f.forward_bias]
-    assert states == pytest.approx(printed.x.tolist(), rel=1e-7, abs=1e-9)
-    assert whole_covariance(f) == pytest.approx(printed.p, rel=1e-6, abs=1e-12)
+    assert states(f) == pytest.approx(printed.x.tolist(), rel=1e-6, abs=1e-8)
+    assert np.array(f.covariance) == pytest.approx(printed.p, rel=1e-6, abs=1e-11)
+    assert np.array_equal(f.covariance, np.transpose(f.covariance))
 
 
 spread = st.floats(0.01, 10.0)
@@ -108,11 +144,12 @@ def test_it_begins_at_rest_with_the_spreads_it_is_given(
     depth: float, depth_std: float, rate_std: float, bias_std: float, bias: float
 ):
     f = DepthFilter(SET)
-    f.predict(0.3, 0.1, True, (0.2, 0.1))
+    f.predict(0.3, 0.1, True, Lean((0.9, 0.2, 0.3), (0.1, 0.9, -0.4), (1.0, 2.0)))
     f.start(depth, depth_std, rate_std, bias, bias_std)
     assert (f.depth, f.rate, f.bias) == (depth, 0.0, bias)
     assert (f.depth_std, f.rate_std, f.bias_std) == pytest.approx((depth_std, rate_std, bias_std))
-    assert np.array_equal(whole_covariance(f), np.diag(np.diag(whole_covariance(f))))
+    assert np.array_equal(covariance(f), np.diag(np.diag(covariance(f))))
+    assert not np.array(f.covariance)[:3, 3:].any()
 
 
 def test_without_noise_on_the_way_it_is_the_least_squares_line_through_all_samples():
@@ -144,15 +181,16 @@ def test_a_sample_of_age_d_says_what_a_fresh_sample_would_have_said_then():
 
 
 def test_the_covariance_settles_where_the_riccati_equation_says():
-    f = DepthFilter(SET)
+    walk = 0.002  # [m/s²/√s] so that it settles soon
+    f = DepthFilter(DepthSettings(bias_walk=walk))
     f.start(0.0, 1.0)
-    for _ in range(60_000):
+    for _ in range(15_000):
         f.predict(0.0, DT)
         f.update(*f.innovation(0.0, STD, 0.0), 0.0)
     f.predict(0.0, DT)
     # The fixed point, found the other way: by doubling (Anderson and Moore 1979, section 6.7).
     h = np.array([[1.0, 0.0, 0.0]])
-    a, g, p = transition(DT).T, h.T @ h / STD**2, disturbance(DT)
+    a, g, p = transition(DT).T, h.T @ h / STD**2, disturbance(DT, walk)
     for _ in range(30):
         inverse = np.linalg.inv(np.eye(3) + g @ p)
         a, g, p = a @ inverse @ a, g + a @ inverse @ g @ a.T, p + a.T @ p @ inverse @ a
@@ -194,11 +232,14 @@ def test_without_an_accelerometer_the_spread_grows_faster():
     assert blind.rate_std > driven.rate_std
 
 
-@pytest.mark.parametrize("field", ["depth", "rate", "bias", "p00", "p11", "p22"])
+@pytest.mark.parametrize("field", ["depth", "rate", "bias", "covariance"])
 def test_a_number_that_is_not_finite_is_noticed(field: str):
     f = DepthFilter(SET)
     assert f.is_sound()
-    setattr(f, field, float("nan"))
+    if field == "covariance":
+        f.covariance[4][4] = float("nan")
+    else:
+        setattr(f, field, float("nan"))
     assert not f.is_sound()
 
 
@@ -221,3 +262,82 @@ def test_a_sample_far_too_late_is_not_used():
     assert o.estimates(0)[0].value == 0.0
     assert o.pressure(101_900.0, 600_000_000) is None
     assert o.estimates(0)[0].value > 0.0
+
+
+def test_tilt_and_biases_of_a_vehicle_under_way_are_in_the_spread():
+    squares = np.array([normalised_errors(seed) for seed in range(20)])
+    depth, rate = np.mean(squares, axis=0).tolist()
+    assert 0.6 < depth < 1.5
+    assert 0.6 < rate < 1.5
+
+
+def normalised_errors(seed: int) -> tuple[float, float]:
+    """Mean of the squares of the depth's and the rate's errors, in σ, of 10 s in which a vehicle
+    with accelerometer biases, calibrated at rest, starts, turns and stops."""
+    rng = np.random.default_rng(seed)
+    forward, starboard = (SET.horizontal_bias_std * rng.standard_normal(2)).tolist()
+    tilt = starboard / GRAVITY, -forward / GRAVITY  # what the accelerometer says is level, is not
+    f = DepthFilter(SET)
+    f.level(LEVEL)
+    f.start(2.0, 0.01, 0.01, bias_std=0.01)
+    bias, heading = 0.01 * float(rng.standard_normal()), 0.0
+    depth, rate = 2.0 + 0.01 * float(rng.standard_normal()), 0.01 * float(rng.standard_normal())
+    squares: list[tuple[float, float]] = []
+    for k in range(1000):
+        t = k * DT
+        push = 1.0 if 1.0 < t % 5.0 < 2.0 else -1.0 if 3.0 < t % 5.0 < 4.0 else 0.0  # [m/s²]
+        heading += DT * (1.0 if 2.0 < t % 5.0 < 3.5 else 0.0)
+        q = from_euler(0.1 * push, -0.2 * push, heading)
+        ahead, aside = to_world(q, (1.0, 0.0, 0.0)), to_world(q, (0.0, 1.0, 0.0))
+        sink = 0.3 * sin(t)  # [m/s²]
+        depth, rate = depth + DT * rate + DT * DT / 2 * sink, rate + DT * sink
+        # In the axes of the attitude's estimate, of which the truth is a turn by `tilt`.
+        x, y, z = push * cos(heading), push * sin(heading), sink - GRAVITY
+        off = [forward * a + starboard * b for a, b in zip(ahead, aside, strict=True)]
+        north, east = x - tilt[1] * z + off[0], y + tilt[0] * z + off[1]
+        down = sink - tilt[0] * y + tilt[1] * x + off[2] + bias
+        noise = SET.acceleration_noise / sqrt(DT) * float(rng.standard_normal())
+        f.predict(down + noise, DT, True, Lean(ahead, aside, (north, east)))
+        if k % 2 == 0:
+            f.update(*f.innovation(depth + STD * float(rng.standard_normal()), STD, 0.0), 0.0)
+        if k > 100:
+            squares.append(((f.depth - depth) ** 2 / f.p00, (f.rate - rate) ** 2 / f.p11))
+    a, b = np.mean(squares, axis=0).tolist()
+    return a, b
+
+
+def test_an_attitude_that_was_restarted_makes_the_tilt_unknown_once():
+    f = DepthFilter(SET)
+    f.level(LEVEL)
+    f.predict(0.0, DT, True, Lean(force=(2.0, 0.0)))
+    assert f.covariance[6][6] < 2.0 * (SET.horizontal_bias_std / GRAVITY) ** 2
+    f.predict(0.0, DT, True, Lean(tilt_std=0.1))
+    assert f.covariance[6][6] == pytest.approx(0.01, rel=1e-3)
+    for _ in range(100):
+        f.predict(0.0, DT, True, Lean(force=(2.0, 0.0), tilt_std=0.1))
+    assert f.rate_std > 0.15  # 0.1 rad of 2 m/s² for a second, and no new errors at each step
+
+
+def test_a_correction_of_the_attitude_is_taken_from_the_tilt_error():
+    f = DepthFilter(SET)
+    f.predict(0.0, DT, True, Lean(levelled=(0.01, -0.02)))
+    assert f.tilt == (-0.01, 0.02)
+
+
+def test_after_a_shock_the_rate_is_known_no_better_than_what_was_between_two_samples():
+    o = DepthObserver(SET, Atmosphere(101_325.0, 0.0), 1025.0, 0.0)
+    o.start(101_325.0, 100, 0)
+    for k in range(1, 1001):
+        o.predict(0.0, k * 10_000_000)
+        o.pressure(101_325.0, k * 10_000_000)
+    _, quiet, _ = o.estimates(1)
+    o.predict(-12.0, 10_010_000_000)
+    _, shocked, _ = o.estimates(1)
+    assert quiet.std < 0.01
+    assert shocked.std == pytest.approx(0.06, rel=0.1)
+    # A stop of 0.1 m/s that no sample saw: pressure corrects it, and the accelerometer is believed.
+    o.predict(0.0, 10_020_000_000)
+    for k in range(1003, 1303):
+        o.predict(0.0, k * 10_000_000)
+        assert o.pressure(101_325.0, k * 10_000_000) is None
+    assert abs(o.estimates(1)[1].value) < 0.02

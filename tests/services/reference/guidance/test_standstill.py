@@ -14,7 +14,7 @@ row = st.tuples(error, rate, st.booleans())
 
 def flown(stop: Standstill, rows: list[tuple[float, float, bool]]) -> list[float]:
     return [
-        stop.step(error, rate, DT * k, resting=resting)
+        stop.step(error, rate, DT * k, resting=resting, velocity=rate)
         for k, (error, rate, resting) in enumerate(rows)
     ]
 
@@ -44,6 +44,16 @@ def test_it_waits_for_the_vehicle_to_turn_round(off: float, speed: float, steps:
     expected = max(-MOST, min(MOST, off)) if abs(off) >= WORTH * MOST else 0.0
     assert stop.step(off, -speed, at, resting=True) == expected == stop.moved
     assert stop.step(off, speed, at + DT, resting=True) == 0.0
+
+
+@given(error, st.floats(0.001, 0.5), st.sampled_from([-1.0, 1.0]))
+def test_a_vehicle_that_comes_back_already_is_held_at_once(
+    off: float, speed: float, way: float
+) -> None:
+    stop = Standstill(MOST)
+    stop.step(off, speed * way, 0.0, resting=False, velocity=speed * way)
+    expected = max(-MOST, min(MOST, off)) if abs(off) >= WORTH * MOST else 0.0
+    assert stop.step(off, -speed * way, DT, resting=True) == expected
 
 
 def test_it_does_not_wait_longer_than_its_patience() -> None:
