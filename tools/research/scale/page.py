@@ -18,7 +18,7 @@ from tools.research.scale.model import (
     load,
 )
 from tools.research.scale.page_text import PAGE_TEXT
-from tools.research.scale.traffic import FleetTraffic, flown, watched
+from tools.research.scale.traffic import FleetTraffic, flown, recorded, watched
 
 POINTS = Path(__file__).with_name("points.json")
 FLEETS = (20, 100, 1000)  # drones that the model is read for
@@ -50,6 +50,7 @@ def page() -> str:
                 ("up, to its pilot", up),
                 ("up, over a thinned link", thin),
                 ("down, from its pilot", down),
+                ("up, to whoever records all (`lindy record`)", recorded()),
                 ("up, to whoever watches all (`lindy fleet`)", looked),
             ),
             model,
@@ -170,7 +171,7 @@ def _fleet(
         f"{found.core.messages_hz:,.0f}",
         f"{model.cores(each):.2f}",
         _megabits(model.bits_hz(found.watcher)),
-        _megabits(model.bits_hz(found.recorder)),
+        _megabits(model.bits_hz(recorded().times(plan.drones))),
     )
 
 
