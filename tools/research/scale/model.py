@@ -148,8 +148,8 @@ def load(plan: FleetPlan, up: FleetTraffic, down: FleetTraffic, watched: FleetTr
         up, down: of one drone that is flown.
         watched: of one drone, for one who watches.
     """
-    # A router asks once for a row, however many behind it want it: who watches hears copies that the
-    # core makes, and of a row that the pilot has, none comes twice up the link.
+    # A router asks once for a row, however many behind it want it: who watches hears copies that
+    # the core makes, and of a row that the pilot has, none comes twice up the link.
     copies = watched.times(plan.watchers)
     return FleetLoad(
         site=(up + down).times(plan.per_site),

@@ -59,8 +59,8 @@ def page() -> str:
         fitted=_points(model, fitted_to),
         checked=_points(model, checked_on),
         joins=_joins(found.joins),
-        fleets=_fleets(model, up, down, looked),
-        thinned=_fleets(model, thin, down, looked),
+        fleets=_fleets(model, up, down, looked, recorded()),
+        thinned=_fleets(model, thin, down, looked, recorded(thinned=True)),
         capacity=f"{_capacity(model):,.0f}",
         drones=f"{_capacity(model) / (up + down).messages_hz:,.0f}",
     )
@@ -146,8 +146,14 @@ def _joins(joins: Sequence[FleetJoin]) -> str:
     )
 
 
-def _fleets(model: ScaleModel, up: FleetTraffic, down: FleetTraffic, looked: FleetTraffic) -> str:
-    rows = [_fleet(model, FleetPlan(drones), up, down, looked) for drones in FLEETS]
+def _fleets(
+    model: ScaleModel,
+    up: FleetTraffic,
+    down: FleetTraffic,
+    looked: FleetTraffic,
+    every: FleetTraffic,
+) -> str:
+    rows = [_fleet(model, FleetPlan(drones), up, down, looked, every) for drones in FLEETS]
     return _table(
         "| drones | routers at sites, centre, core | link of a site | router of a site, cores "
         "| router of the centre, cores | core: messages/s | core: each, cores "
@@ -157,7 +163,12 @@ def _fleets(model: ScaleModel, up: FleetTraffic, down: FleetTraffic, looked: Fle
 
 
 def _fleet(
-    model: ScaleModel, plan: FleetPlan, up: FleetTraffic, down: FleetTraffic, looked: FleetTraffic
+    model: ScaleModel,
+    plan: FleetPlan,
+    up: FleetTraffic,
+    down: FleetTraffic,
+    looked: FleetTraffic,
+    every: FleetTraffic,
 ) -> tuple[str, ...]:
     found = load(plan, up, down, looked)
     cores = core_routers(plan, model, found.core)
@@ -171,7 +182,7 @@ def _fleet(
         f"{found.core.messages_hz:,.0f}",
         f"{model.cores(each):.2f}",
         _megabits(model.bits_hz(found.watcher)),
-        _megabits(model.bits_hz(recorded().times(plan.drones))),
+        _megabits(model.bits_hz(every.times(plan.drones))),
     )
 
 
