@@ -5,7 +5,6 @@ import time
 from collections import deque
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
-from itertools import count
 from pathlib import Path
 
 from rich.console import Console
@@ -22,8 +21,7 @@ from tools.fleet.watching import FleetRow, FleetWatch
 from tools.keys.door import door
 from tools.live.stop_signals import StopSignals
 
-LOOK_S = 0.5  # [s] between two looks at what has arrived
-LOOKS_A_LINE = 2  # of JSON
+LOOK_S = 1.0  # [s] between two looks at what has arrived
 REPEAT_S = 60.0  # [s] after which every drone gets a line again
 KEPT = 50_000  # messages between two looks; of more the oldest are left out
 
@@ -120,11 +118,9 @@ def _lines(endpoint: str) -> Generator[Show]:
 @contextmanager
 def _json() -> Generator[Show]:
     """One line a second, for programs."""
-    looks = count(1)
 
     def show(watch: FleetWatch, now: int) -> None:
-        if next(looks) % LOOKS_A_LINE == 0:
-            _say(as_json(watch.rows(now), watch.roster.remarks))
+        _say(as_json(watch.rows(now), watch.roster.remarks))
 
     yield show
 

@@ -5,6 +5,7 @@ import socket
 import threading
 from collections.abc import Generator, Iterable
 from contextlib import ExitStack, contextmanager
+from pathlib import Path
 
 import msgspec
 import pytest
@@ -25,6 +26,7 @@ from tools.fleet import meeting
 from tools.fleet.look import is_there, look, who_is_there
 from tools.fleet.meeting import drone_at, require_only
 from tools.fleet.roster import MOST
+from tools.recordings.recording import open_recording
 
 PATIENCE_S = 60.0  # never reached unless something is broken
 TALK_S = 0.05  # [s] between two words of a drone here; a real one says them once a second
@@ -76,7 +78,8 @@ def speaking(session: zenoh.Session, names: list[str]) -> Generator[None]:
         while not over.wait(TALK_S):
             for name in names:
                 for key, payload in words.items():
-                    session.put(f"{namespace(name)}/{key}", payload)
+                    encoding = f"application/msgpack;{type(rows[key]).__name__}"
+                    session.put(f"{namespace(name)}/{key}", payload, encoding=encoding)
 
     thread = threading.Thread(target=talk, daemon=True)
     thread.start()
@@ -195,3 +198,34 @@ def something_else() -> Generator[str]:
         finally:
             over.set()
             thread.join()
+
+
+def test_a_fleet_is_shown_as_lines_and_as_json_until_its_time_is_over(
+    network: Drones, capsys: pytest.CaptureFixture[str]
+) -> None:
+    network.announce(["rov1", "rov2"])
+    network.speak(["rov1", "rov2"])
+    words = ["fleet", "--router", network.endpoint, "--seconds", "1.2"]
+    assert main(words) == 0
+    said = capsys.readouterr().out
+    assert "rov1  ready" in said
+    assert "rov2  ready" in said
+    assert main([*words, "--json"]) == 0
+    last = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert [(row["name"], row["pilot"]) for row in last["drones"]] == [
+        ("rov1", "ann"), ("rov2", "ann"),
+    ]  # fmt: skip
+
+
+def test_every_drone_of_a_network_is_recorded_by_one_program(
+    network: Drones, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    network.announce(["rov1", "rov2", "ghost"])
+    network.speak(["rov1", "rov2"])
+    words = ["record", "--router", network.endpoint, "--seconds", "1", "--out", str(tmp_path)]
+    assert main(words) == 0
+    assert "rov2: " in capsys.readouterr().out
+    assert {path.name for path in tmp_path.iterdir()} == {"rov1", "rov2"}
+    for name in ("rov1", "rov2"):
+        keys = {entry.key for entry in open_recording(tmp_path / name)}
+        assert keys == {"identity/drone", topics.STATUS.key, topics.BATTERY.key}

@@ -121,7 +121,6 @@ class FleetPlan(NamedTuple):
     per_site: int = 10  # drones at one router
     per_desk: int = 25  # pilots at one router
     watchers: int = 2  # who see all drones, as `lindy fleet` does
-    recorders: int = 0  # who hear everything of all drones
     most_cores: float = 0.5  # of a core router; more of them where it would need more
 
     @property
@@ -141,7 +140,6 @@ class FleetLoad(NamedTuple):
     core: FleetTraffic  # all core routers together
     desk: FleetTraffic  # a router of the centre
     watcher: FleetTraffic  # the link of one who watches
-    recorder: FleetTraffic  # the link of one who records all
 
 
 def load(plan: FleetPlan, up: FleetTraffic, down: FleetTraffic, watched: FleetTraffic) -> FleetLoad:
@@ -150,16 +148,15 @@ def load(plan: FleetPlan, up: FleetTraffic, down: FleetTraffic, watched: FleetTr
         up, down: of one drone that is flown.
         watched: of one drone, for one who watches.
     """
-    # A router asks once for a row, however many behind it want it: who watches or records hears
-    # copies that the core makes, and of a row that the pilot has, none comes twice up the link.
-    copies = watched.times(plan.watchers) + up.times(plan.recorders)
+    # A router asks once for a row, however many behind it want it: who watches hears copies that
+    # the core makes, and of a row that the pilot has, none comes twice up the link.
+    copies = watched.times(plan.watchers)
     return FleetLoad(
         site=(up + down).times(plan.per_site),
         site_up=up.times(plan.per_site),
         core=(up + down + copies).times(plan.drones),
         desk=(up + down).times(plan.per_desk),
         watcher=watched.times(plan.drones),
-        recorder=up.times(plan.drones),
     )
 
 
