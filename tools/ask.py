@@ -94,7 +94,7 @@ def ask(
     running = dive_in(dive)
     if HOME not in running.endpoints and wanted.kind in ABOUT_CONTROL:
         raise LindyError(f"{kind}: there is no pilot on this side; ask in the topside's folder")
-    who = "drone, or the gamepad of this side," if wanted.kind in ABOUT_CONTROL else "drone"
+    who = "drone, or the pilot of this side," if wanted.kind in ABOUT_CONTROL else "drone"
     answer = answer_to(lambda node: for_the_pilot(node, wanted), running, who)
     if as_json:
         print(in_json(kind, answer))

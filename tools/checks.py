@@ -1,8 +1,7 @@
 """Everything that can be checked before a dive starts, so that a mistake is reported at once."""
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection
 from dataclasses import dataclass
-from importlib.util import find_spec
 
 import msgspec
 
@@ -10,13 +9,13 @@ from messages.pilot import Course
 from services.control.core import Controller, Settings
 from services.gamepad import stick_log
 from services.gamepad.io.path_file import course_named
+from services.gamepad.io.sources import pad_profile
 from services.marine.vehicle import Vehicle
 from services.piloting.pilot_intents import FollowIntent
 from services.piloting.sticks import Incident
 from services.reference.guidance.path_following import PlannedPath
 from services.runtime.bus.spaces import checked_name
 from services.runtime.config.errors import LindyError
-from services.runtime.config.extras import how_to_install
 from services.runtime.config.settings import deploy_file, kept, nearest
 from services.runtime.config.stack import BODY, Stack
 from services.runtime.hosts.registry import Registry
@@ -26,7 +25,6 @@ from tools.dive_files import read_besides
 from tools.incident_checks import check_incidents
 from tools.link_fit import check_can_be_flown
 
-SPEAK_MAVLINK = ("ardusub", "mavlink")
 DEFAULT_PILOT = "script:first_dive"
 LONGEST_S = 86_400.0  # [s] a day
 
@@ -107,26 +105,11 @@ def checked(
     check_incidents(pilot.incidents, stack, services)
     if (control := services.get("control")) is not None and control.module is None:
         _controllable(stack)
+    hands = services.get("gamepad") if pilot.script_s is None else None
+    if hands is not None and hands.module is None:
+        pad_profile(stack)
     besides = read_besides(stack, pilot.incidents, pilot.courses)
     return msgspec.structs.replace(stack, read_besides=besides)
-
-
-def require_mavlink(names: Iterable[str]) -> None:
-    """Before anything is written: what cannot run for want of a package is said once.
-
-    Raises:
-        LindyError: one of these services speaks MAVLink, and pymavlink is not installed.
-    """
-    if (why := lacking_mavlink(names)) is not None:
-        raise LindyError(why)
-
-
-def lacking_mavlink(names: Iterable[str]) -> str | None:
-    """Why these services cannot run here, where one speaks MAVLink; None: they can."""
-    speaking = [name for name in names if name in SPEAK_MAVLINK]
-    if not speaking or find_spec("pymavlink") is not None:
-        return None
-    return f"{speaking[0]} needs pymavlink, which is missing: {how_to_install('mavlink')}"
 
 
 def known_tables(services: Registry, here: Collection[str] | None = None) -> dict[str, type | None]:

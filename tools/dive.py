@@ -8,7 +8,7 @@ import msgspec
 
 from services.runtime.hosts.registry import Registry
 from services.runtime.launch.local_stack import local_stack
-from tools.checks import checked, require_mavlink
+from tools.checks import checked
 from tools.choices import Choices
 from tools.fleet.names import own_name
 from tools.keys.door import door
@@ -20,6 +20,7 @@ from tools.live.outcome import RECORDER, Outcome, title
 from tools.live.piloted_dive import PilotedDive, tell_who_flies, who_flies
 from tools.live.stop_signals import StopSignals
 from tools.live.viewer import runnable
+from tools.packages import require_packages
 
 
 def dive(
@@ -49,7 +50,7 @@ def dive(
     viewer = not headless and bool({"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys())
     services.require_whole()
     stack = checked(choices, pilot, services)
-    require_mavlink(services)
+    require_packages(services, pilot.name)
     stack = msgspec.structs.replace(stack, viewer=viewer, out=str(out_folder(choices.out)))
     stack = msgspec.structs.replace(stack, insecure=insecure and listen is not None)
     name = stack.name or own_name(stack.vehicle_name, gethostname())

@@ -15,7 +15,7 @@ from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.launch.local_stack import OtherSide, local_stack, require_free
-from tools.checks import DEFAULT_PILOT, PilotChoice, checked, pilot_of, require_mavlink
+from tools.checks import DEFAULT_PILOT, PilotChoice, checked, pilot_of
 from tools.choices import Choices
 from tools.fleet.meeting import Meeting, drone_at, drones_door, drones_name, require_only
 from tools.fleet.names import own_name
@@ -37,6 +37,7 @@ from tools.live.viewer import runnable
 from tools.onboard.broken_off import broken_off
 from tools.onboard.plan import Plan, become
 from tools.onboard.this_start import NOTE, Start, boot_id
+from tools.packages import require_packages
 from tools.report import Elsewhere
 
 OTHER = {"topside": "drone", "drone": "topside"}
@@ -104,7 +105,7 @@ def drone(
     here = on_side(every, "drone", gateway=False)
     here = here.grouped() if grouped else here
     stack = checked(choices, pilot_of(choices.pilot or DEFAULT_PILOT), every, here)
-    require_mavlink(here)
+    require_packages(here)
     before = resumed(resume, time.monotonic_ns(), time.time()) if resume is not None else {}
     # The pilot and the link are chosen on the topside.
     stack = msgspec.structs.replace(stack, apart=True, pilot=OTHER["drone"], link=meeting.link)
@@ -171,7 +172,7 @@ def topside(
     here = here.grouped() if grouped else here
     pilot = who_flies(choices, here)
     stack = checked(choices, pilot, every, here)
-    require_mavlink(here)
+    require_packages(here, pilot.name)
     stack = msgspec.structs.replace(stack, apart=True, insecure=insecure)
     own = own_name(stack.vehicle_name, gethostname())
     keys = None if way_out is None else way_out.keys

@@ -32,6 +32,7 @@ UNSEEN = (
 REMEMBERED = 64  # pictures whose time of sending is known
 LINES = 4  # newest warnings that are shown
 LONGEST_LINE = 160  # [characters]
+CLOCK_ERROR_NS = 20_000_000  # [ns] by which a browser's coarse clock may be ahead
 VERY_OLD_NS = -(2**62)  # [ns] when a message was read that does not say so
 
 
@@ -71,6 +72,7 @@ class Personal(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     in_control: bool = False  # of the drone, this cockpit
     taken: bool = False  # another page of this cockpit has the sticks
     lost: str = ""  # why the pilot is lost
+    wants_rest: bool = False  # its sticks move nothing until they were centred
     device: str = ""
     delay_ms: float | None = None  # [ms] there and back, between service and page
     pages: int = 0
@@ -136,8 +138,8 @@ class Cockpit:
         """[ns] The earliest moment at which the page may have made the message."""
         sender.seen = max(sender.seen, min(message.seen, sender.sent))
         sent = self._sent_ns.get(message.seen)
-        if sent is None:
-            return VERY_OLD_NS
+        if sent is None or message.held_ms > (now - sent + CLOCK_ERROR_NS) / 1e6:
+            return VERY_OLD_NS  # no page has held a picture for longer than there is one
         read = min(now, sent + round(message.held_ms * 1e6))
         sender.delay_ns = now - read
         return read
@@ -180,10 +182,10 @@ class Cockpit:
         for number in ready:
             self._pages[number].sent = self._picture
         head = f'{{"n":{self._picture},"you":'
-        texts = {n: f'{head}{self._personal(n, newest)},"view":{shared}}}' for n in ready}
+        texts = {n: f'{head}{self._personal(n, newest, now)},"view":{shared}}}' for n in ready}
         return texts, ["dropped:page"] * (len(self._pages) - len(ready))
 
-    def _personal(self, number: int, newest: LastHeard) -> str:
+    def _personal(self, number: int, newest: LastHeard, now: Ns) -> str:
         page, holder, pilot = self._pages[number], self._pilot.holder, self._pilot.pilot
         given = None if newest.status is None else newest.status.epoch
         told = Personal(
@@ -192,6 +194,7 @@ class Cockpit:
             in_control=pilot.in_control and pilot.progress.epoch == given,
             taken=holder.page not in (None, number),
             lost=self._pilot.lost,
+            wants_rest=holder.page == number and holder.wants_rest(now),
             device=holder.device,
             delay_ms=None if page.delay_ns is None else round(page.delay_ns / 1e6, 1),
             pages=len(self._pages),

@@ -17,7 +17,8 @@ from messages.state import VehicleState
 from messages.units import Ns
 from messages.vehicle import VehicleStatus
 
-OLD_NS = 3_000_000_000  # [ns] an older state or reference is not shown
+OLD_NS = 3_000_000_000  # [ns] an older state is not shown; one over 0.5 s is dim
+OLD_UNDATED_NS = 1_000_000_000  # [ns] nor what comes without an age: reference, thrust, link
 OLD_BATTERY_NS = 10_000_000_000  # [ns] it is said once a second
 SILENT_NS = 1_500_000_000  # [ns] a status is repeated five times a second
 
@@ -90,7 +91,7 @@ def outlook(
         **_status(newest.status, now),
         **_motion(newest, now),
         **_vehicle(newest, limits, now),
-        **_link(newest),
+        **_link(newest, now),
         sticks=() if command is None else (command.surge, command.sway, command.heave, command.yaw),
         lines=lines,
     )
@@ -128,7 +129,7 @@ def _motion(newest: LastHeard, now: Ns) -> dict[str, Any]:
             "pitch": _degrees(state.pitch),
             "state_ms": max(0.0, round((now - state.sensor_ns) / 1e6, 1)),
         }
-    if reference is not None and now - reference.stamp_ns <= OLD_NS:
+    if reference is not None and now - reference.stamp_ns <= OLD_UNDATED_NS:
         shown |= {
             "depth_wanted": _short(reference.depth.position),
             "heading_wanted": round(math.degrees(reference.heading.position), 1) % 360.0,
@@ -139,7 +140,7 @@ def _motion(newest: LastHeard, now: Ns) -> dict[str, Any]:
 
 def _vehicle(newest: LastHeard, limits: Sequence[tuple[float, float]], now: Ns) -> dict[str, Any]:
     shown: dict[str, Any] = {}
-    if (command := newest.thrusters) is not None and now - command.stamp_ns <= OLD_NS:
+    if (command := newest.thrusters) is not None and now - command.stamp_ns <= OLD_UNDATED_NS:
         shares = zip(command.thrust, limits, strict=False)
         shown["thrust"] = tuple(
             round(n / (most if n > 0.0 else -least), 2) for n, (least, most) in shares
@@ -156,9 +157,9 @@ def _vehicle(newest: LastHeard, limits: Sequence[tuple[float, float]], now: Ns) 
     return shown
 
 
-def _link(newest: LastHeard) -> dict[str, Any]:
+def _link(newest: LastHeard, now: Ns) -> dict[str, Any]:
     shown: dict[str, Any] = {}
-    if (link := newest.link) is not None:
+    if (link := newest.link) is not None and now - link.stamp_ns <= OLD_UNDATED_NS:
         losses = [d.loss for d in (link.down_link, link.up_link) if d.loss is not None]
         shown = {
             "link_up": link.up,

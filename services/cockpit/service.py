@@ -6,14 +6,13 @@ from typing import Protocol
 
 from messages import topics
 from messages.health import LogLine
-from messages.pilot import PilotAnswer, PilotRequest, RequestKind
 from messages.vehicle import VehicleStatus
 from services.cockpit.core import SHOW_HZ, Cockpit, Settings
 from services.cockpit.outlook import LastHeard
 from services.cockpit.page_messages import PageClosed, PageEvent, PageOpened, PageSaid
 from services.marine.vehicle import Vehicle
-from services.piloting.overruling import overrules
-from services.piloting.pilot import Effects, Pilot, Progress
+from services.piloting.io.pilot_ports import PilotPorts, restored
+from services.piloting.pilot import Pilot
 from services.runtime.config.errors import LindyError, NeedsRealTimeError
 from services.runtime.config.extras import how_to_install
 from services.runtime.config.stack import Stack
@@ -58,9 +57,8 @@ class CockpitPages:
 
     def __init__(self, node: Node, settings: Settings, vehicle: Vehicle, pages: Pages) -> None:
         self._node, self._pages = node, pages
-        self._pilot = Pilot(node.restore_checkpoint(Progress) or Progress(), arms=False)
-        self._kept = self._pilot.progress
-        self._cockpit = Cockpit(settings, self._pilot, [t.limits for t in vehicle.thruster])
+        pilot = Pilot(restored(node), arms=False)
+        self._cockpit = Cockpit(settings, pilot, [t.limits for t in vehicle.thruster])
         self._status = node.latest(topics.STATUS)
         self._state = node.latest(topics.STATE)
         self._reference = node.latest(topics.REFERENCE)
@@ -69,14 +67,7 @@ class CockpitPages:
         self._link = node.latest(topics.LINK)
         self._clock = node.latest(topics.CLOCK)
         self._latency = node.latest(topics.LATENCY)
-        self._commands = node.publisher(topics.PILOT_COMMAND)
-        self._asking = node.request(
-            topics.PILOT_REQUEST,
-            topics.PILOT_ANSWER,
-            on_answer=self._on_answer,
-            on_given_up=self._on_given_up,
-            overrules=overrules,
-        )
+        self._ports = PilotPorts(node, pilot, self._cockpit)
         node.each(topics.STATUS, self._on_status)
         node.each(topics.LOG, self._on_log)
         node.every(topics.PILOT_COMMAND.hz, self._tick)
@@ -84,17 +75,18 @@ class CockpitPages:
 
     def receive(self, now: int) -> None:
         """Something has arrived from a page."""
+        cockpit, ports = self._cockpit, self._ports
         for event in self._pages.received():
             match event:
                 case PageOpened(page, watcher):
-                    self._cockpit.opened(page, watcher=watcher)
+                    cockpit.opened(page, watcher=watcher)
                 case PageClosed(page):
-                    self._do(self._cockpit.closed(page, self._waiting, now), now)
+                    ports.do(cockpit.closed(page, ports.waiting, now), now)
                 case PageSaid(page, message):
-                    self._do(self._cockpit.received(page, message, self._waiting, now), now)
+                    ports.do(cockpit.received(page, message, ports.waiting, now), now)
 
     def _tick(self, now: int) -> None:
-        self._do(self._cockpit.tick(self._waiting, now), now)
+        self._ports.do(self._cockpit.tick(self._ports.waiting, now), now)
         for name in list(self._pages.counts):
             self._node.count(name, self._pages.counts.pop(name))
 
@@ -117,33 +109,10 @@ class CockpitPages:
         )
 
     def _on_status(self, status: VehicleStatus, now: int) -> None:
-        self._do(self._cockpit.status(status, self._waiting, now), now)
+        self._ports.do(self._cockpit.status(status, self._ports.waiting, now), now)
 
     def _on_log(self, line: LogLine, _: int) -> None:
         self._cockpit.log(line)
-
-    def _on_answer(self, request: PilotRequest, answer: PilotAnswer, now: int) -> None:
-        self._do(self._cockpit.answered(request, answer, now), now)
-
-    def _on_given_up(self, request: PilotRequest, now: int) -> None:
-        self._do(self._cockpit.given_up(request, now), now)
-
-    @property
-    def _waiting(self) -> set[RequestKind]:
-        return {request.kind for request in self._asking.pending}
-
-    def _do(self, effects: Effects, now: int) -> None:
-        for name in effects.counts:
-            self._node.count(name)
-        for level, text in effects.notes:
-            self._node.log(level, text)
-        if effects.command is not None:
-            self._commands.put(effects.command)
-        for request in effects.requests:
-            self._asking.ask(request, now)
-        if self._kept != self._pilot.progress:
-            self._kept = self._pilot.progress
-            self._node.save_checkpoint(self._kept)
 
 
 def _line(node: Node, text: str) -> LogLine:

@@ -68,6 +68,10 @@ class StickPage:
     def fresh(self, now: Ns) -> bool:
         return self.page is not None and self._known and self.age_ns(now) <= TTL_NS
 
+    def wants_rest(self, now: Ns) -> bool:
+        """Do its positions move nothing until they were centred?"""
+        return self.fresh(now) and not self._rested
+
     def reading(self, now: Ns, presses: tuple[Intent, ...] = ()) -> StickReading:
         """As of any stick source; without fresh positions the pilot is lost."""
         if not self.fresh(now):

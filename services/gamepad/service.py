@@ -2,15 +2,15 @@
 
 from messages import topics
 from messages.link import LinkAnswer
-from messages.pilot import PilotAnswer, PilotRequest, RequestKind
+from messages.pilot import PilotAnswer, PilotRequest
 from messages.simulator import FaultAnswer, FaultRequest
 from messages.vehicle import VehicleStatus
 from services.gamepad.core import Settings, StickSource
 from services.gamepad.incidents import in_words
 from services.gamepad.io.numbers import HasWindow, Numbers
 from services.gamepad.io.sources import open_source
-from services.piloting.overruling import overrules
-from services.piloting.pilot import Effects, Pilot, Progress
+from services.piloting.io.pilot_ports import PilotPorts, restored
+from services.piloting.pilot import Effects, Pilot
 from services.piloting.sticks import Incident
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
@@ -19,7 +19,7 @@ OVERHEARD = 16  # newest requests of others that may still be answered
 
 
 def wire(node: Node, stack: Stack) -> None:
-    progress = node.restore_checkpoint(Progress) or Progress()
+    progress = restored(node)
     source = open_source(node, stack, progress.played)
     is_script = stack.pilot.startswith("script:")
     by_itself = stack.arm or is_script
@@ -37,16 +37,8 @@ class Connected:
         self._node, self._source, self._pilot, self._name = node, source, pilot, name
         pilot.source = name or source.name
         self._overheard: dict[str, PilotRequest] = {}  # by id, the oldest first
-        self._kept = pilot.progress
-        self._commands = node.publisher(topics.PILOT_COMMAND)
         self._change = node.alarm(self._publish)
-        self._asking = node.request(
-            topics.PILOT_REQUEST,
-            topics.PILOT_ANSWER,
-            on_answer=self._on_answer,
-            on_given_up=self._on_given_up,
-            overrules=overrules,
-        )
+        self._ports = PilotPorts(node, pilot, pilot, also=self._hand_over)
         self._causing = CausedIncidents(node)
         node.each(topics.PILOT_REQUEST, self._overhear)  # others on this side: `lindy ask`
         node.each(topics.PILOT_ANSWER, self._overhear_answer)
@@ -57,21 +49,15 @@ class Connected:
         """Read the source and publish it. Also called at the instant a script's row begins."""
         began, source = self._pilot.progress.began_ns, self._source
         reading = source.read(now, began)
-        name = self._name or source.name
-        self._do(self._pilot.read(reading, name, source.played, self._waiting, now), now)
+        name, waiting = self._name or source.name, self._ports.waiting
+        self._ports.do(self._pilot.read(reading, name, source.played, waiting, now), now)
         for incident in reading.incidents:
             self._causing.cause(incident, now)
         if began is not None:
             self._change.set(source.next_ns(now, began))
 
     def _on_status(self, status: VehicleStatus, now: int) -> None:
-        self._do(self._pilot.status(status, self._waiting, now), now)
-
-    def _on_answer(self, request: PilotRequest, answer: PilotAnswer, now: int) -> None:
-        self._do(self._pilot.answered(request, answer, now), now)
-
-    def _on_given_up(self, request: PilotRequest, now: int) -> None:
-        self._do(self._pilot.given_up(request, now), now)
+        self._ports.do(self._pilot.status(status, self._ports.waiting, now), now)
 
     def _overhear(self, request: PilotRequest, _: int) -> None:
         self._overheard[request.id] = request
@@ -80,24 +66,9 @@ class Connected:
 
     def _overhear_answer(self, answer: PilotAnswer, now: int) -> None:
         if (request := self._overheard.pop(answer.id, None)) is not None:
-            self._do(self._pilot.overheard(request, answer), now)
+            self._ports.do(self._pilot.overheard(request, answer), now)
 
-    @property
-    def _waiting(self) -> set[RequestKind]:
-        return {request.kind for request in self._asking.pending}
-
-    def _do(self, effects: Effects, now: int) -> None:
-        for name in effects.counts:
-            self._node.count(name)
-        for level, text in effects.notes:
-            self._node.log(level, text)
-        if effects.command is not None:
-            self._commands.put(effects.command)
-        for request in effects.requests:
-            self._asking.ask(request, now)
-        if self._kept != self._pilot.progress:
-            self._kept = self._pilot.progress
-            self._node.save_checkpoint(self._kept)
+    def _hand_over(self, effects: Effects, now: int) -> None:
         if effects.hand_over:
             self._publish(now)
 

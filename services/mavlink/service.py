@@ -5,15 +5,14 @@ from typing import Protocol
 
 from messages import topics
 from messages.health import LogLine
-from messages.pilot import PilotAnswer, PilotRequest, RequestKind
 from messages.topic import M
 from messages.vehicle import VehicleStatus
 from services.mavlink.core import Settings, Submarine
 from services.mavlink.packets import Addressed, ReceivedPacket
 from services.mavlink.reaction import Reaction
 from services.mavlink.telemetry import Snapshot
-from services.piloting.overruling import overrules
-from services.piloting.pilot import Pilot, Progress
+from services.piloting.io.pilot_ports import PilotPorts, restored
+from services.piloting.pilot import Pilot
 from services.runtime.config.errors import NeedsRealTimeError
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
@@ -57,22 +56,14 @@ class GroundStations:
 
     def __init__(self, node: Node, settings: Settings, links: GroundLinks) -> None:
         self._node, self._links = node, links
-        self._pilot = Pilot(node.restore_checkpoint(Progress) or Progress(), arms=False)
-        self._kept = self._pilot.progress
+        pilot = Pilot(restored(node), arms=False)
         self._boot_ns = node.now()
-        self._submarine = Submarine(settings, self._pilot, self._boot_ns)
+        self._submarine = Submarine(settings, pilot, self._boot_ns)
         self._status: VehicleStatus | None = None
         self._state = node.latest(topics.STATE)
         self._battery = node.latest(topics.BATTERY)
         self._reference = node.latest(topics.REFERENCE)
-        self._commands = node.publisher(topics.PILOT_COMMAND)
-        self._asking = node.request(
-            topics.PILOT_REQUEST,
-            topics.PILOT_ANSWER,
-            on_answer=self._on_answer,
-            on_given_up=self._on_given_up,
-            overrules=overrules,
-        )
+        self._ports = PilotPorts(node, pilot, self._submarine, also=self._send)
         node.each(topics.STATUS, self._on_status)
         node.each(topics.LOG, self._on_log)
         node.every(HZ, self._tick)
@@ -80,27 +71,20 @@ class GroundStations:
     def receive(self, now: int) -> None:
         """Something has arrived from a ground station."""
         for packet in self._links.received():
-            self._do(self._submarine.received(packet, self._waiting, now), now)
+            self._ports.do(self._submarine.received(packet, self._ports.waiting, now), now)
 
     def _tick(self, now: int) -> None:
-        self._do(
-            self._submarine.tick(self._links.names, self._snapshot(now), self._waiting, now), now
-        )
+        names, waiting = self._links.names, self._ports.waiting
+        self._ports.do(self._submarine.tick(names, self._snapshot(now), waiting, now), now)
         for name in list(self._links.counts):
             self._node.count(name, self._links.counts.pop(name))
 
     def _on_status(self, status: VehicleStatus, now: int) -> None:
         self._status = status
-        self._do(self._submarine.status(status, self._waiting, now), now)
+        self._ports.do(self._submarine.status(status, self._ports.waiting, now), now)
 
     def _on_log(self, line: LogLine, now: int) -> None:
-        self._do(self._submarine.log(line, now), now)
-
-    def _on_answer(self, request: PilotRequest, answer: PilotAnswer, now: int) -> None:
-        self._do(self._submarine.answered(request, answer, now), now)
-
-    def _on_given_up(self, request: PilotRequest, now: int) -> None:
-        self._do(self._submarine.given_up(request, now), now)
+        self._ports.do(self._submarine.log(line, now), now)
 
     def _snapshot(self, now: int) -> Snapshot:
         reference = self._reference.newest(now)
@@ -118,24 +102,9 @@ class GroundStations:
             gain=self._submarine.gain,
         )
 
-    @property
-    def _waiting(self) -> set[RequestKind]:
-        return {request.kind for request in self._asking.pending}
-
-    def _do(self, reaction: Reaction, now: int) -> None:
-        for name in reaction.counts:
-            self._node.count(name)
-        for level, text in reaction.notes:
-            self._node.log(level, text)
-        if reaction.command is not None:
-            self._commands.put(reaction.command)
-        for request in reaction.requests:
-            self._asking.ask(request, now)
+    def _send(self, reaction: Reaction, _: int) -> None:
         for addressed in reaction.packets:
             self._links.send(addressed)
-        if self._kept != self._pilot.progress:
-            self._kept = self._pilot.progress
-            self._node.save_checkpoint(self._kept)
 
 
 def _recent(port: Latest[M], now: int, patience_ns: int) -> M | None:

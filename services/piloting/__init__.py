@@ -1,4 +1,4 @@
-"""Shared by every pilot: a gamepad, or a ground station. Pure: no bus, no clock.
+"""Shared by every pilot: a gamepad, a browser, or a ground station. Pure but for io.
 
 sticks          stick positions, and what a stick source reads at one instant
 pilot_intents   requests that a pilot can make
@@ -7,4 +7,5 @@ overruling      which older requests a newer one withdraws
 pilot_view      what a pilot must see of the drone, from the newest messages
 view_words      the words for it
 head_up         the head-up numbers of a window: which words stand where
+io              what every pilot does on the bus: commands, requests, checkpoint
 """

@@ -56,10 +56,11 @@ def doctor(
     from services.runtime.config.settings import override, read_toml
     from services.runtime.config.stack import BODY, Stack
     from services.runtime.hosts.registry import Registry
-    from tools.checks import PilotChoice, checked, lacking_mavlink
+    from tools.checks import PilotChoice, checked
     from tools.choices import Choices
     from tools.doctor.file_checks import of_file
     from tools.doctor.finding import VehicleFinding, as_json, as_lines, fit
+    from tools.packages import lacking
 
     if not 0.5 <= seconds <= LONGEST_S:
         raise LindyError(f"--seconds is {seconds:g}, expected 0.5 to {LONGEST_S:g}")
@@ -76,7 +77,7 @@ def doctor(
         found.append(_other_stack(stack, asked=asked))
     elif not asked:
         found.append(VehicleFinding("ok", "board", "none: the vehicle file has no table [ardusub]"))
-    if asked and (why := lacking_mavlink(services)) is not None:
+    if asked and (why := lacking(services)) is not None:
         found.append(VehicleFinding("missing", "board", f"not asked: {why}"))
     elif asked:
         found += _of_board(checked_stack, checked_stack.section(BODY, Vehicle), seconds)

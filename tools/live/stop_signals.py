@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM: they end a dive cleanly, and its report is written whole."""
+"""Ctrl-C, SIGTERM, a closed terminal: they end a dive cleanly, and its report is written whole."""
 
 import atexit
 import os
@@ -9,7 +9,8 @@ from collections.abc import Callable
 from contextlib import suppress
 from types import TracebackType
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM)
+PRESSED = (signal.SIGINT, signal.SIGTERM)
+SIGNALS = (*PRESSED, signal.SIGHUP)  # the last one: the terminal is gone
 BROKEN_OFF = 130  # exit status, as after any Ctrl-C
 APART_S = 0.5  # [s] signals that come closer are one: `uv run` hands on what also came by itself
 WRITING = "the report is being written; once more, and it is broken off"
@@ -30,7 +31,10 @@ class StopSignals:
         self._clock = clock
 
     def __enter__(self) -> "StopSignals":
-        self._before = {number: signal.signal(number, self._ask) for number in SIGNALS}
+        self._terminal = [output for output in (1, 2) if os.isatty(output)]  # asked while it is one
+        self._before = {number: signal.signal(number, self._ask) for number in PRESSED}
+        if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # as nohup leaves it
+            self._before[signal.SIGHUP] = signal.signal(signal.SIGHUP, self._hang_up)
         signal.pthread_sigmask(
             signal.SIG_UNBLOCK, SIGNALS
         )  # another program may have held them back
@@ -75,6 +79,15 @@ class StopSignals:
         elif self._clock() - self._told_s >= APART_S:
             self._reporting = False  # broken off once only
             raise BrokenOffError
+
+    def _hang_up(self, *_: object) -> None:
+        """Nobody can read any more, and every print would fail. A report is not broken off by it:
+        nobody has pressed anything."""
+        self.asked = True
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        for output in self._terminal:
+            os.dup2(nowhere, output)
+        os.close(nowhere)
 
     def _tell(self) -> None:
         self._told_s = self._clock()

@@ -58,7 +58,7 @@ def _open_pad(node: Node, stack: Stack) -> StickSource:
     from services.gamepad.io.pad import Pad, PadWithWindow  # here: a script needs no pygame
 
     wanted = stack.section("gamepad", Settings).window
-    pad = (PadWithWindow if wanted else Pad)(_profile(stack))
+    pad = (PadWithWindow if wanted else Pad)(pad_profile(stack))
     node.on_close(pad.close)
     return pad
 
@@ -67,11 +67,15 @@ def _open_keyboard(node: Node, stack: Stack) -> StickSource:
     sdl.load()
     from services.gamepad.io.keyboard import Keyboard
 
-    keyboard = Keyboard(_profile(stack).gain)
+    keyboard = Keyboard(pad_profile(stack).gain)
     node.on_close(keyboard.close)
     return keyboard
 
 
-def _profile(stack: Stack) -> PadProfile:
+def pad_profile(stack: Stack) -> PadProfile:
+    """
+    Raises:
+        LindyError: there is no such profile, or a mistake in it.
+    """
     name = stack.section("gamepad", Settings).profile
     return read(deploy_file("pads", name), PadProfile)

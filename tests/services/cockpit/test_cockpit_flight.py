@@ -333,11 +333,50 @@ def test_garbage_is_counted_and_moves_nothing(dive: Dive):
     assert all(c.surge == 0.0 for c in dive.commands[before:])
 
 
-def test_sticks_from_the_future_or_of_an_unknown_picture_are_not_believed(dive: Dive):
-    for seen, held_ms in ((10**9, 0.0), (0, 0.0), (1, 1e9)):
-        dive.run(0.5)
-        stick = {"surge": 0.9, "sway": 0.0, "heave": 0.0, "yaw": 0.0}
-        message = {"kind": "sticks", "seen": seen, "held_ms": held_ms, **stick}
-        dive.event(PageSaid(ANN, parsed(json.dumps(message))))
-        dive.run(0.1)
+@pytest.mark.parametrize(
+    ("back", "held_ms"),
+    [(-(10**9), 0.0), (10**9, 0.0), (1, 1e9), (25, 60_000.0), (25, 1_100.0)],
+    ids=["future", "unknown", "held_for_ever", "held_for_a_minute", "held_for_a_tenth_too_long"],
+)
+def test_sticks_from_the_future_or_of_an_unknown_picture_are_not_believed(
+    dive: Dive, back: int, held_ms: float
+):
+    """Centred before and not lost yet, so that only their age keeps them from acting."""
+    dive.steer(1.5)
+    seen = max(0, dive.browsers.pictures[ANN]["n"] - back)
+    for _ in range(5):
+        dive.say("sticks", surge=0.9, sway=0.0, heave=0.0, yaw=0.0, seen=seen, held_ms=held_ms)
+        dive.run(1.0 / STICKS_HZ)
+    assert dive.counts["lost:page_silent"] == 1
     assert max(abs(c.surge) for c in dive.commands) == 0.0
+
+
+def test_sticks_of_an_older_picture_act_as_long_as_they_are_young(dive: Dive):
+    dive.steer(1.5)
+    seen = dive.browsers.pictures[ANN]["n"] - 5  # 200 ms ago
+    dive.say("sticks", surge=0.9, sway=0.0, heave=0.0, yaw=0.0, seen=seen, held_ms=100.0)
+    dive.run(0.05)
+    assert dive.commands[-1].surge == 0.9
+
+
+def test_a_page_is_told_that_its_sticks_wait_for_being_centred(dive: Dive):
+    dive.steer(0.2, yaw=0.5).run(0.6)
+    dive.steer(0.2, yaw=0.5)
+    assert dive.you()["wants_rest"]
+    dive.steer(0.2)
+    assert "wants_rest" not in dive.you()
+    dive.steer(0.2, yaw=0.5)
+    assert "wants_rest" not in dive.you()
+
+
+@pytest.mark.parametrize(
+    ("service", "shown"), [("control", "thrust"), ("reference", "depth_wanted")]
+)
+def test_what_comes_without_an_age_is_not_shown_once_it_is_old(
+    dive: Dive, service: str, shown: str
+):
+    dive.steer(0.2)
+    assert shown in dive.view()
+    dive.host.kill(service)
+    dive.steer(1.2)
+    assert shown not in dive.view()

@@ -360,7 +360,7 @@ def no_findings(*_: object) -> list[VehicleFinding]:
 def test_without_pymavlink_the_vehicle_file_is_checked_all_the_same(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("tools.checks.find_spec", nothing)
+    monkeypatch.setattr("tools.packages.find_spec", nothing)
     assert main(["doctor", "--vehicle", "bluerov2_heavy"]) == 1
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("ok       vehicle file")
@@ -382,7 +382,7 @@ def test_without_pymavlink_nothing_is_written_and_it_is_said_once(
     monkeypatch: pytest.MonkeyPatch,
     tmp_path: Path,
 ) -> None:
-    monkeypatch.setattr("tools.checks.find_spec", nothing)
+    monkeypatch.setattr("tools.packages.find_spec", nothing)
     monkeypatch.chdir(tmp_path)
     assert "needs pymavlink, which is missing: in the folder" in complaint(capsys, *words)
     assert list(tmp_path.iterdir()) == []

@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM: the first one ends the dive, and none costs its report by accident."""
+"""Ctrl-C, SIGTERM, a closed terminal: the first ends the dive; no report is lost by accident."""
 
 import io
 import os
@@ -19,7 +19,7 @@ from services.recorder.foxglove_schema import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
 from services.runtime.config.stack import Stack
 from tools.live.outcome import Outcome
-from tools.live.stop_signals import BROKEN_OFF, WRITING, StopSignals
+from tools.live.stop_signals import BROKEN_OFF, SIGNALS, WRITING, StopSignals
 
 HERE = Path(__file__).parents[3]
 BOTH = pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -138,7 +138,51 @@ raise SystemExit(status)
 
 
 def test_afterwards_the_signals_have_their_former_effect():
-    before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
+    before = [signal.getsignal(number) for number in SIGNALS]
     with StopSignals() as stop:
         stop.report(lambda: 0)
-    assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == before
+    assert [signal.getsignal(number) for number in SIGNALS] == before
+
+
+def test_a_closed_terminal_ends_the_dive_and_its_report_is_written(tmp_path: Path):
+    """On a terminal of its own, which is closed in the middle of the dive and again while the
+    report is being written: prints go nowhere, and none of them fails."""
+    record(tmp_path / "dive.mcap")
+    program = f"""
+import os, signal
+from services.runtime.config.stack import Stack
+from tools.live.outcome import Outcome
+from tools.live.stop_signals import StopSignals
+outcome = Outcome(Stack(out={str(tmp_path)!r}))
+def write():
+    os.kill(os.getpid(), signal.SIGHUP)
+    return outcome.sum_up()
+with StopSignals() as stop:
+    print("diving", flush=True)
+    while not stop.asked:
+        signal.pause()
+    status = stop.report(write)
+print("never read", flush=True)
+raise SystemExit(status)
+"""
+    ours, theirs = os.openpty()
+    words = [sys.executable, "-c", program]
+    ran = subprocess.Popen(
+        words, cwd=HERE, stdin=theirs, stdout=theirs, stderr=theirs, start_new_session=True
+    )
+    os.close(theirs)
+    assert os.read(ours, 6) == b"diving"
+    ran.send_signal(signal.SIGHUP)  # as the terminal's end does to the group in its foreground
+    os.close(ours)
+    assert ran.wait() == 0
+    assert (tmp_path / "report.json").exists()
+
+
+def test_what_nohup_started_goes_on_without_its_terminal():
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with StopSignals() as stop:
+            press(signal.SIGHUP)
+            assert not stop.asked
+    finally:
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)

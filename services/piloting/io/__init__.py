@@ -1,0 +1,1 @@
+"""The connection of a pilot to a node."""
