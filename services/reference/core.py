@@ -13,6 +13,7 @@ from typing import cast
 import msgspec
 from msgspec import UNSET
 
+from messages.control import Wrench
 from messages.counts import sentence
 from messages.pilot import Hold, PilotAnswer, PilotCommand, PilotRequest, StopDistance
 from messages.reference import Reference
@@ -49,6 +50,7 @@ class GuidanceCheckpoint(msgspec.Struct, frozen=True):
     disarmed_ns: int = 0  # [ns] stamp of the newest disarm
 
 
+SHORT = 0.01  # [-] of the yaw moment that is wanted; a smaller lack is rounding
 INITIAL = GuidanceCheckpoint()
 
 
@@ -133,7 +135,7 @@ class ReferenceGenerator:
             self._initialised = True
         self._aim(command)
         if state is not None and self.armed:
-            guidance.wait(state)
+            guidance.wait(state, turn_short=_turn_short(self.conditions.newest.wrench))
         epoch = self.authority.lease.acting
         armed_ns = self._armed_ns if self.armed else None
         return reference_of(guidance, state, command, now, armed_ns=armed_ns, epoch=epoch)
@@ -346,3 +348,11 @@ class ReferenceGenerator:
         if self._guidance.manoeuvre.on_a_path:
             return "follow"
         return "goto" if self._guidance.manoeuvre.going else "piloted"
+
+
+def _turn_short(wrench: Wrench | None) -> bool:
+    """Whether the thrusters give less yaw than control asks for, because they are at a limit."""
+    if wrench is None or not wrench.saturated:
+        return False
+    wanted, achieved = wrench.wanted[5], wrench.achieved[5]
+    return abs(wanted - achieved) > SHORT * abs(wanted)

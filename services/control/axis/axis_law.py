@@ -23,7 +23,7 @@ from services.control.axis.lasting_value import LastingValue
 from services.control.axis.plant import Plant
 
 Percent = Annotated[float, msgspec.Meta(ge=0.0, le=200.0)]
-Doubt = Annotated[float, msgspec.Meta(ge=0.0, le=5.0)]
+DragDoubt = Annotated[float, msgspec.Meta(ge=0.0, le=5.0)]
 WIDEST = 50.0  # [rad/s]
 Bandwidth = Annotated[float, msgspec.Meta(ge=0.0, le=WIDEST)]
 BLOCKED = 0.2  # [-] of the reference velocity; a slower vehicle does not move freely
@@ -43,7 +43,9 @@ class Gains(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     max_integral: NotNegativeSetting  # [N] or [N m]; guard 2, well below a saturated thruster
     observer: Bandwidth = 0.0  # [rad/s] of the disturbance observer; 0: the integral instead
     drag_speed: NotNegativeSetting = 0.0  # position units per second; drag is learnt above; 0: off
-    drag_doubt: Doubt = 0.0  # [-] of the model's drag that guard 2 is wider by in motion; observer
+    drag_doubt: DragDoubt = (
+        0.0  # [-] of the model's drag that guard 2 is wider by in motion; observer
+    )
     still: NotNegativeSetting = 0.0  # position units per second; below, it learns as slowly as ki
     decay: OpenShare = 0.98  # [-] per step; guard 3
     decay_threshold: Positive = 0.1  # position units; guard 3 acts on errors larger than this

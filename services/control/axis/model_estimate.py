@@ -38,7 +38,7 @@ THRUST_ZONE, DRAG_ZONE = 0.15, 0.35  # [-] from 1; closer is not used …
 LEAVE = 0.5  # [-] … and closer than this share of it not any more
 RATE = 0.1  # [1/s] at which what is used follows the estimate
 
-Scale = Annotated[float, msgspec.Meta(ge=0.2, le=5.0)]
+LearntScale = Annotated[float, msgspec.Meta(ge=0.2, le=5.0)]
 Rows = tuple[float, float, float]
 Matrix = tuple[Rows, Rows, Rows]
 
@@ -51,11 +51,11 @@ class AdaptationSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True
     """
 
     on: bool = True  # False: it is estimated and reported, and not used
-    thrust: tuple[Scale, Scale] = (0.5, 2.0)  # [-] least and most of the file's thrust
-    drag: tuple[Scale, Scale] = (0.4, 2.5)  # [-] least and most of the file's drag
+    thrust: tuple[LearntScale, LearntScale] = (0.5, 2.0)  # [-] least and most of the file's thrust
+    drag: tuple[LearntScale, LearntScale] = (0.4, 2.5)  # [-] least and most of the file's drag
     # [-] Thrust and drag to begin with, of heave and of yaw: what an earlier dive has learnt.
-    heave: tuple[Scale, Scale] = (1.0, 1.0)
-    yaw: tuple[Scale, Scale] = (1.0, 1.0)
+    heave: tuple[LearntScale, LearntScale] = (1.0, 1.0)
+    yaw: tuple[LearntScale, LearntScale] = (1.0, 1.0)
 
     def __post_init__(self) -> None:
         for name, (least, most) in (("thrust", self.thrust), ("drag", self.drag)):

@@ -22,6 +22,7 @@ from services.reference.settings import Settings
 from services.reference.trajectory.minimum_jerk import Ramp, Sample
 
 RISEN = 0.01  # [m] an ascent that ends this close to its depth has reached it
+TURN_SHORT = 0.04  # [rad] largest error of a heading for which there is not enough thrust
 PLACE_PATIENCE_S = 2.0  # [s] without a position measurement before station keeping ends
 
 
@@ -121,8 +122,13 @@ class Guidance:
             self.axes.heave.shift(moved - before)
             self.notes.append(f"the depth is held {moved - before:+.2f} m from before, as measured")
 
-    def wait(self, state: VehicleState) -> None:
-        """Keep the reference close to a vehicle that cannot follow it."""
+    def wait(self, state: VehicleState, *, turn_short: bool = False) -> None:
+        """Keep the reference close to a vehicle that cannot follow it.
+
+        Args:
+            turn_short: all the thrust there is turns it, and does not suffice; the reference of the
+                heading then waits earlier.
+        """
         axes, held, t = self.axes, self.held, self.t
         if self.manoeuvre.following is not None:
             self.manoeuvre.following.watch(state, self.ground, t)
@@ -132,6 +138,8 @@ class Guidance:
             self._end_stop(state, deepest)
             self._keep("depth", axes.heave, state.depth, deepest)
         if held.heading:
+            most = self.settings.yaw.max_error
+            self._governors["heading"].most = min(most, TURN_SHORT) if turn_short else most
             self._keep("heading", axes.yaw, state.heading)
         if axes.place.held and self.ground is not None:
             (north, east), size = axes.place.error(self.ground)

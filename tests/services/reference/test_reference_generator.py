@@ -8,11 +8,14 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
+from messages.control import Wrench
 from messages.message import Estimate
 from messages.pilot import Course, PilotAnswer, PilotCommand, PilotRequest
 from messages.reference import Reference
 from messages.state import VehicleState
 from services.reference.core import ReferenceGenerator, Settings
+from services.reference.failsafe.watch import Newest
+from services.reference.guidance.guidance import TURN_SHORT
 from services.reference.paths.heading import wrap
 from services.runtime.config.stack import Stack
 
@@ -212,6 +215,34 @@ def test_held_back_by_the_floor_the_reference_waits() -> None:
         assert out is not None
         assert out.depth.position <= 1.0 + s.heave.max_error + 1e-9
     assert generator.events.count("clamped:reference.depth") == 1
+
+
+@pytest.mark.parametrize(("achieved", "most"), [(6.0, TURN_SHORT), (9.0, 0.5)])
+def test_where_all_thrust_does_not_turn_it_fast_enough_the_heading_waits(
+    achieved: float, most: float
+) -> None:
+    """Also where heave is what the thrusters lack, but only a lack of yaw makes the turn wait."""
+    guidance = armed()
+    generator, now = guidance.generator, guidance.now
+    wanted, got = (0.0, 0.0, 50.0, 0.0, 0.0, 9.0), (0.0, 0.0, 35.0, 0.0, 0.0, achieved)
+    furthest = 0.0
+    for step in range(500):
+        now += DT
+        turned = 0.7 * step * DT / 1e9  # [rad] of the 1.05 rad/s that are asked for
+        wrench = Wrench(
+            stamp_ns=now,
+            sensor_ns=now,
+            wanted=wanted,
+            achieved=got,
+            depth_integral=0.0,
+            heading_integral=0.0,
+            saturated=True,
+        )
+        generator.conditions.newest = Newest(wrench=wrench)
+        out = generator.step(state(now, heading=turned), sticks(0, yaw=1.0), now)
+        assert out is not None
+        furthest = max(furthest, out.heading.position - turned)
+    assert 0.9 * most < furthest <= most + 1e-9
 
 
 def test_without_a_state_it_stops_smoothly_and_keeps_its_rate() -> None:

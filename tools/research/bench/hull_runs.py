@@ -18,7 +18,7 @@ from tools.research.bench.goal_runs import QUIET_S, random_sticks
 from tools.research.bench.sortie import DEEP, Sortie
 
 
-class Difference(NamedTuple):
+class HullDifference(NamedTuple):
     """A hull, as factors of what the vehicle file says, and what is added to it."""
 
     mass: float = 1.0  # [-] and inertia, and added mass
@@ -34,18 +34,18 @@ BALLAST_S = 0.8  # [s] after arming, before the first move, a heavier hull gets 
 SHIFT = 0.005  # [m] of the centre of gravity
 
 # The lines of the table; every dive of a line is flown with each of its hulls.
-HULLS: dict[str, tuple[Difference, ...]] = {
-    "nominal": (Difference(),),
-    "mass and added mass ±30 %": (Difference(mass=0.7), Difference(mass=1.3)),
-    "damping ×½, ×2": (Difference(damping=0.5), Difference(damping=2.0)),
-    "thrust ±20 %": (Difference(thrust=0.8), Difference(thrust=1.2)),
-    "thrust −40 %": (Difference(thrust=0.6),),
-    "lag ×2": (Difference(lag=2.0),),
+HULLS: dict[str, tuple[HullDifference, ...]] = {
+    "nominal": (HullDifference(),),
+    "mass and added mass ±30 %": (HullDifference(mass=0.7), HullDifference(mass=1.3)),
+    "damping ×½, ×2": (HullDifference(damping=0.5), HullDifference(damping=2.0)),
+    "thrust ±20 %": (HullDifference(thrust=0.8), HullDifference(thrust=1.2)),
+    "thrust −40 %": (HullDifference(thrust=0.6),),
+    "lag ×2": (HullDifference(lag=2.0),),
     "buoyancy ±, centre of gravity 5 mm off": (
-        Difference(buoyancy=1.0, gravity_shift=(SHIFT, 0.0, 0.0)),
-        Difference(buoyancy=-1.0, gravity_shift=(0.0, SHIFT, 0.0)),
+        HullDifference(buoyancy=1.0, gravity_shift=(SHIFT, 0.0, 0.0)),
+        HullDifference(buoyancy=-1.0, gravity_shift=(0.0, SHIFT, 0.0)),
     ),
-    "mass −30 %, damping ×½, thrust +20 %, lag ×2": (Difference(0.7, 0.5, 1.2, 2.0),),
+    "mass −30 %, damping ×½, thrust +20 %, lag ×2": (HullDifference(0.7, 0.5, 1.2, 2.0),),
 }
 
 
@@ -80,7 +80,9 @@ class HullDive(NamedTuple):
     adapted: bool  # the law was at any time another than that of the vehicle file
 
 
-def fly(vehicle: str, difference: Difference, seed: int, overrides: Sequence[str] = ()) -> HullDive:
+def fly(
+    vehicle: str, difference: HullDifference, seed: int, overrides: Sequence[str] = ()
+) -> HullDive:
     """A minute of random sticks, as of `goal_runs.releases`."""
     rows, ends = random_sticks(seed, 60.0)
     over = ends[-1][0] + QUIET_S
@@ -108,7 +110,7 @@ def _in_use(learnt: LearntModel) -> bool:
     return (learnt.thrust_used, learnt.drag_used) != (1.0, 1.0)
 
 
-def settings(vehicle: str, difference: Difference) -> list[str]:
+def settings(vehicle: str, difference: HullDifference) -> list[str]:
     """The overrides that give the simulator this hull, and nobody else."""
     v, d = file_of(vehicle), difference
     hull: dict[str, object] = {}
