@@ -20,7 +20,7 @@ LOSS_SHOWN = 0.01  # [-] a smaller share is not worth a word
 def screen(
     rows: Sequence[FleetRow], remarks: Sequence[str], place: str, height: int
 ) -> RenderableType:
-    """All drones by name; where they are too many for the terminal, those with an alarm first.
+    """All drones by name; where they are too many for the terminal, the most urgent first.
 
     Args:
         remarks: what was not listed, in words.
@@ -72,8 +72,21 @@ def _fitting(rows: Sequence[FleetRow], room: int) -> tuple[list[FleetRow], list[
     """Those that are shown, and those for whom there is no room."""
     if len(rows) <= room:
         return [*rows], []
-    first = sorted(rows, key=lambda row: not row.alarms)  # else they stay in their order
+    first = sorted(rows, key=_urgency)  # else they stay in their order
     return first[: room - 1], first[room - 1 :]
+
+
+def _urgency(row: FleetRow) -> int:
+    """0: to be seen first. A name anybody can announce: it takes no drone's place."""
+    if not row.speaks:
+        return 5
+    if row.gone:
+        return 4
+    if row.failsafe:
+        return 0
+    if row.alarms:
+        return 1 if row.armed else 2
+    return 3
 
 
 def _hidden(rows: Sequence[FleetRow]) -> str:

@@ -9,6 +9,7 @@ from msgspec import UNSET, UnsetType
 
 from messages.counts import short
 from messages.units import Ns
+from messages.vehicle import VehicleStatus
 from services.runtime.bus.spaces import here_of, name_in
 from tools.fleet.drones import OTHER_MESSAGES, SILENT, TWICE, in_volts
 from tools.fleet.hearing import Hearing
@@ -32,6 +33,9 @@ class FleetRow(NamedTuple):
     loss: float | None  # [-] of its words that did not come here
     pilot: str  # who flies; empty: nobody
     alarms: tuple[str, ...]  # the gravest first
+    failsafe: str  # the condition that acts; empty: none
+    speaks: bool  # else its name was announced, and nothing more
+    gone: bool
 
 
 class FleetWatch:
@@ -84,7 +88,7 @@ class FleetWatch:
                 del self._gone[name]
         there = [self._row(drone, now) for drone in self.roster.drones.values()]
         gone = [
-            self._row(drone, now)._replace(alarms=(f"gone for {_seconds(now - since)}",))
+            self._row(drone, now)._replace(alarms=(f"gone for {_seconds(now - since)}",), gone=True)
             for drone, since in self._gone.values()
         ]
         return sorted([*there, *gone], key=lambda row: row.name)
@@ -103,6 +107,9 @@ class FleetWatch:
             loss=None if hearing is None else hearing.loss(now),
             pilot="" if status is None else status.pilot,
             alarms=tuple(self._alarms(drone, age)),
+            failsafe=_failsafe(status),
+            speaks=drone.speaks,
+            gone=False,
         )
 
     def _alarms(self, drone: Drone, age: Ns | None) -> Iterator[str]:
@@ -120,6 +127,10 @@ class FleetWatch:
             yield SILENT
         if identity is not None and identity.messages != self._ours:
             yield OTHER_MESSAGES
+
+
+def _failsafe(status: VehicleStatus | None) -> str:
+    return "" if status is None or status.failsafe == "none" else status.failsafe
 
 
 def _known(value: float | UnsetType) -> float | None:

@@ -161,6 +161,24 @@ def test_where_the_window_is_too_low_alarms_come_first_and_the_rest_is_counted()
     assert lines[-1] == "and 15 more, 0 of them with an alarm: the window is too low"
 
 
+def test_no_name_that_was_only_announced_and_no_drone_that_is_gone_hides_one_in_need() -> None:
+    watch = watching("gone", "ready", "armed", "noting", "unsafe", "unsafe_and_gone")
+    for k in range(50):
+        watch.token(token(f"a{k}"), True, 0)
+    say(watch, "ready", topics.STATUS, flying(armed=False))
+    say(watch, "noting", topics.STATUS, flying(armed=False, note="not ready: calibrating"))
+    say(watch, "armed", topics.STATUS, flying(note="the light is hot"))
+    for name in ("unsafe", "unsafe_and_gone"):
+        say(watch, name, topics.STATUS, flying(failsafe="leak"))
+    for name in ("gone", "unsafe_and_gone"):
+        watch.token(token(name), False, 0)
+    lines = shown(watch.rows(SECOND), [], 12)
+    assert [each.split()[0] for each in lines[2:-1]] == [
+        "unsafe", "armed", "noting", "ready", "gone", "unsafe_and_gone", "a0",
+    ]  # fmt: skip
+    assert lines[-1].startswith("and 49 more")
+
+
 def test_a_drone_gets_another_line_for_news_and_not_for_passing_seconds() -> None:
     watch = watching("rov1")
     old, older = watch.rows(3 * SECOND)[0], watch.rows(9 * SECOND)[0]
