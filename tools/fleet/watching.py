@@ -17,6 +17,7 @@ from tools.fleet.roster import MOST, Drone, Roster
 
 SECOND: Ns = 1_000_000_000
 OLD_NS = 2 * SECOND  # a status comes five times a second
+BATTERY_OLD_NS = 5 * SECOND  # a battery comes once a second
 GONE_NS = 600 * SECOND  # how long a drone that has gone stays on the screen
 
 
@@ -28,7 +29,7 @@ class FleetRow(NamedTuple):
     armed: bool
     depth_m: float | None
     heading_deg: float | None  # 0 … 360
-    battery: str  # in words
+    battery: str  # in words; empty: not known, or too old to be believed
     age_s: float | None  # since it was last heard
     loss: float | None  # [-] of its words that did not come here
     pilot: str  # who flies; empty: nobody
@@ -49,6 +50,9 @@ class FleetWatch:
         self.roster = Roster()
         self._ours = ours
         self._hearings: dict[str, Hearing] = {}
+        self._batteries: dict[
+            str, Ns
+        ] = {}  # when each was heard; before it was: when its drone was
         self._gone: dict[str, tuple[Drone, Ns]] = {}
 
     def token(self, key: str, there: bool, now: Ns) -> None:
@@ -59,7 +63,8 @@ class FleetWatch:
         if here is None:
             return
         if here.name in self.roster.drones:
-            self._gone.pop(here.name, None)
+            if self._gone.pop(here.name, None) is not None:  # nothing of before is believed
+                self._batteries.pop(here.name, None)
         elif before is not None and before.speaks:
             self._gone[here.name] = (before, now)
             if len(self._gone) > MOST:
@@ -68,18 +73,24 @@ class FleetWatch:
     def row(self, key: str, payload: bytes, now: Ns) -> None:
         """One of the roster's rows of a drone."""
         drone = self.roster.drones.get(name := name_in(key))
-        before = None if drone is None else drone.status
+        before = (None, None) if drone is None else (drone.status, drone.battery)
         self.roster.row(key, payload)
         drone = self.roster.drones.get(name)
-        if drone is not None and drone.status is not None and drone.status is not before:
-            if name not in self._hearings:
-                self._forget()
+        if drone is None:
+            return
+        if name not in self._batteries:
+            self._forget()
+        if drone.status is not None and drone.status is not before[0]:
             self._hearings.setdefault(name, Hearing()).hear(drone.status.seq, now)
+            self._batteries.setdefault(name, now)
+        if drone.battery is not None and drone.battery is not before[1]:
+            self._batteries[name] = now
 
     def _forget(self) -> None:
         """Of those who are not shown any more."""
-        for name in self._hearings.keys() - self.roster.drones.keys() - self._gone.keys():
-            del self._hearings[name]
+        for times in (self._hearings, self._batteries):
+            for name in times.keys() - self.roster.drones.keys() - self._gone.keys():
+                del times[name]
 
     def rows(self, now: Ns) -> list[FleetRow]:
         """By name, those that have gone among them."""
@@ -96,24 +107,26 @@ class FleetWatch:
     def _row(self, drone: Drone, now: Ns) -> FleetRow:
         status, hearing = drone.status, self._hearings.get(drone.name)
         age = None if hearing is None or status is None else now - hearing.heard_ns
+        battery_age = now - self._batteries.get(drone.name, now)
         return FleetRow(
             name=drone.name,
             mode="" if status is None else status.mode,
             armed=status is not None and status.armed,
             depth_m=None if status is None else _known(status.depth),
             heading_deg=None if status is None else _compass(status.heading),
-            battery="" if drone.battery is None else in_volts(drone.battery),
+            battery=_battery(drone, battery_age),
             age_s=None if age is None else max(0.0, age / 1e9),
             loss=None if hearing is None else hearing.loss(now),
             pilot="" if status is None else status.pilot,
-            alarms=tuple(self._alarms(drone, age)),
+            alarms=tuple(self._alarms(drone, age, battery_age)),
             failsafe=_failsafe(status),
             speaks=drone.speaks,
             gone=False,
         )
 
-    def _alarms(self, drone: Drone, age: Ns | None) -> Iterator[str]:
-        if age is not None and age > OLD_NS:
+    def _alarms(self, drone: Drone, age: Ns | None, battery_age: Ns) -> Iterator[str]:
+        silent = age is not None and age > OLD_NS
+        if silent:
             yield f"not heard for {_seconds(age)}"
         if len(drone.starts) > 1:
             yield TWICE
@@ -121,12 +134,18 @@ class FleetWatch:
         if status is not None and status.failsafe != "none":
             acts = f", {status.reaction}" if status.reaction else ""
             yield f"FAILSAFE {short(f'failsafe:{status.failsafe}')}{acts}"
+        if battery_age > BATTERY_OLD_NS and not silent:
+            yield f"battery silent for {_seconds(battery_age)}"
         if status is not None and status.note:
             yield status.note
         if not drone.speaks:
             yield SILENT
         if identity is not None and identity.messages != self._ours:
             yield OTHER_MESSAGES
+
+
+def _battery(drone: Drone, age: Ns) -> str:
+    return "" if drone.battery is None or age > BATTERY_OLD_NS else in_volts(drone.battery)
 
 
 def _failsafe(status: VehicleStatus | None) -> str:

@@ -20,7 +20,7 @@ from services.runtime.bus.spaces import here_key, namespace
 from tools.fleet.fleet_screen import as_json, clean, line, news, screen
 from tools.fleet.hearing import SPAN, Hearing
 from tools.fleet.roster import MOST
-from tools.fleet.watching import GONE_NS, OLD_NS, FleetRow, FleetWatch
+from tools.fleet.watching import BATTERY_OLD_NS, GONE_NS, OLD_NS, FleetRow, FleetWatch
 
 SECOND = 1_000_000_000
 IDENTITY = topics.IDENTITY.of("drone")
@@ -79,6 +79,38 @@ def test_what_a_drone_complains_of_is_an_alarm(said: VehicleStatus, alarm: str) 
     watch = watching("rov1")
     say(watch, "rov1", topics.STATUS, said)
     assert watch.rows(0)[0].alarms == (alarm,)
+
+
+def test_a_battery_that_falls_silent_is_not_shown_as_if_it_were_heard() -> None:
+    watch = watching("rov1")
+    say(watch, "rov1", topics.STATUS, flying(), BATTERY_OLD_NS)
+    (row,) = watch.rows(BATTERY_OLD_NS)
+    assert (row.battery, row.alarms) == ("15.9 V", ())
+    say(watch, "rov1", topics.STATUS, flying(failsafe="leak"), 130 * SECOND)
+    (row,) = watch.rows(130 * SECOND)
+    assert (row.battery, row.alarms) == ("", ("FAILSAFE leak", "battery silent for 130 s"))
+    assert "  –  " in " ".join(shown([row], [], 30))
+    (row,) = watch.rows(140 * SECOND)
+    assert row.alarms == ("not heard for 10 s", "FAILSAFE leak")  # of which silence is a part
+    say(watch, "rov1", topics.STATUS, flying(), 150 * SECOND)
+    battery = BatterySample(stamp_ns=0, voltage=14.0, current=1.0, used_wh=1.0)
+    say(watch, "rov1", topics.BATTERY, battery, 150 * SECOND)
+    (row,) = watch.rows(151 * SECOND)
+    assert (row.battery, row.alarms) == ("14.0 V", ())
+
+
+def test_a_battery_that_was_never_heard_is_silent_since_its_drone_was_heard_first() -> None:
+    watch = FleetWatch("same")
+    watch.token(token("rov1"), True, 0)
+    for second in range(10, 20):
+        say(watch, "rov1", topics.STATUS, flying(), second * SECOND)
+        alarms = watch.rows(second * SECOND)[0].alarms
+        silent = (f"battery silent for {second - 10} s",)
+        assert alarms == (silent if second > 15 else ())
+    watch.token(token("rov1"), False, 20 * SECOND)
+    watch.token(token("rov1"), True, 30 * SECOND)
+    say(watch, "rov1", topics.STATUS, flying(), 30 * SECOND)
+    assert watch.rows(31 * SECOND)[0].alarms == ()  # it has had no time yet
 
 
 def test_silence_two_of_a_name_other_messages_and_departure_are_alarms() -> None:
