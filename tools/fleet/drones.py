@@ -5,8 +5,10 @@ from pathlib import Path
 from typing import Any
 
 from messages import topics
+from messages.counts import short
 from messages.identity import SideIdentity
 from messages.sensors import BatterySample
+from messages.vehicle import VehicleStatus
 from services.runtime.config.identity import messages_hash
 from tools.fleet.look import look
 from tools.fleet.roster import Drone, Roster
@@ -15,6 +17,7 @@ from tools.keys.roles import Role
 
 WATCHERS: tuple[Role, ...] = ("observer", "pilot")
 HEADING = ("name", "type", "Lindy", "mode", "battery", "who flies", "")
+UNKNOWN = "–"
 SILENT = "is announced, but says nothing"
 OTHER_MESSAGES = "other messages than here: cannot be flown from here"
 TWICE = "two drones of this name"
@@ -88,11 +91,23 @@ def _line(drone: Drone, ours: str) -> tuple[str, ...]:
         drone.name,
         "" if identity is None else identity.vehicle,
         "" if identity is None else identity.version,
-        "" if status is None else f"{status.mode}{', armed' if status.armed else ''}",
-        "" if drone.battery is None else in_volts(drone.battery),
+        "" if status is None else _mode(status),
+        UNKNOWN if drone.battery is None else in_volts(drone.battery),
         "" if status is None else status.pilot or "nobody",
         "; ".join(remarks),
     )
+
+
+def _mode(status: VehicleStatus) -> str:
+    """`FAILSAFE pilot lost: stopping, armed`."""
+    failsafe = failsafe_words(status)
+    words = f"{status.mode}{', armed' if status.armed else ''}"
+    return f"{failsafe}: {words}" if failsafe else words
+
+
+def failsafe_words(status: VehicleStatus) -> str:
+    """`FAILSAFE pilot lost`; empty: none acts."""
+    return "" if status.failsafe == "none" else f"FAILSAFE {short(f'failsafe:{status.failsafe}')}"
 
 
 def in_volts(battery: BatterySample) -> str:

@@ -121,7 +121,7 @@ class FleetRecorder:
         """A drone that has said what it is gets a recording. A name alone anybody can announce."""
         drone = self.roster.drones.get(name)
         unwanted = name in self._failed or (self._only and name not in self._only)
-        if drone is None or drone.identity is None or not drone.complete or unwanted:
+        if drone is None or drone.identity is None or drone.status is None or unwanted:
             return None
         if len(self.recordings) + len(self._failed) >= MOST:
             self.beyond += 1

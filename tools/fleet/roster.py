@@ -43,7 +43,7 @@ class Drone:
 
     @property
     def complete(self) -> bool:
-        return self.identity is not None and self.status is not None
+        return None not in (self.identity, self.status, self.battery)
 
 
 class Roster:

@@ -7,11 +7,10 @@ from typing import NamedTuple
 
 from msgspec import UNSET, UnsetType
 
-from messages.counts import short
 from messages.units import Ns
 from messages.vehicle import VehicleStatus
 from services.runtime.bus.spaces import here_of, name_in
-from tools.fleet.drones import OTHER_MESSAGES, SILENT, TWICE, in_volts
+from tools.fleet.drones import OTHER_MESSAGES, SILENT, TWICE, failsafe_words, in_volts
 from tools.fleet.hearing import Hearing
 from tools.fleet.roster import MOST, Drone, Roster
 
@@ -131,9 +130,8 @@ class FleetWatch:
         if len(drone.starts) > 1:
             yield TWICE
         status, identity = drone.status, drone.identity
-        if status is not None and status.failsafe != "none":
-            acts = f", {status.reaction}" if status.reaction else ""
-            yield f"FAILSAFE {short(f'failsafe:{status.failsafe}')}{acts}"
+        if status is not None and (failsafe := failsafe_words(status)):
+            yield f"{failsafe}, {status.reaction}" if status.reaction else failsafe
         if battery_age > BATTERY_OLD_NS and not silent:
             yield f"battery silent for {_seconds(battery_age)}"
         if status is not None and status.note:

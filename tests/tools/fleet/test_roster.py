@@ -61,6 +61,27 @@ def test_a_drone_that_speaks_is_a_line_with_everything_and_a_row_for_programs() 
     assert round(row["charge"], 3) == 0.792
 
 
+def test_the_mode_says_which_failsafe_acts() -> None:
+    roster = whole()
+    acts = msgspec.structs.replace(status("ann", armed=True), mode="stopping", failsafe="leak")
+    say(roster, "rov1", topics.STATUS, acts)
+    assert "  FAILSAFE leak: stopping, armed  " in table(roster, "E", "same")
+    assert as_row(roster.drones["rov1"], "same")["failsafe"] == "leak"
+
+
+def test_a_drone_is_waited_for_until_its_battery_is_known_else_it_is_a_dash() -> None:
+    roster = Roster()
+    roster.token(token("rov1"))
+    say(roster, "rov1", IDENTITY, SideIdentity(vehicle="pioneer", version="1.0", messages="same"))
+    say(roster, "rov1", topics.STATUS, status("ann"))
+    assert not roster.complete
+    assert table(roster, "E", "same").splitlines()[1].split() == [
+        "rov1", "pioneer", "1.0", "ready", "–", "ann",
+    ]  # fmt: skip
+    say(roster, "rov1", topics.BATTERY, BatterySample(stamp_ns=0, voltage=1, current=1, used_wh=1))
+    assert roster.complete
+
+
 def test_other_messages_two_of_a_name_and_silence_are_said() -> None:
     roster = whole()
     assert "cannot be flown from here" in table(roster, "E", "others")
