@@ -74,6 +74,7 @@ def _watched(network: Network, watch: FleetWatch) -> Callable[[int], None]:
             watch.token(*tokens.popleft(), now)
         while heard:
             watch.row(*heard.popleft())
+        watch.router(network.answers, now)
 
     network.watch(lambda key, there: tokens.append((key, there)))
     for topic in ROWS:
@@ -88,7 +89,8 @@ def _screen(endpoint: str) -> Generator[Show]:
         def show(watch: FleetWatch, now: int) -> None:
             height = live.console.height
             rows = watch.rows(now)
-            live.update(screen(rows, watch.roster.remarks, endpoint, height), refresh=True)
+            title = title_of(rows, endpoint, watch.router_answers)
+            live.update(screen(rows, watch.roster.remarks, title, height), refresh=True)
 
         yield show
 
@@ -107,7 +109,9 @@ def _lines(endpoint: str) -> Generator[Show]:
             said.clear()
         changed = [row for row in rows if said.get(row.name) != news(row)]
         said.update((row.name, news(row)) for row in changed)
-        now_about = "; ".join([title_of(rows, endpoint), *watch.roster.remarks])
+        now_about = "; ".join(
+            [title_of(rows, endpoint, watch.router_answers), *watch.roster.remarks]
+        )
         _say(*([now_about] if now_about != about else []), *map(line, changed))
         about = now_about
         _forget(said, rows)
@@ -120,7 +124,7 @@ def _json() -> Generator[Show]:
     """One line a second, for programs."""
 
     def show(watch: FleetWatch, now: int) -> None:
-        _say(as_json(watch.rows(now), watch.roster.remarks))
+        _say(as_json(watch.rows(now), watch.roster.remarks, watch.router_answers))
 
     yield show
 

@@ -18,38 +18,48 @@ LOSS_SHOWN = 0.01  # [-] a smaller share is not worth a word
 
 
 def screen(
-    rows: Sequence[FleetRow], remarks: Sequence[str], place: str, height: int
+    rows: Sequence[FleetRow], remarks: Sequence[str], title: str, height: int
 ) -> RenderableType:
     """All drones by name; where they are too many for the terminal, the most urgent first.
 
     Args:
         remarks: what was not listed, in words.
-        place: where was asked.
+        title: one line about all of them.
         height: rows of the terminal.
     """
     room = max(1, height - FRAME - len(remarks) - 1)
     shown, hidden = _fitting(rows, room)
     table = Table(box=None, header_style="dim", padding=(0, 2, 0, 0), expand=False)
-    for title in HEADING:
-        right = title in ("depth", "heading")
-        table.add_column(title, no_wrap=True, justify="right" if right else "left")
+    for heading in HEADING:
+        right = heading in ("depth", "heading")
+        table.add_column(heading, no_wrap=True, justify="right" if right else "left")
     for row in shown:
         cells = [Text(cell) for cell in _cells(row)]
         cells[0].stylize("bold")
         cells[-1].stylize("bold red" if row.alarms else "")
         table.add_row(*cells)
     below = [_hidden(hidden)] if hidden else []
-    return Group(Text(title_of(rows, place)), table, *map(Text, [*below, *remarks]))
+    return Group(Text(title), table, *map(Text, [*below, *remarks]))
 
 
-def title_of(rows: Sequence[FleetRow], place: str) -> str:
-    """One line about all of them."""
+def title_of(rows: Sequence[FleetRow], place: str, router_answers: bool) -> str:
+    """One line about all of them.
+
+    Args:
+        place: where was asked.
+    """
+    if not router_answers:
+        known = "; this is what was heard last" if rows else ""
+        return f"the router at {place} does not answer{known}"
     if not rows:
         return f"no drone can be reached at {place}"
-    armed = sum(row.armed for row in rows)
-    flown = sum(bool(row.pilot) for row in rows)
-    alarmed = sum(bool(row.alarms) for row in rows)
-    return f"{len(rows)} drones at {place}: {armed} armed, {flown} flown, {alarmed} with an alarm"
+    there = [row for row in rows if not row.gone]
+    armed = sum(row.armed for row in there)
+    flown = sum(bool(row.pilot) for row in there)
+    alarmed = sum(bool(row.alarms) for row in there)
+    gone = f"; {len(rows) - len(there)} gone" if len(there) < len(rows) else ""
+    counts = f"{armed} armed, {flown} flown, {alarmed} with an alarm"
+    return f"{len(there)} drones at {place}: {counts}{gone}"
 
 
 def line(row: FleetRow) -> str:
@@ -63,9 +73,11 @@ def news(row: FleetRow) -> tuple[object, ...]:
     return row.mode, row.armed, row.pilot, heads
 
 
-def as_json(rows: Sequence[FleetRow], remarks: Sequence[str]) -> str:
+def as_json(rows: Sequence[FleetRow], remarks: Sequence[str], router_answers: bool) -> str:
     """For programs."""
-    return json.dumps({"drones": [row._asdict() for row in rows], "not_listed": [*remarks]})
+    drones = [row._asdict() for row in rows]
+    about = {"drones": drones, "not_listed": [*remarks], "router_answers": router_answers}
+    return json.dumps(about)
 
 
 def _fitting(rows: Sequence[FleetRow], room: int) -> tuple[list[FleetRow], list[FleetRow]]:

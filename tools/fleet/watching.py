@@ -17,6 +17,7 @@ from tools.fleet.roster import MOST, Drone, Roster
 SECOND: Ns = 1_000_000_000
 OLD_NS = 2 * SECOND  # a status comes five times a second
 BATTERY_OLD_NS = 5 * SECOND  # a battery comes once a second
+TOGETHER_NS = 2 * SECOND  # whoever goes so shortly before the router is missed went with it
 GONE_NS = 600 * SECOND  # how long a drone that has gone stays on the screen
 
 
@@ -53,6 +54,18 @@ class FleetWatch:
             str, Ns
         ] = {}  # when each was heard; before it was: when its drone was
         self._gone: dict[str, tuple[Drone, Ns]] = {}
+        self._away_ns: Ns | None = None  # since when the router does not answer
+
+    @property
+    def router_answers(self) -> bool:
+        return self._away_ns is None
+
+    def router(self, answers: bool, now: Ns) -> None:
+        """Does it answer? Without it nothing is known of the drones, also not that they went."""
+        if answers:
+            self._away_ns = None
+        elif self._away_ns is None:
+            self._away_ns = now
 
     def token(self, key: str, there: bool, now: Ns) -> None:
         """A drone's hub came, or went."""
@@ -97,11 +110,14 @@ class FleetWatch:
             if now - since > GONE_NS:
                 del self._gone[name]
         there = [self._row(drone, now) for drone in self.roster.drones.values()]
-        gone = [
-            self._row(drone, now)._replace(alarms=(f"gone for {_seconds(now - since)}",), gone=True)
-            for drone, since in self._gone.values()
-        ]
+        gone = [self._gone_row(drone, since, now) for drone, since in self._gone.values()]
         return sorted([*there, *gone], key=lambda row: row.name)
+
+    def _gone_row(self, drone: Drone, since: Ns, now: Ns) -> FleetRow:
+        row = self._row(drone, now)
+        if self._away_ns is not None and since >= self._away_ns - TOGETHER_NS:
+            return row
+        return row._replace(alarms=(f"gone for {_seconds(now - since)}",), gone=True)
 
     def _row(self, drone: Drone, now: Ns) -> FleetRow:
         status, hearing = drone.status, self._hearings.get(drone.name)
@@ -124,9 +140,8 @@ class FleetWatch:
         )
 
     def _alarms(self, drone: Drone, age: Ns | None, battery_age: Ns) -> Iterator[str]:
-        silent = age is not None and age > OLD_NS
-        if silent:
-            yield f"not heard for {_seconds(age)}"
+        if silent := age is not None and age > OLD_NS:
+            yield f"not heard for {_seconds(age or 0)}"
         if len(drone.starts) > 1:
             yield TWICE
         status, identity = drone.status, drone.identity

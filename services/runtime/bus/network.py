@@ -35,6 +35,11 @@ class Network:
         self._session = session
         self._keep: list[object] = []  # undeclared when collected, so hold on to them
 
+    @property
+    def answers(self) -> bool:
+        """Is who was reached still there?"""
+        return bool(self._session.info.routers_zid())
+
     def tokens(self, name: str = "*", side: str = "drone") -> list[str]:
         """Keys of the liveliness tokens of hubs that are there now, also strangers'."""
         wanted = here_key(namespace(name), side)

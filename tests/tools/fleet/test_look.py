@@ -3,6 +3,7 @@
 import json
 import socket
 import threading
+import time
 from collections.abc import Generator, Iterable
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -15,7 +16,7 @@ from messages import topics
 from messages.identity import SideIdentity
 from messages.sensors import BatterySample
 from messages.vehicle import VehicleStatus
-from services.runtime.bus.network import NobodyThereError
+from services.runtime.bus.network import NobodyThereError, open_network
 from services.runtime.bus.spaces import here_key, namespace
 from services.runtime.bus.zenoh_bus import announce_here, connected, listening
 from services.runtime.config.errors import LindyError
@@ -215,6 +216,17 @@ def test_a_fleet_is_shown_as_lines_and_as_json_until_its_time_is_over(
     assert [(row["name"], row["pilot"]) for row in last["drones"]] == [
         ("rov1", "ann"), ("rov2", "ann"),
     ]  # fmt: skip
+
+
+def test_a_network_knows_that_its_router_is_gone() -> None:
+    endpoint = free_endpoint()
+    with listening(endpoint) as hub, open_network(endpoint, PATIENCE_S) as network:
+        assert network.answers
+        hub.close()
+        deadline = time.monotonic() + PATIENCE_S
+        while network.answers and time.monotonic() < deadline:
+            time.sleep(0.01)  # the end of a link comes on Zenoh's thread
+        assert not network.answers
 
 
 def test_every_drone_of_a_network_is_recorded_by_one_program(

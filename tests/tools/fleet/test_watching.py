@@ -17,7 +17,7 @@ from messages.sensors import BatterySample
 from messages.topic import AnyTopic
 from messages.vehicle import VehicleStatus
 from services.runtime.bus.spaces import here_key, namespace
-from tools.fleet.fleet_screen import as_json, clean, line, news, screen
+from tools.fleet.fleet_screen import as_json, clean, line, news, screen, title_of
 from tools.fleet.hearing import SPAN, Hearing
 from tools.fleet.roster import MOST
 from tools.fleet.watching import BATTERY_OLD_NS, GONE_NS, OLD_NS, FleetRow, FleetWatch
@@ -55,16 +55,17 @@ def watching(*names: str) -> FleetWatch:
 
 def shown(rows: list[FleetRow], remarks: list[str], height: int, width: int = 200) -> list[str]:
     console = Console(width=width, height=height, record=True, file=StringIO())
-    console.print(screen(rows, remarks, "E", height))
+    console.print(screen(rows, remarks, title_of(rows, "E", True), height))
     return console.export_text().splitlines()
 
 
 def test_a_drone_is_a_line_with_everything_that_matters() -> None:
     (row,) = watching("rov1").rows(SECOND // 5)
     assert line(row) == "rov1  piloted, armed  4.2 m  270°  15.9 V  0.2 s  ann"
-    assert json.loads(as_json([row], ["x"])) == {
+    assert json.loads(as_json([row], ["x"], True)) == {
         "drones": [json.loads(json.dumps(row._asdict()))],
         "not_listed": ["x"],
+        "router_answers": True,
     }
 
 
@@ -132,6 +133,36 @@ def test_silence_two_of_a_name_other_messages_and_departure_are_alarms() -> None
     ]  # nothing of before its departure is believed
     watch.token(token("rov1", "3"), False, 6 * SECOND)
     assert watch.rows(7 * SECOND + GONE_NS) == []
+
+
+def test_who_is_gone_counts_no_more_as_armed_or_flown_and_programs_are_told() -> None:
+    watch = watching("rov1", "rov2")
+    watch.token(token("rov2"), False, SECOND)
+    rows = watch.rows(SECOND)
+    assert title_of(rows, "E", True) == "1 drones at E: 1 armed, 1 flown, 0 with an alarm; 1 gone"
+    printed = json.loads(as_json(rows, [], True))
+    assert [row["gone"] for row in printed["drones"]] == [False, True]
+
+
+def test_without_its_router_the_screen_says_so_and_calls_no_drone_gone() -> None:
+    watch = watching("early", "rov1", "rov2")
+    watch.token(token("early"), False, SECOND)
+    for name in ("rov1", "rov2"):  # by the end of the link, which is noticed a moment later
+        watch.token(token(name), False, 10 * SECOND)
+    watch.router(False, 11 * SECOND)
+    watch.router(False, 12 * SECOND)
+    rows = watch.rows(40 * SECOND)
+    assert [(row.name, row.gone) for row in rows] == [
+        ("early", True), ("rov1", False), ("rov2", False),
+    ]  # fmt: skip
+    assert [row.alarms for row in rows][1:] == [("not heard for 40 s",)] * 2
+    assert not watch.router_answers
+    assert title_of(rows, "E", False).startswith("the router at E does not answer; ")
+    assert title_of([], "E", False) == "the router at E does not answer"
+    assert json.loads(as_json(rows, [], False))["router_answers"] is False
+    watch.router(True, 50 * SECOND)
+    watch.token(token("rov1"), True, 50 * SECOND)  # the other one did not come back
+    assert [row.gone for row in watch.rows(51 * SECOND)] == [True, False, True]
 
 
 def test_a_thousand_names_of_a_stranger_are_one_sentence_and_hide_no_drone_that_speaks() -> None:
