@@ -15,6 +15,7 @@ from services.runtime.bus.spaces import checked_name, name_in, namespace
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
 from tools.fleet.drones import WATCHERS
+from tools.fleet.gaps import SILENT_NS, Gaps
 from tools.fleet.look import PATIENCE_S
 from tools.fleet.recordings import FleetRecording
 from tools.fleet.roster import MOST, ROWS, Roster
@@ -67,6 +68,7 @@ class FleetRecorder:
             only: names of the drones to record; empty: all.
         """
         self.recordings: dict[str, FleetRecording] = {}
+        self._gaps: dict[str, Gaps] = {}  # of those that are recorded
         self.roster = Roster()
         self._endpoint, self._folder, self._only = endpoint, folder, only
         self._rows = {topic.key for topic in ROWS}
@@ -83,6 +85,13 @@ class FleetRecorder:
             if (recording := self.recordings.get(name)) is not None:
                 recording.overflowed(messages)
 
+    def notice_silence(self, now: int) -> None:
+        """Say which drones are not heard any more."""
+        for name, gaps in self._gaps.items():
+            if gaps.look(now):
+                seconds = f"{SILENT_NS / 1e9:.0f} s"
+                print(f"{name} is not heard any more: nothing came for {seconds}", flush=True)
+
     def flush(self) -> None:
         for recording in self.recordings.values():
             recording.flush(time.monotonic_ns())
@@ -96,6 +105,7 @@ class FleetRecorder:
         lines = [
             f"{name}: {recording.messages} messages in {recording.folder}"
             + (f", {recording.lost} lost" if recording.lost else "")
+            + (f", {words}" if (words := self._gaps[name].words) else "")
             for name, recording in sorted(self.recordings.items())
         ]
         beyond = f"{self.beyond} messages of drones beyond the first {MOST}, not recorded"
@@ -104,9 +114,10 @@ class FleetRecorder:
 
     @property
     def lost(self) -> bool:
-        return bool(self._failed or self.beyond) or any(
-            one.lost for one in self.recordings.values()
-        )
+        """Is there something, or a time, that is not recorded?"""
+        gaps = any(one.count for one in self._gaps.values())
+        lost = any(one.lost for one in self.recordings.values())
+        return bool(self._failed or self.beyond or gaps or lost)
 
     def _take(self, envelope: Envelope, arrived: int) -> None:
         name = name_in(envelope.key)
@@ -115,6 +126,8 @@ class FleetRecorder:
             self.roster.row(envelope.key, envelope.payload)
         recording = self.recordings.get(name) or self._begin(name)
         if recording is not None:
+            if gap := self._gaps.setdefault(name, Gaps(arrived)).hear(arrived):
+                print(f"{name} is heard again after {gap / 1e9:.0f} s", flush=True)
             recording.take(row, envelope, arrived)
 
     def _begin(self, name: str) -> FleetRecording | None:
@@ -150,7 +163,7 @@ def record(
     seconds: float | None = None,
 ) -> int:
     """Record until Ctrl-C, or for so many seconds. Returns the exit status: 3 when something that
-    came is not in a file.
+    came is not in a file, or a drone was not heard for a while.
 
     Raises:
         LindyError: nobody answers there, the keys are no good, or nothing can be written.
@@ -171,9 +184,16 @@ def record(
             network.collect(topic, arrivals.store)
         print(f"records every drone at {endpoint} → {folder}, until Ctrl-C", flush=True)
         end = time.monotonic() + (float("inf") if seconds is None else seconds)
+        answered = True
         for step in count(1):
             time.sleep(STEP_S)  # messages come on Zenoh's thread
+            now = time.monotonic_ns()
             recorder.look(arrivals)
+            recorder.notice_silence(now)
+            if network.answers != answered:
+                answered = not answered
+                how = "answers again" if answered else "does not answer"
+                print(f"the router at {endpoint} {how}", flush=True)
             if step % STEPS_A_FLUSH == 0:
                 recorder.flush()
             if stop.asked or time.monotonic() > end:

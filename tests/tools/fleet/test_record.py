@@ -1,10 +1,13 @@
 """`lindy record`: a recording like any other of every drone that speaks, and of no other name."""
 
 import json
+import time
 from pathlib import Path
 
 import msgspec
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from messages import topics
 from messages.message import Message
@@ -15,6 +18,7 @@ from services.runtime.config.identity import identity_of
 from services.runtime.config.stack import Stack
 from tools.__main__ import main
 from tools.fleet import record as recording_of_all
+from tools.fleet.gaps import SILENT_NS, Gaps
 from tools.fleet.record import Arrivals, FleetRecorder
 from tools.fleet.synthetic import due, said, said_by
 from tools.log.cut import WantedPart, cut
@@ -135,6 +139,52 @@ def test_what_comes_too_fast_or_cannot_be_read_is_counted_in_the_file(
     losses = open_recording(tmp_path / "rov1").metadata("losses")
     assert losses["malformed:state"] == "1"
     assert int(losses["overflowed"]) > 100
+    assert network.recorder.lost
+
+
+@given(st.lists(st.integers(0, 3 * SILENT_NS), min_size=1, max_size=30), st.integers(0, 9))
+def test_gaps_are_the_long_silences_however_often_somebody_looks(
+    steps: list[int], looks: int
+) -> None:
+    gaps, now, said, noticed = Gaps(0), 0, list[int](), 0
+    for step in steps[:-1]:
+        noticed += sum(gaps.look(now + step * k // 10) for k in range(looks))
+        now += step
+        said.append(gaps.hear(now))
+    gaps.look(now + steps[-1])
+    long = [step for step in steps if step > SILENT_NS]
+    assert (gaps.count, gaps.total_ns) == (len(long), sum(long))
+    assert [gap for gap in said if gap] == [step for step in steps[:-1] if step > SILENT_NS]
+    assert noticed <= len(long)
+    assert bool(gaps.words) == bool(long)
+
+
+def test_a_drone_that_falls_silent_is_said_counted_and_a_loss(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = time.monotonic_ns()
+    monkeypatch.setattr(time, "monotonic_ns", lambda: now)
+    network = Network(tmp_path)
+    network.announce("rov1", "rov2")
+    for name in ("rov1", "rov2"):
+        network.introduce(name)
+        network.fly(name, 0.3)
+    network.recorder.look(network.arrivals)
+    network.recorder.notice_silence(now := now + SILENT_NS)
+    assert "heard" not in capsys.readouterr().out
+    assert not network.recorder.lost
+    network.fly("rov2", 0.1)
+    network.recorder.look(network.arrivals)
+    for _ in range(2):
+        network.recorder.notice_silence(now := now + 1_000_000_000)
+    said = capsys.readouterr().out
+    assert said.splitlines() == ["rov1 is not heard any more: nothing came for 3 s"]
+    network.fly("rov1", 0.1)
+    network.fly("rov2", 0.1)
+    first, second = network.end()
+    assert capsys.readouterr().out == "rov1 is heard again after 5 s\n"
+    assert first.endswith(f"{tmp_path / 'rov1'}, not heard once, 5 s in all")
+    assert second.endswith(str(tmp_path / "rov2"))
     assert network.recorder.lost
 
 
