@@ -18,7 +18,7 @@ from services.runtime.config.errors import LindyError
 from tools.fresh import write_fresh
 from tools.keys import certificates
 from tools.keys.certificates import Certificate
-from tools.keys.roles import ROLES, Identity, Role, parse_list
+from tools.keys.roles import ROLES, Identity, Role, parse_list, with_article
 
 AUTHORITY = "authority"
 CA, CA_KEY, SIGNED, REVOKED = "ca.pem", "ca.key", "signed.txt", "revoked.txt"
@@ -52,7 +52,7 @@ def own_keys(keys: Path, roles: Collection[Role], now: datetime) -> Own:
         folder / CERTIFICATE, certificates.check_certificate, data[CERTIFICATE], data[CA], now
     )
     if found.who.role not in roles:
-        wanted = " or ".join(f"a {role}'s" for role in roles)
+        wanted = " or ".join(f"{with_article(role)}'s" for role in roles)
         raise LindyError(f"{folder / CERTIFICATE} is that of {found.who}, but {wanted} is needed")
     said(folder / KEY, certificates.check_pair, data[CERTIFICATE], data[KEY])
     _private(folder / KEY)
@@ -203,13 +203,14 @@ def _own_folder(keys: Path, roles: Collection[Role]) -> Path:
     if any((keys / name).exists() for name in WHOLE):
         return keys
     kinds = " or ".join(roles)
+    whose = " or ".join(with_article(role) for role in roles)
     try:
         found = [path for path in bundles(keys) if path.name.partition("-")[0] in roles]
         there = keys.is_dir()
     except OSError as error:
         raise LindyError(f"cannot read {keys}: {reason(error)}") from None
     if not found:
-        where = f"of a {kinds} in {keys}" if there else f"in {keys}, which is not there"
+        where = f"of {whose} in {keys}" if there else f"in {keys}, which is not there"
         raise LindyError(
             f"no keys {where}: {MAKE}, and the folder of this machine's is copied here"
         )

@@ -30,6 +30,11 @@ class Identity(NamedTuple):
         return f"{self.role}-{self.name}"
 
 
+def with_article(role: Role) -> str:
+    """`a pilot`, `an observer`."""
+    return f"an {role}" if role == "observer" else f"a {role}"
+
+
 def identity(role: str, name: str) -> Identity:
     """
     Raises:

@@ -252,6 +252,14 @@ def test_keys_that_are_no_good_are_one_sentence_before_anything_starts(
     assert not out.exists()
 
 
+def test_an_observer_has_its_article(place: Path, tmp_path: Path) -> None:
+    with pytest.raises(LindyError, match="but an observer's or a pilot's is needed"):
+        own_keys(place / "drone-pioneer", ("observer", "pilot"), NOW)
+    tmp_path.joinpath("none").mkdir()
+    with pytest.raises(LindyError, match="no keys of an observer or a pilot in"):
+        own_keys(tmp_path / "none", ("observer", "pilot"), NOW)
+
+
 @pytest.mark.parametrize(
     ("later", "sentence"),
     [(timedelta(days=-3000), "set the clock"), (timedelta(days=11), "was valid until")],
