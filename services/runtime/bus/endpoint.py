@@ -4,17 +4,22 @@ import re
 
 from services.runtime.config.errors import LindyError
 
+MOST = 65535  # the highest port
 EXAMPLE = "tcp/127.0.0.1:7447"
 ENDPOINT = re.compile(
-    r"(tcp|udp|tls|quic|ws)/(\[[^\]/\s]+\]|[^:/?#\s]+):\d{1,5}([?#].*)?|(unixsock-stream|unixpipe|vsock|serial)/.+"
+    r"(tcp|udp|tls|quic|ws)/(\[[^\]/\s]+\]|[^:/?#\s]+):(?P<port>[0-9]+)([?#].*)?|(unixsock-stream|unixpipe|vsock|serial)/.+"
 )
 
 
 def checked_endpoint(text: str, option: str) -> str:
     """
     Raises:
-        LindyError: this is no endpoint.
+        LindyError: this is no endpoint, or there is no such port.
     """
-    if not ENDPOINT.fullmatch(text):
+    found = ENDPOINT.fullmatch(text)
+    if found is None:
         raise LindyError(f"{option} {text!r}: expected PROTOCOL/ADDRESS:PORT, such as {EXAMPLE}")
+    port = found["port"]
+    if port is not None and (len(port) > len(str(MOST)) or not 1 <= int(port) <= MOST):
+        raise LindyError(f"{option} {text!r}: no such port, expected one of 1 to {MOST}")
     return text

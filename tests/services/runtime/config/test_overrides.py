@@ -149,6 +149,16 @@ def test_an_endpoint_is_taken_as_it_is(text: str) -> None:
     assert checked_endpoint(text, "--listen") == text
 
 
+@pytest.mark.parametrize("text", ["tcp/127.0.0.1:{}", "tls/[::1]:{}?ca=x", "udp/host:{}#iface=a"])
+def test_a_port_that_there_is_not_is_one_sentence(text: str) -> None:
+    for port in ("1", "65535"):
+        assert checked_endpoint(text.format(port), "--router") == text.format(port)
+    for port in ("0", "65536", "99999", "9" * 5000):
+        with pytest.raises(LindyError) as refused:
+            checked_endpoint(text.format(port), "--router")
+        assert str(refused.value).endswith(": no such port, expected one of 1 to 65535")
+
+
 @pytest.mark.parametrize(
     "text", ["", "127.0.0.1:7447", "tcp/host", "tcp/host:", "tcp/:7447", "tpc/host:7447",
              "tcp/a b:1"]
