@@ -142,7 +142,7 @@ class FleetRecorder:
         try:
             recording = FleetRecording(name, drone.identity, self._endpoint, self._folder)
         except (LindyError, OSError) as error:
-            why = reason(error) if isinstance(error, OSError) else str(error)
+            why = _why(error, self._folder / name) if isinstance(error, OSError) else str(error)
             self._failed.add(name)
             print(f"{name} is not recorded: {why}", flush=True)
             return None
@@ -150,6 +150,11 @@ class FleetRecorder:
         without = "" if recording.knows_vehicle else ", without its vehicle file: it has another"
         print(f"{name} → {recording.folder}{without}", flush=True)
         return recording
+
+
+def _why(error: OSError, folder: Path) -> str:
+    """Which path it is, and what is wrong with it."""
+    return f"{error.filename or folder}: {reason(error)}"
 
 
 def record(

@@ -198,6 +198,21 @@ def test_an_earlier_recording_is_never_written_over(tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["rov1", "rov1-2"]
 
 
+def test_a_file_where_a_recording_would_be_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "rov1").write_text("mine")
+    network = Network(tmp_path)
+    network.announce("rov1")
+    network.introduce("rov1")
+    network.fly("rov1", 0.2)
+    network.end()
+    said = capsys.readouterr().out
+    assert said == f"rov1 is not recorded: {tmp_path / 'rov1'}: file exists\n"
+    assert (tmp_path / "rov1").read_text() == "mine"
+    assert network.recorder.lost
+
+
 def test_where_nobody_was_heard_one_sentence_says_so(tmp_path: Path) -> None:
     assert Network(tmp_path).end() == ["no drone was heard"]
     assert json.dumps([*tmp_path.iterdir()]) == "[]"
