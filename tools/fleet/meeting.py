@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from services.runtime.bus.key_files import Door, KeyFiles
 from services.runtime.bus.network import NobodyThereError
+from services.runtime.bus.spaces import checked_name
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from tools.fleet.look import is_there, who_is_there
@@ -59,7 +60,8 @@ def drones_name(stack: Stack, meeting: Meeting) -> str:
     """The name that was given to a drone, else that of its keys, else one by its computer.
 
     Raises:
-        LindyError: a router that compares names with keys would not let it in.
+        LindyError: a router that compares names with keys would not let it in, or a drone cannot
+            be called this.
     """
     keys_name = "" if meeting.door is None else meeting.door.name
     name = stack.name or keys_name or own_name(stack.vehicle_name, gethostname())
@@ -68,7 +70,7 @@ def drones_name(stack: Stack, meeting: Meeting) -> str:
             f"--name {name}: this machine's keys are those of drone:{keys_name}, and a router lets "
             f"it speak by that name only; leave --name out, or use keys of drone:{name}"
         )
-    return name
+    return checked_name(name, "--name")
 
 
 def require_only(name: str, router: str, keys: KeyFiles | None) -> None:

@@ -64,7 +64,7 @@ class FleetRecording:
         Raises:
             LindyError, OSError: nothing can be written there.
         """
-        # A name that begins with a dot would be hidden, or be the folder above.
+        # A folder whose name begins with a dot would be hidden.
         own = f"_{name}" if name.startswith(".") else name
         self.folder = fresh_folder(folder / own, lambda path: any(parts_in(path)))
         self.messages = 0

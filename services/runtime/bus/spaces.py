@@ -13,7 +13,8 @@ from services.runtime.config.errors import LindyError
 
 VERSION = "@v1"  # a verbatim chunk of the key: incompatible versions do not see each other
 LONGEST = 64  # [letters] of a name
-NAME = re.compile(rf"[A-Za-z0-9_.-]{{1,{LONGEST}}}")
+# With a letter or digit: `.` and `..` are folders where recordings and keys are kept by name.
+NAME = re.compile(rf"(?=[_.-]*[A-Za-z0-9])[A-Za-z0-9_.-]{{1,{LONGEST}}}")
 TOKEN = re.compile(rf"lindy/{VERSION}/([^/]*)/here/(drone|topside)/([0-9a-f]{{1,16}})")
 
 
@@ -61,6 +62,7 @@ def checked_name(name: str, option: str) -> str:
     if NAME.fullmatch(name) is None:
         raise LindyError(
             f"{option} {name[: 2 * LONGEST]!r}: a drone's name is a part of every key, so it may "
-            f"have letters without accents, digits, '-', '_' and '.' only, 1 to {LONGEST} of them"
+            f"have letters without accents, digits, '-', '_' and '.' only, 1 to {LONGEST} of them; "
+            f"a name has a letter or digit"
         )
     return name

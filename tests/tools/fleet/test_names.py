@@ -16,7 +16,8 @@ from services.runtime.bus.spaces import (
 from services.runtime.config.errors import LindyError
 from tools.fleet.names import in_words, missing, other_drone, own_name
 
-NAME = st.from_regex(rf"[A-Za-z0-9_.-]{{1,{LONGEST}}}", fullmatch=True)
+LETTERS = "[A-Za-z0-9_.-]"
+NAME = st.from_regex(rf"{LETTERS}{{0,30}}[A-Za-z0-9]{LETTERS}{{0,33}}", fullmatch=True)
 SIDE = st.sampled_from(["drone", "topside"])
 INSTANCE = st.from_regex(r"[0-9a-f]{1,16}", fullmatch=True)
 
@@ -29,13 +30,16 @@ def test_a_name_is_read_from_its_keys_as_it_was_written(name: str, side: str, st
     assert name_in(token) == name_in(f"{namespace(name)}/state") == name
 
 
-@given(st.one_of(st.text(max_size=80), st.sampled_from("*$?#/@")))
+@given(st.one_of(st.text(max_size=80), st.sampled_from([*"*$?#/@._-", "..", "..."])))
 def test_what_is_no_name_is_refused_in_one_sentence_and_is_in_no_key(text: str) -> None:
-    allowed = set("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_.")
-    if 1 <= len(text) <= LONGEST and set(text) <= allowed:
+    needed = set("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789")
+    allowed = needed | set("-_.")
+    if 1 <= len(text) <= LONGEST and set(text) <= allowed and set(text) & needed:
         assert checked_name(text, "--name") == text
         return
-    with pytest.raises(LindyError, match=r"--name .*1 to 64 of them") as refused:
+    with pytest.raises(
+        LindyError, match=r"--name .*1 to 64 of them; a name has a letter or digit"
+    ) as refused:
         checked_name(text, "--name")
     assert "\n" not in str(refused.value)
     assert here_of(here_key(namespace(text), "drone", "1")) is None
@@ -49,7 +53,7 @@ def test_a_strangers_key_is_no_hub_of_ours(key: str) -> None:
     assert len(name_in(key)) <= LONGEST
 
 
-@given(st.from_regex(r"[a-z0-9_]{1,80}", fullmatch=True), st.text(max_size=100))
+@given(st.from_regex(r"[a-z0-9][a-z0-9_]{0,79}", fullmatch=True), st.text(max_size=100))
 def test_every_computer_gives_its_drone_a_good_name(vehicle: str, host: str) -> None:
     name = own_name(vehicle, host)
     assert checked_name(name, "") == name

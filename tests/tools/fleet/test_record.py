@@ -112,12 +112,12 @@ def test_what_a_stranger_calls_itself_opens_nothing_of_this_machine(
 ) -> None:
     out = tmp_path / "out"
     network = Network(out)
-    for name in ("..", ".", "rov1"):
+    for name in ("..", ".", ".hidden", "rov1"):
         network.announce(name)
         network.introduce(name, vehicle)
         network.fly(name, 0.3)
     network.end()
-    assert sorted(path.name for path in out.iterdir()) == ["_.", "_..", "rov1"]
+    assert sorted(path.name for path in out.iterdir()) == ["_.hidden", "rov1"]
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
     recording = open_recording(out / "rov1")
     assert recording.metadata("dive")["vehicle"] == vehicle
