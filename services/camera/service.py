@@ -13,6 +13,7 @@ from services.marine.attitude import to_world
 from services.marine.vehicle import Vehicle
 from services.runtime.config.errors import LindyError, NeedsRealTimeError
 from services.runtime.config.extras import how_to_install
+from services.runtime.config.passwords import without_passwords
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 
@@ -52,7 +53,7 @@ def wire(node: Node, stack: Stack) -> None:
     if settings.source == SIMULATED:
         _simulate(node, stack, settings, film)
     elif stack.virtual:
-        raise NeedsRealTimeError(f"camera with the source {settings.source}")
+        raise NeedsRealTimeError(f"camera with the source {without_passwords(settings.source)}")
     else:
         _watch(node, settings, film)
 

@@ -14,6 +14,7 @@ from urllib.parse import parse_qs
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 PILOT, WATCH = "/ws/pilot", "/ws/watch"  # paths of the two kinds of WebSocket of a page
 VIDEO = "/ws/video"  # and of the one for its picture, whichever page it is
+SOCKETS = (PILOT, WATCH, VIDEO)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +53,7 @@ class Access:
         if len(hosts) != 1 or (self.local and not self._is_local(hosts[0])):
             return f"wrong Host: this page is at {self.address}"
         path, _, query = target.partition("?")
-        if path not in (PILOT, WATCH, VIDEO):
+        if path not in SOCKETS:
             return ""  # a file, which holds no secret
         if list(origins) != [f"{self.scheme}://{hosts[0]}"]:
             return f"wrong Origin: only the cockpit's own page may connect, at {self.address}"

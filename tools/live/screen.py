@@ -60,6 +60,7 @@ class View(PilotView):
     screen_ms: float | None = None  # [ms] sensor to screen
     silent: tuple[str, ...] = ()  # processes that run but do not answer
     lost: int = 0  # messages the link has dropped
+    picture: str = ""  # what is wrong with the camera's picture
     services: list[ServiceView] = field(default_factory=list[ServiceView])
     lines: list[LogEntry] = field(default_factory=list[LogEntry])
 
@@ -105,6 +106,8 @@ def plain(view: View) -> str:
         parts.append(f"{known(view)}{view.words}")
     if view.alarm:
         parts.append(f"LINK {view.alarm}")
+    if view.picture:
+        parts.append(f"CAMERA {view.picture}")
     if view.silent:
         parts.append(f"NOT ANSWERING {', '.join(view.silent)}")
     if view.note:
@@ -143,6 +146,7 @@ def _alarms(view: View) -> list[Text]:
     alarms = [("DRONE", f"{known(view)}{view.words}")] if view.words else []
     alarms += [("SILENT", _silent(view))] if view.silent else []
     alarms += [("LINK", view.alarm)] if view.alarm else []
+    alarms += [("CAMERA", view.picture)] if view.picture else []
     return [row for name, words in alarms for row in _wrapped(name, words, "bold red")]
 
 
@@ -156,6 +160,7 @@ def _alarms_in_short(view: View) -> list[Text]:
     """At most two rows; their ends may be cut."""
     alarms = [f"SILENT {_silent(view)}"] if view.silent else []
     alarms += [f"LINK   {view.alarm}"] if view.alarm else []
+    alarms += [f"CAMERA {view.picture}"] if view.picture else []
     rows = [f"DRONE  {known(view)}{view.words}"] if view.words else []
     rows += ["  ".join(alarms)] if alarms else []
     return [_row(row, "bold red") for row in rows]

@@ -43,6 +43,7 @@ class Watch:
         self._battery = node.latest(topics.BATTERY)
         self._budget = node.latest(topics.LATENCY)
         self._clock = node.latest(topics.CLOCK)
+        self._picture = node.latest(topics.PICTURE_AGE)
         self._shown = node.publisher(topics.SHOWN.of("screen"))
         # Nobody receives their own messages on the bus.
         node.show = lambda line: self._add(line, line.stamp_ns)
@@ -67,6 +68,7 @@ class Watch:
         status, pilot = self._status.newest(now), self._pilot.fresh(now)
         battery = self._battery.fresh(now)
         link, budget, clock = self._link.fresh(now), self._budget.fresh(now), self._clock.fresh(now)
+        picture = self._picture.fresh(now)
         if state is not None:
             self._shown.put(Shown(stamp_ns=now, sensor_ns=state.sensor_ns))
         seen = pilot_view(
@@ -92,6 +94,7 @@ class Watch:
             screen_ms=budget.sensor_to_screen_ms if budget else None,
             silent=tuple(silent),
             lost=link.down_link.dropped + link.up_link.dropped if link else 0,
+            picture=picture.words if picture else "",
             services=[
                 self._service(name, name not in missing, restarts) for name in self._services
             ],

@@ -4,7 +4,6 @@ A thread of its own waits for them and keeps the newest one. A camera that is no
 falls silent or sends garbage is said once and tried again every two seconds.
 """
 
-import re
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -22,11 +21,13 @@ from av.video.stream import VideoStream
 
 from messages.units import Ns
 from services.camera.sea import Bytes, Picture
+from services.runtime.config.passwords import without_passwords
 
 RETRY_S = 2.0  # [s]
 TIMEOUT_S = 5.0  # [s] without a picture: the camera is silent
 SILENT = f"no picture has come for {TIMEOUT_S:g} s"
 MOST_GARBAGE = 100  # packets in a row of which nothing can be decoded
+FILM_HZ = 25.0  # [1/s] pictures of a film that does not say when each is due
 LARGEST = 8192  # [px] of a side of a picture that is taken
 # What a stream holds is known from its first pictures; how many a second they are is not waited
 # for. What was read by then is shown, not thrown away: without its keyframe the rest is garbage.
@@ -49,7 +50,7 @@ class Feed:
         self.said: deque[str] = deque()  # sentences for the log
         self._source, self._size, self._clock = source, (width, height), clock
         self._newest: deque[Shot] = deque(maxlen=1)
-        self._called = without_password(source)
+        self._called = without_passwords(source)
         self._trouble = ""
         self._alive_ns = clock()  # [ns] of the last picture, or of the last that was said
         self._stop = threading.Event()
@@ -67,7 +68,7 @@ class Feed:
     def look_after(self, now: Ns) -> None:
         """To be called now and then: FFmpeg waits for ever for a device that is only connected."""
         if now > self._alive_ns + round((TIMEOUT_S + RETRY_S) * 1e9):
-            self._complain(SILENT, now)
+            self._complain(SILENT, now, "waiting for it")
 
     def close(self) -> None:
         self._stop.set()
@@ -81,7 +82,9 @@ class Feed:
             why = "it ended"
             try:
                 with self._opened() as container:
-                    self._watch(container, notify)
+                    again = self._watch(container, notify)
+                if again:
+                    continue
             except Exception as error:  # whatever it is, the next attempt is two seconds away
                 why = reason(error)
             if not self._stop.is_set():
@@ -100,8 +103,8 @@ class Feed:
             return av.open(source, options=AT_ONCE | among, timeout=timeout)
         return av.open(source)
 
-    def _watch(self, container: InputContainer, notify: Callable[[], None]) -> None:
-        """Every picture of an open source; a film from its beginning again and again.
+    def _watch(self, container: InputContainer, notify: Callable[[], None]) -> bool:
+        """Every picture of an open source. Returns whether it was a film, to be shown again.
 
         Raises:
             ValueError: it has no pictures.
@@ -117,21 +120,20 @@ class Feed:
             # as many pictures. So told, its decoder puts them together again.
             codec.flags2 |= Flags2.chunks
         film = Path(self._source).is_file() and not self._source.endswith(".sdp")
-        while not self._stop.is_set():
-            before = self._pass(container, stream, notify, film=film)
-            if not (film and before):
-                return
-            container.seek(0)
+        return self._pass(container, stream, notify, film=film) > 0 and film
 
     def _pass(
         self, container: InputContainer, stream: VideoStream, notify: Callable[[], None], *,
         film: bool,
     ) -> int:  # fmt: skip
         """Until the source ends. Returns how many pictures there were."""
-        began, number = self._clock(), 0
+        began, first, number = self._clock(), None, 0
+        rate = float(stream.average_rate or FILM_HZ)
         for number, frame in enumerate(self._frames(container, stream), 1):
             if film:
-                wait = began + round((frame.time or 0.0) * 1e9) - self._clock()
+                time = number / rate if frame.pts is None else frame.time
+                first = time if first is None else first  # a film that was cut does not begin at 0
+                wait = began + round((time - first) * 1e9) - self._clock()
                 self._stop.wait(min(max(wait / 1e9, 0.001), 1.0))
             if self._stop.is_set():
                 return number
@@ -170,12 +172,12 @@ class Feed:
             self._trouble = ""
             self.said.append(f"camera: {self._called} gives pictures again")
 
-    def _complain(self, why: str, now: Ns) -> None:
+    def _complain(self, why: str, now: Ns, then: str = f"tried every {RETRY_S:g} s") -> None:
         self.counts.append("lost:camera")
         self._alive_ns = now
         if why != self._trouble:
             self._trouble = why
-            self.said.append(f"camera: {self._called} gives no pictures: {why}; tried every 2 s")
+            self.said.append(f"camera: {self._called} gives no pictures: {why}; {then}")
 
 
 def reason(error: Exception) -> str:
@@ -187,12 +189,7 @@ def reason(error: Exception) -> str:
     if isinstance(error, OSError) and error.errno == ENOTTY:
         return "it is no camera"
     said = error.strerror if isinstance(error, OSError | FFmpegError) else None
-    return without_password(" ".join((said or str(error)).split()))[:200]
-
-
-def without_password(source: str) -> str:
-    """An address as it may be shown and recorded."""
-    return re.sub("//[^/@ ]*@", "//", source)
+    return without_passwords(" ".join((said or str(error)).split()))[:200]
 
 
 def planes(frame: av.VideoFrame) -> Picture:

@@ -20,7 +20,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from services.cockpit.core import Settings
-from services.cockpit.handshake import VIDEO, WATCH, Access
+from services.cockpit.handshake import SOCKETS, VIDEO, WATCH, Access
 from services.cockpit.io.files import PageFiles, plain
 from services.cockpit.io.video_server import VideoServer
 from services.cockpit.page_messages import (
@@ -147,9 +147,8 @@ class PageServer:
         if why:
             self.counts["refused:page"] += 1
             return plain(403, "Forbidden", why)
-        if "Upgrade" not in headers:
-            return self._files.response(path)
-        return None
+        # No other path ever becomes a WebSocket: only these three were checked above.
+        return None if path in SOCKETS else self._files.response(path)
 
     async def _page(self, connection: ServerConnection) -> None:
         """One page, until it is closed."""

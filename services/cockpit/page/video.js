@@ -117,6 +117,7 @@ export class Video {
     if (this.unable) return this.unable;
     if (this.light === null) return NOTHING;
     if (this.silence > SILENT_MS) return `no picture for ${(this.silence / 1000).toFixed(0)} s`;
+    if (this.age === undefined) return "the picture's age is not known";
     return this.age > OLD_MS ? `picture ${(this.age / 1000).toFixed(1)} s old` : "";
   }
 
@@ -135,7 +136,7 @@ export class Video {
     }
     const seen = this.silence < GONE_MS;
     canvas.hidden = !seen;
-    canvas.className = this.silence > SILENT_MS ? "stopped" : "";
+    canvas.className = this.silence > SILENT_MS || this.age === undefined ? "stopped" : "";
     return seen;
   }
 }

@@ -16,6 +16,7 @@ import msgspec
 from messages import topics
 from services.runtime.config.errors import LindyError
 from services.runtime.config.identity import commit_here, messages_hash, version_here
+from services.runtime.config.passwords import without_passwords
 from services.runtime.config.settings import DEPLOY, deploy_file, kept
 from services.runtime.config.stack import Stack
 
@@ -45,6 +46,7 @@ def attachments(stack: Stack) -> list[AttachedFile]:
         except OSError:  # it has gone since the dive began; the rest is worth having
             rows.append({**_where(path), "attachment": None})
             continue
+        data = _publishable(data, path)
         name = _name(path, {each.name for each in found})
         sha256 = hashlib.sha256(data).hexdigest()
         rows.append({**_where(path), "attachment": name, "sha256": sha256})
@@ -75,8 +77,18 @@ def lindy() -> dict[str, str]:
 
 def _about(stack: Stack, rows: list[dict[str, Any]]) -> dict[str, Any]:
     choices = msgspec.to_builtins(stack)
+    choices["overrides"] = [*map(without_passwords, stack.overrides)]
     chosen = {name: value for name, value in choices.items() if name not in ELSEWHERE}
     return {"lindy": lindy(), "computer": computer(), "stack": chosen, "files": rows}
+
+
+def _publishable(data: bytes, path: Path) -> bytes:
+    """A file as it is attached: recordings are passed on."""
+    if path.suffix != ".toml":
+        return data
+    with suppress(UnicodeDecodeError):
+        return without_passwords(data.decode()).encode()
+    return data
 
 
 def _files(stack: Stack) -> Iterable[Path]:

@@ -28,6 +28,7 @@ from services.recorder.io.parts import free_part, part_path
 from services.recorder.settings import Settings
 from services.runtime.config.disk import reason, require_room
 from services.runtime.config.errors import LindyError
+from services.runtime.config.passwords import without_passwords
 from services.runtime.config.stack import Stack
 
 RESERVE = 256_000  # [bytes] left free for the report and for the end of the file
@@ -273,7 +274,7 @@ def about(stack: Stack) -> dict[str, str]:
         "link": stack.link,
         "pilot": stack.pilot,
         "seed": str(stack.seed),
-        "overrides": json.dumps(stack.overrides),
+        "overrides": json.dumps([*map(without_passwords, stack.overrides)]),
     }
 
 

@@ -181,9 +181,11 @@ class ConditionWatch:
 
 
 def charge_left(battery: BatterySample) -> float | None:
-    """[-] 0 … 1; None where the driver does not know the capacity."""
+    """[-] -1 … 1, below 0 where more was used than it should hold; None where the driver does not
+    know the capacity."""
     capacity = battery.capacity_wh
-    return None if not capacity else 1.0 - battery.used_wh / capacity
+    # More than empty counts as worse, but a driver may say anything: not without end.
+    return None if not capacity else max(-1.0, 1.0 - battery.used_wh / capacity)
 
 
 def _unsaid(state: VehicleState) -> list[str]:

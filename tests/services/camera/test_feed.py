@@ -88,6 +88,36 @@ def test_a_film_of_another_size_is_scaled_and_repeated(tmp_path: Path) -> None:
     assert not watched.feed.said
 
 
+@pytest.mark.parametrize(
+    ("name", "offset"), [("film.mp4", 0), ("film.ts", 3600), ("film.h264", 0)],
+    ids=["from_zero", "from_an_hour_on", "without_times"],
+)  # fmt: skip
+def test_a_film_is_shown_at_its_own_pace_wherever_its_times_begin(
+    tmp_path: Path, name: str, offset: int
+) -> None:
+    path = tmp_path / name
+    hz, pictures = 25, 25
+    with av.open(str(path), "w", options={"output_ts_offset": str(offset)}) as film:
+        stream = film.add_stream("libx264", rate=Fraction(hz), options={"tune": "zerolatency"})
+        assert isinstance(stream, VideoStream)
+        stream.width, stream.height, stream.pix_fmt = 160, 90, "yuv420p"
+        for level in range(pictures):
+            frame = av.VideoFrame.from_ndarray(np.full((135, 160), 40 + level, np.uint8), "yuv420p")
+            film.mux(stream.encode(frame))
+        film.mux(stream.encode(None))
+    watched = Watched(str(path))
+    stamps: list[int] = []
+    while len(stamps) < pictures:
+        watched.wait()
+        if (shot := watched.feed.take()) is not None:
+            stamps.append(shot.stamp_ns)
+    watched.feed.close()
+    # Compared with the film's own length: a busy computer makes it longer, never much shorter.
+    took = (stamps[-1] - stamps[0]) / 1e9
+    assert 0.8 * (len(stamps) - 1) / hz < took < 8.0 * (len(stamps) - 1) / hz
+    assert list(watched.feed.said) == []
+
+
 @pytest.mark.parametrize("name", ["libx264", "mjpeg"])
 def test_a_damaged_picture_is_left_out_and_the_camera_is_kept(tmp_path: Path, name: str) -> None:
     codec = av.CodecContext.create(name, "w")

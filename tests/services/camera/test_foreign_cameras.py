@@ -168,7 +168,7 @@ def test_a_camera_that_vanishes_is_one_sentence_and_comes_back() -> None:
 def test_a_stream_of_another_name_is_one_sentence_without_the_password() -> None:
     with served() as (_, port), watched(f"rtsp://me:secret@127.0.0.1:{port}/other") as seen:
         seen.until_said("gives no pictures")
-    address = f"rtsp://127.0.0.1:{port}/other"
+    address = f"rtsp://…@127.0.0.1:{port}/other"
     why = "Server returned 404 Not Found"
     assert seen.said == [f"camera: {address} gives no pictures: {why}; tried every 2 s"]
 

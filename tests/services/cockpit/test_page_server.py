@@ -208,6 +208,18 @@ def test_a_flood_of_connections_leaves_the_pilot_alone(served: Served):
             one.close()
 
 
+@pytest.mark.parametrize(
+    "path",
+    ["/", "/ws/none", "//ws/pilot", "//ws/video", "/x/../ws/video", "/ws/pilot/", "/main.js"],
+)
+def test_no_other_path_becomes_a_websocket(served: Served, path: str):
+    for origin in ("http://evil.example", served.base):
+        with pytest.raises(InvalidStatus):
+            served.page(path, origin=origin)
+    served.until(lambda: True)
+    assert served.of(PageOpened) == []
+
+
 def test_more_pages_than_there_may_be_are_told_so_and_watchers_leave_room_for_pilots(
     served: Served,
 ):

@@ -200,6 +200,16 @@ def test_everything_at_once_is_shown_whole_on_80_by_24():
         assert whole in text
 
 
+@pytest.mark.parametrize("height", [None, 23])
+def test_what_is_wrong_with_the_picture_is_said_on_screen_and_in_a_line(height: int | None):
+    view = replace(WORST, picture="no picture for 4 s")
+    rows = text_of(view, 80, height)
+    assert "CAMERA no picture for 4 s" in " ".join(rows)
+    assert height is None or len(rows) <= height
+    assert "CAMERA no picture for 4 s" in plain(view)
+    assert "CAMERA" not in plain(WORST)
+
+
 def test_a_long_warning_takes_a_second_row_while_there_is_one_free():
     text = "the drone holds its depth only; calibrate the compass before the next dive, on land"
     line = LogLine(stamp_ns=0, service="estimation", level="warning", text=text)

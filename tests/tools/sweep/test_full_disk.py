@@ -30,7 +30,7 @@ def small_disk(tmp_path: Path) -> Generator[Path]:
     """A file system on which one dive fits, and a part of the next."""
     disk = tmp_path / "disk"
     disk.mkdir()
-    if not mounted(disk, "size=1536k"):
+    if not mounted(disk, "size=1700k"):
         pytest.skip("mounting a small file system is not allowed here")
     yield disk
     subprocess.run(["umount", "-l", str(disk)], check=True)  # at once, even if it is still in use
