@@ -74,7 +74,8 @@ def ask(
         value: light: 0 … 1.
         force: take: even if another pilot has control.
         to: offer: name of the pilot who may take control; default: any.
-        dive: folder of a dive that is going on; default: the newest.
+        dive: folder of a dive that is going on; default: the newest. Where dives of several drones
+            are going on, one must be named; a stop without it is for all of them.
 
     Raises:
         LindyError: a wrong argument, no dive, no answer, or the drone refuses; says why.
@@ -91,7 +92,13 @@ def ask(
         force=force or None,
         to=to,
     )
-    running = dive_in(dive)
+    if wanted.kind == "stop" and dive is None:
+        return max(_asked(wanted, running, as_json) for running in dives_here())
+    return _asked(wanted, dive_in(dive), as_json)
+
+
+def _asked(wanted: PilotRequest, running: Running, as_json: bool) -> int:
+    kind = "take" if wanted.kind in ("lease", "force") else wanted.kind
     if HOME not in running.endpoints and wanted.kind in ABOUT_CONTROL:
         raise LindyError(f"{kind}: there is no pilot on this side; ask in the topside's folder")
     who = "drone, or the pilot of this side," if wanted.kind in ABOUT_CONTROL else "drone"
@@ -99,9 +106,9 @@ def ask(
     if as_json:
         print(in_json(kind, answer))
     if not answer.accepted:
-        raise LindyError(f"the drone refuses to {kind}: {answer.reason}")
+        raise LindyError(f"{running.vehicle} refuses to {kind}: {answer.reason}")
     if not as_json:
-        print(in_words(kind, answer.stop))
+        print(f"{running.vehicle}: {in_words(kind, answer.stop)}")
     return 0
 
 
@@ -139,19 +146,38 @@ def dive_in(folder: Path | None) -> Running:
     """The running dive in a folder; by default the newest in this folder or in dives/.
 
     Raises:
+        LindyError: there is none, or there are several, of different drones.
+    """
+    if folder is not None:
+        if running_in(folder) is None:
+            raise LindyError(f"no dive is going on in {folder}; start one with `lindy dive`")
+        return _read(folder / RUNNING)
+    drones = dives_here()
+    if len(drones) > 1:
+        names = ", ".join(sorted(running.vehicle for running in drones))
+        raise LindyError(f"dives of {names} are going on here: name the folder of one with --dive")
+    return drones[0]
+
+
+def dives_here() -> list[Running]:
+    """The newest running dive of each drone, in this folder or in dives/.
+
+    Raises:
         LindyError: there is none.
     """
-    folders = [Path(), *Path("dives").glob("*")] if folder is None else [folder]
-    files = [place / RUNNING for place in folders if running_in(place) is not None]
+    places = [Path(), *Path("dives").glob("*")]
+    files = [place / RUNNING for place in places if running_in(place) is not None]
     if not files:
-        if folder is None:
-            raise LindyError(
-                "no dive is going on here or in dives/; name the folder of one with --dive, or "
-                "start one with `lindy dive`"
-            )
-        raise LindyError(f"no dive is going on in {folder}; start one with `lindy dive`")
-    newest = max(files, key=lambda file: file.stat().st_mtime)
-    return msgspec.json.decode(newest.read_bytes(), type=Running)
+        raise LindyError(
+            "no dive is going on here or in dives/; name the folder of one with --dive, or "
+            "start one with `lindy dive`"
+        )
+    files.sort(key=lambda file: file.stat().st_mtime)
+    return list({running.vehicle: running for running in map(_read, files)}.values())
+
+
+def _read(file: Path) -> Running:
+    return msgspec.json.decode(file.read_bytes(), type=Running)
 
 
 def for_the_pilot(node: Node, wanted: PilotRequest) -> OneRequest[PilotRequest, PilotAnswer]:

@@ -220,7 +220,10 @@ def run(
             others_named(local),
         ):
             point_latest(stack.out_dir)
-            outcome.exit = PilotedDive(local, *piloting, stop, shown).fly()
+            flown = PilotedDive(local, *piloting, stop, shown)
+            outcome.exit = flown.fly()
+        if flown.left:
+            print(flown.left, flush=True)
         if RECORDER in here:
             drone = Elsewhere("drone", tuple(on_side(every, "drone", gateway=False)))
             return stop.report(lambda: outcome.sum_up(drone))

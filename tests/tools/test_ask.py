@@ -145,14 +145,38 @@ def test_without_a_folder_the_newest_dive_that_goes_on_is_asked(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ended: int
 ):
     monkeypatch.chdir(tmp_path)
-    write(tmp_path / "dives/one", "older", os.getpid(), 2.0)
-    write(tmp_path / "dives/two", "newer", os.getpid(), 1.0)
+    write(tmp_path / "dives/one", "rov1", os.getpid(), 2.0)
+    write(tmp_path / "dives/two", "rov1", os.getpid(), 1.0)
     write(tmp_path / "dives/three", "crashed", ended)
     (tmp_path / "dives/four").mkdir()
-    assert dive_in(None).vehicle == "newer"
-    assert dive_in(Path("dives/one")).vehicle == "older"
-    write(tmp_path, "here", os.getpid())
-    assert dive_in(None).vehicle == "here"
+    newest = (tmp_path / "dives/two" / RUNNING).read_bytes()
+    assert dive_in(None) == msgspec.json.decode(newest, type=Running)
+    assert dive_in(Path("dives/one")).vehicle == "rov1"
+
+
+def test_of_several_drones_one_is_named_and_a_stop_is_for_all(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "dives/one", "rov1", os.getpid(), 2.0)
+    write(tmp_path / "dives/two", "rov2", os.getpid(), 1.0)
+    with pytest.raises(LindyError, match=r"^dives of rov1, rov2 are going on here: name .* --dive"):
+        ask("disarm")
+    stopped: list[str] = []
+
+    def answer(_: object, running: Running, who: str) -> PilotAnswer:
+        del who
+        stopped.append(running.vehicle)
+        return PilotAnswer(stamp_ns=0, id="", kind="stop", accepted=True)
+
+    monkeypatch.setattr("tools.ask.answer_to", answer)
+    assert ask("stop") == 0
+    assert sorted(stopped) == ["rov1", "rov2"]
+    assert {line.partition(":")[0] for line in capsys.readouterr().out.splitlines()} == {
+        "rov1", "rov2"
+    }  # fmt: skip
+    assert ask("disarm", dive=tmp_path / "dives/two") == 0
+    assert capsys.readouterr().out == "rov2: disarm: accepted\n"
 
 
 def test_where_nobody_dives_one_sentence_says_so(
@@ -341,12 +365,12 @@ def still_goes(out: Path, heading: float, capsys: pytest.CaptureFixture[str]) ->
 def test_a_real_drone_answers(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     with dive(tmp_path) as out:
         assert ask("light", value=0.5, dive=out) == 0
-        assert capsys.readouterr().out == "light: accepted\n"
+        assert capsys.readouterr().out.endswith(": light: accepted\n")
         # A stop that is decided before the first step of the goto finds nothing that moves.
         assert any(still_goes(out, heading, capsys) for heading in (30.0, 90.0) * 10)
         assert ask("disarm", dive=out) == 0
         capsys.readouterr()
-        with pytest.raises(LindyError, match=r"^the drone refuses to goto: the drone is not armed"):
+        with pytest.raises(LindyError, match=r"refuses to goto: the drone is not armed"):
             ask("goto", depth=2.0, dive=out, as_json=True)
         assert not json.loads(capsys.readouterr().out)["accepted"]
 

@@ -31,9 +31,13 @@ def missing(wanted: str, there: Sequence[str], endpoint: str) -> str:
     return f"no drone is called {wanted} at {endpoint}; {who}"
 
 
-def other_drone(wanted: str, there: Sequence[str]) -> str:
-    """What a topside that waits for a drone is to be told; empty: nothing is wrong."""
+def other_drone(wanted: str, there: Sequence[str], *, was_there: bool = False) -> str:
+    """What a topside that waits for a drone is to be told; empty: nothing is wrong. One that had
+    its drone must go on waiting: it may be armed, and comes back by itself."""
     if wanted in there or not there:
         return ""
+    if was_there:
+        return f"{wanted} has left the network, where {in_words(there)} can be reached: waiting \
+for it"
     return f"this is the topside of {wanted}, and only {in_words(there)} can be reached: end it, \
 and start it with --name {sorted(there)[0]}"

@@ -20,6 +20,7 @@ class Others:
 
     def __init__(self, wanted: str, now: int) -> None:
         self._wanted, self._since = wanted, now
+        self._was_there = False
         self.roster = Roster(wanted)
 
     def words(self, now: int) -> str:
@@ -27,7 +28,8 @@ class Others:
         wanted = self.roster.drones.get(self._wanted)
         if wanted is not None and len(wanted.starts) > 1:
             return f"two drones call themselves {self._wanted}: give one of them another --name"
-        wrong = other_drone(self._wanted, self.roster.names)
+        self._was_there = self._was_there or wanted is not None
+        wrong = other_drone(self._wanted, self.roster.names, was_there=self._was_there)
         if not wrong:
             self._since = now
         return wrong if now - self._since >= WAIT_NS else ""

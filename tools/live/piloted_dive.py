@@ -3,6 +3,7 @@
 import time
 from collections.abc import Collection
 
+from messages import topics
 from services.runtime.config.errors import LindyError
 from services.runtime.launch.local_stack import LocalStack
 from tools.checks import DEFAULT_PILOT, PilotChoice, pilot_of
@@ -63,6 +64,9 @@ class PilotedDive:
         self._monitor = MonitorLoop(local, self._timeline, stop, shown)
         self._disarming = Disarming(local.node, self._own)
         self._releases = local.stack.apart  # other pilots may go on with the drone
+        self._drone = local.stack.drone_name
+        self._status = local.node.latest(topics.STATUS)
+        self.left = ""  # what has become of the drone, where it goes on without this side
 
     def fly(self) -> str:
         """Run the dive. Returns how it ended: `clean`, or why not.
@@ -87,3 +91,7 @@ class PilotedDive:
         while not self._disarming.done and time.monotonic() < deadline:
             self._disarming.ask(time.monotonic_ns())
             self._monitor.look()
+        status = self._status.newest(time.monotonic_ns())
+        if self._releases and disarm and status is not None and not status.armed:
+            where = f" at {status.depth:.1f} m" if isinstance(status.depth, float) else ""
+            self.left = f"{self._drone} is disarmed{where}: nothing holds it now"

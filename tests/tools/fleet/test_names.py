@@ -84,3 +84,12 @@ def test_a_topside_of_another_name_is_told() -> None:
     assert other_drone("a", []) == other_drone("a", ["a", "b"]) == ""
     assert "topside of a, and only b can be reached" in other_drone("a", ["b"])
     assert "--name b" in other_drone("a", ["b", "c"])
+
+
+def test_a_topside_that_had_its_drone_is_told_to_wait_and_not_to_leave_it():
+    for there in (["rov1"], ["rov1", "rov3"]):
+        assert "end it" in other_drone("rov2", there)
+        waits = other_drone("rov2", there, was_there=True)
+        assert waits.startswith("rov2 has left the network")
+        assert "end it" not in waits
+    assert other_drone("rov2", ["rov1", "rov2"], was_there=True) == ""
