@@ -167,7 +167,7 @@ def test_of_several_drones_one_is_named_and_a_stop_is_for_all(
     def answer(_: object, running: Running, who: str) -> PilotAnswer:
         del who
         stopped.append(running.vehicle)
-        return PilotAnswer(stamp_ns=0, id="", kind="stop", accepted=True)
+        return PilotAnswer(stamp_ns=0, id="", accepted=True)
 
     monkeypatch.setattr("tools.ask.answer_to", answer)
     assert ask("stop") == 0
