@@ -11,11 +11,10 @@ from math import acos, cos, exp
 
 from messages.state import VehicleState
 
-AHEAD_S = 0.5  # [s] a tilt that grows is taken as it will be then, because speed is lost slowly
-BAND = 0.5  # [-] of the limit: so far beyond it nothing is left of surge and sway
-FALL_S = 0.3  # [s] time constant of a share that gets smaller …
-RISE_S = 2.0  # [s] … and larger: slower than the hull pitches, so that the two do not swing
-WHOLE = 0.999  # [-] a share that rises to here is 1 again
+AHEAD_S = 1.0  # [s] what counts is the tilt then, if it goes on as it does: speed is lost slowly
+SMOOTH_S = 0.5  # [s] in which it is seen how the tilt goes on
+FALL_S = 1.0  # [s] in which the share would fall by 1 at twice the limit …
+RISE_S = 10.0  # [s] … and rise by 1 at no tilt: slowly, so that it settles where the tilt does
 
 
 def tilt_of(state: VehicleState) -> float | None:
@@ -26,30 +25,31 @@ def tilt_of(state: VehicleState) -> float | None:
     return acos(max(-1.0, min(1.0, level)))
 
 
-def admissible(tilt: float, most: float) -> float:
-    """The share, 0 … 1, of surge and sway at a lasting tilt [rad]; `most` [rad] takes nothing."""
-    return max(0.0, min(1.0, 1.0 - (tilt - most) / (BAND * most)))
+def rate(tilt: float, most: float) -> float:
+    """[1/s] Of the share, by the tilt and its limit [rad]: none at the limit."""
+    room = 1.0 - tilt / most
+    return room / (RISE_S if room > 0.0 else FALL_S)
 
 
 @dataclass(slots=True)
 class TiltLimit:
-    """Follows the admissible share: quickly down, slowly up."""
+    """Integrates how far the tilt is from its limit, so that a tilt that lasts ends there."""
 
     most: float  # [rad]
     share: float = 1.0  # [-] 0 … 1, exactly 1 while nothing is taken away
-    _mean: float | None = None  # [rad] tilt, over the last `AHEAD_S`
+    _mean: float | None = None  # [rad] tilt, over the last `SMOOTH_S`
 
     def step(self, tilt: float | None, dt: float) -> float:
         """The share after `dt` [s] ≥ 0 at this tilt [rad]; an unknown tilt limits nothing."""
-        goal = 1.0 if tilt is None else admissible(self._soon(tilt, dt), self.most)
-        self._mean = None if tilt is None else self._mean
-        rises = goal >= self.share
-        share = goal + (self.share - goal) * exp(-dt / (RISE_S if rises else FALL_S))
-        self.share = 1.0 if rises and share >= WHOLE else share
+        if tilt is None:
+            self._mean, by = None, dt / FALL_S
+        else:
+            by = dt * rate(self._soon(tilt, dt), self.most)
+        self.share = max(0.0, min(1.0, self.share + by))
         return self.share
 
     def _soon(self, tilt: float, dt: float) -> float:
-        """[rad] In `AHEAD_S`, if it goes on to grow as it does; the tilt itself if it does not."""
+        """[rad] In `AHEAD_S`."""
         mean = tilt if self._mean is None else self._mean
-        self._mean = tilt + (mean - tilt) * exp(-dt / AHEAD_S)
-        return tilt + max(0.0, tilt - self._mean)
+        self._mean = tilt + (mean - tilt) * exp(-dt / SMOOTH_S)
+        return max(0.0, tilt + (tilt - self._mean) * AHEAD_S / SMOOTH_S)
