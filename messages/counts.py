@@ -58,6 +58,9 @@ NAMES: dict[str, Meaning] = {
     "clamped:reference.depth": Meaning(LIMIT, f"the wanted depth {_HELD_BACK}"),
     "clamped:reference.heading": Meaning(LIMIT, f"the wanted heading {_HELD_BACK}"),
     "clamped:reference.place": Meaning(LIMIT, f"the wanted position {_HELD_BACK}"),
+    "clamped:reference.horizontal": Meaning(
+        LIMIT, "surge and sway were held back because the drone tilted too far"
+    ),
     "lost:depth": Meaning(DANGER, "the depth was no longer known"),
     "lost:sensor/imu": Meaning(
         DANGER, "the IMU could not be used: no attitude and heading, depth from pressure alone"

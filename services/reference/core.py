@@ -198,7 +198,7 @@ class ReferenceGenerator:
         moves = command is not None and free and not (manoeuvre.busy and centred(command))
         if not self.stopping:  # a stop has limits of its own
             stick = command if command is not None and moves else AT_REST
-            axes.aim(stick, guidance.held, t)
+            guidance.aim(stick)
         axes.turn_camera(command.tilt if command is not None and free else 0.0, t)
 
     # Requests.
@@ -309,7 +309,7 @@ class ReferenceGenerator:
             pilot=self.authority.holder(now),
             epoch=self.authority.lease.epoch,
             light=self.light,
-            note="; ".join(filter(None, (self._not_ready, failsafes.notices))),
+            note="; ".join(filter(None, (self._not_ready, failsafes.notices, self._held_back))),
             stop=self._stop if self.stopping else None,
             depth=where.depth,
             heading=where.heading,
@@ -338,6 +338,12 @@ class ReferenceGenerator:
         left = None if state is None else state.calibration_left
         text = "calibrating: keep the drone still"
         return text if left is None else f"{text}, {left:.0f} s to go"
+
+    @property
+    def _held_back(self) -> str:
+        if not (self.armed and self._guidance.held_back):
+            return ""
+        return "the drone tilts too far: less surge and sway than asked for"
 
     @property
     def mode(self) -> Mode:

@@ -92,7 +92,7 @@ class AttitudeObserver:
         used = self._filter.step(mean, specific_force, dt, beta)
         if used:
             q = self._filter.q
-            self.gyro_bias, event = check.step(q, specific_force, self.gyro_bias, dt)
+            self.gyro_bias, event = check.step(q, specific_force, self.gyro_bias, dt, rate[2])
         if event == "trusted:gyroscope":
             self._trust()
         elif not check.trusted:

@@ -19,6 +19,9 @@ MEMORY = 2.0  # [s] of the mean deviation
 # [rad] of the mean. Simulated dives reach 0.09, in tight circles under full thrust; a bias of
 # 0.1 rad/s takes a second and a half.
 MOST = 0.13
+# [s] More of it for each rad/s of a lasting turn: the accelerometer is off by speed times yaw rate.
+# A hull with less drag than in its file circles at 1.5 m/s and 1.05 rad/s, which is 0.16 rad.
+TURNING, MOST_TURNING = 0.06, 0.1  # [rad]
 AGREED, AGREED_FOR = 0.02, 6.0  # [rad], [s] of the mean: learnt
 # As above, of a shorter mean: a bias of 0.5 rad/s takes half a second. Simulated dives with all
 # sticks thrown over every 1.5 s reach 0.21. Much more would come too late: a vehicle that already
@@ -37,6 +40,7 @@ class GyroCheck:
         "_now",
         "_quick_x",
         "_quick_y",
+        "_turn",
         "_x",
         "_y",
         "learning",
@@ -48,6 +52,7 @@ class GyroCheck:
         self.stepped = False  # it has changed: the heading is unknown
         self._x = self._y = 0.0  # [rad] mean deviation about x and y
         self._quick_x = self._quick_y = 0.0  # [rad] the same over a shorter time
+        self._turn = 0.0  # [rad/s] mean yaw rate, over the longer time
         self._now = 0.0, 0.0  # [rad] newest deviation
         self._agreed_for = 0.0  # [s]
         self._before: Vec3 = (0.0, 0.0, 0.0)  # [rad/s] bias when last trusted
@@ -67,9 +72,12 @@ class GyroCheck:
         (x, y), (p, q, r) = self._now, rate
         return p + SPRING * x, q + SPRING * y, r
 
-    def step(self, q: Quaternion, force: Vec3, bias: Vec3, dt: float) -> tuple[Vec3, str | None]:
+    def step(
+        self, q: Quaternion, force: Vec3, bias: Vec3, dt: float, turn: float = 0.0
+    ) -> tuple[Vec3, str | None]:
         """Take in a specific force [m/s²] whose magnitude is about gravity, `dt` [s] after the
-        previous one. Returns the bias [rad/s], and an event to count."""
+        previous one, at a yaw rate `turn` [rad/s]. Returns the bias [rad/s], and an event to
+        count."""
         fx, fy, fz = force
         x, y, z = down_in_body(q)
         size = sqrt(fx * fx + fy * fy + fz * fz)
@@ -78,6 +86,7 @@ class GyroCheck:
         share = dt / MEMORY
         self._x += share * (ex - self._x)
         self._y += share * (ey - self._y)
+        self._turn += share * (turn - self._turn)
         deviation = sqrt(self._x * self._x + self._y * self._y)
         if self.learning:
             self._now = ex, ey
@@ -85,7 +94,8 @@ class GyroCheck:
         share = dt / QUICK_MEMORY
         self._quick_x += share * (ex - self._quick_x)
         self._quick_y += share * (ey - self._quick_y)
-        if deviation <= MOST and hypot(self._quick_x, self._quick_y) <= QUICK_MOST:
+        most = MOST + min(MOST_TURNING, TURNING * abs(self._turn))
+        if deviation <= most and hypot(self._quick_x, self._quick_y) <= QUICK_MOST:
             return bias, None
         self._quick_x = self._quick_y = 0.0
         if self.trusted:

@@ -86,15 +86,16 @@ class Axes:
         self.place.take_measured(ground, t)
         self.pace.rest(0.0, t)  # the measured motion includes any speed left over from a path
 
-    def aim(self, stick: PilotCommand, held: HeldAxes, t: float) -> None:
-        """Set targets from the sticks: velocities on held axes, forces on the others."""
+    def aim(self, stick: PilotCommand, held: HeldAxes, t: float, share: float = 1.0) -> None:
+        """Set targets from the sticks: velocities on held axes, forces on the others, of
+        which surge and sway get a `share`, 0 … 1."""
         s = self.settings
         self._aim_depth(stick.heave * s.heave.max_velocity if held.depth else 0.0, t)
         self.yaw.aim(stick.yaw * s.yaw.max_velocity if held.heading else 0.0, t)
         self._fades = False
         self.heave_force.aim(0.0 if held.depth else self._heave_force(stick.heave, t), t)
         self.yaw_moment.aim(0.0 if held.heading else stick.yaw * s.yaw_moment.full, t)
-        surge, sway = stick.surge, stick.sway
+        surge, sway = share * stick.surge, share * stick.sway
         if held.place:
             self.place.aim((surge * s.place.max_velocity, sway * s.place.max_velocity), t)
             surge = sway = 0.0

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from math import inf
 
 from messages.message import Estimate
-from messages.pilot import Hold, StopDistance
+from messages.pilot import Hold, PilotCommand, StopDistance
 from messages.state import VehicleState
 from services.reference.guidance.axes import Axes
 from services.reference.guidance.estimate_watch import EstimateWatch
@@ -18,6 +18,7 @@ from services.reference.guidance.manoeuvre import Manoeuvre
 from services.reference.guidance.modes import HOLDS, HeldAxes, safe
 from services.reference.guidance.reference_governor import ReferenceGovernor, is_released
 from services.reference.guidance.standstill import Standstill
+from services.reference.guidance.tilt_limit import TiltLimit, tilt_of
 from services.reference.settings import Settings
 from services.reference.trajectory.minimum_jerk import Ramp, Sample
 
@@ -47,10 +48,13 @@ class Guidance:
     _estimates: dict[str, EstimateWatch] = field(init=False)
     _governors: dict[str, ReferenceGovernor] = field(init=False)
     standstill: Standstill = field(init=False)  # of heave, [m]
+    _tilt_limit: TiltLimit = field(init=False)
+    held_back: bool = False  # surge and sway, because the vehicle tilts
 
     def __post_init__(self) -> None:
         s = self.settings
         self.axes, self.standstill = Axes.of(s), Standstill(s.standstill)
+        self._tilt_limit = TiltLimit(s.most_tilt)
         self.manoeuvre = Manoeuvre(self.axes)
         self._estimates = {"depth": EstimateWatch(), "heading": EstimateWatch()}
         self._governors = {
@@ -73,6 +77,7 @@ class Guidance:
         self._stepped, self.t = self.t, max(self.t, t)
         self.ground = None if state is None else ground_of(state)
         self.state = state or self.state
+        self._tilt_limit.step(None if state is None else tilt_of(state), self.t - self._stepped)
         if state is not None:
             self._move_with_the_pressure(state.depth_moved or 0.0)
 
@@ -121,6 +126,16 @@ class Guidance:
         if before is not None and moved != 0.0 and moved != before:
             self.axes.heave.shift(moved - before)
             self.notes.append(f"the depth is held {moved - before:+.2f} m from before, as measured")
+
+    def aim(self, stick: PilotCommand) -> None:
+        """Set the axes' targets from the sticks. Where the depth is held, a vehicle that tilts too
+        far gets a share of surge and sway."""
+        share = self._tilt_limit.share if self.held.depth else 1.0
+        before, moves = self.held_back, stick.surge != 0.0 or stick.sway != 0.0
+        self.held_back = share < 1.0 and (moves or before)
+        if self.held_back and not before:
+            self.events.append("clamped:reference.horizontal")
+        self.axes.aim(stick, self.held, self.t, share)
 
     def wait(self, state: VehicleState, *, turn_short: bool = False) -> None:
         """Keep the reference close to a vehicle that cannot follow it.

@@ -1,0 +1,206 @@
+"""A vehicle that tilts too far gets less surge and sway than the pilot asks for."""
+
+from itertools import pairwise
+from math import exp, hypot, pi
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from messages.message import Estimate
+from messages.pilot import Hold, PilotCommand, PilotRequest
+from messages.reference import Reference
+from messages.state import VehicleState
+from services.reference.core import ReferenceGenerator, Settings
+from services.reference.guidance.tilt_limit import (
+    AHEAD_S,
+    FALL_S,
+    RISE_S,
+    SMOOTH_S,
+    TiltLimit,
+    rate,
+    tilt_of,
+)
+
+DT = 0.01  # [s]
+MOST = Settings().most_tilt  # [rad]
+tilt = st.floats(0.0, 3.14159)
+maybe = st.one_of(st.none(), tilt)
+
+
+def level(now: int, roll: float = 0.0, pitch: float = 0.0, *, valid: bool = True) -> VehicleState:
+    return VehicleState(
+        stamp_ns=now,
+        sensor_ns=now,
+        phase="running",
+        depth=Estimate(3.0, 0.01),
+        depth_rate=Estimate(0.0, 0.01),
+        depth_acceleration=Estimate(0.0, 0.01),
+        attitude=(1.0, 0.0, 0.0, 0.0),
+        roll=Estimate(roll, 0.01, valid),
+        pitch=Estimate(pitch, 0.01, valid),
+        heading=Estimate(0.0, 0.01),
+        heading_navigation=None,
+        yaw_rate=Estimate(0.0, 0.01),
+    )
+
+
+class Flight:
+    """Armed, at full surge and half sway."""
+
+    def __init__(self, hold: Hold = "stabilised") -> None:
+        self.generator, self.now = ReferenceGenerator(Settings()), 0
+        self.fly(0.1)
+        for kind, wish in (("arm", None), ("mode", hold)):
+            ask = PilotRequest(stamp_ns=self.now, id=kind, kind=kind, hold=wish)  # type: ignore[arg-type]
+            hands_off = PilotCommand(stamp_ns=self.now, surge=0.0, sway=0.0, heave=0.0, yaw=0.0)
+            assert self.generator.answer(ask, hands_off, self.now).accepted
+
+    def fly(
+        self, seconds: float, pitch: float = 0.0, *, surge: float = 1.0, valid: bool = True
+    ) -> list[Reference]:
+        seen: list[Reference] = []
+        for _ in range(round(seconds / DT)):
+            self.now += round(1e9 * DT)
+            state = level(self.now, pitch=pitch, valid=valid)
+            stick = PilotCommand(stamp_ns=self.now, surge=surge, sway=surge / 2, heave=0.0, yaw=0.0)
+            out = self.generator.step(state, stick, self.now)
+            assert out is not None
+            seen.append(out)
+        return seen
+
+    @property
+    def told(self) -> int:
+        return self.generator.events.count("clamped:reference.horizontal")
+
+
+@given(tilt, tilt)
+def test_more_tilt_takes_more_without_a_step(a: float, b: float) -> None:
+    low, high = sorted((a, b))
+    first, then = rate(low, MOST), rate(high, MOST)
+    assert then <= first <= 1.0 / RISE_S
+    assert first - then <= (high - low) / MOST / FALL_S + 1e-12
+    assert rate(MOST, MOST) == 0.0
+
+
+@given(st.lists(maybe, max_size=200))
+def test_the_share_is_never_above_one_nor_makes_a_step(tilts: list[float | None]) -> None:
+    limit = TiltLimit(MOST)
+    shares = [1.0, *(limit.step(each, DT) for each in tilts)]
+    assert all(0.0 <= share <= 1.0 for share in shares)
+    furthest = pi * (1.0 + AHEAD_S / SMOOTH_S)
+    assert all(abs(b - a) <= DT * furthest / MOST / FALL_S for a, b in pairwise(shares))
+
+
+@given(st.lists(st.tuples(tilt, tilt), max_size=100))
+def test_more_tilt_at_the_same_moment_never_gives_more(pairs: list[tuple[float, float]]) -> None:
+    for newest, other in pairs:
+        one, two = TiltLimit(MOST), TiltLimit(MOST)
+        for before, _ in pairs:
+            one.step(before, DT)
+            two.step(before, DT)
+        low, high = sorted((newest, other))
+        assert two.step(high, DT) <= one.step(low, DT)
+
+
+@given(st.lists(maybe, max_size=100), st.one_of(st.none(), st.floats(0.0, 0.5 * MOST)))
+def test_once_the_tilt_is_gone_all_is_given_again(
+    before: list[float | None], after: float | None
+) -> None:
+    limit = TiltLimit(MOST)
+    for each in before:
+        limit.step(each, DT)
+    for _ in range(3000):
+        limit.step(after, DT)
+    assert limit.share == 1.0
+
+
+@given(st.lists(st.floats(0.0, MOST), max_size=50), st.floats(0.01, 1.0))
+def test_below_the_limit_a_tilt_that_does_not_grow_takes_nothing(
+    tilts: list[float], dt: float
+) -> None:
+    limit = TiltLimit(MOST)
+    assert all(limit.step(each, dt) == 1.0 for each in sorted(tilts, reverse=True))
+
+
+@given(st.floats(0.1, 1.0))
+def test_a_growing_tilt_is_met_before_it_passes_the_limit(speed: float) -> None:
+    """[rad/s] At a steady rate, as it will be a second later, once the rate has been seen."""
+    limit, seconds = TiltLimit(MOST), 0.0
+    while limit.step(speed * seconds, DT) == 1.0:
+        seconds += DT
+    ahead = AHEAD_S * (1.0 - exp(-seconds / SMOOTH_S))
+    assert speed * (seconds + ahead) == pytest.approx(MOST, abs=4.0 * speed * DT)
+
+
+@settings(max_examples=40)
+@given(st.floats(0.2, 2.5), st.floats(0.2, 1.0), st.floats(0.2, 1.0))
+def test_with_a_hull_that_answers_late_it_comes_to_rest(
+    full: float, slow: float, late: float
+) -> None:
+    """A hull whose speed follows the share within `slow` [s], and its tilt the square of the speed
+    within `late` [s]; `full` [rad] if nothing were taken."""
+    limit, speed, tilt = TiltLimit(MOST), 0.0, 0.0
+    for step in range(6000):
+        speed += DT / slow * (limit.step(tilt, DT) - speed)
+        tilt += DT / late * (full * speed * speed - tilt)
+        if step > 5000:
+            assert tilt == pytest.approx(min(full, MOST), abs=0.02)
+
+
+@settings(max_examples=50)
+@given(st.floats(-1.5, 1.5), st.floats(-1.5, 1.5))
+def test_the_tilt_is_that_of_the_vertical(roll: float, pitch: float) -> None:
+    found = tilt_of(level(0, roll, pitch))
+    assert found is not None
+    assert max(abs(roll), abs(pitch)) - 1e-6 <= found <= hypot(roll, pitch) + 1e-6
+    assert tilt_of(level(0, roll, pitch, valid=False)) is None
+
+
+def test_surge_and_sway_shrink_together_within_their_limits_and_come_back() -> None:
+    flight, s = Flight(), Settings().horizontal
+    full = flight.fly(3.0)[-1]
+    assert (full.surge_force, full.sway_force) == (s.max_surge, s.max_sway / 2)
+    assert flight.told == 0
+    less = flight.fly(2.0, 1.2 * MOST)
+    again = flight.fly(12.0)
+    assert 0.0 <= less[-1].surge_force < 0.5 * s.max_surge
+    assert (again[-1].surge_force, again[-1].sway_force) == (s.max_surge, s.max_sway / 2)
+    for a, b in pairwise([full, *less, *again]):
+        assert b.sway_force * s.max_surge == pytest.approx(b.surge_force * s.max_sway / 2)
+        step = hypot(b.surge_force - a.surge_force, b.sway_force - a.sway_force)
+        assert step <= s.max_rate * DT + 1e-9
+    assert flight.told == 1
+    flight.fly(1.0, 1.2 * MOST)
+    assert flight.told == 2
+
+
+def test_it_is_said_only_where_something_is_taken_away() -> None:
+    flight = Flight()
+    flight.fly(2.0, 2.0 * MOST, surge=0.0)
+    assert flight.told == 0
+    assert "tilts" not in flight.generator.status(flight.now).note
+    flight.fly(1.0, 2.0 * MOST)
+    assert flight.told == 1
+    assert "tilts" in flight.generator.status(flight.now).note
+
+
+@pytest.mark.parametrize("hold", ["manual", "heading_hold"])
+def test_where_the_depth_is_not_held_nothing_is_taken_away(hold: Hold) -> None:
+    flight = Flight(hold)
+    assert flight.fly(3.0, 2.0 * MOST)[-1].surge_force == Settings().horizontal.max_surge
+    assert flight.told == 0
+
+
+def test_a_failsafe_comes_to_rest_as_ever() -> None:
+    """Also while a share is taken away: the force ends at zero, and is not held back."""
+    flight = Flight()
+    flight.fly(2.0, 1.2 * MOST)
+    now = flight.now
+    gone = PilotCommand(stamp_ns=now, surge=1.0, sway=0.0, heave=0.0, yaw=0.0, pilot="lost")
+    out = None
+    for _ in range(300):
+        now += round(1e9 * DT)
+        out = flight.generator.step(level(now, pitch=1.2 * MOST), gone, now)
+    assert out is not None
+    assert out.surge_force == 0.0
