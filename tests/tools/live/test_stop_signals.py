@@ -154,6 +154,7 @@ from services.runtime.config.stack import Stack
 from tools.live.outcome import Outcome
 from tools.live.stop_signals import StopSignals
 outcome = Outcome(Stack(out={str(tmp_path)!r}))
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # whatever these tests were started by
 def write():
     os.kill(os.getpid(), signal.SIGHUP)
     return outcome.sum_up()
@@ -174,15 +175,15 @@ raise SystemExit(status)
     assert os.read(ours, 6) == b"diving"
     ran.send_signal(signal.SIGHUP)  # as the terminal's end does to the group in its foreground
     os.close(ours)
-    assert ran.wait() == 0
+    assert ran.wait(60.0) == 0
     assert (tmp_path / "report.json").exists()
 
 
 def test_what_nohup_started_goes_on_without_its_terminal():
-    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
         with StopSignals() as stop:
             press(signal.SIGHUP)
             assert not stop.asked
     finally:
-        signal.signal(signal.SIGHUP, signal.SIG_DFL)
+        signal.signal(signal.SIGHUP, before)
