@@ -11,6 +11,7 @@ from messages.sensors import BatterySample
 from messages.vehicle import VehicleStatus
 from services.runtime.config.identity import messages_hash
 from tools.fleet.look import look
+from tools.fleet.names import clean
 from tools.fleet.roster import Drone, Roster
 from tools.keys.door import door
 from tools.keys.roles import Role
@@ -87,7 +88,7 @@ def _line(drone: Drone, ours: str) -> tuple[str, ...]:
         remarks.append(SILENT)
     elif identity.messages != ours:
         remarks.append(OTHER_MESSAGES)
-    return (
+    words = (
         drone.name,
         "" if identity is None else identity.vehicle,
         "" if identity is None else identity.version,
@@ -96,6 +97,7 @@ def _line(drone: Drone, ours: str) -> tuple[str, ...]:
         "" if status is None else status.pilot or "nobody",
         "; ".join(remarks),
     )
+    return tuple(map(clean, words))
 
 
 def _mode(status: VehicleStatus) -> str:

@@ -7,12 +7,12 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from tools.fleet.names import clean
 from tools.fleet.watching import FleetRow
 
 HEADING = ("name", "mode", "depth", "heading", "battery", "link", "who flies", "alarms")
 UNKNOWN = "–"
 LONGEST = 24  # [characters] of a name or a mode
-LONGEST_ALARM = 120  # [characters]
 FRAME = 3  # rows of the screen that are no drones: title, heading, one left free
 LOSS_SHOWN = 0.01  # [-] a smaller share is not worth a word
 
@@ -108,14 +108,14 @@ def _hidden(rows: Sequence[FleetRow]) -> str:
 
 def _cells(row: FleetRow) -> tuple[str, ...]:
     return (
-        clean(row.name),
-        clean(f"{row.mode}{', armed' if row.armed else ''}") or UNKNOWN,
+        clean(row.name, LONGEST),
+        clean(f"{row.mode}{', armed' if row.armed else ''}", LONGEST) or UNKNOWN,
         UNKNOWN if row.depth_m is None else f"{row.depth_m:.1f} m",
         UNKNOWN if row.heading_deg is None else f"{row.heading_deg:03.0f}°",
         row.battery or UNKNOWN,
         _link(row),
-        clean(row.pilot) or "nobody",
-        "; ".join(clean(alarm, LONGEST_ALARM) for alarm in row.alarms),
+        clean(row.pilot, LONGEST) or "nobody",
+        "; ".join(clean(alarm) for alarm in row.alarms),
     )
 
 
@@ -124,9 +124,3 @@ def _link(row: FleetRow) -> str:
         return UNKNOWN
     lost = row.loss is not None and row.loss >= LOSS_SHOWN
     return f"{row.age_s:.1f} s" + (f", {100 * (row.loss or 0.0):.0f} % lost" if lost else "")
-
-
-def clean(text: str, longest: int = LONGEST) -> str:
-    """Text from a network, of which nothing can act on a terminal."""
-    kept = "".join(letter if letter.isprintable() else "?" for letter in text[: longest + 1])
-    return kept if len(kept) <= longest else f"{kept[: longest - 1]}…"

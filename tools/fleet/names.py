@@ -1,4 +1,5 @@
-"""Names of drones: which one a machine's drone has, and which one a pilot means. Pure."""
+"""Names of drones: which one a machine's drone has, which one a pilot means, and how they are
+printed. Pure."""
 
 import re
 from collections.abc import Iterable, Sequence
@@ -6,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from services.runtime.bus.spaces import LONGEST
 
 SHOWN = 8  # names in one sentence
+LONGEST_WORDS = 120  # [characters] of a text from a network
 
 
 def own_name(vehicle: str, host: str) -> str:
@@ -41,3 +43,9 @@ def other_drone(wanted: str, there: Sequence[str], *, was_there: bool = False) -
 for it"
     return f"this is the topside of {wanted}, and only {in_words(there)} can be reached: end it, \
 and start it with --name {sorted(there)[0]}"
+
+
+def clean(text: str, longest: int = LONGEST_WORDS) -> str:
+    """Text from a network, of which nothing can act on a terminal."""
+    kept = "".join(letter if letter.isprintable() else "?" for letter in text[: longest + 1])
+    return kept if len(kept) <= longest else f"{kept[: longest - 1]}…"

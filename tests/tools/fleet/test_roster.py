@@ -61,6 +61,15 @@ def test_a_drone_that_speaks_is_a_line_with_everything_and_a_row_for_programs() 
     assert round(row["charge"], 3) == 0.792
 
 
+def test_nothing_that_a_stranger_says_acts_on_the_terminal() -> None:
+    roster = whole()
+    say(roster, "rov1", IDENTITY, SideIdentity(vehicle="a\x1b[2Jb", version="\r1", messages="same"))
+    say(roster, "rov1", topics.STATUS, status("ann\x07\nrov9", armed=True))
+    printed = table(roster, "E", "same")
+    assert len(printed.splitlines()) == 2
+    assert all(letter.isprintable() or letter == "\n" for letter in printed)
+
+
 def test_the_mode_says_which_failsafe_acts() -> None:
     roster = whole()
     acts = msgspec.structs.replace(status("ann", armed=True), mode="stopping", failsafe="leak")

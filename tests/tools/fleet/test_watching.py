@@ -17,8 +17,9 @@ from messages.sensors import BatterySample
 from messages.topic import AnyTopic
 from messages.vehicle import VehicleStatus
 from services.runtime.bus.spaces import here_key, namespace
-from tools.fleet.fleet_screen import as_json, clean, line, news, screen, title_of
+from tools.fleet.fleet_screen import as_json, line, news, screen, title_of
 from tools.fleet.hearing import SPAN, Hearing
+from tools.fleet.names import clean
 from tools.fleet.roster import MOST
 from tools.fleet.watching import BATTERY_OLD_NS, GONE_NS, OLD_NS, FleetRow, FleetWatch
 
