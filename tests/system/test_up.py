@@ -108,7 +108,16 @@ def free_endpoint() -> str:
 def drone_alone(folder: Path) -> Generator[Side]:
     with side(folder, "drone", "--listen", free_endpoint()) as drone:
         drone.until(lambda: "calibrating" in drone.said)
+        sizes = set[int]()  # [bytes] of the recording: its beginning, and two chunks of messages
+        drone.until(lambda: len(grown(drone.out / "dive.mcap", sizes)) > 3)
         yield drone
+
+
+def grown(file: Path, sizes: set[int]) -> set[int]:
+    """The sizes that a file has been seen to have, with the present one added."""
+    if file.exists():
+        sizes.add(file.stat().st_size)
+    return sizes
 
 
 def test_the_drone_reports_on_a_dive_whose_pilot_has_another_clock(tmp_path: Path):
