@@ -4,6 +4,7 @@ import time
 from collections.abc import Collection
 
 from messages import topics
+from messages.vehicle import VehicleStatus
 from services.runtime.config.errors import LindyError
 from services.runtime.launch.local_stack import LocalStack
 from tools.checks import DEFAULT_PILOT, PilotChoice, pilot_of
@@ -65,7 +66,8 @@ class PilotedDive:
         self._disarming = Disarming(local.node, self._own)
         self._releases = local.stack.apart  # other pilots may go on with the drone
         self._drone = local.stack.drone_name
-        self._status = local.node.latest(topics.STATUS)
+        self._status: VehicleStatus | None = None
+        local.node.each(topics.STATUS, self._hear)
         self.left = ""  # what has become of the drone, where it goes on without this side
 
     def fly(self) -> str:
@@ -77,6 +79,9 @@ class PilotedDive:
         end = self._monitor.keep()
         self._disarm()
         return end
+
+    def _hear(self, status: VehicleStatus, _: int) -> None:
+        self._status = status
 
     def _disarm(self) -> None:
         """Ask the drone to disarm, and give control up, if this side's pilot has control. Wait for
@@ -91,7 +96,7 @@ class PilotedDive:
         while not self._disarming.done and time.monotonic() < deadline:
             self._disarming.ask(time.monotonic_ns())
             self._monitor.look()
-        status = self._status.newest(time.monotonic_ns())
+        status = self._status
         if self._releases and disarm and status is not None and not status.armed:
             where = f" at {status.depth:.1f} m" if isinstance(status.depth, float) else ""
             self.left = f"{self._drone} is disarmed{where}: nothing holds it now"
