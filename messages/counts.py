@@ -78,6 +78,7 @@ NAMES: dict[str, Meaning] = {
     "lost:camera": Meaning(DANGER, "the camera gave no pictures"),
     "stale:picture": Meaning(MESSAGE, "a picture was too old to be sent"),
     "dropped:picture": Meaning(MESSAGE, "a picture did not arrive whole and was dropped"),
+    "unencoded:picture": Meaning(MESSAGE, "the encoder gave nothing, or too much, for a picture"),
     "skipped:picture": Meaning(MESSAGE, "a picture was skipped for a newer one"),
     "left_out:picture": Meaning(ROUTINE, "a picture was left out to keep to the link's room"),
     "lost:live_viewer": Meaning(MESSAGE, "the live viewer was lost"),

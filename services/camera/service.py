@@ -45,7 +45,10 @@ def wire(node: Node, stack: Stack) -> None:
             return
         picture, captured = take()
         data = encoder.encode(picture, stamp, order)
-        for part in camera.parts(data, order, stamp, captured, node.now()):
+        parts = camera.parts(data, order, stamp, captured, node.now())
+        if not parts:
+            node.count("unencoded:picture")
+        for part in parts:
             video.put(part)
 
     node.each(topics.PICTURE_AGE, camera.heard)

@@ -130,5 +130,5 @@ class Watch:
 
     def _look(self, now: int) -> None:
         ports = (self._state, self._status, self._reference, self._pilot, self._link)
-        for port in (*ports, self._battery, self._budget, self._clock):
+        for port in (*ports, self._battery, self._budget, self._clock, self._picture):
             port.newest(now)

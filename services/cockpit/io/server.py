@@ -9,7 +9,6 @@ import logging
 import socket
 import ssl
 import threading
-import time
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from typing import Any, cast
@@ -22,6 +21,7 @@ from websockets.http11 import Request, Response
 from services.cockpit.core import Settings
 from services.cockpit.handshake import SOCKETS, VIDEO, WATCH, Access
 from services.cockpit.io.files import PageFiles, plain
+from services.cockpit.io.message_rate import MessageRate
 from services.cockpit.io.video_server import VideoServer
 from services.cockpit.page_messages import (
     LONGEST,
@@ -38,7 +38,6 @@ from services.runtime.config.errors import LindyError
 MOST_PAGES = 32
 MOST_WATCHERS = 24  # of them: the others' places are for pilots
 MOST_CONNECTIONS = 128  # with those that load files or never say what they want
-MOST_PER_SECOND = 250  # messages of one page, which sends 50 sticks and 25 confirmations
 WAITING = 64  # events of all pages that may wait for the service
 HANDSHAKE_S = 5.0  # [s] for a connection to say what it wants
 SEND_BUFFER = 32_768  # [B] of the system, per page: some pictures
@@ -193,11 +192,9 @@ class PageServer:
         return watchers or len(self._pages) >= MOST_PAGES
 
     async def _read(self, number: int, connection: ServerConnection) -> None:
-        second, heard = 0, 0
+        rate = MessageRate()
         async for raw in connection:
-            now = int(time.monotonic())
-            second, heard = now, heard + 1 if now == second else 1
-            if heard > MOST_PER_SECOND:
+            if rate.too_many():
                 self.counts["too_many:page_messages"] += 1
                 await connection.close(TOO_FAST, "too many messages")
                 return

@@ -7,10 +7,10 @@ from collections import Counter
 from websockets.asyncio.server import ServerConnection, broadcast
 from websockets.exceptions import ConnectionClosed
 
+from services.cockpit.io.message_rate import MessageRate
 from services.cockpit.video import PageUnit, PageVideo, RecentUnits
 
 MOST_VIDEO_PAGES = 32
-MOST_PER_SECOND = 250  # confirmations of one page; more than any camera has pictures
 LONGEST_CONFIRMATION = 10  # [B] a number
 
 
@@ -50,11 +50,9 @@ class VideoServer:
             del self._pages[connection]
 
     async def _read(self, connection: ServerConnection, video: PageVideo) -> None:
-        second, heard = 0, 0
+        rate = MessageRate()
         async for raw in connection:
-            now = int(time.monotonic())
-            second, heard = now, heard + 1 if now == second else 1
-            if heard > MOST_PER_SECOND:
+            if rate.too_many():
                 self._counts["too_many:page_messages"] += 1
                 return
             is_number = len(raw) <= LONGEST_CONFIRMATION and raw.isascii() and raw.isdigit()

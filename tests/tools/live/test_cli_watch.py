@@ -1,16 +1,20 @@
 """What the screen is told, with a node that plays the whole stack."""
 
 import math
+from typing import Any
 
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from messages import topics
 from messages.health import Health, LogLine
 from messages.link import Direction, LinkStatus
+from messages.message import Message
 from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
 from messages.reference import Motion, Reference
 from messages.vehicle import VehicleStatus
+from messages.video import PictureAge
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.node.node import Node
 from tools.live.disarming import Disarming
@@ -129,6 +133,29 @@ def test_link_status_and_log_lines_of_others_and_of_our_own_are_shown():
     assert (view.mode, view.note) == ("ready", "sea too wet")
     assert sorted(told.line.text for told in view.lines) == ["ours", "theirs"]
     assert sorted(line.text for line in scene.shown) == ["ours", "theirs"]
+
+
+def test_between_two_lines_nothing_piles_up_in_any_port():
+    """Off a terminal the view is made every five seconds, and some streams come a hundred times a
+    second."""
+    scene = Scene()
+    centred = PilotCommand(stamp_ns=0, surge=0.0, sway=0.0, heave=0.0, yaw=0.0)
+    streams: list[tuple[Any, Message]] = [
+        (topics.STATUS, VehicleStatus(stamp_ns=0, mode="ready", armed=False)),
+        (topics.PICTURE_AGE, PictureAge(stamp_ns=0)),
+        (topics.REFERENCE, reference_at(0.0, 0)),
+        (topics.PILOT_COMMAND, centred),
+    ]
+    for topic, message in streams:
+        publisher = scene.stack.publisher(topic)
+
+        def say(now: int, publisher: Any = publisher, message: Message = message) -> None:
+            publisher.put(replace(message, stamp_ns=now))
+
+        scene.stack.every(topic.hz, say)
+    scene.host.run(5 * SECOND)
+    assert scene.view().mode == "ready"
+    assert [name for name in scene.node.counts if name.startswith("overflowed")] == []
 
 
 def drone(host: VirtualHost, deaf_for: int, heard: list[PilotRequest]) -> Node:
