@@ -11,6 +11,7 @@ from mcap.records import Channel, Metadata
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import nearest
 from tools.fresh import refuse_existing
+from tools.log.armed_spans import armed_spans, around
 from tools.recordings.mcap_copy import McapCopy, new_mcap
 from tools.recordings.mcap_records import Described, StoredMessage
 from tools.recordings.progress import reading
@@ -33,15 +34,23 @@ class WantedPart(NamedTuple):
         return WantedPart(max(self.from_s, other.from_s), min(self.to_s, other.to_s), topics)
 
 
-def cut(path: Path, out: Path, wanted: WantedPart) -> int:
+def cut(path: Path, out: Path, wanted: WantedPart, dive: int | None = None) -> int:
     """Write the part, and print what is in it. Returns the exit status: 3 when the recording is
     damaged or was not finished.
 
+    Args:
+        dive: number, from 1, of the armed span that is wanted, in place of seconds.
+
     Raises:
-        LindyError: nothing is in that part, or the file cannot be written.
+        LindyError: nothing is in that part, there is no such dive, or the file cannot be written.
     """
     refuse_existing(out)
     recording = open_recording(path)
+    if dive is not None:
+        if (wanted.from_s, wanted.to_s) != (0.0, inf):
+            raise LindyError(f"--dive {dive} says from when to when; leave out --from and --to")
+        span = around(armed_spans(recording), dive, str(path))
+        wanted = wanted._replace(from_s=span.from_s, to_s=span.to_s)
     messages = cut_out(recording, out, wanted)
     print("\n".join([f"{messages} messages written to {out}", *recording.damage]), flush=True)
     return INCOMPLETE if recording.damage else COMPLETE

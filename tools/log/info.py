@@ -15,6 +15,7 @@ from messages.link import Clock
 from messages.message import Message
 from messages.vehicle import VehicleStatus
 from services.runtime.config.errors import LindyError
+from tools.log.armed_spans import ArmedSpan, ArmedSpans
 from tools.log.text_table import table
 from tools.recordings.dive_file import FlownDive, flown_dive
 from tools.recordings.progress import reading
@@ -66,6 +67,7 @@ class Info(msgspec.Struct, kw_only=True):
     utc: str | None  # when it began; None: on virtual time
     seconds: float  # [s] from the first message to the last
     armed_seconds: float  # [s] of them
+    dives: list[ArmedSpan]  # when it was armed; the first is `--dive 1` of `lindy log cut`
     clock_offset_ms: float | None  # [ms] drone's clock minus topside's, newest
     clock_bound_ms: float | None  # [ms] greatest error of that
     log_hash: str | None
@@ -80,10 +82,10 @@ class Gathered:
     def __init__(self, origin_ns: int) -> None:
         self.topics: dict[str, TopicInfo] = {}
         self.events: list[SeenEvent] = []
-        self.armed_s = 0.0  # [s] sum
+        self.armed = ArmedSpans()
         self.clock: Clock | None = None
         self._origin_ns = origin_ns
-        self._status: tuple[float, VehicleStatus] | None = None
+        self._status: VehicleStatus | None = None
 
     def see(self, raw: Raw) -> float:
         """Any message; returns when it arrived [s]."""
@@ -110,10 +112,9 @@ class Gathered:
                 pass
 
     def _see_status(self, status: VehicleStatus, t: float) -> None:
-        before_t, before = self._status or (t, None)
-        self._status = t, status
-        if before is not None and before.armed:
-            self.armed_s += t - before_t
+        if not self.armed.see(status, t):
+            return
+        before, self._status = self._status, status
         if status.armed != (before is not None and before.armed):
             self.events.append(SeenEvent(round(t, 3), "armed" if status.armed else "disarmed"))
         now = status.failsafe, status.reaction
@@ -173,7 +174,8 @@ def info_of(recording: Recording) -> Info:
         if real
         else None,
         seconds=max((topic.last_s for topic in seen), default=0.0) - first,
-        armed_seconds=gathered.armed_s,
+        armed_seconds=sum(span.seconds for span in gathered.armed.found),
+        dives=gathered.armed.found,
         clock_offset_ms=None if clock is None else (clock.offset_ns or 0) / 1e6,
         clock_bound_ms=None if clock is None or clock.bound_ns is None else clock.bound_ns / 1e6,
         log_hash=recording.metadata("hash").get("sha256"),
@@ -184,8 +186,14 @@ def info_of(recording: Recording) -> Info:
 
 
 def as_text(found: Info) -> str:
-    """A few lines, then the events, then a table of the topics."""
+    """A few lines, then the dives, the events, and a table of the topics."""
     blocks = [lined_up(_rows(found))]
+    if found.dives:
+        dives = [
+            f"dive {number}: armed {span.words} ({span.seconds:.1f} s)"
+            for number, span in enumerate(found.dives, start=1)
+        ]
+        blocks.append("\n".join(dives))
     if found.events:
         lines = [f"{event.t:9.2f} s  {event.what}" for event in found.events[:SHOWN]]
         more = len(found.events) - SHOWN

@@ -57,6 +57,14 @@ def cut(
     to: Annotated[
         float, Parameter(show_default=False, help="[s] exclusive; default: to its end")
     ] = inf,
+    dive: Annotated[
+        int | None,
+        Parameter(
+            show_default=False,
+            help="in place of --from and --to: the dive of this number, from 1, of `lindy log "
+            "info`: armed to disarmed, with 5 s before and after, and nothing of another dive",
+        ),
+    ] = None,
     topics: Annotated[
         tuple[str, ...],
         Parameter(
@@ -74,10 +82,11 @@ def cut(
     was not finished.
 
     Example: lindy log cut dives/latest --from 30 --to 40 --topics state 'sensor/*' --out part.mcap
+             lindy log cut dives/class/rov1 --dive 2 --out dive2.mcap
     """
     from tools.log.cut import WantedPart, cut
 
-    return cut(recording, out, WantedPart(from_, to, topics))
+    return cut(recording, out, WantedPart(from_, to, topics), dive)
 
 
 @log.command

@@ -1,0 +1,157 @@
+"""Each time that a drone was armed is a dive with a number, and can be cut out as one."""
+
+from math import inf
+from pathlib import Path
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from messages import topics
+from messages.vehicle import VehicleStatus
+from services.runtime.config.errors import LindyError
+from tools.__main__ import main
+from tools.log.armed_spans import ArmedSpan, ArmedSpans, armed_spans, around
+from tools.recordings.mcap_copy import new_mcap
+from tools.recordings.mcap_records import Damage, StoredMessage, salvaged
+from tools.recordings.recording import open_recording
+
+from .conftest import ShortDive
+
+Heard = list[tuple[float, VehicleStatus]]
+
+
+@st.composite
+def heard(draw: st.DrawFn) -> Heard:
+    """Statuses with the times of their arrival, up to 20 s apart: a drone may not be heard."""
+    t, found = 0.0, list[tuple[float, VehicleStatus]]()
+    for armed, step in draw(st.lists(st.tuples(st.booleans(), st.floats(0.01, 20.0)), max_size=40)):
+        t += step
+        found.append((t, VehicleStatus(stamp_ns=round(t * 1e9), mode="ready", armed=armed)))
+    return found
+
+
+def spans_of(statuses: Heard) -> list[ArmedSpan]:
+    spans = ArmedSpans()
+    for t, status in statuses:
+        spans.see(status, t)
+    return spans.found
+
+
+@given(heard())
+def test_each_dive_that_is_cut_out_is_the_only_one_and_whole(statuses: Heard) -> None:
+    spans = spans_of(statuses)
+    assert [s.ended for s in spans[:-1]] == [True] * len(spans[:-1])
+    assert sum(status.armed for _, status in statuses) >= len(spans)
+    for number, span in enumerate(spans, start=1):
+        from_s, to_s = around(spans, number, "here")
+        assert 0.0 <= from_s <= span.from_s <= span.to_s < to_s
+        assert span.from_s - from_s <= 5.0
+        assert span.ended == (to_s < inf) or to_s - span.to_s <= 5.0
+        part = [(t, status) for t, status in statuses if from_s <= t < to_s]
+        assert spans_of(part) == [span]
+
+
+@given(heard(), st.data())
+def test_what_a_link_delivers_late_or_twice_makes_no_dive(
+    statuses: Heard, data: st.DataObject
+) -> None:
+    arrivals = Heard()
+    for number, (t, status) in enumerate(statuses):
+        arrivals.append((t, status))
+        if (back := data.draw(st.integers(0, 3))) <= number:
+            earlier = statuses[number - back][1]
+            if t - earlier.stamp_ns / 1e9 < 9.9:
+                arrivals.append((t, earlier))
+    assert spans_of(arrivals) == spans_of(statuses)
+
+
+def test_a_drone_that_was_started_again_is_believed_though_its_clock_begins_anew() -> None:
+    spans = ArmedSpans()
+    for t, stamp_s, armed in [(0.0, 900, True), (1.0, 901, True), (60.0, 12, False)]:
+        spans.see(VehicleStatus(stamp_ns=stamp_s * 10**9, mode="ready", armed=armed), t)
+    assert spans.found == [ArmedSpan(0.0, 60.0, ended=True)]
+
+
+@pytest.fixture(scope="module")
+def two_dives(dive: ShortDive, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The short dive, as if it had been disarmed in the middle of its armed time."""
+    (whole,) = armed_spans(open_recording(dive.folder))
+    origin = open_recording(dive.folder).origin_ns() or 0
+    third = whole.seconds / 3.0
+    path = tmp_path_factory.mktemp("two") / "dive.mcap"
+    with new_mcap(path) as copy:
+        copy.next_file()
+        for record in salvaged(dive.folder / "dive.mcap", Damage()):
+            if isinstance(record, StoredMessage):
+                t = (record.log_ns - origin) / 1e9 - whole.from_s
+                if third < t < 2.0 * third:
+                    record = record._replace(
+                        data=record.data.replace(b'"armed":true', b'"armed":false')
+                    )
+            copy.add(record)
+    return path
+
+
+@pytest.mark.parametrize("number", [1, 2])
+def test_a_dive_cut_by_its_number_is_a_recording_like_any_other(
+    two_dives: Path, number: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["log", "info", str(two_dives), "--json"]) == 0
+    dives = msgspec.json.decode(capsys.readouterr().out)["dives"]
+    assert len(dives) == 2
+    out = tmp_path / "cut.mcap"
+    assert main(["log", "cut", str(two_dives), "--dive", str(number), "--out", str(out)]) == 0
+    for verb in ("check", "info"):
+        assert main(["log", verb, str(out)]) == 0
+    capsys.readouterr()
+    assert main(["log", "info", str(out), "--json"]) == 0
+    assert msgspec.json.decode(capsys.readouterr().out)["dives"] == [dives[number - 1]]
+    assert main(["log", "compare", str(out), str(out)]) == 0  # what it reports of the dive
+
+
+def test_people_read_the_number_of_each_dive(
+    two_dives: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["log", "info", str(two_dives)]) == 0
+    said = capsys.readouterr().out
+    first, second = armed_spans(open_recording(two_dives))
+    assert f"\ndive 1: armed {first.words} ({first.seconds:.1f} s)\n" in said
+    assert f"\ndive 2: armed {second.words} ({second.seconds:.1f} s)\n" in said
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--dive", "3"], "there are 2 dives (1: "),
+        (["--dive", "0"], "there are 2 dives (1: "),
+        (["--dive", "-1"], "there are 2 dives (1: "),
+        (["--dive", "1", "--from", "2"], "leave out --from and --to"),
+        (["--dive", "1", "--to", "nan"], "leave out --from and --to"),
+    ],
+)
+def test_a_number_that_is_not_there_is_one_sentence(
+    two_dives: Path,
+    tmp_path: Path,
+    options: list[str],
+    said: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    out = tmp_path / "cut.mcap"
+    assert main(["log", "cut", str(two_dives), "--out", str(out), *options]) == 1
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
+    assert not out.exists()
+
+
+def test_a_recording_that_was_never_armed_has_no_dives() -> None:
+    with pytest.raises(LindyError, match=f"no {topics.STATUS.key} says that the drone was armed"):
+        around([], 1, "here")
+
+
+def test_of_many_dives_the_sentence_shows_some() -> None:
+    spans = [ArmedSpan(10.0 * n, 10.0 * n + 5.0, ended=True) for n in range(40)]
+    with pytest.raises(LindyError, match=r"there are 40 dives .*, and 28 more"):
+        around(spans, 41, "here")
