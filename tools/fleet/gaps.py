@@ -1,4 +1,4 @@
-"""When a drone was not heard while it was recorded. Pure."""
+"""When a drone was not heard while it was recorded, and was not expected to be silent. Pure."""
 
 from messages.units import Ns
 
@@ -9,18 +9,23 @@ class Gaps:
     """Of one drone, from its first message on."""
 
     def __init__(self, now: Ns) -> None:
+        self.left_ns: Ns | None = None  # when it took its leave; None: it is expected to be heard
         self._heard_ns = now
         self._ended, self._ended_ns = 0, 0  # gaps that ended, and how long they were together
         self._open_ns: Ns = 0  # of the gap that goes on; 0: it is heard
 
     def hear(self, now: Ns) -> Ns:
         """A message came. Returns how long the gap was that it ends; 0: there was none."""
-        gap = self._since(now)
-        if gap:
-            self._ended += 1
-            self._ended_ns += gap
-        self._heard_ns, self._open_ns = max(self._heard_ns, now), 0
+        gap = self._end_gap(now)
+        self._heard_ns = max(self._heard_ns, now)
+        if self.left_ns is not None and now - self.left_ns > SILENT_NS:
+            self.left_ns = None  # it is back; what comes sooner may have been said before it left
         return gap
+
+    def leave(self, now: Ns) -> None:
+        """It says that it ends: it is not missed until it is heard again."""
+        self._end_gap(now)
+        self.left_ns = now
 
     def look(self, now: Ns) -> bool:
         """Has it fallen silent since the last look?"""
@@ -45,7 +50,15 @@ class Gaps:
         times = "once" if self.count == 1 else f"{self.count} times"
         return f"not heard {times}, {self.total_ns / 1e9:.0f} s in all"
 
+    def _end_gap(self, now: Ns) -> Ns:
+        """Returns how long it was; 0: there was none."""
+        gap, self._open_ns = self._since(now), 0
+        if gap:
+            self._ended += 1
+            self._ended_ns += gap
+        return gap
+
     def _since(self, now: Ns) -> Ns:
-        """How long it has been silent; 0: not long enough to be a gap."""
+        """How long it has been silent; 0: not long enough to be a gap, or it has left."""
         silent = now - self._heard_ns
-        return silent if silent > SILENT_NS else 0
+        return silent if silent > SILENT_NS and self.left_ns is None else 0

@@ -3,6 +3,7 @@
 import time
 from collections import Counter, deque
 from collections.abc import Collection
+from datetime import UTC, datetime
 from itertools import count
 from pathlib import Path
 from typing import NamedTuple
@@ -46,6 +47,7 @@ class Arrivals:
     def __init__(self) -> None:
         self.waiting: deque[ArrivedMessage] = deque()
         self.tokens: deque[tuple[str, bool]] = deque(maxlen=KEPT)
+        self.left: deque[tuple[str, int]] = deque(maxlen=KEPT)  # drones, and when [ns]
         self._overflowed: Counter[str] = Counter()  # by drone
 
     def store(self, envelope: Envelope) -> None:
@@ -53,6 +55,10 @@ class Arrivals:
             self._overflowed[name_in(envelope.key)] += 1
         else:
             self.waiting.append(ArrivedMessage(envelope, time.monotonic_ns()))
+
+    def leave(self, name: str) -> None:
+        """A drone ends."""
+        self.left.append((name, time.monotonic_ns()))
 
     def take_overflowed(self) -> Counter[str]:
         found, self._overflowed = self._overflowed, Counter()
@@ -69,6 +75,7 @@ class FleetRecorder:
         """
         self.recordings: dict[str, FleetRecording] = {}
         self._gaps: dict[str, Gaps] = {}  # of those that are recorded
+        self._left_at: dict[str, str] = {}  # time of day, of those that ended
         self.roster = Roster()
         self._endpoint, self._folder, self._only = endpoint, folder, only
         self._rows = {topic.key for topic in ROWS}
@@ -81,6 +88,8 @@ class FleetRecorder:
             self.roster.token(*arrivals.tokens.popleft())
         for _ in range(len(arrivals.waiting)):
             self._take(*arrivals.waiting.popleft())
+        while arrivals.left:
+            self._leave(*arrivals.left.popleft())
         for name, messages in arrivals.take_overflowed().items():
             if (recording := self.recordings.get(name)) is not None:
                 recording.overflowed(messages)
@@ -91,6 +100,12 @@ class FleetRecorder:
             if gaps.look(now):
                 seconds = f"{SILENT_NS / 1e9:.0f} s"
                 print(f"{name} is not heard any more: nothing came for {seconds}", flush=True)
+
+    def _leave(self, name: str, now: int) -> None:
+        if (gaps := self._gaps.get(name)) is not None:
+            gaps.leave(now)
+            self._left_at[name] = f"{datetime.now(UTC):%H:%M:%S} UTC"
+            print(f"{name} left at {self._left_at[name]}", flush=True)
 
     def flush(self) -> None:
         for recording in self.recordings.values():
@@ -106,6 +121,7 @@ class FleetRecorder:
             f"{name}: {recording.messages} messages in {recording.folder}"
             + (f", {recording.lost} lost" if recording.lost else "")
             + (f", {words}" if (words := self._gaps[name].words) else "")
+            + (f", left at {self._left_at[name]}" if self._gaps[name].left_ns else "")
             for name, recording in sorted(self.recordings.items())
         ]
         beyond = f"{self.beyond} messages of drones beyond the first {MOST}, not recorded"
@@ -126,8 +142,12 @@ class FleetRecorder:
             self.roster.row(envelope.key, envelope.payload)
         recording = self.recordings.get(name) or self._begin(name)
         if recording is not None:
-            if gap := self._gaps.setdefault(name, Gaps(arrived)).hear(arrived):
+            gaps = self._gaps.setdefault(name, Gaps(arrived))
+            had_left = gaps.left_ns is not None
+            if gap := gaps.hear(arrived):
                 print(f"{name} is heard again after {gap / 1e9:.0f} s", flush=True)
+            if had_left and gaps.left_ns is None:
+                print(f"{name} is there again", flush=True)
             recording.take(row, envelope, arrived)
 
     def _begin(self, name: str) -> FleetRecording | None:
@@ -184,7 +204,7 @@ def record(
         folder = out_folder(out)
         require_room_for_recording(folder)
         recorder = FleetRecorder(endpoint, folder, only)
-        network.watch(lambda key, there: arrivals.tokens.append((key, there)))
+        network.watch(lambda key, there: arrivals.tokens.append((key, there)), arrivals.leave)
         for topic in RECORDED:
             network.collect(topic, arrivals.store)
         print(f"records every drone at {endpoint} → {folder}, until Ctrl-C", flush=True)

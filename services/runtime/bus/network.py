@@ -12,7 +12,7 @@ import zenoh
 from messages.topic import AnyTopic
 from services.runtime.bus.envelope import Store
 from services.runtime.bus.key_files import KeyFiles
-from services.runtime.bus.spaces import EVERY_SPACE, here_key, namespace
+from services.runtime.bus.spaces import EVERY_SPACE, here_key, leaves, name_in, namespace
 from services.runtime.bus.zenoh_bus import connected, envelope_of
 from services.runtime.bus.zenoh_threads import keep_thread_state
 from services.runtime.config.errors import LindyError
@@ -44,14 +44,22 @@ class Network:
         """Keys of the liveliness tokens of hubs that are there now, also strangers'."""
         wanted = here_key(namespace(name), side)
         replies = self._session.liveliness().get(wanted, timeout=QUERY_S)
-        return [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
+        found = (str(reply.ok.key_expr) for reply in replies if reply.ok is not None)
+        return [key for key in found if not leaves(key)]
 
-    def watch(self, changed: Callable[[str, bool], None]) -> None:
-        """Call `changed(key of a token, is it there)` for every drone's hub, present and future."""
+    def watch(
+        self, changed: Callable[[str, bool], None], left: Callable[[str], None] | None = None
+    ) -> None:
+        """Call `changed(key of a token, is it there)` for every drone's hub, present and future,
+        and `left(name of a drone)` where one ends because it was asked to."""
 
         def on_token(sample: zenoh.Sample) -> None:
             keep_thread_state()
-            changed(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+            key, there = str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT
+            if not leaves(key):
+                changed(key, there)
+            elif there and left is not None:
+                left(name_in(key))
 
         handler = zenoh.handlers.Callback(on_token, indirect=False)
         self._keep.append(

@@ -26,6 +26,7 @@ from messages.health import LogLine
 from services.runtime.bus.access_control import HubSide
 from services.runtime.bus.key_files import KeyFiles
 from services.runtime.bus.shared_bus import SharedBus, SharedBusPort
+from services.runtime.bus.spaces import leave_key
 from services.runtime.bus.zenoh_bus import announce_here, listening, open_bus, watch_callers
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import reading_copies
@@ -46,6 +47,7 @@ PARENT_KILLED = (
     "lindy: the program that supervises the services was killed: all of them end, "
     "and the thrusters stop"
 )
+LEAVE_S = 0.1  # [s] for what says that a hub ends to reach others; nothing tells that it has
 GRACE_S = 1.0  # after the parent's death: time to close files before the process is ended
 
 
@@ -165,6 +167,9 @@ def run_hub(launch: HubLaunch) -> int:
         while not stop.asked:
             heartbeat.beat(time.monotonic_ns())
             time.sleep(POLL_S)  # the router works on its own threads
+        if launch.here and launch.parent in (None, os.getppid()):  # else it is killed, not ended
+            _leaves = announce_here(session, leave_key(launch.here))
+            time.sleep(LEAVE_S)
         return 0
     return 1
 

@@ -1,6 +1,7 @@
 """`lindy record`: a recording like any other of every drone that speaks, and of no other name."""
 
 import json
+import re
 import time
 from pathlib import Path
 
@@ -157,6 +158,54 @@ def test_gaps_are_the_long_silences_however_often_somebody_looks(
     assert [gap for gap in said if gap] == [step for step in steps[:-1] if step > SILENT_NS]
     assert noticed <= len(long)
     assert bool(gaps.words) == bool(long)
+
+
+@given(st.lists(st.tuples(st.integers(0, 3 * SILENT_NS), st.booleans()), max_size=30))
+def test_silence_is_a_gap_unless_the_drone_said_that_it_ends(
+    steps: list[tuple[int, bool]],
+) -> None:
+    """Each step: how long nothing comes, and then a message, or that it ends."""
+    gaps, now, expected, left = Gaps(0), 0, list[int](), None
+    for step, leaves in steps:
+        now += step
+        gaps.look(now)
+        if left is None and step > SILENT_NS:
+            expected.append(step)
+        if leaves:
+            gaps.leave(now)
+            left = now
+        else:
+            gaps.hear(now)
+            left = left if left is not None and now - left <= SILENT_NS else None
+        assert gaps.left_ns == left
+    assert gaps.count == len(expected)
+    assert gaps.total_ns == sum(expected)
+
+
+def test_a_drone_that_ended_is_no_gap_and_no_loss_until_it_is_back_and_silent(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = time.monotonic_ns()
+    monkeypatch.setattr(time, "monotonic_ns", lambda: now)
+    network = Network(tmp_path)
+    network.announce("rov1")
+    network.introduce("rov1")
+    network.fly("rov1", 0.3)
+    network.arrivals.leave("rov1")
+    network.arrivals.leave("rov2")  # nobody whom it records
+    network.recorder.look(network.arrivals)
+    network.recorder.notice_silence(now := now + 10 * SILENT_NS)
+    said = capsys.readouterr().out.partition("\n")[2]
+    assert re.fullmatch(r"rov1 left at \d\d:\d\d:\d\d UTC\n", said)
+    assert not network.recorder.lost
+    assert said.strip().removeprefix("rov1 ") in network.recorder.summary()[0]
+    network.fly("rov1", 0.1)
+    network.recorder.look(network.arrivals)
+    network.recorder.notice_silence(now + 2 * SILENT_NS)
+    lines = capsys.readouterr().out.splitlines()
+    assert lines == ["rov1 is there again", "rov1 is not heard any more: nothing came for 3 s"]
+    assert network.recorder.lost
+    assert "left at" not in network.end()[0]
 
 
 def test_a_drone_that_falls_silent_is_said_counted_and_a_loss(
