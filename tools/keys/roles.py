@@ -1,12 +1,12 @@
 """Who a certificate says somebody is: a role and a name. Pure."""
 
-import re
 from collections.abc import Iterable
 from typing import Literal, NamedTuple, get_args
 
+from services.runtime.bus.spaces import LONGEST, MAY_HAVE, NAME
+
 Role = Literal["drone", "pilot", "observer", "router"]
 ROLES: tuple[Role, ...] = get_args(Role)
-NAME = re.compile(r"[a-z0-9_]{1,32}")
 LETS_IN: dict[Role, tuple[Role, ...]] = {  # whom each role has a use for
     "drone": ("pilot", "observer", "router"),
     "pilot": ("drone", "router"),
@@ -43,7 +43,7 @@ def identity(role: str, name: str) -> Identity:
     if role not in ROLES:
         raise ValueError(f"unknown role {role!r}, expected {', '.join(ROLES)}")
     if NAME.fullmatch(name) is None:
-        raise ValueError(f"{name!r} is no name: 1 to 32 of the letters a to z, digits and '_'")
+        raise ValueError(f"{name[: 2 * LONGEST]!r} is no name: it may have {MAY_HAVE}")
     return Identity(role, name)
 
 

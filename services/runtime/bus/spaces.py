@@ -13,7 +13,11 @@ from typing import NamedTuple
 from services.runtime.config.errors import LindyError
 
 VERSION = "@v1"  # a verbatim chunk of the key: incompatible versions do not see each other
-LONGEST = 64  # [letters] of a name
+LONGEST = 55  # [letters] of a name: with `observer:` before it, the longest name in a certificate
+MAY_HAVE = (
+    f"letters without accents, digits, '-', '_' and '.' only, 1 to {LONGEST} of them; a name has a "
+    f"letter or digit"
+)
 # With a letter or digit: `.` and `..` are folders where recordings and keys are kept by name.
 NAME = re.compile(rf"(?=[_.-]*[A-Za-z0-9])[A-Za-z0-9_.-]{{1,{LONGEST}}}")
 LEAVES = "-leaves"  # how the token ends of a hub that is about to end because it was asked to
@@ -78,7 +82,6 @@ def checked_name(name: str, option: str) -> str:
     if NAME.fullmatch(name) is None:
         raise LindyError(
             f"{option} {name[: 2 * LONGEST]!r}: a drone's name is a part of every key, so it may "
-            f"have letters without accents, digits, '-', '_' and '.' only, 1 to {LONGEST} of them; "
-            f"a name has a letter or digit"
+            f"have {MAY_HAVE}"
         )
     return name

@@ -70,7 +70,7 @@ def test_both_ways_in_have_keys_or_none_has(keys: Path) -> None:
 
 @pytest.mark.parametrize("name", ["", "a/b", "*", "a b", "ä", "x" * 65, "@v1", "$*", "a?b#c"])
 def test_a_name_that_no_key_may_have_is_one_sentence(name: str) -> None:
-    with pytest.raises(LindyError, match=r"--name .* 1 to 64 of them"):
+    with pytest.raises(LindyError, match=r"--name .* 1 to 55 of them"):
         checked(Choices(name=name), pilot_of("gamepad"), Registry.read("simulated"))
 
 

@@ -19,7 +19,7 @@ from services.runtime.config.errors import LindyError
 from tools.fleet.names import in_words, missing, other_drone, own_name
 
 LETTERS = "[A-Za-z0-9_.-]"
-NAME = st.from_regex(rf"{LETTERS}{{0,30}}[A-Za-z0-9]{LETTERS}{{0,33}}", fullmatch=True)
+NAME = st.from_regex(rf"{LETTERS}{{0,27}}[A-Za-z0-9]{LETTERS}{{0,27}}", fullmatch=True)
 SIDE = st.sampled_from(["drone", "topside"])
 INSTANCE = st.from_regex(r"[0-9a-f]{1,16}", fullmatch=True)
 
@@ -44,7 +44,7 @@ def test_what_is_no_name_is_refused_in_one_sentence_and_is_in_no_key(text: str) 
         assert checked_name(text, "--name") == text
         return
     with pytest.raises(
-        LindyError, match=r"--name .*1 to 64 of them; a name has a letter or digit"
+        LindyError, match=r"--name .*1 to 55 of them; a name has a letter or digit"
     ) as refused:
         checked_name(text, "--name")
     assert "\n" not in str(refused.value)

@@ -162,7 +162,7 @@ def test_who_was_revoked_or_is_of_another_authority_is_not_renewed(
     ("words", "sentence"),
     [
         (["add", "king", "ann"], "unknown role 'king', expected drone, pilot, observer, router"),
-        (["add", "pilot", "Ann!"], "'Ann!' is no name: 1 to 32 of the letters a to z"),
+        (["add", "pilot", "Ann!"], "'Ann!' is no name: it may have letters without"),
         (["add", "pilot", "bob", "--days", "731"], "--days is 731, expected 1 to 730"),
         (["add", "pilot", "bob", "--days", "0"], "--days is 0, expected 1 to 730"),
         (["revoke", "ann"], "'ann' is not ROLE:NAME, such as pilot:ann"),

@@ -1,15 +1,21 @@
 """Names in certificates and in lists of names."""
 
-import re
+from datetime import UTC, datetime
 
 import pytest
-from hypothesis import given
+from cryptography.hazmat.primitives.asymmetric import ec
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from services.runtime.bus.spaces import NAME as NAME_RULE
+from services.runtime.bus.spaces import checked_name
+from services.runtime.config.errors import LindyError
+from tools.keys.certificates import issue, read
 from tools.keys.roles import (
     LETS_IN,
     ROLES,
     Identity,
+    Role,
     identity,
     let_in,
     parse,
@@ -18,7 +24,11 @@ from tools.keys.roles import (
     without,
 )
 
-WHO = st.builds(identity, st.sampled_from(ROLES), st.from_regex(r"[a-z0-9_]{1,32}", fullmatch=True))
+KEY = ec.generate_private_key(ec.SECP256R1())
+LETTERS = "[A-Za-z0-9_.-]"
+NAME = st.from_regex(rf"{LETTERS}{{0,27}}[A-Za-z0-9]{LETTERS}{{0,27}}", fullmatch=True)
+ANY = st.one_of(NAME, st.text(max_size=80), st.text("aZ0_.-é/*#", max_size=70))
+WHO = st.builds(identity, st.sampled_from(ROLES), NAME)
 NOTE = st.sampled_from(["", "# a remark", "   ", "#pilot:ann"])
 LINE = st.one_of(NOTE, WHO.map(str), st.tuples(WHO, NOTE).map(lambda two: f" {two[0]} {two[1]}"))
 LIST = st.lists(LINE, max_size=6).flatmap(
@@ -32,10 +42,32 @@ def test_a_name_is_read_as_it_is_written_and_fits_a_certificate(who: Identity) -
     assert len(str(who)) <= 64  # the longest common name of X.509
 
 
+@given(WHO)
+@settings(max_examples=20)
+def test_a_certificate_holds_every_name(who: Identity) -> None:
+    made = issue(who, KEY.public_key(), KEY, datetime.now(UTC), 1, 1)
+    assert read(made).who == who
+
+
+@given(st.sampled_from(ROLES), ANY)
+def test_keys_can_be_made_for_whatever_a_drone_may_be_called_and_for_nothing_else(
+    role: Role, name: str
+) -> None:
+    try:
+        allowed = checked_name(name, "--name") == name
+    except LindyError:
+        allowed = False
+    try:
+        taken = identity(role, name) == (role, name) == parse(f"{role}:{name}")
+    except ValueError:
+        taken = False
+    assert taken == allowed
+
+
 @given(st.text(max_size=12))
-def test_whatever_is_no_name_is_refused(text: str) -> None:
+def test_whatever_is_not_a_role_and_a_name_is_refused(text: str) -> None:
     role, _, name = text.partition(":")
-    if role in ROLES and re.fullmatch(r"[a-z0-9_]{1,32}", name):
+    if role in ROLES and NAME_RULE.fullmatch(name):
         assert str(parse(text)) == text
         return
     with pytest.raises(ValueError):
@@ -43,7 +75,7 @@ def test_whatever_is_no_name_is_refused(text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["pilot", "pilot:", "pilot:*", "pilot:Ann", "king:ann", "pilot:a b"]
+    "text", ["pilot", "pilot:", "pilot:*", "pilot:Ännchen", "pilot:..", "king:ann", "pilot:a b"]
 )
 def test_a_line_that_names_nobody_is_refused_with_its_number(text: str) -> None:
     with pytest.raises(ValueError, match="line 3: "):
