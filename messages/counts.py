@@ -252,7 +252,7 @@ KINDS: dict[str, Meaning] = {
     "too_many": Meaning(MESSAGE, "a message was dropped because too many were on the link"),
     "thinned": Meaning(MESSAGE, "a telemetry message was left out because the link is slow"),
     "damaged": Meaning(MESSAGE, "the link damaged a message"),
-    "lost": Meaning(MESSAGE, "a message never arrived"),
+    "lost": Meaning(MESSAGE, "a message never arrived: lost, or left out by a router that thins"),
     "expired": Meaning(MESSAGE, "a command arrived too late to be used"),
     "dropped": Meaning(MESSAGE, "a message was dropped"),
     "reordered": Meaning(MESSAGE, "a message arrived out of order and was not used"),

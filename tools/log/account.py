@@ -16,6 +16,7 @@ from messages.health import Health
 from messages.topic import Way
 from tools.health_sums import HealthSums
 from tools.log.numbering import Numbering
+from tools.log.thinning import thinned
 from tools.recordings.recording import Raw, Recording
 from tools.report.losses import LINK, NOT_USED
 
@@ -34,7 +35,7 @@ class Account(msgspec.Struct, kw_only=True):
     sent: int
     recorded: int  # each once
     link: int = 0  # lost on the link
-    thinned: int = 0  # left out because the link is slow
+    thinned: int = 0  # left out because the link is slow, by the emulated link or by a router
     queue: int = 0  # dropped because too many waited for the link
     refused: int = 0  # the recorder could not read them
     recorder: int = 0  # the recorder had no room for them, or its disk
@@ -150,6 +151,9 @@ def _on_the_link(
     topic = topics.find(key)
     name = key if topic is None else topic.key  # the link counts a family under its name
     if not reports.emulated:
+        if topic is not None and topic.way is Way.UP:  # what a router may thin
+            account.thinned = thinned(numbering.gaps, topic.hz)
+            left -= account.thinned
         account.link, left = _take(left, {f"lost:{key}": reports.missed(key)}, spent)
         return left
     account.link, left = _take(left, _counts(reports, name, LOST), spent)

@@ -17,7 +17,6 @@ from services.runtime.bus.qos import QOS_PROFILES
 from services.runtime.bus.spaces import EVERY_SPACE, here_key, namespace
 from services.runtime.bus.zenoh_bus import common_settings
 
-THIN_HZ = 25.0  # [1/s] on a thin link; at 40 ms between two, no receiver takes a stream for stale
 PUTS = ("put", "delete")
 DRONE = "drone:"  # of the common name of a drone
 Rules = list[dict[str, Any]]
@@ -175,14 +174,14 @@ def _thinned(interfaces: Sequence[str], drones: Sequence[str]) -> dict[str, Any]
     A rule for every drone: Zenoh counts per rule, so that of all drones that one rule matches, one
     alone would be let through.
     """
-    fast = [topic for topic in topics.ALL if topic.way is Way.UP and topic.hz > THIN_HZ]
+    fast = [topic for topic in topics.ALL if topic.way is Way.UP and topic.hz > topics.THIN_HZ]
     return {
         "id": "thin",
         "interfaces": list(interfaces),
         "messages": ["put"],
         "flows": ["egress"],
         "rules": [
-            {"key_expr": f"{namespace(drone)}/{topic.key}", "freq": THIN_HZ}
+            {"key_expr": f"{namespace(drone)}/{topic.key}", "freq": topics.THIN_HZ}
             for drone in drones
             for topic in fast
         ],

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import msgspec
 
 from messages.topic import Side
-from services.runtime.bus.router_config import THIN_HZ
+from messages.topics import THIN_HZ
 from tools.fleet.roster import ROWS
 from tools.fleet.synthetic import ASKED, SyntheticStream, said_by
 
