@@ -47,7 +47,8 @@ class Bound(NamedTuple):
 
 
 BOUNDS = {
-    "memory [MB]": Bound(15.0, 2.0),
+    # A router that lived 2 to 12 minutes grew by up to 2.4 MB, one that lived 30 by 1.9 MB.
+    "memory [MB]": Bound(15.0, 3.0),
     "descriptors": Bound(6.0, 3.0),
     "threads": Bound(6.0, 3.0),
     "lateness [ms]": Bound(10.0, 2.0),
