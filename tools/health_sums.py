@@ -36,14 +36,21 @@ class OneProcess(msgspec.Struct):
     """One process of a service."""
 
     last: Health
+    counted_before: dict[str, int]  # what it had counted when it was first heard, left out
     first_said: int  # number of its first message among all of the service …
     last_said: int  # … and of its newest
+
+    @property
+    def counts(self) -> Counter[str]:
+        """Since it was first heard."""
+        return Counter(self.last.counts) - Counter(self.counted_before)
 
 
 class HealthSums(msgspec.Struct):
     """Of one service, over its restarts. Of every process by itself: two topsides have services of
     the same names, and report them by turns."""
 
+    joined: bool = False  # whoever listens came later: what was counted before that is left out
     living: dict[int, OneProcess] = {}  # by `Health.instance`
     said: int = 0  # messages
     ended: int = 0  # processes that ended, and began again with the same instance
@@ -63,7 +70,8 @@ class HealthSums(msgspec.Struct):
         instance = health.instance if known else -1
         life = self.living.get(instance)
         if life is None:
-            self.living[instance] = OneProcess(health, self.said, self.said)
+            before = health.counts if self.joined and health.seq > 0 else {}
+            self.living[instance] = OneProcess(health, before, self.said, self.said)
             return
         life.last_said = self.said
         if life.last.stamp_ns - LATE_NS < health.stamp_ns < life.last.stamp_ns:
@@ -71,7 +79,8 @@ class HealthSums(msgspec.Struct):
         if health.sent < life.last.sent:
             self.ended += 1
             self.sent_before += life.last.sent
-            self.counts_before = dict(Counter(self.counts_before) + Counter(life.last.counts))
+            self.counts_before = dict(Counter(self.counts_before) + life.counts)
+            life.counted_before = {}
         life.last = health
 
     @property
@@ -96,7 +105,7 @@ class HealthSums(msgspec.Struct):
         """Everything that it counted, by name."""
         counts = Counter(self.counts_before)
         for life in self.living.values():
-            counts.update(life.last.counts)
+            counts.update(life.counts)
         return counts
 
     @property
@@ -115,10 +124,17 @@ class HealthSums(msgspec.Struct):
 
 
 class HealthOfAll:
-    """By service."""
+    """By service.
 
-    def __init__(self) -> None:
+    Args:
+        joined: services may have run before anybody listened here, as those of a drone have when a
+            topside joins.
+    """
+
+    def __init__(self, *, joined: bool = False) -> None:
         self.sums: dict[str, HealthSums] = {}
+        self._joined = joined
 
     def add(self, health: Health) -> None:
-        self.sums.setdefault(health.service, HealthSums()).add(health)
+        sums = self.sums.setdefault(health.service, HealthSums(joined=self._joined))
+        sums.add(health)

@@ -8,6 +8,7 @@ import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from messages.health import Health
 from tools.health_sums import MOST, HealthSums, Thinned
@@ -43,6 +44,23 @@ def test_the_sums_are_those_of_the_whole_list(said: list[tuple[int, dict[str, in
     assert sums.lateness_p50_ms.values == [report.lateness_p50_ms for report in reports]
     again = msgspec.json.decode(msgspec.json.encode(sums), type=HealthSums)
     assert again == sums
+
+
+@given(SAID.filter(bool), st.booleans())
+def test_who_joins_later_counts_from_then_on(
+    said: list[tuple[int, dict[str, int], float | None]], late: bool
+):
+    reports = [health(second, *one) for second, one in enumerate(said)]
+    numbered = [replace(report, seq=number + late) for number, report in enumerate(reports)]
+    sums, all_of_it = HealthSums(joined=True), HealthSums()
+    for report in numbered:
+        sums.add(report)
+        all_of_it.add(report)
+    lives = all_of_it.counts
+    first_life = next((a for a, b in pairwise(reports) if b.sent < a.sent), reports[-1])
+    before = Counter(reports[0].counts) if late else Counter[str]()
+    since = Counter(first_life.counts) - before
+    assert sums.counts == lives - Counter(first_life.counts) + since
 
 
 def test_an_overtaken_message_is_no_restart():

@@ -56,7 +56,7 @@ class Outcome:
         self.gone: list[str] = []  # services that were not alive at the end
         self.speedup: float | None = None  # [-] virtual over real time
         self._stack = stack
-        self._health = HealthOfAll()
+        self._health = HealthOfAll(joined=stack.apart)
         self._error: LindyError | None = None
         self._drone_heard = self._armed = False
 
