@@ -4,7 +4,8 @@ The law of heave takes the vehicle for level: M ż' = Z - D(ż) + w, with everyt
 disturbance w, which its observer learns only after it acts. But most of w is known. With ν the
 velocity through the water, ω the angular rate and e the world's down axis, all along body axes,
 
-    ż = e · ν,    z̈ = e · (ν̇ + ω × ν),    M ν̇ = τ - C(ν) ν - D(ν) ν + lift    (Fossen 2011, 6.1 to 6.3)
+    ż = e · ν,    z̈ = e · (ν̇ + ω × ν),    M ν̇ = τ - C(ν) ν - D(ν) ν + lift
+                                             (Fossen 2011, eq. 6.1 to 6.3)
 
 of which the law knows e₃ Z and D(ż). The rest is the coupling: the vertical part of surge and sway
 thrust and of their drag, the drag of a tilted hull, and the lift of a hull that the flow meets at
@@ -113,9 +114,7 @@ class HeaveCoupling:
         turned = coriolis(self._inertia, nu)
         drag = damping(self.vehicle.linear_damping, self.vehicle.quadratic_damping, nu)
         lift = wake_lift(self._fins, nu)
-        x, y, z = [
-            (thrust[k] - turned[k] - drag[k] + lift[k]) / self._inertia[k] for k in range(3)
-        ]
+        x, y, z = [(thrust[k] - turned[k] - drag[k] + lift[k]) / self._inertia[k] for k in range(3)]
         return x, y, z
 
     def _coupling(

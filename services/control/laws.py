@@ -157,6 +157,8 @@ class Laws:
     def forget(self) -> None:
         """Reset integrals and disturbance observers."""
         self._water = None
+        if self._coupling is not None:
+            self._coupling.forget()
         for axis in (self.surge, self.sway, self.depth, self.heading):
             axis.forget()
 

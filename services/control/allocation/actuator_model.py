@@ -33,8 +33,10 @@ class ActuatorModel:
             left = exp(-dt / lag)
             means.append(end + (force - end) * (1 - left) * lag / dt)
             after.append(end + (force - end) * left)
-        self._now = tuple(after)
-        return tuple(means)
+        a, b, c, d, e, f = after
+        self._now = a, b, c, d, e, f
+        a, b, c, d, e, f = means
+        return a, b, c, d, e, f
 
 
 def lags_of(vehicle: Vehicle) -> Lags:

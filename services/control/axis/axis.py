@@ -69,7 +69,13 @@ class PilotedAxis:
         return self.transfer.step("held", (effort.total + extra) / upright, dt)
 
     def blind(
-        self, motion: Motion, dt: float, extra: float = 0.0, *, rate: float | None = None, upright: float = 1.0
+        self,
+        motion: Motion,
+        dt: float,
+        extra: float = 0.0,
+        *,
+        rate: float | None = None,
+        upright: float = 1.0,
     ) -> float:
         """Effort without a position: feed-forward, damping of a known rate, and compensation.
 
