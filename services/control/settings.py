@@ -14,7 +14,7 @@ from services.control.axis.roll_pitch_hold import RollPitchGains
 class CouplingSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What surge, sway and tilt do to heave (heave_coupling.py)."""
 
-    heave: bool = True  # fed forward
+    heave: bool = False  # fed forward; False: left to the disturbance observer
     wake_share: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 1.0  # [-] of the Munk moment
 
 
