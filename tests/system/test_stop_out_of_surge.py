@@ -1,5 +1,5 @@
-"""A stop of a dive at high surge is a stop: with sensors almost without errors, only control is left
-to be judged."""
+"""A stop of a dive at high surge is a stop: with sensors almost without errors, only control is
+left to be judged."""
 
 import numpy as np
 
