@@ -16,6 +16,7 @@ from services.control.axis.bumpless_transfer import BumplessTransfer
 from services.control.axis.plant import plant_of
 from services.control.axis.rest_pulse import RestPulse
 from services.control.axis.roll_pitch_hold import RollPitchHold
+from services.control.heave_coupling import HeaveCoupling
 from services.control.settings import Settings
 from services.marine.rigid_body import system_inertia
 from services.marine.vehicle import Vehicle
@@ -58,6 +59,9 @@ class Laws:
         self.adaptation = Adaptation(settings.adaptation, vehicle)
         self._max_error = min(settings.surge.max_error, settings.sway.max_error)  # [m]
         self._roll, self._pitch = RollPitchHold(settings.roll), RollPitchHold(settings.pitch)
+        self._coupling: HeaveCoupling | None = None
+        if settings.coupling.heave:
+            self._coupling = HeaveCoupling(vehicle, self._lags[2], settings.coupling.wake_share)
         self._yaw_pushes = yaw_pushes
         self._pulse: RestPulse | None = None  # of the heading
         if settings.heading_pulse > 0.0 and yaw_pushes:
@@ -68,19 +72,28 @@ class Laws:
     def wrench(self, reference: Reference, state: VehicleState, dt: float) -> Vec6:
         """The required wrench [N, N m], `dt` [s] after the last one, as commands of thrusters that
         yield what the vehicle file says."""
-        self._learn(state, dt)
-        surge, sway = self._horizontal(reference, state, dt)
         r, s = reference, state
-        if r.heave_force is None:
-            late = s.depth.valid and not s.depth_acceleration.valid
-            heave = self.depth.held(r.depth, s.depth, s.depth_rate, dt, late=late)
-        else:
-            heave = self.depth.forced(r.heave_force, dt)
         roll = self._roll.step(s.roll, s.sensor_ns)
         pitch = self._pitch.step(s.pitch, s.sensor_ns)
+        self._learn(state, dt)
+        surge, sway = self._horizontal(reference, state, dt)
+        heave = self._heave(r, s, dt)
         wanted = surge, sway, heave, roll, pitch, self._yaw(r, s, dt)
         self.adaptation.asked(reference, wanted)
         return self._pulsed(self.adaptation.scaled(wanted), r, s)
+
+    def _heave(self, r: Reference, s: VehicleState, dt: float) -> float:
+        """[N] Along the body's down axis."""
+        if r.heave_force is not None:
+            return self.depth.forced(r.heave_force, dt)
+        late = s.depth.valid and not s.depth_acceleration.valid
+        extra, upright = 0.0, 1.0
+        if self._coupling is not None:
+            thrust = self._actuators.settles_at
+            extra, upright = -self._coupling.ahead(r.depth.velocity, thrust), self._coupling.upright
+        return self.depth.held(
+            r.depth, s.depth, s.depth_rate, dt, late=late, extra=extra, upright=upright
+        )
 
     def _yaw(self, r: Reference, s: VehicleState, dt: float) -> float:
         """[N m] After the pitch of this step, whose rate it uses."""
@@ -144,11 +157,17 @@ class Laws:
     def forget(self) -> None:
         """Reset integrals and disturbance observers."""
         self._water = None
+        if self._coupling is not None:
+            self._coupling.forget()
         for axis in (self.surge, self.sway, self.depth, self.heading):
             axis.forget()
 
     def _learn(self, state: VehicleState, dt: float) -> None:
         force = self._actuators.mean(dt)
+        coupling, upright = 0.0, 1.0  # [N], [-] of heave
+        if self._coupling is not None:
+            self._coupling.step(state, (self._roll.rate, self._pitch.rate), force, dt)
+            coupling, upright = self._coupling.force, self._coupling.upright
         here = horizontal_plane.measured(state)
         if here is not None:
             self._switch_current(here, horizontal_plane.known_water(state, here.heading))
@@ -160,15 +179,15 @@ class Laws:
         self.adaptation.learn(state, (heave, force[2]), (yaw, force[5]), dt)
         self.depth.law.take_model(self.adaptation.heave.model)
         self.heading.law.take_model(self.adaptation.yaw.model)
-        for axis, row, velocity, scale in (
-            (self.surge, 0, surge, 1.0),
-            (self.sway, 1, sway, 1.0),
-            (self.depth, 2, heave, self.adaptation.heave.thrust.value),
-            (self.heading, 5, yaw, self.adaptation.yaw.thrust.value),
+        for axis, row, velocity, scale, known_force in (
+            (self.surge, 0, surge, 1.0, 0.0),
+            (self.sway, 1, sway, 1.0, 0.0),
+            (self.depth, 2, heave, upright * self.adaptation.heave.thrust.value, coupling),
+            (self.heading, 5, yaw, self.adaptation.yaw.thrust.value, 0.0),
         ):
             known = None if AXES[row] in self._short else velocity
             freely = axis is self.heading and self._idle(force[5])
-            axis.learn(known, scale * force[row], dt, freely=freely)
+            axis.learn(known, scale * force[row] + known_force, dt, freely=freely)
 
     def _idle(self, moment: float) -> bool:
         """Does the dead-band leave the law of the heading without effect, [N m]?"""

@@ -11,6 +11,13 @@ from services.control.axis.model_estimate import AdaptationSettings
 from services.control.axis.roll_pitch_hold import RollPitchGains
 
 
+class CouplingSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What surge, sway and tilt do to heave (heave_coupling.py)."""
+
+    heave: bool = False  # fed forward; False: left to the disturbance observer
+    wake_share: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 1.0  # [-] of the Munk moment
+
+
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     depth: Gains = Gains(kp=60.0, kd=65.0, ki=12.0, max_error=0.3, max_integral=15.0)
     heading: Gains = Gains(
@@ -25,4 +32,5 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     # [rad] A larger error of the heading at rest, for which the thrusters' dead-band leaves the law
     # without effect, is corrected by pulses (axis/rest_pulse.py). 0: none.
     heading_pulse: NotNegativeSetting = 0.0
+    coupling: CouplingSettings = CouplingSettings()
     transfer: Annotated[float, msgspec.Meta(ge=0.05, le=5.0)] = 0.3  # [s] fade between modes

@@ -16,25 +16,27 @@ class ActuatorModel:
     """A model of the wrench, axis by axis, with the lag of each axis' slowest thruster."""
 
     lags: Lags  # [s] of the six axes
-    _now: tuple[float, ...] = REST  # [N, N m]
-    _settles_at: Vec6 = REST  # [N, N m]
+    _now: Vec6 = REST  # [N, N m]
+    settles_at: Vec6 = REST  # [N, N m]
 
     def command(self, achieved: Vec6) -> None:
         """Set the wrench [N, N m] at which the thrusters settle from now on."""
-        self._settles_at = achieved
+        self.settles_at = achieved
 
-    def mean(self, dt: float) -> tuple[float, ...]:
+    def mean(self, dt: float) -> Vec6:
         """Advance by `dt` [s]; returns the mean wrench [N, N m] over that time."""
         if dt <= 0.0:
             return self._now
         means: list[float] = []
         after: list[float] = []
-        for force, end, lag in zip(self._now, self._settles_at, self.lags, strict=True):
+        for force, end, lag in zip(self._now, self.settles_at, self.lags, strict=True):
             left = exp(-dt / lag)
             means.append(end + (force - end) * (1 - left) * lag / dt)
             after.append(end + (force - end) * left)
-        self._now = tuple(after)
-        return tuple(means)
+        a, b, c, d, e, f = after
+        self._now = a, b, c, d, e, f
+        a, b, c, d, e, f = means
+        return a, b, c, d, e, f
 
 
 def lags_of(vehicle: Vehicle) -> Lags:

@@ -22,20 +22,32 @@ class PilotedAxis:
     _blind: bool = False  # the position has not been known since
 
     def held(
-        self, motion: Motion, position: Estimate, rate: Estimate, dt: float, *, late: bool = False
+        self,
+        motion: Motion,
+        position: Estimate,
+        rate: Estimate,
+        dt: float,
+        *,
+        late: bool = False,
+        extra: float = 0.0,
+        upright: float = 1.0,
     ) -> float:
         """Effort [N] or [N m] that brings the axis to its reference. Without a valid position
         there is no spring, see `blind`. `late`: the rate is delayed, so feedback gains are lower.
         """
         if not (position.valid and rate.valid):
             self.count(f"invalid:state.{self.name}")
-            return self.blind(motion, dt, rate=rate.value if rate.valid else None)
+            return self.blind(
+                motion, dt, extra, rate=rate.value if rate.valid else None, upright=upright
+            )
         if late and not self._late:
             self.law.recall()
         self._late = late
         if late:
             self.count(f"late:state.{self.name}")
-        return self.fed_back(motion, position.value, rate.value, dt, late=late)
+        return self.fed_back(
+            motion, position.value, rate.value, dt, late=late, extra=extra, upright=upright
+        )
 
     def fed_back(
         self,
@@ -47,16 +59,23 @@ class PilotedAxis:
         water: float = 0.0,
         extra: float = 0.0,
         late: bool = False,
+        upright: float = 1.0,
     ) -> float:
         """As `held`, in a current `water` and with an additional force `extra`."""
         self._blind = False
         effort = self.law.step(motion, position, rate, dt, water, late=late)
         if effort.clamped:
             self.count(f"clamped:control.{self.name}")
-        return self.transfer.step("held", effort.total + extra, dt)
+        return self.transfer.step("held", (effort.total + extra) / upright, dt)
 
     def blind(
-        self, motion: Motion, dt: float, extra: float = 0.0, *, rate: float | None = None
+        self,
+        motion: Motion,
+        dt: float,
+        extra: float = 0.0,
+        *,
+        rate: float | None = None,
+        upright: float = 1.0,
     ) -> float:
         """Effort without a position: feed-forward, damping of a known rate, and compensation.
 
@@ -70,7 +89,7 @@ class PilotedAxis:
             else:
                 self.law.forget()
         self._blind, self._late = True, False
-        total = self.law.blind(motion, rate) + extra
+        total = (self.law.blind(motion, rate) + extra) / upright
         return self.transfer.step("blind" if rate is None else "damped", total, dt)
 
     def forced(self, force: float, dt: float) -> float:
