@@ -6,6 +6,7 @@ checks and `docs/topics.md` all read these rows.
 """
 
 from messages.control import ThrusterCommand, Wrench
+from messages.fly import FlyAnswer, FlyRequest
 from messages.health import Health, LogLine
 from messages.identity import SideIdentity
 from messages.link import (
@@ -63,6 +64,8 @@ STATUS         = Topic("vehicle/status",      VehicleStatus,       5, EVENT,    
 TRUTH          = Topic("simulator/truth",     Truth,             100, BULK,           UP)
 FAULT_REQUEST  = Topic("simulator/request",   FaultRequest,        0, EVENT,          DOWN)
 FAULT_ANSWER   = Topic("simulator/answer",    FaultAnswer,         0, EVENT,          UP)
+FLY_REQUEST    = Topic("fly/request",         FlyRequest,          0, EVENT,          DOWN)
+FLY_ANSWER     = Topic("fly/answer",          FlyAnswer,           0, EVENT,          DOWN)
 LINK           = Topic("link/status",         LinkStatus,          5, BULK,           BOTH)
 LINK_REQUEST   = Topic("link/request",        LinkRequest,         0, EVENT,          DOWN)
 LINK_ANSWER    = Topic("link/answer",         LinkAnswer,          0, EVENT,          BOTH)
@@ -87,13 +90,15 @@ _FAMILIES = [topic for topic in ALL if topic.is_family]
 # between two messages, no receiver takes a stream for stale.
 THIN_HZ = 25.0
 
-# For the simulator and the emulated link: never let through from one machine to another, so that
-# nobody breaks a part, or cuts a cable, from elsewhere.
+# For the simulator, the emulated link and a pilot's own program: never let through from one machine
+# to another, so that nobody breaks a part, cuts a cable or changes the drone from elsewhere.
 WITHIN_ONE_MACHINE: tuple[AnyTopic, ...] = (
     FAULT_REQUEST,
     FAULT_ANSWER,
     LINK_REQUEST,
     LINK_ANSWER,
+    FLY_REQUEST,
+    FLY_ANSWER,
 )
 
 

@@ -8,6 +8,7 @@ from typing import Any, cast, get_args
 import msgspec
 
 from messages import topics
+from messages.fly import FlyRequest
 from messages.pilot import (
     Course,
     Hold,
@@ -20,6 +21,7 @@ from messages.pilot import (
 from services.gamepad.io.path_file import course_of
 from services.piloting.pilot_intents import goto
 from services.reference.guidance.path_following import PlannedPath
+from services.runtime.bus.spaces import checked_name
 from services.runtime.config.errors import LindyError
 from services.runtime.config.running import RUNNING, Running, running_in
 from services.runtime.config.settings import deploy_file, nearest
@@ -39,6 +41,7 @@ OPTIONS: dict[str, tuple[str, ...]] = {
     "offer": ("to",),
     "release": (),
     "resume": (),
+    "fly": ("hold",),
 }  # the options of each kind of request
 HOLDS: tuple[str, ...] = get_args(Hold)
 FARTHEST = 100_000.0  # [m] greatest north or east
@@ -65,8 +68,8 @@ def ask(
     """Send a request and print the answer.
 
     Args:
-        kind: arm, disarm, stop, light, goto, follow, mode, take, offer, release or resume.
-        hold: mode: what the drone is to hold by itself.
+        kind: arm, disarm, stop, light, goto, follow, mode, take, offer, release, resume or fly.
+        hold: mode: what the drone is to hold by itself; fly: name of another drone.
         depth: [m] goto.
         heading: [deg] goto.
         north, east: [m] goto a place, on a drone that measures its position.
@@ -80,18 +83,20 @@ def ask(
     Raises:
         LindyError: a wrong argument, no dive, no answer, or the drone refuses; says why.
     """
-    wanted = wanted_of(
-        kind,
-        hold=hold,
-        depth=depth,
-        heading=heading,
-        north=north,
-        east=east,
-        path=path,
-        value=value,
-        force=force or None,
-        to=to,
-    )
+    given: dict[str, Any] = {
+        "hold": hold,
+        "depth": depth,
+        "heading": heading,
+        "north": north,
+        "east": east,
+        "path": path,
+        "value": value,
+        "force": force or None,
+        "to": to,
+    }
+    if kind == "fly":
+        return _fly(given, dive_in(dive), as_json)
+    wanted = wanted_of(kind, **given)
     if wanted.kind == "stop" and dive is None:
         return max(_asked(wanted, running, as_json) for running in dives_here())
     return _asked(wanted, dive_in(dive), as_json)
@@ -109,6 +114,34 @@ def _asked(wanted: PilotRequest, running: Running, as_json: bool) -> int:
         raise LindyError(f"{running.vehicle} refuses to {kind}: {answer.reason}")
     if not as_json:
         print(f"{running.vehicle}: {in_words(kind, answer.stop)}")
+    return 0
+
+
+def _fly(given: dict[str, Any], running: Running, as_json: bool) -> int:
+    """Leave the drone that is flown, and fly another one."""
+    _check_options("fly", given)
+    drone = given["hold"]
+    if drone is None:
+        raise LindyError("fly needs the name of a drone; `lindy drones` lists them")
+    checked_name(drone, "fly")
+    if not running.changes:
+        raise LindyError(
+            f"this dive of {running.vehicle} was not started by `lindy fly`, so its pilot stays "
+            f"with this drone; end it, and start `lindy fly {drone}`"
+        )
+    request = FlyRequest(stamp_ns=0, id="", drone=drone)
+    answer = answer_to(
+        lambda node: at_once(node, request, topics.FLY_REQUEST, topics.FLY_ANSWER),
+        running,
+        "topside, whose screen says which drone it flies,",
+    )
+    if as_json:
+        told = {"id": answer.id, "kind": "fly", "drone": drone, "accepted": answer.accepted}
+        print(json.dumps({**told, "reason": answer.reason, "left": answer.left}))
+    if not answer.accepted:
+        raise LindyError(f"{running.vehicle} is flown on: {answer.reason}")
+    if not as_json:
+        print(f"this is the topside of {drone} now; {answer.left}")
     return 0
 
 

@@ -168,6 +168,61 @@ def topside(
     insecure: bool,
 ) -> int:
     """The topside of a dive as in `lindy dive`; the report is made on board."""
+    return run(
+        planned(choices, connect, way_out, gateway=gateway, grouped=grouped, insecure=insecure)
+    )
+
+
+class Piloting(NamedTuple):
+    """Who flies, and for how long."""
+
+    pilot: PilotChoice
+    seconds: float | None  # [s] after arming; None: until the script or the user ends it
+
+
+class Planned(NamedTuple):
+    """A topside that was checked and can be started."""
+
+    stack: Stack
+    every: Registry
+    here: Registry  # of it, the services of this side
+    other_side: OtherSide
+    piloting: Piloting
+    keys: Door | None
+
+    def sum_up(self, outcome: Outcome) -> int:
+        """Print the summary. Returns the exit status.
+
+        Raises:
+            LindyError: why it was aborted.
+        """
+        if RECORDER in self.here:
+            drone = Elsewhere("drone", tuple(on_side(self.every, "drone", gateway=False)))
+            return outcome.sum_up(drone)
+        return outcome.sum_up_unrecorded("topside", "drone")
+
+    def require_room(self) -> None:
+        """
+        Raises:
+            LindyError: the recorder could not begin in this folder.
+        """
+        if RECORDER in self.here or RECORDER_HERE in self.here:
+            require_room_for_recording(self.stack.out_dir)
+
+
+def planned(
+    choices: Choices,
+    connect: str,
+    way_out: Door | None,
+    *,
+    gateway: bool,
+    grouped: bool,
+    insecure: bool,
+) -> Planned:
+    """
+    Raises:
+        LindyError: a wrong setting.
+    """
     every = Registry.read(choices.stack)
     here = with_picture(runnable(on_side(every, "topside", gateway=gateway)), choices, every)
     here = here.grouped() if grouped else here
@@ -188,49 +243,29 @@ def topside(
     way = f"{stack.link} at {connect}" if gateway else connect
     tell_who_flies(choices, pilot)
     print(f"topside of {stack.drone_name}, drone by way of {way} → {stack.out_dir}", flush=True)
-
-    return run(stack, every, here, other_side, Piloting(pilot, choices.seconds), way_out)
-
-
-class Piloting(NamedTuple):
-    """Who flies, and for how long."""
-
-    pilot: PilotChoice
-    seconds: float | None  # [s] after arming; None: until the script or the user ends it
+    return Planned(stack, every, here, other_side, Piloting(pilot, choices.seconds), way_out)
 
 
-def run(
-    stack: Stack,
-    every: Registry,
-    here: Registry,
-    other_side: OtherSide,
-    piloting: Piloting,
-    keys: Door | None,
-) -> int:
+def run(plan: Planned) -> int:
     """The topside from its start to its summary. Returns the exit status."""
-    if RECORDER in here or RECORDER_HERE in here:
-        require_room_for_recording(stack.out_dir)
-    outcome = Outcome(stack)
+    plan.require_room()
+    outcome = Outcome(plan.stack)
     with StopSignals() as stop:
         with (
             display() as shown,
             outcome.of_the_dive(),
-            local_stack(stack, here, other_side=other_side, door=keys) as local,
+            local_stack(plan.stack, plan.here, other_side=plan.other_side, door=plan.keys) as local,
             followed_by(outcome, local),
             others_named(local),
         ):
-            point_latest(stack.out_dir)
-            flown = PilotedDive(local, *piloting, stop, shown)
+            point_latest(plan.stack.out_dir)
+            flown = PilotedDive(local, *plan.piloting, stop, shown)
             outcome.exit = flown.fly()
         if flown.left:
             print(flown.left, flush=True)
-        if RECORDER in here:
-            drone = Elsewhere("drone", tuple(on_side(every, "drone", gateway=False)))
-            return stop.report(lambda: outcome.sum_up(drone))
-        return stop.report(
-            lambda: outcome.sum_up_unrecorded("topside", "drone"),
-            "the report is on the drone's side",
-        )
+        if RECORDER in plan.here:
+            return stop.report(lambda: plan.sum_up(outcome))
+        return stop.report(lambda: plan.sum_up(outcome), "the report is on the drone's side")
 
 
 def on_side(every: Registry, side: str, *, gateway: bool) -> Registry:

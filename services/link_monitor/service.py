@@ -6,6 +6,8 @@ On both it says which Lindy this side runs; topside it compares, and says so whe
 much that they cannot read.
 """
 
+from collections.abc import Callable
+
 from msgspec.structs import replace
 
 from messages import topics
@@ -25,18 +27,37 @@ INTRODUCED_HZ = 1.0  # [1/s]
 
 
 def wire(node: Node, stack: Stack) -> None:
-    for side in node.sides:
-        _introduce(node, identity_of(stack, side, node.instance.number), side)
+    says = {
+        side: _introduce(node, identity_of(stack, side, node.instance.number), side)
+        for side in node.sides
+    }
     if TOPSIDE in node.sides:
         monitor = LinkMonitor(source=node.instance.number)
-        _measure(node, monitor)
+        ping = _measure(node, monitor)
+        if stack.apart:
+            _once_met(node, says[TOPSIDE], ping)
         _compare(node, monitor, stack)
     if DRONE in node.sides:
         _answer(node)
 
 
-def _introduce(node: Node, ours: SideIdentity, side: str) -> None:
-    """Say who this side is, with its first word and once a second."""
+def _once_met(node: Node, introduce: Callable[[int], None], ping: Callable[[int], None]) -> None:
+    """What was said before the two machines have met was not heard: once the drone has answered,
+    say at once who this side is, and what its clock is."""
+    met = False
+
+    def on_pong(_: ClockPong, now: int) -> None:
+        nonlocal met
+        if not met:
+            met = True
+            introduce(now)
+            ping(now)
+
+    node.each(topics.CLOCK_PONG, on_pong)
+
+
+def _introduce(node: Node, ours: SideIdentity, side: str) -> Callable[[int], None]:
+    """Say who this side is, with its first word and once a second. Returns what says it."""
     identities = node.publisher(topics.IDENTITY.of(side), side=side)
 
     def introduce(now: int) -> None:
@@ -44,6 +65,7 @@ def _introduce(node: Node, ours: SideIdentity, side: str) -> None:
 
     node.alarm(introduce).set(node.now())
     node.every(INTRODUCED_HZ, introduce)
+    return introduce
 
 
 def _compare(node: Node, monitor: LinkMonitor, stack: Stack) -> None:
@@ -88,7 +110,8 @@ def _say_floods(node: Node, monitor: LinkMonitor, words: str) -> None:
         node.log("info", "all messages can be read again")
 
 
-def _measure(node: Node, monitor: LinkMonitor) -> None:
+def _measure(node: Node, monitor: LinkMonitor) -> Callable[[int], None]:
+    """Returns what sends a ping, and publishes the clock."""
     budget = monitor.budget
     pings = node.publisher(topics.CLOCK_PING)
     clocks = node.publisher(topics.CLOCK)
@@ -126,6 +149,7 @@ def _measure(node: Node, monitor: LinkMonitor) -> None:
     node.each(topics.SHOWN, budget.shown, onlooker=True)
     node.every(topics.CLOCK_PING.hz, ping)
     node.every(topics.LATENCY.hz, report)
+    return ping
 
 
 def _answer(node: Node) -> None:

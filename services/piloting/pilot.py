@@ -70,6 +70,8 @@ class Pilot:
     resumes: bool = False  # automatically, once a failsafe's conditions have ended: a script
     _arm_after: Ns = 0  # [ns]
     _arms_next: bool = False  # as soon as this pilot is in control
+    _arms_soon: bool = False  # with the next command
+    _commanded: int | None = None  # authority epoch of the newest command; None: none yet
     _asked_for_rest: bool = False
     _has_control: bool = False
     _told_of: str = ""  # the pilot in control, whom the log has named
@@ -96,6 +98,10 @@ class Pilot:
         """
         self._reading, self.source = reading, source
         out = Effects(list(reading.lost), list(reading.notes), self._command(now))
+        self._commanded = self.progress.epoch
+        if self._arms_soon:
+            self._arms_soon = False
+            self._arm(waiting, now, out)
         for intent in reading.presses:
             self._press(intent, waiting, out)
         self.progress = replace(self.progress, played=played)
@@ -205,10 +211,13 @@ class Pilot:
             out.notes.append(("warning", f"{other} has taken control"))
 
     def _arm(self, waiting: Waiting, now: Ns, out: Effects) -> None:
-        """Arm automatically, at most once every `PAUSE_NS`, and never with a stick deflected."""
+        """Arm automatically, at most once every `PAUSE_NS`, and never with a stick deflected. The
+        drone arms only with sticks of this pilot's epoch: they must have been sent before."""
         if "arm" in waiting or now < self._arm_after or not self._has_control:
             return
-        if self._reading.at_rest:
+        if self._commanded != self.progress.epoch:
+            self._arms_soon = True
+        elif self._reading.at_rest:
             out.requests.append(self._request("arm"))
         elif self._reading.present and not self._asked_for_rest:
             self._asked_for_rest = True

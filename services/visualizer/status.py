@@ -6,6 +6,7 @@ from math import degrees
 from typing import Any
 
 from messages.counts import in_words
+from messages.fly import FlyAnswer, FlyRequest
 from messages.health import Health, LogLine
 from messages.identity import SideIdentity
 from messages.link import Clock, LatencyBudget, LinkAnswer, LinkRequest, LinkStatus
@@ -36,11 +37,12 @@ LANES: dict[type[Message], list[tuple[str, Callable[[Any], str]]]] = {
 }
 
 
-REQUESTS = PilotRequest | LinkRequest | FaultRequest
-ANSWERS = PilotAnswer | LinkAnswer | FaultAnswer
+REQUESTS = PilotRequest | LinkRequest | FaultRequest | FlyRequest
+ANSWERS = PilotAnswer | LinkAnswer | FaultAnswer | FlyAnswer
 NOTED = {
     *(*LANES, Health, LogLine, SideIdentity),
     *(PilotRequest, PilotAnswer, LinkRequest, LinkAnswer, FaultRequest, FaultAnswer),
+    *(FlyRequest, FlyAnswer),
 }  # may make notes
 
 
@@ -197,6 +199,8 @@ def _bearing(radians: float) -> str:
 def _asked(message: REQUESTS) -> str:
     if isinstance(message, FaultRequest):
         return f"{message.part} {message.fault}"
+    if isinstance(message, FlyRequest):
+        return f"fly {message.drone}"
     if isinstance(message, LinkRequest):
         return " ".join(["link", message.kind, message.profile or "", *message.settings]).strip()
     value = "" if message.value is None else f" {message.value:.2f}"

@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import re
 import subprocess
 import sys
 import time
@@ -384,3 +385,20 @@ def test_half_a_place_or_none_is_refused(given: dict[str, float]) -> None:
         wanted_of("goto", **(nothing | given))
     place = wanted_of("goto", **(nothing | {"north": 1.0, "east": -2.0}))
     assert (place.north, place.east) == (1.0, -2.0)
+
+
+@pytest.mark.parametrize(
+    ("drone", "changes", "said"),
+    [
+        ("rov2", False, "this dive of rov1 was not started by `lindy fly`"),
+        (None, True, "fly needs the name of a drone; `lindy drones` lists them"),
+        ("rov/2", True, "fly 'rov/2': a drone's name is a part of every key"),
+    ],
+)
+def test_an_order_that_nobody_could_carry_out_is_not_sent(
+    tmp_path: Path, drone: str | None, changes: bool, said: str
+):
+    running = Running("rov1", {}, os.getpid(), {}, changes=changes)
+    (tmp_path / RUNNING).write_bytes(msgspec.json.encode(running))
+    with pytest.raises(LindyError, match=re.escape(said)):
+        ask("fly", drone, dive=tmp_path)

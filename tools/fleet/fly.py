@@ -1,15 +1,21 @@
-"""`lindy fly NAME`: the topside for one drone of several."""
+"""`lindy fly NAME`: the topside for one drone of several, and later for another one."""
 
 from dataclasses import replace
 from pathlib import Path
 
+from msgspec import structs
+
 from services.runtime.bus.spaces import checked_name
 from services.runtime.config.errors import LindyError
 from tools.choices import Choices
+from tools.fleet.flight import with_pilots_alone
+from tools.fleet.flights import fly_one_after_the_other
 from tools.fleet.look import is_there, who_is_there
 from tools.fleet.names import missing
 from tools.keys.door import door
-from tools.up import up
+from tools.live.cockpit import COCKPIT, announce
+from tools.live.dive_folder import out_folder
+from tools.up import Planned, planned
 
 
 def fly(
@@ -33,14 +39,15 @@ def fly(
     own_keys = None if way is None else way.keys
     if not is_there(name, router, own_keys):
         raise LindyError(missing(name, who_is_there(router, own_keys), router))
-    return up(
-        "topside",
-        replace(choices, name=name),
-        listen=None,
-        connect=None,
-        router=router,
-        gateway=False,
-        grouped=grouped,
-        keys=keys,
-        insecure=insecure,
+    plan = planned(
+        replace(choices, name=name), router, way, gateway=False, grouped=grouped, insecure=insecure
     )
+    plan = plan._replace(here=with_pilots_alone(plan.here))
+    if COCKPIT in plan.here:
+        announce(plan.stack, browser=False)  # one address for the pages of every drone
+
+    def for_drone(other: str) -> Planned:
+        folder = str(out_folder(choices.out, ours=True))
+        return plan._replace(stack=structs.replace(plan.stack, name=other, out=folder))
+
+    return fly_one_after_the_other(plan, for_drone)

@@ -22,7 +22,7 @@ class MonitorLoop:
     def __init__(
         self, local: LocalStack, timeline: DiveTimeline, stop: StopSignals, shown: Display
     ) -> None:
-        self._local, self._timeline, self._stop, self._shown = local, timeline, stop, shown
+        self.local, self._timeline, self._stop, self._shown = local, timeline, stop, shown
         services = local.services
         self._watch = Watch(local.node, list(services), timeline, shown.line, services.shared)
         local.node.each(topics.STATUS, timeline.see)
@@ -33,16 +33,16 @@ class MonitorLoop:
         Raises:
             LindyError: a service cannot start, or the drone does not arm.
         """
-        return keep_running(self._local, self._timeline, self._stop, self.look)
+        return keep_running(self.local, self._timeline, self._stop, self.look)
 
     def look(self) -> bool:
         """Handle everything that is due. False: the user wants to stop."""
-        self._local.pump()
+        self.local.pump()
         self._shown.show(self._view)
         return not self._stop.asked
 
     def _view(self) -> View:
-        local = self._local
+        local = self.local
         return self._watch.view(
             title(local.stack),
             time.monotonic_ns(),

@@ -12,6 +12,7 @@ from tools.choices import Choices
 from tools.live.disarming import Disarming
 from tools.live.display import Display
 from tools.live.dive_timeline import DiveTimeline
+from tools.live.keep_running import begin
 from tools.live.monitor_loop import MonitorLoop
 from tools.live.own_pilot import OwnPilot
 from tools.live.pads import pad_is_there
@@ -66,7 +67,7 @@ class PilotedDive:
         self._disarming = Disarming(local.node, self._own)
         self._releases = local.stack.apart  # other pilots may go on with the drone
         self._drone = local.stack.drone_name
-        self._status: VehicleStatus | None = None
+        self.status: VehicleStatus | None = None  # the newest
         local.node.each(topics.STATUS, self._hear)
         self.left = ""  # what has become of the drone, where it goes on without this side
 
@@ -77,13 +78,41 @@ class PilotedDive:
             LindyError: a service cannot start, or the drone does not arm.
         """
         end = self._monitor.keep()
-        self._disarm()
+        self.disarm()
         return end
 
     def _hear(self, status: VehicleStatus, _: int) -> None:
-        self._status = status
+        self.status = status
 
-    def _disarm(self) -> None:
+    # Piece by piece, where this side's pilot may take another drone.
+
+    def begin(self) -> None:
+        """Everything is alive."""
+        begin(self._monitor.local, self._timeline)
+
+    def look(self) -> bool:
+        """Handle everything that is due. False: the user wants to stop."""
+        return self._monitor.look()
+
+    def over(self, now: int) -> str | None:
+        """None while the dive goes on; then how it ended.
+
+        Raises:
+            LindyError: a script has waited too long for the drone to arm.
+        """
+        return self._timeline.over(now)
+
+    def release(self) -> None:
+        """Give control up without disarming, if this side's pilot has it; `ask_on` asks for it."""
+        held = self.status is not None and self.status.pilot != ""
+        self._disarming.kinds = ("release",) if held and self._timeline.controlled else ()
+
+    def ask_on(self, now: int) -> bool:
+        """Ask the drone for what is left to be asked. Has it answered everything?"""
+        self._disarming.ask(now)
+        return self._disarming.done
+
+    def disarm(self) -> None:
         """Ask the drone to disarm, and give control up, if this side's pilot has control. Wait for
         the answers, at most `DISARM_S`."""
         known = time.monotonic() + KNOWN_S
@@ -96,7 +125,7 @@ class PilotedDive:
         while not self._disarming.done and time.monotonic() < deadline:
             self._disarming.ask(time.monotonic_ns())
             self._monitor.look()
-        status = self._status
+        status = self.status
         if self._releases and disarm and status is not None and not status.armed:
             where = f" at {status.depth:.1f} m" if isinstance(status.depth, float) else ""
             self.left = f"{self._drone} is disarmed{where}: nothing holds it now"

@@ -1,6 +1,7 @@
 """Log lines on stdout, where there is no screen."""
 
 from contextlib import suppress
+from threading import Lock
 
 from messages.health import LogLine
 from tools.live.log_lines import LogEntry, LogLines, full
@@ -12,11 +13,13 @@ class PrintedLines:
 
     def __init__(self) -> None:
         self._lines = LogLines()
+        self._lock = Lock()  # while the drone is changed, two threads look after a topside each
 
     def line(self, line: LogLine, at_s: float | None) -> None:
         """A log line has arrived, `at_s` [s] after arming."""
-        if (entry := self._lines.add(line, at_s)) is not None:
-            _print(entry)
+        with self._lock:
+            if (entry := self._lines.add(line, at_s)) is not None:
+                _print(entry)
 
     def finish(self) -> None:
         """Print the lines that were repeated since they were printed last."""

@@ -29,7 +29,8 @@ def fly(
 ) -> int:
     """Start the topside for the drone of this name, which must be there; `lindy drones` lists them.
 
-    The same as `lindy up topside --router ENDPOINT --name DRONE`, which also waits for the drone.
+    As `lindy up topside --router ENDPOINT --name DRONE`, which also waits for the drone; and
+    `lindy ask fly ANOTHER` leaves the drone, which holds, and flies another one.
 
     Example: lindy fly rov2 --router tls/192.168.2.1:7447
     """

@@ -10,7 +10,10 @@ def ask(
     kind: str,
     hold: Annotated[
         str | None,
-        Parameter(help="mode: manual, depth_hold, heading_hold, stabilised or station_keeping"),
+        Parameter(
+            help="mode: manual, depth_hold, heading_hold, stabilised or station_keeping; fly: name "
+            "of another drone"
+        ),
     ] = None,
     *,
     depth: Annotated[float | None, Parameter(help="goto: [m] positive down")] = None,
@@ -42,7 +45,8 @@ def ask(
     """Send a request to a running dive, and print the drone's answer.
 
     KIND is arm, disarm, stop, light, goto, follow or mode; take, offer or release control; resume
-    after a failsafe. It is asked in the name of the pilot of that dive.
+    after a failsafe; fly another drone, where `lindy fly` runs. It is asked in the name of the
+    pilot of that dive.
 
     Example: lindy ask goto --depth 3 --heading 90
     """

@@ -2,6 +2,9 @@
 
 While the window does not have the focus, all keys count as released and the pilot counts as
 present. When the window is closed, the pilot is lost.
+
+A key that is held down while the window gets the focus, or is opened, does nothing until it was let
+go: the system repeats it as if it was pressed in this window.
 """
 
 from collections.abc import Sequence
@@ -9,6 +12,7 @@ from collections.abc import Sequence
 import pygame
 
 from services.gamepad.core import StickGain
+from services.gamepad.io.pad import URGENT
 from services.gamepad.io.window import PilotWindow, open_window
 from services.piloting.head_up import NumbersRow, head_up
 from services.piloting.pilot_intents import Press
@@ -27,6 +31,7 @@ HELP = (
     ("L", "light on, off"),
 )
 
+HELD_NS = 300_000_000  # [ns] after the focus came: keys that were held before are repeated by then
 REQUESTS: dict[int, Press] = {
     pygame.K_RETURN: "arm",
     pygame.K_BACKSPACE: "disarm",
@@ -51,6 +56,8 @@ class Keyboard:
         self.show(head_up(PilotView()))
         self._gain = gain
         self._down: set[int] = set()
+        self._held: set[int] = set()  # since before the window had the focus
+        self._focused_at: int | None = None  # [ns]
         self._closed_at: int | None = None  # [ns]
 
     def read(self, now: int, began: int | None) -> StickReading:  # noqa: ARG002 - only a script needs it
@@ -63,7 +70,9 @@ class Keyboard:
                 notes = (("warning", "the keyboard's window was closed: pilot lost"),)
             if event.type == pygame.WINDOWEXPOSED:
                 pygame.display.flip()  # show it again after another window covered it
-            presses += self._key(event)
+            if event.type == pygame.WINDOWFOCUSGAINED:
+                self._focused_at = now
+            presses += self._key(event, now)
         if self._closed_at is not None:
             age_ms = (now - self._closed_at) / 1e6
             lost = ("closed:keyboard",) if notes else ()
@@ -82,16 +91,27 @@ class Keyboard:
         pygame.font.quit()
         pygame.display.quit()
 
-    def _key(self, event: pygame.event.Event) -> list[Press]:
+    def _key(self, event: pygame.event.Event, now: int) -> list[Press]:
         """Update the set of keys that are down; returns the requests of a key press."""
-        if event.type == pygame.KEYDOWN:
+        if event.type == pygame.KEYDOWN and self._is_held(event.key, now):
+            self._held.add(event.key)
+        elif event.type == pygame.KEYDOWN:
             self._down.add(event.key)
             return [REQUESTS[event.key]] if event.key in REQUESTS else []
         if event.type == pygame.KEYUP:
             self._down.discard(event.key)
+            self._held.discard(event.key)
         elif event.type == pygame.WINDOWFOCUSLOST:
             self._down.clear()  # another window will get their release
+            self._held.clear()
         return []
+
+    def _is_held(self, key: int, now: int) -> bool:
+        """Was it down before this window had the focus? A stop is never held back."""
+        if REQUESTS.get(key) in URGENT:
+            return False
+        focused = self._focused_at
+        return key in self._held or (focused is not None and now < focused + HELD_NS)
 
     def _sticks(self) -> Sticks:
         gain = self._gain.level(

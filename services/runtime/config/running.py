@@ -14,6 +14,7 @@ class Running(msgspec.Struct, frozen=True):
     supervisor: int  # process id
     pids: dict[str, int]  # process id of every hub and service; some services may share one
     stack_file: str = ""  # path of the stack file
+    changes: bool = False  # its pilot may take another drone: it was started by `lindy fly`
 
 
 def running_in(folder: Path) -> int | None:

@@ -4,6 +4,7 @@ import contextlib
 import os
 import signal
 import subprocess
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Protocol
@@ -53,22 +54,29 @@ class Child(Protocol):
         ...
 
 
-class OsChild:
-    """A process in its own session, so that Ctrl-C in the terminal reaches only this program."""
+def started(task: Task, log: IO[bytes]) -> subprocess.Popen[bytes]:
+    """A new process in a session of its own, so that Ctrl-C in the terminal reaches only this
+    program. Started, never forked: Zenoh's threads would not survive in a forked copy."""
+    return subprocess.Popen(
+        task.command,
+        stdin=subprocess.DEVNULL,
+        stdout=log,
+        stderr=subprocess.STDOUT,
+        start_new_session=True,
+    )
 
-    def __init__(self, task: Task) -> None:
+
+class OsChild:
+    """A process of the operating system."""
+
+    def __init__(
+        self, task: Task, start: Callable[[Task, IO[bytes]], subprocess.Popen[bytes]] = started
+    ) -> None:
         self._log = task.log
         log_file, self.unlogged = _log_file(task.log)
         with log_file as log:
             self._begin = log.tell() if log.seekable() else 0
-            # Started, never forked: Zenoh's threads would not survive in a forked copy.
-            self._process = subprocess.Popen(
-                task.command,
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=subprocess.STDOUT,
-                start_new_session=True,
-            )
+            self._process = start(task, log)
 
     @property
     def pid(self) -> int:

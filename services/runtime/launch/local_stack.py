@@ -8,7 +8,7 @@ import threading
 import time
 import traceback
 from collections import deque
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Collection, Generator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from itertools import count
@@ -29,9 +29,10 @@ from services.runtime.config.stack import Stack
 from services.runtime.hosts.heartbeat import last_beat
 from services.runtime.hosts.process_host import HubLaunch, Launch, instance, usage
 from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.spare import Spare
 from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.launch.answering import Answering
-from services.runtime.launch.child import Task
+from services.runtime.launch.child import Child, OsChild, Task
 from services.runtime.launch.supervisor import NAME, Supervisor
 from services.runtime.launch.systemd import Systemd
 from services.runtime.node.checkpoint import VolatileCheckpoint, write_safely
@@ -71,6 +72,7 @@ class LocalStack:
         other_side: "OtherSide | None",
         begin_with: Mapping[str, bytes],
         door: Door | None,
+        spawn: Callable[[Task], Child] = OsChild,
     ) -> None:
         self._other_side = other_side
         self._begin_with = begin_with
@@ -86,9 +88,12 @@ class LocalStack:
         if other_side is not None and other_side.gateway is not None:
             self._reach["drone"] = other_side.gateway
         self.processes = services.processes
-        self.supervisor = Supervisor(self._tell)
+        self.supervisor = Supervisor(self._tell, spawn)
         self.node: Node  # this process's own, on the pilot's side; set when the hubs are up
         self.alive: set[tuple[str, str]] = set()  # (side, service)
+        self.replaced = False  # by another one of this program, which goes on
+        self.announced = True  # in run.json
+        self.changes = False  # … where its pilot may take another drone
         self.answering = Answering(dict.fromkeys(LAST, DISK_PATIENCE_S))
         self._systemd = Systemd(os.environ, os.getpid())
         self._folder = folder
@@ -102,6 +107,7 @@ class LocalStack:
         self._has_node = False
         self._copies: dict[str, str] = {}  # file → its copy in `folder`
         self._later: list[str] = []  # processes that are not started yet
+        self._resting: set[str] = set()  # services that are not to run now
 
     def start_hubs(self, exits: ExitStack) -> None:
         """Start the hubs and connect to them.
@@ -133,13 +139,45 @@ class LocalStack:
         self.node.instance = instance()
         self._has_node = True
 
-    def start_services(self) -> None:
+    def start_services(self, resting: Collection[str] = ()) -> None:
+        """
+        Args:
+            resting: processes that wait for `begin`.
+        """
+        self._resting = self._services_of(resting)
         self._copies = self._copied()
         self.checkpoints = _unused_folder(self.checkpoints)
         for name, data in self._begin_with.items():
             write_safely(self.checkpoints / f"{name}.json", data)
-        self._later = [name for name, parts in self.processes.items() if set(parts) <= set(SLOW)]
-        self.supervisor.add(self._process(n) for n in self.processes if n not in self._later)
+        begun = [name for name in self.processes if name not in resting]
+        self._later = [name for name in begun if set(self.processes[name]) <= set(SLOW)]
+        self.supervisor.add(self._process(name) for name in begun if name not in self._later)
+
+    def begin(self, processes: Collection[str]) -> None:
+        """Start processes that rest."""
+        self._resting -= self._services_of(processes)
+        self.supervisor.add(self._process(name) for name in processes)
+
+    def rest(self, processes: Collection[str]) -> None:
+        """Ask these to end, while the others go on."""
+        self._resting |= self._services_of(processes)
+        self.supervisor.ask_to_end(processes)
+
+    def has_ended(self, processes: Collection[str]) -> bool:
+        return not any(name in self.supervisor.pids for name in processes)
+
+    def _services_of(self, processes: Collection[str]) -> set[str]:
+        return {name for process in processes for name in self.processes[process]}
+
+    @property
+    def spares(self) -> dict[str, Spare]:
+        """What a process of each name may import before it is known what it will work for; of the
+        hubs, too."""
+        hubs = {f"hub_{side}": Spare() for side in self.endpoints}
+        return hubs | {
+            process: Spare({n: self.services[n] for n in names}, str(self.services.file))
+            for process, names in self.processes.items()
+        }
 
     def _copied(self) -> dict[str, str]:
         """Copies of the files that services read when they start, so that one that starts again in
@@ -165,10 +203,11 @@ class LocalStack:
             self._later = []
 
     def missing(self) -> list[str]:
-        """Services that are not alive on all of their sides."""
+        """Services that are to run and are not alive on all of their sides."""
         return [
             name
             for name, spec in self.services.items()
+            if name not in self._resting
             if any((side, name) not in self.alive for side in spec.sides if side in self._buses)
         ]
 
@@ -277,7 +316,8 @@ class LocalStack:
 
     def end(self) -> None:
         """End all processes."""
-        self._systemd.stopping()
+        if not self.replaced:
+            self._systemd.stopping()
         self.supervisor.stop()
 
     def heartbeat(self, process: str) -> Path:
@@ -285,7 +325,7 @@ class LocalStack:
         return self._folder / f"{process}.beat"
 
     def _note_pids(self) -> None:
-        if (pids := self._each(self.supervisor.pids)) != self._pids:
+        if self.announced and (pids := self._each(self.supervisor.pids)) != self._pids:
             self._pids = pids
             running = Running(
                 self.stack.space,
@@ -293,6 +333,7 @@ class LocalStack:
                 os.getpid(),
                 pids,
                 str(self.services.file),
+                self.changes,
             )
             self._publish(msgspec.json.format(msgspec.json.encode(running)))
 
@@ -373,6 +414,7 @@ def local_stack(
     other_side: OtherSide | None = None,
     begin_with: Mapping[str, bytes] | None = None,
     door: Door | None = None,
+    spawn: Callable[[Task], Child] = OsChild,
 ) -> Generator[LocalStack]:
     """Running hubs, without services yet; everything is ended when the block is left.
 
@@ -382,6 +424,7 @@ def local_stack(
         other_side: where it is another machine; `services` are then those of this one.
         begin_with: checkpoints by service, of an earlier start.
         door: for endpoints of and for other machines.
+        spawn: starts a process.
 
     Raises:
         LindyError: the endpoint is taken or malformed.
@@ -390,7 +433,7 @@ def local_stack(
         require_free(endpoint, stack, door)
     with tempfile.TemporaryDirectory(prefix="lindy-", dir=_socket_folder()) as folder:
         local = LocalStack(
-            stack, services, Path(folder), listen, other_side, begin_with or {}, door
+            stack, services, Path(folder), listen, other_side, begin_with or {}, door, spawn
         )
         with ExitStack() as exits:
             exits.callback((stack.out_dir / RUNNING).unlink, missing_ok=True)

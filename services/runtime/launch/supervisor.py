@@ -62,6 +62,11 @@ class Supervisor:
         if (child := self._children.get(name)) is not None:
             child.kill()
 
+    def ask_to_end(self, names: Iterable[str]) -> None:
+        """End these, while the others go on. They may be added again later."""
+        for name in names:
+            self._handle(name, Event.STOP)
+
     def step(self) -> None:
         """Check every child once and do what is due."""
         while self._seen:

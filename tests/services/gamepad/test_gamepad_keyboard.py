@@ -113,6 +113,24 @@ def test_losing_the_focus_releases_all_keys_and_the_pilot_stays(keyboard: Keyboa
     assert press(keyboard, pygame.K_w).sticks == Sticks(surge=0.6)  # and shift is not down
 
 
+def test_keys_that_are_held_while_the_window_opens_do_nothing_until_they_were_let_go(
+    keyboard: Keyboard,
+):
+    """… and a stop always acts."""
+
+    def happened(kind: int, at_ms: int, **more: int) -> StickReading:
+        pygame.event.post(pygame.event.Event(kind, more))
+        return keyboard.read(at_ms * MS, None)
+
+    happened(pygame.WINDOWFOCUSGAINED, 0)
+    for at_ms in (40, 70, 2000):  # as the system repeats it
+        assert happened(pygame.KEYDOWN, at_ms, key=pygame.K_w).sticks == CENTRED
+    assert happened(pygame.KEYDOWN, 100, key=pygame.K_RETURN).presses == ()
+    assert happened(pygame.KEYDOWN, 110, key=pygame.K_SPACE).presses == ("stop",)
+    happened(pygame.KEYUP, 2100, key=pygame.K_w)
+    assert happened(pygame.KEYDOWN, 2200, key=pygame.K_w).sticks == Sticks(surge=0.6)
+
+
 def test_closing_the_window_loses_the_pilot(keyboard: Keyboard):
     press(keyboard, pygame.K_w)
     pygame.event.post(pygame.event.Event(pygame.QUIT))

@@ -54,6 +54,20 @@ def test_whoever_was_outdone_and_wants_to_arm_takes_the_sticks_first():
     assert kinds(pilot.status(status(3), NOBODY, 2)) == []
 
 
+def test_a_script_arms_behind_its_first_command_with_the_granted_epoch():
+    """A drone that was flown before hears no other sticks, and would refuse to arm."""
+    pilot = Pilot(Progress(), arms=True)
+    pilot.read(StickReading(), "script", 0, NOBODY, 0)
+    (lease,) = pilot.status(status(6), NOBODY, 1).requests
+    pilot.answered(lease, answer(True, epoch=7), 2)
+    assert kinds(pilot.status(status(7, pilot="script"), NOBODY, 3)) == []
+    effects = pilot.read(StickReading(), "script", 0, NOBODY, 4)
+    assert effects.command is not None
+    assert effects.command.epoch == 7
+    assert kinds(effects) == ["arm"]
+    assert kinds(pilot.read(StickReading(), "script", 0, NOBODY, 5)) == []
+
+
 @pytest.mark.parametrize("then", ["refused", "given up", "stop", "disarm"])
 def test_sticks_that_were_not_given_arm_nothing_later_on(then: str):
     pilot = outdone()

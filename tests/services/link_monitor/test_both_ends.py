@@ -36,6 +36,20 @@ def test_pings_are_answered_from_the_other_realm_on_one_machine_and_on_two(
     assert set(rows) <= set(health)
 
 
+def test_once_the_drone_has_answered_the_topside_says_again_who_it_is_and_its_clock() -> None:
+    """What was said before the two have met was heard by nobody."""
+    host = VirtualHost({"drone": Skew(5 * S)})
+    host.add_all(ROWS.apart(), Stack(link="remote", apart=True))
+    said, answered, known = list[int](), list[int](), list[int]()
+    ears = host.node("ears", ["topside"])
+    ears.each(topics.IDENTITY.of("topside"), lambda _, now: said.append(now))
+    ears.each(topics.CLOCK_PONG, lambda _, now: answered.append(now))
+    ears.each(topics.CLOCK, lambda m, now: known.append(now) if m.offset_ns is not None else None)
+    host.run(3 * S)
+    assert said.count(answered[0]) == 1
+    assert known[0] == answered[0]
+
+
 def test_on_two_machines_no_name_is_there_twice() -> None:
     topside, drone = (on_side(EVERY, side, gateway=False) for side in ("topside", "drone"))
     assert set(topside) & set(drone) == set()

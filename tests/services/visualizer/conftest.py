@@ -4,6 +4,7 @@ import pytest
 
 from messages import topics
 from messages.control import ThrusterCommand, Wrench
+from messages.fly import FlyAnswer, FlyRequest
 from messages.health import Health, LogLine
 from messages.identity import SideIdentity
 from messages.link import (
@@ -128,6 +129,8 @@ def _all(now: int) -> list[Message]:
         ),
         FaultRequest(stamp_ns=now, id=str(now), part="port", fault="dead"),
         FaultAnswer(stamp_ns=now, id=str(now), accepted=True),
+        FlyRequest(stamp_ns=now, id=str(now), drone="rov2"),
+        FlyAnswer(stamp_ns=now, id=str(now), accepted=True),
         LinkStatus(
             stamp_ns=now, profile="tether", up=True, down_link=leg, up_link=leg, rtt_ms=20.0
         ),

@@ -16,12 +16,15 @@ from typing import NamedTuple
 import msgspec
 
 from messages import topics
+from messages.fly import FlyRequest
 from messages.topic import Way
 from messages.vehicle import VehicleStatus
 from services.runtime.bus.network import open_network
 from services.runtime.bus.spaces import name_in
 from services.runtime.config.errors import LindyError
+from tools.ask import dive_in
 from tools.fleet.look import look, who_is_there
+from tools.live.asking import answer_to, at_once
 from tools.recordings.recording import open_recording
 from tools.research.bench.fleet_network import (
     FlownFleet,
@@ -33,7 +36,7 @@ from tools.research.bench.fleet_network import (
     synthetic,
     wait_until,
 )
-from tools.research.bench.processes import NOTHING, costs, total
+from tools.research.bench.processes import NOTHING, costs, own_mb, total
 from tools.research.bench.started_dives import HAS_STICKS, PILOT, SETTLE_S, WATCH_S
 from tools.research.bench.table import Figure
 
@@ -43,6 +46,8 @@ MANY = 8  # … where there are so many processors
 LISTED, LIST_S = 20, 2.0  # drones of a list, and the time for it
 LOOKS = 5  # one after the other
 CHANGE_S, RESTART_S = 1.0, 3.0
+SPARES = 4  # processes of `lindy fly --grouped`: hub, recorder, pilot, and all others
+SPARE_S = 3.0  # [s] for the last one's imports
 AWAY_S = 2.0  # [s] a router is away: long enough that every drone holds by itself
 LOADED, SPEED, LOAD_S = 8, 3.0, 6.0  # synthetic drones, times the table's rates, for so long
 
@@ -186,6 +191,24 @@ class Statuses:
         )
 
 
+def order(dive: Path, drone: str) -> float:
+    """[s] Until the order to fly another drone was answered.
+
+    Raises:
+        LindyError: it was refused.
+    """
+    began = time.monotonic()
+    request = FlyRequest(stamp_ns=0, id="", drone=drone)
+    answer = answer_to(
+        lambda node: at_once(node, request, topics.FLY_REQUEST, topics.FLY_ANSWER),
+        dive_in(dive),
+        "topside",
+    )
+    if not answer.accepted:
+        raise LindyError(answer.reason)
+    return time.monotonic() - began
+
+
 def _changed_and_restarted(folder: Path) -> Iterator[Figure]:
     folder.mkdir()
     statuses = Statuses()
@@ -198,15 +221,28 @@ def _changed_and_restarted(folder: Path) -> Iterator[Figure]:
         wait_until(lambda: statuses.flown(names[:1], 0.0), "the first drone to be flown")
         began = time.monotonic()
         first.end()
-        ended = time.monotonic() - began
         second = begin_pilot(routers, folder / "second", names[1], PILOT, exits)
         wait_until(lambda: statuses.flown(names[1:], began), "the other drone to be flown")
+        end_and_start = time.monotonic() - began
+        wait_until(lambda: len(second.spares()) == SPARES, "the spare processes")
+        time.sleep(SPARE_S)
+        spare = own_mb(second.spares())
+        began = time.monotonic()
+        answered = order(folder / "second", names[0])
+        wait_until(lambda: statuses.flown(names[:1], began), "the first drone to be flown again")
+        changed = time.monotonic() - began
+        name = "change of drone, to the first command in force"
         yield Figure(
-            section=SECTION, name="change of drone, to the first command in force", unit="s",
-            ours=time.monotonic() - began, baseline_name="goal", baseline=CHANGE_S, goal=1.0,
-            note=f"one topside is ended, in {ended:.1f} s, and another one started",
+            section=SECTION, name=name, unit="s",
+            ours=changed, baseline_name="goal", baseline=CHANGE_S, goal=1.0,
+            note=f"as by `lindy ask fly`, without the start of that program; answered after "
+            f"{answered:.2f} s; {SPARES} spare processes have {spare:.0f} MB of their own",
         )  # fmt: skip
-        again = begin_pilot(routers, folder / "again", names[0], PILOT, exits)
+        yield Figure(
+            section=SECTION, name=f"{name}, beside another start", unit="s",
+            ours=changed, baseline_name="end and start", baseline=end_and_start,
+        )  # fmt: skip
+        again = begin_pilot(routers, folder / "again", names[1], PILOT, exits)
         wait_until(lambda: statuses.flown(names, time.monotonic() - 1.0), "both to be flown")
         routers.kill()
         time.sleep(AWAY_S)

@@ -2,7 +2,7 @@
 
 import os
 import time
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -63,6 +63,13 @@ def spent_s(pid: int) -> float:
     """[s] Processor time of a process since its start; 0 where there is none."""
     count = _count(pid)
     return 0.0 if count is None else count.user + count.system
+
+
+def own_mb(pids: Collection[int]) -> float:
+    """[MB] Memory of these processes; what several processes share counts in parts."""
+    files = [Path(f"/proc/{pid}/smaps_rollup") for pid in pids]
+    lines = [line for file in files for line in file.read_text().splitlines()]
+    return sum(int(line.split()[1]) for line in lines if line.startswith("Pss:")) * 1024 / 1e6
 
 
 def total(costs: Mapping[str, Cost]) -> Cost:

@@ -1,0 +1,215 @@
+"""`lindy fly` changes the drone: real processes topside; the drones' own `reference` and clock, in
+this process, behind hubs of their own on a router."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Generator
+from contextlib import ExitStack
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from messages import topics
+from messages.pilot import PilotCommand, PilotRequest
+from services.link_monitor.service import wire as wire_monitor
+from services.reference.service import wire as wire_reference
+from services.runtime.bus.access_control import HubSide
+from services.runtime.bus.envelope import Envelope
+from services.runtime.bus.spaces import here_key, namespace
+from services.runtime.bus.zenoh_bus import ZenohBus, announce_here, connected, listening
+from services.runtime.config.running import RUNNING, Running
+from services.runtime.config.settings import DEPLOY
+from services.runtime.config.stack import Stack
+from services.runtime.node.checkpoint import VolatileCheckpoint
+from services.runtime.node.clock_offset import ClockOffset
+from services.runtime.node.loop_stats import Instance
+from services.runtime.node.node import Node
+from tests.system.test_fleet import free_endpoint
+
+pytestmark = pytest.mark.system
+
+PATIENCE_S = 90.0  # never reached unless something is broken
+LINDY = [sys.executable, "-P", "-m", "tools"]
+
+
+class Drone:
+    """Grants control and says its status; it has no thrusters, so it never arms."""
+
+    def __init__(self, folder: Path, router: str, name: str, number: int, exits: ExitStack) -> None:
+        space, private = namespace(name), f"unixsock-stream/{folder}/{name}.sock"
+        hub = listening(private, connect=[router], hub_side=HubSide("drone", space))
+        exits.enter_context(hub)
+        self._here = announce_here(hub, here_key(space, "drone", f"{number:x}"))
+        bus = ZenohBus(exits.enter_context(connected(private, space, PATIENCE_S)))
+        self.commands: list[tuple[float, PilotCommand]] = []  # [s] when each arrived
+        self.requests: list[PilotRequest] = []
+        bus.hear(topics.PILOT_COMMAND.key, self._command)
+        bus.hear(topics.PILOT_REQUEST.key, self._request)
+        self.nodes = [self._node("reference", bus), self._node("link_monitor_drone", bus)]
+        wire_reference(self.nodes[0], Stack(name=name))
+        wire_monitor(self.nodes[1], Stack(name=name, apart=True))
+
+    @property
+    def kinds(self) -> list[str]:
+        """What pilots have asked for, once each."""
+        return list({request.id: request.kind for request in self.requests}.values())
+
+    def heard_lately(self) -> bool:
+        return bool(self.commands) and time.monotonic() - self.commands[-1][0] < 0.3
+
+    def _command(self, envelope: Envelope) -> None:
+        command = msgspec.msgpack.decode(envelope.payload, type=PilotCommand)
+        self.commands.append((time.monotonic(), command))
+
+    def _request(self, envelope: Envelope) -> None:
+        self.requests.append(msgspec.msgpack.decode(envelope.payload, type=PilotRequest))
+
+    @staticmethod
+    def _node(name: str, bus: ZenohBus) -> Node:
+        offset = ClockOffset("drone")
+        sides = {"drone": bus}
+        node = Node(name, sides, time.monotonic_ns, VolatileCheckpoint(), clock_offset=offset)
+        node.instance = Instance(1 + hash(name) % 1000, os.getpid())
+        return node
+
+
+class World:
+    """A router with two drones on it, whose services run on a thread, and a pilot's program."""
+
+    def __init__(self, folder: Path, exits: ExitStack) -> None:
+        self.folder, self.router = folder, free_endpoint()
+        exits.enter_context(listening(self.router))
+        self.a = Drone(folder, self.router, "a", 1, exits)
+        self.b = Drone(folder, self.router, "b", 2, exits)
+        self._over = threading.Event()
+        thread = threading.Thread(target=self._run)
+        thread.start()
+        exits.callback(thread.join)
+        exits.callback(self._over.set)
+        self.vehicle = folder / "pioneer.toml"
+        self.vehicle.write_bytes((DEPLOY / "vehicles" / "pioneer.toml").read_bytes())
+        words = ["fly", "a", "--router", self.router, "--grouped", "--pilot", "gamepad"]
+        words += ["--vehicle", str(self.vehicle), "--out", str(folder / "out")]
+        self._screen = folder / "screen.txt"
+        with self._screen.open("w") as screen:
+            self.program = subprocess.Popen(
+                [*LINDY, *words], stdin=subprocess.DEVNULL, stdout=screen, stderr=screen
+            )
+        exits.callback(self._end)
+
+    @property
+    def said(self) -> str:
+        return self._screen.read_text()
+
+    def until(self, happened: Callable[[], bool]) -> None:
+        deadline = time.monotonic() + PATIENCE_S
+        while not happened():
+            assert self.program.poll() is None, self.said
+            assert time.monotonic() < deadline, self.said
+            time.sleep(0.02)  # other processes do it, and nothing announces it
+
+    def ask(self, drone: str, dive: str = "out") -> subprocess.CompletedProcess[str]:
+        command = [*LINDY, "ask", "fly", drone, "--dive", str(self.folder / dive)]
+        return subprocess.run(command, capture_output=True, text=True, check=False)
+
+    def processes(self) -> set[int]:
+        """Every process that the pilot's program has started."""
+        own = Path(f"/proc/{self.program.pid}/task").glob("*/children")
+        return {int(pid) for file in own for pid in file.read_text().split()}
+
+    def _run(self) -> None:
+        nodes = [*self.a.nodes, *self.b.nodes]
+        while not self._over.is_set():
+            for node in nodes:
+                node.step()
+            time.sleep(0.005)  # Zenoh's threads bring the messages
+
+    def _end(self) -> None:
+        if self.program.poll() is None:
+            self.program.kill()
+            self.program.wait(PATIENCE_S)
+
+
+@pytest.fixture
+def world(tmp_path: Path) -> Generator[World]:
+    with ExitStack() as exits:
+        yield World(tmp_path, exits)
+
+
+def exists(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+
+
+@pytest.mark.slow
+def test_a_pilot_leaves_a_drone_and_takes_another(world: World) -> None:
+    a, b = world.a, world.b
+    world.until(lambda: "lease" in a.kinds and a.heard_lately())
+    # What cannot be done leaves the flight as it is.
+    for drone, why in (
+        ("a", "a is the drone that is flown"),
+        ("nobody", "no drone is called nobody; there are a, b"),
+        ("no/body", "letters without accents"),
+    ):
+        refused = world.ask(drone)
+        assert refused.returncode == 1
+        assert why in refused.stderr
+        assert refused.stderr.count("\n") == 1
+    kept = world.vehicle.read_bytes()
+    world.vehicle.write_text("[vehicle]\nmass = -1\n")
+    refused = world.ask("b")
+    assert refused.returncode == 1
+    assert "a is flown on: " in refused.stderr
+    assert "mass" in refused.stderr
+    world.vehicle.write_bytes(kept)
+    assert a.heard_lately()
+    assert a.kinds == ["lease"]
+    assert (b.commands, b.requests) == ([], [])
+    # What can be done.
+    changed = world.ask("b")
+    assert changed.returncode == 0, changed.stderr
+    assert changed.stdout == "this is the topside of b now; a is left, disarmed, nobody flies it\n"
+    world.until(lambda: "lease" in b.kinds and b.heard_lately())
+    assert a.kinds == ["lease", "release"]
+    assert not a.heard_lately()
+    assert a.commands[-1][0] < b.commands[0][0]
+    world.until(lambda: b.commands[-1][1].epoch > 0)
+    last = b.commands[-1][1]
+    assert (last.surge, last.sway, last.heave, last.yaw) == (0.0, 0.0, 0.0, 0.0)
+    running = [file.parent.name for file in world.folder.glob("out*/" + RUNNING)]
+    assert len(running) == 1
+    assert running[0].startswith("out-")
+    # … and back.
+    assert world.ask("a", running[0]).returncode == 0
+    world.until(lambda: a.kinds == ["lease", "release", "lease"] and a.heard_lately())
+    assert b.kinds == ["lease", "release"]
+    world.program.send_signal(signal.SIGINT)
+    assert world.program.wait(PATIENCE_S) == 0, world.said
+    assert world.said.count("topside of a, ended") == 2
+    assert world.said.count("topside of b, ended") == 1
+    assert len(list(world.folder.glob("out*/dive.mcap"))) == 3
+    assert "Traceback" not in world.said
+
+
+def test_nothing_that_was_kept_ready_outlives_a_program_that_is_killed(world: World) -> None:
+    world.until(lambda: world.a.heard_lately())
+
+    def running() -> set[int]:
+        text = (world.folder / "out" / RUNNING).read_bytes()
+        return {*msgspec.json.decode(text, type=Running).pids.values()}
+
+    world.until(lambda: len(world.processes() - running()) >= 4)
+    started = world.processes()
+    world.program.kill()
+    world.program.wait(PATIENCE_S)
+    deadline = time.monotonic() + PATIENCE_S
+    while any(map(exists, started)):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)  # each notices by itself
