@@ -20,6 +20,7 @@ from services.control.settings import Settings
 from services.marine.rigid_body import system_inertia
 from services.marine.vehicle import Vehicle
 
+SHORT = 0.01  # [-] of the moment that is wanted; a smaller lack is a dead-band's
 IDLE = 0.03  # [-] of the smallest moment of a thruster; a smaller one only runs down
 
 
@@ -45,6 +46,7 @@ class Laws:
         self._count = count
         self._actuators = ActuatorModel(self._lags)
         self._short: frozenset[str] = frozenset()  # axes with less force than required
+        self._turn_short = 0.0  # [N m] of the moment that is wanted, for lack of thrust
         self._water: tuple[float, float] | None = None  # [m/s] along surge and sway, if known
 
         def axis(name: str, gains: Gains, row: int, *, own: bool = True) -> PilotedAxis:
@@ -105,7 +107,8 @@ class Laws:
         return x + a, y + b, z + c, k + d, m + e, f
 
     def done(self, wanted: Vec6, achieved: Vec6, *, saturated: bool) -> None:
-        """Take in the achieved wrench. An axis short of force by saturation does not learn."""
+        """Take in the achieved wrench. An axis short of force by saturation does not learn; the
+        heading, of which more is known, learns what asks for less."""
         self._actuators.command(achieved)
         if saturated:
             self.adaptation.saturated()
@@ -116,6 +119,8 @@ class Laws:
             for name, want, got in zip(AXES, wanted, achieved, strict=True)
             if saturated and abs(want - got) > 1e-6
         )
+        lack = wanted[5] - achieved[5]
+        self._turn_short = lack if saturated and lack * wanted[5] > SHORT * wanted[5] ** 2 else 0.0
 
     @property
     def standing(self) -> Vec6:
@@ -166,9 +171,12 @@ class Laws:
             (self.depth, 2, heave, self.adaptation.heave.thrust.value),
             (self.heading, 5, yaw, self.adaptation.yaw.thrust.value),
         ):
-            known = None if AXES[row] in self._short else velocity
-            freely = axis is self.heading and self._idle(force[5])
-            axis.learn(known, scale * force[row], dt, freely=freely)
+            if axis is self.heading:
+                freely, short = self._idle(force[5]), self._turn_short
+                axis.learn(velocity, scale * force[5], dt, freely=freely, short=short)
+            else:
+                known = None if AXES[row] in self._short else velocity
+                axis.learn(known, scale * force[row], dt)
 
     def _idle(self, moment: float) -> bool:
         """Does the dead-band leave the law of the heading without effect, [N m]?"""
