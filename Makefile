@@ -49,8 +49,9 @@ picture: $(READY) ## the pictures in the README; Debian: mesa-vulkan-drivers lib
 laws: $(READY) ## the laws of the reference over millions of states, into docs/laws.md
 	$(BIN)/python tests/long/laws.py
 
-stops: $(READY) ## a hundred dives with random sticks: bounce-back and overshoot at every stop
+stops: $(READY) ## a hundred dives with random sticks: bounce-back and overshoot at every stop; headings at rest
 	$(BIN)/python tests/long/stops.py
+	$(BIN)/python tests/long/heading_rest.py
 
 soak: $(READY) ## half an hour of faults, in a real dive and in a fleet of four. MINUTES=, SEED=
 	$(BIN)/python -m tests.long.soak $(or $(MINUTES),30) $(or $(SEED),1)
