@@ -4,11 +4,14 @@ turn. Run it as a script, for minutes: `python tests/long/stops.py [SEEDS [FIRST
 Each seed is a dive of the whole chain with its own noise, biases and random sticks. Every stop is
 judged alike: from heave or yaw alone, with surge and sway let go at the same moment, or kept. The
 line "by its estimate" is of the same dives: a vehicle that would hold exactly what it estimates.
-Fails when a percentile is over its limit. Seeds that a setting was chosen with are not for judging.
+Then a few dives each elsewhere: in a current, with a tether that pulls, without an accelerometer,
+on other vehicles. Fails when a percentile is over its limit. Seeds that a setting was chosen with
+are not for judging.
 """
 
 import sys
 from collections.abc import Iterable
+from functools import partial
 from math import degrees
 from typing import NamedTuple
 
@@ -16,9 +19,27 @@ import numpy as np
 
 from tools.research.bench.control_goals import FINE
 from tools.research.bench.goal_runs import ReleaseResult, releases
+from tools.research.bench.hull_runs import GOALS
 from tools.sweep.all_cores import in_order
 
 SEEDS, FIRST = 100, 0
+SHARE = 10  # of the dives, one is flown in each of the other circumstances
+CURRENT = (
+    "simulator.current.north=0.2",
+    "simulator.current.std=0.05",
+    "simulator.current.time_constant=20",
+)
+TETHER = ("simulator.tether.slack=5",)
+ELSEWHERE: dict[str, tuple[str, tuple[str, ...]]] = {  # vehicle, overrides
+    "a current of 0.2 m/s": ("pioneer", CURRENT),
+    "a current and a tether": ("pioneer", (*CURRENT, *TETHER)),
+    "no accelerometer": (
+        "pioneer",
+        ("estimation.depth.observer=reference", "estimation.depth.motion_noise=0.5"),
+    ),
+    "bluerov2_heavy": ("bluerov2_heavy", ()),
+    "minerva": ("minerva", ()),
+}
 SIDES = ("centred", "released", "kept")
 PERCENTILES = (50, 95, 99, 100)
 INF = float("inf")
@@ -50,12 +71,35 @@ def main(count: int, first: int) -> int:
     broken = _show(coarse, YAW) + _show(coarse, HEAVE)
     print("the same with a depth sensor of 1 mbar")
     broken += _show(fine, FINE_HEAVE)
+    broken += sum(_elsewhere(name, range(first, first + -(-count // SHARE))) for name in ELSEWHERE)
     print(f"{broken} limits broken")
     return int(broken > 0)
 
 
 def with_a_fine_sensor(seed: int) -> list[ReleaseResult]:
     return releases(seed, overrides=FINE)
+
+
+def _elsewhere(name: str, seeds: range) -> int:
+    """Returns how many limits are broken. Those of another vehicle are the Pioneer's, by thrust per
+    inertia (hull_runs.py)."""
+    vehicle, overrides = ELSEWHERE[name]
+    fly = partial(releases, vehicle=vehicle, overrides=overrides)
+    found = [release for dive in in_order(fly, seeds) for release in dive]
+    ours, its = GOALS["pioneer"], GOALS[vehicle]
+    print(f"{name}, {len(seeds)} dives")
+    return sum(
+        _line(_scaled(limits, share), "all of them", [r for r in found if r.axis == limits.axis])
+        for limits, share in (
+            (HEAVE, its.bounce / ours.bounce),
+            (YAW, its.overshoot / ours.overshoot),
+        )
+    )
+
+
+def _scaled(limits: Limits, share: float) -> Limits:
+    p50, p95, p99, most = [share * limit for limit in limits.most]
+    return limits._replace(most=(p50, p95, p99, most))
 
 
 def _show(found: list[ReleaseResult], limits: Limits) -> int:
