@@ -19,7 +19,7 @@ from services.marine.vehicle import Vehicle
 from services.visualizer.batch import Batch, CurveColumns, Frame, VideoSample
 from services.visualizer.curve import CurveRow
 from services.visualizer.curves import Curve, curves
-from services.visualizer.felt_jerk import FeltJerk
+from services.visualizer.felt_jerk import JerkLines
 from services.visualizer.scene import Scene
 from services.visualizer.status import NOTED, Status, part_of_path
 from services.visualizer.thruster_changes import ThrusterChanges
@@ -62,7 +62,7 @@ class Collector:
         self._assembler = Assembler()
         self._video: list[VideoSample] = []
         self._status = Status()
-        self._jerk, self._changes = FeltJerk(), ThrusterChanges()
+        self._jerk, self._changes = JerkLines(), ThrusterChanges()
 
     def hear(self, topic: AnyTopic, key: str, message: Message, now: int) -> str | None:
         """Keep a message that arrived at `now` [ns]. Returns why it is rejected, or None."""

@@ -30,7 +30,7 @@ from services.visualizer.curve import (
     number,
     way_ms,
 )
-from services.visualizer.felt_jerk import FeltJerk
+from services.visualizer.felt_jerk import JerkLines
 from services.visualizer.link_curves import link_curves
 from services.visualizer.thruster_changes import LOOK as THRUSTER_CHANGES
 
@@ -43,7 +43,7 @@ def curves(vehicle: Vehicle) -> list[Curve]:
 
 def computed() -> list[Look]:
     """Curves that are not read from single messages."""
-    return [*FeltJerk().looks, THRUSTER_CHANGES]
+    return [*JerkLines().looks, THRUSTER_CHANGES]
 
 
 def _pilot() -> list[Curve]:

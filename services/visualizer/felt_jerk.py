@@ -103,7 +103,7 @@ class JerkLine:
                 yield time, self.unit(jerk)
 
 
-class FeltJerk:
+class JerkLines:
     """All four lines: of heave [m/s³] and of yaw [°/s³], felt and asked for."""
 
     def __init__(self) -> None:

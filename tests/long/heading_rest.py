@@ -34,7 +34,7 @@ class Rest(NamedTuple):
 
 def rest(seed: int) -> Rest:
     chance = Random(seed)
-    heave, yaw = chance.choice(HEAVE), chance.choice(YAW)
+    heave, yaw = abs(chance.choice(HEAVE)), chance.choice(YAW)  # down: it starts near the surface
     end = 1.0 + chance.uniform(*TURN_S)
     sticks = [(1.0, (0.0, 0.0, heave, yaw)), (end, HANDS_OFF)]
     sortie = Sortie(sticks, seed=seed, overrides=(DEEP,)).until(end + REST_S)

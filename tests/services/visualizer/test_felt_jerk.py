@@ -20,7 +20,7 @@ from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
 from services.visualizer.core import Collector
 from services.visualizer.curves import computed
-from services.visualizer.felt_jerk import BAND, LONGEST_NS, SETTLE_NS, FeltJerk, LowPassedJerk
+from services.visualizer.felt_jerk import BAND, LONGEST_NS, SETTLE_NS, JerkLines, LowPassedJerk
 from services.visualizer.thruster_changes import WINDOW, ThrusterChanges
 from tools.report import jerk as report
 from tools.report.dive import GatheredDive, RecordedDive
@@ -116,7 +116,7 @@ def test_few_points_are_drawn_and_all_have_a_look() -> None:
 
 
 def test_an_estimate_that_is_lost_ends_its_line_once() -> None:
-    line = FeltJerk()
+    line = JerkLines()
     here, lost = Estimate(0.0, 0.1), Estimate(0.0, 0.1, valid=False)
     state = VehicleState(
         stamp_ns=0, sensor_ns=0, phase="running", depth=here, depth_rate=here,
