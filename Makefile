@@ -6,7 +6,7 @@ READY := .venv/.ready
 UV := $(BIN)/python -m uv
 PICTURES := .pictures
 
-.PHONY: dive test slow explore mutants check format laws stops soak faults picture docs clean
+.PHONY: dive test slow explore mutants check format laws stops headings soak faults picture docs clean
 
 dive: $(READY) ## fly the demo dive: every service, one command
 	$(BIN)/lindy dive
@@ -51,6 +51,9 @@ laws: $(READY) ## the laws of the reference over millions of states, into docs/l
 
 stops: $(READY) ## a hundred dives with random sticks: bounce-back and overshoot at every stop
 	$(BIN)/python tests/long/stops.py
+
+headings: $(READY) ## a hundred dives: the heading at rest after a turn
+	$(BIN)/python tests/long/heading_rest.py
 
 soak: $(READY) ## half an hour of faults, in a real dive and in a fleet of four. MINUTES=, SEED=
 	$(BIN)/python -m tests.long.soak $(or $(MINUTES),30) $(or $(SEED),1)

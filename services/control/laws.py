@@ -21,6 +21,7 @@ from services.control.settings import Settings
 from services.marine.rigid_body import system_inertia
 from services.marine.vehicle import Vehicle
 
+SHORT = 0.01  # [-] of the moment that is wanted; a smaller lack is a dead-band's
 IDLE = 0.03  # [-] of the smallest moment of a thruster; a smaller one only runs down
 
 
@@ -46,6 +47,7 @@ class Laws:
         self._count = count
         self._actuators = ActuatorModel(self._lags)
         self._short: frozenset[str] = frozenset()  # axes with less force than required
+        self._turn_short = 0.0  # [N m] of the moment that is wanted, for lack of thrust
         self._water: tuple[float, float] | None = None  # [m/s] along surge and sway, if known
 
         def axis(name: str, gains: Gains, row: int, *, own: bool = True) -> PilotedAxis:
@@ -118,7 +120,8 @@ class Laws:
         return x + a, y + b, z + c, k + d, m + e, f
 
     def done(self, wanted: Vec6, achieved: Vec6, *, saturated: bool) -> None:
-        """Take in the achieved wrench. An axis short of force by saturation does not learn."""
+        """Take in the achieved wrench. An axis short of force by saturation does not learn; the
+        heading, of which more is known, learns what asks for less."""
         self._actuators.command(achieved)
         if saturated:
             self.adaptation.saturated()
@@ -129,6 +132,8 @@ class Laws:
             for name, want, got in zip(AXES, wanted, achieved, strict=True)
             if saturated and abs(want - got) > 1e-6
         )
+        lack = wanted[5] - achieved[5]
+        self._turn_short = lack if saturated and lack * wanted[5] > SHORT * wanted[5] ** 2 else 0.0
 
     @property
     def standing(self) -> Vec6:
@@ -179,15 +184,20 @@ class Laws:
         self.adaptation.learn(state, (heave, force[2]), (yaw, force[5]), dt)
         self.depth.law.take_model(self.adaptation.heave.model)
         self.heading.law.take_model(self.adaptation.yaw.model)
-        for axis, row, velocity, scale, known_force in (
-            (self.surge, 0, surge, 1.0, 0.0),
-            (self.sway, 1, sway, 1.0, 0.0),
-            (self.depth, 2, heave, upright * self.adaptation.heave.thrust.value, coupling),
-            (self.heading, 5, yaw, self.adaptation.yaw.thrust.value, 0.0),
+        thrust = self.adaptation.heave.thrust.value
+        for axis, row, velocity, pushed in (
+            (self.surge, 0, surge, force[0]),
+            (self.sway, 1, sway, force[1]),
+            (self.depth, 2, heave, upright * thrust * force[2] + coupling),
         ):
-            known = None if AXES[row] in self._short else velocity
-            freely = axis is self.heading and self._idle(force[5])
-            axis.learn(known, scale * force[row] + known_force, dt, freely=freely)
+            axis.learn(None if AXES[row] in self._short else velocity, pushed, dt)
+        self.heading.learn(
+            yaw,
+            self.adaptation.yaw.thrust.value * force[5],
+            dt,
+            freely=self._idle(force[5]),
+            short=self._turn_short,
+        )
 
     def _idle(self, moment: float) -> bool:
         """Does the dead-band leave the law of the heading without effect, [N m]?"""

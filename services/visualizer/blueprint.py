@@ -100,19 +100,22 @@ def _motion() -> rrb.Grid:
         _plot("depth_rate", "Depth rate [m/s], positive down"),
         _plot("yaw_rate", "Yaw rate [°/s]"),
         _plot("attitude", "Roll and pitch [°]"),
+        _plot("velocity", "Velocity, body [m/s]"),
         _plot("depth_acceleration", "Depth acceleration [m/s²]"),
         _plot("yaw_acceleration", "Yaw acceleration of the reference [°/s²]"),
-        _plot("velocity", "Velocity, body [m/s]"),
         rrb.Tabs(
             _plot("jerk", "Jerk of the reference [m/s³, °/s³]"),
             _plot("tilt", "Camera tilt [°], up"),
         ),
         _plot("track", "Place [m], NED"),
+        _plot("jerk_heave", "Vertical jerk below 2 Hz [m/s³]"),
+        _plot("jerk_yaw", "Yaw jerk below 2 Hz [°/s³]"),
+        _plot("thruster_changes", "All thrusters, in the last minute [1/min]"),
         rrb.Tabs(
             _plot("current", "Current of the water [m/s], NED"),
             _plot("uncertainty", "One standard deviation"),
         ),
-        grid_columns=3,
+        grid_columns=4,
         name="Motion",
     )
 

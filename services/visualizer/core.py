@@ -19,8 +19,10 @@ from services.marine.vehicle import Vehicle
 from services.visualizer.batch import Batch, CurveColumns, Frame, VideoSample
 from services.visualizer.curve import CurveRow
 from services.visualizer.curves import Curve, curves
+from services.visualizer.felt_jerk import JerkLines
 from services.visualizer.scene import Scene
 from services.visualizer.status import NOTED, Status, part_of_path
+from services.visualizer.thruster_changes import ThrusterChanges
 
 WITH_THRUST = (Actuation, ThrusterCommand)
 SPACING_NS = 22_000_000  # [ns] between two points of a fast curve: of 100 Hz every third is drawn
@@ -60,6 +62,7 @@ class Collector:
         self._assembler = Assembler()
         self._video: list[VideoSample] = []
         self._status = Status()
+        self._jerk, self._changes = JerkLines(), ThrusterChanges()
 
     def hear(self, topic: AnyTopic, key: str, message: Message, now: int) -> str | None:
         """Keep a message that arrived at `now` [ns]. Returns why it is rejected, or None."""
@@ -122,12 +125,22 @@ class Collector:
                 columns = self._columns(curve, key, *points)
                 if columns.rows:
                     batch.columns.append(columns)
+            batch.columns.extend(self._computed(topic, messages, times))
             # Of topics that make no notes, the status page needs only the newest message.
             first = 0 if topic.message in NOTED else -1
             for message, time in zip(messages[first:], times[first:], strict=True):
                 batch.notes.extend(self._status.hear(key, message, time))
         batch.notes.extend(self._status.pages(now - start))
         return batch
+
+    def _computed(
+        self, topic: AnyTopic, messages: list[Message], times: list[int]
+    ) -> list[CurveColumns]:
+        """Curves that need every message, not only those that become points."""
+        if topic is topics.THRUSTERS:
+            changes = self._changes.hear(messages, times)
+            return [] if changes is None else [changes]
+        return self._jerk.hear(topic, messages, times)
 
     def _points(
         self, key: str, messages: list[Message], times: list[int]

@@ -22,6 +22,16 @@ LONGEST_MS = 60_000.0  # [ms] anything longer is a wrong stamp, not a latency
 
 
 @dataclass(frozen=True, slots=True)
+class Look:
+    """How curves that share an entity are drawn; their numbers are computed from many messages."""
+
+    path: str
+    names: tuple[str, ...]
+    colours: tuple[int, ...]
+    width: float = 1.5  # [px]
+
+
+@dataclass(frozen=True, slots=True)
 class Curve:
     """Curves that are read from one message; they share an entity."""
 

@@ -23,19 +23,27 @@ from services.visualizer.curve import (
     TRUTHS,
     Curve,
     CurveRow,
+    Look,
     Read,
     in_degrees,
     known,
     number,
     way_ms,
 )
+from services.visualizer.felt_jerk import JerkLines
 from services.visualizer.link_curves import link_curves
+from services.visualizer.thruster_changes import LOOK as THRUSTER_CHANGES
 
 
 def curves(vehicle: Vehicle) -> list[Curve]:
     """Every curve of a dive with this vehicle."""
     thrusters = tuple(t.name for t in vehicle.thruster)
     return [*_pilot(), *_sensors(), *_motion(), *_control(thrusters), *link_curves(), *_health()]
+
+
+def computed() -> list[Look]:
+    """Curves that are not read from single messages."""
+    return [*JerkLines().looks, THRUSTER_CHANGES]
 
 
 def _pilot() -> list[Curve]:

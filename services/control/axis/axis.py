@@ -99,14 +99,20 @@ class PilotedAxis:
         return self.transfer.step("forced", force, dt)
 
     def learn(
-        self, velocity: float | None, force: float, dt: float, *, freely: bool = False
+        self,
+        velocity: float | None,
+        force: float,
+        dt: float,
+        *,
+        freely: bool = False,
+        short: float = 0.0,
     ) -> None:
         """Update the disturbance observer; a velocity of None, or a position that is not known,
-        pauses it. `freely`: see `AxisLaw.learn`."""
+        pauses it. `freely`, `short`: see `AxisLaw.learn`."""
         if velocity is None or self._blind:
             self.law.pause()
         else:
-            self.law.learn(velocity, force, dt, freely=freely)
+            self.law.learn(velocity, force, dt, freely=freely, short=short)
 
     def forget(self) -> None:
         self._blind = self._late = False

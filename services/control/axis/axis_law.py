@@ -178,18 +178,23 @@ class AxisLaw:
             else -self._observer.expected(self._reference_rate + self._soon)
         )
 
-    def learn(self, velocity: float, force: float, dt: float, *, freely: bool = False) -> None:
+    def learn(
+        self, velocity: float, force: float, dt: float, *, freely: bool = False, short: float = 0.0
+    ) -> None:
         """Update the observer: velocity relative to the water now, and mean thruster force since
         the last call.
 
         A vehicle that does not move may lie on the sea floor, which opposes any force. So without
         motion it learns no faster than the integral would, and not at all while the reference
         moves; unless `freely`, because no force acts that a floor could oppose.
+
+        Args:
+            short: [N] or [N m] effort that could not be had; only less is learnt then.
         """
         if self._observer is not None:
             slowly = abs(velocity) < self._still and not freely
             most = self._slow * dt if slowly else inf
-            self._observer.learn(velocity, force, dt, most, self._reference_rate)
+            self._observer.learn(velocity, force, dt, most, self._reference_rate, short)
 
     def take_model(self, plant: Plant) -> None:
         """Count with this plant from now on."""

@@ -47,7 +47,13 @@ class DisturbanceObserver:
         return self.limit + self.drag_doubt * abs(self.plant.drag(reference))
 
     def learn(
-        self, velocity: float, force: float, dt: float, most: float = inf, reference: float = 0.0
+        self,
+        velocity: float,
+        force: float,
+        dt: float,
+        most: float = inf,
+        reference: float = 0.0,
+        short: float = 0.0,
     ) -> None:
         """Take in one step.
 
@@ -59,6 +65,8 @@ class DisturbanceObserver:
             dt: [s] since the last call.
             most: [N] or [N m] largest change of the estimate.
             reference: reference velocity in this time, same units as the measured one.
+            short: the effort that was asked for and could not be had, [N] or [N m]: nothing is
+                learnt that would ask for more of it.
         """
         before, self._velocity = self._velocity, velocity
         if before is None or dt <= 0.0:
@@ -68,7 +76,8 @@ class DisturbanceObserver:
         drag = plant.linear * before + plant.quadratic * middle * abs(middle)
         observed = clamped(inertia + drag - force, self.most(reference))
         change = -expm1(-self.bandwidth * dt) * (observed - self.expected(reference))
-        self._change(clamped(change, most), reference, dt)
+        asks_for_more = change * short < 0.0  # what is learnt is compensated by the opposite
+        self._change(0.0 if asks_for_more else clamped(change, most), reference, dt)
         if reference == 0.0:
             self.lasting.add(self.estimate, dt)
         else:

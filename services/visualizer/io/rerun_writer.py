@@ -21,8 +21,8 @@ from services.visualizer.batch import (
     joined_columns,
 )
 from services.visualizer.blueprint import TIMELINE, blueprint
-from services.visualizer.curve import MANY, PREDICTED, REFERENCE, Curve
-from services.visualizer.curves import curves
+from services.visualizer.curve import MANY, PREDICTED, REFERENCE, Curve, Look
+from services.visualizer.curves import computed, curves
 from services.visualizer.io.rrd_file import RrdFile
 
 METRES_PER_NEWTON = 0.04  # length of a thruster's arrow in the scene
@@ -60,7 +60,8 @@ class RerunWriter:
         self._file: RrdFile | None = None  # … to this file, if there is one
         self._times: list[int] = []  # [ns] of the columns written last …
         self._when = np.array([], TIME)  # … and as an array
-        self._styled = {curve.path for curve in curves(vehicle) if curve.names}
+        self._looks = [*[curve for curve in curves(vehicle) if curve.names], *computed()]
+        self._styled = {look.path for look in self._looks}
         self._filming = False  # has a picture of a camera been written?
         self._services: dict[str, int] = {}  # colour of each, in every panel
 
@@ -218,9 +219,8 @@ class RerunWriter:
     def _prepare(self) -> None:
         """Send what never changes: layout, names, colours, the hull."""
         self._rec.send_blueprint(blueprint(self._vehicle))
-        for curve in curves(self._vehicle):
-            if curve.names:
-                self._static(curve.path, _line_style(curve))
+        for look in self._looks:
+            self._static(look.path, _line_style(look))
         for lane, colours in STATES.items():
             known = rr.StateConfiguration(values=list(colours), colors=_colours(colours.values()))
             self._static(f"state/{lane}", known)
@@ -287,11 +287,11 @@ def _index(times: list[int]) -> rr.TimeColumn:
     return rr.TimeColumn(TIMELINE, duration=np.array(times, TIME))
 
 
-def _line_style(curve: Curve) -> rr.SeriesLines:
+def _line_style(look: Curve | Look) -> rr.SeriesLines:
     return rr.SeriesLines(
-        names=list(curve.names),
-        colors=_colours(_rgba(rgb) for rgb in curve.colours),
-        widths=[curve.width] * len(curve.names),
+        names=list(look.names),
+        colors=_colours(_rgba(rgb) for rgb in look.colours),
+        widths=[look.width] * len(look.names),
     )
 
 

@@ -64,6 +64,32 @@ def test_in_motion_it_may_find_the_model_s_drag_wrong_but_at_rest_no_more_than_i
 
 
 @many
+@given(
+    st.lists(st.tuples(st.floats(-2.0, 2.0), st.floats(-8.0, 8.0)), min_size=2, max_size=50),
+    st.floats(-5.0, 5.0).filter(bool),
+    st.floats(-1.0, 1.0),
+)
+def test_what_is_short_is_never_asked_for_more_but_may_be_asked_for_less(
+    steps: list[tuple[float, float]], short: float, reference: float
+) -> None:
+    """What is learnt is compensated by its opposite. What asks for less is learnt in full."""
+
+    def observer() -> DisturbanceObserver:
+        return DisturbanceObserver(Plant(0.375, 0.87, 1.53), 5.0, 2.0, drag_speed=0.1)
+
+    one, free = observer(), observer()
+    for velocity, force in steps:
+        before = free.estimate, free.drag = one.estimate, one.drag
+        free.learn(velocity, force, DT, reference=reference)
+        one.learn(velocity, force, DT, reference=reference, short=short)
+        asked = before[0] + before[1] * reference - (free.estimate + free.drag * reference)
+        if asked * short > 0.0 and reference != 0.0:
+            assert (one.estimate, one.drag) == before
+        elif reference != 0.0:
+            assert (one.estimate, one.drag) == (free.estimate, free.drag)
+
+
+@many
 @given(st.lists(st.tuples(st.floats(-1e9, 1e9), st.floats(-1e6, 1e6)), min_size=1, max_size=50))
 def test_it_never_believes_in_more_than_its_limit(steps: list[tuple[float, float]]) -> None:
     observer = DisturbanceObserver(Plant(20.0, 0.4, 25.0), 3.0, 15.0)
