@@ -4,7 +4,6 @@ from typing import Annotated
 
 import msgspec
 
-from messages.units import NotNegativeSetting
 from services.control.allocation.allocation import AllocationSettings
 from services.control.axis.axis_law import Gains
 from services.control.axis.model_estimate import AdaptationSettings
@@ -31,6 +30,6 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     adaptation: AdaptationSettings = AdaptationSettings()
     # [rad] A larger error of the heading at rest, for which the thrusters' dead-band leaves the law
     # without effect, is corrected by pulses (axis/rest_pulse.py). 0: none.
-    heading_pulse: NotNegativeSetting = 0.0
+    heading_pulse: Annotated[float, msgspec.Meta(ge=0.0, le=0.2)] = 0.0
     coupling: CouplingSettings = CouplingSettings()
     transfer: Annotated[float, msgspec.Meta(ge=0.05, le=5.0)] = 0.3  # [s] fade between modes

@@ -83,7 +83,8 @@ class Vehicle(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Mass properties, hydrodynamics and thrusters (Fossen 2011, ch. 6 to 8; SI units).
 
     Raises:
-        ValueError: two thrusters of the same name.
+        ValueError: two thrusters of the same name, a thruster far outside of the hull, or a hull
+            that is far too large for its mass: most likely millimetres.
     """
 
     name: str
@@ -106,6 +107,20 @@ class Vehicle(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                 raise ValueError(
                     f"thruster number {first} and thruster number {number} are both called "
                     f"{name!r}, expected a name of its own for each"
+                )
+        length, width, height = self.size
+        if self.mass < LIGHTEST * SEA_WATER * length * width * height:
+            raise ValueError(
+                f"a hull of {length:g} m × {width:g} m × {height:g} m (size) with a mass of "
+                f"{self.mass:g} kg is lighter than any; sizes are in metres"
+            )
+        farthest = FARTHEST * hypot(length, width, height)
+        for thruster in self.thruster:
+            if (away := hypot(*thruster.position)) > farthest:
+                raise ValueError(
+                    f"thruster {thruster.name}: its position is {away:g} m from the middle of a "
+                    f"hull of {length:g} m × {width:g} m × {height:g} m (size), allowed is "
+                    f"{farthest:.3g} m; positions are in metres"
                 )
 
     @property
@@ -132,4 +147,6 @@ class Vehicle(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 GRAVITY = 9.81  # [m/s²]
 SEA_WATER = 1025.0  # [kg/m³]
+LIGHTEST = 1e-3  # [-] mass over that of as much water as the box around the hull has room for
+FARTHEST = 2.0  # [-] of the box's diagonal: a thruster on an outrigger
 ATMOSPHERE = 101_325.0  # [Pa] standard

@@ -66,7 +66,7 @@ class RecordedDive:
         """[s] Sum of the times in which the drone was armed."""
         reference = self[topics.REFERENCE]
         begins = reference["armed"][:-1] > 0
-        return float(np.sum(np.diff(reference["valid"])[begins])) / 1e9
+        return float(np.sum(np.diff(reference["stamp"])[begins])) / 1e9
 
     @property
     def vehicle_silences(self) -> list[float]:

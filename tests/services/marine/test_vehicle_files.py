@@ -44,6 +44,22 @@ def test_every_table_of_every_vehicle_file_is_right(name: str) -> None:
     Stack(vehicle=name).check(known_tables(Registry.read()))
 
 
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("factor", [1e3, 1e2])
+def test_millimetres_and_centimetres_in_place_of_metres_are_refused(
+    name: str, factor: float
+) -> None:
+    about = vehicle(name)
+    replace = msgspec.structs.replace
+    far = [factor * part for part in about.thruster[0].position]
+    wrong = replace(about.thruster[0], position=(far[0], far[1], far[2]))
+    with pytest.raises(ValueError, match=rf"^thruster {wrong.name}: .*positions are in metres"):
+        replace(about, thruster=[wrong, *about.thruster[1:]])
+    length, width, height = (factor * part for part in about.size)
+    with pytest.raises(ValueError, match="is lighter than any; sizes are in metres"):
+        replace(about, size=(length, width, height))
+
+
 def test_minerva_has_the_thrust_of_table_5() -> None:
     """Fernandes et al. 2015. Sway is that of the lateral thruster: the mains turn it as well."""
     minerva = vehicle("minerva")
