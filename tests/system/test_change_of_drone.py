@@ -168,6 +168,12 @@ def test_a_pilot_leaves_a_drone_and_takes_another(world: World) -> None:
     assert refused.returncode == 1
     assert "a is flown on: " in refused.stderr
     assert "mass" in refused.stderr
+    world.vehicle.write_text(kept.decode().replace("[vehicle]\n", "[vehicle]\nmass = 99.0\n", 1))
+    refused = world.ask("b")
+    assert refused.returncode == 1
+    assert "a is flown on: b cannot be flown from here: " in refused.stderr
+    assert "another vehicle than the topside" in refused.stderr
+    assert refused.stderr.endswith("; the flight goes on\n")
     world.vehicle.write_bytes(kept)
     assert a.heard_lately()
     assert a.kinds == ["lease"]

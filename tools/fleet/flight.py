@@ -8,18 +8,21 @@ from dataclasses import dataclass
 import msgspec
 
 from messages import topics
-from messages.fly import FlyAnswer, FlyRequest
+from messages.fly import DroneList, FlyAnswer, FlyRequest
+from messages.identity import SideIdentity
 from messages.link import Clock
 from services.reference.settings import Settings as ReferenceSettings
 from services.runtime.config.errors import LindyError
+from services.runtime.config.identity import identity_of
 from services.runtime.config.running import RUNNING
 from services.runtime.hosts.registry import INSTEAD, Registry
 from services.runtime.hosts.stack_file import code_of
 from services.runtime.launch.child import Child, Task
-from services.runtime.launch.local_stack import SLOW, LocalStack, local_stack
+from services.runtime.launch.local_stack import HOME, SLOW, LocalStack, local_stack
 from services.runtime.node.ports import Latest, Publisher
 from tools.fleet.change import left_behind
 from tools.fleet.others import others_named
+from tools.fleet.reachable import misfit
 from tools.live.display import Display
 from tools.live.dive_folder import point_latest
 from tools.live.keep_running import ALIVE_S
@@ -62,7 +65,9 @@ class FlownTopside:
     there: Callable[[], list[str]]  # names of the drones that can be reached
     pilots: list[str]  # processes that command
     slow: list[str]  # processes that are not needed to fly
+    ours: SideIdentity  # what this side is, to compare a drone with
     _answers: Publisher[FlyAnswer]
+    _drones: Publisher[DroneList]
     _clock: Latest[Clock]
     _pings: bool  # there is a link monitor
     _exits: ExitStack
@@ -81,15 +86,18 @@ class FlownTopside:
         self.local.wait_alive(ALIVE_S, look)
         self.dive.begin()
 
-    def prepare(self, goes_on: Callable[[], bool]) -> None:
+    def prepare(
+        self, theirs: Callable[[], SideIdentity | None], goes_on: Callable[[], bool]
+    ) -> None:
         """Start everything but the pilot and what is slow, and wait until it is alive and the drone
         has answered: until then both sides cannot know each other's clock.
 
         Args:
+            theirs: what the drone says of itself; None: nothing yet.
             goes_on: False: nobody needs it any more.
 
         Raises:
-            LindyError: a service cannot start, or the drone does not answer.
+            LindyError: a service cannot start, the drone does not answer, or it does not fit.
         """
 
         def look() -> bool:
@@ -102,6 +110,25 @@ class FlownTopside:
         while not self.met and look():
             if time.monotonic() > deadline:
                 raise LindyError(f"{self.drone} does not answer within {ANSWER_S:g} s")
+        self._require_fit(theirs, look, deadline)
+
+    def _require_fit(
+        self,
+        theirs: Callable[[], SideIdentity | None],
+        look: Callable[[], bool],
+        deadline: float,
+    ) -> None:
+        """What the link monitor compares: a drone that does not fit could not be armed."""
+        if not self._pings:
+            return
+        while (said := theirs()) is None and look():
+            if time.monotonic() > deadline:
+                raise LindyError(
+                    f"{self.drone} does not say which Lindy it runs: install the same on both "
+                    f"machines"
+                )
+        if said is not None and (why := misfit(self.drone, self.ours, said)):
+            raise LindyError(why)
 
     @property
     def met(self) -> bool:
@@ -131,6 +158,9 @@ class FlownTopside:
                 left=left[:1000],
             )
         )
+
+    def tell(self, drones: DroneList) -> None:
+        self._drones.put(drones)
 
     def left(self, *, released: bool) -> str:
         """What becomes of its drone without its pilot."""
@@ -182,7 +212,9 @@ def opened(
             there=there,
             pilots=_processes(local, lambda name: _commands(plan.here, name)),
             slow=_processes(local, lambda name: name in SLOW),
+            ours=identity_of(plan.stack, HOME, 0),
             _answers=answers,
+            _drones=local.node.publisher(topics.FLY_DRONES),
             _clock=local.node.latest(topics.CLOCK),
             _pings=any(code_of(name, spec) == LINK_MONITOR for name, spec in plan.here.items()),
             _exits=exits.pop_all(),
