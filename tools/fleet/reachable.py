@@ -54,5 +54,5 @@ def _reachable(row: FleetRow, watch: FleetWatch, ours: SideIdentity) -> Reachabl
         pilot=clean(row.pilot, LONGEST),
         failsafe=bool(row.failsafe),
         alarms=clean("; ".join(row.alarms), LONGEST_WORDS),
-        misfit="" if identity is None else misfit(row.name, ours, identity),
+        misfit="" if identity is None else clean(difference(ours, identity), LONGEST_WORDS),
     )

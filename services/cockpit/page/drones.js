@@ -95,19 +95,21 @@ export class Drones {
     put(parts[0], drone.name, "name");
     put(parts[1], drone.vehicle ?? "");
     put(parts[2], mode);
-    put(parts[3], drone.mode ? (drone.pilot ? `${drone.pilot} flies` : "nobody flies") : "");
+    const here = drone.name === flown ? "shown here" : "";
+    const flies = drone.mode ? (drone.pilot ? `${drone.pilot} flies` : "nobody flies") : "";
+    put(parts[3], [flies, here].filter(Boolean).join(" · "));
     put(parts[4], [drone.misfit, drone.alarms].filter(Boolean).join("; "), drone.failsafe ? "acts" : "alarm");
-    const here = drone.name === flown;
-    put(button, here ? "shown here" : "Fly …");
-    button.hidden = this.connection.watching && !here;
-    button.disabled = here || Boolean(drone.misfit);
+    button.hidden = this.connection.watching || Boolean(here);
+    button.disabled = Boolean(drone.misfit);
   }
 
   made(name) {
-    const line = document.createElement("li"), button = document.createElement("button");
+    const [line, words, button] = ["li", "div", "button"].map((tag) => document.createElement(tag));
     const parts = Array.from({ length: 5 }, () => document.createElement("span"));
+    button.textContent = "Fly …";
     button.addEventListener("click", () => { this.wanted = name; this.draw(); });
-    line.append(...parts, button);
+    words.append(...parts.slice(0, 4));
+    line.append(words, button, parts[4]);
     return { line, parts, button };
   }
 
@@ -116,12 +118,12 @@ export class Drones {
     const flown = list.drones.find((drone) => drone.name === list.flown);
     $("confirm").hidden = !wanted;
     if (!wanted) return;
-    const leaves = flown?.armed ? `${list.flown} is not disarmed: it stops and holds.` : "";
+    const leaves = flown?.armed ? `${list.flown} stays armed: it stops and holds.` : "";
     const waits = wanted.pilot ? `${wanted.pilot} flies ${wanted.name}: you watch until it is free.` : "";
     const [words, yes, no] = $("confirm").children;
     put(words, [`Leave ${list.flown} and fly ${wanted.name}?`, leaves, waits].filter(Boolean).join(" "));
     put(yes, `Fly ${wanted.name}`, "yes");
-    put(no, `Stay with ${list.flown}`, "no");
+    put(no, "Stay", "no");
     yes.disabled = Boolean(wanted.misfit);
   }
 }

@@ -86,7 +86,7 @@ def test_the_list_says_of_each_drone_what_a_pilot_chooses_by():
     )  # fmt: skip
     assert (one.failsafe, one.alarms, one.misfit) == (False, "", "")
     assert (two.failsafe, two.alarms) == (True, "FAILSAFE leak, ascend")
-    assert two.misfit.startswith("rov2 cannot be flown from here: ")
+    assert two.misfit.startswith("the drone was started with another vehicle than the topside")
     assert (three.name, three.vehicle, three.alarms) == (
         "rov3", "", "is announced, but says nothing",
     )  # fmt: skip
