@@ -1,5 +1,5 @@
-"""Which drone a pilot flies: those he can take, and the order to change it, which goes to the program
-`lindy fly` on his machine."""
+"""Which drone a pilot flies: those that can be reached, and the order to change it. From and to the
+program `lindy fly` on his machine."""
 
 from typing import Annotated
 

@@ -13,7 +13,7 @@ from messages.identity import SideIdentity
 from messages.link import Clock
 from services.reference.settings import Settings as ReferenceSettings
 from services.runtime.config.errors import LindyError
-from services.runtime.config.identity import identity_of
+from services.runtime.config.identity import identity_now
 from services.runtime.config.running import RUNNING
 from services.runtime.hosts.registry import INSTEAD, Registry
 from services.runtime.hosts.stack_file import code_of
@@ -104,30 +104,19 @@ class FlownTopside:
             self.local.pump()
             return goes_on()
 
+        self._require_fit(theirs())  # before anything is started, unless it has only just come
         self.local.start_services(resting={*self.pilots, *self.slow})
         self.local.wait_alive(ALIVE_S, look)
         deadline = time.monotonic() + ANSWER_S
-        while not self.met and look():
+        while not (self.met and (theirs() is not None or not self._pings)) and look():
             if time.monotonic() > deadline:
-                raise LindyError(f"{self.drone} does not answer within {ANSWER_S:g} s")
-        self._require_fit(theirs, look, deadline)
+                what = "say which Lindy it runs" if self.met else "answer"
+                raise LindyError(f"{self.drone} does not {what} within {ANSWER_S:g} s")
+        self._require_fit(theirs())
 
-    def _require_fit(
-        self,
-        theirs: Callable[[], SideIdentity | None],
-        look: Callable[[], bool],
-        deadline: float,
-    ) -> None:
+    def _require_fit(self, theirs: SideIdentity | None) -> None:
         """What the link monitor compares: a drone that does not fit could not be armed."""
-        if not self._pings:
-            return
-        while (said := theirs()) is None and look():
-            if time.monotonic() > deadline:
-                raise LindyError(
-                    f"{self.drone} does not say which Lindy it runs: install the same on both "
-                    f"machines"
-                )
-        if said is not None and (why := misfit(self.drone, self.ours, said)):
+        if self._pings and theirs is not None and (why := misfit(self.drone, self.ours, theirs)):
             raise LindyError(why)
 
     @property
@@ -191,7 +180,7 @@ def opened(
         LindyError: it cannot be started.
     """
     plan.require_room()
-    outcome = Outcome(plan.stack)
+    ours, outcome = identity_now(plan.stack, HOME), Outcome(plan.stack)
     with ExitStack() as exits:
         local = exits.enter_context(
             local_stack(
@@ -212,7 +201,7 @@ def opened(
             there=there,
             pilots=_processes(local, lambda name: _commands(plan.here, name)),
             slow=_processes(local, lambda name: name in SLOW),
-            ours=identity_of(plan.stack, HOME, 0),
+            ours=ours,
             _answers=answers,
             _drones=local.node.publisher(topics.FLY_DRONES),
             _clock=local.node.latest(topics.CLOCK),

@@ -12,9 +12,7 @@ LONGEST = 24  # [characters] of a vehicle's or a pilot's name
 LONGEST_WORDS = 200  # [characters] of a sentence
 
 
-def drone_list(
-    watch: FleetWatch, ours: SideIdentity, flown: str, left: str, now: Ns
-) -> DroneList:
+def drone_list(watch: FleetWatch, ours: SideIdentity, flown: str, left: str, now: Ns) -> DroneList:
     """Of more than `MOST_DRONES`, those that speak are listed first; the rest is counted.
 
     Args:
