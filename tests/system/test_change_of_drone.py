@@ -164,11 +164,11 @@ def test_a_pilot_leaves_a_drone_and_takes_another(world: World) -> None:
         assert why in refused.stderr
         assert refused.stderr.count("\n") == 1
     kept = world.vehicle.read_bytes()
-    world.vehicle.write_text("[vehicle]\nmass = -1\n")
+    world.vehicle.write_text("[vehicle]\nmass = \n")
     refused = world.ask("b")
     assert refused.returncode == 1
     assert "a is flown on: " in refused.stderr
-    assert "mass" in refused.stderr
+    assert "not valid TOML" in refused.stderr
     world.vehicle.write_text(re.sub(r"(?m)^mass = .*", "mass = 14.7", kept.decode()))
     refused = world.ask("b")
     assert refused.returncode == 1
