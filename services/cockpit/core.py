@@ -14,8 +14,8 @@ from messages.health import LogLine
 from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
 from messages.units import Name, Ns
 from messages.vehicle import VehicleStatus
-from services.cockpit.change_of_drone import ChangeOfDrone
 from services.cockpit.cockpit_pilot import CockpitPilot, refuse
+from services.cockpit.drone_order import DroneOrder
 from services.cockpit.outlook import LastHeard, outlook
 from services.cockpit.page_messages import (
     AnyPageMessage,
@@ -114,7 +114,7 @@ class Cockpit:
         """
         self._drone = drone
         self._pilot = CockpitPilot(pilot, settings.pilot)
-        self._change = ChangeOfDrone()
+        self._order = DroneOrder()
         self._limits = limits
         self._pages: dict[int, Page] = {}
         self._lines: deque[tuple[str, str]] = deque(maxlen=LINES)
@@ -162,10 +162,10 @@ class Cockpit:
         out = self._pilot.may_leave(page, drone, read_ns, now)
         if out.counts:
             return out
-        if why := self._change.refusal(drone):
+        if why := self._order.refusal(drone):
             refuse(out, "refused_here:fly", why)
             return out
-        return PageEffects(orders=[self._change.order(drone, now)])
+        return PageEffects(orders=[self._order.ask(drone, now)])
 
     def _read_ns(self, sender: Page, message: PageMessage, now: Ns) -> Ns:
         """[ns] The earliest moment at which the page may have made the message."""
@@ -193,11 +193,11 @@ class Cockpit:
 
     def changed(self, request: FlyRequest, answer: FlyAnswer, now: Ns) -> None:
         """`lindy fly` has answered."""
-        self._change.answered(request, answer, now)
+        self._order.answered(request, answer, now)
 
     def not_changed(self, request: FlyRequest, now: Ns) -> None:
         """`lindy fly` has not answered."""
-        self._change.given_up(request, now)
+        self._order.given_up(request, now)
 
     def log(self, line: LogLine) -> None:
         """Warnings and errors of all services."""
@@ -215,7 +215,7 @@ class Cockpit:
         Args:
             drones: that can be reached; None: nobody says so now.
         """
-        self._change.look(drones, now)
+        self._order.look(drones, now)
         self._picture += 1
         self._sent_ns[self._picture] = now
         self._sent_ns.pop(self._picture - REMEMBERED, None)
@@ -224,7 +224,7 @@ class Cockpit:
             command = None
         if not self._pages:
             return {}, []
-        lines, change = tuple(self._lines), self._change.words
+        lines, change = tuple(self._lines), self._order.words
         view = outlook(newest, command, self._limits, lines, self._drone, change, now)
         shared = self._encode(view).decode()
         ready = [n for n, page in self._pages.items() if page.sent - page.seen < UNSEEN]

@@ -12,8 +12,8 @@ from messages import topics
 from messages.fly import DroneList, FlyAnswer, FlyRequest, ReachableDrone
 from messages.pilot import TTL_MS, PilotCommand
 from messages.vehicle import Truth, VehicleStatus
-from services.cockpit.change_of_drone import SHOWN_NS, ChangeOfDrone
 from services.cockpit.core import SHOW_HZ, UNSEEN, Settings
+from services.cockpit.drone_order import SHOWN_NS, DroneOrder
 from services.cockpit.page_messages import PageClosed, PageEvent, PageOpened, PageSaid, parsed
 from services.cockpit.service import CockpitPages
 from services.marine.vehicle import Vehicle
@@ -457,17 +457,17 @@ def test_every_page_gets_the_list_once_a_second_and_a_pilots_page_orders_a_drone
 
 
 def test_what_became_of_an_order_is_shown_for_a_while():
-    change, drones = ChangeOfDrone(), DroneList(stamp_ns=0, flown="rov1", drones=())
-    change.look(drones, 0)
-    assert change.refusal("rov2") == ""
-    request = change.order("rov2", 0)
-    assert change.refusal("rov3") == "fly rov3: the change to rov2 is going on"
-    change.answered(request, FlyAnswer(stamp_ns=0, id="", accepted=False, reason="no"), S)
-    assert change.refusal("rov3") == ""
-    change.look(drones, S + SHOWN_NS - 1)
-    assert change.words == "not changed to rov2: no"
-    change.look(drones, S + SHOWN_NS)
-    assert change.words == ""
+    order, drones = DroneOrder(), DroneList(stamp_ns=0, flown="rov1", drones=())
+    order.look(drones, 0)
+    assert order.refusal("rov2") == ""
+    request = order.ask("rov2", 0)
+    assert order.refusal("rov3") == "fly rov3: the change to rov2 is going on"
+    order.answered(request, FlyAnswer(stamp_ns=0, id="", accepted=False, reason="no"), S)
+    assert order.refusal("rov3") == ""
+    order.look(drones, S + SHOWN_NS - 1)
+    assert order.words == "not changed to rov2: no"
+    order.look(drones, S + SHOWN_NS)
+    assert order.words == ""
 
 
 def test_while_another_page_has_the_sticks_no_drone_is_ordered(dive: Dive):

@@ -14,7 +14,7 @@ SHOWN_NS = 20_000_000_000  # [ns] for which pages are shown what became of an or
 
 
 @dataclass(slots=True)
-class ChangeOfDrone:
+class DroneOrder:
     """`words` is what every page is shown of the newest order."""
 
     drones: DroneList | None = None  # the newest list; None: there is none, or it is too old
@@ -31,7 +31,7 @@ class ChangeOfDrone:
             return f"fly {drone}: the change to {self._wanted} is going on"
         return ""
 
-    def order(self, drone: str, now: Ns) -> FlyRequest:
+    def ask(self, drone: str, now: Ns) -> FlyRequest:
         self._wanted = drone
         self._say(f"changing to {drone}", now)
         return FlyRequest(stamp_ns=0, id="", drone=drone)
