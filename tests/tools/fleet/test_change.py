@@ -127,7 +127,7 @@ def test_what_cannot_be_opened_changes_nothing():
         ("rov9", [], "no drone is called rov9; none can be reached"),
         ("..", THERE, "fly '..': a drone's name is a part of every key"),
         ("rov\x1b[2J", THERE, "letters without accents"),
-        ("x" * 500, THERE, "1 to 64 of them"),
+        ("x" * 500, THERE, "1 to 55 of them"),
     ],
 )
 def test_what_is_refused_is_refused_in_one_sentence(wanted: str, there: list[str], said: str):
