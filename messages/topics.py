@@ -6,7 +6,7 @@ checks and `docs/topics.md` all read these rows.
 """
 
 from messages.control import ThrusterCommand, Wrench
-from messages.fly import FlyAnswer, FlyRequest
+from messages.fly import DroneList, FlyAnswer, FlyRequest
 from messages.health import Health, LogLine
 from messages.identity import SideIdentity
 from messages.link import (
@@ -66,6 +66,7 @@ FAULT_REQUEST  = Topic("simulator/request",   FaultRequest,        0, EVENT,    
 FAULT_ANSWER   = Topic("simulator/answer",    FaultAnswer,         0, EVENT,          UP)
 FLY_REQUEST    = Topic("fly/request",         FlyRequest,          0, EVENT,          DOWN)
 FLY_ANSWER     = Topic("fly/answer",          FlyAnswer,           0, EVENT,          DOWN)
+FLY_DRONES     = Topic("fly/drones",          DroneList,           1, BULK,           DOWN)
 LINK           = Topic("link/status",         LinkStatus,          5, BULK,           BOTH)
 LINK_REQUEST   = Topic("link/request",        LinkRequest,         0, EVENT,          DOWN)
 LINK_ANSWER    = Topic("link/answer",         LinkAnswer,          0, EVENT,          BOTH)
@@ -99,6 +100,7 @@ WITHIN_ONE_MACHINE: tuple[AnyTopic, ...] = (
     LINK_ANSWER,
     FLY_REQUEST,
     FLY_ANSWER,
+    FLY_DRONES,
 )
 
 

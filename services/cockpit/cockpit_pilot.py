@@ -75,12 +75,12 @@ class CockpitPilot:
     def wish(self, page: int, message: PageWish, read_ns: Ns, waiting: Waiting, now: Ns) -> Effects:
         out, what = Effects(), message.what
         if what not in ALWAYS and now > read_ns + WISH_PATIENCE_NS:
-            _refuse(out, "expired:wish", f"{_named(what)}: came too late and was not done")
+            refuse(out, "expired:wish", f"{_named(what)}: came too late and was not done")
         elif what in ("take", "force"):
             self._take(page, what, waiting, now, out)
         elif what != "stop" and self.holder.page != page:
             whose = "another page has" if self.holder.page else "this page does not have"
-            _refuse(out, "not_the_holder:page", f"{_named(what)}: {whose} the sticks")
+            refuse(out, "not_the_holder:page", f"{_named(what)}: {whose} the sticks")
         elif KINDS.get(what, what) in waiting:
             pass  # it is being repeated until the drone answers
         elif what == "give_back":
@@ -88,9 +88,18 @@ class CockpitPilot:
         elif what == "offer":
             out.requests.append(self._request("offer"))
         elif what == "arm" and not self.holder.fresh(now):
-            _refuse(out, "refused_here:arm", "not arming: no stick positions arrive")
+            refuse(out, "refused_here:arm", "not arming: no stick positions arrive")
         else:
             self._press(message, waiting, now, out)
+        return out
+
+    def may_leave(self, page: int, drone: str, read_ns: Ns, now: Ns) -> Effects:
+        """May this page give the drone up for another one? A refusal is counted and said."""
+        out = Effects()
+        if now > read_ns + WISH_PATIENCE_NS:
+            refuse(out, "expired:wish", f"fly {drone}: came too late and was not done")
+        elif not self.holder.may_take(page, now):
+            refuse(out, "not_the_holder:page", f"fly {drone}: another page has the sticks")
         return out
 
     # From the drone, and from the clock.
@@ -120,7 +129,7 @@ class CockpitPilot:
     def _take(self, page: int, what: Wish, waiting: Waiting, now: Ns, out: Effects) -> None:
         if not self.holder.take(page, now):
             words = f"{_named(what)}: another page has the sticks and must give them back"
-            _refuse(out, "not_the_holder:page", words)
+            refuse(out, "not_the_holder:page", words)
         elif KINDS[what] not in waiting:
             out.requests.append(self._request(KINDS[what]))
 
@@ -179,7 +188,8 @@ class CockpitPilot:
         return PilotRequest(stamp_ns=0, id="", kind=kind, source=self.name, epoch=epoch)
 
 
-def _refuse(out: Effects, count: str, words: str) -> None:
+def refuse(out: Effects, count: str, words: str) -> None:
+    """Count it, and tell the pilot."""
     out.counts.append(count)
     out.notes.append(("warning", words))
 

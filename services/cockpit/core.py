@@ -3,21 +3,24 @@
 import ipaddress
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated
 
 import msgspec
 
 from messages.counts import in_words
+from messages.fly import DroneList, FlyAnswer, FlyRequest
 from messages.health import LogLine
 from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
 from messages.units import Name, Ns
 from messages.vehicle import VehicleStatus
-from services.cockpit.cockpit_pilot import CockpitPilot
+from services.cockpit.cockpit_pilot import CockpitPilot, refuse
+from services.cockpit.drone_order import DroneOrder
 from services.cockpit.outlook import LastHeard, outlook
 from services.cockpit.page_messages import (
     AnyPageMessage,
     PageAbsence,
+    PageFly,
     PageMessage,
     PageSeen,
     PageSticks,
@@ -84,6 +87,14 @@ class Page:
     sent: int  # number of the newest picture that it was sent
     seen: int  # number of the newest that it has confirmed
     delay_ns: Ns | None = None
+    listed_ns: Ns | None = None  # stamp of the newest list of drones that it was sent
+
+
+@dataclass(slots=True)
+class PageEffects(Effects):
+    """What one event causes, beyond what a pilot does."""
+
+    orders: list[FlyRequest] = field(default_factory=list[FlyRequest])
 
 
 class Cockpit:
@@ -103,6 +114,7 @@ class Cockpit:
         """
         self._drone = drone
         self._pilot = CockpitPilot(pilot, settings.pilot)
+        self._order = DroneOrder()
         self._limits = limits
         self._pages: dict[int, Page] = {}
         self._lines: deque[tuple[str, str]] = deque(maxlen=LINES)
@@ -139,9 +151,21 @@ class Cockpit:
                 out = self._pilot.steer(page, message, read_ns, waiting, now)
             case PageWish():
                 out = self._pilot.wish(page, message, read_ns, waiting, now)
+            case PageFly():
+                out = self._fly(page, message.drone, read_ns, now)
             case PageAbsence():
                 out = self._pilot.absent(page, message.why, waiting, now)
         return self._kept(out)
+
+    def _fly(self, page: int, drone: str, read_ns: Ns, now: Ns) -> Effects:
+        """An order to fly another drone."""
+        out = self._pilot.may_leave(page, drone, read_ns, now)
+        if out.counts:
+            return out
+        if why := self._order.refusal(drone):
+            refuse(out, "refused_here:fly", why)
+            return out
+        return PageEffects(orders=[self._order.ask(drone, now)])
 
     def _read_ns(self, sender: Page, message: PageMessage, now: Ns) -> Ns:
         """[ns] The earliest moment at which the page may have made the message."""
@@ -167,6 +191,14 @@ class Cockpit:
     def given_up(self, request: PilotRequest, now: Ns) -> Effects:
         return self._kept(self._pilot.pilot.given_up(request, now))
 
+    def changed(self, request: FlyRequest, answer: FlyAnswer, now: Ns) -> None:
+        """`lindy fly` has answered."""
+        self._order.answered(request, answer, now)
+
+    def not_changed(self, request: FlyRequest, now: Ns) -> None:
+        """`lindy fly` has not answered."""
+        self._order.given_up(request, now)
+
     def log(self, line: LogLine) -> None:
         """Warnings and errors of all services."""
         if line.level != "info":
@@ -174,9 +206,16 @@ class Cockpit:
 
     # To pages.
 
-    def pictures(self, newest: LastHeard, now: Ns) -> tuple[dict[int, str], list[str]]:
+    def pictures(
+        self, newest: LastHeard, drones: DroneList | None, now: Ns
+    ) -> tuple[dict[int, str], list[str]]:
         """What each page is sent now, and what is to be counted. A page that has not seen the
-        newest pictures gets none, so that none of them waits anywhere."""
+        newest pictures gets none, so that none of them waits anywhere.
+
+        Args:
+            drones: that can be reached; None: nobody says so now.
+        """
+        self._order.look(drones, now)
         self._picture += 1
         self._sent_ns[self._picture] = now
         self._sent_ns.pop(self._picture - REMEMBERED, None)
@@ -185,14 +224,28 @@ class Cockpit:
             command = None
         if not self._pages:
             return {}, []
-        view = outlook(newest, command, self._limits, tuple(self._lines), self._drone, now)
+        lines, change = tuple(self._lines), self._order.words
+        view = outlook(newest, command, self._limits, lines, self._drone, change, now)
         shared = self._encode(view).decode()
         ready = [n for n, page in self._pages.items() if page.sent - page.seen < UNSEEN]
         for number in ready:
             self._pages[number].sent = self._picture
         head = f'{{"n":{self._picture},"t":{now / 1e6:.2f},"you":'
-        texts = {n: f'{head}{self._personal(n, newest, now)},"view":{shared}}}' for n in ready}
+        listed = "" if drones is None else f',"fly":{self._encode(drones).decode()}'
+        texts = {
+            n: f'{head}{self._personal(n, newest, now)},"view":{shared}'
+            f"{listed if self._is_new(n, drones) else ''}}}"
+            for n in ready
+        }
         return texts, ["dropped:page"] * (len(self._pages) - len(ready))
+
+    def _is_new(self, number: int, drones: DroneList | None) -> bool:
+        """Has the page not been sent this list yet? It comes once a second, a picture 25 times."""
+        page = self._pages[number]
+        if drones is None or page.listed_ns == drones.stamp_ns:
+            return False
+        page.listed_ns = drones.stamp_ns
+        return True
 
     def _personal(self, number: int, newest: LastHeard, now: Ns) -> str:
         page, holder, pilot = self._pages[number], self._pilot.holder, self._pilot.pilot

@@ -73,6 +73,7 @@ class Outlook(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     loss: float | None = None  # [-] the worse direction's
     stick_ms: float | None = None  # [ms] from the stick to the thruster
     alarm: str = ""
+    change: str = ""  # of drone: what has become of the newest order to fly another one
     lines: tuple[tuple[str, str], ...] = ()  # (level, text), the newest last
 
 
@@ -82,11 +83,13 @@ def outlook(
     limits: Sequence[tuple[float, float]],
     lines: tuple[tuple[str, str], ...],
     drone: str,
+    change: str,
     now: Ns,
 ) -> Outlook:
     """
     Args:
         drone: its name.
+        change: what has become of the newest order to fly another one.
         command: the one that was sent last, if it still acts.
         limits: [N] least and most thrust of each thruster.
     """
@@ -98,6 +101,7 @@ def outlook(
         sticks=() if command is None else (command.surge, command.sway, command.heave, command.yaw),
         lines=lines,
         drone=drone,
+        change=change,
     )
 
 

@@ -5,7 +5,7 @@ The service knows when it sent that picture, so the true age of a message is bou
 common clock, and what waited in a network is recognised as old.
 """
 
-from typing import Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import msgspec
 
@@ -19,6 +19,7 @@ Wish = Literal[
     "arm", "disarm", "stop", "light", "mode", "take", "force", "offer", "give_back"
 ]  # fmt: skip
 Absence = Literal["hidden", "unplugged"]
+DroneName = Annotated[str, msgspec.Meta(pattern=r"\A[A-Za-z0-9_.-]{1,64}\Z")]
 
 
 class PageMessage(
@@ -47,6 +48,12 @@ class PageWish(PageMessage, frozen=True, kw_only=True, tag="wish"):
     hold: Hold | None = None  # mode
 
 
+class PageFly(PageMessage, frozen=True, kw_only=True, tag="fly"):
+    """The pilot wants to leave this drone and fly another one."""
+
+    drone: DroneName
+
+
 class PageAbsence(PageMessage, frozen=True, kw_only=True, tag="absent"):
     """The pilot cannot steer from this page now."""
 
@@ -57,7 +64,7 @@ class PageSeen(PageMessage, frozen=True, kw_only=True, tag="seen"):
     """Pictures arrive; nothing else to say."""
 
 
-AnyPageMessage = PageSticks | PageWish | PageAbsence | PageSeen
+AnyPageMessage = PageSticks | PageWish | PageFly | PageAbsence | PageSeen
 _DECODER = msgspec.json.Decoder(AnyPageMessage)
 
 

@@ -5,16 +5,17 @@ from collections.abc import Callable, Mapping
 from typing import Protocol
 
 from messages import topics
+from messages.fly import FlyAnswer, FlyRequest
 from messages.health import LogLine
 from messages.vehicle import VehicleStatus
 from messages.video import VideoPart
-from services.cockpit.core import SHOW_HZ, Cockpit, Settings
+from services.cockpit.core import SHOW_HZ, Cockpit, PageEffects, Settings
 from services.cockpit.outlook import LastHeard
 from services.cockpit.page_messages import PageClosed, PageEvent, PageOpened, PageSaid
 from services.cockpit.video import PageUnit, PictureStream
 from services.marine.vehicle import Vehicle
 from services.piloting.io.pilot_ports import PilotPorts, restored
-from services.piloting.pilot import Pilot
+from services.piloting.pilot import Effects, Pilot
 from services.runtime.config.errors import LindyError, NeedsRealTimeError
 from services.runtime.config.extras import how_to_install
 from services.runtime.config.stack import Stack
@@ -74,7 +75,14 @@ class CockpitPages:
         self._link = node.latest(topics.LINK)
         self._clock = node.latest(topics.CLOCK)
         self._latency = node.latest(topics.LATENCY)
-        self._ports = PilotPorts(node, pilot, self._cockpit)
+        self._drones = node.latest(topics.FLY_DRONES)
+        self._ports = PilotPorts(node, pilot, self._cockpit, also=self._order)
+        self._ordering = node.request(
+            topics.FLY_REQUEST,
+            topics.FLY_ANSWER,
+            on_answer=self._on_change,
+            on_given_up=self._cockpit.not_changed,
+        )
         node.each(topics.STATUS, self._on_status)
         node.each(topics.LOG, self._on_log)
         node.every(topics.PILOT_COMMAND.hz, self._tick)
@@ -98,7 +106,7 @@ class CockpitPages:
             self._node.count(name, self._pages.counts.pop(name))
 
     def _show(self, now: int) -> None:
-        texts, counts = self._cockpit.pictures(self._newest(now), now)
+        texts, counts = self._cockpit.pictures(self._newest(now), self._drones.fresh(now), now)
         for name in counts:
             self._node.count(name)
         self._pages.show(texts)
@@ -114,6 +122,14 @@ class CockpitPages:
             clock=self._clock.fresh(now),
             latency=self._latency.fresh(now),
         )
+
+    def _order(self, effects: Effects, now: int) -> None:
+        if isinstance(effects, PageEffects):
+            for request in effects.orders:
+                self._ordering.ask(request, now)
+
+    def _on_change(self, request: FlyRequest, answer: FlyAnswer, now: int) -> None:
+        self._cockpit.changed(request, answer, now)
 
     def _on_status(self, status: VehicleStatus, now: int) -> None:
         self._ports.do(self._cockpit.status(status, self._ports.waiting, now), now)

@@ -6,7 +6,7 @@ from math import degrees
 from typing import Any
 
 from messages.counts import in_words
-from messages.fly import FlyAnswer, FlyRequest
+from messages.fly import DroneList, FlyAnswer, FlyRequest
 from messages.health import Health, LogLine
 from messages.identity import SideIdentity
 from messages.link import Clock, LatencyBudget, LinkAnswer, LinkRequest, LinkStatus
@@ -20,6 +20,7 @@ from messages.vehicle import Actuation, Truth, VehicleStatus
 from services.visualizer.batch import Note
 
 SERVICES = 32  # services on the status page
+DRONES = 8  # of those that can be reached, in one line
 
 # Text of each state lane for a message. `rerun_writer.STATES` has a colour for each text.
 LANES: dict[type[Message], list[tuple[str, Callable[[Any], str]]]] = {
@@ -42,7 +43,7 @@ ANSWERS = PilotAnswer | LinkAnswer | FaultAnswer | FlyAnswer
 NOTED = {
     *(*LANES, Health, LogLine, SideIdentity),
     *(PilotRequest, PilotAnswer, LinkRequest, LinkAnswer, FaultRequest, FaultAnswer),
-    *(FlyRequest, FlyAnswer),
+    *(FlyRequest, FlyAnswer, DroneList),
 }  # may make notes
 
 
@@ -55,6 +56,7 @@ class Status:
         self._health: dict[str, Health] = {}
         self._last_request = ""
         self._last_note = ""
+        self._last_drones: tuple[str, ...] | None = None  # names of those that could be reached
         self._sides: dict[str, str] = {}  # which Lindy each side runs
         self._pages: dict[str, str] = {}  # by path, as last shown
 
@@ -100,9 +102,20 @@ class Status:
         if isinstance(message, VehicleStatus) and message.note != self._last_note:
             self._last_note = message.note
             return [_line("vehicle", time, message.note)] if message.note else []
+        if isinstance(message, DroneList):
+            return self._drones(message, time)
         if isinstance(message, SideIdentity):
             return self._identity(message, time)
         return []
+
+    def _drones(self, message: DroneList, time: int) -> list[Note]:
+        names = tuple(drone.name for drone in message.drones)
+        if names == self._last_drones:
+            return []
+        self._last_drones = names
+        more = max(0, len(names) - DRONES) + message.more
+        words = ", ".join(names[:DRONES]) + (f" and {more} more" if more > 0 else "")
+        return [_line("pilot", time, f"drones that can be reached: {words or 'none'}")]
 
     def _identity(self, message: SideIdentity, time: int) -> list[Note]:
         text = f"{message.side} runs Lindy {message.version} for {message.vehicle}"

@@ -2,6 +2,7 @@
 this process, behind hubs of their own on a router."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -163,11 +164,17 @@ def test_a_pilot_leaves_a_drone_and_takes_another(world: World) -> None:
         assert why in refused.stderr
         assert refused.stderr.count("\n") == 1
     kept = world.vehicle.read_bytes()
-    world.vehicle.write_text("[vehicle]\nmass = -1\n")
+    world.vehicle.write_text("[vehicle]\nmass = \n")
     refused = world.ask("b")
     assert refused.returncode == 1
     assert "a is flown on: " in refused.stderr
-    assert "mass" in refused.stderr
+    assert "not valid TOML" in refused.stderr
+    world.vehicle.write_text(re.sub(r"(?m)^mass = .*", "mass = 14.7", kept.decode()))
+    refused = world.ask("b")
+    assert refused.returncode == 1
+    assert "a is flown on: b cannot be flown from here: " in refused.stderr
+    assert "another vehicle than the topside" in refused.stderr
+    assert refused.stderr.endswith("; the flight goes on\n")
     world.vehicle.write_bytes(kept)
     assert a.heard_lately()
     assert a.kinds == ["lease"]

@@ -22,9 +22,14 @@ LAG_NS = 50_000_000  # [ns] a busy computer is not made up for in one go
 class CockpitDive:
     """Runs until it is closed. The pilot is whoever opens `url`."""
 
-    def __init__(self, port: int, *, camera: bool = False) -> None:
+    def __init__(self, port: int, *, camera: bool = False, name: str = "") -> None:
+        """
+        Args:
+            name: of the drone; empty: it has none of its own.
+        """
         rows = Registry.read("cockpit")
-        stack = Stack(pilot="cockpit", overrides=[STILL, FLOOR, f"cockpit.port={port}"])
+        settings = [STILL, FLOOR, f"cockpit.port={port}"]
+        stack = Stack(pilot="cockpit", name=name, overrides=settings)
         self.host = VirtualHost()
         for name in (*SERVICES, *CAMERA) if camera else SERVICES:
             self.host.add(name, rows[name], stack)

@@ -51,7 +51,7 @@ def fleet(
         StopSignals() as stop,
         shown as show,
     ):
-        look = _watched(network, watch)
+        look = watched(network, watch)
         end = time.monotonic() + (float("inf") if seconds is None else seconds)
         while not stop.asked and time.monotonic() < end:
             time.sleep(LOOK_S)  # messages come on Zenoh's thread; nothing here is in a hurry
@@ -61,7 +61,7 @@ def fleet(
     return 0
 
 
-def _watched(network: Network, watch: FleetWatch) -> Callable[[int], None]:
+def watched(network: Network, watch: FleetWatch) -> Callable[[int], None]:
     """Subscribe; returns a function that takes in what has arrived."""
     tokens: deque[tuple[str, bool]] = deque(maxlen=KEPT)  # both are filled on Zenoh's thread
     heard: deque[tuple[str, bytes, int]] = deque(maxlen=KEPT)

@@ -8,18 +8,21 @@ from dataclasses import dataclass
 import msgspec
 
 from messages import topics
-from messages.fly import FlyAnswer, FlyRequest
+from messages.fly import DroneList, FlyAnswer, FlyRequest
+from messages.identity import SideIdentity
 from messages.link import Clock
 from services.reference.settings import Settings as ReferenceSettings
 from services.runtime.config.errors import LindyError
+from services.runtime.config.identity import identity_now
 from services.runtime.config.running import RUNNING
 from services.runtime.hosts.registry import INSTEAD, Registry
 from services.runtime.hosts.stack_file import code_of
 from services.runtime.launch.child import Child, Task
-from services.runtime.launch.local_stack import SLOW, LocalStack, local_stack
+from services.runtime.launch.local_stack import HOME, SLOW, LocalStack, local_stack
 from services.runtime.node.ports import Latest, Publisher
 from tools.fleet.change import left_behind
 from tools.fleet.others import others_named
+from tools.fleet.reachable import misfit
 from tools.live.display import Display
 from tools.live.dive_folder import point_latest
 from tools.live.keep_running import ALIVE_S
@@ -62,7 +65,9 @@ class FlownTopside:
     there: Callable[[], list[str]]  # names of the drones that can be reached
     pilots: list[str]  # processes that command
     slow: list[str]  # processes that are not needed to fly
+    ours: SideIdentity  # what this side is, to compare a drone with
     _answers: Publisher[FlyAnswer]
+    _drones: Publisher[DroneList]
     _clock: Latest[Clock]
     _pings: bool  # there is a link monitor
     _exits: ExitStack
@@ -81,27 +86,38 @@ class FlownTopside:
         self.local.wait_alive(ALIVE_S, look)
         self.dive.begin()
 
-    def prepare(self, goes_on: Callable[[], bool]) -> None:
+    def prepare(
+        self, theirs: Callable[[], SideIdentity | None], goes_on: Callable[[], bool]
+    ) -> None:
         """Start everything but the pilot and what is slow, and wait until it is alive and the drone
         has answered: until then both sides cannot know each other's clock.
 
         Args:
+            theirs: what the drone says of itself; None: nothing yet.
             goes_on: False: nobody needs it any more.
 
         Raises:
-            LindyError: a service cannot start, or the drone does not answer.
+            LindyError: a service cannot start, the drone does not answer, or it does not fit.
         """
 
         def look() -> bool:
             self.local.pump()
             return goes_on()
 
+        self._require_fit(theirs())  # before anything is started, unless it has only just come
         self.local.start_services(resting={*self.pilots, *self.slow})
         self.local.wait_alive(ALIVE_S, look)
         deadline = time.monotonic() + ANSWER_S
-        while not self.met and look():
+        while not (self.met and (theirs() is not None or not self._pings)) and look():
             if time.monotonic() > deadline:
-                raise LindyError(f"{self.drone} does not answer within {ANSWER_S:g} s")
+                what = "say which Lindy it runs" if self.met else "answer"
+                raise LindyError(f"{self.drone} does not {what} within {ANSWER_S:g} s")
+        self._require_fit(theirs())
+
+    def _require_fit(self, theirs: SideIdentity | None) -> None:
+        """What the link monitor compares: a drone that does not fit could not be armed."""
+        if self._pings and theirs is not None and (why := misfit(self.drone, self.ours, theirs)):
+            raise LindyError(why)
 
     @property
     def met(self) -> bool:
@@ -132,6 +148,9 @@ class FlownTopside:
             )
         )
 
+    def tell(self, drones: DroneList) -> None:
+        self._drones.put(drones)
+
     def left(self, *, released: bool) -> str:
         """What becomes of its drone without its pilot."""
         settings = self.local.stack.section("reference", ReferenceSettings).failsafe
@@ -161,7 +180,7 @@ def opened(
         LindyError: it cannot be started.
     """
     plan.require_room()
-    outcome = Outcome(plan.stack)
+    ours, outcome = identity_now(plan.stack, HOME), Outcome(plan.stack)
     with ExitStack() as exits:
         local = exits.enter_context(
             local_stack(
@@ -182,7 +201,9 @@ def opened(
             there=there,
             pilots=_processes(local, lambda name: _commands(plan.here, name)),
             slow=_processes(local, lambda name: name in SLOW),
+            ours=ours,
             _answers=answers,
+            _drones=local.node.publisher(topics.FLY_DRONES),
             _clock=local.node.latest(topics.CLOCK),
             _pings=any(code_of(name, spec) == LINK_MONITOR for name, spec in plan.here.items()),
             _exits=exits.pop_all(),

@@ -6,11 +6,18 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Literal
 
+from messages import topics
 from messages.fly import FlyRequest
+from messages.identity import SideIdentity
+from services.runtime.bus.network import Network
 from services.runtime.config.errors import LindyError
+from services.runtime.config.identity import messages_hash
 from services.runtime.launch.spares import Spares
 from tools.fleet.change import Act, ChangeOfDrone, ChangeSeen
+from tools.fleet.fleet import watched
 from tools.fleet.flight import FlownTopside, opened
+from tools.fleet.reachable import drone_list
+from tools.fleet.watching import FleetWatch
 from tools.live.display import Display, display
 from tools.live.dive_folder import point_latest
 from tools.live.stop_signals import StopSignals
@@ -18,20 +25,24 @@ from tools.up import Planned
 
 PASSING_NS = 3_000_000_000  # [ns] for a change to finish when the user wants to stop
 SPARES_NS = 100_000_000  # [ns] between two looks at the spare processes
+LIST_NS = round(1e9 / topics.FLY_DRONES.hz)  # [ns] between two lists of the drones
 ANSWERS = 64  # newest answers, for orders that are repeated
 
 
-def fly_one_after_the_other(first: Planned, for_drone: Callable[[str], Planned]) -> int:
+def fly_one_after_the_other(
+    first: Planned, network: Network, for_drone: Callable[[str], Planned]
+) -> int:
     """Returns the exit status: the worst of all flights.
 
     Args:
+        network: of the router where the drones are.
         for_drone: the same topside, for the drone of this name.
 
     Raises:
         LindyError: the first one cannot be started, or one was aborted.
     """
     with StopSignals() as stop:
-        with display() as shown, Flights(stop, shown, for_drone) as flights:
+        with display() as shown, Flights(stop, shown, network, for_drone) as flights:
             flights.fly(first)
         return stop.report(flights.sum_up, "the reports are on the drones' sides")
 
@@ -41,9 +52,17 @@ class Flights:
     end those that were left."""
 
     def __init__(
-        self, stop: StopSignals, shown: Display, for_drone: Callable[[str], Planned]
+        self,
+        stop: StopSignals,
+        shown: Display,
+        network: Network,
+        for_drone: Callable[[str], Planned],
     ) -> None:
         self._stop, self._shown, self._for_drone = stop, shown, for_drone
+        self._watch = FleetWatch(messages_hash(topics.ALL))
+        self._take_in = watched(network, self._watch)
+        self._list_at = 0  # [ns] next list of the drones
+        self._left = ""  # what has become of the drone that was left last
         self._spares = Spares()
         self._spares_at = 0  # [ns] next look at them
         self._background = ThreadPoolExecutor(thread_name_prefix="flight")
@@ -133,6 +152,7 @@ class Flights:
         self._flight.dive.look()
         self._look_at_new()
         now = time.monotonic_ns()
+        self._tell_who_is_there(now)
         act = self._change.step(self._seen(now), now)
         if act is not None:
             self._do(act, now)
@@ -140,6 +160,14 @@ class Flights:
             return None
         self._keep_spares(now)
         return self._flight.dive.over(now)
+
+    def _tell_who_is_there(self, now: int) -> None:
+        if now < self._list_at:
+            return
+        self._list_at = now + LIST_NS
+        self._take_in(now)
+        flight = self._flight
+        flight.tell(drone_list(self._watch, flight.ours, flight.drone, self._left, now))
 
     def _keep_spares(self, now: int) -> None:
         if now < self._spares_at:
@@ -232,6 +260,7 @@ class Flights:
         self._flown.append(new)
         self._asked, self._new = "", None
         new.take_over()
+        self._left, self._list_at = left, 0  # told at once
         self._say("warning", left)
         self._end(old)
 
@@ -252,11 +281,16 @@ class Flights:
         """The flight of another drone, all but its pilot."""
         flight = self._open(self._for_drone(drone), announced=False)
         try:
-            flight.prepare(lambda: not self._over)
+            flight.prepare(lambda: self._identity(drone), lambda: not self._over)
         except BaseException:
             flight.end()
             raise
         return flight
+
+    def _identity(self, drone: str) -> SideIdentity | None:
+        """What a drone says of itself; the main thread takes it in."""
+        known = self._watch.roster.drones.get(drone)
+        return None if known is None else known.identity
 
     def _open(self, plan: Planned, *, announced: bool) -> FlownTopside:
         return opened(

@@ -5,12 +5,13 @@ from pathlib import Path
 
 from msgspec import structs
 
+from services.runtime.bus.network import open_network
 from services.runtime.bus.spaces import checked_name
 from services.runtime.config.errors import LindyError
 from tools.choices import Choices
 from tools.fleet.flight import with_pilots_alone
 from tools.fleet.flights import fly_one_after_the_other
-from tools.fleet.look import is_there, who_is_there
+from tools.fleet.look import PATIENCE_S, is_there, who_is_there
 from tools.fleet.names import missing
 from tools.keys.door import door
 from tools.live.cockpit import COCKPIT, announce
@@ -50,4 +51,5 @@ def fly(
         folder = str(out_folder(choices.out, ours=True))
         return plan._replace(stack=structs.replace(plan.stack, name=other, out=folder))
 
-    return fly_one_after_the_other(plan, for_drone)
+    with open_network(router, PATIENCE_S, keys=own_keys) as network:
+        return fly_one_after_the_other(plan, network, for_drone)

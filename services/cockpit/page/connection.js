@@ -14,6 +14,8 @@ export class Connection {
   constructor() {
     this.picture = null; // the newest
     this.arrived = 0; // [ms] when, by this page's clock
+    this.drones = null; // the newest list of those that can be reached
+    this.listed = -Infinity; // [ms] when that arrived
     this.words = "connecting"; // what is wrong; empty: nothing
     this.old = false; // this page is of another version than the service
     this.clock = new ServiceClock();
@@ -53,6 +55,7 @@ export class Connection {
     this.arrived = performance.now();
     this.clock.learn(this.picture.t, this.arrived, this.picture.you.delay_ms);
     this.words = "";
+    if (this.picture.fly) [this.drones, this.listed] = [this.picture.fly, this.arrived];
     if (this.picture.n - this.confirmed >= CONFIRM_EVERY) this.send("seen", {});
   }
 
@@ -77,6 +80,10 @@ export class Connection {
 
   wish(what, hold) {
     this.send("wish", hold ? { what, hold } : { what });
+  }
+
+  fly(drone) {
+    this.send("fly", { drone });
   }
 
   absent(why) {

@@ -1,6 +1,7 @@
 // The pilot's page: devices → connection → service, and pictures of the drone → screen.
 
 import { Connection } from "/connection.js";
+import { Drones } from "/drones.js";
 import { HoldButton } from "/hold_button.js";
 import { Hud } from "/hud.js";
 import { Keyboard } from "/keyboard.js";
@@ -21,6 +22,7 @@ const $ = (id) => document.getElementById(id);
 const connection = new Connection();
 const hud = new Hud($("hud"));
 const trace = new Trace($("trace"));
+const drones = new Drones(connection);
 export const video = new Video($("picture"), connection);
 let arming = "arm"; // what the hold button asks for now
 let gain = "Normal";
@@ -128,6 +130,7 @@ function draw() {
   const steeredBy = steering.device === "pad" ? "pad" : steering.device;
   const old = show(connection, picture.you, picture.view, steeredBy);
   showPicture(video);
+  drones.show(picture.view);
   arming = buttons(picture.you, picture.view);
   hud.draw(picture.view, old);
   trace.add(picture.view.rtt_ms, performance.now());

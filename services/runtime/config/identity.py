@@ -22,7 +22,8 @@ IN_WORDS = ("title", "description")  # of a JSON schema; they change nothing
 
 
 def identity_of(stack: Stack, side: str, instance: int) -> SideIdentity:
-    """
+    """As this process has read the vehicle file.
+
     Raises:
         LindyError: the vehicle file cannot be read.
     """
@@ -35,6 +36,17 @@ def identity_of(stack: Stack, side: str, instance: int) -> SideIdentity:
         messages=messages_hash(topics.ALL),
         vehicle=stack.vehicle_name,
         vehicle_hash=_hash(stack.section(BODY, dict[str, Any])),
+    )
+
+
+def identity_now(stack: Stack, side: str) -> SideIdentity:
+    """Of a side that is started now: the vehicle file may have changed since it was read.
+
+    Raises:
+        LindyError: the vehicle file cannot be read.
+    """
+    return msgspec.structs.replace(
+        identity_of(stack, side, 0), vehicle_hash=_hash(stack.body_now())
     )
 
 

@@ -125,6 +125,16 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         except LindyError as error:
             raise self._blamed(str(error)) from None
 
+    def body_now(self) -> dict[str, Any]:
+        """The table [vehicle] as a service that starts now reads it, whatever was read before.
+
+        Raises:
+            LindyError: the file cannot be read.
+        """
+        tree = read_toml(self.vehicle_path)
+        override(tree, self.overrides)
+        return tree.get(BODY, {})
+
     def check(self, known: Mapping[str, type | None]) -> None:
         """Read every table of the vehicle file once, so that a mistake stops a dive before it
         starts.

@@ -1,0 +1,111 @@
+"""The list of drones that a pilot is shown: true, bounded, and which of them fit his topside."""
+
+from typing import Any
+
+import msgspec
+import pytest
+
+from messages import topics
+from messages.fly import MOST_DRONES, DroneList
+from messages.identity import SideIdentity
+from messages.message import Message
+from messages.topic import AnyTopic
+from messages.vehicle import VehicleStatus
+from services.runtime.bus.spaces import here_key, namespace
+from tools.fleet.reachable import drone_list, misfit
+from tools.fleet.watching import FleetWatch
+
+NOW = 10_000_000_000
+OURS = SideIdentity(
+    side="topside", version="1.0", messages="same", vehicle="pioneer", vehicle_hash="a"
+)
+
+
+def identity(**more: Any) -> SideIdentity:
+    given: dict[str, Any] = {
+        "side": "drone", "version": "1.0", "messages": "same", "vehicle": "pioneer",
+        "vehicle_hash": "a",
+    }  # fmt: skip
+    return SideIdentity(**(given | more))
+
+
+class Network:
+    """Drones, as they are heard."""
+
+    def __init__(self) -> None:
+        self.watch = FleetWatch("same")
+
+    def announced(self, name: str) -> None:
+        self.watch.token(here_key(namespace(name), "drone", "1"), True, NOW)
+
+    def says(self, name: str, topic: AnyTopic, message: Message) -> None:
+        payload = msgspec.msgpack.encode(message)
+        self.watch.row(f"{namespace(name)}/{topic.key}", payload, NOW)
+
+    def drone(self, name: str, said: SideIdentity, **status: Any) -> None:
+        self.announced(name)
+        self.says(name, topics.IDENTITY.of("drone"), said)
+        given: dict[str, Any] = {"stamp_ns": 0, "mode": "ready", "armed": False}
+        self.says(name, topics.STATUS, VehicleStatus(**(given | status)))
+
+    def list(self, flown: str = "rov1", left: str = "") -> DroneList:
+        made = drone_list(self.watch, OURS, flown, left, NOW)
+        return msgspec.msgpack.decode(msgspec.msgpack.encode(made), type=DroneList)  # within limits
+
+
+@pytest.mark.parametrize(
+    ("theirs", "said"),
+    [
+        (identity(), ""),
+        (identity(version="1.1"), "the drone runs Lindy 1.1; the topside runs 1.0: install"),
+        (identity(messages="other"), "the drone runs Lindy 1.0, with other messages"),
+        (identity(vehicle="bluerov"), "another vehicle than the topside: the table [vehicle] of b"),
+        (identity(vehicle_hash="b"), "the table [vehicle] of pioneer differs, or a --set"),
+        (identity(version="\x1b[2J" + "x" * 120), "the drone runs Lindy ?[2Jxxx"),
+    ],
+)
+def test_a_drone_that_does_not_fit_is_refused_with_what_differs(theirs: SideIdentity, said: str):
+    why = misfit("rov2", OURS, theirs)
+    assert said in why
+    assert why.isprintable()
+    assert why.startswith("rov2 cannot be flown from here: ") == bool(said)
+    assert len(why) < 300
+
+
+def test_the_list_says_of_each_drone_what_a_pilot_chooses_by():
+    network = Network()
+    network.drone("rov1", identity(), mode="piloted", armed=True, pilot="ann")
+    acts = {"failsafe": "leak", "reaction": "ascend", "mode": "stopping", "armed": True}
+    network.drone("rov2", identity(vehicle="bluerov"), **acts)
+    network.announced("rov3")
+    made = network.list(left="rov9 holds")
+    assert (made.flown, made.more, made.left) == ("rov1", 0, "rov9 holds")
+    one, two, three = made.drones
+    assert (one.name, one.vehicle, one.mode, one.armed, one.pilot) == (
+        "rov1", "pioneer", "piloted", True, "ann",
+    )  # fmt: skip
+    assert (one.failsafe, one.alarms, one.misfit) == (False, "", "")
+    assert (two.failsafe, two.alarms) == (True, "FAILSAFE leak, ascend")
+    assert two.misfit.startswith("the drone was started with another vehicle than the topside")
+    assert (three.name, three.vehicle, three.alarms) == (
+        "rov3", "", "is announced, but says nothing",
+    )  # fmt: skip
+    network.watch.token(here_key(namespace("rov2"), "drone", "1"), False, NOW)
+    assert [drone.name for drone in network.list().drones] == ["rov1", "rov3"]
+
+
+def test_however_many_a_stranger_announces_those_that_speak_are_listed():
+    network = Network()
+    for number in range(300):
+        network.announced(f"a{number:03}")
+    network.drone("rov2", identity(), pilot="x\x07<b>" * 20, note="n" * 2000)
+    network.drone("zebra", identity())
+    made = network.list(flown="zebra", left="z" * 5000)
+    assert len(made.drones) == MOST_DRONES
+    assert [drone.name for drone in made.drones[:2]] == ["rov2", "zebra"]
+    assert made.more + len(made.drones) == 302
+    assert all(
+        text.isprintable() and len(text) <= 200
+        for drone in made.drones
+        for text in (drone.pilot, drone.alarms, drone.name, drone.misfit)
+    )
