@@ -22,10 +22,8 @@ from math import cos, sin
 from messages.state import VehicleState
 from messages.units import Vec3, Vec6
 from services.marine.attitude import down_in_body
-from services.marine.hydrodynamics import damping
-from services.marine.rigid_body import coriolis, system_inertia
+from services.marine.translation import Translation, flow
 from services.marine.vehicle import Vehicle
-from services.marine.wake import Fin, wake_fins, wake_lift
 
 LEVEL: Vec3 = (0.0, 0.0, 1.0)
 STEEPEST = 0.5  # [-] of the heave thrust that is vertical; with less, nothing is modelled
@@ -51,12 +49,10 @@ class HeaveCoupling:
     upright: float = 1.0  # [-] e₃, of the heave thrust that is vertical
     _down: Vec3 = LEVEL  # e
     _rate: Vec3 = (0.0, 0.0, 0.0)  # [rad/s] ω
-    _inertia: Vec6 = field(init=False)
-    _fins: list[Fin] = field(init=False)
+    _hull: Translation = field(init=False)
 
     def __post_init__(self) -> None:
-        self._inertia = system_inertia(self.vehicle)
-        self._fins = wake_fins(self.vehicle, self.wake_share)
+        self._hull = Translation(self.vehicle, self.wake_share)
 
     def step(
         self, state: VehicleState, rates: tuple[float, float], thrust: Vec6, dt: float
@@ -69,9 +65,9 @@ class HeaveCoupling:
         """
         self._look(state, rates)
         heave_rate = state.depth_rate.value if state.depth_rate.valid else 0.0
-        flow = self._flow(self.surge, self.sway, heave_rate, self._down)
-        along, across, down = self._acceleration(flow, thrust)
-        self.force = self._coupling(flow, (along, across, down), thrust, heave_rate, self._down)
+        nu = flow(self.surge, self.sway, heave_rate, self._down, self._rate)
+        along, across, down = self._hull.acceleration(nu, thrust)
+        self.force = self._coupling(nu, (along, across, down), thrust, heave_rate, self._down)
         self.surge += along * dt
         self.sway += across * dt
 
@@ -82,13 +78,13 @@ class HeaveCoupling:
             velocity: [m/s] of the depth, as it should be.
             thrust: [N, N m] to which the wrench settles.
         """
-        down, flow = self._down, self._flow(self.surge, self.sway, velocity, self._down)
-        along, across, _ = self._acceleration(flow, thrust)
+        down, nu = self._down, flow(self.surge, self.sway, velocity, self._down, self._rate)
+        along, across, _ = self._hull.acceleration(nu, thrust)
         (a, b, c), (p, q, r) = down, self._rate
         t = self.lag
         soon = a + t * (r * b - q * c), b + t * (p * c - r * a), c + t * (q * a - p * b)
-        flow = self._flow(self.surge + t * along, self.sway + t * across, velocity, soon)
-        return self._coupling(flow, self._acceleration(flow, thrust), thrust, velocity, soon)
+        nu = flow(self.surge + t * along, self.sway + t * across, velocity, soon, self._rate)
+        return self._coupling(nu, self._hull.acceleration(nu, thrust), thrust, velocity, soon)
 
     def forget(self) -> None:
         """The vehicle rests, level."""
@@ -105,18 +101,6 @@ class HeaveCoupling:
                 self._rate = _body_rates(state, rates)
         self.upright = self._down[HEAVE]
 
-    def _flow(self, surge: float, sway: float, heave_rate: float, down: Vec3) -> Vec6:
-        a, b, c = down
-        return surge, sway, (heave_rate - a * surge - b * sway) / c, *self._rate
-
-    def _acceleration(self, nu: Vec6, thrust: Vec6) -> Vec3:
-        """[m/s²] ν̇ of a vehicle without weight and buoyancy, which the observer learns."""
-        turned = coriolis(self._inertia, nu)
-        drag = damping(self.vehicle.linear_damping, self.vehicle.quadratic_damping, nu)
-        lift = wake_lift(self._fins, nu)
-        x, y, z = [(thrust[k] - turned[k] - drag[k] + lift[k]) / self._inertia[k] for k in range(3)]
-        return x, y, z
-
     def _coupling(
         self, nu: Vec6, acceleration: Vec3, thrust: Vec6, heave_rate: float, down: Vec3
     ) -> float:
@@ -126,7 +110,7 @@ class HeaveCoupling:
         linear = self.vehicle.linear_damping[HEAVE]
         quadratic = self.vehicle.quadratic_damping[HEAVE]
         known = c * thrust[HEAVE] - (linear + quadratic * abs(heave_rate)) * heave_rate
-        return self._inertia[HEAVE] * vertical - known
+        return self._hull.inertia[HEAVE] * vertical - known
 
 
 def _body_rates(state: VehicleState, rates: tuple[float, float]) -> Vec3:

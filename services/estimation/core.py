@@ -5,7 +5,7 @@ that arrive at once.
     pressure       depth
     magnetometer   north
     DVL, USBL      position and velocity over the ground
-    actuation      with the hull's drag, the current
+    actuation      with the hull's drag, the velocity that shows the tilt error, and the current
     reference      depth, for the observer "reference" only
 
 Samples arrive in the sensors' own axes and positions; this class transforms them to the vehicle's
@@ -39,6 +39,7 @@ from services.estimation.checks import range_checks
 from services.estimation.checks.sample_validation import SampleValidation
 from services.estimation.depth.depth_observer import LATEST_AGE
 from services.estimation.depth.reference_input import reference_acceleration
+from services.estimation.depth.thrust_speed import ThrustSpeed
 from services.estimation.events import Events
 from services.estimation.horizontal.horizontal_observer import HorizontalObserver
 from services.estimation.horizontal.hull_model import HullModel
@@ -98,8 +99,15 @@ class Estimator:
         self._imu_ns: int | None = None  # [ns] newest IMU sample used
         self._now: int | None = None  # [ns] of the newest IMU sample or silence
         self._checkpoint_ns: int | None = None  # [ns] time of validity of the checkpoint
-        hull = None if vehicle is None else HullModel(vehicle, settings.horizontal.wake_share)
-        self._horizontal = HorizontalObserver(settings.horizontal, hull)
+        hull_settings = settings.horizontal
+        hull = None if vehicle is None else HullModel(vehicle, hull_settings.wake_share)
+        self._horizontal = HorizontalObserver(hull_settings, hull)
+        self._thrust_speed = None
+        if vehicle is not None:
+            wake_share, patience = hull_settings.wake_share, hull_settings.actuation_patience
+            self._thrust_speed = ThrustSpeed(
+                vehicle, wake_share, patience, at_rest=checkpoint is None
+            )
         self._calibrating: CalibrationPhase | None = None
         if checkpoint is None:
             self._calibrating = CalibrationPhase(
@@ -188,6 +196,8 @@ class Estimator:
             self._calibrating.drive()
         self._validation.actuation(sample)
         self._events.note(self._horizontal.actuation(sample))
+        if self._thrust_speed is not None:
+            self._thrust_speed.actuation(sample)
 
     def reference(self, newest: Reference | None) -> None:
         """The fresh reference, for the depth observer "reference"; None: there is none."""
@@ -232,6 +242,8 @@ class Estimator:
             return dt
         self._events.note("gap:sensor/imu")
         self._resting.moved()
+        if self._thrust_speed is not None:
+            self._thrust_speed.lost()
         self._attitude.blind(dt - LONGEST_STEP)
         return LONGEST_STEP
 
@@ -259,17 +271,26 @@ class Estimator:
         follows = self._settings.depth.observer == "reference"
         measured = self._attitude.acceleration_down(force)
         input_ = self._reference_acceleration if follows else measured
-        self._announcements.tell(self._depth.predict(input_, at_ns, self._attitude.lean(force)))
+        lean = self._attitude.lean(force)
+        if self._thrust_speed is not None:
+            note(self._thrust_speed.silence(at_ns))
+            rate, depth_rate = self._rate_of(sample), self._depth.rate[0]
+            lean = self._thrust_speed.step(lean, rate, depth_rate, dt)
+        self._announcements.tell(self._depth.predict(input_, at_ns, lean))
         note(self._predict_horizontal(force, at_ns))
 
     def _note_motion(self, sample: ImuSample) -> None:
         """Attitude and angular rate, for sensors with a lever arm."""
         if not self._at_origin.needs_motion:
             return
-        observer, (p, q, r) = self._attitude, sample.angular_rate
-        a, b, c = observer.gyro_bias
+        observer = self._attitude
         attitude = from_north(observer.attitude, observer.compass.offset or 0.0)
-        self._at_origin.moved(Moment(sample.stamp_ns, (p - a, q - b, r - c), attitude))
+        self._at_origin.moved(Moment(sample.stamp_ns, self._rate_of(sample), attitude))
+
+    def _rate_of(self, sample: ImuSample) -> Vec3:
+        """[rad/s] Without the gyroscope's bias."""
+        (p, q, r), (a, b, c) = sample.angular_rate, self._attitude.gyro_bias
+        return p - a, q - b, r - c
 
     def _predict_horizontal(self, force: Vec3 | None, at_ns: int) -> str | None:
         observer, (depth_rate, depth_rate_std) = self._attitude, self._depth.rate

@@ -18,8 +18,9 @@ is level where the accelerometer's own bias says so, and gravity does not show t
 biases along down. Both have one cause, so they begin correlated (`level`). Pressure tells them
 apart from motion after some starts and stops. A turn shows them as well, because the biases turn
 with the body, and the tilt error does not. For that the horizontal velocity is a state, of which
-only one thing is measured: that an underwater vehicle is not fast for long. The attitude's
-correction towards the accelerometer is an input: it changes the tilt error by a known angle.
+only what the thrust makes of it is known (thrust_speed.py) or, without reports of thrust, that an
+underwater vehicle is not fast for long. Either is used as a measurement. The attitude's correction
+towards the accelerometer is an input: it changes the tilt error by a known angle.
 
 Written out in plain floats: NumPy costs as much at 9 × 9, and its matrix products do not give the
 same bits on every computer.
@@ -32,7 +33,7 @@ import msgspec
 
 from messages.units import Positive
 from services.estimation.depth.depth_variants import Observer
-from services.estimation.lean import LEVEL, Lean
+from services.estimation.lean import LEVEL, MOVING_STD, Lean
 from services.marine.summation import plain_sum
 from services.marine.vehicle import GRAVITY
 
@@ -44,11 +45,11 @@ SIZE = 9
 MOST = 1e12  # a larger variance counts as diverged
 LEAST_MOTION_NOISE = 0.5  # [m/s²/√Hz] with 0.2 the simulated vehicle oscillates, 0.1 is unstable
 LEVELLED_STD = 1e-3  # [rad] of the tilt error besides that of the biases: it may bob by 1 cm/s²
-MOVING_STD = 0.7  # [m/s] of each horizontal velocity under way
 AT_REST_STD = 0.05  # [m/s] of each horizontal velocity there
-# [m²/s] spectral density of the horizontal velocity about zero: 0.7 m/s for 4 s at a time.
+# [m²/s] spectral density of an error of the expected velocity of `MOVING_STD`, 4 s at a time.
 SPEED_DENSITY = 4.0
-SPEED_EVERY = 1.0  # [s] it is used as a measurement of zero
+SPEED_EVERY = 1.0  # [s] it is used as a measurement
+FAR = 3.0  # [σ] from the expected velocity: that is not used
 UNSURE = 0.04  # [rad] of the attitude's own spread: it was restarted, so the tilt is unknown
 
 
@@ -90,6 +91,7 @@ class DepthFilter:
     tilt: tuple[float, float]  # [rad] about north and east, to be added to the attitude
     velocity: tuple[float, float]  # [m/s] north, east
     covariance: list[Row]  # 9 × 9, symmetric
+    unexpected: bool  # the newest expected velocity was too far from it to be used
 
     def __init__(self, settings: DepthSettings) -> None:
         self._qa = settings.acceleration_noise**2
@@ -98,7 +100,8 @@ class DepthFilter:
         self._bias_std = settings.horizontal_bias_std
         self.covariance = [[0.0] * SIZE for _ in range(SIZE)]
         self.horizontal_bias = self.tilt = self.velocity = (0.0, 0.0)
-        self._free = 0.0  # [s] since the velocity was last limited
+        self._free = 0.0  # [s] since the velocity was last expected
+        self.unexpected = False
         tilt_std = self._bias_std / GRAVITY
         stds = (self._bias_std, self._bias_std, tilt_std, tilt_std, MOVING_STD, MOVING_STD)
         for k, std in enumerate(stds, start=3):
@@ -152,7 +155,9 @@ class DepthFilter:
             lean: of the accelerometer, at the end of the interval.
         """
         self._see_tilt(lean)
+        expected = LEVEL
         if acceleration is not None and measured:
+            expected = lean
             a, q = self.unbiased(acceleration, lean), self._qa
             self._move_horizontally(lean, dt)
             _advance(self.covariance, _shares(lean, self._horizontal_force(lean)), dt)
@@ -164,7 +169,7 @@ class DepthFilter:
         self._add_noise(q, dt)
         self._free += dt
         if self._free >= SPEED_EVERY:
-            self._limit_speed()
+            self._expect_speed(expected.velocity, expected.velocity_std)
 
     def unbiased(self, acceleration: float, lean: Lean) -> float:
         """[m/s²] A measured acceleration [m/s²] along down without the estimated errors."""
@@ -277,12 +282,24 @@ class DepthFilter:
             ve + (east + GRAVITY * about_north) * dt,
         )
 
-    def _limit_speed(self) -> None:
-        """The horizontal velocity, measured to be zero."""
-        variance, self._free = SPEED_DENSITY / self._free, 0.0
+    def _expect_speed(self, expected: tuple[float, float], std: float) -> None:
+        """The horizontal velocity, measured to be the expected one. If it cannot be, as of a
+        vehicle that pushes against a wall, it is measured to be zero, as without expectation."""
+        self.unexpected = std < MOVING_STD and self._is_far(expected, std)
+        if self.unexpected:
+            expected, std = (0.0, 0.0), MOVING_STD
+        variance = SPEED_DENSITY * (std / MOVING_STD) ** 2 / self._free
+        self._free = 0.0
         for k in (7, 8):
             seen = [row[k] for row in self.covariance]
-            self._correct(seen, -self.velocity[k - 7], seen[k] + variance)
+            self._correct(seen, expected[k - 7] - self.velocity[k - 7], seen[k] + variance)
+
+    def _is_far(self, velocity: tuple[float, float], std: float) -> bool:
+        north, east = velocity[0] - self.velocity[0], velocity[1] - self.velocity[1]
+        most = FAR * FAR
+        return north * north > most * (self.covariance[7][7] + std * std) or east * east > most * (
+            self.covariance[8][8] + std * std
+        )
 
     def _add_noise(self, q: float, dt: float) -> None:
         """Of a vertical acceleration with the spectral density `q` [m²/s³], and of the rest."""

@@ -106,6 +106,7 @@ class DepthObserver:
         self._outlier_ns: int | None = None  # [ns] newest that was the first in a row
         self._trial: AccelerometerTrial | None = None  # None: the accelerometer is used
         self._clipped = _Clipped()
+        self._refuses = False  # the velocity that is expected by the thrust
         self._unread: tuple[float, int] | None = None  # [m], [ns] newest sample, if not timed
 
     def start(self, pressure: float, samples: int, at_ns: int, lean: Lean = LEVEL) -> None:
@@ -147,7 +148,14 @@ class DepthObserver:
         if not heard and not self._lost:
             self._lost = True
             return "lost:depth"
-        return None if self._unread is None else self._read(self._unread)
+        if self._unread is not None:
+            return self._read(self._unread)
+        return self._speed_refused()
+
+    def _speed_refused(self) -> str | None:
+        """An event to count, once when the expected velocity begins to be refused."""
+        before, self._refuses = self._refuses, self._filter.unexpected
+        return "outlier:vehicle/actuation" if self._refuses and not before else None
 
     def _mean_of(self, before: float | None, newest: float | None, dt: float) -> float | None:
         """[m/s²] Mean of both ends of a step [s]: the newest alone would lead by half of it. After

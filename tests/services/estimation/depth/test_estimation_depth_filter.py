@@ -8,13 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from services.estimation.depth.depth_filter import (
+    FAR,
     SPEED_DENSITY,
     SPEED_EVERY,
     DepthFilter,
     DepthSettings,
 )
 from services.estimation.depth.depth_observer import Atmosphere, DepthObserver
-from services.estimation.lean import LEVEL, Lean
+from services.estimation.lean import LEVEL, MOVING_STD, Lean
 from services.marine.attitude import from_euler, to_world
 from services.marine.vehicle import GRAVITY
 
@@ -79,8 +80,14 @@ class Matrices:
         self.p = f @ self.p @ f.T + q
         self.free += dt
         if self.free >= SPEED_EVERY:
+            known = lean if acceleration is not None and measured else LEVEL
+            expected, std = known.velocity, known.velocity_std
+            spread = np.diag(self.p)[7:] + std**2
+            if np.any((np.array(expected) - self.x[7:]) ** 2 > FAR**2 * spread):
+                expected, std = (0.0, 0.0), MOVING_STD
             for k in (7, 8):
-                self.correct(np.eye(9)[k], 0.0, SPEED_DENSITY / self.free)
+                variance = SPEED_DENSITY * (std / MOVING_STD) ** 2 / self.free
+                self.correct(np.eye(9)[k], expected[k - 7], variance)
             self.free = 0.0
 
     def update(self, depth: float, age: float) -> None:
@@ -104,6 +111,8 @@ def a_lean(draw: st.DrawFn) -> Lean:
         to_world(q, (0.0, 1.0, 0.0)),
         (draw(force), draw(force)),
         (0.01 * turn[0], 0.01 * turn[1]),
+        velocity=(draw(force), draw(force)),
+        velocity_std=draw(st.floats(0.1, MOVING_STD)),
     )
 
 
@@ -322,6 +331,44 @@ def test_a_correction_of_the_attitude_is_taken_from_the_tilt_error():
     f = DepthFilter(SET)
     f.predict(0.0, DT, True, Lean(levelled=(0.01, -0.02)))
     assert f.tilt == (-0.01, 0.02)
+
+
+def pushed(velocity: tuple[float, float], std: float, push: float, tilt: float) -> DepthFilter:
+    """Ten seconds in which a vehicle accelerates north with `push` [m/s²] for two, and an attitude
+    that lacks a turn of `tilt` [rad] about east; `velocity` is expected after those two."""
+    f = DepthFilter(SET)
+    for k in range(1000):
+        now = push if k < 200 else 0.0
+        share = min(1.0, k / 200)
+        expected = velocity[0] * share, velocity[1] * share
+        lean = Lean(force=(now + GRAVITY * tilt, 0.0), velocity=expected, velocity_std=std)
+        f.predict(0.0, DT, True, lean)
+    return f
+
+
+def test_a_velocity_known_by_the_thrust_shows_the_tilt_error():
+    tilt = 0.01  # [rad]
+    worst = {True: 0.0, False: 0.0}
+    for way in (1.0, -1.0):
+        informed = pushed((way, 0.0), 0.3, 0.5 * way, tilt)
+        alone = pushed((0.0, 0.0), MOVING_STD, 0.5 * way, tilt)
+        for f in (informed, alone):  # what is the bias's and what the tilt's, nothing shows
+            wrong = abs(f.tilt[1] + f.horizontal_bias[0] / GRAVITY - tilt)
+            worst[f is informed] = max(worst[f is informed], wrong)
+        assert informed.covariance[6][6] < alone.covariance[6][6]
+    assert worst[True] < 0.5 * worst[False]
+
+
+def test_a_velocity_that_cannot_be_is_as_none_and_is_counted():
+    blocked, alone = pushed((5.0, 0.0), 0.3, 0.0, 0.0), pushed((0.0, 0.0), MOVING_STD, 0.0, 0.0)
+    assert blocked.unexpected
+    assert not alone.unexpected
+    assert states(blocked)[5:] == pytest.approx(states(alone)[5:], abs=0.3)
+    o = DepthObserver(SET, Atmosphere(101_325.0, 0.0), 1025.0, 0.0)
+    o.start(101_325.0, 100, 0)
+    far = Lean(velocity=(5.0, 0.0), velocity_std=0.3)
+    told = [o.predict(0.0, 10_000_000 * k, far) for k in range(1, 900)]
+    assert [event for event in told if event] == ["outlier:vehicle/actuation"]
 
 
 def test_after_a_shock_the_rate_is_known_no_better_than_what_was_between_two_samples():

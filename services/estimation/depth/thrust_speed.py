@@ -1,0 +1,111 @@
+"""The horizontal velocity that the thrust gives the vehicle, for the depth filter.
+
+The filter learns the attitude's tilt error from the horizontal velocity, because the error makes
+the integrated acceleration drift. Few vehicles measure that velocity. The thrust, as the driver
+reports it, and the drag of the vehicle file predict it, through the water.
+
+The prediction is as wrong as the hull is unlike its file, in proportion to the speed, and as wrong
+as the tether pulls. Without reports of thrust it fades to zero within a few seconds, and its error
+grows to that of a vehicle of which nothing is known.
+"""
+
+from collections.abc import Sequence
+from math import hypot
+
+from messages.units import Vec3, Vec6
+from messages.vehicle import Actuation
+from services.estimation.lean import MOVING_STD, Lean
+from services.marine.thrusters import limited, total_wrench, wrench_per_newton
+from services.marine.translation import Translation, flow
+from services.marine.vehicle import Vehicle
+from services.vehicle.mounting import cross
+
+STILL_STD = 0.1  # [m/s] of the prediction at rest
+SHARE = 0.3  # [-] of the predicted speed: thrust -40 %, damping ×2
+STEEPEST = 0.5  # [-] of the hull's down axis that is vertical; with less, nothing is predicted
+TRUST_TIME = 2.0  # [s] time constant with which the prediction is trusted, or no longer
+FASTEST = 5.0  # [m/s] along one axis; keeps an absurd report from becoming infinity
+HEAVE = 2
+NONE: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+class ThrustSpeed:
+    def __init__(
+        self, vehicle: Vehicle, wake_share: float, patience: float, *, at_rest: bool
+    ) -> None:
+        """
+        Args:
+            vehicle: of the vehicle file.
+            wake_share: [-] of the Munk moment that the wake cancels, see `wake_fins`.
+            patience: [s] an older report of thrust is not used.
+            at_rest: it begins with a vehicle at rest; otherwise its velocity is unknown.
+
+        Raises:
+            ValueError: a thruster without direction.
+        """
+        self.surge = self.sway = 0.0  # [m/s] through the water
+        self._unknown = 0.0 if at_rest else 1.0  # [-] 0: prediction is trusted, 1: it is not used
+        self._thrusters = vehicle.thruster
+        self._columns = [wrench_per_newton(thruster) for thruster in vehicle.thruster]
+        self._hull = Translation(vehicle, wake_share)
+        self._patience = patience
+        self._thrust = NONE
+        self._heard_ns: int | None = None  # [ns] stamp of the newest report
+        self._silent = False
+
+    def actuation(self, sample: Actuation) -> None:
+        """Thrust as reported; a report of another length is counted elsewhere."""
+        if len(sample.thrust) == len(self._columns):
+            self._thrust, self._heard_ns = self._wrench(sample.thrust), sample.stamp_ns
+
+    def silence(self, now: int) -> str | None:
+        """An event to count, once when the reports of thrust have stopped."""
+        if self._heard_ns is None:
+            self._heard_ns = now
+        before, self._silent = self._silent, abs(now - self._heard_ns) * 1e-9 > self._patience
+        return "silent:vehicle/actuation" if self._silent and not before else None
+
+    def lost(self) -> None:
+        """It was not stepped for a while: the velocity is unknown."""
+        self.surge = self.sway = 0.0
+        self._unknown = 1.0
+
+    def step(self, lean: Lean, rate: Vec3, depth_rate: float, dt: float) -> Lean:
+        """Advance by `dt` [s]. Returns the lean with the velocity to be expected.
+
+        Args:
+            rate: [rad/s] of the body.
+            depth_rate: [m/s].
+        """
+        axis = cross(lean.forward, lean.starboard)  # the body's down axis in the world
+        down = lean.forward[2], lean.starboard[2], axis[2]  # the world's in the body
+        known = axis[2] > STEEPEST and not self._silent
+        share = dt / (TRUST_TIME + dt)
+        if not known:
+            self._unknown += share * (1.0 - self._unknown)
+            self.surge -= share * self.surge
+            self.sway -= share * self.sway
+            return self._expected(lean, axis, 0.0)
+        self._unknown -= share * self._unknown
+        nu = flow(self.surge, self.sway, depth_rate, down, rate)
+        along, across, _ = self._hull.acceleration(nu, self._thrust)
+        self.surge = _bounded(self.surge + along * dt)
+        self.sway = _bounded(self.sway + across * dt)
+        return self._expected(lean, axis, nu[HEAVE])
+
+    def _expected(self, lean: Lean, axis: Vec3, heave: float) -> Lean:
+        trust, u, v = 1.0 - self._unknown, self.surge, self.sway
+        (fn, fe, _), (sn, se, _), (dn, de, _) = lean.forward, lean.starboard, axis
+        north = trust * (u * fn + v * sn + heave * dn)
+        east = trust * (u * fe + v * se + heave * de)
+        std = hypot(STILL_STD, SHARE * north, SHARE * east)
+        std = min(MOVING_STD, trust * std + self._unknown * MOVING_STD)
+        return lean._replace(velocity=(north, east), velocity_std=std)
+
+    def _wrench(self, thrust: Sequence[float]) -> Vec6:
+        possible = [limited(t, f) for t, f in zip(self._thrusters, thrust, strict=True)]
+        return total_wrench(self._columns, possible)
+
+
+def _bounded(speed: float) -> float:
+    return max(-FASTEST, min(FASTEST, speed))
