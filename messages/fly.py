@@ -20,6 +20,7 @@ class FlyAnswer(Answer, frozen=True, kw_only=True):
 
     reason: Text = ""  # why it stays with the drone that is flown
     left: Text = ""  # what becomes of the drone that was left
+    folder: Text = ""  # of the new drone's recording, on the pilot's machine
 
 
 class ReachableDrone(msgspec.Struct, frozen=True, kw_only=True):

@@ -137,11 +137,16 @@ def _fly(given: dict[str, Any], running: Running, as_json: bool) -> int:
     )
     if as_json:
         told = {"id": answer.id, "kind": "fly", "drone": drone, "accepted": answer.accepted}
-        print(json.dumps({**told, "reason": answer.reason, "left": answer.left}))
+        print(
+            json.dumps(
+                {**told, "reason": answer.reason, "left": answer.left, "folder": answer.folder}
+            )
+        )
     if not answer.accepted:
-        raise LindyError(f"{running.vehicle} is flown on: {answer.reason}")
+        raise LindyError(f"still the topside of {running.vehicle}: {answer.reason}")
     if not as_json:
-        print(f"this is the topside of {drone} now; {answer.left}")
+        where = f", in {answer.folder}" if answer.folder else ""
+        print(f"this is the topside of {drone} now{where}; {answer.left}")
     return 0
 
 

@@ -226,7 +226,7 @@ def planned(
     every = Registry.read(choices.stack)
     here = with_picture(runnable(on_side(every, "topside", gateway=gateway)), choices, every)
     here = here.grouped() if grouped else here
-    pilot = who_flies(choices, here)
+    pilot = who_flies(choices, here, elsewhere=True)
     stack = checked(choices, pilot, every, here)
     require_packages(here, pilot.name)
     stack = msgspec.structs.replace(stack, apart=True, insecure=insecure)

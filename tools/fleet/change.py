@@ -66,7 +66,7 @@ class ChangeOfDrone:
         if self.wanted:
             return f"the change to {self.wanted} is going on"
         if wanted == self.drone:
-            return f"{wanted} is the drone that is flown"
+            return f"{wanted} is flown already"
         if wanted not in there:
             who = f"there are {in_words(there)}" if there else "none can be reached"
             return f"no drone is called {wanted}; {who}"
@@ -137,7 +137,7 @@ def left_behind(
         return f"{name} is left to {clean(status.pilot)}, who has control"
     if not status.armed:
         return f"{name} is left{_depth(status)}, disarmed, nobody flies it"
-    if status.failsafe != "none":
+    if status.failsafe not in ("none", "pilot_lost", "link_lost"):  # it is about to lose its pilot
         return f"{name} is left{_depth(status)}, armed, nobody flies it: {clean(status.words, 400)}"
     return f"{name} holds{_depth(status)}, armed, nobody flies it; it rises after {rises}"
 

@@ -137,7 +137,7 @@ class FlownTopside:
         self.local.replaced, self.local.announced = True, False
         (self.local.stack.out_dir / RUNNING).unlink(missing_ok=True)
 
-    def answer(self, request_id: str, reason: str, left: str = "") -> None:
+    def answer(self, request_id: str, reason: str, left: str = "", folder: str = "") -> None:
         self._answers.put(
             FlyAnswer(
                 stamp_ns=time.monotonic_ns(),
@@ -145,6 +145,7 @@ class FlownTopside:
                 accepted=not reason,
                 reason=reason[:1000],
                 left=left[:1000],
+                folder=folder[:2000],
             )
         )
 

@@ -16,7 +16,7 @@ from services.runtime.launch.spares import Spares
 from tools.fleet.change import Act, ChangeOfDrone, ChangeSeen
 from tools.fleet.fleet import watched
 from tools.fleet.flight import FlownTopside, opened
-from tools.fleet.reachable import drone_list
+from tools.fleet.reachable import drone_list, still_armed
 from tools.fleet.watching import FleetWatch
 from tools.live.display import Display, display
 from tools.live.dive_folder import point_latest
@@ -26,6 +26,7 @@ from tools.up import Planned
 PASSING_NS = 3_000_000_000  # [ns] for a change to finish when the user wants to stop
 SPARES_NS = 100_000_000  # [ns] between two looks at the spare processes
 LIST_NS = round(1e9 / topics.FLY_DRONES.hz)  # [ns] between two lists of the drones
+GOES_ON = "the flight goes on"
 ANSWERS = 64  # newest answers, for orders that are repeated
 
 
@@ -132,8 +133,8 @@ class Flights:
             LindyError: why one was aborted, the first of them.
         """
         worst, aborted = 0, list[LindyError]()
-        if self._flight.dive.left:
-            print(self._flight.dive.left, flush=True)
+        for line in filter(None, [*self._still_armed(), self._flight.dive.left]):
+            print(line, flush=True)
         for flight in self._flown:
             try:
                 worst = max(worst, flight.plan.sum_up(flight.outcome))
@@ -142,6 +143,13 @@ class Flights:
         if aborted:
             raise aborted[0]
         return worst
+
+    def _still_armed(self) -> list[str]:
+        """What is to be said of the drones that were left on the way."""
+        now = time.monotonic_ns()
+        self._take_in(now)
+        left = {flight.drone for flight in self._flown} - {self._flight.drone}
+        return still_armed(left, self._watch.rows(now))
 
     @property
     def _flight(self) -> FlownTopside:
@@ -223,11 +231,11 @@ class Flights:
         self._asked, self._failed = request.id, ""
         self._do(self._change.order(request.drone, now), now)
 
-    def _answer(self, request_id: str, reason: str, left: str = "") -> None:
+    def _answer(self, request_id: str, reason: str, left: str = "", folder: str = "") -> None:
         self._answers[request_id] = reason
         if len(self._answers) > ANSWERS:
             del self._answers[next(iter(self._answers))]
-        self._flight.answer(request_id, reason, left)
+        self._flight.answer(request_id, reason, left, folder)
 
     def _do(self, act: Act, now: int) -> None:
         flight, new = self._flight, self._new
@@ -251,11 +259,11 @@ class Flights:
                 flight.local.begin(flight.pilots)
                 self._stay(f"take control of {flight.drone} again, by arming or resuming")
             case _:
-                self._stay("the flight goes on")
+                self._stay(GOES_ON)
 
     def _go_over(self, old: FlownTopside, new: FlownTopside) -> None:
         left = old.left(released=old.dive.ask_on(time.monotonic_ns()))
-        self._answer(self._asked, "", left)
+        self._answer(self._asked, "", left, str(new.local.stack.out_dir))
         old.leave()
         self._flown.append(new)
         self._asked, self._new = "", None
@@ -267,7 +275,8 @@ class Flights:
     def _stay(self, then: str) -> None:
         """The drone that is flown is not changed."""
         self._say("error", f"the drone was not changed: {self._change.failed}; {then}")
-        self._answer(self._asked, f"{self._change.failed}; {then}")
+        then = "" if then == GOES_ON else f"; {then}"
+        self._answer(self._asked, f"{self._change.failed}{then}")
         if self._new is not None:
             self._end(self._new)
         self._asked, self._new, self._failed = "", None, ""

@@ -41,8 +41,12 @@ def other_drone(wanted: str, there: Sequence[str], *, was_there: bool = False) -
     if was_there:
         return f"{wanted} has left the network, where {in_words(there)} can be reached: waiting \
 for it"
-    return f"this is the topside of {wanted}, and only {in_words(there)} can be reached: end it, \
-and start it with --name {sorted(there)[0]}"
+    other = sorted(there)[0]
+    return (
+        f"this is the topside of {wanted}, and only {in_words(there)} can be reached: "
+        f"`lindy ask fly {other}` where `lindy fly` runs, else end it, and start it with "
+        f"--name {other}"
+    )
 
 
 def clean(text: str, longest: int = LONGEST_WORDS) -> str:

@@ -1,5 +1,7 @@
 """The drones that a pilot may take instead of the one he flies, as his cockpit lists them. Pure."""
 
+from collections.abc import Collection, Iterable
+
 from messages.fly import MOST_DRONES, DroneList, ReachableDrone
 from messages.identity import SideIdentity, difference
 from messages.units import Ns
@@ -40,6 +42,24 @@ def misfit(drone: str, ours: SideIdentity, theirs: SideIdentity) -> str:
     """
     why = difference(ours, theirs)
     return f"{drone} cannot be flown from here: {clean(why, LONGEST_WORDS)}" if why else ""
+
+
+def still_armed(left: Collection[str], rows: Iterable[FleetRow]) -> list[str]:
+    """What a pilot who goes is to be told of drones that he has left on the way: of each that is
+    armed and that nobody flies, or that is not heard.
+
+    Args:
+        rows: of the drones that were heard.
+    """
+    known = {row.name: row for row in rows if not row.gone}
+    said = list[str]()
+    for name in sorted(left):
+        row = known.get(name)
+        if row is None:
+            said.append(f"{name} is not heard now: if it is armed, it holds, and rises later")
+        elif row.armed and not row.pilot:
+            said.append(f"{name} is still armed, and nobody flies it: `lindy fly {name}` takes it")
+    return said
 
 
 def _reachable(row: FleetRow, watch: FleetWatch, ours: SideIdentity) -> ReachableDrone:

@@ -34,6 +34,7 @@ class DiveTimeline:
         self.note = status.note or status.mode
         if status.pilot and not self.controlled:
             self.note = f"{status.pilot} has control"
+            self.began_ns = now  # it is watched until it is free
         if self.armed and self.armed_ns is None:
             self.armed_ns = now
 

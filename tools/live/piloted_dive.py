@@ -24,12 +24,18 @@ IN_PLACE = {"mavlink": "a ground station", "cockpit": "a browser"}
 DISARM_S = 1.0  # [s] at most, for the drone's answer at the end
 
 
-def who_flies(choices: Choices, services: Collection[str]) -> PilotChoice:
+def who_flies(
+    choices: Choices, services: Collection[str], *, elsewhere: bool = False
+) -> PilotChoice:
     """The pilot that the user chose; else the gamepad; else, where none is plugged in, a script.
     Where the stack has a ground station or a browser in place of the gamepad, it is the pilot.
 
+    Args:
+        elsewhere: the drone is another program's, perhaps a real one: no script flies that nobody
+            has chosen.
+
     Raises:
-        LindyError: no such pilot, or a mistake in the script.
+        LindyError: no such pilot, a mistake in the script, or nobody to fly.
     """
     others = [name for name in IN_PLACE if name in services]
     if others and GAMEPAD not in services:
@@ -40,6 +46,11 @@ def who_flies(choices: Choices, services: Collection[str]) -> PilotChoice:
             )
         return PilotChoice(others[0])
     if choices.pilot is None and not pad_is_there():
+        if elsewhere:
+            raise LindyError(
+                "no gamepad is plugged in: plug one in, or say who flies, with --pilot keyboard, "
+                f"--pilot {DEFAULT_PILOT} or another script"
+            )
         return pilot_of(DEFAULT_PILOT)
     return pilot_of(choices.pilot or "gamepad")
 

@@ -47,6 +47,10 @@ PARENT_KILLED = (
     "lindy: the program that supervises the services was killed: all of them end, "
     "and the thrusters stop"
 )
+TOPSIDE_KILLED = (
+    "lindy: the program that supervises the services was killed: all of this side end; an armed "
+    "drone stops and holds without its pilot, and rises later"
+)
 LEAVE_S = 0.1  # [s] for what says that a hub ends to reach others; nothing tells that it has
 GRACE_S = 1.0  # after the parent's death: time to close files before the process is ended
 
@@ -154,7 +158,7 @@ class HubLaunch(msgspec.Struct, frozen=True, kw_only=True):
 def run_hub(launch: HubLaunch) -> int:
     """Run a side's hub, which is a Zenoh router, until it is asked to stop."""
     with (
-        _stoppable(launch.parent, tells=launch.tells) as stop,
+        _stoppable(launch.parent, _parting(launch)) as stop,
         _sentences("hub"),
         listening(*launch.listen, connect=launch.connect, hub_side=launch.hub_side) as session,
     ):
@@ -174,15 +178,21 @@ def run_hub(launch: HubLaunch) -> int:
     return 1
 
 
+def _parting(launch: HubLaunch) -> str:
+    """What is said when the parent was killed; empty: nothing."""
+    topside = launch.hub_side is not None and launch.hub_side.side == "topside"
+    return (TOPSIDE_KILLED if topside else PARENT_KILLED) if launch.tells else ""
+
+
 @contextmanager
-def _stoppable(parent: int | None, *, tells: bool = False) -> Generator[StopFlag]:
+def _stoppable(parent: int | None, parting: str = "") -> Generator[StopFlag]:
     stop = StopFlag()
     signal.signal(signal.SIGINT, stop.ask)
     signal.signal(signal.SIGTERM, stop.ask)
     _exact_timers()
     if parent is not None:
-        terminal = _stderr_of(parent) if tells else None
-        Thread(target=_follow, args=(parent, stop, terminal), daemon=True).start()
+        terminal = _stderr_of(parent) if parting else None
+        Thread(target=_follow, args=(parent, stop, terminal, parting), daemon=True).start()
     try:
         yield stop
     finally:  # the process ends: a further signal must not change its status
@@ -213,13 +223,13 @@ def _sentences(who: str) -> Generator[None]:
         print(f"lindy {who}: {error}", file=sys.stderr, flush=True)
 
 
-def _follow(parent: int, stop: StopFlag, terminal: IO[str] | None) -> None:
+def _follow(parent: int, stop: StopFlag, terminal: IO[str] | None, parting: str) -> None:
     """Set the flag when the parent has ended; end the process if that does not stop it."""
     while os.getppid() == parent:
         time.sleep(0.2)  # the kernel does not tell a process that its parent died
     if terminal is not None and not stop.asked:
         with contextlib.suppress(OSError):
-            print(PARENT_KILLED, end="\r\n", file=terminal, flush=True)
+            print(parting, end="\r\n", file=terminal, flush=True)
     stop.ask()
     time.sleep(GRACE_S)  # for the main thread to close files
     os._exit(2)

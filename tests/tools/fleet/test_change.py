@@ -122,7 +122,7 @@ def test_what_cannot_be_opened_changes_nothing():
 @pytest.mark.parametrize(
     ("wanted", "there", "said"),
     [
-        ("rov1", THERE, "rov1 is the drone that is flown"),
+        ("rov1", THERE, "rov1 is flown already"),
         ("rov9", THERE, "no drone is called rov9; there are rov1, rov2, rov3"),
         ("rov9", [], "no drone is called rov9; none can be reached"),
         ("..", THERE, "fly '..': a drone's name is a part of every key"),
@@ -151,6 +151,11 @@ def test_one_change_goes_on_at_a_time():
             status(failsafe="leak", reaction="ascend", words="the drone rises slowly"),
             True,
             "rov1 is left at 4.1 m, armed, nobody flies it: the drone rises slowly",
+        ),
+        (
+            status(failsafe="pilot_lost", reaction="stop", words="pilot lost; resume"),
+            True,
+            "rov1 holds at 4.1 m, armed, nobody flies it; it rises after 60 s",
         ),
         (
             status(),

@@ -12,7 +12,7 @@ from messages.message import Message
 from messages.topic import AnyTopic
 from messages.vehicle import VehicleStatus
 from services.runtime.bus.spaces import here_key, namespace
-from tools.fleet.reachable import drone_list, misfit
+from tools.fleet.reachable import drone_list, misfit, still_armed
 from tools.fleet.watching import FleetWatch
 
 NOW = 10_000_000_000
@@ -109,3 +109,19 @@ def test_however_many_a_stranger_announces_those_that_speak_are_listed():
         for drone in made.drones
         for text in (drone.pilot, drone.alarms, drone.name, drone.misfit)
     )
+
+
+def test_a_pilot_who_goes_is_told_of_the_drones_that_he_left_armed():
+    network = Network()
+    for name, status in {
+        "armed": {"armed": True},
+        "flown": {"armed": True, "pilot": "ann"},
+        "off": {},
+        "not left": {"armed": True},
+    }.items():
+        network.drone(name.replace(" ", "-"), identity(), **status)
+    said = still_armed({"armed", "flown", "off", "silent"}, network.watch.rows(NOW))
+    assert said == [
+        "armed is still armed, and nobody flies it: `lindy fly armed` takes it",
+        "silent is not heard now: if it is armed, it holds, and rises later",
+    ]

@@ -80,8 +80,11 @@ def test_the_arming_by_another_sides_pilot_is_not_the_beginning_of_this_dive():
     theirs = VehicleStatus(stamp_ns=0, mode="piloted", armed=True, pilot="ann", epoch=1)
     timeline.see(theirs, ns(1))
     assert (timeline.armed, timeline.controlled, timeline.armed_ns) == (False, False, None)
+    assert timeline.over(ns(ARMING_S + 1)) is None
+    timeline.see(theirs, ns(10 * ARMING_S))
+    assert timeline.over(ns(11 * ARMING_S)) is None  # a drone that somebody flies is waited for
     with pytest.raises(LindyError, match=r"did not arm within 30 s: ann has control"):
-        timeline.over(ns(ARMING_S + 1))
+        timeline.over(ns(11 * ARMING_S + 1))
     ours = VehicleStatus(stamp_ns=0, mode="piloted", armed=True, pilot="bob", epoch=2)
     timeline.see(ours, ns(2))
     assert (timeline.armed, timeline.controlled, timeline.armed_ns) == (True, True, ns(2))

@@ -73,7 +73,7 @@ def dive(t: Array, felt: Array, wanted: Array, thrust: Array) -> RecordedDive:
     ahead, astern = [turns.astype(np.float64) @ weights for turns in (thrust > 0.0, thrust < 0.0)]
     columns: dict[AnyTopic, dict[str, Array]] = {
         topics.REFERENCE: {
-            "valid": stamps, "armed": zero + 1.0, "heave acceleration": wanted,
+            "valid": stamps, "stamp": stamps, "armed": zero + 1.0, "heave acceleration": wanted,
             "yaw acceleration": wanted,
         },
         topics.STATE: {"sensor": stamps, "heave acceleration": felt, "yaw rate": turned},

@@ -19,7 +19,7 @@ from services.runtime.bus.spaces import here_key, namespace
 from services.runtime.bus.zenoh_bus import ZenohBus, listening, open_bus
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.callers import Callers
-from services.runtime.hosts.process_host import PARENT_KILLED, HubLaunch, Launch
+from services.runtime.hosts.process_host import PARENT_KILLED, TOPSIDE_KILLED, HubLaunch, Launch
 from services.runtime.hosts.stack_file import ServiceSpec
 
 PATIENCE_S = 60.0  # never reached unless something is broken
@@ -251,12 +251,17 @@ def test_a_hub_carries_messages_until_it_is_asked_to_end(bench: Bench) -> None:
     assert process.returncode == 0
 
 
-@pytest.mark.parametrize("killed", [True, False])
+@pytest.mark.parametrize(
+    ("killed", "topside", "said"),
+    [(True, False, PARENT_KILLED), (True, True, TOPSIDE_KILLED), (False, False, None)],
+)
 def test_a_hub_says_in_the_terminal_that_its_parent_was_killed_and_only_then(
-    bench: Bench, killed: bool
+    bench: Bench, killed: bool, topside: bool, said: str | None
 ) -> None:
     endpoint = f"unixsock-stream/{bench.folder}/third.sock"
-    launch = msgspec.to_builtins(HubLaunch(listen=[endpoint], tells=True)) | {"parent": "PARENT"}
+    border = HubSide("topside", namespace("pioneer")) if topside else None
+    launch = HubLaunch(listen=[endpoint], tells=True, hub_side=border)
+    launch = msgspec.to_builtins(launch) | {"parent": "PARENT"}
     text = msgspec.json.encode(launch).decode().replace('"PARENT"', "PARENT")
     quiet = PARENT.replace("sys.argv[1:]]", "sys.argv[1:]], stderr=subprocess.DEVNULL")
     command = [sys.executable, "-S", "-c", quiet, *PYTHON, "hub", text]
@@ -270,7 +275,7 @@ def test_a_hub_says_in_the_terminal_that_its_parent_was_killed_and_only_then(
         until(lambda: not exists(hub))
     parent.kill()
     _, shown = parent.communicate(timeout=PATIENCE_S)
-    assert shown == (f"{PARENT_KILLED}\n" if killed else "")
+    assert shown == ("" if said is None else f"{said}\n")
 
 
 @pytest.mark.parametrize("how", ["asked", "killed", "parent killed"])

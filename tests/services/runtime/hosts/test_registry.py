@@ -12,7 +12,7 @@ from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import NEEDED, Registry
 from services.runtime.hosts.service_module import own_services
 from services.runtime.hosts.virtual_host import VirtualHost
-from tools.checks import known_tables
+from tools.checks import DEFAULT_PILOT, known_tables
 from tools.choices import Choices
 from tools.live.cockpit import with_cockpit, with_picture
 from tools.live.piloted_dive import who_flies
@@ -79,6 +79,20 @@ def test_a_ground_station_may_be_the_pilot_in_place_of_the_gamepad() -> None:
     assert dict(with_cockpit(cockpit, "keyboard")) == dict(cockpit)
     both = {**simulated, "mavlink": mavlink["mavlink"]}
     assert who_flies(Choices(pilot="keyboard"), both).name == "keyboard"
+
+
+def test_a_drone_that_is_elsewhere_is_flown_by_no_script_that_nobody_chose(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    simulated = Registry.read("simulated")
+    monkeypatch.setattr("tools.live.piloted_dive.pad_is_there", lambda: False)
+    assert who_flies(Choices(), simulated).name == DEFAULT_PILOT
+    with pytest.raises(LindyError, match=r"^no gamepad is plugged in: .* --pilot keyboard"):
+        who_flies(Choices(), simulated, elsewhere=True)
+    chosen = who_flies(Choices(pilot=DEFAULT_PILOT), simulated, elsewhere=True)
+    assert chosen.name == DEFAULT_PILOT
+    monkeypatch.setattr("tools.live.piloted_dive.pad_is_there", lambda: True)
+    assert who_flies(Choices(), simulated, elsewhere=True).name == "gamepad"
 
 
 DEVICE = Choices(set_=("camera.source=/dev/video0",))
