@@ -10,6 +10,7 @@ import msgspec
 
 from services.runtime.bus.key_files import Door
 from services.runtime.config.errors import LindyError
+from services.runtime.config.identity import identity_now
 from services.runtime.config.settings import nearest
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
@@ -37,7 +38,7 @@ from tools.live.stop_signals import StopSignals
 from tools.live.viewer import runnable
 from tools.onboard.broken_off import broken_off
 from tools.onboard.plan import Plan, become
-from tools.onboard.this_start import NOTE, Start, boot_id
+from tools.onboard.this_start import NOTE, Start, boot_id, other_vehicle
 from tools.packages import require_packages
 from tools.report import Elsewhere
 
@@ -107,7 +108,9 @@ def drone(
     here = here.grouped() if grouped else here
     stack = checked(choices, pilot_of(choices.pilot or DEFAULT_PILOT), every, here)
     require_packages(here)
-    before = resumed(resume, time.monotonic_ns(), time.time()) if resume is not None else {}
+    before: dict[str, bytes] = {}
+    if resume is not None:
+        before = resumed(resume, identity_now(stack, "drone"), time.monotonic_ns(), time.time())
     # The pilot and the link are chosen on the topside.
     stack = msgspec.structs.replace(stack, apart=True, pilot=OTHER["drone"], link=meeting.link)
     stack = msgspec.structs.replace(stack, name=drones_name(stack, meeting), insecure=insecure)
@@ -133,22 +136,43 @@ def drone(
         listen=meeting.listen,
         router=meeting.router,
         door=meeting.door,
-        begin_with={**goes_on_with(stack), **before},
+        begin_with={**goes_on_with(stack, resumes=bool(before)), **before},
         seconds=choices.seconds,
         claim=hand_over(stack.out_dir),
     )
     become("supervise", plan)
 
 
-def goes_on_with(stack: Stack) -> dict[str, bytes]:
+def goes_on_with(stack: Stack, *, resumes: bool = False) -> dict[str, bytes]:
     """The files that the folder of the checkpoints begins with: a note of this start, and the
-    estimator's checkpoint of a dive that broke off, which is announced."""
-    boot, now = boot_id(), time.monotonic_ns()
-    if boot is None:
-        return {}
-    start = {NOTE: msgspec.json.encode(Start(boot, stack.drone_name, now))}
-    before = broken_off(stack.out_dir.parent, boot, stack.drone_name, now)
+    estimator's checkpoint of a dive that broke off, of this very vehicle, which is announced.
+
+    Args:
+        resumes: another dive to go on with was named by the user.
+
+    Raises:
+        LindyError: the vehicle file cannot be read.
+    """
+    boot, now, identity = boot_id(), time.monotonic_ns(), identity_now(stack, "drone")
+    note = Start(
+        boot_id=boot or "",
+        vehicle=stack.drone_name,
+        began_ns=now,
+        vehicle_file=identity.vehicle,
+        vehicle_hash=identity.vehicle_hash,
+    )
+    start = {NOTE: msgspec.json.encode(note)}
+    before = None
+    if boot is not None and not resumes:
+        before = broken_off(stack.out_dir.parent, boot, stack.drone_name, now)
     if before is None:
+        return start
+    if why := other_vehicle(before.start, identity):
+        print(
+            f"does not go on with the calibration of {before.folder}, which broke off: {why}; "
+            f"this start calibrates anew, with the vehicle afloat and at rest",
+            flush=True,
+        )
         return start
     print(
         f"goes on with the calibration of {before.folder}, which broke off; it is "

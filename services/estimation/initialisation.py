@@ -65,7 +65,7 @@ def resumed(settings: Settings, kept: EstimationCheckpoint, events: Events) -> O
     atmosphere = Atmosphere(kept.atmosphere, kept.atmosphere_std)
     events.warn(
         f"goes on with the dive: atmosphere {kept.atmosphere / 100.0:.1f} hPa, "
-        f"heading {degrees(kept.heading):.0f} deg from before the restart"
+        f"heading {round(degrees(kept.heading)) % 360} deg from before the restart"
     )
     return Observers(
         attitude,

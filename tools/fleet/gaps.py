@@ -44,11 +44,11 @@ class Gaps:
 
     @property
     def words(self) -> str:
-        """`not heard 2 times, 14 s in all`; empty: there was no gap."""
+        """`2 gaps, 14 s in all`; empty: there was no gap."""
         if not self.count:
             return ""
-        times = "once" if self.count == 1 else f"{self.count} times"
-        return f"not heard {times}, {self.total_ns / 1e9:.0f} s in all"
+        gaps = "1 gap" if self.count == 1 else f"{self.count} gaps"
+        return f"{gaps}, {self.total_ns / 1e9:.0f} s in all"
 
     def _end_gap(self, now: Ns) -> Ns:
         """Returns how long it was; 0: there was none."""

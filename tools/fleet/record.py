@@ -26,7 +26,9 @@ from tools.live.stop_signals import StopSignals
 
 CLEAN, DATA_LOST = 0, 3  # exit statuses
 STEP_S = 0.1  # [s] between two looks at what has arrived
+FIRST_LOOK_S = 10.0  # [s] who was not heard by then is named, once
 STEPS_A_FLUSH = 2  # of a disk: at most 0.2 s is lost when this program is killed
+LISTED = 10  # names in one line, at most
 KEPT = 100_000  # messages between two looks; some ten seconds of twenty drones
 SKIPPED = (topics.VIDEO,)  # heavy, and no camera sends it unless somebody asks for it
 RECORDED: tuple[AnyTopic, ...] = tuple(
@@ -80,6 +82,7 @@ class FleetRecorder:
         self._endpoint, self._folder, self._only = endpoint, folder, only
         self._rows = {topic.key for topic in ROWS}
         self._failed: set[str] = set()  # drones that are not recorded
+        self._others: set[str] = set()  # drones that were heard, and are not of `only`
         self.beyond = 0  # messages of those beyond `MOST`
 
     def look(self, arrivals: Arrivals) -> None:
@@ -126,14 +129,25 @@ class FleetRecorder:
         ]
         beyond = f"{self.beyond} messages of drones beyond the first {MOST}, not recorded"
         remarks = [*([beyond] if self.beyond else []), *self.roster.remarks]
-        return [*(lines or ["no drone was heard"]), *remarks]
+        return [*lines, *([self.unheard] if self.unheard else []), *remarks]
+
+    @property
+    def unheard(self) -> str:
+        """Which of the wanted drones never said what they are; empty: all did."""
+        heard = self._failed.union(self.recordings)
+        if not self._only:
+            return "" if heard else "no drone was heard"
+        missing = sorted(set(self._only) - heard)
+        others = sorted(self._others)
+        beside = f"; heard, and not asked for: {_listed(others)}" if others else ""
+        return f"never heard: {', '.join(missing)}{beside}" if missing else ""
 
     @property
     def lost(self) -> bool:
-        """Is there something, or a time, that is not recorded?"""
+        """Is there something, a time, or a drone that is not recorded?"""
         gaps = any(one.count for one in self._gaps.values())
         lost = any(one.lost for one in self.recordings.values())
-        return bool(self._failed or self.beyond or gaps or lost)
+        return bool(self._failed or self.beyond or gaps or lost or self.unheard)
 
     def _take(self, envelope: Envelope, arrived: int) -> None:
         name = name_in(envelope.key)
@@ -153,8 +167,13 @@ class FleetRecorder:
     def _begin(self, name: str) -> FleetRecording | None:
         """A drone that has said what it is gets a recording. A name alone anybody can announce."""
         drone = self.roster.drones.get(name)
-        unwanted = name in self._failed or (self._only and name not in self._only)
-        if drone is None or drone.identity is None or drone.status is None or unwanted:
+        if drone is None or drone.identity is None or drone.status is None:
+            return None
+        if self._only and name not in self._only:
+            if len(self._others) < MOST:
+                self._others.add(name)
+            return None
+        if name in self._failed:
             return None
         if len(self.recordings) + len(self._failed) >= MOST:
             self.beyond += 1
@@ -170,6 +189,11 @@ class FleetRecorder:
         without = "" if recording.knows_vehicle else ", without its vehicle file: it has another"
         print(f"{name} → {recording.folder}{without}", flush=True)
         return recording
+
+
+def _listed(names: list[str]) -> str:
+    more = len(names) - LISTED
+    return ", ".join(names[:LISTED]) + (f" and {more} more" if more > 0 else "")
 
 
 def _why(error: OSError, folder: Path) -> str:
@@ -188,7 +212,8 @@ def record(
     seconds: float | None = None,
 ) -> int:
     """Record until Ctrl-C, or for so many seconds. Returns the exit status: 3 when something that
-    came is not in a file, or a drone was not heard for a while.
+    came is not in a file, a drone was not heard for a while, or one of `only` never; without
+    `only`, when none was heard.
 
     Raises:
         LindyError: nobody answers there, the keys are no good, or nothing can be written.
@@ -207,7 +232,9 @@ def record(
         network.watch(lambda key, there: arrivals.tokens.append((key, there)), arrivals.leave)
         for topic in RECORDED:
             network.collect(topic, arrivals.store)
-        print(f"records every drone at {endpoint} → {folder}, until Ctrl-C", flush=True)
+        who = ", ".join(dict.fromkeys(only)) or "every drone"
+        how_long = "until Ctrl-C" if seconds is None else f"for {seconds:g} s, or until Ctrl-C"
+        print(f"records {who} at {endpoint} → {folder}, {how_long}", flush=True)
         end = time.monotonic() + (float("inf") if seconds is None else seconds)
         answered = True
         for step in count(1):
@@ -215,6 +242,8 @@ def record(
             now = time.monotonic_ns()
             recorder.look(arrivals)
             recorder.notice_silence(now)
+            if step == round(FIRST_LOOK_S / STEP_S) and recorder.unheard:
+                print(f"after {FIRST_LOOK_S:g} s: {recorder.unheard}", flush=True)
             if network.answers != answered:
                 answered = not answered
                 how = "answers again" if answered else "does not answer"

@@ -9,24 +9,27 @@ from pathlib import Path
 
 import msgspec
 
+from messages.identity import SideIdentity
 from services.estimation.checkpoint import EstimationCheckpoint
 from services.runtime.config.errors import LindyError
 from services.runtime.launch.local_stack import CHECKPOINTS
+from tools.onboard.this_start import NOTE, other_vehicle, read
 
 ESTIMATION = "estimation"
 LONGEST_S = 1800.0  # [s] by then the air pressure, the bias and the heading may have changed
 
 
-def resumed(dive: Path, clock_ns: int, utc_s: float) -> dict[str, bytes]:
+def resumed(dive: Path, identity: SideIdentity, clock_ns: int, utc_s: float) -> dict[str, bytes]:
     """The checkpoints with which the services of a new start begin, by service.
 
     Args:
         dive: folder of the dive that broke off.
+        identity: of the side that is started now.
         clock_ns: [ns] the vehicle's clock now, which has begun anew with the computer.
         utc_s: [s] now, as the file system counts; the only clock that both starts share.
 
     Raises:
-        LindyError: there is no checkpoint, it cannot be read, or it is too old.
+        LindyError: there is no checkpoint, it cannot be read, it is too old, or of another vehicle.
     """
     path = newest(dive)
     try:
@@ -44,6 +47,11 @@ def resumed(dive: Path, clock_ns: int, utc_s: float) -> dict[str, bytes]:
         raise LindyError(
             f"--resume: {path} was written {age_s:.0f} s ago by this computer's clock, expected 0 "
             f"to {LONGEST_S:.0f} s; start without --resume, with the vehicle afloat and at rest"
+        )
+    if why := other_vehicle(read(path.parent / f"{NOTE}.json"), identity):
+        raise LindyError(
+            f"--resume: what was learnt in {path} is not taken over: {why}; start with the vehicle "
+            f"of that dive, or without --resume, with the vehicle afloat and at rest"
         )
     then_ns = clock_ns - round(age_s * 1e9)
     return {ESTIMATION: msgspec.json.encode(msgspec.structs.replace(checkpoint, stamp_ns=then_ns))}

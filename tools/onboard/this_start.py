@@ -1,10 +1,12 @@
-"""A note beside the checkpoints of a dive: on which start of the computer it began, and whether it
-was ended because somebody wanted it. Every start of the computer has its own id."""
+"""A note beside the checkpoints of a dive: on which start of the computer it began, with which
+vehicle, and whether it was ended because somebody wanted it. Every start of the computer has its
+own id."""
 
 from pathlib import Path
 
 import msgspec
 
+from messages.identity import SideIdentity
 from services.runtime.node.checkpoint import write_safely
 
 BOOT_ID = Path("/proc/sys/kernel/random/boot_id")  # Linux only
@@ -12,10 +14,12 @@ NOTE = "this-start"  # its name, without .json; no service has a name with a hyp
 
 
 class Start(msgspec.Struct, frozen=True):
-    boot_id: str  # of the computer's start
-    vehicle: str
+    boot_id: str  # of the computer's start; empty: not Linux
+    vehicle: str  # name of the drone on the network
     began_ns: int  # [ns] of the clock that began with the computer
     ended: bool = False  # deliberately; else the dive broke off, or goes on
+    vehicle_file: str = ""  # its name; empty: an older Lindy wrote this note
+    vehicle_hash: str = ""  # of the table [vehicle] of that file, with what --set changed
 
 
 def boot_id() -> str | None:
@@ -32,6 +36,22 @@ def read(path: Path) -> Start | None:
         return msgspec.json.decode(path.read_bytes(), type=Start)
     except (OSError, msgspec.DecodeError, msgspec.ValidationError):
         return None
+
+
+def other_vehicle(then: Start | None, now: SideIdentity) -> str:
+    """Why what was learnt then is not of the vehicle that is started now; empty: it is.
+
+    Args:
+        then: the note beside what was learnt; None: there is none.
+    """
+    if then is None or not then.vehicle_hash:
+        return "nothing beside it says with which vehicle it was measured"
+    if then.vehicle_hash != now.vehicle_hash:
+        return (
+            f"it was measured with the vehicle {then.vehicle_file}, and the table [vehicle] of "
+            f"{now.vehicle} differs, or a --set"
+        )
+    return ""
 
 
 def mark_ended(checkpoints: Path) -> None:

@@ -28,6 +28,7 @@ RECORDER = "recorder"
 HELD_NS = 5_000_000
 NAMES_ITS_START = "reference"  # in the epochs it grants
 SLOW_START_NS = 5_000_000_000  # [ns] between its wiring and its first tick, at most
+SAID_AGAIN = ("health/", "identity/")
 NOT_RECORDED = Process(SIDE, 0, 0, 0)
 
 
@@ -58,6 +59,7 @@ class OnBoard:
         self._starts = _starts(source, names)
         self._wanted: dict[str, bool] = {}  # key: does a service subscribe to it?
         self._own: dict[str, bool] = {}  # key: does a service publish it?
+        self._first: dict[str, int] = {}  # key: number of the first message in the recording
         self._waiting: list[Waiting] = []
         self._settled_ns = -1  # [ns] newest instant at which the services were stepped
 
@@ -65,6 +67,7 @@ class OnBoard:
         """Replay up to `until_ns` [ns UTC], which is included."""
         for raw in self._until(until_ns):
             at = raw.log_ns - self._source.utc_offset_ns
+            self._first.setdefault(raw.key, raw.sequence)
             self._start(at)
             if self._is_own(raw.key):
                 told = told_of(raw, self._source.utc_offset_ns)
@@ -74,6 +77,20 @@ class OnBoard:
                 self._hold(Waiting(at, raw))
         self._give(self._waiting)
         self._waiting = []
+
+    @property
+    def begins_after(self) -> dict[str, int]:
+        """How many messages of its inputs were published before the first that is recorded, by
+        key; only of those that are not recorded from their first message on. Of health and
+        identity, which are said again every second, hardly any recording has the first."""
+        return {
+            key: before
+            for key, before in sorted(self._first.items())
+            if before > 0
+            and not key.startswith(SAID_AGAIN)
+            and self._is_wanted(key)
+            and not self._is_own(key)
+        }
 
     def _until(self, until_ns: int) -> Iterator[Raw]:
         return (raw for raw in self._source.raw() if raw.log_ns <= until_ns)

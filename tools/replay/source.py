@@ -55,6 +55,11 @@ class ReplaySource:
         return bool(self.recording.metadata(THINNED))
 
     @property
+    def cut(self) -> bool:
+        """Is it a part of another recording?"""
+        return bool(self.recording.metadata(CUT))
+
+    @property
     def damaged(self) -> int:
         """How many messages arrived on board that nobody could read."""
         lost = self.recording.losses()
@@ -88,7 +93,7 @@ class ReplaySource:
             LindyError: as `span`.
         """
         first, _ = self.span
-        whole = self.recording.origin_ns() if self.recording.metadata(CUT) else None
+        whole = self.recording.origin_ns() if self.cut else None
         return first if whole is None else whole
 
     @property

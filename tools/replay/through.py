@@ -97,10 +97,22 @@ def through(
     window = Window(max(first, begin) - offset, min(last, until) - offset)
     found = _compared(replay, names, source, window, tolerances)
     found.begin_ns = source.origin_ns - offset
+    found.remarks += _beginning(replay, source)
     if restart is not None:
         at = (restart - found.begin_ns) / 1e9
         found.remarks.append(f"it was started again at {at:.1f} s: compared up to there")
     return found
+
+
+def _beginning(replay: OnBoard | Topside, source: ReplaySource) -> list[str]:
+    """Whether the services had heard something before the recording began. On virtual time what
+    is not at the beginning of a whole one was lost on the link, and they did not hear it."""
+    if isinstance(replay, Topside) or (source.virtual and not source.cut):
+        return []
+    missing = ", ".join(f"{count} of {key}" for key, count in replay.begins_after.items())
+    if not missing:
+        return []
+    return [f"the recording begins after some messages: {missing}; differences may come from that"]
 
 
 def _compared(

@@ -106,7 +106,8 @@ def record(
     """Record every drone that can be reached: all that leaves it but its video, a file for each.
 
     Each file is a recording like any other, of which `lindy log cut` cuts a dive out. Exit status
-    3: something that came is in none of them, or a drone was not heard for more than 3 s.
+    3: something that came is in none of them, a drone was not heard for more than 3 s, a drone of
+    --drone was never heard, or, without --drone, none was.
 
     Example: lindy record --router tls/192.168.2.1:7447 --out dives/class
     """

@@ -110,7 +110,9 @@ def test_a_restart_in_mid_dive_keeps_depth_and_heading_and_does_not_calibrate():
     assert before.heading.value > math.pi
     assert after.depth.valid
     assert after.depth.value == pytest.approx(12.0, abs=0.01)
-    assert any("goes on with the dive" in line.text for line in bench.lines)
+    (said,) = [line.text for line in bench.lines if "goes on with the dive" in line.text]
+    degrees = round(math.degrees(before.heading.value)) % 360  # it has turned more than once
+    assert said.endswith(f", heading {degrees} deg from before the restart")
 
 
 def test_a_silent_imu_gives_invalid_states_at_the_topics_rate_and_is_counted():

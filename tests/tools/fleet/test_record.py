@@ -232,7 +232,7 @@ def test_a_drone_that_falls_silent_is_said_counted_and_a_loss(
     network.fly("rov2", 0.1)
     first, second = network.end()
     assert capsys.readouterr().out == "rov1 is heard again after 5 s\n"
-    assert first.endswith(f"{tmp_path / 'rov1'}, not heard once, 5 s in all")
+    assert first.endswith(f"{tmp_path / 'rov1'}, 1 gap, 5 s in all")
     assert second.endswith(str(tmp_path / "rov2"))
     assert network.recorder.lost
 
@@ -263,5 +263,61 @@ def test_a_file_where_a_recording_would_be_is_named(
 
 
 def test_where_nobody_was_heard_one_sentence_says_so(tmp_path: Path) -> None:
-    assert Network(tmp_path).end() == ["no drone was heard"]
+    network = Network(tmp_path)
+    assert network.end() == ["no drone was heard"]
+    assert network.recorder.lost
     assert json.dumps([*tmp_path.iterdir()]) == "[]"
+
+
+def test_a_wanted_drone_that_was_never_heard_is_named_beside_those_that_were(
+    tmp_path: Path,
+) -> None:
+    network = Network(tmp_path, "rov1", "rov9", "rov8")
+    network.announce("rov9", "rov2", "rov1", "ghost")  # a name alone is no drone
+    for name in ("rov1", "rov2", "ghost"):
+        if name != "ghost":
+            network.introduce(name)
+        network.fly(name, 0.3)
+    recorded, missing = network.end()
+    assert recorded.startswith("rov1: ")
+    assert missing == "never heard: rov8, rov9; heard, and not asked for: rov2"
+    assert network.recorder.lost
+
+
+@given(
+    st.sets(st.sampled_from(["rov1", "rov2", "rov3"])),
+    st.sets(st.sampled_from(["rov1", "rov2", "rov3"])),
+)
+def test_a_drone_that_is_missing_is_a_loss_and_one_that_is_not_wanted_is_none(
+    tmp_path_factory: pytest.TempPathFactory, wanted: set[str], there: set[str]
+) -> None:
+    network = Network(tmp_path_factory.mktemp("fleet"), *wanted)
+    for name in sorted(there):
+        network.announce(name)
+        network.introduce(name)
+        network.fly(name, 0.3)
+    said = "\n".join(network.end())
+    assert network.recorder.lost == (not (wanted <= there if wanted else there))
+    never = said.partition("never heard: ")[2].partition(";")[0]
+    assert {name for name in never.split(", ") if name} == wanted - there
+    assert set(network.recorder.recordings) == (wanted & there if wanted else there)
+
+
+def test_twenty_other_drones_are_not_all_listed(tmp_path: Path) -> None:
+    network = Network(tmp_path, "rov99")
+    for k in range(20):
+        network.announce(f"rov{k:02}")
+        network.introduce(f"rov{k:02}")
+        network.fly(f"rov{k:02}", 0.2)
+    (said,) = network.end()
+    assert said.endswith("rov08, rov09 and 10 more")
+
+
+@pytest.mark.parametrize(
+    ("count", "words"), [(0, ""), (1, "1 gap, 4 s in all"), (3, "3 gaps, 12 s in all")]
+)
+def test_gaps_in_words(count: int, words: str) -> None:
+    gaps = Gaps(0)
+    for k in range(count):
+        gaps.hear((k + 1) * 4_000_000_000)
+    assert gaps.words == words

@@ -1,6 +1,7 @@
 """Which dive a new start of the drone's side goes on with."""
 
 import os
+import time
 from pathlib import Path
 from typing import NamedTuple
 
@@ -9,11 +10,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from messages.identity import SideIdentity
 from services.estimation.checkpoint import EstimationCheckpoint
 from services.runtime.config.running import RUNNING, Running
-from tools.live.resume import LONGEST_S
+from services.runtime.config.stack import Stack
+from tools.live.resume import ESTIMATION, LONGEST_S
 from tools.onboard.broken_off import broken_off
-from tools.onboard.this_start import NOTE, Start, boot_id, mark_ended, read
+from tools.onboard.this_start import NOTE, Start, boot_id, mark_ended, other_vehicle, read
+from tools.up import goes_on_with
 
 S = 1_000_000_000  # [ns]
 NOW = 100_000 * S
@@ -21,7 +25,7 @@ LEARNT = EstimationCheckpoint(
     stamp_ns=NOW - 5 * S, atmosphere=101_300.0, atmosphere_std=20.0, gyro_bias=(0.01, 0.0, -0.01),
     accelerometer_bias=0.02, heading=1.0, heading_std=0.1, north=0.3,
 )  # fmt: skip
-BROKEN = Start("this", "pioneer", 7 * S)
+BROKEN = Start("this", "pioneer", 7 * S, vehicle_file="pioneer", vehicle_hash="a1")
 
 
 def dive(folder: Path, start: Start | bytes = BROKEN, learnt: bytes | None = None) -> Path:
@@ -105,6 +109,57 @@ def test_a_deliberate_end_is_noted(tmp_path: Path):
     assert broken_off(tmp_path, "this", "pioneer", NOW) is None
     mark_ended(tmp_path)  # no note: nothing to do
     assert list(tmp_path.iterdir()) == [tmp_path / "dive"]
+
+
+def test_what_was_learnt_is_of_the_vehicle_only_with_the_same_hash():
+    same = SideIdentity(vehicle="pioneer", vehicle_hash="a1")
+    assert other_vehicle(BROKEN, same) == ""
+    why = other_vehicle(BROKEN, SideIdentity(vehicle="bluerov2_heavy", vehicle_hash="b2"))
+    assert why == (
+        "it was measured with the vehicle pioneer, and the table [vehicle] of bluerov2_heavy "
+        "differs, or a --set"
+    )
+    older = msgspec.structs.replace(BROKEN, vehicle_file="", vehicle_hash="")
+    for then in (None, older):
+        assert "with which vehicle" in other_vehicle(then, same)
+        assert other_vehicle(then, SideIdentity())  # two that are not known are not the same
+
+
+@pytest.mark.skipif(boot_id() is None, reason="only Linux numbers its starts")
+@pytest.mark.parametrize(
+    ("vehicle", "overrides", "goes_on"),
+    [
+        ("pioneer", [], True),
+        ("pioneer", ["control.depth.kp=120"], True),
+        ("pioneer", ["vehicle.mass=99"], False),
+        ("bluerov2_heavy", [], False),
+    ],
+)
+def test_a_start_goes_on_only_with_the_calibration_of_its_own_vehicle(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    vehicle: str,
+    overrides: list[str],
+    goes_on: bool,
+):
+    first = Stack(vehicle="pioneer", name="rov2", out=str(tmp_path / "rov2"))
+    note = goes_on_with(first)
+    assert list(note) == [NOTE]
+    learnt = msgspec.structs.replace(LEARNT, stamp_ns=time.monotonic_ns())
+    folder = dive(tmp_path / "rov2", note[NOTE], msgspec.json.encode(learnt))
+    assert capsys.readouterr().out == ""
+    second = msgspec.structs.replace(
+        first, vehicle=vehicle, overrides=overrides, out=str(tmp_path / "rov2-2")
+    )
+    begins_with = goes_on_with(second)
+    said = capsys.readouterr().out
+    assert (ESTIMATION in begins_with) == goes_on
+    assert said.startswith(f"{'goes' if goes_on else 'does not go'} on with the calibration of")
+    assert said.count("\n") == 1
+    assert str(folder) in said
+    assert ("the table [vehicle] of" in said) != goes_on
+    assert list(goes_on_with(second, resumes=True)) == [NOTE]
+    assert capsys.readouterr().out == ""
 
 
 @pytest.mark.skipif(boot_id() is None, reason="only Linux numbers its starts")

@@ -1,5 +1,6 @@
 """A dive of `lindy simulate`: today's code on its recorded inputs publishes the same bytes."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
 from tests.golden.dives import OVERRIDES, SCRIPT
+from tools.recordings.recording import Raw
 from tools.replay.differences import in_words
 from tools.replay.source import ReplaySource, open_source
 from tools.replay.through import CANNOT, POSSIBLE, through
@@ -70,6 +72,29 @@ def test_only_a_window_is_compared(good: ReplaySource) -> None:
     found = through(good, ["control"], span=(first + 5 * 10**9, first + 6 * 10**9))
     assert found.differences == []
     assert 100 <= found.compared["control/wrench"] <= 102
+
+
+def test_what_came_before_the_recording_is_counted_by_input(
+    good: ReplaySource, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As if the recorder had been started after the pilot's first request and ten samples."""
+    whole = [raw for raw in good.raw() if not raw.key.startswith("control/")]
+    late = {"pilot/request": 1, "sensor/imu": 10, "state": 3, "health/estimation": 2}
+    left = [raw for raw in whole if raw.sequence >= late.get(raw.key, 0)]
+
+    def recorded_late(_: ReplaySource) -> Iterator[Raw]:
+        return iter(left)
+
+    monkeypatch.setattr(ReplaySource, "raw", recorded_late)
+    assert through(good, ["reference"]).remarks == []  # what it lacks was lost on the link
+    monkeypatch.setattr(ReplaySource, "cut", True)
+    assert through(good, ["reference"]).remarks == [
+        "the recording begins after some messages: 1 of pilot/request, 3 of state; differences may "
+        "come from that"
+    ]
+    assert through(good, ["estimation"]).remarks == [
+        "the recording begins after some messages: 10 of sensor/imu; differences may come from that"
+    ]
 
 
 @pytest.mark.parametrize("name", [n for n in Registry.read() if n not in POSSIBLE])
