@@ -20,8 +20,8 @@ from services.marine.translation import Translation, flow
 from services.marine.vehicle import Vehicle
 from services.vehicle.mounting import cross
 
-STILL_STD = 0.1  # [m/s] of the prediction at rest
-SHARE = 0.3  # [-] of the predicted speed: thrust -40 %, damping ×2
+STILL_STD = 0.2  # [m/s] of the prediction at rest; with 0.1 a wrong attitude was believed longer
+SHARE = 0.5  # [-] of the predicted speed: thrust -40 % or damping ×2, and a wrong attitude
 STEEPEST = 0.5  # [-] of the hull's down axis that is vertical; with less, nothing is predicted
 TRUST_TIME = 2.0  # [s] time constant with which the prediction is trusted, or no longer
 FASTEST = 5.0  # [m/s] along one axis; keeps an absurd report from becoming infinity

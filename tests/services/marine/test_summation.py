@@ -23,6 +23,7 @@ COUNTING = {
     "services/tether/priority_queue.py",
     "services/visualizer/curves.py",
     "services/visualizer/status.py",
+    "services/visualizer/thruster_changes.py",
 }
 ROOT = Path(services.__path__[0]).parent
 FILES = [

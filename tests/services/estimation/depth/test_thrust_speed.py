@@ -110,7 +110,7 @@ def test_without_reports_it_fades_to_none_without_a_step_and_is_counted_once() -
     run = Run(PIONEER).steps(300, ahead, level)
     before = run.leans[-1]
     assert run.events == []
-    assert before.velocity_std < 0.6 * MOVING_STD
+    assert before.velocity_std < 0.8 * MOVING_STD  # by the share of its speed
     run.steps(1500, None, level)
     assert run.events == ["silent:vehicle/actuation"]
     assert run.leans[-1].velocity == pytest.approx((0.0, 0.0), abs=1e-3)
