@@ -5,12 +5,12 @@ from collections.abc import Collection, Iterable
 from messages.fly import MOST_DRONES, DroneList, ReachableDrone
 from messages.identity import SideIdentity, difference
 from messages.units import Ns
+from services.runtime.bus.spaces import LONGEST
 from tools.fleet.names import clean
 from tools.fleet.roster import BEYOND
 from tools.fleet.watching import FleetRow, FleetWatch
 
-LONGEST_NAME = 64  # [characters] no drone's is longer
-LONGEST = 24  # [characters] of a vehicle's or a pilot's name
+SHOWN = 24  # [characters] of a vehicle's or a pilot's name
 LONGEST_WORDS = 200  # [characters] of a sentence
 
 
@@ -65,11 +65,11 @@ def still_armed(left: Collection[str], rows: Iterable[FleetRow]) -> list[str]:
 def _reachable(row: FleetRow, watch: FleetWatch, ours: SideIdentity) -> ReachableDrone:
     identity = watch.roster.drones[row.name].identity
     return ReachableDrone(
-        name=clean(row.name, LONGEST_NAME),
-        vehicle="" if identity is None else clean(identity.vehicle, LONGEST),
+        name=clean(row.name, LONGEST),
+        vehicle="" if identity is None else clean(identity.vehicle, SHOWN),
         mode=row.mode,
         armed=row.armed,
-        pilot=clean(row.pilot, LONGEST),
+        pilot=clean(row.pilot, SHOWN),
         failsafe=bool(row.failsafe),
         alarms=clean("; ".join(row.alarms), LONGEST_WORDS),
         misfit="" if identity is None else clean(difference(ours, identity), LONGEST_WORDS),
