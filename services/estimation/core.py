@@ -197,7 +197,7 @@ class Estimator:
         self._validation.actuation(sample)
         self._events.note(self._horizontal.actuation(sample))
         if self._thrust_speed is not None:
-            self._thrust_speed.actuation(sample)
+            self._events.note(self._thrust_speed.actuation(sample))
 
     def reference(self, newest: Reference | None) -> None:
         """The fresh reference, for the depth observer "reference"; None: there is none."""

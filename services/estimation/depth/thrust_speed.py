@@ -9,7 +9,6 @@ as the tether pulls. Without reports of thrust it fades to zero within a few sec
 grows to that of a vehicle of which nothing is known.
 """
 
-from collections.abc import Sequence
 from math import hypot
 
 from messages.units import Vec3, Vec6
@@ -24,6 +23,7 @@ STILL_STD = 0.2  # [m/s] of the prediction at rest; with 0.1 a wrong attitude wa
 SHARE = 0.5  # [-] of the predicted speed: thrust -40 % or damping ×2, and a wrong attitude
 STEEPEST = 0.5  # [-] of the hull's down axis that is vertical; with less, nothing is predicted
 TRUST_TIME = 2.0  # [s] time constant with which the prediction is trusted, or no longer
+BEYOND = 1e-6  # [N] more than a limit; less is rounding
 FASTEST = 5.0  # [m/s] along one axis; keeps an absurd report from becoming infinity
 HEAVE = 2
 NONE: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -51,12 +51,18 @@ class ThrustSpeed:
         self._patience = patience
         self._thrust = NONE
         self._heard_ns: int | None = None  # [ns] stamp of the newest report
-        self._silent = False
+        self._silent = self._beyond = False
 
-    def actuation(self, sample: Actuation) -> None:
-        """Thrust as reported; a report of another length is counted elsewhere."""
-        if len(sample.thrust) == len(self._columns):
-            self._thrust, self._heard_ns = self._wrench(sample.thrust), sample.stamp_ns
+    def actuation(self, sample: Actuation) -> str | None:
+        """Thrust as reported; a report of another length is counted elsewhere. An event to count,
+        once when a thruster begins to report more than it has."""
+        if len(sample.thrust) != len(self._columns):
+            return None
+        possible = [limited(t, f) for t, f in zip(self._thrusters, sample.thrust, strict=True)]
+        self._thrust, self._heard_ns = total_wrench(self._columns, possible), sample.stamp_ns
+        beyond = any(abs(a - b) > BEYOND for a, b in zip(possible, sample.thrust, strict=True))
+        before, self._beyond = self._beyond, beyond
+        return "clamped:vehicle/actuation" if beyond and not before else None
 
     def silence(self, now: int) -> str | None:
         """An event to count, once when the reports of thrust have stopped."""
@@ -101,10 +107,6 @@ class ThrustSpeed:
         std = hypot(STILL_STD, SHARE * north, SHARE * east)
         std = min(MOVING_STD, trust * std + self._unknown * MOVING_STD)
         return lean._replace(velocity=(north, east), velocity_std=std)
-
-    def _wrench(self, thrust: Sequence[float]) -> Vec6:
-        possible = [limited(t, f) for t, f in zip(self._thrusters, thrust, strict=True)]
-        return total_wrench(self._columns, possible)
 
 
 def _bounded(speed: float) -> float:

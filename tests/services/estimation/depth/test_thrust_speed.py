@@ -140,3 +140,13 @@ def test_a_report_of_another_length_is_not_used() -> None:
     run.it.actuation(a_report([20.0], 0))
     run.steps(100, None, lying(0.0, 0.0, 0.0))
     assert run.leans[-1].velocity == (0.0, 0.0)
+
+
+def test_thrust_that_a_thruster_does_not_have_is_limited_and_counted_once() -> None:
+    most = [thruster.max_thrust for thruster in PIONEER.thruster]
+    it = Run(PIONEER).it
+    said = [
+        it.actuation(a_report([share * f for f in most], n))
+        for n, share in enumerate((1.0, 1.5, 2.0, 1.0, 1.5))
+    ]
+    assert said == [None, "clamped:vehicle/actuation", None, None, "clamped:vehicle/actuation"]
