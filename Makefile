@@ -6,7 +6,7 @@ READY := .venv/.ready
 UV := $(BIN)/python -m uv
 PICTURES := .pictures
 
-.PHONY: dive test slow explore mutants check format laws stops headings soak faults picture docs clean
+.PHONY: dive test slow research explore mutants check format laws stops headings real soak faults picture film site docs clean
 
 dive: $(READY) ## fly the demo dive: every service, one command
 	$(BIN)/lindy dive
@@ -14,13 +14,17 @@ dive: $(READY) ## fly the demo dive: every service, one command
 test: $(READY) ## all tests; every run draws the same cases
 	PYTHONHASHSEED=0 $(BIN)/pytest -n 3 --dist worksteal
 
-slow: $(READY) ## the tests that `make test` leaves out: fault cells, papers, sweeps, many flights
-	PYTHONHASHSEED=0 $(BIN)/pytest -n 3 --dist worksteal -m slow
+slow: $(READY) ## what `make test` leaves out: flights by the dozen, the wheel, every law on all its cases
+	PYTHONHASHSEED=0 $(BIN)/pytest -n 3 --dist worksteal --hypothesis-profile whole \
+		-m "slow or (hypothesis and not system)"
+
+research: $(READY) ## the tests of the package research/: papers, benchmarks
+	PYTHONHASHSEED=0 $(BIN)/pytest -n 3 --dist worksteal -m "slow or not slow" research/tests
 
 explore: $(READY) ## search for minutes for new cases that break a law; prints what to keep
 	$(BIN)/python -m pytest -n 2 -p tests.long.explore --hypothesis-profile explore \
 		-m "hypothesis and not system"
-	$(BIN)/python -m pytest -n 2 tests/long/identify_fit.py tests/long/figures_of_dives.py
+	$(BIN)/python -m pytest -n 2 tests/long/identify_fit.py research/long/figures_of_dives.py
 	$(BIN)/python -m pytest -n 0 tests/long/fleet.py
 
 mutants: $(READY) ## how many small faults, put into a copy of the laws, the tests notice
@@ -40,35 +44,45 @@ picture: $(READY) ## the pictures in the README; Debian: mesa-vulkan-drivers lib
 	rm -rf $(PICTURES)
 	$(BIN)/lindy simulate --out $(PICTURES)/dive
 	$(BIN)/lindy picture $(PICTURES)/dive/dive.rrd --at 60 --out $(PICTURES)/dive.png
-	$(BIN)/python -m tools.docs.camera_picture
+	$(BIN)/python -m tests.support.docs.camera_picture
 	$(BIN)/lindy figures --only andren-5.6 link-profiles --out $(PICTURES)
 	cp $(PICTURES)/dive.png docs/dive.png
 	cp $(PICTURES)/andren-5.6.png docs/retargeting.png
 	cp $(PICTURES)/link-profiles.png docs/link-profiles.png
 
 laws: $(READY) ## the laws of the reference over millions of states, into docs/laws.md
-	$(BIN)/python tests/long/laws.py
+	$(BIN)/python research/long/laws.py
 
 stops: $(READY) ## a hundred dives with random sticks: bounce-back and overshoot at every stop
-	$(BIN)/python tests/long/stops.py
+	$(BIN)/python research/long/stops.py
 
 headings: $(READY) ## a hundred dives: the heading at rest after a turn
-	$(BIN)/python tests/long/heading_rest.py
+	$(BIN)/python research/long/heading_rest.py
+
+real: $(READY) ## the estimator over real dives on record, which LINDY_REAL= is the folder of
+	LINDY_REAL="$(LINDY_REAL)" $(BIN)/python -m lindy_research.bench.reality_real
 
 soak: $(READY) ## half an hour of faults, in a real dive and in a fleet of four. MINUTES=, SEED=
 	$(BIN)/python -m tests.long.soak $(or $(MINUTES),30) $(or $(SEED),1)
 	$(BIN)/python -m tests.long.fleet_soak $(or $(MINUTES),30) $(or $(SEED),1)
 
 faults: $(READY) ## every fault in every mode, and again in real processes, into docs/faults.md
-	$(BIN)/python -m tools.research.faults
+	$(BIN)/python -m tests.support.faults
+
+site: $(READY) ## docs/ as a site with search, in site/; a link that leads nowhere is an error
+	$(BIN)/zensical build --clean --strict
+
+film: $(READY) ## the moving picture of the README; needs Chromium, and Vulkan as `picture` does
+	rm -rf $(PICTURES)
+	$(BIN)/python -m tests.support.docs.film $(PICTURES) docs/dive.webp
 
 docs: $(READY) ## pages and pictures written from the code
-	$(BIN)/python -m tools.docs.topics_page
-	$(BIN)/python -m tools.docs.failsafes_page
-	$(BIN)/python -m tools.docs.import_picture
-	$(BIN)/python -m tools.research.scale --write
+	$(BIN)/python -m tests.support.docs.topics_page
+	$(BIN)/python -m tests.support.docs.failsafes_page
+	$(BIN)/python -m tests.support.docs.import_picture
+	$(BIN)/python -m lindy_research.scale --write
 
-$(READY): pyproject.toml uv.lock
+$(READY): pyproject.toml research/pyproject.toml uv.lock
 	test -d .venv || $(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check uv
 	$(UV) sync --quiet --inexact --frozen --all-extras

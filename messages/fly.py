@@ -28,7 +28,7 @@ class ReachableDrone(msgspec.Struct, frozen=True, kw_only=True):
 
     name: Name
     vehicle: Name = ""  # name of its vehicle file; empty: it has not said so
-    mode: Name = ""  # empty: not known
+    activity: Name = ""  # empty: not known
     armed: bool = False
     pilot: Name = ""  # who has control of it; empty: nobody
     failsafe: bool = False  # a failsafe acts

@@ -33,3 +33,4 @@ class LogLine(Message, frozen=True, kw_only=True):
     service: Name
     level: Literal["info", "warning", "error"]
     text: Text
+    event: Name = ""  # of the row of the event table it is of; empty: of none

@@ -21,7 +21,7 @@ Tiers = Annotated[dict[Name, Finite], msgspec.Meta(max_length=100)]
 Changes = Annotated[tuple[Name, ...], msgspec.Meta(max_length=10)]
 
 
-class Direction(msgspec.Struct, frozen=True):
+class DirectionReport(msgspec.Struct, frozen=True):
     """One direction of the link over the last report period."""
 
     delay_p50_ms: NotNegative | None  # [ms] None: no message arrived
@@ -53,8 +53,8 @@ class LinkStatus(Message, frozen=True, kw_only=True):
 
     profile: Text
     up: bool  # the link is not interrupted
-    down_link: Direction  # topside to drone
-    up_link: Direction  # drone to topside
+    down_link: DirectionReport  # topside to drone
+    up_link: DirectionReport  # drone to topside
     rtt_ms: NotNegative | None  # [ms] sum of both medians
     changes: Count = 0  # of the link's model since start
     clock: Clock | None = None  # newest message of the link monitor

@@ -1,23 +1,33 @@
-"""Decoding what came over the network: any bytes give a message or None, and never an exception."""
+"""Decoding what came over the network: any bytes give a message or a reason, and never an
+exception."""
 
 from typing import Generic
 
 import msgspec
 
+from messages import events
+from messages.events import Row
 from messages.topic import M, Topic
 
 LONGEST = 1_000_000  # [bytes] a longer payload is not even kept
+MEMBERS = 64  # of one family, such as health/*, that one receiver takes: anybody can invent some
 
 
 class PayloadDecoder(Generic[M]):
     """Decodes the payloads of one topic."""
 
-    def __init__(self, topic: Topic[M]) -> None:
+    def __init__(self, topic: Topic[M], *, replayed: bool = False) -> None:
+        """`replayed`: of a recording that is played again, and no others."""
+        self._encoding = topic.replayed if replayed else topic.encoding
+        self._replayed = topic.replayed
         self._decode = msgspec.msgpack.Decoder(topic.message).decode
 
-    def decode(self, payload: bytes) -> M | None:
-        """The message, or None: it is malformed, or a value is outside its limits."""
+    def read(self, encoding: str, payload: bytes) -> M | Row:
+        """The message, or why it is not used: it is of another type or replayed, malformed, or a
+        value is outside its limits."""
+        if encoding != self._encoding:
+            return events.REPLAYED if encoding == self._replayed else events.WRONG_TYPE
         try:
             return self._decode(payload)
         except (msgspec.MsgspecError, ValueError, RecursionError):  # ValueError: text not in UTF-8
-            return None
+            return events.MALFORMED

@@ -33,10 +33,10 @@ RequestKind = Literal[
     "force", "resume",
 ]  # fmt: skip
 
-# Hold mode: what the drone holds by itself. On an axis that is not held, the stick is a force.
+# Flight mode: what the drone holds by itself. On an axis that is not held, the stick is a force.
 #   manual: nothing; depth_hold: depth; heading_hold: heading; stabilised: depth and heading;
 #   station_keeping: depth, heading and position (for vehicles that measure their position)
-Hold = Literal["manual", "depth_hold", "heading_hold", "stabilised", "station_keeping"]
+FlightMode = Literal["manual", "depth_hold", "heading_hold", "stabilised", "station_keeping"]
 
 
 class Course(msgspec.Struct, frozen=True):
@@ -60,7 +60,7 @@ class PilotRequest(Request, frozen=True, kw_only=True):
     north: Finite | None = None  # [m] goto, with east: straight there, NED
     east: Finite | None = None  # [m] goto
     course: Course | None = None  # follow
-    hold: Hold | None = None  # mode
+    flight_mode: FlightMode | None = None  # mode: what the drone is to hold
     to: Name = ""  # offer: name of one pilot; empty: to anybody
     source: Name = ""  # who asks, as in PilotCommand
     epoch: Count = 0  # authority epoch; who has another one may stop the drone, and ask for control

@@ -54,6 +54,12 @@ class BatterySample(Message, frozen=True, kw_only=True):
     used_wh: NotNegative  # [Wh] since power-on
     capacity_wh: NotNegative | None = None  # [Wh] when full; None: unknown to the driver
 
+    @property
+    def charge(self) -> float | None:
+        """[-] What is left: 1 when full, below 0 where more was used than it should hold; None: the
+        driver does not know the capacity."""
+        return None if not self.capacity_wh else 1.0 - self.used_wh / self.capacity_wh
+
 
 class LeakSample(Message, frozen=True, kw_only=True):
     """Leak detector inside the enclosure."""

@@ -26,7 +26,7 @@ class Qos(Enum):
 Side = Literal["topside", "drone"]  # the two ends of the tether, each with a bus of its own
 
 
-class Way(Enum):
+class Direction(Enum):
     """In which direction a topic crosses the link."""
 
     DOWN = "down"  # topside to drone
@@ -43,7 +43,7 @@ class Topic(Generic[M]):
     message: type[M]
     hz: float  # [1/s] nominal rate; 0 for events
     qos: Qos
-    way: Way
+    way: Direction
 
     @property
     def encoding(self) -> str:
@@ -72,7 +72,7 @@ class Topic(Generic[M]):
 
     def covers(self, key: str) -> bool:
         """Is `key` this topic, or a member of this family?"""
-        if not self.is_family:
+        if not self.key.endswith("/*"):
             return key == self.key
         prefix = self.key[:-1]
         return key.startswith(prefix) and MEMBER.fullmatch(key, len(prefix)) is not None

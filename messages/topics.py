@@ -5,6 +5,7 @@ use one table and one network. Publishers, the tether, the recorder, the visuali
 checks and `docs/topics.md` all read these rows.
 """
 
+from messages.aiding import AidSource
 from messages.control import ThrusterCommand, Wrench
 from messages.fly import DroneList, FlyAnswer, FlyRequest
 from messages.health import Health, LogLine
@@ -34,12 +35,12 @@ from messages.sensors import (
 )
 from messages.simulator import FaultAnswer, FaultRequest
 from messages.state import VehicleState
-from messages.topic import AnyTopic, Qos, Topic, Way, rows
-from messages.vehicle import Actuation, Truth, VehicleStatus
+from messages.topic import AnyTopic, Direction, Qos, Topic, rows
+from messages.vehicle import Actuation, Truth, VehicleEstimate, VehicleStatus
 from messages.video import PictureAge, VideoPart
 
 REALTIME, LIVE, EVENT, BULK = Qos.REALTIME, Qos.LIVE, Qos.EVENT, Qos.BULK
-DOWN, UP, BOTH, STAY = Way.DOWN, Way.UP, Way.BOTH, Way.STAY
+DOWN, UP, BOTH, STAY = Direction.DOWN, Direction.UP, Direction.BOTH, Direction.STAY
 
 # fmt: off
 #                      key                    type                Hz  QoS profile     direction
@@ -54,6 +55,7 @@ USBL           = Topic("sensor/usbl",         UsblSample,        0.5, LIVE,     
 BATTERY        = Topic("sensor/battery",      BatterySample,       1, BULK,           UP)
 LEAK           = Topic("sensor/leak",         LeakSample,          1, BULK,           UP)
 TEMPERATURE    = Topic("sensor/temperature",  TemperatureSample,   1, BULK,           UP)
+AIDING         = Topic("aiding/*",            AidSource,          10, BULK,           STAY)
 STATE          = Topic("state",               VehicleState,      100, LIVE,           UP)
 REFERENCE      = Topic("reference",           Reference,         100, LIVE,           UP)
 WRENCH         = Topic("control/wrench",      Wrench,            100, LIVE,           UP)
@@ -61,6 +63,7 @@ HANDED_ON      = Topic("control/request",     PilotRequest,        0, EVENT,    
 THRUSTERS      = Topic("control/thrusters",   ThrusterCommand,   100, REALTIME,       UP)
 ACTUATION      = Topic("vehicle/actuation",   Actuation,         100, LIVE,           UP)
 STATUS         = Topic("vehicle/status",      VehicleStatus,       5, EVENT,          UP)
+ESTIMATE       = Topic("vehicle/estimate",    VehicleEstimate,    10, BULK,           STAY)
 TRUTH          = Topic("simulator/truth",     Truth,             100, BULK,           UP)
 FAULT_REQUEST  = Topic("simulator/request",   FaultRequest,        0, EVENT,          DOWN)
 FAULT_ANSWER   = Topic("simulator/answer",    FaultAnswer,         0, EVENT,          UP)

@@ -1,11 +1,12 @@
-"""The vehicle as a whole: its status, what its thrusters did, and (in simulation) the truth."""
+"""The vehicle as a whole: its status, what its thrusters did, what its own autopilot estimates, and
+(in simulation) the truth."""
 
 from typing import Literal
 
 from msgspec import UNSET, UnsetType
 
 from messages.message import Message
-from messages.pilot import Hold, StopDistance
+from messages.pilot import FlightMode, StopDistance
 from messages.units import (
     Count,
     Finite,
@@ -20,7 +21,7 @@ from messages.units import (
     Vec3,
 )
 
-Mode = Literal["starting", "ready", "piloted", "stopping", "goto", "follow"]
+Activity = Literal["starting", "ready", "piloted", "stopping", "goto", "follow"]
 # The conditions that make the drone act by itself; services/reference/failsafe/ has their table.
 Failsafe = Literal[
     "none", "leak", "battery_critical", "state_lost", "imu_lost", "link_lost", "pilot_lost"
@@ -33,9 +34,9 @@ Reaction = Literal["notice", "limit", "stop", "ascend", "surface"]
 class VehicleStatus(Message, frozen=True, kw_only=True):
     """From `reference`, five times a second and at every change."""
 
-    mode: Mode
+    activity: Activity
     armed: bool
-    hold: Hold = "stabilised"  # what the drone holds by itself
+    flight_mode: FlightMode = "stabilised"  # what the drone holds by itself
     failsafe: Failsafe = "none"  # the condition that acts, the gravest of several
     reaction: Reaction | None = None  # what it makes the drone do now; None: nothing acts
     since_ns: Stamp | None = None  # [ns] when that condition began
@@ -67,6 +68,18 @@ class Actuation(Message, frozen=True, kw_only=True):
     pilot_ns: Stamp | None  # [ns] pilot command behind that command
     stale: bool  # True: no valid command, thrusters are stopped
     power: NotNegative  # [W] electrical
+
+
+class VehicleEstimate(Message, frozen=True, kw_only=True):
+    """What the vehicle's own autopilot estimates: to compare with `state`, never to fly by. Each
+    message has what one message of the autopilot says, and None for the rest."""
+
+    roll: Finite | None = None  # [rad] + right wing down
+    pitch: Finite | None = None  # [rad] + nose up
+    heading: Finite | None = None  # [rad] clockwise from its own north, ±π or 0 … 2π
+    depth: Finite | None = None  # [m] positive down, of its own surface
+    depth_rate: Finite | None = None  # [m/s] positive down
+    angular_rate: Vec3 | None = None  # [rad/s] body FRD
 
 
 class Truth(Message, frozen=True, kw_only=True):

@@ -5,7 +5,7 @@ kept as an `@example` of its test.
 """
 
 import pytest
-from hypothesis import HealthCheck, Phase, settings
+from hypothesis import HealthCheck, Phase, is_hypothesis_test, settings
 from hypothesis.internal.constants_ast import Constants
 
 settings.register_profile(
@@ -21,7 +21,11 @@ settings.register_profile(
 settings.register_profile(
     "verdict", settings.get_profile("same"), phases=[Phase.explicit, Phase.generate]
 )
+settings.register_profile("whole", settings.get_profile("same"))  # `make slow`
 settings.load_profile("same")
+
+PART, LEAST = 3, 5  # `make test` draws a third of each test's cases, `make slow` all of them
+SETTINGS = "_hypothesis_internal_use_settings"  # where hypothesis keeps those of a test
 
 
 @pytest.hookimpl(trylast=True)  # after `--hypothesis-profile` was obeyed
@@ -32,3 +36,15 @@ def pytest_configure() -> None:
         pytest.MonkeyPatch().setattr(
             "hypothesis.internal.conjecture.providers._get_local_constants", Constants
         )
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    if settings.get_current_profile_name() != "same":
+        return
+    tests: set[object] = {item.function for item in items if isinstance(item, pytest.Function)}
+    for test in filter(is_hypothesis_test, tests):  # each once, with however many parameters
+        own: settings | None = getattr(test, SETTINGS, None)
+        if own is None:  # of a state machine
+            continue
+        fewer = max(min(LEAST, own.max_examples), own.max_examples // PART)
+        setattr(test, SETTINGS, settings(own, max_examples=fewer))

@@ -23,8 +23,8 @@ CONTRACTS = {  # what their names begin with
     "runtime": "Rooms of the runtime",
     "reference": "Rooms of reference",
     "control": "Rooms of control",
-    "papers": "What flies does not know the papers",
 }
+COMPILED = shutil.ignore_patterns("__pycache__")
 # A new service as it should be: what thinks is pure, what talks may know the system.
 CLEAN = {
     "services/depth_alarm/__init__.py": '"""Says when the drone is deeper than it should be."""',
@@ -64,15 +64,18 @@ OFFENCES = [
     ("services/control/axis/other.py", "services.control.core", "control"),
     ("services/runtime/config/other.py", "services.runtime.bus.endpoint", "runtime"),
     ("services/runtime/bus/other.py", "services.runtime.hosts.registry", "runtime"),
-    ("tools/live/other.py", "tools.research", "papers"),
+    ("tools/live/other.py", "lindy_research.laws.stepping", "down"),
+    ("tools/live/other.py", "lindy.api", "down"),
 ]
 
 
 @pytest.fixture
 def copy(tmp_path: Path) -> Path:
     """The sources as they are now, with a clean new service among them."""
-    for name in ("messages", "services", "tools"):
-        shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
+    for name in ("messages", "services", "tools", "lindy"):
+        shutil.copytree(ROOT / name, tmp_path / name, ignore=COMPILED)
+    research = tmp_path / "lindy_research"
+    shutil.copytree(ROOT / "research" / "lindy_research", research, ignore=COMPILED)
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
     for name, text in CLEAN.items():
         append(tmp_path / name, text)

@@ -11,6 +11,7 @@ from types import ModuleType
 import pytest
 
 from messages.message import Estimate
+from tests.support.patience import PATIENCE_S
 from tools.__main__ import main
 
 ROOT = Path(__file__).parents[1]
@@ -87,7 +88,7 @@ PD = ("--stack", str(LIBRARY / "pd_stack.toml"))
 
 def run(name: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, str(LIBRARY / name), *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=60.0, check=False)
+    return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
 
 
 @pytest.mark.parametrize("path", PROGRAMS, ids=lambda path: path.stem)
@@ -131,6 +132,14 @@ def test_a_mistyped_gain_of_an_own_controller_is_one_sentence(
     assert main(["simulate", *PD, "--set", "pd_control.depht=[80, 70]"]) == 1
     said = "lindy: --set pd_control.depht=[80, 70]: unknown key; did you mean 'depth'?"
     assert capsys.readouterr().err == f"{said} known: depth, heading\n"
+
+
+def test_a_virtual_dive_holds_its_depth() -> None:
+    done = run("virtual_dive.py", "3")
+    assert done.returncode == 0, done.stderr
+    states, rms, worst = map(float, re.findall(r"\d+\.?\d*", done.stdout))
+    assert states > 1500  # 100 in each second after the start
+    assert rms < worst < 50.0  # [cm]
 
 
 def test_the_links_are_ordered_as_their_names_promise() -> None:

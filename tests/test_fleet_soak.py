@@ -47,7 +47,7 @@ def reference(seq: int, age_ns: int) -> tuple[AnyTopic, Message]:
 
 def status(seq: int, pilot: str) -> tuple[AnyTopic, Message]:
     return topics.STATUS, VehicleStatus(
-        seq=seq, stamp_ns=AT, mode="piloted", armed=True, pilot=pilot
+        seq=seq, stamp_ns=AT, activity="piloted", armed=True, pilot=pilot
     )
 
 

@@ -1,93 +1,112 @@
-"""The `lindy` command: which verbs there are, and what it says where one fails. Each verb imports
-what it needs only when it is called, so that `--help` and a mistyped command answer at once."""
+"""The `lindy` command: which verbs there are, and what it says where one fails.
+
+A verb is a function in a module of its own: its parameters are the options, its docstring is the
+help. It returns the exit status, and raises LindyError for a mistake of the user. Only the module
+of the verb that is called is imported, so that help and a mistyped verb answer at once.
+"""
 
 import os
 import select
+import signal
 import sys
-import traceback
-from collections.abc import Callable, Sequence
-from importlib.metadata import version
-from pathlib import Path
-
-from cyclopts import App, CycloptsError
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 from services.runtime.config.errors import LindyError
-from tools.calibrate.command import calibrate
-from tools.doctor.command import doctor
-from tools.gains import gains
-from tools.identify.command import identify
-from tools.keys.command import keys
-from tools.link import link
-from tools.pad.command import pad
-from tools.profile import profile
-from tools.ramp import ramp
-from tools.sweep.command import sweep
-from tools.verbs import analyse, fleet, live, replay, research, start
-from tools.verbs.log import log
 
 ERROR, INTERRUPTED = 1, 130  # exit statuses
 UNREAD = 141  # exit status: nobody reads the output any more; that of a program that SIGPIPE ends
 DEBUG = "--debug"
-PAPERS = "tools.research"  # not in an installed package
+HELP = ("--help", "-h")
+ABOUT = "Pilot an underwater drone: the pilot leads, the drone follows, without a jerk."
+EPILOGUE = f"With {DEBUG} before or after any verb, an error shows where it came from."
 
-app = App(
-    name="lindy",
-    help="Pilot an underwater drone: the pilot leads, the drone follows, without a jerk.",
-    help_epilogue="With --debug before or after any verb, an error shows where it came from.",
-    help_format="plaintext",
-    version=lambda: version("lindy"),
-    suppress_keyboard_interrupt=False,  # it would be silent
-)
 
-app.command(start.dive)
-app.command(start.up)
-app.command(fleet.fly)
-app.command(fleet.drones)
-app.command(fleet.fleet)
-app.command(fleet.record)
-app.command(fleet.router_config)
-app.command(start.simulate)
-app.command(start.run)
-app.command(start.hub)
-app.command(analyse.picture)
-app.command(analyse.path)
-app.command(replay.replay)
-app.command(live.ask)
-app.command(live.fault)
-app.command(log)
-app.command(research.bench)
-app.command(research.figures)
-app.command(profile)
-app.command(ramp)
-app.command(gains)
-app.command(identify)
-app.command(doctor)
-app.command(calibrate)
-app.command(link)
-app.command(pad)
-app.command(sweep)
-app.command(keys)
+class Verb(NamedTuple):
+    """A verb of `lindy`, or of `lindy log`."""
+
+    place: str  # MODULE:FUNCTION within this package; empty: of another, as an entry point
+    help: str  # one line; a test compares it with the docstring
+
+
+GROUPS: dict[str, dict[str, Verb]] = {
+    "Fly": {
+        "dive": Verb("dive:dive", "Fly a dive on this machine: every service, record and report."),
+        "simulate": Verb("simulate:simulate", "Fly a dive on virtual time, as fast as possible."),
+        "up": Verb("up:up", "Start one SIDE of a dive, topside or drone, on this machine."),
+        "fly": Verb("fleet.fly:fly", "Start the topside for one of several drones."),
+        "ask": Verb("ask:ask", "Send a request to a running dive, and print the answer."),
+        "pad": Verb("pad.command:pad", "Show what a pad sends, and write a profile for it."),
+    },
+    "Drones and links": {
+        "drones": Verb("fleet.drones:drones", "List the drones that can be reached."),
+        "fleet": Verb("fleet.fleet:fleet", "Watch all drones that can be reached."),
+        "record": Verb("fleet.record:record", "Record every drone that can be reached."),
+        "keys": Verb("keys.command:keys", "Keys by which drone and pilot recognise each other."),
+        "link": Verb("link:link", "The tether: its model offline, a running link, a recorded one."),
+        "router-config": Verb(
+            "fleet.router:router_config", "Write the configuration of a Zenoh router (zenohd)."
+        ),
+    },
+    "Recordings": {
+        "review": Verb(
+            "review.command:review", "Review a dive of any vehicle: one page with plots."
+        ),
+        "import": Verb(
+            "importing.command:import_log", "Make a recording of a log that another program wrote."
+        ),
+        "log": Verb("", "Look into recordings: check, cut, mend, convert, compare."),
+        "replay": Verb("replay.command:replay", "Play a dive again, or compare today's code."),
+        "picture": Verb("picture:picture", "Draw a recorded dive as the viewer shows it."),
+    },
+    "Vehicle": {
+        "doctor": Verb("doctor.command:doctor", "Check a vehicle file and its ArduSub board."),
+        "calibrate": Verb("calibrate.command:calibrate", "Find the errors of a vehicle's sensors."),
+        "identify": Verb(
+            "identify.command:identify", "Find inertia, drag, buoyancy and lag in a dive."
+        ),
+        "gains": Verb("gains:gains", "Find control gains for an axis of a vehicle (LQ)."),
+        "fault": Verb("fault:fault", "Make a part of the simulated vehicle fail, or repair it."),
+    },
+    "Study": {
+        "sweep": Verb("sweep.command:sweep", "Simulate many dives on all cores, into one table."),
+        "path": Verb("path:path", "Print a path (JSON), or the reference along it (CSV)."),
+        "profile": Verb("profile:profile", "Print one motion of the reference model."),
+        "ramp": Verb("ramp:ramp", "Turn a stick log into a smooth reference (CSV)."),
+        "figures": Verb("", "Draw the two papers' figures."),
+        "bench": Verb("", "Compare speed with other implementations."),
+    },
+    "Single processes": {
+        "run": Verb("run:run", "Run one service in the foreground, on running hubs."),
+        "hub": Verb("run:hub", "Run a side's hub in the foreground."),
+    },
+}
+VERBS = {name: verb for group in GROUPS.values() for name, verb in group.items()}
+LOG: dict[str, Verb] = {
+    "info": Verb("log.info:info", "What a recording is of, and what is in it."),
+    "check": Verb("log.check:check", "Is everything in it that was sent, and what was lost where?"),
+    "cut": Verb("log.cut:cut", "Cut a part out, as a recording of its own."),
+    "recover": Verb("log.recover:recover", "Save what can be read of a damaged recording."),
+    "csv": Verb("log.csv_table:csv", "Write every topic as a table: one CSV file each."),
+    "parquet": Verb(
+        "log.parquet_table:parquet", "Write every topic as a table: one Parquet file each."
+    ),
+    "compare": Verb("log.compare:compare", "What differs between two recordings, when first."),
+    "jerk": Verb("log.jerk:jerk", "The jerk that was felt, beside the jerk that was asked for."),
+    "sticks": Verb("log.sticks:sticks", "The pilot's sticks, as a stick log to fly again."),
+    "scene": Verb("log.scene:scene", "The drones of several recordings in one 3-D scene."),
+    "noise": Verb("noise:noise", "Noise, rate and drift of the sensors of a drone at rest."),
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a verb. Returns the exit status: 0 clean, 1 error, 3 done but data or a service was
     lost, 130 interrupted, 141 nobody reads the output."""
     words = [*(sys.argv[1:] if arguments is None else arguments)]
-    if DEBUG not in words:
-        return _run(words)
-    return _run([word for word in words if word != DEBUG], explain=traceback.print_exc)
-
-
-def _run(words: Sequence[str], explain: Callable[[], None] = lambda: None) -> int:
-    """`explain` is called for every error but a mistyped command line."""
+    debug = DEBUG in words
     try:
-        status = app(words, exit_on_error=False, print_error=False, result_action="return_value")
+        status = _run([word for word in words if word != DEBUG])
         sys.stdout.flush()  # here, where it may fail
-    except CycloptsError as error:
-        return complain(str(error))
-    except LindyError as error:
-        explain()
-        return complain(str(error))
     except KeyboardInterrupt:
         complain("interrupted")
         return INTERRUPTED
@@ -95,20 +114,130 @@ def _run(words: Sequence[str], explain: Callable[[], None] = lambda: None) -> in
         if isinstance(ended.__context__, BrokenPipeError):
             return UNREAD
         raise
-    except OSError as error:
+    except Exception as error:
         if isinstance(error, BrokenPipeError) and _nobody_reads():
             return UNREAD
-        explain()
-        return complain(f"{error.filename or 'operating system'}: {error.strerror or error}")
-    except Exception as error:
-        explain()
-        if (absent := _papers_tools(error, words)) is not None:
-            return complain(absent)
-        where = traceback.extract_tb(error.__traceback__)[-1]
-        name = f"{Path(where.filename).name}:{where.lineno}"
-        what = f"{type(error).__name__}: {error}"
-        return complain(f"an error in Lindy itself ({DEBUG} shows more), at {name}: {what}")
+        return complain(_sentence(error, debug=debug))
     return status or 0
+
+
+def _run(words: Sequence[str]) -> int | None:
+    """
+    Raises:
+        LindyError, CycloptsError: a mistake of the user.
+    """
+    program, verbs = "lindy", VERBS
+    if words[:1] == ["log"]:
+        program, verbs, words = "lindy log", LOG, words[1:]
+    if not words or words[0] in HELP:
+        groups = GROUPS if verbs is VERBS else {"Commands": LOG}
+        print(overview(program, ABOUT if verbs is VERBS else VERBS["log"].help, groups))
+        return 0
+    if words[0] == "--version":
+        from importlib.metadata import version
+
+        print(version("lindy"))
+        return 0
+    return _loaded(program, words[0], verbs)(
+        words, exit_on_error=False, print_error=False, result_action="return_value"
+    )
+
+
+def overview(program: str, about: str, groups: Mapping[str, Mapping[str, Verb]]) -> str:
+    """What `--help` says: each verb in one line."""
+    blocks = [f"Usage: {program} COMMAND", about]
+    width = max(len(name) for verbs in groups.values() for name in verbs)
+    for heading, verbs in groups.items():
+        lines = [f"  {name:<{width}}  {verb.help}" for name, verb in verbs.items()]
+        blocks.append("\n".join([f"{heading}:", *lines]))
+    return "\n\n".join([*blocks, f"`{program} COMMAND --help` shows its options.\n{EPILOGUE}"])
+
+
+def _loaded(program: str, name: str, verbs: Mapping[str, Verb]) -> Any:
+    """A command line of this verb alone. Ctrl-C while it loads is one sentence, as it is later on.
+
+    Raises:
+        LindyError: there is no such verb.
+    """
+    if name not in verbs:
+        from difflib import get_close_matches
+
+        near = get_close_matches(name, verbs, 1)
+        meant = f'Did you mean "{near[0]}"? ' if near else ""
+        raise LindyError(f'Unknown command "{name}". {meant}Available: {", ".join(verbs)}.')
+    waiting = signal.getsignal(signal.SIGINT) is signal.default_int_handler  # else it is ignored
+    if waiting:
+        signal.signal(signal.SIGINT, _leave)
+    try:
+        from importlib.metadata import version
+
+        from cyclopts import App, Parameter
+
+        verb = function_of(name, verbs[name].place)
+        app = App(
+            name=program,
+            help_epilogue=EPILOGUE,
+            help_format="plaintext",
+            version=lambda: version("lindy"),
+            suppress_keyboard_interrupt=False,  # it would be silent
+            default_parameter=Parameter(negative=(), show_default=_shown),
+        )
+        app.command(verb, name=None if isinstance(verb, App) else name)
+        return app
+    finally:
+        if waiting:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def function_of(name: str, place: str) -> Any:
+    """The function of a verb.
+
+    Raises:
+        LindyError: it is of the package lindy-research, which is not installed.
+    """
+    from importlib import import_module
+    from importlib.metadata import entry_points
+
+    if place:
+        module, _, function = place.partition(":")
+        return getattr(import_module(f"{__package__}.{module}"), function)
+    for entry in entry_points(group="lindy.verbs", name=name):
+        return entry.load()
+    raise LindyError(
+        f"`lindy {name}` is in the package lindy-research, which is not installed; "
+        f"in the folder of Lindy's source, `uv run lindy {name}` installs and runs it"
+    )
+
+
+def _shown(default: object) -> str | None:
+    """A default in the help, unless it only says that there is nothing."""
+    words = str(default)
+    return None if words in ("None", "True", "False", "inf") or words[0] == "(" else words
+
+
+def _leave(*_: object) -> None:
+    """Nothing has begun that must be ended, and an exception could be raised in the middle of any
+    module that is being loaded."""
+    os.write(2, b"lindy: interrupted\n")
+    os._exit(INTERRUPTED)
+
+
+def _sentence(error: Exception, *, debug: bool) -> str:
+    """What to say of an error. With `debug`, all but a mistyped command line are printed, too."""
+    import traceback
+
+    if type(error).__module__.startswith("cyclopts."):  # a mistyped verb answers without loading it
+        return str(error)
+    if debug:
+        traceback.print_exception(error)
+    if isinstance(error, LindyError):
+        return str(error)
+    if isinstance(error, OSError):
+        return f"{error.filename or 'operating system'}: {error.strerror or error}"
+    where = traceback.extract_tb(error.__traceback__)[-1]
+    name = where.filename.rpartition("/")[2]
+    what = f"{type(error).__name__}: {error}"
+    return f"an error in Lindy itself ({DEBUG} shows more), at {name}:{where.lineno}: {what}"
 
 
 def _nobody_reads() -> bool:
@@ -120,16 +249,6 @@ def _nobody_reads() -> bool:
         return False
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return True
-
-
-def _papers_tools(error: Exception, words: Sequence[str]) -> str | None:
-    """What to say where the error is that an installed package has no tools/research."""
-    if not isinstance(error, ModuleNotFoundError) or error.name != PAPERS:
-        return None
-    return (
-        f"what `lindy {words[0]}` needs here belongs to the papers' tools, which are in the source "
-        f"tree, not in the installed package; run it there: uv run lindy {words[0]}"
-    )
 
 
 def complain(sentence: str) -> int:

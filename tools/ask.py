@@ -3,15 +3,16 @@
 import json
 import math
 from pathlib import Path
-from typing import Any, cast, get_args
+from typing import Annotated, Any, cast, get_args
 
 import msgspec
+from cyclopts import Parameter
 
 from messages import topics
 from messages.fly import FlyRequest
 from messages.pilot import (
     Course,
-    Hold,
+    FlightMode,
     PilotAnswer,
     PilotCommand,
     PilotRequest,
@@ -25,8 +26,9 @@ from services.runtime.bus.spaces import checked_name
 from services.runtime.config.errors import LindyError
 from services.runtime.config.running import RUNNING, Running, running_in
 from services.runtime.config.settings import deploy_file, nearest
-from services.runtime.launch.local_stack import HOME
+from services.runtime.launch.process_plan import HOME
 from services.runtime.node.node import Node
+from tools.choices import Json, RunningDive
 from tools.live.asking import OneRequest, answer_to, at_once
 
 OPTIONS: dict[str, tuple[str, ...]] = {
@@ -36,14 +38,14 @@ OPTIONS: dict[str, tuple[str, ...]] = {
     "light": ("value",),
     "goto": ("depth", "heading", "north", "east"),
     "follow": ("path",),
-    "mode": ("hold",),
+    "mode": ("name",),
     "take": ("force",),
     "offer": ("to",),
     "release": (),
     "resume": (),
-    "fly": ("hold",),
+    "fly": ("name",),
 }  # the options of each kind of request
-HOLDS: tuple[str, ...] = get_args(Hold)
+FLIGHT_MODES: tuple[str, ...] = get_args(FlightMode)
 FARTHEST = 100_000.0  # [m] greatest north or east
 LONGEST_NAME = 128  # [letters] of a `Name`
 ABOUT_CONTROL: tuple[RequestKind, ...] = ("lease", "force", "offer", "release")
@@ -52,39 +54,41 @@ NO_PILOT_NS = 1_000_000_000  # [ns] without a command: there is no pilot on this
 
 def ask(
     kind: str,
-    hold: str | None = None,
+    name: Annotated[
+        str | None,
+        Parameter(help=f"mode: {', '.join(FLIGHT_MODES)}; fly: name of another drone"),
+    ] = None,
     *,
-    depth: float | None = None,
-    heading: float | None = None,
-    north: float | None = None,
-    east: float | None = None,
-    path: str | None = None,
-    value: float | None = None,
-    force: bool = False,
-    to: str | None = None,
-    dive: Path | None = None,
-    as_json: bool = False,
+    depth: Annotated[float | None, Parameter(help="goto: [m] positive down")] = None,
+    heading: Annotated[
+        float | None, Parameter(help="goto: [deg] clockwise from north, shortest way")
+    ] = None,
+    north: Annotated[
+        float | None, Parameter(help="goto: [m], with --east; needs a drone that measures position")
+    ] = None,
+    east: Annotated[float | None, Parameter(help="goto: [m]")] = None,
+    path: Annotated[
+        str | None, Parameter(help="follow: a name in deploy/paths, or a TOML file")
+    ] = None,
+    value: Annotated[float | None, Parameter(help="light: brightness 0 … 1")] = None,
+    force: Annotated[bool, Parameter(help="take: from whoever has control")] = False,
+    to: Annotated[
+        str | None, Parameter(help="offer: to the pilot of this name only; default: to any")
+    ] = None,
+    dive: RunningDive = None,
+    as_json: Json = False,
 ) -> int:
-    """Send a request and print the answer.
+    """Send a request to a running dive, and print the answer.
 
-    Args:
-        kind: arm, disarm, stop, light, goto, follow, mode, take, offer, release, resume or fly.
-        hold: mode: what the drone is to hold by itself; fly: name of another drone.
-        depth: [m] goto.
-        heading: [deg] goto.
-        north, east: [m] goto a place, on a drone that measures its position.
-        path: follow: a name in deploy/paths, or a TOML file.
-        value: light: 0 … 1.
-        force: take: even if another pilot has control.
-        to: offer: name of the pilot who may take control; default: any.
-        dive: folder of a dive that is going on; default: the newest. Where dives of several drones
-            are going on, one must be named; a stop without it is for all of them.
+    KIND is arm, disarm, stop, light, goto, follow or mode; take, offer or release control; resume
+    after a failsafe; fly another drone, where `lindy fly` runs. It is asked in the name of the
+    pilot of that dive. Where dives of several drones are going on, --dive must name one; a stop
+    without it is for all of them.
 
-    Raises:
-        LindyError: a wrong argument, no dive, no answer, or the drone refuses; says why.
+    Example: lindy ask goto --depth 3 --heading 90
     """
     given: dict[str, Any] = {
-        "hold": hold,
+        "name": name,
         "depth": depth,
         "heading": heading,
         "north": north,
@@ -120,7 +124,7 @@ def _asked(wanted: PilotRequest, running: Running, as_json: bool) -> int:
 def _fly(given: dict[str, Any], running: Running, as_json: bool) -> int:
     """Leave the drone that is flown, and fly another one."""
     _check_options("fly", given)
-    drone = given["hold"]
+    drone = given["name"]
     if drone is None:
         raise LindyError("fly needs the name of a drone; `lindy drones` lists them")
     checked_name(drone, "fly")
@@ -173,7 +177,7 @@ def wanted_of(kind: str, **given: Any) -> PilotRequest:
         case "follow":
             return _wanted(known, course=_course(given["path"]))
         case "mode":
-            return _wanted(known, hold=_hold(given["hold"]))
+            return _wanted(known, flight_mode=_flight_mode(given["name"]))
         case "offer":
             return _wanted(known, to=_pilot_name(given.get("to") or ""))
         case _:
@@ -277,7 +281,7 @@ def _check_options(kind: str, given: dict[str, Any]) -> None:
         raise LindyError(f"unknown request {kind!r}{nearest(kind, list(OPTIONS))}")
     for name in given:
         if given[name] is not None and name not in OPTIONS[kind]:
-            what = f"second word, found {given[name]!r}" if name == "hold" else f"--{name}"
+            what = f"second word, found {given[name]!r}" if name == "name" else f"--{name}"
             raise LindyError(f"{kind} takes no {what}")
 
 
@@ -314,12 +318,12 @@ def _pilot_name(name: str) -> str:
     return name
 
 
-def _hold(name: str | None) -> Hold:
+def _flight_mode(name: str | None) -> FlightMode:
     if name is None:
-        raise LindyError(f"mode needs what to hold: {', '.join(HOLDS)}")
-    if name not in HOLDS:
-        raise LindyError(f"unknown mode {name!r}{nearest(name, list(HOLDS))}")
-    return cast(Hold, name)
+        raise LindyError(f"mode needs its name: {', '.join(FLIGHT_MODES)}")
+    if name not in FLIGHT_MODES:
+        raise LindyError(f"unknown mode {name!r}{nearest(name, list(FLIGHT_MODES))}")
+    return cast(FlightMode, name)
 
 
 def _course(name: str | None) -> Course:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import msgspec
 
+from messages.events import Outbox
 from messages.pilot import Course
 from services.control.core import Controller, Settings
 from services.gamepad import stick_log
@@ -16,6 +17,7 @@ from services.piloting.sticks import Incident
 from services.reference.guidance.path_following import PlannedPath
 from services.runtime.bus.spaces import checked_name
 from services.runtime.config.errors import LindyError
+from services.runtime.config.sensor_parts import SENSORS, NamedSensors
 from services.runtime.config.settings import deploy_file, kept, nearest
 from services.runtime.config.stack import BODY, Stack
 from services.runtime.hosts.registry import Registry
@@ -96,6 +98,7 @@ def checked(
         seed=choices.seed,
         overrides=list(choices.set_),
         services=choices.stack,
+        watched=services.watched,
         running=list(services),
         seconds=seconds,
     )
@@ -113,18 +116,18 @@ def checked(
 
 
 def known_tables(services: Registry, here: Collection[str] | None = None) -> dict[str, type | None]:
-    """The tables of a vehicle file: the vehicle itself, and one for each service.
+    """The tables of a vehicle file: the vehicle itself, its sensors, and one for each service.
 
     Raises:
         LindyError: a module of the stack cannot be used.
     """
-    return {BODY: Vehicle, **services.tables(here)}
+    return {BODY: Vehicle, SENSORS: NamedSensors, **services.tables(here)}
 
 
 def _controllable(stack: Stack) -> None:
     """Check that the controller accepts this vehicle with these gains."""
     try:
-        Controller(stack.section("control", Settings), stack.section("vehicle", Vehicle))
+        Controller(stack.section("control", Settings), stack.section("vehicle", Vehicle), Outbox())
     except ValueError as error:
         raise LindyError(f"{stack.vehicle_path}: {error}") from None
 

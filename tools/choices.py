@@ -1,4 +1,4 @@
-"""Command line options that `dive`, `up`, `simulate` and `run` share."""
+"""Command line options that several verbs share."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter, Token
 
-from tools.whole import Whole
+from services.runtime.config.errors import LindyError
 
 
 def named(_: object, tokens: Sequence[Token]) -> Path:
@@ -18,6 +18,63 @@ def named(_: object, tokens: Sequence[Token]) -> Path:
     return Path(tokens[0].value)
 
 
+def whole(_: object, tokens: Sequence[Token]) -> int:
+    """A whole number from the command line: 1.5 is refused, not rounded.
+
+    Raises:
+        LindyError: it is not a whole number.
+    """
+    token = tokens[0]
+    try:
+        return int(token.value)
+    except ValueError:
+        raise LindyError(
+            f"{token.keyword} is {token.value!r}, expected a whole number such as 7"
+        ) from None
+
+
+Whole = Annotated[int, Parameter(converter=whole)]
+Json = Annotated[bool, Parameter(name="--json", help="as JSON")]
+NewFile = Annotated[Path, Parameter(converter=named, help="the file to write, a new one")]
+NewPicture = Annotated[Path | None, Parameter(converter=named, help="also draw into this new PNG")]
+RunningDive = Annotated[
+    Path | None, Parameter(help="folder of a dive that is going on; default: the newest")
+]
+Overrides = Annotated[
+    tuple[str, ...],
+    Parameter(name="--set", help="key.path=value into the vehicle file; repeatable"),
+]
+VehicleName = Annotated[
+    str, Parameter(help="a name in deploy/vehicles, or the path of a TOML file")
+]
+StackName = Annotated[
+    str, Parameter(help="which services: a name in deploy/stacks, or the path of a TOML file")
+]
+UntilCtrlC = Annotated[
+    float | None, Parameter(name="--seconds", help="end after so long; default: Ctrl-C")
+]
+Router = Annotated[
+    str,
+    Parameter(
+        name=("--router", "--connect"),
+        help="endpoint of a router, or of a drone, e.g. tls/192.168.2.2:7447",
+    ),
+]
+KeysFolder = Annotated[
+    Path | None,
+    Parameter(converter=named, help="folder of the keys; default: ~/.config/lindy/keys"),
+]
+Insecure = Annotated[bool, Parameter(help="no keys: whoever reaches the port may fly")]
+Grouped = Annotated[
+    bool,
+    Parameter(
+        help="few processes instead of one per service, for a small computer: services that have "
+        "none of their own in the stack file share one per side",
+    ),
+]
+HERE = "tcp/127.0.0.1:7447"  # where both sides meet on one machine
+
+
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class Choices:
@@ -26,9 +83,7 @@ class Choices:
     pilot: Annotated[
         str | None, Parameter(help="gamepad, keyboard or script:FILE (a CSV stick log)")
     ] = None
-    vehicle: Annotated[
-        str, Parameter(help="a name in deploy/vehicles, or the path of a TOML file")
-    ] = "pioneer"
+    vehicle: VehicleName = "pioneer"
     name: Annotated[
         str | None,
         Parameter(
@@ -36,10 +91,7 @@ class Choices:
             "pioneer-boat; in virtual time its file's"
         ),
     ] = None
-    stack: Annotated[
-        str,
-        Parameter(help="which services: a name in deploy/stacks, or the path of a TOML file"),
-    ] = "simulated"
+    stack: StackName = "simulated"
     link: Annotated[str, Parameter(help="a name in deploy/links, or the path of a TOML file")] = (
         "tether"
     )
@@ -55,9 +107,7 @@ class Choices:
         ),
     ] = None
     seed: Annotated[Whole, Parameter(help="of everything random in simulator and link")] = 0
-    set_: Annotated[
-        tuple[str, ...],
-        Parameter(
-            name="--set", negative=(), help="key.path=value into the vehicle file; repeatable"
-        ),
-    ] = ()
+    set_: Overrides = ()
+
+
+DEFAULT = Choices()

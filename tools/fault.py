@@ -1,7 +1,9 @@
 """`lindy fault`: makes a thruster or a sensor of the simulated vehicle fail, or repairs it."""
 
-from pathlib import Path
-from typing import get_args
+from math import isfinite
+from typing import Annotated, get_args
+
+from cyclopts import Parameter
 
 from messages import topics
 from messages.simulator import FaultKind, FaultRequest
@@ -9,20 +11,38 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import nearest
 from services.runtime.hosts.registry import Registry
 from tools.ask import dive_in
+from tools.choices import RunningDive
 from tools.live.asking import answer_to, at_once
 
 SIMULATOR, DRONE = "simulator", "drone"
+MOST_VALUE = 1e9  # as in a message
 
 
-def fault(part: str, kind: str, value: float | None, dive: Path | None) -> int:
-    """Returns the exit status.
+def fault(
+    part: str,
+    kind: str,
+    *,
+    value: Annotated[
+        float | None,
+        Parameter(help="weak: share of the thrust; noisy: times; biased: sensor's unit"),
+    ] = None,
+    dive: RunningDive = None,
+) -> int:
+    """Make a part of the simulated vehicle fail, or repair it.
 
-    Raises:
-        LindyError: no such fault, or the simulator refuses or does not answer.
+    PART is a thruster's name, a sensor such as pressure, or all. KIND is none (to repair); dead,
+    reversed, weak or stuck (a thruster); silent, frozen, noisy, biased or broken (a sensor); wet
+    (leak); low, critical or empty (battery); hot (temperature).
+
+    Example: lindy fault port dead
     """
     kinds: dict[str, FaultKind] = {name: name for name in get_args(FaultKind)}
     if kind not in kinds:
         raise LindyError(f"unknown fault {kind!r}{nearest(kind, list(kinds))}")
+    if value is not None and not isfinite(value):
+        raise LindyError(f"--value is {value}, expected a finite number")
+    if value is not None and abs(value) > MOST_VALUE:
+        raise LindyError(f"--value is {value:g}, allowed are -{MOST_VALUE:g} to {MOST_VALUE:g}")
     running = dive_in(dive)
     if running.stack_file and SIMULATOR not in Registry.read(running.stack_file):
         raise LindyError(

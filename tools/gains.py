@@ -4,7 +4,13 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
+from services.control.axis.axis_law import WIDEST
+from services.marine.vehicle import Vehicle
 from services.runtime.config.errors import LindyError
+from services.runtime.config.stack import Stack
+from tools.choices import Overrides, VehicleName
+from tools.tuning.gain_design import design, lines
+from tools.tuning.lq import Worth
 
 # Error, rate, force; speed and jerk of the trial manoeuvre.
 USUAL_WAY = (0.05, 0.1, 5.0, 0.3, 1.5)  # [m]
@@ -15,53 +21,34 @@ def gains(
     axis: Literal["depth", "heading", "surge", "sway"],
     /,
     *,
-    vehicle: str = "pioneer",
-    error: float | None = None,
-    rate: float | None = None,
-    force: float | None = None,
-    patience: float = 5.0,
-    observer: float = 0.0,
-    speed: float | None = None,
-    jerk: float | None = None,
-    set_: Annotated[tuple[str, ...], Parameter(name="--set", negative=())] = (),
+    vehicle: VehicleName = "pioneer",
+    error: Annotated[float | None, Parameter(help="[m] or [rad]")] = None,
+    rate: Annotated[float | None, Parameter(help="[m/s] or [rad/s]")] = None,
+    force: Annotated[float | None, Parameter(help="[N] or [N m]")] = None,
+    patience: Annotated[
+        float, Parameter(help="[s] for which such an error may last; smaller makes ki larger")
+    ] = 5.0,
+    observer: Annotated[
+        float,
+        Parameter(help="[rad/s] of a disturbance observer, at most 50, checked with the rest"),
+    ] = 0.0,
+    speed: Annotated[
+        float | None,
+        Parameter(help="[m/s] or [rad/s] at which drag is made linear, and of the trial manoeuvre"),
+    ] = None,
+    jerk: Annotated[
+        float | None, Parameter(help="[m/s³] or [rad/s³] of the trial manoeuvre")
+    ] = None,
+    set_: Overrides = (),
 ) -> int:
-    """Find control gains for an axis of a vehicle (LQ), and print them for its file.
+    """Find control gains for an axis of a vehicle (LQ).
+
+    Printed for the vehicle's file. An error as large as --error, a rate as large as --rate and a
+    force as large as --force are equally bad. Left out, they are 5 cm, 10 cm/s and 5 N; of the
+    heading 3 deg, 10 deg/s and 0.4 N m.
 
     Example: lindy gains depth --error 0.1 --force 8 --observer 3
-
-    An error as large as --error, a rate as large as --rate and a force as large as --force are
-    equally bad. Left out, they are 5 cm, 10 cm/s and 5 N; of the heading 3 deg, 10 deg/s and
-    0.4 N m.
-
-    Parameters
-    ----------
-    axis
-        depth, heading, surge or sway
-    vehicle
-        a name in deploy/vehicles, or the path of a TOML file
-    error
-        [m] or [rad]
-    rate
-        [m/s] or [rad/s]
-    force
-        [N] or [N m]
-    patience
-        [s] for which such an error may last; smaller makes ki larger
-    observer
-        [rad/s] of a disturbance observer, at most 50, checked with the rest
-    speed
-        [m/s] or [rad/s] at which drag is made linear, and of the trial manoeuvre
-    jerk
-        [m/s³] or [rad/s³] of the trial manoeuvre
-    set_
-        key.path=value into the vehicle file; repeatable
     """
-    from services.control.axis.axis_law import WIDEST
-    from services.marine.vehicle import Vehicle
-    from services.runtime.config.stack import Stack
-    from tools.tuning.gain_design import design, lines
-    from tools.tuning.lq import Worth
-
     turns = axis == "heading"
     usual = USUAL_TURN if turns else USUAL_WAY
     asked = (error, rate, force, speed, jerk)

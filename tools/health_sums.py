@@ -84,6 +84,11 @@ class HealthSums(msgspec.Struct):
         life.last = health
 
     @property
+    def side(self) -> str:
+        """Its home; empty: not known."""
+        return next((life.last.side for life in self.living.values()), "")
+
+    @property
     def lives(self) -> int:
         """Times that it was started, as far as its messages tell."""
         return len(self.living) + self.ended

@@ -12,23 +12,19 @@ from messages import topics
 from messages.link import LinkRequest
 from services.runtime.config.errors import LindyError
 from services.runtime.config.running import Running
+from tools.choices import RunningDive, Whole
 from tools.choices import named as path_named
 from tools.fresh import refuse_existing, write_fresh
-from tools.whole import Whole
 
 if TYPE_CHECKING:  # help loads nothing of the model
     from services.tether.fates import FateRow
     from services.tether.profile import DirectionProfile
 
 MOST_MESSAGES = 5_000_000
-Dive = Annotated[
-    Path | None, Parameter(help="folder of a dive that is going on; default: the newest")
-]
 
 link = App(
     name="link",
     help="The tether: its model offline, a running link, a recorded one.",
-    help_format="plaintext",
 )
 
 
@@ -72,7 +68,7 @@ def offline(
 
 
 @link.command
-def profile(name: str, *, dive: Dive = None) -> int:
+def profile(name: str, *, dive: RunningDive = None) -> int:
     """Give the link of a dive that is going on another profile. Nothing on the way is lost. Over
     one that cannot be flown the drone loses its pilot, which is printed.
 
@@ -85,7 +81,7 @@ def profile(name: str, *, dive: Dive = None) -> int:
 
 
 @link.command(name="set")
-def set_(*settings: str, dive: Dive = None) -> int:
+def set_(*settings: str, dive: RunningDive = None) -> int:
     """Change single keys of the profile in force, in a dive that is going on.
 
     Example: lindy link set up.delay_ms=80 down.rate_kbit=256
@@ -94,7 +90,7 @@ def set_(*settings: str, dive: Dive = None) -> int:
 
 
 @link.command
-def down(*, dive: Dive = None) -> int:
+def down(*, dive: RunningDive = None) -> int:
     """Cut the link of a dive that is going on: whatever is on the way is lost.
 
     Example: lindy link down
@@ -103,7 +99,7 @@ def down(*, dive: Dive = None) -> int:
 
 
 @link.command
-def up(*, dive: Dive = None) -> int:
+def up(*, dive: RunningDive = None) -> int:
     """Join the link again.
 
     Example: lindy link up
@@ -162,7 +158,7 @@ def require_link(running: Running) -> None:
     Raises:
         LindyError: there is no emulated link among the processes of a dive.
     """
-    from services.runtime.launch.local_stack import HOME
+    from services.runtime.launch.process_plan import HOME
 
     if "tether" in running.pids:
         return

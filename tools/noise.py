@@ -5,14 +5,14 @@ from collections.abc import Iterator
 from itertools import pairwise
 from math import hypot, pi, sqrt
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from cyclopts import Parameter
 
 from messages import topics
-from services.estimation.attitude.attitude_filter import AttitudeSettings
+from services.estimation.attitude.heading import YAW_RATE_CUTOFF
 from services.estimation.startup.calibration import CalibrationSettings
+from tools.choices import Json
 from tools.recordings.allan import AllanNoise, Floats
 from tools.recordings.allan import noise as noise_of
 from tools.recordings.at_rest import Rest, RestingSamples, rate, read, resting
@@ -40,26 +40,17 @@ class SettingLine(NamedTuple):
     why: str
 
 
-def noise(
-    recording: Path,
-    /,
-    *,
-    json: Annotated[bool, Parameter(negative=(), show_default=False)] = False,
-) -> int:
-    """Estimate the sensors' noise from a recording at rest, and print lines for the vehicle file.
+def noise(recording: Path, *, json: Json = False) -> int:
+    """Noise, rate and drift of the sensors of a drone at rest.
 
-    Example: lindy log noise dives/on_the_bench
+    RECORDING is a dive's folder or its MCAP file. Prints the lines to paste into the vehicle file.
+    It uses the longest time in which the drone was neither armed nor moved, at least 20 s: the
+    longer, the slower the drift that can be seen. To make a recording, start the drone's side
+    alone, so that nobody arms it, and press Ctrl-C after a minute or longer. For the spreads of the
+    depth (`estimation.depth`) `lindy review` of a dive under way knows better.
 
-    Let the drone lie still, in air or water, for a minute or longer: the longer, the slower the
-    drift that can be seen. Of a longer recording the longest time at rest is used, in which the
-    drone was neither armed nor moved.
-
-    Parameters
-    ----------
-    recording
-        folder of a dive, or one MCAP file
-    json
-        print JSON instead of TOML
+    Example: lindy up drone --out dives/on_the_bench
+             lindy log noise dives/on_the_bench
     """
     rest = resting(read(open_recording(recording)), recording)
     axes = list(measured(rest.samples))
@@ -102,7 +93,7 @@ def lines(axes: list[NoiseAxis]) -> Iterator[SettingLine]:
     told = "[m/s²/√s] worst axis" if walks else "no walk seen in a recording of this length"
     yield _line(section, "bias_walk", max(walks, default=0.0), told)
     turn = by_name["gyroscope z"].noise
-    band = AttitudeSettings().yaw_rate_cutoff * pi / 2.0  # [Hz] noise bandwidth of the low-pass
+    band = YAW_RATE_CUTOFF * pi / 2.0  # [Hz] noise bandwidth of the low-pass
     section = "estimation.attitude"
     told = "[rad/s] gyroscope z behind the low-pass"
     yield _line(section, "yaw_rate_std", turn.density * sqrt(band), told)
@@ -137,6 +128,8 @@ def as_toml(axes: list[NoiseAxis], rest: Rest) -> str:
         f"# Noise at rest; used {rest.seconds:.1f} s at rest, from {rest.begin:.1f} s.",
         "# Each axis: rate, std of a sample, white noise, bias instability, random walk;",
         "# <: not seen, and below this.",
+        "# Under way thrusters and tilt add to it, and pressure_std belongs to acceleration_noise:",
+        "# `lindy review` of a dive tries both on it.",
     ]
     text += [f"# {_figures(axis)}" for axis in axes]
     section = ""

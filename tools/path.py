@@ -3,9 +3,10 @@
 import json
 from collections.abc import Iterator
 from math import ceil, exp, isfinite
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
+from cyclopts import Parameter
 
 from messages.units import PathQuantity
 from services.reference.paths.path import Kind, Path, furthest
@@ -40,20 +41,22 @@ class PlannedPathFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     xi: float = 15.0  # [-] fernandes: ξ_a = ξ_d
 
 
-def path(file: str, *, dt: float | None = None) -> int:
-    """Show a path (JSON), or the whole reference along it (CSV).
+def path(
+    file: str,
+    *,
+    dt: Annotated[float | None, Parameter(help="[s] between samples, for the reference")] = None,
+) -> int:
+    """Print a path (JSON), or the reference along it (CSV).
 
-    Example: lindy path deploy/paths/fernandes.toml --dt 0.15
+    FILE is a TOML file or a name in deploy/paths. Keys: waypoints, min_radius, kind, smooth_yaw;
+    cruise, speeds; model, acceleration, jerk, accel_time, decel_time, epsilon, theta_a, theta_d,
+    theta_0, xi.
 
     Without --dt: the parts with their lengths, the total, the greatest curvature, the duration.
     With --dt: position, velocity and acceleration, world and body, from the start to the first
     sample at or after the arrival. Angles in rad, distances along the path in the horizontal plane.
 
-    Args:
-        file: TOML file, or the name of one in deploy/paths. Keys: waypoints, min_radius, kind,
-            smooth_yaw; cruise, speeds; model, acceleration, jerk, accel_time, decel_time, epsilon,
-            theta_a, theta_d, theta_0, xi.
-        dt: [s] between samples.
+    Example: lindy path deploy/paths/fernandes.toml --dt 0.15
     """
     source = deploy_file("paths", file)
     settings = read(source, PlannedPathFile)
@@ -89,8 +92,8 @@ def motion(file: PlannedPathFile) -> MotionLaw:
 
     if file.model == "mjvr":
         return bounded
-    from tools.research.laws.fernandes.model_request import MotionRequest
-    from tools.research.laws.fernandes.reference_model import plan
+    from tools.generators.fernandes.model_request import MotionRequest
+    from tools.generators.fernandes.reference_model import plan
 
     def fernandes(length: float, cruise: float, initial: float, final: float) -> MotionProfile:
         return plan(

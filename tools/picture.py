@@ -4,19 +4,24 @@ import contextlib
 import os
 import socket
 import subprocess
-import tempfile
 import time
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Annotated, TypeVar
+
+from cyclopts import Parameter
 
 from services.recorder.io.open_chunk import MAGIC as MCAP
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
 from services.runtime.config.settings import nearest
+from tools.choices import NewFile
+from tools.drawn import draw
 from tools.fresh import refuse_existing, write_fresh
+from tools.replay.source import open_source
 
 if TYPE_CHECKING:
     from rerun.experimental import ViewerClient
@@ -39,42 +44,76 @@ NO_VULKAN = (
 T = TypeVar("T")
 
 
-def picture(recording: Path, out: Path, at_s: float | None = None, page: str = FIRST) -> None:
-    """Write a page of a recorded dive as a PNG, and print the progress.
+def picture(
+    recording: Path,
+    *,
+    out: NewFile = Path("dive.png"),
+    at: Annotated[
+        float | None, Parameter(help="seconds since the dive began; default: its end")
+    ] = None,
+    page: Annotated[
+        str, Parameter(help="dive, motion, control, sensors, link, camera or health")
+    ] = FIRST,
+) -> int:
+    """Draw a recorded dive as the viewer shows it.
 
-    Args:
-        recording: a dive's folder, or what the visualizer recorded.
-        out: the picture.
-        at_s: [s] time cursor, since the dive began; None: the end.
-        page: as the viewer's tabs are called.
+    RECORDING is a dive's folder, or the dive.rrd or dive.mcap in it. It needs no display, but
+    Vulkan, in software at least; on Debian: apt install mesa-vulkan-drivers libvulkan1
 
-    Raises:
-        LindyError: no such recording or page, no rerun, no Vulkan, nowhere to write, a file of that
-            name, or no answer in time.
+    Example: lindy picture dives/latest --at 40 --page link --out link.png
     """
     refuse_existing(out)
-    rrd = rrd_of(recording)
-    program, page = _program(), _page(page)
-    print("starting the viewer …", flush=True)
-    with _viewer(program, rrd) as client:
-        print(f"reading {rrd} ({rrd.stat().st_size / 1e6:.1f} MB) …", flush=True)
-        begin, end = loaded(client, rrd)
-        at = end if at_s is None else at_s
-        if not begin <= at <= end:
-            raise LindyError(f"--at {at:g}: the dive in {rrd} is from {begin:.1f} to {end:.1f} s")
-        print(f"drawing the page {page} at {at:.1f} s …", flush=True)
-        if page != FIRST:
-            _turn_to(client, page)
-        client.set_time(TIMELINE, duration=at, play_state="paused")
-        time.sleep(DRAW_S)
-        client.take_screenshot()  # the first one may show panels that are still being drawn
-        png = client.take_screenshot()
+    program, page = viewer_program(), _page(page)
+    with _drawn(recording) as rrd:
+        png = _picture(program, rrd, page, at)
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise LindyError(f"cannot write {out}: {error.strerror}") from None
     write_fresh(out, png)
     print(f"written {out}", flush=True)
+    return 0
+
+
+def _picture(program: Path, rrd: Path, page: str, at: float | None) -> bytes:
+    print("starting the viewer …", flush=True)
+    with viewer(program, rrd) as client:
+        print(f"reading {rrd} ({rrd.stat().st_size / 1e6:.1f} MB) …", flush=True)
+        begin, end = loaded(client, rrd)
+        at = end if at is None else at
+        if not begin <= at <= end:
+            raise LindyError(f"--at {at:g}: the dive in {rrd} is from {begin:.1f} to {end:.1f} s")
+        print(f"drawing the page {page} at {at:.1f} s …", flush=True)
+        if page != FIRST:
+            _turn_to(client, page, rrd)
+        return shot(client, at, DRAW_S)
+
+
+@contextmanager
+def _drawn(recording: Path) -> Generator[Path]:
+    """The visualizer's recording; where there is only the recorder's, such as of an import, one
+    that is made from it and goes again.
+
+    Raises:
+        LindyError: as `rrd_of`.
+    """
+    mcap = recording / "dive.mcap" if recording.is_dir() else recording
+    if mcap.suffix != ".mcap" or mcap.with_suffix(".rrd").exists() or not mcap.is_file():
+        yield rrd_of(recording)
+        return
+    with TemporaryDirectory(prefix="lindy-") as folder:
+        rrd = Path(folder) / NAME
+        print(f"drawing {mcap} …", flush=True)
+        draw(open_source(mcap), rrd)
+        yield rrd
+
+
+def shot(client: "ViewerClient", at_s: float, settle_s: float) -> bytes:
+    """The viewer with its time cursor at `at_s` [s], as a PNG."""
+    client.set_time(TIMELINE, duration=at_s, play_state="paused")
+    time.sleep(settle_s)
+    client.take_screenshot()  # the first one may show panels that are still being drawn
+    return client.take_screenshot()
 
 
 def rrd_of(recording: Path) -> Path:
@@ -121,18 +160,22 @@ def _page(name: str) -> str:
     return name.lower()
 
 
-def _turn_to(client: "ViewerClient", page: str) -> None:
-    """Show one page instead of the layout that the recording brought along."""
-    from services.visualizer.blueprint import page_alone
-
-    with tempfile.TemporaryDirectory(prefix="lindy-") as folder:
-        path = Path(folder) / "page.rbl"
-        page_alone(page).save("lindy", str(path))
-        client.open(str(path))
+def _turn_to(client: "ViewerClient", page: str, rrd: Path) -> None:
+    """Bring a page to the front."""
+    layout = client.get_blueprint().blueprint
+    root = layout["/viewport"]["ViewportBlueprint"]["root_container"]
+    tabs = layout.get(f"/container/{root}", {}).get("ContainerBlueprint", {})
+    for one in tabs.get("contents", []):
+        named = layout.get(f"/{one}", {}).get("ContainerBlueprint", {}).get("display_name", "")
+        if named.lower() == page:
+            tabs["active_tab"] = one
+            client.set_blueprint(layout, of="recording")
+            return
+    raise LindyError(f"--page {page}: {rrd} has no such page; another version may have written it")
 
 
 @contextmanager
-def _viewer(program: Path, rrd: Path) -> "Generator[ViewerClient]":
+def viewer(program: Path, rrd: Path) -> "Generator[ViewerClient]":
     """A viewer without a window that has been told to open the recording."""
     port = _free_port()
     command = [str(program), "--headless", "--bind", "127.0.0.1", "--port", str(port)]
@@ -150,7 +193,7 @@ def _viewer(program: Path, rrd: Path) -> "Generator[ViewerClient]":
         _end(process)
 
 
-def _program() -> Path:
+def viewer_program() -> Path:
     """The viewer itself; the `rerun` on the path is a wrapper that leaves it running."""
     spec = find_spec("rerun_cli")
     if spec is None or spec.origin is None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from services.runtime.config.errors import LindyError
 
 if TYPE_CHECKING:
-    from tools.research.laws.fernandes.reference_model import ReferenceModel
+    from tools.generators.fernandes.reference_model import ReferenceModel
 
 MOST_ROWS = 10_000_000
 
@@ -28,7 +28,9 @@ def profile(
     xi: float = 15.0,
     dt: float | None = None,
 ) -> int:
-    """Speed up, cruise, slow down: the reference model's numbers (JSON), or its samples (CSV).
+    """Print one motion of the reference model.
+
+    Speed up, cruise, slow down: its numbers (JSON), or its samples (CSV).
 
     Example: lindy profile --length 50 --cruise 0.3 --accel-time 20 --decel-time 20 --dt 0.1
 
@@ -49,8 +51,8 @@ def profile(
         xi: steepness of the start of both, 10 to 15.
         dt: [s] between samples.
     """
-    from tools.research.laws.fernandes.model_request import MotionRequest
-    from tools.research.laws.fernandes.reference_model import plan
+    from tools.generators.fernandes.model_request import MotionRequest
+    from tools.generators.fernandes.reference_model import plan
 
     request = MotionRequest(
         length=length,

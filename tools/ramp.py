@@ -11,7 +11,7 @@ from services.reference.trajectory.minimum_jerk import Limits, Sample, Segment, 
 from services.runtime.config.errors import LindyError
 
 if TYPE_CHECKING:
-    from tools.research.laws.baselines import BaselineReference, Planner
+    from tools.generators.baselines import BaselineReference, Planner
 
 Rule = Literal["bounded", "thesis", "direct", "filter", "minimum-time"]
 TargetRow = tuple[float, float]  # t [s], target
@@ -36,7 +36,9 @@ def ramp(
     plan: bool = False,
     to: float | None = None,
 ) -> int:
-    """Turn a stick log (CSV t,target on stdin) into a smooth reference (CSV t,x,v,a,j on stdout).
+    """Turn a stick log into a smooth reference (CSV).
+
+    Stick log on stdin: t,target; reference on stdout: t,x,v,a,j.
 
     Targets hold until the next one and take effect exactly at their own time, also between
     samples. Samples are at the first input time and every dt from there, the last input time
@@ -166,7 +168,7 @@ def _generator(
     rule: Rule, jerk: float | None, accel: float | None, v0: float, a0: float,
     frequency: float, damping: float,
 ) -> "BaselineReference":  # fmt: skip
-    from tools.research.laws.baselines import Direct, Filter, PlannedBaseline
+    from tools.generators.baselines import Direct, Filter, PlannedBaseline
 
     if accel is not None and rule not in ("bounded", "minimum-time"):
         print(f"lindy: --accel has no effect: --rule {rule} has no such limit", file=sys.stderr)
@@ -183,8 +185,8 @@ def _generator(
 
 
 def _planner(rule: Rule, limits: Limits) -> "Planner":
-    from tools.research.laws import thesis_rule
-    from tools.research.laws.baselines import minimum_time
+    from tools.generators import thesis_rule
+    from tools.generators.baselines import minimum_time
 
     def thesis(v: float, a: float, target: float) -> list[Segment]:
         part = thesis_rule.plan(v, a, target, limits.jerk)
@@ -200,7 +202,7 @@ def _planner(rule: Rule, limits: Limits) -> "Planner":
 
 
 def _plan(rule: Rule, generator: "BaselineReference", to: float | None) -> str:
-    from tools.research.laws.baselines import PlannedBaseline
+    from tools.generators.baselines import PlannedBaseline
 
     if to is None:
         raise LindyError("--to is missing: the velocity that --plan goes to, e.g. --to 0.3")

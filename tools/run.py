@@ -3,9 +3,9 @@
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
-from socket import gethostname
+from typing import Annotated
 
-import msgspec
+from cyclopts import Parameter
 
 from services.runtime.bus.endpoint import checked_endpoint
 from services.runtime.bus.key_files import KeyFiles
@@ -14,14 +14,14 @@ from services.runtime.config.settings import nearest
 from services.runtime.hosts.process_host import HubLaunch, Launch, run_hub, run_services
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.stack_file import ServiceSpec
-from tools.checks import checked, pilot_of
-from tools.choices import Choices
-from tools.fleet.names import own_name
-from tools.keys.door import door, is_local
+from tools.checks import pilot_of
+from tools.choices import DEFAULT, Choices, named
+from tools.keys.credentials import credentials, is_local
 from tools.keys.roles import Role
 from tools.live.dive_folder import dive_files
 from tools.live.viewer import VIEWER
 from tools.replay.viewing import one_bus
+from tools.start import settled
 
 CALLERS: tuple[Role, ...] = ("observer", "pilot")
 FILE = {"recorder": "mcap", "visualizer": "rrd"}  # of one dive only
@@ -29,19 +29,27 @@ FILE = {"recorder": "mcap", "visualizer": "rrd"}  # of one dive only
 
 def run(
     service: str,
-    connect: tuple[str, ...],
-    choices: Choices,
-    keys: Path | None = None,
     *,
-    replay: bool = False,
+    connect: Annotated[
+        tuple[str, ...],
+        Parameter(help="SIDE=ENDPOINT of a hub, once for each side of the service"),
+    ] = (),
+    keys: Annotated[
+        Path | None,
+        Parameter(
+            converter=named,
+            help="for a hub at tls/…: folder of the keys; default: ~/.config/lindy/keys",
+        ),
+    ] = None,
+    replay: Annotated[
+        bool,
+        Parameter(help="visualizer: show what `lindy replay --listen` plays, and no vehicle"),
+    ] = False,
+    choices: Choices = DEFAULT,
 ) -> int:
-    """Run one service until Ctrl-C. Returns its exit status.
+    """Run one service in the foreground, on running hubs.
 
-    Args:
-        replay: it shows what `lindy replay` plays, and no vehicle.
-
-    Raises:
-        LindyError: an unknown service, or a side that is missing or has no endpoint.
+    Example: lindy run control --connect drone=tcp/127.0.0.1:7448
     """
     services = Registry.read(choices.stack)
     if service not in services:
@@ -50,12 +58,12 @@ def run(
     if replay:
         spec = of_a_replay(service, spec)
     endpoints = endpoints_of(service, spec, connect)
-    stack = checked(choices, pilot_of(choices.pilot or "gamepad"), services, {service})
     out = (choices.out or Path()).resolve()
     if (kind := FILE.get(service)) and (earlier := dive_files(out, kind)):
         raise LindyError(f"{earlier[0]} is there already; choose another --out for the {service}")
-    name = stack.name or own_name(stack.vehicle_name, gethostname())
-    stack = msgspec.structs.replace(stack, out=str(out), name=name, replay=replay)
+    pilot = pilot_of(choices.pilot or "gamepad")
+    here = services.only({service: spec})
+    stack = settled(choices, pilot, services, here, out=str(out), replay=replay)
     with tempfile.TemporaryDirectory(prefix="lindy-") as checkpoint:
         return run_services(
             Launch(
@@ -92,16 +100,19 @@ def keys_for(endpoints: Mapping[str, str], keys: Path | None) -> KeyFiles | None
     """
     for side, endpoint in endpoints.items():
         if endpoint.startswith("tls/"):
-            found = door(endpoint, f"--connect {side} =", CALLERS, keys, insecure=False)
+            found = credentials(endpoint, f"--connect {side} =", CALLERS, keys, insecure=False)
             return None if found is None else found.keys
     return None
 
 
-def hub(endpoint: str, *, insecure: bool) -> int:
-    """Run a side's hub until Ctrl-C. Returns its exit status.
+def hub(
+    endpoint: str,
+    *,
+    insecure: Annotated[bool, Parameter(help="let in whoever reaches the endpoint")] = False,
+) -> int:
+    """Run a side's hub in the foreground.
 
-    Raises:
-        LindyError: not an endpoint, or other machines could reach it and nobody said they may.
+    Example: lindy hub tcp/127.0.0.1:7448
     """
     if not insecure and not is_local(checked_endpoint(endpoint, "endpoint")):
         raise LindyError(

@@ -6,29 +6,29 @@ from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
-import msgspec
+from cyclopts import Parameter
 from rich.progress import BarColumn, Progress, TextColumn
 
 from messages.health import LogLine
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
-from tools.checks import DEFAULT_PILOT, PilotChoice, checked, pilot_of
-from tools.choices import Choices
+from services.vehicle_view.log_lines import when
+from tools.checks import DEFAULT_PILOT, PilotChoice, pilot_of
+from tools.choices import DEFAULT, Choices, named
 from tools.live.display import LineDisplay
-from tools.live.dive_folder import out_folder, point_latest
+from tools.live.dive_folder import point_latest
 from tools.live.dive_timeline import DiveTimeline
-from tools.live.log_lines import when
 from tools.live.memory_recorder import MemoryRecorder
 from tools.live.outcome import CLEAN, Outcome, title
 from tools.live.stop_signals import StopSignals
 from tools.live.viewer import runnable
 from tools.live.virtual_dive import Advance, fly, without_files
-from tools.packages import require_packages
 from tools.recordings.recording import log_hash
 from tools.report import summary
+from tools.start import as_given, settled
 
 CALIBRATING = "calibrating"
 LINE_S = 10.0  # [s] of virtual time between two lines
@@ -42,12 +42,39 @@ class Simulated(NamedTuple):
     folder: Path | None  # None: without files
 
 
-def simulate(choices: Choices, *, files: bool = True) -> int:
-    """Returns the exit status: 0 clean, 3 done but data or a service was lost.
+def simulate(
+    *,
+    choices: Choices = DEFAULT,
+    files: Annotated[
+        bool,
+        Parameter(
+            negative="--no-files",
+            help="--no-files: no recording, no viewer, no folder; the report only, sooner",
+        ),
+    ] = True,
+    from_: Annotated[
+        Path | None,
+        Parameter(
+            name="--from",
+            converter=named,
+            help="folder or MCAP file of a recorded dive: fly it again, from nothing else, and "
+            "fail (exit status 1) where what is recorded is not the same, bit for bit",
+        ),
+    ] = None,
+) -> int:
+    """Fly a dive on virtual time, as fast as possible.
 
-    Raises:
-        LindyError: a wrong setting, or the dive was aborted.
+    The same dive as `lindy dive`, with the same files. Exit status 3: done, but data or a service
+    was lost.
+
+    Example: lindy simulate --seed 7 --set control.depth.kp=3 --out dives/simulated
+             lindy simulate --no-files --link severe
+             lindy simulate --from dives/latest
     """
+    if from_ is not None:
+        from tools.fly_again import fly_again
+
+        return fly_again(from_, choices, files=files)
     return simulated(choices, files=files).status
 
 
@@ -69,8 +96,16 @@ def simulated(choices: Choices, *, files: bool = True, running: Collection[str] 
         services = services.only({n: spec for n, spec in services.items() if n in running})
     elif not files:
         services = without_files(services)
-    require_packages(services)
-    return _recorded(choices, pilot, services) if files else _in_memory(choices, pilot, services)
+    if files:
+        stack = settled(choices, pilot, services, name=as_given, virtual=True)
+        print(f"{title(stack)} → {stack.out_dir}", flush=True)
+        return _recorded(stack, services, pilot)
+    if choices.out is not None:
+        raise LindyError("--out names a folder for files, and --no-files writes none; drop one")
+    with TemporaryDirectory(prefix="lindy-") as folder:  # for a user's service that writes files
+        stack = settled(choices, pilot, services, name=as_given, virtual=True, out=folder)
+        print(f"{title(stack)}, without files", flush=True)
+        return _in_memory(stack, services, pilot)
 
 
 def scripted(choices: Choices) -> PilotChoice:
@@ -84,31 +119,22 @@ def scripted(choices: Choices) -> PilotChoice:
     return pilot
 
 
-def _recorded(choices: Choices, pilot: PilotChoice, services: Registry) -> Simulated:
-    stack = checked(choices, pilot, services)
-    stack = msgspec.structs.replace(stack, virtual=True, out=str(out_folder(choices.out)))
-    print(f"{title(stack)} → {stack.out_dir}", flush=True)
+def _recorded(stack: Stack, services: Registry, pilot: PilotChoice) -> Simulated:
     outcome = Outcome(stack)
     begun = partial(point_latest, stack.out_dir)
-    timeline = DiveTimeline(pilot.script_s, choices.seconds)
+    timeline = DiveTimeline(pilot.script_s, stack.seconds)
     with StopSignals() as stop:
         _fly_and_show(stack, services, timeline, outcome, stop, begun)
         status = stop.report(outcome.sum_up)
     return Simulated(status, log_hash(stack.out_dir), stack.out_dir)
 
 
-def _in_memory(choices: Choices, pilot: PilotChoice, services: Registry) -> Simulated:
-    if choices.out is not None:
-        raise LindyError("--out names a folder for files, and --no-files writes none; drop one")
-    stack = checked(choices, pilot, services)
-    memory = MemoryRecorder()
-    with TemporaryDirectory(prefix="lindy-") as folder:  # for a user's service that writes files
-        stack = msgspec.structs.replace(stack, virtual=True, out=folder)
-        print(f"{title(stack)}, without files", flush=True)
-        outcome, timeline = Outcome(stack), DiveTimeline(pilot.script_s, choices.seconds)
-        with StopSignals() as stop:
-            _fly_and_show(stack, services, timeline, outcome, stop, memory=memory)
-            status = stop.report(lambda: _sum_up_memory(outcome, memory), "nothing was recorded")
+def _in_memory(stack: Stack, services: Registry, pilot: PilotChoice) -> Simulated:
+    memory, outcome = MemoryRecorder(), Outcome(stack)
+    timeline = DiveTimeline(pilot.script_s, stack.seconds)
+    with StopSignals() as stop:
+        _fly_and_show(stack, services, timeline, outcome, stop, memory=memory)
+        status = stop.report(lambda: _sum_up_memory(outcome, memory), "nothing was recorded")
     return Simulated(status, memory.log_hash(), None)
 
 

@@ -3,68 +3,83 @@
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from socket import gethostname
-from typing import NamedTuple, NoReturn
+from typing import Annotated, NoReturn
 
 import msgspec
+from cyclopts import Parameter
 
-from services.runtime.bus.key_files import Door
+from services.runtime.bus.key_files import Credentials
 from services.runtime.config.errors import LindyError
 from services.runtime.config.identity import identity_now
 from services.runtime.config.settings import nearest
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.stack_file import ServiceSpec
-from services.runtime.launch.local_stack import OtherSide, local_stack, require_free
-from tools.checks import DEFAULT_PILOT, PilotChoice, checked, pilot_of
-from tools.choices import Choices
-from tools.fleet.meeting import Meeting, drone_at, drones_door, drones_name, require_only
-from tools.fleet.names import own_name
-from tools.fleet.others import others_named
-from tools.keys.door import door
-from tools.live.cockpit import with_picture
-from tools.live.display import display
+from services.runtime.launch.local_stack import require_free
+from services.runtime.launch.process_plan import OtherSide
+from tools.checks import DEFAULT_PILOT, pilot_of
+from tools.choices import DEFAULT, HERE, Choices, Grouped, Insecure, KeysFolder
+from tools.fleet.meeting import Meeting, drone_at, drones_credentials, drones_name, require_only
+from tools.keys.credentials import credentials
 from tools.live.dive_folder import (
     hand_over,
-    out_folder,
-    point_latest,
-    require_room_for_recording,
 )
-from tools.live.monitor_loop import followed_by
-from tools.live.outcome import RECORDER, Outcome
-from tools.live.piloted_dive import PilotedDive, tell_who_flies, who_flies
+from tools.live.outcome import RECORDER
+from tools.live.piloted_dive import tell_who_flies, who_flies
 from tools.live.resume import ESTIMATION, resumed
-from tools.live.stop_signals import StopSignals
-from tools.live.viewer import runnable
 from tools.onboard.broken_off import broken_off
 from tools.onboard.plan import Plan, become
 from tools.onboard.this_start import NOTE, Start, boot_id, other_vehicle
-from tools.packages import require_packages
-from tools.report import Elsewhere
+from tools.start import RECORDER_HERE, Planned, as_it_can_run, fly_planned, own, settled
 
 OTHER = {"topside": "drone", "drone": "topside"}
-HERE = "tcp/127.0.0.1:7447"  # where both sides meet on one machine
-RECORDER_HERE = f"{RECORDER}_topside"  # records what the topside hears
 GATEWAY = "tether"  # the service that may stand between the two
 
 
 def up(
     side: str,
-    choices: Choices,
     *,
-    listen: str | None,
-    connect: str | None,
-    router: str | None = None,
-    gateway: bool,
-    grouped: bool,
-    resume: Path | None = None,
-    keys: Path | None = None,
-    insecure: bool = False,
+    listen: Annotated[
+        str | None,
+        Parameter(
+            help=f"drone: endpoint for the topside, e.g. tls/192.168.2.2:7447; default {HERE}"
+        ),
+    ] = None,
+    connect: Annotated[
+        str | None,
+        Parameter(
+            help=f"topside: endpoint of the drone, e.g. tls/192.168.2.2:7447; default {HERE}"
+        ),
+    ] = None,
+    router: Annotated[
+        str | None,
+        Parameter(
+            help="either side: endpoint of a Zenoh router where both meet; see docs/fleet.md"
+        ),
+    ] = None,
+    gateway: Annotated[
+        bool, Parameter(help="topside: add the emulated link (--link) to the real one")
+    ] = False,
+    resume: Annotated[
+        Path | None,
+        Parameter(
+            help="drone: folder of the dive that a power cut ended; goes on with its calibration"
+        ),
+    ] = None,
+    grouped: Grouped = False,
+    keys: KeysFolder = None,
+    insecure: Insecure = False,
+    choices: Choices = DEFAULT,
 ) -> int:
-    """Returns the exit status: 0 clean, 3 done but data or a service was lost.
+    """Start one SIDE of a dive, topside or drone, on this machine.
 
-    Raises:
-        LindyError: a wrong setting, a service cannot start, or the dive was aborted.
+    The other side runs on another. Start the drone first. Each side has its own clock; the clock
+    offset is measured. By default both connect on this machine. Between machines both need keys:
+    see `lindy keys`. A topside without --name takes the one drone that can be reached. Exit status
+    3: done, but data or a service was lost.
+
+    Example: lindy up drone --listen tls/192.168.2.2:7447
+             lindy up topside --connect tls/192.168.2.2:7447
     """
     if side not in OTHER:
         raise LindyError(f"unknown side {side!r}{nearest(side, list(OTHER))}")
@@ -74,7 +89,7 @@ def up(
                 f"--connect is for the topside: the drone waits for it, with --listen {connect}"
             )
         listen = HERE if listen is None and router is None else listen
-        way_in = drones_door(listen, router, keys, insecure=insecure)
+        way_in = drones_credentials(listen, router, keys, insecure=insecure)
         meeting = Meeting(listen, router, way_in)
         return drone(choices, meeting, resume, grouped=grouped, insecure=insecure)
     if resume is not None:
@@ -89,8 +104,10 @@ def up(
         raise LindyError(f"--connect {connect} and --router {router}: one of them is enough")
     option = "--connect" if router is None else "--router"
     connect = connect or router or HERE
-    way_out = door(connect, option, ("pilot",), keys, insecure=insecure)
-    return topside(choices, connect, way_out, gateway=gateway, grouped=grouped, insecure=insecure)
+    way_out = credentials(connect, option, ("pilot",), keys, insecure=insecure)
+    return fly_planned(
+        topside(choices, connect, way_out, gateway=gateway, grouped=grouped, insecure=insecure)
+    )
 
 
 def drone(
@@ -104,28 +121,30 @@ def drone(
     """Run the drone's side until Ctrl-C, whether or not the topside is connected. This program only
     checks and plans: a smaller one takes its place."""
     every = Registry.read(choices.stack)
-    here = with_picture(on_side(every, "drone", gateway=False), choices, every)
-    here = here.grouped() if grouped else here
-    stack = checked(choices, pilot_of(choices.pilot or DEFAULT_PILOT), every, here)
-    require_packages(here)
+    here = as_it_can_run(on_side(every, "drone", gateway=False), choices, every, grouped=grouped)
+    stack = settled(
+        choices,
+        pilot_of(choices.pilot or DEFAULT_PILOT),
+        every,
+        here,
+        name=lambda stack: drones_name(stack, meeting),
+        apart=True,
+        insecure=insecure,
+        pilot=OTHER["drone"],  # it and the link are chosen on the topside
+        link=meeting.link,
+        read_besides=[],  # they are the pilot's and the link's
+    )
     before: dict[str, bytes] = {}
     if resume is not None:
         before = resumed(resume, identity_now(stack, "drone"), time.monotonic_ns(), time.time())
-    # The pilot and the link are chosen on the topside.
-    stack = msgspec.structs.replace(stack, apart=True, pilot=OTHER["drone"], link=meeting.link)
-    stack = msgspec.structs.replace(stack, name=drones_name(stack, meeting), insecure=insecure)
-    stack = msgspec.structs.replace(stack, read_besides=[])  # they are the pilot's and the link's
-    stack = msgspec.structs.replace(stack, out=str(out_folder(choices.out)))
     print(
         f"drone {stack.drone_name} ({stack.vehicle}), for the topside at {meeting.link} → "
         f"{stack.out_dir}",
         flush=True,
     )
     print(f"vehicle side: {in_words(here.vehicle_side)}", flush=True)
-    if RECORDER in here:
-        require_room_for_recording(stack.out_dir)
     if meeting.listen is not None:
-        require_free(meeting.listen, stack, meeting.door)
+        require_free(meeting.listen, stack, meeting.credentials)
     if meeting.router is not None:
         require_only(stack.drone_name, meeting.router, meeting.keys)
     plan = Plan(
@@ -135,7 +154,7 @@ def drone(
         elsewhere=tuple(on_side(every, "topside", gateway=False)),
         listen=meeting.listen,
         router=meeting.router,
-        door=meeting.door,
+        credentials=meeting.credentials,
         begin_with={**goes_on_with(stack, resumes=bool(before)), **before},
         seconds=choices.seconds,
         claim=hand_over(stack.out_dir),
@@ -185,79 +204,31 @@ def goes_on_with(stack: Stack, *, resumes: bool = False) -> dict[str, bytes]:
 def topside(
     choices: Choices,
     connect: str,
-    way_out: Door | None,
+    way_out: Credentials | None,
     *,
-    gateway: bool,
-    grouped: bool,
-    insecure: bool,
-) -> int:
-    """The topside of a dive as in `lindy dive`; the report is made on board."""
-    return run(
-        planned(choices, connect, way_out, gateway=gateway, grouped=grouped, insecure=insecure)
-    )
-
-
-class Piloting(NamedTuple):
-    """Who flies, and for how long."""
-
-    pilot: PilotChoice
-    seconds: float | None  # [s] after arming; None: until the script or the user ends it
-
-
-class Planned(NamedTuple):
-    """A topside that was checked and can be started."""
-
-    stack: Stack
-    every: Registry
-    here: Registry  # of it, the services of this side
-    other_side: OtherSide
-    piloting: Piloting
-    keys: Door | None
-
-    def sum_up(self, outcome: Outcome) -> int:
-        """Print the summary. Returns the exit status.
-
-        Raises:
-            LindyError: why it was aborted.
-        """
-        if RECORDER in self.here:
-            drone = Elsewhere("drone", tuple(on_side(self.every, "drone", gateway=False)))
-            return outcome.sum_up(drone)
-        return outcome.sum_up_unrecorded("topside", "drone")
-
-    def require_room(self) -> None:
-        """
-        Raises:
-            LindyError: the recorder could not begin in this folder.
-        """
-        if RECORDER in self.here or RECORDER_HERE in self.here:
-            require_room_for_recording(self.stack.out_dir)
-
-
-def planned(
-    choices: Choices,
-    connect: str,
-    way_out: Door | None,
-    *,
-    gateway: bool,
+    gateway: bool = False,
     grouped: bool,
     insecure: bool,
 ) -> Planned:
-    """
+    """The topside of a dive as in `lindy dive`, checked; the report is made on board.
+
     Raises:
         LindyError: a wrong setting.
     """
     every = Registry.read(choices.stack)
-    here = with_picture(runnable(on_side(every, "topside", gateway=gateway)), choices, every)
-    here = here.grouped() if grouped else here
+    here = on_side(every, "topside", gateway=gateway)
+    here = as_it_can_run(here, choices, every, grouped=grouped)
     pilot = who_flies(choices, here, elsewhere=True)
-    stack = checked(choices, pilot, every, here)
-    require_packages(here, pilot.name)
-    stack = msgspec.structs.replace(stack, apart=True, insecure=insecure)
-    own = own_name(stack.vehicle_name, gethostname())
     keys = None if way_out is None else way_out.keys
-    stack = msgspec.structs.replace(stack, name=stack.name or drone_at(connect, own, keys))
-    stack = msgspec.structs.replace(stack, out=str(out_folder(choices.out)))
+    stack = settled(
+        choices,
+        pilot,
+        every,
+        here,
+        name=lambda stack: stack.name or drone_at(connect, own(stack), keys),
+        apart=True,
+        insecure=insecure,
+    )
     # Either the two hubs are connected, or the tether service forwards between them.
     other_side = (
         OtherSide("topside", gateway=connect)
@@ -267,29 +238,10 @@ def planned(
     way = f"{stack.link} at {connect}" if gateway else connect
     tell_who_flies(choices, pilot)
     print(f"topside of {stack.drone_name}, drone by way of {way} → {stack.out_dir}", flush=True)
-    return Planned(stack, every, here, other_side, Piloting(pilot, choices.seconds), way_out)
-
-
-def run(plan: Planned) -> int:
-    """The topside from its start to its summary. Returns the exit status."""
-    plan.require_room()
-    outcome = Outcome(plan.stack)
-    with StopSignals() as stop:
-        with (
-            display() as shown,
-            outcome.of_the_dive(),
-            local_stack(plan.stack, plan.here, other_side=plan.other_side, door=plan.keys) as local,
-            followed_by(outcome, local),
-            others_named(local),
-        ):
-            point_latest(plan.stack.out_dir)
-            flown = PilotedDive(local, *plan.piloting, stop, shown)
-            outcome.exit = flown.fly()
-        if flown.left:
-            print(flown.left, flush=True)
-        if RECORDER in plan.here:
-            return stop.report(lambda: plan.sum_up(outcome))
-        return stop.report(lambda: plan.sum_up(outcome), "the report is on the drone's side")
+    there = tuple(on_side(every, "drone", gateway=False))
+    return Planned(
+        stack, every, here, pilot, choices.seconds, way_out, other_side=other_side, drones=there
+    )
 
 
 def on_side(every: Registry, side: str, *, gateway: bool) -> Registry:

@@ -5,10 +5,8 @@ from typing import Annotated
 import msgspec
 from depth_alarm import DepthAlarm
 
-from messages import topics
-from messages.state import VehicleState
-from services.runtime.config.stack import Stack
-from services.runtime.node.node import Node
+from lindy.api.messages import VehicleState, events, topics
+from lindy.api.service import Node, Stack
 
 
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -24,7 +22,7 @@ def wire(node: Node, stack: Stack) -> None:
         if (news := alarm.heard(state.depth)) is None:
             return
         if alarm.on:
-            node.count("alarm:depth")
+            node.tell(events.ALARM("depth"))
         node.log("warning" if alarm.on else "info", news)
 
     node.each(topics.STATE, on_state)

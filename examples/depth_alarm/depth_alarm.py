@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from messages.message import Estimate
+from lindy.api.messages import Estimate
 
 MARGIN = 0.2  # [m] above the limit at which the alarm ends, so that it does not flicker
 

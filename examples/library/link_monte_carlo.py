@@ -7,10 +7,8 @@ import sys
 
 import numpy as np
 
-from services.runtime.config.errors import LindyError
-from services.runtime.config.settings import DEPLOY
-from services.tether.fates import fates
-from services.tether.io.profile_file import named
+from lindy.api import DEPLOY, LindyError
+from lindy.api.links import fates, named
 
 RUNS, SECONDS = 20, 30.0
 RATE, SIZE = 50.0, 120  # [1/s] messages, [B] each

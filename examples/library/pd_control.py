@@ -2,15 +2,17 @@
 
 import msgspec
 
-from messages import topics
-from messages.control import ThrusterCommand, Wrench
-from messages.reference import Reference
-from messages.state import VehicleState
-from messages.units import NotNegativeSetting, Vec6
-from services.control.allocation.allocation import Allocation
-from services.marine.vehicle import Vehicle
-from services.runtime.config.stack import Stack
-from services.runtime.node.node import Node
+from lindy.api.messages import (
+    Reference,
+    ThrusterCommand,
+    Vec6,
+    VehicleState,
+    Wrench,
+    events,
+    topics,
+)  # fmt: skip
+from lindy.api.service import Node, NotNegativeSetting, Stack
+from lindy.api.vehicle import Allocation, Vehicle
 
 
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -36,7 +38,7 @@ def wire(node: Node, stack: Stack) -> None:
     def on_reference(to: Reference | None, now: int) -> None:
         at = states.fresh(now)
         if to is None or at is None:  # what was commanded last ends by itself after 0.2 s
-            node.count("stale:reference" if to is None else "stale:state")
+            node.tell(events.STALE((topics.REFERENCE if to is None else topics.STATE).key))
             return
         wanted = law(to, at, gains, vehicle.net_buoyancy)
         done, since = allocation.allocate(wanted), at.sensor_ns

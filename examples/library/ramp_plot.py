@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from services.reference.trajectory.minimum_jerk import Limits, Ramp
+from lindy.api.references import Limits, Ramp
 
 LIMITS = Limits(jerk=1.5, acceleration=0.5)  # [m/s³], [m/s²]
 STICK = {0.5: 0.5, 2.5: -0.2, 3.0: 0.0}  # from this time [s] on, this velocity is wanted [m/s]

@@ -3,16 +3,18 @@
 import msgspec
 from pretend_hardware import Hardware
 
-from messages import topics
-from messages.control import ThrusterCommand
-from messages.pilot import PilotRequest
-from messages.sensors import BatterySample, ImuSample, MagnetometerSample, PressureSample
-from messages.vehicle import Actuation
-from services.marine.vehicle import Vehicle
-from services.runtime.config.stack import Stack
-from services.runtime.node.node import Node
-from services.vehicle.actuation import OpenLoopThrust
-from services.vehicle.actuator_gate import ActuatorGate
+from lindy.api.messages import (
+    Actuation,
+    BatterySample,
+    ImuSample,
+    MagnetometerSample,
+    PilotRequest,
+    PressureSample,
+    ThrusterCommand,
+    topics,
+)
+from lindy.api.service import ActuatorGate, Node, OpenLoopThrust, Stack
+from lindy.api.vehicle import Vehicle
 
 VOLTAGE = 16.0  # [V]
 
@@ -26,27 +28,24 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 def wire(node: Node, stack: Stack) -> None:
     vehicle, settings = stack.section("vehicle", Vehicle), stack.section(node.name, Settings)
     hardware = Hardware(vehicle, settings.noise, stack.seed)
-    gate, believed = ActuatorGate(vehicle.thruster), OpenLoopThrust(vehicle.thruster)
+    gate = ActuatorGate(vehicle.thruster, node.outbox)  # counts what it refuses
+    believed = OpenLoopThrust(vehicle.thruster)
     magnetometer, imu = node.publisher(topics.MAGNETOMETER), node.publisher(topics.IMU)
     pressure, battery = node.publisher(topics.PRESSURE), node.publisher(topics.BATTERY)
     actuation = node.publisher(topics.ACTUATION)
 
-    def count(names: list[str]) -> None:
-        for name in names:
-            node.count(name)
-
     def obey(command: ThrusterCommand, now: int) -> None:
-        count(gate.obey(command, now))
+        gate.obey(command, now)
         write(now)
 
     def hear(request: PilotRequest, now: int) -> None:
         """A disarm is obeyed here too, whatever becomes of the services above."""
-        count(gate.hear(request, now))
+        gate.hear(request, now)
         write(now)
 
     def write(now: int) -> None:
         """To the ESCs: at each command or disarm, and at the very instant after a command's end."""
-        count(gate.lapse(now))
+        gate.lapse(now)
         hardware.write_escs(gate.output(now), now)
         believed.drive(gate.output(now), now)
         end.set(None if gate.ends_ns is None else gate.ends_ns + 1)

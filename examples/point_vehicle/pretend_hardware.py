@@ -7,11 +7,18 @@ from collections.abc import Sequence
 from math import cos, sin
 from random import Random
 
-from messages.units import Vec3
-from services.marine.rigid_body import system_inertia
-from services.marine.thrusters import total_wrench, wrench_per_newton
-from services.marine.vehicle import ATMOSPHERE, GRAVITY, SEA_WATER, Vehicle
-from services.vehicle.actuation import OpenLoopThrust, share_of_voltage
+from lindy.api.messages import Vec3
+from lindy.api.service import OpenLoopThrust
+from lindy.api.vehicle import (
+    ATMOSPHERE,
+    GRAVITY,
+    SEA_WATER,
+    Vehicle,
+    share_of_voltage,
+    system_inertia,
+    total_wrench,
+    wrench_per_newton,
+)
 
 FIELD = (15e-6, 49e-6)  # [T] of the Earth, north and down
 AXES = (0, 1, 2, 5)  # surge, sway, heave, yaw; roll and pitch stay zero

@@ -6,16 +6,11 @@
     thrust_path    thruster commands to the sticks for them
     measurements   telemetry asked for, put on our clock
     outbox         what all of these have for others
-    parameters     what the board's parameters may be
-    advice         … and what they had better not be
+    parameters     what the board's parameters may be, and had better be
     streams        the telemetry asked for, and its rates
-    readings       telemetry to samples
-    board_updates  which messages bring a new pressure or field, and of when
+    readings       telemetry to samples, and which messages bring a new one
     board_clock    the board's clock against ours
-    mixer, frames  a force for each thruster to ArduSub's axes
-    rc_channels    an axis to the pulse of its channel
-    framing        MAVLink frames in a stream of bytes
-    io             the link, and the codec
+    mixer, frames  a force for each thruster to ArduSub's axes and their channels
 
 See docs/ardusub.md, and docs/decisions for what is fed and why.
 """

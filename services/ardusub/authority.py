@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import msgspec
 
 from messages.units import Ns
-from services.ardusub.packet import ACCEPTED, ARM_DISARM, SET_MODE, MavlinkPacket, command
+from services.mavlink_io.numbers import MavCommand, MavResult
+from services.mavlink_io.packet import MavlinkPacket, command
 
 MANUAL, SURFACE = 19, 9
 MODES = {0: "STABILIZE", 1: "ACRO", 2: "ALT_HOLD", 3: "AUTO", 4: "GUIDED", 7: "CIRCLE",
@@ -107,9 +108,9 @@ class BoardAuthority:
 
     def acknowledged(self, number: int, result: int, now: Ns) -> bool:
         """An answer to a command. False: the board refuses to arm."""
-        if number != ARM_DISARM or self._asked is None:
+        if number != MavCommand.COMPONENT_ARM_DISARM or self._asked is None:
             return True
-        if result == ACCEPTED:
+        if result == MavResult.ACCEPTED:
             if self._asked:
                 self._begin(now)
             else:
@@ -157,15 +158,15 @@ class BoardAuthority:
                 return []
             self._try_at = now + AGAIN_NS
             if self.mode != MANUAL:
-                return [command(self.board, SET_MODE, 1, MANUAL)]
+                return [command(self.board, MavCommand.DO_SET_MODE, 1, MANUAL)]
             self._asked = True
-            return [command(self.board, ARM_DISARM, 1)]
+            return [command(self.board, MavCommand.COMPONENT_ARM_DISARM, 1)]
         if self.ours or self._asked is True:
             self._asked, self._try_at = False, now + AGAIN_NS
-            return [command(self.board, ARM_DISARM, 0)]
+            return [command(self.board, MavCommand.COMPONENT_ARM_DISARM, 0)]
         if self._asked is False:
             self._try_at = now + AGAIN_NS
-            return [command(self.board, ARM_DISARM, 0)]
+            return [command(self.board, MavCommand.COMPONENT_ARM_DISARM, 0)]
         return []
 
     def _begin(self, now: Ns) -> None:
@@ -177,6 +178,4 @@ class BoardAuthority:
         reason = self.reason(now)
         why = f" (the board says: {reason})" if reason else ""
         self.ours, self.taken, self._asked, self._doubt_until = False, True, None, now
-        self.said = (
-            f"the vehicle {how}, not by Lindy{why}: somebody else has it; disarm and arm to go on"
-        )
+        self.said = f"it {how}, not by Lindy{why}; disarm and arm to go on"

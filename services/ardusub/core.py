@@ -9,7 +9,9 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
+from messages import events
 from messages.control import ThrusterCommand
+from messages.events import Outbox
 from messages.pilot import PilotRequest
 from messages.units import Ns
 from messages.vehicle import Actuation
@@ -20,18 +22,11 @@ from services.ardusub.introduction import BoardIntroduction, Stage
 from services.ardusub.measurements import LEAK, BoardMeasurements
 from services.ardusub.mixer import MixedSticks
 from services.ardusub.outbox import DriverOutbox, DriverOutput
-from services.ardusub.packet import (
-    ARM_DISARM,
-    ARMED_BIT,
-    AUTOPILOT,
-    SET_INTERVAL,
-    MavlinkPacket,
-    command,
-    heartbeat,
-)
 from services.ardusub.settings import Settings as Settings
 from services.ardusub.thrust_path import ThrustPath
 from services.marine.vehicle import Vehicle
+from services.mavlink_io.numbers import AUTOPILOT, MavCommand, MavModeFlag
+from services.mavlink_io.packet import MavlinkPacket, command, heartbeat
 
 S = 1_000_000_000  # [ns]
 HEARTBEAT_NS = S
@@ -49,13 +44,18 @@ class ArdusubDriver:
     """Call `take` after each of the others."""
 
     def __init__(
-        self, vehicle: Vehicle, settings: Settings, before: TakenCheckpoint | None = None
+        self,
+        vehicle: Vehicle,
+        settings: Settings,
+        outbox: Outbox,
+        before: TakenCheckpoint | None = None,
     ) -> None:
         """
         Args:
+            outbox: is told of events.
             before: of the process that this one replaces in mid-dive.
         """
-        self._settings, self._outbox, clock = settings, DriverOutbox(), BoardClock()
+        self._settings, self._outbox, clock = settings, DriverOutbox(outbox), BoardClock()
         self._clock = clock
         self._measurements = BoardMeasurements(settings, clock, self._outbox)
         self._introduction = BoardIntroduction(
@@ -69,7 +69,7 @@ class ArdusubDriver:
         self._now: Ns = 0
         self._due: dict[str, Ns] = {}
         self._stranger: Ns | None = None
-        self._garbage = self._is_silent = False
+        self._silence = ""  # what is said of it
         self._handlers: dict[str, Callable[[dict[str, Any], Ns], None]] = {
             "HEARTBEAT": self._on_heartbeat,
             "AUTOPILOT_VERSION": lambda fields, _: self._introduction.heard_version(fields),
@@ -80,7 +80,7 @@ class ArdusubDriver:
         }
 
     def take(self) -> DriverOutput:
-        """What there is to send, publish, count and say; it is then forgotten here."""
+        """What there is to send, publish and remember; it is then forgotten here."""
         taken, self._taken = self._taken, self.authority.taken
         return self._outbox.take(self._taken if self._taken != taken else None)
 
@@ -126,17 +126,6 @@ class ArdusubDriver:
 
     # What the board says.
 
-    def heard_garbage(self, wrong: int, left_out: int = 0) -> None:
-        """Bytes and frames that are no MAVLink, and frames of a flood that were not looked at."""
-        self._garbage = self._garbage or wrong > 0
-        self._outbox.count("malformed:mavlink", wrong)
-        self._outbox.count("overflowed:mavlink", left_out)
-
-    def link_lost(self, strangers: int, unsent: int) -> None:
-        """Datagrams of others than the board, and packets that could not be sent."""
-        self._outbox.count("stranger:mavlink", strangers)
-        self._outbox.count("dropped:mavlink", unsent)
-
     def hear(self, packet: MavlinkPacket, now: Ns) -> None:
         """One packet at its arrival [ns]; whatever is in it."""
         if packet.system == self._settings.system:
@@ -152,7 +141,7 @@ class ArdusubDriver:
 
     def _on_heartbeat(self, fields: dict[str, Any], now: Ns) -> None:
         self._introduction.heard_heartbeat(fields)
-        armed = bool(fields["base_mode"] & ARMED_BIT)
+        armed = bool(fields["base_mode"] & MavModeFlag.SAFETY_ARMED)
         self.authority.heartbeat(armed, int(fields["custom_mode"]), now)
 
     def _on_timesync(self, fields: dict[str, Any], now: Ns) -> None:
@@ -166,12 +155,11 @@ class ArdusubDriver:
 
     def _on_ack(self, fields: dict[str, Any], now: Ns) -> None:
         number, result = int(fields["command"]), int(fields["result"])
-        if number == SET_INTERVAL:
+        if number == MavCommand.SET_MESSAGE_INTERVAL:
             self._measurements.heard_ack(result)
         elif not self.authority.acknowledged(number, result, now):
-            self._outbox.count("refused:arm")
             why = self.authority.reason(now) or f"result {result}"
-            self._outbox.say("error", f"the board refuses to arm: {why}")
+            self._outbox.tell(events.REFUSED_ARM(detail=why))
 
     def _on_text(self, fields: dict[str, Any], now: Ns) -> None:
         text = str(fields["text"])
@@ -185,23 +173,19 @@ class ArdusubDriver:
     def _meet_stranger(self, now: Ns) -> None:
         """Somebody else speaks as our system; the board would obey the sticks of both."""
         self._stranger = now
-        self._outbox.count("stranger:mavlink")
-        self._outbox.say(
-            "warning",
-            f"somebody else speaks as system {self._settings.system}, and the board would obey "
-            f"both; give one of the two another system (ardusub.system and the board's parameter)",
+        detail = (
+            f"as system {self._settings.system}, and it would obey both; give one of the two "
+            f"another system (ardusub.system and the board's parameter)"
         )
+        self._outbox.tell(events.STRANGER_SYSTEM(detail=detail))
 
     def _jumped(self, now: Ns) -> None:
         """The board's clock jumped: most often because it was started anew."""
-        self._outbox.count("jumped:board_clock")
         self._outbox.may_repeat()
-        self._is_silent = False
-        back = self._clock.went_back
-        what = (
-            "the board was restarted (its clock went back)" if back else "the board's clock jumped"
-        )
-        self._outbox.say("error", f"{what}; it is checked again: disarm and arm to go on")
+        self._silence = ""
+        why = "back, so the board was restarted; it" if self._clock.went_back else "the board"
+        detail = f"{why} is checked again: disarm and arm to go on"
+        self._outbox.tell(events.JUMPED_BOARD_CLOCK(detail=detail))
         self.disarm()
         self.authority.rebooted()
         self._forget_board()
@@ -253,8 +237,7 @@ class ArdusubDriver:
         if self.stage == "accepted":
             self._work(now)
         if said := self.authority.to_say(now):
-            self._outbox.say("warning", said)
-            self._outbox.count("outdone:ardusub")
+            self._outbox.tell(events.OUTDONE_ARDUSUB(detail=said))
 
     def _work(self, now: Ns) -> None:
         self._measurements.ask(now)
@@ -269,30 +252,18 @@ class ArdusubDriver:
     def _watch(self, now: Ns) -> None:
         """Is the board there at all?"""
         if self.authority.heard(now):
-            if self._is_silent:
-                self._is_silent = False
-                for sentence in self._silences:
-                    self._outbox.may_repeat(sentence)
+            self._silence = ""
+            self._outbox.may_repeat(events.SILENT_BOARD())
             return
         since = self._began if self._began is not None else now
-        if now - since < PATIENCE_NS:
+        if now - since < PATIENCE_NS or not self._is_due("silence", S, now):
             return
-        if self._is_due("silence", S, now):  # every second of it is counted
-            self._outbox.count("silent:board")
-        if self._is_silent:
-            return
-        self._is_silent = True
-        nothing, unreadable = self._silences
-        no_mavlink = self._garbage and self.stage == "silent"
-        self._outbox.say("error", unreadable if no_mavlink else nothing)
-
-    @property
-    def _silences(self) -> tuple[str, str]:
-        where = f"ardusub.url {self._settings.url}:"
-        return (
-            f"{where} no heartbeat of ArduSub arrives",
-            f"{where} bytes arrive that are no MAVLink: is the speed of the serial port right?",
-        )
+        if not self._silence:
+            what = "no heartbeat of ArduSub arrives"
+            if self.stage == "silent" and self._outbox.counted(events.MALFORMED("mavlink")):
+                what = "bytes arrive that are no MAVLink: is the speed of the serial port right?"
+            self._silence = f"ardusub.url {self._settings.url}: {what}"
+        self._outbox.tell(events.SILENT_BOARD(detail=self._silence))  # every second of it
 
     def _mix(self, now: Ns) -> None:
         """From the permitted thrust to the sticks."""
@@ -311,7 +282,7 @@ class ArdusubDriver:
         if self.authority.ours and not self.authority.taken:
             self._path.rest()
             self._send_sticks(self._now)
-            self._outbox.send(command(self._settings.board, ARM_DISARM, 0))
+            self._outbox.send(command(self._settings.board, MavCommand.COMPONENT_ARM_DISARM, 0))
 
     def _is_due(self, what: str, period: Ns, now: Ns) -> bool:
         if now < self._due.get(what, now):

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from math import copysign
 
 from services.marine.summation import plain_sum
-from services.marine.thrusters import wrench_per_newton
-from services.marine.vehicle import Thruster
+from services.marine.vehicle import Thruster, wrench_per_newton
 
 Factors = tuple[float, float, float, float, float, float]
 ROLL, PITCH, YAW, THROTTLE, FORWARD, LATERAL = range(6)  # columns of the factors

@@ -7,20 +7,20 @@ after a while: what is wrong may have been put right.
 from collections.abc import Callable
 from typing import Any, Literal
 
+from messages import events
 from messages.units import Ns
 from services.ardusub import parameters
-from services.ardusub.advice import OPTIONAL, advice
 from services.ardusub.board_clock import BoardClock
 from services.ardusub.mixer import Mixer
 from services.ardusub.outbox import DriverOutbox
-from services.ardusub.packet import ARDUPILOTMEGA, REQUEST_MESSAGE, SUBMARINE, command
 from services.ardusub.settings import Settings
 from services.marine.vehicle import Vehicle
+from services.mavlink_io.numbers import ARDUPILOT, MESSAGE_IDS, SUBMARINE, MavCommand
+from services.mavlink_io.packet import command
 
 S = 1_000_000_000  # [ns]
 ASK_NS = S // 2  # [ns] before the version is asked for again
 REFUSED_NS = 5 * S  # [ns] before a refused board is checked again
-VERSION_MESSAGE = 148
 Stage = Literal["silent", "version", "parameters", "clock", "accepted", "refused"]
 
 
@@ -60,30 +60,30 @@ class BoardIntroduction:
         """Send what is due now."""
         if self.stage == "version" and (self._asked_ns is None or now - self._asked_ns >= ASK_NS):
             self._asked_ns = now
-            self._outbox.send(command(self._settings.board, REQUEST_MESSAGE, VERSION_MESSAGE))
+            wanted = MESSAGE_IDS["AUTOPILOT_VERSION"]
+            self._outbox.send(command(self._settings.board, MavCommand.REQUEST_MESSAGE, wanted))
         if self.stage == "parameters":
             self._outbox.packets += self._reader.due(now)
             if self._reader.complete:  # without those that are optional
                 self._check()
             for name in self._reader.given_up:
                 what = "could not be set" if name in self._reader.to_set else "is not answered"
-                self.refuse(f"the board is not armed: {name} {what}")
+                self.refuse(f"{name} {what}")
 
-    def refuse(self, sentence: str) -> None:
+    def refuse(self, why: str) -> None:
         self._end()
         self.stage = "refused"
         self._again_ns = self._now + REFUSED_NS
-        self._outbox.count("refused:board")
-        self._outbox.say("error", sentence)
+        self._outbox.tell(events.REFUSED_BOARD(detail=why))
 
     # What the board says.
 
     def heard_heartbeat(self, fields: dict[str, Any]) -> None:
         kind, autopilot = fields["type"], fields["autopilot"]
-        if autopilot != ARDUPILOTMEGA:
-            self.refuse(f"the board's autopilot is {autopilot}; allowed: 3 (ArduPilot)")
+        if autopilot != ARDUPILOT:
+            self.refuse(f"its autopilot is {autopilot}; allowed: 3 (ArduPilot)")
         elif kind != SUBMARINE:
-            self.refuse(f"the board flies a vehicle of type {kind}; allowed: 12 (submarine)")
+            self.refuse(f"it flies a vehicle of type {kind}; allowed: 12 (submarine)")
         elif self.stage == "silent":
             self.stage = "version"
 
@@ -94,11 +94,11 @@ class BoardIntroduction:
         self.version = packed >> 24 & 0xFF, packed >> 16 & 0xFF
         if self.version < parameters.OLDEST:
             found = ".".join(map(str, self.version))
-            self.refuse(f"the board has ArduSub {found}; allowed: 4.5 and newer")
+            self.refuse(f"it has ArduSub {found}; allowed: 4.5 and newer")
             return
         self.stage = "parameters"
         self._reader.wanted = parameters.names(self.version, len(self._vehicle.thruster))
-        self._reader.optional = (*parameters.optional(self.version), *OPTIONAL)
+        self._reader.optional = (*parameters.optional(self.version), *parameters.ADVISED)
 
     def heard_parameter(self, fields: dict[str, Any]) -> None:
         name, value = fields["param_id"], float(fields["param_value"])
@@ -135,9 +135,9 @@ class BoardIntroduction:
         wrong = parameters.problems(values, self.version, self._settings, self._vehicle)
         if wrong:
             for sentence in wrong:
-                self.refuse(f"the board is not armed: {sentence}")
+                self.refuse(sentence)
             return
-        for sentence in advice(values):
+        for sentence in parameters.advice(values):
             self._outbox.say("warning", sentence)
         self.mixer = parameters.mixer_of(values, self._vehicle)
         self.stage = "accepted" if self.stage == "accepted" else "clock"

@@ -2,12 +2,11 @@
 
 from typing import Any
 
-from messages import topics
+from messages import events, topics
 from messages.message import Message
 from messages.units import Ns
 from services.ardusub import readings
 from services.ardusub.board_clock import BoardClock
-from services.ardusub.board_updates import BoardUpdates
 from services.ardusub.outbox import DriverOutbox
 from services.ardusub.settings import Settings
 from services.ardusub.streams import TelemetryStream, TelemetryStreams
@@ -40,8 +39,10 @@ class BoardMeasurements:
             ],
         )
         self._stamps: dict[str, Ns] = {}
-        self._pressures = BoardUpdates(round(self._settings.pressure_age * S), PRESSURE_SAME_NS)
-        self._fields = BoardUpdates(round(self._settings.compass_age * S), FIELD_SAME_NS)
+        self._pressures = readings.BoardUpdates(
+            round(self._settings.pressure_age * S), PRESSURE_SAME_NS
+        )
+        self._fields = readings.BoardUpdates(round(self._settings.compass_age * S), FIELD_SAME_NS)
         self._clock.forget()
 
     @property
@@ -53,20 +54,17 @@ class BoardMeasurements:
         """Send what is due now, and say what comes too slowly."""
         self._outbox.packets += self._streams.due(now)
         for name, rate, asked in self._streams.judge(now):
-            self._outbox.count(f"rate:{name.lower()}")
-            self._outbox.say(
-                "warning", f"{name} comes {rate:.1f} times a second; asked for {asked:g}"
-            )
+            detail = f"{rate:.1f} times a second; asked for {asked:g}"
+            self._outbox.tell(events.SLOW(name.lower(), detail=detail))
 
     def heard_ack(self, result: int) -> None:
         """The answer to the newest request."""
         if (missing := self._streams.heard_ack(result)) is not None:
-            self._outbox.say("error", f"the board does not give {missing}")
-            self._outbox.count(f"refused:{missing.lower()}")
+            self._outbox.tell(events.NOT_GIVEN(missing.lower()))
 
     def heard_leak(self, now: Ns) -> None:
         self._leak_ns = now
-        self._outbox.count("leak:board")
+        self._outbox.tell(events.LEAK_FOUND("board"))
 
     def leaked(self, now: Ns) -> bool:
         """Was a leak said lately?"""
@@ -89,7 +87,7 @@ class BoardMeasurements:
         if not self._clock.heard(board, now):
             return False
         if self._clock.shifts > shifts:
-            self._outbox.count("shifted:board_clock")
+            self._outbox.tell(events.SHIFTED_BOARD_CLOCK())
         stamp = self._clock.ours(board, now)
         if stamp is not None:
             self._stamped(name, fields, stamp)
@@ -97,7 +95,7 @@ class BoardMeasurements:
 
     def _stamped(self, name: str, fields: dict[str, Any], stamp: Ns) -> None:
         if stamp <= self._stamps.get(name, -(2**62)):
-            self._outbox.count(f"not_newer:{name.lower()}")
+            self._outbox.tell(events.NOT_NEWER(name.lower()))
             return
         self._stamps[name] = stamp
         if name == readings.PRESSURE_MESSAGE:
@@ -112,6 +110,6 @@ class BoardMeasurements:
 
     def _keep(self, sample: Message | None, name: str) -> None:
         if sample is None:
-            self._outbox.count(f"implausible:{name.lower()}")
+            self._outbox.tell(events.IMPLAUSIBLE(name.lower()))
         else:
             self._outbox.samples.append(sample)

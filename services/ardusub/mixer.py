@@ -26,9 +26,7 @@ from services.ardusub.frames import (
     senses,
 )
 from services.ardusub.motor_curves import PULSE_SPAN, MotorCurves
-from services.ardusub.rc_channels import NEUTRAL, RcChannel
-from services.marine.thrusters import total_wrench, wrench_per_newton
-from services.marine.vehicle import Thruster
+from services.marine.vehicle import Thruster, total_wrench, wrench_per_newton
 
 Floats = NDArray[np.float64]
 CHANNELS = (PITCH, ROLL, THROTTLE, YAW, FORWARD, LATERAL)  # axis of the override channels 1 to 6
@@ -38,8 +36,41 @@ SMALL = (
 )  # [-] of a motor's output: a smaller step is lost in the rounding of pulses
 DAMPING = 1e-9  # [-] of the trace: an axis that moves no motor stays where it is
 IDENTITY = np.eye(6)
+NEUTRAL = 1500  # [µs]
 NEUTRALS = (NEUTRAL,) * 6
 NO_WRENCH: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+class RcChannel(NamedTuple):
+    """One override channel: from a share of an axis to the pulse that ArduSub reads as that share.
+
+    In MANUAL mode ArduSub takes `norm_input` of the channel: RCn_MIN, RCn_TRIM, RCn_MAX and
+    RCn_REVERSED, clipped, without a dead band. The throttle of 4.5 has its trim at RC3_MIN and runs
+    from 0 to 1; that of 4.8 is as all others.
+    """
+
+    least: float = 1100.0  # [µs]
+    trim: float = 1500.0  # [µs]
+    most: float = 1900.0  # [µs]
+    reversed: bool = False
+
+    @property
+    def neutral(self) -> float:
+        """[µs] Where the axis is zero: the trim, or the middle where the trim is at the end."""
+        return (self.least + self.most) / 2 if self.trim <= self.least else self.trim
+
+    def pulse(self, share: float) -> float:
+        """[µs] For a share -1 … 1 of the axis, not rounded."""
+        share = max(-1.0, min(1.0, -share if self.reversed else share))
+        middle = self.neutral
+        return middle + share * ((self.most - middle) if share > 0 else (middle - self.least))
+
+    def share(self, pulse: float) -> float:
+        """[-] What ArduSub makes of a pulse [µs]."""
+        middle = self.neutral
+        span = (self.most - middle) if pulse > middle else (middle - self.least)
+        share = max(-1.0, min(1.0, (pulse - middle) / span))
+        return -share if self.reversed else share
 
 
 class MixedSticks(NamedTuple):

@@ -11,11 +11,11 @@ from typing import NamedTuple
 
 from messages.units import Ns
 from services.ardusub.frames import FRAMES, senses
-from services.ardusub.mixer import Mixer
-from services.ardusub.packet import AUTOPILOT, MavlinkPacket
-from services.ardusub.rc_channels import NEUTRAL, RcChannel
+from services.ardusub.mixer import NEUTRAL, Mixer, RcChannel
 from services.ardusub.settings import Settings
 from services.marine.vehicle import Vehicle
+from services.mavlink_io.numbers import AUTOPILOT
+from services.mavlink_io.packet import MavlinkPacket
 
 Values = Mapping[str, float]
 RENAMED = (4, 7)  # first version with the names of 4.8
@@ -27,6 +27,10 @@ TRIES = 25  # rounds
 OPTIONAL_TRIES = 5  # rounds, for a parameter that this version may not have
 THROTTLE = 3  # override channel
 EXACT = 1e-3  # [-] values travel as 32-bit floats
+RECOMMENDED_S = 1.0  # [s] of FS_PILOT_TIMEOUT
+DISARM = 2  # what a failsafe of the board does
+# Judged where the board has them, by `advice`.
+ADVISED = ("BATT_FS_LOW_ACT", "BATT_FS_CRT_ACT", "FS_EKF_ACTION", "FS_CRASH_CHECK")
 # Which channel moves which axis: newer than 4.5, where it is fixed.
 CHANNELS = {
     f"RCMAP_{axis}": channel
@@ -131,6 +135,30 @@ def problems(
             f"FRAME_CONFIG is {values['FRAME_CONFIG']:g}; allowed: the frame of {vehicle.name}, "
             f"because {error}"
         )
+    return found
+
+
+def advice(values: Values) -> list[str]:
+    """What the parameters may be, but had better not be, one sentence each: parameter, found, what
+    follows, recommended."""
+    found = list[str]()
+    if (timeout := values["FS_PILOT_TIMEOUT"]) > RECOMMENDED_S + EXACT:
+        found.append(
+            f"FS_PILOT_TIMEOUT is {timeout:g} s: if this computer dies the motors go on for so "
+            f"long; recommended: at most {RECOMMENDED_S:g} s"
+        )
+    for name in ("BATT_FS_LOW_ACT", "BATT_FS_CRT_ACT"):
+        if values.get(name) == DISARM:
+            found.append(
+                f"{name} is 2: the board stops all motors when its battery runs low, at whatever "
+                f"depth; recommended: 3 (surface) or 0 (Lindy's own failsafe rises)"
+            )
+    for name, judge in (("FS_EKF_ACTION", "own estimator, which Lindy does not use,"),
+                        ("FS_CRASH_CHECK", "crash check")):  # fmt: skip
+        if values.get(name) == DISARM:
+            found.append(
+                f"{name} is 2: the board's {judge} may disarm it in mid-dive; recommended: 0 or 1"
+            )
     return found
 
 

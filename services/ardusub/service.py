@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from messages import topics
+from messages import events, topics
 from messages.control import ThrusterCommand
 from messages.message import Message
 from messages.pilot import PilotRequest
@@ -17,15 +17,18 @@ from messages.sensors import (
 from messages.topic import AnyTopic
 from services.ardusub.authority import TakenCheckpoint
 from services.ardusub.core import HEARD, ArdusubDriver, Settings
-from services.ardusub.io.codec import BoardCodec, FrameReader
-from services.ardusub.io.link import BoardLink, open_link
 from services.marine.vehicle import Vehicle
+from services.mavlink_io.io.codec import HeardMessages
+from services.mavlink_io.io.endpoint import MavlinkEndpoint
+from services.mavlink_io.io.links import ByteLinks, FarEndLimits, Links
 from services.runtime.config.errors import NeedsRealTimeError
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 
 TICK_HZ = 100.0  # [1/s] what is due is sent, whatever arrives; as often as actuation is reported
 SHOW_HZ = 10.0  # [1/s] lights and camera tilt
+# Of several that send datagrams, the board is the one that speaks first, as long as it speaks.
+ONE_BOARD = FarEndLimits(most=1, silent_s=3.0, beyond=events.STRANGER("mavlink"))
 TOPICS: dict[type[Message], AnyTopic] = {
     ImuSample: topics.IMU,
     MagnetometerSample: topics.MAGNETOMETER,
@@ -41,17 +44,18 @@ def wire(node: Node, stack: Stack) -> None:
     """
     if stack.virtual:
         raise NeedsRealTimeError(node.name)
-    wire_to(open_link(stack.section("ardusub", Settings).url), node, stack)
+    url = stack.section("ardusub", Settings).url
+    wire_to(Links([url], "ardusub.url", ONE_BOARD, node.outbox), node, stack)
 
 
-def wire_to(link: BoardLink, node: Node, stack: Stack) -> None:
+def wire_to(links: ByteLinks, node: Node, stack: Stack) -> None:
     """The service on a link that is open."""
     settings = stack.section("ardusub", Settings)
     before = node.restore_checkpoint(TakenCheckpoint)
-    driver = ArdusubDriver(stack.section("vehicle", Vehicle), settings, before)
-    codec = BoardCodec(settings.system, settings.component)
-    reader = FrameReader(codec, settings.board, HEARD)
-    pass_on = _passing_on(driver, link, codec, node)
+    driver = ArdusubDriver(stack.section("vehicle", Vehicle), settings, node.outbox, before)
+    heard = HeardMessages(settings.board, HEARD)
+    board = MavlinkEndpoint(links, node.outbox, settings.system, settings.component, heard=heard)
+    pass_on = _passing_on(driver, board, node)
     actuation = node.publisher(topics.ACTUATION)
 
     def obey(command: ThrusterCommand, now: int) -> None:
@@ -69,15 +73,13 @@ def wire_to(link: BoardLink, node: Node, stack: Stack) -> None:
         pass_on()
 
     def look(now: int) -> None:
-        found = reader.read(b"".join(link.receive()))
+        packets = board.receive()
         # Not `now`: on a busy computer, what was sent since then may have arrived as well, and a
         # packet that arrives before it was sent looks like a clock that jumped.
         arrival = node.now()
-        driver.heard_garbage(found.wrong, found.left_out)
-        for packet in found.packets:
+        for packet in packets:
             driver.hear(packet, arrival)
         driver.tick(now)
-        driver.link_lost(*link.lost())
         pass_on()
 
     def report(now: int) -> None:
@@ -86,7 +88,7 @@ def wire_to(link: BoardLink, node: Node, stack: Stack) -> None:
     def close() -> None:
         driver.disarm()
         pass_on()
-        link.close()
+        links.close()
 
     end = node.alarm(lapse)
     node.each(topics.THRUSTERS, obey)
@@ -96,7 +98,7 @@ def wire_to(link: BoardLink, node: Node, stack: Stack) -> None:
     _report_the_enclosure(node, driver)
     _show_light_and_tilt(node, driver)
     node.on_close(close)
-    link.start(node.from_outside(look))
+    links.start(node.from_outside(look))
 
 
 def _report_the_enclosure(node: Node, driver: ArdusubDriver) -> None:
@@ -121,22 +123,16 @@ def _show_light_and_tilt(node: Node, driver: ArdusubDriver) -> None:
     node.every(SHOW_HZ, show)
 
 
-def _passing_on(
-    driver: ArdusubDriver, link: BoardLink, codec: BoardCodec, node: Node
-) -> Callable[[], None]:
-    """What the driver has to send, to publish, to count, to say and to remember."""
+def _passing_on(driver: ArdusubDriver, board: MavlinkEndpoint, node: Node) -> Callable[[], None]:
+    """What the driver has to send, to publish and to remember."""
     publishers = {kind: node.publisher(topic) for kind, topic in TOPICS.items()}
 
     def pass_on() -> None:
         done = driver.take()
         for packet in done.packets:
-            link.send(codec.encode(packet))
+            board.send(packet)
         for sample in done.samples:
             publishers[type(sample)].put(sample)
-        for name, times in done.events.items():
-            node.count(name, times)
-        for level, text in done.lines:
-            node.log(level, text)
         if done.taken is not None:
             node.save_checkpoint(TakenCheckpoint(taken=done.taken))
 

@@ -9,8 +9,8 @@ Timeout = Annotated[float, msgspec.Meta(ge=0.1, le=3.0)]
 
 
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    # udpin:HOST:PORT waits for the board, udpout:HOST:PORT and tcp:HOST:PORT call it,
-    # serial:DEVICE:BAUD is a cable.
+    # udpin:HOST:PORT and tcpin:HOST:PORT wait for the board, udpout:HOST:PORT and tcp:HOST:PORT
+    # call it, serial:DEVICE:BAUD is a cable.
     url: Annotated[str, msgspec.Meta(max_length=200)] = "udpin:127.0.0.1:14551"
     system: Id = 255  # [-] ours, as a ground station: the board's SYSID_MYGCS or MAV_GCS_SYSID
     component: Id = 191  # [-] ours: an onboard computer

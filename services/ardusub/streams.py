@@ -6,7 +6,8 @@ An acknowledgement does not say which message it is about, so one is asked for a
 from dataclasses import dataclass, field
 
 from messages.units import Ns
-from services.ardusub.packet import ACCEPTED, SET_INTERVAL, MavlinkPacket, command
+from services.mavlink_io.numbers import MavCommand, MavResult
+from services.mavlink_io.packet import MavlinkPacket, command
 
 NUMBERS = {"HIGHRES_IMU": 105, "RAW_IMU": 27, "SCALED_PRESSURE2": 137, "SYS_STATUS": 1,
            "SCALED_PRESSURE": 29}  # fmt: skip
@@ -53,7 +54,7 @@ class TelemetryStreams:
         if stream is None or self._asked is None:
             return None
         self._asked = None
-        if result == ACCEPTED:
+        if result == MavResult.ACCEPTED:
             stream.granted = True
             return None
         stream.refused += 1
@@ -68,7 +69,9 @@ class TelemetryStreams:
             return []
         self._asked = now
         interval = round(1e6 / stream.hz)  # [µs]
-        return [command(self.board, SET_INTERVAL, NUMBERS[stream.message], interval)]
+        return [
+            command(self.board, MavCommand.SET_MESSAGE_INTERVAL, NUMBERS[stream.message], interval)
+        ]
 
     def judge(self, now: Ns) -> list[tuple[str, float, float]]:
         """At the end of a window: message, rate and the rate asked for [1/s] of what is slow."""

@@ -1,15 +1,16 @@
 """From thruster commands to the sticks that give their thrust."""
 
+from messages import events
 from messages.control import ThrusterCommand
 from messages.pilot import PilotRequest
 from messages.units import Ns
 from messages.vehicle import Actuation
-from services.ardusub.mixer import Mixer, at_rest
+from services.ardusub.mixer import NEUTRAL, Mixer, at_rest
 from services.ardusub.outbox import DriverOutbox
-from services.ardusub.packet import AUTOPILOT, SET_SERVO, UNUSED, MavlinkPacket, command
-from services.ardusub.rc_channels import NEUTRAL
 from services.ardusub.settings import Settings
 from services.marine.vehicle import Vehicle
+from services.mavlink_io.numbers import AUTOPILOT, NO_CHANNEL, MavCommand
+from services.mavlink_io.packet import MavlinkPacket, command
 from services.vehicle.actuation import OpenLoopThrust
 from services.vehicle.actuator_gate import ActuatorGate
 
@@ -19,7 +20,7 @@ class ThrustPath:
 
     def __init__(self, vehicle: Vehicle, settings: Settings, outbox: DriverOutbox) -> None:
         self._settings, self._outbox = settings, outbox
-        self._gate = ActuatorGate(vehicle.thruster)
+        self._gate = ActuatorGate(vehicle.thruster, outbox.events)
         self._believed = OpenLoopThrust(vehicle.thruster)
         self._rest = at_rest(len(vehicle.thruster))
         self.mixed = self._rest
@@ -30,18 +31,18 @@ class ThrustPath:
     # Commands. Each returns whether to be armed is wished, or None where nobody says so.
 
     def obey(self, asked: ThrusterCommand, now: Ns) -> bool | None:
-        self._note(self._gate.obey(asked, now))
+        self._gate.obey(asked, now)
         return self._gate.armed(now) if self._gate.command is asked else None
 
     def hear(self, request: PilotRequest, now: Ns) -> bool | None:
         """A disarm by the pilot."""
-        self._note(self._gate.hear(request, now))
+        self._gate.hear(request, now)
         commanded = self._gate.command is not None and self._gate.ends_ns is not None
         return self._gate.armed(now) if commanded else None
 
     def lapse(self, now: Ns) -> None:
         """The very instant after the last command has ended."""
-        self._note(self._gate.lapse(now))
+        self._gate.lapse(now)
 
     @property
     def ends_ns(self) -> Ns | None:
@@ -67,7 +68,7 @@ class ThrustPath:
         if (mixer, thrust) != self._mixed_for:
             self._mixed_for = mixer, thrust
             self.mixed = self._rest if mixer is None else mixer.mix(thrust)
-            self._outbox.count("saturated:mixer", int(self.mixed.limited))
+            self._outbox.tell(events.SATURATED("mixer"), int(self.mixed.limited))
         driven = (self.mixed if spooled else self._rest).thrust
         if driven is not self._driven:
             self._driven = driven
@@ -86,7 +87,7 @@ class ThrustPath:
                 "target_system": self._settings.board,
                 "target_component": AUTOPILOT,
                 **pulses,
-                "chan7_raw": UNUSED,
+                "chan7_raw": NO_CHANNEL,
                 "chan8_raw": self._tilt_pulse(),
                 "chan9_raw": light_pulse(self._light) if lights else 0,
             },
@@ -114,17 +115,13 @@ class ThrustPath:
         if light != self._light and self._settings.light_servo is not None:
             number = self._settings.light_servo
             pulse = light_pulse(light)
-            self._outbox.send(command(self._settings.board, SET_SERVO, number, pulse))
+            self._outbox.send(command(self._settings.board, MavCommand.DO_SET_SERVO, number, pulse))
 
     def _tilt_pulse(self) -> int:
         limit = self._settings.tilt_range
         if limit is None:
-            return UNUSED
+            return NO_CHANNEL
         return round(NEUTRAL + 400.0 * max(-1.0, min(1.0, self._tilt / limit)))
-
-    def _note(self, events: list[str]) -> None:
-        for name in events:
-            self._outbox.count(name)
 
 
 def light_pulse(share: float) -> int:

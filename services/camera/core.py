@@ -6,6 +6,8 @@ from typing import Annotated, NamedTuple
 
 import msgspec
 
+from messages import events
+from messages.events import Event
 from messages.link import LinkStatus
 from messages.units import Ns
 from messages.video import LONGEST_UNIT, PictureAge, VideoPart
@@ -79,16 +81,16 @@ class Camera:
         """[kbit/s]"""
         return self._settings.least_kbit if self._cut else self._law.budget(now)
 
-    def order(self, stamp: Ns, now: Ns) -> Order | str:
-        """How to encode a picture with this stamp; or the count under which it is left out."""
+    def order(self, stamp: Ns, now: Ns) -> Order | Event:
+        """How to encode a picture with this stamp; or why it is left out."""
         self._pictures += 1
         if now > stamp + STALE_NS:
-            return "stale:picture"
+            return events.STALE_PICTURE()
         budget = self.budget(now)
         kbit = encoder_kbit(budget, self._kbit)
         hz = pictures_per_second(budget, self._settings.rate)
         if not self._pacer.admits(now, hz):
-            return "left_out:picture"
+            return events.LEFT_OUT_PICTURE()
         keyframe = kbit != self._kbit or self._keyframe_wanted or self._pacer.wants_keyframe(now)
         return Order(kbit, hz, keyframe)
 

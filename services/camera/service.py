@@ -4,7 +4,8 @@ from collections.abc import Callable
 
 import msgspec
 
-from messages import topics
+from messages import events, topics
+from messages.events import Event
 from messages.units import Positive, Vec3
 from services.camera.core import SIMULATED, Camera, Settings
 from services.camera.sea import CameraView, Picture, SimulatedSea
@@ -40,14 +41,14 @@ def wire(node: Node, stack: Stack) -> None:
 
     def film(stamp: int, take: Callable[[], tuple[Picture, int]]) -> None:
         order = camera.order(stamp, node.now())
-        if isinstance(order, str):
-            node.count(order)
+        if isinstance(order, Event):
+            node.tell(order)
             return
         picture, captured = take()
         data = encoder.encode(picture, stamp, order)
         parts = camera.parts(data, order, stamp, captured, node.now())
         if not parts:
-            node.count("unencoded:picture")
+            node.tell(events.UNENCODED_PICTURE())
         for part in parts:
             video.put(part)
 
@@ -75,7 +76,7 @@ def _simulate(node: Node, stack: Stack, settings: Settings, film: Film) -> None:
         nonlocal filmed
         here, asked, wanted = truth.newest(now), status.newest(now), reference.newest(now)
         if here is None or now > here.stamp_ns + TRUTH_NS:
-            node.count("silent:simulator/truth")
+            node.tell(events.SILENT(topics.TRUTH.key))
             return
         if here.stamp_ns == filmed:
             return
@@ -107,8 +108,8 @@ def _watch(node: Node, settings: Settings, film: Film) -> None:
     def look(_: int) -> None:
         while feed.said:
             node.log("warning", feed.said.popleft())
-        while feed.counts:
-            node.count(feed.counts.popleft())
+        while feed.events:
+            node.tell(feed.events.popleft())
         if (shot := feed.take()) is not None:
             film(shot.stamp_ns, lambda: (shot.picture, shot.captured_ns))
 

@@ -3,13 +3,16 @@
 from dataclasses import dataclass, field
 from itertools import pairwise
 
+from messages import events
+from messages.events import Outbox
 from messages.link import Stage
 from messages.units import Ns
 from messages.video import PICTURE_STAGES, AccessUnit, Assembler, PictureAge, VideoPart
+from services.vehicle_view import ages
 
 TOTAL = "light to picture"
 STRIPE_NS = 1_000_000  # [ns] the stripe and the stamp may differ by, after clocks were converted
-OLD_MS = 500.0  # [ms] an older picture is said to be old
+OLD_MS = ages.STATE.grey_ns / 1e6  # [ms] an older picture is said to be old, as on the page
 MOST_KBIT = 1e6  # [kbit/s] parts that arrive at one instant
 MOST_MISSING = 1000  # messages: a greater gap is a sender that began anew
 
@@ -29,10 +32,8 @@ class _Period:
 
 
 class PictureAccount:
-    """`counts` collects what must be counted."""
-
-    def __init__(self) -> None:
-        self.counts: list[str] = []
+    def __init__(self, outbox: Outbox) -> None:
+        self._outbox = outbox
         self._assembler = Assembler()
         self._period = _Period()
         self._began_ns: Ns = 0  # [ns] of the period
@@ -52,11 +53,11 @@ class PictureAccount:
         dropped = self._assembler.dropped
         unit = self._assembler.take(part)
         if self._assembler.dropped > dropped:
-            self.counts.append("dropped:picture")
+            self._outbox.tell(events.DROPPED_PICTURE())
         if unit is None:
             return None
         if self._broken and not part.keyframe:
-            self.counts.append("undecodable:picture")
+            self._outbox.tell(events.UNDECODABLE("picture"))
             return None
         return unit
 
@@ -77,11 +78,11 @@ class PictureAccount:
             agrees = abs(stripe_ns - about.stamp_ns) <= STRIPE_NS
             self._period.stripes.append(agrees)
             if not agrees:
-                self.counts.append("wrong_stamp:picture")
+                self._outbox.tell(events.WRONG_STAMP("picture"))
 
     def failed(self) -> None:
         """An access unit could not be decoded."""
-        self.counts.append("undecodable:picture")
+        self._outbox.tell(events.UNDECODABLE("picture"))
         self._broken = True
 
     def report(self, now: Ns) -> PictureAge:

@@ -18,13 +18,10 @@ def wire(node: Node, _: Stack) -> None:
         raise LindyError(
             f"camera_monitor needs PyAV, which is not installed; {how_to_install('camera')}"
         ) from None
-    account, decoder = PictureAccount(), VideoDecoder()
+    account, decoder = PictureAccount(node.outbox), VideoDecoder()
     age = node.publisher(topics.PICTURE_AGE)
 
     def report(now: Ns) -> None:
-        for name in account.counts:
-            node.count(name)
-        account.counts.clear()
         age.put(account.report(now))
 
     def hear(part: VideoPart, now: Ns) -> None:

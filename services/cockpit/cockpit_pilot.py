@@ -4,10 +4,12 @@ from dataclasses import dataclass, field
 
 from msgspec.structs import replace
 
+from messages import events
+from messages.events import Row
 from messages.pilot import TTL_MS, PilotAnswer, PilotRequest, RequestKind
 from messages.units import Ns
 from messages.vehicle import VehicleStatus
-from services.cockpit.page_messages import PageSticks, PageWish, Wish
+from services.cockpit.page_messages import Absence, PageSticks, PageWish, Wish
 from services.cockpit.stick_page import StickPage
 from services.piloting.pilot import Effects, Pilot, Waiting
 from services.piloting.pilot_intents import Intent, ModeIntent
@@ -21,13 +23,10 @@ ALWAYS: tuple[Wish, ...] = ("stop", "disarm", "give_back")  # however old
 KINDS: dict[Wish, RequestKind] = {
     "take": "lease", "force": "force", "offer": "offer", "give_back": "release"
 }  # fmt: skip
-LOST = {
-    "silent": "nothing arrives from the pilot's page",
-    "hidden": "the pilot's page is hidden or locked",
-    "unplugged": "the pad was unplugged",
-    "frozen": "the pad holds a stick and reports nothing: move the stick, or plug it in again",
-    "closed": "the pilot's page was closed",
-}  # why the pilot is lost
+LOST: dict[Absence, Row] = {
+    "hidden": events.LOST_PAGE_HIDDEN,
+    "unplugged": events.LOST_PAGE_UNPLUGGED,
+}
 
 
 @dataclass(slots=True)
@@ -50,24 +49,27 @@ class CockpitPilot:
     ) -> Effects:
         out = Effects()
         if self.holder.page != page:
-            out.counts.append("not_the_holder:page")
+            self.pilot.outbox.count(events.NOT_THE_HOLDER_PAGE())
             return out
         self.holder.move(message, read_ns, now)
-        self._notice(now, out)
+        self._notice(now)
         self._say(waiting, now, out)
         return out
 
-    def absent(self, page: int, why: str, waiting: Waiting, now: Ns) -> Effects:
+    def absent(self, page: int, why: Absence, waiting: Waiting, now: Ns) -> Effects:
         """The pilot cannot steer from this page now."""
+        return self._lose(page, LOST[why], waiting, now)
+
+    def _lose(self, page: int, why: Row, waiting: Waiting, now: Ns) -> Effects:
         out = Effects()
         if self.holder.page == page:
             self.holder.lose(why)
-            self._notice(now, out)
+            self._notice(now)
             self._say(waiting, now, out)
         return out
 
     def closed(self, page: int, waiting: Waiting, now: Ns) -> Effects:
-        out = self.absent(page, "closed", waiting, now)
+        out = self._lose(page, events.LOST_PAGE_CLOSED, waiting, now)
         if self.holder.page == page:
             self.holder.lay_down()
         return out
@@ -75,12 +77,11 @@ class CockpitPilot:
     def wish(self, page: int, message: PageWish, read_ns: Ns, waiting: Waiting, now: Ns) -> Effects:
         out, what = Effects(), message.what
         if what not in ALWAYS and now > read_ns + WISH_PATIENCE_NS:
-            refuse(out, "expired:wish", f"{_named(what)}: came too late and was not done")
+            self.pilot.outbox.tell(events.EXPIRED_WISH(detail=_named(what)))
         elif what in ("take", "force"):
             self._take(page, what, waiting, now, out)
         elif what != "stop" and self.holder.page != page:
-            whose = "another page has" if self.holder.page else "this page does not have"
-            refuse(out, "not_the_holder:page", f"{_named(what)}: {whose} the sticks")
+            self._refuse(what)
         elif KINDS.get(what, what) in waiting:
             pass  # it is being repeated until the drone answers
         elif what == "give_back":
@@ -88,26 +89,27 @@ class CockpitPilot:
         elif what == "offer":
             out.requests.append(self._request("offer"))
         elif what == "arm" and not self.holder.fresh(now):
-            refuse(out, "refused_here:arm", "not arming: no stick positions arrive")
+            self.pilot.outbox.tell(events.REFUSED_HERE(what, detail="no stick positions arrive"))
         else:
             self._press(message, waiting, now, out)
         return out
 
-    def may_leave(self, page: int, drone: str, read_ns: Ns, now: Ns) -> Effects:
+    def may_leave(self, page: int, drone: str, read_ns: Ns, now: Ns) -> bool:
         """May this page give the drone up for another one? A refusal is counted and said."""
-        out = Effects()
         if now > read_ns + WISH_PATIENCE_NS:
-            refuse(out, "expired:wish", f"fly {drone}: came too late and was not done")
-        elif not self.holder.may_take(page, now):
-            refuse(out, "not_the_holder:page", f"fly {drone}: another page has the sticks")
-        return out
+            self.pilot.outbox.tell(events.EXPIRED_WISH(detail=f"fly {drone}"))
+            return False
+        if not self.holder.may_take(page, now):
+            self._refuse(f"fly {drone}")
+            return False
+        return True
 
     # From the drone, and from the clock.
 
     def tick(self, waiting: Waiting, now: Ns) -> Effects:
         """Repeat the newest sticks while they are fresh, and say so when they no longer are."""
         out = Effects()
-        self._notice(now, out)
+        self._notice(now)
         if now >= self._said_ns + REPEAT_NS:
             self._say(waiting, now, out)
         return out
@@ -128,8 +130,7 @@ class CockpitPilot:
 
     def _take(self, page: int, what: Wish, waiting: Waiting, now: Ns, out: Effects) -> None:
         if not self.holder.take(page, now):
-            words = f"{_named(what)}: another page has the sticks and must give them back"
-            refuse(out, "not_the_holder:page", words)
+            self._refuse(f"{_named(what)}: another page must give them back")
         elif KINDS[what] not in waiting:
             out.requests.append(self._request(KINDS[what]))
 
@@ -143,25 +144,24 @@ class CockpitPilot:
     def _press(self, message: PageWish, waiting: Waiting, now: Ns, out: Effects) -> None:
         match message.what:
             case "mode":
-                intent: Intent | None = message.hold and ModeIntent(message.hold)
+                intent: Intent | None = message.flight_mode and ModeIntent(message.flight_mode)
             case "arm" | "disarm" | "stop" | "light":
                 intent = message.what
             case _:
                 intent = None
         if intent is None:
-            out.counts.append("malformed:page")
+            self.pilot.outbox.tell(events.MALFORMED_PAGE())
         else:
             self._say(waiting, now, out, (intent,))
 
-    def _notice(self, now: Ns, out: Effects) -> None:
+    def _notice(self, now: Ns) -> None:
         """Whether the pilot was lost or is there again."""
         fresh = self.holder.fresh(now)
         if self._was_fresh and not fresh:
-            why = self.holder.lost or "silent"
+            why = self.holder.lost or events.LOST_PAGE_SILENT
             self.holder.lose(why)
-            self.lost, self._lost_ns = LOST[why], now
-            out.counts.append(f"lost:page_{why}")
-            out.notes.append(("warning", f"pilot lost: {self.lost}"))
+            self.lost, self._lost_ns = why.sentence, now
+            self.pilot.outbox.tell(why())
         elif fresh:
             self.lost = ""
         self._was_fresh = fresh
@@ -172,8 +172,6 @@ class CockpitPilot:
         """Read the sticks, and publish them while this pilot has control: another pilot on this
         side is not disturbed."""
         effects = self.pilot.read(self.holder.reading(now, presses), self.name, 0, waiting, now)
-        out.counts += effects.counts
-        out.notes += effects.notes
         out.requests += effects.requests
         fresh = self.holder.fresh(now)
         if effects.command is None or not self.pilot.in_control:
@@ -183,16 +181,14 @@ class CockpitPilot:
             out.command = replace(effects.command, ttl_ms=left)
             self._said_ns = now
 
+    def _refuse(self, what: str) -> None:
+        """A page without the sticks asked for something."""
+        self.pilot.outbox.tell(events.NOT_THE_HOLDER_PAGE(detail=_named(what)))
+
     def _request(self, kind: RequestKind) -> PilotRequest:
         epoch = self.pilot.progress.epoch or 0
         return PilotRequest(stamp_ns=0, id="", kind=kind, source=self.name, epoch=epoch)
 
 
-def refuse(out: Effects, count: str, words: str) -> None:
-    """Count it, and tell the pilot."""
-    out.counts.append(count)
-    out.notes.append(("warning", words))
-
-
-def _named(what: Wish) -> str:
+def _named(what: str) -> str:
     return what.replace("_", " ")

@@ -1,22 +1,22 @@
 """All pages of the cockpit as a state machine: who they are, what they may, what they are shown."""
 
 import ipaddress
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Annotated
 
 import msgspec
 
-from messages.counts import in_words
+from messages import events
+from messages.control import ThrusterCommand
+from messages.events import Level
 from messages.fly import DroneList, FlyAnswer, FlyRequest
 from messages.health import LogLine
 from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
 from messages.units import Name, Ns
 from messages.vehicle import VehicleStatus
-from services.cockpit.cockpit_pilot import CockpitPilot, refuse
+from services.cockpit.cockpit_pilot import CockpitPilot
 from services.cockpit.drone_order import DroneOrder
-from services.cockpit.outlook import LastHeard, outlook
 from services.cockpit.page_messages import (
     AnyPageMessage,
     PageAbsence,
@@ -26,7 +26,11 @@ from services.cockpit.page_messages import (
     PageSticks,
     PageWish,
 )
+from services.cockpit.page_view import AGES_MS, PageView, positions, thrust
 from services.piloting.pilot import Effects, Pilot, Waiting
+from services.vehicle_view import words
+from services.vehicle_view.log_lines import LogLines, brief
+from services.vehicle_view.view import Newest, VehicleView, vehicle_view
 
 SHOW_HZ = 25.0  # [1/s] pictures of the drone
 UNSEEN = (
@@ -34,7 +38,6 @@ UNSEEN = (
 )
 REMEMBERED = 64  # pictures whose time of sending is known
 LINES = 4  # newest warnings that are shown
-LONGEST_LINE = 160  # [characters]
 CLOCK_ERROR_NS = 20_000_000  # [ns] by which a browser's coarse clock may be ahead
 VERY_OLD_NS = -(2**62)  # [ns] when a message was read that does not say so
 
@@ -74,6 +77,7 @@ class Personal(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     has_sticks: bool = False
     in_control: bool = False  # of the drone, this cockpit
     taken: bool = False  # another page of this cockpit has the sticks
+    who: str = ""  # whom the drone obeys, in words
     lost: str = ""  # why the pilot is lost
     wants_rest: bool = False  # its sticks move nothing until they were centred
     device: str = ""
@@ -113,15 +117,19 @@ class Cockpit:
             drone: its name, which every page is shown.
         """
         self._drone = drone
+        self._outbox = pilot.outbox
+        self._said: list[tuple[Level, str]] = []  # here, and not on a page's lines yet
+        self._outbox.also = lambda level, text: self._said.append((level, text))
         self._pilot = CockpitPilot(pilot, settings.pilot)
         self._order = DroneOrder()
         self._limits = limits
         self._pages: dict[int, Page] = {}
-        self._lines: deque[tuple[str, str]] = deque(maxlen=LINES)
+        self._lines = LogLines()
         self._picture = 0  # number of the newest
         self._sent_ns: dict[int, Ns] = {}  # by number of the picture
         self._command: PilotCommand | None = None
         self._encode = msgspec.json.Encoder().encode
+        self._ages = self._encode(AGES_MS).decode()
 
     # From pages.
 
@@ -130,7 +138,7 @@ class Cockpit:
 
     def closed(self, page: int, waiting: Waiting, now: Ns) -> Effects:
         self._pages.pop(page, None)
-        return self._kept(self._pilot.closed(page, waiting, now))
+        return self._kept(self._pilot.closed(page, waiting, now), now)
 
     def received(
         self, page: int, message: AnyPageMessage | None, waiting: Waiting, now: Ns
@@ -140,12 +148,14 @@ class Cockpit:
         if sender is None:
             return Effects()  # closed meanwhile
         if message is None:
-            return Effects(["malformed:page"])
+            self._outbox.tell(events.MALFORMED_PAGE())
+            return Effects()
         read_ns = self._read_ns(sender, message, now)
         if isinstance(message, PageSeen):
             return Effects()
         if sender.watcher:
-            return Effects(["refused:watcher"])
+            self._outbox.tell(events.REFUSED_WATCHER())
+            return Effects()
         match message:
             case PageSticks():
                 out = self._pilot.steer(page, message, read_ns, waiting, now)
@@ -155,16 +165,15 @@ class Cockpit:
                 out = self._fly(page, message.drone, read_ns, now)
             case PageAbsence():
                 out = self._pilot.absent(page, message.why, waiting, now)
-        return self._kept(out)
+        return self._kept(out, now)
 
     def _fly(self, page: int, drone: str, read_ns: Ns, now: Ns) -> Effects:
         """An order to fly another drone."""
-        out = self._pilot.may_leave(page, drone, read_ns, now)
-        if out.counts:
-            return out
+        if not self._pilot.may_leave(page, drone, read_ns, now):
+            return Effects()
         if why := self._order.refusal(drone):
-            refuse(out, "refused_here:fly", why)
-            return out
+            self._outbox.tell(events.REFUSED_HERE("fly", detail=why))
+            return Effects()
         return PageEffects(orders=[self._order.ask(drone, now)])
 
     def _read_ns(self, sender: Page, message: PageMessage, now: Ns) -> Ns:
@@ -180,16 +189,16 @@ class Cockpit:
     # From the drone, and from the clock.
 
     def tick(self, waiting: Waiting, now: Ns) -> Effects:
-        return self._kept(self._pilot.tick(waiting, now))
+        return self._kept(self._pilot.tick(waiting, now), now)
 
     def status(self, status: VehicleStatus, waiting: Waiting, now: Ns) -> Effects:
-        return self._kept(self._pilot.status(status, waiting, now))
+        return self._kept(self._pilot.status(status, waiting, now), now)
 
     def answered(self, request: PilotRequest, answer: PilotAnswer, now: Ns) -> Effects:
-        return self._kept(self._pilot.answered(request, answer, now))
+        return self._kept(self._pilot.answered(request, answer, now), now)
 
     def given_up(self, request: PilotRequest, now: Ns) -> Effects:
-        return self._kept(self._pilot.pilot.given_up(request, now))
+        return self._kept(self._pilot.pilot.given_up(request, now), now)
 
     def changed(self, request: FlyRequest, answer: FlyAnswer, now: Ns) -> None:
         """`lindy fly` has answered."""
@@ -199,17 +208,21 @@ class Cockpit:
         """`lindy fly` has not answered."""
         self._order.given_up(request, now)
 
-    def log(self, line: LogLine) -> None:
+    def log(self, line: LogLine, now: Ns) -> None:
         """Warnings and errors of all services."""
         if line.level != "info":
-            self._add_line(line.level, in_words(line.text))
+            self._lines.add(line, self._elapsed_s(now))
 
     # To pages.
 
     def pictures(
-        self, newest: LastHeard, drones: DroneList | None, now: Ns
-    ) -> tuple[dict[int, str], list[str]]:
-        """What each page is sent now, and what is to be counted. A page that has not seen the
+        self,
+        newest: Newest,
+        thrusters: ThrusterCommand | None,
+        drones: DroneList | None,
+        now: Ns,
+    ) -> dict[int, str]:
+        """What each page is sent now. A page that has not seen the
         newest pictures gets none, so that none of them waits anywhere.
 
         Args:
@@ -219,25 +232,31 @@ class Cockpit:
         self._picture += 1
         self._sent_ns[self._picture] = now
         self._sent_ns.pop(self._picture - REMEMBERED, None)
-        command = self._command
-        if command is not None and now > command.stamp_ns + command.ttl_ms * 1e6:
-            command = None
         if not self._pages:
-            return {}, []
-        lines, change = tuple(self._lines), self._order.words
-        view = outlook(newest, command, self._limits, lines, self._drone, change, now)
+            return {}
+        seen = vehicle_view(newest, now)
+        view = PageView(
+            **msgspec.structs.asdict(seen),
+            drone=self._drone,
+            said=tuple((each.text, each.tone) for each in words.said(seen)),
+            numbers=words.numbers(seen),
+            thrust=thrust(thrusters, self._limits, now),
+            sticks=positions(self._command, now),
+            change=self._order.words,
+            lines=tuple((e.line.level, brief(e)) for e in self._lines.newest(LINES)),
+        )
         shared = self._encode(view).decode()
         ready = [n for n, page in self._pages.items() if page.sent - page.seen < UNSEEN]
         for number in ready:
             self._pages[number].sent = self._picture
-        head = f'{{"n":{self._picture},"t":{now / 1e6:.2f},"you":'
+        head = f'{{"n":{self._picture},"t":{now / 1e6:.2f},"ages":{self._ages},"you":'
         listed = "" if drones is None else f',"fly":{self._encode(drones).decode()}'
-        texts = {
-            n: f'{head}{self._personal(n, newest, now)},"view":{shared}'
+        self._outbox.tell(events.DROPPED_PAGE(), len(self._pages) - len(ready))
+        return {
+            n: f'{head}{self._personal(n, seen, newest, now)},"view":{shared}'
             f"{listed if self._is_new(n, drones) else ''}}}"
             for n in ready
         }
-        return texts, ["dropped:page"] * (len(self._pages) - len(ready))
 
     def _is_new(self, number: int, drones: DroneList | None) -> bool:
         """Has the page not been sent this list yet? It comes once a second, a picture 25 times."""
@@ -247,28 +266,43 @@ class Cockpit:
         page.listed_ns = drones.stamp_ns
         return True
 
-    def _personal(self, number: int, newest: LastHeard, now: Ns) -> str:
+    def _personal(self, number: int, view: VehicleView, newest: Newest, now: Ns) -> str:
         page, holder, pilot = self._pages[number], self._pilot.holder, self._pilot.pilot
         given = None if newest.status is None else newest.status.epoch
+        in_control = pilot.in_control and pilot.progress.epoch == given
+        has_sticks, taken = holder.page == number, holder.page not in (None, number)
         told = Personal(
             watcher=page.watcher,
-            has_sticks=holder.page == number,
-            in_control=pilot.in_control and pilot.progress.epoch == given,
-            taken=holder.page not in (None, number),
+            has_sticks=has_sticks,
+            in_control=in_control,
+            taken=taken,
+            who=self._who(view, in_control=in_control, has_sticks=has_sticks, taken=taken),
             lost=self._pilot.lost,
-            wants_rest=holder.page == number and holder.wants_rest(now),
+            wants_rest=has_sticks and holder.wants_rest(now),
             device=holder.device,
             delay_ms=None if page.delay_ns is None else round(page.delay_ns / 1e6, 1),
             pages=len(self._pages),
         )
         return self._encode(told).decode()
 
-    def _kept(self, effects: Effects) -> Effects:
+    def _kept(self, effects: Effects, now: Ns) -> Effects:
         """Remember what pages are shown of it."""
-        for level, text in effects.notes:
-            self._add_line(level, text)
+        for level, text in self._said:
+            line = LogLine(stamp_ns=now, service="cockpit", level=level, text=text)
+            self._lines.add(line, self._elapsed_s(now))
+        self._said.clear()
         self._command = effects.command or self._command
         return effects
 
-    def _add_line(self, level: str, text: str) -> None:
-        self._lines.append((level, text[:LONGEST_LINE]))
+    def _who(self, view: VehicleView, *, in_control: bool, has_sticks: bool, taken: bool) -> str:
+        """Whom the drone obeys, as a page is told it."""
+        if view.acts or not (has_sticks or (taken and in_control)):
+            return words.sticks(view)
+        if in_control:
+            return "another page has the sticks" if taken else words.sticks(view, yours=True)
+        return f"{view.pilot} has control" if view.pilot else "asking for control"
+
+    def _elapsed_s(self, now: Ns) -> float | None:
+        """[s] Since this pilot was first armed."""
+        began = self._pilot.pilot.progress.began_ns
+        return None if began is None else (now - began) / 1e9

@@ -9,7 +9,7 @@ from typing import Annotated, Literal, NamedTuple
 
 import msgspec
 
-from messages.pilot import Hold
+from messages.pilot import FlightMode
 from messages.units import Count, Name, NotNegative, Stick
 
 LONGEST = 1024  # [B] of one message
@@ -45,7 +45,7 @@ class PageWish(PageMessage, frozen=True, kw_only=True, tag="wish"):
     """A button was pressed."""
 
     what: Wish
-    hold: Hold | None = None  # mode
+    flight_mode: FlightMode | None = None  # mode
 
 
 class PageFly(PageMessage, frozen=True, kw_only=True, tag="fly"):

@@ -1,6 +1,5 @@
 """Cockpit service: serves the pilot's page, and publishes what the page with the sticks says."""
 
-from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import Protocol
 
@@ -10,7 +9,6 @@ from messages.health import LogLine
 from messages.vehicle import VehicleStatus
 from messages.video import VideoPart
 from services.cockpit.core import SHOW_HZ, Cockpit, PageEffects, Settings
-from services.cockpit.outlook import LastHeard
 from services.cockpit.page_messages import PageClosed, PageEvent, PageOpened, PageSaid
 from services.cockpit.video import PageUnit, PictureStream
 from services.marine.vehicle import Vehicle
@@ -20,12 +18,11 @@ from services.runtime.config.errors import LindyError, NeedsRealTimeError
 from services.runtime.config.extras import how_to_install
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
+from services.vehicle_view.io.ports import VehiclePorts
 
 
 class Pages(Protocol):
     """The pages that are open in browsers."""
-
-    counts: Counter[str]
 
     def received(self) -> list[PageEvent]: ...
     def show(self, texts: Mapping[int, str]) -> None: ...
@@ -44,7 +41,7 @@ def wire(node: Node, stack: Stack) -> None:
 
     settings = stack.section("cockpit", Settings)
     access = access_to(settings)
-    server = PageServer(settings, access)
+    server = PageServer(settings, access, node.outbox)
     node.on_close(server.close)
     vehicle = stack.section("vehicle", Vehicle)
     connected = CockpitPages(node, settings, vehicle, server, stack.name)
@@ -64,17 +61,11 @@ class CockpitPages:
         self, node: Node, settings: Settings, vehicle: Vehicle, pages: Pages, drone: str = ""
     ) -> None:
         self._node, self._pages = node, pages
-        pilot = Pilot(restored(node), arms=False)
+        pilot = Pilot(restored(node), node.outbox, arms=False)
         limits = [thruster.limits for thruster in vehicle.thruster]
         self._cockpit = Cockpit(settings, pilot, limits, drone)
-        self._status = node.latest(topics.STATUS)
-        self._state = node.latest(topics.STATE)
-        self._reference = node.latest(topics.REFERENCE)
+        self._vehicle = VehiclePorts(node)
         self._thrusters = node.latest(topics.THRUSTERS)
-        self._battery = node.latest(topics.BATTERY)
-        self._link = node.latest(topics.LINK)
-        self._clock = node.latest(topics.CLOCK)
-        self._latency = node.latest(topics.LATENCY)
         self._drones = node.latest(topics.FLY_DRONES)
         self._ports = PilotPorts(node, pilot, self._cockpit, also=self._order)
         self._ordering = node.request(
@@ -102,26 +93,10 @@ class CockpitPages:
 
     def _tick(self, now: int) -> None:
         self._ports.do(self._cockpit.tick(self._ports.waiting, now), now)
-        for name in list(self._pages.counts):
-            self._node.count(name, self._pages.counts.pop(name))
 
     def _show(self, now: int) -> None:
-        texts, counts = self._cockpit.pictures(self._newest(now), self._drones.fresh(now), now)
-        for name in counts:
-            self._node.count(name)
-        self._pages.show(texts)
-
-    def _newest(self, now: int) -> LastHeard:
-        return LastHeard(
-            status=self._status.newest(now),
-            state=self._state.newest(now),
-            reference=self._reference.newest(now),
-            thrusters=self._thrusters.newest(now),
-            battery=self._battery.newest(now),
-            link=self._link.newest(now),
-            clock=self._clock.fresh(now),
-            latency=self._latency.fresh(now),
-        )
+        newest, thrusters = self._vehicle.newest(now), self._thrusters.newest(now)
+        self._pages.show(self._cockpit.pictures(newest, thrusters, self._drones.fresh(now), now))
 
     def _order(self, effects: Effects, now: int) -> None:
         if isinstance(effects, PageEffects):
@@ -134,18 +109,16 @@ class CockpitPages:
     def _on_status(self, status: VehicleStatus, now: int) -> None:
         self._ports.do(self._cockpit.status(status, self._ports.waiting, now), now)
 
-    def _on_log(self, line: LogLine, _: int) -> None:
-        self._cockpit.log(line)
+    def _on_log(self, line: LogLine, now: int) -> None:
+        self._cockpit.log(line, now)
 
 
 def _relay(node: Node, show: Callable[[PageUnit], None]) -> None:
     """Hand the camera's pictures on to the pages."""
-    stream = PictureStream()
+    stream = PictureStream(node.outbox)
 
     def hear(part: VideoPart, _: int) -> None:
         unit = stream.take(part)
-        while stream.counts:
-            node.count(stream.counts.pop())
         if unit is not None:
             show(unit)
 

@@ -3,6 +3,8 @@ decides between the pages of one."""
 
 from dataclasses import dataclass
 
+from messages import events
+from messages.events import Row
 from messages.pilot import TTL_MS
 from messages.units import Ns
 from services.cockpit.page_messages import PageSticks
@@ -20,7 +22,7 @@ class StickPage:
     """The newest stick positions of the page that has them."""
 
     page: int | None = None
-    lost: str = ""  # why the pilot is lost; empty: not lost
+    lost: Row | None = None  # why the pilot is lost; None: not lost
     device: str = ""
     _sticks: Sticks = CENTRED
     _read_ns: Ns = 0  # [ns] the earliest moment at which they may have been read
@@ -42,7 +44,7 @@ class StickPage:
 
     def lay_down(self) -> None:
         """Nobody has them."""
-        self.page, self.lost, self.device = None, "", ""
+        self.page, self.lost, self.device = None, None, ""
         self._sticks, self._known, self._rested = CENTRED, False, False
 
     def move(self, message: PageSticks, read_ns: Ns, now: Ns) -> None:
@@ -50,13 +52,13 @@ class StickPage:
         sticks = Sticks(message.surge, message.sway, message.heave, message.yaw, message.tilt)
         self._heard_ns = now
         if message.device_ms > PAD_PATIENCE_MS and not sticks.at_rest:
-            self.lose("frozen")
+            self.lose(events.LOST_PAGE_FROZEN)
             return
-        self._sticks, self._read_ns, self._known, self.lost = sticks, read_ns, True, ""
+        self._sticks, self._read_ns, self._known, self.lost = sticks, read_ns, True, None
         self._rested = self._rested or sticks.at_rest
         self.device = message.device
 
-    def lose(self, why: str) -> None:
+    def lose(self, why: Row) -> None:
         """The pilot is lost until positions arrive again."""
         self.lost, self._known, self._rested = why, False, False
         self._sticks = CENTRED

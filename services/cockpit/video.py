@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from messages import events
+from messages.events import Outbox
 from messages.units import Ns
 from messages.video import Assembler, VideoPart
 
@@ -27,11 +29,10 @@ class PageUnit(NamedTuple):
 
 
 class PictureStream:
-    """Puts access units together, and lets through what can be decoded. `counts` collects what must
-    be counted."""
+    """Puts access units together, and lets through what can be decoded."""
 
-    def __init__(self) -> None:
-        self.counts: list[str] = []
+    def __init__(self, outbox: Outbox) -> None:
+        self._outbox = outbox
         self._assembler = Assembler()
         self._seq: int | None = None
         self._broken = True  # nothing can be decoded before the next keyframe
@@ -41,7 +42,7 @@ class PictureStream:
         """The picture that this part completes, unless one that it builds on is missing."""
         if self._seq is not None and part.seq != self._seq + 1 and not self._broken:
             self._broken = True
-            self.counts.append("broken:page_video")
+            self._outbox.tell(events.BROKEN_PAGE_VIDEO())
         self._seq = part.seq
         unit = self._assembler.take(part)
         if unit is None or (self._broken and not part.keyframe):

@@ -1,19 +1,21 @@
-"""The control law of the vehicle: each axis is held, or takes the pilot's force."""
+"""The control law of the vehicle: each axis is held, or takes the pilot's force. And what is done
+in the place of a silent `reference`."""
 
 from dataclasses import dataclass, field
 from math import isfinite
 
 import msgspec
 
-from messages import topics
+from messages import events, topics
 from messages.control import ThrusterCommand, Wrench
+from messages.events import Event, Outbox
+from messages.pilot import PilotAnswer, PilotRequest
 from messages.reference import Motion, Reference
 from messages.state import VehicleState
 from messages.units import Ns, Vec6
 from messages.vehicle import Actuation
 from services.control.allocation.propulsion import Propulsion
 from services.control.laws import Laws
-from services.control.same_instant import at_sample
 from services.control.settings import Settings as Settings
 from services.control.stability import require_stable
 from services.marine.sensor_time import SensorTime
@@ -22,6 +24,9 @@ from services.vehicle.disarm_latch import DisarmLatch
 
 PERIOD_S = 1 / topics.REFERENCE.hz  # [s] for which a wrench is held
 LONGEST_STEP_S = 0.05  # [s] a longer step counts as this long
+LONGEST_NS = 100_000_000  # [ns] no reference is extrapolated over more
+PATIENCE_NS = 100_000_000  # [ns] in which `reference` goes disarmed by itself; several of its steps
+AGAIN_NS = 200_000_000  # [ns] between two times that a disarm is handed on
 YAW = 5  # row of a six-vector
 MOST = 1e6  # [N, N m] more than any vehicle has; keeps sums within the range of messages
 NOTHING: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -30,8 +35,7 @@ NOTHING: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 @dataclass(slots=True)
 class Controller:
     """Steps at the rate of the reference, in sensor time: the delay of handling has no effect.
-    `events` collects names to count: the onset of each clamp, saturation or missing input, not
-    every step of it.
+    What it tells is the onset of each clamp, saturation or missing input, not every step of it.
 
     Raises:
         ValueError: gains that make the sampled loop of an axis unstable, gains of an axis without
@@ -41,22 +45,23 @@ class Controller:
 
     settings: Settings
     vehicle: Vehicle
-    events: list[str] = field(default_factory=list[str])
-    latch: DisarmLatch = field(default_factory=DisarmLatch)
+    outbox: Outbox
+    latch: DisarmLatch = field(init=False)
     _laws: Laws = field(init=False)
     _propulsion: Propulsion = field(init=False)
     _time: SensorTime = field(default_factory=SensorTime)
     _last: Ns | None = None  # sensor time of the step before
     _newest: Reference | None = None
-    _now_true: set[str] = field(default_factory=set[str])  # conditions of this step …
-    _was_true: set[str] = field(default_factory=set[str])  # … and of the previous one
+    _now_true: set[Event] = field(default_factory=set[Event])  # conditions of this step …
+    _was_true: set[Event] = field(default_factory=set[Event])  # … and of the previous one
 
     def __post_init__(self) -> None:
+        self.latch = DisarmLatch(self.outbox)
         require_stable(self.settings, self.vehicle, PERIOD_S)
         self._propulsion = Propulsion(self.vehicle, self.settings.allocation)
-        pushes = self._propulsion.smallest("yaw")
+        pushes = self._propulsion.allocation.smallest("yaw")
         self._laws = Laws(self.settings, self.vehicle, PERIOD_S, self._note, pushes)
-        _require_possible(self.settings, self.vehicle, self._propulsion.axes)
+        _require_possible(self.settings, self.vehicle, self._propulsion.allocation.axes)
 
     def step(
         self, reference: Reference | None, state: VehicleState | None, now: Ns
@@ -67,15 +72,39 @@ class Controller:
             reference: None: timed out; the last position is held.
             state: None: stale; the thrusters stop.
         """
-        dt = self._elapsed(state, now)
+        # The time since the last step, by the sensor's stamps.
+        at = self._time.step(None if state is None else state.sensor_ns, now)
+        dt, self._last = 0.0 if self._last is None else (at - self._last) / 1e9, at
+        if dt > LONGEST_STEP_S:
+            self._note(events.GAP("state"))
+            self._laws.pause()
+            dt = LONGEST_STEP_S
+        # The reference, disarmed where the pilot has disarmed it and it has not heard that.
         if reference is None:
             reference = self._hold()
         else:
             r = reference
             self.latch.see(r.epoch, r.stamp_ns, r.armed_ns, armed=r.armed)
         self._newest = reference
-        result = self._act(self._obeyed(reference), state, dt, now)
-        self.events.extend(sorted(self._now_true - self._was_true))
+        if reference is not None and reference.armed and self.latch.forbids(reference.armed_ns):
+            reference = msgspec.structs.replace(reference, armed=False)
+        # The wrench, if there may be one.
+        wanted: Vec6 | None = None
+        if reference is not None and reference.armed and state is not None:
+            wanted = self._laws.wrench(at_sample(reference, state.sensor_ns), state, dt)
+            if not all(map(isfinite, wanted)):
+                self._note(events.NOT_FINITE("wrench"))
+                wanted = None
+            elif max(map(abs, wanted)) > MOST:
+                self._note(events.CLAMPED("wrench"))
+                x, y, z, k, m, n = [max(-MOST, min(MOST, part)) for part in wanted]
+                wanted = x, y, z, k, m, n
+        if wanted is None:
+            self._stop(reference, state)
+        result = self._command(reference, state, wanted or NOTHING, now)
+        # Of each condition its onset.
+        for event in sorted(self._now_true - self._was_true):
+            self.outbox.tell(event)
         self._was_true, self._now_true = self._now_true, set()
         return result
 
@@ -84,38 +113,8 @@ class Controller:
         if actuation is not None and state is not None and state.depth.valid:
             self._propulsion.heard(actuation, state.depth.value)
 
-    def _obeyed(self, reference: Reference | None) -> Reference | None:
-        """The reference, disarmed where the pilot has disarmed it and it has not heard that."""
-        if reference is None or not reference.armed or not self.latch.forbids(reference.armed_ns):
-            return reference
-        return msgspec.structs.replace(reference, armed=False)
-
-    def _elapsed(self, state: VehicleState | None, now: Ns) -> float:
-        """[s] Between the sensor samples of this step and of the previous one."""
-        at = self._time.step(None if state is None else state.sensor_ns, now)
-        dt, self._last = 0.0 if self._last is None else (at - self._last) / 1e9, at
-        if dt > LONGEST_STEP_S:
-            self._note("gap:state")
-            self._laws.pause()
-        return min(dt, LONGEST_STEP_S)
-
-    def _note(self, what: str) -> None:
+    def _note(self, what: Event) -> None:
         self._now_true.add(what)
-
-    def _act(
-        self, reference: Reference | None, state: VehicleState | None, dt: float, now: Ns
-    ) -> tuple[Wrench, ThrusterCommand]:
-        if reference is None or not reference.armed or state is None:
-            return self._off(reference, state, now)
-        wanted = self._laws.wrench(at_sample(reference, state.sensor_ns), state, dt)
-        if not all(map(isfinite, wanted)):
-            self._note("not_finite:wrench")
-            return self._off(reference, state, now)
-        if max(map(abs, wanted)) > MOST:
-            self._note("clamped:wrench")
-            x, y, z, k, m, n = [max(-MOST, min(MOST, part)) for part in wanted]
-            wanted = x, y, z, k, m, n
-        return self._command(reference, state, wanted, now)
 
     def _hold(self) -> Reference | None:
         """The last reference at rest: its positions, without velocity or pilot force. Held axes
@@ -138,17 +137,14 @@ class Controller:
             east=None if last.east is None else _at_rest(last.east),
         )
 
-    def _off(
-        self, reference: Reference | None, state: VehicleState | None, now: Ns
-    ) -> tuple[Wrench, ThrusterCommand]:
-        """Thrusters stopped. Disarming also resets integrals, observers and allocation."""
+    def _stop(self, reference: Reference | None, state: VehicleState | None) -> None:
+        """No thrust from now on. Disarming also resets integrals, observers and allocation."""
         self._laws.stop()
         if reference is None or not reference.armed:
             self._laws.forget()
-            self._propulsion.forget()
+            self._propulsion.allocation.forget()
         elif state is None:
-            self._note("stale:state")
-        return self._command(reference, state, NOTHING, now)
+            self._note(events.STALE(topics.STATE.key))
 
     def _command(
         self, reference: Reference | None, state: VehicleState | None, wanted: Vec6, now: Ns
@@ -168,7 +164,7 @@ class Controller:
             heading_integral=n,
             saturated=bool(done.saturated),
             disturbance=(-x, -y, -z, -k, -m, -n),
-            distrusted=self._propulsion.distrusted,
+            distrusted=self._propulsion.allocation.distrusted,
             heave=self._laws.adaptation.heave.learnt,
             yaw=self._laws.adaptation.yaw.learnt,
         )
@@ -182,6 +178,88 @@ class Controller:
             armed_ns=None if reference is None or not reference.armed else reference.armed_ns,
         )
         return wrench, command
+
+
+def at_sample(reference: Reference, sensor_ns: Ns) -> Reference:
+    """The reference extrapolated to a sensor sample [ns], every axis at constant jerk. Unchanged if
+    it has no sample stamp, or one too far away.
+
+    On a busy computer the newest state may belong to a later sensor sample than the newest
+    reference. The motion in between would then count as a control error.
+    """
+    r = reference
+    if r.sensor_ns is None or abs(sensor_ns - r.sensor_ns) > LONGEST_NS:
+        return r
+    t = (sensor_ns - r.sensor_ns) / 1e9
+    if t == 0.0:
+        return r
+    return msgspec.structs.replace(
+        r,
+        depth=_extrapolated(r.depth, t),
+        heading=_extrapolated(r.heading, t),
+        surge=None if r.surge is None else _extrapolated(r.surge, t),
+        north=None if r.north is None else _extrapolated(r.north, t),
+        east=None if r.east is None else _extrapolated(r.east, t),
+    )
+
+
+def _extrapolated(motion: Motion, t: float) -> Motion:
+    """A motion `t` [s] later, at constant jerk."""
+    p, v, a, j = motion.position, motion.velocity, motion.acceleration, motion.jerk
+    return msgspec.structs.replace(
+        motion,
+        position=p + t * (v + t * (a / 2 + t * j / 6)),
+        velocity=v + t * (a + t * j / 2),
+        acceleration=a + t * j,
+    )
+
+
+class DisarmFallback:
+    """What control does with the pilot's requests: it obeys a disarm at once, and answers disarm
+    and stop in the place of `reference` while that is silent. The requests it has answered are
+    handed on when `reference` speaks again, so that it neither stays armed nor goes on with what it
+    was doing.
+    """
+
+    def __init__(self, latch: DisarmLatch, outbox: Outbox) -> None:
+        self._outbox = outbox
+        self._latch = latch
+        self._silent = True  # `reference`
+        self._stop: PilotRequest | None = None  # answered here, not handed on yet
+        self._again_ns: Ns = 0  # [ns] a disarm is not handed on before
+
+    def hear(self, request: PilotRequest, now: Ns) -> tuple[bool, PilotAnswer | None]:
+        """A request of a pilot. Returns whether it is a disarm obeyed just now, and the answer if
+        `reference` is silent."""
+        repeated = self._latch.obeyed(request)
+        self._latch.hear(request, now)
+        obeyed = self._latch.obeyed(request)
+        disarms = obeyed and not repeated
+        if disarms:
+            self._again_ns = now + PATIENCE_NS
+        stops = request.kind == "stop" and self._latch.epoch is not None  # anybody may
+        if not self._silent or not (obeyed or stops):
+            return disarms, None
+        if stops:
+            self._stop = request
+        answer = PilotAnswer(stamp_ns=now, id=request.id, accepted=True, cause_ns=request.stamp_ns)
+        return disarms, answer
+
+    def heard(self, reference: Reference | None, now: Ns) -> list[PilotRequest]:
+        """A reference has arrived; None: it is silent. Returns the requests to hand on."""
+        self._silent = reference is None
+        if reference is None:
+            return []
+        stop, self._stop = self._stop, None
+        due = [] if stop is None else [stop]
+        disarm = self._latch.request
+        if disarm is None or not reference.armed or not self._latch.forbids(reference.armed_ns):
+            return due
+        if now >= self._again_ns:
+            self._again_ns = now + AGAIN_NS
+            self._outbox.tell(events.OVERRULED_REFERENCE())
+            due.append(disarm)
+        return due
 
 
 def _require_possible(settings: Settings, vehicle: Vehicle, axes: frozenset[str]) -> None:

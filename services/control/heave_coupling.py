@@ -9,8 +9,8 @@ velocity through the water, ω the angular rate and e the world's down axis, all
 
 of which the law knows e₃ Z and D(ż). The rest is the coupling: the vertical part of surge and sway
 thrust and of their drag, the drag of a tilted hull, and the lift of a hull that the flow meets at
-an angle (services/marine/wake.py), by far the largest: 20 N on a small vehicle that dives at full
-surge.
+an angle (services/marine/hydrodynamics.py), by far the largest: 20 N on a small vehicle that dives
+at full surge.
 
 Surge and sway are not measured on most vehicles. They are predicted by the same equations from the
 thrust, through the water: a steady current does not change them.
@@ -22,7 +22,7 @@ from math import cos, sin
 from messages.state import VehicleState
 from messages.units import Vec3, Vec6
 from services.marine.attitude import down_in_body
-from services.marine.translation import Translation, flow
+from services.marine.hydrodynamics import Translation, flow
 from services.marine.vehicle import Vehicle
 
 LEVEL: Vec3 = (0.0, 0.0, 1.0)
@@ -63,7 +63,20 @@ class HeaveCoupling:
             rates: [rad/s] of the roll and pitch angles.
             thrust: [N, N m] mean of the wrench since the last step.
         """
-        self._look(state, rates)
+        # How the vehicle lies and turns. Level while that is not known.
+        self._down, self._rate = LEVEL, (0.0, 0.0, 0.0)
+        if state.roll.valid and state.pitch.valid and state.yaw_rate.valid:
+            down = down_in_body(state.attitude)
+            if down[HEAVE] > STEEPEST:
+                # ω from the rates of the angles (Fossen 2011, eq. 2.28).
+                roll, pitch, r = state.roll.value, state.pitch.value, state.yaw_rate.value
+                roll_rate, pitch_rate = rates
+                heading_rate = (r + pitch_rate * sin(roll)) / (cos(roll) * cos(pitch))
+                p = roll_rate - heading_rate * sin(pitch)
+                q = pitch_rate * cos(roll) + heading_rate * cos(pitch) * sin(roll)
+                self._down, self._rate = down, (p, q, r)
+        self.upright = self._down[HEAVE]
+        # What acts on it, and how fast it is one step later.
         heave_rate = state.depth_rate.value if state.depth_rate.valid else 0.0
         nu = flow(self.surge, self.sway, heave_rate, self._down, self._rate)
         along, across, down = self._hull.acceleration(nu, thrust)
@@ -91,16 +104,6 @@ class HeaveCoupling:
         self.surge = self.sway = self.force = 0.0
         self.upright, self._down, self._rate = 1.0, LEVEL, (0.0, 0.0, 0.0)
 
-    def _look(self, state: VehicleState, rates: tuple[float, float]) -> None:
-        """How the vehicle lies and turns. Level while that is not known."""
-        self._down, self._rate = LEVEL, (0.0, 0.0, 0.0)
-        if state.roll.valid and state.pitch.valid and state.yaw_rate.valid:
-            down = down_in_body(state.attitude)
-            if down[HEAVE] > STEEPEST:
-                self._down = down
-                self._rate = _body_rates(state, rates)
-        self.upright = self._down[HEAVE]
-
     def _coupling(
         self, nu: Vec6, acceleration: Vec3, thrust: Vec6, heave_rate: float, down: Vec3
     ) -> float:
@@ -111,16 +114,3 @@ class HeaveCoupling:
         quadratic = self.vehicle.quadratic_damping[HEAVE]
         known = c * thrust[HEAVE] - (linear + quadratic * abs(heave_rate)) * heave_rate
         return self._hull.inertia[HEAVE] * vertical - known
-
-
-def _body_rates(state: VehicleState, rates: tuple[float, float]) -> Vec3:
-    """ω [rad/s] from the rates of the angles (Fossen 2011, eq. 2.28)."""
-    roll, pitch = state.roll.value, state.pitch.value
-    roll_rate, pitch_rate = rates
-    r = state.yaw_rate.value
-    heading_rate = (r + pitch_rate * sin(roll)) / (cos(roll) * cos(pitch))
-    return (
-        roll_rate - heading_rate * sin(pitch),
-        pitch_rate * cos(roll) + heading_rate * cos(pitch) * sin(roll),
-        r,
-    )

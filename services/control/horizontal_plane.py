@@ -52,9 +52,12 @@ class MeasuredMotion(NamedTuple):
 def measured(state: VehicleState) -> MeasuredMotion | None:
     """None when position, velocity or heading are not valid."""
     heading = state.heading if state.heading_navigation is None else state.heading_navigation
-    parts = heading, state.north, state.east, state.surge_velocity, state.sway_velocity
-    values = [part.value for part in parts if part is not None and part.valid]
-    return MeasuredMotion(*values) if len(values) == len(parts) else None
+    values = list[float]()
+    for part in (heading, state.north, state.east, state.surge_velocity, state.sway_velocity):
+        if part is None or not part.valid:
+            return None
+        values.append(part.value)
+    return MeasuredMotion(*values)
 
 
 def water_velocity(state: VehicleState, heading: float) -> tuple[float, float]:

@@ -1,24 +1,27 @@
 """The laws of all axes together: from reference and state to the required wrench."""
 
 from collections.abc import Callable
+from math import cos, sin
 
+from msgspec.structs import replace
+
+from messages import events
+from messages.events import Event
 from messages.message import Estimate
 from messages.reference import Motion, Reference
 from messages.state import VehicleState
 from messages.units import Vec6
-from services.control import horizontal_plane, tilted_turn
-from services.control.allocation.actuator_model import ActuatorModel, lags_of
+from services.control import horizontal_plane
 from services.control.allocation.layout import AXES
+from services.control.allocation.propulsion import REST, ActuatorModel, lags_of
 from services.control.axis.adaptation import Adaptation
-from services.control.axis.axis import PilotedAxis
+from services.control.axis.axis import BumplessTransfer, PilotedAxis, RollPitchHold
 from services.control.axis.axis_law import AxisLaw, Gains
-from services.control.axis.bumpless_transfer import BumplessTransfer
 from services.control.axis.plant import plant_of
 from services.control.axis.rest_pulse import RestPulse
-from services.control.axis.roll_pitch_hold import RollPitchHold
 from services.control.heave_coupling import HeaveCoupling
 from services.control.settings import Settings
-from services.marine.rigid_body import system_inertia
+from services.marine.hydrodynamics import system_inertia
 from services.marine.vehicle import Vehicle
 
 SHORT = 0.01  # [-] of the moment that is wanted; a smaller lack is a dead-band's
@@ -33,13 +36,13 @@ class Laws:
         settings: Settings,
         vehicle: Vehicle,
         period: float,
-        count: Callable[[str], None],
+        count: Callable[[Event], None],
         yaw_pushes: tuple[Vec6, ...] = (),
     ) -> None:
         """
         Args:
             period: [s] for which a wrench is held.
-            count: called with the name of a condition, at every step while it lasts.
+            count: called with a condition, at every step while it lasts.
             yaw_pushes: [N, N m] smallest wrenches of single thrusters that turn the vehicle.
         """
         self._inertia = system_inertia(vehicle)
@@ -75,72 +78,65 @@ class Laws:
         """The required wrench [N, N m], `dt` [s] after the last one, as commands of thrusters that
         yield what the vehicle file says."""
         r, s = reference, state
+        # Roll and pitch level: first, because what follows uses their rates.
         roll = self._roll.step(s.roll, s.sensor_ns)
         pitch = self._pitch.step(s.pitch, s.sensor_ns)
-        self._learn(state, dt)
-        surge, sway = self._horizontal(reference, state, dt)
-        heave = self._heave(r, s, dt)
-        wanted = surge, sway, heave, roll, pitch, self._yaw(r, s, dt)
-        self.adaptation.asked(reference, wanted)
-        return self._pulsed(self.adaptation.scaled(wanted), r, s)
-
-    def _heave(self, r: Reference, s: VehicleState, dt: float) -> float:
-        """[N] Along the body's down axis."""
+        self._learn(s, dt)
+        surge, sway = self._horizontal(r, s, dt)
+        # Heave, along the body's down axis.
         if r.heave_force is not None:
-            return self.depth.forced(r.heave_force, dt)
-        late = s.depth.valid and not s.depth_acceleration.valid
-        extra, upright = 0.0, 1.0
-        if self._coupling is not None:
-            thrust = self._actuators.settles_at
-            extra, upright = -self._coupling.ahead(r.depth.velocity, thrust), self._coupling.upright
-        return self.depth.held(
-            r.depth, s.depth, s.depth_rate, dt, late=late, extra=extra, upright=upright
-        )
-
-    def _yaw(self, r: Reference, s: VehicleState, dt: float) -> float:
-        """[N m] After the pitch of this step, whose rate it uses."""
+            heave = self.depth.forced(r.heave_force, dt)
+        else:
+            late = s.depth.valid and not s.depth_acceleration.valid
+            extra, upright = 0.0, 1.0
+            if self._coupling is not None:
+                extra = -self._coupling.ahead(r.depth.velocity, self._actuators.settles_at)
+                upright = self._coupling.upright
+            heave = self.depth.held(
+                r.depth, s.depth, s.depth_rate, dt, late=late, extra=extra, upright=upright
+            )
+        # Yaw, about the body's down axis.
         if r.yaw_moment is not None:
-            return self.heading.forced(r.yaw_moment, dt)
-        motion = tilted_turn.along_body(r.heading, s.roll, s.pitch)
-        rate = tilted_turn.of_heading(s.yaw_rate, s.roll, self._pitch.rate)
-        return self.heading.held(motion, s.heading, rate, dt)
-
-    def _pulsed(self, wrench: Vec6, r: Reference, s: VehicleState) -> Vec6:
-        """The wrench with a pulse instead of the moment, where that has no effect at rest."""
+            yaw = self.heading.forced(r.yaw_moment, dt)
+        else:
+            motion = along_body(r.heading, s.roll, s.pitch)
+            rate = of_heading(s.yaw_rate, s.roll, self._pitch.rate)
+            yaw = self.heading.held(motion, s.heading, rate, dt)
+        commands = self.adaptation.commands(r, (surge, sway, heave, roll, pitch, yaw))
         if self._pulse is None:
-            return wrench
+            return commands
+        # A pulse instead of the moment, where that has no effect at rest.
         held = r.yaw_moment is None and s.heading.valid and s.yaw_rate.valid
         resting = held and r.heading.velocity == 0.0 == r.heading.acceleration
         error = r.heading.position - s.heading.value
         share = self._pulse.step(error, s.yaw_rate.value, resting=resting)
         if share is None:
-            return wrench
-        x, y, z, k, m, _ = wrench
+            return commands
+        x, y, z, k, m, _ = commands
         a, b, c, d, e, f = [share * part for part in self._yaw_pushes[self._pulse.turn]]
         return x + a, y + b, z + c, k + d, m + e, f
 
     def done(self, wanted: Vec6, achieved: Vec6, *, saturated: bool) -> None:
         """Take in the achieved wrench. An axis short of force by saturation does not learn; the
         heading, of which more is known, learns what asks for less."""
-        self._actuators.command(achieved)
-        if saturated:
-            self.adaptation.saturated()
+        self._actuators.settles_at = achieved
         if self._pulse is not None:
             self._pulse.effective = achieved[5] != 0.0
-        self._short = frozenset(
-            name
-            for name, want, got in zip(AXES, wanted, achieved, strict=True)
-            if saturated and abs(want - got) > 1e-6
-        )
+        self._short, self._turn_short = frozenset(), 0.0
+        if not saturated:
+            return
+        self.adaptation.saturated()
+        pairs = zip(AXES, wanted, achieved, strict=True)
+        self._short = frozenset(name for name, want, got in pairs if abs(want - got) > 1e-6)
         lack = wanted[5] - achieved[5]
-        self._turn_short = lack if saturated and lack * wanted[5] > SHORT * wanted[5] ** 2 else 0.0
+        if lack * wanted[5] > SHORT * wanted[5] ** 2:
+            self._turn_short = lack
 
     @property
     def standing(self) -> Vec6:
         """[N, N m] Compensation of lasting disturbances; part of the wrench."""
-        axes = self.surge, self.sway, self.depth, self.heading
-        x, y, z, n = [axis.law.standing for axis in axes]
-        return x, y, z, 0.0, 0.0, n
+        x, y = self.surge.law.standing, self.sway.law.standing
+        return x, y, self.depth.law.standing, 0.0, 0.0, self.heading.law.standing
 
     def pause(self) -> None:
         """Learn nothing from the time since the last step."""
@@ -150,7 +146,7 @@ class Laws:
 
     def stop(self) -> None:
         """The thrusters are stopped: what was learnt stays, transfers and rates are reset."""
-        self._actuators.command((0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+        self._actuators.settles_at = REST
         self.pause()
         for axis in (self.surge, self.sway, self.depth, self.heading):
             axis.transfer.forget()
@@ -179,8 +175,9 @@ class Laws:
         surge, sway = (None, None) if here is None else here.through_water(state)
         # Without the accelerometer the depth rate comes a third of a second late, and a fast
         # observer would be unstable.
-        heave = _known(state.depth_rate) if state.depth_acceleration.valid else None
-        yaw = _known(state.yaw_rate)
+        known = state.depth_rate.valid and state.depth_acceleration.valid
+        heave = state.depth_rate.value if known else None
+        yaw = state.yaw_rate.value if state.yaw_rate.valid else None
         self.adaptation.learn(state, (heave, force[2]), (yaw, force[5]), dt)
         self.depth.law.take_model(self.adaptation.heave.model)
         self.heading.law.take_model(self.adaptation.yaw.model)
@@ -191,17 +188,10 @@ class Laws:
             (self.depth, 2, heave, upright * thrust * force[2] + coupling),
         ):
             axis.learn(None if AXES[row] in self._short else velocity, pushed, dt)
-        self.heading.learn(
-            yaw,
-            self.adaptation.yaw.thrust.value * force[5],
-            dt,
-            freely=self._idle(force[5]),
-            short=self._turn_short,
-        )
-
-    def _idle(self, moment: float) -> bool:
-        """Does the dead-band leave the law of the heading without effect, [N m]?"""
-        return self._pulse is not None and abs(moment) < IDLE * self._pulse.pushes[0]
+        # Freely, where the dead-band leaves the law of the heading without effect.
+        idle = self._pulse is not None and abs(force[5]) < IDLE * self._pulse.pushes[0]
+        moment = self.adaptation.yaw.thrust.value * force[5]
+        self.heading.learn(yaw, moment, dt, freely=idle, short=self._turn_short)
 
     def _switch_current(
         self, here: horizontal_plane.MeasuredMotion, water: tuple[float, float] | None
@@ -235,7 +225,7 @@ class Laws:
             return self.surge.forced(surge, dt), self.sway.forced(sway, dt)
         here = horizontal_plane.measured(state)
         if here is None:
-            self._count("invalid:state.position")
+            self._count(events.INVALID_POSITION())
             psi = reference.heading.position
             plane = horizontal_plane.seen_from_body(
                 reference.north, reference.east, psi, (0.0, 0.0)
@@ -247,7 +237,7 @@ class Laws:
             reference.north, reference.east, place, self._max_error
         )
         if (north, east) != (reference.north, reference.east):
-            self._count("clamped:control.place")
+            self._count(events.CLAMPED("control.place"))
         plane = horizontal_plane.seen_from_body(north, east, here.heading, place)
         return self._hold_place(plane, here, state, reference.heading, (surge, sway), dt)
 
@@ -273,5 +263,31 @@ class Laws:
         return surge, sway
 
 
-def _known(estimate: Estimate) -> float | None:
-    return estimate.value if estimate.valid else None
+def along_body(heading: Motion, roll: Estimate, pitch: Estimate) -> Motion:
+    """The heading's reference as a motion about the body's down axis: ψ̇ cos φ cos θ. Its position
+    stays the heading [rad]. Unchanged while the tilt is not known.
+
+    The heading turns about the vertical; the gyroscope, the hull's drag and the thrusters' moment
+    are about the body's down axis. With the rates of Euler angles (Fossen 2011, eq. 2.28)
+
+        r = ψ̇ cos φ cos θ - θ̇ sin φ.
+
+    A vehicle that surges and dives at once pitches by more than twenty degrees: then r is less than
+    ψ̇ by a tenth, which a law that compares them takes for an error.
+    """
+    if not (roll.valid and pitch.valid):
+        return heading
+    share = cos(roll.value) * cos(pitch.value)
+    return replace(
+        heading,
+        velocity=share * heading.velocity,
+        acceleration=share * heading.acceleration,
+        jerk=share * heading.jerk,
+    )
+
+
+def of_heading(yaw_rate: Estimate, roll: Estimate, pitch_rate: float) -> Estimate:
+    """The part of the rate r [rad/s] that turns the heading, r + θ̇ sin φ."""
+    if not roll.valid:
+        return yaw_rate
+    return replace(yaw_rate, value=yaw_rate.value + pitch_rate * sin(roll.value))

@@ -2,10 +2,10 @@
 pilot's disarm and stop are answered here."""
 
 from messages import topics
+from messages.events import Outbox
 from messages.pilot import PilotRequest
 from messages.reference import Reference
-from services.control.core import Controller, Settings
-from services.control.stand_in import StandIn
+from services.control.core import Controller, DisarmFallback, Settings
 from services.marine.vehicle import Vehicle
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
@@ -15,24 +15,19 @@ SILENCE_S = 0.1  # [s] without a reference: hold the last position
 
 
 def wire(node: Node, stack: Stack) -> None:
-    controller = _controller(stack)
+    controller = _controller(stack, node.outbox)
     state = node.latest(topics.STATE)
     actuation = node.latest(topics.ACTUATION)
     wrenches = node.publisher(topics.WRENCH)
     thrusters = node.publisher(topics.THRUSTERS)
     answers = node.publisher(topics.PILOT_ANSWER)
     handed_on = node.publisher(topics.HANDED_ON)
-    stand_in = StandIn(controller.latch)
-
-    def count(events: list[str]) -> None:
-        while events:
-            node.count(events.pop())
+    disarm_fallback = DisarmFallback(controller.latch, node.outbox)
 
     def on_reference(reference: Reference | None, now: int) -> None:
         act(reference, now)
-        for request in stand_in.heard(reference, now):
+        for request in disarm_fallback.heard(reference, now):
             handed_on.put(request)
-        count(stand_in.events)
 
     def act(reference: Reference | None, now: int) -> None:
         newest = state.fresh(now)
@@ -40,11 +35,9 @@ def wire(node: Node, stack: Stack) -> None:
         wrench, command = controller.step(reference, newest, now)
         wrenches.put(wrench)
         thrusters.put(command)
-        count(controller.events)
 
     def on_request(request: PilotRequest, now: int) -> None:
-        disarms, answer = stand_in.hear(request, now)
-        count(stand_in.events)
+        disarms, answer = disarm_fallback.hear(request, now)
         if disarms:
             act(None, now)
         if answer is not None:
@@ -55,13 +48,13 @@ def wire(node: Node, stack: Stack) -> None:
     node.trigger(topics.REFERENCE, on_reference, SILENCE_S)
 
 
-def _controller(stack: Stack) -> Controller:
+def _controller(stack: Stack, outbox: Outbox) -> Controller:
     """
     Raises:
         LindyError: unstable gains, or thrusters that cannot drive the axes a pilot needs.
     """
     settings, vehicle = stack.section("control", Settings), stack.section("vehicle", Vehicle)
     try:
-        return Controller(settings, vehicle)
+        return Controller(settings, vehicle, outbox)
     except ValueError as error:
         raise LindyError(f"{stack.vehicle_path}: {error}") from None

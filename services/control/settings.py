@@ -5,9 +5,9 @@ from typing import Annotated
 import msgspec
 
 from services.control.allocation.allocation import AllocationSettings
+from services.control.axis.adaptation import AdaptationSettings
+from services.control.axis.axis import RollPitchGains
 from services.control.axis.axis_law import Gains
-from services.control.axis.model_estimate import AdaptationSettings
-from services.control.axis.roll_pitch_hold import RollPitchGains
 
 
 class CouplingSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

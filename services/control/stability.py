@@ -1,8 +1,7 @@
 """Unstable gains are refused before they reach a thruster."""
 
-from services.control.allocation.actuator_model import lags_of
-from services.control.axis.axis_law import Gains
-from services.control.axis.gain_blend import StaticGains
+from services.control.allocation.propulsion import lags_of
+from services.control.axis.axis_law import Gains, StaticGains
 from services.control.axis.plant import plant_of
 from services.control.axis.sampled_loop import SampledLoop
 from services.control.settings import Settings

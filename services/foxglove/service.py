@@ -1,28 +1,22 @@
 """Foxglove service: what the recorder writes, live, for any number of viewers. It publishes nothing
 but its health, and whoever watches can command nothing."""
 
-from collections.abc import Callable
-
 import msgspec
 
-from messages import topics
+from messages import events
 from messages.message import Message
-from messages.topic import AnyTopic, Way
+from messages.topic import AnyTopic
 from services.foxglove.core import Settings, parameters
 from services.marine.vehicle import Vehicle
 from services.recorder.foxglove.channel import schema_of
 from services.recorder.foxglove.views import Views
-from services.runtime.bus.envelope import Envelope
 from services.runtime.config.errors import LindyError, NeedsRealTimeError
 from services.runtime.config.extras import how_to_install
 from services.runtime.config.settings import override, read_toml
 from services.runtime.config.stack import Stack
-from services.runtime.node.gate import Gate
 from services.runtime.node.node import Node
 
 LATEST_NS = 2**63 - 1  # [ns] the protocol has unsigned times, viewers signed ones
-KEYS = 256  # different keys that are shown; anybody can invent more
-RING = 4096  # envelopes; seconds of a whole dive's traffic
 SHOW_HZ = 25.0  # [1/s] how often what has arrived is sent on
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
 
@@ -46,41 +40,17 @@ def wire(node: Node, stack: Stack) -> None:
         node.log("warning", f"whoever reaches port {settings.port} can watch this dive")
     views, encode = Views(stack.section("vehicle", Vehicle)), msgspec.json.Encoder().encode
 
-    def show(topic: AnyTopic, key: str, message: Message) -> None:
+    def show(topic: AnyTopic, key: str, message: Message, _: int) -> None:
         utc_ns = message.stamp_ns + node.wall_offset_ns
         if not 0 <= utc_ns <= LATEST_NS:
-            node.count(f"malformed:{topic.key}")
+            node.tell(events.MALFORMED(topic.key))
             return
         channel = server.channel(key, schema_of(topic.message))
         if channel.has_sinks():  # nobody watches most channels
             channel.log(encode(message), log_time=utc_ns)
         for view in views.of(topic, message, utc_ns):
             server.channel(view.key, view.schema).log(view.data, log_time=utc_ns)
+        return
 
-    _listen(node, show)
+    node.watch(show)
     node.every(SHOW_HZ, lambda _: None)  # the node's next step hands over what has arrived
-
-
-def _listen(node: Node, show: Callable[[AnyTopic, str, Message], None]) -> None:
-    """Subscribe to everything on the home side, and on the drone's side to the topics that never
-    cross the link."""
-    gates: dict[str, tuple[AnyTopic, Gate[Message]]] = {}
-
-    def collect(envelope: Envelope, arrived: int) -> None:
-        known = gates.get(envelope.key)
-        if known is None:
-            topic = topics.find(envelope.key)
-            if topic is None or len(gates) >= KEYS:
-                node.count("unknown_key")
-                return
-            known = gates[envelope.key] = topic, node.gate(topic, onlooker=True)
-        topic, gate = known
-        if (message := gate.admit(envelope, arrived)) is not None:
-            show(topic, envelope.key, message)
-
-    home, *others = node.sides
-    node.collect(home, "**", collect, RING)
-    for side in others:
-        for topic in topics.ALL:
-            if topic.way is Way.STAY:
-                node.collect(side, topic.key, collect, RING)

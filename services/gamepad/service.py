@@ -1,6 +1,6 @@
 """Gamepad service: publishes the sticks at 50 Hz, and repeats requests until they are answered."""
 
-from messages import topics
+from messages import events, topics
 from messages.link import LinkAnswer
 from messages.pilot import PilotAnswer, PilotRequest
 from messages.simulator import FaultAnswer, FaultRequest
@@ -24,7 +24,7 @@ def wire(node: Node, stack: Stack) -> None:
     is_script = stack.pilot.startswith("script:")
     by_itself = stack.arm or is_script
     name = stack.section("gamepad", Settings).pilot
-    Connected(node, source, Pilot(progress, by_itself, resumes=is_script), name)
+    Connected(node, source, Pilot(progress, node.outbox, by_itself, resumes=is_script), name)
     if isinstance(source, HasWindow):
         Numbers(node, source.show)
 
@@ -100,9 +100,8 @@ class CausedIncidents:
 
     def _on_answer(self, request: Incident, answer: FaultAnswer | LinkAnswer, _now: int) -> None:
         if not answer.accepted:
-            self._node.count("refused:incident")
-            self._node.log("warning", f"{in_words(request)}: refused: {answer.reason}")
+            detail = f"{in_words(request)}: {answer.reason}"
+            self._node.tell(events.REFUSED_INCIDENT(detail=detail))
 
     def _on_given_up(self, request: Incident, _now: int) -> None:
-        self._node.count("unanswered:incident")
-        self._node.log("warning", f"{in_words(request)}: nobody answered")
+        self._node.tell(events.UNANSWERED_INCIDENT(detail=in_words(request)))

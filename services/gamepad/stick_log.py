@@ -13,6 +13,7 @@ topside.
 import math
 from bisect import bisect_right
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import NamedTuple
 
 from services.gamepad.stick_log_events import Courses, Event, event_of, short
@@ -52,7 +53,7 @@ class StickLog:
     def at(self, elapsed_ns: int) -> StickLogRow:
         """The row that holds `elapsed_ns` [ns] after the script began; centred sticks before the
         first row and from the end on."""
-        index = bisect_right(self.rows, elapsed_ns, key=lambda row: row.at_ns) - 1
+        index = bisect_right(self.rows, elapsed_ns, key=attrgetter("at_ns")) - 1
         if index < 0 or elapsed_ns >= self.duration_ns:
             return BEFORE
         row = self.rows[index]

@@ -4,7 +4,7 @@ inspection_box`, `mode depth_hold`, `fault port dead` or `link profile severe`."
 from collections.abc import Callable
 from typing import Literal, cast, get_args
 
-from messages.pilot import Course, Hold
+from messages.pilot import Course, FlightMode
 from services.gamepad import incidents
 from services.piloting.pilot_intents import (
     FollowIntent,
@@ -23,7 +23,7 @@ ALLOWED = (
     f"{', '.join(WORDS)}, goto depth=M heading=DEG, follow PATH, mode HOLD, "
     "fault PART KIND [VALUE], link down, link up, link profile NAME, link set KEY=VALUE"
 )
-HOLDS: tuple[str, ...] = get_args(Hold)
+FLIGHT_MODES: tuple[str, ...] = get_args(FlightMode)
 
 
 def event_of(cell: str, courses: Courses) -> Event | None:
@@ -85,6 +85,6 @@ def _follow(name: str, courses: Courses) -> FollowIntent:
 
 
 def _mode(hold: str) -> ModeIntent:
-    if hold not in HOLDS:
-        raise ValueError(f"mode: found {short(hold)}, expected one of {', '.join(HOLDS)}")
-    return ModeIntent(cast(Hold, hold))
+    if hold not in FLIGHT_MODES:
+        raise ValueError(f"mode: found {short(hold)}, expected one of {', '.join(FLIGHT_MODES)}")
+    return ModeIntent(cast(FlightMode, hold))

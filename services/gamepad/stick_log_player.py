@@ -3,9 +3,10 @@
 from bisect import bisect_right
 from typing import NamedTuple
 
+from messages.events import Outbox
 from services.gamepad.stick_log import StickLog
 from services.piloting.pilot_intents import Intent
-from services.piloting.sticks import Incident, Level, StickReading
+from services.piloting.sticks import Incident, StickReading
 
 QUIET_NS = 3_000_000_000  # [ns] of centred sticks after the script, before the drone is disarmed
 
@@ -18,10 +19,10 @@ class Cue(NamedTuple):
 class Player:
     """Each event happens once: `played` events have happened, before a restart included."""
 
-    def __init__(self, name: str, script: StickLog, played: int = 0) -> None:
+    def __init__(self, name: str, script: StickLog, outbox: Outbox, played: int = 0) -> None:
         self.name = f"script {name}"
         self.played = played
-        self._script = script
+        self._script, self._outbox = script, outbox
         self._cues = [
             Cue(row.at_ns, row.event)
             for row in script.rows
@@ -34,19 +35,23 @@ class Player:
         """Sticks of this instant, and all events that are due and have not happened yet."""
         if began is None:
             return StickReading()
-        due = [cue for cue in self._cues[self.played :] if cue.at_ns <= now - began]
-        self.played += len(due)
-        notes: tuple[tuple[Level, str], ...] = ()
-        if due and self.played == len(self._cues):
-            notes = (("info", "the script has ended"),)
+        presses, incidents = list[Intent](), list[Incident]()
+        while self.played < len(self._cues) and self._cues[self.played].at_ns <= now - began:
+            what = self._cues[self.played].what
+            self.played += 1
+            if isinstance(what, Incident):
+                incidents.append(what)
+            else:
+                presses.append(what)
+            if self.played == len(self._cues):
+                self._outbox.say("info", "the script has ended")
         row = self._script.at(now - began)
         return StickReading(
             sticks=row.sticks,
             present=row.event != "lost",
             at_rest=row.sticks.at_rest,
-            presses=tuple(cue.what for cue in due if not isinstance(cue.what, Incident)),
-            incidents=tuple(cue.what for cue in due if isinstance(cue.what, Incident)),
-            notes=notes,
+            presses=tuple(presses),
+            incidents=tuple(incidents),
         )
 
     def next_ns(self, now: int, began: int) -> int | None:

@@ -12,6 +12,8 @@ Crystals differ, so an interval is widened by `DRIFT` for every second of its ag
 
 from dataclasses import dataclass, field
 
+from messages import events
+from messages.events import Outbox
 from messages.link import Clock, ClockPong
 
 DRIFT = 100e-6  # [-] greatest difference of two crystals: 50 ppm each, over temperature
@@ -39,9 +41,9 @@ class RoundTrip:
 
 @dataclass(slots=True)
 class ClockSync:
-    """Takes pongs, gives a `Clock`. `events` collects what must be counted."""
+    """Takes pongs, gives a `Clock`."""
 
-    events: list[str] = field(default_factory=list[str])
+    outbox: Outbox
     _heard: int = 0  # round trips
     _trips: list[RoundTrip] = field(
         default_factory=list[RoundTrip]
@@ -59,7 +61,7 @@ class ClockSync:
             rtt=(now - pong.ping_ns) - (pong.stamp_ns - pong.heard_ns),
         )
         if trip.least > trip.most + DRIFT * (now - trip.sent) + 2:  # stamps are whole nanoseconds
-            self.events.append("impossible:clock/pong")
+            self.outbox.tell(events.IMPOSSIBLE_PONG())
             return
         self._heard += 1
         recent = [old for old in self._trips if old.number > trip.number - KEPT]
@@ -67,7 +69,7 @@ class ClockSync:
         least, most = self._band(now)
         if least > most + 2:
             # Two steady clocks cannot give both intervals: one of them was set.
-            self.events.append("jumped:clock")
+            self.outbox.tell(events.JUMPED_CLOCK())
             self._trips = [trip]
             self._first = None
 

@@ -4,6 +4,8 @@ from dataclasses import dataclass, field
 
 from msgspec.structs import replace
 
+from messages import events
+from messages.events import Outbox
 from messages.link import Clock, ClockPong, LatencyBudget
 from messages.pilot import PilotCommand
 from messages.units import Ns
@@ -14,17 +16,18 @@ from services.link_monitor.link_alarm import LinkAlarm
 
 @dataclass(slots=True)
 class LinkMonitor:
-    """`events` collects what must be counted."""
-
+    outbox: Outbox
     source: int = 0  # names this topside's pings
-    events: list[str] = field(default_factory=list[str])
     misfit: str = ""  # why the two sides do not fit together, in words for the pilot
     junk: str = ""  # who cannot read what, in words for the pilot
     budget: LatencyAccount = field(default_factory=LatencyAccount)
-    _sync: ClockSync = field(default_factory=ClockSync)
+    _sync: ClockSync = field(init=False)
     _alarm: LinkAlarm = field(default_factory=LinkAlarm)
     _published: str = ""  # the alarm as last published
     _epoch: int = 0  # of the newest command of this topside
+
+    def __post_init__(self) -> None:
+        self._sync = ClockSync(self.outbox)
 
     def ping(self, now: Ns) -> Clock:
         """A ping is sent; returns the clock offset to publish with it."""
@@ -42,18 +45,18 @@ class LinkMonitor:
         self._alarm.answered((now - pong.ping_ns) / 1e6)
         if (downward_ms := self._sync.downward_ms(pong, now)) is not None:
             self.budget.ping(downward_ms, now)
-        self.events.extend(self._sync.events)
-        self._sync.events.clear()
 
-    def news(self, now: Ns) -> str | None:
-        """The alarm when it begins (empty text: it is over); None: no change."""
+    def news(self, now: Ns) -> bool:
+        """Has the alarm begun, or is it over? It is told."""
         text = self._alarm.text(now)
         if bool(text) == bool(self._published):
-            return None
+            return False
         self._published = text
         if text:
-            self.events.append("alarm:link")
-        return text
+            self.outbox.tell(events.ALARM_LINK(detail=text))
+        else:
+            self.outbox.say("info", "the link is back to normal")
+        return True
 
     def report(self, now: Ns) -> LatencyBudget:
         bound_ns = self._sync.clock(now).bound_ns

@@ -9,15 +9,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from messages import events
 from messages.health import Health
 from messages.units import Ns
 
-UNREADABLE = ("malformed", "wrong_type", "unknown_key", "too_many_keys", "oversized")  # counts
+UNREADABLE = (
+    *(events.MALFORMED.name, events.WRONG_TYPE.name, events.OVERSIZED.name),
+    *(events.UNKNOWN_KEY.name, events.TOO_MANY_KEYS.name),
+)  # kinds of events
 MOST_HZ = 20.0  # [1/s] unreadable messages of one service; more is a flood
 RECENT_NS = 3_000_000_000  # [ns] of health messages, of one a second
 SERVICES = 64  # services that are watched
 
-Key = tuple[str, str]  # side, service
+Key = tuple[str, str, int]  # side, service, its process: two topsides may watch one drone
 
 
 class Heard(NamedTuple):
@@ -33,10 +37,12 @@ class JunkWatch:
     _flooded: dict[Key, tuple[Ns, str]] = field(default_factory=dict[Key, tuple[Ns, str]])
 
     def health(self, health: Health, now: Ns) -> None:
-        key = health.side, health.service
+        key = health.side, health.service, health.instance
         before = self._heard.get(key)
         if before is None and len(self._heard) >= SERVICES:
-            return
+            self._heard = {k: h for k, h in self._heard.items() if now - h.at_ns < RECENT_NS}
+            if len(self._heard) >= SERVICES:
+                return
         counts = {name: count for name, count in health.counts.items() if _unreadable(name)}
         self._heard[key] = Heard(now, counts)
         if before is None or now <= before.at_ns:

@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 from msgspec.structs import replace
 
-from messages import topics
+from messages import events, topics
 from messages.health import Health
 from messages.identity import SideIdentity
 from messages.link import ClockPing, ClockPong
@@ -32,7 +32,7 @@ def wire(node: Node, stack: Stack) -> None:
         for side in node.sides
     }
     if TOPSIDE in node.sides:
-        monitor = LinkMonitor(source=node.instance.number)
+        monitor = LinkMonitor(node.outbox, node.instance.number)
         ping = _measure(node, monitor)
         if stack.apart:
             _once_met(node, says[TOPSIDE], ping)
@@ -82,8 +82,7 @@ def _compare(node: Node, monitor: LinkMonitor, stack: Stack) -> None:
         if monitor.misfit == was:
             return
         if monitor.misfit:
-            node.count("alarm:peers")
-            node.log("error", f"{monitor.misfit}; it will not arm")
+            node.tell(events.ALARM_PEERS(detail=monitor.misfit))
         else:
             node.log("info", "both sides fit together again")
 
@@ -104,8 +103,7 @@ def _compare(node: Node, monitor: LinkMonitor, stack: Stack) -> None:
 def _say_floods(node: Node, monitor: LinkMonitor, words: str) -> None:
     was, monitor.junk = monitor.junk, words
     if words and not was:
-        node.count("alarm:junk")
-        node.log("warning", words)
+        node.tell(events.ALARM_JUNK(detail=words))
     elif was and not words:
         node.log("info", "all messages can be read again")
 
@@ -130,11 +128,7 @@ def _measure(node: Node, monitor: LinkMonitor) -> Callable[[int], None]:
 
     def watch(now: int) -> None:
         """Publish the begin and the end of an alarm at once."""
-        for name in monitor.events:
-            node.count(name)
-        monitor.events.clear()
-        if (news := monitor.news(now)) is not None:
-            node.log("warning" if news else "info", news or "the link is back to normal")
+        if monitor.news(now):
             report(now)
 
     def report(now: int) -> None:

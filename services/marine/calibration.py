@@ -13,7 +13,6 @@ from typing import Annotated
 
 import msgspec
 
-from messages.sensors import ImuSample, MagnetometerSample, PressureSample
 from messages.units import Vec3
 
 ForceBias = Annotated[float, msgspec.Meta(ge=-5.0, le=5.0)]  # [m/s²]
@@ -29,7 +28,7 @@ NO_IRON: IronMatrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 class SensorCalibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Corrections of raw samples."""
+    """Corrections of raw samples, applied in services/vehicle/mounting.py."""
 
     accelerometer_bias: tuple[ForceBias, ForceBias, ForceBias] = NO_BIAS  # [m/s²]
     accelerometer_scale: tuple[ScaleFactor, ScaleFactor, ScaleFactor] = NO_SCALE  # [-]
@@ -38,34 +37,9 @@ class SensorCalibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True)
     magnetometer_matrix: IronMatrix = NO_IRON  # [-] S
     pressure_offset: Annotated[float, msgspec.Meta(ge=-1e5, le=1e5)] = 0.0  # [Pa]
 
-    def imu(self, sample: ImuSample) -> ImuSample:
-        if (self.accelerometer_bias, self.accelerometer_scale, self.gyro_bias) == NO_IMU:
-            return sample
-        (fx, fy, fz), (bx, by, bz) = sample.specific_force, self.accelerometer_bias
-        (p, q, r), (dp, dq, dr) = sample.angular_rate, self.gyro_bias
-        sx, sy, sz = self.accelerometer_scale
-        return msgspec.structs.replace(
-            sample,
-            specific_force=(sx * (fx - bx), sy * (fy - by), sz * (fz - bz)),
-            angular_rate=(p - dp, q - dq, r - dr),
-        )
-
-    def magnetometer(self, sample: MagnetometerSample) -> MagnetometerSample:
-        if self.magnetometer_bias == NO_BIAS and self.magnetometer_matrix == NO_IRON:
-            return sample
-        return msgspec.structs.replace(sample, field=self.field(sample.field))
-
     def field(self, measured: Vec3) -> Vec3:
         """[T] Of a raw one [T]."""
         (a, b, c), (x, y, z) = measured, self.magnetometer_bias
         a, b, c = a - x, b - y, c - z
         u, v, w = (row[0] * a + row[1] * b + row[2] * c for row in self.magnetometer_matrix)
         return u, v, w
-
-    def pressure(self, sample: PressureSample) -> PressureSample:
-        if self.pressure_offset == 0.0:
-            return sample
-        return msgspec.structs.replace(sample, pressure=sample.pressure - self.pressure_offset)
-
-
-NO_IMU = NO_BIAS, NO_SCALE, NO_BIAS

@@ -29,18 +29,15 @@ class SensorTime:
             stamp: [ns] of the newest sample; None: none in time, so the clock counts at once.
             now: [ns] by the clock.
         """
-        self.at = max(self.at, self._sensed_or_clock(stamp, now))
-        self._stepped = now
-        return self.at
-
-    def _sensed_or_clock(self, stamp: Ns | None, now: Ns) -> Ns:
-        last = self._stamp
-        if stamp is not None and stamp != last:
+        last, at = self._stamp, self.at
+        if stamp is not None and stamp != last:  # a new sample
             if last is not None and stamp < last:
                 self._shift = self.at + max(0, now - self._stepped) - stamp
             self._stamp, self._heard = stamp, now
-            return stamp + self._shift
-        if last is None:
-            return now
-        silence = now - self._heard
-        return last + self._shift + silence if stamp is None or silence > PATIENCE_NS else self.at
+            at = stamp + self._shift
+        elif last is None:  # no sample ever
+            at = now
+        elif stamp is None or now - self._heard > PATIENCE_NS:  # the clock goes on from the last
+            at = last + self._shift + now - self._heard
+        self.at, self._stepped = max(self.at, at), now
+        return self.at

@@ -1,18 +1,25 @@
 """A vehicle as its TOML file describes it: one model, vehicle = a parameter file.
 
 Six-vectors are in SNAME order X, Y, Z, K, M, N about the vehicle's origin, body frame FRD.
+
+A thruster's lag is a sum of decaying modes, exact for any time step. G(s) = b(s)/a(s) with G(0) = 1
+and distinct poles p has the step response f(t) = 1 − Σ c exp(p t), with c = −b(p) / (p a'(p))
+(partial fractions, Heaviside). So a thruster's state is its final value and the remaining gap of
+each mode.
 """
 
-from math import hypot
-from typing import Annotated
+from cmath import exp as complex_exp
+from collections.abc import Sequence
+from math import exp, hypot, sqrt
+from typing import Annotated, NamedTuple, overload
 
 import msgspec
+import numpy as np
 
-from messages.units import FiniteSetting, NotNegativeSetting, Positive
+from messages.units import FiniteSetting, NotNegativeSetting, Positive, Vec6
 from services.marine.calibration import SensorCalibration
 from services.marine.mounting import Mounting
 from services.marine.thrust_curve import CURVES, LINEAR
-from services.marine.thruster_lag import Lag, LagMode, first_order, modes_of
 
 SettingVec3 = tuple[FiniteSetting, FiniteSetting, FiniteSetting]
 Diagonal = tuple[
@@ -23,6 +30,76 @@ Diagonal = tuple[
     NotNegativeSetting,
     NotNegativeSetting,
 ]
+ComplexVec6 = tuple[complex, complex, complex, complex, complex, complex]
+Coefficient = Annotated[float, msgspec.Meta(ge=-1e12, le=1e12)]
+SAME_POLE = 1e-6  # [-] poles closer than this share of their size count as one
+GRAVITY = 9.81  # [m/s²]
+SEA_WATER = 1025.0  # [kg/m³]
+LIGHTEST = 1e-3  # [-] mass over that of as much water as the box around the hull has room for
+FARTHEST = 2.0  # [-] of the box's diagonal: a thruster on an outrigger
+ATMOSPHERE = 101_325.0  # [Pa] standard
+
+
+class LagMode(NamedTuple):
+    """A real pole, or one of a conjugate pair that stands for both: its thrust is the real part."""
+
+    pole: complex  # [1/s]
+    share: complex  # [-] c: this mode's initial gap, as a share of the step
+
+
+class Lag(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """From command to thrust: b(s)/a(s), highest power of s first.
+
+    Raises:
+        ValueError: it does not settle at the command, does not follow smoothly, is not stable, or
+            has a double pole.
+    """
+
+    numerator: Annotated[list[Coefficient], msgspec.Meta(min_length=1, max_length=8)]
+    denominator: Annotated[list[Coefficient], msgspec.Meta(min_length=2, max_length=8)]
+
+    def __post_init__(self) -> None:
+        b, a = self.numerator, self.denominator
+        if a[0] == 0 or len(b) >= len(a):
+            raise ValueError(
+                "lag: the denominator must begin with a number that is not 0 and be longer than "
+                "the numerator, for thrust does not jump"
+            )
+        if a[-1] == 0 or abs(b[-1] / a[-1] - 1.0) > 1e-9:
+            raise ValueError(
+                f"lag: thrust must settle at the command, so the last coefficients must be equal "
+                f"and not 0, found {b[-1]:g} and {a[-1]:g}"
+            )
+        poles = np.roots(a)
+        if not all(pole.real < 0 for pole in poles):
+            raise ValueError("lag: not stable, a pole does not lie left of the imaginary axis")
+        apart = [abs(p - q) / abs(p) for i, p in enumerate(poles) for q in poles[:i]]
+        if min(apart, default=1.0) < SAME_POLE:
+            raise ValueError("lag: two poles are the same; make one a little faster")
+
+
+def first_order(time_constant: float) -> list[LagMode]:
+    """1/(τ s + 1): one mode."""
+    return [LagMode(-1.0 / time_constant, 1.0)]
+
+
+def modes_of(lag: Lag) -> list[LagMode]:
+    """Partial fractions; one of each conjugate pair, with twice its share."""
+    a, b = np.poly1d(lag.denominator), np.poly1d(lag.numerator)
+    slope = a.deriv()
+    modes = list[LagMode]()
+    for p in np.roots(a):
+        share = -complex(b(p) / (p * slope(p)))
+        if abs(p.imag) <= SAME_POLE * abs(p):
+            modes.append(LagMode(float(p.real), share.real))
+        elif p.imag > 0:
+            modes.append(LagMode(complex(p), 2 * share))
+    return modes
+
+
+def decay(pole: complex, seconds: float) -> complex:
+    """[-] Remaining share of a mode; real for a real pole."""
+    return exp(pole * seconds) if isinstance(pole, float) else complex_exp(pole * seconds)
 
 
 class Thruster(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -145,8 +222,56 @@ class Vehicle(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return self.size[2] * (share - 0.5)
 
 
-GRAVITY = 9.81  # [m/s²]
-SEA_WATER = 1025.0  # [kg/m³]
-LIGHTEST = 1e-3  # [-] mass over that of as much water as the box around the hull has room for
-FARTHEST = 2.0  # [-] of the box's diagonal: a thruster on an outrigger
-ATMOSPHERE = 101_325.0  # [Pa] standard
+def wrench_per_newton(thruster: Thruster) -> Vec6:
+    """The thruster's column of the configuration matrix T: force and moment about the origin of
+    one newton, [-, m] (Fossen 2011, eq. 12.226: f, r × f).
+
+    Raises:
+        ValueError: its direction has no length.
+    """
+    dx, dy, dz = thruster.direction
+    length = sqrt(dx * dx + dy * dy + dz * dz)
+    if not length > 0:
+        raise ValueError(f"thruster {thruster.name}: direction must not be (0, 0, 0)")
+    x, y, z = thruster.position
+    dx, dy, dz = dx / length, dy / length, dz / length
+    return dx, dy, dz, y * dz - z * dy, z * dx - x * dz, x * dy - y * dx
+
+
+def limited(thruster: Thruster, command: float) -> float:
+    """[N] The nearest thrust within the thruster's limits."""
+    reverse, forward = thruster.limits
+    if command > forward:
+        return forward
+    return command if command >= reverse else reverse
+
+
+def driven(thruster: Thruster, command: float) -> float:
+    """[N] Thrust the thruster settles at: nothing inside the dead-band, the whole command just
+    outside of it (the aggressive start described in Andrén 2023, §6.2.2).
+
+    The driver inverts the thrust curve, so only its limits and dead-band remain.
+    """
+    return limited(thruster, command) if abs(command) >= thruster.dead_band else 0.0
+
+
+@overload
+def total_wrench(columns: Sequence[Vec6], thrust: Sequence[float]) -> Vec6: ...
+@overload
+def total_wrench(columns: Sequence[Vec6], thrust: Sequence[complex]) -> ComplexVec6: ...
+def total_wrench(columns: Sequence[Vec6], thrust: Sequence[complex]) -> ComplexVec6:
+    """τ = T f [N, N m] about the origin (Fossen 2011, §12.3)."""
+    surge: complex = 0.0
+    sway: complex = 0.0
+    heave: complex = 0.0
+    roll: complex = 0.0
+    pitch: complex = 0.0
+    yaw: complex = 0.0
+    for (a, b, c, d, e, f), newtons in zip(columns, thrust, strict=True):
+        surge += a * newtons
+        sway += b * newtons
+        heave += c * newtons
+        roll += d * newtons
+        pitch += e * newtons
+        yaw += f * newtons
+    return surge, sway, heave, roll, pitch, yaw

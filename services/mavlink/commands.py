@@ -5,7 +5,7 @@ from math import isfinite
 from typing import Any, NamedTuple
 
 from services.mavlink.modes import CHOSEN, choosable
-from services.mavlink.numbers import FORCE, MESSAGE_IDS, MavCommand, MavResult
+from services.mavlink_io.numbers import FORCE, MESSAGE_IDS, MavCommand, MavResult
 from services.piloting.pilot_intents import Intent, ModeIntent
 
 MESSAGE_NAMES = {number: name for name, number in MESSAGE_IDS.items()}

@@ -1,12 +1,14 @@
 """The drone as a submarine on MAVLink: what ground stations are told, and what they may ask."""
 
 import ipaddress
+from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from typing import Annotated
 
 import msgspec
 
-from messages.counts import in_words
+from messages import events
+from messages.events import Level
 from messages.health import LogLine
 from messages.pilot import PilotAnswer, PilotRequest
 from messages.units import Ns
@@ -15,8 +17,15 @@ from services.mavlink import commands, identity
 from services.mavlink.buttons import ButtonReader
 from services.mavlink.commands import Ask, Meaning, Refusal, SetStream, Show, TellInterval
 from services.mavlink.ground_pilot import GroundPilot
-from services.mavlink.numbers import (
-    AUTOPILOT_COMPONENT,
+from services.mavlink.packets import Addressed, GroundStation, ReceivedPacket
+from services.mavlink.parameter_protocol import ParameterProtocol
+from services.mavlink.parameters import Parameters
+from services.mavlink.reaction import Reaction, Texts
+from services.mavlink.stick_input import StickInput
+from services.mavlink.streams import DEFAULT_HZ, OFF, STREAMS, LinkStreams, period_ns
+from services.mavlink.telemetry import MADE, Snapshot
+from services.mavlink_io.numbers import (
+    AUTOPILOT,
     FORCE,
     MESSAGE_IDS,
     SET_MODE,
@@ -24,13 +33,7 @@ from services.mavlink.numbers import (
     MavResult,
     MavSeverity,
 )
-from services.mavlink.packets import Addressed, GroundStation, MavPacket, ReceivedPacket
-from services.mavlink.parameter_protocol import ParameterProtocol
-from services.mavlink.parameters import Parameters
-from services.mavlink.reaction import Reaction, Texts
-from services.mavlink.stick_input import StickInput
-from services.mavlink.streams import DEFAULT_HZ, OFF, STREAMS, LinkStreams, period_ns
-from services.mavlink.telemetry import MADE, Snapshot
+from services.mavlink_io.packet import MavlinkPacket
 from services.piloting.pilot import Pilot, Waiting
 
 Url = Annotated[str, msgspec.Meta(pattern=r"^(udpout|udpin|tcpin):[^:/\s]+:[0-9]{1,5}$")]
@@ -59,6 +62,13 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                 )
 
 
+SEVERITIES: dict[Level, MavSeverity] = {
+    "info": MavSeverity.INFO,
+    "warning": MavSeverity.WARNING,
+    "error": MavSeverity.ERROR,
+}
+
+
 class Submarine:
     """The state machine. `waiting`: kinds of the requests that the drone has not answered yet."""
 
@@ -67,7 +77,10 @@ class Submarine:
         self._known = Snapshot(boot_ns, boot_ns, 0)
         self._streams: dict[str, LinkStreams] = {}  # by link
         parameters = Parameters(settings.system_id)
-        self._parameters = ParameterProtocol(parameters)
+        self._outbox = pilot.outbox
+        self._outbox.also = self._overhear
+        self._said: deque[tuple[Level, str]] = deque()  # to the log; for all ground stations too
+        self._parameters = ParameterProtocol(parameters, self._outbox)
         self._pilot = GroundPilot(pilot)
         self._sticks = StickInput(self._pilot, ButtonReader(parameters))
         self._texts = Texts()
@@ -94,14 +107,14 @@ class Submarine:
     def received(self, packet: ReceivedPacket, waiting: Waiting, now: Ns) -> Reaction:
         out = Reaction()
         if not self._is_for_us(packet):
-            out.counts.append("wrong_target:mavlink")
+            self._outbox.tell(events.WRONG_TARGET("mavlink"))
         elif handler := self._handlers.get(packet.name):
             handler(packet, waiting, now, out)
         elif answer := identity.ANSWERS.get(packet.name):
             if (answered := answer(packet, self._known)) is not None:
                 out.packets.append(Addressed(packet.sender.link, answered))
         elif packet.name not in identity.EXPECTED:
-            out.counts.append("ignored:mavlink")
+            self._outbox.tell(events.IGNORED("mavlink"))
         return self._finished(out, now)
 
     def _is_for_us(self, packet: ReceivedPacket) -> bool:
@@ -112,7 +125,7 @@ class Submarine:
         if "target" in fields:  # MANUAL_CONTROL is for one vehicle
             return fields["target"] == self._system
         here = fields.get("target_system", 0) in (0, self._system)
-        return here and fields.get("target_component", 0) in (0, AUTOPILOT_COMPONENT)
+        return here and fields.get("target_component", 0) in (0, AUTOPILOT)
 
     def _command(self, packet: ReceivedPacket, waiting: Waiting, now: Ns, out: Reaction) -> None:
         fields, what = packet.fields, commands.meaning(packet.fields)
@@ -144,7 +157,7 @@ class Submarine:
                 self._pilot.ask(sender, number, intent, waiting, now, out)
                 return
             case Refusal(result, text):
-                out.counts.append("refused:command")
+                self._outbox.tell(events.REFUSED_COMMAND())
                 if text:
                     out.say(link, MavSeverity.WARNING, text)
             case Show(name):
@@ -175,12 +188,12 @@ class Submarine:
         what = commands.mode(packet.fields["base_mode"], packet.fields["custom_mode"])
         self._do(packet.sender, SET_MODE, what, waiting, now, out)
 
-    def _data_stream(self, packet: ReceivedPacket, _: Waiting, now: Ns, out: Reaction) -> None:
+    def _data_stream(self, packet: ReceivedPacket, _: Waiting, now: Ns, _out: Reaction) -> None:
         fields = packet.fields
         hz = float(fields["req_message_rate"]) if fields["start_stop"] else 0.0
         names = STREAMS.get(fields["req_stream_id"], ())
         if not names:
-            out.counts.append("ignored:data_stream")
+            self._outbox.tell(events.IGNORED("data_stream"))
         for name in names:
             self._streams_of(packet.sender.link).every(name, period_ns(hz), now)
 
@@ -194,7 +207,8 @@ class Submarine:
         out = Reaction()
         self._sticks.status = status
         if status.failsafe not in (self._failsafe, "none"):
-            out.say(None, MavSeverity.CRITICAL, f"failsafe: {status.failsafe.replace('_', ' ')}")
+            name = events.FAILSAFE_ACTED(status.failsafe).name
+            out.say(None, MavSeverity.CRITICAL, f"failsafe: {events.short(name)}")
         self._failsafe = status.failsafe
         self._pilot.status(status, waiting, now, out)
         return self._finished(out, now)
@@ -203,8 +217,7 @@ class Submarine:
         """Warnings and errors of all services."""
         out = Reaction()
         if line.level != "info":
-            severity = MavSeverity.ERROR if line.level == "error" else MavSeverity.WARNING
-            out.say(None, severity, f"{line.service}: {in_words(line.text)}")
+            out.say(None, SEVERITIES[line.level], f"{line.service}: {line.text}")
         return self._finished(out, now)
 
     def answered(self, request: PilotRequest, answer: PilotAnswer, now: Ns) -> Reaction:
@@ -225,7 +238,7 @@ class Submarine:
         self._sticks.status = known.status
         self._pilot.tick(waiting, now, out)
         self._parameters.tick(out)
-        made: dict[str, list[MavPacket]] = {}
+        made: dict[str, list[MavlinkPacket]] = {}
         present = set(links)
         for gone in self._streams.keys() - present:
             del self._streams[gone]
@@ -240,14 +253,20 @@ class Submarine:
     def _streams_of(self, link: str) -> LinkStreams:
         return self._streams.setdefault(link, LinkStreams())
 
-    def _made(self, name: str) -> list[MavPacket]:
+    def _made(self, name: str) -> list[MavlinkPacket]:
         if name in identity.ASKED_FOR:
             return [identity.ASKED_FOR[name](self._known)]
         return MADE[name](self._known)
 
     def _finished(self, out: Reaction, now: Ns) -> Reaction:
-        self._texts.pack(out, now)
+        while self._said:
+            level, text = self._said.popleft()
+            out.say(None, SEVERITIES[level], text)
+        self._texts.pack(out, self._outbox, now)
         return out
+
+    def _overhear(self, level: Level, text: str) -> None:
+        self._said.append((level, text))
 
 
 def _is_local(host: str) -> bool:

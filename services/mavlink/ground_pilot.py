@@ -10,13 +10,14 @@ from typing import NamedTuple
 
 from msgspec.structs import replace
 
+from messages import events
 from messages.pilot import TTL_MS, PilotAnswer, PilotRequest, RequestKind
 from messages.units import Ns
 from messages.vehicle import VehicleStatus
-from services.mavlink.numbers import MavResult, MavSeverity
 from services.mavlink.packets import GroundStation
 from services.mavlink.reaction import Reaction
 from services.mavlink.stick_holder import StickHolder
+from services.mavlink_io.numbers import MavResult, MavSeverity
 from services.piloting.overruling import OVERRULES
 from services.piloting.pilot import Pilot, Waiting
 from services.piloting.pilot_intents import Intent, ModeIntent
@@ -24,9 +25,7 @@ from services.piloting.sticks import Sticks
 
 PATIENCE_NS = 6_000_000_000  # [ns] requests are given up earlier
 OPEN = 16  # commands at most that wait for the drone's answer
-NO_STICKS = (
-    "not arming: no stick positions arrive; first send MANUAL_CONTROL or RC_CHANNELS_OVERRIDE"
-)
+NO_STICKS = "no stick positions arrive; first send MANUAL_CONTROL or RC_CHANNELS_OVERRIDE"
 
 
 class OpenCommand(NamedTuple):
@@ -55,7 +54,7 @@ class GroundPilot:
     ) -> bool:
         """Stick positions of a ground station. False: another one has the sticks."""
         if not self.holder.take(station, sticks, now):
-            out.counts.append("not_the_holder:sticks")
+            self.pilot.outbox.tell(events.NOT_THE_HOLDER("sticks"))
             return False
         self._say_command(waiting, now, out)
         return True
@@ -78,13 +77,14 @@ class GroundPilot:
         kind: RequestKind = "mode" if isinstance(intent, ModeIntent) else _kind(intent)
         if kind != "stop" and not self.holder.may_take(station, now):
             assert self.holder.station is not None
-            out.counts.append(f"not_the_holder:{kind}")
+            self.pilot.outbox.tell(events.NOT_THE_HOLDER(kind))
             whose = self.holder.station.pilot
             out.say(station.link, MavSeverity.WARNING, f"{whose} has the sticks: {kind} refused")
             out.acknowledge(station, command, MavResult.DENIED)
         elif kind == "arm" and not self.holder.fresh(now):
-            out.counts.append("refused_here:arm")
-            out.say(station.link, MavSeverity.WARNING, NO_STICKS)
+            refusal = events.REFUSED_HERE(kind, detail=NO_STICKS)
+            self.pilot.outbox.count(refusal)
+            out.say(station.link, MavSeverity.WARNING, refusal.sentence)
             out.acknowledge(station, command, MavResult.FAILED)
         else:
             self._close(OVERRULES.get(kind, ()), MavResult.FAILED, out)
@@ -94,11 +94,12 @@ class GroundPilot:
             if self.holder.station is None:
                 self.pilot.source = station.pilot  # in whose name it is asked
             self._open.append(OpenCommand(station, command, kind, now))
-            before = len(out.counts)
+            refused, counts = events.REFUSED_HERE(kind).name, self.pilot.outbox.counts
+            before = counts[refused]
             if kind == "mode" and self.pilot.in_failsafe:  # a deliberate act: it ends the failsafe
                 self._read(("resume",), waiting, now, out)
             self._read((intent,), waiting, now, out)
-            if "refused_here:arm" in out.counts[before:]:
+            if counts[refused] > before:
                 self._close((kind,), MavResult.FAILED, out)
 
     def light(self, value: float, out: Reaction) -> None:
@@ -149,8 +150,8 @@ class GroundPilot:
         if fresh or self._was_fresh:
             self._read((), waiting, now, out)
         if self._was_fresh and not fresh and self.pilot.in_control:
-            out.counts.append("lost:sticks")
-            out.say(None, MavSeverity.WARNING, f"no sticks of {self.name} for {TTL_MS:.0f} ms")
+            silence = f"{self.name}, for {TTL_MS:.0f} ms"
+            self.pilot.outbox.tell(events.LOST_STICKS(detail=silence))
         self._was_fresh = fresh
 
     def _read(self, presses: tuple[Intent, ...], waiting: Waiting, now: Ns, out: Reaction) -> None:

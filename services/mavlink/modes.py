@@ -5,20 +5,20 @@ heading, its STABILIZE the heading alone. Depth alone is held by none of them; i
 ALT_HOLD and cannot be chosen from a ground station.
 """
 
-from messages.pilot import Hold
+from messages.pilot import FlightMode
 from messages.vehicle import VehicleStatus
 
 NAMES = {0: "STABILIZE", 2: "ALT_HOLD", 4: "GUIDED", 16: "POSHOLD", 19: "MANUAL"}
 GUIDED = 4  # the drone goes to a place or follows a path by itself
 
-SHOWN: dict[Hold, int] = {
+SHOWN: dict[FlightMode, int] = {
     "manual": 19,
     "heading_hold": 0,
     "depth_hold": 2,
     "stabilised": 2,
     "station_keeping": 16,
 }
-CHOSEN: dict[int, Hold] = {
+CHOSEN: dict[int, FlightMode] = {
     19: "manual",
     0: "heading_hold",
     2: "stabilised",
@@ -27,7 +27,7 @@ CHOSEN: dict[int, Hold] = {
 
 
 def custom_mode(status: VehicleStatus) -> int:
-    return GUIDED if status.mode in ("goto", "follow") else SHOWN[status.hold]
+    return GUIDED if status.activity in ("goto", "follow") else SHOWN[status.flight_mode]
 
 
 def choosable() -> str:

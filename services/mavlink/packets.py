@@ -1,14 +1,8 @@
-"""A MAVLink message by its name and fields, without its frame. Only io/ knows the frames."""
+"""Packets of ground stations: from whom, and for whom."""
 
-from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-
-class MavPacket(NamedTuple):
-    """To be sent."""
-
-    name: str  # as in the dialect: ATTITUDE
-    fields: Mapping[str, Any]
+from services.mavlink_io.packet import MavlinkPacket
 
 
 class GroundStation(NamedTuple):
@@ -27,11 +21,16 @@ class GroundStation(NamedTuple):
 class ReceivedPacket(NamedTuple):
     sender: GroundStation
     name: str
-    fields: Mapping[str, Any]
+    fields: dict[str, Any]
 
 
 class Addressed(NamedTuple):
     """A packet for one link, or for all of them."""
 
     link: str | None
-    packet: MavPacket
+    packet: MavlinkPacket
+
+
+def received(packet: MavlinkPacket) -> ReceivedPacket:
+    sender = GroundStation(packet.link, packet.system, packet.component)
+    return ReceivedPacket(sender, packet.name, packet.fields)

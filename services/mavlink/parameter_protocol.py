@@ -2,10 +2,12 @@
 
 from dataclasses import dataclass, field
 
-from services.mavlink.numbers import MavSeverity
+from messages import events
+from messages.events import Outbox
 from services.mavlink.packets import Addressed, ReceivedPacket
 from services.mavlink.parameters import NAMES, NO_INDEX, Parameters
 from services.mavlink.reaction import Reaction
+from services.mavlink_io.numbers import MavSeverity
 
 AT_ONCE = 10  # of a list, in one tick
 
@@ -13,6 +15,7 @@ AT_ONCE = 10  # of a list, in one tick
 @dataclass(slots=True)
 class ParameterProtocol:
     parameters: Parameters
+    outbox: Outbox
     _next: dict[str, int] = field(default_factory=dict[str, int])  # link → next of its list
 
     def begin_list(self, packet: ReceivedPacket) -> None:
@@ -26,7 +29,7 @@ class ParameterProtocol:
         fields = packet.fields
         index = self.parameters.index(fields["param_id"], fields["param_index"])
         if index is None:
-            out.counts.append("unknown_parameter:mavlink")
+            self.outbox.tell(events.UNKNOWN_PARAMETER("mavlink"))
         else:
             out.packets.append(Addressed(packet.sender.link, self.parameters.packet(index)))
 
@@ -35,14 +38,14 @@ class ParameterProtocol:
         name: str = packet.fields["param_id"]
         index = self.parameters.index(name, NO_INDEX)
         if index is None:
-            out.counts.append("unknown_parameter:mavlink")
+            self.outbox.tell(events.UNKNOWN_PARAMETER("mavlink"))
             return
         if not is_holder:
-            out.counts.append("not_the_holder:parameter")
-            refusal = f"another ground station has the sticks: {name} is not changed"
+            self.outbox.tell(events.NOT_THE_HOLDER("parameter"))
+            refusal = f"{events.NOT_THE_HOLDER.sentence}: {name} is not changed"
             out.say(packet.sender.link, MavSeverity.WARNING, refusal)
         elif refusal := self.parameters.change(name, packet.fields["param_value"]):
-            out.counts.append("refused:parameter")
+            self.outbox.tell(events.REFUSED_PARAMETER())
             out.say(packet.sender.link, MavSeverity.WARNING, refusal)
         out.packets.append(Addressed(None, self.parameters.packet(index)))
 

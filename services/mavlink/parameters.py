@@ -10,7 +10,7 @@ from math import isfinite
 from typing import NamedTuple
 
 from messages.pilot import TTL_MS
-from services.mavlink.packets import MavPacket
+from services.mavlink_io.packet import MavlinkPacket
 
 INT8, INT16, INT32, REAL32 = 2, 4, 6, 9  # MAV_PARAM_TYPE
 NO_INDEX = -1  # PARAM_REQUEST_READ: by name
@@ -72,10 +72,10 @@ class Parameters:
     def __getitem__(self, name: str) -> float:
         return self._values[name]
 
-    def packet(self, index: int) -> MavPacket:
+    def packet(self, index: int) -> MavlinkPacket:
         """PARAM_VALUE: a float, whatever the type."""
         name = NAMES[index]
-        return MavPacket(
+        return MavlinkPacket(
             "PARAM_VALUE",
             {
                 "param_id": name.encode(),

@@ -3,9 +3,12 @@
 from dataclasses import dataclass, field
 from typing import Any
 
+from messages import events
+from messages.events import Outbox
 from messages.units import Ns
-from services.mavlink.numbers import MavResult, MavSeverity
-from services.mavlink.packets import Addressed, GroundStation, MavPacket
+from services.mavlink.packets import Addressed, GroundStation
+from services.mavlink_io.numbers import MavResult, MavSeverity
+from services.mavlink_io.packet import MavlinkPacket
 from services.piloting.pilot import Effects
 
 TEXT = 50  # [B] of one STATUSTEXT; longer text is sent in several
@@ -22,16 +25,12 @@ class Reaction(Effects):
     )  # (link; None: all, how bad, what)
 
     def add(self, effects: Effects) -> None:
-        """What the pilot's state machine does; its warnings are told to all ground stations."""
-        self.counts += effects.counts
-        self.notes += effects.notes
+        """What the pilot's state machine does."""
         self.command = effects.command or self.command
         self.requests += effects.requests
-        for level, text in effects.notes:
-            self.say(None, MavSeverity.WARNING if level == "warning" else MavSeverity.INFO, text)
 
     def send(self, link: str | None, name: str, **fields: Any) -> None:
-        self.packets.append(Addressed(link, MavPacket(name, fields)))
+        self.packets.append(Addressed(link, MavlinkPacket(name, fields)))
 
     def say(self, link: str | None, severity: MavSeverity, text: str) -> None:
         self.texts.append((link, severity, text))
@@ -55,13 +54,13 @@ class Texts:
     _since_ns: Ns = 0
     _id: int = 0
 
-    def pack(self, reaction: Reaction, now: Ns) -> None:
+    def pack(self, reaction: Reaction, outbox: Outbox, now: Ns) -> None:
         """Turn its texts into packets. What is too much is counted."""
         self._left = min(TEXTS, self._left + (now - self._since_ns) / PER_TEXT_NS)
         self._since_ns = now
         for link, severity, text in reaction.texts:
             if self._left < 1.0:
-                reaction.counts.append("dropped:statustext")
+                outbox.tell(events.DROPPED("statustext"))
                 continue
             self._left -= 1.0
             reaction.packets += [
@@ -69,14 +68,14 @@ class Texts:
             ]
         reaction.texts.clear()
 
-    def _packets(self, severity: MavSeverity, text: str) -> list[MavPacket]:
+    def _packets(self, severity: MavSeverity, text: str) -> list[MavlinkPacket]:
         raw = _plain(text)[:LONGEST]
         chunks = [raw[at : at + TEXT] for at in range(0, len(raw), TEXT)] or [b""]
         number = 0
         if len(chunks) > 1:
             number = self._id = self._id % 65535 + 1
         return [
-            MavPacket(
+            MavlinkPacket(
                 "STATUSTEXT",
                 {"severity": int(severity), "text": chunk, "id": number, "chunk_seq": k},
             )

@@ -2,14 +2,15 @@
 
 from dataclasses import dataclass
 
+from messages import events
 from messages.units import Ns
 from messages.vehicle import VehicleStatus
 from services.mavlink.buttons import ButtonReader
 from services.mavlink.ground_pilot import GroundPilot
-from services.mavlink.numbers import MavSeverity
 from services.mavlink.packets import GroundStation, ReceivedPacket
 from services.mavlink.reaction import Reaction
 from services.mavlink.stick_packets import StickPacket, manual_control, rc_override
+from services.mavlink_io.numbers import MavSeverity
 from services.piloting.pilot import Waiting
 
 SAME_TEXT_NS = 5_000_000_000  # [ns] between two warnings that another one has the sticks
@@ -63,7 +64,7 @@ class StickInput:
         self, station: GroundStation, said: StickPacket, waiting: Waiting, now: Ns, out: Reaction
     ) -> bool:
         if said.clipped:
-            out.counts.append("clamped:sticks")
+            self.pilot.pilot.outbox.tell(events.CLAMPED("sticks"))
         if self.pilot.steer(station, said.sticks, waiting, now, out):
             return True
         if self._warned_ns is None or now >= self._warned_ns + SAME_TEXT_NS:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from services.mavlink.numbers import NO_AXIS, NO_CHANNEL
+from services.mavlink_io.numbers import NO_AXIS, NO_CHANNEL
 from services.piloting.sticks import Sticks
 
 # [-] so close to the middle a stick counts as centred: pads of ground stations rest beside it, and

@@ -3,8 +3,8 @@
 from dataclasses import dataclass, field
 
 from messages.units import Ns
-from services.mavlink.numbers import MavDataStream
 from services.mavlink.telemetry import MADE
+from services.mavlink_io.numbers import MavDataStream
 
 HIGHEST_HZ = 50.0  # nothing is sent more often
 OFF: Ns = 0

@@ -14,7 +14,7 @@ from messages.state import VehicleState
 from messages.units import Ns
 from messages.vehicle import VehicleStatus
 from services.mavlink.modes import custom_mode
-from services.mavlink.numbers import (
+from services.mavlink_io.numbers import (
     ARDUPILOT,
     SUBMARINE,
     MavLandedState,
@@ -22,7 +22,7 @@ from services.mavlink.numbers import (
     MavSensor,
     MavState,
 )
-from services.mavlink.packets import MavPacket
+from services.mavlink_io.packet import MavlinkPacket
 
 INT16, INT32, UINT16 = 2**15 - 1, 2**31 - 1, 2**16 - 1
 UNKNOWN_HEADING = UINT16
@@ -46,16 +46,16 @@ class Snapshot(NamedTuple):
         return ((self.now - self.boot_ns) // 1_000_000) % 2**32
 
 
-def heartbeat(known: Snapshot) -> MavPacket | None:
+def heartbeat(known: Snapshot) -> MavlinkPacket | None:
     """The drone's sign of life: none without its status, so that ground stations notice."""
     if (status := known.status) is None:
         return None
     base = MavModeFlag.CUSTOM_MODE_ENABLED | MavModeFlag.MANUAL_INPUT_ENABLED
-    if status.hold != "manual":
+    if status.flight_mode != "manual":
         base |= MavModeFlag.STABILIZE_ENABLED
     if status.armed:
         base |= MavModeFlag.SAFETY_ARMED
-    return MavPacket(
+    return MavlinkPacket(
         "HEARTBEAT",
         {
             "type": SUBMARINE,
@@ -71,12 +71,12 @@ def heartbeat(known: Snapshot) -> MavPacket | None:
 def _system_status(status: VehicleStatus) -> MavState:
     if status.failsafe != "none":
         return MavState.CRITICAL
-    if status.mode == "starting":
+    if status.activity == "starting":
         return MavState.CALIBRATING
     return MavState.ACTIVE if status.armed else MavState.STANDBY
 
 
-def sys_status(known: Snapshot) -> MavPacket | None:
+def sys_status(known: Snapshot) -> MavlinkPacket | None:
     if (status := known.status) is None:
         return None
     here = MavSensor.ABSOLUTE_PRESSURE | MavSensor.AHRS | MavSensor.MOTOR_OUTPUTS
@@ -85,9 +85,9 @@ def sys_status(known: Snapshot) -> MavPacket | None:
     if (state := known.state) is not None:
         well |= MavSensor.ABSOLUTE_PRESSURE if state.depth.valid else MavSensor(0)
         well |= MavSensor.AHRS if state.heading.valid else MavSensor(0)
-    well |= MavSensor.PREARM_CHECK if status.mode != "starting" else MavSensor(0)
+    well |= MavSensor.PREARM_CHECK if status.activity != "starting" else MavSensor(0)
     well |= MavSensor.BATTERY if known.battery is not None else MavSensor(0)
-    return MavPacket(
+    return MavlinkPacket(
         "SYS_STATUS",
         {
             "onboard_control_sensors_present": int(here),
@@ -107,10 +107,10 @@ def sys_status(known: Snapshot) -> MavPacket | None:
     )
 
 
-def attitude(known: Snapshot) -> MavPacket | None:
+def attitude(known: Snapshot) -> MavlinkPacket | None:
     if (state := known.state) is None:
         return None
-    return MavPacket(
+    return MavlinkPacket(
         "ATTITUDE",
         {
             "time_boot_ms": known.boot_ms,
@@ -124,11 +124,11 @@ def attitude(known: Snapshot) -> MavPacket | None:
     )
 
 
-def ahrs2(known: Snapshot) -> MavPacket | None:
+def ahrs2(known: Snapshot) -> MavlinkPacket | None:
     """Cockpit takes the depth from its altitude."""
     if (state := known.state) is None:
         return None
-    return MavPacket(
+    return MavlinkPacket(
         "AHRS2",
         {
             "roll": state.roll.value,
@@ -141,10 +141,10 @@ def ahrs2(known: Snapshot) -> MavPacket | None:
     )
 
 
-def vfr_hud(known: Snapshot) -> MavPacket | None:
+def vfr_hud(known: Snapshot) -> MavlinkPacket | None:
     if (state := known.state) is None:
         return None
-    return MavPacket(
+    return MavlinkPacket(
         "VFR_HUD",
         {
             "airspeed": 0.0,
@@ -157,14 +157,14 @@ def vfr_hud(known: Snapshot) -> MavPacket | None:
     )
 
 
-def global_position_int(known: Snapshot) -> MavPacket | None:
+def global_position_int(known: Snapshot) -> MavlinkPacket | None:
     """`relative_alt` is the depth, negative down."""
     if (state := known.state) is None:
         return None
     height = _fitting(-state.depth.value * 1e3, INT32)
     north, east, down = _velocity(state)
     heading = _heading(state)
-    return MavPacket(
+    return MavlinkPacket(
         "GLOBAL_POSITION_INT",
         {
             "time_boot_ms": known.boot_ms,
@@ -180,7 +180,7 @@ def global_position_int(known: Snapshot) -> MavPacket | None:
     )
 
 
-def local_position_ned(known: Snapshot) -> MavPacket | None:
+def local_position_ned(known: Snapshot) -> MavlinkPacket | None:
     """Only of a drone that measures its position."""
     state = known.state
     if state is None or not (_valid(state.north) and _valid(state.east)):
@@ -188,7 +188,7 @@ def local_position_ned(known: Snapshot) -> MavPacket | None:
     assert state.north is not None
     assert state.east is not None
     north, east, down = _velocity(state)
-    return MavPacket(
+    return MavlinkPacket(
         "LOCAL_POSITION_NED",
         {
             "time_boot_ms": known.boot_ms,
@@ -202,10 +202,10 @@ def local_position_ned(known: Snapshot) -> MavPacket | None:
     )
 
 
-def battery_status(known: Snapshot) -> MavPacket | None:
+def battery_status(known: Snapshot) -> MavlinkPacket | None:
     if (battery := known.battery) is None:
         return None
-    return MavPacket(
+    return MavlinkPacket(
         "BATTERY_STATUS",
         {
             "id": 0,
@@ -221,29 +221,29 @@ def battery_status(known: Snapshot) -> MavPacket | None:
     )
 
 
-def extended_sys_state(known: Snapshot) -> MavPacket | None:
+def extended_sys_state(known: Snapshot) -> MavlinkPacket | None:
     if known.status is None:
         return None
     landed = MavLandedState.IN_AIR if known.status.armed else MavLandedState.ON_GROUND
-    return MavPacket("EXTENDED_SYS_STATE", {"vtol_state": 0, "landed_state": int(landed)})
+    return MavlinkPacket("EXTENDED_SYS_STATE", {"vtol_state": 0, "landed_state": int(landed)})
 
 
-def home_position(known: Snapshot) -> MavPacket | None:
+def home_position(known: Snapshot) -> MavlinkPacket | None:
     """At the surface, where the drone began; ground stations ask until they have one."""
     if known.status is None:
         return None
     zeros = ("latitude", "longitude", "altitude", "x", "y", "z")
     approach = {"approach_x": 0.0, "approach_y": 0.0, "approach_z": 0.0}
     fields = dict.fromkeys(zeros, 0) | approach | {"q": [1.0, 0.0, 0.0, 0.0]}
-    return MavPacket("HOME_POSITION", fields)
+    return MavlinkPacket("HOME_POSITION", fields)
 
 
-def system_time(known: Snapshot) -> MavPacket:
+def system_time(known: Snapshot) -> MavlinkPacket:
     usec = max(0, known.utc_ns // 1000)
-    return MavPacket("SYSTEM_TIME", {"time_unix_usec": usec, "time_boot_ms": known.boot_ms})
+    return MavlinkPacket("SYSTEM_TIME", {"time_unix_usec": usec, "time_boot_ms": known.boot_ms})
 
 
-def named_values(known: Snapshot) -> list[MavPacket]:
+def named_values(known: Snapshot) -> list[MavlinkPacket]:
     """What QGroundControl's panel of a submarine shows; names as ArduSub's."""
     if (status := known.status) is None:
         return []
@@ -254,7 +254,7 @@ def named_values(known: Snapshot) -> list[MavPacket]:
     if known.state is not None:
         values["TetherTrn"] = float(_fitting(known.state.heading.value / tau, INT32))
     return [
-        MavPacket(
+        MavlinkPacket(
             "NAMED_VALUE_FLOAT",
             {"time_boot_ms": known.boot_ms, "name": name.encode(), "value": value},
         )
@@ -262,15 +262,17 @@ def named_values(known: Snapshot) -> list[MavPacket]:
     ]
 
 
-def _one(make: Callable[[Snapshot], MavPacket | None]) -> Callable[[Snapshot], list[MavPacket]]:
-    def packets(known: Snapshot) -> list[MavPacket]:
+def _one(
+    make: Callable[[Snapshot], MavlinkPacket | None],
+) -> Callable[[Snapshot], list[MavlinkPacket]]:
+    def packets(known: Snapshot) -> list[MavlinkPacket]:
         packet = make(known)
         return [] if packet is None else [packet]
 
     return packets
 
 
-MADE: Mapping[str, Callable[[Snapshot], list[MavPacket]]] = {
+MADE: Mapping[str, Callable[[Snapshot], list[MavlinkPacket]]] = {
     "HEARTBEAT": _one(heartbeat),
     "SYS_STATUS": _one(sys_status),
     "SYSTEM_TIME": _one(system_time),
@@ -331,9 +333,8 @@ def _centiamperes(battery: BatterySample | None) -> int:
 
 def _remaining(battery: BatterySample | None) -> int:
     """[%] -1: not known."""
-    if battery is None or not battery.capacity_wh:
-        return -1
-    return round(100.0 * (1.0 - min(1.0, battery.used_wh / battery.capacity_wh)))
+    charge = None if battery is None else battery.charge
+    return -1 if charge is None else round(100.0 * max(0.0, charge))
 
 
 def _fitting(value: float, most: int) -> int:

@@ -4,8 +4,5 @@ sticks          stick positions, and what a stick source reads at one instant
 pilot_intents   requests that a pilot can make
 pilot           lease, arming, hand-over and requests, as a state machine
 overruling      which older requests a newer one withdraws
-pilot_view      what a pilot must see of the drone, from the newest messages
-view_words      the words for it
-head_up         the head-up numbers of a window: which words stand where
 io              what every pilot does on the bus: commands, requests, checkpoint
 """

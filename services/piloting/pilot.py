@@ -10,11 +10,13 @@ from typing import Any
 import msgspec
 from msgspec.structs import replace
 
+from messages import events
+from messages.events import Outbox
 from messages.pilot import PilotAnswer, PilotCommand, PilotRequest, RequestKind
 from messages.units import Ns
 from messages.vehicle import VehicleStatus
 from services.piloting.pilot_intents import FollowIntent, GotoIntent, Intent, ModeIntent
-from services.piloting.sticks import CENTRED, Level, StickReading
+from services.piloting.sticks import CENTRED, StickReading
 
 PAUSE_NS = 2_000_000_000  # [ns] between two attempts at automatic arming
 RESUME_PAUSE_NS = 200_000_000  # [ns] after an answer: until a newer status says how it went
@@ -23,14 +25,6 @@ BACK_OFF_NS = (
     10_000_000_000,
 )  # [ns] after a lease; doubles when it was refused
 ABSENT = StickReading(present=False, at_rest=False)  # until the source was read
-VERBS: dict[RequestKind, str] = {
-    "mode": "change the mode",
-    "light": "change the light",
-    "lease": "hand over control",
-    "force": "hand over control",
-    "offer": "offer control",
-    "release": "release control",
-}  # of the kinds that are none themselves
 Waiting = Set[RequestKind]  # kinds of the requests that have not been answered yet
 
 
@@ -48,8 +42,6 @@ class Progress(msgspec.Struct, frozen=True):
 class Effects:
     """What one event causes, in the order in which it is to be done."""
 
-    counts: list[str] = field(default_factory=list[str])
-    notes: list[tuple[Level, str]] = field(default_factory=list[tuple[Level, str]])
     command: PilotCommand | None = None  # to be published
     requests: list[PilotRequest] = field(default_factory=list[PilotRequest])
     hand_over: bool = False  # the sticks were just handed over: read and publish them at once
@@ -65,6 +57,7 @@ class Pilot:
     """
 
     progress: Progress
+    outbox: Outbox
     arms: bool  # automatically, as soon as the drone is ready
     source: str = ""  # name of the pilot, else of the pad, keyboard or script
     resumes: bool = False  # automatically, once a failsafe's conditions have ended: a script
@@ -97,7 +90,7 @@ class Pilot:
             played: events of its script that have happened.
         """
         self._reading, self.source = reading, source
-        out = Effects(list(reading.lost), list(reading.notes), self._command(now))
+        out = Effects(self._command(now))
         self._commanded = self.progress.epoch
         if self._arms_soon:
             self._arms_soon = False
@@ -119,9 +112,9 @@ class Pilot:
             return out
         if status.armed:
             self.progress = replace(self.progress, began_ns=now)
-            out.notes.append(("info", f"armed: {self.source} has the sticks"))
+            self.outbox.say("info", f"armed: {self.source} has the sticks")
             out.hand_over = True
-        elif self.arms and self.progress.may_arm and status.mode == "ready":
+        elif self.arms and self.progress.may_arm and status.activity == "ready":
             self._arm(waiting, now, out)
         return out
 
@@ -138,9 +131,7 @@ class Pilot:
             if arms:
                 out.requests.append(self._request("resume" if self.in_failsafe else "arm"))
         if not answer.accepted:
-            out.counts.append(f"refused:{request.kind}")
-            verb = VERBS.get(request.kind, request.kind)
-            out.notes.append(("warning", f"the drone refuses to {verb}: {answer.reason}"))
+            self.outbox.tell(events.REFUSED(request.kind, detail=answer.reason))
         return out
 
     def overheard(self, request: PilotRequest, answer: PilotAnswer) -> Effects:
@@ -154,8 +145,8 @@ class Pilot:
         if request.kind == "lease":
             self._arms_next = False
             self._space_out(False, now)
-        what = f"the drone did not answer to {request.kind!r}"
-        return Effects([f"unanswered:{request.kind}"], [("warning", what)])
+        self.outbox.tell(events.UNANSWERED(request.kind))
+        return Effects()
 
     def _command(self, now: Ns) -> PilotCommand:
         reading = self._reading
@@ -191,7 +182,7 @@ class Pilot:
         if self._has_control:
             self._told_of = ""
         elif status.pilot:
-            self._tell_of(status.pilot, out)
+            self._tell_of(status.pilot)
         elif (ours is None or given < ours) and not self.progress.released:
             self._take(waiting, now, out)
 
@@ -199,16 +190,15 @@ class Pilot:
         if "lease" not in waiting and now >= self._take_after:
             out.requests.append(self._request("lease"))
 
-    def _tell_of(self, other: str, out: Effects) -> None:
+    def _tell_of(self, other: str) -> None:
         """Another pilot has control."""
         if other == self._told_of:
             return
         self._told_of = other
         if self.progress.epoch is None:
-            out.notes.append(("info", f"{other} has control; waiting until nobody has it"))
+            self.outbox.say("info", f"{other} has control; waiting until nobody has it")
         else:
-            out.counts.append("outdone:lease")
-            out.notes.append(("warning", f"{other} has taken control"))
+            self.outbox.tell(events.OUTDONE_LEASE(detail=other))
 
     def _arm(self, waiting: Waiting, now: Ns, out: Effects) -> None:
         """Arm automatically, at most once every `PAUSE_NS`, and never with a stick deflected. The
@@ -221,7 +211,7 @@ class Pilot:
             out.requests.append(self._request("arm"))
         elif self._reading.present and not self._asked_for_rest:
             self._asked_for_rest = True
-            out.notes.append(("info", "ready: let go of the sticks to arm"))
+            self.outbox.say("info", "ready: let go of the sticks to arm")
 
     def _resume(self, waiting: Waiting, now: Ns, out: Effects) -> None:
         """As an attentive pilot does: at once, while the script's pilot is there."""
@@ -234,8 +224,7 @@ class Pilot:
         if intent == "arm" and self.in_failsafe and self._has_control:
             intent = "resume"
         if intent == "arm" and not self._reading.at_rest:
-            out.counts.append("refused_here:arm")
-            out.notes.append(("warning", "not arming: let go of the sticks first"))
+            self.outbox.tell(events.REFUSED_HERE("arm", detail="let go of the sticks first"))
         elif intent == "arm" and not self._has_control:
             if not self._arms_next and "lease" not in waiting:
                 out.requests.append(self._request("lease"))
@@ -252,8 +241,8 @@ class Pilot:
                 return self._request("goto", depth=depth, heading=heading)
             case FollowIntent(course):
                 return self._request("follow", course=course)
-            case ModeIntent(hold):
-                return self._request("mode", hold=hold)
+            case ModeIntent(flight_mode):
+                return self._request("mode", flight_mode=flight_mode)
             case "light":
                 self._light = not self._light
                 return self._request("light", value=float(self._light))

@@ -3,7 +3,7 @@
 import math
 from typing import Literal, NamedTuple
 
-from messages.pilot import Course, Hold
+from messages.pilot import Course, FlightMode
 
 DEEPEST = 11_000.0  # [m] no sea is deeper
 TURN = 360.0  # [deg] a heading is given within one turn either way
@@ -23,7 +23,7 @@ class FollowIntent(NamedTuple):
 
 
 class ModeIntent(NamedTuple):
-    hold: Hold
+    flight_mode: FlightMode
 
 
 Intent = Press | GotoIntent | FollowIntent | ModeIntent

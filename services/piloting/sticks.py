@@ -1,6 +1,6 @@
 """Stick positions, and what a stick source reads at one instant."""
 
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 from messages.link import LinkRequest
 from messages.simulator import FaultRequest
@@ -26,7 +26,6 @@ class Sticks(NamedTuple):
 
 
 CENTRED = Sticks()
-Level = Literal["info", "warning"]
 
 
 class StickReading(NamedTuple):
@@ -38,5 +37,3 @@ class StickReading(NamedTuple):
     age_ms: float = 0.0  # [ms] since the device last answered
     presses: tuple[Intent, ...] = ()  # requests since the last reading, from a button or a script
     incidents: tuple[Incident, ...] = ()  # of a script, since the last reading
-    notes: tuple[tuple[Level, str], ...] = ()  # for the log
-    lost: tuple[str, ...] = ()  # to be counted: what was dropped or broke

@@ -55,7 +55,7 @@ class Predictor:
             self._commands.append(command)
 
     def status(self, status: VehicleStatus, _: Ns) -> None:
-        self._piloted = status.mode == "piloted" and status.failsafe == "none"
+        self._piloted = status.activity == "piloted" and status.failsafe == "none"
 
     def reference(self, reference: Reference, _: Ns) -> None:
         before, self._reference = self._reference, reference

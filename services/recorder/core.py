@@ -1,25 +1,25 @@
-"""Envelopes from the bus become rows of a recording, or are counted as lost.
+"""Envelopes from the bus become rows of a recording, or are told as lost.
 
 No input may raise, and no input may make the counters or the list of channels grow without limit:
 many invented keys are counted under one shared name.
 """
 
 import hashlib
+from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import msgspec
 
-from messages import topics
+from messages import events, topics
+from messages.events import Event, Outbox, Row
 from messages.message import Message
-from messages.payload import PayloadDecoder
+from messages.payload import MEMBERS, PayloadDecoder
 from messages.topic import AnyTopic
 from services.recorder.foxglove.channel import FoxgloveView, NamedSchema, schema_of
 from services.recorder.foxglove.views import Views
 from services.recorder.settings import Settings as Settings  # the registry looks for them here
 
-MEMBERS = 64  # recorded members of one family, such as health/*
 UNKNOWN = 32  # unknown keys that are counted under their own name
 NAME_LENGTH = 80  # characters of an unknown key that are kept in its count
 LATEST_NS = 2**63 - 1  # [ns] MCAP tools read times as signed or unsigned 64 bit; this fits both
@@ -46,13 +46,6 @@ class CheckedMessage(NamedTuple):
     publish_ns: int  # [ns] UTC of the message's own stamp, or of arrival: see `Intake`
 
 
-@dataclass(frozen=True, slots=True)
-class _Stream:
-    topic: AnyTopic
-    encoding: str
-    decoder: PayloadDecoder[Message]
-
-
 def view_row(view: FoxgloveView, of: RecordedRow) -> RecordedRow:
     """The row of a view, beside that of its message."""
     return of._replace(key=view.key, schema=view.schema, data=view.data, is_view=True)
@@ -63,9 +56,10 @@ def _unchanged(_: AnyTopic, stamp_ns: int) -> int | None:
 
 
 class Intake:
-    """Checks, converts, counts and hashes every envelope of a vehicle.
+    """Checks, converts and hashes every envelope of a vehicle.
 
     Args:
+        outbox: is told of what is not recorded.
         wall_offset_ns: [ns] UTC minus the recorder's clock, which is that of arrivals.
         local_ns: converts a stamp [ns] of a topic to the recorder's clock; None where that is not
             known, then the arrival time is used. By default there is one clock.
@@ -74,31 +68,20 @@ class Intake:
 
     def __init__(
         self,
-        wall_offset_ns: int,
+        outbox: Outbox,
+        wall_offset_ns: int = 0,
         local_ns: Callable[[AnyTopic, int], int | None] = _unchanged,
         views: Views | None = None,
     ) -> None:
-        self._views = views
+        self._outbox, self._views = outbox, views
         self._offset = wall_offset_ns
         self._local_ns = local_ns
-        self._streams: dict[str, _Stream] = {}  # every topic of the table, and members seen
-        self._members: dict[str, int] = {}  # family → how many members are recorded
+        self._topics = {topic.key: topic for topic in topics.ALL}  # and members that are recorded
+        self._decoders = {topic.key: PayloadDecoder(topic) for topic in topics.ALL}
+        self._members = Counter[str]()  # of each family, that are recorded
         self._unknown: set[str] = set()
         self._hash = hashlib.sha256()
         self._encode = msgspec.json.Encoder().encode
-        for topic in topics.ALL:
-            self._streams[topic.key] = _Stream(topic, topic.encoding, PayloadDecoder(topic))
-
-    def take(self, key: str, encoding: str, payload: bytes, arrival: int) -> RecordedRow | str:
-        """The row to write, or the name under which its loss is counted.
-
-        Args:
-            arrival: [ns] by the recorder's clock.
-        """
-        found = self.check(key, encoding, payload, arrival)
-        if isinstance(found, str):
-            return found
-        return self.rows(key, found)[0]
 
     def rows(self, key: str, checked: CheckedMessage) -> list[RecordedRow]:
         """The row of a message that was checked, and those of its views."""
@@ -109,59 +92,53 @@ class Intake:
             return [row]
         return [row, *(view_row(v, row) for v in self._views.of(topic, message, publish_ns))]
 
-    def check(self, key: str, encoding: str, payload: bytes, arrival: int) -> CheckedMessage | str:
-        """The message, counted into the hash; or the name under which its loss is counted.
+    def check(self, key: str, encoding: str, payload: bytes, arrival: int) -> CheckedMessage | None:
+        """The message, counted into the hash; None: it is not recorded, which is told.
 
         Args:
             arrival: [ns] by the recorder's clock.
         """
-        stream = self._streams.get(key) or self._family_of(key)
-        if stream is None:
-            return self._name_unknown(key)
+        found = self._checked(key, encoding, payload, arrival)
+        if isinstance(found, Event):
+            self._outbox.tell(found)
+            return None
+        # Lengths first, so that different fields never give the same bytes.
+        self._hash.update(f"{len(key)} {len(payload)} {arrival} {key}".encode())
+        self._hash.update(payload)
+        return found
+
+    def _checked(
+        self, key: str, encoding: str, payload: bytes, arrival: int
+    ) -> CheckedMessage | Event:
+        topic = self._topics.get(key) or topics.find(key)
+        if topic is None:
+            return self._unknown_key(key)
         # A rejected member of a family is counted under the family: anybody can invent members.
-        name = key if key in self._streams else stream.topic.key
-        if encoding != stream.encoding:
-            return f"wrong_type:{name}"
-        message = stream.decoder.decode(payload)
-        if message is None:
-            return f"malformed:{name}"
-        stamp_ns = self._local_ns(stream.topic, message.stamp_ns)
+        name = key if key in self._topics else topic.key
+        message = self._decoders[topic.key].read(encoding, payload)
+        if isinstance(message, Row):
+            return message(name)
+        stamp_ns = self._local_ns(topic, message.stamp_ns)
         log_ns = arrival + self._offset
         publish_ns = log_ns if stamp_ns is None else stamp_ns + self._offset
         if not (0 <= log_ns <= LATEST_NS and 0 <= publish_ns <= LATEST_NS):
-            return f"malformed:{name}"
-        if key not in self._streams and not self._admit(key, stream):
-            return f"too_many_keys:{name}"
-        self._add_to_hash(key, payload, arrival)
-        return CheckedMessage(stream.topic, message, log_ns, publish_ns)
+            return events.MALFORMED(name)
+        if key not in self._topics:
+            if self._members[topic.key] >= MEMBERS:
+                return events.TOO_MANY_KEYS(name)
+            self._members[topic.key] += 1
+            self._topics[key] = topic
+        return CheckedMessage(topic, message, log_ns, publish_ns)
 
     def log_hash(self) -> str:
         """SHA-256 over key, payload and arrival of every row so far, in order: two runs with the
         same hash received the same bytes at the same times."""
         return self._hash.hexdigest()
 
-    def _family_of(self, key: str) -> _Stream | None:
-        topic = topics.find(key)
-        return None if topic is None else self._streams[topic.key]
-
-    def _admit(self, key: str, family: _Stream) -> bool:
-        """Accept a new member of a family, if there are not too many."""
-        members = self._members.get(family.topic.key, 0)
-        if members >= MEMBERS:
-            return False
-        self._members[family.topic.key] = members + 1
-        self._streams[key] = family
-        return True
-
-    def _name_unknown(self, key: str) -> str:
+    def _unknown_key(self, key: str) -> Event:
         name = key[:NAME_LENGTH].encode("ascii", "backslashreplace").decode()
         if name not in self._unknown:
             if len(self._unknown) >= UNKNOWN:
-                return "unknown:others"
+                return events.UNKNOWN("others")
             self._unknown.add(name)
-        return f"unknown:{name}"
-
-    def _add_to_hash(self, key: str, payload: bytes, arrival: int) -> None:
-        # Lengths first, so that different fields never give the same bytes.
-        self._hash.update(f"{len(key)} {len(payload)} {arrival} {key}".encode())
-        self._hash.update(payload)
+        return events.UNKNOWN(name)

@@ -2,6 +2,7 @@
 and log lines are not in the file, because nobody receives their own messages; what it lost is in
 the file's `losses` metadata."""
 
+from messages import events
 from services.marine.vehicle import Vehicle
 from services.recorder.core import Intake, RecordedRow
 from services.recorder.foxglove.views import Views
@@ -19,7 +20,7 @@ DEPTH = 20_000  # envelopes held while the disk is slow: some ten seconds of a d
 def wire(node: Node, stack: Stack) -> None:
     settings = stack.section("recorder", Settings)
     views = Views(stack.section("vehicle", Vehicle)) if settings.foxglove else None
-    intake = Intake(node.wall_offset_ns, node.local_ns, views)
+    intake = Intake(node.outbox, node.wall_offset_ns, node.local_ns, views)
     session = McapSession(node, stack, settings)
     ring = Ring(0.0 if session.begun else settings.ring, settings.ring_size * 1e6)
     home = next(iter(node.sides))
@@ -28,7 +29,7 @@ def wire(node: Node, stack: Stack) -> None:
         if not ring.holds:
             session.write(row)
         elif dropped := ring.keep(row):
-            node.count("dropped:ring", dropped)
+            node.tell(events.DROPPED("ring"), dropped)
 
     def begin(why: str) -> None:
         session.begin()
@@ -39,8 +40,7 @@ def wire(node: Node, stack: Stack) -> None:
 
     def record(envelope: Envelope, arrival: int) -> None:
         found = intake.check(envelope.key, envelope.encoding, envelope.payload, arrival)
-        if isinstance(found, str):
-            node.count(found)
+        if found is None:
             return
         for row in intake.rows(envelope.key, found):
             keep(row)

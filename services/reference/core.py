@@ -7,30 +7,31 @@ at any moment. What the drone does by itself when something fails is the failsaf
 (`failsafe/`): come to rest smoothly and hold, rise, stay at the surface.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import cast
 
 import msgspec
 from msgspec import UNSET
 
-from messages.control import Wrench
-from messages.counts import sentence
-from messages.pilot import Hold, PilotAnswer, PilotCommand, PilotRequest, StopDistance
+from messages import events
+from messages.events import Outbox, sentence
+from messages.pilot import FlightMode, PilotAnswer, PilotCommand, PilotRequest, StopDistance
 from messages.reference import Reference
 from messages.state import VehicleState
 from messages.units import Ns
-from messages.vehicle import Failsafe, Mode, VehicleStatus
+from messages.vehicle import Activity, Failsafe, VehicleStatus
 from services.marine.sensor_time import SensorTime
 from services.reference.failsafe.machine import FailsafeMachine, Memory
 from services.reference.failsafe.table import table
 from services.reference.failsafe.watch import ConditionWatch
 from services.reference.guidance import requests
 from services.reference.guidance.authority import ControlAuthority, Lease
+from services.reference.guidance.axes import centred
+from services.reference.guidance.ground_motion import whereabouts
 from services.reference.guidance.guidance import Guidance
 from services.reference.guidance.modes import lacking
-from services.reference.guidance.reference_message import reference_of
-from services.reference.guidance.refusals import centred, refusal
-from services.reference.guidance.whereabouts import whereabouts
+from services.reference.guidance.refusals import refusal
 from services.reference.settings import Settings as Settings
 
 AT_REST = PilotCommand(stamp_ns=0, surge=0.0, sway=0.0, heave=0.0, yaw=0.0)
@@ -41,8 +42,8 @@ class GuidanceCheckpoint(msgspec.Struct, frozen=True):
 
     armed: bool = False
     light: float = 0.0
-    hold: Hold = "stabilised"  # in force
-    asked: Hold = "stabilised"  # requested by the pilot
+    flight_mode: FlightMode = "stabilised"  # in force
+    asked: FlightMode = "stabilised"  # requested by the pilot
     lease: Lease = Lease()
     failsafes: dict[str, Memory] = {}
     surfaced: bool = False
@@ -56,15 +57,16 @@ INITIAL = GuidanceCheckpoint()
 
 @dataclass(slots=True)
 class ReferenceGenerator:
-    """The state machine. Times `now` are int ns. `events` collects names to count, `notes` texts to
-    log."""
+    """The state machine. Times `now` are int ns."""
 
     settings: Settings
+    outbox: Outbox
     before: GuidanceCheckpoint = INITIAL
     started_ns: Ns = 0  # [ns] now
+    watched: Mapping[str, str] = field(default_factory=dict[str, str])  # service → its role
     armed: bool = field(init=False)
     light: float = field(init=False)
-    requested: Hold = field(init=False)  # by the pilot; in force again after a disarm
+    requested: FlightMode = field(init=False)  # by the pilot; in force again after a disarm
     authority: ControlAuthority = field(init=False)
     conditions: ConditionWatch = field(init=False)  # of the failsafes
     stopping: bool = False  # until at rest with the sticks centred
@@ -84,25 +86,17 @@ class ReferenceGenerator:
         self.armed, self.light, self.requested = b.armed, b.light, b.asked
         self._armed_ns, self._disarmed_ns = b.armed_ns, b.disarmed_ns
         self.authority = ControlAuthority(b.lease, self.started_ns)
-        self._guidance = Guidance(self.settings, b.hold)
+        self._guidance = Guidance(self.settings, self.outbox, b.flight_mode)
         rows, memory = table(self.settings.failsafe), dict(b.failsafes)
-        self._failsafes = FailsafeMachine(rows, memory, b.armed, b.surfaced)
-        self.conditions = ConditionWatch(self.settings.failsafe, self.started_ns)
-
-    @property
-    def events(self) -> list[str]:
-        return self._guidance.events
-
-    @property
-    def notes(self) -> list[str]:
-        return self._guidance.notes
+        self._failsafes = FailsafeMachine(rows, self.outbox, memory, b.armed, b.surfaced)
+        self.conditions = ConditionWatch(self.settings.failsafe, self.watched, self.started_ns)
 
     @property
     def checkpoint(self) -> GuidanceCheckpoint:
         return GuidanceCheckpoint(
             self.armed,
             self.light,
-            self._guidance.hold,
+            self._guidance.flight_mode,
             self.requested,
             self.authority.lease,
             dict(self._failsafes.memory),
@@ -120,30 +114,15 @@ class ReferenceGenerator:
 
         Returns None until the first state has arrived.
         """
-        guidance, self._silent = self._guidance, state is None
+        guidance, failsafes, s = self._guidance, self._failsafes, self.settings.failsafe
+        self._silent = state is None
         if state is not None:
             self._running = state.phase == "running"
         guidance.see(state, self._time.step(None if state is None else state.sensor_ns, now) / 1e9)
         if guidance.state is None:
             return None
-        self._watch(state, command, now)
-        if self.armed and self._initialised:
-            guidance.move_on(state)
-            guidance.watch_estimates(state)
-        else:
-            guidance.rest()
-            self._initialised = True
-        self._aim(command)
-        if state is not None and self.armed:
-            guidance.wait(state, turn_short=_turn_short(self.conditions.newest.wrench))
-        epoch = self.authority.lease.acting
-        armed_ns = self._armed_ns if self.armed else None
-        return reference_of(guidance, state, command, now, armed_ns=armed_ns, epoch=epoch)
 
-    def _watch(self, state: VehicleState | None, command: PilotCommand | None, now: Ns) -> None:
-        """Judge the conditions, and do what the failsafe table says; one that begins to act ends
-        the manoeuvre."""
-        guidance, failsafes = self._guidance, self._failsafes
+        # What the failsafe table says; a condition that begins to act ends the manoeuvre.
         holding = self.conditions.holding(
             state,
             command,
@@ -152,37 +131,41 @@ class ReferenceGenerator:
             armed=self.armed,
             limited=self.armed and guidance.axes.limited,
         )
-        surface = self.settings.failsafe.surface_depth
-        at_surface = self._initialised and guidance.has_risen(surface)
+        at_surface = self._initialised and guidance.has_risen(s.surface_depth)
         unknown = self.conditions.unknown
         failsafes.step(holding, now, armed=self.armed, at_surface=at_surface, unknown=unknown)
-        self._announce()
-        self._react(blind=state is None)
-        if command is not None and command.pilot == "present" and centred(command):
-            self.stopping = self.stopping and not guidance.settled
-
-    def _announce(self) -> None:
-        """Count and log what has just begun."""
-        self.events.extend(f"notice:{row.name}" for row in self._failsafes.noticed)
-        self._failsafes.noticed.clear()
-        for row in self._failsafes.begun:
-            if row.acts:
-                self.events.append(f"failsafe:{row.name}")
-            elif row.told:
-                self.events.append(f"notice:{row.name}")
-        self._failsafes.begun.clear()
-
-    def _react(self, *, blind: bool) -> None:
-        """Do what the table says. `blind`: without a state no ascent goes on, because the thrusters
-        are off and the reference would leave the drone behind."""
-        guidance, reaction, s = self._guidance, self._failsafes.reaction, self.settings.failsafe
+        reaction = failsafes.reaction
         acted, self._acts = self._acts, reaction is not None
         if self._acts and not acted:
             guidance.come_to_rest()
-        if reaction in ("ascend", "surface") and not blind:
+        # Without a state no ascent goes on, because the thrusters are off and the reference would
+        # leave the drone behind.
+        if reaction in ("ascend", "surface") and state is not None:
             guidance.rise(s.surface_depth, s.ascent_speed)
         else:
             guidance.end_rise()
+        if command is not None and command.pilot == "present" and centred(command):
+            self.stopping = self.stopping and not guidance.settled
+
+        # The axes at this instant, and where they go on to.
+        if self.armed and self._initialised:
+            guidance.move_on(state)
+        else:
+            guidance.rest()
+            self._initialised = True
+        self._aim(command)
+
+        # The reference waits for a vehicle that cannot follow, sooner where the thrusters are at
+        # a limit and give less yaw than control asks for.
+        if state is not None and self.armed:
+            turn_short, wrench = False, self.conditions.newest.wrench
+            if wrench is not None and wrench.saturated:
+                wanted, achieved = wrench.wanted[5], wrench.achieved[5]
+                turn_short = abs(wanted - achieved) > SHORT * abs(wanted)
+            guidance.wait(state, turn_short=turn_short)
+        epoch = self.authority.lease.acting
+        armed_ns = self._armed_ns if self.armed else None
+        return guidance.reference(state, command, now, armed_ns=armed_ns, epoch=epoch)
 
     def _aim(self, command: PilotCommand | None) -> None:
         """Set the axes' targets from the sticks; without sticks the target is rest."""
@@ -191,8 +174,8 @@ class ReferenceGenerator:
         free = self.armed and not (self._acts or self.stopping)
         if manoeuvre.following is not None and manoeuvre.following.ends(t):
             guidance.end_manoeuvre()
-            self.notes.append("off the path" if self.stopping else "the end of the path")
-        elif command is not None and free and not centred(command):
+            self.outbox.say("info", "off the path" if self.stopping else "the end of the path")
+        elif manoeuvre.busy and command is not None and free and not centred(command):
             guidance.end_manoeuvre()
         manoeuvre.set_off(t)
         moves = command is not None and free and not (manoeuvre.busy and centred(command))
@@ -209,8 +192,8 @@ class ReferenceGenerator:
             request,
             command,
             armed=self.armed,
-            ready=self._running and "state_lost" not in self._failsafes.holding,
-            board="board_silent" not in self._failsafes.holding,
+            ready=self._running and events.STATE_LOST.name not in self._failsafes.holding,
+            board=events.BOARD_SILENT.name not in self._failsafes.holding,
             stopping=self.stopping or self._failsafes.acting is not None,
         )
         takes = request.kind in ("lease", "force")
@@ -230,7 +213,7 @@ class ReferenceGenerator:
 
     def _pass_control(self, request: PilotRequest, reason: str, now: Ns) -> None:
         if not reason and (announcement := self.authority.grant(request, now)):
-            self.notes.append(announcement)
+            self.outbox.say("info", announcement)
 
     def handed_on(self, request: PilotRequest, now: Ns) -> bool:
         """Do what control has already done and answered, while this service was silent. Returns
@@ -275,8 +258,8 @@ class ReferenceGenerator:
             return requests.goto(guidance, request)
         if request.kind == "follow":
             return requests.follow(guidance, request.course)
-        reason = requests.mode(guidance, request.hold, armed=self.armed)
-        self.requested = self.requested if reason else guidance.hold
+        reason = requests.mode(guidance, request.flight_mode, armed=self.armed)
+        self.requested = self.requested if reason else guidance.flight_mode
         return reason
 
     def _arm(self) -> None:
@@ -285,21 +268,29 @@ class ReferenceGenerator:
             return
         guidance, self.armed = self._guidance, True
         if reason := lacking(self.requested, guidance.state, armed=True):
-            guidance.events.append(f"refused:{self.requested}")
-            guidance.notes.append(f"armed without {self.requested}: {reason}")
-        guidance.hold = "stabilised" if reason else self.requested
+            self.outbox.tell(events.REFUSED(self.requested, detail=f"armed without it: {reason}"))
+        guidance.flight_mode = "stabilised" if reason else self.requested
 
     # Status.
 
+    def summary(self, now: Ns) -> tuple[object, ...]:
+        """A change of this publishes a status at once."""
+        fs = self._failsafes
+        said = fs.acting, fs.reaction, fs.resumable, fs.holding, self.authority.holder(now)
+        return self.activity, self.armed, self._guidance.flight_mode, *said
+
     def status(self, now: Ns) -> VehicleStatus:
         failsafes = self._failsafes
+        row = failsafes.acting
         where = whereabouts(None if self._silent else self._guidance.state)
+        held_back = self.armed and self._guidance.held_back
+        clamped = events.CLAMPED_HORIZONTAL.sentence if held_back else ""
         return VehicleStatus(
             stamp_ns=now,
-            mode=self.mode,
+            activity=self.activity,
             armed=self.armed,
-            hold=self._guidance.hold,
-            failsafe=self.failsafe,
+            flight_mode=self._guidance.flight_mode,
+            failsafe="none" if row is None else cast(Failsafe, row.name),
             reaction=failsafes.reaction,
             since_ns=failsafes.since_ns,
             next_ns=failsafes.next_ns,
@@ -309,18 +300,12 @@ class ReferenceGenerator:
             pilot=self.authority.holder(now),
             epoch=self.authority.lease.epoch,
             light=self.light,
-            note="; ".join(filter(None, (self._not_ready, failsafes.notices, self._held_back))),
+            note="; ".join(filter(None, (self._not_ready, failsafes.notices, clamped))),
             stop=self._stop if self.stopping else None,
             depth=where.depth,
             heading=where.heading,
             depth_moved=self._guidance.standstill.moved or UNSET,
         )
-
-    @property
-    def failsafe(self) -> Failsafe:
-        """The condition that acts."""
-        row = self._failsafes.acting
-        return "none" if row is None else cast(Failsafe, row.name)
 
     @property
     def _not_ready(self) -> str:
@@ -340,13 +325,7 @@ class ReferenceGenerator:
         return text if left is None else f"{text}, {left:.0f} s to go"
 
     @property
-    def _held_back(self) -> str:
-        if not (self.armed and self._guidance.held_back):
-            return ""
-        return "the drone tilts too far: less surge and sway than asked for"
-
-    @property
-    def mode(self) -> Mode:
+    def activity(self) -> Activity:
         if not self.armed:
             return "ready" if self._running else "starting"
         if self.stopping:
@@ -354,11 +333,3 @@ class ReferenceGenerator:
         if self._guidance.manoeuvre.on_a_path:
             return "follow"
         return "goto" if self._guidance.manoeuvre.going else "piloted"
-
-
-def _turn_short(wrench: Wrench | None) -> bool:
-    """Whether the thrusters give less yaw than control asks for, because they are at a limit."""
-    if wrench is None or not wrench.saturated:
-        return False
-    wanted, achieved = wrench.wanted[5], wrench.achieved[5]
-    return abs(wanted - achieved) > SHORT * abs(wanted)

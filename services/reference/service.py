@@ -6,7 +6,7 @@ from messages import topics
 from messages.pilot import PilotAnswer, PilotRequest
 from messages.state import VehicleState
 from services.reference.core import GuidanceCheckpoint, ReferenceGenerator, Settings
-from services.reference.failsafe.watch import Newest
+from services.reference.failsafe.watch import WatchedMessages
 from services.reference.guidance.refusals import refused
 from services.runtime.config.identity import identity_of
 from services.runtime.config.stack import Stack
@@ -18,10 +18,18 @@ SILENCE_S = 0.1  # [s] without a state: stop smoothly and hold
 
 def wire(node: Node, stack: Stack) -> None:
     before = node.restore_checkpoint(GuidanceCheckpoint) or GuidanceCheckpoint()
-    generator = ReferenceGenerator(stack.section("reference", Settings), before, node.now())
+    settings = stack.section("reference", Settings)
+    generator = ReferenceGenerator(settings, node.outbox, before, node.now(), stack.watched)
     commands = node.latest(topics.PILOT_COMMAND)
     commands.obey(generator.authority)
-    look = _watched(node, generator)
+    # What the failsafes watch.
+    conditions = generator.conditions
+    node.each(topics.CLOCK_PING, lambda _, now: conditions.ping(now))
+    node.each(topics.HEALTH, conditions.health)
+    wrench, battery = node.latest(topics.WRENCH), node.latest(topics.BATTERY)
+    leak, dvl = node.latest(topics.LEAK), node.latest(topics.DVL)
+    temperature = node.latest(topics.TEMPERATURE)
+
     reference = node.publisher(topics.REFERENCE)
     status = node.publisher(topics.STATUS)
     unfit = _unfit(node, stack)
@@ -29,12 +37,17 @@ def wire(node: Node, stack: Stack) -> None:
     saved = generator.checkpoint
 
     def on_state(state: VehicleState | None, now: int) -> None:
-        look(now)
+        conditions.newest = WatchedMessages(  # a wet detector that falls silent is still wet
+            wrench=wrench.newest(now),
+            battery=battery.newest(now),
+            leak=leak.newest(now),
+            temperature=temperature.newest(now),
+            dvl=dvl.fresh(now),
+        )
         if (out := generator.step(state, commands.fresh(now), now)) is not None:
             reference.put(out)
-        _report(node, generator)
         save()
-        if published != _summary(generator, now):
+        if published != generator.summary(now):
             publish_status(now)
 
     def decide(request: PilotRequest, now: int) -> PilotAnswer:
@@ -56,34 +69,13 @@ def wire(node: Node, stack: Stack) -> None:
 
     def publish_status(now: int) -> None:
         nonlocal published
-        published = _summary(generator, now)
+        published = generator.summary(now)
         status.put(generator.status(now))
 
     node.trigger(topics.STATE, on_state, SILENCE_S)
     node.answers(topics.PILOT_REQUEST, topics.PILOT_ANSWER, decide, report)
     _take_over(node, generator, publish_status)
     node.every(topics.STATUS.hz, publish_status)
-
-
-def _watched(node: Node, generator: ReferenceGenerator) -> Callable[[int], None]:
-    """Subscribe to what the failsafes watch; returns a function that takes in the newest."""
-    conditions = generator.conditions
-    node.each(topics.CLOCK_PING, lambda _, now: conditions.ping(now))
-    node.each(topics.HEALTH, conditions.health)
-    wrench, battery = node.latest(topics.WRENCH), node.latest(topics.BATTERY)
-    leak, dvl = node.latest(topics.LEAK), node.latest(topics.DVL)
-    temperature = node.latest(topics.TEMPERATURE)
-
-    def look(now: int) -> None:
-        conditions.newest = Newest(  # a wet detector that falls silent is still wet
-            wrench=wrench.newest(now),
-            battery=battery.newest(now),
-            leak=leak.newest(now),
-            temperature=temperature.newest(now),
-            dvl=dvl.fresh(now),
-        )
-
-    return look
 
 
 def _take_over(
@@ -119,19 +111,3 @@ def _unfit(node: Node, stack: Stack) -> Callable[[PilotRequest, int], PilotAnswe
     node.each(topics.IDENTITY, peers.identity)
     node.each(topics.HEALTH, peers.health)
     return unfit
-
-
-def _report(node: Node, generator: ReferenceGenerator) -> None:
-    """Count and log events."""
-    while generator.events:
-        node.count(what := generator.events.pop())
-        node.log("warning", what)
-    while generator.notes:
-        node.log("info", generator.notes.pop())
-
-
-def _summary(generator: ReferenceGenerator, now: int) -> tuple[object, ...]:
-    """A change of this publishes a status at once."""
-    status = generator.status(now)
-    acts = status.failsafe, status.reaction, status.resumable, status.conditions
-    return status.mode, status.armed, status.hold, *acts, status.pilot

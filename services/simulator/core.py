@@ -8,6 +8,7 @@ correct.
 from typing import TypeVar
 
 from messages.control import ThrusterCommand
+from messages.events import Outbox
 from messages.message import Message
 from messages.pilot import PilotRequest
 from messages.sensors import (
@@ -27,12 +28,12 @@ from services.marine.attitude import heading_of, to_euler, to_world, wrapped
 from services.marine.mounting import Mount, Placed
 from services.marine.vehicle import Vehicle
 from services.simulator import faults
-from services.simulator.battery import Battery
+from services.simulator.propulsion import Battery
 from services.simulator.sensors import Sensors
-from services.simulator.settings import Dvl, Usbl
+from services.simulator.settings import ENCLOSURE_RISE, WATER_TEMPERATURE, Dvl, Usbl
 from services.simulator.settings import Settings as Settings
 from services.simulator.vessel import Vessel
-from services.simulator.waves import water_at
+from services.simulator.vibration import Shaking
 from services.simulator.world import WorldCheckpoint as WorldCheckpoint
 from services.simulator.world import at_the_surface as at_the_surface
 from services.vehicle.actuation import OpenLoopThrust
@@ -50,7 +51,12 @@ def sensors_of(settings: Settings) -> list[str]:
 
 class Simulator:
     def __init__(
-        self, vehicle: Vehicle, settings: Settings, seed: int, world: WorldCheckpoint
+        self,
+        vehicle: Vehicle,
+        settings: Settings,
+        seed: int,
+        world: WorldCheckpoint,
+        outbox: Outbox,
     ) -> None:
         """Time begins with the first `advance` or `obey`.
 
@@ -64,6 +70,12 @@ class Simulator:
         self._vessel = Vessel(vehicle, settings, world.state, world.thrust, seed)
         self._mounting = settings.mounting or vehicle.mounting
         self._sensors = Sensors(settings, seed, self._mounting)
+        self._shaking = None
+        if settings.vibration is not None:
+            self._shaking = Shaking(
+                settings.vibration, vehicle.thruster, seed, settings.imu_bandwidth
+            )
+        self._shaken_ns: int | None = None  # [ns] of the newest IMU sample
         self._settings = settings
         self._battery = Battery(vehicle, settings, world.used_wh)
         self._heading = world.heading
@@ -72,41 +84,38 @@ class Simulator:
         self._set_faults(world.faults)
         self._now = 0  # [ns] time of the simulation
         self._started = False
-        self._gate = ActuatorGate(vehicle.thruster)
+        self._gate = ActuatorGate(vehicle.thruster, outbox)
         # The drone's belief about thrusters that it does not measure.
         self._believed = OpenLoopThrust(vehicle.thruster) if settings.hull else None
         self._sags = settings.hull.voltage_exponent if settings.hull else 0.0
 
-    # Time and commands. Each returns the names to count.
+    # Time and commands.
 
-    def advance(self, now: int) -> list[str]:
+    def advance(self, now: int) -> None:
         """Advance the simulation to `now` [ns]."""
         ends = self._gate.ends_ns
-        if ends is None or now <= ends:
-            self._move(now)
-            return []
-        self._move(max(self._now, ends))
-        counted = self._gate.lapse(now)
-        self._drive(now)
+        if ends is not None and now > ends:
+            self._move(max(self._now, ends))
+            self._gate.lapse(now)
+            self._drive(now)
         self._move(now)
-        return counted
 
-    def obey(self, command: ThrusterCommand, now: int) -> list[str]:
+    def obey(self, command: ThrusterCommand, now: int) -> None:
         """Apply a command at `now` [ns]; until then the previous one holds."""
-        counted = [*self.advance(now), *self._gate.obey(command, now)]
+        self.advance(now)
+        self._gate.obey(command, now)
         if self._gate.command is command:
             self._drive(now)
-        return counted
 
-    def hear(self, request: PilotRequest, now: int) -> list[str]:
+    def hear(self, request: PilotRequest, now: int) -> None:
         """Take in a request of a pilot at `now` [ns]: a disarm stops the thrusters."""
-        counted = [*self.advance(now), *self._gate.hear(request, now)]
+        self.advance(now)
+        self._gate.hear(request, now)
         self._drive(now)
-        return counted
 
     def _drive(self, now: int) -> None:
         thrust = self._gate.output(now)
-        self._vessel.drive(thrust)
+        self._vessel.propulsion.drive(thrust)
         if self._believed is not None:
             self._believed.drive(thrust, now)
 
@@ -126,18 +135,17 @@ class Simulator:
         """Keys of the sensors that a fault keeps silent."""
         return [key for key, fault in self._faults.items() if fault.kind == "silent"]
 
-    def break_or_mend(self, request: FaultRequest, now: int) -> list[str]:
-        """Grant a request at `now` [ns]; returns the names to count."""
-        counted = self.advance(now)
-        names, settles_at = self.thrusters, self._vessel.settles_at
+    def break_or_mend(self, request: FaultRequest, now: int) -> None:
+        """Grant a request at `now` [ns]."""
+        self.advance(now)
+        names, settles_at = self.thrusters, self._vessel.propulsion.settles_at
         newtons = settles_at[names.index(request.part)] if request.part in names else 0.0
         self._set_faults(faults.changed(self._faults, request, newtons))
-        return counted
 
     def _set_faults(self, new: faults.Faults) -> None:
         old, self._faults = self._faults, new
         self._fault_texts = tuple(f"{part}: {fault}" for part, fault in new.items())
-        self._vessel.set_faults(new)
+        self._vessel.propulsion.set_faults(new)
         self._sensors.noise_times = {
             key: fault.value for key, fault in new.items() if fault.kind == "noisy"
         }
@@ -158,9 +166,10 @@ class Simulator:
             return
         seconds = (now - self._now) / 1e9
         self._vessel.advance(seconds)
-        self._battery.feed(self._vessel.produced, seconds)
+        self._battery.feed(self._vessel.propulsion.produced, seconds)
         if self._sags:
-            self._vessel.sag((self._battery.voltage / self._settings.battery_full) ** self._sags)
+            share = self._battery.voltage / self._settings.battery_full
+            self._vessel.propulsion.sag = share**self._sags
         heading = heading_of(self._vessel.attitude)
         self._heading += wrapped(heading - self._heading)
         self._now = now
@@ -170,8 +179,11 @@ class Simulator:
     def imu(self) -> ImuSample | None:
         """From the motion through the water: a steady current causes no acceleration."""
         v = self._vessel
-        effort = v.effort if self._settings.vibration is not None else 0.0
-        sample = self._sensors.imu(self._now, v.attitude, v.through_water, v.acceleration, effort)
+        shaken = None
+        if self._shaking is not None:
+            dt = 0.0 if self._shaken_ns is None else (self._now - self._shaken_ns) * 1e-9
+            shaken, self._shaken_ns = self._shaking.step(v.propulsion.produced, dt), self._now
+        sample = self._sensors.imu(self._now, v.attitude, v.through_water, v.acceleration, shaken)
         return self._with_fault("sensor/imu", sample)
 
     def magnetometer(self) -> MagnetometerSample | None:
@@ -179,8 +191,8 @@ class Simulator:
         return self._with_fault("sensor/magnetometer", sample)
 
     def pressure(self) -> PressureSample | None:
-        place, waves = self._place(self._mounting.pressure), self._settings.waves
-        rise = 0.0 if waves is None else water_at(waves, self._vessel.elapsed, place).rise
+        place, sea = self._place(self._mounting.pressure), self._vessel.sea
+        rise = 0.0 if sea is None else sea.at(self._vessel.elapsed, place).rise
         sample = self._sensors.pressure(self._now, place[2], rise)
         return self._with_fault("sensor/pressure", sample)
 
@@ -209,8 +221,8 @@ class Simulator:
         return self._with_fault("sensor/leak", LeakSample(stamp_ns=self._now, wet=wet))
 
     def temperature(self) -> TemperatureSample | None:
-        fault, s = self._faults.get("sensor/temperature"), self._settings
-        inside = s.water_temperature + s.enclosure_rise
+        fault = self._faults.get("sensor/temperature")
+        inside = WATER_TEMPERATURE + ENCLOSURE_RISE
         if fault is not None and fault.kind == "hot":
             inside = faults.HOT
         sample = TemperatureSample(stamp_ns=self._now, temperature=inside)
@@ -224,7 +236,7 @@ class Simulator:
         cause, believed = self._gate.command, self._believed
         return Actuation(
             stamp_ns=self._now,
-            thrust=tuple(self._vessel.produced)
+            thrust=tuple(self._vessel.propulsion.produced)
             if believed is None
             else believed.believed(self._now),
             measured=believed is None,
@@ -236,12 +248,13 @@ class Simulator:
         )
 
     def truth(self) -> Truth:
-        u, v, w, p, q, r = self._vessel.velocity
-        attitude = self._vessel.attitude
+        vessel = self._vessel
+        u, v, w, p, q, r = vessel.velocity
+        position, attitude = vessel.position, vessel.attitude
         roll, pitch, _ = to_euler(attitude)
         return Truth(
             stamp_ns=self._now,
-            position=self._vessel.position,
+            position=position,
             attitude=attitude,
             velocity=(u, v, w),
             angular_rate=(p, q, r),
@@ -249,9 +262,9 @@ class Simulator:
             roll=roll,
             pitch=pitch,
             heading=self._heading,
-            on_floor=self._vessel.on_floor,
-            current=self._vessel.current,
-            tether_pull=self._vessel.tether_pull,
+            on_floor=vessel.around.floor_felt(position, attitude),
+            current=vessel.current,
+            tether_pull=vessel.around.tether_pull(position[2], attitude, vessel.through_water),
             faults=self._fault_texts,
         )
 
@@ -259,7 +272,7 @@ class Simulator:
         """State for a restart."""
         return WorldCheckpoint(
             state=self._vessel.state,
-            thrust=tuple(self._vessel.thrust),
+            thrust=tuple(self._vessel.propulsion.thrust),
             heading=self._heading,
             used_wh=self._battery.used_wh,
             faults=dict(self._faults),

@@ -3,8 +3,8 @@
 from math import exp, sqrt
 
 from messages.units import Vec3
-from services.simulator.sensors import CURRENT, white_noise
 from services.simulator.settings import CurrentSettings
+from services.simulator.streams import CURRENT, white_noise
 
 HELD = 0.1  # [s] step of the random part; short compared with its time constant
 

@@ -5,6 +5,8 @@ from typing import Literal
 
 import msgspec
 
+from messages import events
+from messages.events import Outbox
 from messages.simulator import FaultAnswer, FaultRequest
 from messages.units import Ns
 from services.simulator import faults
@@ -14,20 +16,22 @@ Nearest = Callable[[str, Sequence[str]], str]  # (wrong name, known ones) → wo
 
 
 def decide(
-    simulator: Simulator, request: FaultRequest, now: Ns, nearest: Nearest
-) -> tuple[FaultAnswer, list[str]]:
-    """Set or clear a fault, or refuse; returns the answer and the names to count."""
+    simulator: Simulator, request: FaultRequest, now: Ns, nearest: Nearest, outbox: Outbox
+) -> FaultAnswer:
+    """Set or clear a fault, or refuse."""
     request = by_key(request, simulator.sensors)
     reason = refusal(request, simulator.thrusters, simulator.sensors, nearest)
-    counts = ["refused:simulator/request"] if reason else simulator.break_or_mend(request, now)
-    answer = FaultAnswer(
+    if reason:
+        outbox.tell(events.REFUSED_FAULT())
+    else:
+        simulator.break_or_mend(request, now)
+    return FaultAnswer(
         stamp_ns=now,
         id=request.id,
         accepted=not reason,
         reason=reason,
         cause_ns=request.stamp_ns,
     )
-    return answer, counts
 
 
 def refusal(

@@ -13,8 +13,7 @@ from messages.message import Message
 from messages.simulator import FaultKind as Kind
 from messages.simulator import FaultRequest
 from messages.units import Finite
-from services.marine.thrusters import driven
-from services.marine.vehicle import Thruster
+from services.marine.vehicle import Thruster, driven
 
 OF_THRUSTERS = ("dead", "reversed", "weak", "stuck")
 OF_SENSORS = ("silent", "frozen", "noisy", "biased", "broken")
@@ -93,10 +92,8 @@ def changed(faults: Faults, request: FaultRequest, settles_at: float) -> dict[st
     return {**faults, request.part: Fault(request.fault, value)}
 
 
-def settles_at(thruster: Thruster, command: float, fault: Fault | None) -> float:
-    """[N] Thrust at which a thruster settles for a command."""
-    if fault is None:
-        return driven(thruster, command)
+def settles_at(thruster: Thruster, command: float, fault: Fault) -> float:
+    """[N] Thrust at which a thruster with this fault settles for a command."""
     match fault:
         case Fault(kind="dead"):
             return 0.0

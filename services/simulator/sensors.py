@@ -1,11 +1,11 @@
 """Sensor models: biases, noise, rounding.
 
-Every random number comes from the seed. Biases have their own stream, so a simulator restarted in
-mid-dive keeps the same biases.
+Every random number comes from the seed (streams.py). Biases have their own stream, so a simulator
+restarted in mid-dive keeps the same biases.
 """
 
 from collections.abc import Iterator, Sequence
-from math import exp, sqrt
+from math import expm1, sqrt
 
 import numpy as np
 
@@ -22,24 +22,30 @@ from services.marine.mounting import Mounting
 from services.marine.vehicle import GRAVITY
 from services.marine.water import density_of
 from services.simulator.sensor_errors import SensorErrors
-from services.simulator.settings import Dvl, Settings, Usbl
+from services.simulator.settings import MAGNETIC_FIELD, WATER_TEMPERATURE, Dvl, Settings, Usbl
+from services.simulator.streams import (
+    ACCELEROMETER_DRIFT,
+    ACCELEROMETER_WALK,
+    BIASES,
+    DVL_NOISE,
+    FIELD_NOISE,
+    FIELD_STAMPS,
+    GYRO_DRIFT,
+    GYRO_WALK,
+    IMU_NOISE,
+    IMU_STAMPS,
+    PRESSURE_NOISE,
+    PRESSURE_STAMPS,
+    TEMPERATURE,
+    USBL_NOISE,
+    lateness,
+    walking,
+    wandering,
+    white_noise,
+)
 from services.vehicle.mounting import MountedAxes, measured_there, seen_there
 
 AT_THE_ORIGIN = Mounting()
-BLOCK = 1024  # samples whose noise is drawn at once, because a single draw is slow
-DRIFT_TIME = 300.0  # [s] correlation time of the bias drift
-# Random streams.
-(
-    BIASES,
-    IMU_NOISE,
-    FIELD_NOISE,
-    PRESSURE_NOISE,
-    DVL_NOISE,
-    USBL_NOISE,
-    GYRO_DRIFT,
-    CURRENT,
-    VIBRATION,
-) = range(9)
 
 
 class Sensors:
@@ -64,25 +70,41 @@ class Sensors:
         imu = [settings.accelerometer_noise * root] * 3 + [settings.gyro_noise * root] * 3
         self._imu_noise = white_noise(seed, IMU_NOISE, imu)
         self._field_noise = white_noise(seed, FIELD_NOISE, [settings.magnetometer_noise] * 3)
-        self._gyro_drift = wandering(seed, GYRO_DRIFT, settings.gyro_drift, settings.imu_rate)
+        self._gyro_drift = wandering(
+            seed, GYRO_DRIFT, settings.gyro_drift, settings.imu_rate, settings.gyro_drift_time
+        )
         self._errors = settings.sensor_errors or SensorErrors()
-        self._vibration = None
-        if (shaking := settings.vibration) is not None:
-            stds = [shaking.force] * 3 + [shaking.rate] * 3
-            self._vibration = white_noise(seed, VIBRATION, stds)
+        self._force_changes, self._rate_changes = changes_of(settings, seed)
+        per_kelvin = next(white_noise(seed, TEMPERATURE, [1.0] * 6))
+        self._force_per_kelvin = [settings.accelerometer_temperature * x for x in per_kelvin[:3]]
+        self._rate_per_kelvin = [settings.gyro_temperature * x for x in per_kelvin[3:]]
+        self._started_ns: int | None = None  # [ns] of the first IMU sample
+        self._changing = bool(self._force_changes or self._rate_changes or settings.warm_up)
+        self._rounding = settings.accelerometer_step > 0.0 or settings.gyro_step > 0.0
+        self._too_early = {
+            stream: lateness(seed, stream, settings.stamp_jitter)
+            for stream in (IMU_STAMPS, FIELD_STAMPS, PRESSURE_STAMPS)
+            if settings.stamp_jitter > 0.0
+        }
+        self._stamps: dict[int, int] = {}  # [ns] newest, by stream
         self._dvl_noise = white_noise(seed, DVL_NOISE, [1.0] * 3)
         self._usbl_noise = white_noise(seed, USBL_NOISE, [1.0] * 2)
         self._pressure_noise = white_noise(seed, PRESSURE_NOISE, [settings.pressure_std])
 
     def imu(
-        self, now: int, q_NB: Quaternion, nu: Vec6, nu_dot: Vec6, effort: float = 0.0
+        self,
+        now: int,
+        q_NB: Quaternion,
+        nu: Vec6,
+        nu_dot: Vec6,
+        shaken: tuple[Vec3, Vec3] | None = None,
     ) -> ImuSample:
         """Specific force f = dv/dt + ω × v − R_BN g and angular rate (Fossen 2011, §11.5), with
         bias and noise.
 
         Args:
             nu, nu_dot: velocity and its derivative in the turning body frame, FRD.
-            effort: [-] of the thrusters, 1 is all of them at their limits.
+            shaken: [m/s², rad/s] what vibration adds, in the sensor's axes.
         """
         u, v, w, p, q, r = nu
         a, b, c, *_ = nu_dot
@@ -92,26 +114,62 @@ class Sensors:
             self._mounting.imu, self._imu_axes, force, (p, q, r), nu_dot[3:]
         )
         noise, (dp, dq, dr) = self._noise("sensor/imu", self._imu_noise), next(self._gyro_drift)
-        if self._vibration is not None:
-            shaken = next(self._vibration)
-            noise = [n + effort * s for n, s in zip(noise, shaken, strict=True)]
-        force, (p, q, r) = self._errors.force(force), self._errors.rate((p, q, r))
-        return ImuSample(
-            stamp_ns=now,
-            specific_force=_sum(force, self.accelerometer_bias, noise[:3]),
-            angular_rate=_sum((p + dp, q + dq, r + dr), self.gyro_bias, noise[3:]),
-        )
+        # As this accelerometer and this gyroscope read it: known errors, bias, noise.
+        (fx, fy, fz), (sx, sy, sz) = force, self._errors.accelerometer_scale
+        (ox, oy, oz), (rx, ry, rz) = self._errors.accelerometer_offset, self._errors.gyro_offset
+        (bx, by, bz), (bp, bq, br) = self.accelerometer_bias, self.gyro_bias
+        nx, ny, nz, wp, wq, wr = noise
+        force = (sx * fx + ox + bx + nx, sy * fy + oy + by + ny, sz * fz + oz + bz + nz)
+        rate = (p + rx + dp + bp + wp, q + ry + dq + bq + wq, r + rz + dr + br + wr)
+        if shaken is not None:
+            force, rate = plus(force, shaken[0]), plus(rate, shaken[1])
+        if self._changing:
+            force, rate = self._changed(now, force, rate)
+        if self._rounding:
+            force = rounded(force, self._settings.accelerometer_step)
+            rate = rounded(rate, self._settings.gyro_step)
+        stamp = self._stamp(IMU_STAMPS, now) if self._too_early else now
+        return ImuSample(stamp_ns=stamp, specific_force=force, angular_rate=rate)
+
+    def _changed(self, now: int, force: Vec3, rate: Vec3) -> tuple[Vec3, Vec3]:
+        """With what the biases have done since the start."""
+        for change in self._force_changes:
+            force = plus(force, next(change))
+        for change in self._rate_changes:
+            rate = plus(rate, next(change))
+        warmer = self._warmer(now)
+        force = plus(force, [warmer * x for x in self._force_per_kelvin])
+        return force, plus(rate, [warmer * x for x in self._rate_per_kelvin])
+
+    def _warmer(self, now: int) -> float:
+        """[K] than at the first IMU sample."""
+        if self._started_ns is None:
+            self._started_ns = now
+        seconds = (now - self._started_ns) * 1e-9
+        return -self._settings.warm_up * expm1(-seconds / self._settings.warm_up_time)
+
+    def _stamp(self, stream: int, now: int) -> int:
+        """[ns] Of a sample at `now`: with jitter too early, but later than the one before."""
+        stamp = max(now - next(self._too_early[stream]), self._stamps.get(stream, 0) + 1000)
+        self._stamps[stream] = stamp
+        return stamp
 
     def magnetometer(self, now: int, q_NB: Quaternion) -> MagnetometerSample:
         """The local field, with the vehicle's own iron and noise."""
-        field = self._field_axes.to_sensor(to_body(q_NB, self._settings.magnetic_field))
-        field = self._errors.field(field)
-        return MagnetometerSample(
-            stamp_ns=now,
-            field=_sum(
-                field, self.hard_iron, self._noise("sensor/magnetometer", self._field_noise)
-            ),
+        a, b, c = self._field_axes.to_sensor(to_body(q_NB, MAGNETIC_FIELD))
+        # As this magnetometer reads it: known errors, the iron drawn by the seed, noise.
+        (sx, sy, sz), (hx, hy, hz) = self._errors.soft_iron, self._errors.hard_iron
+        ix, iy, iz = self.hard_iron
+        nx, ny, nz = self._noise("sensor/magnetometer", self._field_noise)
+        field = (
+            sx[0] * a + sx[1] * b + sx[2] * c + hx + ix + nx,
+            sy[0] * a + sy[1] * b + sy[2] * c + hy + iy + ny,
+            sz[0] * a + sz[1] * b + sz[2] * c + hz + iz + nz,
         )
+        if self._settings.magnetometer_step > 0.0:
+            field = rounded(field, self._settings.magnetometer_step)
+        stamp = self._stamp(FIELD_STAMPS, now) if self._too_early else now
+        return MagnetometerSample(stamp_ns=stamp, field=field)
 
     def pressure(self, now: int, depth: float, rise: float = 0.0) -> PressureSample:
         """Absolute pressure at a depth [m]: air above, a column of water below the surface, which a
@@ -124,7 +182,8 @@ class Sensors:
         pressure += self._errors.pressure_offset
         if place.pressure_step > 0:
             pressure = round(pressure / place.pressure_step) * place.pressure_step
-        return PressureSample(stamp_ns=now, pressure=pressure, temperature=place.water_temperature)
+        stamp = self._stamp(PRESSURE_STAMPS, now) if self._too_early else now
+        return PressureSample(stamp_ns=stamp, pressure=pressure, temperature=WATER_TEMPERATURE)
 
     def dvl(self, now: int, nu: Vec6, altitude: float, device: Dvl) -> DvlSample | None:
         """Sample for a velocity over the ground [m/s, rad/s], FRD; None when the bottom [m] is out
@@ -152,22 +211,31 @@ class Sensors:
         return [times * value for value in noise]
 
 
-def wandering(seed: int, stream: int, std: float, hz: float) -> Iterator[list[float]]:
-    """Endless samples of three independent first-order Gauss-Markov processes at `hz` [1/s], zero
-    at first, with the standard deviation `std` in the long run."""
-    keep = exp(-1.0 / (hz * DRIFT_TIME))
-    p = q = r = 0.0
-    for a, b, c in white_noise(seed, stream, [std * sqrt(1.0 - keep * keep)] * 3):
-        p, q, r = keep * p + a, keep * q + b, keep * r + c
-        yield [p, q, r]
+def changes_of(
+    settings: Settings, seed: int
+) -> tuple[list[Iterator[list[float]]], list[Iterator[list[float]]]]:
+    """What else the accelerometer's and the gyroscope's biases do from sample to sample."""
+    hz, force, rate = (
+        settings.imu_rate,
+        list[Iterator[list[float]]](),
+        list[Iterator[list[float]]](),
+    )
+    if (drift := settings.accelerometer_drift) > 0.0:
+        time = settings.accelerometer_drift_time
+        force.append(wandering(seed, ACCELEROMETER_DRIFT, drift, hz, time))
+    if settings.accelerometer_walk > 0.0:
+        force.append(walking(seed, ACCELEROMETER_WALK, settings.accelerometer_walk, hz))
+    if settings.gyro_walk > 0.0:
+        rate.append(walking(seed, GYRO_WALK, settings.gyro_walk, hz))
+    return force, rate
 
 
-def white_noise(seed: int, stream: int, std: Sequence[float]) -> Iterator[list[float]]:
-    """Endless samples of independent Gaussian noise, one number per standard deviation."""
-    rng = np.random.default_rng([seed, stream])
-    while True:
-        yield from (rng.standard_normal((BLOCK, len(std))) * np.array(std)).tolist()
+def plus(v: Vec3, w: Sequence[float]) -> Vec3:
+    return v[0] + w[0], v[1] + w[1], v[2] + w[2]
 
 
-def _sum(a: Sequence[float], b: Sequence[float], c: Sequence[float]) -> Vec3:
-    return a[0] + b[0] + c[0], a[1] + b[1] + c[1], a[2] + b[2] + c[2]
+def rounded(v: Vec3, step: float) -> Vec3:
+    """To whole steps, as a converter does; 0: not at all."""
+    if step == 0.0:
+        return v
+    return round(v[0] / step) * step, round(v[1] / step) * step, round(v[2] / step) * step

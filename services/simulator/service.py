@@ -3,8 +3,7 @@
 from collections import deque
 from collections.abc import Callable
 
-from messages import topics
-from messages.control import ThrusterCommand
+from messages import events, topics
 from messages.pilot import PilotRequest
 from messages.simulator import FaultAnswer, FaultRequest
 from messages.topic import M, Topic
@@ -28,95 +27,77 @@ def wire(node: Node, stack: Stack) -> None:
     battery = node.publisher(topics.BATTERY)
     actuation = node.publisher(topics.ACTUATION)
     truth = node.publisher(topics.TRUTH)
-    field_is_due = _once_in_a_period(stack.section("simulator", Settings).magnetometer_rate)
-
-    def count(names: list[str]) -> None:
-        for name in names:
-            node.count(name)
-
-    def obey(command: ThrusterCommand, now: int) -> None:
-        count(simulator.obey(command, now))
+    settings = stack.section("simulator", Settings)
+    field_period_ns, field_due_ns = round(1e9 / settings.magnetometer_rate), 0
 
     def measure_motion(now: int) -> None:
-        count(simulator.advance(now))
-        if field_is_due(now):
+        nonlocal field_due_ns
+        simulator.advance(now)
+        if (
+            now >= field_due_ns
+        ):  # with the motion, but not as often; not all that was missed at once
+            field_due_ns = max(field_due_ns + field_period_ns, now + field_period_ns // 2)
             publish(node, magnetometer, simulator.magnetometer())
         publish(node, imu, simulator.imu())  # last, because it triggers estimation
         actuation.put(simulator.actuation())
         truth.put(simulator.truth())
 
     def measure_pressure(now: int) -> None:
-        count(simulator.advance(now))
+        simulator.advance(now)
         publish(node, pressure, simulator.pressure())
 
     def measure_battery(now: int) -> None:
-        count(simulator.advance(now))
+        simulator.advance(now)
         publish(node, battery, simulator.battery())
         if simulator.battery_empty:
-            node.count("empty:battery")
+            node.tell(events.EMPTY("battery"))
 
-    node.each(topics.THRUSTERS, obey)
-    _disarms(node, simulator, count)
-    node.every(stack.section("simulator", Settings).pressure_rate, measure_pressure)
-    node.every(stack.section("simulator", Settings).imu_rate, measure_motion)
+    node.each(topics.THRUSTERS, simulator.obey)
+    _disarms(node, simulator)
+    node.every(settings.pressure_rate, measure_pressure)
+    node.every(settings.imu_rate, measure_motion)
     node.every(topics.BATTERY.hz, measure_battery)
-    _enclosure(node, simulator, count)
-    _faults(node, simulator, count)
-    _position_aids(node, simulator, stack.section("simulator", Settings), count)
+    _enclosure(node, simulator)
+    _faults(node, simulator)
+    _position_aids(node, simulator, settings)
     node.every(CHECKPOINT_HZ, lambda _: node.save_checkpoint(simulator.world()))
-
-
-def _once_in_a_period(hz: float) -> Callable[[int], bool]:
-    """For what is measured with the motion, but not as often: is it due?"""
-    period_ns, next_ns = round(1e9 / hz), 0
-
-    def is_due(now: int) -> bool:
-        nonlocal next_ns
-        if now < next_ns:
-            return False
-        next_ns = max(next_ns + period_ns, now + period_ns // 2)  # not all that was missed at once
-        return True
-
-    return is_due
 
 
 def publish(node: Node, publisher: Publisher[M], sample: M | None) -> None:
     """A sample; None: a fault keeps the sensor silent."""
     if sample is None:
-        node.count(f"silent_by_fault:{publisher.topic.key}")
+        node.tell(events.SILENT_BY_FAULT(publisher.topic.key))
     else:
         publisher.put(sample)
 
 
-def _enclosure(node: Node, simulator: Simulator, count: Callable[[list[str]], None]) -> None:
+def _enclosure(node: Node, simulator: Simulator) -> None:
     """Leak detector and thermometer."""
     leak, temperature = node.publisher(topics.LEAK), node.publisher(topics.TEMPERATURE)
 
     def measure(now: int) -> None:
-        count(simulator.advance(now))
+        simulator.advance(now)
         publish(node, leak, simulator.leak())
         publish(node, temperature, simulator.temperature())
 
     node.every(topics.LEAK.hz, measure)
 
 
-def _disarms(node: Node, simulator: Simulator, count: Callable[[list[str]], None]) -> None:
+def _disarms(node: Node, simulator: Simulator) -> None:
     """Obey the pilot's disarm, as every vehicle side does."""
 
     def hear(request: PilotRequest, now: int) -> None:
         if request.kind == "disarm":
-            count(simulator.hear(request, now))
+            simulator.hear(request, now)
 
     node.each(topics.PILOT_REQUEST, hear)
 
 
-def _faults(node: Node, simulator: Simulator, count: Callable[[list[str]], None]) -> None:
+def _faults(node: Node, simulator: Simulator) -> None:
     """Set and clear faults by request."""
 
     def decide(request: FaultRequest, now: int) -> FaultAnswer:
-        answer, counts = fault_requests.decide(simulator, request, now, nearest)
-        count(counts)
-        return answer
+        return fault_requests.decide(simulator, request, now, nearest, node.outbox)
 
     def report(request: FaultRequest, answer: FaultAnswer, _: int) -> None:
         if answer.accepted:
@@ -126,19 +107,18 @@ def _faults(node: Node, simulator: Simulator, count: Callable[[list[str]], None]
     node.answers(topics.FAULT_REQUEST, topics.FAULT_ANSWER, decide, report)
 
 
-def _position_aids(
-    node: Node, simulator: Simulator, settings: Settings, count: Callable[[list[str]], None]
-) -> None:
+def _position_aids(node: Node, simulator: Simulator, settings: Settings) -> None:
     """DVL and USBL, if the vehicle has them."""
     if (dvl := settings.dvl) is not None:
         publish_velocity = _late_publisher(node, topics.DVL, dvl.latency)
 
         def measure_velocity(now: int) -> None:
-            count(simulator.advance(now))
+            simulator.advance(now)
             sample = simulator.dvl(dvl)
             if sample is None:
-                silent = "sensor/dvl" in simulator.silent
-                node.count("silent_by_fault:sensor/dvl" if silent else "no_bottom:sensor/dvl")
+                silent = topics.DVL.key in simulator.silent
+                why = events.SILENT_BY_FAULT if silent else events.NO_BOTTOM
+                node.tell(why(topics.DVL.key))
             else:
                 publish_velocity(sample, now)
 
@@ -147,10 +127,10 @@ def _position_aids(
         publish_position = _late_publisher(node, topics.USBL, usbl.latency)
 
         def measure_position(now: int) -> None:
-            count(simulator.advance(now))
+            simulator.advance(now)
             sample = simulator.usbl(usbl)
             if sample is None:
-                node.count("silent_by_fault:sensor/usbl")
+                node.tell(events.SILENT_BY_FAULT(topics.USBL.key))
             else:
                 publish_position(sample, now)
 
@@ -183,9 +163,10 @@ def _simulator(node: Node, stack: Stack) -> Simulator:
     settings = stack.section("simulator", Settings)
     world = node.restore_checkpoint(WorldCheckpoint)
     if world is not None and not world.fits(vehicle):
-        node.count("malformed:memory")
+        node.tell(events.MALFORMED_CHECKPOINT())
         world = None
     try:
-        return Simulator(vehicle, settings, stack.seed, world or at_the_surface(vehicle, settings))
+        world = world or at_the_surface(vehicle, settings)
+        return Simulator(vehicle, settings, stack.seed, world, node.outbox)
     except ValueError as error:
         raise LindyError(f"{stack.vehicle_path}: {error}") from None

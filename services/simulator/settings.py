@@ -10,14 +10,18 @@ from services.marine.mounting import Mounting
 from services.marine.vehicle import ATMOSPHERE, SEA_WATER
 from services.marine.water import Density
 from services.simulator.hull import Hull
-from services.simulator.sensor_errors import SensorErrors, Vibration
+from services.simulator.sensor_errors import SensorErrors
+from services.simulator.vibration import Vibration
 from services.simulator.waves import Waves
 
-Field = Annotated[float, msgspec.Meta(ge=-1e-4, le=1e-4)]  # [T] the Earth's is 25 to 65 µT
+MAGNETIC_FIELD = (15e-6, 0.0, 49e-6)  # [T] NED; dip 73°, as off Norway
+WATER_TEMPERATURE = 8.0  # [°C]
+ENCLOSURE_RISE = 15.0  # [°C] above the water
 SampleRate = Annotated[float, msgspec.Meta(ge=1.0, le=100.0)]
 FieldNoise = Annotated[float, msgspec.Meta(ge=0.0, le=1e-4)]  # [T]
 StartHeading = Annotated[float, msgspec.Meta(ge=-6.3, le=6.3)]  # [rad]
 ImuNoise = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]  # far beyond any sensor worth the name
+TimeConstant = Annotated[float, msgspec.Meta(ge=1.0, le=1e5)]  # [s]
 SensorLatency = Annotated[float, msgspec.Meta(ge=0.0, le=10.0)]
 Velocity = Annotated[float, msgspec.Meta(ge=-5.0, le=5.0)]  # [m/s]
 WallPlace = Annotated[float, msgspec.Meta(ge=-1e5, le=1e5)]  # [m]
@@ -47,11 +51,11 @@ class CurrentSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     north: Velocity = 0.0  # [m/s] mean, where to
     east: Velocity = 0.0  # [m/s]
     std: Annotated[float, msgspec.Meta(ge=0.0, le=2.0)] = 0.0  # [m/s] of each component about it
-    time_constant: Annotated[float, msgspec.Meta(ge=1.0, le=1e5)] = 60.0  # [s] correlation time
+    time_constant: TimeConstant = 60.0  # [s] correlation time
 
 
 class TetherSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The tether's drag, see tether.py."""
+    """The tether's drag, see surroundings.py."""
 
     diameter: Annotated[float, msgspec.Meta(gt=0.0, le=0.2)] = 0.0076  # [m] of a thin ROV tether
     drag_coefficient: Annotated[float, msgspec.Meta(ge=0.0, le=5.0)] = 1.2  # [-] of a cylinder
@@ -83,8 +87,6 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     start_heading: StartHeading = 0.0  # [rad] clockwise from north
     atmosphere: Annotated[float, msgspec.Meta(ge=50_000.0, le=120_000.0)] = ATMOSPHERE  # [Pa]
     water_density: Density = SEA_WATER  # [kg/m³], "fresh", "sea" or { temperature, salinity }
-    water_temperature: Annotated[float, msgspec.Meta(ge=-5.0, le=50.0)] = 8.0  # [°C]
-    magnetic_field: tuple[Field, Field, Field] = (15e-6, 0.0, 49e-6)  # [T] NED; dip 73°
 
     # Optional tables: absent means none.
     current: CurrentSettings | None = None
@@ -96,22 +98,42 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     sensor_errors: SensorErrors | None = None  # known ones
     vibration: Vibration | None = None
 
-    # [-] of the Munk moment cancelled by the wake (services/marine/wake.py); 0 is ideal flow.
+    # [-] of the Munk moment cancelled by the wake (marine/hydrodynamics.py); 0 is ideal flow.
     wake_share: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 1.0
 
-    # The sensors: a typical small MEMS unit. Biases are drawn once per seed.
-    imu_rate: Annotated[float, msgspec.Meta(ge=20.0, le=400.0)] = topics.IMU.hz  # [1/s]
+    # The sensors: a typical small MEMS unit; a part's own figures: deploy/sensors. Biases are drawn
+    # once per seed. In words of the Allan deviation, noise is its slope of −1/2, drift its floor
+    # (0.62 of it after 1.9 time constants), walk its slope of +1/2.
+    imu_rate: Annotated[float, msgspec.Meta(ge=10.0, le=400.0)] = topics.IMU.hz  # [1/s]
+    # [Hz] of the IMU's filter, which vibration passes; None: none.
+    imu_bandwidth: Annotated[float, msgspec.Meta(ge=1.0, le=4000.0)] | None = None
     gyro_bias: ImuNoise = 0.0105  # [rad/s] 1σ per axis, 0.6 °/s
     gyro_drift: ImuNoise = 4.8e-5  # [rad/s] 1σ per axis, 10 °/h: bias drift
+    gyro_drift_time: TimeConstant = 300.0  # [s] its correlation time
+    gyro_walk: ImuNoise = 0.0  # [rad/s/√s] random walk of the bias
     gyro_noise: ImuNoise = 1.22e-4  # [rad/s/√Hz] 0.007 °/s/√Hz
+    gyro_temperature: ImuNoise = 0.0  # [rad/s/K] 1σ per axis: the bias with the temperature
+    gyro_step: ImuNoise = 0.0  # [rad/s] 0: unrounded
     accelerometer_bias: ImuNoise = 0.098  # [m/s²] 1σ per axis, 10 mg
+    accelerometer_drift: ImuNoise = 0.0  # [m/s²] 1σ per axis: bias drift
+    accelerometer_drift_time: TimeConstant = 300.0  # [s] its correlation time
+    accelerometer_walk: ImuNoise = 0.0  # [m/s²/√s] random walk of the bias
     accelerometer_noise: ImuNoise = 1.5e-3  # [m/s²/√Hz] 150 µg/√Hz
+    accelerometer_temperature: ImuNoise = 0.0  # [m/s²/K] 1σ per axis: the bias with the temperature
+    accelerometer_step: ImuNoise = 0.0  # [m/s²] 0: unrounded
+    # [K] by which the electronics are colder at the start than they will be; negative: the water
+    # cools them. The biases above are those of the start.
+    warm_up: Annotated[float, msgspec.Meta(ge=-60.0, le=60.0)] = 0.0
+    warm_up_time: TimeConstant = 300.0  # [s] until 63 % of it
     hard_iron: FieldNoise = 0.2e-6  # [T] 1σ per axis
     magnetometer_noise: FieldNoise = 0.2e-6  # [T] 1σ per axis and sample
+    magnetometer_step: FieldNoise = 0.0  # [T] 0: unrounded
     magnetometer_rate: SampleRate = topics.MAGNETOMETER.hz  # [1/s] at most that of the IMU
     pressure_std: Annotated[float, msgspec.Meta(ge=0.0, le=5000.0)] = 500.0  # [Pa] 5 mbar
     pressure_rate: SampleRate = topics.PRESSURE.hz  # [1/s]
     pressure_step: Annotated[float, msgspec.Meta(ge=0.0, le=5000.0)] = 0.0  # [Pa] 0: unrounded
+    # [s] IMU, compass and pressure are stamped up to so much too early, at random, yet in order.
+    stamp_jitter: Annotated[float, msgspec.Meta(ge=0.0, le=0.2)] = 0.0
 
     # Optional sensors: absent means none.
     dvl: Dvl | None = None
@@ -124,6 +146,3 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     battery_resistance: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 0.03  # [Ω] assumed
     thruster_power: Positive = 350.0  # [W] of one thruster at its full thrust (Andrén 2023, §2.1)
     hotel_power: Positive = 25.0  # [W] computer, camera, sensors; assumed
-
-    # The enclosure.
-    enclosure_rise: Annotated[float, msgspec.Meta(ge=0.0, le=100.0)] = 15.0  # [°C] above the water

@@ -5,6 +5,7 @@ import sys
 
 import numpy as np
 
+from messages import events
 from services.tether.link_model import LinkDirection
 from services.tether.profile import DirectionProfile
 
@@ -22,12 +23,12 @@ def fates(
     def settle(now: int) -> None:
         while (due := line.due()) is not None and due <= now:
             while (arrival := line.leave(due)) is not None:
-                why = "damaged" if arrival.damaged else ""
+                why = events.DAMAGED.name if arrival.damaged else ""
                 rows.append((arrival.item, entries[arrival.item] / 1e9, due / 1e9, why))
 
     for number, entered in enumerate(entries):
         settle(entered)
         line.enter(number, entered, size)
     settle(sys.maxsize)
-    rows += [(number, entries[number] / 1e9, None, why) for number, why in line.take_lost()]
+    rows += [(number, entries[number] / 1e9, None, why.name) for number, why in line.take_lost()]
     return sorted(rows, key=lambda row: (row[0], row[2] or 0.0))

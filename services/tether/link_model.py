@@ -13,7 +13,9 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from messages.link import Direction
+from messages import events
+from messages.events import Row
+from messages.link import DirectionReport
 from services.tether.delay import Constant, Delays, Exponential, Trace
 from services.tether.loss import Losses
 from services.tether.priority_queue import Packet, PriorityQueue
@@ -22,7 +24,7 @@ from services.tether.random_streams import streams
 
 T = TypeVar("T")
 MOST = 16_384  # messages on the link; more are lost, whatever the profile
-IN_THE_QUEUE = ("queue_full", "codel")  # reasons for a loss by overload
+IN_THE_QUEUE = (events.QUEUE_FULL, events.CODEL)  # reasons for a loss by overload
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +34,7 @@ class Arrival(Generic[T]):
 
 
 class LinkDirection(Generic[T]):
-    """Messages of any type; `Direction.lost` has a key for every reason."""
+    """Messages of any type; `DirectionReport.lost` has a key for every reason."""
 
     def __init__(
         self, profile: DirectionProfile, random: np.random.Generator, most: int = MOST
@@ -49,7 +51,7 @@ class LinkDirection(Generic[T]):
         self._last_arrival = 0  # [ns] no message arrives before it, so that the order is kept
         self._sending: tuple[int, Packet[T]] | None = None  # [ns] when it has been sent
         self._least_waiting = 0  # [B] since the last call of standing_bytes
-        self._newly_lost: list[tuple[T, str]] = []
+        self._newly_lost: list[tuple[T, Row]] = []
         self._delays: list[int] = []  # [ns] of the period
         self._before = ReportPeriod()
         self._is_cut = False
@@ -68,9 +70,9 @@ class LinkDirection(Generic[T]):
         self.entered += 1
         packet = Packet(item, size + self._profile.overhead_bytes, rank, now, life)
         if self._is_cut:
-            self._lose(item, "outage")
+            self._lose(item, events.OUTAGE)
         elif self.on_the_way >= self._most:
-            self._lose(item, "too_many")
+            self._lose(item, events.TOO_MANY)
         elif self._profile.rate_kbit == 0.0:
             self._depart(packet, self._clock)
         else:
@@ -96,7 +98,7 @@ class LinkDirection(Generic[T]):
         self._delays.append(max(0, now - entered))
         return Arrival(item, damaged)
 
-    def take_lost(self) -> list[tuple[T, str]]:
+    def take_lost(self) -> list[tuple[T, Row]]:
         """Messages lost since the last call, with the reason."""
         if not self._newly_lost:  # nearly always
             return []
@@ -105,7 +107,7 @@ class LinkDirection(Generic[T]):
 
     @property
     def on_the_way(self) -> int:
-        return len(self._in_flight) + len(self._waiting) + (self._sending is not None)
+        return len(self._in_flight) + self._waiting.packets + (self._sending is not None)
 
     # Changes.
 
@@ -131,11 +133,11 @@ class LinkDirection(Generic[T]):
         """Interrupt the link: lose every message on it, and every message that enters."""
         self._advance(now)
         self._is_cut = True
-        self._lose_all([(p.item, "outage") for p in self._waiting.empty()])
+        self._lose_all([(p.item, events.OUTAGE) for p in self._waiting.empty()])
         if self._sending is not None:
-            self._lose(self._sending[1].item, "outage")
+            self._lose(self._sending[1].item, events.OUTAGE)
             self._sending = None
-        self._lose_all([(entry[4], "outage") for entry in sorted(self._in_flight)])
+        self._lose_all([(entry[4], events.OUTAGE) for entry in sorted(self._in_flight)])
         self._in_flight.clear()
 
     def restore(self, now: int) -> None:
@@ -159,9 +161,9 @@ class LinkDirection(Generic[T]):
 
     @property
     def lost_in_queue(self) -> int:
-        return sum(self.lost[reason] for reason in IN_THE_QUEUE)
+        return sum(self.lost[reason.name] for reason in IN_THE_QUEUE)
 
-    def report(self, now: int, tiers: dict[str, float] | None = None) -> Direction:
+    def report(self, now: int, tiers: dict[str, float] | None = None) -> DirectionReport:
         """Report of the period since the last report; a new period begins."""
         self._advance(now)
         here = ReportPeriod(now, self.forwarded, self.lost.total(), self.carried_bytes)
@@ -171,7 +173,7 @@ class LinkDirection(Generic[T]):
         kilobits = (here.bytes - self._before.bytes) * 8e-3
         delays, self._delays, self._before = sorted(self._delays), [], here
         there = self.is_up(now)
-        return Direction(
+        return DirectionReport(
             delay_p50_ms=_percentile_ms(delays, 50) if there else None,
             delay_p99_ms=_percentile_ms(delays, 99) if there else None,
             forwarded=here.forwarded,
@@ -214,8 +216,10 @@ class LinkDirection(Generic[T]):
     def _depart(self, packet: Packet[T], at: int) -> None:
         """A packet was sent at `at` [ns]: decide loss, damage, copies and arrival."""
         self.carried_bytes += packet.size
-        delay = self._delay_ns(at)
-        reason = "trace" if delay is None else self._losses.reason(self._seconds(at))
+        at_s = self._seconds(at)
+        more = self._trace.at(at_s) if self._trace else self._spread.next_ms()
+        delay = None if more is None else round((self._profile.delay_ms + more) * 1e6)  # [ns]
+        reason = events.TRACE if delay is None else self._losses.reason(at_s)
         damaged = self._streams.damage.happens(self._profile.corrupt)
         copies = 1 + self._streams.copy.happens(self._profile.duplicate)
         late = self._profile.late
@@ -224,11 +228,11 @@ class LinkDirection(Generic[T]):
         else:
             held = 0
         if delay is None or reason is not None:
-            self._lose(packet.item, reason or "trace")
+            self._lose(packet.item, reason or events.TRACE)
             return
         arrival = max(at + delay, self._last_arrival) + held
-        if self._profile.outages.touch(self._seconds(at), self._seconds(arrival)):
-            self._lose(packet.item, "outage")
+        if self._profile.outages.touch(at_s, self._seconds(arrival)):
+            self._lose(packet.item, events.OUTAGE)
             return
         if not held:
             self._last_arrival = arrival
@@ -238,20 +242,15 @@ class LinkDirection(Generic[T]):
             entry = (arrival, self._numbered, packet.entered, damaged, packet.item)
             heappush(self._in_flight, entry)
 
-    def _delay_ns(self, at: int) -> int | None:
-        """[ns] One-way delay; None: lost in the trace."""
-        more = self._trace.at(self._seconds(at)) if self._trace else self._spread.next_ms()
-        return None if more is None else round((self._profile.delay_ms + more) * 1e6)
-
     def _seconds(self, now: int) -> float:
         """[s] since the link began."""
         return 0.0 if self._began is None else (now - self._began) / 1e9
 
-    def _lose(self, item: T, reason: str) -> None:
-        self.lost[reason] += 1
+    def _lose(self, item: T, reason: Row) -> None:
+        self.lost[reason.name] += 1
         self._newly_lost.append((item, reason))
 
-    def _lose_all(self, lost: list[tuple[T, str]]) -> None:
+    def _lose_all(self, lost: list[tuple[T, Row]]) -> None:
         for item, reason in lost:
             self._lose(item, reason)
 

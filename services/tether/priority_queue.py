@@ -4,6 +4,8 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
+from messages import events
+from messages.events import Row
 from messages.topic import Qos
 from services.tether.codel import Dropper
 from services.tether.profile import Queue
@@ -13,8 +15,7 @@ T = TypeVar("T")
 URGENCY = (Qos.REALTIME, Qos.EVENT, Qos.LIVE, Qos.BULK)
 DROPPED_FIRST = (Qos.BULK, Qos.LIVE, Qos.EVENT, Qos.REALTIME)  # when the queue is full
 RANK = {qos: rank for rank, qos in enumerate(URGENCY)}
-NO_ROOM = "no_room"  # why a packet with a limited life was dropped: the link had no time for it
-Lost = list[tuple[T, str]]  # dropped items, and why
+Lost = list[tuple[T, Row]]  # dropped items, and why
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,11 +34,8 @@ class PriorityQueue(Generic[T]):
         self._queue = queue
         self._rows: list[deque[Packet[T]]] = [deque() for _ in URGENCY]
         self._droppers = [Dropper(queue.codel) for _ in URGENCY]
-        self.bytes = 0
+        self.packets = self.bytes = 0
         self.lasting_bytes = 0  # of packets that wait however long it takes
-
-    def __len__(self) -> int:
-        return sum(map(len, self._rows))
 
     def put(self, packet: Packet[T]) -> Lost[T]:
         """Enqueue a packet; returns those evicted, possibly this one."""
@@ -45,7 +43,8 @@ class PriorityQueue(Generic[T]):
         self.admit(packet)
         while self.bytes > self._queue.limit_bytes:
             evicted = self._evict()
-            lost.append((evicted.item, "queue_full" if evicted.life is None else NO_ROOM))
+            why = events.QUEUE_FULL if evicted.life is None else events.NO_ROOM
+            lost.append((evicted.item, why))
         return lost
 
     def admit(self, packet: Packet[T]) -> None:
@@ -62,10 +61,10 @@ class PriorityQueue(Generic[T]):
                 self._add(packet, -1)
                 waited = now - packet.entered
                 if packet.life is not None and waited > packet.life:
-                    lost.append((packet.item, NO_ROOM))
+                    lost.append((packet.item, events.NO_ROOM))
                     continue
                 if self._queue.policy == "codel" and dropper.drops(waited, not row, now):
-                    lost.append((packet.item, "codel"))
+                    lost.append((packet.item, events.CODEL))
                     continue
                 return packet, lost
         return None, lost
@@ -75,7 +74,7 @@ class PriorityQueue(Generic[T]):
         packets = [packet for row in self._rows for packet in row]
         for row in self._rows:
             row.clear()
-        self.bytes = self.lasting_bytes = 0
+        self.packets = self.bytes = self.lasting_bytes = 0
         return packets
 
     def _evict(self) -> Packet[T]:
@@ -86,6 +85,7 @@ class PriorityQueue(Generic[T]):
         return evicted
 
     def _add(self, packet: Packet[T], sign: int) -> None:
+        self.packets += sign
         self.bytes += sign * packet.size
         if packet.life is None:
             self.lasting_bytes += sign * packet.size

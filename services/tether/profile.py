@@ -8,8 +8,7 @@ import msgspec
 from messages.units import Share
 from services.tether.codel import CoDel
 from services.tether.delay import Delay, Milliseconds, Trace
-from services.tether.loss import Loss
-from services.tether.outage import Outages
+from services.tether.loss import Loss, Outages
 
 Kilobits = Annotated[float, msgspec.Meta(ge=0.0, le=1e7)]
 Bytes = Annotated[int, msgspec.Meta(ge=0, le=100_000_000)]

@@ -2,22 +2,22 @@
 
 from collections.abc import Callable
 
-from messages import topics
+from messages import events, topics
 from messages.link import LinkAnswer, LinkRequest
-from messages.topic import AnyTopic, Way
+from messages.topic import AnyTopic, Direction
 from services.runtime.bus.envelope import Envelope
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 from services.tether.change import Changer
 from services.tether.core import Link
-from services.tether.crossing import Crossing
 from services.tether.damage import damaged
 from services.tether.io.profile_file import asked_for, named
+from services.tether.link_model import LinkDirection
 from services.tether.priority_queue import RANK
 
 TOPSIDE, DRONE = "topside", "drone"
 OWN_TOPICS = (topics.LINK, topics.LINK_ANSWER)  # published by the tether itself, on both sides
-DOWN, UP = (Way.DOWN, Way.BOTH), (Way.UP, Way.BOTH)
+DOWN, UP = (Direction.DOWN, Direction.BOTH), (Direction.UP, Direction.BOTH)
 # [ns] Parts of a picture are useless later, and those of one picture are dropped together. Long
 # enough for a keyframe at the least bitrate.
 LIFE = {topics.VIDEO.key: 1_000_000_000}
@@ -27,8 +27,8 @@ JUDGE_HZ = 5.0  # [1/s] how often telemetry rate control checks the upward direc
 def wire(node: Node, stack: Stack) -> None:
     in_force = named(stack.link)
     link: Link[tuple[str, Envelope]] = Link(in_force.name, in_force.profile, stack.seed)
-    let_out_below = _carry(node, Crossing(link.down), TOPSIDE, DRONE, DOWN)
-    let_out_above = _carry(node, Crossing(link.up, link.admits_up), DRONE, TOPSIDE, UP)
+    let_out_below = _carry(node, link.down, TOPSIDE, DRONE, DOWN)
+    let_out_above = _carry(node, link.up, DRONE, TOPSIDE, UP, link.admits_up)
     changer = Changer(link, in_force, asked_for)
     status, clock = node.publisher(topics.LINK), node.latest(topics.CLOCK)
 
@@ -47,42 +47,48 @@ def wire(node: Node, stack: Stack) -> None:
     node.every(topics.LINK.hz, lambda now: status.put(link.status(now, clock.fresh(now))))
 
 
-def _carry(
+def _carry(  # noqa: C901 - its two ends, and what connects them
     node: Node,
-    crossing: Crossing[Envelope],
+    line: LinkDirection[tuple[str, Envelope]],
     source: str,
     target: str,
-    ways: tuple[Way, ...],
+    ways: tuple[Direction, ...],
+    admits: Callable[[str, int, int], bool] | None = None,
 ) -> Callable[[int], None]:
-    """Connect one direction of the link; returns a function that publishes what has arrived."""
+    """Connect one direction of the link, and tell what was not carried; returns a function that
+    publishes what has arrived. `admits` (key, size [B], now [ns]): is it not thinned out?"""
 
     def entrance(topic: AnyTopic) -> Callable[[Envelope, int], None]:
         rank, life = RANK[topic.qos], LIFE.get(topic.key)
 
-        def enter(envelope: Envelope, arrived: int) -> None:
+        def enter(envelope: Envelope, now: int) -> None:
+            # Counted by family, because anybody can invent members of one.
+            key = topic.key if topic.covers(envelope.key) else "unknown"
             size = len(envelope.payload) + len(envelope.attachment or b"")
-            crossing.enter(_stream(envelope.key), envelope, size, rank, arrived, life)
-            let_out(arrived)
+            if admits is None or admits(key, size, now):
+                line.enter((key, envelope), now, size, rank, life)
+            else:
+                node.outbox.tell(events.THINNED(key))
+            let_out(now)
 
         return enter
 
     def let_out(now: int) -> None:
-        for envelope, is_damaged in crossing.leave(now):
-            payload = damaged(envelope.payload) if is_damaged else envelope.payload
-            node.sides[target].forward(envelope._replace(payload=payload))
-        for name in crossing.counts:
-            node.count(name)
-        crossing.counts.clear()
-        release.set(crossing.due())
+        arrived: list[Envelope] = []
+        while (arrival := line.leave(now)) is not None:
+            key, envelope = arrival.item
+            if arrival.damaged:
+                node.outbox.tell(events.DAMAGED(key))
+                envelope = envelope._replace(payload=damaged(envelope.payload))
+            arrived.append(envelope)
+        for (key, _), reason in line.take_lost():
+            node.outbox.tell(reason(key))
+        for envelope in arrived:
+            node.sides[target].forward(envelope)
+        release.set(line.due())
 
     release = node.alarm(let_out)
     for topic in topics.ALL:
         if topic.way in ways and topic not in OWN_TOPICS:
             node.tap(source, topic.key, entrance(topic))
     return let_out
-
-
-def _stream(key: str) -> str:
-    """The key that a message is counted under: anybody can invent members of a family."""
-    topic = topics.find(key)
-    return "unknown" if topic is None else topic.key

@@ -9,9 +9,7 @@ from collections.abc import Sequence
 
 from services.marine.summation import plain_sum
 from services.marine.thrust_curve import CURVES
-from services.marine.thruster_lag import decay
-from services.marine.thrusters import driven
-from services.marine.vehicle import Thruster
+from services.marine.vehicle import Thruster, decay, driven
 
 
 def share_of_voltage(thruster: Thruster, newtons: float) -> float:
@@ -43,7 +41,7 @@ class OpenLoopThrust:
 
 
 class _Lagging:
-    """One thruster: final value minus decaying modes (services/marine/thruster_lag.py)."""
+    """One thruster: final value minus decaying modes (services/marine/vehicle.py)."""
 
     def __init__(self, thruster: Thruster) -> None:
         self._thruster = thruster

@@ -7,13 +7,14 @@ the one in force, which ends with its time-to-live.
 from collections.abc import Sequence
 from math import isfinite
 
+from messages import events, topics
 from messages.control import ThrusterCommand
+from messages.events import Outbox
 from messages.pilot import PilotRequest
-from services.marine.thrusters import limited
-from services.marine.vehicle import Thruster
+from services.marine.vehicle import Thruster, limited
 from services.vehicle.disarm_latch import DisarmLatch
 
-THRUSTERS = "control/thrusters"  # named in what is counted
+THRUSTERS = topics.THRUSTERS.key  # named in what is counted
 LONGEST_MS = 1000.0  # [ms] longest time-to-live allowed
 LATCH_NS = 1_000_000_000  # [ns] commands of an older epoch than the newest have expired by then
 FUTURE_NS = 100_000_000  # [ns] a stamp further ahead than this is an error, not jitter
@@ -31,25 +32,46 @@ class ActuatorGate:
     when a command ended without a successor.
     """
 
-    def __init__(self, thrusters: Sequence[Thruster]) -> None:
+    def __init__(self, thrusters: Sequence[Thruster], outbox: Outbox) -> None:
         """
         Args:
             thrusters: of the vehicle file, in its order.
+            outbox: of the driver's node.
         """
         self.command: ThrusterCommand | None = None  # newest accepted, as received
         self.obeyed_ns: int | None = None  # [ns] when it was accepted
         self.ends_ns: int | None = None  # [ns] last instant it holds; None: none in force
+        self._outbox = outbox
         self._thrusters = tuple(thrusters)
         self._zeros = (0.0,) * len(self._thrusters)
         self._thrust = self._zeros  # [N] within the limits
         self._armed = False  # by the newest accepted, and not disarmed since
-        self._latch = DisarmLatch()
+        self._latch = DisarmLatch(outbox)
 
-    def obey(self, command: ThrusterCommand, now: int) -> list[str]:
-        """Take in a command at `now` [ns]. Returns the names to count."""
-        counted = self.lapse(now)
-        if (reason := self._refusal(command, now)) is not None:
-            return [*counted, f"{reason}:{THRUSTERS}"]
+    def obey(self, command: ThrusterCommand, now: int) -> None:  # noqa: C901 - check by check
+        """Take in a command at `now` [ns]."""
+        self.lapse(now)
+
+        # Well-formed, of this vehicle's length, in time, in order, of the epoch in force?
+        newest, reason = self.command, None
+        in_force = self.obeyed_ns is not None and now <= self.obeyed_ns + LATCH_NS
+        if not all(map(isfinite, command.thrust)) or not 0.0 <= command.ttl_ms <= LONGEST_MS:
+            reason = events.MALFORMED
+        elif len(command.thrust) != len(self._thrusters):
+            reason = events.WRONG_LENGTH
+        elif command.stamp_ns > now + FUTURE_NS:
+            reason = events.FROM_FUTURE
+        elif now > command.stamp_ns + round(command.ttl_ms * 1e6):
+            reason = events.EXPIRED
+        elif newest is not None and command.stamp_ns < newest.stamp_ns:
+            reason = events.REORDERED
+        elif newest is not None and in_force and command.epoch < newest.epoch:
+            reason = events.WRONG_EPOCH
+        if reason is not None:
+            self._outbox.tell(reason(THRUSTERS))
+            return
+
+        # It is in force from now on, with zero thrust unless it may arm.
         self.command, self.obeyed_ns = command, now
         self.ends_ns = min(command.stamp_ns, now) + round(command.ttl_ms * 1e6)
         self._thrust = self._zeros
@@ -57,56 +79,36 @@ class ActuatorGate:
             command.epoch, command.stamp_ns, command.armed_ns, armed=command.armed
         )
         if not self._armed:
-            return [*counted, f"disarmed:{THRUSTERS}"] if any(command.thrust) else counted
-        pairs = list(zip(self._thrusters, command.thrust, strict=True))
-        self._thrust = tuple([limited(thruster, newtons) for thruster, newtons in pairs])
-        return counted + [
-            f"saturated:{t.name}" for t, newtons in pairs if limited(t, newtons) != newtons
-        ]
+            if any(command.thrust):
+                self._outbox.tell(events.DISARMED(THRUSTERS))
+            return
 
-    def hear(self, request: PilotRequest, now: int) -> list[str]:
+        # Within the limits.
+        thrust = list[float]()
+        for thruster, newtons in zip(self._thrusters, command.thrust, strict=True):
+            permitted = limited(thruster, newtons)
+            thrust.append(permitted)
+            if permitted != newtons:
+                self._outbox.tell(events.SATURATED(thruster.name))
+        self._thrust = tuple(thrust)
+
+    def hear(self, request: PilotRequest, now: int) -> None:
         """Take in a request of a pilot at `now` [ns]: a disarm stops the thrusters whatever becomes
-        of the services above. Returns the names to count."""
-        counted = self._latch.hear(request, now)
+        of the services above."""
+        self._latch.hear(request, now)
         if self.command is not None and self._latch.forbids(self.command.armed_ns):
             self._thrust, self._armed = self._zeros, False
-        return counted
 
-    def lapse(self, now: int) -> list[str]:
-        """End a command whose time-to-live has passed at `now` [ns]. Returns the names to count,
-        once per command."""
-        if self.ends_ns is None or now <= self.ends_ns:
-            return []
-        self.ends_ns, self._thrust = None, self._zeros
-        return [f"stale:{THRUSTERS}"]
+    def lapse(self, now: int) -> None:
+        """End a command whose time-to-live has passed at `now` [ns]; counted once per command."""
+        if self.ends_ns is not None and now > self.ends_ns:
+            self.ends_ns, self._thrust = None, self._zeros
+            self._outbox.tell(events.STALE(THRUSTERS))
 
     def output(self, now: int) -> tuple[float, ...]:
         """[N] Permitted thrust per thruster at `now` [ns]."""
-        return self._thrust if self._holds(now) else self._zeros
+        return self._thrust if self.ends_ns is not None and now <= self.ends_ns else self._zeros
 
     def armed(self, now: int) -> bool:
         """Whether the thrusters may turn at `now` [ns]."""
-        return self._holds(now) and self._armed
-
-    def _holds(self, now: int) -> bool:
-        return self.ends_ns is not None and now <= self.ends_ns
-
-    def _refusal(self, command: ThrusterCommand, now: int) -> str | None:
-        """Why a command is refused; None when it is accepted."""
-        if not all(map(isfinite, command.thrust)) or not 0.0 <= command.ttl_ms <= LONGEST_MS:
-            return "malformed"
-        if len(command.thrust) != len(self._thrusters):
-            return "wrong_length"
-        if command.stamp_ns > now + FUTURE_NS:
-            return "from_future"
-        if now > command.stamp_ns + round(command.ttl_ms * 1e6):
-            return "expired"
-        if self.command is not None and command.stamp_ns < self.command.stamp_ns:
-            return "reordered"
-        return "wrong_epoch" if self._supersedes(command, now) else None
-
-    def _supersedes(self, command: ThrusterCommand, now: int) -> bool:
-        """Is the epoch in force newer than that of this command?"""
-        if self.command is None or self.obeyed_ns is None or now > self.obeyed_ns + LATCH_NS:
-            return False
-        return command.epoch < self.command.epoch
+        return self._armed and self.ends_ns is not None and now <= self.ends_ns

@@ -15,17 +15,20 @@ whenever it arrives, and no old disarm ends a later arming.
    again once one of them, stamped after the disarm was heard, was disarmed.
 """
 
+from messages import events, topics
+from messages.events import Outbox
 from messages.pilot import PilotRequest
 from messages.units import Ns
 
-REQUESTS = "pilot/request"  # named in what is counted
+REQUESTS = topics.PILOT_REQUEST.key  # named in what is counted
 KNOWN = 64  # newest disarms that are recognised when they are repeated
 
 
 class DisarmLatch:
     """The newest disarm obeyed, and what it forbids."""
 
-    def __init__(self) -> None:
+    def __init__(self, outbox: Outbox) -> None:
+        self._outbox = outbox
         self.request: PilotRequest | None = None  # the newest disarm obeyed, as first heard
         self.heard_ns: Ns | None = None  # [ns] when
         self.epoch: int | None = None  # of the newest message of the stage above
@@ -47,21 +50,21 @@ class DisarmLatch:
             return False
         return not self._seen_disarmed if armed_ns is None else armed_ns <= self._instant
 
-    def hear(self, request: PilotRequest, now: Ns) -> list[str]:
-        """A request of a pilot. Returns the names to count."""
+    def hear(self, request: PilotRequest, now: Ns) -> None:
+        """A request of a pilot."""
         if request.kind != "disarm" or request.id in self._known:
-            return []
+            return
         if self.epoch is None or request.epoch != self.epoch:
-            return [f"wrong_epoch:{REQUESTS}"]  # not kept: perhaps its epoch is about to begin
+            self._outbox.tell(events.WRONG_EPOCH(REQUESTS))
+            return  # not kept: perhaps its epoch is about to begin
         instant = min(request.stamp_ns, now)
         late = self._armed_ns is not None and instant < self._armed_ns
         self._keep(request.id, obeyed=not late)
         if late:
-            return [f"overtaken:{REQUESTS}"]
-        if self._instant is None or instant >= self._instant:
+            self._outbox.tell(events.OVERTAKEN(REQUESTS))
+        elif self._instant is None or instant >= self._instant:
             self.request, self.heard_ns, self._instant = request, now, instant
             self._seen_disarmed = False
-        return []
 
     def obeyed(self, request: PilotRequest) -> bool:
         """Was this request, or an earlier one with its id, a disarm that was obeyed?"""

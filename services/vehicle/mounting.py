@@ -25,13 +25,13 @@ from messages.sensors import (
 )
 from messages.units import Vec3
 from services.marine.attitude import LEVEL, Quaternion, to_world
-from services.marine.calibration import SensorCalibration
+from services.marine.calibration import NO_BIAS, NO_IRON, NO_SCALE, SensorCalibration
 from services.marine.mounting import ALONG, ORIGIN, Mount, Mounting, Rotation, Turned
 from services.marine.vehicle import GRAVITY
 
 SMOOTHING = 0.02  # [s] of the gyroscope before it is differenced; typically two samples
 LONGEST_STEP = 0.1  # [s] no differencing over a longer gap
-REMEMBERED_NS = 10_000_000_000  # [ns] no sample may be older: the limit of "oldest" in estimation
+REMEMBERED_NS = 10_000_000_000  # [ns] no sample may be older: twice what estimation uses
 AT_REST: Vec3 = (0.0, 0.0, 0.0)
 UNCORRECTED = SensorCalibration()
 
@@ -90,7 +90,10 @@ class AtOrigin:
         self, mounting: Mounting, density: float, calibration: SensorCalibration = UNCORRECTED
     ) -> None:
         """Water density [kg/m³]; the calibration corrects samples before they are turned."""
-        self._calibration = calibration
+        self._calibration = c = calibration
+        imu = c.accelerometer_bias, c.accelerometer_scale, c.gyro_bias
+        self._corrects_imu = imu != (NO_BIAS, NO_SCALE, NO_BIAS)
+        self._corrects_field = (c.magnetometer_bias, c.magnetometer_matrix) != (NO_BIAS, NO_IRON)
         self._imu, self._arm = MountedAxes(mounting.imu), mounting.imu.position
         self._field = MountedAxes(mounting.magnetometer)
         self._dvl, self._dvl_arm = MountedAxes(mounting.dvl), mounting.dvl.position
@@ -110,30 +113,36 @@ class AtOrigin:
             self._moments.popleft()
 
     def imu(self, sample: ImuSample) -> ImuSample:
-        sample = self._calibration.imu(sample)
-        if self._imu.along and self._arm == ORIGIN:
+        if not self._corrects_imu and self._imu.along and self._arm == ORIGIN:
             return sample
-        rate, force = (
-            self._imu.to_body(sample.angular_rate),
-            self._imu.to_body(sample.specific_force),
-        )
+        rate, force = sample.angular_rate, sample.specific_force
+        if self._corrects_imu:
+            (fx, fy, fz), (bx, by, bz) = force, self._calibration.accelerometer_bias
+            (p, q, r), (dp, dq, dr) = rate, self._calibration.gyro_bias
+            sx, sy, sz = self._calibration.accelerometer_scale
+            force = (sx * (fx - bx), sy * (fy - by), sz * (fz - bz))
+            rate = (p - dp, q - dq, r - dr)
+        rate, force = self._imu.to_body(rate), self._imu.to_body(force)
         if self._arm != ORIGIN:
             acceleration = self._turning.acceleration(rate, sample.stamp_ns)
             force = _minus(force, force_at(self._arm, rate, acceleration))
         return replace(sample, angular_rate=rate, specific_force=force)
 
     def magnetometer(self, sample: MagnetometerSample) -> MagnetometerSample:
-        sample = self._calibration.magnetometer(sample)
-        if self._field.along:
+        if not self._corrects_field and self._field.along:
             return sample
-        return replace(sample, field=self._field.to_body(sample.field))
+        field = self._calibration.field(sample.field) if self._corrects_field else sample.field
+        return replace(sample, field=self._field.to_body(field))
 
     def pressure(self, sample: PressureSample) -> PressureSample:
-        sample = self._calibration.pressure(sample)
-        if self._pressure_arm == ORIGIN:
+        offset = self._calibration.pressure_offset
+        if offset == 0.0 and self._pressure_arm == ORIGIN:
             return sample
-        deeper = to_world(self._at(sample.stamp_ns).attitude, self._pressure_arm)[2]  # [m]
-        return replace(sample, pressure=sample.pressure - self._per_metre * deeper)
+        pressure = sample.pressure - offset
+        if self._pressure_arm != ORIGIN:
+            deeper = to_world(self._at(sample.stamp_ns).attitude, self._pressure_arm)[2]  # [m]
+            pressure -= self._per_metre * deeper
+        return replace(sample, pressure=pressure)
 
     def dvl(self, sample: DvlSample) -> DvlSample:
         if self._dvl.along and self._dvl_arm == ORIGIN:

@@ -16,17 +16,8 @@ BEFORE_S, AFTER_S = 60.0, 3.0  # [s] shown before and after the cursor
 def blueprint(vehicle: Vehicle) -> rrb.Blueprint:
     """The layout for this vehicle."""
     pages = [_dive(vehicle), *(page() for page in PAGES.values())]
-    return _laid_out(rrb.Tabs(contents=pages, active_tab=0))
-
-
-def page_alone(name: str) -> rrb.Blueprint:
-    """One of PAGES by itself."""
-    return _laid_out(PAGES[name]())
-
-
-def _laid_out(contents: rrb.Tabs | rrb.Grid) -> rrb.Blueprint:
     return rrb.Blueprint(
-        contents,
+        rrb.Tabs(contents=pages, active_tab=0),
         rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following"),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
@@ -77,7 +68,7 @@ def _scene(vehicle: Vehicle) -> rrb.Spatial3DView:
 
 
 def _states() -> rrb.StateTimelineView:
-    lanes = ("mode", "hold", "armed", "failsafe", "link", "pilot")
+    lanes = ("activity", "flight_mode", "armed", "failsafe", "link", "pilot")
     return rrb.StateTimelineView(
         origin="/state",
         contents=[f"$origin/{lane}" for lane in lanes],
@@ -151,11 +142,22 @@ def _sensors() -> rrb.Grid:
             _plot("pressure", "Pressure [kPa]"),
             _plot("pressure_age", "Age of the pressure sample [ms]"),
         ),
-        _plot("compass", "Heading with magnetometer [°]"),
-        _plot("power", "Battery, enclosure and water"),
+        rrb.Tabs(
+            _plot("compass", "Heading with magnetometer [°]"),
+            _plot("power", "Battery, enclosure and water"),
+        ),
+        *_innovations(),
         grid_columns=3,
         name="Sensors",
     )
+
+
+def _innovations() -> list[rrb.Tabs]:
+    """What the estimator made of the measurements: each within its band, unless it is rejected."""
+    return [
+        rrb.Tabs(*(_plot(f"aiding/{source}", f"Innovation: {words}") for source, words in group))
+        for group in INNOVATIONS
+    ]
 
 
 def _link() -> rrb.Grid:
@@ -242,6 +244,28 @@ def _window() -> rrb.TimeAxis:
     return rrb.TimeAxis(view_range=rr.TimeRange(edge(seconds=-BEFORE_S), edge(seconds=AFTER_S)))
 
 
+# Panels of the Sensors page, each with a tab for every source of `messages/aiding.py` in it.
+INNOVATIONS = (
+    (("pressure", "depth [m]"), ("trial", "depth, accelerometer on trial [m]")),
+    (
+        ("compass", "compass [°]"),
+        ("accelerometer", "accelerometer [m/s²]"),
+        ("gyroscope_roll", "gyroscope, roll [°]"),
+        ("gyroscope_pitch", "gyroscope, pitch [°]"),
+    ),
+    (
+        ("thrust_north", "thrust, north [m/s]"),
+        ("thrust_east", "thrust, east [m/s]"),
+        ("thrust_surge", "thrust, surge [m/s²]"),
+        ("thrust_sway", "thrust, sway [m/s²]"),
+    ),
+    (
+        ("dvl_surge", "DVL, surge [m/s]"),
+        ("dvl_sway", "DVL, sway [m/s]"),
+        ("usbl_north", "USBL, north [m]"),
+        ("usbl_east", "USBL, east [m]"),
+    ),
+)
 # The pages behind the first one, which alone depends on the vehicle.
 PAGES: dict[str, Callable[[], rrb.Grid]] = {
     "motion": _motion,

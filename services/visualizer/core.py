@@ -8,11 +8,12 @@ because writing a thousand samples costs little more than writing one.
 from collections import defaultdict
 from math import nan
 
-from messages import topics
+from messages import events, topics
 from messages.control import ThrusterCommand
+from messages.events import Row
 from messages.link import ClockPong
 from messages.message import Message
-from messages.topic import AnyTopic, Way
+from messages.topic import AnyTopic, Direction
 from messages.vehicle import Actuation
 from messages.video import Assembler, VideoPart
 from services.marine.vehicle import Vehicle
@@ -34,7 +35,7 @@ OLDEST_NS = 60_000_000_000  # [ns] a stamp further back than this is wrong, not 
 BY_ARRIVAL = frozenset(
     topic.key
     for topic in topics.ALL
-    if topic.hz == 0 or topic.way is Way.BOTH or topic.message is ClockPong
+    if topic.hz == 0 or topic.way is Direction.BOTH or topic.message is ClockPong
 )
 # Topics of which not every sample becomes a point.
 FAST = frozenset(
@@ -64,13 +65,13 @@ class Collector:
         self._status = Status()
         self._jerk, self._changes = JerkLines(), ThrusterChanges()
 
-    def hear(self, topic: AnyTopic, key: str, message: Message, now: int) -> str | None:
+    def hear(self, topic: AnyTopic, key: str, message: Message, now: int) -> Row | None:
         """Keep a message that arrived at `now` [ns]. Returns why it is rejected, or None."""
         by_arrival = topic.key in BY_ARRIVAL
         if not by_arrival and now - message.stamp_ns > OLDEST_NS:
-            return "too_old"
+            return events.TOO_OLD
         if isinstance(message, WITH_THRUST) and len(message.thrust) != self._thrusters:
-            return "wrong_length"
+            return events.WRONG_LENGTH
         if self.start is None:
             self.start = now
         self.newest = now
@@ -129,8 +130,8 @@ class Collector:
             # Of topics that make no notes, the status page needs only the newest message.
             first = 0 if topic.message in NOTED else -1
             for message, time in zip(messages[first:], times[first:], strict=True):
-                batch.notes.extend(self._status.hear(key, message, time))
-        batch.notes.extend(self._status.pages(now - start))
+                batch.notes.extend(self._status.hear(key, message, time, start))
+        batch.notes.extend(self._status.pages(now - start, start))
         return batch
 
     def _computed(
@@ -165,6 +166,9 @@ class Collector:
             return CurveColumns(path, [], [])
         rows = [curve.read(message) for message in messages]
         known = [row for row in rows if row is not None]
+        if curve.in_parts:
+            at = [time for time, row in zip(times, rows, strict=True) if row is not None]
+            return CurveColumns(path, at, known)
         width = self._widths.get(path, 0)
         if len(known) < len(rows):
             times, known = _broken(times, rows, width)

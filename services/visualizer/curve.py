@@ -41,6 +41,7 @@ class Curve:
     colours: tuple[int, ...]
     read: Read
     width: float = 1.5  # [px]
+    in_parts: bool = False  # a message that does not have it is of another source: no gap
 
 
 def known(estimate: Estimate | None, unit: Callable[[float], float] = float) -> CurveRow | None:

@@ -5,10 +5,11 @@ returns None where a value is unknown: that leaves a gap, never a zero.
 """
 
 from collections.abc import Callable
-from math import degrees
+from math import degrees, sqrt
 from typing import Any
 
 from messages import topics
+from messages.aiding import AidSource
 from messages.message import Estimate
 from messages.reference import Reference
 from messages.vehicle import Actuation
@@ -38,7 +39,15 @@ from services.visualizer.thruster_changes import LOOK as THRUSTER_CHANGES
 def curves(vehicle: Vehicle) -> list[Curve]:
     """Every curve of a dive with this vehicle."""
     thrusters = tuple(t.name for t in vehicle.thruster)
-    return [*_pilot(), *_sensors(), *_motion(), *_control(thrusters), *link_curves(), *_health()]
+    return [
+        *_pilot(),
+        *_sensors(),
+        _aiding(),
+        *_motion(),
+        *_control(thrusters),
+        *link_curves(),
+        *_health(),
+    ]
 
 
 def computed() -> list[Look]:
@@ -72,6 +81,21 @@ def _sensors() -> list[Curve]:
     ]
 
 
+def _aiding() -> Curve:
+    """What the estimator made of each measurement: the innovation within what it expects. A plot
+    each, `aiding/<quantity>`."""
+    names, colours = ("innovation", "+3σ", "-3σ"), (ESTIMATE, TRUTH, TRUTH)
+    return Curve("aiding", topics.AIDING, names, colours, _within_band)
+
+
+def _within_band(source: AidSource) -> CurveRow | None:
+    if source.innovation is None or source.variance is None:
+        return None
+    unit = degrees(1.0) if source.unit == "rad" else 1.0
+    band = 3.0 * unit * sqrt(source.variance)
+    return unit * source.innovation, band, -band
+
+
 def _motion() -> list[Curve]:
     """Reference, estimate and truth of each motion."""
     return [
@@ -84,6 +108,7 @@ def _motion() -> list[Curve]:
         ),
         *_references(),
         *_estimates(),
+        *_autopilot(),
         *_truths(),
     ]
 
@@ -117,6 +142,25 @@ def _estimates() -> list[Curve]:
         ("pressure_age", "pressure", ESTIMATE, lambda m: number(m.pressure_age_ms)),
     ]
     return [Curve(path, topic, (name,), (rgb,), read) for path, name, rgb, read in single]
+
+
+def _autopilot() -> list[Curve]:
+    """What the vehicle's own autopilot estimates, in imported recordings."""
+    single: list[tuple[str, str, int, Read]] = [
+        ("depth/autopilot", "autopilot", STICK, lambda m: number(m.depth)),
+        ("depth_rate/autopilot", "autopilot", STICK, lambda m: number(m.depth_rate)),
+        ("heading/autopilot", "autopilot", STICK, lambda m: _angle(m.heading)),
+        ("attitude/autopilot_roll", "roll, autopilot", AXES[2], lambda m: _angle(m.roll)),
+        ("attitude/autopilot_pitch", "pitch, autopilot", AXES[3], lambda m: _angle(m.pitch)),
+    ]
+    return [
+        Curve(path, topics.ESTIMATE, (name,), (rgb,), read, in_parts=True)
+        for path, name, rgb, read in single
+    ]
+
+
+def _angle(radians: float | None) -> CurveRow | None:
+    return None if radians is None else (degrees(radians),)
 
 
 def _truths() -> list[Curve]:

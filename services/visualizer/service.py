@@ -5,11 +5,9 @@ import msgspec
 from messages import topics
 from messages.link import Shown
 from messages.message import Message
-from messages.topic import AnyTopic, Way
+from messages.topic import AnyTopic
 from services.marine.vehicle import Vehicle
-from services.runtime.bus.envelope import Envelope
 from services.runtime.config.stack import Stack
-from services.runtime.node.gate import Gate
 from services.runtime.node.node import Node
 from services.visualizer.batch import Batch
 from services.visualizer.core import Collector
@@ -19,8 +17,6 @@ from services.visualizer.io.outputs import outputs
 # Somebody who watches wants them soon; a file does not care, and takes several batches at once.
 FLUSH_HZ, FILE_FLUSH_HZ = 4.0, 0.25
 SCENE_HZ, FILE_SCENE_HZ = 20.0, 10.0
-RING = 4096  # envelopes; seconds of a whole dive's traffic
-KEYS = 256  # different keys that are drawn; anybody can invent more
 
 
 class ViewerCheckpoint(msgspec.Struct):
@@ -57,41 +53,11 @@ def wire(node: Node, stack: Stack) -> None:
         flush(collector.newest)
         close()
 
-    _listen(node, collector)
+    def hear(topic: AnyTopic, key: str, message: Message, arrival: int) -> None:
+        if (reason := collector.hear(topic, key, message, arrival)) is not None:
+            node.tell(reason(topic.key))
+
+    node.watch(hear)
     node.on_close(finish)
     node.every(FLUSH_HZ if stack.viewer else FILE_FLUSH_HZ, flush)
     node.every(SCENE_HZ if stack.viewer else FILE_SCENE_HZ, show_scene)
-
-
-def _listen(node: Node, collector: Collector) -> None:
-    """Subscribe to everything on the home side, and on the drone's side to the topics that never
-    cross the link."""
-    gates: dict[str, tuple[AnyTopic, Gate[Message]]] = {}
-
-    def collect(envelope: Envelope, arrived: int) -> None:
-        known = gates.get(envelope.key) or _gate(node, gates, envelope.key)
-        if known is None:
-            node.count("unknown_key")
-            return
-        topic, gate = known
-        message = gate.admit(envelope, arrived)
-        if message is None:
-            return
-        if (reason := collector.hear(topic, envelope.key, message, arrived)) is not None:
-            node.count(f"{reason}:{topic.key}")
-
-    home, *others = node.sides
-    node.collect(home, "**", collect, RING)
-    for side in others:
-        for topic in topics.ALL:
-            if topic.way is Way.STAY:
-                node.collect(side, topic.key, collect, RING)
-
-
-def _gate(
-    node: Node, gates: dict[str, tuple[AnyTopic, Gate[Message]]], key: str
-) -> tuple[AnyTopic, Gate[Message]] | None:
-    topic = topics.find(key)
-    if topic is None or len(gates) >= KEYS:
-        return None
-    return gates.setdefault(key, (topic, node.gate(topic, onlooker=True)))

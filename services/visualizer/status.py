@@ -2,10 +2,10 @@
 
 import re
 from collections.abc import Callable
-from math import degrees
 from typing import Any
 
-from messages.counts import in_words
+import msgspec
+
 from messages.fly import DroneList, FlyAnswer, FlyRequest
 from messages.health import Health, LogLine
 from messages.identity import SideIdentity
@@ -17,6 +17,8 @@ from messages.sensors import BatterySample
 from messages.simulator import FaultAnswer, FaultRequest
 from messages.state import VehicleState
 from messages.vehicle import Actuation, Truth, VehicleStatus
+from services.vehicle_view import words
+from services.vehicle_view.view import Newest, VehicleView, vehicle_view
 from services.visualizer.batch import Note
 
 SERVICES = 32  # services on the status page
@@ -25,8 +27,8 @@ DRONES = 8  # of those that can be reached, in one line
 # Text of each state lane for a message. `rerun_writer.STATES` has a colour for each text.
 LANES: dict[type[Message], list[tuple[str, Callable[[Any], str]]]] = {
     VehicleStatus: [
-        ("mode", lambda m: m.mode),
-        ("hold", lambda m: m.hold.replace("_", " ")),
+        ("activity", lambda m: m.activity),
+        ("flight_mode", lambda m: m.flight_mode.replace("_", " ")),
         ("armed", lambda m: "armed" if m.armed else "disarmed"),
         ("failsafe", lambda m: "no failsafe" if m.failsafe == "none" else m.failsafe),
     ],
@@ -40,6 +42,10 @@ LANES: dict[type[Message], list[tuple[str, Callable[[Any], str]]]] = {
 
 REQUESTS = PilotRequest | LinkRequest | FaultRequest | FlyRequest
 ANSWERS = PilotAnswer | LinkAnswer | FaultAnswer | FlyAnswer
+VIEWED: dict[type[Message], str] = {
+    VehicleStatus: "status", VehicleState: "state", Reference: "reference",
+    BatterySample: "battery", LinkStatus: "link", Clock: "clock", LatencyBudget: "latency",
+}  # fmt: skip
 NOTED = {
     *(*LANES, Health, LogLine, SideIdentity),
     *(PilotRequest, PilotAnswer, LinkRequest, LinkAnswer, FaultRequest, FaultAnswer),
@@ -53,6 +59,7 @@ class Status:
     def __init__(self) -> None:
         self._lanes: dict[str, str] = {}
         self._newest: dict[type[Message], Message] = {}
+        self._heard_ns: dict[type[Message], int] = {}
         self._health: dict[str, Health] = {}
         self._last_request = ""
         self._last_note = ""
@@ -60,19 +67,21 @@ class Status:
         self._sides: dict[str, str] = {}  # which Lindy each side runs
         self._pages: dict[str, str] = {}  # by path, as last shown
 
-    def hear(self, key: str, message: Message, time: int) -> list[Note]:
-        """Notes that this message makes. `time` is [ns] since the dive began."""
+    def hear(self, key: str, message: Message, time: int, start: int) -> list[Note]:
+        """Notes that this message makes. `time` is [ns] since the dive began, at `start` [ns]."""
         self._newest[type(message)] = message
+        self._heard_ns[type(message)] = start + time
         if isinstance(message, Health):
             if key in self._health or len(self._health) < SERVICES:
                 self._health[key] = message
             return []
         return [*self._changes(message, time), *self._lines(key, message, time)]
 
-    def pages(self, time: int) -> list[Note]:
-        """The pages that have changed since they were last shown."""
+    def pages(self, time: int, start: int) -> list[Note]:
+        """The pages that have changed since they were last shown. `start`: [ns] the dive's."""
         notes: list[Note] = []
-        for path, text in (("status", self._status()), ("services", self._services())):
+        pages = (("status", self._status(start + time)), ("services", self._services()))
+        for path, text in pages:
             if self._pages.get(path) != text:
                 self._pages[path] = text
                 notes.append(Note(path, time, "document", text))
@@ -89,7 +98,7 @@ class Status:
 
     def _lines(self, key: str, message: Message, time: int) -> list[Note]:
         if isinstance(message, LogLine):
-            text = f"{message.service}: {in_words(message.text)}"
+            text = f"{message.service}: {message.text}"
             return [_line(part_of_path(key.rpartition("/")[2]), time, text, message.level)]
         if isinstance(message, REQUESTS) and message.id != self._last_request:
             self._last_request = message.id  # a request is repeated until it is answered
@@ -124,67 +133,42 @@ class Status:
         self._sides[message.side] = text
         return [_line("vehicle", time, text)]
 
-    def _status(self) -> str:
-        return "\n".join(row for row in (self._vehicle(), self._motion(), self._link()) if row)
-
-    def _vehicle(self) -> str:
-        status = self._newest.get(VehicleStatus)
-        if not isinstance(status, VehicleStatus):
-            return "| mode | unknown |\n|---|---|"
-        armed = "**ARMED**" if status.armed else "disarmed"
-        hold = status.hold.replace("_", " ")
-        failsafe = "" if status.failsafe == "none" else f" · **FAILSAFE {status.failsafe}**"
+    def _status(self, now: int) -> str:
+        view, link, clock = self._view(now), self._newest.get(LinkStatus), self._newest.get(Clock)
+        armed = f"**{words.armed(view)}**" if view.armed else words.armed(view)
+        acts = f" · **{words.failsafe(view)}**" if view.acts else ""
+        does = f"{words.known(view)}**{words.doing(view)}**, {words.flight_mode(view)}"
+        depth, heading = words.number(view.depth_m, ".1f"), _bearing(view.heading_deg)
+        old = f", {words.old(view)}" if view.old else ""
         rows = [
-            f"| mode | **{status.mode}**, {hold} · {armed}{failsafe} |\n|---|---|",
-            f"| pilot | {status.pilot or '–'} · light {status.light:.0%} |",
+            ("activity", f"{does} · {armed}{acts}"),
+            ("pilot", words.sticks(view)),
+            ("failsafe", words.acting(view)),
+            *(("note", note) for note in words.notes(view)),
+            ("depth", f"{depth} m → {words.number(view.depth_wanted_m, '.1f')} m{old}"),
+            ("heading", f"{heading} → {_bearing(view.heading_wanted_deg)}{old}"),
+            *words.numbers(view),
         ]
-        if status.words:
-            rows.append(f"| failsafe | {status.words} |")
-        return "\n".join([*rows, *([f"| note | {status.note} |"] if status.note else [])])
-
-    def _motion(self) -> str:
-        rows: list[str] = []
-        state, wanted = self._newest.get(VehicleState), self._newest.get(Reference)
-        if isinstance(state, VehicleState):
-            depth, heading = state.depth.value, _bearing(state.heading.value)
-            goal = ("", "")
-            if isinstance(wanted, Reference):
-                turn = _bearing(wanted.heading.position)
-                goal = (f" → {wanted.depth.position:.1f} m", f" → {turn}")
-            rows += [
-                f"| depth | {depth:.1f} m{goal[0]} |",
-                f"| heading | {heading}{goal[1]} |",
-            ]
-        battery = self._newest.get(BatterySample)
-        if isinstance(battery, BatterySample):
-            rows.append(
-                f"| battery | {battery.voltage:.1f} V · {battery.current:.1f} A"
-                f" · {battery.used_wh:.1f} Wh |"
-            )
-        return "\n".join(rows)
-
-    def _link(self) -> str:
-        link = self._newest.get(LinkStatus)
-        if not isinstance(link, LinkStatus):
-            return ""
-        lost = link.down_link.dropped + link.up_link.dropped
-        word = "up" if link.up else "**DOWN**"
-        row = f"| link | {link.profile} · {word} · rtt {_ms(link.rtt_ms)} · {lost} dropped |"
-        return "\n".join([row, *self._latency()])
-
-    def _latency(self) -> list[str]:
-        """A number that is not known now is shown as a dash."""
-        rows: list[str] = []
-        budget, clock = self._newest.get(LatencyBudget), self._newest.get(Clock)
-        if isinstance(budget, LatencyBudget):
-            stick, screen = _ms(budget.stick_to_thruster_ms), _ms(budget.sensor_to_screen_ms)
-            if budget.alarm:
-                rows.append(f"| alarm | **{budget.alarm}** |")
-            rows.append(f"| latency | stick to thruster {stick} · to screen {screen} |")
+        if isinstance(link, LinkStatus):
+            up = words.UNKNOWN if view.link_up is None else "up" if view.link_up else "**DOWN**"
+            rtt = f"rtt {_ms(view.rtt_ms)} · {view.lost} dropped"
+            rows.append(("link", f"{link.profile} · {up} · {rtt}"))
+        rows.append(("alarm", f"**{view.alarm}**" if view.alarm else ""))
+        delays = f"stick to thruster {_ms(view.stick_ms)} · to screen {_ms(view.screen_ms)}"
+        rows.append(("latency", delays))
         if isinstance(clock, Clock) and clock.offset_ns is not None and clock.bound_ns is not None:
             offset, bound = clock.offset_ns / 1e6, clock.bound_ns / 1e6
-            rows.append(f"| clocks | {offset:+.1f} ± {bound:.1f} ms apart |")
-        return rows
+            rows.append(("clocks", f"{offset:+.1f} ± {bound:.1f} ms apart"))
+        lines = [f"| {name} | {text} |" for name, text in rows if text]
+        return "\n".join([lines[0], "|---|---|", *lines[1:]])
+
+    def _view(self, now: int) -> VehicleView:
+        """By the times of arrival: stamps may be of another machine's clock."""
+        found: dict[str, Any] = {}
+        for kind, name in VIEWED.items():
+            if (message := self._newest.get(kind)) is not None:
+                found[name] = msgspec.structs.replace(message, stamp_ns=self._heard_ns[kind])
+        return vehicle_view(Newest(**found), now)
 
     def _services(self) -> str:
         head = [
@@ -204,9 +188,9 @@ def part_of_path(name: str) -> str:
     return re.sub(r"[^a-z0-9_]", "_", name)
 
 
-def _bearing(radians: float) -> str:
-    """Compass heading, 0° to 359°, from a heading that accumulates."""
-    return f"{round(degrees(radians)) % 360}°"
+def _bearing(heading_deg: float | None) -> str:
+    """Compass heading, 0° to 359°."""
+    return words.UNKNOWN if heading_deg is None else f"{round(heading_deg) % 360}°"
 
 
 def _asked(message: REQUESTS) -> str:
@@ -217,7 +201,11 @@ def _asked(message: REQUESTS) -> str:
     if isinstance(message, LinkRequest):
         return " ".join(["link", message.kind, message.profile or "", *message.settings]).strip()
     value = "" if message.value is None else f" {message.value:.2f}"
-    return f"{message.kind}{value}" if message.hold is None else f"{message.kind} {message.hold}"
+    return (
+        f"{message.kind}{value}"
+        if message.flight_mode is None
+        else f"{message.kind} {message.flight_mode}"
+    )
 
 
 def _line(who: str, time: int, text: str, level: str = "info") -> Note:

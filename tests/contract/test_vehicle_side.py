@@ -26,9 +26,9 @@ from messages.sensors import ImuSample, MagnetometerSample, PressureSample
 from messages.topic import AnyTopic
 from messages.vehicle import Actuation
 from services.estimation.core import Settings as EstimationSettings
+from services.estimation.sensor_watch import RATE_TOLERANCE
 from services.marine.attitude import wrapped
-from services.marine.thrusters import wrench_per_newton
-from services.marine.vehicle import Vehicle
+from services.marine.vehicle import Vehicle, wrench_per_newton
 from services.runtime.bus.envelope import Say
 from services.runtime.bus.zenoh_bus import open_bus
 from services.runtime.config.errors import NeedsRealTimeError
@@ -228,7 +228,7 @@ def real_bench(side: Side, folder: Path) -> Generator[Bench]:
 
         local.wait_alive(30.0, look)
         woken = threading.Event()
-        with open_bus(local.endpoints["drone"], stack.vehicle_name) as bus:
+        with open_bus(local.plan.endpoints["drone"], stack.vehicle_name) as bus:
             node = Node("contract", {"drone": bus}, time.monotonic_ns, VolatileCheckpoint())
             node.wake = woken.set
             yield Bench(Real(node, woken, local.pump), node, bus.say(topics.THRUSTERS), stack)
@@ -263,7 +263,7 @@ def test_sensors_come_at_their_rates(bench: Bench) -> None:
         stamps = [m.stamp_ns for _, m in bench.heard[key] if m.stamp_ns >= began]
         if stamps:
             rate = (len(stamps) - 1) / (stamps[-1] - stamps[0]) * S
-            assert rate == pytest.approx(hz, rel=watch.rate_tolerance), key
+            assert rate == pytest.approx(hz, rel=RATE_TOLERANCE), key
 
 
 def test_every_stream_is_stamped_in_order_and_not_from_the_future(bench: Bench) -> None:

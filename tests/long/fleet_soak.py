@@ -22,13 +22,13 @@ from typing import NamedTuple
 from messages import topics
 from messages.pilot import PilotCommand
 from messages.reference import Reference
-from messages.topic import Way
+from messages.topic import Direction
 from messages.vehicle import VehicleStatus
 from tests.long.soak import EVERY_S, Life, Sample, growths, sample, show
+from tests.support.fleet_network import TwoRouters, begin_pilot, start_drones
+from tests.support.started_dives import StartedDive
 from tools.log.account import accounts
 from tools.recordings.recording import open_recording
-from tools.research.bench.fleet_network import TwoRouters, begin_pilot, start_drones
-from tools.research.bench.started_dives import StartedDive
 
 MINUTES, SEED, DRONES = 30.0, 1, 4
 DESKS = 2
@@ -178,7 +178,7 @@ def own_missing(folder: Path) -> int:
     return sum(
         account.missing
         for key, account in accounts(open_recording(folder)).topics.items()
-        if (topic := topics.find(key)) is not None and topic.way in (Way.UP, Way.STAY)
+        if (topic := topics.find(key)) is not None and topic.way in (Direction.UP, Direction.STAY)
     )
 
 

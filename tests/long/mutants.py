@@ -39,7 +39,7 @@ PARTS = ("messages", "services", "tools", "tests", "deploy", "pyproject.toml")  
 LAWS: dict[str, tuple[str, ...]] = {
     "services/reference/trajectory/minimum_jerk.py": (
         "tests/services/reference/trajectory/test_minimum_jerk.py",
-        "tests/tools/research/laws/test_stepping.py",
+        "research/tests/laws/test_stepping.py",
     ),
     "services/reference/trajectory/vector.py": (
         "tests/services/reference/trajectory/test_vector.py",
@@ -54,11 +54,14 @@ LAWS: dict[str, tuple[str, ...]] = {
     "services/reference/trajectory/emergency_stop.py": (
         "tests/services/reference/trajectory/test_time_scaling_stop.py",
     ),
-    "services/reference/guidance/reference_governor.py": (
+    "services/reference/guidance/guards.py": (
         "tests/services/reference/guidance/test_reference_governor.py",
+        "tests/services/reference/guidance/test_standstill.py",
+        "tests/services/reference/guidance/test_tilt_limit.py",
     ),
     "services/control/axis/axis_law.py": (
         "tests/services/control/axis/test_axis_law.py",
+        "tests/services/control/axis/test_gain_blend.py",
         "tests/services/control/axis/test_static_hold.py",
         "tests/services/control/axis/test_sampled_loop.py",
     ),
@@ -66,10 +69,7 @@ LAWS: dict[str, tuple[str, ...]] = {
         "tests/services/control/allocation/test_allocation.py",
         "tests/services/control/allocation/test_layout.py",
     ),
-    "services/control/axis/disturbance_observer.py": (
-        "tests/services/control/axis/test_disturbance_observer.py",
-    ),
-    "services/control/axis/gain_blend.py": ("tests/services/control/axis/test_gain_blend.py",),
+    "services/control/axis/plant.py": ("tests/services/control/axis/test_disturbance_observer.py",),
     "services/estimation/depth/depth_filter.py": (
         "tests/services/estimation/depth/test_estimation_depth_filter.py",
     ),
@@ -187,10 +187,6 @@ EQUIVALENT: dict[tuple[str, str], str] = {
     ("services/reference/trajectory/position.py", "_peaks: (low, high)  →  (high, low)"): (
         "a bisection has no direction"
     ),
-    (
-        "services/reference/trajectory/emergency_stop.py",
-        "StoppedMotion.stop_distance: 0.0  →  1.0",
-    ): ("a velocity held for the time that is left at the end, which is none"),
     (
         "services/control/allocation/allocation.py",
         "Allocation._at_once: (ax, by",

@@ -13,7 +13,7 @@ import subprocess
 import sys
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from statistics import median
@@ -25,6 +25,7 @@ import numpy as np
 
 from messages.health import Health
 from services.runtime.config.running import RUNNING, Running
+from tests.support.patience import PATIENCE_S, until
 from tools.recordings.recording import open_recording
 
 MINUTES, SEED = 30, 1
@@ -34,7 +35,6 @@ LONGEST_STOP_S, LONGEST_OUTAGE_S = 3.0, 8.0
 YOUNG_S = 30.0  # [s] a process may grow after its start
 LEAST_S = 90.0  # [s] of a process' life that tell whether it grows
 LEAST_MINUTES = 5  # that tell whether a service becomes later and later
-PATIENCE_S = 120.0  # [s] until the drone is armed, and until the dive has ended, on a busy computer
 HAS_STICKS = "has the sticks"  # what is said when the drone is armed
 PAGE = os.sysconf("SC_PAGE_SIZE")  # [B]
 
@@ -169,7 +169,9 @@ class Soak:
             SystemExit: the dive ended by itself, or not at all.
         """
         try:
-            self._until(PATIENCE_S, lambda: HAS_STICKS in self._said.read_text())
+            until(
+                lambda: HAS_STICKS in self._said.read_text(), self._last_line, self._require_running
+            )
             began = time.monotonic()
             next_fault = began + self._random.expovariate(1.0 / PAUSE_S)
             while (now := time.monotonic()) - began < 60.0 * self._minutes:
@@ -234,14 +236,6 @@ class Soak:
         for second in range(8, round(seconds), 3):
             sticks = (self._random.choice([0.0, self._random.uniform(-1, 1)]) for _ in range(4))
             yield ",".join([str(second), *(f"{stick:.2f}" for stick in sticks)])
-
-    def _until(self, seconds: float, happened: Callable[[], bool]) -> None:
-        deadline = time.monotonic() + seconds
-        while not happened():
-            self._require_running()
-            if time.monotonic() > deadline:
-                raise SystemExit(f"not after {seconds:g} s: {self._last_line()}")
-            time.sleep(0.1)  # another process does it, and nothing announces it
 
     def _require_running(self) -> None:
         if self._process.poll() is not None:

@@ -9,8 +9,8 @@ import pytest
 
 from messages import topics
 from messages.pilot import PilotCommand
-from messages.topic import Topic, Way
-from tools.docs.topics_page import page
+from messages.topic import Direction, Topic
+from tests.support.docs.topics_page import page
 
 ROOT = Path(__file__).parents[2]
 
@@ -68,7 +68,7 @@ def test_commands_never_stay_in_force_longer_than_a_third_of_a_second() -> None:
 
 def test_raw_sensors_never_cross_the_tether() -> None:
     raw = (topics.IMU, topics.MAGNETOMETER, topics.PRESSURE)
-    assert all(topic.way is Way.STAY for topic in raw)
+    assert all(topic.way is Direction.STAY for topic in raw)
 
 
 def test_the_topics_page_is_up_to_date() -> None:

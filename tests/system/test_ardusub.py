@@ -1,9 +1,9 @@
-"""The whole stack with a board under ArduSub: the double of tools/research/ardusub_double.
+"""The whole stack with a board under ArduSub: the double of tests/support/ardusub_double.
 
 On virtual time, over an in-memory link that still encodes and decodes every frame.
 """
 
-from collections import Counter
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from random import Random
@@ -16,15 +16,16 @@ from messages.control import ThrusterCommand
 from messages.health import LogLine
 from messages.state import VehicleState
 from messages.vehicle import Actuation, VehicleStatus
-from services.ardusub.packet import MavlinkPacket, command
 from services.ardusub.service import wire_to
 from services.marine.vehicle import Vehicle
+from services.mavlink_io.io.links import Received
+from services.mavlink_io.packet import MavlinkPacket, command
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.simulator.core import Settings
-from tools.research.ardusub_double.board import BoardDouble
-from tools.research.ardusub_double.memory import BoardOnHost
+from tests.support.ardusub_double.board import BoardDouble
+from tests.support.ardusub_double.memory import BoardOnHost
 
 S = 1_000_000_000  # [ns]
 CHAIN = ("ardusub", "estimation", "reference", "control", "tether", "gamepad")
@@ -96,7 +97,7 @@ class Flight:
         return self.double.hull.simulator.truth().position[2]
 
     @property
-    def counts(self) -> Counter[str]:
+    def counts(self) -> Mapping[str, int]:
         return self.host.nodes["ardusub"].counts
 
     @property
@@ -104,6 +105,7 @@ class Flight:
         return [p for p in self.board.heard if p.name == "RC_CHANNELS_OVERRIDE"]
 
 
+@pytest.mark.slow
 @BOTH
 def test_it_dives_and_holds_its_depth(tmp_path: Path, version: str) -> None:
     flight = Flight(tmp_path, version).until_armed().run(9.0)
@@ -154,7 +156,7 @@ def test_another_ground_station_is_obeyed_without_a_fight(tmp_path: Path, number
     assert flight.statuses[-1].armed, "Lindy's own pilot has done nothing"
     assert flight.double.armed == (number == "mode")
     assert flight.double.mode == (2 if number == "mode" else 19)
-    assert len(flight.said("somebody else has it")) == 1
+    assert len(flight.said("somebody else has the vehicle")) == 1
     assert flight.counts["outdone:ardusub"] == 1
 
 
@@ -195,7 +197,7 @@ def test_a_packet_that_arrives_while_the_service_is_held_up_is_no_jump_of_the_cl
     link, host = flight.board.link, flight.host
     receive, looks = link.receive, [0]
 
-    def held_up() -> list[bytes]:
+    def held_up() -> list[Received]:
         looks[0] += 1
         if looks[0] % 40 == 0:
             host.now += 30_000_000  # [ns]
@@ -216,8 +218,13 @@ def test_a_flood_of_garbage_in_mid_dive_is_counted_and_the_vehicle_holds_its_dep
     flight = Flight(tmp_path).until_armed().run(9.0)
     depth, draw, receive = flight.depth, Random(1), flight.board.link.receive
 
-    def noisy() -> list[bytes]:
-        return [part for good in receive() for part in (good, draw.randbytes(400))]
+    def noisy() -> list[Received]:
+        return [
+            arrival._replace(
+                pieces=[part for good in arrival.pieces for part in (good, draw.randbytes(400))]
+            )
+            for arrival in receive()
+        ]
 
     flight.board.link.receive = noisy
     flight.run(5.0)
@@ -227,6 +234,7 @@ def test_a_flood_of_garbage_in_mid_dive_is_counted_and_the_vehicle_holds_its_dep
     assert flight.counts["jumped:board_clock"] == 0
 
 
+@pytest.mark.slow
 def test_an_imu_quieter_than_its_steps_is_believed_until_the_thrust_changes(tmp_path: Path) -> None:
     """4.5 sends whole mg and mrad/s; what repeats itself is at rest, or frozen."""
     quiet = ("simulator.gyro_noise=0", "simulator.gyro_drift=0", "simulator.accelerometer_noise=0")

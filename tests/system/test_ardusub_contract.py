@@ -18,8 +18,8 @@ from services.ardusub.service import wire_to
 from services.marine.vehicle import Vehicle
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.simulator.core import Settings
-from tools.research.ardusub_double.board import BoardDouble
-from tools.research.ardusub_double.memory import BoardOnHost
+from tests.support.ardusub_double.board import BoardDouble
+from tests.support.ardusub_double.memory import BoardOnHost
 
 CONTRACT = Path(__file__).parents[1] / "contract" / "test_vehicle_side.py"
 
@@ -58,6 +58,7 @@ def test_the_whole_contract_is_there() -> None:
     assert len(PROMISES) >= 8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("promise", PROMISES)
 @pytest.mark.parametrize("version", ["4.5", "4.8"])
 def test_it_is_kept(tmp_path: Path, promise: str, version: str) -> None:

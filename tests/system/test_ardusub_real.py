@@ -18,22 +18,24 @@ from pathlib import Path
 import pytest
 
 from messages.control import ThrusterCommand
+from messages.events import Outbox
 from messages.sensors import ImuSample, PressureSample
 from services.ardusub.core import ArdusubDriver, Settings
-from services.ardusub.io.codec import BoardCodec, FrameReader
-from services.ardusub.io.link import open_link
-from services.ardusub.packet import SET_INTERVAL, MavlinkPacket, command
+from services.ardusub.service import ONE_BOARD
 from services.marine.vehicle import Vehicle
+from services.mavlink_io.io.endpoint import MavlinkEndpoint
+from services.mavlink_io.io.links import Links
+from services.mavlink_io.numbers import MavCommand
+from services.mavlink_io.packet import MavlinkPacket, command
 from services.runtime.config.stack import Stack
+from tests.support.patience import PATIENCE_S, until
 from tools.recordings.recording import open_recording
 from tools.report import read_dive
-from tools.research.ardusub_kills.dive import kill_in_a_dive
 
-DOUBLE = "tools.research.ardusub_double.udp"
+DOUBLE = "tests.support.ardusub_double.udp"
 FIRMWARE = [path for path in os.environ.get("LINDY_ARDUSUB", "").split(":") if path]
 SCRIPT = "t,surge,sway,heave,yaw\n0,0,0,0,0\n1,0,0,0.8,0\n5,0,0,0,0\n9,0,0,0,0\n"
 S = 1_000_000_000  # [ns]
-PATIENCE_S = 120.0  # for a slow and busy computer
 # Of the simulator that comes with the firmware: no RC receiver, as on every tethered ROV, and
 # sensors without the noise that no water has, and a compass with that of every compass.
 DEFAULTS = """FRAME_CONFIG 2
@@ -97,11 +99,11 @@ class Wire:
 
     def __init__(self, port: int) -> None:
         stack = Stack(vehicle="bluerov2_heavy")
-        self.link = open_link(f"udpin:127.0.0.1:{port}")
-        self.driver = ArdusubDriver(stack.section("vehicle", Vehicle), Settings())
-        self.codec = BoardCodec(255, 191)
-        self.other = BoardCodec(254, 190)
-        self.reader = FrameReader(self.codec)
+        self.outbox = Outbox()
+        self.links = Links([f"udpin:127.0.0.1:{port}"], "url", ONE_BOARD, self.outbox)
+        self.driver = ArdusubDriver(stack.section("vehicle", Vehicle), Settings(), self.outbox)
+        self.board = MavlinkEndpoint(self.links, self.outbox, 255, 191)
+        self.other = MavlinkEndpoint(self.links, self.outbox, 254, 190)
         self.thrust: tuple[float, ...] | None = None
         self.alive = True  # the service
         self.texts: list[str] = []
@@ -109,7 +111,7 @@ class Wire:
         self.servo: list[int] = []  # [µs] of the newest SERVO_OUTPUT_RAW
         self.samples: list[tuple[int, object]] = []
 
-    def until(self, condition: Callable[[], bool], seconds: float = 30.0) -> float:
+    def until(self, condition: Callable[[], bool], seconds: float = PATIENCE_S) -> float:
         """[s] until then; infinite where it does not come."""
         began, next_command = time.monotonic_ns(), 0
         while (passed := time.monotonic_ns() - began) < seconds * S:
@@ -128,31 +130,33 @@ class Wire:
             time.sleep(0.002)  # the board is a process in real time
         return float("inf")
 
+    def wait_for(self, condition: Callable[[], bool]) -> None:
+        assert self.until(condition) < PATIENCE_S, (self.servo, self.said)
+
     def run(self, seconds: float) -> None:
         self.until(lambda: False, seconds)
 
     def say(self, packet: MavlinkPacket) -> None:
-        self.link.send(self.codec.encode(packet))
+        self.board.send(packet)
 
     def another_says(self, packet: MavlinkPacket) -> None:
         """A ground station beside us."""
-        self.link.send(self.other.encode(packet))
+        self.other.send(packet)
 
     def flying(self) -> None:
-        assert self.until(lambda: self.driver.stage == "accepted", 60.0) < 60.0, self.said
-        self.say(command(1, SET_INTERVAL, 36, 10_000))
+        self.wait_for(lambda: self.driver.stage == "accepted")
+        self.say(command(1, MavCommand.SET_MESSAGE_INTERVAL, 36, 10_000))
         self.thrust = DOWN
-        moves = self.until(lambda: self.armed and bool(self.servo) and self.servo != NEUTRAL)
-        assert moves < 30.0, self.said
+        self.wait_for(lambda: self.armed and bool(self.servo) and self.servo != NEUTRAL)
 
     @property
     def armed(self) -> bool:
         return self.driver.authority.board_armed
 
     def _hear(self) -> None:
-        found = self.reader.read(b"".join(self.link.receive()))
+        packets = self.board.receive()
         now = time.monotonic_ns()
-        for packet in found.packets:
+        for packet in packets:
             self.driver.hear(packet, now)
             if packet.name == "STATUSTEXT":
                 self.texts.append(packet.fields["text"])
@@ -161,7 +165,8 @@ class Wire:
 
     def _pass_on(self, now: int) -> None:
         done = self.driver.take()
-        self.said += [text for _, text in done.lines]
+        self.said += [text for _, text, _ in self.outbox.said]
+        self.outbox.said.clear()
         self.samples += [(now, sample) for sample in done.samples]
         if self.alive:
             for packet in done.packets:
@@ -182,15 +187,15 @@ DOWN = (0.0, 0.0, 0.0, 0.0, 6.0, 6.0, 6.0, 6.0)  # [N]
 def test_the_driver_alone_on_the_wire(tmp_path: Path, kind: str, port: int) -> None:
     wire = Wire(port)
     with board_process(kind, port, tmp_path):
-        assert wire.until(lambda: wire.driver.stage == "accepted", 60.0) < 60.0, wire.said
+        wire.wait_for(lambda: wire.driver.stage == "accepted")
         wire.run(3.0)
         imu = [m for _, m in wire.samples if isinstance(m, ImuSample)]
         assert len(imu) > 200
         assert imu[-1].specific_force[2] == pytest.approx(-9.81, abs=0.5)
         assert [m for _, m in wire.samples if isinstance(m, PressureSample)]
-        wire.say(command(1, SET_INTERVAL, 36, 10_000))
+        wire.say(command(1, MavCommand.SET_MESSAGE_INTERVAL, 36, 10_000))
         wire.thrust = DOWN
-        assert wire.until(lambda: wire.armed, 10.0) < 10.0, wire.said
+        wire.wait_for(lambda: wire.armed)
         assert wire.until(lambda: bool(wire.servo) and wire.servo != NEUTRAL) < 5.0, wire.said
         wire.run(0.5)
         expected = 1500 - (wire.driver.mixed.pulses[2] - 1500)
@@ -205,9 +210,10 @@ def test_the_driver_alone_on_the_wire(tmp_path: Path, kind: str, port: int) -> N
         assert wire.until(lambda: wire.servo == NEUTRAL, 10.0) < 5.0
         assert wire.until(lambda: not wire.armed, 10.0) < 3.0
         assert "Lost manual control" in wire.texts
-    wire.link.close()
+    wire.links.close()
 
 
+@pytest.mark.slow
 @pytest.mark.system
 @pytest.mark.parametrize("kind", BOARDS)
 def test_a_dive_as_processes(tmp_path: Path, kind: str, port: int) -> None:
@@ -238,17 +244,17 @@ def test_another_ground_station_is_obeyed(
     with board_process(kind, port, tmp_path):
         wire.flying()
         wire.another_says(command(1, *((400, 0) if wanted == "disarm" else (176, 1, 2))))
-        assert wire.until(lambda: wire.driver.authority.taken, 10.0) < 10.0
+        wire.wait_for(lambda: wire.driver.authority.taken)
         if wanted == "disarm":
-            assert wire.until(lambda: wire.servo == NEUTRAL, 10.0) < 10.0
-        assert [text for text in wire.said if "somebody else has it" in text]
+            wire.wait_for(lambda: wire.servo == NEUTRAL)
+        assert [text for text in wire.said if "somebody else has the vehicle" in text]
         assert not wire.driver.authority.sends_sticks
         wire.run(3.0)  # in which it would have armed again, or set the mode back
         assert wire.driver.authority.taken
         if wanted == "disarm":
             assert not wire.armed
             assert wire.servo == NEUTRAL
-    wire.link.close()
+    wire.links.close()
 
 
 @pytest.mark.system
@@ -257,37 +263,35 @@ def test_a_board_with_a_wrong_parameter_is_not_armed(tmp_path: Path, kind: str, 
     wire = Wire(port)
     with board_process(kind, port, tmp_path, {"FS_PILOT_INPUT": 0.0}):
         wire.thrust = DOWN
-        assert wire.until(lambda: wire.driver.stage == "refused", 60.0) < 60.0, wire.said
+        wire.wait_for(lambda: wire.driver.stage == "refused")
         assert [text for text in wire.said if "FS_PILOT_INPUT is 0; allowed: 2" in text]
         wire.run(3.0)
         assert not wire.armed
         assert not [sample for _, sample in wire.samples]
-    wire.link.close()
+    wire.links.close()
 
 
 class Beside:
     """The outputs of a firmware, on its second link, by the board's own clock."""
 
     def __init__(self, port: int) -> None:
-        self.link = open_link(f"udpin:127.0.0.1:{port}")
-        self.codec = BoardCodec(250, 191)
-        self.reader = FrameReader(self.codec)
+        outbox = Outbox()
+        self.links = Links([f"udpin:127.0.0.1:{port}"], "url", ONE_BOARD, outbox)
+        self.board = MavlinkEndpoint(self.links, outbox, 250, 191)
         self.at, self.servo = 0.0, list[int]()  # [s] and [µs] of the newest
+        self._asked = 0.0  # [s]
 
-    def until(self, condition: Callable[[], bool], seconds: float) -> bool:
-        end, ask = time.monotonic() + seconds, 0.0
-        while not condition():
-            if (now := time.monotonic()) > end:
-                return False
-            if now > ask:
-                ask = now + 1.0
-                self.link.send(self.codec.encode(command(1, SET_INTERVAL, 36, 10_000)))
-            for packet in self.reader.read(b"".join(self.link.receive())).packets:
-                if packet.name == "SERVO_OUTPUT_RAW" and not condition():
+    def until(self, happened: Callable[[], bool]) -> None:
+        def listen() -> None:
+            if (now := time.monotonic()) > self._asked + 1.0:
+                self._asked = now
+                self.board.send(command(1, MavCommand.SET_MESSAGE_INTERVAL, 36, 10_000))
+            for packet in self.board.receive():
+                if packet.name == "SERVO_OUTPUT_RAW" and not happened():
                     self.at = packet.fields["time_usec"] / 1e6
                     self.servo = [packet.fields[f"servo{n}_raw"] for n in range(1, 9)]
-            time.sleep(0.001)  # the board is a process in real time
-        return True
+
+        until(happened, lambda: self.servo, listen)
 
 
 @pytest.mark.system
@@ -310,27 +314,11 @@ def test_when_all_of_lindy_is_killed_the_board_is_neutral_after_its_timeout(
     with board_process(kind, port, tmp_path, beside=second):
         dive = subprocess.Popen(words, start_new_session=True, stdout=subprocess.DEVNULL)
         try:
-            assert beside.until(lambda: max(beside.servo, default=0) > 1600, PATIENCE_S)
+            beside.until(lambda: max(beside.servo, default=0) > 1600)
         finally:
             os.killpg(dive.pid, signal.SIGKILL)  # as when its computer dies
             dive.wait()
         killed = beside.at
-        assert beside.until(lambda: beside.servo == NEUTRAL, 30.0)
+        beside.until(lambda: beside.servo == NEUTRAL)
         assert beside.at - killed < 1.0 + 0.1, "FS_PILOT_TIMEOUT is 1 s"
-    beside.link.close()
-
-
-@pytest.mark.system
-@pytest.mark.parametrize("service", ["control", "estimation", "hub_drone", "ardusub"])
-@pytest.mark.parametrize(
-    "kind", FIRMWARE or [pytest.param("", marks=pytest.mark.skip("LINDY_ARDUSUB is not set"))]
-)
-def test_when_a_service_is_killed_the_outputs_are_neutral_in_its_time(
-    tmp_path: Path, kind: str, service: str
-) -> None:
-    found = kill_in_a_dive(kind, service, tmp_path / "dive")
-    own = service == "ardusub"  # nobody is left but the board
-    most = 1.0 if own else 0.2  # [s] FS_PILOT_TIMEOUT, or the life of a command
-    assert found.neutral is not None
-    assert found.neutral <= most + 0.1
-    assert ("Lost manual control" in found.texts) == own
+    beside.links.close()

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from messages import topics
 from messages.control import ThrusterCommand
+from messages.events import Outbox
 from messages.pilot import Course, PilotAnswer, PilotCommand, PilotRequest
 from messages.reference import Reference
 from messages.vehicle import Truth, VehicleStatus
@@ -125,6 +126,7 @@ def test_control_goes_from_hand_to_hand_without_a_gap_and_the_first_hand_moves_n
     assert {s.failsafe for s in statuses} == {"none"}
 
 
+@pytest.mark.slow
 @settings(
     max_examples=5, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
@@ -149,7 +151,7 @@ WISHES: dict[str, dict[str, Any]] = {
     "arm": {},
     "goto": {"depth": 2.0},
     "follow": {"course": Course(waypoints=((0.0, 0.0), (30.0, 0.0)))},
-    "mode": {"hold": "depth_hold"},
+    "mode": {"flight_mode": "depth_hold"},
     "light": {"value": 1.0},
 }
 
@@ -176,6 +178,7 @@ def hand_over(tmp_path: Path) -> tuple[VirtualHost, list[VehicleStatus], Rival, 
 Scene = tuple[VirtualHost, list[VehicleStatus], Rival, Rival]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", WISHES)
 def test_an_ousted_pilot_is_told_that_another_one_has_control(hand_over: Scene, kind: str) -> None:
     host, statuses, first, second = hand_over
@@ -188,8 +191,8 @@ def test_an_ousted_pilot_is_told_that_another_one_has_control(hand_over: Scene, 
     assert not first.answers[-1].accepted
     assert first.answers[-1].reason.startswith("second has control since ")
     after = statuses[-1]
-    assert (after.mode, after.armed, after.hold, after.light) == (
-        (before.mode, before.armed, before.hold, before.light)
+    assert (after.activity, after.armed, after.flight_mode, after.light) == (
+        (before.activity, before.armed, before.flight_mode, before.light)
     )
     second.ask(kind, host.now, **WISHES[kind])
     host.run(host.now + SECOND // 5)
@@ -205,7 +208,7 @@ def test_an_ousted_pilot_can_stop_the_drone_but_disarm_it_only_once_nobody_has_c
     assert asked(host, first, "disarm").startswith("second has control since 2 s; ask for")
     assert statuses[-1].armed
     assert asked(host, first, "stop") == ""
-    assert statuses[-1].mode == "stopping"
+    assert statuses[-1].activity == "stopping"
     second.speaks = False
     host.run(host.now + SILENT_NS - SECOND)
     assert asked(host, first, "disarm").startswith("second has control")
@@ -272,6 +275,7 @@ class Hands:
         return None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("heave", [0.0, 0.7])
 @pytest.mark.parametrize("count", [2, 5])
 def test_of_many_gamepads_one_has_control_and_the_others_do_not_storm_for_it(
@@ -285,7 +289,7 @@ def test_of_many_gamepads_one_has_control_and_the_others_do_not_storm_for_it(
         hands = Hands(name, heave if k else 0.0)  # the first one arms
 
         def wire(node: Node, _: Stack, hands: Hands = hands) -> None:
-            Connected(node, hands, Pilot(Progress(), arms=True))
+            Connected(node, hands, Pilot(Progress(), Outbox(), arms=True))
 
         host.add(name, ServiceSpec(sides=["drone"]), Stack(), wire)
     host.run(20 * SECOND)

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from tools.research.faults.catalogue import FAULTS
-from tools.research.faults.goals import GOALS
-from tools.research.faults.modes import MODES
-from tools.research.faults.rows import CellRow, read_rows
-from tools.research.faults.virtual_dive import VirtualDive
+from tests.support.faults.catalogue import FAULTS
+from tests.support.faults.goals import GOALS
+from tests.support.faults.modes import MODES
+from tests.support.faults.rows import CellRow, read_rows
+from tests.support.faults.virtual_dive import VirtualDive
 
 pytestmark = pytest.mark.slow
 
@@ -58,7 +58,7 @@ def rows(tmp_path_factory: pytest.TempPathFactory) -> dict[str, CellRow]:
     """Flown by a program of its own, on all cores: it goes on in copies of itself, which a process
     with threads must not."""
     kept = tmp_path_factory.mktemp("faults") / "rows.jsonl"
-    command = [sys.executable, "-m", "tools.research.faults", "--world", "virtual"]
+    command = [sys.executable, "-m", "tests.support.faults", "--world", "virtual"]
     run = subprocess.run(
         [*command, "--rows", str(kept), "--cells", *CELLS],
         cwd=ROOT,
@@ -99,7 +99,7 @@ def test_a_pilot_who_stays_silent_is_waited_for_then_the_drone_rises_and_resumes
 ) -> None:
     figures = rows["stabilised/pilot silent 22 s"].figures
     assert figures.failsafes == ("pilot_lost",)
-    read = [text.partition(";")[0] for text in figures.texts if "; resume" in text]
+    read = [text.split("; ")[1] for text in figures.texts if "; resume" in text]
     said = ["the drone has stopped and holds", "the drone rises slowly"]
     assert list(dict.fromkeys(read)) == [*said, "the drone stays at the surface"]
     assert figures.recovered is not None
@@ -116,8 +116,7 @@ def test_a_pilot_who_stays_silent_is_waited_for_then_the_drone_rises_and_resumes
         ("control ten times too slow", "a service on board is late (control)"),
         (
             "magnetometer biased 2e-05",
-            "a sensor cannot be used "
-            "(the compass was disturbed and not used (sensor/magnetometer))",
+            "a sensor is in trouble (the compass is disturbed and not used (sensor/magnetometer))",
         ),
         ("SIGSTOP control 0.3 s", "a service on board is late (control)"),
     ],
@@ -149,7 +148,7 @@ def test_every_fault_has_a_name_of_its_own_and_can_be_flown_somewhere() -> None:
 
 def test_a_copy_changes_nothing_of_its_parent_and_its_result_comes_back_whole() -> None:
     code = """
-from tools.research.faults.copies import in_copies
+from tests.support.faults.copies import in_copies
 there = []
 def work(n):
     there.append(n)

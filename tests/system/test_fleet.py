@@ -26,8 +26,7 @@ from services.runtime.config.stack import Stack
 from services.runtime.node.checkpoint import VolatileCheckpoint
 from services.runtime.node.loop_stats import Instance
 from services.runtime.node.node import Node
-
-PATIENCE_S = 60.0  # never reached unless something is broken
+from tests.support.patience import PATIENCE_S, until
 
 
 def free_endpoint() -> str:
@@ -55,12 +54,11 @@ class World:
         return ZenohBus(self._exits.enter_context(connected(private, space, PATIENCE_S)))
 
     def until(self, happened: Callable[[], bool]) -> None:
-        deadline = time.monotonic() + PATIENCE_S
-        while not happened():
-            assert time.monotonic() < deadline
-            for node in self.nodes:
-                node.step()
-            time.sleep(0.005)  # Zenoh's threads bring the messages
+        until(happened, meanwhile=self._step)
+
+    def _step(self) -> None:
+        for node in self.nodes:
+            node.step()
 
 
 class Drone:

@@ -3,10 +3,12 @@
 from math import degrees
 
 import numpy as np
+import pytest
 
-from tools.research.bench.sortie import DEEP, HANDS_OFF, Sortie
+from tests.support.sortie import DEEP, HANDS_OFF, Sortie
 
 
+@pytest.mark.slow
 def test_the_heading_does_not_rest_off_and_swing_later() -> None:
     """With this seed the estimate drifts through the thrusters' dead-band."""
     sortie = Sortie([(1.0, (0.0, 0.0, 1.0, 0.5)), (8.0, HANDS_OFF)], seed=5007).until(48.0)

@@ -121,7 +121,7 @@ def test_a_busy_computer_costs_little(tmp_path: Path) -> None:
             for name, errors in dive.errors().items():
                 found[name] += errors
             assert (dive.counted("skipped:state") > 0) == (jitter is not None)
-            assert dive.counted("lost:sensor/imu") == 0
+            assert dive.counted("unusable:sensor/imu") == 0
     for found in (punctual, busy):
         assert max(map(abs, found.pop("heading at rest"))) <= STANDING
     ratios = {name: _rms(busy[name]) / _rms(punctual[name]) for name in punctual}

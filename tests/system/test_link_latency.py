@@ -117,6 +117,7 @@ class Flight:
             self._shown.put(Shown(stamp_ns=now, sensor_ns=self._drawing.sensor_ns))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("link", ["tether", "wifi_buoy", "remote"])
 def test_the_stages_add_up_to_what_truly_passes(tmp_path: Path, link: str) -> None:
     flight = Flight(tmp_path, link)
@@ -142,6 +143,7 @@ def test_the_stages_add_up_to_what_truly_passes(tmp_path: Path, link: str) -> No
         assert low <= median(medians) <= high
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("settings", "added_ms"),
     [
@@ -191,6 +193,7 @@ def test_a_link_that_is_gone_is_told_within_a_second_and_leaves_no_number(tmp_pa
     assert back[-1].sensor_to_screen_ms is not None
 
 
+@pytest.mark.slow
 def test_thinning_out_keeps_what_matters_fast_and_ends_with_the_cause(tmp_path: Path) -> None:
     text = (DEPLOY / "links" / "congested.toml").read_text(encoding="utf-8")
     full = tmp_path / "full.toml"

@@ -14,12 +14,12 @@ from messages.message import Message
 from messages.pilot import TTL_MS
 from messages.reference import Reference
 from messages.vehicle import Actuation, VehicleStatus
+from tests.support.patience import PATIENCE_S, until
 from tools import link
 from tools.recordings.recording import open_recording
 
 pytestmark = [pytest.mark.system, pytest.mark.slow]
 
-PATIENCE_S = 60.0  # never reached unless something is broken
 MS = 1_000_000  # [ns]
 SCRIPT = "t,surge,sway,heave,yaw\n" + "".join(
     f"{0.5 * k:g},{0.3 * (-1) ** k:g},0,{0.5 * (-1) ** (k // 4):g},0.3\n" for k in range(18)
@@ -44,11 +44,11 @@ def fly(folder: Path, meanwhile: Callable[[Path], None]) -> list[Message]:
             command, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT
         )
     try:
-        deadline = time.monotonic() + PATIENCE_S
-        while "has the sticks" not in screen.read_text():
+
+        def require_running() -> None:
             assert process.poll() is None, screen.read_text()
-            assert time.monotonic() < deadline, screen.read_text()
-            time.sleep(0.05)
+
+        until(lambda: "has the sticks" in screen.read_text(), screen.read_text, require_running)
         meanwhile(out)
         assert process.wait(PATIENCE_S) in (0, 3), screen.read_text()  # 3: data were lost
     finally:

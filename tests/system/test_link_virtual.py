@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 import msgspec
+import pytest
 from hypothesis import HealthCheck, Phase, event, given, settings
 from hypothesis import strategies as st
 
@@ -164,7 +165,7 @@ class Flight:
 
     def _wire_watched(self, node: Node, stack: Stack) -> None:
         def gate(topic: Topic[M], *, onlooker: bool = False) -> Gate[M]:
-            watched = Watched(topic, node.counts, node._clock_offset, onlooker=onlooker)  # pyright: ignore[reportPrivateUsage]
+            watched = Watched(topic, node.outbox, node._clock_offset, onlooker=onlooker)  # pyright: ignore[reportPrivateUsage]
             watched.book, watched.host = self.judged, self.host
             return watched
 
@@ -354,6 +355,7 @@ def test_only_fresh_whole_commands_in_order_move_anything(
     check_the_thrusters(flight)
 
 
+@pytest.mark.slow
 @flights
 @given(
     moves=sticks,

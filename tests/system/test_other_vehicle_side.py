@@ -6,13 +6,20 @@ import os
 import shutil
 import subprocess
 import sys
+from contextlib import closing
 from pathlib import Path
 
 import msgspec
 import pytest
 
+from messages import topics
 from services.runtime.config.running import RUNNING, Running
+from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.virtual_host import VirtualHost
+from tests.support.patience import PATIENCE_S
 from tools.__main__ import main
+from tools.checks import checked, pilot_of
+from tools.choices import Choices
 from tools.recordings.recording import log_hash, open_recording
 from tools.report import read_dive
 
@@ -20,7 +27,8 @@ EXAMPLE = Path(__file__).parents[2] / "examples" / "point_vehicle"
 SIDE = ("--stack", f"{EXAMPLE}/stack.toml", "--vehicle", f"{EXAMPLE}/vehicle.toml")
 QUICK = ("--set", "estimation.calibration.still_time=1")  # [s] at rest instead of ten
 SCRIPT = "t,surge,sway,heave,yaw\n0,0,0,0,0\n1,0,0,0.8,0\n4,0,0,0,0.5\n6,0,0,0,0\n8,0,0,0,0\n"
-PATIENCE_S = 60.0  # for a slow and busy computer
+FLYING = ("driver", "estimation", "reference", "control", "tether", "link_monitor")
+SECOND = 1_000_000_000  # [ns]
 
 
 @pytest.fixture
@@ -56,6 +64,24 @@ def test_the_example_dives_on_virtual_time_and_ends_cleanly(
     assert "ended cleanly" in capsys.readouterr().out
 
 
+def test_a_driver_of_a_user_that_falls_silent_is_named_to_the_pilot() -> None:
+    services = Registry.read(SIDE[1])
+    choices = Choices(stack=SIDE[1], vehicle=SIDE[3], set_=QUICK[1:])
+    stack = checked(choices, pilot_of("script:first_dive"), services)
+    with closing(VirtualHost()) as host:
+        status = host.node("test", ["topside"]).latest(topics.STATUS)
+        host.add_all(services.only({n: services[n] for n in services if n in FLYING}), stack)
+        host.run(4 * SECOND)
+        assert (before := status.newest(host.now)) is not None
+        assert "service_silent" not in before.conditions
+        host.kill("driver")
+        host.run(host.now + 4 * SECOND)
+        assert (after := status.newest(host.now)) is not None
+        assert "service_silent" in after.conditions
+        assert "a service on board does not answer (driver)" in after.note
+
+
+@pytest.mark.slow
 @pytest.mark.system
 def test_the_example_dives_as_processes_and_ends_cleanly(
     tmp_path: Path, pilot: tuple[str, str]
@@ -69,6 +95,7 @@ def test_the_example_dives_as_processes_and_ends_cleanly(
     assert (read_dive(open_recording(out)).max_depth_m or 0.0) > 0.3
 
 
+@pytest.mark.slow
 @pytest.mark.system
 def test_a_driver_that_cannot_open_its_port_ends_the_dive_with_its_own_words(
     tmp_path: Path, pilot: tuple[str, str]

@@ -16,6 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages.control import ThrusterCommand
+from messages.events import Outbox
 from messages.pilot import TTL_MS, PilotAnswer, PilotCommand, PilotRequest, RequestKind
 from messages.vehicle import VehicleStatus
 from services.marine.vehicle import Thruster
@@ -66,7 +67,7 @@ class Topside:
 
     def __init__(self, name: str, race: "Race") -> None:
         self.name, self.race = name, race
-        self.pilot = Pilot(Progress(), arms=False)
+        self.pilot = Pilot(Progress(), Outbox(), arms=False)
         self.requests = Requests[PilotRequest](name)
         self.gone_until = 0  # [ns]
         self.asked_at: list[int] = []  # [ns] by itself
@@ -105,7 +106,7 @@ class Topside:
 
     @property
     def _waiting(self) -> set[RequestKind]:
-        return {request.kind for request in self.requests.pending}
+        return {pending.request.kind for pending in self.requests.pending}
 
     def _do(self, effects: Effects) -> None:
         for request in effects.requests:
@@ -123,7 +124,7 @@ class Drone:
     def __init__(self, race: "Race") -> None:
         self.race = race
         self.authority = ControlAuthority(started_ns=0)
-        self.gate = ActuatorGate([Thruster("only", (0, 0, 0), (1, 0, 0), 99.0, 99.0)])
+        self.gate = ActuatorGate([Thruster("only", (0, 0, 0), (1, 0, 0), 99.0, 99.0)], Outbox())
         self.owners: dict[int, str] = {}  # epoch → to whom it was granted
         self.acted: list[tuple[int, str]] = []  # (epoch, pilot), each change
         self.moved = 0  # steps with thrust
@@ -231,7 +232,7 @@ class Drone:
     def status(self) -> VehicleStatus:
         now = self.race.net.now
         return VehicleStatus(
-            stamp_ns=now, mode="piloted", armed=True, pilot=self.authority.holder(now),
+            stamp_ns=now, activity="piloted", armed=True, pilot=self.authority.holder(now),
             epoch=self.authority.lease.epoch,
         )  # fmt: skip
 

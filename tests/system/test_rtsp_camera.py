@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("av")
 
 from tests.services.camera.test_foreign_cameras import gstreamer, served
-from tools.research.bench.started_dives import HAS_STICKS, PILOT, started
+from tests.support.started_dives import HAS_STICKS, PILOT, started
 
 pytestmark = [pytest.mark.system, pytest.mark.slow]
 SEEN_S = 6.0  # [s] of pictures, before and after

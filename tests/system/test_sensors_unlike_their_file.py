@@ -27,7 +27,7 @@ from services.runtime.config.stack import Stack
 from services.simulator.sensors import Sensors
 from services.simulator.settings import Settings
 from services.simulator.vessel import STEP, Vessel
-from services.simulator.waves import Waves, water_at
+from services.simulator.waves import Sea, Waves
 from services.simulator.world import at_the_surface
 from services.vehicle.mounting import place_of
 
@@ -65,7 +65,7 @@ def dive() -> tuple[Now, ...]:
     hull = Vessel(PIONEER, SEA, world.state, world.thrust)
     found = list[Now]()
     for n in range(round(LEGS[-1][0] / STEP)):
-        hull.drive(next(thrust for until, thrust in LEGS if n * STEP < until))
+        hull.propulsion.drive(next(thrust for until, thrust in LEGS if n * STEP < until))
         hull.advance(STEP)
         v, nu = hull.through_water, hull.acceleration
         found.append(Now((n + 1) * STEP_NS, hull.position, hull.attitude, v, nu))
@@ -116,7 +116,7 @@ def row(
 def one(
     seed: int, place: Settings, told: EstimationSettings, waves: Waves | None, real: Mounting
 ) -> Row:
-    of = Sensors(place, seed, real)
+    of, sea = Sensors(place, seed, real), None if waves is None else Sea(waves, seed)
     estimator = Estimator(told, PIONEER.floating_depth, vehicle=PIONEER)
     every, found = round(1.0 / (STEP * place.imu_rate)), Row({}, {}, Counter())
     next_pressure_s = 0.0
@@ -125,8 +125,8 @@ def one(
             next_pressure_s += 1.0 / place.pressure_rate
             rise = 0.0
             at = place_of(real.pressure.position, now.position, now.attitude)
-            if waves is not None:
-                rise = water_at(waves, now.stamp_ns * 1e-9, at).rise
+            if sea is not None:
+                rise = sea.at(now.stamp_ns * 1e-9, at).rise
             estimator.pressure(of.pressure(now.stamp_ns, at[2], rise))
         if n % every:
             continue
@@ -135,7 +135,7 @@ def one(
         state = estimator.imu(sample, now.stamp_ns)
         if state is not None and state.phase == "running":
             compare(state, now, found)
-    found.events.update(estimator.events)
+    found.events.update(estimator.outbox.counts)
     return found
 
 
@@ -172,6 +172,7 @@ ROLLED = rotated((1.0, 0.0, 0.0), (0.0, 0.9962, -0.0872), (0.0, 0.0872, 0.9962))
 PITCHED = rotated((0.9986, 0.0, 0.0523), (0.0, 1.0, 0.0), (-0.0523, 0.0, 0.9986))  # by 3°
 
 
+@pytest.mark.slow
 def test_spreads_are_honest_where_the_file_is_right() -> None:
     found = row(8)
     for part in ("yaw rate", "roll", "pitch", "north", "depth", "rate"):
@@ -181,6 +182,7 @@ def test_spreads_are_honest_where_the_file_is_right() -> None:
     assert found.events[INCONSISTENT] == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hz", [50.0, 200.0])
 def test_a_slower_or_faster_imu_is_as_good(hz: float) -> None:
     found = row(2, imu_rate=hz)
@@ -197,6 +199,7 @@ def test_pressure_at_10_hz_is_worse_by_what_the_spread_says() -> None:
     assert found.events[INCONSISTENT] == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("late", "worst"), [(0.03, 0.020), (0.1, 0.045)])
 def test_a_wrong_latency_is_seen_in_the_innovations(late: float, worst: float) -> None:
     found = row(5, says={"pressure_latency": late})
@@ -237,7 +240,7 @@ def test_a_turned_imu_that_the_file_does_not_say_costs_the_compass_its_trust(
 
 
 def test_waves_at_the_sensor_alone_are_in_the_spread_and_told() -> None:
-    found = row(3, waves=Waves(height=0.3, period=4.0, begins=12.0))
+    found = row(3, waves=Waves(height=0.3, period=4.0, lines=1, begins=12.0))
     assert 0.03 < found.rms("depth") < 0.07
     assert found.nees("depth") < 1.5  # 10 by the filter's own spread
     assert found.nees("rate") < 1.5

@@ -3,7 +3,7 @@ left to be judged."""
 
 import numpy as np
 
-from tools.research.bench.sortie import DEEP, HANDS_OFF, Sortie, SortieRow
+from tests.support.sortie import DEEP, HANDS_OFF, Sortie, SortieRow
 
 CLEAN = (  # not zero: a sensor without any noise counts as frozen
     "simulator.pressure_std=10",

@@ -125,14 +125,6 @@ def test_errors_are_small_and_no_larger_than_the_state_says(tmp_path: Path, seed
     assert found["rate"].rms > 0.3 * float(np.mean(found["rate"].std))
 
 
-def test_so_they_are_with_the_observer_that_hears_the_reference(tmp_path: Path) -> None:
-    depth = "estimation.depth"
-    found = flown(tmp_path, 0, f'{depth}.observer="reference"', f"{depth}.motion_noise=0.5")
-    for name in ("depth", "rate", "control"):
-        assert found[name].within_four >= 0.99, name
-    assert found["depth"].rms <= 0.03
-
-
 def rolled_and_pitched(roll: float, pitch: float) -> list[list[float]]:
     """R_BS of a sensor turned by pitch, then by roll [rad], as a person writes it: three digits."""
     cr, sr, cp, sp = cos(roll), sin(roll), cos(pitch), sin(pitch)
@@ -140,6 +132,7 @@ def rolled_and_pitched(roll: float, pitch: float) -> list[list[float]]:
     return [[round(part, 4) for part in row] for row in matrix]
 
 
+@pytest.mark.slow
 def test_a_mounted_imu_is_as_good_as_one_at_the_origin(tmp_path: Path) -> None:
     at_origin = flown(tmp_path, 0)
     mounted = flown(
@@ -162,6 +155,7 @@ ARMS = (
 )
 
 
+@pytest.mark.slow
 def test_the_other_sensors_may_be_mounted_as_well(tmp_path: Path) -> None:
     """Unsaid, these mountings put the position 1.5 m and the velocity 0.2 m/s off."""
     states, truth = sailed(

@@ -6,8 +6,7 @@ import signal
 import socket
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
@@ -19,10 +18,10 @@ from messages.vehicle import VehicleStatus
 from services.runtime.bus.spaces import namespace
 from services.runtime.bus.zenoh_bus import connected
 from services.runtime.config.running import RUNNING, Running
+from tests.support.patience import PATIENCE_S, until
 
 pytestmark = pytest.mark.system
 
-PATIENCE_S = 60.0  # never reached unless something is broken
 QUICK = ("--set", "estimation.calibration.still_time=3")  # [s] less to wait for
 REST = "t,surge,sway,heave,yaw\n0,0,0,0,0\n300,0,0,0,0\n"
 DIVE = "t,surge,sway,heave,yaw\n0,0,0,1,0\n300,0,0,0,0\n"  # what must not be flown unasked
@@ -59,13 +58,6 @@ def asked(folder: Path, *words: str) -> str:
     return (done.stdout + done.stderr).strip()
 
 
-def until(happens: Callable[[], bool], what: Callable[[], object]) -> None:
-    deadline = time.monotonic() + PATIENCE_S
-    while not happens():
-        assert time.monotonic() < deadline, what()
-        time.sleep(0.05)  # other processes do it, and nothing announces it
-
-
 class Statuses:
     """An ear on the drone's own hub."""
 
@@ -88,6 +80,7 @@ class Statuses:
         return bool(self.all) and (self.all[-1].pilot, self.all[-1].armed) == (pilot, armed)
 
 
+@pytest.mark.slow
 def test_of_two_topsides_exactly_one_flies(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as free:
         endpoint = f"tcp/127.0.0.1:{free.getsockname()[1]}"

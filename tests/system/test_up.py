@@ -7,7 +7,6 @@ import signal
 import socket
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Generator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -21,13 +20,13 @@ from messages import topics
 from messages.health import LogLine
 from messages.link import Clock
 from services.runtime.config.running import RUNNING, Running
+from tests.support.patience import PATIENCE_S, until
 from tools.__main__ import main
 from tools.fleet.names import own_name
 from tools.recordings.recording import is_whole, open_recording
 
 pytestmark = pytest.mark.system
 
-PATIENCE_S = 60.0  # never reached unless something is broken
 QUICK = ("--set", "estimation.calibration.still_time=3")  # [s] less to wait for
 SCRIPT = "t,surge,sway,heave,yaw\n0,0,0,0,0\n0.5,0,0,0.8,0\n2,0,0,0,0\n4,0,0,0,0\n"
 A_DAY_AHEAD = ("unshare", "--time", "--monotonic", "86400")  # [s] as another machine's clock is
@@ -67,11 +66,10 @@ class Side:
         return running.pids.get(name)
 
     def until(self, events: Callable[[], bool]) -> None:
-        deadline = time.monotonic() + PATIENCE_S
-        while not events():
-            assert self.process.poll() is None, self.said
-            assert time.monotonic() < deadline, self.said
-            time.sleep(0.05)  # other processes do it, and nothing announces it
+        until(events, lambda: self.said, self._require_running)
+
+    def _require_running(self) -> None:
+        assert self.process.poll() is None, self.said
 
     def kill(self, name: str) -> None:
         """… and wait until it is there again."""
@@ -120,6 +118,7 @@ def grown(file: Path, sizes: set[int]) -> set[int]:
     return sizes
 
 
+@pytest.mark.slow
 def test_the_drone_reports_on_a_dive_whose_pilot_has_another_clock(tmp_path: Path):
     script = tmp_path / "script.csv"
     script.write_text(SCRIPT)
@@ -170,6 +169,7 @@ def require_one_clock_in_each_recording(drone: Path, topside: Path) -> None:
     assert {topics.STATE.key, topics.PREDICTION.key} <= heard
 
 
+@pytest.mark.slow
 def test_a_drone_whose_recorder_died_says_that_its_recording_has_a_gap(tmp_path: Path):
     with drone_alone(tmp_path / "drone") as drone:
         drone.kill("recorder")
@@ -180,6 +180,7 @@ def test_a_drone_whose_recorder_died_says_that_its_recording_has_a_gap(tmp_path:
     assert "the topside was never heard" in drone.said
 
 
+@pytest.mark.slow
 def test_a_report_that_fails_costs_the_exit_status_but_not_the_recording(tmp_path: Path):
     with drone_alone(tmp_path / "drone") as drone:
         (drone.out / "report.json").mkdir()
@@ -192,6 +193,7 @@ def test_a_report_that_fails_costs_the_exit_status_but_not_the_recording(tmp_pat
     assert topics.IMU.key in {entry.key for entry in open_recording(drone.out)}
 
 
+@pytest.mark.slow
 def test_the_topside_says_what_was_restarted_and_where_the_report_is(tmp_path: Path):
     # A pad that is not plugged in: no script that would end, no window that needs a display.
     with side(
@@ -210,6 +212,7 @@ def test_the_topside_says_what_was_restarted_and_where_the_report_is(tmp_path: P
     assert is_whole(topside.out / "dive.mcap")
 
 
+@pytest.mark.slow
 def test_a_drone_without_keys_says_so_from_its_start_to_its_summary(tmp_path: Path):
     endpoint = free_endpoint()
     with side(tmp_path / "drone", "drone", "--listen", endpoint, "--insecure") as drone:
@@ -227,6 +230,7 @@ def test_a_drone_without_keys_says_so_from_its_start_to_its_summary(tmp_path: Pa
     assert any(isinstance(m, LogLine) and m.text.startswith("INSECURE") for m in logged)
 
 
+@pytest.mark.slow
 def test_who_is_not_on_the_drones_list_is_not_heard_and_is_named_in_its_log(tmp_path: Path):
     keys = tmp_path / "keys"
     assert main(["keys", "new", "--keys", str(keys)]) == 0
@@ -252,6 +256,7 @@ def learnt_at(drone: Side) -> int:
     return json.loads((drone.out / "checkpoints" / "estimation.json").read_bytes())["stamp_ns"]
 
 
+@pytest.mark.slow
 def test_a_drone_whose_supervisor_was_killed_goes_on_and_one_that_was_ended_calibrates(
     tmp_path: Path,
 ):
@@ -262,10 +267,7 @@ def test_a_drone_whose_supervisor_was_killed_goes_on_and_one_that_was_ended_cali
         pids = msgspec.json.decode((first.out / RUNNING).read_bytes(), type=Running).pids.values()
         first.process.kill()
         first.process.wait(PATIENCE_S)
-    deadline = time.monotonic() + PATIENCE_S
-    while any(Path(f"/proc/{pid}").exists() for pid in pids):
-        assert time.monotonic() < deadline
-        time.sleep(0.05)  # the services notice by themselves
+    until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in pids))
     with side(tmp_path / "second", "drone", "--listen", endpoint) as second:
         before = learnt_at(first)
         second.until(lambda: second.pid("recorder") is not None)

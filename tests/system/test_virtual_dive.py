@@ -136,6 +136,7 @@ def test_the_same_seed_gives_the_same_bytes_and_another_seed_others(tmp_path: Pa
     assert digest(1) != digest(2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CHAIN)
 def test_any_service_may_die_in_mid_dive_and_come_back(tmp_path: Path, name: str) -> None:
     script = "0,0,0,0,0\n1,0,0,0.6,0\n5,0,0,0,0\n60,0,0,0,0"

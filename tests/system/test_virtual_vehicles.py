@@ -5,7 +5,7 @@ from math import radians
 import pytest
 
 from messages.simulator import FaultKind
-from tools.research.bench.goal_runs import (
+from tests.support.goal_runs import (
     DVL,
     NEAR_FLOOR,
     buoyancy_step,
@@ -16,7 +16,7 @@ from tools.research.bench.goal_runs import (
     place_held,
     releases,
 )
-from tools.research.bench.sortie import HANDS_OFF, Sortie
+from tests.support.sortie import HANDS_OFF, Sortie
 
 VEHICLES = ("pioneer", "bluerov2_heavy", "minerva")
 
@@ -35,6 +35,7 @@ def test_every_vehicle_dives_stops_and_holds(vehicle: str) -> None:
     assert not any("not_finite" in name for name in sortie.counts)
 
 
+@pytest.mark.slow
 def test_heave_and_yaw_stop_without_bounce_or_overshoot() -> None:
     alone = [r for r in releases(0, 40.0) if r.horizontal == "centred"]
     assert {r.axis for r in alone} == {"heave", "yaw"}
@@ -42,11 +43,13 @@ def test_heave_and_yaw_stop_without_bounce_or_overshoot() -> None:
     assert max(r.overshoot for r in alone if r.axis == "yaw") < radians(1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("force", [-10.0, 10.0])
 def test_a_weight_that_drops_moves_it_no_further_than_5_cm(force: float) -> None:
     assert buoyancy_step(0, force) < 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("vehicle", VEHICLES)
 def test_from_the_sea_floor_it_does_not_jump(vehicle: str) -> None:
     push = floor_push(vehicle, 0)
@@ -54,6 +57,7 @@ def test_from_the_sea_floor_it_does_not_jump(vehicle: str) -> None:
     assert push.unsaturated < 1.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("vehicle", ["pioneer", "minerva"])
 def test_modes_change_without_a_bump(vehicle: str) -> None:
     bump = mode_changes(vehicle, seed=0, changes=3)
@@ -76,6 +80,7 @@ def test_a_bluerov_with_a_dvl_keeps_its_place_as_long_as_it_has_the_thrust() -> 
     assert held.place < 0.3
 
 
+@pytest.mark.slow
 def test_a_dead_thruster_costs_neither_depth_nor_heading() -> None:
     away = dead_thruster("vertical_aft_port", 0)
     assert away.depth < 0.05
@@ -91,6 +96,7 @@ LOST: list[tuple[str, FaultKind, float]] = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("part", "fault", "most"), LOST)
 def test_a_lost_sensor_makes_no_wild_thrust(part: str, fault: FaultKind, most: float) -> None:
     assert lost_sensor(part, fault, 0) < most

@@ -20,26 +20,28 @@ WRONG = {
     "in_g": (
         FORCE, f"{FORCE[:-5]}tuple(f / 9.81 for f in force)", "wrong_unit:sensor/imu",
         "the IMU reads a specific force of 1 m/s², allowed are 3 to 30: its driver must say m/s²",
-        "did not fit its unit (sensor/imu)",
+        "do not fit its unit (sensor/imu)",
     ),
     "upside_down": (
         FORCE, f"{FORCE[:-5]}(force[0], -force[1], -force[2])", "upside_down:sensor/imu",
         "check [vehicle.mounting.imu] in the vehicle file and the sign of the IMU's z axis",
-        "the IMU read as if the drone lay upside down",
+        "the IMU reads as if the drone lay upside down",
     ),
     "late": (
         STAMP, f"{STAMP} - 5_000_000_000", "old_stamps:sensor/imu",
         "samples of the IMU are 5 s old when they arrive, allowed are 0.2 s",
-        "too old when they arrived (sensor/imu)",
+        "too old when they arrive (sensor/imu)",
     ),
     "ahead": (
         STAMP, f"{STAMP} + 5_000_000_000", "unusable:sensor/imu",
-        "no sample of the IMU can be used: a message had a time stamp in the future (sensor/imu)",
+        "the IMU cannot be used: no attitude and heading, depth from pressure alone; a message had "
+        "a time stamp in the future (sensor/imu)",
         "no usable samples of its IMU",
     ),
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mistake", WRONG)
 def test_a_vehicle_with_a_wrong_driver_stays_disarmed_and_says_why(
     tmp_path: Path, mistake: str, capsys: pytest.CaptureFixture[str]

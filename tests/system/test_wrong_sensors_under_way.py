@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages.simulator import FaultKind
-from tools.research.bench.sortie import DEEP, HANDS_OFF, Sortie
+from tests.support.sortie import DEEP, HANDS_OFF, Sortie
 
 AT = 12.0  # [s] after arming, at rest at 2 m
 DOWN = [(1.0, (0.0, 0.0, 1.0, 0.0)), (5.5, HANDS_OFF)]
@@ -41,6 +41,7 @@ def fly(part: str, fault: FaultKind, value: float | None, seconds: float) -> Fli
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bias", [0.02, -0.1])
 def test_a_step_of_the_gyroscopes_bias_is_found_and_learnt(bias: float) -> None:
     flight = fly("sensor/imu", "biased", bias, 32.0)
@@ -59,6 +60,7 @@ def test_a_step_of_the_gyroscopes_bias_is_found_and_learnt(bias: float) -> None:
     assert flight.sortie.status.note == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bias", [0.5, -1.0])
 def test_a_large_step_of_the_gyroscopes_bias_does_not_move_it(bias: float) -> None:
     flight = fly("sensor/imu", "biased", bias, 6.0)
@@ -68,6 +70,7 @@ def test_a_large_step_of_the_gyroscopes_bias_does_not_move_it(bias: float) -> No
     assert flight.counts["outlier:sensor/pressure"] == 0
 
 
+@pytest.mark.slow
 @settings(max_examples=3, deadline=None)
 @given(bias=st.floats(-0.2, 0.2))
 def test_whatever_the_step_it_does_not_run_away(bias: float) -> None:
@@ -77,6 +80,7 @@ def test_whatever_the_step_it_does_not_run_away(bias: float) -> None:
     assert abs(flight.error) < 0.3
 
 
+@pytest.mark.slow
 def test_after_a_gyroscopes_fault_is_mended_it_does_not_turn() -> None:
     flight = fly("sensor/imu", "biased", 0.5, 6.0)
     flight.sortie.set_faults("sensor/imu", "none")
@@ -87,6 +91,7 @@ def test_after_a_gyroscopes_fault_is_mended_it_does_not_turn() -> None:
     assert flight.sortie.wrenches[-1].heading_integral == pytest.approx(0.0, abs=0.3)
 
 
+@pytest.mark.slow
 def test_a_frozen_pressure_sensor_does_not_drive_it_up_or_down() -> None:
     moving = [(AT, (0.0, 0.0, 0.3, 0.0)), (AT + 4.0, HANDS_OFF)]
     sortie = Sortie([*DOWN, *moving], overrides=(DEEP,)).until(AT)
@@ -103,21 +108,28 @@ def test_a_frozen_pressure_sensor_does_not_drive_it_up_or_down() -> None:
     assert sortie.counts["unheld:depth"] == 1
 
 
-UNUSABLE: list[tuple[FaultKind, float | None]] = [
-    ("silent", None),
-    ("noisy", 200.0),
-]
+@pytest.mark.slow
+def test_a_very_noisy_imu_is_believed_less_and_flown_with() -> None:
+    """3 m/s² and 0.2 rad/s from sample to sample."""
+    flight = fly("sensor/imu", "noisy", 200.0, 10.0)
+    assert flight.away < 0.3
+    assert flight.apart < 0.15
+    assert flight.counts["noisy:sensor/imu"] == 1
+    assert flight.counts["unusable:sensor/imu"] == 0
+    state, truth = flight.sortie.states[-1], flight.sortie.truth[-1]
+    assert state.roll.valid
+    assert abs(state.roll.value - truth.roll) < 3.0 * state.roll.std
+    assert flight.sortie.status is not None
+    assert flight.sortie.status.failsafe == "none"
 
 
-@pytest.mark.parametrize(("fault", "value"), UNUSABLE)
-def test_an_imu_that_cannot_be_used_is_said_for_as_long_as_it_lasts(
-    fault: FaultKind, value: float | None
-) -> None:
-    flight = fly("sensor/imu", fault, value, 6.0)
+@pytest.mark.slow
+def test_an_imu_that_is_silent_is_said_for_as_long_as_it_lasts() -> None:
+    flight = fly("sensor/imu", "silent", None, 6.0)
     assert flight.away < 0.3
     assert flight.speed < 0.35
     assert abs(flight.error) < 0.1
-    assert flight.counts["lost:sensor/imu"] == flight.counts["unheld:heading"] == 1
+    assert flight.counts["unusable:sensor/imu"] == flight.counts["unheld:heading"] == 1
     for state in flight.sortie.states[-400:]:
         assert state.depth.valid
         assert not any(part.valid for part in (state.heading, state.roll, state.yaw_rate))
@@ -132,10 +144,11 @@ def test_an_imu_that_cannot_be_used_is_said_for_as_long_as_it_lasts(
     assert "imu_lost" not in flight.sortie.status.conditions
 
 
+@pytest.mark.slow
 def test_without_pressure_it_drifts_slowly_and_says_so() -> None:
     flight = fly("sensor/pressure", "silent", None, 15.0)
     assert flight.speed < 0.15
-    assert flight.counts["lost:sensor/pressure"] == flight.counts["unheld:depth"] == 1
+    assert flight.counts["unusable:sensor/pressure"] == flight.counts["unheld:depth"] == 1
     assert flight.sortie.status is not None
     assert flight.sortie.status.note == "the depth is not known and not held"
     flight.sortie.set_faults("sensor/pressure", "none")
@@ -156,6 +169,7 @@ def test_a_jump_of_the_pressure_moves_the_held_depth_and_not_the_vehicle(step: f
     assert flight.counts["clamped:reference.depth"] == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("services", [["estimation"], ["estimation", "reference", "control"]])
 def test_a_surface_that_is_only_assumed_has_an_honest_spread(services: list[str]) -> None:
     sticks = [(1.0, (0.0, 0.0, 0.5, 0.0)), (3.0, HANDS_OFF)]

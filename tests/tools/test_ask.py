@@ -6,7 +6,6 @@ import os
 import re
 import subprocess
 import sys
-import time
 from collections.abc import Generator
 from contextlib import contextmanager
 from itertools import pairwise
@@ -19,19 +18,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages import topics
-from messages.pilot import Hold, PilotAnswer, PilotCommand, PilotRequest, StopDistance
+from messages.pilot import FlightMode, PilotAnswer, PilotCommand, PilotRequest, StopDistance
 from messages.vehicle import VehicleStatus
 from services.gamepad.io.path_file import PathFile as FollowedFile
 from services.runtime.config.errors import LindyError
 from services.runtime.config.running import RUNNING, Running
 from services.runtime.hosts.virtual_host import VirtualHost
+from tests.support.patience import PATIENCE_S, until
 from tools.ask import ask, dive_in, for_the_pilot, in_json, in_words, wanted_of
 from tools.live.asking import OneRequest
 from tools.path import PlannedPathFile
 
 S = 1_000_000_000  # [ns]
-GIVEN: dict[str, Any] = dict.fromkeys(("hold", "depth", "heading", "path", "value", "force", "to"))
-PATIENCE_S = 60.0  # never reached unless something is broken
+GIVEN: dict[str, Any] = dict.fromkeys(("name", "depth", "heading", "path", "value", "force", "to"))
 
 
 def wanted(kind: Any, **more: Any) -> PilotRequest:
@@ -69,14 +68,14 @@ def test_a_followed_path_is_asked_whole():
     assert course.kind == "interpolating"
 
 
-@pytest.mark.parametrize("hold", get_args(Hold))
+@pytest.mark.parametrize("hold", get_args(FlightMode))
 def test_every_mode_can_be_asked_for_and_reaches_the_drone(hold: str):
     host = VirtualHost()
     drone = Drone(host, 1)
-    wanted = wanted_of("mode", **GIVEN | {"hold": hold})
+    wanted = wanted_of("mode", **GIVEN | {"name": hold})
     asking = asking_for(host, wanted)
     host.run(10 * S, lambda: asking.answer is not None)
-    assert [(r.kind, r.hold) for r in drone.heard] == [("mode", hold)]
+    assert [(r.kind, r.flight_mode) for r in drone.heard] == [("mode", hold)]
 
 
 def test_a_path_file_may_have_every_key_that_lindy_path_knows():
@@ -100,10 +99,10 @@ def test_a_path_file_may_have_every_key_that_lindy_path_knows():
         ("follow", {}, "follow needs --path"),
         ("follow", {"path": "inspection_bix"}, "did you mean 'inspection_box'?"),
         ("follow", {"path": "fernandes"}, "only a path with model = 'mjvr'"),
-        ("mode", {}, "mode needs what to hold: manual, depth_hold"),
-        ("mode", {"hold": "stabilized"}, "did you mean 'stabilised'?"),
-        ("mode", {"hold": "manual", "depth": 1.0}, "mode takes no --depth"),
-        ("stop", {"hold": "manual"}, "stop takes no second word, found 'manual'"),
+        ("mode", {}, "mode needs its name: manual, depth_hold"),
+        ("mode", {"name": "stabilized"}, "did you mean 'stabilised'?"),
+        ("mode", {"name": "manual", "depth": 1.0}, "mode takes no --depth"),
+        ("stop", {"name": "manual"}, "stop takes no second word, found 'manual'"),
         ("stop", {"force": True}, "stop takes no --force"),
         ("take", {"to": "bob"}, "take takes no --to"),
         ("offer", {"to": 129 * "b"}, "--to has 129 letters, expected at most 128"),
@@ -223,7 +222,7 @@ class Drone:
         node.every(
             topics.STATUS.hz,
             lambda now: status.put(
-                VehicleStatus(stamp_ns=now, mode="piloted", armed=True, epoch=epoch)
+                VehicleStatus(stamp_ns=now, activity="piloted", armed=True, epoch=epoch)
             ),
         )
 
@@ -343,11 +342,11 @@ def dive(folder: Path) -> Generator[Path]:
             stderr=subprocess.STDOUT,
         )
     try:
-        deadline = time.monotonic() + PATIENCE_S
-        while "has the sticks" not in log.read_text():
+
+        def require_running() -> None:
             assert process.poll() is None, log.read_text()
-            assert time.monotonic() < deadline, log.read_text()
-            time.sleep(0.05)
+
+        until(lambda: "has the sticks" in log.read_text(), log.read_text, require_running)
         yield out
     finally:
         process.terminate()
@@ -362,6 +361,7 @@ def still_goes(out: Path, heading: float, capsys: pytest.CaptureFixture[str]) ->
     return json.loads(capsys.readouterr().out)["stop"]["seconds"] > 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.system
 def test_a_real_drone_answers(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     with dive(tmp_path) as out:

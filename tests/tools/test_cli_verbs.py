@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from inspect import getdoc
 from pathlib import Path
 
 import msgspec
@@ -11,7 +12,7 @@ import pytest
 
 from services.runtime.bus.endpoint import checked_endpoint
 from services.runtime.config.running import RUNNING, Running
-from tools.__main__ import main
+from tools.__main__ import LOG, VERBS, function_of, main
 from tools.live import pads
 
 GOOD = "t,surge,sway,heave,yaw\n0,0,0,0,0\n1,0,0,0.5,0\n2,0,0,0,0\n"
@@ -205,16 +206,65 @@ def test_there_is_a_pad_only_when_sdl_says_so(
     assert pads.pad_is_there() is there
 
 
-@pytest.mark.parametrize("verb", ["dive", "simulate", "sweep", "run", "hub"])
-def test_every_verb_has_help_with_an_example(capsys: pytest.CaptureFixture[str], verb: str):
-    assert main([verb, "--help"]) == 0
-    assert f"Example: lindy {verb} " in capsys.readouterr().out
+WITH_VERBS_OF_THEIR_OWN = {"calibrate", "identify", "keys", "link"}
+ALONE = [name for name in VERBS if name not in WITH_VERBS_OF_THEIR_OWN | {"log"}]
+WORDS = [(name,) for name in ALONE] + [("log", name) for name in LOG]
 
 
-def test_the_command_answers_without_loading_what_only_a_dive_needs():
+@pytest.mark.parametrize("words", WORDS)
+def test_every_verb_has_help_with_an_example(
+    capsys: pytest.CaptureFixture[str], words: tuple[str, ...]
+):
+    assert main([*words, "--help"]) == 0
+    said = capsys.readouterr().out
+    assert f"Usage: lindy {' '.join(words)} " in said
+    assert f"lindy {' '.join(words)} " in said[said.index("Example: ") :]
+
+
+@pytest.mark.parametrize("name", sorted(WITH_VERBS_OF_THEIR_OWN))
+def test_every_verb_of_a_verb_has_help_with_an_example(
+    capsys: pytest.CaptureFixture[str], name: str
+):
+    app = function_of(name, VERBS[name].place)
+    assert app.help == VERBS[name].help
+    for word in (word for word in app if not word.startswith("-")):
+        assert main([name, word, "--help"]) == 0
+        assert f"lindy {name} {word}" in capsys.readouterr().out.partition("Example: ")[2]
+
+
+@pytest.mark.parametrize("words", WORDS)
+def test_the_list_of_verbs_says_of_each_what_its_own_help_says(words: tuple[str, ...]):
+    verb = VERBS[words[0]] if len(words) == 1 else LOG[words[1]]
+    docstring = getdoc(function_of(words[-1], verb.place))
+    assert docstring is not None
+    assert docstring.splitlines()[0] == verb.help
+
+
+def test_the_lists_of_verbs_fit_on_a_terminal(capsys: pytest.CaptureFixture[str]):
+    for words, verbs in ((["--help"], VERBS), (["log", "--help"], LOG)):
+        assert main(words) == 0
+        said = capsys.readouterr().out
+        assert max(map(len, said.splitlines())) <= 80
+        assert all(f"  {name} " in said for name in verbs)
+
+
+@pytest.mark.parametrize("words", [[], ["--help"], ["-h"], ["log"], ["diev"], ["log", "cot"]])
+def test_help_and_a_mistyped_verb_load_next_to_nothing(words: list[str]):
     code = (
-        "import sys, tools.__main__ as m; m.main(['--help']);"
-        "print([n for n in ('zenoh', 'numpy', 'pygame', 'rerun', 'mcap') if n in sys.modules])"
+        f"import sys; before = {{*sys.modules}}; import tools.__main__ as m; m.main({words!r});"
+        "print({name.partition('.')[0] for name in {*sys.modules} - before}"
+        " - sys.stdlib_module_names)"
+    )
+    answer = subprocess.run(
+        [sys.executable, "-P", "-c", code], capture_output=True, text=True, check=True
+    )
+    assert answer.stdout.splitlines()[-1] in ("{'services', 'tools'}", "{'tools', 'services'}")
+
+
+def test_one_verb_does_not_load_another():
+    code = (
+        "import sys, tools.__main__ as m; m.main(['ramp', '--help']);"
+        "print([n for n in ('zenoh', 'pygame', 'rerun', 'mcap') if n in sys.modules])"
     )
     answer = subprocess.run(
         [sys.executable, "-P", "-c", code], capture_output=True, text=True, check=True

@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[2]
 BEGINNING = """
 import sys, time
 sys.path.insert(0, {root!r})
-from tools.entry import main
+from tools.__main__ import main
 class Slow:
     def find_spec(self, name, path=None, target=None):
         if name == {module!r}:
@@ -23,10 +23,10 @@ sys.exit(main())
 """
 
 
-@pytest.mark.parametrize("module", ["cyclopts", "msgspec", "tools.gains", "tools.sweep.command"])
+@pytest.mark.parametrize("module", ["cyclopts", "msgspec", "tools.gains", "tools.tuning.lq"])
 def test_an_early_ctrl_c_is_one_sentence(module: str):
     lindy = subprocess.Popen(
-        [sys.executable, "-P", "-c", BEGINNING.format(root=str(ROOT), module=module), "--help"],
+        [sys.executable, "-P", "-c", BEGINNING.format(root=str(ROOT), module=module), "gains"],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         # Tests that were started in the background have inherited that it is ignored.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
@@ -40,7 +40,7 @@ def test_an_early_ctrl_c_is_one_sentence(module: str):
 
 def test_who_started_it_may_have_it_ignore_ctrl_c():
     lindy = subprocess.Popen(
-        [sys.executable, "-P", "-c", BEGINNING.format(root=str(ROOT), module="cyclopts"), "--help"],
+        [sys.executable, "-P", "-c", BEGINNING.format(root=str(ROOT), module="cyclopts"), "gains"],
         stdout=subprocess.PIPE,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN),
     )

@@ -192,7 +192,7 @@ STILL_40 = imu(40)  # at rest for 40 s
 
 
 def status(seconds: float, *, armed: bool) -> VehicleStatus:
-    return VehicleStatus(stamp_ns=round(seconds * 1e9), mode="ready", armed=armed)
+    return VehicleStatus(stamp_ns=round(seconds * 1e9), activity="ready", armed=armed)
 
 
 @pytest.mark.parametrize("sentence", ["was armed after 5.0 s", "up drone --out", "5.0 s, noise"])
@@ -244,6 +244,7 @@ def samples_of(messages: list[Message]) -> RestingSamples:
     return RestingSamples(found[:, 0], found[:, 1:])
 
 
+@pytest.mark.slow
 def test_the_drone_s_side_alone_makes_such_a_recording(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):

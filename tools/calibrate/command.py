@@ -2,20 +2,27 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from cyclopts import App, Parameter
 
+from services.marine.vehicle import Vehicle
 from services.runtime.config.errors import LindyError
-from tools.choices import named
-
-if TYPE_CHECKING:  # a mistyped command answers at once
-    from services.marine.vehicle import Vehicle
-    from tools.calibrate.guide import CalibrationGuide
+from tools.ask import dive_in
+from tools.calibrate.accelerometer import AccelerometerGuide
+from tools.calibrate.compass import CompassGuide
+from tools.calibrate.guide import CalibrationGuide, replay
+from tools.calibrate.gyroscope import GyroscopeGuide
+from tools.calibrate.live import guide_live
+from tools.calibrate.pressure import PressureGuide
+from tools.calibrate.vehicle_file import read_vehicle, table, vehicle_in, with_settings
+from tools.choices import RunningDive, named
+from tools.fresh import refuse_existing, write_fresh
+from tools.recordings.recording import open_recording
 
 calibrate = App(
     name="calibrate",
-    help="Find the errors of a vehicle's sensors, on the bench or in the water.",
+    help="Find the errors of a vehicle's sensors.",
 )
 
 RecordingArgument = Annotated[
@@ -28,9 +35,6 @@ FileOption = Annotated[
     str | None,
     Parameter(help="file to begin from; default: that in the recording, or of the running drone"),
 ]
-DiveOption = Annotated[
-    Path | None, Parameter(help="folder of the running drone; default: the newest")
-]
 
 
 @calibrate.command
@@ -40,7 +44,7 @@ def gyroscope(
     *,
     out: NewFileOption = None,
     vehicle: FileOption = None,
-    dive: DiveOption = None,
+    dive: RunningDive = None,
 ) -> int:
     """Bias and noise of the gyroscope, of a vehicle that lies still for half a minute.
 
@@ -49,8 +53,6 @@ def gyroscope(
     Example: lindy up drone --out dives/on_the_bench
              lindy calibrate gyroscope --dive dives/on_the_bench --out mine.toml
     """
-    from tools.calibrate.gyroscope import GyroscopeGuide
-
     return _calibrate(lambda _: GyroscopeGuide(), recording, out, vehicle, dive)
 
 
@@ -61,14 +63,12 @@ def accelerometer(
     *,
     out: NewFileOption = None,
     vehicle: FileOption = None,
-    dive: DiveOption = None,
+    dive: RunningDive = None,
 ) -> int:
     """Bias and scale of the accelerometer, of a vehicle laid on each of its six sides for 5 s.
 
     Example: lindy calibrate accelerometer --dive dives/on_the_bench --out mine.toml
     """
-    from tools.calibrate.accelerometer import AccelerometerGuide
-
     return _calibrate(lambda _: AccelerometerGuide(), recording, out, vehicle, dive)
 
 
@@ -79,14 +79,12 @@ def compass(
     *,
     out: NewFileOption = None,
     vehicle: FileOption = None,
-    dive: DiveOption = None,
+    dive: RunningDive = None,
 ) -> int:
     """Hard and soft iron around the magnetometer, of a vehicle turned through all headings.
 
     Example: lindy calibrate compass dives/latest --out mine.toml
     """
-    from tools.calibrate.compass import CompassGuide
-
     return _calibrate(lambda v: CompassGuide(v.mounting), recording, out, vehicle, dive)
 
 
@@ -100,21 +98,19 @@ def pressure(
     ],
     out: NewFileOption = None,
     vehicle: FileOption = None,
-    dive: DiveOption = None,
+    dive: RunningDive = None,
 ) -> int:
     """Offset of the pressure sensor, in the air.
 
     Example: lindy calibrate pressure --atmosphere 1009.4 --dive dives/on_the_bench
     """
-    from tools.calibrate.pressure import PressureGuide
-
     if not 500.0 <= atmosphere <= 1200.0:
         raise LindyError(f"--atmosphere is {atmosphere:g}, expected 500 to 1200 hPa")
     return _calibrate(lambda _: PressureGuide(100.0 * atmosphere), recording, out, vehicle, dive)
 
 
 def _calibrate(
-    guide_of: "Callable[[Vehicle], CalibrationGuide]",
+    guide_of: Callable[[Vehicle], CalibrationGuide],
     recording: Path | None,
     out: Path | None,
     vehicle: str | None,
@@ -125,13 +121,6 @@ def _calibrate(
     Raises:
         LindyError: the samples do not tell, or the file cannot be written.
     """
-    from tools.ask import dive_in
-    from tools.calibrate.guide import replay
-    from tools.calibrate.live import guide_live
-    from tools.calibrate.vehicle_file import read_vehicle, table, vehicle_in, with_settings
-    from tools.fresh import refuse_existing, write_fresh
-    from tools.recordings.recording import open_recording
-
     if recording is not None and dive is not None:
         raise LindyError("give a recording, or --dive for the sensors now, not both")
     if out is not None:

@@ -7,7 +7,11 @@ from typing import NamedTuple
 import numpy as np
 
 from messages.units import Vec3
-from services.estimation.startup.calibration import CalibrationSettings
+from services.estimation.startup.calibration import (
+    MOST_FORCE_STD,
+    MOST_RATE_STD,
+    CalibrationSettings,
+)
 from tools.recordings.allan import Floats
 
 BLOCK = 0.5  # [s] judged together
@@ -90,9 +94,9 @@ class RestWatch:
 
     def _motion(self, block: Floats) -> str:
         spread, mean = block.std(axis=0), block.mean(axis=0)
-        if max(spread[:3]) > STILL.rate_std or hypot(*mean[:3]) > STILL.largest_bias:
+        if max(spread[:3]) > MOST_RATE_STD or hypot(*mean[:3]) > STILL.largest_bias:
             return "it turns"
-        if max(spread[3:]) > STILL.force_std:
+        if max(spread[3:]) > MOST_FORCE_STD:
             return "it is pushed"
         if self._blocks:
             change = np.abs(mean - self._blocks[0].mean(axis=0))

@@ -4,11 +4,11 @@ from collections.abc import Iterator
 
 from services.ardusub import parameters, readings
 from services.ardusub.authority import MODES
-from services.ardusub.framing import LONGEST
-from services.ardusub.packet import ARDUPILOTMEGA, GCS_TYPE
 from services.ardusub.streams import ENOUGH
-from services.estimation.checks.sensor_watch import WatchSettings
+from services.estimation.sensor_watch import WatchSettings
 from services.marine.vehicle import Vehicle
+from services.mavlink_io.framing import LONGEST
+from services.mavlink_io.numbers import ARDUPILOT, GROUND_STATION
 from tools.doctor.finding import VehicleFinding, Verdict
 from tools.doctor.parameter_checks import number, of_parameters
 from tools.doctor.visit import NO_BOARD_NS, BoardVisit, S
@@ -87,7 +87,7 @@ def _board(visit: BoardVisit, vehicle: Vehicle) -> Iterator[VehicleFinding]:
     if visit.heartbeat is None:
         return
     autopilot, kind = visit.heartbeat["autopilot"], visit.heartbeat["type"]
-    if autopilot != ARDUPILOTMEGA:
+    if autopilot != ARDUPILOT:
         found = f"{autopilot} ({AUTOPILOTS.get(autopilot, 'another one')})"
         yield VehicleFinding(CHANGE, "autopilot", f"is {found}; allowed: 3 (ArduPilot)")
         return
@@ -225,7 +225,7 @@ def _others(visit: BoardVisit) -> Iterator[VehicleFinding]:
     ranked = sorted(visit.others.items(), key=lambda item: (item[0][0] != own, item[0]))
     heard = [(who, kind) for who, kind in ranked if who[0] != visit.settings.board]
     for (system, component), kind in heard[:MOST]:
-        what = "ground station" if kind == GCS_TYPE else "other system"
+        what = "ground station" if kind == GROUND_STATION else "other system"
         told = f"system {system} component {component}"
         if system == own:
             told += (

@@ -2,19 +2,30 @@
 
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from cyclopts import Parameter
 
+from messages.units import Ns
+from services.ardusub.core import HEARD
+from services.ardusub.service import ONE_BOARD
+from services.ardusub.settings import Settings
+from services.estimation.settings import Settings as EstimationSettings
+from services.marine.vehicle import Vehicle
+from services.mavlink_io.io.codec import HeardMessages
+from services.mavlink_io.io.endpoint import MavlinkEndpoint
+from services.mavlink_io.io.links import ByteLinks, Links
 from services.runtime.config.errors import LindyError
-
-if TYPE_CHECKING:
-    from messages.units import Ns
-    from services.ardusub.io.link import BoardLink
-    from services.marine.vehicle import Vehicle
-    from services.runtime.config.stack import Stack
-    from tools.doctor.finding import VehicleFinding
-    from tools.doctor.visit import BoardVisit
+from services.runtime.config.settings import override, read_toml
+from services.runtime.config.stack import BODY, Stack
+from services.runtime.hosts.registry import Registry
+from tools.checks import PilotChoice, checked
+from tools.choices import Choices, Json, Overrides, VehicleName
+from tools.doctor.board_checks import of_board
+from tools.doctor.file_checks import of_file
+from tools.doctor.finding import VehicleFinding, as_json, as_lines, fit
+from tools.doctor.visit import BoardVisit
+from tools.packages import lacking
 
 LONGEST_S = 600.0  # [s] of --seconds
 STEP_S = 0.005  # [s] between two looks at the link
@@ -24,9 +35,7 @@ SYSTEMS, COMPONENT = (247, 248), 191
 
 def doctor(
     *,
-    vehicle: Annotated[
-        str, Parameter(help="a name in deploy/vehicles, or the path of a TOML file")
-    ] = "pioneer",
+    vehicle: VehicleName = "pioneer",
     stack: Annotated[
         str | None,
         Parameter(
@@ -35,33 +44,19 @@ def doctor(
         ),
     ] = None,
     seconds: Annotated[float, Parameter(help="[s] for which the board's rates are measured")] = 5.0,
-    set_: Annotated[
-        tuple[str, ...],
-        Parameter(name="--set", negative=(), help="key.path=value into the vehicle file"),
-    ] = (),
-    json: Annotated[
-        bool, Parameter(negative=(), show_default=False, help="no lines, JSON")
-    ] = False,
+    set_: Overrides = (),
+    json: Json = False,
 ) -> int:
-    """Check a vehicle file and, where it names one, the ArduSub board, before anything is flown.
+    """Check a vehicle file and its ArduSub board.
 
-    A line for everything that was looked at: ok, change or missing. The exit status is 0 where all
-    fits, else 1. It arms nothing, moves nothing and sets no parameter; not to be used while a dive
-    goes on over the same endpoint.
+    Before anything is flown; the board only where the file names one. A line for everything that
+    was looked at: ok, change or missing. The exit status is 0 where all fits, else 1. It
+    arms nothing, moves nothing and sets no parameter. Only one program can use the endpoint: stop
+    the dive before running the doctor.
 
     Example: lindy doctor --vehicle bluerov2_heavy
              lindy doctor --vehicle mine.toml --set ardusub.url=serial:/dev/ttyACM0:115200
     """
-    from services.marine.vehicle import Vehicle
-    from services.runtime.config.settings import override, read_toml
-    from services.runtime.config.stack import BODY, Stack
-    from services.runtime.hosts.registry import Registry
-    from tools.checks import PilotChoice, checked
-    from tools.choices import Choices
-    from tools.doctor.file_checks import of_file
-    from tools.doctor.finding import VehicleFinding, as_json, as_lines, fit
-    from tools.packages import lacking
-
     if not 0.5 <= seconds <= LONGEST_S:
         raise LindyError(f"--seconds is {seconds:g}, expected 0.5 to {LONGEST_S:g}")
     tree = read_toml(Stack(vehicle=vehicle).vehicle_path)
@@ -85,59 +80,48 @@ def doctor(
     return 0 if fit(found) else 1
 
 
-def _other_stack(stack: str, *, asked: bool) -> "VehicleFinding":
+def _other_stack(stack: str, *, asked: bool) -> VehicleFinding:
     """The stack has a board and the vehicle file does not, or the other way about."""
-    from services.ardusub.settings import Settings
-    from tools.doctor.finding import VehicleFinding
-
     if not asked:
         return VehicleFinding("ok", "board", f"not asked: the stack {stack} has no ardusub")
     text = f"the vehicle file has no table [ardusub]: asked at {Settings().url}, as by default"
     return VehicleFinding("change", "board", text)
 
 
-def _of_board(stack: "Stack", vehicle: "Vehicle", seconds: float) -> "list[VehicleFinding]":
+def _of_board(stack: Stack, vehicle: Vehicle, seconds: float) -> list[VehicleFinding]:
     """
     Raises:
         LindyError: the port cannot be opened, or pymavlink is not installed.
     """
-    from services.ardusub.io.link import open_link
-    from services.ardusub.settings import Settings
-    from services.estimation.settings import Settings as EstimationSettings
-    from tools.doctor.board_checks import of_board
-    from tools.doctor.visit import BoardVisit
 
     settings = stack.section("ardusub", Settings)
     visit = BoardVisit(settings, len(vehicle.thruster), seconds)
-    link = open_link(settings.url)
+    links = Links([settings.url], "ardusub.url", ONE_BOARD, visit.lost)
     try:
-        go_through(visit, link, time.monotonic_ns, lambda: time.sleep(STEP_S))
+        go_through(visit, links, time.monotonic_ns, lambda: time.sleep(STEP_S))
     finally:
-        link.close()
+        links.close()
     estimation = stack.section("estimation", EstimationSettings)
-    return of_board(visit, vehicle, settings.url, estimation.watch, link.trouble)
+    return of_board(visit, vehicle, settings.url, estimation.watch, links.trouble)
 
 
 def go_through(
-    visit: "BoardVisit", link: "BoardLink", now: "Callable[[], Ns]", wait: Callable[[], None]
+    visit: BoardVisit, links: ByteLinks, now: Callable[[], Ns], wait: Callable[[], None]
 ) -> None:
     """The visit over a link, to its end, which comes whatever is heard.
 
     Args:
         wait: until the next look at the link.
     """
-    from services.ardusub.core import HEARD
-    from services.ardusub.io.codec import BoardCodec, FrameReader
 
-    codec = BoardCodec(next(s for s in SYSTEMS if s != visit.settings.system), COMPONENT)
-    reader = FrameReader(codec, visit.settings.board, HEARD)
+    system = next(s for s in SYSTEMS if s != visit.settings.system)
+    heard = HeardMessages(visit.settings.board, HEARD)
+    board = MavlinkEndpoint(links, visit.lost, system, COMPONENT, heard=heard)
     while visit.stage != "done":
-        found = reader.read(b"".join(link.receive()))
+        packets = board.receive()
         arrival = now()
-        for packet in found.packets:
+        for packet in packets:
             visit.hear(packet, arrival)
-        others, _ = link.lost()
-        visit.heard_wrong(found.wrong, found.left_out, others)
         for packet in visit.tick(now()):
-            link.send(codec.encode(packet))
+            board.send(packet)
         wait()

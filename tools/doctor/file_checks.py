@@ -16,7 +16,7 @@ def of_file(stack: Stack, *, simulated: bool) -> list[VehicleFinding]:
     """
     vehicle = stack.section(BODY, Vehicle)
     up, down = vehicle.vertical_thrust
-    axes = Propulsion(vehicle, stack.section("control", ControlSettings).allocation).axes
+    axes = Propulsion(vehicle, stack.section("control", ControlSettings).allocation).allocation.axes
     found = [
         VehicleFinding("ok", "vehicle file", f"{vehicle.name}, {stack.vehicle_path}"),
         VehicleFinding(

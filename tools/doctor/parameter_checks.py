@@ -4,7 +4,6 @@ services/ardusub/parameters.py."""
 from collections.abc import Iterator
 
 from services.ardusub import parameters
-from services.ardusub.advice import advice
 from services.ardusub.frames import FRAMES
 from services.marine.vehicle import Vehicle
 from tools.doctor.finding import VehicleFinding
@@ -41,7 +40,7 @@ def of_parameters(visit: BoardVisit, vehicle: Vehicle) -> Iterator[VehicleFindin
 
 
 def _advised(visit: BoardVisit) -> list[str]:
-    return advice({**visit.optional.values, **visit.reader.values})
+    return parameters.advice({**visit.optional.values, **visit.reader.values})
 
 
 def _that_fit(visit: BoardVisit, wrong: set[str]) -> Iterator[VehicleFinding]:

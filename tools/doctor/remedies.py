@@ -2,10 +2,9 @@
 
 from contextlib import suppress
 
-from services.ardusub.advice import RECOMMENDED_S
 from services.ardusub.frames import FRAMES, senses
-from services.ardusub.parameters import CHANNELS, Values
-from services.ardusub.rc_channels import NEUTRAL
+from services.ardusub.mixer import NEUTRAL
+from services.ardusub.parameters import CHANNELS, RECOMMENDED_S, Values
 from services.ardusub.settings import Settings
 from services.marine.vehicle import Vehicle
 

@@ -10,23 +10,23 @@ from collections import Counter, deque
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from messages import topics
+from messages import events, topics
+from messages.events import Outbox
 from messages.units import Ns
 from services.ardusub import parameters, readings
 from services.ardusub.board_clock import BoardClock
 from services.ardusub.core import LEAK
-from services.ardusub.packet import (
-    ARDUPILOTMEGA,
-    ARMED_BIT,
-    AUTOPILOT,
-    REQUEST_MESSAGE,
-    SET_INTERVAL,
-    SUBMARINE,
-    MavlinkPacket,
-    command,
-)
 from services.ardusub.settings import Settings
 from services.ardusub.streams import NUMBERS, TelemetryStream, TelemetryStreams
+from services.mavlink_io.numbers import (
+    ARDUPILOT,
+    AUTOPILOT,
+    MESSAGE_IDS,
+    SUBMARINE,
+    MavCommand,
+    MavModeFlag,
+)
+from services.mavlink_io.packet import MavlinkPacket, command
 
 S = 1_000_000_000  # [ns]
 NO_BOARD_NS = 4 * S  # [ns] heartbeats come once a second
@@ -34,7 +34,6 @@ NO_VERSION_NS = 3 * S
 NOT_GRANTED_NS = 3 * S  # [ns] after which rates are measured, whatever was granted
 ASK_NS = S // 2
 TIMESYNC_NS = S // 5
-VERSION_MESSAGE = 148
 DEFAULT_RATE = 0  # [µs] interval that means: as if nobody had asked
 # Which are shown, and not judged.
 OPTIONAL = ["BATT_MONITOR", "BATT_FS_LOW_ACT", "BATT_FS_CRT_ACT"]
@@ -57,10 +56,8 @@ class BoardVisit:
     newest: dict[str, dict[str, Any]] = field(default_factory=dict[str, dict[str, Any]])
     rates: dict[str, float] = field(default_factory=dict[str, float])  # [1/s] as measured
     repeated_ns: int = 0  # [ns] longest time for which the IMU said one and the same
-    garbage: int = 0  # bytes outside of frames, and frames with a wrong check sum
+    lost: Outbox = field(default_factory=Outbox)  # is told of what could not be used
     unknown: int = 0  # frames of messages that nobody knows, whose check sum says nothing
-    left_out: int = 0  # frames of a flood
-    other_senders: int = 0  # datagrams
     streams: TelemetryStreams = field(init=False)
     reader: parameters.ParameterReader = field(init=False)
     optional: parameters.ParameterReader = field(init=False)
@@ -80,7 +77,9 @@ class BoardVisit:
 
     @property
     def armed(self) -> bool:
-        return self.heartbeat is not None and bool(self.heartbeat["base_mode"] & ARMED_BIT)
+        return self.heartbeat is not None and bool(
+            self.heartbeat["base_mode"] & MavModeFlag.SAFETY_ARMED
+        )
 
     @property
     def release(self) -> tuple[int, int]:
@@ -92,12 +91,22 @@ class BoardVisit:
     def is_submarine(self) -> bool:
         """Does the board fly one, by ArduPilot?"""
         beat = self.heartbeat
-        return beat is not None and (beat["autopilot"], beat["type"]) == (ARDUPILOTMEGA, SUBMARINE)
+        return beat is not None and (beat["autopilot"], beat["type"]) == (ARDUPILOT, SUBMARINE)
 
-    def heard_wrong(self, garbage: int, left_out: int, other_senders: int) -> None:
-        self.garbage += garbage
-        self.left_out += left_out
-        self.other_senders += other_senders
+    @property
+    def garbage(self) -> int:
+        """Bytes outside of frames, and frames with a wrong check sum."""
+        return self.lost.counts[events.MALFORMED("mavlink").name]
+
+    @property
+    def left_out(self) -> int:
+        """Frames of a flood."""
+        return self.lost.counts[events.OVERFLOWED("mavlink").name]
+
+    @property
+    def other_senders(self) -> int:
+        """Their datagrams."""
+        return self.lost.counts[events.STRANGER("mavlink").name]
 
     def hear(self, packet: MavlinkPacket, now: Ns) -> None:
         """One packet at its arrival [ns]."""
@@ -126,7 +135,7 @@ class BoardVisit:
                 reader.heard(fields["param_id"], float(fields["param_value"]))
         elif name == "TIMESYNC":
             self._on_timesync(int(fields["ts1"]), int(fields["tc1"]), now)
-        elif name == "COMMAND_ACK" and int(fields["command"]) == SET_INTERVAL:
+        elif name == "COMMAND_ACK" and int(fields["command"]) == MavCommand.SET_MESSAGE_INTERVAL:
             self.streams.heard_ack(int(fields["result"]))
 
     def _on_imu(self, fields: dict[str, Any], now: Ns) -> None:
@@ -180,7 +189,8 @@ class BoardVisit:
     def _version_request(self, now: Ns) -> list[MavlinkPacket]:
         if not self._is_due("version", ASK_NS, now):
             return []
-        return [command(self.settings.board, REQUEST_MESSAGE, VERSION_MESSAGE)]
+        wanted = MESSAGE_IDS["AUTOPILOT_VERSION"]
+        return [command(self.settings.board, MavCommand.REQUEST_MESSAGE, wanted)]
 
     def _ask_parameters(self, now: Ns) -> list[MavlinkPacket]:
         if self.reader.complete or self.reader.given_up:
@@ -205,7 +215,12 @@ class BoardVisit:
 
     def _as_before(self) -> list[MavlinkPacket]:
         return [
-            command(self.settings.board, SET_INTERVAL, NUMBERS[s.message], DEFAULT_RATE)
+            command(
+                self.settings.board,
+                MavCommand.SET_MESSAGE_INTERVAL,
+                NUMBERS[s.message],
+                DEFAULT_RATE,
+            )
             for s in self.streams.streams
             if s.granted and s.message is not None
         ]

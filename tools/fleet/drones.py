@@ -1,23 +1,25 @@
 """`lindy drones`: who is there, at a drone's own endpoint or on a whole network."""
 
 import json
-from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from messages import topics
-from messages.counts import short
 from messages.identity import SideIdentity
-from messages.sensors import BatterySample
-from messages.vehicle import VehicleStatus
+from messages.units import Ns
 from services.runtime.config.identity import messages_hash
+from services.vehicle_view import words
+from services.vehicle_view.view import Newest, VehicleView, vehicle_view
+from tools.choices import HERE, Insecure, Json, KeysFolder, Router
 from tools.fleet.look import look
 from tools.fleet.names import clean
 from tools.fleet.roster import Drone, Roster
-from tools.keys.door import door
+from tools.keys.credentials import credentials
 from tools.keys.roles import Role
 
 WATCHERS: tuple[Role, ...] = ("observer", "pilot")
-HEADING = ("name", "type", "Lindy", "mode", "battery", "who flies", "")
+HEADING = ("name", "type", "Lindy", "activity", "battery", "who flies", "")
 UNKNOWN = "–"
 SILENT = "is announced, but says nothing"
 OTHER_MESSAGES = "other messages than here: cannot be flown from here"
@@ -25,21 +27,26 @@ TWICE = "two drones of this name"
 
 
 def drones(
-    endpoint: str, option: str, *, as_json: bool, keys: Path | None = None, insecure: bool = False
+    *,
+    router: Router = HERE,
+    keys: KeysFolder = None,
+    insecure: Insecure = False,
+    as_json: Json = False,
 ) -> int:
-    """Print the drones that are there.
+    """List the drones that can be reached.
 
-    Raises:
-        LindyError: nobody answers there, or the keys are no good.
+    Name, type, version, mode, battery, and who flies.
+
+    Example: lindy drones --router tls/192.168.2.1:7447
     """
-    way = door(endpoint, option, WATCHERS, keys, insecure=insecure)
-    roster = look(endpoint, None if way is None else way.keys)
+    way = credentials(router, "--router", WATCHERS, keys, insecure=insecure)
+    roster = look(router, None if way is None else way.keys)
     ours = messages_hash(topics.ALL)
     if as_json:
         rows = [as_row(roster.drones[name], ours) for name in roster.names]
         print(json.dumps({"drones": rows, "not_listed": dict(roster.counts)}))
     else:
-        print(table(roster, endpoint, ours))
+        print(table(roster, router, ours))
     return 0
 
 
@@ -59,12 +66,12 @@ def as_row(drone: Drone, ours: str) -> dict[str, Any]:
         "commit": identity.commit,
         "messages": identity.messages,
         "same_messages": identity.messages == ours,
-        "mode": None if status is None else status.mode,
+        "activity": None if status is None else status.activity,
         "armed": None if status is None else status.armed,
         "failsafe": None if status is None else status.failsafe,
         "pilot": None if status is None else status.pilot,
         "voltage": None if drone.battery is None else drone.battery.voltage,
-        "charge": None if drone.battery is None else _charge(drone.battery),
+        "charge": seen(drone).charge,
     }
 
 
@@ -82,44 +89,39 @@ def table(roster: Roster, endpoint: str, ours: str) -> str:
 
 
 def _line(drone: Drone, ours: str) -> tuple[str, ...]:
-    identity, status = drone.identity, drone.status
+    identity, view = drone.identity, seen(drone)
     remarks = [TWICE] if len(drone.starts) > 1 else []
     if identity is None:
         remarks.append(SILENT)
     elif identity.messages != ours:
         remarks.append(OTHER_MESSAGES)
-    words = (
+    cells = (
         drone.name,
         "" if identity is None else identity.vehicle,
         "" if identity is None else identity.version,
-        "" if status is None else _mode(status),
-        UNKNOWN if drone.battery is None else in_volts(drone.battery),
-        "" if status is None else status.pilot or "nobody",
+        _activity(view),
+        UNKNOWN if view.battery_v is None else words.battery(view),
+        "" if drone.status is None else view.pilot or "nobody",
         "; ".join(remarks),
     )
-    return tuple(map(clean, words))
+    return tuple(map(clean, cells))
 
 
-def _mode(status: VehicleStatus) -> str:
+def _activity(view: VehicleView) -> str:
     """`FAILSAFE pilot lost: stopping, armed`."""
-    failsafe = failsafe_words(status)
-    words = f"{status.mode}{', armed' if status.armed else ''}"
-    return f"{failsafe}: {words}" if failsafe else words
+    known = f"{view.activity}{', armed' if view.armed else ''}"
+    return f"{words.failsafe(view)}: {known}" if view.acts else known
 
 
-def failsafe_words(status: VehicleStatus) -> str:
-    """`FAILSAFE pilot lost`; empty: none acts."""
-    return "" if status.failsafe == "none" else f"FAILSAFE {short(f'failsafe:{status.failsafe}')}"
+def seen(drone: Drone, age: Ns = 0, battery_age: Ns = 0) -> VehicleView:
+    """What is shown of a drone, by the drone's own clock, which may differ from the one here.
 
-
-def in_volts(battery: BatterySample) -> str:
-    """`16.7 V, 80 %`."""
-    charge = _charge(battery)
-    return f"{battery.voltage:.1f} V" + ("" if charge is None else f", {100 * charge:.0f} %")
-
-
-def _charge(battery: BatterySample) -> float | None:
-    """[-] What is left; None: the driver does not know how much there was."""
-    if not battery.capacity_wh:
-        return None
-    return min(1.0, max(0.0, 1.0 - battery.used_wh / battery.capacity_wh))
+    Args:
+        age: [ns] since its status came.
+        battery_age: [ns] since its battery came.
+    """
+    now = (0 if drone.status is None else drone.status.stamp_ns) + age
+    battery = drone.battery
+    if battery is not None:
+        battery = msgspec.structs.replace(battery, stamp_ns=now - battery_age)
+    return vehicle_view(Newest(status=drone.status, battery=battery), now)

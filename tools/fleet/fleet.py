@@ -5,20 +5,22 @@ import time
 from collections import deque
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
-from pathlib import Path
+from typing import Annotated
 
+from cyclopts import Parameter
 from rich.console import Console
 from rich.live import Live
 
 from messages import topics
 from services.runtime.bus.network import Network, open_network
 from services.runtime.config.identity import messages_hash
+from tools.choices import HERE, Insecure, KeysFolder, Router, UntilCtrlC
 from tools.fleet.drones import WATCHERS
 from tools.fleet.fleet_screen import as_json, line, news, screen, title_of
 from tools.fleet.look import PATIENCE_S
 from tools.fleet.roster import ROWS
 from tools.fleet.watching import FleetRow, FleetWatch
-from tools.keys.door import door
+from tools.keys.credentials import credentials
 from tools.live.stop_signals import StopSignals
 
 LOOK_S = 1.0  # [s] between two looks at what has arrived
@@ -29,25 +31,27 @@ Show = Callable[[FleetWatch, int], None]
 
 
 def fleet(
-    endpoint: str,
-    option: str,
     *,
-    json: bool = False,
-    keys: Path | None = None,
-    insecure: bool = False,
-    seconds: float | None = None,
+    router: Router = HERE,
+    keys: KeysFolder = None,
+    insecure: Insecure = False,
+    json: Annotated[bool, Parameter(help="a line of JSON every second")] = False,
+    seconds: UntilCtrlC = None,
 ) -> int:
-    """Show the drones until Ctrl-C, or for so many seconds.
+    """Watch all drones that can be reached.
 
-    Raises:
-        LindyError: nobody answers there, or the keys are no good.
+    Mode, depth, heading, battery, link, who flies, alarms: on a terminal one screen; elsewhere a
+    line for each drone whenever its mode, its pilot or its alarms change. `link` is the time since
+    the drone was last heard, and what was lost since.
+
+    Example: lindy fleet --router tls/192.168.2.1:7447
     """
-    way = door(endpoint, option, WATCHERS, keys, insecure=insecure)
+    way = credentials(router, "--router", WATCHERS, keys, insecure=insecure)
     watch = FleetWatch(messages_hash(topics.ALL))
-    on_terminal = _screen(endpoint) if sys.stdout.isatty() else _lines(endpoint)
+    on_terminal = _screen(router) if sys.stdout.isatty() else _lines(router)
     shown = _json() if json else on_terminal
     with (
-        open_network(endpoint, PATIENCE_S, keys=None if way is None else way.keys) as network,
+        open_network(router, PATIENCE_S, keys=None if way is None else way.keys) as network,
         StopSignals() as stop,
         shown as show,
     ):

@@ -10,9 +10,9 @@ from rich.text import Text
 from tools.fleet.names import clean
 from tools.fleet.watching import FleetRow
 
-HEADING = ("name", "mode", "depth", "heading", "battery", "link", "who flies", "alarms")
+HEADING = ("name", "activity", "depth", "heading", "battery", "link", "who flies", "alarms")
 UNKNOWN = "–"
-LONGEST = 24  # [characters] of a name or a mode
+LONGEST = 24  # [characters] of a name or an activity
 FRAME = 3  # rows of the screen that are no drones: title, heading, one left free
 LOSS_SHOWN = 0.01  # [-] a smaller share is not worth a word
 
@@ -70,7 +70,7 @@ def line(row: FleetRow) -> str:
 def news(row: FleetRow) -> tuple[object, ...]:
     """A drone gets another line when this changes."""
     heads = tuple(alarm.partition(" for ")[0].partition(",")[0] for alarm in row.alarms)
-    return row.mode, row.armed, row.pilot, heads
+    return row.activity, row.armed, row.pilot, heads
 
 
 def as_json(rows: Sequence[FleetRow], remarks: Sequence[str], router_answers: bool) -> str:
@@ -109,7 +109,7 @@ def _hidden(rows: Sequence[FleetRow]) -> str:
 def _cells(row: FleetRow) -> tuple[str, ...]:
     return (
         clean(row.name, LONGEST),
-        clean(f"{row.mode}{', armed' if row.armed else ''}", LONGEST) or UNKNOWN,
+        clean(f"{row.activity}{', armed' if row.armed else ''}", LONGEST) or UNKNOWN,
         UNKNOWN if row.depth_m is None else f"{row.depth_m:.1f} m",
         UNKNOWN if row.heading_deg is None else f"{row.heading_deg:03.0f}°",
         row.battery or UNKNOWN,

@@ -1,48 +1,49 @@
 """`lindy fly NAME`: the topside for one drone of several, and later for another one."""
 
 from dataclasses import replace
-from pathlib import Path
 
 from msgspec import structs
 
 from services.runtime.bus.network import open_network
 from services.runtime.bus.spaces import checked_name
 from services.runtime.config.errors import LindyError
-from tools.choices import Choices
-from tools.fleet.flight import with_pilots_alone
-from tools.fleet.flights import fly_one_after_the_other
+from tools.choices import DEFAULT, HERE, Choices, Grouped, Insecure, KeysFolder, Router
+from tools.fleet.flown_topside import with_pilots_alone
 from tools.fleet.look import PATIENCE_S, is_there, who_is_there
 from tools.fleet.names import missing
-from tools.keys.door import door
+from tools.fleet.successive_topsides import fly_one_after_the_other
+from tools.keys.credentials import credentials
 from tools.live.cockpit import COCKPIT, announce
 from tools.live.dive_folder import out_folder
-from tools.up import Planned, planned
+from tools.start import Planned
+from tools.up import topside
 
 
 def fly(
-    name: str,
-    choices: Choices,
+    drone: str,
     *,
-    router: str,
-    grouped: bool,
-    keys: Path | None = None,
-    insecure: bool = False,
+    router: Router = HERE,
+    grouped: Grouped = False,
+    keys: KeysFolder = None,
+    insecure: Insecure = False,
+    choices: Choices = DEFAULT,
 ) -> int:
-    """Returns the exit status, as `up`.
+    """Start the topside for one of several drones.
 
-    Raises:
-        LindyError: no drone of this name is there, or as `up`.
+    DRONE is its name, which `lindy drones` lists. As `lindy up topside --router ENDPOINT --name
+    DRONE`, which also waits for the drone; and `lindy ask fly ANOTHER` leaves the drone, which
+    holds, and flies another one.
+
+    Example: lindy fly rov2 --router tls/192.168.2.1:7447
     """
-    if choices.name not in (None, name):
-        raise LindyError(f"fly {name} --name {choices.name}: the drone's name is said once")
-    checked_name(name, "fly")
-    way = door(router, "--router", ("pilot",), keys, insecure=insecure)
+    if choices.name not in (None, drone):
+        raise LindyError(f"fly {drone} --name {choices.name}: the drone's name is said once")
+    checked_name(drone, "fly")
+    way = credentials(router, "--router", ("pilot",), keys, insecure=insecure)
     own_keys = None if way is None else way.keys
-    if not is_there(name, router, own_keys):
-        raise LindyError(missing(name, who_is_there(router, own_keys), router))
-    plan = planned(
-        replace(choices, name=name), router, way, gateway=False, grouped=grouped, insecure=insecure
-    )
+    if not is_there(drone, router, own_keys):
+        raise LindyError(missing(drone, who_is_there(router, own_keys), router))
+    plan = topside(replace(choices, name=drone), router, way, grouped=grouped, insecure=insecure)
     plan = plan._replace(here=with_pilots_alone(plan.here))
     if COCKPIT in plan.here:
         announce(plan.stack, browser=False)  # one address for the pages of every drone

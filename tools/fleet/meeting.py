@@ -5,14 +5,14 @@ from pathlib import Path
 from socket import gethostname
 from typing import NamedTuple
 
-from services.runtime.bus.key_files import Door, KeyFiles
+from services.runtime.bus.key_files import Credentials, KeyFiles
 from services.runtime.bus.network import NobodyThereError
 from services.runtime.bus.spaces import checked_name
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from tools.fleet.look import is_there, who_is_there
 from tools.fleet.names import in_words, own_name
-from tools.keys.door import door, is_local, require_may_call
+from tools.keys.credentials import credentials, is_local, require_may_call
 
 AGAIN_S = 0.5  # [s] between two questions who is there
 GONE_S = 3.0  # [s] in which an earlier start of this drone, cut off, is forgotten by the network
@@ -23,7 +23,7 @@ class Meeting(NamedTuple):
 
     listen: str | None
     router: str | None
-    door: Door | None
+    credentials: Credentials | None
 
     @property
     def link(self) -> str:
@@ -32,25 +32,25 @@ class Meeting(NamedTuple):
 
     @property
     def keys(self) -> KeyFiles | None:
-        return None if self.door is None else self.door.keys
+        return None if self.credentials is None else self.credentials.keys
 
 
-def drones_door(
+def drones_credentials(
     listen: str | None, router: str | None, keys: Path | None, *, insecure: bool
-) -> Door | None:
+) -> Credentials | None:
     """The keys of a drone, for its own endpoint and for a router.
 
     Raises:
         LindyError: an endpoint needs keys, only one of both does, or the keys are no good.
     """
-    doors = {
-        option: door(endpoint, option, ("drone",), keys, insecure=insecure)
+    found_for = {
+        option: credentials(endpoint, option, ("drone",), keys, insecure=insecure)
         for option, endpoint in (("--listen", listen), ("--router", router))
         if endpoint is not None
     }
-    if len(doors) == 2 and None in doors.values() and any(doors.values()):
+    if len(found_for) == 2 and None in found_for.values() and any(found_for.values()):
         raise LindyError(f"--listen {listen} and --router {router}: both with tls, or none of them")
-    found = next(iter(doors.values()))
+    found = next(iter(found_for.values()))
     if router is not None and found is not None:
         require_may_call(found)
     return found
@@ -63,7 +63,7 @@ def drones_name(stack: Stack, meeting: Meeting) -> str:
         LindyError: a router that compares names with keys would not let it in, or a drone cannot
             be called this.
     """
-    keys_name = "" if meeting.door is None else meeting.door.name
+    keys_name = "" if meeting.credentials is None else meeting.credentials.name
     name = stack.name or keys_name or own_name(stack.vehicle_name, gethostname())
     if meeting.router is not None and keys_name not in ("", name):
         raise LindyError(

@@ -5,8 +5,10 @@ from collections import deque
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 
+from messages import events
 from services.runtime.bus.network import open_network
-from services.runtime.launch.local_stack import HOME, LocalStack
+from services.runtime.launch.local_stack import LocalStack
+from services.runtime.launch.process_plan import HOME
 from tools.fleet.names import other_drone
 from tools.fleet.roster import Roster
 
@@ -52,10 +54,9 @@ def others_named(local: LocalStack) -> Generator[Callable[[], list[str]]]:
         there()
         was, said = said, others.words(now)
         if said and said != was:
-            local.node.count("alarm:other_drone")
-            local.node.log("error", said)
+            local.node.tell(events.ALARM_OTHER_DRONE(detail=said))
 
-    with open_network(local.endpoints[HOME], PATIENCE_S) as network:
+    with open_network(local.plan.endpoints[HOME], PATIENCE_S) as network:
         network.watch(lambda key, there: tokens.append((key, there)))
         local.node.every(LOOK_HZ, look)
         yield there

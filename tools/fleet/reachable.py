@@ -63,11 +63,11 @@ def still_armed(left: Collection[str], rows: Iterable[FleetRow]) -> list[str]:
 
 
 def _reachable(row: FleetRow, watch: FleetWatch, ours: SideIdentity) -> ReachableDrone:
-    identity = watch.roster.drones[row.name].identity
+    identity = watch.identity(row.name)
     return ReachableDrone(
         name=clean(row.name, LONGEST),
         vehicle="" if identity is None else clean(identity.vehicle, SHOWN),
-        mode=row.mode,
+        activity=row.activity,
         armed=row.armed,
         pilot=clean(row.pilot, SHOWN),
         failsafe=bool(row.failsafe),

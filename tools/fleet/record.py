@@ -6,21 +6,24 @@ from collections.abc import Collection
 from datetime import UTC, datetime
 from itertools import count
 from pathlib import Path
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
+
+from cyclopts import Parameter
 
 from messages import topics
-from messages.topic import AnyTopic, Way
+from messages.topic import AnyTopic, Direction
 from services.runtime.bus.envelope import Envelope
 from services.runtime.bus.network import open_network
 from services.runtime.bus.spaces import checked_name, name_in, namespace
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
+from tools.choices import HERE, Insecure, KeysFolder, Router, UntilCtrlC, named
 from tools.fleet.drones import WATCHERS
 from tools.fleet.gaps import SILENT_NS, Gaps
 from tools.fleet.look import PATIENCE_S
 from tools.fleet.recordings import FleetRecording
 from tools.fleet.roster import MOST, ROWS, Roster
-from tools.keys.door import door
+from tools.keys.credentials import credentials
 from tools.live.dive_folder import out_folder, require_room_for_recording
 from tools.live.stop_signals import StopSignals
 
@@ -34,7 +37,8 @@ SKIPPED = (topics.VIDEO,)  # heavy, and no camera sends it unless somebody asks 
 RECORDED: tuple[AnyTopic, ...] = tuple(
     topic
     for topic in topics.ALL
-    if topic.way in (Way.UP, Way.BOTH) and topic not in (*topics.WITHIN_ONE_MACHINE, *SKIPPED)
+    if topic.way in (Direction.UP, Direction.BOTH)
+    and topic not in (*topics.WITHIN_ONE_MACHINE, *SKIPPED)
 )
 
 
@@ -202,39 +206,48 @@ def _why(error: OSError, folder: Path) -> str:
 
 
 def record(
-    endpoint: str,
-    option: str,
     *,
-    out: Path | None,
-    only: Collection[str] = (),
-    keys: Path | None = None,
-    insecure: bool = False,
-    seconds: float | None = None,
+    router: Router = HERE,
+    out: Annotated[
+        Path | None,
+        Parameter(
+            converter=named,
+            help="folder for the recordings, one folder each; default: dives/ and the time (UTC)",
+        ),
+    ] = None,
+    drone: Annotated[
+        tuple[str, ...], Parameter(help="record this one only; repeatable; default: all")
+    ] = (),
+    keys: KeysFolder = None,
+    insecure: Insecure = False,
+    seconds: UntilCtrlC = None,
 ) -> int:
-    """Record until Ctrl-C, or for so many seconds. Returns the exit status: 3 when something that
-    came is not in a file, a drone was not heard for a while, or one of `only` never; without
-    `only`, when none was heard.
+    """Record every drone that can be reached.
 
-    Raises:
-        LindyError: nobody answers there, the keys are no good, or nothing can be written.
+    All that leaves a drone but its video, a file for each drone. Each file is a recording like any
+    other, of which `lindy log cut` cuts a dive out. Exit status 3: something that came is in none
+    of them, a drone was not heard for more than 3 s, a drone of --drone was never heard, or,
+    without --drone, none was.
+
+    Example: lindy record --router tls/192.168.2.1:7447 --out dives/class
     """
-    for name in only:
+    for name in drone:
         checked_name(name, "--drone")
-    way = door(endpoint, option, WATCHERS, keys, insecure=insecure)
+    way = credentials(router, "--router", WATCHERS, keys, insecure=insecure)
     arrivals = Arrivals()
     with (
-        open_network(endpoint, PATIENCE_S, keys=None if way is None else way.keys) as network,
+        open_network(router, PATIENCE_S, keys=None if way is None else way.keys) as network,
         StopSignals() as stop,
     ):
         folder = out_folder(out)
         require_room_for_recording(folder)
-        recorder = FleetRecorder(endpoint, folder, only)
+        recorder = FleetRecorder(router, folder, drone)
         network.watch(lambda key, there: arrivals.tokens.append((key, there)), arrivals.leave)
         for topic in RECORDED:
             network.collect(topic, arrivals.store)
-        who = ", ".join(dict.fromkeys(only)) or "every drone"
+        who = ", ".join(dict.fromkeys(drone)) or "every drone"
         how_long = "until Ctrl-C" if seconds is None else f"for {seconds:g} s, or until Ctrl-C"
-        print(f"records {who} at {endpoint} → {folder}, {how_long}", flush=True)
+        print(f"records {who} at {router} → {folder}, {how_long}", flush=True)
         end = time.monotonic() + (float("inf") if seconds is None else seconds)
         answered = True
         for step in count(1):
@@ -247,7 +260,7 @@ def record(
             if network.answers != answered:
                 answered = not answered
                 how = "answers again" if answered else "does not answer"
-                print(f"the router at {endpoint} {how}", flush=True)
+                print(f"the router at {router} {how}", flush=True)
             if step % STEPS_A_FLUSH == 0:
                 recorder.flush()
             if stop.asked or time.monotonic() > end:

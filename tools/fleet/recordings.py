@@ -2,13 +2,13 @@
 
 import re
 import time
-from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Literal
 
 import msgspec
 
+from messages import events
+from messages.events import Level, Outbox
 from messages.identity import SideIdentity
 from messages.topic import AnyTopic
 from services.marine.vehicle import Vehicle
@@ -23,6 +23,7 @@ from services.runtime.config.stack import Stack
 from tools.fresh import fresh_folder
 
 VEHICLE = re.compile(r"[a-z0-9_]{1,64}")  # a name, and no path
+LOST = (events.NOT_RECORDED(), events.OVERFLOWED(), events.DISK_ERROR())
 SIDE = "topside"  # what leaves a drone is recorded, as on the topside
 
 
@@ -30,7 +31,7 @@ class FleetNode:
     """What a recording needs of a service's node, in a program that is none."""
 
     def __init__(self, drone: str) -> None:
-        self.counts: Counter[str] = Counter()
+        self.outbox = Outbox()
         self.wall_offset_ns = time.time_ns() - time.monotonic_ns()
         self.sides: Mapping[str, object] = {SIDE: None}
         self._drone = drone
@@ -39,10 +40,7 @@ class FleetNode:
     def now(self) -> int:
         return time.monotonic_ns()
 
-    def count(self, name: str, times: int = 1) -> None:
-        self.counts[name] += times
-
-    def log(self, level: Literal["info", "warning", "error"], text: str) -> None:
+    def log(self, level: Level, text: str) -> None:
         print(f"{self._drone}: {level}: {text}", flush=True)
 
     def restore_checkpoint(self, kind: type[RecordingCheckpoint]) -> RecordingCheckpoint | None:
@@ -77,14 +75,13 @@ class FleetRecording:
         attached = None if self.knows_vehicle else ()
         named = {"vehicle": identity.vehicle}
         # The drone's clock is not known here: what comes has the time of its arrival.
-        self._intake = Intake(self._node.wall_offset_ns, _unknown, views)
+        self._intake = Intake(self._node.outbox, self._node.wall_offset_ns, _unknown, views)
         self._session = McapSession(self._node, stack, Settings(), attached, named)
 
     @property
     def lost(self) -> int:
         """Messages that are not in the file, as far as this program knows."""
-        counts = self._node.counts
-        return counts["not_recorded"] + counts["overflowed"] + counts["disk_error"]
+        return sum(self._node.outbox.counts[event.name] for event in LOST)
 
     def take(self, key: str, envelope: Envelope, arrived: int) -> None:
         """A message of this drone.
@@ -94,8 +91,7 @@ class FleetRecording:
             arrived: [ns]
         """
         found = self._intake.check(key, envelope.encoding, envelope.payload, arrived)
-        if isinstance(found, str):
-            self._node.count(found)
+        if found is None:
             return
         self.messages += 1
         for row in self._intake.rows(key, found):
@@ -103,7 +99,7 @@ class FleetRecording:
 
     def overflowed(self, messages: int) -> None:
         """So many came faster than they could be written."""
-        self._node.count("overflowed", messages)
+        self._node.outbox.tell(events.OVERFLOWED(), messages)
 
     def flush(self, now: int) -> None:
         self._session.flush(now)

@@ -2,21 +2,18 @@
 has gone. Pure."""
 
 from collections.abc import Iterator
-from math import degrees
 from typing import NamedTuple
 
-from msgspec import UNSET, UnsetType
-
+from messages.identity import SideIdentity
 from messages.units import Ns
-from messages.vehicle import VehicleStatus
 from services.runtime.bus.spaces import here_of, name_in
-from tools.fleet.drones import OTHER_MESSAGES, SILENT, TWICE, failsafe_words, in_volts
+from services.vehicle_view import ages, words
+from services.vehicle_view.view import VehicleView
+from tools.fleet.drones import OTHER_MESSAGES, SILENT, TWICE, seen
 from tools.fleet.hearing import Hearing
 from tools.fleet.roster import MOST, Drone, Roster
 
 SECOND: Ns = 1_000_000_000
-OLD_NS = 2 * SECOND  # a status comes five times a second
-BATTERY_OLD_NS = 5 * SECOND  # a battery comes once a second
 TOGETHER_NS = 2 * SECOND  # whoever goes so shortly before the router is missed went with it
 GONE_NS = 600 * SECOND  # how long a drone that has gone stays on the screen
 
@@ -25,7 +22,7 @@ class FleetRow(NamedTuple):
     """One drone."""
 
     name: str
-    mode: str  # empty: not known
+    activity: str  # empty: not known
     armed: bool
     depth_m: float | None
     heading_deg: float | None  # 0 … 360
@@ -50,9 +47,8 @@ class FleetWatch:
         self.roster = Roster()
         self._ours = ours
         self._hearings: dict[str, Hearing] = {}
-        self._batteries: dict[
-            str, Ns
-        ] = {}  # when each was heard; before it was: when its drone was
+        # When each was heard; before it was: when its drone was.
+        self._batteries: dict[str, Ns] = {}
         self._gone: dict[str, tuple[Drone, Ns]] = {}
         self._away_ns: Ns | None = None  # since when the router does not answer
 
@@ -104,6 +100,11 @@ class FleetWatch:
             for name in times.keys() - self.roster.drones.keys() - self._gone.keys():
                 del times[name]
 
+    def identity(self, name: str) -> SideIdentity | None:
+        """What a drone that is shown said of itself; also one that has just gone."""
+        drone = self.roster.drones.get(name) or self._gone.get(name, (None,))[0]
+        return None if drone is None else drone.identity
+
     def rows(self, now: Ns) -> list[FleetRow]:
         """By name, those that have gone among them."""
         for name, (_, since) in list(self._gone.items()):
@@ -123,55 +124,40 @@ class FleetWatch:
         status, hearing = drone.status, self._hearings.get(drone.name)
         age = None if hearing is None or status is None else now - hearing.heard_ns
         battery_age = now - self._batteries.get(drone.name, now)
+        view = seen(drone, age or 0, battery_age)
         return FleetRow(
             name=drone.name,
-            mode="" if status is None else status.mode,
-            armed=status is not None and status.armed,
-            depth_m=None if status is None else _known(status.depth),
-            heading_deg=None if status is None else _compass(status.heading),
-            battery=_battery(drone, battery_age),
+            activity=view.activity,
+            armed=view.armed,
+            depth_m=view.depth_m,
+            heading_deg=view.heading_deg,
+            battery="" if view.battery_v is None else words.battery(view),
             age_s=None if age is None else max(0.0, age / 1e9),
             loss=None if hearing is None else hearing.loss(now),
-            pilot="" if status is None else status.pilot,
-            alarms=tuple(self._alarms(drone, age, battery_age)),
-            failsafe=_failsafe(status),
+            pilot=view.pilot,
+            alarms=tuple(self._alarms(drone, view, age, battery_age)),
+            failsafe=view.failsafe if view.acts else "",
             speaks=drone.speaks,
             gone=False,
         )
 
-    def _alarms(self, drone: Drone, age: Ns | None, battery_age: Ns) -> Iterator[str]:
-        if silent := age is not None and age > OLD_NS:
+    def _alarms(
+        self, drone: Drone, view: VehicleView, age: Ns | None, battery_age: Ns
+    ) -> Iterator[str]:
+        if view.last_known:
             yield f"not heard for {_seconds(age or 0)}"
         if len(drone.starts) > 1:
             yield TWICE
-        status, identity = drone.status, drone.identity
-        if status is not None and (failsafe := failsafe_words(status)):
-            yield f"{failsafe}, {status.reaction}" if status.reaction else failsafe
-        if battery_age > BATTERY_OLD_NS and not silent:
+        if view.acts:
+            yield f"{words.failsafe(view)}: {words.doing(view)}"
+        if battery_age > ages.BATTERY.grey_ns and not view.last_known:
             yield f"battery silent for {_seconds(battery_age)}"
-        if status is not None and status.note:
-            yield status.note
+        if view.note:
+            yield view.note
         if not drone.speaks:
             yield SILENT
-        if identity is not None and identity.messages != self._ours:
+        if drone.identity is not None and drone.identity.messages != self._ours:
             yield OTHER_MESSAGES
-
-
-def _battery(drone: Drone, age: Ns) -> str:
-    return "" if drone.battery is None or age > BATTERY_OLD_NS else in_volts(drone.battery)
-
-
-def _failsafe(status: VehicleStatus | None) -> str:
-    return "" if status is None or status.failsafe == "none" else status.failsafe
-
-
-def _known(value: float | UnsetType) -> float | None:
-    return None if value is UNSET else value
-
-
-def _compass(heading: float | UnsetType) -> float | None:
-    """[°] As it is shown: 0 … 359.9."""
-    return None if heading is UNSET else round(degrees(heading), 1) % 360.0
 
 
 def _seconds(span: Ns) -> str:

@@ -7,10 +7,21 @@ from typing import Annotated, Any, cast
 
 from cyclopts import App, Parameter
 
+from services.marine.vehicle import Vehicle
+from services.reference.settings import Settings
 from services.runtime.config.errors import LindyError
-from tools.choices import named
+from services.runtime.config.stack import Stack
+from tools.choices import Json, Overrides, VehicleName, named
+from tools.fresh import refuse_existing, write_fresh
+from tools.identify import parameters
+from tools.identify import plan as planning
+from tools.identify.check import compare
+from tools.identify.gains_of import proposed
+from tools.identify.identify import identify_dive, read_dive
+from tools.identify.results import as_json, as_table, identified, remarks, rows, thrust_scale
+from tools.identify.vehicle_file import rewritten, rounded
 
-identify = App(name="identify", help="Find a vehicle's inertia, drag, buoyancy and lag in a dive.")
+identify = App(name="identify", help="Find inertia, drag, buoyancy and lag in a dive.")
 
 AxesOption = Annotated[str, Parameter(help="of heave, yaw, surge and sway, with commas between")]
 VehicleOption = Annotated[
@@ -22,13 +33,11 @@ VehicleOption = Annotated[
 def plan_(
     *,
     out: Annotated[Path, Parameter(converter=named, help="the stick log to write, a new file")],
-    vehicle: Annotated[
-        str, Parameter(help="a name in deploy/vehicles, or a TOML file")
-    ] = "pioneer",
+    vehicle: VehicleName = "pioneer",
     axes: AxesOption = "heave,yaw",
     depth: Annotated[float, Parameter(help="[m] in the middle of the manoeuvres")] = 3.0,
     strength: Annotated[float, Parameter(help="0.1 … 1 of full stick")] = 1.0,
-    set_: Annotated[tuple[str, ...], Parameter(name="--set", negative=())] = (),
+    set_: Overrides = (),
 ) -> int:
     """Write the manoeuvres that make a vehicle's numbers visible, as a stick log to be flown.
 
@@ -38,22 +47,16 @@ def plan_(
              lindy dive --pilot script:sticks.csv --out dives/identify
              lindy identify dives/identify --out mine.toml
     """
-    from services.marine.vehicle import Vehicle
-    from services.reference.settings import Settings
-    from services.runtime.config.stack import Stack
-    from tools.fresh import write_fresh
-    from tools.identify.plan import AXES, as_csv, plan, told
-
     if not 0.1 <= strength <= 1.0:
         raise LindyError(f"--strength is {strength:g}, expected 0.1 to 1")
     if not 0.0 < depth <= 1000.0:
         raise LindyError(f"--depth is {depth:g}, expected more than 0, at most 1000 m")
     stack = Stack(vehicle=vehicle, overrides=list(set_))
     hull = stack.section("vehicle", Vehicle)
-    wanted = cast(Any, _axes(axes, AXES))
-    found = plan(hull, stack.section("reference", Settings), wanted, depth, strength)
-    write_fresh(out, as_csv(found, hull).encode())
-    print(f"{out}: {told(found)}")
+    wanted = cast(Any, _axes(axes, planning.AXES))
+    found = planning.plan(hull, stack.section("reference", Settings), wanted, depth, strength)
+    write_fresh(out, planning.as_csv(found, hull).encode())
+    print(f"{out}: {planning.told(found)}")
     return 0
 
 
@@ -73,7 +76,7 @@ def recording_(
     check: Annotated[
         Path | None, Parameter(help="another dive, which both vehicle files predict")
     ] = None,
-    json: Annotated[bool, Parameter(negative=(), show_default=False, help="JSON")] = False,
+    json: Json = False,
 ) -> int:
     """Fit a vehicle's numbers to a recorded dive, with their deviations.
 
@@ -82,21 +85,13 @@ def recording_(
 
     Example: lindy identify dives/latest --out mine.toml --check dives/other
     """
-    from tools.fresh import refuse_existing, write_fresh
-    from tools.identify.check import compare
-    from tools.identify.gains_of import proposed
-    from tools.identify.identify import identify_dive, read_dive
-    from tools.identify.parameters import AXES
-    from tools.identify.results import as_json, as_table, identified, remarks, rows, thrust_scale
-    from tools.identify.vehicle_file import rewritten, rounded
-
     if net_buoyancy is not None and not (isfinite(net_buoyancy) and net_buoyancy != 0.0):
         raise LindyError(f"--net-buoyancy is {net_buoyancy:g}, expected a number of N other than 0")
     if out is not None:
         refuse_existing(out)
     if sys.stderr.isatty():
         print("lindy: reads and fits, which may take minutes", file=sys.stderr, flush=True)
-    found = identify_dive(recording, vehicle, _axes(axes, AXES))
+    found = identify_dive(recording, vehicle, _axes(axes, parameters.AXES))
     exact = identified(found.fit, found.start)
     scale = None if net_buoyancy is None else thrust_scale(found.fit, net_buoyancy)
     notes = list(remarks(found.fit, exact, scale))

@@ -21,6 +21,8 @@ from services.runtime.config.errors import LindyError
 from services.vehicle.mounting import AtOrigin
 from tools.identify.thrust import Floats
 from tools.recordings.recording import Recording
+from tools.replay.source import IMPORTED
+from tools.replay.states import states_of_today
 
 WINDOW_S = 10.0  # [s] one open-loop prediction of the fit
 REST_S = 2.0  # [s] before arming at least, for the gyroscopes' bias
@@ -88,6 +90,9 @@ def read(recording: Recording, vehicle: Vehicle, density: Density, name: Path) -
         if numbers := _numbers(message, origin, len(vehicle.thruster)):
             newest[raw.key] = stamp
             rows[raw.key].append((stamp * 1e-9, *numbers))
+    if not rows[topics.STATE.key] and IMPORTED in recording.metadata("dive"):
+        found = ((state.sensor_ns, _numbers(state, origin, 0)) for state in states_of_today(name))
+        rows[topics.STATE.key] = [(at * 1e-9, *numbers) for at, numbers in found if numbers]
     for topic in (topics.IMU, topics.PRESSURE, topics.STATE, topics.THRUSTERS):
         if len(rows[topic.key]) < FEWEST:
             raise LindyError(

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from services.marine.rigid_body import system_inertia
+from services.marine.hydrodynamics import system_inertia
 from services.marine.vehicle import GRAVITY
 from tools.identify.dive_data import Windows, times
 from tools.identify.fit_input import FitInput, wrench_over

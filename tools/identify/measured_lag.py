@@ -5,9 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from services.marine.thruster_lag import first_order
-from services.marine.thrusters import driven
-from services.marine.vehicle import Vehicle
+from services.marine.vehicle import Vehicle, driven, first_order
 from tools.identify.dive_data import DiveData
 from tools.identify.thrust import Floats, lagged
 

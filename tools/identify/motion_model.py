@@ -1,6 +1,6 @@
 """Motion in surge, sway, heave and yaw of many vehicles at once, with roll and pitch as measured.
 
-These are rows 1, 2, 3 and 6 of the simulator's equations (services/simulator/equations.py; Fossen
+These are rows 1, 2, 3 and 6 of the simulator's equations (services/simulator/vessel.py; Fossen
 2011, eq. 6.1 to 6.3), the wake's fins included. Roll and pitch rate and attitude come from the
 gyroscopes, so that the righting moment need not be known. Many vehicles at once, because a
 derivative by every parameter needs one each: arrays are (columns, windows, …).
@@ -11,9 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from services.marine.rigid_body import system_inertia
+from services.marine.hydrodynamics import system_inertia, wake_fins
 from services.marine.vehicle import GRAVITY, Vehicle
-from services.marine.wake import wake_fins
 from tools.identify.thrust import Floats
 
 U, V, W, R = range(4)  # surge, sway, heave, yaw

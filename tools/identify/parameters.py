@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from msgspec.structs import replace
 
-from services.marine.rigid_body import system_inertia
+from services.marine.hydrodynamics import system_inertia
 from services.marine.vehicle import Vehicle
 from tools.identify.motion_model import ROWS
 from tools.identify.thrust import Floats

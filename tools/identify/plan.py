@@ -9,7 +9,7 @@ pause in which it coasts. It is done with two forces, which tells linear from qu
 from collections.abc import Sequence
 from typing import Literal, NamedTuple, get_args
 
-from messages.pilot import Hold
+from messages.pilot import FlightMode
 from messages.units import Vec6
 from services.control.allocation.propulsion import Propulsion
 from services.control.axis.plant import Plant, plant_of
@@ -20,7 +20,7 @@ from services.runtime.config.errors import LindyError
 PlanAxis = Literal["heave", "yaw", "surge", "sway"]
 AXES: tuple[PlanAxis, ...] = get_args(PlanAxis)
 ROW: dict[PlanAxis, int] = {"surge": 0, "sway": 1, "heave": 2, "yaw": 5}
-MODE: dict[PlanAxis, Hold] = {
+MODE: dict[PlanAxis, FlightMode] = {
     "heave": "heading_hold",
     "yaw": "depth_hold",
     "surge": "stabilised",
@@ -166,7 +166,7 @@ def _unsaturated(vehicle: Vehicle, axis: PlanAxis, full: float) -> float:
         wrench[ROW[axis]] = tenths / 10 * full / ROOM
         x, y, z, k, m, n = wrench
         both: list[Vec6] = [(x, y, z, k, m, n), (-x, -y, -z, -k, -m, -n)]
-        if axis not in Propulsion(vehicle).axes:
+        if axis not in Propulsion(vehicle).allocation.axes:
             raise LindyError(f"--axes: the thrusters of {vehicle.name} cannot drive {axis}")
         if any(Propulsion(vehicle).allocate(w, None, 0).saturated for w in both):
             break

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from msgspec.structs import replace
 
-from services.marine.rigid_body import system_inertia
+from services.marine.hydrodynamics import system_inertia
 from services.marine.vehicle import Vehicle
 from tools.identify.fit import Fit
 from tools.identify.judgement import NOT_MOVED, drag_at

@@ -7,9 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from services.marine.thruster_lag import LagMode, first_order
-from services.marine.thrusters import driven, wrench_per_newton
-from services.marine.vehicle import Vehicle
+from services.marine.vehicle import LagMode, Vehicle, driven, first_order, wrench_per_newton
 
 Floats = NDArray[np.float64]
 LOST = 20.0  # [-] decay, as an exponent, over which steps are added up at once
@@ -57,7 +55,7 @@ class CommandedThrust:
 
 def lagged(t: Floats, settles: Floats, modes: Sequence[LagMode], at: Floats) -> Lagged:
     """A quantity that follows `settles` (n, k), set at the times t (n,), from rest, at the times
-    `at` (m,); exact (services/marine/thruster_lag.py). A gap decays by g' = pole g + share s',
+    `at` (m,); exact (services/marine/vehicle.py). A gap decays by g' = pole g + share s',
     which also gives its integral."""
     steps = np.diff(settles, axis=0, prepend=0.0)
     index = np.clip(np.searchsorted(t, at, side="right") - 1, 0, None)

@@ -8,10 +8,9 @@ import msgspec
 from cyclopts import App, Parameter
 
 from services.runtime.config.errors import LindyError
-from tools.choices import named
-from tools.keys.door import DEFAULT, require_cryptography
+from tools.choices import Json, Whole, named
+from tools.keys.credentials import DEFAULT, require_cryptography
 from tools.keys.roles import Identity, identity, parse
-from tools.whole import Whole
 
 Keys = Annotated[Path, Parameter(name="--keys", converter=named, help="the folder of the keys")]
 Days = Annotated[Whole, Parameter(help="for which the certificates are valid")]
@@ -19,8 +18,7 @@ LONGEST = 730  # [days]
 
 keys = App(
     name="keys",
-    help="Keys with which drone and pilot recognise each other over a network.",
-    help_format="plaintext",
+    help="Keys by which drone and pilot recognise each other.",
 )
 
 
@@ -88,7 +86,7 @@ def renew(name: str, *, folder: Keys = Path(DEFAULT), days: Days = LONGEST) -> i
 def list_(
     *,
     folder: Keys = Path(DEFAULT),
-    json: Annotated[bool, Parameter(negative=(), show_default=False, help="as JSON")] = False,
+    json: Json = False,
 ) -> int:
     """Print whose keys are in the folder, and until when they are valid.
 

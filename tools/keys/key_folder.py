@@ -12,7 +12,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
-from services.runtime.bus.key_files import Door, KeyFiles
+from services.runtime.bus.key_files import Credentials, KeyFiles
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
 from tools.fresh import write_fresh
@@ -33,7 +33,7 @@ class Own(NamedTuple):
     """Keys of this machine, checked."""
 
     certificate: Certificate
-    door: Door
+    credentials: Credentials
 
 
 def own_keys(keys: Path, roles: Collection[Role], now: datetime) -> Own:
@@ -58,7 +58,7 @@ def own_keys(keys: Path, roles: Collection[Role], now: datetime) -> Own:
     _private(folder / KEY)
     admitted = read_list(folder / ADMITTED)
     files = KeyFiles(*(str((folder / name).absolute()) for name in (CA, CERTIFICATE, KEY)))
-    return Own(found, Door(files, tuple(str(who) for who in admitted), found.who.name))
+    return Own(found, Credentials(files, tuple(str(who) for who in admitted), found.who.name))
 
 
 def bundles(keys: Path) -> list[Path]:

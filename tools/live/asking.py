@@ -10,7 +10,7 @@ from messages.topic import Topic
 from services.runtime.bus.zenoh_bus import open_bus
 from services.runtime.config.errors import LindyError
 from services.runtime.config.running import Running
-from services.runtime.launch.local_stack import HOME
+from services.runtime.launch.process_plan import HOME
 from services.runtime.node.checkpoint import VolatileCheckpoint
 from services.runtime.node.node import Node
 from services.runtime.node.requests import GIVE_UP_NS, A, Q
@@ -68,7 +68,7 @@ def answer_to(ask: Callable[[Node], OneRequest[Q, A]], running: Running, who: st
     side = HOME if HOME in running.endpoints else next(iter(running.endpoints))
     woken = threading.Event()
     with open_bus(running.endpoints[side], running.vehicle) as bus:
-        node = Node("ask", {side: bus}, time.monotonic_ns, VolatileCheckpoint())
+        node = Node("ask", {side: bus}, time.monotonic_ns, VolatileCheckpoint(), visitor=True)
         node.wake = woken.set
         asking = ask(node)
         while asking.answer is None and not asking.given_up:

@@ -11,7 +11,7 @@ from rich.live import Live
 
 from messages.health import LogLine
 from tools.live.printed_lines import PrintedLines
-from tools.live.screen import View, plain, render
+from tools.live.screen import COLUMNS, View, plain, render
 
 SCREEN_S = 0.25  # [s] between two screens
 LINE_S = 5.0  # [s] between two lines
@@ -36,8 +36,9 @@ class ScreenDisplay:
         if (now := time.monotonic()) >= self._next_s:
             self._next_s = now + SCREEN_S
             # A row is left free: a terminal scrolls when its last one is full.
-            height = self._live.console.height - 1
-            self._live.update(render(look(), height), refresh=True)
+            size = self._live.console.size
+            width = max(COLUMNS, size.width)
+            self._live.update(render(look(), size.height - 1, width), refresh=True)
 
     def line(self, line: LogLine, at_s: float | None) -> None:
         pass

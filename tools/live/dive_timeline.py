@@ -31,7 +31,7 @@ class DiveTimeline:
         """The newest status arrived at `now` [ns]."""
         self.controlled = self.in_control(status)
         self.armed = status.armed and self.controlled
-        self.note = status.note or status.mode
+        self.note = status.note or status.activity
         if status.pilot and not self.controlled:
             self.note = f"{status.pilot} has control"
             self.began_ns = now  # it is watched until it is free

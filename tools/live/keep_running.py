@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 
 from services.runtime.launch.local_stack import LocalStack
-from tools.keys.door import OPEN
+from tools.keys.credentials import OPEN
 from tools.live.dive_timeline import DiveTimeline
 from tools.live.stop_signals import StopSignals
 

@@ -4,6 +4,7 @@ It has the recorder's name, sides and rhythm, so that the same messages flow as 
 recorded, and the same hash comes of them.
 """
 
+from messages.events import Outbox
 from services.recorder.core import Intake
 from services.recorder.io.mcap_session import about
 from services.recorder.service import DEPTH, FLUSH_HZ
@@ -18,19 +19,18 @@ class MemoryRecorder:
 
     def __init__(self) -> None:
         self._gathered = GatheredDive()
-        self._intake = Intake(0)
+        self._intake = Intake(Outbox())
         self._about: dict[str, str] = {}
         self._node: Node | None = None
 
     def wire(self, node: Node, stack: Stack) -> None:
-        self._node, self._about = node, about(stack)
+        self._node, self._about, self._intake = node, about(stack), Intake(node.outbox)
         gathered, intake = self._gathered, self._intake
 
         def keep(envelope: Envelope, arrival: int) -> None:
             key = envelope.key
             found = intake.check(key, envelope.encoding, envelope.payload, arrival)
-            if isinstance(found, str):
-                node.count(found)
+            if found is None:
                 return
             gathered.pass_by(key, found.log_ns)
             if gathered.wants(key):

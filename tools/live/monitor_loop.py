@@ -23,7 +23,7 @@ class MonitorLoop:
         self, local: LocalStack, timeline: DiveTimeline, stop: StopSignals, shown: Display
     ) -> None:
         self.local, self._timeline, self._stop, self._shown = local, timeline, stop, shown
-        services = local.services
+        services = local.plan.services
         self._watch = Watch(local.node, list(services), timeline, shown.line, services.shared)
         local.node.each(topics.STATUS, timeline.see)
 
@@ -48,7 +48,7 @@ class MonitorLoop:
             time.monotonic_ns(),
             local.missing(),
             local.restarts,
-            list(local.answering.silent),
+            list(local.hang_detector.silent),
         )
 
 
@@ -56,8 +56,8 @@ class MonitorLoop:
 def followed_by(outcome: Outcome, local: LocalStack) -> Generator[None]:
     """The outcome collects restarts, silences and health messages while the processes run."""
     outcome.restarts = lambda: local.restarts
-    outcome.hung = lambda: dict(local.answering.times)
-    outcome.shared = local.services.shared
+    outcome.hung = lambda: dict(local.hang_detector.times)
+    outcome.shared = local.plan.services.shared
     outcome.listen(local.node)
     local.node.each(topics.STATUS, outcome.see_status)
     try:

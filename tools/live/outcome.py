@@ -9,7 +9,7 @@ from pathlib import Path
 from msgspec import UNSET
 from msgspec.structs import replace
 
-from messages import topics
+from messages import events, topics
 from messages.vehicle import VehicleStatus
 from services.recorder.io.parts import parts_in
 from services.runtime.config.errors import LindyError
@@ -23,7 +23,6 @@ from tools.report import (
     Extras,
     RecordedDive,
     Report,
-    by_service,
     counted,
     elsewhere,
     encode,
@@ -40,7 +39,7 @@ from tools.report import (
 CLEAN, DATA_LOST = 0, 3  # exit statuses; 3 also where a service did not work for a while
 RECORDER, HUB = "recorder", "hub_"
 # What the recorder counts for messages that are not in its file.
-NOT_IN_FILE = {"not_recorded", "overflowed", "unreadable"}
+NOT_IN_FILE = {row.name for row in (events.NOT_RECORDED, events.OVERFLOWED, events.UNREADABLE)}
 WITHOUT_KEYS = "there were no keys: whoever reached the port could fly the drone"
 WRITTEN = ("dive.mcap", "dive.rrd", "report.json")
 
@@ -158,8 +157,8 @@ class Outcome:
         if other is not None:
             print(elsewhere(report, other), flush=True)
         self._tell_insecure()
-        if "disk_error" in report.losses or not ended:
-            full = "disk_error" in report.losses
+        if events.DISK_ERROR.name in report.losses or not ended:
+            full = events.DISK_ERROR.name in report.losses
             why = "the disk was full or failed" if full else "it was not finished"
             print(f"lindy: the recording in {folder} is incomplete: {why}", file=sys.stderr)
         return data_was_lost(dive, report) or not ended or self._was_away(self.restarts())
@@ -173,11 +172,11 @@ class Outcome:
 
     def _counted(self) -> Counter[str]:
         """The services' counts, as far as their health messages arrived here."""
-        return losses(by_service(self._health.sums)) + self._silences()
+        return losses(self._health.sums) + self._silences()
 
     def _silences(self) -> Counter[str]:
         """How often each process ran but did not answer, as counts have it."""
-        return Counter({f"hung:{name}": times for name, times in self.hung().items()})
+        return Counter({events.HUNG(name).name: times for name, times in self.hung().items()})
 
     def complain(self) -> None:
         """

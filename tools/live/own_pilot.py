@@ -7,7 +7,7 @@ from messages import topics
 from messages.vehicle import VehicleStatus
 from services.runtime.node.node import Node
 
-LOOK_HZ = 25.0  # [1/s] often enough that a port that keeps the newest 8 does not overflow at 50 Hz
+LOOK_HZ = 25.0  # [1/s] often enough that a port that keeps the newest 16 does not overflow at 50 Hz
 
 
 class OwnPilot:

@@ -4,7 +4,7 @@ from contextlib import suppress
 from threading import Lock
 
 from messages.health import LogLine
-from tools.live.log_lines import LogEntry, LogLines, full
+from services.vehicle_view.log_lines import LogEntry, LogLines, full
 
 
 class PrintedLines:

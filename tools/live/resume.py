@@ -10,9 +10,9 @@ from pathlib import Path
 import msgspec
 
 from messages.identity import SideIdentity
-from services.estimation.checkpoint import EstimationCheckpoint
+from services.estimation.initialisation import EstimationCheckpoint
 from services.runtime.config.errors import LindyError
-from services.runtime.launch.local_stack import CHECKPOINTS
+from services.runtime.launch.process_plan import CHECKPOINTS
 from tools.onboard.this_start import NOTE, other_vehicle, read
 
 ESTIMATION = "estimation"

@@ -1,29 +1,31 @@
 """What the pilot reads in the terminal during a dive. Pure: a view in, something printable out.
 
 The screen fits the terminal's height. What a pilot needs comes first and is never left out: armed,
-mode, alarm, depth, heading, hold, battery, sticks and link, then the newest log lines, the last
-warnings among them. The services get the rows that are left; those that are gone or were restarted
-are shown before the others.
+activity, alarm, depth, heading, flight mode, battery, sticks and link, then the newest log lines,
+the last warnings among them. The services get the rows that are left; those that are gone or were
+restarted are shown before the others.
 
 On a terminal of 24 rows or more every alarm has rows of its own and is wrapped, because its end
 says what the pilot has to do. On a lower one they share rows, and the ends may be cut.
 """
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from textwrap import wrap
 
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from services.piloting import view_words
-from services.piloting.pilot_view import PilotView
-from services.piloting.view_words import known, number
-from tools.live.log_lines import LogEntry, brief, newest
+from services.vehicle_view import words
+from services.vehicle_view.log_lines import LogEntry, brief, newest
+from services.vehicle_view.view import VehicleView
+from services.vehicle_view.words import known, number
 
 STICKS = ("surge", "sway", "heave", "yaw")
 HALF = 6  # [characters] of a stick's bar on either side of its centre
-LINES = 6  # newest log lines shown
+LINES = 6  # newest log lines shown at least, where there is room for them …
+MOST_LINES = 24  # … and at most
 PILOT_ROWS = 8  # above the log lines: title, state, motion, vehicle, 2 of sticks, 2 of the link
 GAP = 1  # empty row
 TABLE_HEADING = 1  # row
@@ -46,47 +48,44 @@ class ServiceView:
     process: str = ""  # that it shares with others
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class View(PilotView):
+class View(VehicleView, frozen=True, kw_only=True):
     """Everything on the screen, in the pilot's units. Unknown is None."""
 
     title: str
     elapsed_s: float | None = None  # [s] since arming
     length_s: float | None = None  # [s]
     sticks: tuple[float, float, float, float] | None = None  # [-] surge, sway, heave, yaw
-    down_ms: float | None = None  # [ms] median delay to the drone
-    up_ms: float | None = None  # [ms] median delay to the pilot
-    stick_ms: float | None = None  # [ms] stick to thruster
-    screen_ms: float | None = None  # [ms] sensor to screen
     silent: tuple[str, ...] = ()  # processes that run but do not answer
-    lost: int = 0  # messages the link has dropped
     picture: str = ""  # what is wrong with the camera's picture
-    services: list[ServiceView] = field(default_factory=list[ServiceView])
-    lines: list[LogEntry] = field(default_factory=list[LogEntry])
+    services: tuple[ServiceView, ...] = ()
+    lines: tuple[LogEntry, ...] = ()
 
 
-def render(view: View, height: int | None = None) -> RenderableType:
+def render(view: View, height: int | None = None, width: int = COLUMNS) -> RenderableType:
     """The whole screen. Nothing in it wraps from 80 columns on.
 
     Args:
-        height: rows there are; None: as many as are needed.
+        height, width: rows and columns there are; None: as many rows as are needed.
     """
     roomy = height is None or height >= ROOMY
-    alarms = _alarms(view) if roomy else _alarms_in_short(view)
-    if roomy and len(_state(view, view.note)) > COLUMNS:
-        state = [_state(view, ""), *_wrapped("NOTE", view.note, "yellow")]
+    alarms = _alarms(view, width) if roomy else _alarms_in_short(view)
+    note = "; ".join(words.notes(view))
+    if roomy and len(_state(view, note)) > width:
+        state = [_state(view, ""), *_wrapped("NOTE", note, "yellow", width)]
     else:
-        state = [_state(view, view.note)]
+        state = [_state(view, note)]
     pilot: list[RenderableType] = [_title(view), *state, *alarms, _motion(view)]
     pilot += [_vehicle(view), _sticks(view), _link(view)]
     lines, services = LINES, len(view.services)
     if height is not None:
         rows = PILOT_ROWS - 1 + len(state) + len(alarms)
-        lines = max(0, min(LINES, height - rows - GAP))
-        services = max(0, min(services, height - rows - GAP - lines - GAP - TABLE_HEADING))
+        free = height - rows - GAP
+        lines = max(0, min(LINES, free))
+        services = max(0, min(services, free - lines - GAP - TABLE_HEADING))
+        lines = max(lines, min(MOST_LINES, free - services - GAP - TABLE_HEADING))
     shown: list[RenderableType] = [*pilot]
     if lines:
-        shown += [Text(), *_lines(view, lines)]
+        shown += [Text(), *_lines(view, lines, width)]
     if services:
         shown += [Text(), _services(view, services)]
     return Group(*shown)
@@ -97,21 +96,20 @@ def plain(view: View) -> str:
     depth, heading = number(view.depth_m, "7.2f"), number(view.heading_deg, "6.1f")
     parts = [
         f"{_clock(view.elapsed_s)}  {known(view)}{'armed' if view.armed else 'disarmed'}"
-        f" {view.mode}",
+        f" {words.doing(view)}",
         f"depth {depth} m  heading {heading}°{_age(view)}  rtt {number(view.rtt_ms, '.1f')} ms",
     ]
-    if acts := view_words.failsafe(view):
+    if acts := words.failsafe(view):
         parts.append(acts)
-    if view.words:
-        parts.append(f"{known(view)}{view.words}")
+    if acting := words.acting(view):
+        parts.append(acting)
     if view.alarm:
         parts.append(f"LINK {view.alarm}")
     if view.picture:
         parts.append(f"CAMERA {view.picture}")
     if view.silent:
         parts.append(f"NOT ANSWERING {', '.join(view.silent)}")
-    if view.note:
-        parts.append(view.note)
+    parts += words.notes(view)
     processes = {service.process or service.name: service.restarts for service in view.services}
     if restarts := sum(processes.values()):
         parts.append(f"restarts {restarts}")
@@ -130,29 +128,29 @@ def _title(view: View) -> Table:
 
 
 def _state(view: View, note: str) -> Text:
-    style = "bold white on red" if view.armed and not view.last_known else "dim"
+    style = "bold black on yellow" if view.armed and not view.last_known else "dim"
     return Text.assemble(
         (known(view), "yellow"),
-        (f" {view_words.armed(view)} ", style),
-        f"  {view.mode}",
-        (f"  {view_words.failsafe(view)}", "bold red"),
+        (f" {words.armed(view)} ", style),
+        f"  {words.doing(view)}",
+        (f"  {words.failsafe(view)}", "bold red"),
         (f"  {note}" if note else "", "yellow"),
         overflow="ellipsis", no_wrap=True,
     )  # fmt: skip
 
 
-def _alarms(view: View) -> list[Text]:
+def _alarms(view: View, width: int) -> list[Text]:
     """Rows of their own, the gravest first; none when all is well."""
-    alarms = [("DRONE", f"{known(view)}{view.words}")] if view.words else []
+    alarms = [("DRONE", acting)] if (acting := words.acting(view)) else []
     alarms += [("SILENT", _silent(view))] if view.silent else []
     alarms += [("LINK", view.alarm)] if view.alarm else []
     alarms += [("CAMERA", view.picture)] if view.picture else []
-    return [row for name, words in alarms for row in _wrapped(name, words, "bold red")]
+    return [row for name, text in alarms for row in _wrapped(name, text, "bold red", width)]
 
 
-def _wrapped(name: str, words: str, style: str) -> list[Text]:
+def _wrapped(name: str, text: str, style: str, width: int) -> list[Text]:
     """In as many rows as it needs, up to `ALARM_ROWS`."""
-    rows = wrap(words, COLUMNS - 7, max_lines=ALARM_ROWS, placeholder=" …")
+    rows = wrap(text, width - 7, max_lines=ALARM_ROWS, placeholder=" …")
     return [_row(f"{'' if n else name:<6} {row}", style) for n, row in enumerate(rows)]
 
 
@@ -161,13 +159,13 @@ def _alarms_in_short(view: View) -> list[Text]:
     alarms = [f"SILENT {_silent(view)}"] if view.silent else []
     alarms += [f"LINK   {view.alarm}"] if view.alarm else []
     alarms += [f"CAMERA {view.picture}"] if view.picture else []
-    rows = [f"DRONE  {known(view)}{view.words}"] if view.words else []
+    rows = [f"DRONE  {acting}"] if (acting := words.acting(view)) else []
     rows += ["  ".join(alarms)] if alarms else []
     return [_row(row, "bold red") for row in rows]
 
 
-def _row(words: str, style: str) -> Text:
-    return Text(words, style, overflow="ellipsis", no_wrap=True)
+def _row(text: str, style: str) -> Text:
+    return Text(text, style, overflow="ellipsis", no_wrap=True)
 
 
 def _silent(view: View) -> str:
@@ -188,15 +186,14 @@ def _motion(view: View) -> Text:
 
 def _vehicle(view: View) -> Text:
     return Text.assemble(
-        ("hold   ", "dim"), f"{view_words.hold(view):<15}",
-        ("  light ", "dim"), view_words.light(view),
-        ("   battery ", "dim"), view_words.battery(view),
+        ("mode   ", "dim"), f"{words.flight_mode(view):<15}",
+        *(part for label, text in words.numbers(view) for part in ((f"  {label} ", "dim"), text)),
         overflow="ellipsis", no_wrap=True,
     )  # fmt: skip
 
 
 def _age(view: View) -> str:
-    return f"  {old}" if (old := view_words.old(view)) else ""
+    return f"  {old}" if (old := words.old(view)) else ""
 
 
 def _sticks(view: View) -> Table:
@@ -259,14 +256,14 @@ def _services(view: View, rows: int) -> Table:
     return table
 
 
-def most_important(services: list[ServiceView], most: int) -> list[ServiceView]:
+def most_important(services: Sequence[ServiceView], most: int) -> list[ServiceView]:
     """Those that are gone first, then those that were restarted, then the rest; shown in the order
     of the stack."""
     ranked = sorted(services, key=lambda service: (service.alive, -service.restarts))
     return [service for service in services if service in ranked[:most]]
 
 
-def _lines(view: View, most: int) -> list[Text]:
+def _lines(view: View, most: int, width: int) -> list[Text]:
     """The newest log lines in `most` rows. Rows that are free go to the ends of warnings and errors
     that are longer than a row, the newest first."""
     entries = newest(view.lines, most)
@@ -274,9 +271,8 @@ def _lines(view: View, most: int) -> list[Text]:
     rows: list[Text] = []
     for entry in reversed(entries):
         style, shown = LEVELS[entry.line.level], [brief(entry)]
-        if free and entry.line.level != "info" and len(shown[0]) > COLUMNS:
-            words = shown[0]
-            shown = wrap(words, COLUMNS, max_lines=2, subsequent_indent=INDENT, placeholder=" …")
+        if free and entry.line.level != "info" and len(shown[0]) > width:
+            shown = wrap(shown[0], width, max_lines=2, subsequent_indent=INDENT, placeholder=" …")
             free -= len(shown) - 1
         rows = [_row(row, style) for row in shown] + rows
     return rows + [Text()] * (most - len(rows))

@@ -1,18 +1,19 @@
 """Collects what the screen shows of a dive, on the topside."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
+
+import msgspec
 
 from messages import topics
 from messages.health import Health, LogLine
 from messages.link import Shown
-from services.piloting.pilot_view import pilot_view, recent
 from services.runtime.node.node import Node
+from services.vehicle_view import ages
+from services.vehicle_view.io.ports import LOOK_HZ, VehiclePorts
+from services.vehicle_view.log_lines import LogLines
+from services.vehicle_view.view import vehicle_view
 from tools.live.dive_timeline import DiveTimeline
-from tools.live.log_lines import LogLines
-from tools.live.screen import LINES, ServiceView, View
-
-LOOK_HZ = 25.0  # [1/s] often enough that ports that keep the newest 8 do not overflow at 100 Hz
+from tools.live.screen import MOST_LINES, ServiceView, View
 
 
 class Watch:
@@ -33,16 +34,10 @@ class Watch:
         self._show = show
         self._health: dict[str, Health] = {}
         self._sent_hz: dict[str, float] = {}
-        self._state = node.latest(topics.STATE)
-        self._status = node.latest(topics.STATUS)
-        self._reference = node.latest(topics.REFERENCE)
+        self._vehicle = VehiclePorts(node)
         self._pilot = node.latest(topics.PILOT_COMMAND)
-        self._link = node.latest(topics.LINK)
         node.each(topics.HEALTH, self._hear_health)
         node.each(topics.LOG, self._add)
-        self._battery = node.latest(topics.BATTERY)
-        self._budget = node.latest(topics.LATENCY)
-        self._clock = node.latest(topics.CLOCK)
         self._picture = node.latest(topics.PICTURE_AGE)
         self._shown = node.publisher(topics.SHOWN.of("screen"))
         # Nobody receives their own messages on the bus.
@@ -64,41 +59,25 @@ class Watch:
             silent: processes that run but do not answer.
         """
         timeline = self._timeline
-        state = recent(self._state.newest(now), now)
-        status, pilot = self._status.newest(now), self._pilot.fresh(now)
-        battery = self._battery.fresh(now)
-        link, budget, clock = self._link.fresh(now), self._budget.fresh(now), self._clock.fresh(now)
-        picture = self._picture.fresh(now)
-        if state is not None:
+        newest = self._vehicle.newest(now)
+        pilot, picture = self._pilot.fresh(now), self._picture.fresh(now)
+        if (state := ages.shown(topics.STATE, newest.state, now)) is not None:
             self._shown.put(Shown(stamp_ns=now, sensor_ns=state.sensor_ns))
-        seen = pilot_view(
-            now,
-            status=status,
-            state=state,
-            reference=self._reference.newest(now),
-            battery=battery,
-            link=link,
-            clock=clock,
-            budget=budget,
-            note=timeline.note,
-        )
+        seen = vehicle_view(newest, now)
+        if newest.status is None:
+            seen = msgspec.structs.replace(seen, note=timeline.note)
         return View(
-            **asdict(seen),
+            **msgspec.structs.asdict(seen),
             title=title,
             elapsed_s=timeline.elapsed_s(now),
             length_s=timeline.length_s,
             sticks=(pilot.surge, pilot.sway, pilot.heave, pilot.yaw) if pilot else None,
-            down_ms=link.down_link.delay_p50_ms if link else None,
-            up_ms=link.up_link.delay_p50_ms if link else None,
-            stick_ms=budget.stick_to_thruster_ms if budget else None,
-            screen_ms=budget.sensor_to_screen_ms if budget else None,
             silent=tuple(silent),
-            lost=link.down_link.dropped + link.up_link.dropped if link else 0,
             picture=picture.words if picture else "",
-            services=[
+            services=tuple(
                 self._service(name, name not in missing, restarts) for name in self._services
-            ],
-            lines=self.lines.newest(LINES),
+            ),
+            lines=tuple(self.lines.newest(MOST_LINES)),
         )
 
     def _service(self, name: str, alive: bool, restarts: dict[str, int]) -> ServiceView:
@@ -129,6 +108,6 @@ class Watch:
             self._sent_hz[health.service] = (health.sent - before.sent) / seconds
 
     def _look(self, now: int) -> None:
-        ports = (self._state, self._status, self._reference, self._pilot, self._link)
-        for port in (*ports, self._battery, self._budget, self._clock, self._picture):
+        self._vehicle.newest(now)
+        for port in (self._pilot, self._picture):
             port.newest(now)

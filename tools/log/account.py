@@ -11,20 +11,21 @@ from collections.abc import Iterable, Mapping
 
 import msgspec
 
-from messages import topics
+from messages import events, topics
+from messages.events import Row
 from messages.health import Health
-from messages.topic import Way
+from messages.topic import Direction
 from tools.health_sums import HealthSums
 from tools.log.numbering import Numbering
 from tools.log.thinning import thinned
 from tools.recordings.recording import Raw, Recording
-from tools.report.losses import LINK, NOT_USED
+from tools.report.losses import LINK, LOST, QUEUES, THINNED, crosses, family, missed, take
 
-QUEUES = ("queue_full", "codel", "too_many")  # reasons of the link that mean: no room
-LOST = ("loss", "burst", "trace", "outage")
 # What the recorder counts for a message that it received and could not keep.
-REFUSED = ("malformed", "wrong_type", "too_many_keys")
-ANY_TOPIC = ("overflowed:**", "oversized:**", "not_recorded")  # it does not know of which topic
+REFUSED = (events.MALFORMED, events.WRONG_TYPE, events.TOO_MANY_KEYS)
+ANY_TOPIC = (
+    events.OVERFLOWED("**"), events.OVERSIZED("**"), events.NOT_RECORDED()
+)  # it does not know of which topic  # fmt: skip
 HEALTH = topics.HEALTH.key[:-1]
 
 
@@ -77,14 +78,14 @@ class LinkReports:
         """Is the link a service that counts what it loses?"""
         return LINK in self._services
 
-    def of(self, name: str, reasons: Iterable[str]) -> int:
+    def of(self, name: str, reasons: Iterable[Row]) -> int:
         """Messages of a topic of the table that the link lost for one of these reasons."""
         counts = self._services[LINK].counts - self._before if self.emulated else Counter[str]()
-        return sum(counts[f"{reason}:{name}"] for reason in reasons)
+        return sum(counts[reason(name).name] for reason in reasons)
 
     def missed(self, key: str) -> int:
         """Messages that a service on this side missed: on a real link nobody else counts them."""
-        return max((_missed(sums.counts, key) for sums in self._services.values()), default=0)
+        return max((missed(sums.counts, key) for sums in self._services.values()), default=0)
 
 
 def accounts(recording: Recording) -> Accounts:
@@ -126,17 +127,11 @@ def account_for(
         left = numbering.missing
         if left and crosses(key, side):
             left = _on_the_link(account, key, left, numbering, reports, spent)
-        refused = {f"{reason}:{key}": counted[f"{reason}:{key}"] for reason in REFUSED}
-        account.refused, left = _take(left, refused, spent)
-        anything = {name: counted[name] for name in ANY_TOPIC}
-        account.recorder, account.missing = _take(left, anything, spent)
+        refused = {name: counted[name] for name in (reason(key).name for reason in REFUSED)}
+        account.refused, left = take(left, refused, spent)
+        anything = {event.name: counted[event.name] for event in ANY_TOPIC}
+        account.recorder, account.missing = take(left, anything, spent)
     return found
-
-
-def crosses(key: str, side: str) -> bool:
-    """May messages of this key have come over the link to this side?"""
-    topic = topics.find(key)
-    return topic is not None and topic.way in (Way.BOTH, Way.DOWN if side == "drone" else Way.UP)
 
 
 def _on_the_link(
@@ -148,33 +143,23 @@ def _on_the_link(
     spent: Counter[str],
 ) -> int:
     """Returns what is left to account for."""
-    topic = topics.find(key)
-    name = key if topic is None else topic.key  # the link counts a family under its name
     if not reports.emulated:
-        if topic is not None and topic.way is Way.UP:  # what a router may thin
+        topic = topics.find(key)
+        if topic is not None and topic.way is Direction.UP:  # what a router may thin
             account.thinned = thinned(numbering.gaps, topic.hz)
             left -= account.thinned
-        account.link, left = _take(left, {f"lost:{key}": reports.missed(key)}, spent)
+        account.link, left = take(left, {events.LOST(key).name: reports.missed(key)}, spent)
         return left
-    account.link, left = _take(left, _counts(reports, name, LOST), spent)
-    account.thinned, left = _take(left, _counts(reports, name, ("thinned",)), spent)
-    account.queue, left = _take(left, _counts(reports, name, QUEUES), spent)
+    name = family(key)
+    account.link, left = take(left, _counts(reports, name, LOST), spent)
+    account.thinned, left = take(left, _counts(reports, name, THINNED), spent)
+    account.queue, left = take(left, _counts(reports, name, QUEUES), spent)
     account.unreported = min(left, _unreported(numbering, reports))
     return left - account.unreported
 
 
-def _counts(reports: LinkReports, name: str, reasons: Iterable[str]) -> dict[str, int]:
-    return {f"{reason}:{name}": reports.of(name, [reason]) for reason in reasons}
-
-
-def _take(left: int, counts: Mapping[str, int], spent: Counter[str]) -> tuple[int, int]:
-    """(taken, left): from each count as much as is left of it, and not more than is missing."""
-    taken = 0
-    for name, count in counts.items():
-        part = max(0, min(left - taken, count - spent[name]))
-        spent[name] += part
-        taken += part
-    return taken, left - taken
+def _counts(reports: LinkReports, name: str, reasons: Iterable[Row]) -> dict[str, int]:
+    return {reason(name).name: reports.of(name, [reason]) for reason in reasons}
 
 
 def _unreported(numbering: Numbering, reports: LinkReports) -> int:
@@ -185,11 +170,6 @@ def _unreported(numbering: Numbering, reports: LinkReports) -> int:
         for gap in numbering.gaps
         if gap.before_ns > last or (first is not None and gap.after_ns < first)
     )
-
-
-def _missed(counts: Counter[str], key: str) -> int:
-    """A message that a service received but did not use leaves a gap as well."""
-    return counts[f"lost:{key}"] - sum(counts[f"{reason}:{key}"] for reason in NOT_USED)
 
 
 def _add(reports: LinkReports, recording: Recording, raw: Raw) -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 import msgspec
 
 from services.runtime.config.errors import LindyError
+from tools.choices import Json
 from tools.log.account import Account, Accounts, accounts
 from tools.log.text_table import table
 from tools.recordings.progress import reading
@@ -14,21 +15,27 @@ SOUND, NOT_SOUND = 0, 3  # exit statuses
 COLUMNS = ("link", "thinned", "queue", "refused", "recorder", "unreported", "missing", "duplicated")
 
 
-def check(path: Path, *, json: bool = False) -> int:
-    """Print where every message is. Returns the exit status: 3 when some are missing and nobody
-    accounts for them, or the recording is damaged or was not finished.
+def check(recording: Path, *, json: Json = False) -> int:
+    """Is everything in it that was sent, and what was lost where?
 
-    Raises:
-        LindyError: there is no recording, or none of Lindy's.
+    RECORDING is a dive's folder or its MCAP file. For every topic: sent, recorded, and lost.
+    `link`: lost on the link; `thinned`: left out because the link is slow; `queue`: too many waited
+    for it; `refused`: the recorder could not read them; `recorder`: it or its disk was too slow or
+    full; `unreported`: after the link's last report. Exit status 3: some are missing and nobody
+    accounts for them, or the file is damaged, was recovered, or was not finished.
+
+    Example: lindy log check dives/latest
     """
-    recording = open_recording(path)
-    if not recording.metadata("dive"):
-        raise LindyError(f"{path} was not recorded by Lindy: what its numbers mean is not known")
-    with reading("checking", recording.size) as recording.advance:
-        found = accounts(recording)
+    opened = open_recording(recording)
+    if not opened.metadata("dive"):
+        raise LindyError(
+            f"{recording} was not recorded by Lindy: what its numbers mean is not known"
+        )
+    with reading("checking", opened.size) as opened.advance:
+        found = accounts(opened)
     if not found.topics:
-        raise LindyError(f"{path} holds no messages")
-    wrong = [*incomplete(recording), *in_words(found)]
+        raise LindyError(f"{recording} holds no messages")
+    wrong = [*incomplete(opened), *in_words(found)]
     if json:
         whole = {"ok": not wrong, "wrong": wrong, **msgspec.to_builtins(found)}
         print(msgspec.json.format(msgspec.json.encode(whole)).decode())

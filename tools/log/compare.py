@@ -1,10 +1,13 @@
 """`lindy log compare`: two recordings side by side."""
 
 from pathlib import Path
+from typing import Annotated
 
 import msgspec
+from cyclopts import Parameter
 
 from services.runtime.config.errors import LindyError
+from tools.choices import Json, NewPicture
 from tools.fresh import write_fresh
 from tools.log.compare_picture import check_picture, drawn
 from tools.log.differences import Differences, FieldDifference, differences, zeros
@@ -19,13 +22,22 @@ SHOWN = 20  # fields on the screen; all of them are in the JSON
 
 
 def compare(
-    a: Path, b: Path, *, tolerance: float = 0.0, out: Path | None = None, json: bool = False
+    a: Path,
+    b: Path,
+    *,
+    tolerance: Annotated[
+        float, Parameter(help="[-] of the largest value of a field: what counts as the same")
+    ] = 0.0,
+    out: NewPicture = None,
+    json: Json = False,
 ) -> int:
-    """Print what differs, and draw it. Returns the exit status: 1 when something does, 3
-    when one of them is damaged or was not finished.
+    """What differs between two recordings, when first.
 
-    Raises:
-        LindyError: there is no recording, they are of two vehicles, or the picture cannot be drawn.
+    And by how much, by stream and field. A and B are dives' folders or MCAP files, of one vehicle.
+    Times are seconds since arming, or, where one was never armed, since the recording began. Exit
+    status 1: they differ; 3: one is damaged or was not finished.
+
+    Example: lindy log compare dives/before dives/after --out compared.png
     """
     if not tolerance >= 0.0:
         raise LindyError(f"--tolerance is {tolerance:g}, expected 0 or more")

@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 
 from tools.log.flatten import Row, TableColumn
-from tools.log.tables import RowTable
+from tools.log.tables import RowTable, Tables, write_tables
 
 ENCODE = msgspec.json.Encoder().encode
 BUFFER = 256 * 1024  # [bytes]
@@ -55,3 +55,16 @@ def csv_table(path: Path, columns: list[TableColumn]) -> RowTable:
         OSError: it cannot be written, or is there already.
     """
     return CsvTable(path, columns)
+
+
+def csv(recording: Path, *, out: Tables = None) -> int:
+    """Write every topic as a table: one CSV file each.
+
+    In a new folder. RECORDING is a dive's folder or its MCAP file. Times: t_s, seconds since the
+    recording began, and log_ns and publish_ns, nanoseconds UTC of arrival and of the message's own
+    stamp. Vectors have named columns, such as wanted.surge. Exit status 3: a message could not be
+    read, or the file is damaged or was not finished.
+
+    Example: lindy log csv dives/latest --out tables
+    """
+    return write_tables(recording, out, "csv", csv_table)

@@ -4,12 +4,14 @@ from collections.abc import Iterable, Sequence
 from fnmatch import fnmatchcase
 from math import inf
 from pathlib import Path
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
+from cyclopts import Parameter
 from mcap.records import Channel, Metadata
 
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import nearest
+from tools.choices import NewFile
 from tools.fresh import refuse_existing
 from tools.log.armed_spans import armed_spans, around
 from tools.recordings.mcap_copy import McapCopy, new_mcap
@@ -34,26 +36,44 @@ class WantedPart(NamedTuple):
         return WantedPart(max(self.from_s, other.from_s), min(self.to_s, other.to_s), topics)
 
 
-def cut(path: Path, out: Path, wanted: WantedPart, dive: int | None = None) -> int:
-    """Write the part, and print what is in it. Returns the exit status: 3 when the recording is
-    damaged or was not finished.
+def cut(
+    recording: Path,
+    *,
+    out: NewFile,
+    from_: Annotated[
+        float, Parameter(name="--from", help="[s] since the recording began, inclusive")
+    ] = 0.0,
+    to: Annotated[float, Parameter(help="[s] exclusive; default: to its end")] = inf,
+    dive: Annotated[
+        int | None,
+        Parameter(
+            help="in place of --from and --to: the dive of this number, from 1, of `lindy log "
+            "info`: armed to disarmed, with 5 s before and after, and nothing of another dive",
+        ),
+    ] = None,
+    topics: Annotated[
+        tuple[str, ...],
+        Parameter(consume_multiple=True, help="keys, or patterns such as 'sensor/*'; default: all"),
+    ] = (),
+) -> int:
+    """Cut a part out, as a recording of its own.
 
-    Args:
-        dive: number, from 1, of the armed span that is wanted, in place of seconds.
+    Any MCAP reader opens it. RECORDING is a dive's folder or its MCAP file. Attached files and
+    schemas are kept, and so are the seconds: a part of a part has those of the whole. Exit status
+    3: the recording is damaged or was not finished.
 
-    Raises:
-        LindyError: nothing is in that part, there is no such dive, or the file cannot be written.
+    Example: lindy log cut dives/latest --from 30 --to 40 --topics state 'sensor/*' --out part.mcap
+             lindy log cut dives/class/rov1 --dive 2 --out dive2.mcap
     """
     refuse_existing(out)
-    recording = open_recording(path)
+    opened = open_recording(recording)
     if dive is not None:
-        if (wanted.from_s, wanted.to_s) != (0.0, inf):
+        if (from_, to) != (0.0, inf):
             raise LindyError(f"--dive {dive} says from when to when; leave out --from and --to")
-        span = around(armed_spans(recording), dive, str(path))
-        wanted = wanted._replace(from_s=span.from_s, to_s=span.to_s)
-    messages = cut_out(recording, out, wanted)
-    print("\n".join([f"{messages} messages written to {out}", *recording.damage]), flush=True)
-    return INCOMPLETE if recording.damage else COMPLETE
+        from_, to = around(armed_spans(opened), dive, str(recording))
+    messages = cut_out(opened, out, WantedPart(from_, to, topics))
+    print("\n".join([f"{messages} messages written to {out}", *opened.damage]), flush=True)
+    return INCOMPLETE if opened.damage else COMPLETE
 
 
 def cut_out(recording: Recording, out: Path, wanted: WantedPart) -> int:

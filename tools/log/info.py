@@ -9,12 +9,13 @@ import msgspec
 from mcap.records import Attachment
 
 from messages import topics
-from messages.counts import in_words as words_of
+from messages.events import known, sentence
 from messages.health import LogLine
 from messages.link import Clock
 from messages.message import Message
 from messages.vehicle import VehicleStatus
 from services.runtime.config.errors import LindyError
+from tools.choices import Json
 from tools.log.armed_spans import ArmedSpan, ArmedSpans
 from tools.log.text_table import table
 from tools.recordings.dive_file import FlownDive, flown_dive
@@ -104,7 +105,7 @@ class Gathered:
             case VehicleStatus():
                 self._see_status(message, t)
             case LogLine() if message.level != "info":
-                said = f"{message.level}: {message.service}: {words_of(message.text)}"
+                said = f"{message.level}: {message.service}: {_words(message.text)}"
                 self.events.append(SeenEvent(round(t, 3), said))
             case Clock() if message.offset_ns is not None:
                 self.clock = message
@@ -124,18 +125,19 @@ class Gathered:
             self.events.append(SeenEvent(round(t, 3), over or acts))
 
 
-def info(path: Path, *, json: bool = False) -> int:
-    """Print what is in a recording. Returns the exit status: 3 when it is damaged or was not
-    finished.
+def info(recording: Path, *, json: Json = False) -> int:
+    """What a recording is of, and what is in it.
 
-    Raises:
-        LindyError: there is no recording, or nothing in it.
+    Vehicle, versions, length, events, topics. RECORDING is a dive's folder or its MCAP file. Exit
+    status 3: it is damaged or was not finished.
+
+    Example: lindy log info dives/latest
     """
-    recording = open_recording(path)
-    with reading("reading", recording.size) as recording.advance:
-        found = info_of(recording)
+    opened = open_recording(recording)
+    with reading("reading", opened.size) as opened.advance:
+        found = info_of(opened)
     if not found.topics and not found.about:
-        raise LindyError(f"{path} holds no message that can be read")
+        raise LindyError(f"{recording} holds no message that can be read")
     if json:
         print(msgspec.json.format(msgspec.json.encode(found)).decode())
     else:
@@ -251,3 +253,8 @@ def _topics(known: Mapping[str, TopicInfo]) -> str:
         for key, topic in known.items()
     ]
     return table(heads, rows, left=2)
+
+
+def _words(text: str) -> str:
+    """Of a log line; older recordings have the name of its event."""
+    return sentence(text) if ":" in text and " " not in text and known(text) else text

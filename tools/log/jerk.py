@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from services.runtime.config.errors import LindyError
+from tools.choices import NewPicture
 from tools.fresh import write_fresh
 from tools.log.compare_picture import check_picture
 from tools.log.text_table import table
@@ -24,21 +25,25 @@ class NamedDive(NamedTuple):
     dive: RecordedDive
 
 
-def jerk(paths: Sequence[Path], out: Path | None = None) -> int:
-    """Print the figures of each recording, and draw the spectra of all. Returns the exit status.
+def jerk(recording: tuple[Path, ...], *, out: NewPicture = None) -> int:
+    """The jerk that was felt, beside the jerk that was asked for.
 
-    Raises:
-        LindyError: there is no recording, or the picture cannot be drawn.
+    Each RECORDING is a dive's folder or its MCAP file. Felt: of the IMU's vertical acceleration and
+    yaw rate, below 2 Hz, while armed. A vehicle that followed its reference exactly would feel the
+    reference's jerk. Beside it how often thrusters started and changed their direction. Dives with
+    the same sticks and other settings are drawn side by side.
+
+    Example: lindy log jerk dives/one dives/other --out jerk.png
     """
-    if not paths:
+    if not recording:
         raise LindyError("no recording is named; allowed are one or more")
     if out is not None:
         check_picture(out)
-    recordings = [open_recording(path) for path in paths]
-    with reading("reading", sum(recording.size for recording in recordings)):
+    opened = [open_recording(path) for path in recording]
+    with reading("reading", sum(one.size for one in opened)):
         dives = [
-            NamedDive(str(path), read_dive(recording))
-            for path, recording in zip(paths, recordings, strict=True)
+            NamedDive(str(path), read_dive(one))
+            for path, one in zip(recording, opened, strict=True)
         ]
     print(as_text(dives))
     if out is not None:

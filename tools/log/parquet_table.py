@@ -8,7 +8,7 @@ from typing import Any
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
 from tools.log.flatten import Row, TableColumn
-from tools.log.tables import RowTable
+from tools.log.tables import RowTable, Tables, write_tables
 
 BATCH = 20_000  # rows that are kept until they are written
 
@@ -75,3 +75,16 @@ def parquet_table(path: Path, columns: list[TableColumn]) -> RowTable:
         OSError: it cannot be written, or is there already.
     """
     return ParquetTable(path, columns)
+
+
+def parquet(recording: Path, *, out: Tables = None) -> int:
+    """Write every topic as a table: one Parquet file each.
+
+    The same tables as CSV, smaller and with types. It needs pyarrow (extra `tables`). RECORDING is
+    a dive's folder or its MCAP file. Exit status 3: a message could not be read, or the file is
+    damaged or was not finished.
+
+    Example: lindy log parquet dives/latest --out tables
+    """
+    require_pyarrow()
+    return write_tables(recording, out, "parquet", parquet_table)

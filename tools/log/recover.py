@@ -6,6 +6,7 @@ from typing import NamedTuple
 from mcap.records import Metadata
 
 from services.runtime.config.errors import LindyError
+from tools.choices import NewFile
 from tools.fresh import refuse_existing
 from tools.recordings.mcap_copy import McapCopy, new_mcap
 from tools.recordings.mcap_records import At, Damage, salvaged
@@ -23,15 +24,17 @@ class Recovered(NamedTuple):
     words: str  # what was wrong with the files
 
 
-def recover(path: Path, out: Path) -> int:
-    """Write everything that can still be read into a new file, and print what that was. Returns the
-    exit status.
+def recover(recording: Path, *, out: NewFile) -> int:
+    """Save what can be read of a damaged recording.
 
-    Raises:
-        LindyError: nothing can be read, or the file cannot be written.
+    RECORDING is a dive's folder or its MCAP file, of whatever length, cut off or damaged. All that
+    can still be read is written as a new file. Exit status 1: neither a
+    message nor an attached file of it is whole.
+
+    Example: lindy log recover broken.mcap --out mended.mcap
     """
     refuse_existing(out)
-    found = recovered(path, out)
+    found = recovered(recording, out)
     files = f" and {found.attachments} attached files" if found.attachments else ""
     print(f"{found.messages} messages{files} written to {out}: {found.words}", flush=True)
     return 0

@@ -1,7 +1,6 @@
 """`lindy log scene`: several recordings as one 3-D scene, for rerun."""
 
 import tomllib
-from collections.abc import Sequence
 from pathlib import Path
 
 from services.marine.vehicle import Vehicle
@@ -11,6 +10,7 @@ from services.runtime.config.settings import convert
 from services.runtime.config.stack import BODY, Stack
 from services.visualizer.fleet_scene import FlownTrack, track
 from services.visualizer.scene import SCENE_KINDS
+from tools.choices import NewFile
 from tools.fresh import refuse_existing, write_fresh
 from tools.recordings.dive_file import flown_dive
 from tools.recordings.recording import Recording, open_recording
@@ -18,12 +18,14 @@ from tools.recordings.recording import Recording, open_recording
 COMPLETE, INCOMPLETE = 0, 3  # exit statuses
 
 
-def scene(paths: Sequence[Path], out: Path) -> int:
-    """Write the scene, and print what is in it. Returns the exit status: 3 when a recording is
-    damaged or was not finished.
+def scene(recordings: tuple[Path, ...], /, *, out: NewFile) -> int:
+    """The drones of several recordings in one 3-D scene.
 
-    Raises:
-        LindyError: there is no such recording, no rerun, or the file cannot be written.
+    RECORDINGS are dives' folders or MCAP files, such as those of `lindy record`. The scene is a
+    file for rerun. All share one time and one frame: where a drone does not know its position, it
+    is drawn at (0, 0). Exit status 3: one is damaged or was not finished.
+
+    Example: lindy log scene dives/class/rov1 dives/class/rov2 --out class.rrd
     """
     refuse_existing(out)
     try:
@@ -32,10 +34,10 @@ def scene(paths: Sequence[Path], out: Path) -> int:
         raise LindyError(
             f"a scene needs rerun, which is not installed; {how_to_install('viewer')}"
         ) from None
-    recordings = [open_recording(path) for path in paths]
-    tracks = [track_of(recording) for recording in recordings]
+    opened = [open_recording(path) for path in recordings]
+    tracks = [track_of(recording) for recording in opened]
     write_fresh(out, encoded(tracks))
-    damage = [words for recording in recordings for words in recording.damage]
+    damage = [words for recording in opened for words in recording.damage]
     lines = [f"{each.name}: {len(each.poses)} poses" for each in tracks]
     print("\n".join([*lines, f"{len(tracks)} drones in {out}", *damage]), flush=True)
     return INCOMPLETE if damage else COMPLETE

@@ -20,6 +20,7 @@ from services.gamepad.stick_log import COLUMNS
 from services.gamepad.stick_log_player import QUIET_NS
 from services.piloting.sticks import CENTRED, Sticks
 from services.runtime.config.errors import LindyError
+from tools.choices import NewFile
 from tools.fresh import refuse_existing, write_fresh
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
@@ -81,29 +82,31 @@ class HeardSticks:
                 pass
 
 
-def sticks(path: Path, out: Path) -> int:
-    """Write the stick log, and print what it is. Returns the exit status: 3 when the recording is
-    damaged or was not finished.
+def sticks(recording: Path, *, out: NewFile) -> int:
+    """The pilot's sticks, as a stick log to fly again.
 
-    Raises:
-        LindyError: nobody flew in that recording, or a file cannot be written.
+    RECORDING is a dive's folder or its MCAP file. Requests are in the stick log, too; a path that
+    was followed is written beside OUT. Exit status 3: the recording is damaged or was not finished.
+
+    Example: lindy log sticks dives/latest --out again.csv
+             lindy simulate --pilot script:again.csv
     """
     if out.suffix != ".csv" or {",", "#"} & set(str(out)):
         raise LindyError(f"--out {out}: expected a name that ends in .csv, without comma or #")
     refuse_existing(out)
-    recording = open_recording(path)
-    with reading("reading", recording.size) as recording.advance:
-        found = sticks_of(recording, f"{out.with_suffix('')}_")
+    opened = open_recording(recording)
+    with reading("reading", opened.size) as opened.advance:
+        found = sticks_of(opened, f"{out.with_suffix('')}_")
     for name, text in found.paths.items():
         write_fresh(Path(name), text.encode())
-    write_fresh(out, as_csv(found, f"the sticks of {found.source}, from {path}").encode())
+    write_fresh(out, as_csv(found, f"the sticks of {found.source}, from {recording}").encode())
     seconds = found.rows[-1].at_ns / 1e9
     files = ", ".join([str(out), *found.paths])
     print(f"{len(found.rows)} rows, {seconds:.1f} s, written to {files}", flush=True)
-    for remark in [*found.remarks, *recording.damage]:
+    for remark in [*found.remarks, *opened.damage]:
         print(remark, flush=True)
     print(f"to fly them: lindy simulate --pilot script:{out}", flush=True)
-    return INCOMPLETE if recording.damage else COMPLETE
+    return INCOMPLETE if opened.damage else COMPLETE
 
 
 def sticks_of(recording: Recording, prefix: str = "") -> RecordedSticks:
@@ -183,7 +186,7 @@ class RequestEvents:
             heading = "" if request.heading is None else f" heading={in_degrees(request.heading)}"
             return f"goto{depth}{heading}"
         if kind == "mode":
-            return f"mode {request.hold}"
+            return f"mode {request.flight_mode}"
         if kind == "follow" and request.course is not None:
             return f"follow {self._path(request.course)}"
         return "" if kind in BY_ITSELF else self._unsaid(kind)

@@ -5,14 +5,16 @@ import tomllib
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Protocol, cast
+from typing import Annotated, Any, Protocol, cast
 
 import msgspec
+from cyclopts import Parameter
 from mcap.records import Channel, Schema
 
 from services.recorder.foxglove.channel import is_view
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
+from tools.choices import named
 from tools.fresh import EXISTS, fresh_folder
 from tools.log.flatten import Flattening, Row, TableColumn
 from tools.recordings.dive_file import flown_dive
@@ -38,6 +40,14 @@ class RowTable(Protocol):
     def close(self) -> None: ...
 
 
+Tables = Annotated[
+    Path | None,
+    Parameter(
+        converter=named,
+        help="the folder to write to; where it holds files already, a new one beside it; default: "
+        "beside the recording",
+    ),
+]
 NewTable = Callable[[Path, list[TableColumn]], RowTable]
 
 

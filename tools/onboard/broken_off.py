@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import msgspec
 
-from services.estimation.checkpoint import EstimationCheckpoint
+from services.estimation.initialisation import EstimationCheckpoint
 from services.runtime.config.running import running_in
-from services.runtime.launch.local_stack import CHECKPOINTS
+from services.runtime.launch.process_plan import CHECKPOINTS
 from tools.live.resume import ESTIMATION, LONGEST_S
 from tools.onboard.this_start import NOTE, Start, read
 

@@ -8,7 +8,7 @@ from typing import Literal, NoReturn, TypeVar
 
 import msgspec
 
-from services.runtime.bus.key_files import Door
+from services.runtime.bus.key_files import Credentials
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.stack_file import ServiceSpec
 from tools.health_sums import HealthSums
@@ -27,7 +27,7 @@ class Plan(msgspec.Struct, frozen=True, kw_only=True):
     elsewhere: tuple[str, ...]  # services of the topside
     listen: str | None  # endpoint for the topside
     router: str | None = None  # … or of a router, where drone and topside meet
-    door: Door | None  # the keys for both
+    credentials: Credentials | None  # the keys for both
     begin_with: dict[str, bytes]  # files that the folder of the checkpoints begins with, by name
     seconds: float | None  # [s] after arming, as asked for with --seconds; None: until it is ended
     claim: int | None  # descriptor of the lock of the dive's folder
@@ -60,7 +60,7 @@ def become(program: Program, what: msgspec.Struct) -> NoReturn:
     content = _in_memory(msgspec.json.encode(what))
     signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
     sys.stdout.flush()
-    command = [sys.executable, "-P", "-m", f"tools.onboard.{program}", str(content)]
+    command = [sys.executable, "-P", "-m", f"{__package__}.{program}", str(content)]
     os.execv(sys.executable, command)
 
 

@@ -14,7 +14,8 @@ from messages import topics
 from messages.health import LogLine
 from services.runtime.config.errors import LindyError
 from services.runtime.hosts.registry import Registry
-from services.runtime.launch.local_stack import LocalStack, OtherSide, local_stack
+from services.runtime.launch.local_stack import LocalStack, local_stack
+from services.runtime.launch.process_plan import OtherSide
 from tools.health_sums import HealthOfAll
 from tools.live.dive_timeline import DiveTimeline
 from tools.live.keep_running import keep_running
@@ -41,7 +42,11 @@ def _run(plan: Plan, stop: StopSignals, seen: Seen) -> None:
     drone = OtherSide("drone", listen=listen, connect=connect)
     with (
         local_stack(
-            plan.stack, services, other_side=drone, begin_with=plan.begin_with, door=plan.door
+            plan.stack,
+            services,
+            other_side=drone,
+            begin_with=plan.begin_with,
+            credentials=plan.credentials,
         ) as local,
         _noted(seen, local),
     ):
@@ -69,7 +74,7 @@ class _OnBoard:
         try:
             self._seen.exit = keep_running(self._local, self._timeline, self._stop, self._look)
             with suppress(OSError):  # it ends anyway
-                mark_ended(self._local.checkpoints)
+                mark_ended(self._local.plan.checkpoints)
         finally:
             self._seen.armed = self._timeline.armed_ns is not None
             self._lines.finish()
@@ -88,7 +93,7 @@ def _noted(seen: Seen, local: LocalStack) -> Generator[None]:
         yield
     finally:
         seen.gone = local.missing()
-        seen.restarts, seen.hung = local.restarts, dict(local.answering.times)
+        seen.restarts, seen.hung = local.restarts, dict(local.hang_detector.times)
 
 
 @contextmanager

@@ -5,8 +5,13 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from services.gamepad.core import PadProfile
+from services.gamepad.io import sdl
 from services.runtime.config.errors import LindyError
-from tools.choices import named
+from services.runtime.config.settings import deploy_file, read
+from tools.choices import UntilCtrlC, named
+from tools.fresh import refuse_existing, write_fresh
+from tools.pad.profile_file import toml_of
 
 
 def pad(
@@ -21,7 +26,7 @@ def pad(
             help="ask for each action in turn, and write a profile into this new file",
         ),
     ] = None,
-    seconds: Annotated[float | None, Parameter(help="end after this long")] = None,
+    seconds: UntilCtrlC = None,
 ) -> int:
     """Show what a pad sends, and write a profile for it.
 
@@ -30,12 +35,6 @@ def pad(
 
     Example: lindy pad --write mine.toml
     """
-    from services.gamepad.core import PadProfile
-    from services.gamepad.io import sdl
-    from services.runtime.config.settings import deploy_file, read
-    from tools.fresh import refuse_existing, write_fresh
-    from tools.pad.profile_file import toml_of
-
     if seconds is not None and not seconds > 0.0:
         raise LindyError(f"--seconds is {seconds:g}, expected more than 0")
     base = read(deploy_file("pads", profile), PadProfile)

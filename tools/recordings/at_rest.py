@@ -12,7 +12,7 @@ from messages import topics
 from messages.message import Message
 from messages.sensors import ImuSample, MagnetometerSample, PressureSample
 from messages.vehicle import VehicleStatus
-from services.estimation.startup.calibration import CalibrationSettings
+from services.estimation.startup.calibration import MOST_FORCE_STD, MOST_RATE_STD
 from services.runtime.config.errors import LindyError
 from tools.recordings.allan import Floats
 from tools.recordings.recording import Recording
@@ -26,7 +26,6 @@ HOW = (
     "to make such a recording, let nobody arm the drone: `lindy up drone --out dives/on_the_bench`"
     " without a topside, and Ctrl-C after a minute or longer"
 )
-STILL = CalibrationSettings()
 KEYS = (topics.IMU.key, topics.MAGNETOMETER.key, topics.PRESSURE.key)
 
 
@@ -157,9 +156,9 @@ def _armed_within(armed: list[Span], begin: float) -> str:
 
 def _beyond(spread: Floats) -> str:
     """The motion in six numbers [rad/s, m/s²], in words; empty for a drone at rest."""
-    if np.any(spread[:3] > STILL.rate_std):
+    if np.any(spread[:3] > MOST_RATE_STD):
         return "turns"
-    return "is pushed" if np.any(spread[3:] > STILL.force_std) else ""
+    return "is pushed" if np.any(spread[3:] > MOST_FORCE_STD) else ""
 
 
 def _check_depth(samples: RestingSamples, recording: Path) -> None:

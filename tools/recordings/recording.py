@@ -24,6 +24,7 @@ from services.recorder.io.parts import FIRST, parts_in
 from services.runtime.config.disk import reason, require_room
 from services.runtime.config.errors import LindyError
 from tools.recordings.mcap_records import Damage, Described, StoredMessage, nowhere, records
+from tools.recordings.older_names import as_today
 
 RESERVE = 256_000  # [bytes] left free by merging, for the report
 
@@ -67,14 +68,20 @@ class Recording:
         Foxglove is computed from these, and left out."""
         for path in self.files:
             channels: dict[int, str] = {}
+            renaming: dict[int, Callable[[bytes], bytes] | None] = {}  # by schema
+            older: dict[int, Callable[[bytes], bytes]] = {}  # by channel
             for record in self.records(path):
                 if isinstance(record, StoredMessage):
                     if (key := channels.get(record.channel_id)) is not None:
-                        yield Raw(
-                            key, record.data, record.log_ns, record.publish_ns, record.sequence
-                        )
+                        rename = older.get(record.channel_id)
+                        data = rename(record.data) if rename else record.data
+                        yield Raw(key, data, record.log_ns, record.publish_ns, record.sequence)
+                elif isinstance(record, Schema):
+                    renaming[record.id] = as_today(record)
                 elif isinstance(record, Channel) and not is_view(record.topic):
                     channels[record.id] = record.topic
+                    if rename := renaming.get(record.schema_id):
+                        older[record.id] = rename
 
     def records(self, path: Path) -> Iterator[StoredMessage | Described]:
         """Everything in one of its files. `damage` knows what is wrong with it at the end."""

@@ -2,37 +2,89 @@
 
 from math import isfinite
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from services.runtime.bus.endpoint import checked_endpoint
 from services.runtime.config.errors import LindyError
-from tools.keys.door import is_local
+from tools.choices import named
+from tools.keys.credentials import is_local
 from tools.replay.differences import in_words
 from tools.replay.onto_bus import Wish, onto_bus
 from tools.replay.source import ReplaySource, open_source, remarks
-from tools.replay.through import ThroughResult, through
+from tools.replay.through import ThroughResult
+from tools.replay.through import through as run_through
 from tools.replay.tolerances import parsed
 
 SLOWEST, FASTEST = 0.01, 1000.0  # [-]
 SHOWN = 20  # differences that are printed
 
 
-def play(
-    path: Path,
+def replay(
+    recording: Annotated[Path, Parameter(converter=named)],
     *,
-    speed: float,
-    loop: bool,
-    begin_s: float | None,
-    end_s: float | None,
-    patterns: tuple[str, ...],
-    connect: str | None,
-    listen: str | None,
-    headless: bool,
+    speed: Annotated[float, Parameter(help="recorded seconds per second")] = 1.0,
+    loop: Annotated[bool, Parameter(help="over and over, until Ctrl-C")] = False,
+    from_: Annotated[
+        float | None, Parameter(name="--from", help="[s] since the recording began")
+    ] = None,
+    to: Annotated[float | None, Parameter(help="[s] since the recording began")] = None,
+    topics: Annotated[
+        tuple[str, ...], Parameter(help="only these, such as state or 'sensor/*'; repeatable")
+    ] = (),
+    connect: Annotated[
+        str | None,
+        Parameter(help="play to a hub that is running, e.g. tcp/127.0.0.1:7449; not a vehicle's"),
+    ] = None,
+    listen: Annotated[
+        str | None, Parameter(help="endpoint for other programs, e.g. tcp/127.0.0.1:7449")
+    ] = None,
+    headless: Annotated[bool, Parameter(help="no viewer, even where there is a display")] = False,
+    through: Annotated[
+        tuple[str, ...],
+        Parameter(
+            help="with --diff: feed the recorded inputs of this service to today's code; "
+            "repeatable: together, on one side",
+        ),
+    ] = (),
+    diff: Annotated[
+        bool,
+        Parameter(
+            help="with --through: compare its outputs with the recorded ones; exit status 1 where "
+            "they differ",
+        ),
+    ] = False,
+    tolerance: Annotated[
+        tuple[str, ...],
+        Parameter(help="TOPIC.FIELD=NUMBER or NUMBER% that may differ, * for any; repeatable"),
+    ] = (),
+    stack: Annotated[
+        str, Parameter(help="the stack of the dive, for services of your own")
+    ] = "simulated",
+    set_: Annotated[
+        tuple[str, ...],
+        Parameter(
+            name="--set",
+            help="with --through: key.path=value into the recorded vehicle file; repeatable",
+        ),
+    ] = (),
 ) -> int:
-    """Onto a bus. Returns the exit status.
+    """Play a dive again, or compare today's code.
 
-    Raises:
-        LindyError: a wrong argument or recording, or a hub that lets no replay through.
+    RECORDING is a dive's folder or its MCAP file. It is played in its own time. On a terminal:
+    space pauses, left and right jump by 5 s, down and up by 30 s, q ends. A replay has keys of its
+    own: nothing in it reaches a vehicle.
+
+    Example: lindy replay dives/latest --from 30 --speed 4
+             lindy replay dives/latest --through control --diff
     """
+    if bool(through) != diff:
+        raise LindyError("--through SERVICE and --diff go together: one is missing")
+    if through:
+        return _compared(recording, through, (from_, to), tolerance, set_, stack)
+    if tolerance or set_:
+        raise LindyError("--tolerance and --set are for --through SERVICE --diff")
     if not SLOWEST <= speed <= FASTEST:  # not a number is in no range
         raise LindyError(f"--speed is {speed:g}, expected {SLOWEST:g} to {FASTEST:g}")
     if connect is not None and listen is not None:
@@ -43,20 +95,18 @@ def play(
                 f"{option} {endpoint}: a replay stays on this machine; allowed is an address such "
                 f"as tcp/127.0.0.1:7449"
             )
-    source = opened(path)
-    wish = Wish(span_of(source, begin_s, end_s), speed, loop, patterns)
+    source = opened(recording)
+    wish = Wish(span_of(source, from_, to), speed, loop, topics)
     return onto_bus(source, wish, connect=connect, listen=listen, headless=headless)
 
 
-def compare(
-    path: Path,
+def _compared(
+    recording: Path,
     services: tuple[str, ...],
-    *,
-    begin_s: float | None,
-    end_s: float | None,
+    span: tuple[float | None, float | None],  # [s]
     tolerances: tuple[str, ...],
     overrides: tuple[str, ...],
-    stack_file: str,
+    stack: str,
 ) -> int:
     """Through services. Returns the exit status: 1 where something differs.
 
@@ -64,12 +114,12 @@ def compare(
         LindyError: a wrong argument or recording, or a service that cannot be replayed.
     """
     allowed = parsed(tolerances)
-    source = opened(path)
-    found = through(
+    source = opened(recording)
+    found = run_through(
         source,
         services,
-        stack_file=stack_file,
-        span=span_of(source, begin_s, end_s),
+        stack_file=stack,
+        span=span_of(source, *span),
         tolerances=allowed,
         overrides=overrides,
     )
@@ -116,6 +166,8 @@ def span_of(source: ReplaySource, begin_s: float | None, end_s: float | None) ->
 def told(services: tuple[str, ...], source: ReplaySource, found: ThroughResult) -> str:
     """The result in words."""
     lines = [f"{source.path}: {remark}" for remark in found.remarks]
+    if source.imported:
+        return "\n".join(lines)
     messages = sum(found.compared.values())
     topics = sum(count > 0 for count in found.compared.values())
     what = f"{messages} messages of {topics} topics from {' and '.join(services)}"

@@ -210,7 +210,7 @@ def _starts(source: ReplaySource, names: tuple[str, ...]) -> list[ServiceStart]:
         ]
     found: list[ServiceStart] = []
     for name in names:
-        process = source.processes[name]
+        process = source.processes.get(name, Process(SIDE, source.origin_ns, 0, 0))  # imported
         ticks = process.started_ns - source.utc_offset_ns
         named = source.named_start_ns if name == NAMES_ITS_START else None
         at = ticks if named is None or not 0 <= ticks - named < SLOW_START_NS else named

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 import msgspec
 
 from messages import topics
+from messages.events import Row
 from messages.message import Message
 from messages.payload import PayloadDecoder
 from services.runtime.bus.envelope import Bus, Envelope
@@ -60,8 +61,8 @@ class Outputs:
             topic = topics.find(envelope.key)
             assert topic is not None  # nodes publish rows of the topic table only
             decoder = self._decoders[envelope.key] = PayloadDecoder(topic)
-        message = decoder.decode(envelope.payload)
-        if message is None:  # damaged on the link
+        message = decoder.read(envelope.encoding, envelope.payload)
+        if isinstance(message, Row):  # damaged on the link
             return
         sample = getattr(message, "sensor_ns", None)
         data = self._encode(message)

@@ -11,6 +11,7 @@ from typing import NamedTuple
 from mcap.records import Attachment
 
 from messages import topics
+from messages.events import MALFORMED, row_of
 from messages.health import Health
 from messages.identity import SideIdentity
 from messages.vehicle import VehicleStatus
@@ -21,6 +22,7 @@ from tools.recordings.recording import Raw, Recording, open_recording
 
 BACKWARDS_S = 0.01  # [s] less is no matter
 CUT = "cut"  # metadata: it is a part of another recording
+IMPORTED = "imported"  # in the metadata `dive`: the log that it was made of
 THINNED = "thinned"  # metadata: messages were taken out on purpose
 
 
@@ -60,10 +62,15 @@ class ReplaySource:
         return bool(self.recording.metadata(CUT))
 
     @property
+    def imported(self) -> bool:
+        """Is it of a log that another program wrote? Then none of our services ran in that dive."""
+        return IMPORTED in self.about
+
+    @property
     def damaged(self) -> int:
         """How many messages arrived on board that nobody could read."""
         lost = self.recording.losses()
-        return sum(n for name, n in lost.items() if name.startswith("malformed:"))
+        return sum(n for name, n in lost.items() if row_of(name) is MALFORMED)
 
     def raw(self) -> Iterator[Raw]:
         return self.recording.raw()

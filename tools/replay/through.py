@@ -98,6 +98,8 @@ def through(
     found = _compared(replay, names, source, window, tolerances)
     found.begin_ns = source.origin_ns - offset
     found.remarks += _beginning(replay, source)
+    if source.imported:
+        found.remarks.append(_published(replay, end - offset))
     if restart is not None:
         at = (restart - found.begin_ns) / 1e9
         found.remarks.append(f"it was started again at {at:.1f} s: compared up to there")
@@ -113,6 +115,16 @@ def _beginning(replay: OnBoard | Topside, source: ReplaySource) -> list[str]:
     if not missing:
         return []
     return [f"the recording begins after some messages: {missing}; differences may come from that"]
+
+
+def _published(replay: OnBoard | Topside, until_ns: int) -> str:
+    """What today's code made of a log of another program, with which nothing can be compared."""
+    counts: dict[str, int] = {}
+    for key in sorted(replay.outputs.keys):
+        told = [one for one in replay.outputs.of(key) if one.stamp_ns <= until_ns]
+        counts[key] = len(told)
+    said = ", ".join(f"{count} of {key}" for key, count in counts.items() if count) or "nothing"
+    return f"imported, so there is nothing to compare with; today's code publishes {said}"
 
 
 def _compared(
@@ -200,7 +212,7 @@ def _side_of(names: Sequence[str], services: Registry, source: ReplaySource) -> 
         if name not in services:
             raise LindyError(f"--through {name}: unknown service{nearest(name, list(POSSIBLE))}")
         spec = services[name]
-        if name not in source.processes:
+        if name not in source.processes and not source.imported:
             raise LindyError(
                 f"--through {name}: {source.path} has no health of it, so it did not run in that "
                 f"dive; found {', '.join(sorted(source.processes)) or 'none'}"

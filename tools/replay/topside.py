@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Callable, Iterable
 
 from messages import topics
-from messages.topic import AnyTopic, Way
+from messages.topic import AnyTopic, Direction
 from services.runtime.bus.memory_bus import MemoryBus, MemoryBusPort
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
@@ -120,11 +120,15 @@ class Topside:
     def _sent_from(self, key: str) -> str | None:
         """The side from which a recorded message came; None: it is of no use here."""
         topic = topics.find(key)
-        if topic is None or topic.way is Way.STAY or topic in (topics.LINK, topics.LINK_ANSWER):
+        if (
+            topic is None
+            or topic.way is Direction.STAY
+            or topic in (topics.LINK, topics.LINK_ANSWER)
+        ):
             return None  # the link that is run again says its own
-        if topic.way is Way.DOWN:
+        if topic.way is Direction.DOWN:
             return "topside"
-        if topic.way is Way.UP:
+        if topic.way is Direction.UP:
             return "drone"
         who = key.rpartition("/")[2]
         if who == GATEWAY:

@@ -13,7 +13,7 @@ from services.runtime.config.stack import Stack
 from services.runtime.hosts.process_host import Launch
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.stack_file import ServiceSpec
-from services.runtime.launch.local_stack import PYTHON
+from services.runtime.launch.process_plan import PYTHON
 from tools.live.viewer import VIEWER
 
 END_S = 5.0  # [s] in which it ends when asked to

@@ -4,7 +4,6 @@ from tools.report.dive import GatheredDive, RecordedDive, read_dive
 from tools.report.elsewhere import Elsewhere, elsewhere
 from tools.report.losses import losses
 from tools.report.report import Extras, Report, encode, make_report, report_on
-from tools.report.services import by_service
 from tools.report.summary import lined_up, summary
 from tools.report.troubles import counted, ending, processes
 from tools.report.unrecorded import unrecorded
@@ -15,7 +14,6 @@ __all__ = [
     "GatheredDive",
     "RecordedDive",
     "Report",
-    "by_service",
     "counted",
     "elsewhere",
     "encode",

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from messages import topics
 from messages.control import ThrusterCommand
 from messages.link import DOWN_STAGES, UP_STAGES, Clock, LatencyBudget, Stage
-from messages.pilot import Hold, PilotCommand, PilotRequest
+from messages.pilot import FlightMode, PilotCommand, PilotRequest
 from messages.reference import Reference
 from messages.sensors import BatterySample
 from messages.state import VehicleState
@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 Figures = tuple[float | None, ...]
 FAILSAFES: tuple[Failsafe, ...] = get_args(Failsafe)  # a status has the place in these
 REACTIONS: tuple[Reaction, ...] = get_args(Reaction)
-HOLDS: tuple[Hold, ...] = get_args(Hold)
+FLIGHT_MODES: tuple[FlightMode, ...] = get_args(FlightMode)
 
 
 class StreamColumns:
@@ -73,7 +73,8 @@ class StreamFigures(NamedTuple):
 
 def _command(m: PilotCommand) -> Figures:
     deflection = max(map(abs, (m.surge, m.sway, m.heave, m.yaw)))
-    return m.stamp_ns, m.heave, m.yaw, deflection, m.pilot == "lost", m.epoch
+    sticks = m.surge, m.sway, m.heave, m.yaw
+    return m.stamp_ns, *sticks, deflection, m.pilot == "lost", m.epoch
 
 
 def _request(m: PilotRequest) -> Figures:
@@ -82,9 +83,9 @@ def _request(m: PilotRequest) -> Figures:
 
 def _status(m: VehicleStatus) -> Figures:
     reaction = -1 if m.reaction is None else REACTIONS.index(m.reaction)
-    own_way = m.mode in ("goto", "follow")
-    hold = HOLDS.index(m.hold)
-    return m.stamp_ns, FAILSAFES.index(m.failsafe), reaction, m.since_ns, own_way, hold
+    own_way = m.activity in ("goto", "follow")
+    flight_mode = FLIGHT_MODES.index(m.flight_mode)
+    return m.stamp_ns, FAILSAFES.index(m.failsafe), reaction, m.since_ns, own_way, flight_mode
 
 
 def _state(m: VehicleState) -> Figures:
@@ -158,8 +159,8 @@ REFERENCE = (
     *(f"heave {part}" for part in MOTION),  # [m, m/s, m/s², m/s³ ×2]
     *(f"yaw {part}" for part in MOTION),  # [rad, rad/s, rad/s², rad/s³ ×2]
 )
-STATUS = ("stamp", "failsafe", "reaction", "since", "own way", "hold")
-COMMAND = ("stamp", "heave", "yaw", "deflection", "lost", "epoch")
+STATUS = ("stamp", "failsafe", "reaction", "since", "own way", "flight mode")
+COMMAND = ("stamp", "surge", "sway", "heave", "yaw", "deflection", "lost", "epoch")
 STATE = (
     *("sensor", "stamp", "heave", "yaw"),  # [ns, ns, m, rad]
     *(

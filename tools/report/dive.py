@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from messages import topics
+from messages import events, topics
 from messages.health import Health, LogLine
 from messages.link import Clock
 from messages.message import Message
@@ -216,4 +216,6 @@ class _TopsideClock:
 
 
 def _unreadable(recording: Recording) -> Counter[str]:
-    return Counter({f"unreadable:{key}": count for key, count in recording.unreadable.items()})
+    return Counter(
+        {events.UNREADABLE(key).name: count for key, count in recording.unreadable.items()}
+    )

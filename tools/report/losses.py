@@ -7,35 +7,51 @@ count is taken.
 """
 
 from collections import Counter, defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
-from messages import topics
-from messages.topic import Way
-from services.runtime.hosts.registry import Registry
+from messages import events, topics
+from messages.events import Row
+from messages.topic import Direction
+from tools.health_sums import HealthSums
 
 LINK = "tether"
-# What the tether counts for a message that it does not deliver.
-NOT_CARRIED = (
-    "thinned", "loss", "burst", "trace", "outage", "queue_full", "codel", "too_many",
-)  # fmt: skip
+# What the tether counts for a message that it does not deliver: lost, left out, without room.
+LOST = (events.LOSS, events.BURST, events.TRACE, events.OUTAGE)
+THINNED = (events.THINNED,)
+QUEUES = (events.QUEUE_FULL, events.CODEL, events.TOO_MANY)
+NOT_CARRIED = (*LOST, *THINNED, *QUEUES)
 # A message that a service received but did not use leaves a gap too.
 NOT_USED = (
-    "overflowed", "expired", "malformed", "wrong_type", "from_future", "wrong_epoch", "reordered",
+    events.OVERFLOWED, events.EXPIRED, events.MALFORMED, events.WRONG_TYPE, events.FROM_FUTURE,
+    events.WRONG_EPOCH, events.REORDERED,
 )  # fmt: skip
 # What several services count for the same message.
-OF_ONE_MESSAGE = ("lost", "duplicated", *(kind for kind in NOT_USED if kind != "overflowed"))
+OF_ONE_MESSAGE = {row.name for row in (events.LOST, events.DUPLICATED, *NOT_USED)} - {
+    events.OVERFLOWED.name
+}
+# Heard at the far end only, by a service whose home is where it is sent.
+ANSWERED = topics.CLOCK_PING.key
 
 
-def losses(counts: Mapping[str, Counter[str]]) -> Counter[str]:
-    """Count by name, over all services.
+def losses(
+    health: Mapping[str, HealthSums], besides: Mapping[str, Mapping[str, int]] | None = None
+) -> Counter[str]:
+    """Count by name, over all services and their restarts.
 
     Args:
-        counts: what each service counted, before restarts included, by service.
+        health: of each service.
+        besides: what services counted that is not in their health, by service; what is in both is
+            counted once.
     """
+    counts = {service: sums.counts for service, sums in health.items()}
+    for service, more in (besides or {}).items():
+        counts[service] = counts.get(service, Counter[str]()) | Counter(more)
     link = counts.get(LINK, Counter[str]())
     by_name: defaultdict[str, list[int]] = defaultdict(list)
-    for service, everything in counts.items():
-        for name, count in _own(service, everything, link).items():
+    for service, own in counts.items():
+        side = health[service].side if service in health else ""
+        carried = own if service == LINK else _without_the_links(own, side, link)
+        for name, count in carried.items():
             by_name[name].append(count)
     return Counter(
         {
@@ -45,26 +61,55 @@ def losses(counts: Mapping[str, Counter[str]]) -> Counter[str]:
     )
 
 
-def _own(service: str, counts: Counter[str], link: Mapping[str, int]) -> Counter[str]:
+def _without_the_links(own: Counter[str], side: str, link: Mapping[str, int]) -> Counter[str]:
     """A service's counts, without those that the link or the service itself has counted already."""
-    own = Counter(counts)
-    for name in counts:
+    left, spent = Counter(own), Counter[str]()
+    for name in sorted(own):
         kind, _, key = name.partition(":")
-        crossed = service != LINK and _crosses(key, service)
-        if kind == "lost":
-            own[name] -= sum(counts[f"{reason}:{key}"] for reason in NOT_USED)
-            if crossed:
-                own[name] -= sum(link.get(f"{reason}:{key}", 0) for reason in NOT_CARRIED)
-        elif kind == "malformed" and crossed:
-            own[name] -= link.get(f"damaged:{key}", 0)
-    return +own
+        over = crosses(key, side)
+        if kind == events.LOST.name and key:
+            left[name] = missed(own, key)
+            if over:
+                left[name] = take(left[name], _of_the_link(link, key, NOT_CARRIED), spent)[1]
+        elif kind == events.MALFORMED.name and over:
+            left[name] = take(left[name], _of_the_link(link, key, [events.DAMAGED]), spent)[1]
+    return +left
 
 
-def _crosses(key: str, service: str) -> bool:
-    """Did the messages of this key come over the link to this service?"""
+def crosses(key: str, side: str) -> bool:
+    """May messages of this key have come over the link to this side?"""
     topic = topics.find(key)
     if topic is None:
         return False
-    spec = Registry.read().get(service)
-    home = "topside" if spec is None else spec.sides[0]  # the supervisor is on the topside
-    return topic.way is Way.BOTH or topic.way is (Way.DOWN if home == "drone" else Way.UP)
+    return (
+        topic.way in (Direction.BOTH, Direction.DOWN if side == "drone" else Direction.UP)
+        or key == ANSWERED
+    )
+
+
+def missed(counts: Mapping[str, int], key: str) -> int:
+    """Messages that never came to a service. One that it received but did not use leaves a gap in
+    the numbers as well."""
+    unused = sum(counts.get(reason(key).name, 0) for reason in NOT_USED)
+    return max(0, counts.get(events.LOST(key).name, 0) - unused)
+
+
+def take(left: int, counts: Mapping[str, int], spent: Counter[str]) -> tuple[int, int]:
+    """(taken, left): from each count as much as is left of it, and not more than is missing."""
+    taken = 0
+    for name, count in counts.items():
+        part = max(0, min(left - taken, count - spent[name]))
+        spent[name] += part
+        taken += part
+    return taken, left - taken
+
+
+def family(key: str) -> str:
+    """The name under which the link counts a key: that of its row in the topic table."""
+    topic = topics.find(key)
+    return key if topic is None else topic.key
+
+
+def _of_the_link(link: Mapping[str, int], key: str, reasons: Iterable[Row]) -> dict[str, int]:
+    names = [reason(family(key)).name for reason in reasons]
+    return {name: link.get(name, 0) for name in names}

@@ -16,7 +16,7 @@ from tools.report.jerk import Smoothness, smoothness
 from tools.report.latency import LatencyReport, latency
 from tools.report.losses import losses
 from tools.report.picture import PictureReport, picture
-from tools.report.services import Service, by_service, services
+from tools.report.services import Service, services
 from tools.report.stops import StickStop, stops
 from tools.report.tracking import error_rms, peak_jerk_ratio
 from tools.report.troubles import armed_for, counted, logged, processes, vehicle_silent
@@ -142,10 +142,8 @@ def _losses(
 ) -> dict[str, int]:
     """By name, each message once. The recorder's own counts are in its file since its last restart,
     and in `Health` from before; the larger of both is kept."""
-    counts = by_service(health)
-    counts["recorder"] = Counter(dive.losses) | counts.get("recorder", Counter())
-    counts["supervisor"] = counts.get("supervisor", Counter()) + Counter(supervisor)
-    return dict(sorted(losses(counts).items()))
+    counted = losses(health, {"recorder": dive.losses}) + Counter(supervisor)
+    return dict(sorted(counted.items()))
 
 
 def _stream(traffic: Traffic) -> Stream:

@@ -1,6 +1,5 @@
 """Figures and counts of each service, from the `Health` that it publishes once a second."""
 
-from collections import Counter
 from collections.abc import Collection, Mapping
 
 import msgspec
@@ -35,11 +34,6 @@ def services(
         name: _service(health.get(name, HealthSums()), restarts.get(name, 0), shared.get(name))
         for name in names
     }
-
-
-def by_service(health: Mapping[str, HealthSums]) -> dict[str, Counter[str]]:
-    """What each service counted, summed by name over its restarts, and over two topsides."""
-    return {name: sums.counts for name, sums in health.items()}
 
 
 def _service(sums: HealthSums, restarts: int, process: str | None) -> Service:

@@ -13,8 +13,8 @@ NO_ESTIMATE = [FAILSAFES.index("state_lost"), FAILSAFES.index("imu_lost")]
 
 
 def stop_ends(dive: RecordedDive, axis: str) -> Array:
-    """[ns] Ascending: every instant at which a failsafe, a path of the drone's own or another hold
-    mode moves the reference, or the estimate it is compared with jumps or is not valid.
+    """[ns] Ascending: every instant at which a failsafe, a path of the drone's own or another
+    flight mode moves the reference, or the estimate it is compared with jumps or is not valid.
 
     Args:
         axis: heave or yaw.
@@ -24,7 +24,7 @@ def stop_ends(dive: RecordedDive, axis: str) -> Array:
         np.isin(status["reaction"], MOVING)
         | np.isin(status["failsafe"], NO_ESTIMATE)
         | (status["own way"] > 0)
-        | _changed(status["hold"])
+        | _changed(status["flight mode"])
     )
     unknown = state[f"{axis} known"] == 0
     if axis == "heave":

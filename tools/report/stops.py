@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from messages import topics
-from services.reference.guidance.refusals import CENTRED
+from services.reference.guidance.axes import CENTRED
 from tools.report.columns import Array
 from tools.report.dive import RecordedDive
 from tools.report.stop_ends import stop_ends
@@ -67,8 +67,8 @@ def _next(ends: Array, release: StickRelease) -> float:
     return float(ends[np.searchsorted(ends, release.begin)])
 
 
-def releases(dive: RecordedDive, axis: StopAxis) -> Iterator[StickRelease]:
-    """Every time the stick of an axis went from deflected to zero."""
+def releases(dive: RecordedDive, axis: str) -> Iterator[StickRelease]:
+    """Every time the stick of surge, sway, heave or yaw went from deflected to zero."""
     stick, since, sign = 0.0, None, 0.0
     for at, wanted in _wanted(dive, axis):
         if stick != 0.0 and wanted == 0.0:
@@ -81,7 +81,7 @@ def releases(dive: RecordedDive, axis: StopAxis) -> Iterator[StickRelease]:
         yield StickRelease(since, inf, float(sign))
 
 
-def _wanted(dive: RecordedDive, axis: StopAxis) -> Iterator[tuple[float, float]]:
+def _wanted(dive: RecordedDive, axis: str) -> Iterator[tuple[float, float]]:
     """(time [ns], stick that counts): zero while the pilot is lost or a failsafe acts, and after a
     stop request until all sticks have been centred."""
     now = {"stick": 0.0, "lost": 0.0, "failsafe": 0.0, "stop": 0.0}
@@ -96,7 +96,7 @@ def _wanted(dive: RecordedDive, axis: StopAxis) -> Iterator[tuple[float, float]]
         yield at, 0.0 if now["lost"] or now["failsafe"] or now["stop"] else now["stick"]
 
 
-def _events(dive: RecordedDive, axis: StopAxis) -> list[tuple[float, str, float]]:
+def _events(dive: RecordedDive, axis: str) -> list[tuple[float, str, float]]:
     """(time [ns], kind, value) of everything that decides whether a stick counts, by time."""
     command, request = dive[topics.PILOT_COMMAND], dive[topics.PILOT_REQUEST]
     status = dive[topics.STATUS]

@@ -7,7 +7,9 @@ from pathlib import Path
 
 import msgspec
 
-from messages.counts import Meaning, Rank, meaning, sentence
+from messages import events
+from messages.events import FAILSAFE, ROUTINE, Severity, row_of
+from messages.vehicle import Reaction
 from tools.report.holes import in_words
 from tools.report.report import Report
 from tools.report.restarted import restarted
@@ -16,7 +18,11 @@ from tools.report.troubles import ending
 
 LABEL = 18  # columns before the values
 DISK = "the disk was full or failed"
-ROSE = "rose"  # how the words of a failsafe end that always makes the drone rise
+DID: dict[Reaction, str] = {
+    "stop": "came to rest and held",
+    "ascend": "rose",
+    "surface": "stayed at the surface",
+}  # by itself
 AT_ONCE_S = 0.5  # [s] a condition that acts sooner is not said to have been noticed before
 KINDS = 4  # lines for losses; the rest is in report.json
 
@@ -94,7 +100,7 @@ def _length(report: Report) -> str:
 
 def _cut(report: Report) -> bool:
     """May the dive have been longer than its recording?"""
-    return report.losses.get("disk_error", 0) > 0
+    return report.losses.get(events.DISK_ERROR.name, 0) > 0
 
 
 def _duration(seconds: float) -> str:
@@ -103,7 +109,7 @@ def _duration(seconds: float) -> str:
 
 
 def _acts(name: str) -> bool:
-    return meaning(name).rank is Rank.FAILSAFE
+    return row_of(name).severity is FAILSAFE
 
 
 def _failsafes(report: Report) -> list[tuple[str, str]]:
@@ -116,13 +122,13 @@ def _failsafes(report: Report) -> list[tuple[str, str]]:
 def _acted(report: Report, name: str) -> str:
     """What the drone did: when it was noticed, if it acted later, when it acted first, and how long
     in all; nothing of that where no status says so."""
-    condition, words = name.partition(":")[2], sentence(name)
+    condition, words = name.partition(":")[2], events.sentence(name)
     reactions = [r for r in report.failsafes if r.condition == condition]
     if not reactions:
         return words
     first, seconds = reactions[0], sum(reaction.seconds for reaction in reactions)
-    if any(r.reaction in ("ascend", "surface") for r in reactions) and not words.endswith(ROSE):
-        words += f", then {ROSE}"
+    did = dict.fromkeys(DID[r.reaction] for r in reactions if r.reaction in DID)
+    words += f"; the drone {', then '.join(did)}"
     if first.noticed is not None and first.t - first.noticed > AT_ONCE_S:
         words += f", noticed at {first.noticed:.1f} s"
     return f"{words}, first at {first.t:.1f} s, {seconds:.1f} s in all"
@@ -153,24 +159,27 @@ def _past(stop: StickStop) -> str:
 
 def is_loss(name: str) -> bool:
     """Is this count one of something lost? Failsafes are told apart, and routine is no loss."""
-    return Rank.FAILSAFE < meaning(name).rank < Rank.ROUTINE
+    return FAILSAFE < row_of(name).severity < ROUTINE
 
 
 def _losses(report: Report, kinds: int | None) -> list[tuple[str, str]]:
-    """Counts with the same words together; the most important first, of those the largest.
+    """Counts with the same words together; the most important first, in the order of the table:
+    water in the enclosure before a service that was late, however often.
 
     Args:
         kinds: rows at most, and one that says how many more there are; None: all.
     """
-    times: defaultdict[Meaning, int] = defaultdict(int)
+    times: defaultdict[tuple[Severity, int, str], int] = defaultdict(int)
+    places = {row.sentence: place for place, row in enumerate(events.ALL.values())}
     for name, count in report.losses.items():
         if count and is_loss(name):
-            times[meaning(name)] += count
-    ordered = sorted(times.items(), key=lambda found: (found[0].rank, -found[1], found[0].words))
+            row = row_of(name)
+            times[row.severity, places.get(row.sentence, len(places)), row.sentence] += count
+    ordered = sorted(times.items())
     rows = [in_words(report.holes)] if report.holes else []
     if not ordered and not rows:
         return [("losses", "none")]
-    rows += [f"{count} × {what.words}" for what, count in ordered[:kinds]]
+    rows += [f"{count} × {sentence}" for (_, _, sentence), count in ordered[:kinds]]
     if kinds is not None and (more := len(ordered) - kinds) > 0:
-        rows.append(f"and {more} less important kind{'s' * (more > 1)}, see report.json")
+        rows.append(f"and {more} more kind{'s' * (more > 1)}, see report.json")
     return [("losses" if n == 0 else "", row) for n, row in enumerate(rows)]

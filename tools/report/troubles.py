@@ -4,16 +4,11 @@ damaged on the link is in the losses of the report and no trouble."""
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
-from messages.counts import Rank, is_hung, meaning, short
+from messages import events
+from messages.events import Promise, row_of, short
 from tools.report.restarted import by_process
 
 NAMED = 3  # services by name; of more only the number
-# Messages that nobody could use; on a link that damages messages they are nobody's fault.
-REFUSED = (
-    "malformed", "wrong_type", "wrong_length", "from_future", "unknown", "unknown_key",
-    "too_many_keys",
-)  # fmt: skip
-UNRECORDED = ("not_recorded", "disk_error", "unreadable")
 
 
 def counted(counts: Mapping[str, int]) -> list[str]:
@@ -23,17 +18,18 @@ def counted(counts: Mapping[str, int]) -> list[str]:
         counts: name → times, as in a report's losses.
     """
     there = {name: times for name, times in counts.items() if times}
-    failsafes = [name for name in there if meaning(name).rank is Rank.FAILSAFE]
-    hung = [f"{short(name)} {_times(n)}" for name, n in there.items() if is_hung(name)]
-    refused = sum(n for name, n in there.items() if _kind(name) in REFUSED and not _is_data(name))
-    if any(_kind(name) == "damaged" for name in there):
+    broken: dict[Promise, dict[str, int]] = {}
+    for name, times in there.items():
+        if (promise := row_of(name).breaks) is not None:
+            broken.setdefault(promise, {})[name] = times
+    refused = sum(broken.get("understood", {}).values())
+    if any(row_of(name) is events.DAMAGED for name in there):  # then it is nobody's fault
         refused = 0
-    lost = any(_kind(name) in UNRECORDED for name in there)
     return [
-        *(f"{short(name)} {_times(there[name])}" for name in failsafes),
-        *_few(hung, "services did not answer"),
+        *_each(broken.get("piloted", {})),
+        *_few(_each(broken.get("answered", {})), "services did not answer"),
         *_if(refused, f"{refused} message{'s' * (refused > 1)} refused"),
-        *_if(lost, "not everything was recorded"),
+        *_if(broken.get("recorded"), "not everything was recorded"),
     ]
 
 
@@ -92,12 +88,8 @@ def ending(exit_reason: str, troubles: Sequence[str]) -> str:
     return f"ended; {', '.join(troubles)}" if troubles else "ended cleanly"
 
 
-def _kind(name: str) -> str:
-    return name.partition(":")[0]
-
-
-def _is_data(name: str) -> bool:
-    return meaning(name).rank is Rank.DATA  # such as a service's checkpoint
+def _each(counts: Mapping[str, int]) -> list[str]:
+    return [f"{short(name)} {_times(times)}" for name, times in counts.items()]
 
 
 def _few(each: Sequence[str], together: str) -> Sequence[str]:

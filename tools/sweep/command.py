@@ -1,38 +1,32 @@
 """The verb `lindy sweep`."""
 
-from pathlib import Path
-from typing import Annotated
+from tools.choices import NewFile, NewPicture, Overrides, StackName, Whole
+from tools.sweep.axes import axes
+from tools.sweep.sweep import Wanted
+from tools.sweep.sweep import sweep as fly
 
-from cyclopts import Parameter
-
-from tools.choices import named
-from tools.whole import Whole
-
-Values = Annotated[
-    tuple[str, ...],
-    Parameter(negative=(), show_default=False),
-]
+Values = tuple[str, ...]
 
 
 def sweep(
     *,
-    out: Annotated[Path, Parameter(converter=named)],
+    out: NewFile,
     seed: Values = ("0",),
-    set_: Annotated[tuple[str, ...], Parameter(name="--set", negative=(), show_default=False)] = (),
+    set_: Overrides = (),
     vehicle: Values = ("pioneer",),
     link: Values = ("tether",),
     pilot: Values = ("script:first_dive",),
-    stack: str = "simulated",
+    stack: StackName = "simulated",
     seconds: float | None = None,
-    workers: Annotated[Whole | None, Parameter(show_default=False)] = None,
-    record: Annotated[bool, Parameter(negative=(), show_default=False)] = False,
-    picture: Annotated[Path | None, Parameter(converter=named)] = None,
+    workers: Whole | None = None,
+    record: bool = False,
+    picture: NewPicture = None,
 ) -> int:
-    """Simulate many dives on all cores: one row of figures per dive, in a table.
+    """Simulate many dives on all cores, into one table.
 
-    The options are those of `lindy simulate`, with several values between commas where wanted. The
-    sweep is their product. A dive has neither files nor a viewer. After an interruption the same
-    command goes on with what is missing.
+    One row of figures per dive. The options are those of `lindy simulate`, with several values
+    between commas where wanted. The sweep is their product. A dive has neither files nor a viewer.
+    After an interruption the same command goes on with what is missing.
 
     Example: lindy sweep --seed 1..100 --set control.depth.kp=20,40 --out kp.csv
              lindy sweep --vehicle pioneer,minerva --link tether,severe --seed 1..20 --out v.parquet
@@ -62,10 +56,6 @@ def sweep(
     picture
         a new PNG: the main figures of each combination of the axes
     """
-    from tools.sweep.axes import axes
-    from tools.sweep.sweep import Wanted
-    from tools.sweep.sweep import sweep as fly
-
     wanted = Wanted(
         out=out, stack=stack, seconds=seconds, workers=workers, record=record, picture=picture
     )

@@ -7,6 +7,7 @@ from collections.abc import Generator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from messages import events
 from services.recorder.io.mcap_session import RESERVE, CannotRecordError
 from services.runtime.config.disk import reason, require_room
 from services.runtime.config.errors import LindyError
@@ -52,7 +53,7 @@ def read_recorded(stack: Stack, outcome: Outcome) -> Flown:
     outcome.require_recording()
     folder = stack.out_dir
     dive, hashed = read_dive(open_recording(folder)), log_hash(folder)
-    if outcome.exit != INTERRUPTED and (hashed is None or "disk_error" in dive.losses):
+    if outcome.exit != INTERRUPTED and (hashed is None or events.DISK_ERROR.name in dive.losses):
         raise CannotRecordError(f"the recording in {folder} was cut short: {_why(folder)}")
     report = outcome.report_in_memory(dive, hashed or "")
     try:

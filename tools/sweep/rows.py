@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from messages.counts import Rank, meaning
+from messages import events
 from tools.report import Report
 from tools.report.stops import StopAxis
 from tools.sweep.axes import PlannedDive
@@ -56,7 +56,7 @@ def _count(axis: StopAxis) -> Callable[[Flown], Cell]:
 
 def _failsafes(flown: Flown) -> int:
     losses = flown.report.losses
-    return sum(n for name, n in losses.items() if meaning(name).rank is Rank.FAILSAFE)
+    return sum(n for name, n in losses.items() if events.row_of(name).severity is events.FAILSAFE)
 
 
 def _log_hash(flown: Flown) -> str | None:

@@ -4,7 +4,7 @@ from typing import Literal, NamedTuple
 
 from msgspec.structs import replace
 
-from services.control.allocation.actuator_model import lags_of
+from services.control.allocation.propulsion import lags_of
 from services.control.axis.axis_law import Gains
 from services.control.axis.plant import Plant, plant_of
 from services.control.axis.sampled_loop import SampledLoop

@@ -19,6 +19,8 @@ from av.error import ExitError, FFmpegError, InvalidDataError
 from av.video.codeccontext import VideoCodecContext
 from av.video.stream import VideoStream
 
+from messages import events
+from messages.events import Event
 from messages.units import Ns
 from services.camera.sea import Bytes, Picture
 from services.runtime.config.passwords import without_passwords
@@ -43,10 +45,10 @@ class Shot(NamedTuple):
 
 
 class Feed:
-    """Keeps the newest picture of one source. `counts` and `said` are emptied by the service."""
+    """Keeps the newest picture of one source. `events` and `said` are emptied by the service."""
 
     def __init__(self, source: str, width: int, height: int, clock: Callable[[], Ns]) -> None:
-        self.counts: deque[str] = deque()  # names, one for each time
+        self.events: deque[Event] = deque()
         self.said: deque[str] = deque()  # sentences for the log
         self._source, self._size, self._clock = source, (width, height), clock
         self._newest: deque[Shot] = deque(maxlen=1)
@@ -153,7 +155,7 @@ class Feed:
                 garbage = 0 if frames else garbage
             except InvalidDataError:
                 frames, garbage = [], garbage + 1
-                self.counts.append("undecodable:picture")
+                self.events.append(events.UNDECODABLE("picture"))
                 if garbage > MOST_GARBAGE:
                     raise
             yield from frames
@@ -165,7 +167,7 @@ class Feed:
             raise ValueError(f"its pictures have {frame.width} x {frame.height} pixels")
         picture = planes(frame.reformat(*self._size, format="yuv420p"))
         if self._newest:
-            self.counts.append("skipped:picture")
+            self.events.append(events.SKIPPED_PICTURE())
         self._newest.append(Shot(picture, stamp, self._clock()))
         self._alive_ns = stamp
         if self._trouble:
@@ -173,7 +175,7 @@ class Feed:
             self.said.append(f"camera: {self._called} gives pictures again")
 
     def _complain(self, why: str, now: Ns, then: str = f"tried every {RETRY_S:g} s") -> None:
-        self.counts.append("lost:camera")
+        self.events.append(events.LOST_CAMERA())
         self._alive_ns = now
         if why != self._trouble:
             self._trouble = why

@@ -6,6 +6,8 @@ from importlib.resources import files
 from websockets.datastructures import Headers
 from websockets.http11 import Response
 
+from services import cockpit
+
 TYPES = {
     "html": "text/html; charset=utf-8",
     "css": "text/css; charset=utf-8",
@@ -26,7 +28,7 @@ class PageFiles:
     """Read once: what is served is what was there at the start."""
 
     def __init__(self) -> None:
-        folder = files("services.cockpit") / "page"
+        folder = files(cockpit) / "page"
         self.contents = {
             entry.name: entry.read_bytes()
             for entry in folder.iterdir()

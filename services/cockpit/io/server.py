@@ -9,7 +9,7 @@ import logging
 import socket
 import ssl
 import threading
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any, cast
 from urllib.parse import parse_qs
@@ -18,6 +18,8 @@ from websockets.asyncio.server import ServerConnection, broadcast, serve
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
+from messages import events
+from messages.events import Outbox
 from services.cockpit.core import Settings
 from services.cockpit.handshake import SOCKETS, VIDEO, WATCH, Access
 from services.cockpit.io.files import PageFiles, plain
@@ -46,21 +48,19 @@ OLD_PAGE, TOO_MANY = 4001, 4002  # and our own
 
 
 class PageServer:
-    """`counts` is taken and cleared by the service."""
-
-    def __init__(self, settings: Settings, access: Access) -> None:
+    def __init__(self, settings: Settings, access: Access, outbox: Outbox) -> None:
         """Listen.
 
         Raises:
             LindyError: the address cannot be used, or the certificate is no good.
         """
-        self.counts: Counter[str] = Counter()
+        self._outbox = outbox
         self._access, self._files = access, PageFiles()
         self._events: deque[PageEvent] = deque()
         self._lock = threading.Lock()  # of the events
         self._pages: dict[int, ServerConnection] = {}
         self._watchers: set[int] = set()
-        self._video = VideoServer(self.counts)
+        self._video = VideoServer(outbox)
         self._last = 0  # number of the newest page
         self._open = 0  # connections
         self._notify: Callable[[], None] = lambda: None
@@ -144,7 +144,7 @@ class PageServer:
         path = request.path.partition("?")[0]
         why = self._access.refusal(request.path, headers.get_all("Host"), headers.get_all("Origin"))
         if why:
-            self.counts["refused:page"] += 1
+            self._outbox.tell(events.REFUSED_PAGE())
             return plain(403, "Forbidden", why)
         # No other path ever becomes a WebSocket: only these three were checked above.
         return None if path in SOCKETS else self._files.response(path)
@@ -155,11 +155,11 @@ class PageServer:
         assert request is not None
         path, _, query = request.path.partition("?")
         if parse_qs(query).get("version") != [self._files.version]:
-            self.counts["wrong_version:page"] += 1
+            self._outbox.tell(events.WRONG_VERSION_PAGE())
             await connection.close(OLD_PAGE, "this page is of another version: load it again")
             return
         if self._full(path):
-            self.counts["too_many:page"] += 1
+            self._outbox.tell(events.TOO_MANY_PAGES())
             kind = f"{MOST_WATCHERS} watchers'" if path == WATCH else str(MOST_PAGES)
             await connection.close(TOO_MANY, f"{kind} pages are open already")
             return
@@ -178,7 +178,7 @@ class PageServer:
             await self._read(number, connection)
         except ConnectionClosed as closed:
             if closed.sent is not None and closed.sent.code == TOO_BIG:
-                self.counts["oversized:page"] += 1
+                self._outbox.tell(events.OVERSIZED_PAGE())
         finally:
             del self._pages[number]
             self._watchers.discard(number)
@@ -195,7 +195,7 @@ class PageServer:
         rate = MessageRate()
         async for raw in connection:
             if rate.too_many():
-                self.counts["too_many:page_messages"] += 1
+                self._outbox.tell(events.TOO_MANY_PAGE_MESSAGES())
                 await connection.close(TOO_FAST, "too many messages")
                 return
             self._add(PageSaid(number, parsed(raw)))
@@ -206,7 +206,7 @@ class PageServer:
             if _supersedes(event, last):
                 self._events.pop()
             elif len(self._events) >= WAITING and isinstance(event, PageSaid):
-                self.counts["overflowed:page"] += 1
+                self._outbox.tell(events.OVERFLOWED("page"))
                 return
             self._events.append(event)
         self._notify()
@@ -217,7 +217,7 @@ class PageServer:
             if connection is None:
                 continue
             if connection.transport.get_write_buffer_size() > 0:
-                self.counts["dropped:page"] += 1
+                self._outbox.tell(events.DROPPED_PAGE())
             else:
                 broadcast([connection], text)
 
@@ -230,7 +230,7 @@ class PageServer:
         self._open -= 1
 
     def refused(self) -> None:
-        self.counts["too_many:connection"] += 1
+        self._outbox.tell(events.TOO_MANY_CONNECTIONS())
 
 
 class CountedConnection(ServerConnection):

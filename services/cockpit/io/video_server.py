@@ -2,11 +2,12 @@
 time holds up neither sticks nor the state of the drone. On the thread of the page server."""
 
 import time
-from collections import Counter
 
 from websockets.asyncio.server import ServerConnection, broadcast
 from websockets.exceptions import ConnectionClosed
 
+from messages import events
+from messages.events import Outbox
 from services.cockpit.io.message_rate import MessageRate
 from services.cockpit.video import PageUnit, PageVideo, RecentUnits
 
@@ -15,9 +16,8 @@ LONGEST_CONFIRMATION = 10  # [B] a number
 
 
 class VideoServer:
-    def __init__(self, counts: Counter[str]) -> None:
-        """`counts`: what must be counted is added to it."""
-        self._counts = counts
+    def __init__(self, outbox: Outbox) -> None:
+        self._outbox = outbox
         self._pages: dict[ServerConnection, PageVideo] = {}
         self._recent = RecentUnits()
 
@@ -30,8 +30,7 @@ class VideoServer:
         self._recent.add(unit)
         now = time.monotonic_ns()
         taking = [page for page, video in self._pages.items() if video.admits(unit, now)]
-        if left_out := len(self._pages) - len(taking):
-            self._counts["dropped:page_video"] += left_out
+        self._outbox.tell(events.DROPPED_PAGE_VIDEO(), len(self._pages) - len(taking))
         broadcast(taking, unit.message)
 
     async def page(self, connection: ServerConnection) -> None:
@@ -53,8 +52,8 @@ class VideoServer:
         rate = MessageRate()
         async for raw in connection:
             if rate.too_many():
-                self._counts["too_many:page_messages"] += 1
+                self._outbox.tell(events.TOO_MANY_PAGE_MESSAGES())
                 return
             is_number = len(raw) <= LONGEST_CONFIRMATION and raw.isascii() and raw.isdigit()
             if not (is_number and video.confirmed(int(raw))):
-                self._counts["malformed:page"] += 1
+                self._outbox.tell(events.MALFORMED_PAGE())

@@ -16,6 +16,7 @@ export class Connection {
     this.arrived = 0; // [ms] when, by this page's clock
     this.drones = null; // the newest list of those that can be reached
     this.listed = -Infinity; // [ms] when that arrived
+    this.ages = { state: [Infinity, Infinity], picture: [1000, 3000], drones: [0, 0] }; // until said
     this.words = "connecting"; // what is wrong; empty: nothing
     this.old = false; // this page is of another version than the service
     this.clock = new ServiceClock();
@@ -53,6 +54,7 @@ export class Connection {
   hear(text) {
     this.picture = JSON.parse(text);
     this.arrived = performance.now();
+    this.ages = this.picture.ages;
     this.clock.learn(this.picture.t, this.arrived, this.picture.you.delay_ms);
     this.words = "";
     if (this.picture.fly) [this.drones, this.listed] = [this.picture.fly, this.arrived];

@@ -1,6 +1,5 @@
 // The drones that can be reached. The pilot picks one, confirms, and `lindy fly` changes to it.
 
-const OLD_MS = 5000; // the list comes once a second
 const CHANGING_MS = 15000; // so long a change is said to go on while there is no connection
 const TOLD_MS = 20000; // so long is said what it has led to
 const $ = (id) => document.getElementById(id);
@@ -38,7 +37,7 @@ export class Drones {
   // The newest list; null: there is none.
   get list() {
     const { drones, listed } = this.connection;
-    return drones && performance.now() - listed < OLD_MS ? drones : null;
+    return drones && performance.now() - listed < this.connection.ages.drones[0] ? drones : null;
   }
 
   show(view) {
@@ -91,12 +90,12 @@ export class Drones {
   row(drone, flown) {
     if (!this.rows.has(drone.name)) this.rows.set(drone.name, this.made(drone.name));
     const { parts, button } = this.rows.get(drone.name);
-    const mode = drone.mode ? `${drone.mode}${drone.armed ? ", armed" : ""}`.replaceAll("_", " ") : "";
+    const activity = drone.activity ? `${drone.activity}${drone.armed ? ", armed" : ""}`.replaceAll("_", " ") : "";
     put(parts[0], drone.name, "name");
     put(parts[1], drone.vehicle ?? "");
-    put(parts[2], mode);
+    put(parts[2], activity);
     const here = drone.name === flown ? "shown here" : "";
-    const flies = drone.mode ? (drone.pilot ? `${drone.pilot} flies` : "nobody flies") : "";
+    const flies = drone.activity ? (drone.pilot ? `${drone.pilot} flies` : "nobody flies") : "";
     put(parts[3], [flies, here].filter(Boolean).join(" · "));
     put(parts[4], [drone.misfit, drone.alarms].filter(Boolean).join("; "), drone.failsafe ? "acts" : "alarm");
     button.hidden = this.connection.watching || Boolean(here);

@@ -78,15 +78,15 @@ export class Hud {
 
   horizon(view, width, height) {
     const { g, u, c } = this;
-    if (view.roll === undefined || view.pitch === undefined) {
+    if (view.roll_deg === undefined || view.pitch_deg === undefined) {
       this.font(1);
       return this.text("attitude not known", width / 2, height / 2, c.warn);
     }
     const perDegree = height / 2 / PITCH_SPAN, far = width + height;
     g.save();
     g.translate(width / 2, height / 2);
-    g.rotate(-view.roll * RAD);
-    g.translate(0, view.pitch * perDegree);
+    g.rotate(-view.roll_deg * RAD);
+    g.translate(0, view.pitch_deg * perDegree);
     if (!this.picture) {
       g.fillStyle = c.above;
       g.fillRect(-far, -far, 2 * far, far);
@@ -98,7 +98,7 @@ export class Hud {
     this.font(0.8);
     for (const degrees of LADDER) {
       const y = -degrees * perDegree;
-      if (y + view.pitch * perDegree < 4.5 * u - height / 2) continue; // the heading is there
+      if (y + view.pitch_deg * perDegree < 4.5 * u - height / 2) continue; // the heading is there
       this.path([[-2.2 * u, y], [2.2 * u, y]], this.faint);
       this.text(String(Math.abs(degrees)), 3.4 * u, y, this.faint);
     }
@@ -124,7 +124,7 @@ export class Hud {
     const y = 1.35 * u, half = Math.min(width * 0.36, 26 * u), x = width / 2, perDegree = half / 45;
     g.fillStyle = c.panel;
     g.fillRect(x - half, y - 1.1 * u, 2 * half, 2.2 * u);
-    const now = view.heading;
+    const now = view.heading_deg;
     if (now !== undefined) {
       this.font(0.85);
       for (let tick = Math.ceil((now - 45) / 5) * 5; tick <= now + 45; tick += 5) {
@@ -134,8 +134,8 @@ export class Hud {
         if (long && Math.abs(at - x) > 2.8 * u && half - Math.abs(at - x) > u)
           this.text(String(((tick % 360) + 360) % 360), at, y - 0.2 * u, c.dim);
       }
-      if (view.heading_wanted !== undefined) {
-        const off = ((view.heading_wanted - now + 540) % 360) - 180;
+      if (view.heading_wanted_deg !== undefined) {
+        const off = ((view.heading_wanted_deg - now + 540) % 360) - 180;
         const at = x + Math.max(-half, Math.min(half, off * perDegree));
         this.path([[at, y + 1.1 * u], [at - 0.7 * u, y + 2.2 * u], [at + 0.7 * u, y + 2.2 * u]], c.bug, true);
       }
@@ -149,7 +149,7 @@ export class Hud {
     const perMetre = half / span;
     g.fillStyle = c.panel;
     g.fillRect(x - 1.8 * u, y - half, 4.4 * u, 2 * half);
-    const now = view.depth;
+    const now = view.depth_m;
     if (now !== undefined) {
       this.font(0.85);
       for (let half_m = Math.ceil((now - span) * 2); half_m <= (now + span) * 2; half_m++) {
@@ -158,15 +158,15 @@ export class Hud {
         this.path([[x - 1.8 * u, at], [x - (whole ? 1 : 1.4) * u, at]], c.ink);
         if (whole && Math.abs(at - y) > 1.5 * u && half - Math.abs(at - y) > 0.6 * u) this.text(String(m), x + 0.6 * u, at, c.dim);
       }
-      if (view.depth_wanted !== undefined) {
-        const at = y + Math.max(-half, Math.min(half, (view.depth_wanted - now) * perMetre));
+      if (view.depth_wanted_m !== undefined) {
+        const at = y + Math.max(-half, Math.min(half, (view.depth_wanted_m - now) * perMetre));
         this.path([[x - 1.8 * u, at], [x - 2.9 * u, at - 0.7 * u], [x - 2.9 * u, at + 0.7 * u]], c.bug, true);
       }
     }
     this.box(now === undefined ? "–" : now.toFixed(2), x, y, now === undefined ? c.warn : c.ink);
     this.font(0.85);
     this.text("depth m", x + 0.4 * u, y - half - 0.8 * u, this.faint);
-    if (view.depth_wanted !== undefined) this.text(`→ ${view.depth_wanted.toFixed(2)}`, x + 0.4 * u, y + half + 0.8 * u, c.bug);
+    if (view.depth_wanted_m !== undefined) this.text(`→ ${view.depth_wanted_m.toFixed(2)}`, x + 0.4 * u, y + half + 0.8 * u, c.bug);
   }
 
   // Beside the heading there is room for the attitude; else it is below.
@@ -194,8 +194,8 @@ export class Hud {
     const { u, c } = this;
     this.font(0.9);
     const of = (value) => (value === undefined ? "–" : `${value > 0 ? "+" : ""}${value.toFixed(0)}°`);
-    const lines = [["roll", of(view.roll)], ["pitch", of(view.pitch)], ["camera", of(view.tilt)]];
-    if (view.heading_wanted !== undefined && height > 28 * u) lines.push(["to", `${view.heading_wanted.toFixed(0)}°`]);
+    const lines = [["roll", of(view.roll_deg)], ["pitch", of(view.pitch_deg)], ["camera", of(view.tilt_deg)]];
+    if (view.heading_wanted_deg !== undefined && height > 28 * u) lines.push(["to", `${view.heading_wanted_deg.toFixed(0)}°`]);
     const top = this.besideHeading(width);
     lines.forEach(([name, value], k) => {
       const at = top ? (2.2 + 1.3 * k) * u : height - (1.2 + 1.25 * (lines.length - k)) * u;

@@ -5,9 +5,6 @@ import { stripeRows } from "/stripe.js";
 
 const VERSION = 1, KEYFRAME = 1, HEADER = 16; // of a message, see services/cockpit/video.py
 const RETRY_MS = 700;
-const OLD_MS = 500; // age from which on it is said
-const SILENT_MS = 1000; // without a new picture: the last one turns grey …
-const GONE_MS = 3000; // … and then vanishes
 const NOTHING = "no picture";
 
 export class Video {
@@ -106,6 +103,9 @@ export class Video {
     this.close();
   }
 
+  // [ms] Since the newest picture: grey from then on, gone from then on.
+  get ages() { return this.connection.ages.picture; }
+
   // [ms] Of the newest picture, from the light on; undefined: not known.
   get age() { return this.light === null ? undefined : this.connection.clock.age(this.light); }
 
@@ -116,9 +116,9 @@ export class Video {
   get words() {
     if (this.unable) return this.unable;
     if (this.light === null) return NOTHING;
-    if (this.silence > SILENT_MS) return `no picture for ${(this.silence / 1000).toFixed(0)} s`;
+    if (this.silence > this.ages[0]) return `no picture for ${(this.silence / 1000).toFixed(0)} s`;
     if (this.age === undefined) return "the picture's age is not known";
-    return this.age > OLD_MS ? `picture ${(this.age / 1000).toFixed(1)} s old` : "";
+    return this.age > this.connection.ages.state[0] ? `picture ${(this.age / 1000).toFixed(1)} s old` : "";
   }
 
   // Draw the newest picture. Returns whether one is to be seen.
@@ -134,9 +134,9 @@ export class Video {
       frame.close();
       this.frame = null;
     }
-    const seen = this.silence < GONE_MS;
+    const seen = this.silence < this.ages[1]; // grey first, and then it vanishes
     canvas.hidden = !seen;
-    canvas.className = this.silence > SILENT_MS || this.age === undefined ? "stopped" : "";
+    canvas.className = this.silence > this.ages[0] || this.age === undefined ? "stopped" : "";
     return seen;
   }
 }

@@ -17,8 +17,7 @@ import numpy as np
 from messages.units import Vec6
 from services.control.allocation.layout import AXES, AxisName, drivable, effect_matrix, independent
 from services.control.allocation.thrust_bias import ThrustBias
-from services.marine.thrusters import total_wrench
-from services.marine.vehicle import Thruster, Vehicle
+from services.marine.vehicle import Thruster, Vehicle, total_wrench
 
 PRIORITY = (("roll", "pitch"), ("heave",), ("yaw",), ("surge", "sway"))
 ROUNDING = 1e-9  # [N] a smaller share of a demand counts as none
@@ -46,6 +45,9 @@ class Allocation:
 
     A faulty thruster has a gain [-], set by `trust`: it yields gain times the command. Inside this
     class, all forces are those that the thrusters yield.
+
+    `axes` can be driven independently now, `lost` are those that could be before thrusters failed,
+    and `distrusted` are the names of the thrusters whose gain is not 1.
     """
 
     def __init__(self, vehicle: Vehicle, settings: AllocationSettings | None = None) -> None:
@@ -60,6 +62,7 @@ class Allocation:
         self._columns: list[Vec6] = [tuple(c) for c in self._effect.T.tolist()]
         self._gains = [1.0] * len(vehicle.thruster)
         self._on = [False] * len(vehicle.thruster)  # driven at the dead-band's edge or beyond
+        self._axes_when_healthy = frozenset[str]()
         self._update_layout()
         self._axes_when_healthy = self.axes
         if self._settings.biased and not self._bias.sets:
@@ -70,17 +73,6 @@ class Allocation:
             )
 
     # Capability of the layout.
-
-    @property
-    def lost(self) -> tuple[str, ...]:
-        """Axes lost because of distrusted thrusters."""
-        return tuple(axis for axis in AXES if axis in self._axes_when_healthy - self.axes)
-
-    @property
-    def distrusted(self) -> tuple[str, ...]:
-        """Names of the thrusters whose gain is not 1."""
-        pairs = zip(self._thrusters, self._gains, strict=True)
-        return tuple(thruster.name for thruster, gain in pairs if gain != 1.0)
 
     def trust(self, index: int, gain: float) -> None:
         """Expect `gain` [-] times the command from this thruster: 1 healthy, 0 dead, −1 reversed,
@@ -112,13 +104,28 @@ class Allocation:
 
         `wrench` must be finite.
         """
-        saturated = set[int]()
-        yields = self._at_once(wrench) or self._by_priority(wrench, saturated)
-        if any(wrench):
+        yields, saturated = self._at_once(wrench), ()
+        if yields is None:
+            yields, saturated = self._by_priority(wrench)
+        if self._bias.sets and any(wrench):
             yields = self._bias.added(yields, self._limits)
-        thrust, yields = self._commands(yields)
-        names = tuple([self._thrusters[index].name for index in sorted(saturated)])
-        return Allocated(tuple(thrust), total_wrench(self._columns, yields), names)
+        # Commands for which the thrusters yield these forces, with dead-band compensation, and the
+        # forces they will then yield (`marine.vehicle.driven`).
+        thrust, achieved = list[float](), list[float]()
+        for index, (force, gain) in enumerate(zip(yields, self._gains, strict=True)):
+            low, high, edge = self._bounds[index]
+            # Rounding may exceed the limits slightly.
+            command = max(low, min(high, force / gain)) if gain else 0.0
+            if not -edge < command < edge:
+                self._on[index] = True
+            elif self._settings.dead_band_compensation:
+                # Zero or the dead-band's edge, whichever is nearer, with hysteresis.
+                switch = GOES_OFF if self._on[index] else COMES_ON
+                self._on[index] = abs(command) > edge * switch
+                command = copysign(edge, command) if self._on[index] else 0.0
+            thrust.append(command)
+            achieved.append(0.0 if -edge < command < edge else gain * command)
+        return Allocated(tuple(thrust), total_wrench(self._columns, achieved), saturated)
 
     def _at_once(self, wrench: Vec6) -> list[float] | None:
         """Forces for the whole wrench if no thruster can saturate in any order; else None."""
@@ -131,8 +138,8 @@ class Allocation:
             yields.append(ax + by + cz + dk + em + fn)
         return yields
 
-    def _by_priority(self, wrench: Vec6, saturated: set[int]) -> list[float]:
-        """Forces group by group; adds the thrusters that limit an unmet demand to `saturated`.
+    def _by_priority(self, wrench: Vec6) -> tuple[list[float], tuple[str, ...]]:
+        """Forces group by group, and the names of the thrusters that limit an unmet demand.
 
         A lateral thruster ahead of the centre turns the vehicle, and other thrusters have to
         compensate that. Where it turns the vehicle the way that is wanted, they are relieved, and
@@ -149,8 +156,8 @@ class Allocation:
                     yields, left[turn], limiting[turn] = self._add(
                         yields, demands[turn], left[turn]
                     )
-        saturated.update(*limiting)
-        return yields
+        saturated = sorted(set[int]().union(*limiting))
+        return yields, tuple(self._thrusters[index].name for index in saturated)
 
     def _add(
         self, yields: list[float], demand: list[tuple[int, float]], left: float
@@ -191,30 +198,6 @@ class Allocation:
                 share, limiting = max(0.0, (low - force) / extra), index
         return share, limiting
 
-    def _commands(self, yields: list[float]) -> tuple[list[float], list[float]]:
-        """[N] Commands for which the thrusters yield these forces, with dead-band compensation, and
-        the forces they will then yield (`marine.thrusters.driven`)."""
-        thrust, achieved = list[float](), list[float]()
-        for index, (force, gain) in enumerate(zip(yields, self._gains, strict=True)):
-            low, high, edge = self._bounds[index]
-            # Rounding may exceed the limits slightly.
-            command = max(low, min(high, force / gain)) if gain else 0.0
-            if -edge < command < edge:
-                command = self._out_of_dead_band(index, command, edge)
-            else:
-                self._on[index] = True
-            thrust.append(command)
-            achieved.append(0.0 if -edge < command < edge else gain * command)
-        return thrust, achieved
-
-    def _out_of_dead_band(self, index: int, command: float, edge: float) -> float:
-        """[N] Zero or the dead-band's edge, whichever is nearer, with hysteresis."""
-        if not self._settings.dead_band_compensation:
-            return command
-        switch = GOES_OFF if self._on[index] else COMES_ON
-        self._on[index] = abs(command) > edge * switch
-        return copysign(edge, command) if self._on[index] else 0.0
-
     # The layout, recomputed when the gain of a thruster changes.
 
     def _update_layout(self) -> None:
@@ -230,6 +213,9 @@ class Allocation:
         self._bias = ThrustBias(self._effect * healthy, dead_bands, self._settings.biased)
         driven_axes = drivable(self._effect, self._strength)
         self.axes = frozenset(driven_axes)
+        lost = self._axes_when_healthy - self.axes
+        self.lost = tuple(axis for axis in AXES if axis in lost)
+        self.distrusted = tuple(thruster.name for gain, thruster in pairs if gain != 1.0)
         self._rows = [AXES.index(axis) for axis in driven_axes]
         self._groups = [
             {AXES.index(axis) for axis in group if axis in self.axes} for group in PRIORITY

@@ -11,8 +11,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from services.marine.thrusters import wrench_per_newton
-from services.marine.vehicle import Vehicle
+from services.marine.vehicle import Vehicle, wrench_per_newton
 
 Matrix = NDArray[np.float64]
 AxisName = Literal["surge", "sway", "heave", "roll", "pitch", "yaw"]

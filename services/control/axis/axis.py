@@ -1,14 +1,49 @@
-"""One piloted axis: its law, the transfer between its modes, and its counts."""
+"""How an axis is held. A piloted one: its law, the transfer between its modes, and its counts. Roll
+and pitch: level, by a spring and a damper."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import msgspec
+
+from messages import events
+from messages.events import Event
 from messages.message import Estimate
 from messages.reference import Motion
+from messages.units import NotNegativeSetting, Ns
 from services.control.axis.axis_law import AxisLaw
-from services.control.axis.bumpless_transfer import BumplessTransfer
 
-Count = Callable[[str], None]
+Count = Callable[[Event], None]
+
+
+@dataclass(slots=True)
+class BumplessTransfer:
+    """A change of an axis' mode without a step: the force of the old mode fades into that of the
+    new one."""
+
+    seconds: float  # [s] of the fade
+    _mode: str | None = None  # at the last step; None: not yet stepped
+    _total: float = 0.0  # [N] or [N m] output of the last step
+    _offset: float = 0.0  # [N] or [N m] old minus new at the change
+    _left: float = 0.0  # [-] of the offset
+
+    def step(self, mode: str, force: float, dt: float) -> float:
+        """The output [N] or [N m], for the `force` that `mode` requires.
+
+        At a mode change the output is that of the previous step; then the difference fades
+        linearly.
+        """
+        if self._mode not in (None, mode):
+            self._offset, self._left = self._total - force, 1.0
+        else:
+            self._left = max(0.0, self._left - dt / self.seconds)
+        self._mode = mode
+        self._total = force + self._left * self._offset
+        return self._total
+
+    def forget(self) -> None:
+        """End the fade; the next step has no transfer."""
+        self._mode, self._left = None, 0.0
 
 
 @dataclass(slots=True)
@@ -36,7 +71,7 @@ class PilotedAxis:
         there is no spring, see `blind`. `late`: the rate is delayed, so feedback gains are lower.
         """
         if not (position.valid and rate.valid):
-            self.count(f"invalid:state.{self.name}")
+            self.count(events.INVALID(f"state.{self.name}"))
             return self.blind(
                 motion, dt, extra, rate=rate.value if rate.valid else None, upright=upright
             )
@@ -44,7 +79,7 @@ class PilotedAxis:
             self.law.recall()
         self._late = late
         if late:
-            self.count(f"late:state.{self.name}")
+            self.count(events.LATE(f"state.{self.name}"))
         return self.fed_back(
             motion, position.value, rate.value, dt, late=late, extra=extra, upright=upright
         )
@@ -65,7 +100,7 @@ class PilotedAxis:
         self._blind = False
         effort = self.law.step(motion, position, rate, dt, water, late=late)
         if effort.clamped:
-            self.count(f"clamped:control.{self.name}")
+            self.count(events.CLAMPED(f"control.{self.name}"))
         return self.transfer.step("held", (effort.total + extra) / upright, dt)
 
     def blind(
@@ -109,12 +144,42 @@ class PilotedAxis:
     ) -> None:
         """Update the disturbance observer; a velocity of None, or a position that is not known,
         pauses it. `freely`, `short`: see `AxisLaw.learn`."""
-        if velocity is None or self._blind:
-            self.law.pause()
-        else:
-            self.law.learn(velocity, force, dt, freely=freely, short=short)
+        known = None if self._blind else velocity
+        self.law.learn(known, force, dt, freely=freely, short=short)
 
     def forget(self) -> None:
         self._blind = self._late = False
         self.law.forget()
         self.transfer.forget()
+
+
+class RollPitchGains(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Roll or pitch held at zero, if the thrusters can drive it. 0, 0: hydrostatic only."""
+
+    kp: NotNegativeSetting = 0.0  # [N m/rad]
+    kd: NotNegativeSetting = 0.0  # [N m s/rad]
+
+
+@dataclass(slots=True)
+class RollPitchHold:
+    gains: RollPitchGains
+    _angle: float = 0.0  # [rad] at the last step
+    _at: Ns | None = None  # [ns] stamp of its sensor sample; None: not known
+    rate: float = 0.0  # [rad/s] of the angle; 0 while it is not known
+
+    def step(self, angle: Estimate, sensor_ns: Ns) -> float:
+        """Moment [N m]. The rate is the difference of two angles of the attitude filter, which
+        integrates the gyroscope and so adds little noise."""
+        if not angle.valid:
+            self.forget()
+            return 0.0
+        if self._at is None:
+            self.rate = 0.0
+        elif sensor_ns > self._at:
+            self.rate = (angle.value - self._angle) / ((sensor_ns - self._at) * 1e-9)
+        self._angle, self._at = angle.value, sensor_ns
+        return -self.gains.kp * angle.value - self.gains.kd * self.rate
+
+    def forget(self) -> None:
+        """Restart the rate with the next sample."""
+        self._at, self.rate = None, 0.0

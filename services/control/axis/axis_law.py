@@ -1,5 +1,5 @@
 """One axis of the thesis' control law: state feedback, feed-forward, and an integral or a
-disturbance observer.
+disturbance observer, with gains for holding still and for moving.
 
 u = L_r r - L x̂ + L_I e (Andrén 2023, 5.26 to 5.31), with position, velocity and acceleration
 references. The feed-forward of acceleration and drag uses the vehicle's own mass and damping, so
@@ -16,11 +16,8 @@ from typing import Annotated
 import msgspec
 
 from messages.reference import Motion
-from messages.units import NotNegativeSetting, OpenShare, Positive
-from services.control.axis.disturbance_observer import DisturbanceObserver, clamped
-from services.control.axis.gain_blend import FeedbackGains, GainBlend, StaticGains
-from services.control.axis.lasting_value import LastingValue
-from services.control.axis.plant import Plant
+from messages.units import NotNegativeSetting, Positive
+from services.control.axis.plant import DisturbanceObserver, LastingValue, Plant, clamped
 
 Percent = Annotated[float, msgspec.Meta(ge=0.0, le=200.0)]
 DragDoubt = Annotated[float, msgspec.Meta(ge=0.0, le=5.0)]
@@ -30,7 +27,35 @@ BLOCKED = 0.2  # [-] of the reference velocity; a slower vehicle does not move f
 LATE_SPRING, LATE_DAMPER = 0.15, 0.4  # [-] of kp and kd while the rate is delayed
 LATE_INTEGRAL = 0.15  # [-] of ki; the observer needs a rate that is not late
 LEAST_DRAG_SPEED = 1e-3  # position units per second
+DECAY = 0.98  # [-] per step; guard 3
 MOVING = 1e-6  # any smaller reference velocity or acceleration is rest
+
+
+class StaticGains(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Gains while the reference rests. Units: N or N m per position unit, m or rad."""
+
+    kp: NotNegativeSetting  # per position unit
+    kd: NotNegativeSetting  # per position unit per second
+    zone: NotNegativeSetting = 0.0  # position units; dead zone of the error
+    leave: Positive = 0.1  # position units; a larger error switches to the moving gains
+    blend: Annotated[float, msgspec.Meta(ge=0.01, le=10.0)] = 0.5  # [s] from one set to the other
+
+    def __post_init__(self) -> None:
+        if self.zone >= self.leave:
+            raise ValueError(f"zone is {self.zone:g}, it must be smaller than leave {self.leave:g}")
+
+
+class FeedbackGains(msgspec.Struct, frozen=True, gc=False):
+    """The gains in force."""
+
+    kp: float
+    kd: float
+    zone: float
+
+    def spring(self, error: float) -> float:
+        """Restoring force, zero inside the zone. It is continuous at the edge and passive, so it
+        cannot sustain an oscillation."""
+        return self.kp * (error - max(-self.zone, min(self.zone, error)))
 
 
 class Gains(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -47,7 +72,6 @@ class Gains(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         0.0  # [-] of the model's drag that guard 2 is wider by in motion; observer
     )
     still: NotNegativeSetting = 0.0  # position units per second; below, it learns as slowly as ki
-    decay: OpenShare = 0.98  # [-] per step; guard 3
     decay_threshold: Positive = 0.1  # position units; guard 3 acts on errors larger than this
     acceleration_percent: Percent = 100.0  # [%] of the acceleration feed-forward; 100 is exact
     drag_percent: Percent = 100.0  # [%] of the drag feed-forward
@@ -69,6 +93,42 @@ class Effort(msgspec.Struct, frozen=True, gc=False):
     total: float  # [N] or [N m]
     standing: float  # compensation of lasting disturbances; part of the total
     clamped: bool  # guard 1 or 2 was active
+
+
+@dataclass(slots=True)
+class GainBlend:
+    """Two sets of gains, for holding still and for moving, and those in force. Begins with the
+    static ones.
+
+    The moving gains make a thruster with a dead-band start and stop for ever at rest; the static
+    gains follow a moving reference badly (Andrén 2023, 5.4.2). The share of the moving set goes
+    from 0 to 1 along a curve with zero slope at both ends.
+    """
+
+    moving: FeedbackGains
+    static: StaticGains | None
+    _blend: float = 0.0  # [-] from static to moving, before smoothing
+    _disturbed: bool = False  # the error has switched to the moving gains
+
+    def step(self, moves: bool, error: float, dt: float) -> FeedbackGains:
+        """Gains of this step; the arguments take effect from the next step on."""
+        static = self.static
+        if static is None:
+            return self.moving
+        share = self._blend * self._blend * (3 - 2 * self._blend)
+        now = FeedbackGains(
+            static.kp + share * (self.moving.kp - static.kp),
+            static.kd + share * (self.moving.kd - static.kd),
+            static.zone * (1 - share),
+        )
+        if abs(error) > static.leave:
+            self._disturbed = True
+        elif abs(error) <= static.leave / 2:
+            self._disturbed = False
+        target = 1.0 if moves or self._disturbed else 0.0
+        most = dt / static.blend
+        self._blend += max(-most, min(most, target - self._blend))
+        return now
 
 
 @dataclass(slots=True)
@@ -123,7 +183,8 @@ class AxisLaw:
             late: the rate is a third of a second old, as from pressure alone; the full gains would
                 make the loop oscillate.
         """
-        self._look_ahead(reference)
+        self._reference_rate = reference.velocity
+        self._soon = self.gains.drag_lead_percent / 100 * self.lag * reference.acceleration
         error = reference.position - position
         near = clamped(error, self.gains.max_error)
         moves = abs(reference.velocity) > MOVING or abs(reference.acceleration) > MOVING
@@ -163,7 +224,8 @@ class AxisLaw:
     def blind(self, reference: Motion, rate: float | None = None, water: float = 0.0) -> float:
         """Effort without a position: feed-forward, disturbance compensation and, if the rate is
         known, damping."""
-        self._look_ahead(reference)
+        self._reference_rate = reference.velocity
+        self._soon = self.gains.drag_lead_percent / 100 * self.lag * reference.acceleration
         moves = abs(reference.velocity) > MOVING or abs(reference.acceleration) > MOVING
         kd = self._blend.step(moves, 0.0, self.period).kd
         damping = 0.0 if rate is None else kd * (reference.velocity - rate)
@@ -179,10 +241,16 @@ class AxisLaw:
         )
 
     def learn(
-        self, velocity: float, force: float, dt: float, *, freely: bool = False, short: float = 0.0
+        self,
+        velocity: float | None,
+        force: float,
+        dt: float,
+        *,
+        freely: bool = False,
+        short: float = 0.0,
     ) -> None:
         """Update the observer: velocity relative to the water now, and mean thruster force since
-        the last call.
+        the last call. Nothing is learnt from a step whose velocity is not known.
 
         A vehicle that does not move may lie on the sea floor, which opposes any force. So without
         motion it learns no faster than the integral would, and not at all while the reference
@@ -191,10 +259,14 @@ class AxisLaw:
         Args:
             short: [N] or [N m] effort that could not be had; only less is learnt then.
         """
-        if self._observer is not None:
-            slowly = abs(velocity) < self._still and not freely
-            most = self._slow * dt if slowly else inf
-            self._observer.learn(velocity, force, dt, most, self._reference_rate, short)
+        if self._observer is None:
+            return
+        if velocity is None:
+            self._observer.pause()
+            return
+        slowly = abs(velocity) < self._still and not freely
+        most = self._slow * dt if slowly else inf
+        self._observer.learn(velocity, force, dt, most, self._reference_rate, short)
 
     def take_model(self, plant: Plant) -> None:
         """Count with this plant from now on."""
@@ -237,10 +309,6 @@ class AxisLaw:
         if self._observer is not None:
             self._observer.forget()
 
-    def _look_ahead(self, reference: Motion) -> None:
-        self._reference_rate = reference.velocity
-        self._soon = self.gains.drag_lead_percent / 100 * self.lag * reference.acceleration
-
     def _set_standing(self, force: float) -> None:
         if self._observer is None:
             self.integral = force
@@ -257,7 +325,7 @@ class AxisLaw:
         g = self.gains
         before, self._feedback = self._feedback or feedback, feedback
         if self.integral * error < 0 and abs(error) > g.decay_threshold:
-            self.integral *= g.decay
+            self.integral *= DECAY
             return False
         if moves:
             self._lasting.move()

@@ -12,8 +12,7 @@ from math import expm1
 import numpy as np
 from numpy.typing import NDArray
 
-from services.control.axis.axis_law import Gains
-from services.control.axis.gain_blend import StaticGains
+from services.control.axis.axis_law import Gains, StaticGains
 from services.control.axis.plant import Plant
 
 Matrix = NDArray[np.float64]

@@ -1,11 +1,15 @@
 """From IMU and magnetometer samples to attitude, headings and yaw rate, each with its std."""
 
-from math import hypot, isfinite, pi
+from math import hypot, inf, isfinite, pi, sqrt
+from typing import NamedTuple
 
+from messages import events, topics
+from messages.events import Event
 from messages.message import Estimate
-from messages.units import Quaternion, Vec3
+from messages.units import Vec3
+from services.estimation.aiding import Aiding
 from services.estimation.attitude.attitude_filter import AttitudeFilter, AttitudeSettings
-from services.estimation.attitude.gyro_check import GyroCheck
+from services.estimation.attitude.gyroscope import GyroCheck, UnseenTurn, YawBias
 from services.estimation.attitude.heading import (
     Compass,
     ControlHeading,
@@ -14,19 +18,50 @@ from services.estimation.attitude.heading import (
     strength_and_dip,
     wrapped,
 )
-from services.estimation.attitude.unseen_turn import UnseenTurn
-from services.estimation.attitude.yaw_bias import YawBias
-from services.estimation.lean import Lean
-from services.marine.attitude import to_euler, to_world
+from services.estimation.attitude.tilt_spread import MEMORY as TILT_MEMORY
+from services.estimation.attitude.tilt_spread import UNKNOWN_BIAS, TiltSpread
+from services.estimation.attitude_axes import AttitudeAxes
+from services.marine.attitude import down_in_body, to_euler, to_world
 from services.marine.summation import plain_sum
 from services.marine.vehicle import GRAVITY
 
 STEEPEST = 1.4  # [rad] of pitch; closer to the vertical, heading is invalid
-LARGE_TILT_STD = 0.04  # [rad] beyond it, the tilt is corrected faster
+STEEP, DISTURBED = (row(topics.MAGNETOMETER.key) for row in (events.STEEP, events.DISTURBED))
+ACCELERATING, DOUBTED = events.ACCELERATING(topics.IMU.key), events.DOUBTED_GYROSCOPE()
+LENGTH_MEMORY = 0.5  # [s] of the mean length of the specific force
+UNFELT = 0.15  # [m/s²] 1σ of an acceleration that nothing makes expect
+DOUBTFUL = 0.5  # [-] of an expected acceleration that may be wrong
+OFF_CENTRE = 0.1  # [m] from the centre of the turn to where the IMU is thought to be
+CLIP = 2.0  # [σ] a larger deviation counts as that
+LEVELLED_STD = 0.002  # [rad] of a tilt taken from the accelerometer at rest, beside its own error
+CALIBRATED_BIAS = 1e-4  # [rad/s] 1σ of the gyroscope's bias after rest
+ROUGH_BIAS = 0.1  # [rad/s] of a gyroscope that has never rested
+UNSURE_BIAS = 0.03  # [rad/s] and without it
+RESTART = 0.3  # [rad] of the tilt: after a silence, it is taken from the accelerometer anew
 UNSURE = 0.1  # [rad] 1σ of a tilt taken from the accelerometer of a moving vehicle
 UNSURE_AFTER = 0.2  # [rad/s] growth of the tilt's std without IMU samples
+SLOW_INTEGRAL = 0.01  # [1/s²] with the compass' ten seconds: settles in about as long
+HEADING_STD = 0.002  # [rad] of the control heading while pitching, without drift
 FORWARD, STARBOARD = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)  # body
 COMPASS_HOLD_NS = 60_000_000_000  # [ns] north stays valid on the gyroscope for this long
+
+
+class ImuNoise(NamedTuple):
+    """Variance of one number of one sample, now."""
+
+    force: float  # [m²/s⁴]
+    rate: float  # [rad²/s²]
+
+
+QUIET = ImuNoise(0.0, 0.0)
+
+
+class AttitudeEstimates(NamedTuple):
+    roll: Estimate  # [rad]
+    pitch: Estimate  # [rad]
+    heading: Estimate  # [rad] control heading, accumulated past ±π
+    heading_navigation: Estimate | None  # [rad] in (-π, π]; None without a magnetometer
+    yaw_rate: Estimate  # [rad/s] about the body's down axis
 
 
 class AttitudeObserver:
@@ -43,42 +78,64 @@ class AttitudeObserver:
         self.control = ControlHeading(settings, heading, std)
         self.compass = Compass(settings)
         self._settings = settings
-        self._filter = AttitudeFilter(settings)
+        self.filter = AttitudeFilter()  # its q_NB has the control heading as yaw
         self.gyroscope = GyroCheck()
+        self.compass_aiding = Aiding("compass", "rad")
+        # Of the accelerometer, its magnitude at rest; of the gyroscope, the attitude's down beside
+        # the accelerometer's.
+        self._force_aiding = Aiding("accelerometer", "m/s²")
+        self._down_aiding = Aiding("gyroscope_roll", "rad"), Aiding("gyroscope_pitch", "rad")
         self._yaw_bias = YawBias()
         self._unseen = UnseenTurn()
         self._started = False
+        self._rough = False  # the gyroscope's bias about the vertical is not known
         self._rate: Vec3 | None = None  # [rad/s] newest, bias removed
+        self._spread = UNFELT  # [m/s²] 1σ by which the accelerometer may be off from gravity
+        self._length = GRAVITY  # [m/s²] mean magnitude of the specific force
         self._euler: Vec3 = (0.0, 0.0, wrapped(heading))
-        self._tilt_std = settings.tilt_std
+        self.tilt = TiltSpread(LEVELLED_STD, CALIBRATED_BIAS)
         self._field_ns: int | None = None  # [ns] newest magnetometer sample
         self._compass_ns: int | None = None  # [ns] newest of them used
 
-    @property
-    def attitude(self) -> Quaternion:
-        """q_NB as w, x, y, z; yaw is the control heading."""
-        return self._filter.q
-
     def start(self, specific_force: Vec3) -> None:
         """Take roll and pitch from the specific force [m/s²]; the heading stays."""
-        self._filter.start(specific_force, self.control.heading)
-        self._euler = to_euler(self._filter.q)
+        self.filter.start(specific_force, self.control.heading)
+        self._euler = to_euler(self.filter.q)
         self._started = True
+
+    def begin_roughly(self, specific_force: Vec3) -> None:
+        """As `start`, of a vehicle that may move and whose gyroscope is not calibrated."""
+        self.start(specific_force)
+        self.tilt = TiltSpread(UNSURE, ROUGH_BIAS)
+        self._rough = True
+        self.control.begin_roughly()
 
     def agree(self, at_ns: int, field: Vec3) -> bool:
         """Align both headings now [ns]: the control heading is the bearing of this field [T], FRD,
         measured at rest. False: the field cannot be the Earth's, north is not known."""
-        if not self.compass.field.learn(*strength_and_dip(self._filter.q, field)):
+        if not self.compass.field.learn(*strength_and_dip(self.filter.q, field)):
             return False
         self.compass.offset = 0.0
         self._compass_ns = at_ns
         return True
 
-    def step(self, angular_rate: Vec3, specific_force: Vec3, dt: float) -> str | None:
-        """One IMU sample [rad/s, m/s²], `dt` [s] after the previous one. Returns an event."""
+    def step(
+        self,
+        angular_rate: Vec3,
+        specific_force: Vec3,
+        dt: float,
+        noise: ImuNoise = QUIET,
+        felt: tuple[float, float] = (0.0, 0.0),
+    ) -> Event | None:
+        """One IMU sample [rad/s, m/s²], `dt` [s] after the previous one. Returns an event.
+
+        Args:
+            noise: of one sample, now.
+            felt: [m/s²] forward and starboard, the acceleration that the thrust makes expect.
+        """
         if not self._started:
             self.start(specific_force)
-            self._tilt_std = UNSURE
+            self.tilt = TiltSpread(UNSURE, UNSURE_BIAS)
         p, q, r = angular_rate
         bp, bq, br = self.gyro_bias
         rate = (p - bp, q - bq, r - br)
@@ -86,25 +143,98 @@ class AttitudeObserver:
         before, self._rate = self._rate or rate, rate
         (a, b, c), (d, e, f) = before, rate
         mean = (0.5 * (a + d), 0.5 * (b + e), 0.5 * (c + f))
-        check, beta, event = self.gyroscope, self._gain, None
-        if check.learning:
-            mean = check.corrected(mean)
-        used = self._filter.step(mean, specific_force, dt, beta)
-        if used:
-            q = self._filter.q
-            self.gyro_bias, event = check.step(q, specific_force, self.gyro_bias, dt, rate[2])
-        if event == "trusted:gyroscope":
+        check, tilt, event = self.gyroscope, self.tilt, None
+        x, y, z = down_in_body(self.filter.q)
+        along = p * x + q * y + r * z  # about the vertical, which does not tilt it
+        turning = sqrt(max(0.0, p * p + q * q + r * r - along * along))
+        # A turn that changes between two samples is not quite their mean's.
+        between = 0.25 * dt * sqrt((d - a) ** 2 + (e - b) ** 2 + (f - c) ** 2)
+        tilt.predict(dt, turning, noise.rate, between * between, check.learning)
+        if check.learning:  # what is expected of a wrong attitude is wrong
+            felt = (0.0, 0.0)
+        # What the accelerometer is worth: how far its mean is from gravity's magnitude, how wrong
+        # the expected acceleration may be, and its noise.
+        fx, fy, fz = specific_force
+        expected = fx - felt[0], fy - felt[1], fz
+        share = min(1.0, dt / LENGTH_MEMORY)
+        self._length += share * (sqrt(fx * fx + fy * fy + fz * fz) - self._length)
+        swing = OFF_CENTRE * (p * p + q * q + r * r)
+        spread = self._spread = hypot(
+            UNFELT, DOUBTFUL * felt[0], DOUBTFUL * felt[1], self._length - GRAVITY, swing
+        )
+        lasting = 2.0 * TILT_MEMORY * spread * spread / dt if dt > 0.0 else inf
+        variance = (lasting + noise.force) / (GRAVITY * GRAVITY)
+        most = pi if check.learning else CLIP * hypot(spread / GRAVITY, tilt.std)
+        slack = CLIP * (spread - UNFELT + 0.3 * sqrt(noise.force)) / GRAVITY
+        gain, bias_gain = tilt.correct(variance)
+        ex, ey, ez = self.filter.step(mean, expected, dt, gain, most)
+        a, b, c = self.gyro_bias
+        self.gyro_bias = a + bias_gain * ex, b + bias_gain * ey, c + bias_gain * ez
+        self.gyro_bias, event = check.step(
+            self.filter.q, specific_force, self.gyro_bias, dt, rate[2], felt, slack, tilt.std
+        )
+        if event == events.DOUBTED_GYROSCOPE():
+            tilt.doubt(UNSURE, UNKNOWN_BIAS)
+        if event == events.TRUSTED_GYROSCOPE():
+            tilt.rest(CALIBRATED_BIAS)
             self._trust()
         elif not check.trusted:
             self.control.blind(dt)
             self.compass.blind(dt)
-        self._euler = to_euler(self._filter.q)
-        self.control.step(self._euler[2], rate[2], dt)
-        self.compass.drift(dt)
-        self._spread(beta if used else None, dt)
-        if not self._is_sound():
-            return self._reset(specific_force)
-        return event if used else "accelerating:sensor/imu"
+        self._euler = to_euler(self.filter.q)
+        self.control.step(self._euler[2], rate[2], dt, noise.rate)
+        self.compass.drift(dt, noise.rate)
+        if isfinite(plain_sum(self.filter.q) + self.control.heading + self.control.yaw_rate):
+            return event
+        # Start again after a number that is not finite.
+        self.control = ControlHeading(self._settings, 0.0, pi)
+        self.start(specific_force)
+        self.tilt = TiltSpread(UNSURE, UNSURE_BIAS)
+        return events.NOT_FINITE("attitude")
+
+    def note(self, at_ns: int) -> None:
+        """Keep what was made of the newest IMU sample: the accelerometer's weight beside that of a
+        vehicle that does not accelerate, and where the gyroscope is doubted."""
+        check, limit = self.gyroscope, self._settings.gravity_tolerance
+        force = self.filter.force
+        off, variance = force - GRAVITY, (limit / 3.0) ** 2
+        weight = (UNFELT / self._spread) ** 2
+        self._force_aiding.verdict = ACCELERATING.name if abs(off) > limit else None
+        self._force_aiding.compare(
+            at_ns, force, off, variance, (off / limit) ** 2, used=weight * off
+        )
+        doubted = DOUBTED if check.learning else None
+        verdict = doubted or (events.STEPPED_GYROSCOPE() if check.stepped else None)
+        variance, tilts = (check.limit / 3.0) ** 2, self._euler
+        for k, aiding in enumerate(self._down_aiding):
+            off = check.newest[k]
+            aiding.verdict = None if verdict is None else verdict.name
+            aiding.compare(at_ns, tilts[k] + off, off, variance, check.ratio, rejected=doubted)
+
+    @property
+    def tilt_std(self) -> float:
+        """[rad] of roll and pitch: as the filter knows, and what the accelerometer is off by; no
+        less than `UNSURE` while the gyroscope is doubted."""
+        std = hypot(self.tilt.std, self._settings.tilt_std)
+        return max(UNSURE, std) if self.gyroscope.learning else std
+
+    def rested(self, bias: Vec3) -> None:
+        """The bias [rad/s] has been measured at rest."""
+        self.gyro_bias = bias
+        self.tilt.rest(CALIBRATED_BIAS)
+        self._calibrated()
+
+    def _calibrated(self) -> None:
+        """The gyroscope measures turns about the vertical, too."""
+        if self._rough:
+            self._rough = False
+            self.control.calibrated()
+            self._yaw_bias.forget()
+
+    @property
+    def imu_aiding(self) -> tuple[Aiding, ...]:
+        """What was made of the IMU."""
+        return self._force_aiding, *self._down_aiding
 
     def blind(self, seconds: float) -> None:
         """No IMU samples for this long [s]."""
@@ -112,28 +242,47 @@ class AttitudeObserver:
         self.compass.blind(seconds)
         if self.compass.offset is not None:  # else nothing can tell
             self._unseen.blind(seconds)
-        if self._unseen.matters:
+        self.tilt.doubt(UNSURE_AFTER * seconds)
+        if self.tilt.std > RESTART:
             self._started = False  # the accelerometer alone knows the tilt better
-        self._tilt_std = min(pi, self._tilt_std + UNSURE_AFTER * seconds)
 
-    def magnetometer(self, field: Vec3, stamp_ns: int) -> str | None:
+    def magnetometer(self, field: Vec3, stamp_ns: int) -> Event | None:
         """One validated sample [T], FRD. Returns an event to count."""
         if not self._started:
             return None
         before, self._field_ns = self._field_ns, stamp_ns
         dt = 0.0 if before is None else min(0.1, max(0.0, (stamp_ns - before) * 1e-9))
-        if not self.gyroscope.trusted:
-            return self._relearn(field, stamp_ns, dt)
-        if self._unseen.matters:
-            return self._find(field, stamp_ns, dt)
-        event = self.compass.step(self._filter.q, field, dt)
-        if event != "steep" and self.compass.field.trusted:
+        compass, aiding = self.compass, self.compass_aiding
+        if not self.gyroscope.trusted or self._unseen.matters:
+            aiding.refuse(DOUBTED, stamp_ns)
+            find = self._find if self.gyroscope.trusted else self._relearn
+            return find(field, stamp_ns, dt)
+        event = compass.step(self.filter.q, field, dt)
+        if self._rough and compass.field.trusted:
+            self._find_yaw_bias(compass.measured, compass.innovation, dt)
+        if event is events.STEEP:
+            aiding.refuse(STEEP, stamp_ns)
+        else:
+            seen = stamp_ns, compass.measured, compass.innovation, compass.std**2, compass.ratio
+            aiding.compare(*seen, rejected=None if compass.field.trusted else DISTURBED)
+        if event is not events.STEEP and self.compass.field.trusted:
             self._compass_ns = stamp_ns
-        return None if event is None else f"{event}:sensor/magnetometer"
+        return None if event is None else event(topics.MAGNETOMETER.key)
 
-    def _relearn(self, field: Vec3, stamp_ns: int, dt: float) -> str | None:
+    def _find_yaw_bias(self, measured: float, innovation: float, dt: float) -> None:
+        """Without a rest, the magnetometer measures the bias about z: at once, and then slowly
+        what is left of it. The offset [rad] to the magnetic heading that is `measured`, and its
+        difference from the filter's."""
+        x, y, z = self.gyro_bias
+        if self._yaw_bias.learnt:
+            self.control.calibrated()
+            self.gyro_bias = x, y, z - SLOW_INTEGRAL * innovation * dt
+        else:
+            self.gyro_bias = x, y, z + self._yaw_bias.step(measured, dt)
+
+    def _relearn(self, field: Vec3, stamp_ns: int, dt: float) -> Event | None:
         """While the gyroscope is not trusted, the magnetometer measures its bias about z."""
-        measured = self.compass.measure(self._filter.q, field)
+        measured = self.compass.measure(self.filter.q, field)
         if measured is None:
             self._yaw_bias.miss()
             return None
@@ -152,22 +301,22 @@ class AttitudeObserver:
             self._correct(self._yaw_bias.offset)
         self._yaw_bias.forget()
 
-    def _find(self, field: Vec3, stamp_ns: int, dt: float) -> str | None:
+    def _find(self, field: Vec3, stamp_ns: int, dt: float) -> Event | None:
         """After a silence of the IMU, the magnetometer measures the heading."""
-        offset = self._unseen.measure(self.compass.measure(self._filter.q, field), dt)
+        offset = self._unseen.measure(self.compass.measure(self.filter.q, field), dt)
         if offset is None:
             return None
         self._compass_ns = stamp_ns
         self._correct(offset)
-        return "found:heading"
+        return events.FOUND_HEADING()
 
     def _correct(self, offset: float) -> None:
         """The compass has measured this offset [rad]. What it differs by from the one before is a
         turn that the gyroscope did not measure."""
         std, before = self._settings.compass_std, self.compass.offset
         turned = 0.0 if before is None else wrapped(offset - before)
-        self._filter.turn(turned)
-        self._euler = to_euler(self._filter.q)
+        self.filter.turn(turned)
+        self._euler = to_euler(self.filter.q)
         self.control.turn(turned, std)
         self.compass.restart(offset if before is None else before)
         self._unseen.forget()
@@ -183,42 +332,38 @@ class AttitudeObserver:
         by_compass = not self.gyroscope.trusted and self._yaw_bias.offset is not None
         return self.gyroscope.learning or by_compass
 
-    def acceleration_down(self, specific_force: Vec3) -> float:
-        """[m/s²] NED, of a specific force [m/s²] in FRD, accelerometer bias included."""
-        return down_along(self._filter.q, specific_force) + GRAVITY
-
-    def lean(self, specific_force: Vec3) -> Lean:
-        """How the accelerometer lies in the world, with its newest sample [m/s²], FRD."""
-        q = self._filter.q
-        return Lean(
-            to_world(q, FORWARD),
-            to_world(q, STARBOARD),
-            horizontal(q, specific_force),
-            self._filter.levelled,
-            self._tilt_std,
+    def axes(self, specific_force: Vec3, noise: float = 0.0) -> AttitudeAxes:
+        """How the accelerometer lies in the world, with its newest sample [m/s²], FRD, and the
+        spectral density of its vibration [m²/s³]."""
+        q = self.filter.q
+        return AttitudeAxes(
+            forward=to_world(q, FORWARD),
+            starboard=to_world(q, STARBOARD),
+            acceleration=down_along(q, specific_force) + GRAVITY,
+            force=horizontal(q, specific_force),
+            levelled=self.filter.levelled,
+            tilt_std=self.tilt_std,
+            noise=noise,
         )
 
-    def tilt(self, valid: bool) -> tuple[Estimate, Estimate]:
-        """Roll and pitch [rad]."""
-        roll, pitch, _ = self._euler
-        return Estimate(roll, self._tilt_std, valid), Estimate(pitch, self._tilt_std, valid)
-
-    def heading(self, valid: bool) -> Estimate:
-        """Control heading [rad], accumulated past ±π."""
-        upright = abs(self._euler[1]) < STEEPEST
-        std = min(pi, self._settings.heading_std + self.control.std)
-        if not self.knows_turns:
-            valid, std = False, pi
-        return Estimate(self.control.heading, std, valid and upright)
-
-    def heading_navigation(self, valid: bool, now: int) -> Estimate | None:
-        """Navigation heading [rad] in (-π, π]; None without a magnetometer."""
-        if self.compass.offset is None or self._compass_ns is None:
-            return None
-        recent = now - self._compass_ns <= COMPASS_HOLD_NS and abs(self._euler[1]) < STEEPEST
-        heading = wrapped(self.control.heading + self.compass.offset)
-        valid = valid and self.knows_turns
-        return Estimate(heading, self.compass.std, valid and recent)
+    def estimates(self, valid: bool, now: int) -> AttitudeEstimates:
+        """At `now` [ns]; `valid`: the IMU is heard."""
+        (roll, pitch, _), control, compass = self._euler, self.control, self.compass
+        upright, north = abs(pitch) < STEEPEST, None
+        knows = self.knows_turns
+        std = min(pi, HEADING_STD + control.std) if knows else pi
+        if compass.offset is not None and self._compass_ns is not None:
+            recent = now - self._compass_ns <= COMPASS_HOLD_NS and upright
+            value = wrapped(control.heading + compass.offset)
+            north = Estimate(value, compass.std, valid and knows and recent)
+        turn_std = hypot(self._settings.yaw_rate_std, control.lag)
+        return AttitudeEstimates(
+            Estimate(roll, self.tilt_std, valid),
+            Estimate(pitch, self.tilt_std, valid),
+            Estimate(control.heading, std, valid and knows and upright),
+            north,
+            Estimate(control.yaw_rate, turn_std, valid and self.gyroscope.trusted),
+        )
 
     @property
     def north_std(self) -> float:
@@ -226,37 +371,3 @@ class AttitudeObserver:
         if not self.knows_turns:
             return pi
         return self.control.std if self.compass.offset is None else self.compass.std
-
-    def yaw_rate(self, valid: bool) -> Estimate:
-        """[rad/s] about the body's down axis."""
-        valid = valid and self.gyroscope.trusted
-        std = hypot(self._settings.yaw_rate_std, self.control.lag)
-        return Estimate(self.control.yaw_rate, std, valid)
-
-    @property
-    def _gain(self) -> float:
-        """[rad/s] Low while the tilt is known: the accelerometer is only right on average."""
-        s = self._settings
-        if self.gyroscope.learning:  # which corrects the tilt, and must see all of the bias
-            return s.correction
-        return s.recovery if self._tilt_std > LARGE_TILT_STD else s.correction
-
-    def _spread(self, beta: float | None, dt: float) -> None:
-        """Update the tilt's std; `beta` [rad/s] is the gain used, None: no correction."""
-        least, drift = self._settings.tilt_std, self._settings.tilt_drift
-        if self.gyroscope.learning:
-            self._tilt_std = UNSURE
-        elif beta is None:
-            self._tilt_std = min(pi, self._tilt_std + drift * dt)
-        else:
-            self._tilt_std = max(least, self._tilt_std - beta * dt)
-
-    def _is_sound(self) -> bool:
-        return isfinite(plain_sum(self._filter.q) + self.control.heading + self.control.yaw_rate)
-
-    def _reset(self, specific_force: Vec3) -> str:
-        """Start again after a number that is not finite."""
-        self.control = ControlHeading(self._settings, 0.0, pi)
-        self.start(specific_force)
-        self._tilt_std = UNSURE
-        return "not_finite:attitude"

@@ -11,103 +11,102 @@ grows to that of a vehicle of which nothing is known.
 
 from math import hypot
 
+from messages import events, topics
+from messages.events import Event
 from messages.units import Vec3, Vec6
 from messages.vehicle import Actuation
-from services.estimation.lean import MOVING_STD, Lean
-from services.marine.thrusters import limited, total_wrench, wrench_per_newton
-from services.marine.translation import Translation, flow
-from services.marine.vehicle import Vehicle
-from services.vehicle.mounting import cross
+from services.estimation.attitude_axes import MOVING_STD, AttitudeAxes
+from services.marine.hydrodynamics import Translation, flow
+from services.marine.vehicle import Vehicle, limited, total_wrench, wrench_per_newton
 
 STILL_STD = 0.2  # [m/s] of the prediction at rest; with 0.1 a wrong attitude was believed longer
 SHARE = 0.5  # [-] of the predicted speed: thrust -40 % or damping ×2, and a wrong attitude
 STEEPEST = 0.5  # [-] of the hull's down axis that is vertical; with less, nothing is predicted
 TRUST_TIME = 2.0  # [s] time constant with which the prediction is trusted, or no longer
+PATIENCE = 0.5  # [s] an older report of thrust is not used
 BEYOND = 1e-6  # [N] more than a limit; less is rounding
 FASTEST = 5.0  # [m/s] along one axis; keeps an absurd report from becoming infinity
-HEAVE = 2
 NONE: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class ThrustSpeed:
-    def __init__(
-        self, vehicle: Vehicle, wake_share: float, patience: float, *, at_rest: bool
-    ) -> None:
+    def __init__(self, vehicle: Vehicle, wake_share: float, *, at_rest: bool) -> None:
         """
         Args:
             vehicle: of the vehicle file.
             wake_share: [-] of the Munk moment that the wake cancels, see `wake_fins`.
-            patience: [s] an older report of thrust is not used.
             at_rest: it begins with a vehicle at rest; otherwise its velocity is unknown.
 
         Raises:
             ValueError: a thruster without direction.
         """
         self.surge = self.sway = 0.0  # [m/s] through the water
+        # [m/s²] forward and starboard, that an accelerometer should measure beside gravity.
+        self.felt = (0.0, 0.0)
         self._unknown = 0.0 if at_rest else 1.0  # [-] 0: prediction is trusted, 1: it is not used
         self._thrusters = vehicle.thruster
         self._columns = [wrench_per_newton(thruster) for thruster in vehicle.thruster]
         self._hull = Translation(vehicle, wake_share)
-        self._patience = patience
         self._thrust = NONE
         self._heard_ns: int | None = None  # [ns] stamp of the newest report
         self._silent = self._beyond = False
 
-    def actuation(self, sample: Actuation) -> str | None:
-        """Thrust as reported; a report of another length is counted elsewhere. An event to count,
+    def actuation(self, sample: Actuation) -> Event | None:
+        """Thrust as reported; a report of another length is counted elsewhere. An event to tell,
         once when a thruster begins to report more than it has."""
         if len(sample.thrust) != len(self._columns):
             return None
-        possible = [limited(t, f) for t, f in zip(self._thrusters, sample.thrust, strict=True)]
+        possible, beyond = list[float](), False
+        for thruster, reported in zip(self._thrusters, sample.thrust, strict=True):
+            newtons = limited(thruster, reported)
+            beyond = beyond or abs(newtons - reported) > BEYOND
+            possible.append(newtons)
         self._thrust, self._heard_ns = total_wrench(self._columns, possible), sample.stamp_ns
-        beyond = any(abs(a - b) > BEYOND for a, b in zip(possible, sample.thrust, strict=True))
         before, self._beyond = self._beyond, beyond
-        return "clamped:vehicle/actuation" if beyond and not before else None
+        return events.CLAMPED(topics.ACTUATION.key) if beyond and not before else None
 
-    def silence(self, now: int) -> str | None:
-        """An event to count, once when the reports of thrust have stopped."""
+    def silence(self, now: int) -> Event | None:
+        """An event to tell, once when the reports of thrust have stopped."""
         if self._heard_ns is None:
             self._heard_ns = now
-        before, self._silent = self._silent, abs(now - self._heard_ns) * 1e-9 > self._patience
-        return "silent:vehicle/actuation" if self._silent and not before else None
+        before, self._silent = self._silent, abs(now - self._heard_ns) * 1e-9 > PATIENCE
+        return events.SILENT(topics.ACTUATION.key) if self._silent and not before else None
 
     def lost(self) -> None:
         """It was not stepped for a while: the velocity is unknown."""
         self.surge = self.sway = 0.0
+        self.felt = (0.0, 0.0)
         self._unknown = 1.0
 
-    def step(self, lean: Lean, rate: Vec3, depth_rate: float, dt: float) -> Lean:
-        """Advance by `dt` [s]. Returns the lean with the velocity to be expected.
+    def step(self, axes: AttitudeAxes, rate: Vec3, depth_rate: float, dt: float) -> AttitudeAxes:
+        """Advance by `dt` [s]. Returns the axes with the velocity to be expected.
 
         Args:
             rate: [rad/s] of the body.
             depth_rate: [m/s].
         """
-        axis = cross(lean.forward, lean.starboard)  # the body's down axis in the world
-        down = lean.forward[2], lean.starboard[2], axis[2]  # the world's in the body
-        known = axis[2] > STEEPEST and not self._silent
-        share = dt / (TRUST_TIME + dt)
-        if not known:
+        axis = axes.down
+        down = axes.forward[2], axes.starboard[2], axis[2]  # the world's in the body
+        share, heave = dt / (TRUST_TIME + dt), 0.0
+        if axis[2] > STEEPEST and not self._silent:
+            self._unknown -= share * self._unknown
+            nu = flow(self.surge, self.sway, depth_rate, down, rate)
+            along, across, _ = self._hull.acceleration(nu, self._thrust)
+            u, v, w, p, q, r = nu
+            heave, trust = w, 1.0 - self._unknown
+            self.felt = trust * (along + q * w - r * v), trust * (across + r * u - p * w)
+            self.surge = max(-FASTEST, min(FASTEST, self.surge + along * dt))
+            self.sway = max(-FASTEST, min(FASTEST, self.sway + across * dt))
+        else:
+            self.felt = (0.0, 0.0)
             self._unknown += share * (1.0 - self._unknown)
             self.surge -= share * self.surge
             self.sway -= share * self.sway
-            return self._expected(lean, axis, 0.0)
-        self._unknown -= share * self._unknown
-        nu = flow(self.surge, self.sway, depth_rate, down, rate)
-        along, across, _ = self._hull.acceleration(nu, self._thrust)
-        self.surge = _bounded(self.surge + along * dt)
-        self.sway = _bounded(self.sway + across * dt)
-        return self._expected(lean, axis, nu[HEAVE])
 
-    def _expected(self, lean: Lean, axis: Vec3, heave: float) -> Lean:
         trust, u, v = 1.0 - self._unknown, self.surge, self.sway
-        (fn, fe, _), (sn, se, _), (dn, de, _) = lean.forward, lean.starboard, axis
+        (fn, fe, _), (sn, se, _), (dn, de, _) = axes.forward, axes.starboard, axis
         north = trust * (u * fn + v * sn + heave * dn)
         east = trust * (u * fe + v * se + heave * de)
         std = hypot(STILL_STD, SHARE * north, SHARE * east)
         std = min(MOVING_STD, trust * std + self._unknown * MOVING_STD)
-        return lean._replace(velocity=(north, east), velocity_std=std)
-
-
-def _bounded(speed: float) -> float:
-    return max(-FASTEST, min(FASTEST, speed))
+        return axes._replace(velocity=(north, east), velocity_std=std)

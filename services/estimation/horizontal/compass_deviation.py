@@ -16,6 +16,9 @@ then consistent with each other, in the fixes' frame.
 from math import cos, exp, hypot, radians, sin
 from typing import NamedTuple
 
+from messages import events
+from messages.events import Event
+
 KNOWN = radians(1.5)  # [rad] a deviation with a larger std is not followed
 LAG = 15.0  # [s] low-pass: the coefficients vary less than their estimates
 FADE = 60.0  # [s] time constant of the decay without a position
@@ -52,22 +55,23 @@ class CompassDeviation:
     """Follows the filter's estimate while it is accurate, holds it while it is not, and lets it
     decay when the position is lost."""
 
-    __slots__ = ("_limited", "_std", "correction")
+    __slots__ = ("_limited", "_std", "correction", "used")
 
     def __init__(self) -> None:
         self.correction = NONE
+        self.used = False  # followed at least once, and not forgotten since
         self._std: float | None = None  # [rad] of the corrected heading; None: not followed
         self._limited = False
 
-    def follow(self, estimate: Coefficients, std: float, heading: float, dt: float) -> str | None:
+    def follow(self, estimate: Coefficients, std: float, heading: float, dt: float) -> Event | None:
         """Follow for `dt` [s] an estimate with this std [rad] at this heading [rad]. Returns an
-        event to count."""
+        event to tell."""
         if std > KNOWN:
             self._std = None
             return None
-        event = None
+        event, self.used = None, True
         if estimate.largest > MOST:
-            event = None if self._limited else "limited:deviation"
+            event = None if self._limited else events.LIMITED("deviation")
             share = MOST / estimate.largest
             estimate = Coefficients(*(share * each for each in estimate))
             self._limited = True
@@ -84,10 +88,8 @@ class CompassDeviation:
     def forget(self, dt: float) -> None:
         """Let the correction decay for `dt` [s] without a position."""
         self.hold()
-        if self.correction == NONE:
-            return
         if self.correction.largest < FORGOTTEN:
-            self.correction = NONE
+            self.correction, self.used = NONE, False
             return
         self.correction = self.correction.towards(NONE, 1.0 - exp(-dt / FADE))
 

@@ -17,7 +17,6 @@ acceleration, and the only one of the current: drag depends on the velocity thro
 Pure functions from estimate to estimate (Bar-Shalom, Li and Kirubarajan 2001, section 10.3).
 """
 
-from functools import cache
 from math import cos, hypot, sin, sqrt
 from typing import NamedTuple
 
@@ -25,7 +24,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from messages.units import Quaternion, Vec3
-from services.estimation.horizontal.horizontal_settings import HorizontalSettings
 from services.estimation.horizontal.hull_model import ExpectedAcceleration, HullModel
 from services.marine.attitude import to_body
 
@@ -36,8 +34,28 @@ EYE = np.eye(SIZE)
 POSITION, VELOCITY, CURRENT, LEAN = slice(0, 2), slice(2, 4), slice(4, 6), slice(6, 8)
 DAMPING, DEVIATION = slice(9, 11), [8, 11, 12]  # A, B, C
 DEVIATIONS = np.ix_(DEVIATION, DEVIATION)
-MOST_IRON = 0.98  # [-] of the heading's std, at most
+# Noise of each second, in the accelerometer and in what moves the vehicle.
+ACCELERATION_NOISE = 0.01  # [m/s²/√Hz] white noise of the accelerometer, with vibration
+MOTION_NOISE = 0.3  # [m/s²/√Hz] unknown motion while the IMU is silent
+MODEL_NOISE = 0.1  # [m/s²/√Hz] forces not modelled: tether, waves, other wakes
+# 1σ and correlation time of each Gauss-Markov process. A lasting acceleration tilts the attitude
+# estimate and so hides itself: only changes of it are seen, within the time of the lean.
+CURRENT_STD, CURRENT_TIME = 0.5, 1800.0  # [m/s], [s] by tide and change of place
+LEAN_STD, LEAN_TIME = 0.2, 10.0  # [m/s²], [s]
+HEADING_TIME = 100.0  # [s] of deviation A
+DAMPING_SHARE = 0.2  # [-] relative to the vehicle file
 DAMPING_TIME = 600.0  # [s] drag is not quite quadratic: the share changes with speed
+IRON_STD, IRON_TIME = 0.0685, 7200.0  # [rad], [s] of B and C each: own iron, error of tilt; a dive
+MOST_IRON = 0.98  # [-] of the heading's std, at most
+# [s] of each state; position and velocity have none.
+TIMES: Floats = np.array(
+    [np.inf] * 4
+    + [CURRENT_TIME] * 2
+    + [LEAN_TIME] * 2
+    + [HEADING_TIME]
+    + [DAMPING_TIME] * 2
+    + [IRON_TIME] * 2
+)
 UNMEASURED = 1.0  # [m/s] std of the velocity before any measurement
 AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))  # north, east, down
 AGAIN = 10.0  # consecutive intervals with the same linearisation error: one DVL period
@@ -70,31 +88,29 @@ class Innovation(NamedTuple):
     R: Floats  # (n, n) covariance of its noise
 
 
-def initial(settings: HorizontalSettings, heading_std: float) -> HorizontalEstimate:
+def initial(heading_std: float) -> HorizontalEstimate:
     """At rest at zero; only the position is known, as the origin."""
-    std = _steady_std(settings, heading_std)
+    std = _steady_std(heading_std)
     std[POSITION], std[VELOCITY] = START_STD, UNMEASURED
     return HorizontalEstimate(np.zeros(SIZE), np.diag(std * std))
 
 
-def predicted(
-    estimate: HorizontalEstimate, interval: Interval, settings: HorizontalSettings
-) -> HorizontalEstimate:
+def predicted(estimate: HorizontalEstimate, interval: Interval) -> HorizontalEstimate:
     """The estimate one interval later."""
     dt, step = interval.seconds, np.zeros(SIZE)
-    keep = np.exp(-dt / _times(settings))
+    keep = np.exp(-dt / TIMES)
     F = np.diag(keep)
     F[0, 2] = F[1, 3] = dt
     if interval.acceleration is None:
-        q = settings.motion_noise**2
+        q = MOTION_NOISE**2
     else:
-        q = settings.acceleration_noise**2
+        q = ACCELERATION_NOISE**2
         F[0, 6] = F[1, 7] = -0.5 * dt * dt
         F[2, 6] = F[3, 7] = -dt
         a, b = turned(interval.acceleration, heading_error(estimate, interval))
         step[:4] = 0.5 * dt * dt * a, 0.5 * dt * dt * b, dt * a, dt * b
         _set_deviation(F[:4], np.array((-step[1], step[0], -step[3], step[2])), interval)
-    std = _steady_std(settings, interval.heading_std)
+    std = _steady_std(interval.heading_std)
     Q = np.diag(std * std * (1.0 - keep * keep))
     for p, v in ((0, 2), (1, 3)):
         Q[p, p], Q[v, v] = q * dt**3 / 3.0, q * dt
@@ -161,9 +177,7 @@ def velocity(
     return Innovation(measured[:2] - R_BN @ (north, east, interval.depth_rate), H, R)
 
 
-def balance(
-    estimate: HorizontalEstimate, interval: Interval, hull: HullModel, settings: HorizontalSettings
-) -> Innovation:
+def balance(estimate: HorizontalEstimate, interval: Interval, hull: HullModel) -> Innovation:
     """Accelerometer minus the model's acceleration by thrust and drag, surge and sway, over the
     interval.
 
@@ -187,10 +201,20 @@ def balance(
     H[0, 9], H[1, 10] = expected.by_damping
     true_acceleration = turned(interval.acceleration, heading_error(estimate, interval))
     off = level @ (true_acceleration - estimate.x[LEAN]) - expected.acceleration
-    R = settings.model_noise**2 / interval.seconds + _curvature_noise(
+    R = MODEL_NOISE**2 / interval.seconds + _curvature_noise(
         estimate, interval, level, expected, (east, -north)
     )
     return Innovation(off, H, np.diag(R))
+
+
+def felt(estimate: HorizontalEstimate, interval: Interval) -> tuple[float, float]:
+    """[m/s²] Surge and sway of the vehicle's acceleration by the accelerometer; 0 without one."""
+    if interval.acceleration is None:
+        return 0.0, 0.0
+    level = true_rotation(estimate, interval)[:2, :2]
+    true = turned(interval.acceleration, heading_error(estimate, interval))
+    surge, sway = (level @ (true - estimate.x[LEAN])).tolist()
+    return surge, sway
 
 
 def _curvature_noise(
@@ -297,24 +321,9 @@ def _replaced(
     return HorizontalEstimate(x, P)
 
 
-@cache
-def _times(settings: HorizontalSettings) -> Floats:
-    """[s] Correlation times of the Gauss-Markov processes; none for position and velocity."""
-    current, lean = settings.current_time, settings.lean_time
-    never = np.inf
-    return np.array(
-        [never] * 4
-        + [current] * 2
-        + [lean] * 2
-        + [settings.heading_time]
-        + [DAMPING_TIME] * 2
-        + [settings.iron_time] * 2
-    )
-
-
-def _steady_std(settings: HorizontalSettings, heading_std: float) -> Floats:
+def _steady_std(heading_std: float) -> Floats:
     """Steady-state std of the Gauss-Markov processes; 0 for position and velocity."""
-    current, lean, damping = settings.current_std, settings.lean_std, settings.damping_share
-    iron = min(settings.iron_std, MOST_IRON * heading_std)
+    iron = min(IRON_STD, MOST_IRON * heading_std)
     rest = sqrt(heading_std**2 - iron**2)
-    return np.array([0.0] * 4 + [current] * 2 + [lean] * 2 + [rest] + [damping] * 2 + [iron] * 2)
+    known = [0.0] * 4 + [CURRENT_STD] * 2 + [LEAN_STD] * 2
+    return np.array([*known, rest, DAMPING_SHARE, DAMPING_SHARE, iron, iron])

@@ -8,15 +8,14 @@ drag. The current is steady and the same everywhere, and heave, roll and pitch r
 
 where a is the reading of an ideal accelerometer without gravity, A the added mass, and k the share
 by which the true damping exceeds the file's. The lift of the hull's wake is added as in
-services/marine/wake.py.
+services/marine/hydrodynamics.py.
 """
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from services.marine.thrusters import wrench_per_newton
-from services.marine.vehicle import Vehicle
-from services.marine.wake import wake_fins
+from services.marine.hydrodynamics import wake_fins
+from services.marine.vehicle import Vehicle, wrench_per_newton
 
 Pair = tuple[float, float]  # surge, sway
 SURGE, SWAY = 0, 1

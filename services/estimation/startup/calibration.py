@@ -18,6 +18,7 @@ import msgspec
 
 from messages.units import Vec3
 from services.estimation.attitude.attitude_filter import tilt_of
+from services.estimation.attitude.gyroscope import BLOCK, Mean
 from services.estimation.attitude.heading import bearing
 from services.estimation.line_fit import LineFit
 from services.marine.attitude import from_euler
@@ -25,7 +26,8 @@ from services.marine.vehicle import GRAVITY
 
 UpTo600 = Annotated[float, msgspec.Meta(gt=0.0, le=600.0)]
 COUNTDOWN_STEP = 2.0  # [s] of rest between two messages to the pilot
-BLOCK = 50  # IMU samples judged together; half a second
+# [rad/s], [m/s²] a larger std within half a second is motion
+MOST_RATE_STD, MOST_FORCE_STD = 0.02, 0.2
 MOST_CHANGE = 1500.0  # [Pa] of pressure in the whole rest, and 3 σ: 15 cm; more is no bobbing
 ENOUGH_PRESSURES = 20  # samples; fewer do not average 5 mbar away
 
@@ -34,16 +36,9 @@ class CalibrationSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=Tru
     """Limits of rest."""
 
     still_time: UpTo600 = 10.0  # [s] at rest without a break; 0.17 deg/min of drift, see above
-    rate_std: UpTo600 = 0.02  # [rad/s] a larger std within half a second is motion
-    force_std: UpTo600 = 0.2  # [m/s²] likewise, of the specific force
     largest_bias: UpTo600 = 0.1  # [rad/s] a mean rate beyond this is a turn, not a bias
-
-    # While running, the bias is updated at rest; the limits of rest are tighter than at the start.
-    rest_time: UpTo600 = 3.0  # [s] still without a break before it counts
-    rest_rate_std: UpTo600 = 0.004  # [rad/s] within half a second, sensor noise included
-    rest_force_std: UpTo600 = 0.06  # [m/s²] likewise
-    rest_change: UpTo600 = 0.0017  # [rad/s] 0.1 deg/s; a bias does not change by more at once
-    rest_memory: UpTo600 = 60.0  # [s] longest averaging time of the running mean
+    # [Pa] of the air, as measured by something else; None: above the floating vehicle, at rest
+    atmosphere: Annotated[float, msgspec.Meta(ge=50e3, le=120e3)] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,33 +61,6 @@ class Calibrated:
         return GRAVITY - hypot(*self.specific_force)
 
 
-class Mean:
-    """Mean and standard deviation of vectors of one length."""
-
-    def __init__(self, length: int) -> None:
-        self.count = 0
-        self._sums = [0.0] * length
-        self._squares = [0.0] * length
-
-    def add(self, values: tuple[float, ...]) -> None:
-        self.count += 1
-        for i, value in enumerate(values):
-            self._sums[i] += value
-            self._squares[i] += value * value
-
-    def add_all(self, other: "Mean") -> None:
-        self.count += other.count
-        self._sums = [a + b for a, b in zip(self._sums, other._sums, strict=True)]
-        self._squares = [a + b for a, b in zip(self._squares, other._squares, strict=True)]
-
-    def mean(self) -> list[float]:
-        return [total / self.count for total in self._sums]
-
-    def std(self) -> list[float]:
-        means = zip(self._squares, self.mean(), strict=True)
-        return [max(0.0, square / self.count - mean * mean) ** 0.5 for square, mean in means]
-
-
 class Unrest(NamedTuple):
     """The worst axis of half a second that was no rest."""
 
@@ -109,6 +77,7 @@ class Calibration:
         self._settings = settings
         self._moving = False
         self.unrest: Unrest | None = None  # None: at rest
+        self.shaken = 0.0  # [m/s²] largest spread of the specific force since the last rest
         self._begin()
 
     def imu(self, rate: Vec3, specific_force: Vec3, dt: float) -> bool:
@@ -119,7 +88,7 @@ class Calibration:
         if self._block.count < BLOCK:
             return False
         if self._is_still():
-            self._moving, self.unrest = False, None
+            self._moving, self.unrest, self.shaken = False, None, 0.0
             self._seconds += self._block_seconds
             self._total.add_all(self._block)
             self._block, self._block_seconds = Mean(6), 0.0
@@ -130,6 +99,7 @@ class Calibration:
         self.unrest = Unrest(
             max(map(abs, turns)), max(spread[:3]), max(spread[3:]), self._pressure_change()[0]
         )
+        self.shaken = max(self.shaken, self.unrest.force_std)
         self._begin()
         return disturbed
 
@@ -195,7 +165,7 @@ class Calibration:
         change, std = self._pressure_change()
         if abs(change) > MOST_CHANGE + 3.0 * std:
             return False  # one that rises steadily through the water feels nothing of it
-        limits = [self._settings.rate_std] * 3 + [self._settings.force_std] * 3
+        limits = [MOST_RATE_STD] * 3 + [MOST_FORCE_STD] * 3
         if any(std > limit for std, limit in zip(self._block.std(), limits, strict=True)):
             return False
         mean = self._block.mean()

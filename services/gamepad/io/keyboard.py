@@ -11,13 +11,15 @@ from collections.abc import Sequence
 
 import pygame
 
+from messages import events
+from messages.events import Outbox
 from services.gamepad.core import StickGain
 from services.gamepad.io.pad import URGENT
 from services.gamepad.io.window import PilotWindow, open_window
-from services.piloting.head_up import NumbersRow, head_up
 from services.piloting.pilot_intents import Press
-from services.piloting.pilot_view import PilotView
-from services.piloting.sticks import Level, StickReading, Sticks
+from services.piloting.sticks import StickReading, Sticks
+from services.vehicle_view.head_up import NumbersRow, head_up
+from services.vehicle_view.view import VehicleView
 
 HELP = (
     ("W  S", "forward, back"),
@@ -46,15 +48,15 @@ class Keyboard:
     played = 0
     name = "keyboard"
 
-    def __init__(self, gain: StickGain) -> None:
+    def __init__(self, gain: StickGain, outbox: Outbox) -> None:
         """
         Raises:
             LindyError: there is no display.
         """
         surface = open_window("keyboard")
         self._window = PilotWindow(surface, HELP)
-        self.show(head_up(PilotView()))
-        self._gain = gain
+        self.show(head_up(VehicleView()))
+        self._gain, self._outbox = gain, outbox
         self._down: set[int] = set()
         self._held: set[int] = set()  # since before the window had the focus
         self._focused_at: int | None = None  # [ns]
@@ -63,11 +65,10 @@ class Keyboard:
     def read(self, now: int, began: int | None) -> StickReading:  # noqa: ARG002 - only a script needs it
         """Read SDL's events. Call only from the thread that made the window."""
         presses: list[Press] = []
-        notes: tuple[tuple[Level, str], ...] = ()
         for event in pygame.event.get():
             if event.type == pygame.QUIT and self._closed_at is None:
                 self._closed_at = now
-                notes = (("warning", "the keyboard's window was closed: pilot lost"),)
+                self._outbox.tell(events.CLOSED_KEYBOARD())
             if event.type == pygame.WINDOWEXPOSED:
                 pygame.display.flip()  # show it again after another window covered it
             if event.type == pygame.WINDOWFOCUSGAINED:
@@ -75,8 +76,7 @@ class Keyboard:
             presses += self._key(event, now)
         if self._closed_at is not None:
             age_ms = (now - self._closed_at) / 1e6
-            lost = ("closed:keyboard",) if notes else ()
-            return StickReading(present=False, at_rest=False, age_ms=age_ms, notes=notes, lost=lost)
+            return StickReading(present=False, at_rest=False, age_ms=age_ms)
         sticks = self._sticks()
         return StickReading(sticks=sticks, at_rest=sticks.at_rest, presses=tuple(presses))
 

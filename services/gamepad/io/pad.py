@@ -15,14 +15,16 @@ from collections.abc import Sequence
 import pygame
 from pygame._sdl2 import controller
 
+from messages import events
+from messages.events import Outbox
 from services.gamepad.core import PadProfile, presses_of, sticks_of
 from services.gamepad.io import sdl
 from services.gamepad.io.hid_reports import HidReports
 from services.gamepad.io.window import PilotWindow, open_window
 from services.gamepad.pad_silence import PadAnswer, PadSilence
-from services.piloting.head_up import NumbersRow
 from services.piloting.pilot_intents import Press
-from services.piloting.sticks import CENTRED, Level, StickReading
+from services.piloting.sticks import CENTRED, StickReading
+from services.vehicle_view.head_up import NumbersRow
 
 # In the order of SDL_GameControllerAxis and SDL_GameControllerButton.
 AXES = ("leftx", "lefty", "rightx", "righty", "lefttrigger", "righttrigger")
@@ -39,28 +41,25 @@ class Pad:
 
     played = 0
 
-    def __init__(self, profile: PadProfile) -> None:
+    def __init__(self, profile: PadProfile, outbox: Outbox) -> None:
         sdl.start_events()
         pygame.joystick.init()
         controller.init()
         self.name = "gamepad"
-        self._profile = profile
+        self._profile, self._outbox = profile, outbox
         self._pad: controller.Controller | None = None
         self._reports = HidReports("")
         self._silence = PadSilence(profile.silent_after, profile.dead_band)
         self._silent = False  # it is plugged in and does not answer
         self._trusted = False  # the sticks were at rest once since the pad was plugged in
         self._answered_at: int | None = None  # [ns]
-        self._notes: list[tuple[Level, str]] = []
-        self._lost: list[str] = []
         self._announced = False  # the log says whether there is a pad
 
     def read(self, now: int, began: int | None) -> StickReading:  # noqa: ARG002 - only a script needs it
         """Read SDL's events. Call only from the thread that made the pad."""
-        self._notes, self._lost = [], []
-        events = pygame.event.get()
+        happened = pygame.event.get()
         self._notice_loss()
-        for event in events:
+        for event in happened:
             self._notice_arrival(event)
         if self._answered_at is None:
             self._answered_at = now
@@ -74,7 +73,7 @@ class Pad:
             return self._absent(now)
         sticks = sticks_of(controls, self._profile)
         presses: tuple[Press, ...]
-        presses = presses_of(self._pressed(events, self._pad), self._profile)
+        presses = presses_of(self._pressed(happened, self._pad), self._profile)
         if not self._trusted:
             presses = tuple(kind for kind in presses if kind in URGENT)
         self._trusted = self._trusted or sticks.at_rest
@@ -83,8 +82,6 @@ class Pad:
             at_rest=sticks.at_rest,
             age_ms=answering.age_ns / 1e6,
             presses=presses,
-            notes=tuple(self._notes),
-            lost=tuple(self._lost),
         )
 
     def next_ns(self, now: int, began: int) -> int | None:  # noqa: ARG002
@@ -99,20 +96,17 @@ class Pad:
     def _absent(self, now: int) -> StickReading:
         if not self._announced:
             self._announced = True
-            self._log("warning", "no pad is plugged in; waiting for one")
+            self._outbox.say("warning", "no pad is plugged in; waiting for one")
         assert self._answered_at is not None
         return StickReading(
             present=False,
             at_rest=False,
             age_ms=(now - self._answered_at) / 1e6,
-            notes=tuple(self._notes),
-            lost=tuple(self._lost),
         )
 
     def _notice_loss(self) -> None:
         if self._pad is not None and not self._pad.attached():
-            self._log("warning", f"the pad {self._pad.name} was unplugged: pilot lost")
-            self._lost.append("unplugged:pad")
+            self._outbox.tell(events.UNPLUGGED_PAD(detail=self._pad.name))
             self._pad.quit()
             self._pad, self._silent = None, False
             self._reports.close()
@@ -120,13 +114,11 @@ class Pad:
     def _notice_silence(self, name: str, answering: PadAnswer) -> None:
         """A pad that answers again is as one that was plugged in again."""
         if answering.lost and not self._silent:
-            seconds = answering.age_ns / 1e9
-            what = f"the pad {name} is connected and has not answered for {seconds:.1f} s"
-            self._log("warning", f"{what}: pilot lost")
-            self._lost.append("silent:pad")
+            silence = f"{name}, no answer for {answering.age_ns / 1e9:.1f} s"
+            self._outbox.tell(events.SILENT_PAD(detail=silence))
             self._trusted = False
         elif self._silent and not answering.lost:
-            self._log("info", f"the pad {name} answers again; centre its sticks once")
+            self._outbox.say("info", f"the pad {name} answers again; centre its sticks once")
         self._silent = answering.lost
 
     def _notice_arrival(self, event: pygame.event.Event) -> None:
@@ -134,11 +126,12 @@ class Pad:
             if self._pad is None:
                 self._adopt(event.device_index)
             else:
-                self._log("info", f"another pad is ignored while {self._pad.name} is plugged in")
+                why = f"while {self._pad.name} is plugged in"
+                self._outbox.say("info", f"another pad is ignored {why}")
         elif event.type == pygame.JOYDEVICEADDED and not controller.is_controller(
             event.device_index
         ):
-            self._log(
+            self._outbox.say(
                 "warning",
                 f"SDL does not know the pad {_name(event.device_index)}, so it is ignored; "
                 "describe it in the environment variable SDL_GAMECONTROLLERCONFIG",
@@ -148,41 +141,38 @@ class Pad:
         try:
             self._pad = controller.Controller(index)
         except pygame.error as error:  # unplugged again before it could be opened
-            self._log("warning", f"a pad was plugged in and cannot be opened: {error}")
+            self._outbox.say("warning", f"a pad was plugged in and cannot be opened: {error}")
             return
         self.name = f"gamepad {self._pad.name}"
         self._silence = PadSilence(self._profile.silent_after, self._profile.dead_band)
         self._reports = HidReports(self._pad.as_joystick().get_guid())
         self._trusted = False
         self._announced = True
-        self._log("info", f"the pad {self._pad.name} is plugged in")
+        self._outbox.say("info", f"the pad {self._pad.name} is plugged in")
 
-    def _pressed(self, events: list[pygame.event.Event], pad: controller.Controller) -> list[str]:
+    def _pressed(self, happened: list[pygame.event.Event], pad: controller.Controller) -> list[str]:
         """Names of the buttons that went down, in order."""
         here = pad.as_joystick().get_instance_id()
         return [
             BUTTONS[event.button]
-            for event in events
+            for event in happened
             if event.type == pygame.CONTROLLERBUTTONDOWN
             and event.instance_id == here
             and event.button < len(BUTTONS)
         ]
-
-    def _log(self, level: Level, text: str) -> None:
-        self._notes.append((level, text))
 
 
 class PadWithWindow(Pad):
     """Shows the head-up numbers in a window, which does nothing else: it takes no keys, and the pad
     works whether it has the focus or not."""
 
-    def __init__(self, profile: PadProfile) -> None:
+    def __init__(self, profile: PadProfile, outbox: Outbox) -> None:
         """
         Raises:
             LindyError: there is no display.
         """
         surface = open_window("pad")
-        super().__init__(profile)
+        super().__init__(profile, outbox)
         self._window = PilotWindow(surface)
 
     def show(self, rows: Sequence[NumbersRow]) -> None:

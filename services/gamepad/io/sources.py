@@ -50,7 +50,7 @@ def _open_script(node: Node, name: str, played: int) -> Player:
     last = script.rows[-1]
     if last.sticks != CENTRED or last.event == "lost":
         node.log("warning", f"script {name}: the last row is its end, so its sticks move nothing")
-    return Player(Path(name).stem, script, played)
+    return Player(Path(name).stem, script, node.outbox, played)
 
 
 def _open_pad(node: Node, stack: Stack) -> StickSource:
@@ -58,7 +58,7 @@ def _open_pad(node: Node, stack: Stack) -> StickSource:
     from services.gamepad.io.pad import Pad, PadWithWindow  # here: a script needs no pygame
 
     wanted = stack.section("gamepad", Settings).window
-    pad = (PadWithWindow if wanted else Pad)(pad_profile(stack))
+    pad = (PadWithWindow if wanted else Pad)(pad_profile(stack), node.outbox)
     node.on_close(pad.close)
     return pad
 
@@ -67,7 +67,7 @@ def _open_keyboard(node: Node, stack: Stack) -> StickSource:
     sdl.load()
     from services.gamepad.io.keyboard import Keyboard
 
-    keyboard = Keyboard(pad_profile(stack).gain)
+    keyboard = Keyboard(pad_profile(stack).gain, node.outbox)
     node.on_close(keyboard.close)
     return keyboard
 

@@ -5,13 +5,14 @@ from collections.abc import Sequence
 import pygame
 
 from services.gamepad.io import sdl
-from services.piloting.head_up import NumbersRow, Tone
 from services.runtime.config.errors import LindyError
+from services.vehicle_view.head_up import NumbersRow
+from services.vehicle_view.words import Tone
 
 SIZE = (720, 650)  # [px]
 PAPER, INK, LABEL = (8, 14, 22), (255, 255, 255), (160, 180, 200)
 TONES: dict[Tone, tuple[int, int, int]] = {
-    "plain": INK, "good": (90, 235, 125), "warning": (255, 205, 60), "alarm": INK,
+    "plain": INK, "warning": (255, 205, 60), "alarm": INK,
 }  # fmt: skip
 ALARM = (185, 20, 30)  # behind an alarm
 MARGIN = 18  # [px]

@@ -55,13 +55,9 @@ class PilotPorts(Generic[E]):
     @property
     def waiting(self) -> set[RequestKind]:
         """Kinds of the requests that have not been answered yet."""
-        return {request.kind for request in self._asking.pending}
+        return {pending.request.kind for pending in self._asking.pending}
 
     def do(self, effects: E, now: int) -> None:
-        for name in effects.counts:
-            self._node.count(name)
-        for level, text in effects.notes:
-            self._node.log(level, text)
         if effects.command is not None:
             self._commands.put(effects.command)
         for request in effects.requests:

@@ -15,11 +15,12 @@ import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import Protocol
 
 import msgspec
 
-from messages import topics
+from messages import events, topics
+from messages.events import Level, Outbox
 from messages.link import Clock
 from services.recorder.core import RecordedRow
 from services.recorder.io.attachments import AttachedFile, attachments
@@ -47,16 +48,15 @@ class RecordingCheckpoint(msgspec.Struct):
 
 
 class SessionNode(Protocol):
-    """What the session needs of the service's node: counters, log and checkpoints."""
+    """What the session needs of the service's node: outbox, log and checkpoints."""
 
-    counts: Counter[str]
+    outbox: Outbox
     wall_offset_ns: int  # [ns] UTC minus the clock of stamps
 
     @property
     def sides(self) -> Mapping[str, object]: ...  # its home first
     def now(self) -> int: ...
-    def count(self, name: str, times: int = 1) -> None: ...
-    def log(self, level: Literal["info", "warning", "error"], text: str) -> None: ...
+    def log(self, level: Level, text: str) -> None: ...
     def restore_checkpoint(self, kind: type[RecordingCheckpoint]) -> RecordingCheckpoint | None: ...
     def save_checkpoint(self, what: RecordingCheckpoint) -> None: ...
 
@@ -118,7 +118,7 @@ class McapSession:
         """Add a row, or count it as not recorded while there is no file."""
         if self._file is None:
             if not row.is_view:
-                self._node.count("not_recorded")
+                self._node.outbox.tell(events.NOT_RECORDED())
             return
         key, schema, data, *stamps, is_view = row
         try:
@@ -189,7 +189,7 @@ class McapSession:
     def _describe_losses(self, file: McapFile) -> None:
         """What this part lost, and what was known of the other machine's clock."""
         file.flush()
-        counts = self._node.counts
+        counts = self._node.outbox.counts
         losses = {name: str(counts[name] - self._told[name]) for name in sorted(counts)}
         file.metadata("losses", {name: count for name, count in losses.items() if count != "0"})
         self._told = Counter(counts)
@@ -239,12 +239,12 @@ class McapSession:
             file.discard()
             self._opened = RecordingCheckpoint(self._opened.parts - 1, self._opened.begun)
         self._file = None
-        self._node.count("not_recorded", file.unflushed)
+        self._node.outbox.tell(events.NOT_RECORDED(), file.unflushed)
         self._stopped(file.path, error)
 
     def _stopped(self, path: Path, error: OSError) -> None:
         self._gaps = True
-        self._node.count("disk_error")
+        self._node.outbox.tell(events.DISK_ERROR())
         if not self._interrupted:
             self._interrupted = True
             self._node.log(
@@ -257,7 +257,7 @@ class McapSession:
         try:
             self._open()
         except OSError:
-            self._node.count("disk_error")
+            self._node.outbox.tell(events.DISK_ERROR())
 
 
 def _limits(settings: Settings) -> dict[str, str]:

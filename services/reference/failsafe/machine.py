@@ -25,9 +25,10 @@ from typing import NamedTuple
 import msgspec
 from msgspec.structs import replace
 
+from messages.events import Outbox, short
 from messages.units import Ns
 from messages.vehicle import Reaction
-from services.reference.failsafe.table import ACTING, SEVERITY, Row
+from services.reference.failsafe.table import ACTING, SEVERITY, FailsafeRow
 
 DOES: dict[Reaction, str] = {
     "stop": "the drone has stopped and holds",
@@ -57,15 +58,14 @@ class Memory(msgspec.Struct, frozen=True):
 
 @dataclass(slots=True)
 class FailsafeMachine:
-    """Times `now` are int ns, never decreasing. `begun` collects the rows that have begun to act or
-    to be said, `noticed` those whose condition has begun and which will act later."""
+    """Times `now` are int ns, never decreasing. Tells which conditions were noticed, and which have
+    begun to act."""
 
-    rows: Sequence[Row]
+    rows: Sequence[FailsafeRow]
+    outbox: Outbox
     memory: Mapping[str, Memory] = field(default_factory=dict[str, Memory])  # replaced, not changed
     armed: bool = False  # at the newest step
     surfaced: bool = False
-    begun: list[Row] = field(default_factory=list[Row])
-    noticed: list[Row] = field(default_factory=list[Row])
     _holding: Conditions = field(default_factory=dict[str, Holding])
 
     def step(
@@ -85,28 +85,23 @@ class FailsafeMachine:
         """
         self._holding = holding
         if holding or self.memory:
-            self._remember(holding, unknown, now, armed=armed)
+            after: dict[str, Memory] = {}
+            for row in self.rows:
+                before = self.memory.get(row.name)
+                if row.name in holding:
+                    after[row.name] = self._held(row, before, holding[row.name], now, armed=armed)
+                elif before is not None and row.name in unknown:
+                    after[row.name] = before
+                elif before is not None and armed and _acts(row, before):
+                    after[row.name] = replace(before, holds=False) if before.holds else before
+            if after != self.memory:
+                self.memory = after
         self.armed = armed
         rises = self.reaction in ("ascend", "surface")
         self.surfaced = rises and (self.surfaced or at_surface)
 
-    def _remember(
-        self, holding: Conditions, unknown: Collection[str], now: Ns, *, armed: bool
-    ) -> None:
-        after: dict[str, Memory] = {}
-        for row in self.rows:
-            before = self.memory.get(row.name)
-            if row.name in holding:
-                after[row.name] = self._held(row, before, holding[row.name], now, armed=armed)
-            elif before is not None and row.name in unknown:
-                after[row.name] = before
-            elif before is not None and armed and _acts(row, before):
-                after[row.name] = replace(before, holds=False) if before.holds else before
-        if after != self.memory:
-            self.memory = after
-
     def _held(
-        self, row: Row, before: Memory | None, held: Holding, now: Ns, *, armed: bool
+        self, row: FailsafeRow, before: Memory | None, held: Holding, now: Ns, *, armed: bool
     ) -> Memory:
         """Of a condition that holds."""
         is_new = before is None
@@ -124,10 +119,11 @@ class FailsafeMachine:
             and now - after.since_ns >= row.stages[after.stage + 1].after * 1e9
         ):
             after = replace(after, stage=after.stage + 1)
-        if (armed and _acts(row, after) and not acted) or (is_new and not row.acts):
-            self.begun.append(row)
-        elif is_new and row.stages[0].reaction not in ACTING:
-            self.noticed.append(row)
+        if armed and _acts(row, after) and not acted:
+            does = DOES[row.stages[after.stage].reaction]
+            self.outbox.tell(row.condition.acted(detail=does))
+        elif is_new and row.told and row.stages[0].reaction not in ACTING:
+            self.outbox.tell(row.condition.noticed(detail=held.detail))
         return after
 
     # What the pilot does.
@@ -135,17 +131,23 @@ class FailsafeMachine:
     def resume(self) -> str:
         """End what acts; where nothing acts, overrule what is about to. Returns why it is refused,
         or nothing."""
-        ended = self._acting or self._coming
+        ended = self._acting or [  # what holds and will act, and may be overruled
+            row
+            for row in self.rows
+            if row.acts and row.overrule and self.armed
+            if (memory := self.memory.get(row.name)) is not None and memory.overruled is None
+        ]
         if not ended:
             return "no failsafe acts: there is nothing to resume from"
         for row in ended:
             if self.memory[row.name].holds and not row.overrule:
-                return f"{row.words}, still"
+                return f"{row.condition.sentence}, still"
         after = dict(self.memory)
         for row in ended:
             memory = after.pop(row.name)
             if memory.holds:
-                after[row.name] = replace(memory, overruled=self._level(row.name))
+                held = self._holding.get(row.name)
+                after[row.name] = replace(memory, overruled=0 if held is None else held.level)
         self.memory, self.surfaced = after, False
         return ""
 
@@ -157,13 +159,14 @@ class FailsafeMachine:
     # What is said.
 
     @property
-    def acting(self) -> Row | None:
-        """The row that acts."""
-
-        def severity(row: Row) -> int:
-            return SEVERITY.index(self._reaction(row) or "notice")
-
-        return max(self._acting, key=severity, default=None)
+    def acting(self) -> FailsafeRow | None:
+        """The row that acts: of those with the gravest reaction the first."""
+        gravest, most = None, -1
+        for row in self._acting:
+            severity = SEVERITY.index(self._reaction(row) or "notice")
+            if severity > most:
+                gravest, most = row, severity
+        return gravest
 
     @property
     def reaction(self) -> Reaction | None:
@@ -181,6 +184,8 @@ class FailsafeMachine:
     @property
     def holding(self) -> tuple[str, ...]:
         """Names of all conditions that hold, in the order of the table."""
+        if not self._holding:
+            return ()
         return tuple(row.name for row in self.rows if row.name in self._holding)
 
     @property
@@ -205,20 +210,24 @@ class FailsafeMachine:
 
     @property
     def words(self) -> str:
-        """What the drone does, what ends it, and everything that acts; empty: nothing acts."""
+        """Everything that acts, what the drone does, and what ends it; empty: nothing acts."""
         reaction = self.reaction
         if reaction is None:
             return ""
         acting = self._acting
         held = [row for row in acting if self.memory[row.name].holds]
-        causes = "; ".join(
-            self._sentence(row) + ("" if row in held else " (has ended)") for row in acting
-        )
-        if any(not row.overrule for row in held):
-            ends = "resume once this has ended"
-        else:
+        ended = [row for row in acting if row not in held]
+        causes = [
+            *map(self._sentence, held),
+            *(f"{short(row.condition.acted.name)} has ended" for row in ended),
+        ]
+        if not held:
+            ends = "press resume to have the sticks"
+        elif all(row.overrule for row in held):
             ends = "resume to have the sticks"
-        return f"{DOES[reaction]}; {ends}: {causes}"
+        else:
+            ends = "resume once this has ended"
+        return "; ".join([*causes, DOES[reaction], ends])
 
     @property
     def notices(self) -> str:
@@ -227,39 +236,23 @@ class FailsafeMachine:
         return "; ".join(self._sentence(row) for row in said if self._reaction(row) not in ACTING)
 
     @property
-    def _acting(self) -> list[Row]:
+    def _acting(self) -> list[FailsafeRow]:
         """Rows that act, in the order of the table."""
         if not self.memory:
             return []
         return [row for row in self.rows if self._reaction(row) in ACTING]
 
-    @property
-    def _coming(self) -> list[Row]:
-        """Rows whose condition holds and which will act, and which the pilot may overrule."""
-        return [
-            row
-            for row in self.rows
-            if row.acts and row.overrule and self.armed
-            if (memory := self.memory.get(row.name)) is not None and _open(memory)
-        ]
+    def _sentence(self, row: FailsafeRow) -> str:
+        held, words = self._holding.get(row.name), row.condition.sentence
+        return f"{words} ({held.detail})" if held is not None and held.detail else words
 
-    def _sentence(self, row: Row) -> str:
-        held = self._holding.get(row.name)
-        return f"{row.words} ({held.detail})" if held is not None and held.detail else row.words
-
-    def _reaction(self, row: Row) -> Reaction | None:
+    def _reaction(self, row: FailsafeRow) -> Reaction | None:
         memory = self.memory.get(row.name)
         if memory is None:
             return None
-        return row.stages[memory.stage].reaction if self.armed and _open(memory) else "notice"
-
-    def _level(self, name: str) -> int:
-        return self._holding[name].level if name in self._holding else 0
+        reacts = self.armed and memory.overruled is None
+        return row.stages[memory.stage].reaction if reacts else "notice"
 
 
-def _open(memory: Memory) -> bool:
-    return memory.overruled is None
-
-
-def _acts(row: Row, memory: Memory) -> bool:
-    return _open(memory) and row.stages[memory.stage].reaction in ACTING
+def _acts(row: FailsafeRow, memory: Memory) -> bool:
+    return memory.overruled is None and row.stages[memory.stage].reaction in ACTING

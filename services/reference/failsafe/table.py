@@ -5,6 +5,8 @@
 
 from typing import NamedTuple, get_args
 
+from messages import events
+from messages.events import Condition
 from messages.vehicle import Reaction
 from services.reference.settings import FailsafeSettings
 
@@ -17,15 +19,18 @@ class FailsafeStage(NamedTuple):
     reaction: Reaction
 
 
-class Row(NamedTuple):
-    """One condition."""
+class FailsafeRow(NamedTuple):
+    """What one condition makes the drone do."""
 
-    name: str
-    words: str  # what the pilot reads
+    condition: Condition
     measured: str  # when it holds, and where that is measured; for the documentation
     stages: tuple[FailsafeStage, ...]
     overrule: bool = False  # `resume` is granted although the condition still holds
     told: bool = True  # its beginning is counted and logged here; False: by whoever measures it
+
+    @property
+    def name(self) -> str:
+        return self.condition.name
 
     @property
     def acts(self) -> bool:
@@ -46,150 +51,129 @@ NOTICE, LIMIT, STOP = (
 )
 
 
-def table(s: FailsafeSettings) -> tuple[Row, ...]:
+def table(s: FailsafeSettings) -> tuple[FailsafeRow, ...]:
     """The rows, the gravest first: of equal reactions the first one is said to act."""
     rises_without_pilot = FailsafeStage(s.pilot_patience, "ascend")
     return (
-        Row(
-            "leak",
-            "water in the enclosure",
+        FailsafeRow(
+            events.LEAK,
             "`sensor/leak` is wet",
             (NOTICE, FailsafeStage(s.leak_patience, "ascend")),
             overrule=True,
         ),
-        Row(
-            "battery_critical",
-            "the battery is nearly empty",
+        FailsafeRow(
+            events.BATTERY_CRITICAL,
             "`sensor/battery`: charge left at most `battery_critical`",
             (NOTICE, FailsafeStage(s.battery_patience, "ascend")),
             overrule=True,
         ),
-        Row(
-            "state_lost",
-            "drone's state lost: its motion is not known",
+        FailsafeRow(
+            events.STATE_LOST,
             "no `state` for 0.1 s",
             (STOP,),
         ),
-        Row(
-            "imu_lost",
-            "the IMU cannot be used: no attitude and heading, depth from pressure alone",
+        FailsafeRow(
+            events.IMU_LOST,
             "`state`: roll is not valid",
             (STOP,),
             overrule=True,
         ),
-        Row(
-            "link_lost",
-            "link lost: nothing arrives from topside",
+        FailsafeRow(
+            events.LINK_LOST,
             "neither sticks nor `clock/ping` for 1 s, after there were pings",
             (STOP, rises_without_pilot),
         ),
-        Row(
-            "pilot_lost",
-            "pilot lost: no stick positions arrive",
+        FailsafeRow(
+            events.PILOT_LOST,
             "armed, and the newest `pilot/command` has expired (0.3 s), or its pad is lost",
             (STOP, rises_without_pilot),
         ),
-        Row(
-            "depth_limit",
-            "the depth limit: the drone goes no deeper",
+        FailsafeRow(
+            events.DEPTH_LIMIT,
             "the reference comes to rest at `depth_limit`",
             (LIMIT,),
         ),
-        Row(
-            "too_deep",
-            "the drone is deeper than its limit",
+        FailsafeRow(
+            events.TOO_DEEP,
             "`state`: depth more than 0.5 m below `depth_limit`",
             (NOTICE,),
         ),
-        Row(
-            "near_floor",
-            "the bottom is close",
+        FailsafeRow(
+            events.NEAR_FLOOR,
             "`sensor/dvl`: altitude less than `floor_distance`",
             (NOTICE,),
         ),
-        Row(
-            "depth_lost",
-            "the depth is not known and not held",
+        FailsafeRow(
+            events.DEPTH_LOST,
             "the mode holds the depth, and its estimate is not valid for 0.5 s",
             (NOTICE,),
             told=False,
         ),
-        Row(
-            "heading_lost",
-            "the heading is not known and not held",
+        FailsafeRow(
+            events.HEADING_LOST,
             "the mode holds the heading, and its estimate is not valid for 0.5 s",
             (NOTICE,),
             told=False,
         ),
-        Row(
-            "sensor",
-            "a sensor cannot be used",
+        FailsafeRow(
+            events.SENSOR_TROUBLE,
             "`state`: troubles, by estimation (silent, noisy, frozen, distrusted, disturbed)",
             (NOTICE,),
             told=False,
         ),
-        Row(
-            "thruster",
-            "a thruster does not follow its commands",
+        FailsafeRow(
+            events.THRUSTER_TROUBLE,
             "`control/wrench`: distrusted",
             (NOTICE,),
             told=False,
         ),
-        Row(
-            "control_silent",
-            "control does not answer: the thrusters have stopped",
+        FailsafeRow(
+            events.CONTROL_SILENT,
             "armed, and no `control/wrench` for 0.5 s",
             (NOTICE,),
         ),
-        Row(
-            "board_silent",
-            "the vehicle's board does not answer",
-            "`health` of ardusub: no heartbeat of the board for 3 s",
+        FailsafeRow(
+            events.BOARD_SILENT,
+            "`health` of a driver such as ardusub: no heartbeat of the board for 3 s",
             (NOTICE,),
             told=False,
         ),
-        Row(
-            "service_silent",
-            "a service on board does not answer",
-            "no `health` of estimation, control or the simulator for 3 s, after there was some",
+        FailsafeRow(
+            events.SERVICE_SILENT,
+            "no `health` of the vehicle side, estimation, control or a module of yours on "
+            "board for 3 s, after there was some",
             (NOTICE,),
         ),
-        Row(
-            "service_late",
-            "a service on board is late",
-            "`health` of the simulator, estimation or control: 1 % of its messages of a second "
-            "handled over 40 ms late, in the last 10 s",
+        FailsafeRow(
+            events.SERVICE_LATE,
+            "`health` of the vehicle side, estimation, control or a module of yours on board: 1 % "
+            "of its messages of a second handled over 40 ms late, in the last 10 s",
             (NOTICE,),
         ),
-        Row(
-            "recorder_down",
-            "the recorder does not answer",
+        FailsafeRow(
+            events.RECORDER_DOWN,
             "no `health` of the recorder for 3 s, after there was some",
             (NOTICE,),
         ),
-        Row(
-            "disk_full",
-            "the recording cannot be written to the disk",
+        FailsafeRow(
+            events.DISK_FULL,
             "`health` of the recorder: a disk error in the last 10 s",
             (NOTICE,),
             told=False,
         ),
-        Row(
-            "clock_jump",
-            "a computer's clock has jumped",
+        FailsafeRow(
+            events.CLOCK_JUMP,
             "`health` of the link monitor: a jump in the last 10 s",
             (NOTICE,),
             told=False,
         ),
-        Row(
-            "battery_low",
-            "the battery is low",
+        FailsafeRow(
+            events.BATTERY_LOW,
             "`sensor/battery`: charge left at most `battery_low`, and more than `battery_critical`",
             (NOTICE,),
         ),
-        Row(
-            "too_hot",
-            "the enclosure is too hot",
+        FailsafeRow(
+            events.TOO_HOT,
             "`sensor/temperature`: at least `hot`",
             (NOTICE,),
         ),

@@ -3,10 +3,12 @@
 Each message is taken in as it arrives or as the newest one; `holding` judges them at each step.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from messages import events
 from messages.control import Wrench
-from messages.counts import sentence
+from messages.events import Condition, Row, sentence
 from messages.health import LATE_MS, Health
 from messages.pilot import TTL_MS, PilotCommand
 from messages.sensors import BatterySample, DvlSample, LeakSample, TemperatureSample
@@ -21,16 +23,12 @@ HEALTH_PATIENCE_NS = 3_000_000_000  # [ns] without a health message, of one a se
 RECENT_NS = 10_000_000_000  # [ns] so long the pilot reads of an event that has no end
 TOO_DEEP = 0.5  # [m] below the limit: more than a reference at the limit is overshot
 WORSE = 0.04  # [-] of the battery's charge: so much less is worse
-ON_BOARD = ("simulator", "estimation", "control")  # services that the motion depends on
-TIMED = ("simulator", "estimation", "control")  # their lateness is that of the motion
-RECORDERS = ("recorder", "recorder_drone")
-CLOCKS = ("link_monitor",)
-BOARDS = ("ardusub",)  # drivers of a board with a life of its own
+AXIS_LOST: dict[str, Condition] = {"depth": events.DEPTH_LOST, "heading": events.HEADING_LOST}
 BOARD_PATIENCE_NS = 2_500_000_000  # [ns] without a count of a silent board, of one a second
 
 
 @dataclass(frozen=True, slots=True)
-class Newest:
+class WatchedMessages:
     """The newest message of each vehicle-side topic; None: none yet, or not fresh."""
 
     wrench: Wrench | None = None
@@ -40,14 +38,15 @@ class Newest:
     dvl: DvlSample | None = None
 
 
-NOTHING = Newest()
+NOTHING = WatchedMessages()
 
 
 @dataclass(slots=True)
 class ConditionWatch:
     settings: FailsafeSettings
+    watched: Mapping[str, str] = field(default_factory=dict[str, str])  # service → its role
     started_ns: Ns = 0  # [ns] now, when this was made
-    newest: Newest = NOTHING  # the service's, before each step
+    newest: WatchedMessages = NOTHING  # the service's, before each step
     _commanded: bool = False  # a command has arrived since the start
     _pinged_ns: Ns | None = None
     _health: dict[str, Health] = field(default_factory=dict[str, Health])
@@ -63,21 +62,21 @@ class ConditionWatch:
 
     def health(self, health: Health, now: Ns) -> None:
         name, before = health.service, self._health.get(health.service)
-        if name not in (*ON_BOARD, *RECORDERS, *CLOCKS, *BOARDS):
+        if (role := self.watched.get(name)) is None:
             return
         self._health[name], self._healthy_ns[name] = health, now
         if before is None:
             return  # the first second, in which it starts
-        if name in TIMED and _late(health):
+        if role == "motion" and _late(health):
             self._late_ns[name] = now
-        if name in RECORDERS and _more("disk_error", health, before):
-            self._disk_error_ns = now
-        if name in CLOCKS and _more("jumped:clock", health, before):
-            self._clock_jump_ns = now
-        if name in BOARDS and _more("silent:board", health, before):
+        if role == "motion" and _more(events.SILENT_BOARD, health, before):  # a board's own life
             self._board_silent_ns = now
+        if role == "recorder" and _more(events.DISK_ERROR, health, before):
+            self._disk_error_ns = now
+        if role == "clock" and _more(events.JUMPED_CLOCK, health, before):
+            self._clock_jump_ns = now
 
-    def holding(
+    def holding(  # noqa: C901 - the rows of the table one after the other
         self,
         state: VehicleState | None,
         command: PilotCommand | None,
@@ -95,13 +94,56 @@ class ConditionWatch:
             limited: the reference comes to rest at the depth limit.
         """
         holds: dict[str, Holding] = {}
-        self._pilot(holds, command, now, armed=armed)
-        self._motion(holds, state, now, armed=armed)
+        newest, s = self.newest, self.settings
+
+        # The pilot. After a restart in mid-dive it is as if the last command had come just before.
+        self._commanded = self._commanded or command is not None
+        piloted = command is not None and command.pilot == "present"
+        waits = not self._commanded and now - self.started_ns <= TTL_MS * 1e6
+        if armed and not piloted and not waits:
+            holds[events.PILOT_LOST.name] = Holding()
+            pinged = self._pinged_ns
+            if command is None and pinged is not None and now - pinged > LINK_PATIENCE_NS:
+                holds[events.LINK_LOST.name] = Holding()
+
+        # What is known of the motion, and who controls it.
+        if state is None:
+            holds[events.STATE_LOST.name] = Holding()
+        elif state.phase == "running":
+            if not state.roll.valid:
+                holds[events.IMU_LOST.name] = Holding()
+            if state.troubles and (others := _unsaid(state)):
+                holds[events.SENSOR_TROUBLE.name] = Holding(detail=", ".join(map(sentence, others)))
+            if state.depth.valid and state.depth.value > s.depth_limit + TOO_DEEP:
+                holds[events.TOO_DEEP.name] = Holding(detail=f"{s.depth_limit:g} m")
+        wrench = newest.wrench
+        if wrench is not None and wrench.distrusted:
+            holds[events.THRUSTER_TROUBLE.name] = Holding(detail=", ".join(wrench.distrusted))
+        if wrench is not None and armed and now - wrench.stamp_ns > CONTROL_PATIENCE_NS:
+            holds[events.CONTROL_SILENT.name] = Holding()
         for axis in unheld:
-            holds[f"{axis}_lost"] = Holding()
+            holds[AXIS_LOST[axis].name] = Holding()
         if limited:
-            holds["depth_limit"] = Holding(detail=f"{self.settings.depth_limit:g} m")
-        self._vehicle(holds)
+            holds[events.DEPTH_LIMIT.name] = Holding(detail=f"{s.depth_limit:g} m")
+
+        # The vehicle itself.
+        if newest.leak is not None and newest.leak.wet:
+            holds[events.LEAK.name] = Holding()
+        if newest.battery is not None and (charge := newest.battery.charge) is not None:
+            # More than empty counts as worse, but a driver may say anything: not without end.
+            left = max(-1.0, charge)
+            said = f"{max(0.0, left):.0%} left"
+            if left <= s.battery_critical:
+                worse = int((s.battery_critical - left) / WORSE)
+                holds[events.BATTERY_CRITICAL.name] = Holding(worse, said)
+            elif left <= s.battery_low:
+                holds[events.BATTERY_LOW.name] = Holding(detail=said)
+        if newest.temperature is not None and newest.temperature.temperature >= s.hot:
+            holds[events.TOO_HOT.name] = Holding(detail=f"{newest.temperature.temperature:.0f} °C")
+        altitude = None if newest.dvl is None else newest.dvl.altitude
+        if altitude is not None and altitude < s.floor_distance:
+            holds[events.NEAR_FLOOR.name] = Holding(detail=f"{altitude:.1f} m")
+
         if self._health:
             self._services(holds, now)
         return holds
@@ -109,83 +151,38 @@ class ConditionWatch:
     @property
     def unknown(self) -> tuple[str, ...]:
         """Conditions of which nothing is known: their sensor has said nothing since the start."""
-        newest = self.newest
-        leak = () if newest.leak is not None and newest.leak.wet is not None else ("leak",)
-        return leak if newest.battery is not None else (*leak, "battery_critical")
+        leak, battery, names = self.newest.leak, self.newest.battery, list[str]()
+        if leak is None or leak.wet is None:
+            names.append(events.LEAK.name)
+        if battery is None:
+            names.append(events.BATTERY_CRITICAL.name)
+        return tuple(names)
 
-    def _pilot(
-        self, holds: dict[str, Holding], command: PilotCommand | None, now: Ns, *, armed: bool
+    def _services(  # noqa: C901 - as `holding`
+        self, holds: dict[str, Holding], now: Ns
     ) -> None:
-        self._commanded = self._commanded or command is not None
-        if not armed or (command is not None and command.pilot == "present"):
-            return
-        if not self._commanded and now - self.started_ns <= TTL_MS * 1e6:
-            return  # restarted in mid-dive: as if the last command had come just before
-        holds["pilot_lost"] = Holding()
-        pinged = self._pinged_ns
-        if command is None and pinged is not None and now - pinged > LINK_PATIENCE_NS:
-            holds["link_lost"] = Holding()
-
-    def _motion(
-        self, holds: dict[str, Holding], state: VehicleState | None, now: Ns, *, armed: bool
-    ) -> None:
-        if state is None:
-            holds["state_lost"] = Holding()
-        elif state.phase == "running":
-            if not state.roll.valid:
-                holds["imu_lost"] = Holding()
-            if others := _unsaid(state):
-                holds["sensor"] = Holding(detail=", ".join(map(sentence, others)))
-            if state.depth.valid and state.depth.value > self.settings.depth_limit + TOO_DEEP:
-                holds["too_deep"] = Holding(detail=f"{self.settings.depth_limit:g} m")
-        wrench = self.newest.wrench
-        if wrench is None:
-            return
-        if wrench.distrusted:
-            holds["thruster"] = Holding(detail=", ".join(wrench.distrusted))
-        if armed and now - wrench.stamp_ns > CONTROL_PATIENCE_NS:
-            holds["control_silent"] = Holding()
-
-    def _vehicle(self, holds: dict[str, Holding]) -> None:
-        newest, s = self.newest, self.settings
-        if newest.leak is not None and newest.leak.wet:
-            holds["leak"] = Holding()
-        if newest.battery is not None and (left := charge_left(newest.battery)) is not None:
-            said = f"{max(0.0, left):.0%} left"
-            if left <= s.battery_critical:
-                holds["battery_critical"] = Holding(int((s.battery_critical - left) / WORSE), said)
-            elif left <= s.battery_low:
-                holds["battery_low"] = Holding(detail=said)
-        if newest.temperature is not None and newest.temperature.temperature >= s.hot:
-            holds["too_hot"] = Holding(detail=f"{newest.temperature.temperature:.0f} °C")
-        altitude = None if newest.dvl is None else newest.dvl.altitude
-        if altitude is not None and altitude < s.floor_distance:
-            holds["near_floor"] = Holding(detail=f"{altitude:.1f} m")
-
-    def _services(self, holds: dict[str, Holding], now: Ns) -> None:
-        silent = [n for n, at in self._healthy_ns.items() if now - at > HEALTH_PATIENCE_NS]
-        if stopped := [name for name in silent if name in ON_BOARD]:
-            holds["service_silent"] = Holding(detail=", ".join(stopped))
+        silent: list[str] = []
+        for name, at in self._healthy_ns.items():
+            if now - at > HEALTH_PATIENCE_NS:
+                silent.append(name)
+        if silent:
+            if stopped := [name for name in silent if self.watched[name] == "motion"]:
+                holds[events.SERVICE_SILENT.name] = Holding(detail=", ".join(stopped))
+            if any(self.watched[name] == "recorder" for name in silent):
+                holds[events.RECORDER_DOWN.name] = Holding()
         board = self._board_silent_ns
         if board is not None and now - board < BOARD_PATIENCE_NS:
-            holds["board_silent"] = Holding()
-        if any(name in RECORDERS for name in silent):
-            holds["recorder_down"] = Holding()
-        late = [n for n, at in self._late_ns.items() if n not in silent and now - at < RECENT_NS]
-        if late:
-            holds["service_late"] = Holding(detail=", ".join(late))
+            holds[events.BOARD_SILENT.name] = Holding()
+        if self._late_ns:
+            late = [
+                n for n, at in self._late_ns.items() if n not in silent and now - at < RECENT_NS
+            ]
+            if late:
+                holds[events.SERVICE_LATE.name] = Holding(detail=", ".join(late))
         if self._disk_error_ns is not None and now - self._disk_error_ns < RECENT_NS:
-            holds["disk_full"] = Holding()
+            holds[events.DISK_FULL.name] = Holding()
         if self._clock_jump_ns is not None and now - self._clock_jump_ns < RECENT_NS:
-            holds["clock_jump"] = Holding()
-
-
-def charge_left(battery: BatterySample) -> float | None:
-    """[-] -1 … 1, below 0 where more was used than it should hold; None where the driver does not
-    know the capacity."""
-    capacity = battery.capacity_wh
-    # More than empty counts as worse, but a driver may say anything: not without end.
-    return None if not capacity else max(-1.0, 1.0 - battery.used_wh / capacity)
+            holds[events.CLOCK_JUMP.name] = Holding()
 
 
 def _unsaid(state: VehicleState) -> list[str]:
@@ -198,9 +195,9 @@ def _unsaid(state: VehicleState) -> list[str]:
     return [name for name in state.troubles or () if name.partition(":")[2] not in named]
 
 
-def _more(count: str, health: Health, before: Health) -> bool:
+def _more(row: Row, health: Health, before: Health) -> bool:
     """Was it counted again since then?"""
-    return health.counts.get(count, 0) > before.counts.get(count, 0)
+    return health.counts.get(row.name, 0) > before.counts.get(row.name, 0)
 
 
 def _late(health: Health) -> bool:

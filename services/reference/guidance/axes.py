@@ -16,6 +16,11 @@ from services.reference.trajectory.vector import VectorRamp
 LOOK_AHEAD_S = 0.2  # [s] the plan to stop at the depth limit begins so long before it must
 LEVEL = 0.01  # [m] such a plan is made anew when it would end this far from the limit
 FADE = 1.0  # [m] above the limit in which a downward heave force fades out
+CENTRED = 0.05  # [-] a stick this close to the middle counts as centred
+
+
+def centred(command: PilotCommand) -> bool:
+    return max(map(abs, (command.surge, command.sway, command.heave, command.yaw))) < CENTRED
 
 
 @dataclass(slots=True)
@@ -117,7 +122,7 @@ class Axes:
 
     def _aim_depth(self, velocity: float, t: float) -> None:
         """A velocity [m/s]; downwards, the reference comes to rest at the depth limit."""
-        heave, limits = self.heave, self.settings.heave.limits
+        heave, limits = self.heave, self.heave.limits
         here = heave.at(t)
         room = self.settings.failsafe.depth_limit - here.position
         if velocity <= 0.0 or room > self._zone or not self._reaches(room, velocity, here):
@@ -136,7 +141,7 @@ class Axes:
     def _reaches(self, room: float, velocity: float, here: Sample) -> bool:
         """Would the reference come to the limit, `room` [m] below, if it were stopped once it has
         this velocity [m/s]?"""
-        limits = self.settings.heave.limits
+        limits = self.heave.limits
         up_to = solve(here.velocity, here.acceleration, velocity, limits)
         to_rest = solve(velocity, 0.0, 0.0, limits)
         return travelled((*up_to, *to_rest)) + velocity * LOOK_AHEAD_S >= room

@@ -1,7 +1,9 @@
-"""The vehicle's measured motion over the ground."""
+"""Where the vehicle is, by its state: its motion over the ground; depth and heading to tell."""
 
 from math import cos, sin
 from typing import NamedTuple
+
+from msgspec import UNSET, UnsetType
 
 from messages.state import VehicleState
 from services.reference.paths.heading import wrap
@@ -46,3 +48,20 @@ def turned(vector: Pair, angle: float) -> Pair:
     x, y = vector
     c, s = cos(angle), sin(angle)
     return c * x - s * y, s * x + c * y
+
+
+class Whereabouts(NamedTuple):
+    """In the two numbers that whoever watches many drones is told of each."""
+
+    depth: float | UnsetType = UNSET  # [m] positive down; absent: not known
+    heading: float | UnsetType = UNSET  # [rad] clockwise from north, ±π; absent: not known
+
+
+def whereabouts(state: VehicleState | None) -> Whereabouts:
+    """Of the newest state; nothing where there is none."""
+    if state is None:
+        return Whereabouts()
+    return Whereabouts(
+        state.depth.value if state.depth.valid else UNSET,
+        wrap(state.heading.value + north_offset(state)) if state.heading.valid else UNSET,
+    )

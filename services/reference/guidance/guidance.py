@@ -8,17 +8,25 @@ and ends when the axis is held; control makes the hand-over bumpless.
 from dataclasses import dataclass, field
 from math import inf
 
+from messages import events
+from messages.events import Outbox
 from messages.message import Estimate
-from messages.pilot import Hold, PilotCommand, StopDistance
+from messages.pilot import FlightMode, PilotCommand, StopDistance
+from messages.reference import Motion, Reference
 from messages.state import VehicleState
+from messages.units import Ns
 from services.reference.guidance.axes import Axes
-from services.reference.guidance.estimate_watch import EstimateWatch
 from services.reference.guidance.ground_motion import GroundMotion, ground_of, north_offset
+from services.reference.guidance.guards import (
+    EstimateWatch,
+    ReferenceGovernor,
+    Standstill,
+    TiltLimit,
+    is_released,
+    tilt_of,
+)
 from services.reference.guidance.manoeuvre import Manoeuvre
-from services.reference.guidance.modes import HOLDS, HeldAxes, safe
-from services.reference.guidance.reference_governor import ReferenceGovernor, is_released
-from services.reference.guidance.standstill import Standstill
-from services.reference.guidance.tilt_limit import TiltLimit, tilt_of
+from services.reference.guidance.modes import HELD_AXES, HeldAxes, safe
 from services.reference.settings import Settings
 from services.reference.trajectory.minimum_jerk import Ramp, Sample
 
@@ -29,13 +37,11 @@ PLACE_PATIENCE_S = 2.0  # [s] without a position measurement before station keep
 
 @dataclass(slots=True)
 class Guidance:
-    """`events` collects names to count, `notes` texts to log. Times `t` in seconds, never
-    decreasing."""
+    """Times `t` in seconds, never decreasing."""
 
     settings: Settings
-    hold: Hold = "stabilised"
-    events: list[str] = field(default_factory=list[str])
-    notes: list[str] = field(default_factory=list[str])
+    outbox: Outbox
+    flight_mode: FlightMode = "stabilised"
     axes: Axes = field(init=False)
     manoeuvre: Manoeuvre = field(init=False)
     state: VehicleState | None = None  # newest received
@@ -65,7 +71,7 @@ class Guidance:
 
     @property
     def held(self) -> HeldAxes:
-        return HOLDS[self.hold]
+        return HELD_AXES[self.flight_mode]
 
     @property
     def settled(self) -> bool:
@@ -73,13 +79,20 @@ class Guidance:
         return self.manoeuvre.following is None and self.axes.settles() <= self.t
 
     def see(self, state: VehicleState | None, t: float) -> None:
-        """Take in a new instant `t` [s] with its state, if any."""
+        """Take in a new instant `t` [s] with its state, if any. Where the pressure has jumped, the
+        vehicle has not moved: neither must it now."""
         self._stepped, self.t = self.t, max(self.t, t)
         self.ground = None if state is None else ground_of(state)
         self.state = state or self.state
         self._tilt_limit.step(None if state is None else tilt_of(state), self.t - self._stepped)
-        if state is not None:
-            self._move_with_the_pressure(state.depth_moved or 0.0)
+        if state is None:
+            return
+        moved = state.depth_moved or 0.0
+        before, self._moved = self._moved, moved
+        if before is not None and moved != 0.0 and moved != before:
+            self.axes.heave.shift(moved - before)
+            by = f"{moved - before:+.2f} m"
+            self.outbox.say("info", f"the depth is held {by} from before, as measured")
 
     def rest(self) -> None:
         """Set every axis to the vehicle's position, at rest."""
@@ -88,44 +101,58 @@ class Guidance:
         self._rising = False
         self._place_seen = self.t
 
-    def move_on(self, state: VehicleState | None) -> None:
-        """Advance held axes; the others follow the vehicle if there is a state."""
-        if state is not None:
-            self.axes.follow(state, self.held, self.t)
-        self._update_place(state)
-
     @property
     def unheld(self) -> tuple[str, ...]:
         """Axes that the mode holds, but whose estimates are not valid."""
-        held = {"depth": self.held.depth, "heading": self.held.heading}
-        return tuple(name for name, watch in self._estimates.items() if watch.lost and held[name])
+        held, names = self.held, list[str]()
+        if held.depth and self._estimates["depth"].lost:
+            names.append("depth")
+        if held.heading and self._estimates["heading"].lost:
+            names.append("heading")
+        return tuple(names)
 
-    def watch_estimates(self, state: VehicleState | None) -> None:
-        """Notice depth or heading that is no longer known. Once it is known again, the vehicle is
-        held where it is then. Without a state, there is a failsafe already."""
+    def move_on(self, state: VehicleState | None) -> None:  # noqa: C901 - one step, in its order
+        """Advance held axes; the others follow the vehicle if there is a state."""
+        axes, manoeuvre, t = self.axes, self.manoeuvre, self.t
+        if state is not None:
+            axes.follow(state, self.held, t)
+
+        # Station keeping begins, goes on, or ends: when the position is not measured for a while,
+        # a path goes on by dead reckoning.
+        needed = self.held.place or (manoeuvre.on_a_path and manoeuvre.measured)
+        if self.ground is not None or state is None or not needed:
+            self._place_seen = t
+        elif t - self._place_seen > PLACE_PATIENCE_S:
+            self.outbox.tell(events.LOST_PLACE())
+            manoeuvre.go_blind()
+            self.flight_mode = "stabilised" if self.held.place else self.flight_mode
+        turns_on_the_spot = manoeuvre.planned is not None and manoeuvre.measured
+        if not (turns_on_the_spot or (self.held.place and manoeuvre.following is None)):
+            axes.place.held = False
+        elif axes.place.held:
+            offset = axes.place.offset if state is None else north_offset(state)
+            axes.place.step(axes.yaw.at(t), offset, t)
+        elif self.ground is not None:
+            axes.hold_place(self.ground, t)
+
+        # Depth or heading is no longer known; once it is known again, the vehicle is held where it
+        # is then. Without a state, there is a failsafe already.
         if state is None:
             return
         s, held = state, self.held
         for name, ramp, here, rate, holds in (
-            ("depth", self.axes.heave, s.depth, s.depth_rate, held.depth),
-            ("heading", self.axes.yaw, s.heading, s.yaw_rate, held.heading),
+            ("depth", axes.heave, s.depth, s.depth_rate, held.depth),
+            ("heading", axes.yaw, s.heading, s.yaw_rate, held.heading),
         ):
-            change = self._estimates[name].see(valid=here.valid and rate.valid, t=self.t)
+            change = self._estimates[name].see(valid=here.valid and rate.valid, t=t)
             if change is None or not holds:
                 continue
             if change == "lost":
-                self.events.append(f"unheld:{name}")
+                self.outbox.tell(events.UNHELD(name))
             else:
-                acceleration = ramp.at(self.t).acceleration  # so that the force makes no step
-                ramp.take(Sample(here.value, rate.value, acceleration, 0.0), self.t)
-                self.notes.append(f"the {name} is known again, and held from here on")
-
-    def _move_with_the_pressure(self, moved: float) -> None:
-        """Where the pressure has jumped, the vehicle has not moved: neither must it now."""
-        before, self._moved = self._moved, moved
-        if before is not None and moved != 0.0 and moved != before:
-            self.axes.heave.shift(moved - before)
-            self.notes.append(f"the depth is held {moved - before:+.2f} m from before, as measured")
+                acceleration = ramp.at(t).acceleration  # so that the force makes no step
+                ramp.take(Sample(here.value, rate.value, acceleration, 0.0), t)
+                self.outbox.say("info", f"the {name} is known again, and held from here on")
 
     def aim(self, stick: PilotCommand) -> None:
         """Set the axes' targets from the sticks. Where the depth is held, a vehicle that tilts too
@@ -134,7 +161,7 @@ class Guidance:
         before, moves = self.held_back, stick.surge != 0.0 or stick.sway != 0.0
         self.held_back = share < 1.0 and (moves or before)
         if self.held_back and not before:
-            self.events.append("clamped:reference.horizontal")
+            self.outbox.tell(events.CLAMPED_HORIZONTAL())
         self.axes.aim(stick, self.held, self.t, share)
 
     def wait(self, state: VehicleState, *, turn_short: bool = False) -> None:
@@ -158,23 +185,23 @@ class Guidance:
             self._keep("heading", axes.yaw, state.heading)
         if axes.place.held and self.ground is not None:
             (north, east), size = axes.place.error(self.ground)
-            by = self._share("place", size, released=is_released(*axes.place.now)) - 1.0
+            by = self._share("place", size, *axes.place.now) - 1.0
             if by != 0.0:
                 axes.place.shift(north * by, east * by)
 
     # Requests.
 
-    def change(self, hold: Hold) -> None:
+    def change(self, flight_mode: FlightMode) -> None:
         """Change the mode; ends the manoeuvre."""
-        self.manoeuvre.end(self.t, hold_place=HOLDS[hold].place)
-        self.hold = hold
+        self.manoeuvre.end(self.t, hold_place=HELD_AXES[flight_mode].place)
+        self.flight_mode = flight_mode
 
     def end_manoeuvre(self) -> None:
         self.manoeuvre.end(self.t, hold_place=self.held.place)
 
     def come_to_rest(self) -> None:
         """Failsafe: come to rest smoothly, and hold."""
-        self.hold = safe(self.hold)
+        self.flight_mode = safe(self.flight_mode)
         self.manoeuvre.come_to_rest(self.t)
 
     def rise(self, depth: float, speed: float) -> None:
@@ -200,32 +227,10 @@ class Guidance:
 
     def stop(self) -> StopDistance:
         """Emergency stop. Returns the stopping distance."""
-        self.hold = safe(self.hold)
+        self.flight_mode = safe(self.flight_mode)
         return self.manoeuvre.stop(self.t)
 
     # Steps.
-
-    def _update_place(self, state: VehicleState | None) -> None:
-        """Begin, continue or end station keeping; ends when the position is not measured."""
-        axes, manoeuvre, t = self.axes, self.manoeuvre, self.t
-        needed = self.held.place or (manoeuvre.on_a_path and manoeuvre.measured)
-        if self.ground is not None or state is None or not needed:
-            self._place_seen = t
-        elif t - self._place_seen > PLACE_PATIENCE_S:
-            self._lose_the_place()
-        if not (manoeuvre.turns_on_the_spot or (self.held.place and manoeuvre.following is None)):
-            axes.place.held = False
-        elif axes.place.held:
-            offset = axes.place.offset if state is None else north_offset(state)
-            axes.place.step(axes.yaw.at(t), offset, t)
-        elif self.ground is not None:
-            axes.hold_place(self.ground, t)
-
-    def _lose_the_place(self) -> None:
-        self.events.append("lost:place")
-        self.notes.append("the place is not measured any more: depth and heading are still held")
-        self.manoeuvre.go_blind()
-        self.hold = "stabilised" if self.held.place else self.hold
 
     def _end_stop(self, state: VehicleState, deepest: float) -> None:
         """Hold the depth to which a stop of the stick has brought the vehicle, not below `deepest`
@@ -251,14 +256,69 @@ class Guidance:
         if estimate.valid:
             here = ramp.at(self.t)
             error = here.position - estimate.value
-            by = self._share(name, abs(error), released=is_released(here)) - 1.0
+            by = self._share(name, abs(error), here) - 1.0
             if by != 0.0:
                 ramp.shift(min(error * by, max(0.0, deepest - here.position)))
 
-    def _share(self, name: str, size: float, *, released: bool) -> float:
+    def _share(self, name: str, size: float, *motions: Sample) -> float:
+        """The share of an error of this size that remains of a reference with these motions."""
         governor = self._governors[name]
         before = governor.blocked
+        released = before and is_released(*motions)
         share = governor.keep(size, self.t - self._stepped, released=released)
         if governor.blocked and not before:
-            self.events.append(f"clamped:reference.{name}")
+            self.outbox.tell(events.CLAMPED(f"reference.{name}"))
         return share
+
+    # The message.
+
+    def reference(
+        self,
+        state: VehicleState | None,
+        command: PilotCommand | None,
+        now: Ns,
+        *,
+        armed_ns: Ns | None,
+        epoch: int,
+    ) -> Reference:
+        """All axes at this instant, with the stamps of the state and pilot command behind them.
+        `armed_ns` None: disarmed."""
+        axes, held, t = self.axes, self.held, self.t
+        # Depth, heading, position and speed along the path, from the axes or from the path.
+        depth = _motion(axes.heave, t, held=held.depth)
+        heading = _motion(axes.yaw, t, held=held.heading)
+        pace, place = _motion(axes.pace, t), axes.place.now if axes.place.held else None
+        surge = pace if place is None and pace.velocity != 0.0 else None
+        if (following := self.manoeuvre.following) is not None:
+            here = following.point(t)
+            if following.has_depth:
+                depth = Motion(*following.depth(here))
+            heading, place = Motion(*following.heading(here)), following.place(here)
+            surge = Motion(*following.along(t)) if place is None else None
+        surge_force, sway_force = axes.force.at(t)
+        return Reference(
+            stamp_ns=now,
+            sensor_ns=None if state is None else state.sensor_ns,
+            pilot_ns=None if command is None else command.stamp_ns,
+            epoch=epoch,
+            armed=armed_ns is not None,
+            armed_ns=armed_ns,
+            depth=depth,
+            heading=heading,
+            surge_force=surge_force.velocity,
+            sway_force=sway_force.velocity,
+            heave_force=None if held.depth else axes.heave_force.at(t).velocity,
+            yaw_moment=None if held.heading else axes.yaw_moment.at(t).velocity,
+            surge=surge,
+            north=None if place is None else Motion(*place[0]),
+            east=None if place is None else Motion(*place[1]),
+            tilt=_motion(axes.tilt, t),
+        )
+
+
+def _motion(ramp: Ramp, t: float, *, held: bool = True) -> Motion:
+    """Of an axis; of one that follows the vehicle the jerk is unknown."""
+    here = ramp.at(t)
+    return (
+        Motion(*here, jerk_limit=ramp.in_force.jerk) if held else Motion(*here._replace(jerk=0.0))
+    )

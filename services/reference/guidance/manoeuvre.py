@@ -37,11 +37,6 @@ class Manoeuvre:
     def busy(self) -> bool:
         return self.going or self.on_a_path
 
-    @property
-    def turns_on_the_spot(self) -> bool:
-        """Hold position until the path begins."""
-        return self.planned is not None and self.measured
-
     def go(self, depth: float | None, heading: float | None, t: float) -> None:
         """Go to a depth [m] and a control heading [rad], accumulated."""
         s, axes = self.axes.settings, self.axes

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from messages.pilot import Hold
+from messages.pilot import FlightMode
 from messages.state import VehicleState
 
 
@@ -14,7 +14,7 @@ class HeldAxes(NamedTuple):
     place: bool
 
 
-HOLDS: dict[Hold, HeldAxes] = {
+HELD_AXES: dict[FlightMode, HeldAxes] = {
     "manual": HeldAxes(depth=False, heading=False, place=False),
     "depth_hold": HeldAxes(depth=True, heading=False, place=False),
     "heading_hold": HeldAxes(depth=False, heading=True, place=False),
@@ -23,20 +23,20 @@ HOLDS: dict[Hold, HeldAxes] = {
 }
 
 
-def safe(hold: Hold) -> Hold:
+def safe(flight_mode: FlightMode) -> FlightMode:
     """The mode for a drone without a pilot: depth and heading are held, and position if it was
     held before."""
-    held = HOLDS[hold]
-    return hold if held.depth and held.heading else "stabilised"
+    held = HELD_AXES[flight_mode]
+    return flight_mode if held.depth and held.heading else "stabilised"
 
 
-def lacking(hold: Hold, state: VehicleState | None, *, armed: bool) -> str:
+def lacking(flight_mode: FlightMode, state: VehicleState | None, *, armed: bool) -> str:
     """What the mode requires and the drone lacks; empty when it lacks nothing.
 
     While disarmed, a mode can be chosen before depth and heading are known, because arming
     requires them.
     """
-    held = HOLDS[hold]
+    held = HELD_AXES[flight_mode]
     if held.place and (state is None or not measures_place(state)):
         return "this drone does not know its position and velocity over the ground"
     if armed and state is not None:

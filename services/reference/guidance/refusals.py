@@ -1,13 +1,9 @@
 """Why the drone refuses a request of the pilot who has control."""
 
+from messages import events
 from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
 from messages.units import Ns
-
-CENTRED = 0.05  # [-] a stick this close to the middle counts as centred
-
-
-def centred(command: PilotCommand) -> bool:
-    return max(map(abs, (command.surge, command.sway, command.heave, command.yaw))) < CENTRED
+from services.reference.guidance.axes import centred
 
 
 def refusal(
@@ -28,7 +24,7 @@ def refusal(
         board: the vehicle's board answers.
     """
     if request.kind == "arm" and not board:
-        return "the vehicle's board does not answer"
+        return events.BOARD_SILENT.sentence
     if request.kind == "arm" and not armed:
         if not ready:
             return "the drone does not know its depth and attitude yet"

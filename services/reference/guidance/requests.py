@@ -1,7 +1,7 @@
 """Requests that move the drone or change its mode. Each returns the reason for a refusal, or
 nothing."""
 
-from messages.pilot import Course, Hold, PilotRequest
+from messages.pilot import Course, FlightMode, PilotRequest
 from messages.units import Finite
 from services.reference.guidance.ground_motion import Pair, north_offset
 from services.reference.guidance.guidance import Guidance
@@ -9,13 +9,13 @@ from services.reference.guidance.modes import lacking, safe
 from services.reference.guidance.path_following import PlannedPath
 
 
-def mode(guidance: Guidance, hold: Hold | None, *, armed: bool) -> str:
+def mode(guidance: Guidance, flight_mode: FlightMode | None, *, armed: bool) -> str:
     """Change the mode."""
-    if hold is None:
+    if flight_mode is None:
         return "mode needs to be told what to hold"
-    if reason := lacking(hold, guidance.state, armed=armed):
+    if reason := lacking(flight_mode, guidance.state, armed=armed):
         return reason
-    guidance.change(hold)
+    guidance.change(flight_mode)
     return ""
 
 
@@ -82,4 +82,4 @@ def _too_deep(guidance: Guidance, depth: float) -> str:
 def _prepare(guidance: Guidance, *, hold_place: bool) -> None:
     """End the current manoeuvre, and hold depth and heading for the next."""
     guidance.manoeuvre.end(guidance.t, hold_place=hold_place)
-    guidance.hold = safe(guidance.hold)
+    guidance.flight_mode = safe(guidance.flight_mode)

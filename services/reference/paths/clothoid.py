@@ -47,13 +47,3 @@ class TwinClothoids(Turn):
             u / self.min_radius,
             1 / (self.min_radius * half),
         )
-
-
-def antisymmetric_end(angle: float, min_radius: float) -> tuple[float, float]:
-    """End point [m], forward and to starboard, of the odd pair of Fernandes et al. 2015: a clothoid
-    that turns `angle`/2 to the right, then the same one rotated by 180°. Its curvature jumps from
-    1/r to −1/r in the middle, so no path here uses it; two even pairs change lanes in less distance
-    and without a jump.
-    """
-    middle = TwinClothoids(angle, min_radius).middle
-    return 2 * middle.x, 2 * middle.y

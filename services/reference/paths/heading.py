@@ -1,6 +1,5 @@
-"""Wrapping and unwrapping of angles at ±π."""
+"""Wrapping of angles at ±π."""
 
-from collections.abc import Iterable
 from math import pi, remainder
 
 
@@ -8,18 +7,3 @@ def wrap(angle: float) -> float:
     """The same direction in (−π, π] [rad]."""
     wrapped = remainder(angle, 2 * pi)
     return pi if wrapped == -pi else wrapped
-
-
-def accumulate(headings: Iterable[float]) -> list[float]:
-    """Wrapped headings [rad] as one continuous heading [rad], starting at the first.
-
-    Each step is the shortest turn, ψ_d += wrap(ψ_c(q) − ψ_c(q−1)). Algorithm 1 of Fernandes et al.
-    2015 has the same purpose, but leaves its counter undefined where nothing wraps and starts a
-    negative heading one turn too high.
-    """
-    total: list[float] = []
-    before = 0.0
-    for heading in headings:
-        total.append(total[-1] + wrap(heading - before) if total else heading)
-        before = heading
-    return total

@@ -33,11 +33,6 @@ class StoppedMotion:
         """[s] From `since` to standstill."""
         return plain_sum(segment.duration for segment in self.segments)
 
-    @property
-    def stop_distance(self) -> float:
-        """Displacement from `since` to standstill, negative when backwards."""
-        return along(self.segments, self.stop_time, 0.0).position
-
     def at(self, t: float) -> Sample:
         """Position, velocity, acceleration, jerk at `t` [s]."""
         if t < self.since:

@@ -174,10 +174,11 @@ class Ramp:
     segments: tuple[Segment, ...] = ()
     in_force: Limits = field(init=False)  # what the present plan respects
     _read: Callable[[float], State] = field(init=False)
+    _end: float = field(init=False)  # [s] of the present plan
 
     def __post_init__(self) -> None:
-        self.in_force = self.limits
-        self._read = reader(self.segments, self.target)
+        here = Sample(self.position, 0.0, 0.0, 0.0)
+        self._begin(here, self.segments, self.target, self.since)
 
     def at(self, t: float) -> Sample:
         """The reference at time `t` [s] ≥ the last change of target."""
@@ -220,7 +221,7 @@ class Ramp:
 
     def settles(self) -> float:
         """[s] When the target velocity is reached."""
-        return self.since + plain_sum(segment.duration for segment in self.segments)
+        return self._end
 
     def to_go(self, t: float) -> float:
         """Distance from `t` [s] to where the target velocity is reached."""
@@ -230,3 +231,4 @@ class Ramp:
         self.position, self.segments = here.position, tuple(segments)
         self.target, self.since, self.in_force = target, t, self.limits
         self._read = reader(self.segments, target)
+        self._end = t + plain_sum(segment.duration for segment in self.segments)

@@ -228,14 +228,14 @@ class VectorRamp:
         """The reference of each axis at `t` [s] ≥ the last change of target."""
         elapsed, position = t - self.since, self.position
         for stage in self.stages:
-            time = min(elapsed, stage[0].duration)
-            here = [segment.at(time) for segment in stage]
-            position_here = tuple(x + s.position for x, s in zip(position, here, strict=True))
-            if elapsed < stage[0].duration:
-                pairs = zip(here, position_here, strict=True)
-                return tuple(s._replace(position=x) for s, x in pairs)
-            position = position_here
-            elapsed -= stage[0].duration
+            duration, here = stage[0].duration, list[Sample]()
+            for x, segment in zip(position, stage, strict=True):
+                s = segment.at(min(elapsed, duration))
+                here.append(s._replace(position=x + s.position))
+            if elapsed < duration:
+                return tuple(here)
+            position = tuple(s.position for s in here)
+            elapsed -= duration
         pairs = zip(position, self.target, strict=True)
         return tuple(Sample(x + v * elapsed, v, 0.0, 0.0) for x, v in pairs)
 

@@ -1,37 +1,27 @@
-"""Access control of a hub: only topics of the topic table may pass to and from another machine.
+"""Who may say and hear what at a hub or a router: the one place that turns the topic table into
+Zenoh's access control.
 
-Services connect to the hub over a private socket, the other machine over the network; the hub
+Services connect to their hub over a private socket, the other machine over the network; the hub
 tells them apart by the protocol, and other machines by the common names of their certificates.
 From the network, only topics that the table sends in this direction are let in, and only those of
 the other direction are let out (Zenoh's access control, denied by default). A common name is
 compared whole: Zenoh has no patterns for them, and no list of revoked certificates.
 """
 
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from messages import topics
-from messages.topic import Side, Way
-from services.runtime.bus.key_files import Door
+from messages.topic import Direction, Side
+from services.runtime.bus.key_files import Credentials
 from services.runtime.bus.spaces import EVERY_SPACE, here_key
 
 LOCAL, NETWORK = "unixsock-stream", ("tcp", "tls", "quic", "udp")
 WITH_KEYS = "tls"
-MESSAGES = ("put", "delete", "declare_subscriber")
-ALL_MESSAGES = (
-    *MESSAGES,
-    *("query", "reply", "declare_queryable"),
-    *("liveliness_token", "declare_liveliness_subscriber", "liveliness_query"),
-)
-HEAR = ("out", "may_ask_for", "is_here", "may_ask_who")
-SAY = ("in", "asks_for", "others_are_here", "asks_who")
-# What each role may do at the hub of a side; a role that is not named may do nothing.
-RIGHTS: dict[Side, dict[str, tuple[str, ...]]] = {
-    "drone": {"pilot": (*SAY, *HEAR), "observer": HEAR, "router": (*SAY, *HEAR)},
-    "topside": {"drone": (*SAY, *HEAR), "router": (*SAY, *HEAR)},
-}
-
-
+PUTS, SUBSCRIBE, TOKEN = ("put", "delete"), ("declare_subscriber",), ("liveliness_token",)
 ASK_WHO = ("liveliness_query", "declare_liveliness_subscriber")
+ALL_MESSAGES = (*PUTS, *SUBSCRIBE, "query", "reply", "declare_queryable", *TOKEN, *ASK_WHO)
+EVERYBODY = (here_key(EVERY_SPACE),)  # the tokens of all vehicles and topsides
 
 
 class HubSide(NamedTuple):
@@ -39,78 +29,114 @@ class HubSide(NamedTuple):
 
     side: Side
     space: str
-    door: Door | None = None  # None: everybody who reaches the port is the other side
+    credentials: Credentials | None = None  # None: everybody who reaches the port is the other side
+
+
+class Rights(NamedTuple):
+    """What somebody may do, by keys."""
+
+    says: Sequence[str] = ()  # messages to us
+    hears: Sequence[str] = ()  # messages from us
+    asks: Sequence[str] = ()  # may subscribe to
+    is_asked: Sequence[str] = ()  # may be asked for
+    is_here: Sequence[str] = ()  # tokens that it may show
+    sees: Sequence[str] = ()  # tokens that it may see
+
+
+Subject = dict[str, Any]
+Granted = tuple[Subject, Sequence[dict[str, Any]]]  # and its rules
 
 
 def access_control(hub_side: HubSide) -> dict[str, Any]:
     """Zenoh's `access_control` for this hub."""
-    inward, outward = (Way.UP, Way.DOWN) if hub_side.side == "topside" else (Way.DOWN, Way.UP)
-    here, there = keys(hub_side.space, outward), keys(hub_side.space, inward)
-    rules = [
-        rule("own", ["ingress", "egress"], ALL_MESSAGES, ["**", "**/@v1/**"]),
-        rule("in", ["ingress"], ("put", "delete"), there),
-        rule("out", ["egress"], ("put", "delete"), here),
-        # Who watches several drones asks for a row of all of them, and gets that of this one.
-        rule("may_ask_for", ["ingress"], ("declare_subscriber",), keys(EVERY_SPACE, outward)),
-        rule("asks_for", ["egress"], ("declare_subscriber",), there),
-        rule("is_here", ["egress"], ("liveliness_token",), [here_key(hub_side.space)]),
-        rule("may_ask_who", ["ingress"], ASK_WHO, [here_key(EVERY_SPACE)]),
-        rule("others_are_here", ["ingress"], ("liveliness_token",), _whose_tokens(hub_side)),
-        rule("asks_who", ["egress"], ASK_WHO, [here_key(EVERY_SPACE)]),
-    ]
-    granted = [_services(), *_others(hub_side)]
+    space, credentials, of_drone = hub_side.space, hub_side.credentials, hub_side.side == "drone"
+    inward, outward = (Direction.DOWN, Direction.UP) if of_drone else (Direction.UP, Direction.DOWN)
+    other = Rights(
+        says=keys(space, inward),
+        hears=keys(space, outward),
+        # Whoever watches several drones subscribes to a row of all of them, and gets this one's.
+        asks=keys(EVERY_SPACE, outward),
+        is_asked=keys(space, inward),
+        # A drone lets in its own name's tokens only, however many a stranger announces.
+        is_here=[here_key(space)] if of_drone else EVERYBODY,
+        sees=[here_key(space)],
+    )
+    listener = Rights(hears=other.hears, asks=other.asks, sees=other.sees)
+    # A role that is not named may do nothing.
+    roles = {"pilot": other, "observer": listener} if of_drone else {"drone": other}
+    services: Subject = {"id": "services", "link_protocols": [LOCAL]}
+    own = _rule("own", ("ingress", "egress"), ALL_MESSAGES, ["**", "**/@v1/**"])
+    if credentials is None:
+        return enforced([(services, [own]), anybody(NETWORK, other)])
+    return enforced([(services, [own]), *by_role(credentials, {**roles, "router": other})])
+
+
+def anybody(protocols: Sequence[str], rights: Rights) -> Granted:
+    """Whoever comes over one of these protocols."""
+    return {"id": "network", "link_protocols": list(protocols)}, rules("network", rights)
+
+
+def by_role(credentials: Credentials, roles: Mapping[str, Rights]) -> list[Granted]:
+    """Those with a certificate, by its role."""
+    found = {
+        role: [name for name in credentials.admitted if name.startswith(f"{role}:")]
+        for role in roles
+    }
+    # A subject without common names would be everybody: it is left out.
+    return [named(role, names, roles[role]) for role, names in found.items() if names]
+
+
+def named(who: str, admitted: Sequence[str], rights: Rights) -> Granted:
+    """Those with a certificate with one of these common names."""
+    names = list(admitted)
+    subject = {"id": who, "link_protocols": [WITH_KEYS], "cert_common_names": names}
+    return subject, rules(who, rights)
+
+
+def enforced(granted: Sequence[Granted]) -> dict[str, Any]:
+    """Zenoh's `access_control`: whatever is not granted is denied."""
     return {
         "enabled": True,
         "default_permission": "deny",
-        "rules": rules,
+        "rules": [each for _, own in granted for each in own],
         "subjects": [subject for subject, _ in granted],
         "policies": [
-            {"rules": list(names), "subjects": [subject["id"]]} for subject, names in granted
+            {"rules": [each["id"] for each in own], "subjects": [subject["id"]]}
+            for subject, own in granted
         ],
     }
 
 
-Granted = tuple[dict[str, Any], tuple[str, ...]]  # a subject, and the names of its rules
+def rules(who: str, rights: Rights) -> list[dict[str, Any]]:
+    """Zenoh's rules for somebody with these rights."""
+    acts = (
+        ("says", "ingress", PUTS, rights.says),
+        ("hears", "egress", PUTS, rights.hears),
+        ("asks", "ingress", SUBSCRIBE, rights.asks),
+        ("is_asked", "egress", SUBSCRIBE, rights.is_asked),
+        ("is_here", "ingress", TOKEN, rights.is_here),
+        ("sees", "egress", TOKEN, rights.sees),
+        ("asks_who", "ingress", ASK_WHO, EVERYBODY if rights.sees else ()),
+        ("is_asked_who", "egress", ASK_WHO, EVERYBODY if rights.is_here else ()),
+    )
+    return [_rule(f"{who}_{act}", [flow], what, on) for act, flow, what, on in acts if on]
 
 
-def _services() -> Granted:
-    return {"id": "services", "link_protocols": [LOCAL]}, ("own",)
-
-
-def _others(hub_side: HubSide) -> list[Granted]:
-    """Who comes over the network."""
-    if hub_side.door is None:
-        return [({"id": "network", "link_protocols": list(NETWORK)}, (*SAY, *HEAR))]
-    granted: list[Granted] = []
-    for role, names in RIGHTS[hub_side.side].items():
-        # A subject without common names would be everybody: it is left out.
-        if admitted := [name for name in hub_side.door.admitted if name.startswith(f"{role}:")]:
-            subject = {"id": role, "link_protocols": [WITH_KEYS], "cert_common_names": admitted}
-            granted.append((subject, names))
-    return granted
-
-
-def _whose_tokens(hub_side: HubSide) -> list[str]:
-    """Who is there that a hub wants to know of. A drone's wants nobody else's but its own name's,
-    however many a stranger announces."""
-    return [here_key(EVERY_SPACE if hub_side.side == "topside" else hub_side.space)]
-
-
-def keys(space: str, way: Way) -> list[str]:
+def keys(space: str, way: Direction) -> list[str]:
     """Of the rows that cross in this direction, or in both.
 
     Args:
         space: of one vehicle, or `EVERY_SPACE`.
     """
-    rows = [topic for topic in topics.ALL if topic.way in (way, Way.BOTH)]
+    rows = [topic for topic in topics.ALL if topic.way in (way, Direction.BOTH)]
     return [f"{space}/{topic.key}" for topic in rows if topic not in topics.WITHIN_ONE_MACHINE]
 
 
-def rule(name: str, flows: list[str], messages: tuple[str, ...], keys: list[str]) -> dict[str, Any]:
+def _rule(name: str, flows: Iterable[str], what: Sequence[str], on: Sequence[str]) -> Subject:
     return {
         "id": name,
         "permission": "allow",
-        "flows": flows,
-        "messages": list(messages),
-        "key_exprs": keys,
+        "flows": list(flows),
+        "messages": list(what),
+        "key_exprs": list(on),
     }

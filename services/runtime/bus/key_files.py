@@ -11,7 +11,7 @@ class KeyFiles(NamedTuple):
     key: str  # its private key
 
 
-class Door(NamedTuple):
+class Credentials(NamedTuple):
     """How this machine proves who it is, and whom it lets in."""
 
     keys: KeyFiles

@@ -10,22 +10,31 @@ from collections.abc import Sequence
 from typing import Any
 
 from messages import topics
-from messages.topic import Way
-from services.runtime.bus.access_control import ASK_WHO, LOCAL, NETWORK, WITH_KEYS, keys, rule
-from services.runtime.bus.key_files import Door, tls_settings
+from messages.topic import Direction
+from services.runtime.bus.access_control import (
+    EVERYBODY,
+    LOCAL,
+    NETWORK,
+    PUTS,
+    Rights,
+    anybody,
+    by_role,
+    enforced,
+    keys,
+    named,
+)
+from services.runtime.bus.key_files import Credentials, tls_settings
 from services.runtime.bus.qos import QOS_PROFILES
 from services.runtime.bus.spaces import EVERY_SPACE, here_key, namespace
 from services.runtime.bus.zenoh_bus import common_settings
 
-PUTS = ("put", "delete")
 DRONE = "drone:"  # of the common name of a drone
-Rules = list[dict[str, Any]]
 
 
 def router_config(
     listen: Sequence[str],
     connect: Sequence[str] = (),
-    door: Door | None = None,
+    credentials: Credentials | None = None,
     thin: Sequence[str] = (),
     drones: Sequence[str] = (),
 ) -> dict[str, Any]:
@@ -34,114 +43,55 @@ def router_config(
     Args:
         listen: endpoints for drones, pilots and other routers.
         connect: endpoints of other routers; retried while they cannot be reached.
-        door: this router's keys, and whom it lets in; None: whoever reaches it.
+        credentials: this router's keys, and whom it lets in; None: whoever reaches it.
         thin: network interfaces of links with little room.
-        drones: names of the drones that are thinned there, besides those that `door` lets in.
+        drones: names of the drones that are thinned there, besides those of `credentials`.
     """
     tree: dict[str, Any] = {}
     for place, value in common_settings("router", listen, connect).items():
         _put(tree, place, value)
-    if door is not None:
-        _put(tree, "transport/link/tls", tls_settings(door.keys))
-    tree["access_control"] = _access_control(door)
+    if credentials is not None:
+        _put(tree, "transport/link/tls", tls_settings(credentials.keys))
+    tree["access_control"] = _access_control(credentials)
     tree["qos"] = {"network": _priorities()}
-    tree["downsampling"] = [_thinned(thin, thinned_drones(door, drones))] if thin else []
+    tree["downsampling"] = [_thinned(thin, thinned_drones(credentials, drones))] if thin else []
     return tree
 
 
-def thinned_drones(door: Door | None, named: Sequence[str] = ()) -> list[str]:
+def thinned_drones(credentials: Credentials | None, named: Sequence[str] = ()) -> list[str]:
     """Names of the drones whose streams a thin link thins."""
-    admitted = () if door is None else door.admitted
+    admitted = () if credentials is None else credentials.admitted
     own = [name.removeprefix(DRONE) for name in admitted if name.startswith(DRONE)]
     return sorted({*own, *named})
 
 
-def _access_control(door: Door | None) -> dict[str, Any]:
-    if door is None:
-        subject = {"id": "network", "link_protocols": [LOCAL, *NETWORK]}
-        granted = [(subject, _everything("network"))]
-    else:
-        granted = _granted(door)
-    return {
-        "enabled": True,
-        "default_permission": "deny",
-        "rules": [each for _, rules in granted for each in rules],
-        "subjects": [subject for subject, _ in granted],
-        "policies": [
-            {"rules": [each["id"] for each in rules], "subjects": [subject["id"]]}
-            for subject, rules in granted
-        ],
+def _access_control(credentials: Credentials | None) -> dict[str, Any]:
+    up, down = keys(EVERY_SPACE, Direction.UP), keys(EVERY_SPACE, Direction.DOWN)
+    both = sorted({*up, *down})  # every row of the table that leaves its machine
+    everything = Rights(both, both, both, both, EVERYBODY, EVERYBODY)
+    if credentials is None:
+        return enforced([anybody([LOCAL, *NETWORK], everything)])
+    roles = {
+        # It says what goes down, to every drone; whom a drone obeys is the drone's own affair.
+        "pilot": Rights(down, up, up, down, [here_key(EVERY_SPACE, "topside")], EVERYBODY),
+        "observer": Rights(hears=up, asks=up, sees=EVERYBODY),
+        "router": everything,
     }
+    drones = [name.partition(":")[2] for name in credentials.admitted if name.startswith(DRONE)]
+    own = [named(f"drone_{name}", [f"{DRONE}{name}"], _drone(namespace(name))) for name in drones]
+    return enforced([*own, *by_role(credentials, roles)])
 
 
-def _granted(door: Door) -> list[tuple[dict[str, Any], Rules]]:
-    """A subject for every drone, and one for every other role that somebody has."""
-    granted: list[tuple[dict[str, Any], Rules]] = []
-    for name in door.admitted:
-        role, _, own = name.partition(":")
-        if role == "drone":
-            granted.append((_subject(f"drone_{own}", [name]), _drone(f"drone_{own}", own)))
-    for role, rules in (("pilot", _pilot()), ("observer", _hearer("observer"))):
-        if names := [name for name in door.admitted if name.startswith(f"{role}:")]:
-            granted.append((_subject(role, names), rules))
-    if names := [name for name in door.admitted if name.startswith("router:")]:
-        granted.append((_subject("router", names), _everything("router")))
-    return granted
-
-
-def _subject(name: str, admitted: list[str]) -> dict[str, Any]:
-    return {"id": name, "link_protocols": [WITH_KEYS], "cert_common_names": admitted}
-
-
-def _drone(who: str, name: str) -> Rules:
+def _drone(space: str) -> Rights:
     """It says what goes up, by its own name; who watches several drones asks for that of all."""
-    space = namespace(name)
-    return [
-        rule(f"{who}_says", ["ingress"], PUTS, keys(space, Way.UP)),
-        rule(f"{who}_hears", ["egress"], PUTS, keys(space, Way.DOWN)),
-        rule(f"{who}_asks", ["ingress"], ("declare_subscriber",), keys(space, Way.DOWN)),
-        rule(f"{who}_is_asked", ["egress"], ("declare_subscriber",), keys(EVERY_SPACE, Way.UP)),
-        rule(f"{who}_is_here", ["ingress"], ("liveliness_token",), [here_key(space, "drone")]),
-        rule(f"{who}_sees", ["egress"], ("liveliness_token",), [here_key(space)]),
-        _who(who),
-    ]
-
-
-def _pilot() -> Rules:
-    """It says what goes down, to every drone; whom a drone obeys is the drone's own affair."""
-    down = keys(EVERY_SPACE, Way.DOWN)
-    here = [here_key(EVERY_SPACE, "topside")]
-    return [
-        *_hearer("pilot"),
-        rule("pilot_says", ["ingress"], PUTS, down),
-        rule("pilot_is_asked", ["egress"], ("declare_subscriber",), down),
-        rule("pilot_is_here", ["ingress"], ("liveliness_token",), here),
-    ]
-
-
-def _hearer(who: str) -> Rules:
-    up = keys(EVERY_SPACE, Way.UP)
-    return [
-        rule(f"{who}_hears", ["egress"], PUTS, up),
-        rule(f"{who}_asks", ["ingress"], ("declare_subscriber",), up),
-        rule(f"{who}_sees", ["egress"], ("liveliness_token",), [here_key(EVERY_SPACE)]),
-        _who(who),
-    ]
-
-
-def _everything(who: str) -> Rules:
-    """Every row of the table that leaves its machine, in both directions."""
-    rows = sorted({*keys(EVERY_SPACE, Way.UP), *keys(EVERY_SPACE, Way.DOWN)})
-    here, flows = [here_key(EVERY_SPACE)], ["ingress", "egress"]
-    return [
-        rule(f"{who}_rows", flows, (*PUTS, "declare_subscriber"), rows),
-        rule(f"{who}_here", flows, ("liveliness_token",), here),
-        _who(who),
-    ]
-
-
-def _who(who: str) -> dict[str, Any]:
-    return rule(f"{who}_asks_who", ["ingress", "egress"], ASK_WHO, [here_key(EVERY_SPACE)])
+    return Rights(
+        says=keys(space, Direction.UP),
+        hears=keys(space, Direction.DOWN),
+        asks=keys(space, Direction.DOWN),
+        is_asked=keys(EVERY_SPACE, Direction.UP),
+        is_here=[here_key(space, "drone")],
+        sees=[here_key(space)],
+    )
 
 
 def _priorities() -> list[dict[str, Any]]:
@@ -174,7 +124,9 @@ def _thinned(interfaces: Sequence[str], drones: Sequence[str]) -> dict[str, Any]
     A rule for every drone: Zenoh counts per rule, so that of all drones that one rule matches, one
     alone would be let through.
     """
-    fast = [topic for topic in topics.ALL if topic.way is Way.UP and topic.hz > topics.THIN_HZ]
+    fast = [
+        topic for topic in topics.ALL if topic.way is Direction.UP and topic.hz > topics.THIN_HZ
+    ]
     return {
         "id": "thin",
         "interfaces": list(interfaces),

@@ -75,8 +75,10 @@ def listening(
     """
     endpoint = endpoints[-1]
     try:
-        door = None if hub_side is None else hub_side.door
-        settings = config("router", endpoints, connect, keys=None if door is None else door.keys)
+        credentials = None if hub_side is None else hub_side.credentials
+        settings = config(
+            "router", endpoints, connect, keys=None if credentials is None else credentials.keys
+        )
         if hub_side is not None:
             settings.insert_json5("access_control", json.dumps(access_control(hub_side)))
         return _open(settings)

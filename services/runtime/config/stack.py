@@ -5,11 +5,18 @@ from collections.abc import Mapping
 from contextlib import suppress
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import msgspec
 
 from services.runtime.config.errors import LindyError
+from services.runtime.config.sensor_parts import (
+    SENSORS,
+    NamedSensors,
+    part_path,
+    read_part,
+    with_parts,
+)
 from services.runtime.config.settings import (
     convert,
     deploy_file,
@@ -21,6 +28,8 @@ from services.runtime.config.settings import (
 )
 
 S = TypeVar("S")
+# What a service is watched for: the motion depends on it, it records, it compares the clocks.
+Role = Literal["motion", "recorder", "clock"]
 NO_SETTINGS = (
     "the module of this service has no settings; declare them in it as "
     "class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True)"
@@ -49,6 +58,7 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
     services: str = "simulated"  # a name in deploy/stacks, or the path of a TOML file
     running: list[str] = []  # services of it that take part; empty: all
     seconds: float | None = None  # [s] end this long after arming; None: when the pilot ends it
+    watched: dict[str, Role] = {}  # services that the failsafes watch, and for what
     read_besides: list[str] = []  # files that those of vehicle, link and pilot name
     replay: bool = False  # shows a recorded dive that is played again, and no vehicle
     overrides: list[str] = []  # key.path=value into the vehicle file
@@ -94,16 +104,16 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
 
     @property
     def files(self) -> list[Path]:
-        """What services read when they start: the files of the vehicle, the link and the script,
-        and those that these name.
+        """What services read when they start: the files of the vehicle, its sensors, the link and
+        the script, and those that these name.
 
         Raises:
-            LindyError: there is no such vehicle.
+            LindyError: there is no such vehicle, or no such sensor.
         """
         wanted = [("links", self.link, ".toml")]
         if self.pilot.startswith(SCRIPT):
             wanted.append(("dives", self.pilot.removeprefix(SCRIPT), ".csv"))
-        files = [self.vehicle_path]
+        files = [self.vehicle_path, *self._part_paths()]
         for folder, name, suffix in wanted:
             with suppress(LindyError):  # nobody on this side may read it
                 files.append(deploy_file(folder, name, suffix))
@@ -119,10 +129,13 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         Raises:
             LindyError: the table is wrong; says where and what is allowed.
         """
-        tree = self._vehicle_tree()
+        path, parts = self.vehicle_path, self._part_paths()
+        tree = _with_parts(path, tuple(self.overrides), *_copied(path, *parts))
         try:
-            return convert(tree.get(name, {}), kind, name, self.vehicle_path)
+            return convert(tree.get(name, {}), kind, name, path)
         except LindyError as error:
+            for part in parts:  # is it this one's mistake?
+                convert(getattr(read_part(part), name, {}), kind, name, part)
             raise self._blamed(str(error)) from None
 
     def body_now(self) -> dict[str, Any]:
@@ -147,8 +160,7 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
             LindyError: an unknown table, a mistake in one, or a name that is not allowed in a key.
         """
         _ = self.vehicle_name
-        tree = self._vehicle_tree()
-        for name in tree:
+        for name in self._vehicle_tree():
             if known.get(name) is None:
                 where = f"{self.vehicle_path}{line_of(self.vehicle_path, (name,))}: {name}"
                 if name in known:
@@ -162,8 +174,25 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
                 self.section(name, kind)
 
     def _vehicle_tree(self) -> dict[str, Any]:
-        path = self.vehicle_path
-        return _vehicle_tree(path, kept(path), tuple(self.overrides))
+        """The vehicle file without what its sensors' part files say."""
+        return _vehicle_tree(self.vehicle_path, tuple(self.overrides), *_copied(self.vehicle_path))
+
+    def _part_paths(self) -> list[Path]:
+        """
+        Raises:
+            LindyError: a sensor that the vehicle file names does not exist, or is of another kind.
+        """
+        path, paths = self.vehicle_path, list[Path]()
+        try:
+            named = convert(self._vehicle_tree().get(SENSORS, {}), NamedSensors, SENSORS, path)
+        except LindyError as error:
+            raise self._blamed(str(error)) from None
+        for kind, name in msgspec.structs.asdict(named).items():
+            try:
+                paths += [part_path(kind, name)] if name is not None else []
+            except LindyError as error:
+                raise self.mistake((SENSORS, kind), str(error)) from None
+        return paths
 
     def mistake(self, key: tuple[str, str], why: str) -> LindyError:
         """The error for a key of the vehicle file, or for the `--set` that it came from."""
@@ -189,9 +218,23 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         return LindyError(sentence)
 
 
+def _copied(*paths: Path) -> tuple[tuple[Path, Path], ...]:
+    """Each file, and the copy that is read in its place now, if there is one."""
+    return tuple((path, kept(path)) for path in paths)
+
+
 @lru_cache
-def _vehicle_tree(path: Path, _copy: Path, overrides: tuple[str, ...]) -> dict[str, Any]:
-    """`_copy`: that is read in its place now, if there is one."""
+def _vehicle_tree(path: Path, overrides: tuple[str, ...], *_: tuple[Path, Path]) -> dict[str, Any]:
+    """`_`: see `_copied`."""
     tree = read_toml(path)
     override(tree, overrides)
     return tree
+
+
+@lru_cache
+def _with_parts(
+    path: Path, overrides: tuple[str, ...], *files: tuple[Path, Path]
+) -> dict[str, Any]:
+    """`files`: of the vehicle and its sensors, see `_copied`."""
+    tree = _vehicle_tree(path, overrides, files[0])
+    return with_parts(tree, [part for part, _ in files[1:]])

@@ -162,9 +162,9 @@ def run_hub(launch: HubLaunch) -> int:
         _sentences("hub"),
         listening(*launch.listen, connect=launch.connect, hub_side=launch.hub_side) as session,
     ):
-        door = None if launch.hub_side is None else launch.hub_side.door
-        if door is not None:
-            _watching = watch_callers(session, Callers(door.admitted).see)
+        credentials = None if launch.hub_side is None else launch.hub_side.credentials
+        if credentials is not None:
+            _watching = watch_callers(session, Callers(credentials.admitted).see)
         if launch.here:
             _here = announce_here(session, launch.here)
         heartbeat = Heartbeat(None if launch.heartbeat is None else Path(launch.heartbeat))

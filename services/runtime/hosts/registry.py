@@ -12,6 +12,7 @@ from messages import topics
 from messages.topic import AnyTopic
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import deploy_file
+from services.runtime.config.stack import Role
 from services.runtime.hosts.processes import (
     few_processes,
     processes_of,
@@ -38,6 +39,7 @@ NEEDED: dict[str, AnyTopic] = {
     "reference": topics.REFERENCE,
     "control": topics.THRUSTERS,
 }
+ROLES: dict[str, Role] = {"recorder": "recorder", "link_monitor": "clock"}
 INSTEAD = {"gamepad": ("mavlink", "cockpit")}  # which others publish the same
 
 
@@ -92,6 +94,22 @@ class Registry(Mapping[str, ServiceSpec]):
         machine has its own name on the second one, because each side receives the other's health
         messages."""
         return self.only(two_machines(self.specs))
+
+    @property
+    def watched(self) -> dict[str, Role]:
+        """The services that the failsafes watch, and for what. On board the motion depends on the
+        vehicle side, on what no dive can do without, and, as far as anybody knows, on each module
+        of the user's."""
+        found: dict[str, Role] = {}
+        for name, spec in self.specs.items():
+            code = code_of(name, spec)
+            if (role := ROLES.get(code)) is not None:
+                found[name] = role
+            elif spec.sides[0] == "drone" and (
+                spec.vehicle_side or spec.module is not None or code in NEEDED
+            ):
+                found[name] = "motion"
+        return found
 
     def require_whole(self) -> None:
         """Check that there is a service for everything that a dive needs. What a module of the

@@ -26,22 +26,23 @@ from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 
 Wire = Callable[[Node, Stack], None]
+HERE = services.__name__  # `services`; in an installed package `lindy.services`
 
 
 def own_services() -> list[str]:
     """Names of Lindy's own services."""
     folders = [module.name for module in pkgutil.iter_modules(services.__path__) if module.ispkg]
-    return sorted(n for n in folders if importlib.util.find_spec(f"services.{n}.service"))
+    return sorted(n for n in folders if importlib.util.find_spec(f"{HERE}.{n}.service"))
 
 
 def own_settings(name: str) -> type | None:
     """The settings that one of Lindy's own services reads from a vehicle file."""
-    return getattr(importlib.import_module(f"services.{name}.core"), "Settings", None)
+    return getattr(importlib.import_module(f"{HERE}.{name}.core"), "Settings", None)
 
 
 def wire_of(name: str) -> Wire:
     """`wire` of one of Lindy's own services."""
-    return importlib.import_module(f"services.{name}.service").wire
+    return importlib.import_module(f"{HERE}.{name}.service").wire
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +56,7 @@ class ServiceModule:
 
     @property
     def name(self) -> str:
-        return self.users or f"services.{self.code}"
+        return self.users or f"{HERE}.{self.code}"
 
     def wire(self) -> Wire:
         """The function that connects a service's core to its ports. Whatever it raises becomes one

@@ -85,7 +85,9 @@ def require_one_of_a_kind(specs: Specs, file: Path) -> None:
             f"every message would cross twice; allowed is one"
         )
     vehicles = {n: module_of(n, spec, file) for n, spec in specs.items() if spec.vehicle_side}
-    simulators = [n for n, module in vehicles.items() if module.name == f"services.{SIMULATOR}"]
+    simulators = [
+        n for n, module in vehicles.items() if module.users is None and module.code == SIMULATOR
+    ]
     if simulators and len(vehicles) > 1:
         other = next(name for name in reversed(vehicles) if name != simulators[0])
         raise LindyError(

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from functools import partial
 from math import ceil
 
+import msgspec
+
 from messages.health import LogLine
 from services.runtime.bus.memory_bus import MemoryBus, MemoryBusPort
 from services.runtime.config.errors import LindyError
@@ -91,6 +93,9 @@ class VirtualHost:
 
     def add(self, name: str, spec: ServiceSpec, stack: Stack, wire: Wire | None = None) -> Node:
         """Start a service now: one of Lindy's own, unless its `wire` is given."""
+        if not stack.watched:  # a test that adds one by one
+            watched = Registry.read(stack.services).watched
+            stack = msgspec.structs.replace(stack, watched=watched)
         node = self.node(name, spec.sides, gateway=spec.gateway)
         (wire or wire_of(spec.service or name))(node, stack)
         return node
@@ -126,14 +131,16 @@ class VirtualHost:
         for node in self.nodes.values():
             node.show = line
 
-    def run(self, until: int, done: Callable[[], bool] = lambda: False) -> None:
+    def run(self, until: int, done: Callable[[], bool] | None = None) -> None:
         """Advance to `until` [ns], or to the first instant at which `done()` is true.
 
         Raises:
             LindyError: a handler of a service of `add_all` raised; names it, its module and line.
         """
-        self._due = {name: self._deadline(name) for name in self.nodes}
-        while not done():
+        self._due = {}
+        for name in self.nodes:
+            self._due[name] = self._deadline(name)
+        while done is None or not done():
             due = min(self._due.values())
             if due > until:
                 self.now = until

@@ -17,7 +17,7 @@ MISTAKE = 1  # exit status for a wrong setting, with one sentence on stderr
 Phase = Literal["waiting", "running", "stopping", "ended", "failed"]
 
 
-class Event(Enum):
+class LifeEvent(Enum):
     """What can happen to a child besides its end."""
 
     TICK = "tick"  # time has passed
@@ -55,13 +55,13 @@ class Life:
         return max(0, self.lives - 1)
 
 
-def advance(life: Life, event: Event | Ended, now: int) -> tuple[Life, Action | None]:
+def advance(life: Life, event: LifeEvent | Ended, now: int) -> tuple[Life, Action | None]:
     """The child's next state at `now` [ns], and what to do about it."""
     if isinstance(event, Ended):
         return _after_end(life, event.status, now)
-    if event is Event.SEEN:
+    if event is LifeEvent.SEEN:
         return replace(life, seen=True), None
-    if event is Event.STOP:
+    if event is LifeEvent.STOP:
         return _unwanted(life)
     if life.phase == "waiting" and now >= life.at:
         return replace(life, phase="running", at=now, lives=life.lives + 1), Action.START

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable
 from typing import Literal
 
 from services.runtime.launch.child import Child, OsChild, Task
-from services.runtime.launch.lifecycle import Action, Ended, Event, Life, advance
+from services.runtime.launch.lifecycle import Action, Ended, Life, LifeEvent, advance
 
 NAME = "supervisor"  # its name on the bus
 PATIENCE_S = 5.0  # [s] between asking a process to end and killing it
@@ -65,24 +65,24 @@ class Supervisor:
     def ask_to_end(self, names: Iterable[str]) -> None:
         """End these, while the others go on. They may be added again later."""
         for name in names:
-            self._handle(name, Event.STOP)
+            self._handle(name, LifeEvent.STOP)
 
     def step(self) -> None:
         """Check every child once and do what is due."""
         while self._seen:
-            self._handle(self._seen.popleft(), Event.SEEN)
+            self._handle(self._seen.popleft(), LifeEvent.SEEN)
         for name, child in list(self._children.items()):
             if (status := child.ended()) is not None:
                 self._ended(name, child, status)
         for name in self.lives:
-            self._handle(name, Event.TICK)
+            self._handle(name, LifeEvent.TICK)
 
     def stop(self) -> None:
         """End all children, in their stop order. Returns when none is left."""
         for stop_order in sorted({task.stop_order for task in self._tasks.values()}):
             names = [name for name, task in self._tasks.items() if task.stop_order == stop_order]
             for name in names:
-                self._handle(name, Event.STOP)
+                self._handle(name, LifeEvent.STOP)
             self._wait_for(names)
 
     def _wait_for(self, names: list[str]) -> None:
@@ -99,7 +99,7 @@ class Supervisor:
                 child.kill()
         self.step()
 
-    def _handle(self, name: str, event: Event | Ended) -> None:
+    def _handle(self, name: str, event: LifeEvent | Ended) -> None:
         if name not in self.lives:
             return  # a token of a process that is not ours
         self.lives[name], action = advance(self.lives[name], event, self._clock())

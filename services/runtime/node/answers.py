@@ -14,18 +14,33 @@ Q = TypeVar("Q", bound=Request)
 A = TypeVar("A", bound=Answer)
 
 
+class KeptAnswers(Generic[A]):
+    """The newest answers, by the id of their request."""
+
+    def __init__(self) -> None:
+        self._answers: dict[str, A] = {}  # the oldest first
+
+    def keep(self, answer: A) -> A:
+        self._answers[answer.id] = answer
+        if len(self._answers) > KEPT:
+            del self._answers[next(iter(self._answers))]
+        return answer
+
+    def to(self, request_id: str, now: Ns) -> A | None:
+        """The answer to a request that is repeated; None: it has none yet."""
+        known = self._answers.get(request_id)
+        return None if known is None else msgspec.structs.replace(known, stamp_ns=now)
+
+
 class AnswerBook(Generic[Q, A]):
-    """Answers by the id of their request."""
+    """Answers of who decides at once."""
 
     def __init__(self, decide: Callable[[Q, Ns], A]) -> None:
         self._decide = decide
-        self._answers: dict[str, A] = {}  # the oldest first
+        self._kept = KeptAnswers[A]()
 
     def answer(self, request: Q, now: Ns) -> tuple[A, bool]:
         """The answer to send now, and whether the request was decided just now."""
-        if (known := self._answers.get(request.id)) is not None:
-            return msgspec.structs.replace(known, stamp_ns=now), False
-        answer = self._answers[request.id] = self._decide(request, now)
-        if len(self._answers) > KEPT:
-            del self._answers[next(iter(self._answers))]
-        return answer, True
+        if (known := self._kept.to(request.id, now)) is not None:
+            return known, False
+        return self._kept.keep(self._decide(request, now)), True

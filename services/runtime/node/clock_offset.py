@@ -9,7 +9,7 @@ and nothing to do.
 from dataclasses import dataclass
 
 from messages.link import Clock, ClockPing, ClockPong
-from messages.topic import AnyTopic, Side, Way
+from messages.topic import AnyTopic, Direction, Side
 
 SILENT_NS = 3_000_000_000  # [ns] a topside says its clock five times a second
 SOURCES = 8  # topsides whose clocks are kept
@@ -46,7 +46,7 @@ class ClockOffset:
         self._clocks: dict[int, OtherClock] = {}  # by source, the one heard last at the end
         self._in_force = UNKNOWN
         self._sign = 1 if side == "topside" else -1
-        self._crossing = Way.UP if side == "topside" else Way.DOWN
+        self._crossing = Direction.UP if side == "topside" else Direction.DOWN
 
     @property
     def ahead_ns(self) -> int | None:
@@ -90,7 +90,7 @@ class ClockOffset:
     def local_ns(self, topic: AnyTopic, stamp_ns: int) -> int | None:
         """[ns] A stamp of this topic by the clock of this side; None where that is not known: not
         yet, or because the topic is published on both sides."""
-        if topic.way is Way.BOTH:
+        if topic.way is Direction.BOTH:
             return None
         if topic.way is not self._crossing:
             return stamp_ns
@@ -98,4 +98,4 @@ class ClockOffset:
 
     def judges(self, topic: AnyTopic) -> bool:
         """Can its stamps be checked? Topics published on both sides may be of either clock."""
-        return topic.way is not Way.BOTH and topic.message not in ABOUT_CLOCKS
+        return topic.way is not Direction.BOTH and topic.message not in ABOUT_CLOCKS

@@ -3,12 +3,14 @@
 from collections import Counter
 from dataclasses import dataclass
 
+from messages import events
 from messages.health import LATE_MS, Health
 
 NAME, NAMES = 128, 1000  # characters of a name, and names, that a health message holds
 # [ns] A single call later than this is a stall. A port of a stream at 100 Hz keeps the newest
 # 16 messages: the first of them is 0.15 s late, however much longer the stall was.
 STALLED_NS = 140_000_000
+UNCOUNTED = events.UNCOUNTED("others").name
 CALM_NS = 10_000_000_000  # [ns] a stall so soon after another one is not said again
 
 
@@ -98,8 +100,8 @@ class LoopStats:
 def _bounded(counts: Counter[str]) -> dict[str, int]:
     """As many counts as a message may hold, names cut to what it may hold. Others are summed up."""
     bounded: Counter[str] = Counter()
-    for number, (name, count) in enumerate(counts.items()):
-        bounded[name[:NAME] if number < NAMES - 1 else "uncounted:others"] += count
+    for number, (name, count) in enumerate(dict(counts).items()):  # other threads count on
+        bounded[name[:NAME] if number < NAMES - 1 else UNCOUNTED] += count
     return dict(bounded)
 
 

@@ -8,27 +8,30 @@ randomness.
 
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
-from typing import Any, Literal, TypeVar
+from threading import Lock
+from typing import Any, TypeVar
 
 import msgspec
 
-from messages import topics
+from messages import events, topics
+from messages.events import Event, Level, Outbox
 from messages.health import LogLine
 from messages.link import Clock
-from messages.topic import AnyTopic, M, Topic
+from messages.message import Message
+from messages.topic import AnyTopic, Direction, M, Topic
 from services.runtime.bus.envelope import Bus, Envelope
 from services.runtime.node.answers import AnswerBook
 from services.runtime.node.checkpoint import CheckpointStore
 from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.gate import Gate, Gates
 from services.runtime.node.loop_stats import Instance, LoopStats, Usage
-from services.runtime.node.ports import Inbox, Latest, Now, Publisher
+from services.runtime.node.ports import Alarm, Inbox, Latest, Now, Publisher, Tick
 from services.runtime.node.requests import A, Overrules, Q, Requester, Requests
-from services.runtime.node.timers import Alarm, Tick
 
 # Envelopes kept between two steps of a latest-wins port: 0.16 s at 100 Hz. A service that is
 # stepped only at the end of a silence of 0.1 s, as control before its first reference, loses none.
 RING = 16
+BEHELD = 4096  # envelopes kept for an onlooker of everything: seconds of a dive
 EVENTS = 256  # envelopes kept between two steps of an every-message port
 S = TypeVar("S", bound=msgspec.Struct)
 
@@ -46,11 +49,16 @@ class Node:
         gateway: bool = False,
         clock_offset: ClockOffset | None = None,
         replay: bool = False,
+        visitor: bool = False,
     ) -> None:
-        """`replay`: its onlooking ports get what is played again from a recording."""
+        """
+        Args:
+            replay: its onlooking ports get what is played again from a recording.
+            visitor: a program that asks something and goes; no service, it has no health.
+        """
         self.name = name
         self.sides = sides
-        self.counts: Counter[str] = Counter()
+        self.outbox = Outbox(lock=Lock())  # of its cores too
         self.wake: Callable[[], None] = lambda: None  # the host's; called on the bus's thread
         self.show: Callable[[LogLine], None] = lambda _: None  # the host's; writes to stderr
         self.usage: Callable[[], Usage | None] = lambda: None  # the host's; asks the system
@@ -63,6 +71,7 @@ class Node:
         self._clock_offset = clock_offset
         self._gateway = gateway
         self._replay = replay
+        self._visitor = visitor
         self._publishers: list[Publisher[Any]] = []
         self._inboxes: list[Inbox] = []
         self._heard: list[tuple[str, str]] = []
@@ -101,22 +110,34 @@ class Node:
         """What it subscribes to: side and key expression."""
         return self._heard
 
-    def log(self, level: Literal["info", "warning", "error"], text: str) -> None:
+    def log(self, level: Level, text: str, event: str = "") -> None:
         """A line for people: on the bus, in the recording and on stderr."""
-        line = LogLine(stamp_ns=self._clock(), service=self.name, level=level, text=text[:2000])
+        line = LogLine(
+            stamp_ns=self._clock(), service=self.name, level=level, text=text[:2000], event=event
+        )
         self._log.put(line)
         self.show(line)
 
-    def count(self, name: str, times: int = 1) -> None:
-        """Count a clamp, a drop, a refusal or the like. Published in `health/<service>`."""
-        self.counts[name] += times
+    def tell(self, event: Event | None, times: int = 1) -> None:
+        """Count an event in `health/<service>` and, where its row says so, log it."""
+        self.outbox.tell(event, times)
+
+    @property
+    def counts(self) -> Counter[str]:
+        """Events by name, since the start."""
+        return self.outbox.counts
+
+    def _say(self) -> None:
+        """Log what the cores have said."""
+        while self.outbox.said:
+            self.log(*self.outbox.said.popleft())
 
     # What a service receives.
 
     def latest(self, topic: Topic[M]) -> Latest[M]:
         """The newest message, read when wanted; arrivals do not wake the service."""
         inbox = self._inbox(topic.key, RING, self._home)
-        return Latest(topic, inbox, self.gate(topic), self.counts)
+        return Latest(topic, inbox, self.gate(topic), self.outbox)
 
     def each(
         self,
@@ -129,9 +150,7 @@ class Node:
         """Every message on the home side, or on another side, in order of arrival. An onlooker acts
         on no command, so it also gets expired ones."""
         inbox = self._inbox(topic.key, EVENTS, side or self._home)
-        gates = Gates(
-            topic, self.counts, self._clock_offset, onlooker=onlooker, replay=self._replay
-        )
+        gates = self._gates(topic, onlooker=onlooker)
 
         def drain() -> None:
             for arrival, envelope in inbox.take_all():
@@ -162,7 +181,7 @@ class Node:
 
         def on_silence(now: int) -> None:
             if gate.admitted:  # before the first message it is a start, not a silence
-                self.count(f"silent:{topic.key}")
+                self.tell(events.SILENT(topic.key))
             alarm.set(now + round(1e9 / topic.hz))
             handler(None, now)
 
@@ -170,7 +189,7 @@ class Node:
             now = self._clock()
             self.loop_stats.handled(now - arrival)  # also what is skipped has waited so long
             if earlier is None:
-                self.count(f"skipped:{topic.key}")
+                self.tell(events.SKIPPED(topic.key))
             else:
                 earlier(message, now)
 
@@ -209,7 +228,7 @@ class Node:
         self, side: str, key: str, handler: Callable[[Envelope, int], None], depth: int
     ) -> None:
         """As `tap`, but arrivals do not wake the service: they are handled at its next step, at the
-        latest when its next timer is due. For the recorder and the visualizer."""
+        latest when its next timer is due. For the recorder."""
         inbox = self._inbox(key, depth, side)
 
         def drain() -> None:
@@ -219,6 +238,26 @@ class Node:
                 handler(envelope, arrival)
 
         self._collected.append(drain)
+
+    def watch(
+        self, handler: Callable[[AnyTopic, str, Message, int], None], depth: int = BEHELD
+    ) -> None:
+        """Every message of the home side and, of the drone's side, those that never cross the
+        link, for an onlooker: `handler(topic, key, message, arrival)`. Arrivals do not wake the
+        service. For the visualizer and Foxglove."""
+        gates = {topic.key: self._gates(topic, onlooker=True) for topic in topics.ALL}
+
+        def check(envelope: Envelope, arrival: int) -> None:
+            topic = topics.find(envelope.key)
+            if topic is None:
+                self.tell(events.UNKNOWN_KEY())
+            elif (message := gates[topic.key].admit(envelope, arrival)) is not None:
+                handler(topic, envelope.key, message, arrival)
+
+        for side in self.sides:
+            stay = [topic.key for topic in topics.ALL if topic.way is Direction.STAY]
+            for key in ["**"] if side == self._home else stay:
+                self.collect(side, key, check, depth)
 
     def from_outside(self, handler: Callable[[int], None]) -> Callable[[], None]:
         """For a thread of a service's own that waits for a socket: what it calls when something
@@ -239,10 +278,12 @@ class Node:
 
         return notify
 
-    def gate(self, topic: Topic[M], *, onlooker: bool = False) -> Gate[M]:
-        """A gate, for services that decode envelopes themselves."""
+    def gate(self, topic: Topic[M]) -> Gate[M]:
+        return Gate(topic, self.outbox, self._clock_offset)
+
+    def _gates(self, topic: Topic[M], *, onlooker: bool) -> Gates[M]:
         offset, replay = self._clock_offset, self._replay
-        return Gate(topic, self.counts, offset, onlooker=onlooker, replay=replay)
+        return Gates(topic, self.outbox, offset, onlooker=onlooker, replay=replay)
 
     def local_ns(self, topic: AnyTopic, stamp_ns: int) -> int | None:
         """[ns] A stamp of an envelope by this node's clock; None where not known."""
@@ -322,7 +363,7 @@ class Node:
             data = self._checkpoint.restore_checkpoint()
             return None if data is None else msgspec.json.decode(data, type=kind)
         except (OSError, msgspec.DecodeError, msgspec.ValidationError):
-            self.count("malformed:memory")
+            self.tell(events.MALFORMED_CHECKPOINT())
             return None
 
     def save_checkpoint(self, what: msgspec.Struct) -> None:
@@ -351,7 +392,13 @@ class Node:
         for drain in self._collected:
             drain()
         self.handle_arrivals()
-        self._ring_timers()
+        now = self._clock()
+        for timer in self._timers:
+            if timer.due is not None and timer.due <= now:
+                self.loop_stats.handled(now - timer.due)
+                if missed := timer.ring(now):
+                    self.tell(events.MISSED_DEADLINE(), missed)
+        self._say()
         if self._pending:
             self.wake()
 
@@ -360,6 +407,7 @@ class Node:
         starve the timers."""
         for _ in range(min(len(self._pending), EVENTS)):
             self._pending.popleft()()
+        self._say()
 
     @property
     def has_arrivals(self) -> bool:
@@ -371,26 +419,24 @@ class Node:
         """Does the service collect envelopes between its timers?"""
         return bool(self._collected)
 
-    def _ring_timers(self) -> None:
-        now = self._clock()
-        for timer in self._timers:
-            if timer.due is not None and timer.due <= now:
-                self.loop_stats.handled(now - timer.due)
-                if wrong := timer.ring(now):
-                    self.counts.update(wrong)
-
     def deadline(self) -> int:
         """[ns] When the next timer falls due. There always is one: the health report."""
-        return min([t.due for t in self._timers if t.due is not None])
+        next_due: int | None = None
+        for timer in self._timers:
+            if timer.due is not None and (next_due is None or timer.due < next_due):
+                next_due = timer.due
+        assert next_due is not None
+        return next_due
 
     def close(self) -> None:
         for drain in self._collected:
             drain()
         for closer in self._closers:
             closer()
+        self._say()
 
     def _inbox(self, key: str, depth: int, side: str) -> Inbox:
-        inbox = Inbox(key, depth, self._clock, self.counts)
+        inbox = Inbox(key, depth, self._clock, self.outbox)
         self.sides[side].hear(key, inbox.store)
         self._inboxes.append(inbox)
         self._heard.append((side, key))
@@ -411,18 +457,27 @@ class Node:
             return
         stalled, words = self.loop_stats.behind(now)
         if stalled:
-            self.count("stalled")
+            self.tell(events.STALLED())
         if words:
             self.log("warning", words)
 
     def _report(self, now: int) -> None:
+        if self._visitor:
+            return
         if failures := self._checkpoint.failures():
-            self.count("not_remembered:disk", failures)
+            self.tell(events.NOT_REMEMBERED(), failures)
         self._say_if_behind(now)
         sent = sum(publisher.sent for publisher in self._publishers)
         received = sum(inbox.stored for inbox in self._inboxes)
         self._health.put(
             self.loop_stats.report(
-                self.name, now, sent, received, self.counts, self.usage(), self._home, self.instance
+                self.name,
+                now,
+                sent,
+                received,
+                self.outbox.counts,
+                self.usage(),
+                self._home,
+                self.instance,
             )
         )

@@ -12,8 +12,7 @@ import msgspec
 
 from messages.message import Answer, Request
 from messages.units import Ns
-from services.runtime.node.ports import Publisher
-from services.runtime.node.timers import Alarm
+from services.runtime.node.ports import Alarm, Publisher
 
 REPEAT_NS = 200_000_000  # [ns]
 GIVE_UP_NS = 5_000_000_000  # [ns]
@@ -39,12 +38,7 @@ class Requests(Generic[Q]):
         self._who = who
         self._overrules = overrules
         self._asked = 0
-        self._pending: list[Pending[Q]] = []
-
-    @property
-    def pending(self) -> list[Q]:
-        """Requests as they were first sent, oldest first."""
-        return [p.request for p in self._pending]
+        self.pending: list[Pending[Q]] = []  # oldest first; always this list
 
     def ask(self, request: Q, now: Ns) -> Q:
         """The request with a stamp and an id, to be sent at once.
@@ -55,35 +49,35 @@ class Requests(Generic[Q]):
             request, stamp_ns=now, id=f"{self._who}-{now}-{self._asked}"
         )
         self._asked += 1
-        self._pending = [p for p in self._pending if not self._overrules(asked, p.request)]
-        self._pending.append(Pending(asked, now + REPEAT_NS))
+        self.pending[:] = [p for p in self.pending if not self._overrules(asked, p.request)]
+        self.pending.append(Pending(asked, now + REPEAT_NS))
         return asked
 
     def answered(self, answer: Answer) -> Q | None:
         """The request that this answers; None when it is not ours or was answered before."""
-        for pending in self._pending:
+        for pending in self.pending:
             if pending.request.id == answer.id:
-                self._pending.remove(pending)
+                self.pending.remove(pending)
                 return pending.request
         return None
 
     def given_up(self, now: Ns) -> list[Q]:
         """Requests that have waited too long; they are removed."""
-        late = [p for p in self._pending if p.given_up_at <= now]
-        self._pending = [p for p in self._pending if p not in late]
+        late = [p for p in self.pending if p.given_up_at <= now]
+        self.pending[:] = [p for p in self.pending if p not in late]
         return [p.request for p in late]
 
     def repeats(self, now: Ns) -> list[Q]:
         """Requests to be sent again, stamped anew because a receiver refuses what is older than
         what it has already seen."""
-        due = [p for p in self._pending if p.repeat_at <= now]
+        due = [p for p in self.pending if p.repeat_at <= now]
         for pending in due:
             pending.repeat_at = now + REPEAT_NS
         return [msgspec.structs.replace(p.request, stamp_ns=now) for p in due]
 
     def due(self) -> Ns | None:
         """[ns] When there is something to repeat or to give up; None: nothing is pending."""
-        return min((min(p.repeat_at, p.given_up_at) for p in self._pending), default=None)
+        return min((min(p.repeat_at, p.given_up_at) for p in self.pending), default=None)
 
 
 class Requester(Generic[Q, A]):
@@ -102,11 +96,7 @@ class Requester(Generic[Q, A]):
         self._on_answer = on_answer
         self._on_given_up = on_given_up
         self._alarm = alarm(self._look)
-
-    @property
-    def pending(self) -> list[Q]:
-        """Requests that are not answered yet, as they were first sent."""
-        return self._requests.pending
+        self.pending = requests.pending  # what is not answered yet
 
     def ask(self, request: Q, now: int) -> None:
         """Send a request now and repeat it until it is answered; fills in its stamp and id."""

@@ -12,10 +12,11 @@ import sys
 from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Literal
 
 import msgspec
 
+from messages import events
+from messages.events import Event, Level
 from services.marine.vehicle import Vehicle
 from services.visualizer.batch import Batch
 
@@ -23,8 +24,8 @@ WAITING_BYTES = 16_000_000  # with more than this unread, a batch is dropped
 LENGTH_BYTES = 4  # before each batch
 END_S = 2.0  # for the viewer process to finish after the pipe is closed
 
-Count = Callable[[str], None]
-Log = Callable[[Literal["info", "warning", "error"], str], None]
+Tell = Callable[[Event], None]
+Log = Callable[[Level, str], None]
 
 
 class ViewerLaunch(msgspec.Struct):
@@ -39,15 +40,15 @@ class LiveViewer:
     """The visualizer's end of the pipe."""
 
     def __init__(
-        self, recording_id: str, vehicle: Vehicle, viewer: list[str], count: Count, log: Log
+        self, recording_id: str, vehicle: Vehicle, viewer: list[str], tell: Tell, log: Log
     ) -> None:
-        self._count = count
+        self._tell = tell
         self._log = log
         self._waiting = bytearray()
         self._encode = msgspec.msgpack.Encoder().encode
         launch = msgspec.json.encode(ViewerLaunch(recording_id, vehicle, viewer)).decode()
         self.process: subprocess.Popen[bytes] | None = subprocess.Popen(
-            [sys.executable, "-m", "services.visualizer.io.viewer_process", launch],
+            [sys.executable, "-P", "-m", f"{__package__}.viewer_process", launch],
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
@@ -68,7 +69,7 @@ class LiveViewer:
             return
         frame = self._encode(batch)
         if len(self._waiting) + len(frame) > WAITING_BYTES:
-            self._count("dropped:live")
+            self._tell(events.DROPPED_LIVE())
         else:
             self._waiting += len(frame).to_bytes(LENGTH_BYTES, "big") + frame
         try:
@@ -87,7 +88,7 @@ class LiveViewer:
     def _lose(self) -> None:
         assert self.process is not None
         self._end(self.process)
-        self._count("lost:live_viewer")
+        self._tell(events.LOST_LIVE_VIEWER())
         self._log(
             "warning",
             "the live viewer was closed or could not open a window; the recording continues",

@@ -23,7 +23,7 @@ FILE_NS, FILE_NS_WHEN_LIVE = 12_000_000_000, 4_000_000_000
 os.environ.setdefault("RUST_LOG", LOG_LEVEL)  # read when rerun is imported
 with suppress(ImportError):  # `outputs` reports it
     # It takes a second: before anything is wired, because services may share a process.
-    import_module("services.visualizer.io.rerun_writer")
+    import_module(".rerun_writer", __package__)
 
 
 def outputs(
@@ -45,14 +45,14 @@ def outputs(
     identity = f"{stack.out_dir.resolve().name}-{part}"
     writer = RerunWriter(identity, vehicle)
     try:
-        writer.save(RrdFile(path, node.count, node.log))
+        writer.save(RrdFile(path, node.tell, node.log))
     except OSError as error:
         raise LindyError(f"cannot write {path}: {reason(error)}; choose another --out") from None
     except ValueError as error:
         raise LindyError(f"{error}; install the rerun-sdk that `uv sync` installs") from None
     live = None
     if stack.viewer:
-        live = LiveViewer(identity, vehicle, viewer_command(), node.count, node.log)
+        live = LiveViewer(identity, vehicle, viewer_command(), node.tell, node.log)
     waiting: list[Batch] = []
     due = 0  # [ns]
 

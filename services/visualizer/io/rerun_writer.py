@@ -35,11 +35,11 @@ LEVELS = {"info": rr.TextLogLevel.INFO, "warning": "WARN", "error": rr.TextLogLe
 
 QUIET, GOOD, ACTIVE, CAUTION, ALARM = 0x4A5560FF, 0x2E7D5BFF, 0x2F6DB5FF, 0xC77F1AFF, 0xC23B3BFF
 BY_ITSELF = 0x7A55B8FF
-HOLDS = ("depth hold", "heading hold", "stabilised", "station keeping")
+HOLDING = ("depth hold", "heading hold", "stabilised", "station keeping")
 STATES: dict[str, dict[str, int]] = {
-    "mode": {"starting": QUIET, "ready": GOOD, "piloted": ACTIVE, "stopping": CAUTION}
+    "activity": {"starting": QUIET, "ready": GOOD, "piloted": ACTIVE, "stopping": CAUTION}
     | {"goto": BY_ITSELF, "follow": BY_ITSELF},
-    "hold": dict.fromkeys(HOLDS, ACTIVE) | {"manual": CAUTION},
+    "flight_mode": dict.fromkeys(HOLDING, ACTIVE) | {"manual": CAUTION},
     "armed": {"disarmed": QUIET, "armed": CAUTION},
     "failsafe": dict.fromkeys(get_args(Failsafe), ALARM) | {"no failsafe": GOOD},
     "pilot": {"pilot present": GOOD, "pilot lost": ALARM},
@@ -60,7 +60,9 @@ class RerunWriter:
         self._file: RrdFile | None = None  # … to this file, if there is one
         self._times: list[int] = []  # [ns] of the columns written last …
         self._when = np.array([], TIME)  # … and as an array
-        self._looks = [*[curve for curve in curves(vehicle) if curve.names], *computed()]
+        named = [curve for curve in curves(vehicle) if curve.names]
+        self._looks = [*[curve for curve in named if not curve.topic.is_family], *computed()]
+        self._families = {curve.path: curve for curve in named if curve.topic.is_family}
         self._styled = {look.path for look in self._looks}
         self._filming = False  # has a picture of a camera been written?
         self._services: dict[str, int] = {}  # colour of each, in every panel
@@ -116,7 +118,7 @@ class RerunWriter:
         # A third of the time of np.array(rows), which inspects the shape of every row.
         values = np.fromiter(chain.from_iterable(columns.rows), np.float64)
         if columns.path not in self._styled:
-            self._style_service(columns.path)
+            self._style_member(columns.path)
         values = values.reshape(len(columns.rows), -1)
         if columns.times != self._times:  # most curves of one message share theirs
             self._times, self._when = columns.times, np.array(columns.times, TIME)
@@ -124,10 +126,14 @@ class RerunWriter:
         when = rr.TimeColumn(TIMELINE, duration=self._when[kept])
         self._rec.send_columns(columns.path, [when], rr.Scalars.columns(scalars=values[kept]))
 
-    def _style_service(self, path: str) -> None:
-        """Style the curve of a new member of a family."""
+    def _style_member(self, path: str) -> None:
+        """Style the curves of a new member of a family: as the family has it, or in the colour of a
+        service."""
         self._styled.add(path)
-        name = path.rpartition("/")[2]
+        family, _, name = path.rpartition("/")
+        if (look := self._families.get(family)) is not None:
+            self._static(path, _line_style(look))
+            return
         rgb = self._services.setdefault(name, MANY[len(self._services) % len(MANY)])
         colours = _colours([_rgba(rgb)])
         self._static(path, rr.SeriesLines(names=[name], colors=colours, widths=[1.5]))

@@ -10,8 +10,9 @@ and its length as unsigned 64 bit; the last is of kind 0 and contains the index.
 import struct
 from pathlib import Path
 
+from messages import events
 from services.runtime.config.disk import reason, require_room
-from services.visualizer.io.live_viewer import Count, Log
+from services.visualizer.io.live_viewer import Log, Tell
 
 MAGIC, HEADER_BYTES, INDEX = b"RRF2", 12, 0
 MESSAGE = struct.Struct("<QQ")  # kind, length
@@ -22,7 +23,7 @@ class RrdFile:
     """Contains whole batches only. When the disk fails, batches are dropped and counted, and one
     warning is logged."""
 
-    def __init__(self, path: Path, count: Count, log: Log) -> None:
+    def __init__(self, path: Path, tell: Tell, log: Log) -> None:
         """
         Raises:
             OSError: there is such a file already, or it cannot be made.
@@ -30,7 +31,7 @@ class RrdFile:
         path.parent.mkdir(parents=True, exist_ok=True)
         self._path = path
         self._stream = path.open("xb", buffering=0)
-        self._count = count
+        self._tell = tell
         self._log = log
         self._failing = False
 
@@ -53,7 +54,7 @@ class RrdFile:
         try:
             self._write(data[HEADER_BYTES : index_at(data)])
         except OSError as error:
-            self._count(f"disk_error:{self._path.name}")
+            self._tell(events.DISK_ERROR(self._path.name))
             if not self._failing:
                 self._log("warning", f"cannot write {self._path}: {reason(error)}; it has a gap")
             self._failing = True

@@ -6,14 +6,14 @@ from typing import Any
 
 import pytest
 
-from services.ardusub.packet import MavlinkPacket
 from services.marine.vehicle import Vehicle
+from services.mavlink_io.packet import MavlinkPacket
 from services.runtime.config.stack import Stack
 from services.simulator.core import Settings
-from tools.research.ardusub_double import udp
-from tools.research.ardusub_double.board import BoardDouble
-from tools.research.ardusub_double.motors import motor_pulses
-from tools.research.ardusub_double.settings import defaults
+from tests.support.ardusub_double import udp
+from tests.support.ardusub_double.board import BoardDouble
+from tests.support.ardusub_double.motors import motor_pulses
+from tests.support.ardusub_double.settings import defaults
 
 MS, S = 1_000_000, 1_000_000_000  # [ns]
 STACK = Stack(vehicle="bluerov2_heavy")

@@ -7,17 +7,15 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from services.ardusub.frames import FRAMES, senses
-from services.ardusub.mixer import MixedSticks, Mixer
+from services.ardusub.mixer import MixedSticks, Mixer, RcChannel
 from services.ardusub.motor_curves import MotorCurves
-from services.ardusub.rc_channels import RcChannel
 from services.control.allocation.allocation import Allocation
 from services.control.settings import Settings as ControlSettings
-from services.marine.thrusters import total_wrench, wrench_per_newton
-from services.marine.vehicle import Vehicle
+from services.marine.vehicle import Vehicle, total_wrench, wrench_per_newton
 from services.runtime.config.stack import Stack
 from services.vehicle.actuation import share_of_voltage
-from tools.research.ardusub_double.motors import axes_of, motor_pulses
-from tools.research.ardusub_double.settings import defaults
+from tests.support.ardusub_double.motors import axes_of, motor_pulses
+from tests.support.ardusub_double.settings import defaults
 
 STACK = Stack(vehicle="bluerov2_heavy")
 VEHICLE = STACK.section("vehicle", Vehicle)

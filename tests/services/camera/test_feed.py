@@ -16,9 +16,9 @@ import av
 from av.video.codeccontext import VideoCodecContext
 from av.video.stream import VideoStream
 
+from messages import events
 from services.camera.io.feed import Feed
-
-PATIENCE_S = 20.0  # [s]
+from tests.support.patience import PATIENCE_S
 
 
 class Watched:
@@ -49,7 +49,7 @@ def test_a_camera_that_is_not_there_is_one_sentence(watched: Watched) -> None:
     assert watched.feed.take() is None
     assert len(watched.feed.said) == 1
     assert "gives no pictures" in watched.feed.said[0]
-    assert list(watched.feed.counts) == ["lost:camera"]
+    assert list(watched.feed.events) == [events.LOST_CAMERA()]
 
 
 def test_a_file_that_is_no_video_is_one_sentence(tmp_path: Path) -> None:
@@ -139,4 +139,4 @@ def test_a_damaged_picture_is_left_out_and_the_camera_is_kept(tmp_path: Path, na
         shown += watched.feed.take() is not None
     watched.feed.close()
     assert not watched.feed.said
-    assert "lost:camera" not in watched.feed.counts
+    assert events.LOST_CAMERA() not in watched.feed.events

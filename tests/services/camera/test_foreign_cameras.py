@@ -19,11 +19,12 @@ import pytest
 
 pytest.importorskip("av")
 
+from messages import events
 from services.camera.io.feed import Feed, Shot
 from services.marine import time_stripe
 from tests.services.camera.rtsp_camera import HEIGHT, HZ, WIDTH, picture
+from tests.support.patience import until
 
-PATIENCE_S = 40.0  # [s] never reached unless something is broken
 SERVER = Path(__file__).with_name("rtsp_camera.py")
 PYTHON = "/usr/bin/python3"  # which has GStreamer's bindings
 NEEDED = "import gi; gi.require_version('GstRtspServer', '1.0')"
@@ -60,19 +61,16 @@ class Watched:
         self.said: list[str] = []
         self.shots: list[Shot] = []
         self.feed = Feed(source, WIDTH, HEIGHT, time.monotonic_ns)
-        self._noticed = threading.Event()
-        self.feed.start(self._noticed.set)
+        self.feed.start(lambda: None)
 
     def until(self, happened: Callable[[], bool]) -> None:
-        deadline = time.monotonic() + PATIENCE_S
-        while not happened():
-            assert time.monotonic() < deadline, self.said
-            self._noticed.wait(1.0)
-            self._noticed.clear()
-            if (shot := self.feed.take()) is not None:
-                self.shots.append(shot)
-            while self.feed.said:
-                self.said.append(self.feed.said.popleft())
+        until(happened, lambda: self.said, self._take)
+
+    def _take(self) -> None:
+        if (shot := self.feed.take()) is not None:
+            self.shots.append(shot)
+        while self.feed.said:
+            self.said.append(self.feed.said.popleft())
 
     def until_pictures(self, number: int = PICTURES) -> None:
         """Wait for so many from now on."""
@@ -214,6 +212,6 @@ def test_a_camera_that_only_stays_connected_is_said(tmp_path: Path) -> None:
         feed.look_after(now + seconds * 1_000_000_000)
     (line,) = feed.said
     assert "no picture has come for 5 s" in line
-    assert list(feed.counts) == ["lost:camera"] * 3
+    assert list(feed.events) == [events.LOST_CAMERA()] * 3
     with fifo.open("wb"):  # so that it ends
         feed.close()

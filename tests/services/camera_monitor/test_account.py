@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from messages.events import Outbox
 from messages.units import Ns
 from messages.video import PICTURE_STAGES, Assembler, PictureAge, VideoPart
 from services.camera_monitor.core import PictureAccount
@@ -61,7 +62,7 @@ def test_absurd_parts_are_no_picture_and_end_nothing(part: int, number: int, dat
 
 
 def test_the_stages_add_up_to_the_age() -> None:
-    account = PictureAccount()
+    account = PictureAccount(Outbox())
     arrive(account, parts(1), 40 * MS + 20 * MS)
     said = account.report(200 * MS)
     assert said.stages is not None
@@ -75,7 +76,7 @@ def test_the_stages_add_up_to_the_age() -> None:
 
 
 def test_the_age_grows_while_nothing_arrives_and_is_said() -> None:
-    account = PictureAccount()
+    account = PictureAccount(Outbox())
     assert account.report(0).words == "no picture has arrived"
     arrive(account, parts(1), 50 * MS)
     ages = [account.report(k * S).age_ms or 0.0 for k in range(1, 5)]
@@ -86,26 +87,26 @@ def test_the_age_grows_while_nothing_arrives_and_is_said() -> None:
 
 def test_a_picture_whose_stripe_says_another_time_has_the_stripes_age() -> None:
     """A decoder that holds pictures back would show an old one with a new stamp."""
-    account = PictureAccount()
+    account = PictureAccount(outbox := Outbox())
     for part in parts(10):
         if (unit := account.take(part, 420 * MS)) is not None:
             account.decoded(unit, 100 * MS, 420 * MS, 430 * MS)
     said = account.report(500 * MS)
     assert said.age_ms == 400.0
     assert not said.checked
-    assert account.counts == ["wrong_stamp:picture"]
+    assert outbox.counts == {"wrong_stamp:picture": 1}
 
 
 @pytest.mark.parametrize("kbit", [100.0, 1000.0, 20_000.0])
 def test_the_room_is_the_pace_of_the_parts(kbit: float) -> None:
-    account, apart = PictureAccount(), round(1000 * 8e6 / kbit)
+    account, apart = PictureAccount(Outbox()), round(1000 * 8e6 / kbit)
     arrive(account, parts(1), 50 * MS, apart)
     room = account.report(10 * S).room_kbit
     assert room == pytest.approx(kbit, rel=0.01)
 
 
 def test_after_a_lost_part_it_waits_for_a_keyframe_and_asks_for_it() -> None:
-    account = PictureAccount()
+    account = PictureAccount(Outbox())
     now = arrive(account, parts(1), 50 * MS)
     assert not account.report(now).keyframe_wanted
     now = arrive(account, parts(2, keyframe=False)[:2], now)
@@ -130,7 +131,7 @@ def test_garbage_is_no_picture_and_ends_nothing(data: bytes, keyframe: bool) -> 
 
 
 def test_the_report_fits_its_limits() -> None:
-    account = PictureAccount()
+    account = PictureAccount(Outbox())
     arrive(account, parts(1), 50 * MS, 0)
     said = account.report(60 * MS)
     assert msgspec.msgpack.decode(msgspec.msgpack.encode(said), type=PictureAge) == said

@@ -1,8 +1,7 @@
 """The page in a real browser flies the simulated drone; skipped where there is no Chromium."""
 
 import socket
-import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 
 import pytest
@@ -13,9 +12,10 @@ from messages import topics
 from messages.fly import DroneList, FlyRequest, ReachableDrone
 from messages.pilot import TTL_MS, PilotCommand
 from messages.vehicle import VehicleStatus
-from tools.docs.chromium import Browser, BrowserPage, Size, chromium
-from tools.docs.cockpit_dive import CockpitDive
-from tools.docs.cockpit_picture import arm
+from tests.support.docs.chromium import Browser, BrowserPage, Size, chromium, insist
+from tests.support.docs.cockpit_dive import CockpitDive
+from tests.support.docs.cockpit_picture import arm, hold
+from tests.support.patience import until
 
 PROGRAM = chromium()
 pytestmark = [
@@ -24,7 +24,7 @@ pytestmark = [
 ]
 PHONE = Size(360, 640, touch=True)
 
-CONNECTED = "document.getElementById('mode').textContent.length > 8"
+CONNECTED = "document.getElementById('activity').textContent.length > 8"
 PAD = """
 window.virtualPad = {
   id: 'virtual', index: 0, connected: true, mapping: 'standard', timestamp: 1,
@@ -58,11 +58,11 @@ TALLEST = "document.getElementById('view').clientHeight"
 CHANGE = "document.getElementById('change').textContent"
 TEXTS = "[...document.querySelectorAll('#drones li')].map((line) => line.textContent)"
 DRONES = (
-    ReachableDrone(name="rov1", vehicle="pioneer", mode="ready", pilot="cockpit"),
-    ReachableDrone(name="rov2", vehicle="pioneer", mode="piloted", armed=True, pilot="ann"),
-    ReachableDrone(name="<img src=x>", mode="<b>x</b>", failsafe=True, alarms="<i>leak</i>"),
+    ReachableDrone(name="rov1", vehicle="pioneer", activity="ready", pilot="cockpit"),
+    ReachableDrone(name="rov2", vehicle="pioneer", activity="piloted", armed=True, pilot="ann"),
+    ReachableDrone(name="<img src=x>", activity="<b>x</b>", failsafe=True, alarms="<i>leak</i>"),
     ReachableDrone(name="rov4", vehicle="bluerov2", misfit="another vehicle " * 12),
-    *(ReachableDrone(name=f"rov{n}", vehicle="pioneer", mode="ready") for n in range(10, 40)),
+    *(ReachableDrone(name=f"rov{n}", vehicle="pioneer", activity="ready") for n in range(10, 40)),
 )
 
 
@@ -82,13 +82,11 @@ class Flight:
     def page(self, size: Size, path: str = "") -> BrowserPage:
         return self.browser.open(self.dive.url + path, size)
 
-    def until(self, true: str, seconds: float = 30.0) -> None:
-        deadline = time.monotonic() + seconds
-        while time.monotonic() < deadline:
-            if eval(true, {"self": self, "now": self.statuses, "said": self.commands}):
-                return
-            time.sleep(0.02)
-        raise AssertionError(f"never true: {true}")
+    def is_so(self, true: str) -> bool:
+        return bool(eval(true, {"self": self, "now": self.statuses, "said": self.commands}))
+
+    def until(self, true: str) -> None:
+        until(lambda: self.is_so(true), lambda: true)
 
 
 @pytest.fixture
@@ -104,6 +102,7 @@ def filmed_flight() -> Iterator[Flight]:
         yield Flight(exits, camera=True)
 
 
+@pytest.mark.slow
 def test_a_phone_arms_dives_by_thumb_stops_and_is_lost_when_it_is_locked(filmed_flight: Flight):
     flight = filmed_flight
     page = flight.page(PHONE)
@@ -111,9 +110,12 @@ def test_a_phone_arms_dives_by_thumb_stops_and_is_lost_when_it_is_locked(filmed_
     page.wait("!document.getElementById('picture').hidden")
     assert page.look(OVERFLOWS) == ""
     left = page.middle("#left")
-    page.touch("touchStart", left)
-    page.touch("touchMove", (left[0], left[1] + 40.0))
-    flight.until("said[-1].heave > 0.2")
+
+    def push() -> None:
+        page.touch("touchStart", left)
+        page.touch("touchMove", (left[0], left[1] + 40.0))
+
+    insist(lambda: flight.is_so("said[-1].heave > 0.2"), push, lambda: page.touch("touchEnd"))
     page.look("Object.defineProperty(document, 'hidden', { value: true, configurable: true })")
     page.look("document.dispatchEvent(new Event('visibilitychange'))")
     flight.until("said[-1].pilot == 'lost' and now[-1].failsafe == 'pilot_lost'")
@@ -122,9 +124,8 @@ def test_a_phone_arms_dives_by_thumb_stops_and_is_lost_when_it_is_locked(filmed_
     page.touch("touchEnd")
     page.look("delete document.hidden")
     page.wait("document.getElementById('arm').textContent === 'Hold to resume'")
-    page.touch("touchStart", page.middle("#arm"))
-    flight.until("now[-1].failsafe == 'none' and said[-1].pilot == 'present'")
-    page.touch("touchEnd")
+    resumed = "now[-1].failsafe == 'none' and said[-1].pilot == 'present'"
+    hold(page, lambda: flight.is_so(resumed))
     assert flight.commands[-1].ttl_ms <= TTL_MS
     page.close()
     flight.until("said[-1].pilot == 'lost'")
@@ -138,15 +139,13 @@ def test_a_pad_and_keys_fly_and_a_frozen_pad_is_lost_and_space_never_arms(flight
     assert page.look(OVERFLOWS) == ""
     page.look("document.getElementById('take').click()")
     page.wait("document.getElementById('who').textContent.startsWith('you have')")
-    page.key("keyDown", "Enter", "Enter")
-    flight.until("now[-1].armed and now[-1].failsafe == 'none' and said[-1].pilot == 'present'")
-    page.key("keyUp", "Enter", "Enter")
-    page.key("keyDown", "KeyW", "w")
-    flight.until("said[-1].surge > 0.3 and said[-1].source == 'cockpit'")
-    page.key("keyUp", "KeyW", "w")
+    flies = "now[-1].armed and now[-1].failsafe == 'none' and said[-1].pilot == 'present'"
+    hold_key(page, "Enter", "Enter", lambda: flight.is_so(flies))
+    goes = "said[-1].surge > 0.3 and said[-1].source == 'cockpit'"
+    hold_key(page, "KeyW", "w", lambda: flight.is_so(goes))
     flight.until("said[-1].surge == 0.0")
     page.look("void (virtualPad.axes[1] = -1, virtualPad.timestamp = 2)")
-    flight.until("said[-1].heave < -0.3")
+    flight.until("any(each.heave < -0.3 for each in said)")  # until the pad is found frozen
     flight.until("said[-1].pilot == 'lost'")  # it stays connected, deflected, and says nothing more
     assert flight.dive.counts["lost:page_frozen"] == 1
     page.wait("document.getElementById('lost').textContent.includes('the pad holds a stick')")
@@ -175,6 +174,14 @@ def test_a_watcher_sees_the_same_numbers_and_has_no_button_to_command_with(fligh
     page.close()
 
 
+def hold_key(page: BrowserPage, code: str, key: str, happens: Callable[[], bool]) -> None:
+    def let_go() -> None:
+        page.key("keyUp", code, key)
+
+    insist(happens, lambda: page.key("keyDown", code, key), let_go)
+    let_go()
+
+
 def listed(dive: CockpitDive, flown: str, left: str = "") -> list[str]:
     """Say which drones there are, as `lindy fly` does. Returns the drones that pages order."""
     node, ordered = dive.host.node("supervisor", ["topside"]), list[str]()
@@ -198,6 +205,7 @@ def press(page: BrowserPage, selector: str) -> None:
     page.touch("touchEnd")
 
 
+@pytest.mark.slow
 def test_a_pilot_takes_another_drone_from_a_list_that_covers_nothing():
     with ExitStack() as exits:
         assert PROGRAM is not None
@@ -231,9 +239,7 @@ def test_a_pilot_takes_another_drone_from_a_list_that_covers_nothing():
             assert ordered == []
             press(page, "#confirm .yes")
             page.wait(f"{CHANGE} === 'changing to rov2'")
-            deadline = time.monotonic() + 30.0
-            while not ordered and time.monotonic() < deadline:
-                time.sleep(0.02)  # the dive goes on in a thread of its own
+            until(lambda: ordered)
             assert ordered == ["rov2"]
             watching.look("document.getElementById('list').click()")
             watching.wait(f"{TEXTS}.length > 30")

@@ -18,6 +18,7 @@ pytest.importorskip("websockets", reason="the extra cockpit is not installed")
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
+from messages.events import Outbox
 from services.cockpit.core import Settings
 from services.cockpit.handshake import Access
 from services.cockpit.io import server as server_module
@@ -35,8 +36,8 @@ from services.cockpit.video import PageUnit
 from services.runtime.config.errors import LindyError, NeedsRealTimeError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.virtual_host import VirtualHost
+from tests.support.patience import PATIENCE_S, until
 
-PATIENCE_S = 30.0  # [s] never reached unless something is broken
 STICKS = {"kind": "sticks", "seen": 0, "held_ms": 0, "surge": 0, "sway": 0, "heave": 0, "yaw": 0}
 
 
@@ -51,7 +52,8 @@ class Served:
     def __init__(self, exits: ExitStack) -> None:
         self.settings = Settings(port=free_port())
         self.base = f"http://127.0.0.1:{self.settings.port}"
-        self.server = PageServer(self.settings, access_to(self.settings))
+        self.outbox = Outbox()
+        self.server = PageServer(self.settings, access_to(self.settings), self.outbox)
         self.events: list[PageEvent] = []
         self.server.start(lambda: None)
         self._exits = exits
@@ -73,13 +75,11 @@ class Served:
         )
 
     def until(self, true: Callable[[], bool]) -> None:
-        deadline = time.monotonic() + PATIENCE_S
-        while time.monotonic() < deadline:
-            self.events += self.server.received()
-            if true():
-                return
-            time.sleep(0.005)
-        raise AssertionError(f"never true; {self.events=} {self.server.counts=}")
+        self._receive()
+        until(true, lambda: (self.events, self.outbox.counts), self._receive)
+
+    def _receive(self) -> None:
+        self.events += self.server.received()
 
     def of(self, kind: type) -> list[PageEvent]:
         return [event for event in self.events if isinstance(event, kind)]
@@ -129,7 +129,7 @@ def test_each_page_gets_its_own_picture_and_a_slow_one_costs_nothing(served: Ser
     assert ann.recv(timeout=PATIENCE_S) == "for ann"
     assert eve.recv(timeout=PATIENCE_S) == "for eve"
     big = "x" * 500_000  # nobody reads: it fills the system's buffers
-    while not served.server.counts["dropped:page"]:
+    while not served.outbox.counts["dropped:page"]:
         served.server.show({2: big})
         served.server.show({1: "still here"})
         assert ann.recv(timeout=PATIENCE_S) == "still here"
@@ -144,14 +144,14 @@ def test_pages_get_the_picture_and_a_slow_one_costs_nothing_but_its_own(served: 
     late.send("0")
     late.send("garbage")
     late.send("²")
-    served.until(lambda: served.server.counts["malformed:page"] == 3)
+    served.until(lambda: served.outbox.counts["malformed:page"] == 3)
     late.close()
     for unit in units[1:]:
         ann.send(str(unit.number - 1))
         served.server.show_video(unit)
         assert ann.recv(timeout=PATIENCE_S) == unit.message
         time.sleep(0.005)  # eve confirms nothing, for 0.6 s at least
-    assert served.server.counts["dropped:page_video"] > 0
+    assert served.outbox.counts["dropped:page_video"] > 0
     assert not served.of(PageOpened)  # it is no page of its own
     with suppress(TimeoutError):
         while eve.recv(timeout=0.2):  # what was sent before she was too slow; else she cannot close
@@ -165,7 +165,7 @@ def test_the_picture_holds_up_nothing_else(served: Served):
     for n in range(50):
         served.server.show({1: str(n)})
         assert ann.recv(timeout=PATIENCE_S) == str(n)
-    assert served.server.counts["dropped:page"] == 0
+    assert served.outbox.counts["dropped:page"] == 0
     assert len(video.recv(timeout=PATIENCE_S)) == 900_000
 
 
@@ -173,7 +173,7 @@ def test_foreign_pages_and_other_versions_are_refused(served: Served):
     for origin in ("http://evil.example", "null", served.base.replace("127.0.0.1", "localhost")):
         with pytest.raises(InvalidStatus, match="403"):
             served.page(origin=origin)
-    assert served.server.counts["refused:page"] == 3
+    assert served.outbox.counts["refused:page"] == 3
     old = served.page(version="old")
     with pytest.raises(ConnectionClosed, match=r"4001.*another version: load it again"):
         old.recv(timeout=PATIENCE_S)
@@ -185,12 +185,12 @@ def test_huge_and_too_many_messages_end_that_page_alone(served: Served):
     served.until(lambda: len(served.of(PageOpened)) == 3)
     bob.send("x" * 5000)
     served.until(lambda: PageClosed(2) in served.events)
-    assert served.server.counts["oversized:page"] == 1
+    assert served.outbox.counts["oversized:page"] == 1
     with suppress(ConnectionClosed):
         for _ in range(20 * MOST_PER_SECOND):
             eve.send("[]")
     served.until(lambda: PageClosed(3) in served.events)
-    assert served.server.counts["too_many:page_messages"] == 1
+    assert served.outbox.counts["too_many:page_messages"] == 1
     ann.send(json.dumps(STICKS))
     served.until(lambda: any(isinstance(e, PageSaid) and e.page == 1 for e in served.events))
 
@@ -199,7 +199,7 @@ def test_a_flood_of_connections_leaves_the_pilot_alone(served: Served):
     ann = served.page()
     flood = [socket.create_connection(("127.0.0.1", served.settings.port)) for _ in range(300)]
     try:
-        served.until(lambda: served.server.counts["too_many:connection"] >= 300 - MOST_CONNECTIONS)
+        served.until(lambda: served.outbox.counts["too_many:connection"] >= 300 - MOST_CONNECTIONS)
         served.until(lambda: bool(served.of(PageOpened)))
         served.server.show({1: "still here"})
         assert ann.recv(timeout=PATIENCE_S) == "still here"
@@ -233,7 +233,7 @@ def test_more_pages_than_there_may_be_are_told_so_and_watchers_leave_room_for_pi
     served.until(lambda: len(served.of(PageOpened)) == MOST_PAGES)
     with pytest.raises(ConnectionClosed, match=r"4002.*32 pages are open already"):
         served.page().recv(timeout=PATIENCE_S)
-    assert served.server.counts["too_many:page"] == 2
+    assert served.outbox.counts["too_many:page"] == 2
 
 
 def stack(*settings: str, virtual: bool = False) -> Stack:
@@ -295,7 +295,7 @@ def test_with_a_certificate_the_page_is_served_by_https_and_asks_for_the_token(t
     settings = Settings("127.0.0.1", free_port(), certificate=certificate, key=private)
     # As to other machines, which this address is not.
     access = Access("https", settings.host, settings.port, local=False, token="secret")
-    server = PageServer(settings, access)
+    server = PageServer(settings, access, Outbox())
     server.start(lambda: None)
     trusting = ssl.create_default_context()  # whom a browser trusts is its own affair
     trusting.check_hostname, trusting.verify_mode = False, ssl.CERT_NONE

@@ -5,6 +5,7 @@ from typing import NamedTuple
 from hypothesis import given
 from hypothesis import strategies as st
 
+from messages.events import Outbox
 from messages.video import VideoPart
 from services.cockpit.video import (
     HEADER,
@@ -55,7 +56,7 @@ def parts_of(sent: list[Sent]) -> list[VideoPart]:
 
 @given(pictures)
 def test_only_what_can_be_decoded_is_sent_and_all_of_it(sent: list[Sent]):
-    stream = PictureStream()
+    stream = PictureStream(Outbox())
     units = [unit for part in parts_of(sent) if (unit := stream.take(part)) is not None]
     wanted, decodable = list[int](), False
     for number, picture in enumerate(sent):
@@ -68,7 +69,7 @@ def test_only_what_can_be_decoded_is_sent_and_all_of_it(sent: list[Sent]):
 
 
 def test_a_message_says_when_the_light_arrived():
-    stream = PictureStream()
+    stream = PictureStream(Outbox())
     (part,) = parts_of([Sent(1, True, frozenset())])
     unit = stream.take(part)
     assert unit is not None

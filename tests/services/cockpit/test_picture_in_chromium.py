@@ -6,12 +6,14 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 
+import msgspec
 import numpy as np
 import pytest
 
 pytest.importorskip("websockets", reason="the extra cockpit is not installed")
 pytest.importorskip("av", reason="the extra camera is not installed")
 
+from messages.events import Outbox
 from messages.video import VideoPart
 from services.camera.core import Order
 from services.camera.io.encoder import VideoEncoder
@@ -20,9 +22,11 @@ from services.cockpit.core import Settings
 from services.cockpit.io.access import access_to
 from services.cockpit.io.server import PageServer
 from services.cockpit.page_messages import PageClosed, PageOpened
+from services.cockpit.page_view import AGES_MS
 from services.cockpit.video import PageUnit, PictureStream
 from services.marine import time_stripe
-from tools.docs.chromium import Browser, BrowserPage, Size, chromium
+from tests.support.docs.chromium import Browser, BrowserPage, Size, chromium
+from tests.support.patience import until
 
 PROGRAM = chromium()
 pytestmark = [
@@ -31,6 +35,7 @@ pytestmark = [
 ]
 WIDTH, HEIGHT, HZ = 640, 360, 25.0
 FRAME_MS = 1000.0 / HZ
+AGES = msgspec.json.encode(AGES_MS).decode()
 SCREEN = Size(800, 600)
 
 WORDS = "document.getElementById('no-picture').textContent"
@@ -70,12 +75,12 @@ class Film:
         with socket.create_server(("127.0.0.1", 0)) as free:
             settings = Settings(port=free.getsockname()[1])
         self.url = f"http://127.0.0.1:{settings.port}/watch"
-        self.server = PageServer(settings, access_to(settings))
+        self.server = PageServer(settings, access_to(settings), Outbox())
         self.late_ms, self.running, self.broken = 0.0, False, False
         self._wanted = True  # a keyframe
-        self._encoder, self._stream = VideoEncoder(WIDTH, HEIGHT), PictureStream()
+        self._encoder, self._stream = VideoEncoder(WIDTH, HEIGHT), PictureStream(Outbox())
         self._pages: set[int] = set()
-        self._number = self._sent = 0
+        self._number = self.sent = 0
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self.server.start(lambda: None)
@@ -93,8 +98,12 @@ class Film:
                     self._pages.add(event.page)
                 elif isinstance(event, PageClosed):
                     self._pages.discard(event.page)
-            head = f'{{"n":{self._number},"t":{time.monotonic_ns() / 1e6},'
-            self.server.show(dict.fromkeys(self._pages, head + '"you":{},"view":{"mode":"ready"}}'))
+            head = f'{{"n":{self._number},"t":{time.monotonic_ns() / 1e6},"ages":{AGES},'
+            self.server.show(
+                dict.fromkeys(
+                    self._pages, head + '"you":{},"view":{"activity":"ready","doing":"ready"}}'
+                )
+            )
             if self.running:
                 self.server.show_video(self._unit())
 
@@ -109,10 +118,10 @@ class Film:
         data = self._encoder.encode(Picture(luma, grey, grey), light, order)
         if self.broken:
             data = data[:60] + bytes(range(1, 200)) * 5
-        self._sent += 1
+        self.sent += 1
         unit = self._stream.take(
             VideoPart(
-                stamp_ns=light, seq=self._sent, picture=self._sent, keyframe=keyframe,
+                stamp_ns=light, seq=self.sent, picture=self.sent, keyframe=keyframe,
                 width=WIDTH, height=HEIGHT, captured_ns=light, encoded_ns=light,
                 budget_kbit=1500.0, data=data[:60_000],
             )
@@ -161,7 +170,7 @@ def test_the_shown_age_is_that_of_the_light_on_the_canvas(
 ):
     """Whoever opens the page late has the picture at once, though there is no new keyframe."""
     film.roll(late_ms)
-    time.sleep(0.4)  # some pictures before the page is there
+    until(lambda: film.sent > 10)  # before the page is there
     page = browser.open(film.url, SCREEN)
     page.wait(FRESH)
     page.look(INSIDE)
@@ -214,5 +223,5 @@ def test_a_browser_that_cannot_says_why_in_a_sentence_and_shows_the_rest(
     page = browser.open(film.url, SCREEN, before)
     page.wait(f"{WORDS}.includes({sentence!r})")
     assert not page.look(SEEN)
-    page.wait("document.getElementById('mode').textContent.startsWith('ready')")
+    page.wait("document.getElementById('activity').textContent.startsWith('ready')")
     page.close()

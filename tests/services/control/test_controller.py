@@ -8,21 +8,23 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from messages.control import Wrench
+from messages.events import Outbox
 from messages.message import Estimate
 from messages.reference import Motion, Reference
 from messages.state import VehicleState
+from services.control.axis.axis import RollPitchGains
 from services.control.axis.axis_law import Gains
-from services.control.axis.roll_pitch_hold import RollPitchGains
 from services.control.core import Controller, Settings
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
+from tests.support.told import told
 
 PIONEER = Stack().section("vehicle", Vehicle)
 HEAVY = Stack(vehicle="bluerov2_heavy").section("vehicle", Vehicle)
 
 
 def controller() -> Controller:
-    return Controller(Settings(), PIONEER)
+    return Controller(Settings(), PIONEER, Outbox())
 
 
 def state(depth: float = 1.0, *, valid: bool = True) -> VehicleState:
@@ -81,7 +83,7 @@ def test_without_a_state_the_thrusters_stop_and_it_is_counted() -> None:
     law = controller()
     _, command = law.step(reference(surge=30.0), None, 0)
     assert set(command.thrust) == {0.0}
-    assert law.events == ["stale:state"]
+    assert told(law.outbox) == ["stale:state"]
 
 
 def test_when_the_reference_dies_the_last_position_is_held_without_surge() -> None:
@@ -102,14 +104,14 @@ def test_an_invalid_depth_is_not_fed_back() -> None:
     law = controller()
     wrench, _ = law.step(reference(depth=9.0), state(valid=False), 0)
     assert wrench.wanted[2] == 0.0
-    assert "invalid:state.depth" in law.events
+    assert "invalid:state.depth" in law.outbox.counts
 
 
 def test_a_result_that_is_not_finite_never_reaches_a_thruster() -> None:
     law = controller()
     _, command = law.step(reference(surge=math.inf), state(), 0)
     assert set(command.thrust) == {0.0}
-    assert "not_finite:wrench" in law.events
+    assert "not_finite:wrench" in law.outbox.counts
 
 
 def test_disarming_forgets_what_the_integrators_learnt() -> None:
@@ -131,11 +133,11 @@ def test_a_saturation_is_counted_once_per_passage() -> None:
 
     for k in range(10):
         ask(100.0, k)
-    assert len(law.events) == 1
-    assert law.events[0].startswith("saturated:")
+    assert law.outbox.counts.total() == 1
+    assert next(iter(law.outbox.counts)).startswith("saturated:")
     ask(1.0, 10)
     ask(100.0, 11)
-    assert len(law.events) == 2
+    assert law.outbox.counts.total() == 2
 
 
 # Forces of the pilot's, and changes of who decides.
@@ -193,7 +195,7 @@ def sinking(law: Controller, force: float, seconds: float) -> list[Wrench]:
 
 
 def test_the_disturbance_is_told_and_forgotten_when_disarmed() -> None:
-    law = Controller(Stack().section("control", Settings), PIONEER)
+    law = Controller(Stack().section("control", Settings), PIONEER, Outbox())
     learnt = sinking(law, 6.0, 10.0)[-1]
     assert learnt.disturbance[2] == pytest.approx(6.0, abs=0.5)
     assert learnt.depth_integral == -learnt.disturbance[2]
@@ -202,7 +204,7 @@ def test_the_disturbance_is_told_and_forgotten_when_disarmed() -> None:
 
 
 def test_what_cannot_be_trusted_teaches_nothing() -> None:
-    law = Controller(Stack().section("control", Settings), PIONEER)
+    law = Controller(Stack().section("control", Settings), PIONEER, Outbox())
     learnt = sinking(law, 6.0, 5.0)[-1].disturbance[2]
     blind = msgspec.structs.replace(state(), depth_rate=Estimate(5.0, 0.1, False))
     before = law.step(reference(0.0), blind, 5 * 10**9)[0].disturbance[2]
@@ -216,7 +218,7 @@ def test_what_cannot_be_trusted_teaches_nothing() -> None:
 
 
 def test_a_saturated_axis_does_not_learn() -> None:
-    law = Controller(Stack().section("control", Settings), PIONEER)
+    law = Controller(Stack().section("control", Settings), PIONEER, Outbox())
     wrenches = sinking(law, 200.0, 1.0)
     learnt = {wrench.disturbance[2] for wrench in wrenches if wrench.saturated}
     assert sum(wrench.saturated for wrench in wrenches) > 50
@@ -226,12 +228,12 @@ def test_a_saturated_axis_does_not_learn() -> None:
 def test_gains_that_are_not_stable_do_not_start() -> None:
     wild = Gains(kp=60.0, kd=4000.0, ki=12.0, max_error=0.3, max_integral=15.0)
     with pytest.raises(ValueError, match=r"^control.depth: with kp = 60, kd = 4000 and ki = 12"):
-        Controller(Settings(depth=wild), PIONEER)
+        Controller(Settings(depth=wild), PIONEER, Outbox())
 
 
 def test_roll_and_pitch_are_held_level_when_told_to() -> None:
     level = RollPitchGains(kp=5.0, kd=1.0)
-    law = Controller(Settings(roll=level), HEAVY)
+    law = Controller(Settings(roll=level), HEAVY, Outbox())
     rolled = msgspec.structs.replace(state(), roll=Estimate(0.1, 0.01), pitch=Estimate(0.2, 0.01))
     wrench, _ = law.step(reference(), rolled, 0)
     assert wrench.wanted[3] == pytest.approx(-0.5)
@@ -285,7 +287,7 @@ def test_no_message_makes_a_wild_thrust(
     steps: list[tuple[tuple[Reference | None, VehicleState | None], int]],
 ) -> None:
     vehicle = stack.section("vehicle", Vehicle)
-    law = Controller(stack.section("control", Settings), vehicle)
+    law = Controller(stack.section("control", Settings), vehicle, Outbox())
     for (asked, seen), now in steps:
         wrench, command = law.step(asked, seen, now)
         for thrust, thruster in zip(command.thrust, vehicle.thruster, strict=True):
@@ -298,11 +300,11 @@ def test_no_message_makes_a_wild_thrust(
 def test_gains_of_an_axis_that_no_thruster_drives_are_refused(axis: str) -> None:
     settings = msgspec.structs.replace(Settings(), **{axis: RollPitchGains(kp=1.0)})
     with pytest.raises(ValueError, match=rf"control.{axis}: kp = 1 and kd = 0, but the thrusters"):
-        Controller(settings, PIONEER)
+        Controller(settings, PIONEER, Outbox())
 
 
 def test_pulses_of_the_heading_need_a_damping_that_says_what_they_do() -> None:
     slippery = msgspec.structs.replace(PIONEER, linear_damping=(1.8, 3.2, 0.4, 0.9, 0.9, 0.0))
     with pytest.raises(ValueError, match=r"control\.heading_pulse is 0\.003.*allowed is 0"):
-        Controller(Settings(heading_pulse=0.003), slippery)
-    Controller(Settings(), slippery)
+        Controller(Settings(heading_pulse=0.003), slippery, Outbox())
+    Controller(Settings(), slippery, Outbox())

@@ -12,9 +12,9 @@ from messages.state import VehicleState
 from messages.units import Vec3, Vec6
 from services.control.heave_coupling import HeaveCoupling
 from services.marine.attitude import down_in_body, from_euler
-from services.marine.rigid_body import system_inertia
+from services.marine.hydrodynamics import system_inertia
 from services.marine.vehicle import Vehicle
-from services.simulator.equations import equations_of_motion
+from services.simulator.vessel import equations_of_motion
 
 DEEP = 50.0  # [m]
 LAG = 0.08  # [s]

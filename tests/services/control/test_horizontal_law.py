@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from messages.events import Outbox
 from messages.message import Estimate
 from messages.reference import Motion, Reference
 from messages.state import VehicleState
@@ -17,9 +18,9 @@ from services.control.horizontal_plane import to_body, turning_force
 from services.control.settings import Settings
 from services.marine.attitude import from_euler
 from services.marine.attitude import to_body as rotated
-from services.marine.hydrodynamics import damping
-from services.marine.rigid_body import coriolis, system_inertia
+from services.marine.hydrodynamics import coriolis, damping, system_inertia
 from services.marine.vehicle import Vehicle
+from tests.support.told import told
 
 STEP = 10_000_000  # [ns]
 PLACE = Gains(kp=30.0, kd=45.0, ki=6.0, max_error=0.5, max_integral=20.0, observer=1.0)
@@ -90,13 +91,13 @@ def test_the_rotation_is_that_of_the_shared_physics(psi: float, north: float, ea
 def test_the_force_points_to_the_place(
     pioneer: Vehicle, psi: float, north: float, east: float
 ) -> None:
-    law = Controller(OURS, pioneer)
+    law = Controller(OURS, pioneer, Outbox())
     wrench, _ = law.step(asked(at(north), at(east), at(psi)), seen((0.0, 0.0), psi), 0)
     x, y = wrench.wanted[:2]
     back = (cos(psi) * x - sin(psi) * y, sin(psi) * x + cos(psi) * y)
     share = min(1.0, 0.5 / max(0.5, hypot(north, east)))  # guard 1, of the whole way
     assert back == pytest.approx((30.0 * share * north, 30.0 * share * east), abs=1e-9)
-    assert ("clamped:control.place" in law.events) == (hypot(north, east) > 0.5)
+    assert ("clamped:control.place" in law.outbox.counts) == (hypot(north, east) > 0.5)
 
 
 @settings(max_examples=50, deadline=None)
@@ -120,7 +121,7 @@ def drift(vehicle: Vehicle, gains: Gains, told: Callable[[int], bool], steps: in
     """[m] From the place to be held, at each step, in half a knot from the north-east that the law
     is told of at these steps."""
     psi, flow, inertia = 0.7, (-0.18, -0.18), system_inertia(vehicle)
-    law = Controller(Settings(surge=gains, sway=gains), vehicle)
+    law = Controller(Settings(surge=gains, sway=gains), vehicle, Outbox())
     place, velocity = [0.0, 0.0], [0.0, 0.0]  # NED; body over the ground
     water, away = to_body(psi, *flow), list[float]()
     for k in range(steps):
@@ -156,11 +157,11 @@ def test_a_current_that_becomes_known_or_is_forgotten_makes_no_bump(
 
 
 def test_without_a_measured_place_the_reference_alone_drives_it(pioneer: Vehicle) -> None:
-    law = Controller(OURS, pioneer)
+    law = Controller(OURS, pioneer, Outbox())
     lost = msgspec.structs.replace(seen((0.0, 0.0), 0.0), north=Estimate(0.0, 9.0, False))
     going = Motion(3.0, 0.4, 0.0, 0.0)
     wrench, _ = law.step(asked(going, ZERO, at(0.0)), lost, 0)
     expected = pioneer.linear_damping[0] * 0.4 + pioneer.quadratic_damping[0] * 0.16
     assert wrench.wanted[0] == pytest.approx(expected)
     assert wrench.wanted[1] == 0.0
-    assert law.events == ["invalid:state.position"]
+    assert told(law.outbox) == ["invalid:state.position"]

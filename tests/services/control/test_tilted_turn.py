@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from messages.message import Estimate
 from messages.reference import Motion
-from services.control.tilted_turn import along_body, of_heading
+from services.control.laws import along_body, of_heading
 
 TILTS = st.floats(-0.6, 0.6)
 RATES = st.floats(-1.0, 1.0)

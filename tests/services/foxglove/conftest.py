@@ -10,8 +10,9 @@ from typing import Any
 
 import pytest
 
+from tests.support.patience import PATIENCE_S
+
 PROGRAMS = Path(__file__).with_name("programs")
-PATIENCE_S = 120  # never reached unless something is broken
 
 
 class FoxgloveProgram:

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from messages import topics
+from services.estimation.aiding import AID_SOURCES
 from services.marine.vehicle import Vehicle
 from services.recorder.foxglove.channel import PREFIX, official, schema_of
 from services.recorder.foxglove.named import named_vectors
@@ -22,6 +23,7 @@ THRUSTERS = [thruster.name for thruster in Stack().section("vehicle", Vehicle).t
 
 def schemas() -> dict[str, dict[str, Any]]:
     found = {topic.key: schema_of(topic.message) for topic in topics.ALL}
+    found |= {topics.AIDING.of(name).key: found[topics.AIDING.key] for name in AID_SOURCES}
     found |= {vector.key: vector.schema for vector in named_vectors(THRUSTERS).values()}
     drawn = {"pose": "PoseInFrame", "hull": "SceneUpdate", "thrust": "SceneUpdate", "log": "Log"}
     found |= {PREFIX + name: official(f"foxglove.{kind}") for name, kind in drawn.items()}

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 
+from messages.events import Outbox
 from services.gamepad.core import StickGain
 from services.gamepad.io import sdl
 from services.piloting.sticks import CENTRED, StickReading, Sticks
@@ -19,9 +20,14 @@ MS = 1_000_000  # [ns]
 
 
 @pytest.fixture
-def keyboard(monkeypatch: pytest.MonkeyPatch) -> Iterator[Keyboard]:
+def outbox() -> Outbox:
+    return Outbox()
+
+
+@pytest.fixture
+def keyboard(monkeypatch: pytest.MonkeyPatch, outbox: Outbox) -> Iterator[Keyboard]:
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    keyboard = Keyboard(StickGain())
+    keyboard = Keyboard(StickGain(), outbox)
     keyboard.read(0, None)  # what the window says when it opens
     yield keyboard
     keyboard.close()
@@ -131,12 +137,12 @@ def test_keys_that_are_held_while_the_window_opens_do_nothing_until_they_were_le
     assert happened(pygame.KEYDOWN, 2200, key=pygame.K_w).sticks == Sticks(surge=0.6)
 
 
-def test_closing_the_window_loses_the_pilot(keyboard: Keyboard):
+def test_closing_the_window_loses_the_pilot(keyboard: Keyboard, outbox: Outbox):
     press(keyboard, pygame.K_w)
     pygame.event.post(pygame.event.Event(pygame.QUIT))
     closing, later = keyboard.read(20 * MS, None), keyboard.read(60 * MS, None)
     assert not closing.present
-    assert closing.lost == ("closed:keyboard",)
+    assert outbox.counts == {"closed:keyboard": 1}
     assert later == StickReading(present=False, at_rest=False, age_ms=40.0)
 
 
@@ -154,11 +160,11 @@ def test_without_a_display_the_sentence_says_what_to_do_instead(
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"):
         monkeypatch.delenv(name, raising=False)
     with pytest.raises(LindyError, match="no display; use a pad or --pilot script:FILE"):
-        Keyboard(StickGain())
+        Keyboard(StickGain(), Outbox())
 
 
 def test_a_display_that_cannot_be_reached_is_one_sentence(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "x11")
     monkeypatch.setenv("DISPLAY", ":93")
     with pytest.raises(LindyError, match="cannot open the keyboard's window"):
-        Keyboard(StickGain())
+        Keyboard(StickGain(), Outbox())

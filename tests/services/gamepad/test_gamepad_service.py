@@ -10,7 +10,7 @@ import pytest
 from messages import topics
 from messages.health import LogLine
 from messages.pilot import Course, PilotAnswer, PilotCommand, PilotRequest
-from messages.vehicle import Mode, VehicleStatus
+from messages.vehicle import Activity, VehicleStatus
 from services.gamepad.io import sdl
 from services.gamepad.io.path_file import course_named
 from services.gamepad.service import Connected, wire
@@ -66,8 +66,10 @@ class Drone:
         return [line.text for line in self.lines]
 
     def _say_status(self, now: int) -> None:
-        mode: Mode = "starting" if now < S // 2 else "piloted" if self.armed else "ready"
-        self._status.put(VehicleStatus(stamp_ns=now, mode=mode, armed=self.armed, epoch=self.epoch))
+        activity: Activity = "starting" if now < S // 2 else "piloted" if self.armed else "ready"
+        self._status.put(
+            VehicleStatus(stamp_ns=now, activity=activity, armed=self.armed, epoch=self.epoch)
+        )
 
     def _on_request(self, request: PilotRequest, now: int) -> None:
         if request.kind == "lease":
@@ -129,7 +131,8 @@ def hold(hands: Hands, *, arms: bool) -> Callable[[Node, Stack], None]:
     """A wire function like the real one, with `hands` for a source."""
 
     def wired(node: Node, stack: Stack) -> None:  # noqa: ARG001
-        Connected(node, hands, Pilot(node.restore_checkpoint(Progress) or Progress(), arms))
+        progress = node.restore_checkpoint(Progress) or Progress()
+        Connected(node, hands, Pilot(progress, node.outbox, arms))
 
     return wired
 
@@ -207,7 +210,7 @@ def test_an_unanswered_request_is_repeated_with_the_same_id_and_then_given_up(
     assert {b - a for a, b in pairwise(stamps)} == {200 * MS}
     host.run(6 * S)
     assert node.counts["unanswered:arm"] == 1
-    assert "the drone did not answer to 'arm'" in drone.texts()
+    assert "the drone did not answer a request (arm)" in drone.texts()
     drone.answers = True
     host.run(7 * S)
     assert drone.armed  # it asks anew while the drone is ready
@@ -220,7 +223,7 @@ def test_a_refusal_is_told_with_its_reason_and_not_hammered(
     drone.refuses = "the hatch is open"
     node = host.add("gamepad", HOME, script, wire)
     host.run(5 * S)
-    assert "the drone refuses to arm: the hatch is open" in drone.texts()
+    assert "the drone refuses a request (arm): the hatch is open" in drone.texts()
     assert 2 <= len(drone.requests) <= 3
     assert node.counts["refused:arm"] == len(drone.requests)
 

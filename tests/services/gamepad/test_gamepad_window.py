@@ -7,17 +7,18 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from messages import topics
+from messages.events import Outbox
 from messages.vehicle import VehicleStatus
 from services.gamepad.core import PadProfile, StickGain
 from services.gamepad.io import sdl
 from services.gamepad.io.numbers import HasWindow, Numbers, pause_ns
 from services.gamepad.service import Connected
-from services.piloting.head_up import head_up
 from services.piloting.pilot import Pilot, Progress
-from services.piloting.pilot_view import PilotView
 from services.piloting.sticks import StickReading
 from services.runtime.config.errors import LindyError
 from services.runtime.hosts.virtual_host import VirtualHost
+from services.vehicle_view.head_up import head_up
+from services.vehicle_view.view import VehicleView
 
 sdl.load()
 
@@ -28,7 +29,7 @@ from services.gamepad.io.pad import Pad, PadWithWindow  # noqa: E402
 from services.gamepad.io.window import SIZE, PilotWindow  # noqa: E402
 
 S = 1_000_000_000  # [ns]
-LONG = PilotView(
+LONG = VehicleView(
     words="the drone has stopped and holds; " * 20, alarm="x" * 300, depth_m=-12345.678
 )
 
@@ -61,14 +62,14 @@ def test_numbers_are_drawn_ten_times_a_second_after_the_sticks_were_sent():
     host = VirtualHost()
     node = host.node("gamepad", ["topside"])
     done: list[tuple[str, int]] = []
-    Connected(node, Still(), Pilot(Progress(), False))
+    Connected(node, Still(), Pilot(Progress(), Outbox(), False))
     Numbers(node, lambda rows: done.append((rows[0].cells[0].text, host.now)))
     other = host.node("other", ["topside"])
     other.each(topics.PILOT_COMMAND, lambda command, _: done.append(("", command.stamp_ns)))
     status = other.publisher(topics.STATUS)
     other.every(
         topics.STATUS.hz,
-        lambda now: status.put(VehicleStatus(stamp_ns=now, mode="piloted", armed=True)),
+        lambda now: status.put(VehicleStatus(stamp_ns=now, activity="piloted", armed=True)),
     )
     host.run(2 * S)
     drawn = [at for what, at in done if what]
@@ -84,12 +85,12 @@ def test_drawing_has_at_most_a_tenth_of_the_time(cost_ns: int):
     assert pause_ns(cost_ns) >= max(100_000_000, 10 * cost_ns)
 
 
-@pytest.mark.parametrize("view", [PilotView(), LONG])
+@pytest.mark.parametrize("view", [VehicleView(), LONG])
 def test_each_view_is_a_picture_of_its_own_and_the_keys_stay_where_they_are(
-    surface: pygame.Surface, view: PilotView
+    surface: pygame.Surface, view: VehicleView
 ):
     window = PilotWindow(surface, HELP)
-    window.draw(head_up(PilotView(armed=True)))
+    window.draw(head_up(VehicleView(armed=True)))
     keys = surface.subsurface((0, SIZE[1] - 130, SIZE[0], 130))
     before, keys_before = picture(surface), picture(keys)
     window.draw(head_up(view))
@@ -116,26 +117,26 @@ def test_a_sentence_for_every_row_fits_into_its_width(surface: pygame.Surface):
 @example("\u0301")
 @example("W" * 100_000)
 def test_no_text_from_the_bus_ends_the_drawing(surface: pygame.Surface, text: str):
-    view = PilotView(mode=text, hold=text, words=text, note=text, alarm=text)
+    view = VehicleView(activity=text, flight_mode=text, words=text, note=text, alarm=text)
     PilotWindow(surface, HELP).draw(head_up(view))
 
 
 @pytest.mark.usefixtures("surface")
 def test_the_keyboard_has_a_window_and_a_pad_has_one_if_it_is_wanted():
-    keyboard = Keyboard(StickGain())
+    keyboard = Keyboard(StickGain(), Outbox())
     assert isinstance(keyboard, HasWindow)
-    keyboard.show(head_up(PilotView(armed=True)))
+    keyboard.show(head_up(VehicleView(armed=True)))
     keyboard.close()
-    pad = PadWithWindow(PadProfile())
+    pad = PadWithWindow(PadProfile(), Outbox())
     assert isinstance(pad, HasWindow)
-    pad.show(head_up(PilotView(armed=True)))
+    pad.show(head_up(VehicleView(armed=True)))
     assert not pad.read(0, None).present
     pad.close()
-    assert not isinstance(Pad(PadProfile()), HasWindow)
+    assert not isinstance(Pad(PadProfile(), Outbox()), HasWindow)
 
 
 def test_a_pads_window_without_a_display_is_one_sentence(monkeypatch: pytest.MonkeyPatch):
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"):
         monkeypatch.delenv(name, raising=False)
     with pytest.raises(LindyError, match=r"no display; leave gamepad\.window out"):
-        PadWithWindow(PadProfile())
+        PadWithWindow(PadProfile(), Outbox())

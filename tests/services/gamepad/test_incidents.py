@@ -7,6 +7,7 @@ from typing import get_args
 import pytest
 
 from messages import topics
+from messages.events import Outbox
 from messages.link import LinkAnswer, LinkRequest
 from messages.pilot import Course
 from messages.simulator import FaultAnswer, FaultKind, FaultRequest
@@ -76,7 +77,7 @@ def test_a_mistake_is_named_with_its_line(cell: str, says: str):
 def test_the_player_gives_each_once_and_apart_from_the_pilots_requests():
     text = f"{HEAD}0,0,0,0,0\n1,0,0,0,0,fault port dead\n2,0,0,0,0,light\n3,0,0,0,0,link down\n"
     script = parse(text.encode(), no_courses)
-    player = Player("x", script)
+    player = Player("x", script, Outbox())
     first = player.read(S, 0)
     assert first == StickReading(
         sticks=CENTRED,
@@ -86,7 +87,8 @@ def test_the_player_gives_each_once_and_apart_from_the_pilots_requests():
     assert later.presses == ("light",)
     assert later.incidents == (LinkRequest(stamp_ns=0, id="", kind="down"),)
     assert player.read(4 * S, 0).incidents == ()
-    assert Player("x", script, player.played).read(4 * S, 0).incidents == ()  # after a restart
+    restarted = Player("x", script, Outbox(), player.played)
+    assert restarted.read(4 * S, 0).incidents == ()
 
 
 class Asked:

@@ -9,20 +9,22 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 from msgspec.structs import replace
 
+from messages.events import Outbox
 from messages.pilot import PilotAnswer, PilotRequest, RequestKind
-from messages.vehicle import Mode, VehicleStatus
+from messages.vehicle import Activity, VehicleStatus
 from services.piloting.pilot import Effects, Pilot, Progress
 from services.piloting.pilot_intents import GotoIntent, Press
 from services.piloting.sticks import CENTRED, StickReading, Sticks
+from tests.support.told import told
 
 S = 1_000_000_000  # [ns]
 NOBODY: frozenset[RequestKind] = frozenset()
 
 
 def status(
-    epoch: int, *, pilot: str = "", armed: bool = False, mode: Mode = "ready"
+    epoch: int, *, pilot: str = "", armed: bool = False, activity: Activity = "ready"
 ) -> VehicleStatus:
-    return VehicleStatus(stamp_ns=0, mode=mode, armed=armed, pilot=pilot, epoch=epoch)
+    return VehicleStatus(stamp_ns=0, activity=activity, armed=armed, pilot=pilot, epoch=epoch)
 
 
 def answer(accepted: bool, epoch: int | None = None) -> PilotAnswer:
@@ -39,9 +41,9 @@ def kinds(effects: Effects) -> list[str]:
 
 def outdone() -> Pilot:
     """Had the sticks with epoch 1, until another one took them with epoch 2."""
-    pilot = Pilot(Progress(epoch=1), arms=False)
-    effects = pilot.status(status(2, pilot="bob"), NOBODY, 0)
-    assert effects.counts == ["outdone:lease"]
+    pilot = Pilot(Progress(epoch=1), Outbox(), arms=False)
+    pilot.status(status(2, pilot="bob"), NOBODY, 0)
+    assert told(pilot.outbox) == ["outdone:lease"]
     return pilot
 
 
@@ -56,7 +58,7 @@ def test_whoever_was_outdone_and_wants_to_arm_takes_the_sticks_first():
 
 def test_a_script_arms_behind_its_first_command_with_the_granted_epoch():
     """A drone that was flown before hears no other sticks, and would refuse to arm."""
-    pilot = Pilot(Progress(), arms=True)
+    pilot = Pilot(Progress(), Outbox(), arms=True)
     pilot.read(StickReading(), "script", 0, NOBODY, 0)
     (lease,) = pilot.status(status(6), NOBODY, 1).requests
     pilot.answered(lease, answer(True, epoch=7), 2)
@@ -88,24 +90,26 @@ def test_whoever_was_outdone_still_asks_and_leaves_the_answer_to_the_drone(inten
 
 
 def test_a_restarted_drone_that_has_forgotten_the_epoch_is_asked_again():
-    pilot = Pilot(Progress(epoch=3), arms=False)
+    pilot = Pilot(Progress(epoch=3), Outbox(), arms=False)
     assert kinds(pilot.status(status(0), NOBODY, 0)) == ["lease"]
     assert kinds(pilot.status(status(0), {"lease"}, 1)) == []
 
 
 @pytest.mark.parametrize("armed", [False, True])
 def test_a_starting_pilot_waits_while_another_has_control_and_takes_it_when_nobody_has(armed: bool):
-    pilot = Pilot(Progress(), arms=True)
+    pilot = Pilot(Progress(), Outbox(), arms=True)
     heard = pilot.status(status(3, pilot="ann", armed=armed), NOBODY, 0)
     assert (heard.requests, heard.hand_over) == ([], False)
-    assert heard.notes == [("info", "ann has control; waiting until nobody has it")]
+    said = ("info", "ann has control; waiting until nobody has it", "")
+    assert [*pilot.outbox.said] == [said]
     again = pilot.status(status(3, pilot="ann", armed=armed), NOBODY, 1)
-    assert (again.requests, again.notes) == ([], [])
+    assert again.requests == []
+    assert [*pilot.outbox.said] == [said]
     assert kinds(pilot.status(status(3, armed=armed), NOBODY, 2)) == ["lease"]
 
 
 def test_refused_requests_for_control_come_later_and_later():
-    pilot, now, asked = Pilot(Progress(), arms=False), 0, list[int]()
+    pilot, now, asked = Pilot(Progress(), Outbox(), arms=False), 0, list[int]()
     while now < 60 * S:
         for lease in pilot.status(status(3), NOBODY, now).requests:
             asked.append(now)
@@ -118,7 +122,7 @@ def test_refused_requests_for_control_come_later_and_later():
 
 @pytest.mark.parametrize("ended", ["released", "outdone"])
 def test_control_that_was_given_up_or_lost_is_not_taken_back_without_being_asked(ended: str):
-    pilot = Pilot(Progress(epoch=1), arms=True)
+    pilot = Pilot(Progress(epoch=1), Outbox(), arms=True)
     pilot.read(StickReading(), "ann", 0, NOBODY, 0)
     pilot.status(status(1, pilot="ann"), NOBODY, 0)
     given = 1
@@ -127,14 +131,15 @@ def test_control_that_was_given_up_or_lost_is_not_taken_back_without_being_asked
         pilot.overheard(request, answer(True))
     else:
         given = 2
-        assert pilot.status(status(2, pilot="bob"), NOBODY, 1).counts == ["outdone:lease"]
+        pilot.status(status(2, pilot="bob"), NOBODY, 1)
+        assert told(pilot.outbox) == ["outdone:lease"]
     for now in range(0, 60 * S, S):
         assert kinds(pilot.status(status(given), NOBODY, now)) == []
     assert kinds(press(pilot, "arm")) == ["lease"]
 
 
 def test_what_lindy_ask_got_for_this_pilot_is_its_own_and_what_others_got_is_not():
-    pilot = Pilot(Progress(), arms=False)
+    pilot = Pilot(Progress(), Outbox(), arms=False)
     pilot.read(StickReading(), "ann", 0, NOBODY, 0)
     for source, epoch in (("bob", 0), ("ann", 4)):
         foreign = PilotRequest(stamp_ns=0, id="x", kind="force", source=source, epoch=epoch)
@@ -146,12 +151,12 @@ def test_what_lindy_ask_got_for_this_pilot_is_its_own_and_what_others_got_is_not
 
 
 def in_failsafe(epoch: int, *, resumable: bool) -> VehicleStatus:
-    common = status(epoch, pilot="hands", armed=True, mode="piloted")
+    common = status(epoch, pilot="hands", armed=True, activity="piloted")
     return replace(common, failsafe="pilot_lost", reaction="stop", resumable=resumable)
 
 
 def test_a_person_resumes_with_the_arm_button_and_with_deflected_sticks_too():
-    pilot = Pilot(Progress(began_ns=0, epoch=1), arms=True)
+    pilot = Pilot(Progress(began_ns=0, epoch=1), Outbox(), arms=True)
     assert kinds(pilot.status(in_failsafe(1, resumable=True), NOBODY, 0)) == []
     deflected = StickReading(Sticks(heave=1.0), at_rest=False, presses=("arm",))
     assert kinds(pilot.read(deflected, "hands", 0, NOBODY, 1)) == ["resume"]
@@ -168,7 +173,7 @@ def test_who_takes_over_a_drone_in_a_failsafe_resumes_with_the_arm_button():
 
 
 def test_a_script_resumes_by_itself_once_the_conditions_have_ended_and_not_before():
-    pilot = Pilot(Progress(began_ns=0, epoch=1), arms=True, resumes=True)
+    pilot = Pilot(Progress(began_ns=0, epoch=1), Outbox(), arms=True, resumes=True)
     pilot.read(StickReading(), "script", 0, NOBODY, 0)
     assert kinds(pilot.status(in_failsafe(1, resumable=False), NOBODY, 0)) == []
     (resume,) = pilot.status(in_failsafe(1, resumable=True), NOBODY, 0).requests
@@ -180,7 +185,7 @@ def test_a_script_resumes_by_itself_once_the_conditions_have_ended_and_not_befor
 
 
 def test_a_script_whose_pilot_is_away_does_not_resume():
-    pilot = Pilot(Progress(began_ns=0, epoch=1), arms=True, resumes=True)
+    pilot = Pilot(Progress(began_ns=0, epoch=1), Outbox(), arms=True, resumes=True)
     pilot.read(StickReading(present=False), "script", 0, NOBODY, 0)
     assert kinds(pilot.status(in_failsafe(1, resumable=True), NOBODY, 0)) == []
 
@@ -194,7 +199,7 @@ def test_a_script_whose_pilot_is_away_does_not_resume():
 def test_before_the_hand_over_and_without_a_pilot_the_sticks_say_nothing(
     sticks: Sticks, present: bool, began: int | None
 ):
-    pilot = Pilot(Progress(began_ns=began), arms=False)
+    pilot = Pilot(Progress(began_ns=began), Outbox(), arms=False)
     command = pilot.read(StickReading(sticks, present), "hands", 0, NOBODY, 5).command
     assert command is not None
     said = Sticks(command.surge, command.sway, command.heave, command.yaw, command.tilt)
@@ -207,7 +212,7 @@ class AnyOrder(RuleBasedStateMachine):
 
     def __init__(self) -> None:
         super().__init__()
-        self.pilot = Pilot(Progress(), arms=True)
+        self.pilot = Pilot(Progress(), Outbox(), arms=True)
         self.pending: list[PilotRequest] = []
         self.new: list[PilotRequest] = []
         self.at_rest = False

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from messages.events import Outbox
 from services.gamepad.io.path_file import course_named
 from services.gamepad.io.sources import read_script
 from services.gamepad.stick_log import StickLog, StickLogRow, parse
@@ -52,7 +53,7 @@ def test_each_row_holds_until_the_next_and_the_last_one_ends_it(
 def test_every_event_happens_once_whenever_the_player_is_asked(
     rows: list[tuple[int, Sticks, str]], moments: list[int]
 ):
-    player = Player("x", parse(csv(rows), course_named))
+    player = Player("x", parse(csv(rows), course_named), Outbox())
     heard = Counter[object]()
     for ms in [*moments, 90_000]:
         heard.update(player.read(ms * 1_000_000, 0).presses)
@@ -63,7 +64,7 @@ def test_every_event_happens_once_whenever_the_player_is_asked(
 @settings(max_examples=50, deadline=None)
 @given(logs())
 def test_the_player_names_every_instant_at_which_it_changes(rows: list[tuple[int, Sticks, str]]):
-    player, began = Player("x", parse(csv(rows), course_named)), 5 * S
+    player, began = Player("x", parse(csv(rows), course_named), Outbox()), 5 * S
     named, now = list[int](), began - 1
     while (following := player.next_ns(now, began)) is not None:
         assert following > now
@@ -77,7 +78,7 @@ def test_the_player_names_every_instant_at_which_it_changes(rows: list[tuple[int
 def test_the_hands_are_at_rest_while_the_script_moves_nothing_but_the_camera(
     rows: list[tuple[int, Sticks, str]], ms: int
 ):
-    reading = Player("x", parse(csv(rows), course_named)).read(ms * 1_000_000, 0)
+    reading = Player("x", parse(csv(rows), course_named), Outbox()).read(ms * 1_000_000, 0)
     assert reading.at_rest == (reading.sticks._replace(tilt=0.0) == CENTRED)
 
 

@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from messages.pilot import Course, Hold
+from messages.events import Outbox
+from messages.pilot import Course, FlightMode
 from services.gamepad.io.path_file import course_named
 from services.gamepad.io.sources import read_script
 from services.gamepad.stick_log import parse
@@ -53,7 +54,7 @@ def test_follow_reads_a_shipped_path_by_its_name_or_any_by_its_file(tmp_path: Pa
     assert len(shipped.course.waypoints) == 5
 
 
-@pytest.mark.parametrize("hold", get_args(Hold))
+@pytest.mark.parametrize("hold", get_args(FlightMode))
 def test_mode_reads_what_the_drone_is_to_hold(hold: str):
     assert event(f"mode {hold}") == ModeIntent(hold)  # type: ignore[arg-type]
 
@@ -98,7 +99,7 @@ def test_a_mistake_inside_the_path_is_found_when_the_script_is_read(tmp_path: Pa
 
 def test_the_player_hands_them_over_once_in_the_order_of_the_rows():
     text = f"{HEAD}0,0,0,0,0\n1,0,0,0,0,goto depth=2\n2,0,0,0,0,light\n3,0,0,0,0,goto heading=0\n"
-    player = Player("x", parse(text.encode(), course_named))
+    player = Player("x", parse(text.encode(), course_named), Outbox())
     assert player.read(S, 0).presses == (GotoIntent(2.0),)
     assert player.read(3 * S, 0).presses == ("light", GotoIntent(heading=0.0))
     assert player.read(4 * S, 0).presses == ()

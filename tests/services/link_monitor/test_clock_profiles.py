@@ -46,6 +46,7 @@ def told(profile: str, drift: float, seed: int) -> list[Told]:
     return said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drift", [DRIFT, -DRIFT])
 @pytest.mark.parametrize("profile", PROFILES)
 def test_the_truth_is_inside_the_bound(profile: str, drift: float) -> None:

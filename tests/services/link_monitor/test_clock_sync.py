@@ -4,8 +4,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from messages.events import Outbox
 from messages.link import ClockPong
 from services.link_monitor.clock_sync import DRIFT, KEPT, ClockSync
+from tests.support.told import told
 
 SECOND = 1_000_000_000
 delays = st.lists(
@@ -35,7 +37,7 @@ def trip(
 def test_the_true_offset_is_always_inside_the_bound(
     delays: list[tuple[int, int, int]], offset: int, drift: float
 ) -> None:
-    sync, newest = ClockSync(), 0
+    sync, newest = ClockSync(Outbox()), 0
     for k, (down, up, turn) in enumerate(delays):
         pong, back = trip(k * SECOND // 5, down, up, turn, offset, drift)
         newest = max(newest, back)
@@ -45,7 +47,7 @@ def test_the_true_offset_is_always_inside_the_bound(
         assert clock.offset_ns is not None
         assert clock.bound_ns is not None
         assert abs(clock.offset_ns - true) <= clock.bound_ns + 2  # integer stamps
-    assert sync.events == []
+    assert told(sync.outbox) == []
 
 
 @given(offset=offsets, fast=st.integers(0, 1_000_000), slow=st.integers(0, SECOND))
@@ -53,7 +55,7 @@ def test_the_true_offset_is_always_inside_the_bound(
 def test_one_fast_round_trip_among_slow_ones_sets_the_bound(
     offset: int, fast: int, slow: int
 ) -> None:
-    sync = ClockSync()
+    sync = ClockSync(Outbox())
     for k in range(20):
         delay = fast if k == 10 else fast + slow
         pong, back = trip(k * SECOND // 5, delay, delay, 0, offset, 0.0)
@@ -66,26 +68,26 @@ def test_one_fast_round_trip_among_slow_ones_sets_the_bound(
 @given(jump=st.integers(2 * SECOND, 3600 * SECOND), back=st.booleans())
 @settings(max_examples=50, deadline=None)
 def test_a_clock_that_is_set_is_noticed_counted_and_learnt_anew(jump: int, back: bool) -> None:
-    sync, offset = ClockSync(), 10**12
+    sync, offset = ClockSync(Outbox()), 10**12
     for k in range(20):
         if k == 10:
             offset += -jump if back else jump
         pong, arrival = trip(k * SECOND // 5, 5_000_000, 5_000_000, 0, offset, 0.0)
         sync.heard(pong, arrival)
     clock = sync.clock(4 * SECOND)
-    assert sync.events == ["jumped:clock"]
+    assert told(sync.outbox) == ["jumped:clock"]
     assert clock.offset_ns == pytest.approx(offset, abs=6_000_000)
 
 
 def test_a_pong_that_cannot_be_is_not_believed() -> None:
-    sync = ClockSync()
+    sync = ClockSync(Outbox())
     sync.heard(ClockPong(stamp_ns=500, ping_ns=0, heard_ns=100), 10)
-    assert sync.events == ["impossible:clock/pong"]
+    assert told(sync.outbox) == ["impossible:clock/pong"]
     assert sync.clock(20).offset_ns is None
 
 
 def test_drift_is_told_once_it_can_be() -> None:
-    sync, drift = ClockSync(), None
+    sync, drift = ClockSync(Outbox()), None
     for k in range(600):
         pong, back = trip(k * SECOND // 5, 1_000_000, 1_000_000, 0, 10**9, 40e-6)
         sync.heard(pong, back)
@@ -95,7 +97,7 @@ def test_drift_is_told_once_it_can_be() -> None:
 
 
 def test_an_answer_that_stays_away_leaves_no_round_trip_but_the_offset() -> None:
-    sync = ClockSync()
+    sync = ClockSync(Outbox())
     pong, back = trip(0, 1_000_000, 1_000_000, 0, 10**9, 0.0)
     sync.heard(pong, back)
     assert sync.clock(back).rtt_ms == pytest.approx(2.0)
@@ -111,7 +113,7 @@ def test_an_answer_that_stays_away_leaves_no_round_trip_but_the_offset() -> None
 def test_round_trips_that_are_forgotten_would_have_told_nothing(
     delays: list[tuple[int, int, int]], offset: int, drift: float
 ) -> None:
-    sync, bands, now = ClockSync(), list[tuple[int, int, int]](), 0
+    sync, bands, now = ClockSync(Outbox()), list[tuple[int, int, int]](), 0
     for k, (down, up, turn) in enumerate(delays):
         pong, back = trip(k * SECOND // 5, down, up, turn, offset, drift)
         now = max(now, back)
@@ -126,7 +128,7 @@ def test_round_trips_that_are_forgotten_would_have_told_nothing(
 
 
 def test_a_fast_round_trip_counts_for_so_many_round_trips_and_no_longer() -> None:
-    sync, fast, slow = ClockSync(), 1_000_000, 50_000_000
+    sync, fast, slow = ClockSync(Outbox()), 1_000_000, 50_000_000
     least = list[float | None]()
     for k in range(KEPT + 1):
         delay = fast if k == 0 else slow

@@ -2,6 +2,7 @@
 
 from collections import Counter
 
+import msgspec
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -48,6 +49,28 @@ def test_a_service_that_has_started_again_counts_anew_and_is_no_flood() -> None:
     watch.health(health({"malformed:state": 900}), 0)
     watch.health(health({"malformed:state": 3}), S)
     assert watch.words(S) == ""
+
+
+@given(st.lists(st.tuples(st.integers(0, 1), st.integers(0, 5)), max_size=30))
+def test_two_topsides_of_one_drone_are_no_flood_whatever_each_has_counted(
+    reports: list[tuple[int, int]],
+) -> None:
+    watch, counted = JunkWatch(), [0, 30]  # since their starts
+    for at, (topside, more) in enumerate(reports):
+        counted[topside] += more
+        told = health({"malformed:state": counted[topside]}, "recorder_topside")
+        watch.health(msgspec.structs.replace(told, instance=topside + 1), at * S // 2)
+        assert watch.words(at * S // 2) == ""
+
+
+def test_restarted_services_leave_room_for_others() -> None:
+    watch = JunkWatch()
+    for second in range(3 * SERVICES):
+        told = msgspec.structs.replace(health({}), instance=second)
+        watch.health(told, second * S)
+    for second in range(3):
+        watch.health(health({"malformed:x": 100 * second}, "new"), (4 * SERVICES + second) * S)
+    assert watch.words((4 * SERVICES + 2) * S).startswith("new cannot read")
 
 
 def test_a_broken_sensor_is_no_flood() -> None:

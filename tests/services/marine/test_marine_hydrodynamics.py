@@ -8,10 +8,16 @@ from hypothesis import strategies as st
 
 from messages.units import Vec6
 from services.marine.attitude import down_in_body, from_euler
-from services.marine.hydrodynamics import damping, full_buoyancy, restoring, submerged_share
+from services.marine.hydrodynamics import (
+    damping,
+    full_buoyancy,
+    submerged_share,
+    wake_fins,
+    wake_lift,
+)
 from services.marine.vehicle import GRAVITY, Vehicle
-from services.marine.wake import wake_fins, wake_lift
 from services.runtime.config.stack import Stack
+from tests.support.textbook_vessel import restoring
 
 PIONEER = Stack().section("vehicle", Vehicle)
 motion = st.tuples(*[st.floats(-3, 3)] * 6)

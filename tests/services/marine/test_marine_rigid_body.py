@@ -6,9 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages.units import Vec6
-from services.marine.rigid_body import coriolis, kinetic_energy, system_inertia
+from services.marine.hydrodynamics import coriolis, system_inertia
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
+from tests.support.textbook_vessel import kinetic_energy
 
 PIONEER = Stack().section("vehicle", Vehicle)
 motion = st.tuples(*[st.floats(-3, 3)] * 6)

@@ -6,8 +6,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from messages.units import Vec3
-from services.marine.thrusters import driven, limited, total_wrench, wrench_per_newton
-from services.marine.vehicle import Thruster
+from services.marine.vehicle import Thruster, driven, limited, total_wrench, wrench_per_newton
 
 LATERAL = Thruster(
     name="lateral",

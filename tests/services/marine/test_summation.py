@@ -14,13 +14,11 @@ from services.marine.summation import plain_sum
 # Where the builtin `sum` counts whole numbers, which are exact.
 COUNTING = {
     "services/link_monitor/junk_watch.py",
-    "services/mavlink/io/links.py",
     "services/recorder/io/mcap_summary.py",
     "services/runtime/hosts/registry.py",
     "services/runtime/launch/child.py",
     "services/runtime/node/node.py",
     "services/tether/link_model.py",
-    "services/tether/priority_queue.py",
     "services/visualizer/curves.py",
     "services/visualizer/status.py",
     "services/visualizer/thruster_changes.py",

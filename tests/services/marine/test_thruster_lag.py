@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.marine.thruster_lag import Lag, LagMode, decay, first_order, modes_of
+from services.marine.vehicle import Lag, LagMode, decay, first_order, modes_of
 
 T200 = Lag(numerator=[6136.0, 108700.0], denominator=[1.0, 89.0, 9258.0, 108700.0])
 law = settings(max_examples=80, deadline=None)

@@ -8,11 +8,9 @@ import msgspec
 import numpy as np
 import pytest
 
-from services.marine.hydrodynamics import damping
-from services.marine.rigid_body import system_inertia
+from services.marine.hydrodynamics import damping, system_inertia
 from services.marine.thrust_curve import CURVES
-from services.marine.thrusters import wrench_per_newton
-from services.marine.vehicle import Vehicle
+from services.marine.vehicle import Vehicle, wrench_per_newton
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import deploy_file
 from services.runtime.config.stack import Stack

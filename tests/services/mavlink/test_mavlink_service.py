@@ -1,6 +1,6 @@
 """A ground station flies the simulated vehicle on virtual time, over links that a test holds."""
 
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,8 +11,9 @@ from messages import topics
 from messages.pilot import PilotCommand
 from messages.vehicle import Truth, VehicleStatus
 from services.mavlink.core import Settings
-from services.mavlink.packets import Addressed, GroundStation, ReceivedPacket
+from services.mavlink.packets import Addressed, GroundStation
 from services.mavlink.service import GroundStations, wire
+from services.mavlink_io.packet import MavlinkPacket
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
@@ -30,18 +31,17 @@ class Air:
     """Links that the test holds both ends of."""
 
     def __init__(self) -> None:
-        self.counts: Counter[str] = Counter()
         self.names = [ANN.link, BOB.link]
         self.sent: list[Addressed] = []
-        self.waiting: deque[ReceivedPacket] = deque()
+        self.waiting: deque[MavlinkPacket] = deque()
 
-    def received(self) -> list[ReceivedPacket]:
+    def receive(self) -> list[MavlinkPacket]:
         packets = list(self.waiting)
         self.waiting.clear()
         return packets
 
-    def send(self, addressed: Addressed) -> None:
-        self.sent.append(addressed)
+    def send(self, packet: MavlinkPacket, link: str | None) -> None:
+        self.sent.append(Addressed(link, packet))
 
     def of(self, name: str, link: str = ANN.link) -> list[dict[str, Any]]:
         here = (None, link)
@@ -82,7 +82,8 @@ class Dive:
         self.host.add("mavlink", self.rows["gamepad"], self.stack, wired)
 
     def hear(self, name: str, sender: GroundStation = ANN, **fields: Any) -> None:
-        self.air.waiting.append(ReceivedPacket(sender, name, fields))
+        link, system, component = sender
+        self.air.waiting.append(MavlinkPacket(name, fields, system, component, link))
         self.notify()
 
     def command(self, number: int, *params: float, sender: GroundStation = ANN) -> None:
@@ -106,7 +107,7 @@ class Dive:
     def armed(self) -> "Dive":
         for _ in range(20):
             self.steer(0.5)
-            if self.status.mode == "ready":
+            if self.status.activity == "ready":
                 break
         self.command(400, 1.0)
         self.steer(0.5)
@@ -142,7 +143,7 @@ def test_a_ground_station_dives_a_metre_lets_go_and_the_drone_holds(tmp_path: Pa
     )
     dive.command(176, 1.0, 19.0)
     dive.steer(0.5)
-    assert dive.status.hold == "manual"
+    assert dive.status.flight_mode == "manual"
     assert dive.air.of("HEARTBEAT")[-1]["custom_mode"] == 2  # a second old at most …
     dive.steer(1.0)
     assert dive.air.of("HEARTBEAT")[-1]["custom_mode"] == 19
@@ -155,7 +156,7 @@ def test_a_ground_station_dives_a_metre_lets_go_and_the_drone_holds(tmp_path: Pa
 
 def test_the_first_sticks_are_enough_to_arm(tmp_path: Path) -> None:
     dive = Dive(tmp_path)
-    dive.host.run(20 * S, done=lambda: bool(dive.statuses) and dive.status.mode == "ready")
+    dive.host.run(20 * S, done=lambda: bool(dive.statuses) and dive.status.activity == "ready")
     dive.run(1.0)
     dive.hear("MANUAL_CONTROL", **NEUTRAL)
     dive.command(400, 1.0)
@@ -189,7 +190,7 @@ def test_a_ground_station_that_falls_silent_is_a_lost_pilot_within_its_time_to_l
     dive.command(176, 1.0, 19.0)
     dive.steer(0.5)
     assert dive.status.failsafe == "none"
-    assert dive.status.hold == "manual"
+    assert dive.status.flight_mode == "manual"
 
 
 def test_who_arms_while_a_failsafe_acts_resumes(tmp_path: Path) -> None:
@@ -211,7 +212,7 @@ def test_beside_a_script_that_flies_the_ground_station_watches(tmp_path: Path) -
     dive.command(176, 1.0, 19.0)
     dive.steer(2.0, z=1000)
     assert dive.status.armed
-    assert dive.status.hold == "stabilised"
+    assert dive.status.flight_mode == "stabilised"
     assert {command.source for command in dive.commands} == {"script script"}
     assert [result for _, result in dive.acks] == [4, 4]
     assert "script script has control" in str(dive.air.of("STATUSTEXT"))

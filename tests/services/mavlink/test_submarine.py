@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from messages.events import Outbox
 from messages.health import LogLine
 from messages.message import Estimate
 from messages.pilot import PilotAnswer, PilotRequest, RequestKind
@@ -15,13 +16,14 @@ from messages.state import VehicleState
 from messages.vehicle import VehicleStatus
 from services.mavlink.core import Settings, Submarine
 from services.mavlink.modes import CHOSEN
-from services.mavlink.numbers import FORCE, MESSAGE_IDS, MavCommand, MavResult
 from services.mavlink.packets import GroundStation, ReceivedPacket
 from services.mavlink.parameters import NAMES, TABLE
 from services.mavlink.reaction import Reaction
 from services.mavlink.streams import DEFAULT_HZ, STREAMS
 from services.mavlink.telemetry import Snapshot
+from services.mavlink_io.numbers import FORCE, MESSAGE_IDS, MavCommand, MavResult
 from services.piloting.pilot import Pilot, Progress
+from tests.support.told import told
 
 S, MS = 1_000_000_000, 1_000_000
 ANN, BOB = GroundStation("udp a", 255, 190), GroundStation("tcp b", 254, 190)
@@ -40,14 +42,19 @@ class Drone:
     """Answers what a submarine asks, at once."""
 
     def __init__(self, *, accepts: bool = True, reason: str = "") -> None:
-        self.submarine = Submarine(Settings(), Pilot(Progress(), arms=False), 0)
+        self.outbox = Outbox()
+        self.submarine = Submarine(Settings(), Pilot(Progress(), self.outbox, arms=False), 0)
         self.accepts, self.reason = accepts, reason
         self.asked: list[str] = []
         self.epoch, self.holder, self.armed, self.now = 0, "", False, 0
 
     def status(self) -> VehicleStatus:
         return VehicleStatus(
-            stamp_ns=self.now, mode="ready", armed=self.armed, pilot=self.holder, epoch=self.epoch
+            stamp_ns=self.now,
+            activity="ready",
+            armed=self.armed,
+            pilot=self.holder,
+            epoch=self.epoch,
         )
 
     def hear(self, name: str, sender: GroundStation = ANN, **fields: Any) -> Reaction:
@@ -65,7 +72,6 @@ class Drone:
                 self.armed = request.kind == "arm"
             more = self.answer(self.submarine.answered(request, self._answer(request, accepted), 0))
             reaction.packets += more.packets
-            reaction.counts += more.counts
         return reaction
 
     def _answer(self, request: PilotRequest, accepted: bool) -> PilotAnswer:
@@ -180,7 +186,7 @@ def test_nobody_arms_without_sticks_or_by_force() -> None:
 def test_a_ground_station_without_sticks_asks_in_its_own_name() -> None:
     drone = Drone()
     request = drone.command(MavCommand.DO_SET_MODE, 1.0, 19.0, sender=BOB).requests[0]
-    assert (request.kind, request.hold, request.source) == (
+    assert (request.kind, request.flight_mode, request.source) == (
         "mode", "manual", "ground station 254/190",
     )  # fmt: skip
 
@@ -188,16 +194,18 @@ def test_a_ground_station_without_sticks_asks_in_its_own_name() -> None:
 def test_a_second_ground_station_is_told_and_not_obeyed() -> None:
     drone = Drone().flown()
     drone.asked.clear()
+    told(drone.outbox)
     reaction = drone.sticks(BOB, z=0)
     assert reaction.command is None
     assert "ground station 255/190 has the sticks" in texts(reaction)
-    assert reaction.counts == ["not_the_holder:sticks"]
+    assert told(drone.outbox) == ["not_the_holder:sticks"]
     for number, params in ((400, (0.0,)), (400, (1.0,)), (176, (1.0, 19.0))):
         assert acks(drone.command(number, *params, sender=BOB)) == [MavResult.DENIED]
     assert drone.asked == []
     set_by_bob = {"param_id": "JS_GAIN_DEFAULT", "param_value": 0.25, "param_type": 9}
+    told(drone.outbox)
     reaction = drone.hear("PARAM_SET", sender=BOB, **set_by_bob, **HERE)
-    assert reaction.counts == ["not_the_holder:parameter"]
+    assert told(drone.outbox) == ["not_the_holder:parameter"]
     assert sent(reaction, "PARAM_VALUE")[0]["param_value"] == 0.5
 
 
@@ -258,12 +266,14 @@ def test_the_idle_service_asks_for_no_control() -> None:
     [{"target_system": 2, "target_component": 1}, {"target_system": 1, "target_component": 154}],
 )
 def test_what_is_for_others_is_counted_and_not_answered(fields: dict[str, Any]) -> None:
-    reaction = Drone().hear("COMMAND_LONG", command=400, param1=1.0, param2=0.0, **fields)
-    assert (reaction.packets, reaction.counts) == ([], ["wrong_target:mavlink"])
-    echo = Drone().hear("PARAM_REQUEST_LIST", GroundStation("udp a", 1, 1), **HERE)
-    assert echo.counts == ["wrong_target:mavlink"]
+    drone = Drone()
+    reaction = drone.hear("COMMAND_LONG", command=400, param1=1.0, param2=0.0, **fields)
+    assert (reaction.packets, told(drone.outbox)) == ([], ["wrong_target:mavlink"])
+    drone.hear("PARAM_REQUEST_LIST", GroundStation("udp a", 1, 1), **HERE)
+    assert told(drone.outbox) == ["wrong_target:mavlink"]
     sticks: dict[str, Any] = {"target": 0, "x": 0, "y": 0, "z": 500, "r": 0, "buttons": 0}
-    assert Drone().hear("MANUAL_CONTROL", **sticks).counts == ["wrong_target:mavlink"]
+    drone.hear("MANUAL_CONTROL", **sticks)
+    assert told(drone.outbox) == ["wrong_target:mavlink"]
 
 
 # Parameters.
@@ -301,17 +311,18 @@ def test_a_parameter_keeps_its_limits_and_the_answer_is_the_value_in_force(
     assert answer["param_value"] == in_force()
     if limits is None or not limits[0] <= value <= limits[1]:
         assert in_force() == before
-        assert "refused:parameter" in reaction.counts
+        assert "refused:parameter" in drone.outbox.counts
     else:
         assert in_force() == pytest.approx(value, abs=0.5 if TABLE[name].kind != 9 else 1e-6)
 
 
 @given(name=st.text(max_size=16), index=st.integers(-32768, 32767))
 def test_an_unknown_parameter_is_counted(name: str, index: int) -> None:
-    reaction = Drone().hear("PARAM_REQUEST_READ", param_id=name, param_index=index, **HERE)
+    drone = Drone()
+    reaction = drone.hear("PARAM_REQUEST_READ", param_id=name, param_index=index, **HERE)
     known = 0 <= index < len(NAMES) or (index == -1 and name in NAMES)
     assert len(sent(reaction, "PARAM_VALUE")) == (1 if known else 0)
-    assert ("unknown_parameter:mavlink" in reaction.counts) == (not known)
+    assert ("unknown_parameter:mavlink" in drone.outbox.counts) == (not known)
 
 
 # Streams.
@@ -429,12 +440,12 @@ def test_warnings_become_texts_and_too_many_are_counted() -> None:
         for k in range(1000)
     ]
     assert sum(len(reaction.packets) for reaction in flood) < 30
-    assert sum(reaction.counts.count("dropped:statustext") for reaction in flood) > 950
+    assert drone.outbox.counts["dropped:statustext"] > 950
 
 
 def test_a_failsafe_is_told_once() -> None:
     drone = Drone()
-    failed = VehicleStatus(stamp_ns=0, mode="piloted", armed=True, failsafe="pilot_lost")
+    failed = VehicleStatus(stamp_ns=0, activity="piloted", armed=True, failsafe="pilot_lost")
     assert "failsafe: pilot lost" in texts(drone.submarine.status(failed, NOBODY, 0))
     assert texts(drone.submarine.status(failed, NOBODY, 1)) == ""
 

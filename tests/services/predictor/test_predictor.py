@@ -110,6 +110,7 @@ def test_the_misses_are_the_root_mean_squares_of_what_the_guesses_were_off_by(
     assert delayed == Miss(depth=0.0, heading=0.0, place=None if place is None else 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("one_way_ms", [25, 250])
 def test_the_predicted_now_is_at_most_a_third_as_far_off_as_the_delayed_picture(
     tmp_path: Path, one_way_ms: int

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from mcap.reader import make_reader
 
-from messages import topics
+from messages import events, topics
 from messages.health import LogLine
 from messages.sensors import PressureSample
 from messages.vehicle import VehicleStatus
@@ -44,7 +44,7 @@ class Dive:
             5,
             lambda now: status.put(
                 VehicleStatus(
-                    stamp_ns=now, mode="ready", armed=armed_s <= now / SECOND < disarmed_s
+                    stamp_ns=now, activity="ready", armed=armed_s <= now / SECOND < disarmed_s
                 )
             ),
         )
@@ -159,9 +159,9 @@ def test_a_part_ends_when_it_is_large(tmp_path: Path):
 def test_losses_are_told_once_over_all_parts(tmp_path: Path):
     dive = Dive(tmp_path, "part_time=0.05")
     dive.run(1.0)
-    dive.recorder.count("malformed:state", 3)
+    dive.recorder.tell(events.MALFORMED("state"), 3)
     dive.run(4.0)
-    dive.recorder.count("malformed:state", 4)
+    dive.recorder.tell(events.MALFORMED("state"), 4)
     dive.run(8.0)
     dive.host.close()
     assert len(dive.files) == 3

@@ -61,7 +61,7 @@ def test_without_seconds_nothing_is_held_back():
 
 
 def status(**changes: object) -> VehicleStatus:
-    return VehicleStatus(**({"stamp_ns": 0, "mode": "ready", "armed": False} | changes))  # type: ignore[arg-type]
+    return VehicleStatus(**({"stamp_ns": 0, "activity": "ready", "armed": False} | changes))  # type: ignore[arg-type]
 
 
 def test_arming_a_request_an_alarm_and_a_failsafe_begin_a_recording():

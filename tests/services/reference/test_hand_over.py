@@ -6,6 +6,7 @@ from itertools import pairwise
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from messages.events import Outbox
 from messages.message import Estimate
 from messages.pilot import PilotCommand, PilotRequest, RequestKind
 from messages.reference import Motion, Reference
@@ -47,7 +48,7 @@ class TwoPilots:
     """Wired as in the service; both always speak, each with sticks of its own."""
 
     def __init__(self) -> None:
-        self.generator = ReferenceGenerator(Settings())
+        self.generator = ReferenceGenerator(Settings(), Outbox())
         self.epochs = {"ann": 0, "bob": 0}
         self.sticks = {"ann": (0.0, 0.0, 0.0), "bob": (0.0, 0.0, 0.0)}
         self.now = 0  # [ns]

@@ -9,15 +9,17 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from messages.control import Wrench
+from messages.events import Outbox
 from messages.message import Estimate
 from messages.pilot import Course, PilotAnswer, PilotCommand, PilotRequest
 from messages.reference import Reference
 from messages.state import VehicleState
 from services.reference.core import ReferenceGenerator, Settings
-from services.reference.failsafe.watch import Newest
+from services.reference.failsafe.watch import WatchedMessages
 from services.reference.guidance.guidance import TURN_SHORT
 from services.reference.paths.heading import wrap
 from services.runtime.config.stack import Stack
+from tests.support.told import told
 
 DT = 10_000_000  # [ns]
 stick = st.floats(-1.0, 1.0)
@@ -62,7 +64,7 @@ class Flight:
     """An ideal drone that is always where the reference wants it."""
 
     def __init__(self, settings: Settings | None = None) -> None:
-        self.generator = ReferenceGenerator(settings or Settings())
+        self.generator = ReferenceGenerator(settings or Settings(), Outbox())
         self.now = 0
         self.depth: float = 1.0
         self.heading: float = 0.0
@@ -105,7 +107,7 @@ def test_it_does_not_arm_before_the_estimator_is_ready() -> None:
     guidance = Flight()
     guidance.generator.step(state(DT, phase="calibrating"), sticks(DT), DT)
     assert "does not know its depth" in guidance.ask("arm")
-    assert guidance.generator.mode == "starting"
+    assert guidance.generator.activity == "starting"
 
 
 def test_the_pilot_reads_what_keeps_the_drone_from_being_ready() -> None:
@@ -119,7 +121,7 @@ def test_the_pilot_reads_what_keeps_the_drone_from_being_ready() -> None:
     assert note(None).startswith("not ready: no state of the drone: no usable samples of its IMU")
     assert note(calibrating) == "calibrating: keep the drone still, 7 s to go"
     blocked = replace(calibrating, calibration_left=None, blocked_by="upside_down:sensor/imu")
-    assert note(blocked).startswith("not ready: the IMU read as if the drone lay upside down")
+    assert note(blocked).startswith("not ready: the IMU reads as if the drone lay upside down")
     assert note(None).startswith("not ready: no state")
     assert note(state(DT)) == ""
 
@@ -185,7 +187,7 @@ def test_a_lost_pilot_means_a_smooth_stop_and_hold_and_is_counted_once() -> None
     later = guidance.fly(1.0, None)
     assert end.depth.velocity == end.surge_force == 0.0
     assert later.depth.position == end.depth.position
-    assert guidance.generator.events == ["failsafe:pilot_lost"]
+    assert told(guidance.generator.outbox) == ["failsafe:pilot_lost"]
     assert guidance.generator.status(0).failsafe == "pilot_lost"
 
 
@@ -201,7 +203,7 @@ def test_stop_ignores_the_sticks_until_they_were_centred() -> None:
     guidance.fly(2.0, sticks(0, heave=1.0))
     guidance.ask("stop")
     assert guidance.fly(4.0, sticks(0, heave=1.0)).depth.velocity == 0.0
-    assert guidance.generator.mode == "stopping"
+    assert guidance.generator.activity == "stopping"
     guidance.fly(0.1, sticks(0))
     assert guidance.fly(3.0, sticks(0, heave=1.0)).depth.velocity == Settings().heave.max_velocity
 
@@ -214,7 +216,7 @@ def test_held_back_by_the_floor_the_reference_waits() -> None:
         out = generator.step(state(now, depth=1.0), sticks(0, heave=1.0), now)
         assert out is not None
         assert out.depth.position <= 1.0 + s.heave.max_error + 1e-9
-    assert generator.events.count("clamped:reference.depth") == 1
+    assert generator.outbox.counts["clamped:reference.depth"] == 1
 
 
 @pytest.mark.parametrize(("achieved", "most"), [(6.0, TURN_SHORT), (9.0, 0.5)])
@@ -238,7 +240,7 @@ def test_where_all_thrust_does_not_turn_it_fast_enough_the_heading_waits(
             heading_integral=0.0,
             saturated=True,
         )
-        generator.conditions.newest = Newest(wrench=wrench)
+        generator.conditions.newest = WatchedMessages(wrench=wrench)
         out = generator.step(state(now, heading=turned), sticks(0, yaw=1.0), now)
         assert out is not None
         furthest = max(furthest, out.heading.position - turned)
@@ -288,12 +290,12 @@ def test_goto_arrives_exactly_at_depth_and_heading_the_shortest_way() -> None:
     guidance.fly(3.0, sticks(0))
     turned = guidance.heading
     assert guidance.ask("goto", depth=3.0, heading=0.5) == ""
-    assert guidance.generator.mode == "goto"
+    assert guidance.generator.activity == "goto"
     end = guidance.fly(15.0, sticks(0))
     assert abs(end.depth.position - 3.0) < 1e-9
     assert abs(wrap(end.heading.position - 0.5)) < 1e-9
     assert abs(end.heading.position - turned) <= pi
-    assert guidance.generator.mode == "piloted"
+    assert guidance.generator.activity == "piloted"
     continuous(guidance.flown)
 
 
@@ -318,11 +320,11 @@ def course(**more: object) -> Course:
 def test_a_path_is_followed_to_its_end_in_heading_depth_and_pace() -> None:
     guidance = armed()
     assert guidance.ask("follow", course=course()) == ""
-    assert guidance.generator.mode == "follow"
+    assert guidance.generator.activity == "follow"
     guidance.fly(130.0, sticks(0))
     end = guidance.flown[-1]
-    assert guidance.generator.mode == "piloted"
-    assert guidance.generator.notes == ["the end of the path"]
+    assert guidance.generator.activity == "piloted"
+    assert [text for _, text, _ in guidance.generator.outbox.said] == ["the end of the path"]
     assert abs(end.heading.position - pi / 2) < 1e-9
     assert abs(end.depth.position - 3.0) < 1e-9
     assert end.surge is None
@@ -358,6 +360,7 @@ def test_a_lost_pilot_stops_on_the_path() -> None:
     continuous(guidance.flown)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", ["stop", "pilot_lost", "sticks"])
 @pytest.mark.parametrize("vehicle", ["bluerov2_heavy", "minerva", "pioneer"])
 def test_a_path_ends_by_the_limits_of_the_place(vehicle: str, ending: str) -> None:
@@ -384,7 +387,7 @@ def test_a_path_that_cannot_be_is_refused_with_the_reason() -> None:
     bad = Course(waypoints=((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)), min_radius=9.0)
     assert "this is no path: " in guidance.ask("follow", course=bad)
     assert guidance.ask("follow") == "follow needs a path"
-    assert guidance.generator.mode == "piloted"
+    assert guidance.generator.activity == "piloted"
 
 
 def test_goto_and_follow_are_refused_when_they_make_no_sense() -> None:
@@ -444,6 +447,6 @@ def test_goto_a_place_turns_there_runs_the_distance_and_stops() -> None:
     assert dist(guidance.place, (2.0, 9.0)) < 1e-6
     assert abs(end.heading.position - pi / 2) < 1e-9
     assert abs(end.depth.position - 2.0) < 1e-9
-    assert guidance.generator.mode == "piloted"
+    assert guidance.generator.activity == "piloted"
     assert all(r.surge is None for r in guidance.flown)  # nothing of it was blind
     continuous(guidance.flown)

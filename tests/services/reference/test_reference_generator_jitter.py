@@ -3,6 +3,7 @@
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from messages.events import Outbox
 from messages.message import Estimate
 from messages.pilot import PilotCommand, PilotRequest
 from messages.reference import Motion
@@ -36,7 +37,7 @@ def state(sensor_ns: int) -> VehicleState:
 
 def flown(moves: list[tuple[int, int]], latency_ms: int) -> list[tuple[Motion, Motion]]:
     """Depth and heading of every reference, sticks away from the centre all the time."""
-    generator, k = ReferenceGenerator(Settings()), 100
+    generator, k = ReferenceGenerator(Settings(), Outbox()), 100
     said: list[tuple[Motion, Motion]] = []
 
     def step(*, heard: bool) -> None:

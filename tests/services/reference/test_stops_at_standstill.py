@@ -4,6 +4,7 @@ import pytest
 from msgspec import UNSET
 from msgspec.structs import replace
 
+from messages.events import Outbox
 from messages.message import Estimate
 from messages.pilot import PilotCommand, PilotRequest
 from messages.reference import Reference
@@ -20,7 +21,7 @@ class Pilot:
 
     def __init__(self, *, late: bool = False, limit: float = 100.0) -> None:
         failsafe = FailsafeSettings(depth_limit=limit)
-        self.generator = ReferenceGenerator(Settings(failsafe=failsafe))
+        self.generator = ReferenceGenerator(Settings(failsafe=failsafe), Outbox())
         self.now = 0
         self.late = late
         self.depth, self.heading = 1.0, 0.0

@@ -10,11 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages.control import ThrusterCommand
+from messages.events import Outbox
 from messages.sensors import BatterySample
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
-from services.simulator.battery import Battery
 from services.simulator.core import Settings, Simulator, WorldCheckpoint, at_the_surface
+from services.simulator.propulsion import Battery
+from tests.support.told import told
 
 MS = 1_000_000  # [ns]
 PIONEER = Stack().section("vehicle", Vehicle)
@@ -27,8 +29,20 @@ def diving(**changes: Any) -> WorldCheckpoint:
     return msgspec.structs.replace(surface, state=state, **changes)
 
 
-def simulator(world: WorldCheckpoint | None = None, seed: int = 0) -> Simulator:
-    fresh = Simulator(PIONEER, Settings(), seed, world or diving())
+class ToldSimulator(Simulator):
+    """With an outbox of its own."""
+
+    def __init__(self, seed: int, world: WorldCheckpoint) -> None:
+        self.outbox = Outbox()
+        super().__init__(PIONEER, Settings(), seed, world, self.outbox)
+
+    def counted(self, command: ThrusterCommand, now: int) -> list[str]:
+        self.obey(command, now)
+        return told(self.outbox)
+
+
+def simulator(world: WorldCheckpoint | None = None, seed: int = 0) -> ToldSimulator:
+    fresh = ToldSimulator(seed, world or diving())
     fresh.advance(0)
     return fresh
 
@@ -46,7 +60,7 @@ def command(now: int, *thrust: float, ttl_ms: float = 200.0) -> ThrusterCommand:
 
 def test_it_begins_at_rest_floating_level_on_the_heading_asked_for() -> None:
     about = Settings(start_heading=1.2)
-    sim = Simulator(PIONEER, about, 0, at_the_surface(PIONEER, about))
+    sim = Simulator(PIONEER, about, 0, at_the_surface(PIONEER, about), Outbox())
     for ms in range(0, 1000, 10):
         sim.advance(ms * MS)
     truth = sim.truth()
@@ -64,7 +78,8 @@ def test_a_sea_too_shallow_to_float_in_is_refused() -> None:
 
 def test_before_the_first_command_the_thrusters_are_stopped_and_nothing_is_counted() -> None:
     sim = simulator()
-    assert sim.advance(1000 * MS) == []
+    sim.advance(1000 * MS)
+    assert told(sim.outbox) == []
     assert sim.actuation().stale
     assert sim.actuation().actuated_ns is None
 
@@ -73,7 +88,7 @@ def test_before_the_first_command_the_thrusters_are_stopped_and_nothing_is_count
 @given(st.integers(0, 9_999_999))
 def test_a_command_takes_effect_at_the_instant_it_is_heard(offset: int) -> None:
     sim, late = simulator(), 10 * MS
-    assert sim.obey(command(offset, 0.0, 0.0, 20.0, 0.0), offset) == []
+    assert sim.counted(command(offset, 0.0, 0.0, 20.0, 0.0), offset) == []
     sim.advance(late)
     actuation = sim.actuation()
     lag = PIONEER.thruster[2].time_constant
@@ -87,10 +102,13 @@ def test_a_command_takes_effect_at_the_instant_it_is_heard(offset: int) -> None:
 def test_a_stale_command_ends_at_the_end_of_its_life_and_is_counted_once() -> None:
     sim = simulator()
     sim.obey(command(0, 30.0, 30.0, 0.0, 0.0), 0)
-    assert sim.advance(200 * MS) == []
+    sim.advance(200 * MS)
+    assert told(sim.outbox) == []
     running = sim.actuation().thrust[0]
-    assert sim.advance(201 * MS) == ["stale:control/thrusters"]
-    assert sim.advance(500 * MS) == []
+    sim.advance(201 * MS)
+    assert told(sim.outbox) == ["stale:control/thrusters"]
+    sim.advance(500 * MS)
+    assert told(sim.outbox) == []
     assert sim.actuation().stale
     assert abs(sim.actuation().thrust[0]) < 0.05 * running
 
@@ -99,8 +117,10 @@ def test_staleness_does_not_depend_on_how_often_the_world_is_looked_at() -> None
     seldom, often = simulator(), simulator()
     for sim in (seldom, often):
         sim.obey(command(0, 30.0, 30.0, 5.0, 10.0, ttl_ms=123.4), 0)
-    counted = [name for ms in range(1, 401) for name in often.advance(ms * MS)]
-    assert counted == seldom.advance(400 * MS) == ["stale:control/thrusters"]
+    for ms in range(1, 401):
+        often.advance(ms * MS)
+    seldom.advance(400 * MS)
+    assert told(often.outbox) == told(seldom.outbox) == ["stale:control/thrusters"]
     # The steps are cut elsewhere: the integrator's own error, 5 µm here.
     assert often.truth().position == pytest.approx(seldom.truth().position, abs=1e-5)
 
@@ -118,9 +138,12 @@ def test_time_never_runs_backwards() -> None:
 def test_a_newer_command_renews_life_and_can_return_after_silence() -> None:
     sim = simulator()
     sim.obey(command(0, 5.0, 5.0, 0.0, 0.0), 0)
-    assert sim.obey(command(150 * MS, 5.0, 5.0, 0.0, 0.0), 150 * MS) == []
-    assert sim.advance(340 * MS) == []
-    assert sim.obey(command(900 * MS, 5.0, 5.0, 0.0, 0.0), 900 * MS) == ["stale:control/thrusters"]
+    assert sim.counted(command(150 * MS, 5.0, 5.0, 0.0, 0.0), 150 * MS) == []
+    sim.advance(340 * MS)
+    assert told(sim.outbox) == []
+    assert sim.counted(command(900 * MS, 5.0, 5.0, 0.0, 0.0), 900 * MS) == [
+        "stale:control/thrusters"
+    ]
     assert not sim.actuation().stale
 
 
@@ -128,13 +151,13 @@ def test_a_newer_command_renews_life_and_can_return_after_silence() -> None:
 def test_a_command_for_another_vehicle_is_refused_and_counted(thrust: tuple[float, ...]) -> None:
     sim = simulator()
     sim.obey(command(0, 5.0, 5.0, 0.0, 0.0), 0)
-    assert sim.obey(command(10 * MS, *thrust), 10 * MS) == ["wrong_length:control/thrusters"]
+    assert sim.counted(command(10 * MS, *thrust), 10 * MS) == ["wrong_length:control/thrusters"]
     assert sim.actuation().actuated_ns == 0
 
 
 def test_a_thruster_at_its_limit_is_counted_by_name() -> None:
     sim = simulator()
-    assert sim.obey(command(0, 40.0, 0.5, 0.0, -99.0), 0) == [
+    assert sim.counted(command(0, 40.0, 0.5, 0.0, -99.0), 0) == [
         "saturated:port",
         "saturated:vertical",
     ]
@@ -194,7 +217,7 @@ def test_a_remembered_world_goes_on_as_if_nothing_had_happened() -> None:
     first.advance(1000 * MS)
     copy = msgspec.json.decode(msgspec.json.encode(first.world()), type=WorldCheckpoint)
     assert copy.fits(PIONEER)
-    second = Simulator(PIONEER, Settings(), 0, copy)
+    second = Simulator(PIONEER, Settings(), 0, copy, Outbox())
     for sim, t0 in ((first, 1000 * MS), (second, 5000 * MS)):
         sim.advance(t0)
         sim.obey(command(t0, 0.0, 0.0, 0.0, 0.0), t0)

@@ -11,8 +11,8 @@ from messages.units import Quaternion, Vec6
 from services.marine.attitude import from_euler
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
-from services.simulator.equations import equations_of_motion
-from tools.research.bench.textbook_vessel import TextbookVessel
+from services.simulator.vessel import equations_of_motion
+from tests.support.textbook_vessel import TextbookVessel
 
 PIONEER = Stack().section("vehicle", Vehicle)
 motion = st.tuples(*[st.floats(-3, 3)] * 6)

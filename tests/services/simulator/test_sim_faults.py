@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from messages.control import ThrusterCommand
+from messages.events import Outbox
 from messages.sensors import LeakSample
 from messages.simulator import FaultRequest
 from services.marine.vehicle import Vehicle
@@ -26,7 +27,7 @@ NAMES = ("port", "starboard", "lateral", "vertical")
 def simulator(world: WorldCheckpoint | None = None) -> Simulator:
     surface = at_the_surface(PIONEER, Settings())
     deep = msgspec.structs.replace(surface, state=(0.0, 0.0, 50.0, *surface.state[3:]))
-    fresh = Simulator(PIONEER, Settings(floor_depth=500.0), 0, world or deep)
+    fresh = Simulator(PIONEER, Settings(floor_depth=500.0), 0, world or deep, Outbox())
     fresh.advance(0)
     return fresh
 
@@ -189,7 +190,7 @@ def test_only_sensors_that_the_vehicle_has_can_break() -> None:
 
 
 def alarm(sim: Simulator, part: str, fault: str) -> None:
-    answer, _ = decide(sim, request(part, fault), 0, nearest)
+    answer = decide(sim, request(part, fault), 0, nearest, Outbox())
     assert answer.accepted, answer.reason
 
 
@@ -226,7 +227,7 @@ def test_what_a_pilot_must_know_of_can_be_simulated_until_it_is_mended() -> None
     ],
 )
 def test_an_alarm_of_another_sensor_is_refused(part: str, fault: str, words: str) -> None:
-    answer, _ = decide(simulator(), request(part, fault), 0, nearest)
+    answer = decide(simulator(), request(part, fault), 0, nearest, Outbox())
     assert words in answer.reason
 
 

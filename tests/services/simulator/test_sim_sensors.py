@@ -139,3 +139,99 @@ def test_a_usbl_fix_is_the_place_with_its_noise() -> None:
     )
     assert fixes.mean(axis=0) == pytest.approx((3.0, -4.0), abs=0.05)
     assert fixes.std(axis=0) == pytest.approx([0.5] * 2, rel=0.1)
+
+
+def allan(values: np.ndarray, hz: float, seconds: float) -> float:
+    """Overlapping Allan deviation of a rate over this averaging time [s]."""
+    n = round(seconds * hz)
+    angle = np.concatenate([[0.0], np.cumsum(values)]) / hz
+    differences = angle[2 * n :] - 2.0 * angle[n:-n] + angle[: -2 * n]
+    return float(np.sqrt(np.mean(differences**2) / 2.0) / seconds)
+
+
+def six_at_rest(place: Settings, seed: int, samples: int) -> np.ndarray:
+    """[rad/s], [m/s²] of an IMU at rest, a column for each axis."""
+    sensors = Sensors(place, seed)
+    found = [
+        sensors.imu(round(n * 1e9 / place.imu_rate), LEVEL, REST, REST) for n in range(samples)
+    ]
+    return np.array([(*s.angular_rate, *s.specific_force) for s in found])
+
+
+def mean_allan(rows: np.ndarray, hz: float, seconds: float) -> float:
+    """Root mean square over the columns."""
+    return float(np.sqrt(np.mean([allan(column, hz, seconds) ** 2 for column in rows.T])))
+
+
+@pytest.mark.parametrize("sensor", ["gyro", "accelerometer"])
+def test_the_allan_deviation_has_the_slopes_of_noise_drift_and_walk(sensor: str) -> None:
+    """N / √τ of noise, 0.617 σ of a drift after 1.89 time constants, K √(τ / 3) of a walk."""
+    hz, columns = 20.0, slice(0, 3) if sensor == "gyro" else slice(3, 6)
+
+    def rows(samples: int, **figures: float) -> np.ndarray:
+        place = perfect(imu_rate=hz, **{f"{sensor}_{name}": x for name, x in figures.items()})
+        return np.hstack([six_at_rest(place, seed, samples)[:, columns] for seed in (1, 2)])
+
+    noise = rows(8_000, noise=2e-3)
+    for seconds in (0.5, 2.0, 8.0):
+        assert mean_allan(noise, hz, seconds) == pytest.approx(2e-3 / sqrt(seconds), rel=0.15)
+    drift = rows(16_000, drift=1e-3, drift_time=5.0)
+    assert mean_allan(drift, hz, 9.45) == pytest.approx(0.617e-3, rel=0.15)
+    walk = rows(16_000, walk=1e-3)
+    for seconds in (2.0, 8.0):
+        assert mean_allan(walk, hz, seconds) == pytest.approx(1e-3 * sqrt(seconds / 3), rel=0.2)
+
+
+def test_a_bias_follows_the_temperature_of_the_electronics() -> None:
+    place = perfect(
+        gyro_temperature=1e-3, accelerometer_temperature=1e-2, warm_up=20.0, warm_up_time=60.0
+    )  # fmt: skip
+    coefficients = list[float]()
+    for seed in range(60):
+        sensors = Sensors(place, seed)
+        start, middle, end = (
+            np.array((*(s := sensors.imu(at * 10**9, LEVEL, REST, REST)).angular_rate,
+                      *s.specific_force))
+            for at in (100, 160, 3700)
+        )  # fmt: skip
+        assert start == pytest.approx([0, 0, 0, 0, 0, -GRAVITY])
+        assert middle - start == pytest.approx((1.0 - np.exp(-1.0)) * (end - start), abs=1e-9)
+        coefficients += [*(end - start)[:3] / 20.0 / 1e-3, *(end - start)[3:] / 20.0 / 1e-2]
+    assert np.std(coefficients) == pytest.approx(1.0, rel=0.12)
+
+
+@law
+@given(st.floats(1e-4, 1e-2), st.floats(1e-3, 0.1))
+def test_an_imu_reads_whole_steps(gyro: float, force: float) -> None:
+    sensors = Sensors(Settings(gyro_step=gyro, accelerometer_step=force), seed=1)
+    s = sensors.imu(0, LEVEL, REST, REST)
+    for values, step in ((s.angular_rate, gyro), (s.specific_force, force)):
+        counts = np.array(values) / step
+        assert counts == pytest.approx(np.round(counts), abs=1e-6)
+    exact = Sensors(Settings(), seed=1).imu(0, LEVEL, REST, REST)
+    assert np.abs(np.subtract(s.angular_rate, exact.angular_rate)).max() <= gyro / 2 + 1e-12
+
+
+def test_stamps_jitter_evenly_never_ahead_and_in_order() -> None:
+    sensors = Sensors(Settings(stamp_jitter=0.008), seed=2)
+    nows = [n * 10_000_000 for n in range(1, 4000)]
+    early = np.array([now - sensors.imu(now, LEVEL, REST, REST).stamp_ns for now in nows])
+    assert early.min() >= 0
+    assert early.max() <= 8_000_000
+    assert early.mean() == pytest.approx(4e6, rel=0.05)
+    crowded = Sensors(Settings(stamp_jitter=0.05), seed=2)
+    for stamps in (
+        [crowded.imu(now, LEVEL, REST, REST).stamp_ns for now in nows],
+        [crowded.magnetometer(now, LEVEL).stamp_ns for now in nows],
+        [crowded.pressure(now, 1.0).stamp_ns for now in nows],
+    ):
+        assert (np.diff(stamps) > 0).all()
+        assert all(stamp <= now for stamp, now in zip(stamps, nows, strict=True))
+
+
+def test_what_is_added_to_one_sensor_changes_no_other_number() -> None:
+    plain = Sensors(Settings(), seed=3)
+    more = Sensors(Settings(accelerometer_walk=1e-3, stamp_jitter=0.001), seed=3)
+    a, b = plain.imu(10**9, LEVEL, REST, REST), more.imu(10**9, LEVEL, REST, REST)
+    assert a.angular_rate == b.angular_rate
+    assert plain.pressure(10**9, 3.0).pressure == more.pressure(10**9, 3.0).pressure

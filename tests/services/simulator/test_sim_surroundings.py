@@ -12,13 +12,14 @@ from hypothesis import strategies as st
 
 from messages.units import Quaternion, Vec3, Vec6
 from services.marine.attitude import from_euler, to_body, to_world
-from services.marine.rigid_body import kinetic_energy, system_inertia
+from services.marine.hydrodynamics import system_inertia
 from services.marine.vehicle import GRAVITY, Vehicle
 from services.runtime.config.stack import Stack
 from services.simulator.current import HELD, Current
 from services.simulator.settings import CurrentSettings, Settings, TetherSettings, Walls
-from services.simulator.tether import Tether
+from services.simulator.surroundings import Tether
 from services.simulator.vessel import STEP, Vessel
+from tests.support.textbook_vessel import kinetic_energy
 
 PIONEER = Stack().section("vehicle", Vehicle)
 NEUTRAL = msgspec.structs.replace(PIONEER, net_buoyancy=0.0)
@@ -79,7 +80,7 @@ def test_a_steady_current_carries_everything_along_and_changes_nothing_else(
         deep(current=CurrentSettings(north, east)), q_NB, (u + a, v + b, w + c, p, q, r)
     )
     for ship in (still, carried):
-        ship.drive(thrust)
+        ship.propulsion.drive(thrust)
         ship.advance(2.0)
     x, y, z = still.position
     assert carried.position == pytest.approx((x + 2 * north, y + 2 * east, z), abs=1e-9)
@@ -145,22 +146,21 @@ def test_the_tether_pulls_against_the_motion_and_more_the_deeper(
 
 def test_surge_with_a_tether_ends_where_both_drags_balance_thrust() -> None:
     ship = vessel(deep(tether=TetherSettings(diameter=0.01, slack=0.0)))
-    ship.drive([35.0, 35.0, 0.0, 0.0])
+    ship.propulsion.drive([35.0, 35.0, 0.0, 0.0])
     ship.advance(15.0)
     linear = NEUTRAL.linear_damping[0]
     quadratic = NEUTRAL.quadratic_damping[0] + 0.25 * 1025.0 * 1.2 * 0.01 * ship.position[2]
     expected = (sqrt(linear**2 + 4 * quadratic * 70.0) - linear) / (2 * quadratic)
     assert ship.through_water[0] == pytest.approx(expected, rel=0.01)
-    assert ship.tether_pull[0] == pytest.approx(
-        -quadratic * expected**2 + 25.0 * expected**2, rel=0.02
-    )
+    pull = ship.around.tether_pull(ship.position[2], ship.attitude, ship.through_water)
+    assert pull[0] == pytest.approx(-quadratic * expected**2 + 25.0 * expected**2, rel=0.02)
 
 
 @pytest.mark.parametrize("heading", [0.0, 0.7, 1.5708, 3.1416, -1.5708])
 def test_full_thrust_ahead_does_not_push_it_through_a_wall(heading: float) -> None:
     basin = deep(walls=Walls(north=(-3.0, 4.0), east=(-5.0, 2.0)))
     ship = vessel(basin, from_euler(0.0, 0.0, heading))
-    ship.drive([35.0, 35.0, 0.0, 0.0])
+    ship.propulsion.drive([35.0, 35.0, 0.0, 0.0])
     half = max(NEUTRAL.size) / 2
     closest = 10.0
     for _ in range(120):

@@ -10,14 +10,12 @@ from hypothesis import strategies as st
 
 from messages.units import Quaternion, Vec6
 from services.marine.attitude import from_euler, tilt, to_euler, to_world
-from services.marine.hydrodynamics import full_buoyancy
-from services.marine.rigid_body import kinetic_energy, system_inertia
-from services.marine.thrusters import driven
-from services.marine.vehicle import GRAVITY, Vehicle
+from services.marine.hydrodynamics import full_buoyancy, system_inertia
+from services.marine.vehicle import GRAVITY, Vehicle, driven
 from services.runtime.config.stack import Stack
 from services.simulator.settings import Settings
 from services.simulator.vessel import STEP, State, Vessel
-from tools.research.bench.textbook_vessel import TextbookVessel
+from tests.support.textbook_vessel import TextbookVessel, kinetic_energy
 
 PIONEER = Stack().section("vehicle", Vehicle)
 NEUTRAL = msgspec.structs.replace(PIONEER, net_buoyancy=0.0)
@@ -49,6 +47,10 @@ def sail(ship: Vessel, seconds: float, step: float = STEP) -> list[State]:
         ship.advance(step)
         states.append(ship.state)
     return states
+
+
+def on_floor(ship: Vessel) -> bool:
+    return ship.around.floor_felt(ship.position, ship.attitude)
 
 
 def q_of(state: State) -> Quaternion:
@@ -92,7 +94,7 @@ def test_the_quaternion_stays_a_unit(
     q_NB: Quaternion, nu: Vec6, thrust: tuple[float, float, float, float]
 ) -> None:
     ship = vessel(q_NB=q_NB, nu=nu)
-    ship.drive(thrust)
+    ship.propulsion.drive(thrust)
     sail(ship, 1.0)
     assert sum(x * x for x in q_of(ship.state)) == pytest.approx(1.0, abs=1e-12)
 
@@ -114,7 +116,7 @@ def test_surge_ends_where_drag_balances_thrust() -> None:
     linear, quadratic = NEUTRAL.linear_damping[0], NEUTRAL.quadratic_damping[0]
     expected = (sqrt(linear**2 + 4 * quadratic * 70.0) - linear) / (2 * quadratic)
     ship = vessel(NEUTRAL)
-    ship.drive([35.0, 35.0, 0.0, 0.0])
+    ship.propulsion.drive([35.0, 35.0, 0.0, 0.0])
     sail(ship, 10.0)
     assert expected == pytest.approx(1.6, abs=0.05)
     assert ship.state[7] == pytest.approx(expected, rel=1e-3)
@@ -122,7 +124,7 @@ def test_surge_ends_where_drag_balances_thrust() -> None:
 
 def test_at_full_surge_with_net_buoyancy_it_keeps_nearly_level() -> None:
     ship = vessel()
-    ship.drive([35.0, 35.0, 0.0, 0.0])
+    ship.propulsion.drive([35.0, 35.0, 0.0, 0.0])
     assert all(degrees(tilt(q_of(s))) < 10 for s in sail(ship, 15.0))
 
 
@@ -152,15 +154,15 @@ def test_tilted_it_comes_back_upright(roll: float, pitch: float) -> None:
 @pytest.mark.parametrize("start", [0.4, 3.0])
 def test_full_thrust_down_does_not_push_it_through_the_floor(start: float) -> None:
     ship = vessel(depth=start, floor=6.0)
-    ship.drive([0.0, 0.0, 0.0, 35.0])
+    ship.propulsion.drive([0.0, 0.0, 0.0, 35.0])
     bottom = PIONEER.size[2] / 2
     deepest = max(s[2] + bottom - 6.0 for s in sail(ship, 12.0))
     assert 0 < deepest < 0.03
-    assert ship.on_floor
+    assert on_floor(ship)
     assert abs(ship.state[9]) < 1e-3
-    ship.drive([0.0, 0.0, 0.0, -10.0])
+    ship.propulsion.drive([0.0, 0.0, 0.0, -10.0])
     sail(ship, 3.0)
-    assert not ship.on_floor
+    assert not on_floor(ship)
     assert ship.state[2] < 5.0
 
 
@@ -168,7 +170,7 @@ def test_a_heavy_vehicle_thrown_sideways_onto_the_floor_stops_and_stays_stable()
     heavy = msgspec.structs.replace(PIONEER, net_buoyancy=-20.0)
     ship = vessel(heavy, depth=5.0, floor=5.5, nu=(2.0, -1.5, 3.0, 2.0, -2.0, 1.0))
     sail(ship, 10.0)
-    assert ship.on_floor
+    assert on_floor(ship)
     assert max(abs(n) for n in ship.state[7:]) < 1e-3
     assert tilt(q_of(ship.state)) < 0.01
 
@@ -176,14 +178,14 @@ def test_a_heavy_vehicle_thrown_sideways_onto_the_floor_stops_and_stays_stable()
 def test_a_thruster_in_the_air_produces_nothing() -> None:
     # The vertical thruster sits 75 mm above the origin.
     ship = vessel(depth=0.0)
-    ship.drive([10.0, 10.0, 0.0, 10.0])
+    ship.propulsion.drive([10.0, 10.0, 0.0, 10.0])
     ship.advance(STEP)
-    assert ship.produced[3] == 0.0
-    assert ship.produced[0] > 0.0
+    assert ship.propulsion.produced[3] == 0.0
+    assert ship.propulsion.produced[0] > 0.0
     sunk = vessel(depth=0.3)
-    sunk.drive([10.0, 10.0, 0.0, 10.0])
+    sunk.propulsion.drive([10.0, 10.0, 0.0, 10.0])
     sunk.advance(STEP)
-    assert sunk.produced[3] > 0.0
+    assert sunk.propulsion.produced[3] > 0.0
 
 
 @law
@@ -193,28 +195,28 @@ def test_a_thruster_produces_when_it_is_below_the_surface_and_only_then(
 ) -> None:
     thrust, state = [10.0] * len(PIONEER.thruster), (0.0, 0.0, depth, *q_NB, *REST)
     ship = Vessel(PIONEER, Settings(), state, thrust)
-    for thruster, newtons in zip(PIONEER.thruster, ship.produced, strict=True):
+    for thruster, newtons in zip(PIONEER.thruster, ship.propulsion.produced, strict=True):
         deep = depth + to_world(q_NB, thruster.position)[2]
         assert newtons == (10.0 if deep >= 0.0 else 0.0) or abs(deep) < 1e-9
 
 
 def test_a_command_grows_into_thrust_with_the_time_constant() -> None:
     ship = vessel()
-    ship.drive([0.0, 0.0, 20.0, 0.0])
+    ship.propulsion.drive([0.0, 0.0, 20.0, 0.0])
     sail(ship, 0.16)
-    assert ship.thrust[2] == pytest.approx(20.0 * (1 - exp(-2.0)))
+    assert ship.propulsion.thrust[2] == pytest.approx(20.0 * (1 - exp(-2.0)))
 
 
 def test_limits_are_kept_and_the_dead_band_is_silent() -> None:
     ship = vessel()
-    ship.drive([50.0, -36.0, 0.5, 35.0])
-    assert ship.settles_at == [35.0, -35.0, 0.0, 35.0]
+    ship.propulsion.drive([50.0, -36.0, 0.5, 35.0])
+    assert ship.propulsion.settles_at == [35.0, -35.0, 0.0, 35.0]
 
 
 def test_integration_converges_with_second_order() -> None:
     def end(step: float) -> State:
         ship = vessel(nu=(0.8, 0.2, 0.3, 0.5, -0.4, 1.0))
-        ship.drive([20.0, 5.0, 10.0, 4.0])
+        ship.propulsion.drive([20.0, 5.0, 10.0, 4.0])
         return sail(ship, 1.28, step)[-1]
 
     best = end(0.0003125)
@@ -237,7 +239,7 @@ def test_a_minute_of_hard_driving_ends_within_a_millimetre_of_the_textbook() -> 
             driven(t, 0.5 * t.max_thrust * sin(0.37 * second * (1 + 0.31 * i)))
             for i, t in enumerate(vehicle.thruster)
         ]
-        ours.drive(command)
+        ours.propulsion.drive(command)
         textbook.aim(command)
         ours.advance(1.0)
         for _ in range(1000):
@@ -250,7 +252,7 @@ def test_a_minute_of_hard_driving_ends_within_a_millimetre_of_the_textbook() -> 
 def test_cutting_a_step_in_two_changes_nothing_that_matters(cut: float, nu: Vec6) -> None:
     whole, parts = vessel(nu=nu), vessel(nu=nu)
     for ship in (whole, parts):
-        ship.drive([30.0, -10.0, 5.0, 20.0])
+        ship.propulsion.drive([30.0, -10.0, 5.0, 20.0])
     whole.advance(STEP)
     parts.advance(cut)
     parts.advance(STEP - cut)

@@ -4,12 +4,12 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from messages import topics
+from messages import events, topics
 from messages.topic import Qos
 from services.tether.core import Link
 from services.tether.io.profile_file import named
 from services.tether.link_model import LinkDirection
-from services.tether.priority_queue import NO_ROOM, RANK
+from services.tether.priority_queue import RANK
 from services.tether.profile import DirectionProfile, Queue
 
 MS, S = 1_000_000, 1_000_000_000
@@ -42,7 +42,7 @@ def test_none_is_sent_after_its_life_and_each_is_sent_or_counted(
     for number, at in arrived.items():
         to_send = entered[number][1] * 8e6 / SLOW.rate_kbit
         assert at <= times[number] + LIFE + to_send + 30 * MS + 1
-    assert len(arrived) + line.lost[NO_ROOM] == len(entered)
+    assert len(arrived) + line.lost[events.NO_ROOM.name] == len(entered)
 
 
 def state_delays(link: Link[tuple[str, int]], until: int) -> list[int]:

@@ -12,11 +12,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from messages import events
 from services.tether.codel import CoDel
 from services.tether.delay import Constant
 from services.tether.link_model import LinkDirection
-from services.tether.loss import Independent
-from services.tether.outage import Outage, Outages
+from services.tether.loss import Independent, Outage, Outages
 from services.tether.profile import DirectionProfile, Late, Queue
 
 US, MS, S = 1_000, 1_000_000, 1_000_000_000  # [ns]
@@ -158,7 +158,7 @@ def test_a_cut_names_each_message_that_did_not_arrive_and_the_line_is_then_as_ne
         if cut < at < back:
             line.enter(item, at, size - leg.overhead_bytes)
     gone = {item for item, (at, _) in enumerate(packets) if at < back} - set(there)
-    assert Counter(line.take_lost()) == Counter((item, "outage") for item in gone)
+    assert Counter(line.take_lost()) == Counter((item, events.OUTAGE) for item in gone)
     assert line.lost == ({"outage": len(gone)} if gone else {})
     line.restore(back)
     assert line.is_up(back)
@@ -289,7 +289,7 @@ def test_lost_in_an_outage_is_who_is_on_the_way_in_it(
     for item, ms in enumerate(times):
         line.enter(item, begin + round(ms * MS))
     lost = [item for item, ms in enumerate(times) if meets(ms, ms + delay_ms)]
-    assert line.take_lost() == [(item, "outage") for item in lost]
+    assert line.take_lost() == [(item, events.OUTAGE) for item in lost]
     assert sorted(item for item, _ in out_of(line)) == sorted(set(range(len(times))) - {*lost})
     for ms in times[1:]:
         assert line.is_up(begin + round(ms * MS)) == (not meets(ms, ms))
@@ -309,7 +309,7 @@ def test_the_losses_in_the_queue_are_those_of_overload_and_are_told_apart_from_t
     for item, (at, size) in enumerate(entered(DirectionProfile(), steps)):
         line.enter(item, at, size)
     arrived = len(out_of(line))
-    overload = Counter(reason for _, reason in line.take_lost())
+    overload = Counter(reason.name for _, reason in line.take_lost())
     chance = overload.pop("loss", 0)
     assert line.lost_in_queue == overload.total() == len(steps) - arrived - chance
     assert set(overload) <= ({"queue_full", "codel"} if policy == "codel" else {"queue_full"})

@@ -11,8 +11,7 @@ from messages.topic import Qos
 from services.tether.codel import CoDel
 from services.tether.delay import Constant, Exponential, Normal, Pareto, Table, Trace, UniformDelay
 from services.tether.link_model import LinkDirection
-from services.tether.loss import Bursts, GilbertElliott, Independent
-from services.tether.outage import Outage, Outages
+from services.tether.loss import Bursts, GilbertElliott, Independent, Outage, Outages
 from services.tether.priority_queue import RANK
 from services.tether.profile import DirectionProfile, Late, Queue
 
@@ -123,7 +122,7 @@ def test_whatever_enters_arrives_is_lost_for_a_reason_or_is_on_the_way(
     lost = line.take_lost()
     assert_conserved(line)
     assert line.on_the_way == 0
-    assert Counter(reason for _, reason in lost) == line.lost
+    assert Counter(reason.name for _, reason in lost) == line.lost
     copies = Counter(item for item, _, _ in out)
     fates = copies + Counter(item for item, _ in lost)
     assert fates.keys() == set(range(len(steps)))  # nobody is forgotten, nobody invented

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from services.tether.delay import Trace
 from services.tether.link_model import LinkDirection
-from services.tether.loss import Independent
-from services.tether.outage import Outage, Outages
+from services.tether.loss import Independent, Outage, Outages
 from services.tether.profile import DirectionProfile
 
 MS, SECOND = 1_000_000, 1_000_000_000

@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from messages import events
+from messages.events import Row
 from services.tether.delay import (
     Delays,
     Drawn,
@@ -69,7 +71,7 @@ def test_correlation_makes_neighbours_alike_and_keeps_the_distribution() -> None
     assert furthest(apart, cdf) < KOLMOGOROV_99 / sqrt(len(apart))
 
 
-def losses(model: Any, seed: int = 5, step_s: float = 0.01) -> list[str | None]:
+def losses(model: Any, seed: int = 5, step_s: float = 0.01) -> list[Row | None]:
     decide = Losses(model, Numbers(np.random.default_rng(seed)))
     return [decide.reason(k * step_s) for k in range(N)]
 
@@ -84,7 +86,7 @@ def test_independent_losses_have_their_share_and_no_memory(share: float) -> None
 
 def test_gilbert_elliott_has_its_mean_loss_and_its_length_of_bursts() -> None:
     model = GilbertElliott(to_bad=0.02, to_good=0.25)
-    lost = np.array([reason == "burst" for reason in losses(model)])
+    lost = np.array([reason is events.BURST for reason in losses(model)])
     checkpoint = 1.0 - model.to_bad - model.to_good
     share = model.mean
     wide = (1.0 + checkpoint) / (1.0 - checkpoint)  # how much wider memory makes the band
@@ -102,9 +104,9 @@ def test_gilbert_elliott_loses_in_the_good_state_too_when_told_to() -> None:
     model = GilbertElliott(to_bad=0.02, to_good=0.25, loss_bad=0.6, loss_good=0.01)
     reasons = losses(model)
     share = model.to_good * model.loss_good / (model.to_good + model.to_bad)
-    found = reasons.count("loss") / N
+    found = reasons.count(events.LOSS) / N
     assert abs(found - share) < NORMAL_99 * sqrt(share * (1 - share) / N)
-    assert reasons.count("burst") > 0
+    assert reasons.count(events.BURST) > 0
 
 
 @pytest.mark.parametrize("to_bad", [0.0, 0.3, 1.0])
@@ -120,7 +122,7 @@ def test_only_a_link_that_would_stay_bad_for_ever_is_refused(to_bad: float, to_g
 @pytest.mark.parametrize("first_s", [3.0, 33.0])
 def test_bursts_take_place_at_their_times_and_nowhere_else(first_s: float) -> None:
     reasons = losses(Bursts(every_s=10.0, seconds=0.5, share=0.4, first_s=first_s))
-    when = np.array([k * 0.01 for k, reason in enumerate(reasons) if reason == "burst"])
+    when = np.array([k * 0.01 for k, reason in enumerate(reasons) if reason == events.BURST])
     since = np.arange(N) * 0.01 - first_s
     inside = (since >= 0.0) & (since % 10.0 < 0.5)
     assert np.all((when >= first_s) & ((when - first_s) % 10.0 < 0.5))

@@ -10,7 +10,7 @@ from messages import topics
 from messages.health import LogLine
 from messages.link import LinkAnswer, LinkRequest, LinkStatus
 from messages.pilot import PilotCommand
-from messages.topic import Way
+from messages.topic import Direction
 from services.runtime.bus.envelope import Envelope
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
@@ -44,9 +44,11 @@ def test_each_row_crosses_in_its_own_direction_only(topic: topics.AnyTopic) -> N
     own = topic in (topics.LINK, topics.LINK_ANSWER)  # the tether says it itself, in both realms
     payload = b"\x00 any bytes \xff"  # what the tether says by itself is another
     assert any(e.payload == payload for e, _ in down) == (
-        topic.way in (Way.DOWN, Way.BOTH) and not own
+        topic.way in (Direction.DOWN, Direction.BOTH) and not own
     )
-    assert any(e.payload == payload for e, _ in up) == (topic.way in (Way.UP, Way.BOTH) and not own)
+    assert any(e.payload == payload for e, _ in up) == (
+        topic.way in (Direction.UP, Direction.BOTH) and not own
+    )
 
 
 def test_an_envelope_arrives_byte_for_byte_and_late() -> None:

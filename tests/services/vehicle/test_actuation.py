@@ -8,9 +8,7 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from services.marine.thrust_curve import CURVES
-from services.marine.thruster_lag import Lag
-from services.marine.thrusters import driven
-from services.marine.vehicle import Thruster, Vehicle
+from services.marine.vehicle import Lag, Thruster, Vehicle, driven
 from services.runtime.config.stack import Stack
 from services.simulator.propulsion import SimulatedThrusters
 from services.vehicle.actuation import OpenLoopThrust, share_of_voltage
@@ -69,7 +67,7 @@ def test_it_is_what_the_simulated_thrusters_do(commands: list[tuple[float, float
     simulated = SimulatedThrusters(replace(pioneer, thruster=lags), [0.0] * len(lags))
     for later, newtons in commands:
         now += round(later * S)
-        simulated.pass_time(round(later * S) / S)
+        simulated.age += round(later * S) / S
         assert believed.believed(now) == pytest.approx(simulated.thrust, abs=1e-6)
         believed.drive([newtons] * len(lags), now)
         simulated.drive([newtons] * len(lags))

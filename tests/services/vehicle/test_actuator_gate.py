@@ -8,8 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from messages.control import ThrusterCommand
+from messages.events import Outbox
 from services.marine.vehicle import Thruster
 from services.vehicle.actuator_gate import LATCH_NS, ActuatorGate
+from tests.support.told import told
 
 MS = 1_000_000  # [ns]
 LIMITS = ((-20.0, 30.0), (-35.0, 35.0))  # [N]
@@ -31,6 +33,18 @@ def command(
         epoch=epoch,
         armed=armed,
     )
+
+
+class Gate(ActuatorGate):
+    """With an outbox of its own."""
+
+    def __init__(self) -> None:
+        self.outbox = Outbox()
+        super().__init__(THRUSTERS, self.outbox)
+
+    def counted(self, command: ThrusterCommand, now: int) -> list[str]:
+        self.obey(command, now)
+        return told(self.outbox)
 
 
 NEWTONS = st.one_of(st.floats(-100, 100), st.sampled_from([nan, inf, -inf, 0.0, 1e300]))
@@ -65,11 +79,15 @@ def steps(draw: st.DrawFn) -> list[Step]:
 
 @given(steps())
 def test_the_law_of_the_gate(taken: list[Step]) -> None:
-    gate, now = ActuatorGate(THRUSTERS), 1_000 * MS
+    gate, now = Gate(), 1_000 * MS
     for later, said in taken:
         now += later
         before, held, obeyed_ns = gate.command, gate.output(now), gate.obeyed_ns
-        counted = gate.lapse(now) if said is None else gate.obey(said, now)
+        if said is None:
+            gate.lapse(now)
+        else:
+            gate.obey(said, now)
+        counted = told(gate.outbox)
         thrust, in_force = gate.output(now), gate.command
         assert len(thrust) == len(THRUSTERS)
         assert all(low <= f <= high for f, (low, high) in zip(thrust, LIMITS, strict=True))
@@ -94,7 +112,7 @@ def test_the_law_of_the_gate(taken: list[Step]) -> None:
 def test_it_is_zero_at_the_very_instant_after_a_life_has_ended(
     newtons: float, ttl_ms: float, age: int, after: int
 ) -> None:
-    gate, heard = ActuatorGate(THRUSTERS), 2_000 * MS
+    gate, heard = Gate(), 2_000 * MS
     gate.obey(command(heard - age, newtons, 0.0, ttl_ms=ttl_ms), heard)
     if gate.ends_ns is None:
         assert age > round(ttl_ms * MS)
@@ -104,8 +122,11 @@ def test_it_is_zero_at_the_very_instant_after_a_life_has_ended(
     assert gate.output(gate.ends_ns + after) == (0.0, 0.0)
     assert not gate.armed(gate.ends_ns + after)
     ended = gate.ends_ns + after
-    assert gate.lapse(ended) == ["stale:control/thrusters"]
-    assert gate.lapse(ended) == []
+    told(gate.outbox)
+    gate.lapse(ended)
+    assert told(gate.outbox) == ["stale:control/thrusters"]
+    gate.lapse(ended)
+    assert told(gate.outbox) == []
 
 
 @pytest.mark.parametrize(
@@ -125,47 +146,49 @@ def test_it_is_zero_at_the_very_instant_after_a_life_has_ended(
     ],
 )
 def test_every_refusal_has_its_name(wrong: ThrusterCommand, reason: str) -> None:
-    gate = ActuatorGate(THRUSTERS)
-    assert gate.obey(command(400 * MS, 5.0, 6.0, epoch=7), 400 * MS) == []
-    assert gate.obey(wrong, 500 * MS) == [f"{reason}:control/thrusters"]
+    gate = Gate()
+    assert gate.counted(command(400 * MS, 5.0, 6.0, epoch=7), 400 * MS) == []
+    assert gate.counted(wrong, 500 * MS) == [f"{reason}:control/thrusters"]
     held = (0.0, 0.0) if reason == "disarmed" else (5.0, 6.0)
     assert gate.output(500 * MS) == held
     assert gate.output(601 * MS) == (0.0, 0.0) or reason == "disarmed"
 
 
 def test_what_is_beyond_a_limit_is_held_to_it_and_counted_by_name() -> None:
-    gate = ActuatorGate(THRUSTERS)
-    assert gate.obey(command(0, -21.0, 35.0), 0) == ["saturated:port"]
+    gate = Gate()
+    assert gate.counted(command(0, -21.0, 35.0), 0) == ["saturated:port"]
     assert gate.output(0) == (-20.0, 35.0)
 
 
 def test_armed_without_thrust_is_not_disarmed() -> None:
-    gate = ActuatorGate(THRUSTERS)
+    gate = Gate()
     assert not gate.armed(0)
-    assert gate.obey(command(0, 0.0, 0.0), 0) == []
+    assert gate.counted(command(0, 0.0, 0.0), 0) == []
     assert gate.armed(200 * MS)
     assert not gate.armed(200 * MS + 1)
-    assert gate.obey(command(300 * MS, 0.0, 0.0, armed=False), 300 * MS)[1:] == []
+    assert gate.counted(command(300 * MS, 0.0, 0.0, armed=False), 300 * MS)[1:] == []
     assert not gate.armed(300 * MS)
 
 
 def test_commands_act_again_after_a_silence() -> None:
-    gate = ActuatorGate(THRUSTERS)
+    gate = Gate()
     gate.obey(command(0, 5.0, 5.0), 0)
-    assert gate.obey(command(900 * MS, 4.0, 4.0), 900 * MS) == ["stale:control/thrusters"]
+    assert gate.counted(command(900 * MS, 4.0, 4.0), 900 * MS) == ["stale:control/thrusters"]
     assert gate.output(900 * MS) == (4.0, 4.0)
 
 
 def test_a_command_from_a_little_ahead_lives_no_longer_for_it() -> None:
-    gate = ActuatorGate(THRUSTERS)
+    gate = Gate()
     gate.obey(command(90 * MS, 5.0, 5.0), 0)
     assert gate.ends_ns == 200 * MS
 
 
 def test_an_older_epoch_acts_again_once_the_newer_one_has_been_silent() -> None:
-    gate = ActuatorGate(THRUSTERS)
+    gate = Gate()
     gate.obey(command(0, 5.0, 5.0, epoch=10**9), 0)
-    assert gate.obey(command(LATCH_NS, 4.0, 4.0, epoch=3), LATCH_NS)[-1].startswith("wrong_epoch")
+    assert gate.counted(command(LATCH_NS, 4.0, 4.0, epoch=3), LATCH_NS)[-1].startswith(
+        "wrong_epoch"
+    )
     assert gate.output(LATCH_NS) == (0.0, 0.0)
-    assert gate.obey(command(LATCH_NS + 1, 4.0, 4.0, epoch=3), LATCH_NS + 1) == []
+    assert gate.counted(command(LATCH_NS + 1, 4.0, 4.0, epoch=3), LATCH_NS + 1) == []
     assert gate.output(LATCH_NS + 1) == (4.0, 4.0)

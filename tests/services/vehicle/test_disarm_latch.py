@@ -6,10 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from messages.control import ThrusterCommand
+from messages.events import Outbox
 from messages.pilot import PilotRequest
 from services.marine.vehicle import Thruster
 from services.vehicle.actuator_gate import ActuatorGate
 from services.vehicle.disarm_latch import KNOWN, DisarmLatch
+from tests.support.told import told
 
 MS = 1_000_000  # [ns]
 EPOCH = 7
@@ -30,18 +32,30 @@ said = st.tuples(st.just("said"), instants, st.booleans())
 asked = st.tuples(st.just("disarm"), instants, st.sampled_from((EPOCH, EPOCH, EPOCH - 1)))
 
 
+class Latch(DisarmLatch):
+    """With an outbox of its own."""
+
+    def __init__(self) -> None:
+        self.outbox = Outbox()
+        super().__init__(self.outbox)
+
+    def counted(self, request: PilotRequest, now: int) -> list[str]:
+        self.hear(request, now)
+        return told(self.outbox)
+
+
 @given(st.lists(st.one_of(said, asked), max_size=60))
 def test_only_an_arming_later_than_every_disarm_obeyed_arms(
     events: list[tuple[str, int, int]],
 ) -> None:
-    latch, newest = DisarmLatch(), -inf
+    latch, newest = Latch(), -inf
     for now, (what, instant, value) in enumerate(events, start=1000):
         if what == "said":
             armed = seen(latch, now, instant if value else None, armed=bool(value))
             assert armed == (bool(value) and instant > newest)
             continue
         request = disarm(instant, f"d{now}", value)
-        counted = latch.hear(request, now)
+        counted = latch.counted(request, now)
         if latch.obeyed(request):
             assert value == EPOCH
             newest = max(newest, instant)
@@ -51,7 +65,7 @@ def test_only_an_arming_later_than_every_disarm_obeyed_arms(
 
 @given(st.lists(st.booleans(), max_size=20))
 def test_a_sender_that_names_no_arming_arms_again_after_it_was_disarmed(said: list[bool]) -> None:
-    latch = DisarmLatch()
+    latch = Latch()
     assert seen(latch, 0, None)
     latch.hear(disarm(5), 10)
     was_disarmed = False
@@ -61,7 +75,7 @@ def test_a_sender_that_names_no_arming_arms_again_after_it_was_disarmed(said: li
 
 
 def test_what_was_said_before_the_disarm_does_not_end_it() -> None:
-    latch = DisarmLatch()
+    latch = Latch()
     assert seen(latch, 0, None)
     latch.hear(disarm(5), 10)
     assert not seen(latch, 9, None, armed=False)
@@ -69,31 +83,31 @@ def test_what_was_said_before_the_disarm_does_not_end_it() -> None:
 
 
 def test_a_repetition_of_an_old_disarm_does_not_end_a_later_arming() -> None:
-    latch = DisarmLatch()
+    latch = Latch()
     seen(latch, 0, 0)
-    assert latch.hear(disarm(5), 10) == []
+    assert latch.counted(disarm(5), 10) == []
     assert seen(latch, 20, 15)
-    assert latch.hear(disarm(200), 200) == []  # stamped anew, the same id
+    assert latch.counted(disarm(200), 200) == []  # stamped anew, the same id
     assert seen(latch, 210, 15)
 
 
 def test_a_disarm_that_arrives_late_does_not_end_a_later_arming() -> None:
-    latch = DisarmLatch()
+    latch = Latch()
     seen(latch, 20, 15)
-    assert latch.hear(disarm(5), 30) == ["overtaken:pilot/request"]
+    assert latch.counted(disarm(5), 30) == ["overtaken:pilot/request"]
     assert seen(latch, 40, 15)
 
 
 def test_it_is_not_obeyed_before_anything_is_known_of_the_epoch() -> None:
-    latch = DisarmLatch()
-    assert latch.hear(disarm(5), 10) == ["wrong_epoch:pilot/request"]
+    latch = Latch()
+    assert latch.counted(disarm(5), 10) == ["wrong_epoch:pilot/request"]
     seen(latch, 11, 0)
     latch.hear(disarm(12), 12)  # the same id: its epoch is in force now
     assert not seen(latch, 20, 0)
 
 
 def test_it_keeps_few_ids() -> None:
-    latch = DisarmLatch()
+    latch = Latch()
     seen(latch, 0, 0)
     for k in range(3 * KNOWN):
         latch.hear(disarm(k, f"d{k}"), k)
@@ -109,14 +123,16 @@ def command(at: int, armed_ns: int | None) -> ThrusterCommand:
 
 
 def test_the_gate_is_zero_from_the_instant_of_the_disarm() -> None:
-    gate = ActuatorGate(THRUSTERS)
+    outbox = Outbox()
+    gate = ActuatorGate(THRUSTERS, outbox)
     gate.obey(command(100 * MS, 50 * MS), 100 * MS)
     assert gate.output(110 * MS) == (9.0,)
-    assert gate.hear(disarm(105 * MS), 110 * MS) == []
+    gate.hear(disarm(105 * MS), 110 * MS)
+    assert told(outbox) == []
     assert gate.output(110 * MS) == (0.0,)
     assert not gate.armed(110 * MS)
-    counted = gate.obey(command(120 * MS, 50 * MS), 120 * MS)  # control has not heard it
-    assert counted == ["disarmed:control/thrusters"]
+    gate.obey(command(120 * MS, 50 * MS), 120 * MS)  # control has not heard it
+    assert told(outbox) == ["disarmed:control/thrusters"]
     assert gate.output(120 * MS) == (0.0,)
     assert not gate.armed(120 * MS)
     gate.obey(command(130 * MS, 125 * MS), 130 * MS)
@@ -125,7 +141,9 @@ def test_the_gate_is_zero_from_the_instant_of_the_disarm() -> None:
 
 
 def test_a_disarm_of_another_epoch_is_counted_and_does_nothing() -> None:
-    gate = ActuatorGate(THRUSTERS)
+    outbox = Outbox()
+    gate = ActuatorGate(THRUSTERS, outbox)
     gate.obey(command(100 * MS, 50 * MS), 100 * MS)
-    assert gate.hear(disarm(105 * MS, epoch=EPOCH - 1), 110 * MS) == ["wrong_epoch:pilot/request"]
+    gate.hear(disarm(105 * MS, epoch=EPOCH - 1), 110 * MS)
+    assert told(outbox) == ["wrong_epoch:pilot/request"]
     assert gate.output(110 * MS) == (9.0,)

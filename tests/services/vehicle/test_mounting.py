@@ -60,10 +60,10 @@ def test_a_mounted_imu_that_turns_steadily_is_put_right(
 ) -> None:
     mount = Mount(rotation=rotation(angles), position=arm)
     felt, turned = measured_there(mount, MountedAxes(mount), force, rate, (0.0, 0.0, 0.0))
-    door = AtOrigin(Mounting(imu=mount), DENSITY)
+    credentials = AtOrigin(Mounting(imu=mount), DENSITY)
     for i in range(3):
         said = ImuSample(stamp_ns=i * S // 100, specific_force=felt, angular_rate=turned)
-        heard = door.imu(said)
+        heard = credentials.imu(said)
         assert heard.specific_force == pytest.approx(force, abs=1e-9)
         assert heard.angular_rate == pytest.approx(rate, abs=1e-9)
 
@@ -71,13 +71,15 @@ def test_a_mounted_imu_that_turns_steadily_is_put_right(
 def test_the_angular_acceleration_is_felt_and_taken_off() -> None:
     """A point on an arm ahead is pushed sideways when the vehicle begins to turn."""
     mount = Mount(position=(0.5, 0.0, 0.0))
-    door, felt, heard = AtOrigin(Mounting(imu=mount), DENSITY), (0.0, 0.0, 0.0), None
+    credentials, felt, heard = AtOrigin(Mounting(imu=mount), DENSITY), (0.0, 0.0, 0.0), None
     for i in range(100):
         rate, acceleration = (0.0, 0.0, 0.02 * i), (0.0, 0.0, 2.0)
         felt, turned = measured_there(
             mount, MountedAxes(mount), (0.0, 0.0, -GRAVITY), rate, acceleration
         )
-        heard = door.imu(ImuSample(stamp_ns=i * S // 100, specific_force=felt, angular_rate=turned))
+        heard = credentials.imu(
+            ImuSample(stamp_ns=i * S // 100, specific_force=felt, angular_rate=turned)
+        )
     assert felt == pytest.approx((-0.5 * 1.98**2, 1.0, -GRAVITY))
     assert heard is not None
     assert heard.specific_force == pytest.approx((0.0, 0.0, -GRAVITY), abs=1e-6)
@@ -88,11 +90,11 @@ def test_a_mounted_dvl_is_put_right(
     angles: Vec3, arm: Vec3, lies: Vec3, velocity: Vec3, rate: Vec3
 ) -> None:
     mount, q = Mount(rotation=rotation(angles), position=arm), from_euler(*lies)
-    door = AtOrigin(Mounting(dvl=mount), DENSITY)
-    door.moved(Moment(0, rate, q))
+    credentials = AtOrigin(Mounting(dvl=mount), DENSITY)
+    credentials.moved(Moment(0, rate, q))
     height = 9.0 - place_of(arm, (0.0, 0.0, 4.0), q)[2]
     seen = seen_there(mount, MountedAxes(mount), velocity, rate)
-    heard = door.dvl(DvlSample(stamp_ns=1, velocity=seen, std=0.01, altitude=height))
+    heard = credentials.dvl(DvlSample(stamp_ns=1, velocity=seen, std=0.01, altitude=height))
     assert heard.velocity == pytest.approx(velocity, abs=1e-9)
     assert heard.altitude == pytest.approx(5.0)
 
@@ -100,26 +102,26 @@ def test_a_mounted_dvl_is_put_right(
 @given(ARMS, ANGLES, VECTORS)
 def test_depth_and_fix_are_of_the_origin(arm: Vec3, lies: Vec3, position: Vec3) -> None:
     q, mount = normalised(from_euler(*lies)), Placed(position=arm)
-    door = AtOrigin(Mounting(pressure=mount, usbl=mount), DENSITY)
-    door.moved(Moment(0, (0.0, 0.0, 0.0), q))
+    credentials = AtOrigin(Mounting(pressure=mount, usbl=mount), DENSITY)
+    credentials.moved(Moment(0, (0.0, 0.0, 0.0), q))
     north, east, down = place_of(arm, position, q)
     pascal = DENSITY * GRAVITY
     said = PressureSample(stamp_ns=1, pressure=2e5 + pascal * down)
-    assert door.pressure(said).pressure == pytest.approx(2e5 + pascal * position[2])
-    fix = door.usbl(UsblSample(stamp_ns=1, north=north, east=east, std=1.0))
+    assert credentials.pressure(said).pressure == pytest.approx(2e5 + pascal * position[2])
+    fix = credentials.usbl(UsblSample(stamp_ns=1, north=north, east=east, std=1.0))
     assert (fix.north, fix.east) == pytest.approx(position[:2], abs=1e-9)
 
 
 def test_a_late_sample_is_put_right_by_how_the_vehicle_lay_then() -> None:
-    door = AtOrigin(Mounting(dvl=Mount(position=(1.0, 0.0, 0.0))), DENSITY)
+    credentials = AtOrigin(Mounting(dvl=Mount(position=(1.0, 0.0, 0.0))), DENSITY)
     for i in range(100):
-        door.moved(Moment(i * S // 100, (0.0, 0.0, 0.01 * i)))
-    heard = door.dvl(DvlSample(stamp_ns=S // 2 + 1, velocity=(0.0, 0.5, 0.0), std=0.01))
+        credentials.moved(Moment(i * S // 100, (0.0, 0.0, 0.01 * i)))
+    heard = credentials.dvl(DvlSample(stamp_ns=S // 2 + 1, velocity=(0.0, 0.5, 0.0), std=0.01))
     assert heard.velocity == pytest.approx((0.0, 0.0, 0.0))
 
 
 def test_a_sensor_at_the_origin_passes_untouched() -> None:
-    door = AtOrigin(Mounting(), DENSITY)
+    credentials = AtOrigin(Mounting(), DENSITY)
     samples = (
         ImuSample(stamp_ns=0, specific_force=(0.1, 0.2, -9.8), angular_rate=(0.1, 0.2, 0.3)),
         MagnetometerSample(stamp_ns=0, field=(1e-5, 2e-5, 3e-5)),
@@ -128,12 +130,12 @@ def test_a_sensor_at_the_origin_passes_untouched() -> None:
         UsblSample(stamp_ns=0, north=1.0, east=2.0, std=0.5),
     )
     imu, field, pressure, dvl, usbl = samples
-    assert not door.needs_motion
-    assert door.imu(imu) is imu
-    assert door.magnetometer(field) is field
-    assert door.pressure(pressure) is pressure
-    assert door.dvl(dvl) is dvl
-    assert door.usbl(usbl) is usbl
+    assert not credentials.needs_motion
+    assert credentials.imu(imu) is imu
+    assert credentials.magnetometer(field) is field
+    assert credentials.pressure(pressure) is pressure
+    assert credentials.dvl(dvl) is dvl
+    assert credentials.usbl(usbl) is usbl
 
 
 def test_a_gap_says_nothing_about_acceleration() -> None:

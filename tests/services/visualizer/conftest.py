@@ -3,6 +3,7 @@ from collections.abc import Callable
 import pytest
 
 from messages import topics
+from messages.aiding import AidSource
 from messages.control import ThrusterCommand, Wrench
 from messages.fly import DroneList, FlyAnswer, FlyRequest
 from messages.health import Health, LogLine
@@ -13,7 +14,7 @@ from messages.link import (
     Clock,
     ClockPing,
     ClockPong,
-    Direction,
+    DirectionReport,
     LatencyBudget,
     LinkAnswer,
     LinkRequest,
@@ -37,7 +38,7 @@ from messages.sensors import (
 )
 from messages.simulator import FaultAnswer, FaultRequest
 from messages.state import VehicleState
-from messages.vehicle import Actuation, Truth, VehicleStatus
+from messages.vehicle import Actuation, Truth, VehicleEstimate, VehicleStatus
 from messages.video import PICTURE_STAGES, PictureAge, VideoPart
 
 Sample = Callable[[str, int], Message]
@@ -56,7 +57,7 @@ def sample() -> Sample:
 
 def _all(now: int) -> list[Message]:
     """One message per row of the table, in its order."""
-    here, leg = Estimate(1.0, 0.1), Direction(10.0, 20.0, 5, 0, 1)
+    here, leg = Estimate(1.0, 0.1), DirectionReport(10.0, 20.0, 5, 0, 1)
     motion = Motion(1.0, 0.5, 0.1, 0.0)
     messages: list[Message] = [
         PilotCommand(stamp_ns=now, surge=0.1, sway=0.2, heave=0.3, yaw=0.4),
@@ -70,6 +71,16 @@ def _all(now: int) -> list[Message]:
         BatterySample(stamp_ns=now, voltage=16.0, current=1.0, used_wh=0.1),
         LeakSample(stamp_ns=now, wet=False),
         TemperatureSample(stamp_ns=now, temperature=23.0),
+        AidSource(
+            stamp_ns=now,
+            unit="m",
+            samples=1,
+            value=1.0,
+            innovation=0.1,
+            variance=0.01,
+            test_ratio=0.5,
+            weight=1.0,
+        ),
         VehicleState(
             stamp_ns=now,
             sensor_ns=now,
@@ -114,7 +125,8 @@ def _all(now: int) -> list[Message]:
             stale=False,
             power=10.0,
         ),
-        VehicleStatus(stamp_ns=now, mode="piloted", armed=True),
+        VehicleStatus(stamp_ns=now, activity="piloted", armed=True),
+        VehicleEstimate(stamp_ns=now, roll=0.1, depth=1.0, angular_rate=(0.0, 0.0, 0.1)),
         Truth(
             stamp_ns=now,
             position=(now * 1e-9, 0.0, 1.0),

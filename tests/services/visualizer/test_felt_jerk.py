@@ -22,9 +22,9 @@ from services.visualizer.core import Collector
 from services.visualizer.curves import computed
 from services.visualizer.felt_jerk import BAND, LONGEST_NS, SETTLE_NS, JerkLines, LowPassedJerk
 from services.visualizer.thruster_changes import WINDOW, ThrusterChanges
+from tests.support.sortie import DEEP, Sortie
 from tools.report import jerk as report
 from tools.report.dive import GatheredDive, RecordedDive
-from tools.research.bench.sortie import DEEP, Sortie
 
 VEHICLE = Stack().section("vehicle", Vehicle)
 SECOND = 1_000_000_000  # [ns]

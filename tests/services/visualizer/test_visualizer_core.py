@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from messages import topics
+from messages import events, topics
 from messages.message import Estimate, Message
 from messages.prediction import Miss, Prediction
 from messages.state import VehicleState
@@ -166,9 +166,9 @@ def test_nonsense_that_is_well_formed_is_refused_with_a_reason(sample: Sample) -
     collector = Collector(VEHICLE)
     key = topics.ACTUATION.key
     short = msgspec.structs.replace(sample(key, 0), thrust=(1.0,))  # type: ignore[call-arg]
-    assert collector.hear(topics.ACTUATION, key, short, 0) == "wrong_length"
+    assert collector.hear(topics.ACTUATION, key, short, 0) is events.WRONG_LENGTH
     ancient = truth(-(2**63))
-    assert collector.hear(topics.TRUTH, "simulator/truth", ancient, 0) == "too_old"
+    assert collector.hear(topics.TRUTH, "simulator/truth", ancient, 0) is events.TOO_OLD
     assert collector.hear(topics.TRUTH, "simulator/truth", truth(-OLDEST_NS), 0) is None
     assert isinstance(short, Actuation)
 
@@ -178,7 +178,7 @@ def test_the_status_page_says_what_a_pilot_asks_first(sample: Sample) -> None:
     for topic in topics.ALL:
         collector.hear(topic, key_of(topic), sample(topic.key, 0), 0)
     pages = {n.path: n.text for n in collector.drain(0).notes if n.kind == "document"}
-    for word in ("piloted", "ARMED", "1.0 m", "57°", "16.0 V", "rtt 20.0 ms"):
+    for word in ("piloted", "ARMED", "1.0 m", "57°", "16.0 V", "rtt 2.0 ms", "nobody has"):
         assert word in pages["status"]
     assert "| control |" in pages["services"]
     assert not [n for n in collector.drain(0).notes if n.kind == "document"]
@@ -205,7 +205,7 @@ def test_the_status_page_says_headings_as_a_compass_does(turns: int, degree: int
     collector = Collector(VEHICLE)
     collector.hear(topics.STATE, "state", state, 0)
     [page] = [n.text for n in collector.drain(0).notes if n.path == "status"]
-    assert f"| {degree}° |" in page
+    assert f"| {degree}° → – |" in page
 
 
 @pytest.mark.parametrize("ahead", [-DAY, DAY])

@@ -10,7 +10,7 @@ import pytest
 from messages import topics
 from messages.message import Estimate, Message
 from messages.state import VehicleState
-from messages.topic import AnyTopic, Way
+from messages.topic import AnyTopic, Direction
 from services.marine.vehicle import Vehicle
 from services.runtime.bus.envelope import Envelope
 from services.runtime.config.errors import LindyError
@@ -23,6 +23,7 @@ from services.visualizer.batch import Batch, Note
 from services.visualizer.io import live_viewer
 from services.visualizer.io.live_viewer import LiveViewer
 from services.visualizer.service import wire
+from tests.support.patience import PATIENCE_S
 
 chunk = pytest.importorskip("rerun.chunk", reason="the viewer extra is not installed")
 
@@ -53,7 +54,7 @@ def speak(sides: dict[str, Node], sample: Sample) -> None:
     """Let everybody else say everything they say, five times a second."""
     publishers: list[tuple[AnyTopic, Publisher[Message]]] = []
     for topic in topics.ALL:
-        node = sides["drone" if topic.way is Way.STAY else "topside"]
+        node = sides["drone" if topic.way is Direction.STAY else "topside"]
         one = topic.of("control") if topic.is_family else topic
         publishers.append((topic, node.publisher(one)))
 
@@ -107,7 +108,7 @@ def test_every_stream_of_both_realms_is_in_the_file(tmp_path: Path, sample: Samp
         "/status",
         "/services",
     }
-    shown |= {"/log/control", "/log/pilot", "/state/mode", "/state/link", "/world/vehicle"}
+    shown |= {"/log/control", "/log/pilot", "/state/activity", "/state/link", "/world/vehicle"}
     shown |= {"/world/path", "/world/reference", "/world/vehicle/thrust"}
     assert shown <= found
 
@@ -214,7 +215,9 @@ class Heard:
 
     def open(self, viewer: list[str]) -> LiveViewer:
         vehicle = Stack().section("vehicle", Vehicle)
-        return LiveViewer("test", vehicle, viewer, self.counts.append, self.log)
+        return LiveViewer(
+            "test", vehicle, viewer, lambda event: self.counts.append(event.name), self.log
+        )
 
     def log(self, level: str, text: str) -> None:
         self.lines.append((level, text))
@@ -254,7 +257,7 @@ def test_a_viewer_that_cannot_open_is_said_once_and_counted() -> None:
     heard = Heard()
     link = heard.open(["/nonexistent/viewer"])
     assert link.process is not None
-    link.process.wait(30)
+    link.process.wait(PATIENCE_S)
     for _ in range(3):
         link.send(big_batch())
     assert heard.counts == ["lost:live_viewer"]

@@ -18,7 +18,7 @@ from messages.units import Quaternion, Vec6
 from services.marine.attitude import from_euler
 from services.marine.calibration import SensorCalibration
 from services.marine.mounting import Mount, Mounting, Turned
-from services.marine.vehicle import ATMOSPHERE
+from services.marine.vehicle import ATMOSPHERE, SEA_WATER
 from services.recorder.foxglove_schema import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
 from services.runtime.config.errors import LindyError
@@ -28,7 +28,7 @@ from services.runtime.hosts.virtual_host import VirtualHost
 from services.simulator.sensor_errors import SensorErrors
 from services.simulator.sensors import Sensors
 from services.simulator.settings import Settings
-from services.vehicle.mounting import MountedAxes
+from services.vehicle.mounting import AtOrigin, MountedAxes
 from tools.__main__ import main
 from tools.calibrate.accelerometer import AccelerometerGuide
 from tools.calibrate.compass import CompassGuide
@@ -295,10 +295,11 @@ def test_estimation_corrects_by_the_table() -> None:
     mounting = Mounting(imu=Mount(rotation=QUARTER))
     q_NB, nu = from_euler(0.3, -0.2, 1.0), (0.1, 0.2, 0.3, 0.1, -0.2, 0.3)
     good, bad = sensors(5, SensorErrors(), mounting), sensors(5, wrong, mounting)
-    right, raw = good.imu(7, q_NB, nu, REST), calibration.imu(bad.imu(7, q_NB, nu, REST))
+    corrected = AtOrigin(Mounting(), SEA_WATER, calibration)
+    right, raw = good.imu(7, q_NB, nu, REST), corrected.imu(bad.imu(7, q_NB, nu, REST))
     assert raw.angular_rate == pytest.approx(right.angular_rate)
     assert raw.specific_force == pytest.approx(right.specific_force, abs=3e-3)  # noise is scaled
-    field = calibration.magnetometer(bad.magnetometer(7, q_NB)).field
+    field = corrected.magnetometer(bad.magnetometer(7, q_NB)).field
     assert field == pytest.approx(good.magnetometer(7, q_NB).field, abs=1e-12)
-    depth = calibration.pressure(bad.pressure(7, 3.0)).pressure
+    depth = corrected.pressure(bad.pressure(7, 3.0)).pressure
     assert depth == pytest.approx(good.pressure(7, 3.0).pressure)

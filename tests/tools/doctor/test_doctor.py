@@ -16,13 +16,19 @@ from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
 
+from messages.events import Outbox
 from services.ardusub import parameters
-from services.ardusub.io.codec import BoardCodec, FrameReader
-from services.ardusub.io.link import open_link
-from services.ardusub.packet import MavlinkPacket
+from services.ardusub.service import ONE_BOARD
 from services.ardusub.settings import Settings
+from services.mavlink_io.io.codec import FrameReader, MavlinkCodec
+from services.mavlink_io.io.links import Links
+from services.mavlink_io.packet import MavlinkPacket
 from services.runtime.config.errors import LindyError
 from services.simulator.core import Settings as SimulatorSettings
+from tests.support.ardusub_double.board import BoardDouble
+from tests.support.ardusub_double.cable import STACK, VEHICLE
+from tests.support.ardusub_double.memory import MemoryLink
+from tests.support.ardusub_double.settings import defaults
 from tests.tools.test_cli_verbs import complaint
 from tools.__main__ import main
 from tools.doctor.board_checks import of_board
@@ -30,10 +36,6 @@ from tools.doctor.command import go_through
 from tools.doctor.finding import VehicleFinding, fit
 from tools.doctor.remedies import remedy
 from tools.doctor.visit import NO_BOARD_NS, BoardVisit, S
-from tools.research.ardusub_double.board import BoardDouble
-from tools.research.ardusub_double.cable import STACK, VEHICLE
-from tools.research.ardusub_double.memory import MemoryLink
-from tools.research.ardusub_double.settings import defaults
 
 BOTH = pytest.mark.parametrize("version", ["4.5", "4.8"])
 URL = "udpin:127.0.0.1:14551"
@@ -52,13 +54,13 @@ class Bench:
         self.asked: list[MavlinkPacket] = []  # by the doctor
         self.noise = b""  # [bytes] 20 times a second
         self.beside: list[tuple[int, int]] = []  # system and component of other ground stations
-        self._codec = BoardCodec(1, 1)
+        self._codec = MavlinkCodec(1, 1)
         self._reader = FrameReader(self._codec)
 
     def wait(self) -> None:
         self.now += STEP_NS
         for frame in self.link.down:
-            self.asked += self._reader.read(frame).packets
+            self.asked += self._reader.read([frame])
         heard = self.asked[-len(self.link.down) :] if self.link.down else []
         self.link.down.clear()
         if self.board is not None:
@@ -84,7 +86,7 @@ def _heartbeat(system: int, component: int) -> bytes:
         "type": GROUND_STATION, "autopilot": 8, "base_mode": 0, "custom_mode": 0,
         "system_status": 4, "mavlink_version": 3,
     }  # fmt: skip
-    return BoardCodec(system, component).encode(MavlinkPacket("HEARTBEAT", fields))
+    return MavlinkCodec(system, component).encode(MavlinkPacket("HEARTBEAT", fields))
 
 
 def one(findings: list[VehicleFinding], what: str) -> VehicleFinding:
@@ -107,8 +109,8 @@ def test_a_connection_that_fails_is_said(*, accepts: bool, why: str) -> None:
     server.settimeout(0.05)
     if not accepts:
         server.close()
-    link, now = open_link(url), 7 * S
-    visit = BoardVisit(Settings(), len(VEHICLE.thruster), 1.0)
+    visit, now = BoardVisit(Settings(), len(VEHICLE.thruster), 1.0), 7 * S
+    links = Links([url], "ardusub.url", ONE_BOARD, visit.lost)
 
     def wait() -> None:
         nonlocal now
@@ -117,9 +119,9 @@ def test_a_connection_that_fails_is_said(*, accepts: bool, why: str) -> None:
         with suppress(OSError):
             server.accept()[0].close()
 
-    go_through(visit, link, lambda: now, wait)
-    [found] = of_board(visit, VEHICLE, url, trouble=link.trouble)
-    link.close()
+    go_through(visit, links, lambda: now, wait)
+    [found] = of_board(visit, VEHICLE, url, trouble=links.trouble)
+    links.close()
     server.close()
     assert found.verdict == "missing"
     assert why in found.text
@@ -129,7 +131,7 @@ def test_a_device_that_is_not_there_is_said_without_what_is_allowed() -> None:
     with pytest.raises(
         LindyError, match=r"^ardusub.url serial:/dev/none:115200: No such file .*y$"
     ):
-        open_link("serial:/dev/none:115200")
+        Links(["serial:/dev/none:115200"], "ardusub.url", ONE_BOARD, Outbox())
 
 
 def wrong(findings: list[VehicleFinding]) -> list[VehicleFinding]:
@@ -424,7 +426,7 @@ def test_over_udp_with_a_board_that_is_a_process(
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    words = [sys.executable, "-P", "-m", "tools.research.ardusub_double.udp", "--to", str(port)]
+    words = [sys.executable, "-P", "-m", "tests.support.ardusub_double.udp", "--to", str(port)]
     url = f"ardusub.url=udpin:127.0.0.1:{port}"
     said = ["doctor", "--vehicle", "bluerov2_heavy", "--seconds", "1", "--set", url, "--json"]
     with subprocess.Popen([*words, "--version", version, "--set", "FS_GCS_ENABLE=0"]) as board:

@@ -31,7 +31,7 @@ seen = st.builds(
 
 
 def status(**more: Any) -> VehicleStatus:
-    given: dict[str, Any] = {"stamp_ns": 0, "mode": "piloted", "armed": True, "depth": 4.12}
+    given: dict[str, Any] = {"stamp_ns": 0, "activity": "piloted", "armed": True, "depth": 4.12}
     return VehicleStatus(**(given | more))
 
 

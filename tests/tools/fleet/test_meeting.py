@@ -14,7 +14,7 @@ from services.runtime.hosts.registry import Registry
 from tools.__main__ import main
 from tools.checks import checked, pilot_of
 from tools.choices import Choices
-from tools.fleet.meeting import Meeting, drones_door, drones_name
+from tools.fleet.meeting import Meeting, drones_credentials, drones_name
 from tools.fleet.names import own_name
 from tools.keys import authority, certificates
 from tools.keys.roles import parse
@@ -33,17 +33,17 @@ def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_drone_is_called_what_is_said_else_as_its_keys_else_by_its_computer(keys: Path) -> None:
-    door = drones_door(LISTEN, None, keys, insecure=False)
-    tcp = drones_door("tcp/127.0.0.1:1", None, keys, insecure=False)
+    credentials = drones_credentials(LISTEN, None, keys, insecure=False)
+    tcp = drones_credentials("tcp/127.0.0.1:1", None, keys, insecure=False)
     assert tcp is None
-    with_keys, without = Meeting(LISTEN, None, door), Meeting("tcp/127.0.0.1:1", None, None)
+    with_keys, without = Meeting(LISTEN, None, credentials), Meeting("tcp/127.0.0.1:1", None, None)
     assert drones_name(Stack(name="x"), with_keys) == "x"
     assert drones_name(Stack(), with_keys) == "boat"
     assert drones_name(Stack(), without) == own_name("pioneer", gethostname())
 
 
 def test_at_a_router_with_keys_a_drone_has_the_name_of_its_keys(keys: Path) -> None:
-    meeting = Meeting(None, ROUTER, drones_door(None, ROUTER, keys, insecure=False))
+    meeting = Meeting(None, ROUTER, drones_credentials(None, ROUTER, keys, insecure=False))
     assert drones_name(Stack(name="boat"), meeting) == drones_name(Stack(), meeting) == "boat"
     with pytest.raises(LindyError, match="keys are those of drone:boat, and a router lets it"):
         drones_name(Stack(name="x"), meeting)
@@ -55,17 +55,17 @@ def test_keys_from_before_there_were_routers_must_be_renewed(
     monkeypatch.setitem(certificates.USAGE, "drone", (certificates.ANSWER,))
     authority.new(tmp_path, NOW)
     authority.add(tmp_path, parse("drone:old"), NOW, 10)
-    assert drones_door(LISTEN, None, tmp_path, insecure=False) is not None
+    assert drones_credentials(LISTEN, None, tmp_path, insecure=False) is not None
     with pytest.raises(LindyError, match="lindy keys renew drone:old"):
-        drones_door(None, ROUTER, tmp_path, insecure=False)
+        drones_credentials(None, ROUTER, tmp_path, insecure=False)
 
 
 def test_both_ways_in_have_keys_or_none_has(keys: Path) -> None:
-    both = drones_door(LISTEN, ROUTER, keys, insecure=False)
+    both = drones_credentials(LISTEN, ROUTER, keys, insecure=False)
     assert both is not None
     assert Meeting(LISTEN, ROUTER, both).link == f"{LISTEN} and {ROUTER}"
     with pytest.raises(LindyError, match="both with tls, or none of them"):
-        drones_door("tcp/127.0.0.1:7447", ROUTER, keys, insecure=False)
+        drones_credentials("tcp/127.0.0.1:7447", ROUTER, keys, insecure=False)
 
 
 @pytest.mark.parametrize("name", ["", "a/b", "*", "a b", "ä", "x" * 65, "@v1", "$*", "a?b#c"])

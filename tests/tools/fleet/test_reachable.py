@@ -45,7 +45,7 @@ class Network:
     def drone(self, name: str, said: SideIdentity, **status: Any) -> None:
         self.announced(name)
         self.says(name, topics.IDENTITY.of("drone"), said)
-        given: dict[str, Any] = {"stamp_ns": 0, "mode": "ready", "armed": False}
+        given: dict[str, Any] = {"stamp_ns": 0, "activity": "ready", "armed": False}
         self.says(name, topics.STATUS, VehicleStatus(**(given | status)))
 
     def list(self, flown: str = "rov1", left: str = "") -> DroneList:
@@ -74,24 +74,33 @@ def test_a_drone_that_does_not_fit_is_refused_with_what_differs(theirs: SideIden
 
 def test_the_list_says_of_each_drone_what_a_pilot_chooses_by():
     network = Network()
-    network.drone("rov1", identity(), mode="piloted", armed=True, pilot="ann")
-    acts = {"failsafe": "leak", "reaction": "ascend", "mode": "stopping", "armed": True}
+    network.drone("rov1", identity(), activity="piloted", armed=True, pilot="ann")
+    acts = {"failsafe": "leak", "reaction": "ascend", "activity": "stopping", "armed": True}
     network.drone("rov2", identity(vehicle="bluerov"), **acts)
     network.announced("rov3")
     made = network.list(left="rov9 holds")
     assert (made.flown, made.more, made.left) == ("rov1", 0, "rov9 holds")
     one, two, three = made.drones
-    assert (one.name, one.vehicle, one.mode, one.armed, one.pilot) == (
+    assert (one.name, one.vehicle, one.activity, one.armed, one.pilot) == (
         "rov1", "pioneer", "piloted", True, "ann",
     )  # fmt: skip
     assert (one.failsafe, one.alarms, one.misfit) == (False, "", "")
-    assert (two.failsafe, two.alarms) == (True, "FAILSAFE leak, ascend")
+    assert (two.failsafe, two.alarms) == (True, "FAILSAFE leak: rising")
     assert two.misfit.startswith("the drone was started with another vehicle than the topside")
     assert (three.name, three.vehicle, three.alarms) == (
         "rov3", "", "is announced, but says nothing",
     )  # fmt: skip
     network.watch.token(here_key(namespace("rov2"), "drone", "1"), False, NOW)
     assert [drone.name for drone in network.list().drones] == ["rov1", "rov3"]
+
+
+def test_drones_that_went_with_the_router_stay_on_the_list():
+    network = Network()
+    network.drone("rov2", identity(vehicle="bluerov"))
+    network.watch.router(False, NOW)
+    network.watch.token(here_key(namespace("rov2"), "drone", "1"), False, NOW)
+    (two,) = network.list().drones
+    assert (two.name, two.vehicle) == ("rov2", "bluerov")
 
 
 def test_however_many_a_stranger_announces_those_that_speak_are_listed():

@@ -17,12 +17,12 @@ from services.runtime.bus.envelope import Envelope
 from services.runtime.bus.spaces import here_key, namespace
 from services.runtime.config.identity import identity_of
 from services.runtime.config.stack import Stack
+from tests.support.synthetic import due, said, said_by
 from tools.__main__ import main
 from tools.fleet import record as recording_of_all
 from tools.fleet.gaps import SILENT_NS, Gaps
 from tools.fleet.record import Arrivals, FleetRecorder
-from tools.fleet.synthetic import due, said, said_by
-from tools.log.cut import WantedPart, cut
+from tools.log.cut import cut
 from tools.recordings.recording import open_recording
 
 TICK_NS = 10_000_000
@@ -93,7 +93,7 @@ def test_two_drones_are_two_recordings_of_which_a_part_can_be_cut(
     assert main(["log", "info", str(tmp_path / "rov1")]) == 0
     assert "rov1 · pioneer" in capsys.readouterr().out
     part = tmp_path / "part.mcap"
-    assert cut(tmp_path / "rov1", part, WantedPart(topics=("state",))) == 0
+    assert cut(tmp_path / "rov1", out=part, topics=("state",)) == 0
     assert {entry.key for entry in open_recording(part)} == {"state"}
 
 

@@ -32,7 +32,7 @@ def say(roster: Roster, name: str, topic: AnyTopic, message: Message) -> None:
 
 
 def status(pilot: str = "", *, armed: bool = False) -> VehicleStatus:
-    return VehicleStatus(stamp_ns=0, mode="ready", armed=armed, pilot=pilot)
+    return VehicleStatus(stamp_ns=0, activity="ready", armed=armed, pilot=pilot)
 
 
 def whole(name: str = "rov1") -> Roster:
@@ -72,7 +72,7 @@ def test_nothing_that_a_stranger_says_acts_on_the_terminal() -> None:
 
 def test_the_mode_says_which_failsafe_acts() -> None:
     roster = whole()
-    acts = msgspec.structs.replace(status("ann", armed=True), mode="stopping", failsafe="leak")
+    acts = msgspec.structs.replace(status("ann", armed=True), activity="stopping", failsafe="leak")
     say(roster, "rov1", topics.STATUS, acts)
     assert "  FAILSAFE leak: stopping, armed  " in table(roster, "E", "same")
     assert as_row(roster.drones["rov1"], "same")["failsafe"] == "leak"

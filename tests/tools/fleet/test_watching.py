@@ -17,11 +17,12 @@ from messages.sensors import BatterySample
 from messages.topic import AnyTopic
 from messages.vehicle import VehicleStatus
 from services.runtime.bus.spaces import here_key, namespace
+from services.vehicle_view import ages
 from tools.fleet.fleet_screen import as_json, line, news, screen, title_of
 from tools.fleet.hearing import SPAN, Hearing
 from tools.fleet.names import clean
 from tools.fleet.roster import MOST
-from tools.fleet.watching import BATTERY_OLD_NS, GONE_NS, OLD_NS, FleetRow, FleetWatch
+from tools.fleet.watching import GONE_NS, FleetRow, FleetWatch
 
 SECOND = 1_000_000_000
 IDENTITY = topics.IDENTITY.of("drone")
@@ -38,7 +39,13 @@ def say(watch: FleetWatch, name: str, topic: AnyTopic, message: Message, now: in
 
 def flying(seq: int = 0, **more: object) -> VehicleStatus:
     status = VehicleStatus(
-        seq=seq, stamp_ns=0, mode="piloted", armed=True, pilot="ann", depth=4.25, heading=-pi / 2
+        seq=seq,
+        stamp_ns=0,
+        activity="piloted",
+        armed=True,
+        pilot="ann",
+        depth=4.25,
+        heading=-pi / 2,
     )
     return msgspec.structs.replace(status, **more)
 
@@ -62,7 +69,7 @@ def shown(rows: list[FleetRow], remarks: list[str], height: int, width: int = 20
 
 def test_a_drone_is_a_line_with_everything_that_matters() -> None:
     (row,) = watching("rov1").rows(SECOND // 5)
-    assert line(row) == "rov1  piloted, armed  4.2 m  270°  15.9 V  0.2 s  ann"
+    assert line(row) == "rov1  piloted, armed  4.2 m  270°  15.9 V, 1.0 Wh used  0.2 s  ann"
     assert json.loads(as_json([row], ["x"], True)) == {
         "drones": [json.loads(json.dumps(row._asdict()))],
         "not_listed": ["x"],
@@ -73,7 +80,7 @@ def test_a_drone_is_a_line_with_everything_that_matters() -> None:
 @pytest.mark.parametrize(
     ("said", "alarm"),
     [
-        (flying(failsafe="leak", reaction="ascend"), "FAILSAFE leak, ascend"),
+        (flying(failsafe="leak", reaction="ascend"), "FAILSAFE leak: rising"),
         (flying(note="not ready: calibrating"), "not ready: calibrating"),
     ],
 )
@@ -85,20 +92,23 @@ def test_what_a_drone_complains_of_is_an_alarm(said: VehicleStatus, alarm: str) 
 
 def test_a_battery_that_falls_silent_is_not_shown_as_if_it_were_heard() -> None:
     watch = watching("rov1")
-    say(watch, "rov1", topics.STATUS, flying(), BATTERY_OLD_NS)
-    (row,) = watch.rows(BATTERY_OLD_NS)
-    assert (row.battery, row.alarms) == ("15.9 V", ())
+    say(watch, "rov1", topics.STATUS, flying(), ages.BATTERY.grey_ns)
+    (row,) = watch.rows(ages.BATTERY.grey_ns)
+    assert (row.battery, row.alarms) == ("15.9 V, 1.0 Wh used", ())
     say(watch, "rov1", topics.STATUS, flying(failsafe="leak"), 130 * SECOND)
     (row,) = watch.rows(130 * SECOND)
-    assert (row.battery, row.alarms) == ("", ("FAILSAFE leak", "battery silent for 130 s"))
+    assert (row.battery, row.alarms) == ("", ("FAILSAFE leak: piloted", "battery silent for 130 s"))
     assert "  –  " in " ".join(shown([row], [], 30))
     (row,) = watch.rows(140 * SECOND)
-    assert row.alarms == ("not heard for 10 s", "FAILSAFE leak")  # of which silence is a part
+    assert row.alarms == (
+        "not heard for 10 s",
+        "FAILSAFE leak: piloted",
+    )  # of which silence is a part
     say(watch, "rov1", topics.STATUS, flying(), 150 * SECOND)
     battery = BatterySample(stamp_ns=0, voltage=14.0, current=1.0, used_wh=1.0)
     say(watch, "rov1", topics.BATTERY, battery, 150 * SECOND)
     (row,) = watch.rows(151 * SECOND)
-    assert (row.battery, row.alarms) == ("14.0 V", ())
+    assert (row.battery, row.alarms) == ("14.0 V, 1.0 Wh used", ())
 
 
 def test_a_battery_that_was_never_heard_is_silent_since_its_drone_was_heard_first() -> None:
@@ -117,8 +127,8 @@ def test_a_battery_that_was_never_heard_is_silent_since_its_drone_was_heard_firs
 
 def test_silence_two_of_a_name_other_messages_and_departure_are_alarms() -> None:
     watch = watching("rov1")
-    assert watch.rows(OLD_NS)[0].alarms == ()
-    assert watch.rows(OLD_NS + 1)[0].alarms == ("not heard for 2 s",)
+    assert watch.rows(ages.STATUS.grey_ns)[0].alarms == ()
+    assert watch.rows(ages.STATUS.grey_ns + 1)[0].alarms == ("not heard for 1 s",)
     watch.token(token("rov1", "2"), True, 0)
     say(watch, "rov1", IDENTITY, SideIdentity(vehicle="pioneer", messages="others"))
     assert [alarm.split(":")[0] for alarm in watch.rows(0)[0].alarms] == [
@@ -176,7 +186,7 @@ def test_a_thousand_names_of_a_stranger_are_one_sentence_and_hide_no_drone_that_
         say(watch, f"rov{k:02}", topics.STATUS, flying())
     rows = watch.rows(0)
     assert len(rows) == MOST
-    assert {f"rov{k:02}" for k in range(20)} <= {row.name for row in rows if row.mode}
+    assert {f"rov{k:02}" for k in range(20)} <= {row.name for row in rows if row.activity}
     assert watch.roster.remarks == [
         f"{1020 - MOST} announced beyond the first {MOST}, and not listed",
         "1000 announced with names that no drone may have, and not listed",

@@ -130,6 +130,7 @@ def test_a_guess_from_regression_is_near() -> None:
     assert guess[LAG] == pytest.approx(expected[LAG], abs=0.25)
 
 
+@pytest.mark.slow
 def test_surge_that_only_the_window_before_tells_has_the_right_sign() -> None:
     """Else the yaw's drag, of which the wake makes some, is wrong by many deviations."""
     start = start_of(FILE)

@@ -6,11 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from services.marine.attitude import down_in_body, from_euler
-from services.marine.thruster_lag import Lag, modes_of
-from services.marine.vehicle import Vehicle
+from services.marine.vehicle import Lag, Vehicle, modes_of
 from services.runtime.config.stack import Stack
-from services.simulator.equations import equations_of_motion
 from services.simulator.propulsion import SimulatedThrusters
+from services.simulator.vessel import equations_of_motion
 from tools.identify.motion_model import Measured, coefficients, predict
 from tools.identify.thrust import CommandedThrust, Floats, lagged
 
@@ -50,7 +49,7 @@ def test_its_thrust_is_that_of_the_simulated_thrusters(name: str) -> None:
     for row, wait in zip(commands.tolist(), np.diff(t, append=t[-1] + 0.05).tolist(), strict=True):
         simulated.drive(row)
         expected.append(simulated.wrench(0.7 * wait))
-        simulated.pass_time(wait)
+        simulated.age += wait
     at = t + 0.7 * np.diff(t, append=t[-1] + 0.05)
     found = CommandedThrust(vehicle, t, commands).wrench(at).value
     assert found == pytest.approx(np.array(expected), abs=1e-9)

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from services.runtime.config.errors import LindyError
 from tools.__main__ import main
-from tools.keys import authority, door
-from tools.keys.door import guard, is_local
+from tools.keys import authority, credentials
+from tools.keys.credentials import guard, is_local
 from tools.keys.key_folder import own_keys
 from tools.keys.roles import parse
 
@@ -57,9 +57,15 @@ def test_new_makes_keys_for_a_drone_and_a_pilot_that_nobody_else_can_read(tmp_pa
     for path in (place, *place.rglob("*")):
         assert path.stat().st_mode & 0o777 == (0o700 if path.is_dir() else 0o600), path
     drone = own_keys(place, ("drone",), NOW)
-    assert (str(drone.certificate.who), drone.door.admitted) == ("drone:pioneer", ("pilot:ann",))
+    assert (str(drone.certificate.who), drone.credentials.admitted) == (
+        "drone:pioneer",
+        ("pilot:ann",),
+    )
     pilot = own_keys(place, ("pilot",), NOW)
-    assert (str(pilot.certificate.who), pilot.door.admitted) == ("pilot:ann", ("drone:pioneer",))
+    assert (str(pilot.certificate.who), pilot.credentials.admitted) == (
+        "pilot:ann",
+        ("drone:pioneer",),
+    )
     assert 729 <= (drone.certificate.ends - NOW).days <= 730
 
 
@@ -112,7 +118,7 @@ def test_on_the_drone_itself_revoking_needs_no_authority(
     on_board = tmp_path / "on_board"
     shutil.copytree(place / "drone-pioneer", on_board / "drone-pioneer")
     assert keys(on_board, "revoke", "pilot:ann") == 0
-    assert own_keys(on_board, ("drone",), NOW).door.admitted == ()
+    assert own_keys(on_board, ("drone",), NOW).credentials.admitted == ()
     capsys.readouterr()
     assert keys(on_board, "revoke", "pilot:ann") == 1
     assert "pilot:ann is on no list in" in said(capsys)
@@ -274,7 +280,7 @@ def test_a_certificate_out_of_its_time_is_one_sentence(
 def test_without_the_library_the_sentence_says_how_to_install_it(
     place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(door, "find_spec", Mock(return_value=None))
+    monkeypatch.setattr(credentials, "find_spec", Mock(return_value=None))
     for words in (["keys", "list"], ["up", "topside", "--connect", "tls/127.0.0.1:1"]):
         assert main([*words, "--keys", str(place)]) == 1
         assert "keys need cryptography, which is not installed" in said(capsys)

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from messages import topics
 from messages.health import Health, LogLine
-from messages.link import Direction, LinkStatus
+from messages.link import DirectionReport, LinkStatus
 from messages.message import Message
 from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
 from messages.reference import Motion, Reference
@@ -17,6 +17,7 @@ from messages.vehicle import VehicleStatus
 from messages.video import PictureAge
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.node.node import Node
+from services.vehicle_view.words import notes
 from tools.live.disarming import Disarming
 from tools.live.dive_timeline import DiveTimeline
 from tools.live.own_pilot import OwnPilot
@@ -120,17 +121,17 @@ def test_rates_are_messages_per_second_and_a_restart_gives_no_negative_rate():
 
 def test_link_status_and_log_lines_of_others_and_of_our_own_are_shown():
     scene = Scene()
-    below, above = Direction(2.0, 3.0, 10, 1, 0), Direction(5.0, 6.0, 10, 2, 0)
+    below, above = DirectionReport(2.0, 3.0, 10, 1, 0), DirectionReport(5.0, 6.0, 10, 2, 0)
     link = LinkStatus(stamp_ns=0, profile="x", up=True, down_link=below, up_link=above, rtt_ms=7.0)
     scene.stack.publisher(topics.LINK).put(link)
-    status = VehicleStatus(stamp_ns=0, mode="ready", armed=False, note="sea too wet")
+    status = VehicleStatus(stamp_ns=0, activity="ready", armed=False, note="sea too wet")
     scene.stack.publisher(topics.STATUS).put(status)
     scene.stack.log("warning", "theirs")
     scene.node.log("error", "ours")
     scene.host.run(SECOND // 20)
     view = scene.view()
     assert (view.down_ms, view.up_ms, view.rtt_ms, view.lost) == (2.0, 5.0, 7.0, 3)
-    assert (view.mode, view.note) == ("ready", "sea too wet")
+    assert (view.activity, view.note) == ("ready", "sea too wet")
     assert sorted(told.line.text for told in view.lines) == ["ours", "theirs"]
     assert sorted(line.text for line in scene.shown) == ["ours", "theirs"]
 
@@ -141,7 +142,7 @@ def test_between_two_lines_nothing_piles_up_in_any_port():
     scene = Scene()
     centred = PilotCommand(stamp_ns=0, surge=0.0, sway=0.0, heave=0.0, yaw=0.0)
     streams: list[tuple[Any, Message]] = [
-        (topics.STATUS, VehicleStatus(stamp_ns=0, mode="ready", armed=False)),
+        (topics.STATUS, VehicleStatus(stamp_ns=0, activity="ready", armed=False)),
         (topics.PICTURE_AGE, PictureAge(stamp_ns=0)),
         (topics.REFERENCE, reference_at(0.0, 0)),
         (topics.PILOT_COMMAND, centred),
@@ -154,7 +155,7 @@ def test_between_two_lines_nothing_piles_up_in_any_port():
 
         scene.stack.every(topic.hz, say)
     scene.host.run(5 * SECOND)
-    assert scene.view().mode == "ready"
+    assert scene.view().activity == "ready"
     assert [name for name in scene.node.counts if name.startswith("overflowed")] == []
 
 
@@ -218,23 +219,23 @@ def test_the_end_of_a_dive_is_asked_in_the_name_of_this_sides_pilot():
     assert [(r.kind, r.source, r.epoch) for r in heard] == [
         ("disarm", "ann", 3), ("release", "ann", 3)
     ]  # fmt: skip
-    mine = VehicleStatus(stamp_ns=0, mode="piloted", armed=True, epoch=3)
-    theirs = VehicleStatus(stamp_ns=0, mode="piloted", armed=True, epoch=4)
+    mine = VehicleStatus(stamp_ns=0, activity="piloted", armed=True, epoch=3)
+    theirs = VehicleStatus(stamp_ns=0, activity="piloted", armed=True, epoch=4)
     assert own.in_control(mine)
     assert not own.in_control(theirs)
 
 
 def test_a_status_that_is_not_repeated_is_said_to_be_old():
     scene = Scene()
-    status = VehicleStatus(stamp_ns=0, mode="piloted", armed=True, note="sea too wet")
+    status = VehicleStatus(stamp_ns=0, activity="piloted", armed=True, note="sea too wet")
     scene.stack.publisher(topics.STATUS).put(status)
     scene.host.run(SECOND)
     assert scene.view().note == "sea too wet"
     assert "last known" not in plain(scene.view())
     scene.host.run(4 * SECOND)
     view = scene.view()
-    assert view.note == "no status from the drone for 4 s"
+    assert notes(view) == ["no status from the drone for 4 s"]
     assert view.armed  # as far as anybody knows
     assert view.last_known
-    assert (view.hold, view.light) == ("", None)
+    assert (view.flight_mode, view.light) == ("", None)
     assert "last known: armed piloted" in plain(view)

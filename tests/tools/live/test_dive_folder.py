@@ -14,8 +14,6 @@ from services.runtime.config.errors import LindyError
 from tools.__main__ import main
 from tools.fresh import write_fresh
 from tools.live.dive_folder import holds_dive, out_folder, point_latest
-from tools.research.papers import catalogue
-from tools.research.papers.command import figures
 
 SCRIPT = "t,surge,sway,heave,yaw\n0,0,0,0,0\n1,0,0,0.5,0\n2,0,0,0,0\n"
 THEIRS = ("dive_fjord_2025.mcap", "diver_photos.rrd", "report.json.bak", ".lindy", "notes/a.log")
@@ -68,6 +66,7 @@ def test_a_dive_among_other_people_s_files_touches_none_of_them(tmp_path: Path):
     assert set(after) - set(before) == {"dive.mcap", "dive.rrd", "report.json"}
 
 
+@pytest.mark.slow
 def test_a_second_dive_into_the_same_folder_leaves_the_first(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ):
@@ -82,6 +81,7 @@ def test_a_second_dive_into_the_same_folder_leaves_the_first(
     assert {"dive.mcap", "report.json"} <= set(hashes(tmp_path / "data-2"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("verb", [("dive", "--headless"), ("up", "drone")])
 @pytest.mark.parametrize("taken", [True, False])
 def test_a_dive_that_cannot_start_costs_nothing_and_leaves_nothing(
@@ -142,6 +142,7 @@ def test_this_folder_may_be_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Pat
     assert not any(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_dives_without_a_name_go_into_new_folders_and_latest_is_the_newest(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ):
@@ -236,26 +237,6 @@ def test_a_picture_or_trace_that_is_there_is_refused(
     with pytest.raises(LindyError, match="it exists already"):
         write_fresh(tmp_path / "dive.png", b"new")
     assert hashes(tmp_path) == before
-
-
-def test_figures_of_an_earlier_run_stay(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
-    # Checking the papers' claims takes longer than the rest; it has a test of its own.
-    monkeypatch.setattr(catalogue, "checked_claims", list)
-    out = tmp_path / "figures"
-    fill(out, ("fernandes-3.svg", "thesis.pdf"))
-    before = hashes(out)
-    assert figures(out=out, only=("fernandes-3",)) == 0
-    assert hashes(out) == before
-    assert f"{out} holds figures already; these go to {out}-2" in capsys.readouterr().out
-    assert set(hashes(tmp_path / "figures-2")) == {
-        "fernandes-3.png", "fernandes-3.svg", "claims.json",
-    }  # fmt: skip
-    fill(tmp_path / "mine", ("andren-5.1.png",))
-    before = hashes(tmp_path / "mine")
-    assert figures(out=tmp_path / "mine", only=("fernandes-3",)) == 0
-    assert before.items() <= hashes(tmp_path / "mine").items()
 
 
 def test_an_empty_logs_folder_holds_no_dive(tmp_path: Path):

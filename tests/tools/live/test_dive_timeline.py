@@ -18,7 +18,7 @@ def ns(seconds: float) -> int:
 
 def status(armed: bool, note: str = "") -> VehicleStatus:
     return VehicleStatus(
-        stamp_ns=0, mode="piloted" if armed else "starting", armed=armed, note=note
+        stamp_ns=0, activity="piloted" if armed else "starting", armed=armed, note=note
     )
 
 
@@ -77,7 +77,7 @@ def test_a_person_may_wait_for_arming_and_dive_as_long_as_wanted():
 
 def test_the_arming_by_another_sides_pilot_is_not_the_beginning_of_this_dive():
     timeline = DiveTimeline(script_s=10.0, in_control=lambda status: status.epoch == 2)
-    theirs = VehicleStatus(stamp_ns=0, mode="piloted", armed=True, pilot="ann", epoch=1)
+    theirs = VehicleStatus(stamp_ns=0, activity="piloted", armed=True, pilot="ann", epoch=1)
     timeline.see(theirs, ns(1))
     assert (timeline.armed, timeline.controlled, timeline.armed_ns) == (False, False, None)
     assert timeline.over(ns(ARMING_S + 1)) is None
@@ -85,6 +85,6 @@ def test_the_arming_by_another_sides_pilot_is_not_the_beginning_of_this_dive():
     assert timeline.over(ns(11 * ARMING_S)) is None  # a drone that somebody flies is waited for
     with pytest.raises(LindyError, match=r"did not arm within 30 s: ann has control"):
         timeline.over(ns(11 * ARMING_S + 1))
-    ours = VehicleStatus(stamp_ns=0, mode="piloted", armed=True, pilot="bob", epoch=2)
+    ours = VehicleStatus(stamp_ns=0, activity="piloted", armed=True, pilot="bob", epoch=2)
     timeline.see(ours, ns(2))
     assert (timeline.armed, timeline.controlled, timeline.armed_ns) == (True, True, ns(2))

@@ -18,7 +18,8 @@ from mcap.reader import make_reader
 import services.recorder.io.mcap_session
 import services.visualizer.io.rrd_file
 import tools.recordings.recording
-from messages import topics
+from messages import events, topics
+from messages.events import Event
 from messages.link import LinkRequest
 from services.recorder.foxglove.channel import is_view
 from services.recorder.foxglove_schema import foxglove_schema
@@ -75,6 +76,7 @@ def read_by_others(path: Path) -> int:
         return sum(not is_view(channel.topic) for _, channel, _ in read)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:RRD file has no footer")
 @pytest.mark.parametrize("warned", [True, False], ids=["seen to come", "unforeseen"])
 def test_a_disk_that_fills_during_a_simulated_dive(
@@ -117,6 +119,7 @@ def test_a_disk_that_fills_during_a_simulated_dive(
         assert list(chunk.RrdReader(str(out / "dive.rrd")).stream())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("verb", [("simulate",), ("dive", "--headless"), ("up", "drone")])
 @pytest.mark.parametrize("left", [0, 100_000])
 def test_a_disk_that_is_full_before_the_dive_is_one_sentence_and_no_folder(
@@ -188,9 +191,9 @@ def stream(*messages: bytes) -> bytes:
 def test_a_viewer_s_file_leaves_out_what_does_not_fit_and_says_it_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    counts: list[str] = []
+    told: list[Event] = []
     lines: list[str] = []
-    file = RrdFile(tmp_path / "dive.rrd", counts.append, lambda _, text: lines.append(text))
+    file = RrdFile(tmp_path / "dive.rrd", told.append, lambda _, text: lines.append(text))
     file.begin(stream(b"first"))
     with monkeypatch.context() as full:
         full.setattr(services.visualizer.io.rrd_file, "require_room", no_room)
@@ -200,7 +203,7 @@ def test_a_viewer_s_file_leaves_out_what_does_not_fit_and_says_it_once(
     file.close()
     whole = stream(b"first", b"fourth", b"fifth")
     assert (tmp_path / "dive.rrd").read_bytes() == whole[: whole.index(bytes(8) + b"\x05")]
-    assert counts == ["disk_error:dive.rrd"] * 2
+    assert told == [events.DISK_ERROR("dive.rrd")] * 2
     assert [line.rpartition(": ")[2] for line in lines[:1]] == ["the disk is full; it has a gap"]
     assert len(lines) == 2
 

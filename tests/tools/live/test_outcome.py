@@ -105,7 +105,7 @@ def test_a_side_without_a_recorder_ended_cleanly_only_if_the_drone_was_there_and
 ):
     outcome = Outcome(Stack())
     for armed in statuses:
-        outcome.see_status(VehicleStatus(stamp_ns=0, armed=armed, mode="ready"), 0)
+        outcome.see_status(VehicleStatus(stamp_ns=0, armed=armed, activity="ready"), 0)
     assert outcome.sum_up_unrecorded(side, "other") == 0
     assert capsys.readouterr().out.splitlines()[0].endswith(f" of pioneer, {words}")
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from messages.identity import SideIdentity
-from services.estimation.checkpoint import EstimationCheckpoint
+from services.estimation.initialisation import EstimationCheckpoint
 from services.runtime.config.errors import LindyError
 from tools.live.resume import LONGEST_S, resumed
 from tools.onboard.this_start import NOTE, Start

@@ -18,6 +18,7 @@ from messages.link import LinkRequest
 from services.recorder.foxglove_schema import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
 from services.runtime.config.stack import Stack
+from tests.support.patience import PATIENCE_S
 from tools.live.outcome import Outcome
 from tools.live.stop_signals import BROKEN_OFF, SIGNALS, WRITING, StopSignals
 
@@ -175,7 +176,7 @@ raise SystemExit(status)
     assert os.read(ours, 6) == b"diving"
     ran.send_signal(signal.SIGHUP)  # as the terminal's end does to the group in its foreground
     os.close(ours)
-    assert ran.wait(60.0) == 0
+    assert ran.wait(PATIENCE_S) == 0
     assert (tmp_path / "report.json").exists()
 
 

@@ -28,7 +28,7 @@ def heard(draw: st.DrawFn) -> Heard:
     t, found = 0.0, list[tuple[float, VehicleStatus]]()
     for armed, step in draw(st.lists(st.tuples(st.booleans(), st.floats(0.01, 20.0)), max_size=40)):
         t += step
-        found.append((t, VehicleStatus(stamp_ns=round(t * 1e9), mode="ready", armed=armed)))
+        found.append((t, VehicleStatus(stamp_ns=round(t * 1e9), activity="ready", armed=armed)))
     return found
 
 
@@ -70,7 +70,7 @@ def test_what_a_link_delivers_late_or_twice_makes_no_dive(
 def test_a_drone_that_was_started_again_is_believed_though_its_clock_begins_anew() -> None:
     spans = ArmedSpans()
     for t, stamp_s, armed in [(0.0, 900, True), (1.0, 901, True), (60.0, 12, False)]:
-        spans.see(VehicleStatus(stamp_ns=stamp_s * 10**9, mode="ready", armed=armed), t)
+        spans.see(VehicleStatus(stamp_ns=stamp_s * 10**9, activity="ready", armed=armed), t)
     assert spans.found == [ArmedSpan(0.0, 60.0, ended=True)]
 
 

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from messages.identity import SideIdentity
-from services.estimation.checkpoint import EstimationCheckpoint
+from services.estimation.initialisation import EstimationCheckpoint
 from services.runtime.config.running import RUNNING, Running
 from services.runtime.config.stack import Stack
 from tools.live.resume import ESTIMATION, LONGEST_S

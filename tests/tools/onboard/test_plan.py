@@ -24,8 +24,8 @@ def dive_end(folder: Path, exit_reason: str, services: int) -> DiveEnd:
     folder.mkdir()
     plan = Plan(
         stack=Stack(out=str(folder), apart=True), stack_file="mine.toml", services={},
-        elsewhere=("gamepad",), listen="tcp/127.0.0.1:1", door=None, begin_with={}, seconds=None,
-        claim=None,
+        elsewhere=("gamepad",), listen="tcp/127.0.0.1:1", credentials=None, begin_with={},
+        seconds=None,        claim=None,
     )  # fmt: skip
     values = Thinned([k / 7.0 for k in range(MOST)])
     health = {f"s{k}": HealthSums(lateness_p50_ms=values) for k in range(services)}

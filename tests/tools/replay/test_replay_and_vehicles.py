@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from messages import topics
+from messages.events import Outbox
 from messages.topic import AnyTopic
 from services.runtime.bus.access_control import HubSide
 from services.runtime.bus.envelope import Envelope
@@ -22,6 +23,7 @@ from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.node.gate import Gate
 from tests.golden.dives import OVERRIDES, SCRIPT, golden
+from tests.support.patience import until
 from tools.recordings.recording import Raw
 from tools.replay.publishing import Republisher, require_heard
 from tools.replay.source import open_source
@@ -113,7 +115,7 @@ def test_only_an_onlooker_of_a_replay_takes_it(
     topic: AnyTopic, onlooker: bool, in_replay: bool
 ) -> None:
     counts: Counter[str] = Counter()
-    gate = Gate(topic, counts, onlooker=onlooker, replay=in_replay)
+    gate = Gate(topic, Outbox(counts), onlooker=onlooker, replay=in_replay)
     gate.admit(Envelope(topic.key, b"", topic.replayed), 0)
     (reason,) = counts
     assert reason.startswith("malformed:" if onlooker and in_replay else "replayed:")
@@ -153,6 +155,8 @@ def test_a_vehicles_hub_lets_no_replay_through_and_another_does(tmp_path: Path) 
             raw = next(r for r in open_source(golden("pioneer")).raw() if r.key in COMMANDS)
             Republisher(open_source(golden("pioneer")).recording, player.forward).send(raw, 0)
             last = bus(VEHICLE).say(topics.LOG.of("last"))
-            while not heard or heard[-1].key != "log/last":
-                last(b"")
+            until(
+                lambda heard=heard: heard and heard[-1].key == "log/last",
+                meanwhile=lambda last=last: last(b""),
+            )
             assert {envelope.key for envelope in heard} == {"log/last"}

@@ -458,7 +458,9 @@ def test_a_vehicle_that_says_nothing_at_all_is_no_clean_end(tmp_path: Path):
 
 
 def acting(t: float, **fields: Any) -> tuple[str, Message]:
-    status = VehicleStatus(stamp_ns=START + round(t * 1e9), mode="piloted", armed=True, **fields)
+    status = VehicleStatus(
+        stamp_ns=START + round(t * 1e9), activity="piloted", armed=True, **fields
+    )
     return topics.STATUS.key, status
 
 

@@ -1,6 +1,7 @@
 """A message that is lost is lost once, however many services miss it."""
 
 from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
 
 import msgspec
@@ -8,20 +9,36 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from messages import events
+from messages.health import Health
 from tools.__main__ import main
+from tools.health_sums import HealthSums
 from tools.recordings.recording import open_recording
 from tools.report.losses import NOT_CARRIED, NOT_USED, losses
 from tools.report.report import Extras, make_report
 from tools.report.summary import summary
 from tools.report.troubles import counted, ending
 
-FATES = {"lost", *NOT_CARRIED, *(kind for kind in NOT_USED if kind != "overflowed")}
+FATES = {row.name for row in (events.LOST, *NOT_CARRIED, *NOT_USED)} - {events.OVERFLOWED.name}
 STATE = "state"  # goes up
 COMMAND = "pilot/command"  # goes down
 
 
-def seen(**by_service: dict[str, int]) -> dict[str, int]:
-    return dict(losses({name: Counter(counts) for name, counts in by_service.items()}))
+HOMES = {"control": "drone", "reference": "drone", "ardusub": "drone"}
+
+
+def seen(sides: Mapping[str, str] = HOMES, **by_service: dict[str, int]) -> dict[str, int]:
+    """The losses of services by these names; home is topside where `sides` does not say it."""
+    health = {name: HealthSums() for name in by_service}
+    for name, sums in health.items():
+        sums.add(
+            Health(
+                stamp_ns=1, service=name, loop_hz=0.0, lateness_p50_ms=None, lateness_p99_ms=None,
+                cpu_percent=None, rss_mb=None, sent=1, received=0, counts=by_service[name],
+                side=sides.get(name, "topside"),
+            )
+        )  # fmt: skip
+    return dict(losses(health))
 
 
 @given(
@@ -45,6 +62,34 @@ def test_what_the_link_counts_is_not_counted_by_those_who_miss_it(
 def test_a_gap_on_board_is_not_explained_by_the_link():
     found = seen(tether={f"burst:{STATE}": 50}, control={f"lost:{STATE}": 3})
     assert found == {f"burst:{STATE}": 50, f"lost:{STATE}": 3}
+
+
+@given(
+    lost=st.integers(1, 100),
+    service=st.sampled_from(["ardusub", "my_driver", "reference", "link_monitor_drone"]),
+    key=st.sampled_from(["pilot/request", "pilot/command", "clock/ping"]),
+)
+def test_a_loss_on_the_way_down_is_counted_once_whatever_the_service_on_board_is_called(
+    lost: int, service: str, key: str
+):
+    link = {f"burst:{key}": lost}
+    found = seen({service: "drone"}, tether=link, **{service: {f"lost:{key}": lost}})
+    assert found == link
+
+
+def test_a_ping_is_missed_at_the_far_end_by_a_service_whose_home_is_the_near_one():
+    link = {"burst:clock/ping": 8, "damaged:clock/ping": 1}
+    missing = {"lost:clock/ping": 9, "malformed:clock/ping": 1}
+    assert seen(tether=link, link_monitor=missing) == link
+
+
+@given(st.lists(st.integers(0, 20), min_size=3, max_size=3), st.integers(0, 60))
+def test_the_link_counts_a_family_under_one_name(gaps: list[int], counted: int):
+    members = ("control", "estimation", "reference")
+    missing = {f"lost:health/{name}": gap for name, gap in zip(members, gaps, strict=True)}
+    found = seen(tether={"burst:health/*": counted}, supervisor=missing)
+    rest = sum(count for name, count in found.items() if name.startswith("lost:"))
+    assert rest == max(0, sum(gaps) - counted)
 
 
 def test_what_a_service_had_and_did_not_use_leaves_no_second_trace():
@@ -88,7 +133,8 @@ def test_a_dive_in_which_a_failsafe_acted_does_not_end_cleanly(severe: Path):
     times = report.losses["failsafe:pilot_lost"]
     first, second, *rest = summary(report).splitlines()
     assert first.endswith(f"ended; pilot lost {times} times" if times > 1 else "pilot lost once")
-    said = f"{times} × pilot lost: the drone came to rest and held, first at "
+    sentence = events.PILOT_LOST.sentence
+    said = f"{times} × {sentence}; the drone came to rest and held, first at "
     assert second.split(maxsplit=1)[1].startswith(said)
     assert {reaction.condition for reaction in report.failsafes} == {"pilot_lost"}
     assert {reaction.reaction for reaction in report.failsafes} == {"stop"}
@@ -104,15 +150,22 @@ def test_failsafes_are_never_pushed_out_and_what_is_left_out_is_the_least_import
     for words in (
         "drone's state lost",
         "pilot lost",
-        "battery was empty",
-        "thruster did not follow",
+        events.EMPTY.sentence,
+        events.DISTRUSTED.sentence,
     ):
         assert words in text
     assert "reached its limit" in text
-    assert "and 3 less important kinds" in text
+    assert "and 3 more kinds" in text
     whole = summary(msgspec.structs.replace(report, losses=counts), all_losses=True)
-    assert "less important" not in whole
+    assert " more kinds" not in whole
     assert len(whole.splitlines()) == len(text.splitlines()) + 2
+
+
+def test_water_in_the_enclosure_goes_before_what_happens_more_often(severe: Path):
+    report = make_report(open_recording(severe), Extras())
+    counts = {events.LEAK.noticed.name: 1, events.SERVICE_LATE.noticed.name: 99}
+    text = summary(msgspec.structs.replace(report, losses=counts))
+    assert text.index(events.LEAK.sentence) < text.index(events.SERVICE_LATE.sentence)
 
 
 @pytest.mark.parametrize(

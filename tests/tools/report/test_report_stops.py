@@ -250,7 +250,7 @@ def request(t: float, kind: Literal["stop", "arm"]) -> Said:
 
 
 def status(t: float, failsafe: Literal["none", "pilot_lost"]) -> Said:
-    message = VehicleStatus(stamp_ns=ns(t), mode="piloted", armed=True, failsafe=failsafe)
+    message = VehicleStatus(stamp_ns=ns(t), activity="piloted", armed=True, failsafe=failsafe)
     return [(topics.STATUS, message)]
 
 
@@ -324,7 +324,7 @@ def moved_later() -> Said:
 
 
 def flown(t: float, **fields: Any) -> Said:
-    known: dict[str, Any] = {"mode": "piloted", "armed": True} | fields
+    known: dict[str, Any] = {"activity": "piloted", "armed": True} | fields
     return [(topics.STATUS, VehicleStatus(stamp_ns=ns(t), **known))]
 
 
@@ -342,9 +342,9 @@ OTHERS = {
     "ascent": flown(MOVED, failsafe="leak", reaction="ascend"),
     "surface": flown(MOVED, failsafe="battery_critical", reaction="surface"),
     "imu lost": flown(MOVED, failsafe="imu_lost", reaction="stop"),
-    "goto": flown(MOVED, mode="goto"),
-    "follow": flown(MOVED, mode="follow"),
-    "hold mode": flown(0.0) + flown(MOVED, hold="manual"),
+    "goto": flown(MOVED, activity="goto"),
+    "follow": flown(MOVED, activity="follow"),
+    "flight mode": flown(0.0) + flown(MOVED, flight_mode="manual"),
 }
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from services.runtime.config.errors import LindyError
+from tests.support.patience import until
 from tools.sweep.all_cores import asked_to_stop, on_all_cores
 
 pytestmark = pytest.mark.slow
@@ -145,8 +146,7 @@ def test_workers_end_when_their_parent_is_killed(tmp_path: Path):
     finally:
         parent.kill()
         parent.wait()
-    while _runs(worker):
-        time.sleep(0.02)  # the end of a process that is not our child announces itself to nobody
+    until(lambda: not _runs(worker))
 
 
 def tell_and_wait(told: str) -> None:
@@ -158,8 +158,7 @@ def tell_and_wait(told: str) -> None:
 
 
 def _awaited(told: Path) -> str:
-    while not told.exists():
-        time.sleep(0.02)  # the worker's only sign of life is this file
+    until(told.exists)  # the worker's only sign of life
     return told.read_text()
 
 

@@ -36,6 +36,7 @@ def small_disk(tmp_path: Path) -> Generator[Path]:
     subprocess.run(["umount", "-l", str(disk)], check=True)  # at once, even if it is still in use
 
 
+@pytest.mark.slow
 def test_a_full_disk_ends_the_sweep_and_with_room_the_rest_is_flown(
     small_disk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):

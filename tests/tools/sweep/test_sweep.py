@@ -30,6 +30,7 @@ def table_of(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
+@pytest.mark.slow
 def test_a_sweep_writes_a_row_per_dive_and_goes_on_where_it_was_cut(
     tmp_path: Path, script: str, capsys: pytest.CaptureFixture[str]
 ):
@@ -61,6 +62,7 @@ def test_a_sweep_writes_a_row_per_dive_and_goes_on_where_it_was_cut(
     assert table_of(out) == again
 
 
+@pytest.mark.slow
 def test_a_dive_that_fails_is_a_row_and_the_exit_status_says_so(
     tmp_path: Path, script: str, capsys: pytest.CaptureFixture[str]
 ):

@@ -19,8 +19,7 @@ from services.control.allocation.allocation import (
     AllocationSettings,
 )
 from services.control.allocation.layout import AXES
-from services.marine.thrusters import driven, total_wrench, wrench_per_newton
-from services.marine.vehicle import Vehicle
+from services.marine.vehicle import Vehicle, driven, total_wrench, wrench_per_newton
 from services.runtime.config.stack import Stack
 
 many = settings(max_examples=150, deadline=None)

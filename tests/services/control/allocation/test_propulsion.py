@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from messages.events import Outbox
 from messages.message import Estimate
 from messages.reference import Motion, Reference
 from messages.simulator import FaultKind as Kind
@@ -14,11 +15,11 @@ from messages.state import VehicleState
 from messages.vehicle import Actuation
 from services.control.core import Controller, Settings
 from services.marine.attitude import to_euler, to_world
-from services.marine.thruster_lag import Lag
-from services.marine.vehicle import Vehicle
+from services.marine.vehicle import Lag, Vehicle
 from services.simulator.faults import Fault
 from services.simulator.settings import Settings as Place
 from services.simulator.vessel import Vessel
+from tests.support.told import told
 
 TICK = 0.01  # [s]
 DEPTH, HEADING = 3.0, 0.0
@@ -37,8 +38,8 @@ class Dive:
     def __post_init__(self) -> None:
         at_rest = (0.0, 0.0, DEPTH, 1.0, 0.0, 0.0, 0.0, *[0.0] * 6)
         self.vessel = Vessel(self.vehicle, Place(), at_rest, [0.0] * len(self.vehicle.thruster))
-        self.vessel.set_faults(self.faults)
-        self.controller = Controller(Settings(), self.vehicle)
+        self.vessel.propulsion.set_faults(self.faults)
+        self.controller = Controller(Settings(), self.vehicle, Outbox())
         self.thrust: tuple[float, ...] = ()
 
     @property
@@ -68,16 +69,15 @@ class Dive:
         if self.thrust and not self.deaf:
             self.controller.heard(self.actuation(now), state)
         self.wrench, command = self.controller.step(self.reference(surge, sway), state, now)
-        self.counted += self.controller.events
-        self.controller.events.clear()
+        self.counted += told(self.controller.outbox)
         self.thrust = command.thrust
-        self.vessel.drive(command.thrust)
+        self.vessel.propulsion.drive(command.thrust)
         self.vessel.advance(TICK)
 
     def actuation(self, now: int) -> Actuation:
         return Actuation(
             stamp_ns=now,
-            thrust=tuple(self.vessel.produced),
+            thrust=tuple(self.vessel.propulsion.produced),
             measured=True,
             actuated_ns=now - 10_000_000,
             sensor_ns=now - 10_000_000,
@@ -181,7 +181,7 @@ def test_a_mended_thruster_is_counted_on_again(pioneer: Vehicle) -> None:
     dive = Dive(pioneer, {"lateral": Fault("dead")})
     dive.run(3.0, sway=10.0)
     assert dive.wrench.distrusted == ("lateral",)
-    dive.vessel.set_faults({})
+    dive.vessel.propulsion.set_faults({})
     assert dive.run(8.0, surge=10.0) < 0.1
     assert dive.wrench.distrusted == ()
 
@@ -214,7 +214,7 @@ def test_a_lag_of_third_order_is_known_to_the_watch(heavy: Vehicle) -> None:
     for k in range(30):
         dive.run(0.1, surge=25.0 if k % 2 else -25.0)
     assert dive.wrench.distrusted == ()
-    dive.vessel.set_faults({"flat_front_left": Fault("weak", 0.3)})
+    dive.vessel.propulsion.set_faults({"flat_front_left": Fault("weak", 0.3)})
     dive.run(3.0, surge=25.0)
     assert dive.wrench.distrusted == ("flat_front_left",)
 
@@ -238,4 +238,4 @@ def test_a_demand_that_cannot_be_met_is_counted_once(pioneer: Vehicle) -> None:
 def test_a_vehicle_that_nobody_can_fly_is_refused(pioneer: Vehicle) -> None:
     grounded = msgspec.structs.replace(pioneer, thruster=pioneer.thruster[:3])
     with pytest.raises(ValueError, match="cannot drive heave independently"):
-        Controller(Settings(), grounded)
+        Controller(Settings(), grounded, Outbox())

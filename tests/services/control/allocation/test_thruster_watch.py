@@ -9,10 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages.vehicle import Actuation
-from services.control.allocation.thruster_watch import ThrusterWatch
-from services.control.allocation.watched_thruster import ReportInterval, WatchedThruster
-from services.marine.thrusters import driven
-from services.marine.vehicle import Vehicle
+from services.control.allocation.thruster_watch import ThrusterWatch, WatchedThruster
+from services.marine.vehicle import Vehicle, driven
 
 some = settings(max_examples=25, deadline=None)
 TICK_NS = 10_000_000
@@ -149,12 +147,12 @@ def test_a_fault_is_named_and_forgotten_when_it_is_over(
     expected = ["fine"] * 4
     expected[index] = name
     assert list(watch.verdicts) == expected
-    assert watch.gains[index] == pytest.approx(gain, abs=0.15)
+    assert watch.thrusters[index].gain == pytest.approx(gain, abs=0.15)
     driver.faults[index] = HEALTHY
     for _ in run(watch, driver, commands, 400, 500):
         pass
     assert set(watch.verdicts) == {"fine"}
-    assert set(watch.gains) == {1.0}
+    assert {watched.gain for watched in watch.thrusters} == {1.0}
 
 
 @some
@@ -252,5 +250,5 @@ def test_thrust_that_nobody_asked_for_is_that_of_a_dead_thruster(
     """A thruster that was never commanded has a model of exactly zero, so there is no slope."""
     watched = WatchedThruster(pioneer.thruster[0])
     for tick in range(300):
-        watched.judge(0.0, 0.0 if tick < 10 else push, ReportInterval(0.01, 0.01))
+        watched.judge(0.0, 0.0 if tick < 10 else push, 0.01, 0.01)
     assert (watched.verdict, watched.gain) == ("dead", 0.0)

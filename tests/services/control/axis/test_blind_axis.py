@@ -9,11 +9,9 @@ from hypothesis import strategies as st
 
 from messages.message import Estimate
 from messages.reference import Motion
-from services.control.axis.axis import PilotedAxis
+from services.control.axis.axis import BumplessTransfer, PilotedAxis
 from services.control.axis.axis_law import AxisLaw, Gains
-from services.control.axis.bumpless_transfer import BumplessTransfer
-from services.control.axis.lasting_value import DOUBTED, LastingValue
-from services.control.axis.plant import Plant
+from services.control.axis.plant import DOUBTED, LastingValue, Plant
 
 DT = 0.01  # [s]
 FADE = 0.3  # [s]
@@ -35,7 +33,7 @@ class Bath:
             "depth",
             AxisLaw(gains, PLANT, period=DT),
             BumplessTransfer(FADE),
-            lambda name: self.counts.update([name]),
+            lambda event: self.counts.update([event.name]),
             own=own,
         )
         self.force, self.x, self.v, self.u = force, 0.0, 0.0, 0.0

@@ -6,8 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.control.axis.disturbance_observer import DisturbanceObserver
-from services.control.axis.plant import Plant
+from services.control.axis.plant import DisturbanceObserver, Plant
 
 DT = 0.01
 many = settings(max_examples=100, deadline=None)

@@ -8,7 +8,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from messages.control import LearntModel
-from services.control.axis.model_estimate import (
+from services.control.axis.adaptation import (
     HEAVE_NOISE,
     RATE,
     AdaptationSettings,

@@ -8,9 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages.reference import Motion
-from services.control.allocation.actuator_model import ActuatorModel
-from services.control.axis.axis_law import AxisLaw, Gains
-from services.control.axis.gain_blend import FeedbackGains, GainBlend, StaticGains
+from services.control.allocation.propulsion import ActuatorModel
+from services.control.axis.axis_law import AxisLaw, FeedbackGains, GainBlend, Gains, StaticGains
 from services.control.axis.plant import Plant
 from services.control.core import Settings
 from services.runtime.config.stack import Stack
@@ -37,7 +36,7 @@ class Yaw:
             if k:
                 law.learn(v + off_rate, produced.mean(DT)[5], DT)
             command = self._driven(law.step(HELD, x + off, v + off_rate, DT).total, k > 6000)
-            produced.command((0.0, 0.0, 0.0, 0.0, 0.0, command))
+            produced.settles_at = 0.0, 0.0, 0.0, 0.0, 0.0, command
             after = command + (f - command) * exp(-DT / LAG)
             v += ((f + after) / 2 + disturbance - PLANT.drag(v)) / PLANT.inertia * DT
             x, f = x + v * DT, after

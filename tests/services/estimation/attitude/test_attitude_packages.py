@@ -1,7 +1,7 @@
-"""Madgwick's filter here against two published packages, where they are installed."""
+"""The attitude beside that of two published packages, where they are installed."""
 
 from importlib import import_module
-from math import degrees, radians
+from math import degrees
 from typing import Any
 
 import numpy as np
@@ -11,10 +11,19 @@ from hypothesis import strategies as st
 
 from messages.units import Quaternion, Vec3
 from services.estimation.attitude.attitude_filter import AttitudeFilter, AttitudeSettings, unit
+from services.estimation.attitude.attitude_observer import AttitudeObserver
 from services.estimation.attitude.heading import wrapped
-from services.marine.attitude import LEVEL, attitude_rate, from_euler, to_body, to_euler, to_world
-from tools.research.bench import heading_runs as runs
-from tools.research.bench import marg
+from services.marine.attitude import (
+    LEVEL,
+    attitude_rate,
+    down_in_body,
+    from_euler,
+    to_body,
+    to_euler,
+    to_world,
+)
+from tests.support import heading_runs as runs
+from tests.support import marg
 
 BETA = 0.033  # [rad/s]
 
@@ -41,18 +50,22 @@ def test_with_magnetometer_every_step_equals_that_of_ahrs(dive: runs.HeadingSamp
         assert ours == pytest.approx(other.tolist(), abs=1e-11)
 
 
-def test_without_magnetometer_the_attitude_stays_within_a_quarter_of_a_degree_of_ahrs(
-    dive: runs.HeadingSamples,
-) -> None:
-    # There, the correction is taken at the attitude before the turn and has always the full step;
-    # here after the turn and no longer than the way there: equal to first order in the step.
+def test_in_a_dive_roll_and_pitch_are_nearer_to_the_truth_than_those_of_ahrs() -> None:
+    flight = runs.dive(30.0)
+    samples = runs.measured(flight, 3, runs.TYPICAL)
     theirs = package("ahrs").filters.Madgwick(gain=BETA, Dt=runs.DT)
-    ours = AttitudeFilter(AttitudeSettings(correction=BETA, gravity_tolerance=9.0))
-    other = np.array(ours.q)
-    for rate, force in zip(dive.rate[:2000], dive.force[:2000], strict=True):
+    p, q, r = np.mean(samples.rate[: flight.calibrated], axis=0).tolist()
+    ours = AttitudeObserver(AttitudeSettings(), (p, q, r), 0.0, 0.0)
+    other, sums = np.array([1.0, 0.0, 0.0, 0.0]), [0.0, 0.0]
+    for k, (rate, force) in enumerate(zip(samples.rate, samples.force, strict=True)):
         ours.step(rate, force, runs.DT)
         other = theirs.updateIMU(other, np.array(rate), -np.array(force))
-        assert angle_between(ours.q, other.tolist()) < radians(0.25)
+        w, x, y, z = flight.attitude[k].tolist()
+        down = np.array(down_in_body((w, x, y, z)))
+        a, b, c, d = (float(each) for each in other)
+        for n, q in enumerate((ours.filter.q, (a, b, c, d))):
+            sums[n] += float(np.sum((np.array(down_in_body(q)) - down) ** 2))
+    assert sums[0] < sums[1]
 
 
 def test_the_heading_drifts_as_that_of_imufusion(dive: runs.HeadingSamples) -> None:
@@ -63,10 +76,10 @@ def test_the_heading_drifts_as_that_of_imufusion(dive: runs.HeadingSamples) -> N
         setattr(settings, name, value)
     theirs.set_settings(settings)
     theirs.set_sample_period(runs.DT)
-    ours = AttitudeFilter(AttitudeSettings())
+    ours = AttitudeFilter()
     turned_ours, turned_theirs, before, before_theirs = 0.0, 0.0, 0.0, None
     for k, (rate, force) in enumerate(zip(dive.rate, dive.force, strict=True)):
-        ours.step(rate, force, runs.DT)
+        ours.step(rate, force, runs.DT, 0.01 * runs.DT, 0.1)
         # In its NED, as here, a level sensor at rest measures gravity upwards: (0, 0, -1).
         theirs.update_no_magnetometer(np.degrees(rate), np.array(force) / 9.81)
         if k < 500:
@@ -79,12 +92,6 @@ def test_the_heading_drifts_as_that_of_imufusion(dive: runs.HeadingSamples) -> N
             turned_ours += wrapped(to_euler(ours.q)[2] - before)
         before_theirs, before = heading, to_euler(ours.q)[2]
     assert degrees(abs(turned_ours - turned_theirs)) < 0.3
-
-
-def angle_between(a: Quaternion, b: list[float]) -> float:
-    """[rad]"""
-    dot = abs(sum(x * y for x, y in zip(a, b, strict=True)))
-    return float(2 * np.arccos(min(1.0, dot)))
 
 
 # The product that the equations of motion use, and the laws of its group.

@@ -4,12 +4,17 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from messages import events
 from messages.units import Vec3
 from services.estimation.attitude.attitude_filter import AttitudeSettings
-from services.estimation.attitude.attitude_observer import AttitudeObserver
+from services.estimation.attitude.attitude_observer import HEADING_STD, AttitudeObserver
 from services.estimation.attitude.heading import (
+    COMPASS_GATE,
+    COMPASS_TIME,
     PERIOD,
+    RELEARN,
     UNKNOWN_TURN,
+    YAW_RATE_CUTOFF,
     Compass,
     ControlHeading,
     bearing,
@@ -34,7 +39,7 @@ def observer(heading: float = 0.0) -> AttitudeObserver:
 
 
 def navigation(o: AttitudeObserver, now: int) -> float:
-    estimate = o.heading_navigation(True, now)
+    estimate = o.estimates(True, now).heading_navigation
     assert estimate is not None
     return estimate.value
 
@@ -44,13 +49,13 @@ def test_a_wrong_heading_comes_back_to_north_with_the_compass_time():
     o.agree(0, NORTH)
     for k in range(1, 1001):
         o.magnetometer(NORTH, k * S // 100)
-    assert navigation(o, 10 * S) == pytest.approx(0.15 * exp(-10.0 / SET.compass_time), abs=0.002)
-    assert o.heading(True).value == 0.15
+    assert navigation(o, 10 * S) == pytest.approx(0.15 * exp(-10.0 / COMPASS_TIME), abs=0.002)
+    assert o.estimates(True, 0).heading.value == 0.15
 
 
 def test_after_calibration_both_headings_are_one():
     o = observer(heading=2.0)
-    assert o.heading_navigation(True, 0) is None
+    assert o.estimates(True, 0).heading_navigation is None
     o.agree(0, NORTH)
     assert navigation(o, 0) == 2.0
 
@@ -58,7 +63,10 @@ def test_after_calibration_both_headings_are_one():
 def test_without_a_magnetometer_for_a_minute_north_is_no_longer_valid():
     o = observer()
     o.agree(0, NORTH)
-    early, late = o.heading_navigation(True, 59 * S), o.heading_navigation(True, 61 * S)
+    early, late = (
+        o.estimates(True, 59 * S).heading_navigation,
+        o.estimates(True, 61 * S).heading_navigation,
+    )
     assert early is not None
     assert late is not None
     assert early.valid
@@ -67,21 +75,21 @@ def test_without_a_magnetometer_for_a_minute_north_is_no_longer_valid():
 
 def test_the_yaw_rate_is_the_gyroscopes_without_its_bias_through_a_low_pass():
     o = AttitudeObserver(SET, (0.0, 0.0, 0.1), 0.0, 0.0)
-    seconds = 1.0 / (2 * pi * SET.yaw_rate_cutoff)  # one time constant in ten steps
+    seconds = 1.0 / (2 * pi * YAW_RATE_CUTOFF)  # one time constant in ten steps
     for _ in range(10):
         o.step((0.0, 0.0, 0.6), REST, seconds / 10)
-    assert o.yaw_rate(True).value == pytest.approx(0.5 * (1 - exp(-1.0)))
+    assert o.estimates(True, 0).yaw_rate.value == pytest.approx(0.5 * (1 - exp(-1.0)))
 
 
 def test_spreads_grow_with_time_and_with_blindness():
     o = observer()
     for _ in range(6000):
         o.step((0.0, 0.0, 0.0), REST, 0.01)
-    assert o.heading(True).std == pytest.approx(SET.heading_std + radians(0.24), rel=0.05)
+    assert o.estimates(True, 0).heading.std == pytest.approx(HEADING_STD + radians(0.24), rel=0.05)
     o.blind(1.0)
-    assert o.heading(True).std == pytest.approx(UNKNOWN_TURN, rel=0.02)
+    assert o.estimates(True, 0).heading.std == pytest.approx(UNKNOWN_TURN, rel=0.02)
     o.blind(1e6)
-    assert o.heading(True).std == pi
+    assert o.estimates(True, 0).heading.std == pi
 
 
 components = st.tuples(*[st.floats(-1.0, 1.0)] * 3)
@@ -157,7 +165,7 @@ def test_a_field_of_less_than_two_microtesla_across_has_no_bearing(
     is_steep = hypot(*horizontal(q, seen)) < 2e-6
     assert is_steep == (level < 2.0) or abs(level - 2.0) < 1e-9
     assert (bearing(q, seen) is None) == is_steep
-    assert (compass.step(q, seen, 0.01) == "steep") == is_steep
+    assert (compass.step(q, seen, 0.01) is events.STEEP) == is_steep
     if is_steep:
         assert (compass.offset, compass.std) == (0.3, SET.compass_std)
 
@@ -175,14 +183,14 @@ def test_the_compass_is_trusted_up_to_its_gate_or_three_times_what_its_spread_ha
     q, compass, dt = from_euler(*euler), Compass(SET), 0.5
     compass.resume(offset, strength, dip)
     compass.std = SET.compass_std + grown
-    gate = max(radians(SET.compass_gate), 3.0 * grown)
+    gate = max(radians(COMPASS_GATE), 3.0 * grown)
     innovation = share * 2.0 * gate if abs(share * 2.0 * gate) < 3.0 else 0.0
     compass.step(q, to_body(q, earth(strength, dip, -offset - innovation)), dt)
     if abs(abs(innovation) - gate) < 1e-6:
         return
     used = abs(innovation) < gate
     assert compass.field.trusted == used
-    nearer = 1.0 - exp(-dt / SET.compass_time) if used else 0.0
+    nearer = 1.0 - exp(-dt / COMPASS_TIME) if used else 0.0
     assert compass.offset is not None
     assert wrapped(compass.offset - offset) == pytest.approx(nearer * innovation, abs=1e-9)
     assert -pi < compass.offset <= pi
@@ -198,10 +206,10 @@ def test_north_is_where_the_compass_first_shows_it_and_where_a_field_is_learnt_a
     compass.step(q, to_body(q, earth(strength, dip, north)), 0.01)
     assert compass.offset == pytest.approx(-north)
     compass.std = 0.2
-    assume(abs(wrapped(later - north)) > max(radians(SET.compass_gate), 3.0 * 0.2))
+    assume(abs(wrapped(later - north)) > max(radians(COMPASS_GATE), 3.0 * 0.2))
     seen = to_body(q, earth(strength, dip, later))
-    events = [compass.step(q, seen, SET.field_relearn / 4) for _ in range(5)]
-    assert events == ["disturbed", None, None, None, "learnt"]
+    told = [compass.step(q, seen, RELEARN / 4) for _ in range(5)]
+    assert told == [events.DISTURBED, None, None, None, events.LEARNT]
     assert compass.field.trusted
     assert compass.offset == pytest.approx(-later)
     assert compass.std == SET.compass_std
@@ -216,7 +224,7 @@ def test_a_control_heading_adds_up_the_turns_and_follows_the_rate_through_its_lo
     for turn, measured in turns:
         yaw += turn
         heading.step(wrapped(yaw), measured, dt)
-        keep = exp(-2 * pi * SET.yaw_rate_cutoff * dt)
+        keep = exp(-2 * pi * YAW_RATE_CUTOFF * dt)
         rate = keep * rate + (1.0 - keep) * measured
         assert heading.heading == pytest.approx(yaw)
         assert heading.yaw_rate == pytest.approx(rate, abs=1e-12)
@@ -225,5 +233,5 @@ def test_a_control_heading_adds_up_the_turns_and_follows_the_rate_through_its_lo
 def test_nose_straight_up_has_no_valid_heading():
     o = observer()
     o.start((GRAVITY, 0.0, 0.0))
-    assert not o.heading(True).valid
-    assert o.tilt(True)[1].value == pytest.approx(pi / 2)
+    assert not o.estimates(True, 0).heading.valid
+    assert o.estimates(True, 0).pitch.value == pytest.approx(pi / 2)

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages.units import Vec3
-from services.estimation.attitude.gyro_check import MOST, MOST_TURNING, TURNING, GyroCheck
+from services.estimation.attitude.gyroscope import MOST, MOST_TURNING, TURNING, GyroCheck
 from services.marine.vehicle import GRAVITY
 
 LEVEL = (1.0, 0.0, 0.0, 0.0)

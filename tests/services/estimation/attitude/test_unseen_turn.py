@@ -81,7 +81,7 @@ def test_the_heading_is_unknown_until_the_compass_has_measured_the_turn(
     assert state.heading_navigation.valid
     north = state.heading_navigation.value
     assert remainder(north - by, 2.0 * pi) == pytest.approx(0.0, abs=0.01)
-    assert vehicle.estimator.events.count("found:heading") == 1
+    assert vehicle.estimator.outbox.counts["found:heading"] == 1
 
 
 def test_the_compass_turns_nothing_while_the_imu_is_silent() -> None:

@@ -3,18 +3,21 @@
 import numpy as np
 import pytest
 
-from services.estimation.depth.accelerometer_trial import MOST_MEAN, SAMPLES, MeanInnovation
-from services.estimation.depth.depth_filter import DepthSettings
+from services.estimation.aiding import SAMPLES, Aiding
+from services.estimation.depth.depth_filter import CLIP
+from services.estimation.depth.trial import MOST_MEAN
 
-CLIP = DepthSettings().clip  # [σ]
 RATES = (5.0, 8.0, 20.0, 42.0, 100.0)  # [1/s]
 
 
 def largest(innovations: np.ndarray, hz: float) -> float:
     """[σ] The largest magnitude of the running mean of these innovations [σ]."""
-    mean = MeanInnovation()
+    aiding, found = Aiding("pressure", "m"), 0.0
     clipped = np.clip(innovations, -CLIP, CLIP)
-    return max(mean.add(x, round(k * 1e9 / hz)) for k, x in enumerate(clipped.tolist()))
+    for k, (x, used) in enumerate(zip(innovations.tolist(), clipped.tolist(), strict=True)):
+        aiding.compare(round(k * 1e9 / hz), 0.0, x, 1.0, 0.0, used)
+        found = max(found, abs(aiding.mean))
+    return found
 
 
 @pytest.mark.parametrize("hz", RATES)
@@ -30,6 +33,7 @@ def test_a_lasting_difference_is_seen_within_a_second_or_one_memory_of_samples(h
 
 
 def test_a_gap_between_samples_gives_the_next_one_no_more_weight() -> None:
-    mean = MeanInnovation()
-    mean.add(0.0, 0)
-    assert mean.add(CLIP, 3_000_000_000) <= CLIP / SAMPLES * (1.0 + 1e-12)
+    aiding = Aiding("pressure", "m")
+    aiding.compare(0, 0.0, 0.0, 1.0, 0.0)
+    aiding.compare(3_000_000_000, 0.0, CLIP, 1.0, 0.0)
+    assert aiding.mean <= CLIP / SAMPLES * (1.0 + 1e-12)

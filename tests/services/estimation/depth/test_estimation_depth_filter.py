@@ -7,15 +7,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from messages import events
+from services.estimation.attitude_axes import LEVEL, MOVING_STD, AttitudeAxes
 from services.estimation.depth.depth_filter import (
     FAR,
     SPEED_DENSITY,
     SPEED_EVERY,
+    TILT_WALK,
     DepthFilter,
     DepthSettings,
 )
 from services.estimation.depth.depth_observer import Atmosphere, DepthObserver
-from services.estimation.lean import LEVEL, MOVING_STD, Lean
 from services.marine.attitude import from_euler, to_world
 from services.marine.vehicle import GRAVITY
 
@@ -51,23 +53,23 @@ class Matrices:
     def __init__(self, f: DepthFilter) -> None:
         self.x, self.p, self.free = np.array(states(f)), np.array(f.covariance), 0.0
 
-    def predict(self, acceleration: float | None, dt: float, measured: bool, lean: Lean) -> None:
+    def predict(self, acceleration: float | None, dt: float, lean: AttitudeAxes) -> None:
         self.x[5:7] -= lean.levelled
         q, a = np.zeros((9, 9)), np.zeros(9)
         f = np.eye(9)
         f[0, 1] = dt
         density = SET.motion_noise**2
         down = acceleration or 0.0
-        if acceleration is not None and measured:
+        if acceleration is not None:
             # R f = R̂ f + φ × R̂ f, and the biases are subtracted first.
-            axes = np.array([lean.forward, lean.starboard]).T
-            force = np.array([*lean.force, acceleration]) - axes @ self.x[3:5]
+            axes = np.array([lean.forward, lean.starboard, lean.down]).T
+            force = np.array([*lean.force, acceleration]) - axes @ self.x[[3, 4, 2]]
             tilted = np.cross([*self.x[5:7], 0.0], [*force[:2], -GRAVITY])
             north, east, _ = force + tilted
-            down = force[2] - self.x[2] + tilted[2]
+            down = force[2] + tilted[2]
             a[7:] = dt * north, dt * east
             share = np.zeros((3, 9))
-            share[:, 3:5], share[2, 2] = -axes, -1.0
+            share[:, [3, 4, 2]] = -axes
             share[:, 5:7] = [[0.0, -GRAVITY], [GRAVITY, 0.0], [force[1], -force[0]]]
             f[0] += dt * dt / 2 * share[2]
             f[1] += dt * share[2]
@@ -75,12 +77,12 @@ class Matrices:
             density = SET.acceleration_noise**2
         a[:2] = dt * self.x[1] + dt * dt / 2 * down, dt * down
         q[:2, :2] = density * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
-        q[2:, 2:] = dt * np.diag([SET.bias_walk**2] * 3 + [SET.tilt_walk**2] * 2 + [density] * 2)
+        q[2:, 2:] = dt * np.diag([SET.bias_walk**2] * 3 + [TILT_WALK**2] * 2 + [density] * 2)
         self.x = self.x + a
         self.p = f @ self.p @ f.T + q
         self.free += dt
         if self.free >= SPEED_EVERY:
-            known = lean if acceleration is not None and measured else LEVEL
+            known = lean if acceleration is not None else LEVEL
             expected, std = known.velocity, known.velocity_std
             spread = np.diag(self.p)[7:] + std**2
             if np.any((np.array(expected) - self.x[7:]) ** 2 > FAR**2 * spread):
@@ -103,10 +105,10 @@ angle, force = st.floats(-0.7, 0.7) | st.just(0.0), st.floats(-3.0, 3.0) | st.ju
 
 
 @st.composite
-def a_lean(draw: st.DrawFn) -> Lean:
+def a_lean(draw: st.DrawFn) -> AttitudeAxes:
     q = from_euler(draw(angle), draw(angle), 5.0 * draw(angle))
     turn = draw(angle), draw(angle)
-    return Lean(
+    return AttitudeAxes(
         to_world(q, (1.0, 0.0, 0.0)),
         to_world(q, (0.0, 1.0, 0.0)),
         (draw(force), draw(force)),
@@ -119,7 +121,6 @@ def a_lean(draw: st.DrawFn) -> Lean:
 motion = st.tuples(
     st.none() | st.floats(-2.0, 2.0),  # [m/s²]
     st.floats(0.001, 0.1),  # [s]
-    st.booleans(),  # measured
     a_lean() | st.just(LEVEL),
 )
 sample = st.none() | st.tuples(st.floats(-5.0, 5.0), st.floats(-0.01, 0.2))  # depth [m], age [s]
@@ -128,7 +129,7 @@ sample = st.none() | st.tuples(st.floats(-5.0, 5.0), st.floats(-0.01, 0.2))  # d
 @settings(max_examples=100, deadline=None)
 @given(st.lists(st.tuples(motion, sample), min_size=1, max_size=60))
 def test_plain_floats_give_what_matrices_give(
-    steps: list[tuple[tuple[float | None, float, bool, Lean], tuple[float, float] | None]],
+    steps: list[tuple[tuple[float | None, float, AttitudeAxes], tuple[float, float] | None]],
 ):
     f = DepthFilter(SET)
     f.start(1.0, 0.3)
@@ -153,12 +154,28 @@ def test_it_begins_at_rest_with_the_spreads_it_is_given(
     depth: float, depth_std: float, rate_std: float, bias_std: float, bias: float
 ):
     f = DepthFilter(SET)
-    f.predict(0.3, 0.1, True, Lean((0.9, 0.2, 0.3), (0.1, 0.9, -0.4), (1.0, 2.0)))
+    f.predict(0.3, 0.1, AttitudeAxes((0.9, 0.2, 0.3), (0.1, 0.9, -0.4), (1.0, 2.0)))
     f.start(depth, depth_std, rate_std, bias, bias_std)
     assert (f.depth, f.rate, f.bias) == (depth, 0.0, bias)
     assert (f.depth_std, f.rate_std, f.bias_std) == pytest.approx((depth_std, rate_std, bias_std))
     assert np.array_equal(covariance(f), np.diag(np.diag(covariance(f))))
     assert not np.array(f.covariance)[:3, 3:].any()
+
+
+def test_at_rest_in_a_tilted_vehicle_the_lack_of_gravity_is_shared_by_the_axes_that_lean():
+    """Half a radian of pitch: what is known of the sum is not known of one axis."""
+    q = from_euler(0.0, 0.5, 0.0)
+    axes = AttitudeAxes(to_world(q, (1.0, 0.0, 0.0)), to_world(q, (0.0, 1.0, 0.0)))
+    f = DepthFilter(SET)
+    f.start(0.0, 0.01)
+    f.level(axes, 0.05, 0.001)
+    below, ahead = cos(0.5), -sin(0.5)
+    assert f.bias * below + f.horizontal_bias[0] * ahead == pytest.approx(0.05, abs=1e-4)
+    assert f.bias / below == pytest.approx(f.horizontal_bias[0] / ahead)
+    assert f.bias_std > 0.4 * SET.horizontal_bias_std
+    level = DepthFilter(SET)
+    level.level(LEVEL, 0.05, 0.001)
+    assert (level.bias, level.horizontal_bias) == (pytest.approx(0.05, abs=1e-4), (0.0, 0.0))
 
 
 def test_without_noise_on_the_way_it_is_the_least_squares_line_through_all_samples():
@@ -267,7 +284,7 @@ def test_a_sample_far_too_late_is_not_used():
     o.start(101_325.0, 100, 0)
     for k in range(1, 101):
         o.predict(0.0, k * 10_000_000)
-    assert o.pressure(101_900.0, 400_000_000) == "late:sensor/pressure"
+    assert o.pressure(101_900.0, 400_000_000) == events.LATE_PRESSURE()
     assert o.estimates(0)[0].value == 0.0
     assert o.pressure(101_900.0, 600_000_000) is None
     assert o.estimates(0)[0].value > 0.0
@@ -287,8 +304,8 @@ def normalised_errors(seed: int) -> tuple[float, float]:
     forward, starboard = (SET.horizontal_bias_std * rng.standard_normal(2)).tolist()
     tilt = starboard / GRAVITY, -forward / GRAVITY  # what the accelerometer says is level, is not
     f = DepthFilter(SET)
+    f.start(2.0, 0.01, 0.01)
     f.level(LEVEL)
-    f.start(2.0, 0.01, 0.01, bias_std=0.01)
     bias, heading = 0.01 * float(rng.standard_normal()), 0.0
     depth, rate = 2.0 + 0.01 * float(rng.standard_normal()), 0.01 * float(rng.standard_normal())
     squares: list[tuple[float, float]] = []
@@ -298,19 +315,22 @@ def normalised_errors(seed: int) -> tuple[float, float]:
         heading += DT * (1.0 if 2.0 < t % 5.0 < 3.5 else 0.0)
         q = from_euler(0.1 * push, -0.2 * push, heading)
         ahead, aside = to_world(q, (1.0, 0.0, 0.0)), to_world(q, (0.0, 1.0, 0.0))
+        below = to_world(q, (0.0, 0.0, 1.0))
         sink = 0.3 * sin(t)  # [m/s²]
         depth, rate = depth + DT * rate + DT * DT / 2 * sink, rate + DT * sink
         # In the axes of the attitude's estimate, of which the truth is a turn by `tilt`.
         x, y, z = push * cos(heading), push * sin(heading), sink - GRAVITY
-        off = [forward * a + starboard * b for a, b in zip(ahead, aside, strict=True)]
+        three = zip(ahead, aside, below, strict=True)
+        off = [forward * a + starboard * b + bias * c for a, b, c in three]
         north, east = x - tilt[1] * z + off[0], y + tilt[0] * z + off[1]
-        down = sink - tilt[0] * y + tilt[1] * x + off[2] + bias
+        down = sink - tilt[0] * y + tilt[1] * x + off[2]
         noise = SET.acceleration_noise / sqrt(DT) * float(rng.standard_normal())
-        f.predict(down + noise, DT, True, Lean(ahead, aside, (north, east)))
+        f.predict(down + noise, DT, AttitudeAxes(ahead, aside, (north, east)))
         if k % 2 == 0:
             f.update(*f.innovation(depth + STD * float(rng.standard_normal()), STD, 0.0), 0.0)
         if k > 100:
-            squares.append(((f.depth - depth) ** 2 / f.p00, (f.rate - rate) ** 2 / f.p11))
+            off = (f.depth - depth) / f.depth_std, (f.rate - rate) / f.rate_std
+            squares.append((off[0] ** 2, off[1] ** 2))
     a, b = np.mean(squares, axis=0).tolist()
     return a, b
 
@@ -318,18 +338,18 @@ def normalised_errors(seed: int) -> tuple[float, float]:
 def test_an_attitude_that_was_restarted_makes_the_tilt_unknown_once():
     f = DepthFilter(SET)
     f.level(LEVEL)
-    f.predict(0.0, DT, True, Lean(force=(2.0, 0.0)))
+    f.predict(0.0, DT, AttitudeAxes(force=(2.0, 0.0)))
     assert f.covariance[6][6] < 2.0 * (SET.horizontal_bias_std / GRAVITY) ** 2
-    f.predict(0.0, DT, True, Lean(tilt_std=0.1))
+    f.predict(0.0, DT, AttitudeAxes(tilt_std=0.1))
     assert f.covariance[6][6] == pytest.approx(0.01, rel=1e-3)
     for _ in range(100):
-        f.predict(0.0, DT, True, Lean(force=(2.0, 0.0), tilt_std=0.1))
+        f.predict(0.0, DT, AttitudeAxes(force=(2.0, 0.0), tilt_std=0.1))
     assert f.rate_std > 0.15  # 0.1 rad of 2 m/s² for a second, and no new errors at each step
 
 
 def test_a_correction_of_the_attitude_is_taken_from_the_tilt_error():
     f = DepthFilter(SET)
-    f.predict(0.0, DT, True, Lean(levelled=(0.01, -0.02)))
+    f.predict(0.0, DT, AttitudeAxes(levelled=(0.01, -0.02)))
     assert f.tilt == (-0.01, 0.02)
 
 
@@ -341,8 +361,8 @@ def pushed(velocity: tuple[float, float], std: float, push: float, tilt: float) 
         now = push if k < 200 else 0.0
         share = min(1.0, k / 200)
         expected = velocity[0] * share, velocity[1] * share
-        lean = Lean(force=(now + GRAVITY * tilt, 0.0), velocity=expected, velocity_std=std)
-        f.predict(0.0, DT, True, lean)
+        lean = AttitudeAxes(force=(now + GRAVITY * tilt, 0.0), velocity=expected, velocity_std=std)
+        f.predict(0.0, DT, lean)
     return f
 
 
@@ -361,14 +381,15 @@ def test_a_velocity_known_by_the_thrust_shows_the_tilt_error():
 
 def test_a_velocity_that_cannot_be_is_as_none_and_is_counted():
     blocked, alone = pushed((5.0, 0.0), 0.3, 0.0, 0.0), pushed((0.0, 0.0), MOVING_STD, 0.0, 0.0)
-    assert blocked.unexpected
-    assert not alone.unexpected
+    assert blocked.compared is not None
+    assert blocked.compared.refused
+    assert alone.compared is None
     assert states(blocked)[5:] == pytest.approx(states(alone)[5:], abs=0.3)
     o = DepthObserver(SET, Atmosphere(101_325.0, 0.0), 1025.0, 0.0)
     o.start(101_325.0, 100, 0)
-    far = Lean(velocity=(5.0, 0.0), velocity_std=0.3)
+    far = AttitudeAxes(velocity=(5.0, 0.0), velocity_std=0.3)
     told = [o.predict(0.0, 10_000_000 * k, far) for k in range(1, 900)]
-    assert [event for event in told if event] == ["outlier:vehicle/actuation"]
+    assert [event for event in told if event] == [events.OUTLIER_ACTUATION()]
 
 
 def test_after_a_shock_the_rate_is_known_no_better_than_what_was_between_two_samples():

@@ -23,7 +23,7 @@ def test_a_step_of_the_acceleration_does_not_take_the_depth_along(wrong: float, 
         if step % 2 == 0:
             observer.pressure(pressure + 500.0 * float(rng.standard_normal()), at_ns)
         away.append(abs(observer.estimates(at_ns)[0].value - DEPTH))
-    assert observer.distrusts_accelerometer
+    assert observer.trial is not None
     assert max(away[:299]) < 0.1
     # A gate of six standard deviations, and a quarter of a second at most at the rate by then.
     assert max(away) < 2.0

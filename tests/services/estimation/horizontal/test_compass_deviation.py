@@ -7,6 +7,8 @@ from math import cos, degrees, pi, radians, sin
 import numpy as np
 import pytest
 
+from messages import events
+from messages.events import Event
 from messages.message import Estimate
 from messages.sensors import DvlSample, UsblSample
 from services.estimation.attitude.heading import wrapped
@@ -16,9 +18,7 @@ from services.estimation.horizontal.compass_deviation import (
     Coefficients,
     CompassDeviation,
 )
-from services.estimation.horizontal.horizontal_observer import HorizontalObserver
-from services.estimation.horizontal.horizontal_settings import HorizontalSettings
-from services.estimation.horizontal.vehicle_motion import VehicleMotion
+from services.estimation.horizontal.horizontal_observer import HorizontalObserver, VehicleMotion
 from services.marine.attitude import from_euler
 from services.marine.vehicle import GRAVITY
 
@@ -33,7 +33,7 @@ class Voyage:
 
     def __init__(self, card: Coefficients, seed: int = 0, speed: float = 0.4, late: float = 0.0):
         self.card, self.speed, self.late = card, speed, late
-        self.observer = HorizontalObserver(HorizontalSettings())
+        self.observer = HorizontalObserver()
         self.rng = np.random.default_rng(seed)
         self.counts: Counter[str] = Counter()
         self.waiting: list[tuple[int, UsblSample]] = []
@@ -71,8 +71,8 @@ class Voyage:
                 self.note(self.observer.usbl(self.waiting.pop(0)[1]))
             watch()
 
-    def note(self, what: str | None) -> None:
-        self.counts.update(() if what is None else (what,))
+    def note(self, what: Event | None) -> None:
+        self.counts.update(() if what is None else (what.name,))
 
     def corrected(self) -> Estimate:
         return self.observer.heading(Estimate(wrapped(self.compass()), STD, valid=True))
@@ -156,7 +156,7 @@ def test_when_the_place_is_lost_the_correction_fades_without_a_jump() -> None:
 def test_a_deviation_that_no_compass_should_have_is_limited_and_counted_once() -> None:
     deviation, wild = CompassDeviation(), Coefficients(0.1, -0.3, 0.4)
     counts = Counter(deviation.follow(wild, 0.01, 0.5, 0.1) for _ in range(2000))
-    assert counts == {"limited:deviation": 1, None: 1999}
+    assert counts == {events.LIMITED("deviation"): 1, None: 1999}
     assert deviation.correction.largest == pytest.approx(MOST, rel=1e-4)
     most = max(abs(deviation.correction.at(x)) for x in np.linspace(-pi, pi, 200).tolist())
     assert most <= MOST

@@ -8,14 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from messages import topics
+from messages import events, topics
+from messages.events import Event
 from messages.sensors import DvlSample, UsblSample
 from messages.state import VehicleState
 from messages.units import Quaternion
 from messages.vehicle import Truth
-from services.estimation.horizontal.horizontal_observer import HorizontalObserver
-from services.estimation.horizontal.horizontal_settings import HorizontalSettings
-from services.estimation.horizontal.vehicle_motion import VehicleMotion
+from services.estimation.horizontal.horizontal_observer import HorizontalObserver, VehicleMotion
 from services.marine.attitude import from_euler
 from services.marine.vehicle import GRAVITY
 from services.runtime.config.stack import Stack
@@ -37,9 +36,7 @@ class Voyage:
     dvl: bool = True
     usbl: bool = True
     spike: float = 0.0  # [m] on the fixes
-    observer: HorizontalObserver = field(
-        default_factory=lambda: HorizontalObserver(HorizontalSettings())
-    )
+    observer: HorizontalObserver = field(default_factory=HorizontalObserver)
     counts: Counter[str] = field(default_factory=Counter[str])
     k: int = 0
 
@@ -81,26 +78,27 @@ class Voyage:
             else:
                 self.note(self.observer.usbl(sample))
 
-    def note(self, what: str | None) -> None:
+    def note(self, what: Event | None) -> None:
         if what is not None:
-            self.counts[what] += 1
+            self.counts[what.name] += 1
 
     def error(self) -> float:
         """[m]"""
-        found = self.observer.position(self.k * S // 100)
-        assert found is not None
+        found = self.observer.estimates(self.k * S // 100)
+        assert found.north is not None
+        assert found.east is not None
         x, y = self.place(self.k / 100)
-        return hypot(found[0].value - x, found[1].value - y)
+        return hypot(found.north.value - x, found.east.value - y)
 
     def spread(self) -> float:
         """[m] of each axis."""
-        found = self.observer.position(self.k * S // 100)
-        assert found is not None
-        return found[0].std
+        north = self.observer.estimates(self.k * S // 100).north
+        assert north is not None
+        return north.std
 
     def valid(self) -> bool:
-        found = self.observer.position(self.k * S // 100)
-        return found is not None and found[0].valid
+        north = self.observer.estimates(self.k * S // 100).north
+        return north is not None and north.valid
 
 
 def attitude(heading: float) -> Quaternion:
@@ -110,9 +108,7 @@ def attitude(heading: float) -> Quaternion:
 def test_without_dvl_and_usbl_nothing_is_known() -> None:
     voyage = Voyage(dvl=False, usbl=False)
     voyage.run(10.0)
-    assert voyage.observer.position(10 * S) is None
-    assert voyage.observer.velocity(10 * S) is None
-    assert voyage.observer.current(10 * S) is None
+    assert voyage.observer.estimates(10 * S) == (None,) * 6
 
 
 # What the accelerometer says between the sample and now is worth little: the attitude leans.
@@ -127,10 +123,11 @@ def test_position_and_velocity_are_better_than_a_single_fix_whatever_the_latency
         voyage = Voyage(latency=latency, seed=seed)
         voyage.run(60.0)
         errors.append(voyage.error())
-        found = voyage.observer.velocity(voyage.k * S // 100)
-        assert found is not None
-        assert found[0].value == pytest.approx(0.8, abs=off)
-        assert found[1].value == pytest.approx(0.0, abs=off)
+        found = voyage.observer.estimates(voyage.k * S // 100)
+        assert found.surge is not None
+        assert found.sway is not None
+        assert found.surge.value == pytest.approx(0.8, abs=off)
+        assert found.sway.value == pytest.approx(0.0, abs=off)
     assert np.sqrt(np.mean(np.square(errors))) < away  # a single fix: 0.71 m
 
 
@@ -180,7 +177,7 @@ def test_after_the_drop_out_of_both_validity_falls_and_then_nothing_is_known() -
     voyage.run(4.0)
     assert not voyage.valid()
     voyage.run(60.0)
-    assert voyage.observer.position(voyage.k * S // 100) is None
+    assert voyage.observer.estimates(voyage.k * S // 100).north is None
     assert voyage.counts["lost:position"] == 1
     voyage.dvl = voyage.usbl = True
     voyage.run(20.0)
@@ -192,9 +189,10 @@ def test_a_sample_from_too_long_ago_is_counted_and_not_used() -> None:
     voyage = Voyage()
     voyage.run(10.0)
     old = UsblSample(stamp_ns=5 * S, north=99.0, east=99.0, std=0.1)
-    assert voyage.observer.usbl(old) == "too_old:sensor/usbl"
+    assert voyage.observer.usbl(old) == events.TOO_OLD("sensor/usbl")
 
 
+@pytest.mark.slow
 def test_a_simulated_vehicle_with_dvl_and_usbl_knows_where_it_is(tmp_path: Path) -> None:
     script = tmp_path / "script.csv"
     legs = ("0,0,0,0,0", "12,0.5,0,0.3,0.2", "35,0,0.3,0,-0.2", "70,0,0,0,0")

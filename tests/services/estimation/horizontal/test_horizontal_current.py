@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from messages import events
+from messages.events import Event
 from messages.sensors import DvlSample, UsblSample
 from messages.units import Quaternion
 from messages.vehicle import Actuation
-from services.estimation.horizontal.horizontal_observer import HorizontalObserver
-from services.estimation.horizontal.horizontal_settings import HorizontalSettings
+from services.estimation.horizontal.horizontal_filter import LEAN_TIME
+from services.estimation.horizontal.horizontal_observer import HorizontalObserver, VehicleMotion
 from services.estimation.horizontal.hull_model import HullModel
 from services.estimation.horizontal.measurement_buffer import between
-from services.estimation.horizontal.vehicle_motion import VehicleMotion
 from services.marine.attitude import from_euler
 from services.marine.vehicle import GRAVITY, Vehicle
 from services.runtime.config.stack import Stack
@@ -26,8 +27,7 @@ S = 1_000_000_000  # [ns]
 DT = 0.02  # [s]
 LEAN = 0.05  # [m/s²] assumed of a vehicle that is trimmed well; twice as much is allowed for
 VEHICLE = Stack().section("vehicle", Vehicle)
-CHOICE = HorizontalSettings()
-HULL = HullModel(VEHICLE, CHOICE.wake_share)
+HULL = HullModel(VEHICLE, 1.0)
 Flow = Callable[[float], tuple[float, float]]
 Floats = NDArray[np.float64]
 
@@ -59,7 +59,7 @@ class Voyage:
 
     def __post_init__(self) -> None:
         self.rng = np.random.default_rng(self.seed)
-        self.observer = HorizontalObserver(CHOICE, self.hull)
+        self.observer = HorizontalObserver(self.hull)
         self.place = np.zeros(2)  # [m] NED
         self.water = np.zeros(2)  # [m/s] surge and sway through the water
         self.heading = 0.3
@@ -82,7 +82,7 @@ class Voyage:
         self.water += DT * np.array([a[0] + turn * v, a[1] - turn * u])
         self.heading += turn * DT
         self.place += DT * self.over_ground
-        keep = np.exp(-DT / CHOICE.lean_time)
+        keep = np.exp(-DT / LEAN_TIME)
         noise = self.rng.standard_normal(2)
         self.lean = keep * self.lean + LEAN * (1 - keep**2) ** 0.5 * noise
         if thrust_heard:
@@ -113,9 +113,9 @@ class Voyage:
             else:
                 self.note(self.observer.usbl(sample))
 
-    def note(self, what: str | None) -> None:
+    def note(self, what: Event | None) -> None:
         if what is not None:
-            self.counts.append(what)
+            self.counts.append(what.name)
 
     @property
     def attitude(self) -> Quaternion:
@@ -128,12 +128,7 @@ class Voyage:
 
     def errors(self) -> list[float]:
         """North, east [m], surge, sway, current north, current east [m/s]."""
-        place, speed = self.observer.position(self.now), self.observer.velocity(self.now)
-        current = self.observer.current(self.now)
-        assert place is not None
-        assert speed is not None
-        assert current is not None
-        found = [each.value for pair in (place, speed, current) for each in pair]
+        found = [each.value for each in self.observer.estimates(self.now) if each is not None]
         true = (*self.place, *(R_BN(self.heading) @ self.over_ground), *self.flow(self.now / S))
         return (np.array(found) - true).tolist()
 
@@ -173,35 +168,36 @@ def test_after_a_minute_position_velocity_and_current_are_known(
 def test_without_thrust_or_hull_the_current_is_unknown_and_the_rest_is_not() -> None:
     for voyage, heard in ((Voyage(), False), (Voyage(hull=None), True)):
         voyage.run(60.0, heard)
-        assert voyage.observer.current(voyage.now) is None
-        place = voyage.observer.position(voyage.now)
-        assert place is not None
-        assert place[0].valid
+        found = voyage.observer.estimates(voyage.now)
+        assert found.current_north is None
+        assert found.north is not None
+        assert found.north.valid
 
 
 def test_without_dvl_and_usbl_there_is_no_current_either() -> None:
     voyage = Voyage(dvl=False, usbl=False)
     voyage.run(20.0)
-    assert voyage.observer.current(voyage.now) is None
-    assert voyage.observer.position(voyage.now) is None
+    assert voyage.observer.estimates(voyage.now) == (None,) * 6
 
 
 def test_when_the_thrust_falls_silent_the_current_is_forgotten_slowly() -> None:
     voyage = Voyage()
     voyage.run(60.0)
-    before = voyage.observer.current(voyage.now)
+    before = voyage.observer.estimates(voyage.now).current_north
     voyage.run(30.0, thrust=False)
-    after = voyage.observer.current(voyage.now)
+    after = voyage.observer.estimates(voyage.now).current_north
     assert before is not None
     assert after is not None
-    assert after[0].std > before[0].std
+    assert after.std > before.std
     voyage.run(240.0, thrust=False)
-    assert voyage.observer.current(voyage.now) is None
+    assert voyage.observer.estimates(voyage.now).current_north is None
 
 
 def test_thrust_of_another_vehicle_is_counted_and_not_used() -> None:
     voyage = Voyage()
-    assert voyage.observer.actuation(actuation(0, (1.0,))) == "wrong_length:vehicle/actuation"
+    assert voyage.observer.actuation(actuation(0, (1.0,))) == events.WRONG_LENGTH(
+        "vehicle/actuation"
+    )
 
 
 def test_something_that_pushes_hard_and_is_no_current_is_counted() -> None:

@@ -13,15 +13,13 @@ from services.estimation.horizontal.horizontal_filter import (
     Innovation,
     Interval,
 )
-from services.estimation.horizontal.horizontal_settings import HorizontalSettings
 from services.estimation.horizontal.hull_model import HullModel
 from services.marine.attitude import from_euler
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
 
 Floats = NDArray[np.float64]
-CHOICE = HorizontalSettings()
-HULL = HullModel(Stack().section("vehicle", Vehicle), CHOICE.wake_share)
+HULL = HullModel(Stack().section("vehicle", Vehicle), 1.0)
 SEEDS, SECONDS = 20, 30.0
 SETTLED = 5.0  # [s] before, the current is so unknown that the drag is no straight line over it
 LEARNT = [*range(9), 11, 12]  # states; the damping is only considered
@@ -79,7 +77,7 @@ def test_the_jacobians_are_the_slopes_of_what_is_measured(
         return ekf.fix(HorizontalEstimate(at, P), (1.0, 2.0), 0.5)
 
     def balance(at: Floats) -> Innovation:
-        return ekf.balance(HorizontalEstimate(at, P), here, HULL, CHOICE)
+        return ekf.balance(HorizontalEstimate(at, P), here, HULL)
 
     for see in (dvl, usbl, balance):
         H = see(x).H
@@ -104,16 +102,16 @@ def test_the_spread_moves_as_the_mean_does(
     x[ekf.VELOCITY], x[ekf.DEVIATION] = over_ground, deviation
     known = np.zeros((SIZE, SIZE))
     slopes = [
-        (ekf.predicted(HorizontalEstimate(x + e, known), here, CHOICE).x)
-        - (ekf.predicted(HorizontalEstimate(x - e, known), here, CHOICE).x)
+        (ekf.predicted(HorizontalEstimate(x + e, known), here).x)
+        - (ekf.predicted(HorizontalEstimate(x - e, known), here).x)
         for e in 1e-5 * np.eye(SIZE)
     ]
     J = np.array(slopes).T / 2e-5
     root = np.random.default_rng(seed).normal(size=(SIZE, SIZE))
     P = root @ root.T
     more = (
-        ekf.predicted(HorizontalEstimate(x, P), here, CHOICE).P
-        - ekf.predicted(HorizontalEstimate(x, known), here, CHOICE).P
+        ekf.predicted(HorizontalEstimate(x, P), here).P
+        - ekf.predicted(HorizontalEstimate(x, known), here).P
     )
     assert more == pytest.approx(J @ P @ J.T, abs=1e-5)
 
@@ -130,7 +128,7 @@ def test_deviation_goes_with_sine_and_cosine_of_the_heading_however_it_is_tilted
 @given(st.integers(0, 10**6), st.integers(2, 6))
 def test_in_the_linear_case_it_is_batch_least_squares(seed: int, steps: int) -> None:
     rng = np.random.default_rng(seed)
-    estimate = ekf.initial(CHOICE, 0.05)
+    estimate = ekf.initial(0.05)
     rows: list[tuple[Floats, Floats, Floats]] = []  # weight the residual A z - b by W
     wide = SIZE * (steps + 1)
 
@@ -145,14 +143,11 @@ def test_in_the_linear_case_it_is_batch_least_squares(seed: int, steps: int) -> 
     for k in range(1, steps + 1):
         here = interval(seconds=rng.uniform(0.05, 2.0), acceleration=(0.0, 0.0))
         zero = HorizontalEstimate(np.zeros(SIZE), np.zeros((SIZE, SIZE)))
-        push, Q = ekf.predicted(zero, here, CHOICE)
-        units = [
-            ekf.predicted(HorizontalEstimate(e, zero.P), here, CHOICE).x - push
-            for e in np.eye(SIZE)
-        ]
+        push, Q = ekf.predicted(zero, here)
+        units = [ekf.predicted(HorizontalEstimate(e, zero.P), here).x - push for e in np.eye(SIZE)]
         F = np.array(units).T
         take(k, np.eye(SIZE), push, Q, F)
-        estimate = ekf.predicted(estimate, here, CHOICE)
+        estimate = ekf.predicted(estimate, here)
         H, z, R = rng.normal(size=(2, SIZE)), rng.normal(size=2), np.diag(rng.uniform(0.1, 1.0, 2))
         H[:, ekf.DAMPING] = 0.0  # what is considered is not estimated
         take(k, H, z, R)
@@ -165,6 +160,7 @@ def test_in_the_linear_case_it_is_batch_least_squares(seed: int, steps: int) -> 
     assert np.diag(estimate.P) == pytest.approx(np.diag(spread), rel=1e-4)
 
 
+@pytest.mark.slow
 def test_errors_and_innovations_are_as_large_as_their_covariances_say() -> None:
     found = [drawn(seed) for seed in range(SEEDS)]
     errors = np.mean([nees for nees, _ in found], axis=0)
@@ -179,7 +175,7 @@ def drawn(seed: int) -> tuple[list[float], list[float]]:
     """Normalised squares of the errors once a second and of the innovations, for a truth that is
     drawn from what the filter believes of the world. As in a dive, a DVL speaks first."""
     rng = np.random.default_rng(seed)
-    estimate = ekf.initial(CHOICE, 0.05)
+    estimate = ekf.initial(0.05)
     truth = rng.multivariate_normal(estimate.x, estimate.P)
     first = interval()
     v_N = *truth[ekf.VELOCITY].tolist(), first.depth_rate
@@ -190,10 +186,10 @@ def drawn(seed: int) -> tuple[list[float], list[float]]:
     for k in range(1, round(SECONDS / dt) + 1):
         t = k * dt
         push = (12.0 + 5.0 * np.sin(0.4 * t), 4.0 * np.cos(0.23 * t))
-        noise = rng.normal(size=2) * CHOICE.model_noise / dt**0.5
+        noise = rng.normal(size=2) * ekf.MODEL_NOISE / dt**0.5
         truth, here = moved(truth, t, push, noise, rng)
-        estimate = ekf.predicted(estimate, here, CHOICE)
-        estimate = ekf.corrected(estimate, ekf.balance(estimate, here, HULL, CHOICE))
+        estimate = ekf.predicted(estimate, here)
+        estimate = ekf.corrected(estimate, ekf.balance(estimate, here, HULL))
         if k % 10 == 0:
             seen = seen_by_dvl(estimate, truth, here, rng)
             if t > SETTLED:
@@ -229,10 +225,10 @@ def moved(
             acceleration=acceleration, force=push, roll=0.05, pitch=0.1,
             heading=0.3 * t - error, depth_rate=0.1,
         )  # fmt: skip
-        after, Q = ekf.predicted(HorizontalEstimate(truth, np.zeros((SIZE, SIZE))), here, CHOICE)
+        after, Q = ekf.predicted(HorizontalEstimate(truth, np.zeros((SIZE, SIZE))), here)
         after = after + np.linalg.cholesky(Q) @ wander
         error = ekf.heading_error(HorizontalEstimate(after, Q), here)
-        missing = ekf.balance(HorizontalEstimate(after, Q), here, HULL, CHOICE).off
+        missing = ekf.balance(HorizontalEstimate(after, Q), here, HULL).off
         level = ekf.true_rotation(HorizontalEstimate(after, Q), here)[:2, :2]
         more = np.linalg.solve(level, noise - missing)
         acceleration = (acceleration[0] + float(more[0]), acceleration[1] + float(more[1]))
@@ -241,11 +237,11 @@ def moved(
 
 def test_without_a_force_there_is_no_balance() -> None:
     with pytest.raises(ValueError, match="no balance"):
-        ekf.balance(ekf.initial(CHOICE, 0.1), interval(force=None), HULL, CHOICE)
+        ekf.balance(ekf.initial(0.1), interval(force=None), HULL)
 
 
 def test_a_belief_with_a_number_that_is_not_one_is_not_sound() -> None:
-    good = ekf.initial(CHOICE, 0.1)
+    good = ekf.initial(0.1)
     assert ekf.is_sound(good)
     for bad in (np.nan, np.inf):
         assert not ekf.is_sound(HorizontalEstimate(good.x + bad, good.P))

@@ -20,7 +20,6 @@ from services.estimation.horizontal.horizontal_filter import (
     Innovation,
     Interval,
 )
-from services.estimation.horizontal.horizontal_settings import HorizontalSettings
 from services.estimation.horizontal.hull_model import HullModel
 from services.marine.attitude import from_euler
 from services.marine.vehicle import Vehicle
@@ -28,8 +27,7 @@ from services.runtime.config.stack import Stack
 
 Floats = NDArray[np.float64]
 Pair = tuple[float, float]
-CHOICE = HorizontalSettings()
-HULL = HullModel(Stack().section("vehicle", Vehicle), CHOICE.wake_share)
+HULL = HullModel(Stack().section("vehicle", Vehicle), 1.0)
 POSITIONS, PAIRS = [0, 1], ([0, 1], [2, 3], [4, 5], [6, 7])  # states, north and east
 few = settings(max_examples=25, deadline=None)
 
@@ -118,10 +116,10 @@ def all_of(
     estimate: HorizontalEstimate, here: Interval, seen: tuple[float, float, float]
 ) -> tuple[list[HorizontalEstimate], list[float]]:
     """The estimate after each of the filter's steps, and how surprising each measurement was."""
-    after, surprises = [ekf.predicted(estimate, here, CHOICE)], list[float]()
+    after, surprises = [ekf.predicted(estimate, here)], list[float]()
     measured = [ekf.velocity(estimate, here, seen, 0.05)]
     if here.acceleration is not None:
-        measured.append(ekf.balance(estimate, here, HULL, CHOICE))
+        measured.append(ekf.balance(estimate, here, HULL))
     for innovation in measured:
         after.append(ekf.corrected(estimate, innovation))
         surprises.append(ekf.surprise(estimate, innovation))
@@ -172,8 +170,8 @@ def test_two_steps_without_the_imu_are_one_as_long(seed: int, moment: Moment, sh
         for part in (share, 1.0 - share, 1.0)
     )
     estimate = drawn(seed)
-    found = ekf.predicted(ekf.predicted(estimate, one, CHOICE), other, CHOICE)
-    assert_same(found, ekf.predicted(estimate, both, CHOICE))
+    found = ekf.predicted(ekf.predicted(estimate, one), other)
+    assert_same(found, ekf.predicted(estimate, both))
 
 
 @few
@@ -187,20 +185,20 @@ def test_velocity_is_what_the_acceleration_adds_up_to_and_position_what_that_add
     a = np.zeros(2)
     if here.acceleration is not None:
         a = np.array(turned(here.acceleration, ekf.heading_error(estimate, here))) - x[[6, 7]]
-    found = ekf.predicted(estimate, here, CHOICE)
+    found = ekf.predicted(estimate, here)
     assert found.x[[0, 1]] == pytest.approx(x[[0, 1]] + dt * x[[2, 3]] + dt * dt / 2 * a)
     assert found.x[[2, 3]] == pytest.approx(x[[2, 3]] + dt * a)
-    nothing = ekf.predicted(HorizontalEstimate(x, np.zeros((SIZE, SIZE))), here, CHOICE)
-    noise = CHOICE.motion_noise if here.acceleration is None else CHOICE.acceleration_noise
+    nothing = ekf.predicted(HorizontalEstimate(x, np.zeros((SIZE, SIZE))), here)
+    noise = ekf.MOTION_NOISE if here.acceleration is None else ekf.ACCELERATION_NOISE
     assert np.diag(nothing.P)[[2, 3]] == pytest.approx(noise**2 * dt)
     assert np.diag(nothing.P)[[0, 1]] == pytest.approx(noise**2 * dt**3 / 3)
 
 
 DAMPING_TIME = 600.0  # [s] ten minutes, of the share of the damping
 TIMES = {
-    4: CHOICE.current_time, 5: CHOICE.current_time, 6: CHOICE.lean_time, 7: CHOICE.lean_time,
-    8: CHOICE.heading_time, 9: DAMPING_TIME, 10: DAMPING_TIME, 11: CHOICE.iron_time,
-    12: CHOICE.iron_time,
+    4: ekf.CURRENT_TIME, 5: ekf.CURRENT_TIME, 6: ekf.LEAN_TIME, 7: ekf.LEAN_TIME,
+    8: ekf.HEADING_TIME, 9: DAMPING_TIME, 10: DAMPING_TIME, 11: ekf.IRON_TIME,
+    12: ekf.IRON_TIME,
 }  # fmt: skip
 
 
@@ -213,9 +211,9 @@ def test_what_is_not_measured_is_forgotten_and_its_spread_stays(
     one."""
     here = interval(moment)._replace(heading_std=heading_std)
     estimate = drawn(seed)
-    after = ekf.predicted(estimate, here, CHOICE).x
-    begin = ekf.initial(CHOICE, heading_std)
-    later = np.diag(ekf.predicted(begin, here, CHOICE).P)
+    after = ekf.predicted(estimate, here).x
+    begin = ekf.initial(heading_std)
+    later = np.diag(ekf.predicted(begin, here).P)
     for k, time in TIMES.items():
         assert after[k] == pytest.approx(estimate.x[k] * exp(-here.seconds / time), rel=1e-9)
         assert later[k] == pytest.approx(begin.P[k, k], rel=1e-9)
@@ -227,16 +225,16 @@ def test_at_the_start_only_the_origin_and_the_settings_are_known(
 ) -> None:
     """The heading error is as large as said at every heading, and never all of it is iron."""
     here = interval(Moment(0.1, None, (0.0, pitch, heading), 0.0, (0.0, 0.0), 0.0))
-    start = ekf.initial(CHOICE, std)
+    start = ekf.initial(std)
     assert not start.x.any()
     assert ekf.heading_std(start, here) == pytest.approx(std)
     spread = np.sqrt(np.diag(start.P))
     assert spread[:8] == pytest.approx(
-        [0.01] * 2 + [1.0] * 2 + [CHOICE.current_std] * 2 + [CHOICE.lean_std] * 2
+        [0.01] * 2 + [1.0] * 2 + [ekf.CURRENT_STD] * 2 + [ekf.LEAN_STD] * 2
     )
-    assert spread[9:11] == pytest.approx([CHOICE.damping_share] * 2)
+    assert spread[9:11] == pytest.approx([ekf.DAMPING_SHARE] * 2)
     assert spread[8] > 0.0
-    assert spread[11:] == pytest.approx([min(CHOICE.iron_std, 0.98 * std)] * 2)
+    assert spread[11:] == pytest.approx([min(ekf.IRON_STD, 0.98 * std)] * 2)
 
 
 @few
@@ -276,8 +274,8 @@ def test_the_noise_of_the_balance_is_that_of_forces_and_of_the_bend_of_drag(
     for k in (0, 1):
         second = hull.curvature[k] * (water[k] * max(water)) ** 0.5
         product = hull.by_velocity[k][k] ** 2 * water[k] * estimate.P[9 + k, 9 + k]
-        expected = CHOICE.model_noise**2 / here.seconds + 10 * 3 * second**2 + product
-        noise = ekf.balance(estimate, here, HULL, CHOICE).R
+        expected = ekf.MODEL_NOISE**2 / here.seconds + 10 * 3 * second**2 + product
+        noise = ekf.balance(estimate, here, HULL).R
         assert noise[k, k] == pytest.approx(expected, rel=1e-4)
         assert noise[k, 1 - k] == 0.0
 

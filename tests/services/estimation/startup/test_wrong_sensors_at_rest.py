@@ -1,7 +1,6 @@
 """A sensor that cannot be right keeps the calibration from ending; one that can never does."""
 
 import math
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -11,12 +10,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from messages.events import Outbox
 from messages.sensors import ImuSample, MagnetometerSample, PressureSample
 from messages.state import VehicleState
 from messages.units import Vec3
 from services.estimation.core import Estimator, Settings
 from services.estimation.startup.calibration import CalibrationSettings
-from services.estimation.startup.resting_check import MOST_TILT, tilt, wrong_at_rest
+from services.estimation.startup.first_samples import MOST_TILT, tilt, wrong_at_rest
 from services.marine.attitude import from_euler, to_body
 from services.marine.mounting import Mount, Mounting
 from services.marine.vehicle import GRAVITY, Vehicle
@@ -57,11 +57,11 @@ class Bench:
     shaken: Scaled = lambda _: 0.0  # [m/s²] along down, of seconds
     ms: int = 0
     rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(1))
-    lines: list[tuple[str, str]] = field(default_factory=list[tuple[str, str]])
 
     def __post_init__(self) -> None:
-        self.refused: Counter[str] = Counter()
-        self.estimator = Estimator(QUICK, 0.2, None, self.vehicle, self.refused)
+        self.outbox = Outbox()
+        self.refused = self.outbox.counts
+        self.estimator = Estimator(QUICK, 0.2, None, self.vehicle, self.outbox)
 
     def run(self, seconds: float) -> VehicleState | None:
         """The newest state."""
@@ -75,10 +75,6 @@ class Bench:
                 sample = MagnetometerSample(stamp_ns=self.ms * MS, field=(x, y, z))
                 self.estimator.magnetometer(sample)
             state = self.estimator.imu(self._feel(), self.ms * MS)
-            self.refused.update(self.estimator.events)
-            self.lines += self.estimator.lines
-            self.estimator.events.clear()
-            self.estimator.lines.clear()
         return state
 
     def _press(self) -> None:
@@ -99,7 +95,7 @@ class Bench:
 
     @property
     def warnings(self) -> list[str]:
-        return [text for level, text in self.lines if level == "warning"]
+        return [text for level, text, _ in self.outbox.said if level == "warning"]
 
 
 def runs(bench: Bench, seconds: float = 3.0) -> bool:
@@ -235,8 +231,8 @@ def test_an_imu_without_usable_samples_is_named_once_with_what_was_refused():
     bench.refused["from_future:sensor/imu"] = 500
     for ms in range(10, 20_000, 10):
         assert bench.estimator.silence(ms * MS) is None
-    assert bench.estimator.events == ["unusable:sensor/imu"]
-    ((_, text),) = bench.estimator.lines
+    assert bench.refused["unusable:sensor/imu"] == 1
+    ((_, text, _),) = bench.outbox.said
     assert "time stamp in the future (sensor/imu), 500 times" in text
 
 
@@ -293,5 +289,5 @@ def test_whatever_is_read_a_verdict_is_one_sentence(force: Vec3, tolerance: floa
     if abs(math.hypot(*force) - GRAVITY) > tolerance:
         assert found is not None
     if found is not None:
-        assert "\n" not in found.text
+        assert "\n" not in found.sentence
         assert found.name.endswith(":sensor/imu")

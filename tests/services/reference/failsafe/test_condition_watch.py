@@ -7,11 +7,18 @@ from hypothesis import strategies as st
 
 from messages.health import LATE_MS, Health
 from messages.pilot import PilotCommand, PilotRequest
-from services.reference.failsafe.watch import RECENT_NS, TIMED, ConditionWatch
+from services.reference.failsafe.watch import HEALTH_PATIENCE_NS, RECENT_NS, ConditionWatch
 from services.reference.guidance.refusals import refusal
 from services.reference.settings import FailsafeSettings
 
 S = 1_000_000_000  # [ns]
+WATCHED = {
+    "ardusub": "motion",
+    "my_driver": "motion",
+    "control": "motion",
+    "recorder": "recorder",
+    "link_monitor": "clock",
+}
 
 
 def health(service: str, late_ms: float | None) -> Health:
@@ -30,7 +37,7 @@ def late(watch: ConditionWatch, now: int) -> bool:
 def test_a_late_service_is_said_for_ten_seconds_but_not_for_its_first_report(
     reports: list[float | None],
 ) -> None:
-    watch = ConditionWatch(FailsafeSettings())
+    watch = ConditionWatch(FailsafeSettings(), WATCHED)
     for second, late_ms in enumerate(reports):
         watch.health(health("control", late_ms), second * S)
         were = [
@@ -40,16 +47,28 @@ def test_a_late_service_is_said_for_ten_seconds_but_not_for_its_first_report(
         assert late(watch, second * S) == any(were)
 
 
-@pytest.mark.parametrize("service", [*TIMED, "recorder", "gamepad", "visualizer"])
+@pytest.mark.parametrize("service", [*WATCHED, "gamepad", "visualizer"])
 def test_only_services_that_the_motion_depends_on_are_said_to_be_late(service: str) -> None:
-    watch = ConditionWatch(FailsafeSettings())
+    watch = ConditionWatch(FailsafeSettings(), WATCHED)
     for second in range(3):
         watch.health(health(service, 500.0), second * S)
-    assert late(watch, 2 * S) == (service in TIMED)
+    assert late(watch, 2 * S) == (WATCHED.get(service) == "motion")
+
+
+@given(st.sampled_from([*WATCHED, "gamepad", "visualizer"]), st.integers(0, 6 * S))
+def test_a_service_that_falls_silent_is_said_by_its_role(service: str, silence_ns: int) -> None:
+    watch = ConditionWatch(FailsafeSettings(), WATCHED)
+    watch.health(health(service, 0.0), 0)
+    found = watch.holding(None, None, (), silence_ns, armed=True, limited=False)
+    long, role = silence_ns > HEALTH_PATIENCE_NS, WATCHED.get(service)
+    assert ("service_silent" in found) == (long and role == "motion")
+    assert ("recorder_down" in found) == (long and role == "recorder")
+    if "service_silent" in found:
+        assert found["service_silent"].detail == service
 
 
 def test_a_silent_board_is_said_while_its_silence_is_counted() -> None:
-    watch = ConditionWatch(FailsafeSettings())
+    watch = ConditionWatch(FailsafeSettings(), WATCHED)
     counts = [0, 0, 1, 2, 3, 3, 3, 3]
     said: list[bool] = []
     for second, count in enumerate(counts):

@@ -7,12 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from messages.events import Outbox
 from messages.vehicle import Failsafe
 from services.reference.failsafe.machine import FailsafeMachine, Holding
 from services.reference.failsafe.table import ACTING, SEVERITY, table
 from services.reference.settings import FailsafeSettings, Settings
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
+from tests.support.told import told
 
 S = 1_000_000_000  # [ns]
 TABLE = table(FailsafeSettings())
@@ -22,7 +24,7 @@ pauses = st.floats(0.01, 40.0)  # [s]
 
 
 def machine() -> FailsafeMachine:
-    return FailsafeMachine(TABLE, armed=True)
+    return FailsafeMachine(TABLE, Outbox(), armed=True)
 
 
 def severity(machine: FailsafeMachine) -> int:
@@ -49,7 +51,7 @@ def test_a_restart_that_has_heard_of_nothing_yet_ends_no_failsafe(name: str):
     clocked = Clocked()
     clocked.hold(name, seconds=20.0)
     before = clocked.machine.memory
-    again = FailsafeMachine(TABLE, before, armed=True)
+    again = FailsafeMachine(TABLE, Outbox(), before, armed=True)
     again.step({}, clocked.now + S, armed=True, at_surface=False, unknown=(name,))
     assert again.memory == before
     assert (again.reaction, again.resumable) == ("ascend", False)
@@ -100,7 +102,7 @@ def test_a_restart_ends_no_failsafe(names: set[str], seconds: float):
     before = Clocked()
     before.hold(*names, seconds=seconds, surface=True)
     old = before.machine
-    after = FailsafeMachine(TABLE, dict(old.memory), True, old.surfaced)
+    after = FailsafeMachine(TABLE, Outbox(), dict(old.memory), True, old.surfaced)
     after.step({}, before.now + S, armed=True, at_surface=False)
     assert after.reaction == old.reaction
 
@@ -143,9 +145,9 @@ def test_resume_is_refused_in_words_while_the_pilot_is_away():
     clocked.hold("pilot_lost", "state_lost")
     assert clocked.machine.resume() == "drone's state lost: its motion is not known, still"
     assert not clocked.machine.resumable
-    assert "(has ended)" not in clocked.machine.words
+    assert "lost has ended" not in clocked.machine.words
     clocked.hold()
-    assert clocked.machine.words.count("(has ended)") == 2
+    assert clocked.machine.words.count("has ended") == 2
 
 
 def test_an_overruled_leak_acts_again_only_after_it_has_ended():
@@ -241,15 +243,12 @@ def test_a_table_that_contradicts_itself_is_refused_with_the_option(assignment: 
 def test_a_condition_that_acts_later_is_said_once_when_it_begins_and_once_when_it_acts(name: str):
     clocked = Clocked()
     clocked.hold(name, seconds=9.0)
-    assert [row.name for row in clocked.machine.noticed] == [name]
-    assert clocked.machine.begun == []
+    assert told(clocked.machine.outbox) == [f"notice:{name}"]
     clocked.hold(name, seconds=9.0)
-    assert [row.name for row in clocked.machine.noticed] == [name]
-    assert [row.name for row in clocked.machine.begun] == [name]
+    assert told(clocked.machine.outbox) == [f"failsafe:{name}"]
 
 
 def test_a_condition_that_acts_at_once_is_not_said_twice():
     clocked = Clocked()
     clocked.hold("pilot_lost", seconds=1.0)
-    assert clocked.machine.noticed == []
-    assert [row.name for row in clocked.machine.begun] == ["pilot_lost"]
+    assert told(clocked.machine.outbox) == ["failsafe:pilot_lost"]

@@ -6,14 +6,16 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
+from messages.events import Outbox
 from messages.message import Estimate
 from messages.pilot import Course, PilotCommand, PilotRequest
 from messages.reference import Reference
 from messages.sensors import LeakSample
 from messages.state import VehicleState
 from services.reference.core import GuidanceCheckpoint, ReferenceGenerator, Settings
-from services.reference.failsafe.watch import Newest
+from services.reference.failsafe.watch import WatchedMessages
 from services.reference.settings import FailsafeSettings
+from tests.support.told import told
 
 DT = 10_000_000  # [ns]
 LIMIT, SURFACE = 6.0, 0.5  # [m]
@@ -31,7 +33,7 @@ class Flight:
     """An ideal drone that is always where the reference wants it; armed."""
 
     def __init__(self, depth: float = 3.0, before: GuidanceCheckpoint | None = None) -> None:
-        self.generator = ReferenceGenerator(SETTINGS, before or GuidanceCheckpoint())
+        self.generator = ReferenceGenerator(SETTINGS, Outbox(), before or GuidanceCheckpoint())
         self.now, self.depth, self.heading, self.asked = 0, depth, 0.0, 0
         self.flown: list[Reference] = []
         if before is None:
@@ -59,7 +61,7 @@ class Flight:
         self, seconds: float, *, heave: float = 0.0, yaw: float = 0.0, there: str = "pilot"
     ) -> Reference:
         leak = LeakSample(stamp_ns=0, wet=there == "leak")
-        self.generator.conditions.newest = Newest(leak=leak)
+        self.generator.conditions.newest = WatchedMessages(leak=leak)
         for _ in range(round(seconds * 100)):
             self.now += DT
             command = None if there == "nobody" else self.sticks(heave, yaw)
@@ -96,6 +98,7 @@ def smooth(flown: list[Reference], *, stops: bool = False) -> None:
         assert after.depth.position <= LIMIT + 1e-6
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None, phases=GENERATE)
 @given(st.lists(st.tuples(st.floats(0.1, 8.0), stick, stick, there, st.booleans()), max_size=10))
 def test_through_every_stage_the_reference_stays_smooth_and_above_its_limit(
@@ -109,6 +112,7 @@ def test_through_every_stage_the_reference_stays_smooth_and_above_its_limit(
     smooth(flight.flown)
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None, phases=GENERATE)
 @given(st.lists(st.tuples(st.floats(0.05, 4.0), st.floats(-1.0, 1.0)), max_size=12))
 def test_any_heave_sticks_leave_the_reference_above_the_limit(course: list[tuple[float, float]]):
@@ -124,7 +128,7 @@ def test_full_stick_comes_to_rest_at_the_limit_and_up_is_free():
     assert end.depth.position == pytest.approx(LIMIT, abs=1e-6)
     assert end.depth.velocity == pytest.approx(0.0, abs=1e-9)
     assert "depth_limit" in flight.generator.status(flight.now).conditions
-    assert flight.generator.events.count("notice:depth_limit") == 1
+    assert flight.generator.outbox.counts["notice:depth_limit"] == 1
     assert flight.fly(2.0, heave=-1.0).depth.velocity == -SETTINGS.heave.max_velocity
     assert "depth_limit" not in flight.generator.status(flight.now).conditions
     smooth(flight.flown)
@@ -226,7 +230,7 @@ def test_a_restart_of_the_service_goes_on_with_the_ascent():
 @pytest.mark.parametrize("hold", ["manual", "heading_hold"])
 def test_where_the_depth_is_not_held_a_downward_force_fades_out_above_the_limit(hold: str):
     flight = Flight(depth=LIMIT - 2.0)
-    assert flight.ask("mode", hold=hold) == ""
+    assert flight.ask("mode", flight_mode=hold) == ""
     full = SETTINGS.heave_force.full
     assert flight.fly(2.0, heave=1.0).heave_force == pytest.approx(full)
     flight.depth = LIMIT - 0.5
@@ -239,8 +243,8 @@ def test_where_the_depth_is_not_held_a_downward_force_fades_out_above_the_limit(
 def test_a_leak_is_said_when_it_is_noticed_and_again_when_the_drone_rises():
     flight = Flight()
     flight.fly(1.0, there="leak")
-    assert flight.generator.events.count("notice:leak") == 1
-    assert "failsafe:leak" not in flight.generator.events
+    assert flight.generator.outbox.counts["notice:leak"] == 1
+    assert "failsafe:leak" not in flight.generator.outbox.counts
     flight.fly(SETTINGS.failsafe.leak_patience, there="leak")
-    said = [event for event in flight.generator.events if event.endswith(":leak")]
+    said = [event for event in told(flight.generator.outbox) if event.endswith(":leak")]
     assert said == ["notice:leak", "failsafe:leak"]

@@ -10,21 +10,23 @@ import pytest
 from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
 
+from messages.events import Outbox
 from messages.message import Estimate
-from messages.pilot import Course, Hold, PilotAnswer, PilotCommand, PilotRequest
+from messages.pilot import Course, FlightMode, PilotAnswer, PilotCommand, PilotRequest
 from messages.reference import Motion, Reference
 from messages.state import VehicleState
 from services.reference.core import GuidanceCheckpoint, ReferenceGenerator, Settings
 from services.reference.guidance.ground_motion import turned
 from services.reference.guidance.guidance import PLACE_PATIENCE_S
-from services.reference.guidance.modes import HOLDS
+from services.reference.guidance.modes import HELD_AXES
 from services.reference.paths.heading import wrap
 from services.reference.settings import StickForce
+from tests.support.told import told
 
 DT = 0.01  # [s]
 GENERATE = [Phase.explicit, Phase.generate]  # half a minute of flight is too long to be shrunk
 SETTINGS = Settings()
-HOLD_NAMES: tuple[Hold, ...] = get_args(Hold)
+HOLD_NAMES: tuple[FlightMode, ...] = get_args(FlightMode)
 MASS, DRAG = (14.0, 28.0, 20.0, 0.4), (25.0, 45.0, 25.0, 1.5)  # surge, sway, heave, yaw
 WAY = Course(waypoints=((0.0, 0.0), (6.0, 0.0), (6.0, 6.0)), min_radius=1.5)
 
@@ -46,7 +48,7 @@ class Sea:
         offset: float = 0.0,
         before: GuidanceCheckpoint | None = None,
     ) -> None:
-        self.generator = ReferenceGenerator(SETTINGS, before or GuidanceCheckpoint())
+        self.generator = ReferenceGenerator(SETTINGS, Outbox(), before or GuidanceCheckpoint())
         self.ns = 0
         self.measures, self.knows_place = measures, True
         self.knows_depth = True
@@ -136,10 +138,10 @@ class Sea:
             self.at[:2] = self.at[0] + vn * DT, self.at[1] + ve * DT
 
 
-def armed(hold: Hold = "stabilised", **sea: object) -> Sea:
+def armed(hold: FlightMode = "stabilised", **sea: object) -> Sea:
     drone = Sea(**sea)  # type: ignore[arg-type]
     drone.fly(0.05)
-    assert drone.ask("mode", hold=hold) == ""
+    assert drone.ask("mode", flight_mode=hold) == ""
     assert drone.ask("arm") == ""
     drone.fly(0.05)
     return drone
@@ -246,7 +248,7 @@ deeds = st.one_of(
 def do(sea: Sea, deed: tuple[object, ...]) -> None:
     match deed:
         case ("mode", str(hold)):
-            sea.ask("mode", hold=hold)
+            sea.ask("mode", flight_mode=hold)
         case ("sticks", deflection, float(time)):
             sea.fly(time, sticks(*cast(tuple[float, ...], deflection)))
         case ("wait", float(time)):
@@ -300,8 +302,8 @@ def test_whatever_happens_there_is_never_a_step(
 
 
 @pytest.mark.parametrize("hold", HOLD_NAMES)
-def test_what_is_held_has_a_reference_and_what_is_not_a_force(hold: Hold) -> None:
-    sea, held = armed(hold), HOLDS[hold]
+def test_what_is_held_has_a_reference_and_what_is_not_a_force(hold: FlightMode) -> None:
+    sea, held = armed(hold), HELD_AXES[hold]
     all_sticks = sticks(surge=1.0, sway=1.0, heave=1.0, yaw=1.0)
     reference = sea.fly(3.0, all_sticks)
     s = SETTINGS
@@ -312,7 +314,7 @@ def test_what_is_held_has_a_reference_and_what_is_not_a_force(hold: Hold) -> Non
         assert reference.depth.velocity == s.heave.max_velocity
     if held.heading:
         assert reference.heading.velocity == s.yaw.max_velocity
-    assert sea.generator.status(0).hold == hold
+    assert sea.generator.status(0).flight_mode == hold
     check(sea)
 
 
@@ -332,13 +334,13 @@ def test_disarmed_no_force_is_left_from_before() -> None:
     st.floats(-pi, pi),
 )
 def test_holding_begins_as_the_vehicle_moves_and_ends_at_rest(
-    deflection: tuple[float, float, float, float], hold: Hold, when: float, offset: float
+    deflection: tuple[float, float, float, float], hold: FlightMode, when: float, offset: float
 ) -> None:
     sea = armed("manual", offset=offset)
     moved = sticks(*deflection)
     sea.fly(when, moved)
     before, heading = list(sea.v), sea.at[3]
-    sea.ask("mode", moved, hold=hold)
+    sea.ask("mode", moved, flight_mode=hold)
     first = sea.fly(DT)
     if first.heave_force is None:
         assert abs(first.depth.velocity - before[2]) < 0.02
@@ -356,7 +358,7 @@ def test_holding_begins_as_the_vehicle_moves_and_ends_at_rest(
 
 @settings(max_examples=15, deadline=None)
 @given(st.floats(0.5, 3.0), st.sampled_from(HOLD_NAMES))
-def test_a_lost_pilot_means_rest_and_hold_in_every_mode(when: float, hold: Hold) -> None:
+def test_a_lost_pilot_means_rest_and_hold_in_every_mode(when: float, hold: FlightMode) -> None:
     sea = armed(hold)
     sea.fly(when, sticks(surge=1.0, heave=1.0, yaw=-1.0))
     end, later = sea.fly(6.0, lost="pilot"), sea.fly(1.0, lost="pilot")
@@ -364,17 +366,17 @@ def test_a_lost_pilot_means_rest_and_hold_in_every_mode(when: float, hold: Hold)
     assert end.depth.velocity == end.heading.velocity == end.surge_force == 0.0
     assert later.depth.position == end.depth.position
     assert later.heading.position == end.heading.position
-    assert sea.generator.events == ["failsafe:pilot_lost"]
+    assert told(sea.generator.outbox) == ["failsafe:pilot_lost"]
     safe = "station_keeping" if hold == "station_keeping" else "stabilised"
-    assert sea.generator.status(0).hold == safe
+    assert sea.generator.status(0).flight_mode == safe
     sea.fly(0.1)  # the pilot is back, and nothing is let go
-    assert sea.generator.status(0).hold == safe
+    assert sea.generator.status(0).flight_mode == safe
     check(sea)
 
 
 @settings(max_examples=15, deadline=None)
 @given(st.floats(0.5, 3.0), st.sampled_from(HOLD_NAMES))
-def test_an_emergency_stop_keeps_its_word_in_every_mode(when: float, hold: Hold) -> None:
+def test_an_emergency_stop_keeps_its_word_in_every_mode(when: float, hold: FlightMode) -> None:
     sea = armed(hold)
     moved = sticks(surge=0.7, sway=-1.0, heave=1.0, yaw=-1.0)
     sea.fly(when, moved)
@@ -387,9 +389,9 @@ def test_an_emergency_stop_keeps_its_word_in_every_mode(when: float, hold: Hold)
     assert abs(end.heading.position - before.heading.position - stop.heading) < 1e-9
     assert end.depth.velocity == end.heading.velocity == end.surge_force == 0.0
     assert end.north is None or hypot(end.north.velocity, end.north.acceleration) == 0.0
-    assert sea.generator.mode == "stopping"
+    assert sea.generator.activity == "stopping"
     sea.fly(0.1)
-    assert sea.generator.mode == "piloted"
+    assert sea.generator.activity == "piloted"
     check(sea)
 
 
@@ -398,12 +400,12 @@ def test_an_emergency_stop_keeps_its_word_in_every_mode(when: float, hold: Hold)
 
 def test_station_keeping_is_refused_without_a_measured_place() -> None:
     sea = armed(measures=False)
-    assert "does not know its position" in sea.ask("mode", hold="station_keeping")
+    assert "does not know its position" in sea.ask("mode", flight_mode="station_keeping")
     sea = armed()
     sea.knows_place = False
     sea.fly(0.02)
-    assert "does not know its position" in sea.ask("mode", hold="station_keeping")
-    assert sea.generator.status(0).hold == "stabilised"
+    assert "does not know its position" in sea.ask("mode", flight_mode="station_keeping")
+    assert sea.generator.status(0).flight_mode == "stabilised"
     assert "what to hold" in sea.ask("mode")
 
 
@@ -411,8 +413,8 @@ def test_depth_is_not_held_while_it_is_not_known() -> None:
     sea = armed("manual")
     sea.knows_depth = False
     sea.fly(0.02)
-    assert "does not know its depth" in sea.ask("mode", hold="depth_hold")
-    assert sea.ask("mode", hold="heading_hold") == ""
+    assert "does not know its depth" in sea.ask("mode", flight_mode="depth_hold")
+    assert sea.ask("mode", flight_mode="heading_hold") == ""
 
 
 def test_a_place_not_measured_for_too_long_is_let_go_and_said() -> None:
@@ -421,12 +423,12 @@ def test_a_place_not_measured_for_too_long_is_let_go_and_said() -> None:
     sea.knows_place = False
     assert sea.fly(PLACE_PATIENCE_S - 0.05, sticks(surge=1.0)).north is not None
     assert sea.fly(0.2, sticks(surge=1.0)).north is None
-    assert sea.generator.events == ["lost:place"]
-    assert len(sea.generator.notes) == 1
-    assert sea.generator.status(0).hold == "stabilised"
+    assert [event for _, _, event in sea.generator.outbox.said] == ["lost:place"]
+    assert sea.generator.outbox.counts == {"lost:place": 1}
+    assert sea.generator.status(0).flight_mode == "stabilised"
     sea.knows_place = True
     assert sea.fly(3.0).north is None  # not before it is asked for again
-    assert sea.ask("mode", hold="station_keeping") == ""
+    assert sea.ask("mode", flight_mode="station_keeping") == ""
     assert sea.fly(0.1).north is not None
     check(sea)
 
@@ -435,18 +437,18 @@ def test_a_mode_is_refused_while_the_drone_stops() -> None:
     sea = armed()
     sea.fly(1.0, sticks(heave=1.0))
     sea.ask("stop")
-    assert "stopping" in sea.ask("mode", hold="manual")
+    assert "stopping" in sea.ask("mode", flight_mode="manual")
 
 
 def test_arming_brings_back_the_mode_that_was_asked_for() -> None:
     sea = armed("manual")
     sea.fly(0.1, lost="pilot")
     sea.fly(0.1)
-    assert sea.generator.status(0).hold == "stabilised"
+    assert sea.generator.status(0).flight_mode == "stabilised"
     sea.ask("disarm")
-    assert sea.generator.status(0).hold == "manual"
+    assert sea.generator.status(0).flight_mode == "manual"
     assert sea.ask("arm") == ""
-    assert sea.generator.status(0).hold == "manual"
+    assert sea.generator.status(0).flight_mode == "manual"
 
 
 def test_armed_without_the_place_that_was_asked_for_it_says_so() -> None:
@@ -455,19 +457,19 @@ def test_armed_without_the_place_that_was_asked_for_it_says_so() -> None:
     sea.knows_place = False
     sea.fly(0.1)
     assert sea.ask("arm") == ""
-    assert sea.generator.status(0).hold == "stabilised"
-    assert sea.generator.events == ["refused:station_keeping"]
+    assert sea.generator.status(0).flight_mode == "stabilised"
+    assert told(sea.generator.outbox) == ["refused:station_keeping"]
 
 
 @pytest.mark.parametrize("hold", HOLD_NAMES)
-def test_a_restart_in_mid_dive_goes_on_in_the_same_mode(hold: Hold) -> None:
+def test_a_restart_in_mid_dive_goes_on_in_the_same_mode(hold: FlightMode) -> None:
     kept = armed(hold).generator.checkpoint
     assert kept.armed
     sea = Sea(before=msgspec.json.decode(msgspec.json.encode(kept), type=GuidanceCheckpoint))
     reference = sea.fly(0.1)
-    assert (reference.heave_force is None, reference.yaw_moment is None) == HOLDS[hold][:2]
-    assert (reference.north is not None) == HOLDS[hold].place
-    assert sea.generator.status(0).hold == hold
+    assert (reference.heave_force is None, reference.yaw_moment is None) == HELD_AXES[hold][:2]
+    assert (reference.north is not None) == HELD_AXES[hold].place
+    assert sea.generator.status(0).flight_mode == hold
 
 
 # A place that is held.
@@ -483,7 +485,7 @@ def test_held_back_the_place_waits_and_let_go_it_gives_in() -> None:
         assert out.north is not None
         assert out.east is not None
         assert dist((out.north.position, out.east.position), sea.at[:2]) <= most + 1e-9
-    assert sea.generator.events == ["clamped:reference.place"]
+    assert told(sea.generator.outbox) == ["clamped:reference.place"]
     out = sea.fly(6.0)
     assert out.north is not None
     assert out.east is not None
@@ -511,16 +513,17 @@ def last_place(sea: Sea) -> tuple[float, float]:
     return north.position, east.position
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hold", ["stabilised", "station_keeping"])
 @pytest.mark.parametrize("offset", [0.0, 1.0, -2.5])
 def test_a_path_begins_where_the_drone_is_and_is_run_in_four_degrees(
-    hold: Hold, offset: float
+    hold: FlightMode, offset: float
 ) -> None:
     sea = armed(hold, offset=offset)
     begin = list(sea.at[:2])
     assert sea.ask("follow", course=WAY) == ""
     seen = len(sea.seen)
-    while sea.generator.mode == "follow":
+    while sea.generator.activity == "follow":
         sea.fly(1.0)
     flown = [r for r, _ in sea.seen[seen:]]
     assert dist(last_place(sea), (begin[0] + 6.0, begin[1] + 6.0)) < 1e-6
@@ -532,6 +535,7 @@ def test_a_path_begins_where_the_drone_is_and_is_run_in_four_degrees(
     check(sea)
 
 
+@pytest.mark.slow
 @settings(max_examples=10, deadline=None, phases=GENERATE)
 @given(place, place, st.floats(0.0, 2.0), stick, st.floats(-pi, pi))
 def test_goto_a_place_ends_there_however_it_drifted_before(
@@ -542,9 +546,9 @@ def test_goto_a_place_ends_there_however_it_drifted_before(
     assert sea.ask("goto", north=north, east=east) == ""
     for _ in range(120):
         sea.fly(1.0)
-        if sea.generator.mode == "piloted":
+        if sea.generator.activity == "piloted":
             break
-    assert sea.generator.mode == "piloted"
+    assert sea.generator.activity == "piloted"
     assert dist(last_place(sea), (north, east)) < 0.05
     check(sea)
 
@@ -560,7 +564,7 @@ def test_the_path_waits_for_a_drone_that_is_held_back_in_its_place() -> None:
     assert dist(last_place(sea), sea.at[:2]) < 1.3  # the tolerance, and the way to stand still
     sea.stuck = False
     sea.fly(60.0)
-    assert sea.generator.notes == ["the end of the path"]
+    assert [text for _, text, _ in sea.generator.outbox.said] == ["the end of the path"]
 
 
 @settings(max_examples=8, deadline=None, phases=GENERATE)
@@ -591,8 +595,8 @@ def test_a_path_whose_place_is_lost_goes_on_blind_at_the_same_pace() -> None:
     assert blind.north is None
     assert blind.surge is not None
     assert blind.surge.velocity == pytest.approx(WAY.cruise)
-    assert sea.generator.mode == "follow"
-    assert sea.generator.events == ["lost:place"]
+    assert sea.generator.activity == "follow"
+    assert told(sea.generator.outbox) == ["lost:place"]
     check(sea)
 
 
@@ -606,7 +610,7 @@ def test_a_stick_takes_over_from_a_measured_path_without_a_step(
     sea.fly(when)
     before = sea.seen[-1][0]
     after = sea.fly(DT, sticks(**{axis: 1.0}))
-    assert sea.generator.mode == "piloted"
+    assert sea.generator.activity == "piloted"
     if before.north is not None and before.east is not None:
         speed = hypot(before.north.velocity, before.east.velocity)
         if keeps:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.reference.guidance.reference_governor import RETURN_S, ReferenceGovernor, is_released
+from services.reference.guidance.guards import RETURN_S, ReferenceGovernor, is_released
 from services.reference.trajectory.minimum_jerk import Sample
 
 size = st.floats(0.0, 1e6)

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.reference.guidance.standstill import PATIENCE_S, WORTH, Standstill
+from services.reference.guidance.guards import PATIENCE_S, WORTH, Standstill
 
 MOST = 0.05  # [m]
 DT = 0.01  # [s]

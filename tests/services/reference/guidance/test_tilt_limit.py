@@ -7,12 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from messages.events import Outbox
 from messages.message import Estimate
-from messages.pilot import Hold, PilotCommand, PilotRequest
+from messages.pilot import FlightMode, PilotCommand, PilotRequest
 from messages.reference import Reference
 from messages.state import VehicleState
 from services.reference.core import ReferenceGenerator, Settings
-from services.reference.guidance.tilt_limit import (
+from services.reference.guidance.guards import (
     AHEAD_S,
     FALL_S,
     RISE_S,
@@ -48,11 +49,11 @@ def level(now: int, roll: float = 0.0, pitch: float = 0.0, *, valid: bool = True
 class Flight:
     """Armed, at full surge and half sway."""
 
-    def __init__(self, hold: Hold = "stabilised") -> None:
-        self.generator, self.now = ReferenceGenerator(Settings()), 0
+    def __init__(self, hold: FlightMode = "stabilised") -> None:
+        self.generator, self.now = ReferenceGenerator(Settings(), Outbox()), 0
         self.fly(0.1)
         for kind, wish in (("arm", None), ("mode", hold)):
-            ask = PilotRequest(stamp_ns=self.now, id=kind, kind=kind, hold=wish)  # type: ignore[arg-type]
+            ask = PilotRequest(stamp_ns=self.now, id=kind, kind=kind, flight_mode=wish)  # type: ignore[arg-type]
             hands_off = PilotCommand(stamp_ns=self.now, surge=0.0, sway=0.0, heave=0.0, yaw=0.0)
             assert self.generator.answer(ask, hands_off, self.now).accepted
 
@@ -71,7 +72,7 @@ class Flight:
 
     @property
     def told(self) -> int:
-        return self.generator.events.count("clamped:reference.horizontal")
+        return self.generator.outbox.counts["clamped:reference.horizontal"]
 
 
 @given(tilt, tilt)
@@ -186,7 +187,7 @@ def test_it_is_said_only_where_something_is_taken_away() -> None:
 
 
 @pytest.mark.parametrize("hold", ["manual", "heading_hold"])
-def test_where_the_depth_is_not_held_nothing_is_taken_away(hold: Hold) -> None:
+def test_where_the_depth_is_not_held_nothing_is_taken_away(hold: FlightMode) -> None:
     flight = Flight(hold)
     assert flight.fly(3.0, 2.0 * MOST)[-1].surge_force == Settings().horizontal.max_surge
     assert flight.told == 0

@@ -8,10 +8,11 @@ from hypothesis import strategies as st
 from msgspec import UNSET
 from msgspec.structs import replace
 
+from messages.events import Outbox
 from messages.message import Estimate
 from messages.state import VehicleState
 from services.reference.core import ReferenceGenerator, Settings
-from services.reference.guidance.whereabouts import Whereabouts, whereabouts
+from services.reference.guidance.ground_motion import Whereabouts, whereabouts
 from services.reference.paths.heading import wrap
 
 ZERO = Estimate(0.0, 0.01)
@@ -47,7 +48,7 @@ def test_what_is_not_known_is_not_said() -> None:
 
 
 def test_a_status_says_where_the_drone_is_only_while_there_is_a_state() -> None:
-    generator = ReferenceGenerator(Settings())
+    generator = ReferenceGenerator(Settings(), Outbox())
     assert generator.status(0).depth is UNSET
     generator.step(STATE, None, 0)
     assert generator.status(0).depth == 2.5

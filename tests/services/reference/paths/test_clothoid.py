@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.reference.paths.clothoid import TwinClothoids, antisymmetric_end, fresnel
+from services.reference.paths.clothoid import TwinClothoids, fresnel
 from services.reference.paths.smooth_turn import SmoothTurn
 from services.reference.paths.turn import Turn
 
@@ -145,12 +145,6 @@ def test_twin_clothoids_are_a_tenth_longer_than_an_arc_at_105_degrees() -> None:
     chord = hypot(last.x, last.y)
     arc = turn.angle * chord / (2 * sin(turn.angle / 2))
     assert turn.length / arc == pytest.approx(1.1, abs=1e-10)
-
-
-def test_the_antisymmetric_pair_changes_the_lane_as_in_the_paper() -> None:
-    forward, aside = antisymmetric_end(1.7820190659099235, 10.0)
-    assert aside == pytest.approx(10.0, abs=1e-12)
-    assert forward == pytest.approx(32.91301016270132, abs=1e-12)
 
 
 def test_the_curvature_rate_of_a_smooth_turn_vanishes_where_clothoids_jump() -> None:

@@ -12,8 +12,8 @@ from services.reference.paths.stretch import stretch
 from services.reference.trajectory.minimum_jerk import Limits, solve
 from services.reference.trajectory.position import pair
 from services.reference.trajectory.profile import MotionProfile
-from tools.research.laws.fernandes.model_request import MotionRequest
-from tools.research.laws.fernandes.reference_model import plan
+from tools.generators.fernandes.model_request import MotionRequest
+from tools.generators.fernandes.reference_model import plan
 
 POINTS = [[0.0, 0.0, 2.0], [60.0, 0.0, 5.0], [0.0, 90.0, 3.0], [60.0, 90.0, 8.0]]
 LIMITS = Limits(0.3, 0.15)

@@ -17,8 +17,8 @@ from services.reference.trajectory.time_scaling import (
     scaled,
     scaled_sample,
 )
-from tools.research.laws.fernandes.model_request import MotionRequest
-from tools.research.laws.fernandes.reference_model import plan
+from tools.generators.fernandes.model_request import MotionRequest
+from tools.generators.fernandes.reference_model import plan
 
 many = settings(max_examples=80, deadline=None)
 limits = st.builds(Limits, st.floats(0.1, 5.0), st.one_of(st.just(inf), st.floats(0.1, 2.0)))

@@ -6,15 +6,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.reference.trajectory.emergency_stop import stop, stop_motion
+from services.reference.trajectory.emergency_stop import StoppedMotion, stop, stop_motion
 from services.reference.trajectory.minimum_jerk import Limits, Sample
 from services.reference.trajectory.time_scaling import WaitingClock, scaled_sample
-from tools.research.laws.fernandes.model_request import MotionRequest
-from tools.research.laws.fernandes.reference_model import plan
+from tools.generators.fernandes.model_request import MotionRequest
+from tools.generators.fernandes.reference_model import plan
 
 many = settings(max_examples=100, deadline=None)
 limits = st.builds(Limits, st.floats(0.05, 5.0), st.one_of(st.just(inf), st.floats(0.05, 2.0)))
 MOTION = plan(MotionRequest(-50.0, 0.8, 10.0, 6.0, 0.2, 0.3))
+
+
+def stop_distance(ending: StoppedMotion) -> float:
+    """Displacement from the beginning of the stop to standstill, negative when backwards."""
+    return ending.at(ending.duration).position - ending.position
 
 
 @many
@@ -26,7 +31,7 @@ def test_it_goes_on_without_a_step_and_comes_to_rest(share: float, lim: Limits) 
     assert ending.at(t - 0.5) == MOTION.at(t - 0.5)
     end = ending.at(ending.duration + 60.0)
     assert end[1:] == (0.0, 0.0, 0.0)
-    assert end.position == pytest.approx(MOTION.at(t).position + ending.stop_distance, abs=1e-12)
+    assert end.position == pytest.approx(MOTION.at(t).position + stop_distance(ending), abs=1e-12)
     just_before = ending.at(ending.duration - 1e-9)
     assert just_before.velocity == pytest.approx(0.0, abs=1e-9)
     assert just_before.acceleration == pytest.approx(0.0, abs=1e-7)
@@ -45,7 +50,7 @@ def test_it_stays_within_its_limits_and_goes_no_farther_than_it_says(
     most = max(lim.acceleration, abs(began.acceleration))
     assert abs(here.acceleration) <= most * (1 + 1e-9)
     if began.acceleration**2 <= 2 * lim.jerk * abs(began.velocity):  # else it must overshoot
-        assert ending.stop_distance - 1e-9 <= here.position - began.position <= 1e-9
+        assert stop_distance(ending) - 1e-9 <= here.position - began.position <= 1e-9
 
 
 @pytest.mark.parametrize(
@@ -64,7 +69,7 @@ def test_the_time_and_distance_it_needs(
     ending = stop_motion(lambda _: Sample(sign * 7.0, sign * v, sign * a, 0.0), 5.0, lim)
     assert ending.stop_time == pytest.approx(time, abs=1e-9)
     assert ending.duration == pytest.approx(5.0 + time, abs=1e-9)
-    assert ending.stop_distance == pytest.approx(sign * distance, abs=1e-9)
+    assert stop_distance(ending) == pytest.approx(sign * distance, abs=1e-9)
     assert ending.at(99.0).position == pytest.approx(sign * (7.0 + distance), abs=1e-9)
     assert len(ending.segments) == segments
 
@@ -84,7 +89,7 @@ def test_a_motion_that_waits_can_be_stopped_too() -> None:
 
 def test_a_motion_at_rest_is_stopped_where_it_is() -> None:
     ending = stop(plan(MotionRequest(5.0, 0.5, 5.0, 5.0)), 1000.0, Limits(1.0))
-    assert (ending.stop_time, ending.stop_distance) == (0.0, 0.0)
+    assert (ending.stop_time, stop_distance(ending)) == (0.0, 0.0)
     assert ending.at(2000.0) == (5.0, 0.0, 0.0, 0.0)
 
 

@@ -16,7 +16,7 @@ from services.reference.trajectory.vector import (
     duration,
     plan,
 )
-from tools.research.laws import thesis_rule
+from tools.generators import thesis_rule
 
 number = st.floats(-2.0, 2.0)
 pair = st.tuples(number, number)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from messages import topics
-from messages.topic import AnyTopic, Side, Way
+from messages.topic import AnyTopic, Direction, Side
 from services.runtime.bus.access_control import (
     ALL_MESSAGES,
     LOCAL,
@@ -16,15 +16,15 @@ from services.runtime.bus.access_control import (
     HubSide,
     access_control,
 )
-from services.runtime.bus.key_files import Door, KeyFiles
+from services.runtime.bus.key_files import Credentials, KeyFiles
 from services.runtime.bus.spaces import here_key, namespace
 from services.runtime.config.stack import REPLAY
 
 SPACE = namespace("pioneer")
 OTHER: dict[Side, Side] = {"topside": "drone", "drone": "topside"}
-SAID_AT: dict[Side, set[Way]] = {  # what one side says that the other may hear
-    "topside": {Way.DOWN, Way.BOTH},
-    "drone": {Way.UP, Way.BOTH},
+SAID_AT: dict[Side, set[Direction]] = {  # what one side says that the other may hear
+    "topside": {Direction.DOWN, Direction.BOTH},
+    "drone": {Direction.UP, Direction.BOTH},
 }
 SIDES = st.sampled_from(["topside", "drone"])
 FLOWS = st.sampled_from(["ingress", "egress"])
@@ -39,12 +39,12 @@ def passes(
     flow: str,
     message: str,
     key: str,
-    door: Door | None = None,
+    credentials: Credentials | None = None,
     caller: str | None = None,
 ) -> bool:
     """As Zenoh judges: a rule covers a message when one of its keys includes the message's; a
     subject without common names is anybody."""
-    table: dict[str, Any] = access_control(HubSide(side, SPACE, door))
+    table: dict[str, Any] = access_control(HubSide(side, SPACE, credentials))
     assert table["enabled"]
     assert table["default_permission"] == "deny"
     subjects = {
@@ -146,7 +146,9 @@ def test_both_sides_are_mirror_images(key: str, message: str) -> None:
 
 
 NAMES = st.tuples(ROLE, CHUNK).map(":".join)
-DOORS = st.lists(NAMES, max_size=5).map(lambda names: Door(KeyFiles("", "", ""), tuple(names)))
+KEYS = st.lists(NAMES, max_size=5).map(
+    lambda names: Credentials(KeyFiles("", "", ""), tuple(names))
+)
 MESSAGE = st.sampled_from(ALL_MESSAGES)
 ANY_KEY = st.one_of(
     st.sampled_from(topics.ALL).map(lambda topic: f"{SPACE}/{topic.key}"),
@@ -155,27 +157,29 @@ ANY_KEY = st.one_of(
 )
 
 
-@given(SIDES, DOORS, NAMES, FLOWS, MESSAGE, ANY_KEY)
+@given(SIDES, KEYS, NAMES, FLOWS, MESSAGE, ANY_KEY)
 def test_who_is_not_on_the_list_may_do_nothing(
-    side: Side, door: Door, caller: str, flow: str, message: str, key: str
+    side: Side, credentials: Credentials, caller: str, flow: str, message: str, key: str
 ) -> None:
-    others = door._replace(admitted=tuple(name for name in door.admitted if name != caller))
+    others = credentials._replace(
+        admitted=tuple(name for name in credentials.admitted if name != caller)
+    )
     for who in (caller, None):
         assert not passes(side, "tls", flow, message, key, others, who)
 
 
-@given(SIDES, DOORS, NAMES, FLOWS, MESSAGE, ANY_KEY, st.sampled_from(["tcp", "quic", "udp", "ws"]))
-def test_behind_a_door_nothing_passes_but_over_tls(
-    side: Side, door: Door, caller: str, flow: str, message: str, key: str, link: str
+@given(SIDES, KEYS, NAMES, FLOWS, MESSAGE, ANY_KEY, st.sampled_from(["tcp", "quic", "udp", "ws"]))
+def test_with_keys_nothing_passes_but_over_tls(
+    side: Side, credentials: Credentials, caller: str, flow: str, message: str, key: str, link: str
 ) -> None:
-    assert not passes(side, link, flow, message, key, door, caller)
+    assert not passes(side, link, flow, message, key, credentials, caller)
 
 
 @given(SIDES, NAMES, FLOWS, MESSAGE, ANY_KEY)
 def test_a_role_may_do_what_the_other_side_may_or_only_hear_or_nothing(
     side: Side, caller: str, flow: str, message: str, key: str
 ) -> None:
-    door, role = Door(KeyFiles("", "", ""), (caller,)), caller.partition(":")[0]
+    credentials, role = Credentials(KeyFiles("", "", ""), (caller,)), caller.partition(":")[0]
     whole = passes(side, "tls", flow, message, key)
     hears = (flow, message) in {
         ("egress", "put"), ("egress", "delete"), ("ingress", "declare_subscriber"),
@@ -187,12 +191,12 @@ def test_a_role_may_do_what_the_other_side_may_or_only_hear_or_nothing(
         ("drone", "router"): whole,
         ("topside", "router"): whole,
     }.get((side, role), False)
-    assert passes(side, "tls", flow, message, key, door, caller) == expected
+    assert passes(side, "tls", flow, message, key, credentials, caller) == expected
 
 
-@given(SIDES, DOORS)
-def test_no_subject_of_a_door_is_everybody(side: Side, door: Door) -> None:
-    table = access_control(HubSide(side, SPACE, door))
+@given(SIDES, KEYS)
+def test_no_subject_of_credentials_is_everybody(side: Side, credentials: Credentials) -> None:
+    table = access_control(HubSide(side, SPACE, credentials))
     for subject in table["subjects"]:
         assert subject["link_protocols"] == [LOCAL] or subject["cert_common_names"]
 
@@ -218,7 +222,7 @@ def test_nothing_of_a_replay_passes_the_hub_of_a_vehicle(
 ) -> None:
     """Not even from a service of the same machine, with keys or without."""
     names = ("drone:pioneer", "pilot:ann", "observer:eve")
-    door = None if caller is None else Door(KeyFiles("", "", ""), names)
+    credentials = None if caller is None else Credentials(KeyFiles("", "", ""), names)
     for vehicle in ("pioneer", "another"):
         key = f"{namespace(f'{REPLAY}/{vehicle}')}/{member(topic.key, 'control')}"
-        assert not passes(side, link, flow, message, key, door, caller)
+        assert not passes(side, link, flow, message, key, credentials, caller)

@@ -1,4 +1,4 @@
-"""The door of a drone's hub, with real sessions over TLS: every act that is allowed, and every act
+"""Access to a drone's hub, with real sessions over TLS: every act that is allowed, and every act
 that is forbidden, is tried.
 
 That nothing came is only believed after a message that was sent later has come, or after the hub
@@ -17,32 +17,25 @@ import pytest
 import zenoh
 
 from messages import topics
-from messages.topic import AnyTopic, Way
+from messages.topic import AnyTopic, Direction
 from services.runtime.bus.access_control import HubSide
 from services.runtime.bus.envelope import Envelope
-from services.runtime.bus.key_files import Door, KeyFiles
+from services.runtime.bus.key_files import Credentials, KeyFiles
 from services.runtime.bus.spaces import namespace
 from services.runtime.bus.zenoh_bus import ZenohBus, config, connected, listening, watch_callers
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import REPLAY
+from tests.support.patience import PATIENCE_S, until
 from tools.keys import authority
 from tools.keys.key_folder import CA, CERTIFICATE, KEY, own_keys
 from tools.keys.roles import parse
 
-PATIENCE_S = 60.0  # never reached unless something is broken
 REFUSED_S = 0.2  # [s] attempts of a caller who is to be refused
 SPACE = namespace("pioneer")
 NOW = datetime.now(UTC)
 END = b"the attack is over"
-UP = [topic for topic in topics.ALL if topic.way in (Way.UP, Way.BOTH)]
+UP = [topic for topic in topics.ALL if topic.way in (Direction.UP, Direction.BOTH)]
 CROSS = [topic for topic in topics.ALL if topic not in topics.WITHIN_ONE_MACHINE]
-
-
-def until(happened: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + PATIENCE_S
-    while not happened():
-        assert time.monotonic() < deadline
-        time.sleep(0.005)  # Zenoh's threads do it, and announce nothing
 
 
 def free_endpoint(protocol: str = "tls") -> str:
@@ -92,12 +85,15 @@ class Keys:
 
 
 class Drone:
-    """A drone's hub behind its door, and a service on board that hears everything."""
+    """A drone's hub with its keys, and a service on board that hears everything."""
 
     def __init__(self, keys: Keys, folder: Path, exits: ExitStack) -> None:
         self.keys, self.address = keys, free_endpoint()
-        door = own_keys(keys.folder / "ours/drone-pioneer", ("drone",), NOW).door
-        border, private = HubSide("drone", SPACE, door), f"unixsock-stream/{folder}/drone.sock"
+        credentials = own_keys(keys.folder / "ours/drone-pioneer", ("drone",), NOW).credentials
+        border, private = (
+            HubSide("drone", SPACE, credentials),
+            f"unixsock-stream/{folder}/drone.sock",
+        )
         hub = exits.enter_context(listening(self.address, private, hub_side=border))
         self.callers: list[tuple[str, bool]] = []
         self._watching = watch_callers(hub, lambda name, on: self.callers.append((name, on)))
@@ -205,7 +201,7 @@ def test_nobody_plays_a_replay_to_the_drones_hub(drone: Drone, who: str) -> None
 
 def test_a_pilot_says_the_rows_that_go_down_and_no_others(drone: Drone) -> None:
     heard = drone.attacked_by("ours/pilot-ann", say_all)
-    assert heard == {one(t).key for t in CROSS if t.way in (Way.DOWN, Way.BOTH)}
+    assert heard == {one(t).key for t in CROSS if t.way in (Direction.DOWN, Direction.BOTH)}
     for key in ("control/thrusters", "sensor/imu", "state", "vehicle/status", "simulator/request"):
         assert key not in heard
 
@@ -260,7 +256,7 @@ def test_a_pilot_reaches_no_other_vehicle_version_or_namespace(drone: Drone, key
 
 
 def test_a_pilot_deletes_nothing_of_the_drones_own(drone: Drone) -> None:
-    own = [topic for topic in topics.ALL if topic.way in (Way.UP, Way.STAY)]
+    own = [topic for topic in topics.ALL if topic.way in (Direction.UP, Direction.STAY)]
     drone.attacked_by("ours/pilot-ann", lambda s: delete(s, own))
     assert drone.everything == [f"{SPACE}/log/end"]
 
@@ -368,7 +364,7 @@ def test_a_pilot_speaks_to_a_drone_on_the_list_only(
     keys: Keys, tmp_path: Path, server: str, reached: bool
 ) -> None:
     address, private = free_endpoint(), f"unixsock-stream/{tmp_path}/top.sock"
-    mine = own_keys(keys.folder / "ours/pilot-ann", ("pilot",), NOW).door
+    mine = own_keys(keys.folder / "ours/pilot-ann", ("pilot",), NOW).credentials
     mine = mine._replace(admitted=("drone:pioneer",))
     posing = config("router", [address], keys=keys.mixed(server))  # lets in all, hears all
     with ExitStack() as exits:
@@ -412,8 +408,8 @@ def test_a_revoked_pilot_is_out_when_the_drone_starts_again(tmp_path: Path) -> N
         authority.add(place, parse(name), NOW, 10)
 
     def hub() -> zenoh.Session:
-        door: Door = own_keys(place, ("drone",), NOW).door
-        return listening(address, private, hub_side=HubSide("drone", SPACE, door))
+        credentials: Credentials = own_keys(place, ("drone",), NOW).credentials
+        return listening(address, private, hub_side=HubSide("drone", SPACE, credentials))
 
     def heard_of(session: zenoh.Session, bus: ZenohBus, key: str) -> Callable[[], bool]:
         heard = list[Envelope]()
@@ -428,7 +424,7 @@ def test_a_revoked_pilot_is_out_when_the_drone_starts_again(tmp_path: Path) -> N
     with ExitStack() as exits:
 
         def pilot(name: str) -> zenoh.Session:
-            keys = own_keys(place / name, ("pilot",), NOW).door.keys
+            keys = own_keys(place / name, ("pilot",), NOW).credentials.keys
             return exits.enter_context(connected(address, SPACE, PATIENCE_S, keys=keys))
 
         with hub(), connected(private, SPACE, PATIENCE_S) as board:

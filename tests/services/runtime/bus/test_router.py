@@ -7,7 +7,7 @@ That nothing came is only believed after a message that was sent later has come.
 import json
 import socket
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from contextlib import ExitStack
 from datetime import UTC, datetime
 from pathlib import Path
@@ -17,10 +17,10 @@ import pytest
 import zenoh
 
 from messages import topics
-from messages.topic import AnyTopic, Side, Way
+from messages.topic import AnyTopic, Direction, Side
 from services.runtime.bus.access_control import HubSide
 from services.runtime.bus.envelope import Envelope
-from services.runtime.bus.key_files import Door
+from services.runtime.bus.key_files import Credentials
 from services.runtime.bus.network import open_network
 from services.runtime.bus.qos import QOS_PROFILES, ZenohQos
 from services.runtime.bus.router_config import router_config
@@ -32,26 +32,19 @@ from services.runtime.bus.zenoh_bus import (
     connected,
     listening,
 )
+from tests.support.patience import PATIENCE_S, until
 from tools.keys import authority
 from tools.keys.key_folder import own_keys
 from tools.keys.roles import Role, parse
 
 NOW = datetime.now(UTC)
-PATIENCE_S = 60.0  # never reached unless something is broken
 AWAY_S = 0.2  # [s] a router that is back within 0.05 s is not found again by all (docs/fleet.md)
 LAST = "log/last"  # said behind everything else: what has not come when it has, never comes
 CROSS = [topic for topic in topics.ALL if topic not in topics.WITHIN_ONE_MACHINE]
-SAID_BY: dict[Side, tuple[Way, Way]] = {
-    "drone": (Way.UP, Way.BOTH),
-    "topside": (Way.DOWN, Way.BOTH),
+SAID_BY: dict[Side, tuple[Direction, Direction]] = {
+    "drone": (Direction.UP, Direction.BOTH),
+    "topside": (Direction.DOWN, Direction.BOTH),
 }
-
-
-def until(happened: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + PATIENCE_S
-    while not happened():
-        assert time.monotonic() < deadline
-        time.sleep(0.005)  # Zenoh's threads do it, and announce nothing
 
 
 def free_endpoint() -> str:
@@ -86,11 +79,11 @@ class Half:
         router: str,
         folder: Path,
         exits: ExitStack,
-        door: Door | None = None,
+        credentials: Credentials | None = None,
     ) -> None:
         space = namespace(name)
         private = f"unixsock-stream/{folder}/{side}-{name}.sock"
-        border = HubSide(side, space, door)
+        border = HubSide(side, space, credentials)
         self.side: Side = side
         self.hub = exits.enter_context(listening(private, connect=[router], hub_side=border))
         self._here = announce_here(self.hub, here_key(space, side, "1"))
@@ -207,7 +200,7 @@ def test_wild_keys_and_rows_of_the_other_direction_reach_no_service_on_board(fle
 
 def test_priorities_are_those_of_the_table_whatever_the_sender_claims(fleet: Fleet) -> None:
     fleet.fresh()
-    rows = [t for t in CROSS if t.way is Way.DOWN and not t.is_family]
+    rows = [t for t in CROSS if t.way is Direction.DOWN and not t.is_family]
     for topic in rows:
         wrong = zenoh.Priority.BACKGROUND
         if QOS_PROFILES[topic.qos].priority == wrong:
@@ -326,8 +319,8 @@ class Keys:
         for name in ("drone:a", "drone:b", "pilot:ann", "observer:eve", "router:base"):
             authority.add(folder, parse(name), NOW, 10)
 
-    def door(self, bundle: str, role: Role) -> Door:
-        return own_keys(self.folder / bundle, (role,), NOW).door
+    def credentials(self, bundle: str, role: Role) -> Credentials:
+        return own_keys(self.folder / bundle, (role,), NOW).credentials
 
 
 @pytest.fixture(scope="module")
@@ -339,14 +332,16 @@ def test_with_keys_a_drone_speaks_by_its_own_name_and_each_role_says_its_own_row
     keys: Keys, tmp_path: Path
 ) -> None:
     endpoint = free_endpoint().replace("tcp/", "tls/")
-    tree = router_config([endpoint], door=keys.door("router-base", "router"))
+    tree = router_config([endpoint], credentials=keys.credentials("router-base", "router"))
     with ExitStack() as exits:
         exits.enter_context(zenohd(tmp_path, tree))
-        drone = Half("drone", "a", endpoint, tmp_path, exits, keys.door("drone-a", "drone"))
-        desk = Half("topside", "a", endpoint, tmp_path, exits, keys.door("pilot-ann", "pilot"))
+        drone = Half("drone", "a", endpoint, tmp_path, exits, keys.credentials("drone-a", "drone"))
+        desk = Half(
+            "topside", "a", endpoint, tmp_path, exits, keys.credentials("pilot-ann", "pilot")
+        )
         meet(drone, desk)
         meet(desk, drone)
-        ann = keys.door("pilot-ann", "pilot").keys
+        ann = keys.credentials("pilot-ann", "pilot").keys
         listener = exits.enter_context(open_network(endpoint, PATIENCE_S, keys=ann))
         until(lambda: listener.tokens() == [here_key(namespace("a"), "drone", "1")])
         for half in (drone, desk):
@@ -357,7 +352,7 @@ def test_with_keys_a_drone_speaks_by_its_own_name_and_each_role_says_its_own_row
         roles: tuple[tuple[str, Role], ...] = (("observer-eve", "observer"), ("drone-b", "drone"))
         others = list[zenoh.Session]()
         for bundle, role in roles:
-            files = keys.door(bundle, role).keys
+            files = keys.credentials(bundle, role).keys
             other = exits.enter_context(connected(endpoint, None, PATIENCE_S, keys=files))
             posed = here_key(namespace("a"), "drone", "2")
             _tokens = [announce_here(other, key) for key in (posed, leave_key(posed))]
@@ -388,11 +383,13 @@ def test_with_keys_a_drone_speaks_by_its_own_name_and_each_role_says_its_own_row
 
 
 def test_whoever_is_on_no_list_may_do_nothing_at_a_router(keys: Keys) -> None:
-    door = keys.door("router-base", "router")
-    table = router_config(["tls/127.0.0.1:1"], door=door)["access_control"]
+    credentials = keys.credentials("router-base", "router")
+    table = router_config(["tls/127.0.0.1:1"], credentials=credentials)["access_control"]
     assert table["default_permission"] == "deny"
     for subject in table["subjects"]:  # without names it would be everybody
         assert subject["link_protocols"] == ["tls"]
-        assert set(subject["cert_common_names"]) <= set(door.admitted)
-    empty = router_config(["tls/127.0.0.1:1"], door=door._replace(admitted=()))["access_control"]
+        assert set(subject["cert_common_names"]) <= set(credentials.admitted)
+    empty = router_config(["tls/127.0.0.1:1"], credentials=credentials._replace(admitted=()))[
+        "access_control"
+    ]
     assert empty["subjects"] == empty["policies"] == []

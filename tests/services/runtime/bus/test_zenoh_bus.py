@@ -1,9 +1,8 @@
 """The bus over Zenoh, with real sessions through a hub of this test's own."""
 
 import socket
-import time
 from collections import deque
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -11,24 +10,17 @@ import pytest
 import zenoh
 
 from messages import topics
-from messages.topic import AnyTopic, Side, Way
+from messages.topic import AnyTopic, Direction, Side
 from services.runtime.bus.access_control import HubSide
 from services.runtime.bus.envelope import Envelope
 from services.runtime.bus.qos import QOS_PROFILES, ZenohQos
 from services.runtime.bus.spaces import namespace
 from services.runtime.bus.zenoh_bus import ZenohBus, connected, listening
 from services.runtime.config.errors import LindyError
+from tests.support.patience import PATIENCE_S, until
 
-PATIENCE_S = 60.0  # never reached unless something is broken
 SPACE = namespace("pioneer")
 LAST = "log/last"  # said behind everything else: what has not come when it has, never comes
-
-
-def until(happened: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + PATIENCE_S
-    while not happened():
-        assert time.monotonic() < deadline
-        time.sleep(0.01)  # Zenoh's threads do it, and announce nothing
 
 
 def socket_file(folder: Path, name: str = "hub") -> str:
@@ -222,6 +214,6 @@ def keys(heard: list[Envelope]) -> set[str]:
 
 def crossing(rows: list[AnyTopic], side: Side) -> set[str]:
     """Keys that the other side is to hear of what is said here."""
-    way = Way.DOWN if side == "topside" else Way.UP
+    way = Direction.DOWN if side == "topside" else Direction.UP
     cross = [topic for topic in rows if topic not in topics.WITHIN_ONE_MACHINE]
-    return {topic.key for topic in cross if topic.way in (way, Way.BOTH)}
+    return {topic.key for topic in cross if topic.way in (way, Direction.BOTH)}

@@ -4,8 +4,7 @@ import os
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from contextlib import ExitStack
 from itertools import count
 from pathlib import Path
@@ -19,8 +18,8 @@ from services.runtime.bus.qos import QOS_PROFILES
 from services.runtime.bus.zenoh_bus import open_bus
 from services.runtime.bus.zenoh_threads import PRIORITIES, VARIABLE
 from services.runtime.hosts.process_host import HubLaunch
+from tests.support.patience import PATIENCE_S, until
 
-PATIENCE_S = 60.0  # never reached unless something is broken
 PLAN = topics.LOG.of("plan")  # what the talker is to say
 # On "COUNT SIZE WHERE" it publishes COUNT messages of SIZE bytes, either in the subscriber's call,
 # on Zenoh's thread, or on its main thread; on "mark NUMBER" it says the same.
@@ -52,13 +51,6 @@ with open_bus(sys.argv[1], "pioneer"):
     tasks = os.listdir("/proc/self/task")
     print(*(open(f"/proc/self/task/{task}/comm").read().strip() for task in tasks))
 """
-
-
-def until(happened: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + PATIENCE_S
-    while not happened():
-        assert time.monotonic() < deadline
-        time.sleep(0.01)  # another process does it
 
 
 @pytest.fixture

@@ -85,7 +85,10 @@ def test_a_mistake_is_named(tmp_path: Path, text: str, sentence: str) -> None:
         ("simulator.hull.masss=1", r"unknown key; did you mean 'mass'\? known: added_mass"),
         ("simulator.mounting={foo=1}", r"simulator.mounting.foo: .*known: dvl, imu"),
         ("simulator.water_density={temp=3}", r"density.temp: .*known: salinity, temperature"),
-        ("simulator.vibration=-1", r"expected a table, found -1; its keys: force, rate"),
+        (
+            "simulator.vibration=-1",
+            r"expected a table, found -1; its keys: blades, force, knock, rate, speed",
+        ),
         ("simulator.waves={height=0.3}", r"the key period is missing; known: begins, .*period"),
         ("simulator.waves.height=0.3", r": simulator.waves: the key period is missing"),
     ],

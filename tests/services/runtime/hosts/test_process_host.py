@@ -5,7 +5,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from pathlib import Path
 
 import msgspec
@@ -21,8 +21,8 @@ from services.runtime.config.stack import Stack
 from services.runtime.hosts.callers import Callers
 from services.runtime.hosts.process_host import PARENT_KILLED, TOPSIDE_KILLED, HubLaunch, Launch
 from services.runtime.hosts.stack_file import ServiceSpec
+from tests.support.patience import PATIENCE_S, until
 
-PATIENCE_S = 60.0  # never reached unless something is broken
 PYTHON = [sys.executable, "-P", "-m", "services"]
 TOY = """
 import time
@@ -57,13 +57,6 @@ toy = subprocess.Popen([w.replace("PARENT", str(__import__("os").getpid())) for 
 print(toy.pid, flush=True)
 time.sleep(600)
 """
-
-
-def until(happened: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + PATIENCE_S
-    while not happened():
-        assert time.monotonic() < deadline
-        time.sleep(0.02)  # another process does it, and nothing announces it
 
 
 def exists(pid: int) -> bool:

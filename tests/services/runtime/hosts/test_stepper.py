@@ -4,7 +4,6 @@ import threading
 import time
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
-from typing import Any
 
 import pytest
 
@@ -14,8 +13,8 @@ from services.runtime.hosts import stepper as module
 from services.runtime.hosts.stepper import Stepper
 from services.runtime.node.checkpoint import VolatileCheckpoint
 from services.runtime.node.node import Node
+from tests.support.patience import PATIENCE_S, until
 
-PATIENCE_S = 60.0  # never reached unless something is broken
 HOUR_NS = 3600 * 10**9
 
 
@@ -60,13 +59,6 @@ def stepping(stepper: Stepper, failures: list[BaseException] | None = None) -> G
         stop.set()
         thread.join(PATIENCE_S)
     assert not thread.is_alive()
-
-
-def until(happened: Callable[[], Any]) -> None:
-    deadline = time.monotonic() + PATIENCE_S
-    while not happened():
-        assert time.monotonic() < deadline
-        time.sleep(0.001)  # another thread does it
 
 
 @pytest.mark.parametrize("on_arrival", [True, False])
@@ -170,7 +162,7 @@ def test_a_flood_does_not_keep_a_timer_from_ringing() -> None:
     bench.node.every(50.0, lambda _: rung.set())
     deadline = time.monotonic() + PATIENCE_S
     with stepping(Stepper(bench.node, on_arrival=True)):
-        while not rung.is_set() and time.monotonic() < deadline:
+        while not rung.is_set() and time.monotonic() < deadline:  # a flood never pauses
             bench.say(0)
     assert rung.is_set()
 

@@ -10,14 +10,14 @@ from services.runtime.launch.lifecycle import (
     STEADY_S,
     Action,
     Ended,
-    Event,
     Life,
+    LifeEvent,
     advance,
 )
 
 PAUSES = st.integers(0, 20_000_000_000)  # [ns] between two events
 EVENTS = st.one_of(
-    st.sampled_from(Event), st.builds(Ended, st.sampled_from([0, MISTAKE, 2, -9, -15]))
+    st.sampled_from(LifeEvent), st.builds(Ended, st.sampled_from([0, MISTAKE, 2, -9, -15]))
 )
 STORIES = st.lists(st.tuples(PAUSES, EVENTS), max_size=60)
 
@@ -26,7 +26,7 @@ def seconds(value: float) -> int:
     return round(value * 1e9)
 
 
-def after(life: Life, *events: Event | Ended, now: int = 0) -> Life:
+def after(life: Life, *events: LifeEvent | Ended, now: int = 0) -> Life:
     for event in events:
         life, _ = advance(life, event, now)
     return life
@@ -34,7 +34,7 @@ def after(life: Life, *events: Event | Ended, now: int = 0) -> Life:
 
 @settings(max_examples=200, deadline=None)
 @given(STORIES)
-def test_there_are_never_two_processes_for_one_child(story: list[tuple[int, Event | Ended]]):
+def test_there_are_never_two_processes_for_one_child(story: list[tuple[int, LifeEvent | Ended]]):
     life, now, processes = Life(), 0, 0
     for pause, event in story:
         now += pause
@@ -51,66 +51,66 @@ def test_there_are_never_two_processes_for_one_child(story: list[tuple[int, Even
 @settings(max_examples=200, deadline=None)
 @given(STORIES)
 def test_an_unwanted_or_failed_child_is_never_started_again(
-    story: list[tuple[int, Event | Ended]],
+    story: list[tuple[int, LifeEvent | Ended]],
 ):
     life, now, done = Life(), 0, False
     for pause, event in story:
         now += pause
         life, action = advance(life, event, now)
         assert not (done and action is Action.START)
-        done = done or event is Event.STOP or life.phase == "failed"
+        done = done or event is LifeEvent.STOP or life.phase == "failed"
 
 
 @settings(max_examples=100, deadline=None)
 @given(st.lists(st.integers(0, seconds(30)), min_size=1, max_size=12))
 def test_every_crash_is_followed_by_one_restart_within_the_longest_back_off(lengths: list[int]):
-    life, now = after(Life(), Event.TICK, Event.SEEN), 0
+    life, now = after(Life(), LifeEvent.TICK, LifeEvent.SEEN), 0
     for crashes, length in enumerate(lengths, 1):
         now += length
         life = after(life, Ended(-9), now=now)
         pause = life.at - now
         assert seconds(BACK_OFF_S[0]) <= pause <= seconds(BACK_OFF_S[-1])
-        assert after(life, Event.TICK, now=life.at - 1).phase == "waiting"
+        assert after(life, LifeEvent.TICK, now=life.at - 1).phase == "waiting"
         now = life.at
-        life, action = advance(life, Event.TICK, now)
+        life, action = advance(life, LifeEvent.TICK, now)
         assert action is Action.START
         assert life.restarts == crashes
 
 
 def test_the_back_off_grows_with_each_crash_in_a_row_and_then_stays():
-    life, pauses = after(Life(), Event.TICK, Event.SEEN), list[float]()
+    life, pauses = after(Life(), LifeEvent.TICK, LifeEvent.SEEN), list[float]()
     for _ in range(7):
         crashed_at = life.at
         life = after(life, Ended(-11), now=crashed_at)
         pauses.append((life.at - crashed_at) / 1e9)
-        life = after(life, Event.TICK, now=life.at)
+        life = after(life, LifeEvent.TICK, now=life.at)
     assert pauses == [*BACK_OFF_S, BACK_OFF_S[-1], BACK_OFF_S[-1]]
 
 
 def test_a_steady_life_makes_the_next_restart_quick_again():
-    life = after(Life(crashes=4), Event.TICK, Event.SEEN)
+    life = after(Life(crashes=4), LifeEvent.TICK, LifeEvent.SEEN)
     at = seconds(STEADY_S)
     assert after(life, Ended(-9), now=at).at == at + seconds(BACK_OFF_S[0])
     assert after(life, Ended(-9), now=at - 1).at == at - 1 + seconds(BACK_OFF_S[-1])
 
 
 def test_status_1_before_it_was_ever_alive_is_the_users_mistake():
-    _, action = advance(after(Life(), Event.TICK), Ended(MISTAKE), 1)
+    _, action = advance(after(Life(), LifeEvent.TICK), Ended(MISTAKE), 1)
     assert action is Action.GIVE_UP
 
 
 def test_status_1_of_a_service_that_was_alive_is_a_crash():
-    life, action = advance(after(Life(), Event.TICK, Event.SEEN), Ended(MISTAKE), 1)
+    life, action = advance(after(Life(), LifeEvent.TICK, LifeEvent.SEEN), Ended(MISTAKE), 1)
     assert (life.phase, action) == ("waiting", None)
 
 
 @pytest.mark.parametrize("seen", [False, True])
 def test_status_0_of_a_service_that_nobody_asked_to_end_is_a_crash(seen: bool):
-    life = after(Life(seen=seen), Event.TICK)
+    life = after(Life(seen=seen), LifeEvent.TICK)
     life, action = advance(life, Ended(0), 1)
     assert (life.phase, life.crashes, action) == ("waiting", 1, None)
 
 
 def test_a_child_that_waits_for_its_restart_ends_at_once_when_it_is_no_longer_wanted():
-    life = after(Life(), Event.TICK, Event.SEEN, Ended(-9), Event.STOP)
-    assert after(life, Event.TICK, now=seconds(60)).phase == "ended"
+    life = after(Life(), LifeEvent.TICK, LifeEvent.SEEN, Ended(-9), LifeEvent.STOP)
+    assert after(life, LifeEvent.TICK, now=seconds(60)).phase == "ended"

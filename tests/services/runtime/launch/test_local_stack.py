@@ -3,7 +3,6 @@
 import os
 import shutil
 import signal
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -22,8 +21,8 @@ from services.runtime.config.stack import Stack
 from services.runtime.hosts.heartbeat import last_beat
 from services.runtime.hosts.registry import Registry
 from services.runtime.launch.local_stack import LocalStack, local_stack
+from tests.support.patience import PATIENCE_S, until
 
-PATIENCE_S = 60.0  # never reached unless something is broken
 STACK = """
 [services.engine]
 sides = ["drone"]
@@ -99,10 +98,7 @@ def exists(pid: int) -> bool:
 
 
 def pump_until(local: LocalStack, happened: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + PATIENCE_S
-    while not happened():
-        assert time.monotonic() < deadline, (local.missing(), local.supervisor.pids)
-        local.pump()
+    until(happened, lambda: (local.missing(), local.supervisor.pids), local.pump)
 
 
 def alive(local: LocalStack) -> None:
@@ -114,20 +110,24 @@ def running(stack: Stack) -> Running:
 
 
 def socket_folders(local: LocalStack) -> set[Path]:
-    return {Path(e.partition("/")[2]).parent for e in local.endpoints.values()}
+    return {Path(e.partition("/")[2]).parent for e in local.plan.endpoints.values()}
 
 
 def test_a_stack_comes_alive_is_found_by_its_file_and_leaves_nothing_behind(tmp_path: Path) -> None:
     stack, services = made(tmp_path)
     with local_stack(stack, services) as local:
-        assert set(local.endpoints) == {"topside", "drone"}
+        assert set(local.plan.endpoints) == {"topside", "drone"}
         assert sorted(local.missing()) == ["desk", "engine"]
         local.start_services()
         alive(local)
-        assert local.alive >= {("drone", "engine"), ("topside", "desk"), ("drone", "desk")}
+        assert local.aliveness.shown >= {
+            ("drone", "engine"),
+            ("topside", "desk"),
+            ("drone", "desk"),
+        }
         found = running(stack)
         file, pids = str(services.file), local.supervisor.pids
-        assert found == Running("pioneer", local.endpoints, os.getpid(), pids, file)
+        assert found == Running("pioneer", local.plan.endpoints, os.getpid(), pids, file)
         assert set(found.pids) == {"hub_topside", "hub_drone", "engine", "desk"}
         said = list[LogLine]()
         decoder = msgspec.msgpack.Decoder(LogLine)
@@ -176,6 +176,7 @@ def wire(node, stack):
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["engine", "desk", "hub_topside"])
 def test_what_is_stopped_is_named_and_started_again(tmp_path: Path, name: str) -> None:
     stack, services = made(tmp_path)
@@ -184,12 +185,12 @@ def test_what_is_stopped_is_named_and_started_again(tmp_path: Path, name: str) -
         local.node.show = lambda line: said.append(line.text)
         local.start_services()
         alive(local)
-        pump_until(local, lambda: last_beat(local.heartbeat(name)) is not None)
+        pump_until(local, lambda: last_beat(local.plan.heartbeat(name)) is not None)
         os.kill(running(stack).pids[name], signal.SIGSTOP)
         pump_until(local, lambda: f"{name} is started again" in said)
         alive(local)
         assert said[0] == f"{name} does not answer any more"
-        assert local.answering.times == {name: 1}
+        assert local.hang_detector.times == {name: 1}
         assert local.restarts[name] == 1
 
 
@@ -198,9 +199,9 @@ def test_a_handler_that_never_returns_is_a_hanging_service(tmp_path: Path) -> No
     with local_stack(stack, services) as local:
         local.start_services()
         alive(local)
-        pump_until(local, lambda: last_beat(local.heartbeat("engine")) is not None)
+        pump_until(local, lambda: last_beat(local.plan.heartbeat("engine")) is not None)
         (tmp_path / "hang").touch()
-        pump_until(local, lambda: bool(local.answering.silent))
+        pump_until(local, lambda: bool(local.hang_detector.silent))
         (tmp_path / "hang").unlink()
         pump_until(local, lambda: local.restarts["engine"] == 1)
         alive(local)
@@ -323,7 +324,7 @@ def test_each_start_in_one_folder_has_checkpoints_of_its_own(tmp_path: Path) -> 
 def test_a_taken_endpoint_is_said_before_anything_is_started(tmp_path: Path) -> None:
     stack, services = made(tmp_path)
     with local_stack(stack, services, listen=f"unixsock-stream/{tmp_path}/mine.sock") as local:
-        (taken,) = [e for e in local.endpoints.values() if e.endswith("mine.sock")]
+        (taken,) = [e for e in local.plan.endpoints.values() if e.endswith("mine.sock")]
         with (
             pytest.raises(LindyError, match=rf"^endpoint {taken} .*; choose another"),
             local_stack(stack, services, listen=taken),
@@ -365,7 +366,7 @@ def test_a_viewer_is_started_when_the_others_are_alive(tmp_path: Path) -> None:
     stack, services = made(tmp_path, engine=QUIET, desk=WAITING, stack=STACK + viewer)
     with local_stack(stack, services) as local:
         local.start_services()
-        pump_until(local, lambda: ("drone", "engine") in local.alive)
+        pump_until(local, lambda: ("drone", "engine") in local.aliveness.shown)
         assert "visualizer" not in local.supervisor.pids
         (tmp_path / "go").touch()
         alive(local)
@@ -380,6 +381,7 @@ def wire(node, stack):
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", ["removed", "edited"])
 def test_a_service_that_starts_again_reads_what_the_dive_began_with(
     tmp_path: Path, change: str

@@ -9,12 +9,12 @@ import pytest
 from messages import topics
 from messages.health import Health
 from services.runtime.hosts.virtual_host import VirtualHost
-from services.runtime.launch.local_stack import _unused_folder  # pyright: ignore[reportPrivateUsage]
+from services.runtime.launch.process_plan import unused_folder
 from services.runtime.node import checkpoint as checkpoints
 from services.runtime.node.checkpoint import CheckpointFile, write_safely
 from services.runtime.node.node import Node
+from tests.support.patience import PATIENCE_S
 
-PATIENCE_S = 60.0  # never reached unless something is broken
 S = 1_000_000_000  # [ns]
 
 
@@ -101,9 +101,9 @@ def test_a_disk_that_takes_nothing_costs_the_checkpoints_and_is_counted_in_the_h
 
 def test_checkpoints_of_another_dive_are_neither_taken_over_nor_overwritten(tmp_path: Path):
     wanted = tmp_path / "dive" / "checkpoints"
-    first = _unused_folder(wanted)
+    first = unused_folder(wanted)
     (first / "estimation.json").write_bytes(b"another dive's atmosphere")
-    second = _unused_folder(wanted)
+    second = unused_folder(wanted)
     assert first == wanted
     assert second != first
     assert list(second.iterdir()) == []

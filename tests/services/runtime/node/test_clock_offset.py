@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages import topics
+from messages.events import Outbox
 from messages.link import Clock
 from messages.pilot import PilotCommand
 from messages.vehicle import Actuation
@@ -62,7 +63,7 @@ def test_better_knowledge_of_the_clock_lets_no_older_message_pass_a_newer_one(
 ) -> None:
     """`error` and `better` [ms] are what the clock is taken to be wrong by, before and after."""
     clock_offset, counts = ClockOffset("drone"), Counter[str]()
-    gate = Gate(topics.PILOT_COMMAND, counts, clock_offset)
+    gate = Gate(topics.PILOT_COMMAND, Outbox(counts), clock_offset)
     told(clock_offset, error * MS, abs(error) * MS, SECOND)
     newest = gate.admit(envelope(command(SECOND)), SECOND + 20 * MS)
     told(clock_offset, better * MS, abs(better) * MS, SECOND)
@@ -76,9 +77,9 @@ def test_better_knowledge_of_the_clock_lets_no_older_message_pass_a_newer_one(
 @settings(max_examples=200, deadline=None)
 def test_better_knowledge_of_the_clock_lengthens_no_life(error: int, better: int, age: int) -> None:
     clock_offset, counts = ClockOffset("drone"), Counter[str]()
-    gate = Gate(topics.PILOT_COMMAND, counts, clock_offset)
-    inbox = Inbox("pilot/command", 8, lambda: 0, counts)
-    newest = Latest(topics.PILOT_COMMAND, inbox, gate, counts)
+    gate = Gate(topics.PILOT_COMMAND, Outbox(counts), clock_offset)
+    inbox = Inbox("pilot/command", 8, lambda: 0, Outbox(counts))
+    newest = Latest(topics.PILOT_COMMAND, inbox, gate, Outbox(counts))
     told(clock_offset, error * MS, abs(error) * MS, SECOND)
     inbox.store(envelope(command(SECOND)))
     newest.newest(SECOND)
@@ -88,7 +89,7 @@ def test_better_knowledge_of_the_clock_lengthens_no_life(error: int, better: int
 
 def test_a_machine_that_was_started_anew_is_heard_again() -> None:
     clock_offset, counts = ClockOffset("drone"), Counter[str]()
-    gate = Gate(topics.PILOT_COMMAND, counts, clock_offset)
+    gate = Gate(topics.PILOT_COMMAND, Outbox(counts), clock_offset)
     told(
         clock_offset, -3600 * SECOND, MS, 10 * SECOND
     )  # the pilot's machine has run for an hour more

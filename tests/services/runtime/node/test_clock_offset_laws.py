@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from messages import topics
 from messages.link import Clock
-from messages.topic import AnyTopic, Side, Way
+from messages.topic import AnyTopic, Direction, Side
 from services.runtime.node.clock_offset import ABOUT_CLOCKS, DRIFT, ClockOffset
 
 AHEAD = st.integers(-(10**15), 10**15)  # [ns] drone's clock minus the topside's
@@ -40,10 +40,13 @@ def test_both_sides_read_the_same_instant(ahead: int, instant: int) -> None:
 def test_own_stamps_stay_as_they_are_and_those_of_either_clock_are_not_read(
     topic: AnyTopic, ahead: int, stamp: int
 ) -> None:
-    own_ways: dict[Side, set[Way]] = {"topside": {Way.DOWN}, "drone": {Way.UP, Way.STAY}}
+    own_ways: dict[Side, set[Direction]] = {
+        "topside": {Direction.DOWN},
+        "drone": {Direction.UP, Direction.STAY},
+    }
     for side, own in own_ways.items():
         offset = told(side, ahead)
-        if topic.way is Way.BOTH:
+        if topic.way is Direction.BOTH:
             assert offset.local_ns(topic, stamp) is None
             assert not offset.judges(topic)
         elif topic.way in own:
@@ -56,7 +59,7 @@ def test_what_crosses_concerns_one_side_only_and_clocks_carry_their_own_time(
     topic: AnyTopic,
 ) -> None:
     concerned = [side for side in ("topside", "drone") if ClockOffset(side).concerns(topic)]
-    expected = {Way.UP: ["topside"], Way.DOWN: ["drone"]}.get(topic.way, [])
+    expected = {Direction.UP: ["topside"], Direction.DOWN: ["drone"]}.get(topic.way, [])
     assert concerned == ([] if topic.message in ABOUT_CLOCKS else expected)
 
 

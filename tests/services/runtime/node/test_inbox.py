@@ -6,10 +6,10 @@ from collections import Counter, deque
 
 import pytest
 
+from messages.events import Outbox
 from services.runtime.bus.envelope import Envelope
 from services.runtime.node.ports import Inbox
-
-PATIENCE_S = 60.0  # far longer than any of it takes: only a test that hangs waits so long
+from tests.support.patience import PATIENCE_S
 
 
 def envelope(number: int) -> Envelope:
@@ -26,7 +26,7 @@ def test_what_comes_while_a_full_ring_is_emptied_is_told_of_and_nothing_overflow
             taken.extend(e.key for _, e in inbox.take_all())
         return 0
 
-    inbox = Inbox("x", 2, clock, counts)
+    inbox = Inbox("x", 2, clock, Outbox(counts))
     inbox.arrived = lambda: told.append(len(taken))
     inbox.store(envelope(1))
     inbox.store(envelope(2))
@@ -40,9 +40,36 @@ def test_what_comes_while_a_full_ring_is_emptied_is_told_of_and_nothing_overflow
     assert counts == {}
 
 
+def test_what_is_taken_while_a_full_ring_overflows_is_not_the_newest_lost() -> None:
+    """The service takes all between the look at the ring's length and the pop of its oldest."""
+    taken, services = list[str](), list[threading.Thread]()
+
+    def take() -> None:
+        taken.extend(e.key for _, e in inbox.take_all())
+
+    class Watched(deque[tuple[int, Envelope]]):
+        def __len__(self) -> int:
+            length = super().__len__()
+            if length > 1 and not services:
+                services.append(threading.Thread(target=take))
+                services[0].start()
+                services[0].join(0.1)  # [s] it waits for `store`, or has taken by then
+            return length
+
+    counts = Counter[str]()
+    inbox = Inbox("x", 1, lambda: 0, Outbox(counts))
+    inbox._ring = Watched()  # pyright: ignore[reportPrivateUsage]
+    inbox.store(envelope(1))
+    inbox.store(envelope(2))
+    services[0].join()
+    take()
+    assert taken[-1] == "2"
+    assert len(taken) + counts["overflowed:x"] == 2
+
+
 def test_the_service_is_told_once_until_it_looks() -> None:
     counts, told = Counter[str](), list[str]()
-    inbox = Inbox("x", 4, lambda: 0, counts)
+    inbox = Inbox("x", 4, lambda: 0, Outbox(counts))
     inbox.arrived = lambda: told.append("")
     for round_ in range(1, 4):
         for number in range(10):
@@ -71,7 +98,7 @@ def test_two_threads_lose_nothing_that_is_not_counted(depth: int) -> None:
                 told.popleft()
                 taken.extend(int(e.key) for _, e in inbox.take_all())
 
-    inbox = Inbox("x", depth, lambda: 0, counts)
+    inbox = Inbox("x", depth, lambda: 0, Outbox(counts))
     inbox.arrived = arrived
     service = threading.Thread(target=serve)
     switching = sys.getswitchinterval()

@@ -12,7 +12,7 @@ from messages.sensors import ImuSample
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.node.loop_stats import CALM_NS, STALLED_NS, LoopStats
 from services.runtime.node.node import Node
-from tools.research.faults.hindrance import Hindrance
+from tests.support.faults.hindrance import Hindrance
 
 S = 1_000_000_000  # [ns]
 DRONE = ["drone"]

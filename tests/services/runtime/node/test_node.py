@@ -1,20 +1,21 @@
 """A node's ports and timers, on virtual time."""
 
 import re
+from collections import Counter
 
 import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from messages import topics
+from messages import events, topics
 from messages.health import Health, LogLine
+from messages.payload import MEMBERS
 from messages.pilot import PilotCommand
 from messages.sensors import ImuSample
 from services.runtime.bus.envelope import Envelope
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.node.checkpoint import VolatileCheckpoint
-from services.runtime.node.gate import MEMBERS
 from services.runtime.node.node import RING, Node
 
 MS = 1_000_000
@@ -141,7 +142,7 @@ def test_health_tells_rate_counts_and_traffic_once_a_second() -> None:
     talker(host)
     listener, reports = host.node("listener", DRONE), list[Health]()
     listener.each(topics.HEALTH, lambda m, _: reports.append(m))
-    host.nodes["talker"].count("clamped:something", 3)
+    host.nodes["talker"].tell(events.CLAMPED("something"), 3)
     host.run(2_500 * MS)
     (first, second) = reports
     assert first.service == "talker"
@@ -149,6 +150,19 @@ def test_health_tells_rate_counts_and_traffic_once_a_second() -> None:
     assert second.loop_hz == pytest.approx(100, abs=2)
     assert second.counts == {"clamped:something": 3}
     assert second.cpu_percent is None
+
+
+def test_a_visitor_has_no_health_and_so_never_looks_like_a_service_that_was_started_again() -> None:
+    host = VirtualHost()
+    listener, reports = host.node("listener", DRONE), list[Health]()
+    listener.each(topics.HEALTH, lambda m, _: reports.append(m))
+    port = host.node("neighbour", DRONE).sides  # on which a listener hears the visitor
+    visitor = Node("ask", port, lambda: host.now, VolatileCheckpoint(), visitor=True)
+    host.run(1)
+    for _ in range(3):
+        visitor.step()
+        host.run(host.now + 1_000 * MS)
+    assert {health.service for health in reports} == {"neighbour"}
 
 
 def test_a_log_line_is_said_on_the_bus_and_shown() -> None:
@@ -222,7 +236,7 @@ def test_what_is_collected_is_as_late_as_the_timer_that_takes_it() -> None:
     host.node("talker", DRONE).publisher(topics.IMU).put(imu(0))
     now = 700 * MS  # the timer was due at 500 ms
     listener.step()
-    health = listener.loop_stats.report("listener", now, 0, 0, listener.counts, None)
+    health = listener.loop_stats.report("listener", now, 0, 0, Counter[str](), None)
     assert (health.lateness_p50_ms, health.lateness_p99_ms, health.loop_hz) == (200.0, 200.0, 2.0)
 
 
@@ -280,7 +294,7 @@ def test_a_flood_of_invented_members_is_heard_up_to_a_limit_and_counted_under_on
     names = [f"s{k}" for k in range(3 * MEMBERS)]
     invented(host, names, b"garbage")  # takes up no place
     assert listener.counts == {"malformed:health/*": 3 * MEMBERS}
-    listener.counts.clear()
+    listener.outbox.counts.clear()
     invented(host, names, HEALTHY)
     assert len(heard) == MEMBERS
     assert listener.counts == {"too_many_keys:health/*": 2 * MEMBERS}

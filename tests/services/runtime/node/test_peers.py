@@ -9,7 +9,7 @@ from messages.identity import SideIdentity, difference
 from messages.message import Message
 from messages.payload import PayloadDecoder
 from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
-from messages.topic import Qos, Topic, Way
+from messages.topic import Direction, Qos, Topic
 from services.runtime.config.identity import identity_of, messages_hash
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
@@ -42,11 +42,12 @@ def test_the_identity_of_an_older_and_of_a_newer_version_is_understood() -> None
     decoder = PayloadDecoder(topics.IDENTITY)
     newer = Newer(side="drone", version="2.0", messages="xyz")
     for said, version in ((Older(stamp_ns=5), "0.0.3"), (newer, "2.0")):
-        heard = decoder.decode(msgspec.msgpack.encode(said))
-        assert heard is not None
+        heard = decoder.read(topics.IDENTITY.encoding, msgspec.msgpack.encode(said))
+        assert isinstance(heard, SideIdentity)
         assert heard.version == version
         assert "install the same" in difference(TOPSIDE, heard)
-    assert decoder.decode(msgspec.msgpack.encode({})) == SideIdentity()
+    empty = msgspec.msgpack.encode({})
+    assert decoder.read(topics.IDENTITY.encoding, empty) == SideIdentity()
 
 
 def test_a_side_that_is_the_same_is_no_difference() -> None:
@@ -88,7 +89,7 @@ class Said(Message, frozen=True, kw_only=True):
 
 def row(kind: type[Message], name: str = "", hz: float = 1.0) -> "Topic[Message]":
     kind.__name__ = name or kind.__name__
-    return Topic("depth", kind, hz, Qos.LIVE, Way.UP)
+    return Topic("depth", kind, hz, Qos.LIVE, Direction.UP)
 
 
 def test_the_hash_of_the_messages_changes_with_a_field_and_a_row_but_not_with_words() -> None:

@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from messages import topics
+from messages.events import Outbox
 from messages.pilot import PilotCommand
 from messages.topic import AnyTopic
 from services.runtime.bus.envelope import Envelope
@@ -34,9 +35,9 @@ class Ear:
 
     def __init__(self) -> None:
         self.counts = Counter[str]()
-        self._inbox = Inbox(COMMAND.key, RING, lambda: 0, self.counts)
-        gate = Gate(COMMAND, self.counts)
-        self.port = Latest(COMMAND, self._inbox, gate, self.counts)
+        self._inbox = Inbox(COMMAND.key, RING, lambda: 0, Outbox(self.counts))
+        gate = Gate(COMMAND, Outbox(self.counts))
+        self.port = Latest(COMMAND, self._inbox, gate, Outbox(self.counts))
 
     def store(self, message: PilotCommand) -> None:
         self._inbox.store(envelope(message))

@@ -54,7 +54,7 @@ def test_another_ones_answer_changes_nothing():
     asked = requests.ask(request("arm"), 0)
     stranger = PilotAnswer(stamp_ns=1, id="console-0-0", accepted=True)
     assert requests.answered(stranger) is None
-    assert requests.pending == [asked]
+    assert [pending.request for pending in requests.pending] == [asked]
 
 
 def test_after_five_seconds_a_request_is_given_up_once():

@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from messages import topics
+from messages.events import Outbox
 from messages.link import Clock, ClockPing
 from messages.pilot import PilotCommand, PilotRequest
 from services.link_monitor.core import LinkMonitor
@@ -38,7 +39,7 @@ def test_both_pilots_commands_are_in_time_whoever_speaks_last(
     ann: int, bob: int, said: list[int]
 ) -> None:
     offset, counts = ClockOffset("drone"), Counter[str]()
-    gate = Gate(topics.PILOT_COMMAND, counts, offset)
+    gate = Gate(topics.PILOT_COMMAND, Outbox(counts), offset)
     theirs, epoch = {ANN: ann, BOB: bob}, {ANN: 7, BOB: 3}
     for who in (BOB, ANN):
         offset.learn(clock(who, theirs[who], epoch[who]), NOW)
@@ -62,7 +63,7 @@ def test_the_request_for_control_of_the_second_pilot_is_in_time(ann: int, bob: i
     offset.learn(clock(ANN, ann, 7), NOW)
     offset.learn(clock(BOB, bob, 0), NOW)
     counts, topic = Counter[str](), topics.PILOT_REQUEST
-    gate = Gate(topic, counts, offset)
+    gate = Gate(topic, Outbox(counts), offset)
     request = PilotRequest(stamp_ns=NOW - bob, id="a", kind="lease", epoch=0)
     heard = gate.admit(Envelope(topic.key, msgspec.msgpack.encode(request), topic.encoding), NOW)
     assert heard is not None, counts
@@ -92,7 +93,7 @@ def test_one_topside_is_as_before_and_its_silence_changes_nothing() -> None:
 
 @given(ahead, ahead)
 def test_a_link_monitor_takes_only_the_answers_to_its_own_pings(ann: int, bob: int) -> None:
-    monitor = LinkMonitor(source=ANN)
+    monitor = LinkMonitor(Outbox(), source=ANN)
     for k in range(10):
         now = NOW + k * 200 * MS
         for source, ahead_ns in ((ANN, ann), (BOB, bob)):
@@ -102,11 +103,11 @@ def test_a_link_monitor_takes_only_the_answers_to_its_own_pings(ann: int, bob: i
     assert told.offset_ns is not None
     assert told.bound_ns is not None
     assert abs(told.offset_ns - ann) <= told.bound_ns <= 11 * MS
-    assert not monitor.events
+    assert not monitor.outbox.counts
     assert told.source == ANN
 
 
 def test_the_clock_names_the_epoch_of_its_own_pilot() -> None:
-    monitor = LinkMonitor(source=ANN)
+    monitor = LinkMonitor(Outbox(), source=ANN)
     monitor.command(PilotCommand(stamp_ns=1, surge=0, sway=0, heave=0, yaw=0, epoch=4), 1)
     assert monitor.ping(2).epoch == 4

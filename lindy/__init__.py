@@ -1,0 +1,1 @@
+"""Pilot stack for underwater drones. What other programs may use of it is in `lindy.api`."""

@@ -1,0 +1,126 @@
+"""The topics, every message that is sent on one, and what these consist of: msgspec Structs with
+units and limits at their fields. docs/topics.md"""
+
+from messages import events, topics
+from messages.aiding import AidSource
+from messages.control import LearntModel, ThrusterCommand, Wrench
+from messages.fly import DroneList, FlyAnswer, FlyRequest, ReachableDrone
+from messages.health import Health, LogLine
+from messages.identity import SideIdentity
+from messages.link import (
+    Clock,
+    ClockPing,
+    ClockPong,
+    DirectionReport,
+    LatencyBudget,
+    LinkAnswer,
+    LinkRequest,
+    LinkStatus,
+    Shown,
+    Stage,
+)
+from messages.message import Answer, Estimate, Message, Request
+from messages.pilot import (
+    Course,
+    FlightMode,
+    PilotAnswer,
+    PilotCommand,
+    PilotRequest,
+    RequestKind,
+    StopDistance,
+)
+from messages.prediction import Miss, Prediction
+from messages.reference import Motion, Reference
+from messages.sensors import (
+    BatterySample,
+    DvlSample,
+    ImuSample,
+    LeakSample,
+    MagnetometerSample,
+    PressureSample,
+    TemperatureSample,
+    UsblSample,
+)
+from messages.simulator import FaultAnswer, FaultKind, FaultRequest
+from messages.state import VehicleState
+from messages.topic import Direction, Qos, Side, Topic
+from messages.units import Quaternion, Vec3, Vec6
+from messages.vehicle import (
+    Activity,
+    Actuation,
+    Failsafe,
+    Reaction,
+    Truth,
+    VehicleEstimate,
+    VehicleStatus,
+)
+from messages.video import PictureAge, VideoPart
+
+__all__ = [
+    "Activity",
+    "Actuation",
+    "AidSource",
+    "Answer",
+    "BatterySample",
+    "Clock",
+    "ClockPing",
+    "ClockPong",
+    "Course",
+    "Direction",
+    "DirectionReport",
+    "DroneList",
+    "DvlSample",
+    "Estimate",
+    "Failsafe",
+    "FaultAnswer",
+    "FaultKind",
+    "FaultRequest",
+    "FlightMode",
+    "FlyAnswer",
+    "FlyRequest",
+    "Health",
+    "ImuSample",
+    "LatencyBudget",
+    "LeakSample",
+    "LearntModel",
+    "LinkAnswer",
+    "LinkRequest",
+    "LinkStatus",
+    "LogLine",
+    "MagnetometerSample",
+    "Message",
+    "Miss",
+    "Motion",
+    "PictureAge",
+    "PilotAnswer",
+    "PilotCommand",
+    "PilotRequest",
+    "Prediction",
+    "PressureSample",
+    "Qos",
+    "Quaternion",
+    "ReachableDrone",
+    "Reaction",
+    "Reference",
+    "Request",
+    "RequestKind",
+    "Shown",
+    "Side",
+    "SideIdentity",
+    "Stage",
+    "StopDistance",
+    "TemperatureSample",
+    "ThrusterCommand",
+    "Topic",
+    "Truth",
+    "UsblSample",
+    "Vec3",
+    "Vec6",
+    "VehicleEstimate",
+    "VehicleState",
+    "VehicleStatus",
+    "VideoPart",
+    "Wrench",
+    "events",
+    "topics",
+]

@@ -1,0 +1,42 @@
+"""Reference generators. Pure: the time is an argument.
+
+`Ramp`, `VectorRamp`, `PositionMove` and `stop` are what flies. The others are there to compare
+with: the usual filters, the rule of Andrén 2023, the reference model of Fernandes et al. 2015."""
+
+from services.reference.trajectory.emergency_stop import StoppedMotion, stop
+from services.reference.trajectory.minimum_jerk import Limits, Ramp, Sample, Segment, solve
+from services.reference.trajectory.position import PositionMove
+from services.reference.trajectory.position import pair as position_move
+from services.reference.trajectory.vector import VectorRamp
+from tools.generators import thesis_rule
+from tools.generators.baselines import (
+    BaselineReference,
+    Direct,
+    Filter,
+    PlannedBaseline,
+    minimum_time,
+)
+from tools.generators.fernandes.model_request import MotionRequest
+from tools.generators.fernandes.reference_model import ReferenceModel, plan
+
+__all__ = [
+    "BaselineReference",
+    "Direct",
+    "Filter",
+    "Limits",
+    "MotionRequest",
+    "PlannedBaseline",
+    "PositionMove",
+    "Ramp",
+    "ReferenceModel",
+    "Sample",
+    "Segment",
+    "StoppedMotion",
+    "VectorRamp",
+    "minimum_time",
+    "plan",
+    "position_move",
+    "solve",
+    "stop",
+    "thesis_rule",
+]

@@ -1,0 +1,65 @@
+"""`lindy bench`: every performance figure beside its baseline, both measured in this run.
+
+A section is a module here with `figures() -> list[Figure]` and a row in SECTIONS.
+"""
+
+from importlib import import_module
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from lindy_research.bench.table import Figure, as_json, show
+from services.runtime.config.errors import LindyError
+from tools.choices import Json
+
+SECTIONS = {
+    "reference": "lindy_research.bench.reference",
+    "estimation": "lindy_research.bench.estimation",
+    "heading": "lindy_research.bench.heading",
+    "horizontal": "lindy_research.bench.horizontal",
+    "control": "lindy_research.bench.control",
+    "hulls": "lindy_research.bench.hulls",
+    "other_hulls": "lindy_research.bench.other_hulls",
+    "reality": "lindy_research.bench.reality",
+    "simulator": "lindy_research.bench.simulator",
+    "simulate": "lindy_research.bench.simulate",
+    "tether": "lindy_research.bench.tether",
+    "sweep": "lindy_research.bench.sweep",
+    "identify": "lindy_research.bench.identify",
+    "dive": "lindy_research.bench.dive",
+    "onboard": "lindy_research.bench.onboard",
+    "fleet": "lindy_research.bench.fleet",
+    "transport": "lindy_research.bench.transport",
+    "mavlink": "lindy_research.bench.mavlink",
+    "camera": "lindy_research.bench.camera",
+    "cockpit": "lindy_research.bench.cockpit",
+    "busy": "lindy_research.bench.busy",
+    "ardusub": "lindy_research.bench.ardusub",
+}
+QUICK = ("hulls", "other_hulls", "reality")  # sections that can fly fewer dives
+
+
+def bench(
+    *,
+    only: Annotated[tuple[str, ...], Parameter(help="a section; repeatable")] = (),
+    json: Json = False,
+    quick: Annotated[bool, Parameter(help="fewer dives where it flies many")] = False,
+) -> int:
+    """Compare speed with other implementations.
+
+    As ratios with their goals, both measured in this run.
+
+    Example: lindy bench --only reference --json
+    """
+    for name in only:
+        if name not in SECTIONS:
+            raise LindyError(f"--only {name}: no such section; there are {', '.join(SECTIONS)}")
+    figures: list[Figure] = []
+    for name in only or SECTIONS:
+        options = {"quick": True} if quick and name in QUICK else {}
+        figures += import_module(SECTIONS[name]).figures(**options)
+    if json:
+        print(as_json(figures))
+    else:
+        show(figures)
+    return 0

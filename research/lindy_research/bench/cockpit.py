@@ -1,0 +1,182 @@
+"""What the pilot's page costs and how late it is: a dive with processes, flown in Chromium.
+
+A stick moves in the page, and the `pilot/command` that it causes arrives at a program on the
+topside's hub; both are stamped by the same machine's clock. Beside it: a page and a server with a
+WebSocket and nothing else. The ages are those of the light, as the page and as `camera_monitor`
+know them.
+"""
+
+import json
+import socket
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from importlib.util import find_spec
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import msgspec
+
+from lindy_research.bench.table import Figure
+from services.runtime.config.errors import LindyError
+from services.runtime.config.running import RUNNING, Running
+from tests.support.started_dives import StartedDive, started
+from tools.report.report import Report
+
+PAGE = Path(__file__).parents[3] / "services" / "cockpit" / "page"
+MOST_KB = 150.0  # goal
+STICK_MS = {"p50": 8.0, "p99": 20.0}  # goals on loopback
+WATCHERS = 10
+WATCH_S = 8.0  # [s] of ages and frames
+FLOOR = "simulator.floor_depth=8"  # [m] so that there is something to be seen
+# Sees what the page draws, and when.
+COUNTERS = """
+window.drawn = { hud: 0, picture: 0, frames: 0 };
+for (const [name, of] of [['clearRect', 'hud'], ['drawImage', 'picture']]) {
+  const call = CanvasRenderingContext2D.prototype[name];
+  CanvasRenderingContext2D.prototype[name] = function (...given) {
+    if (this.canvas.id === of) window.drawn[of]++;
+    return call.apply(this, given);
+  };
+}
+const frame = () => { window.drawn.frames++; requestAnimationFrame(frame); };
+requestAnimationFrame(frame);
+"""
+INSIDE = "void import('/main.js').then((main) => { window.video = main.video; })"
+# The age of each picture when it was decoded [ms].
+AGES = """
+window.ages = [];
+let light = null;
+setInterval(() => {
+  if (video.light === light) return;
+  light = video.light;
+  ages.push(video.age - video.silence);
+}, 5);
+"""
+
+
+def figures() -> list[Figure]:
+    if find_spec("websockets") is None:
+        return [_figure("page", "", None, note="no websockets")]
+    from tests.support.docs.chromium import chromium
+
+    if (program := chromium()) is None:
+        return [_figure("page", "", None, note="no Chromium on the path")]
+    if find_spec("av") is None:
+        return [_figure("page", "", None, note="no PyAV, so no picture")]
+    return [_bytes(), *_flown(program)]
+
+
+def _figure(name: str, unit: str, ours: float | None, **more: Any) -> Figure:
+    return Figure(section="cockpit", name=name, unit=unit, ours=ours, **more)
+
+
+def _bytes() -> Figure:
+    size = sum(path.stat().st_size for path in PAGE.iterdir() if path.is_file())
+    return _figure("page", "kB", size / 1e3, baseline_name="goal", baseline=MOST_KB, goal=1.0)
+
+
+def _flown(program: str) -> Iterator[Figure]:
+    from lindy_research.bench.stick_clock import Commands, plain, watching
+    from tests.support.docs.chromium import Browser, Size
+    from tests.support.docs.cockpit_picture import arm
+
+    with ExitStack() as exits:
+        folder = Path(exits.enter_context(TemporaryDirectory(prefix="lindy-bench-")))
+        browser = exits.enter_context(Browser(program))
+        alone = plain(browser)
+        empty = browser.open("data:text/html,<title>empty</title>", Size(1280, 800), COUNTERS)
+        quiet = _per_second(empty)
+        empty.close()
+        port = _free_port()
+        url = f"http://127.0.0.1:{port}/"
+        words = ("--cockpit", "--headless", "--set", f"cockpit.port={port}", "--set", FLOOR)
+        began = time.monotonic()
+        dive = exits.enter_context(started(folder / "dive", "dive", *words))
+        _until_it_listens(port, dive)
+        page = browser.open(url, Size(1280, 800, touch=True), COUNTERS)
+        page.wait("document.getElementById('activity').textContent.length > 3")
+        state_s = time.monotonic() - began
+        page.wait("!document.getElementById('picture').hidden")
+        picture_s = time.monotonic() - began
+        arm(page)
+        page.look(INSIDE)
+        page.wait("window.video")
+        running = msgspec.json.decode((folder / "dive" / RUNNING).read_bytes(), type=Running)
+        commands = exits.enter_context(Commands.of(running))
+        page.look(AGES)
+        shown = _per_second(page)
+        ages = json.loads(page.look("JSON.stringify(ages)"))
+        sticks = {"with the picture": commands.delays(page)}
+        with watching(url, WATCHERS):
+            sticks[f"and {WATCHERS} watchers"] = commands.delays(page)
+        page.look("video.close()")
+        sticks["without"] = commands.delays(page)
+        page.close()
+        report = dive.report()
+    for name, share in (("p50", 0.5), ("p99", 0.99)):
+        for what, delays in sticks.items():
+            yield _figure(
+                f"stick to pilot/command, {what}, {name}", "ms", _share(delays, share),
+                baseline_name="goal", baseline=STICK_MS[name], goal=1.0,
+                note=f"{len(delays)} movements; a WebSocket alone {_share(alone, share):.1f} ms",
+            )  # fmt: skip
+    yield _figure(
+        "start to the first picture", "s", picture_s,
+        baseline_name="to the first state", baseline=state_s,
+    )  # fmt: skip
+    yield from _drawn(shown, quiet)
+    yield from _aged(ages, report)
+
+
+def _drawn(shown: dict[str, float], quiet: dict[str, float]) -> Iterator[Figure]:
+    yield _figure(
+        "time between two frames of the browser", "ms", 1e3 / max(shown["frames"], 1e-3),
+        baseline_name="an empty page", baseline=1e3 / max(quiet["frames"], 1e-3),
+    )  # fmt: skip
+    yield _figure("head-up display, drawn", "1/s", shown["hud"])
+    yield _figure("pictures, drawn", "1/s", shown["picture"])
+
+
+def _aged(ages: list[float], report: Report) -> Iterator[Figure]:
+    if report.picture is msgspec.UNSET:
+        raise LindyError("no picture was measured in the benchmark's dive")
+    measured = {"p50": report.picture.p50_ms, "p99": report.picture.p99_ms}
+    for name, share in (("p50", 0.5), ("p99", 0.99)):
+        yield _figure(
+            f"light to decoded in the page, {name}", "ms", _share(ages, share),
+            baseline_name="camera_monitor", baseline=measured[name],
+            note=f"{len(ages)} pictures",
+        )  # fmt: skip
+
+
+def _per_second(page: Any) -> dict[str, float]:
+    """[1/s] What the page draws, by COUNTERS."""
+    read = "JSON.stringify([performance.now(), drawn])"
+    began, before = json.loads(page.look(read))
+    time.sleep(WATCH_S)  # the browser is measured, not this
+    ended, after = json.loads(page.look(read))
+    return {name: (after[name] - before[name]) / (ended - began) * 1e3 for name in after}
+
+
+def _share(values: list[float], share: float) -> float:
+    if not values:
+        return float("inf")
+    return sorted(values)[min(len(values) - 1, int(share * len(values)))]
+
+
+def _until_it_listens(port: int, dive: StartedDive) -> None:
+    dive.until_said("cockpit: http")
+    deadline = time.monotonic() + 60.0
+    while time.monotonic() < deadline:
+        with socket.socket() as trying:
+            if trying.connect_ex(("127.0.0.1", port)) == 0:
+                return
+        time.sleep(0.05)  # another process does it, and nothing announces it
+    raise LindyError("the benchmark's cockpit does not listen")
+
+
+def _free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        return free.getsockname()[1]

@@ -1,0 +1,190 @@
+"""`docs/scale.md`, written from the measured points and the model. Pure, but for the points."""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import msgspec
+
+from lindy_research.scale.model import (
+    JOIN_S,
+    FleetJoin,
+    FleetPlan,
+    ScaleModel,
+    ScalePoint,
+    check,
+    core_routers,
+    fit,
+    halves,
+    load,
+)
+from lindy_research.scale.page_text import PAGE_TEXT
+from lindy_research.scale.traffic import FleetTraffic, flown, recorded, watched
+
+POINTS = Path(__file__).with_name("points.json")
+FLEETS = (20, 100, 1000)  # drones that the model is read for
+
+
+class MeasuredScale(msgspec.Struct, frozen=True):
+    """What a run of `--measure` found."""
+
+    where: str  # the computer, and how busy it was
+    points: list[ScalePoint]
+    joins: list[FleetJoin]
+
+
+def measured() -> MeasuredScale:
+    return msgspec.json.decode(POINTS.read_bytes(), type=MeasuredScale)
+
+
+def page() -> str:
+    """The whole page."""
+    found = measured()
+    fitted_to, checked_on = halves(found.points)
+    model = fit(fitted_to)
+    up, down, looked = flown("drone"), flown("topside"), watched()
+    thin = flown("drone", thinned=True)
+    return PAGE_TEXT.format(
+        where=found.where,
+        traffic=_traffic(
+            (
+                ("up, to its pilot", up),
+                ("up, over a thinned link", thin),
+                ("down, from its pilot", down),
+                ("up, to whoever records all (`lindy record`)", recorded()),
+                ("up, to whoever watches all (`lindy fleet`)", looked),
+            ),
+            model,
+        ),
+        model=_model(model),
+        fitted=_points(model, fitted_to),
+        checked=_points(model, checked_on),
+        joins=_joins(found.joins),
+        fleets=_fleets(model, up, down, looked, recorded()),
+        thinned=_fleets(model, thin, down, looked, recorded(thinned=True)),
+        capacity=f"{_capacity(model):,.0f}",
+        drones=f"{_capacity(model) / (up + down).messages_hz:,.0f}",
+    )
+
+
+def _capacity(model: ScaleModel) -> float:
+    """[1/s] Messages of one router that takes one core."""
+    return (1.0 - model.idle) / model.per_message
+
+
+def _table(heading: str, rows: Iterable[Sequence[str]]) -> str:
+    columns = heading.count("|") - 1
+    lines = [heading, "|" + "---|" * columns, *(f"| {' | '.join(row)} |" for row in rows)]
+    return "\n".join(lines)
+
+
+def _traffic(rows: Iterable[tuple[str, FleetTraffic]], model: ScaleModel) -> str:
+    return _table(
+        "| of one drone that is flown | messages/s | payload kB/s | on the wire kbit/s |",
+        (
+            (
+                name,
+                f"{traffic.messages_hz:.0f}",
+                f"{traffic.payload_hz / 1e3:.1f}",
+                f"{model.bits_hz(traffic) / 1e3:.0f}",
+            )
+            for name, traffic in rows
+        ),
+    )
+
+
+def _model(model: ScaleModel) -> str:
+    return _table(
+        "| fitted | |",
+        (
+            ("a router, while nobody speaks", f"{100 * model.idle:.2f} % of a core"),
+            ("a router, for each message that passes", f"{1e6 * model.per_message:.1f} µs"),
+            ("on the wire, for each message besides its payload", f"{model.overhead:.0f} bytes"),
+        ),
+    )
+
+
+def _points(model: ScaleModel, points: Sequence[ScalePoint]) -> str:
+    return _table(
+        "| drones | × rates | messages/s | router, cores | model | off | link kB/s | model | off "
+        "| p50 ms | p99 ms |",
+        (
+            (
+                f"{miss.point.drones}",
+                f"{miss.point.speed:g}",
+                f"{miss.point.messages_hz:.0f}",
+                f"{miss.point.cores:.3f}",
+                f"{miss.cores:.3f}",
+                f"{100 * miss.cores_off:+.0f} %",
+                _number(miss.point.wire_hz),
+                _number(miss.wire_hz),
+                "–" if miss.wire_off is None else f"{100 * miss.wire_off:+.0f} %",
+                f"{miss.point.p50_ms:.2f}",
+                f"{miss.point.p99_ms:.1f}",
+            )
+            for miss in check(model, points)
+        ),
+    )
+
+
+def _number(bytes_hz: float | None) -> str:
+    return "–" if bytes_hz is None else f"{bytes_hz / 1e3:.0f}"
+
+
+def _joins(joins: Sequence[FleetJoin]) -> str:
+    return _table(
+        "| drones that join at once | their hubs | known after s | both routers, s | idle, % |",
+        (
+            (
+                f"{join.drones}",
+                "clients" if join.clients else "routers, as they are",
+                f"not within {JOIN_S:.0f}" if join.seconds is None else f"{join.seconds:.1f}",
+                f"{join.router_s:.2f}",
+                f"{100 * join.idle_cores:.1f}",
+            )
+            for join in joins
+        ),
+    )
+
+
+def _fleets(
+    model: ScaleModel,
+    up: FleetTraffic,
+    down: FleetTraffic,
+    looked: FleetTraffic,
+    every: FleetTraffic,
+) -> str:
+    rows = [_fleet(model, FleetPlan(drones), up, down, looked, every) for drones in FLEETS]
+    return _table(
+        "| drones | routers at sites, centre, core | link of a site | router of a site, cores "
+        "| router of the centre, cores | core: messages/s | core: each, cores "
+        "| who watches all | who records all |",
+        rows,
+    )
+
+
+def _fleet(
+    model: ScaleModel,
+    plan: FleetPlan,
+    up: FleetTraffic,
+    down: FleetTraffic,
+    looked: FleetTraffic,
+    every: FleetTraffic,
+) -> tuple[str, ...]:
+    found = load(plan, up, down, looked)
+    cores = core_routers(plan, model, found.core)
+    each = FleetTraffic(found.core.messages_hz / cores, found.core.payload_hz / cores)
+    return (
+        f"{plan.drones:,}",
+        f"{plan.sites} + {plan.desks} + {cores}",
+        _megabits(model.bits_hz(found.site_up)),
+        f"{model.cores(found.site):.2f}",
+        f"{model.cores(found.desk):.2f}",
+        f"{found.core.messages_hz:,.0f}",
+        f"{model.cores(each):.2f}",
+        _megabits(model.bits_hz(found.watcher)),
+        _megabits(model.bits_hz(every.times(plan.drones))),
+    )
+
+
+def _megabits(bits_hz: float) -> str:
+    return f"{bits_hz / 1e6:,.2g} Mbit/s" if bits_hz < 1e7 else f"{bits_hz / 1e6:,.0f} Mbit/s"

@@ -1,1 +1,0 @@
-"""The link to the board: sockets, a serial port, and the MAVLink codec."""

@@ -1,1 +1,0 @@
-"""Sockets, and MAVLink's frames. The only place that knows pymavlink."""

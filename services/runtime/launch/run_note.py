@@ -1,0 +1,45 @@
+"""`run.json` in a dive's folder, by which other programs find the dive that is going on."""
+
+import os
+from collections.abc import Callable
+
+import msgspec
+
+from services.runtime.config.disk import reason
+from services.runtime.config.running import RUNNING, Running
+from services.runtime.launch.process_plan import ProcessPlan
+
+
+class RunNote:
+    """Removed at the end of the dive."""
+
+    def __init__(self, plan: ProcessPlan, warn: Callable[[str], None]) -> None:
+        self.shown = True  # False: `lindy ask` is to find another dive of this program
+        self.changes = False  # the pilot of this dive may take another drone
+        self._plan, self._warn = plan, warn
+        self._path = plan.stack.out_dir / RUNNING
+        self._pids: dict[str, int] = {}
+
+    def update(self, pids: dict[str, int]) -> None:
+        """Written atomically: on a full disk the older one stays.
+
+        Args:
+            pids: of the processes, by the names of their services and of the hubs.
+        """
+        if not self.shown or pids == self._pids:
+            return
+        self._pids = pids
+        plan, own = self._plan, os.getpid()
+        running = Running(
+            plan.stack.space, plan.endpoints, own, pids, str(plan.services.file), self.changes
+        )
+        fresh = self._path.with_name(f".{RUNNING}-{own}")
+        try:
+            fresh.write_bytes(msgspec.json.format(msgspec.json.encode(running)))
+            fresh.replace(self._path)
+        except OSError as error:
+            fresh.unlink(missing_ok=True)
+            self._warn(f"cannot write {self._path}: {reason(error)}")
+
+    def remove(self) -> None:
+        self._path.unlink(missing_ok=True)

@@ -1,0 +1,213 @@
+"""The vehicle at one instant as a pilot sees it, from the newest messages, whatever their ages."""
+
+import math
+from typing import Any, NamedTuple
+
+import msgspec
+from msgspec import UNSET, UnsetType
+
+from messages import topics
+from messages.link import Clock, LatencyBudget, LinkStatus
+from messages.message import Estimate
+from messages.reference import Reference
+from messages.sensors import BatterySample
+from messages.state import VehicleState
+from messages.units import Ns
+from messages.vehicle import Reaction, VehicleStatus
+from services.vehicle_view import ages
+
+# What a failsafe makes the drone do once it is at rest, in a word or two.
+DOES: dict[Reaction, str] = {
+    "stop": "holding",
+    "ascend": "rising",
+    "surface": "staying at the surface",
+}
+
+
+class Newest(NamedTuple):
+    """The newest message of each stream, however old; None: none yet."""
+
+    status: VehicleStatus | None = None
+    state: VehicleState | None = None
+    reference: Reference | None = None
+    battery: BatterySample | None = None
+    link: LinkStatus | None = None
+    clock: Clock | None = None
+    latency: LatencyBudget | None = None
+
+
+class VehicleView(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """In the pilot's units, rounded as far as he reads them. Unknown is None, never 0."""
+
+    activity: str = ""  # as in VehicleStatus; empty: not known
+    doing: str = ""  # the same in words, or what a failsafe makes the drone do
+    flight_mode: str = ""  # what the drone holds by itself
+    armed: bool = False
+    silent_s: float | None = None  # [s] no status for so long: all of it is the last known
+    failsafe: str = "none"  # the condition that acts
+    since_s: float | None = None  # [s] since that began
+    next_s: float | None = None  # [s] until its next reaction
+    resumable: bool = False
+    words: str = ""  # what is lost, what the drone does, and what ends it
+    note: str = ""
+    pilot: str = ""  # who has control; empty: nobody
+    light: float | None = None  # [-] 0 … 1
+    depth_m: float | None = None  # positive down
+    depth_wanted_m: float | None = None
+    depth_rate: float | None = None  # [m/s]
+    heading_deg: float | None = None  # [0, 360)
+    heading_wanted_deg: float | None = None
+    roll_deg: float | None = None  # + right side down
+    pitch_deg: float | None = None  # + nose up
+    tilt_deg: float | None = None  # camera, + upwards
+    age_ms: float | None = None  # [ms] of depth, heading, roll and pitch
+    battery_v: float | None = None  # [V]
+    used_wh: float | None = None  # [Wh] since power-on
+    capacity_wh: float | None = None  # [Wh] when full
+    charge: float | None = None  # [-] left of the battery's capacity
+    link_up: bool | None = None
+    down_ms: float | None = None  # [ms] median delay to the drone
+    up_ms: float | None = None  # [ms] median delay to the pilot
+    rtt_ms: float | None = None
+    loss: float | None = None  # [-] the worse direction's
+    lost: int = 0  # messages the link has dropped
+    stick_ms: float | None = None  # [ms] from the stick to the thruster
+    screen_ms: float | None = None  # [ms] from the sensor to the screen
+    alarm: str = ""  # what is wrong with the link
+
+    @property
+    def last_known(self) -> bool:
+        return self.silent_s is not None
+
+    @property
+    def acts(self) -> bool:
+        """Does a failsafe act? Then the sticks move nothing."""
+        return self.failsafe != "none"
+
+    @property
+    def old(self) -> bool:
+        """Depth, heading, roll and pitch are to be shown as old."""
+        return self.age_ms is not None and self.age_ms > ages.STATE.grey_ns / 1e6
+
+
+def vehicle_view(newest: Newest, now: Ns) -> VehicleView:
+    """`now` [ns]."""
+    battery = ages.shown(topics.BATTERY, newest.battery, now)
+    known = _status(newest.status, now) | _motion(newest, now)  # what the state says goes before
+    return VehicleView(**known, **_battery(battery), **_link(newest, now))
+
+
+def _status(status: VehicleStatus | None, now: Ns) -> dict[str, Any]:
+    if status is None:
+        return {}
+    known: dict[str, Any] = {
+        "activity": status.activity,
+        "doing": _doing(status),
+        "armed": status.armed,
+        "failsafe": status.failsafe,
+        "words": status.words,
+        "pilot": status.pilot,
+        "depth_m": _known(status.depth),
+        "heading_deg": None if status.heading is UNSET else _compass(status.heading),
+    }
+    if ages.old(ages.STATUS, status.stamp_ns, now):
+        return known | {"silent_s": round((now - status.stamp_ns) / 1e9, 1)}
+    return known | {
+        "flight_mode": status.flight_mode,
+        "light": round(status.light, 3),
+        "since_s": _seconds(status.since_ns, now),
+        "next_s": _seconds(now, status.next_ns),
+        "resumable": status.resumable,
+        "note": status.note,
+    }
+
+
+def _doing(status: VehicleStatus) -> str:
+    stops = status.activity == "stopping" and status.reaction == "stop"
+    return status.activity if stops else DOES.get(status.reaction or "notice", status.activity)
+
+
+def _motion(newest: Newest, now: Ns) -> dict[str, Any]:
+    state = ages.shown(topics.STATE, newest.state, now)
+    reference = ages.shown(topics.REFERENCE, newest.reference, now)
+    found: dict[str, Any] = {}
+    if newest.state is not None:  # rather unknown than from the status, which is older
+        found |= {"depth_m": None, "heading_deg": None}
+    if state is not None:
+        found = {
+            "depth_m": _value(state.depth),
+            "depth_rate": _value(state.depth_rate),
+            "heading_deg": _compass(state.heading.value) if state.heading.valid else None,
+            "roll_deg": _degrees(state.roll),
+            "pitch_deg": _degrees(state.pitch),
+            "age_ms": max(0.0, round((now - state.sensor_ns) / 1e6, 1)),
+        }
+    if reference is not None:
+        found |= {
+            "depth_wanted_m": round(reference.depth.position, 3),
+            "heading_wanted_deg": _compass(reference.heading.position),
+            "tilt_deg": round(math.degrees(reference.tilt.position), 1),
+        }
+    return found
+
+
+def _battery(battery: BatterySample | None) -> dict[str, Any]:
+    if battery is None:
+        return {}
+    return {
+        "battery_v": round(battery.voltage, 2),
+        "used_wh": round(battery.used_wh, 1),
+        "capacity_wh": battery.capacity_wh,
+        "charge": None if battery.charge is None else round(max(0.0, battery.charge), 3),
+    }
+
+
+def _link(newest: Newest, now: Ns) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    if (link := ages.shown(topics.LINK, newest.link, now)) is not None:
+        losses = [d.loss for d in (link.down_link, link.up_link) if d.loss is not None]
+        found = {
+            "link_up": link.up,
+            "down_ms": _tenth(link.down_link.delay_p50_ms),
+            "up_ms": _tenth(link.up_link.delay_p50_ms),
+            "rtt_ms": _tenth(link.rtt_ms),
+            "loss": round(max(losses), 3) if losses else None,
+            "lost": link.down_link.dropped + link.up_link.dropped,
+        }
+    if (clock := ages.shown(topics.CLOCK, newest.clock, now)) is not None:
+        found["rtt_ms"] = _tenth(clock.rtt_ms)
+    if (latency := ages.shown(topics.LATENCY, newest.latency, now)) is not None:
+        found |= {
+            "stick_ms": _tenth(latency.stick_to_thruster_ms),
+            "screen_ms": _tenth(latency.sensor_to_screen_ms),
+            "alarm": latency.alarm,
+        }
+    return found
+
+
+def _known(value: float | UnsetType) -> float | None:
+    return None if value is UNSET else round(value, 3)
+
+
+def _value(estimate: Estimate) -> float | None:
+    return round(estimate.value, 3) if estimate.valid else None
+
+
+def _degrees(estimate: Estimate) -> float | None:
+    return round(math.degrees(estimate.value), 1) if estimate.valid else None
+
+
+def _compass(heading: float) -> float:
+    """[deg] From a heading in radians that accumulates, as it is shown: 0.0 … 359.9."""
+    return round(math.degrees(heading), 1) % 360.0  # rounded first: 359.96 is 0.0, not 360.0
+
+
+def _seconds(since_ns: Ns | None, until_ns: Ns | None) -> float | None:
+    """[s] From one instant to another."""
+    if since_ns is None or until_ns is None:
+        return None
+    return round((until_ns - since_ns) / 1e9, 1)
+
+
+def _tenth(number: float | None) -> float | None:
+    return None if number is None else round(number, 1)

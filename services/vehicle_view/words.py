@@ -1,0 +1,105 @@
+"""The words for what a pilot sees, the same on every screen. Pure."""
+
+from typing import Literal, NamedTuple
+
+from messages.events import FAILSAFE_ACTED, short
+from services.vehicle_view.view import VehicleView
+
+UNKNOWN = "–"
+# Armed is amber everywhere: the propellers may turn, which asks for care. Red is for danger alone,
+# and an armed drone is in none.
+Tone = Literal["plain", "warning", "alarm"]
+
+
+STOPPING = "stopping: centre the sticks; they act again once the drone is at rest"
+
+
+class Said(NamedTuple):
+    """A sentence for the pilot."""
+
+    text: str
+    tone: Tone = "alarm"
+
+
+def said(view: VehicleView) -> list[Said]:
+    """What is wrong, the gravest first, as what is lost, what the drone does, and what ends it."""
+    acts = ": ".join(filter(None, (failsafe(view), acting(view))))
+    found = [*([acts] if acts else []), *([f"LINK {view.alarm}"] if view.alarm else [])]
+    return [*map(Said, found), *(Said(note, "warning") for note in notes(view))]
+
+
+def acting(view: VehicleView) -> str:
+    """What is lost, what the drone does now, and what ends it; empty: nothing acts."""
+    return f"{known(view)}{view.words}" if view.words else ""
+
+
+def notes(view: VehicleView) -> list[str]:
+    """What the pilot has to know and what is no alarm."""
+    stopping = view.activity == "stopping" and not view.acts
+    silence = "" if view.silent_s is None else f"no status from the drone for {view.silent_s:.0f} s"
+    return [*filter(None, (STOPPING if stopping else "", silence, view.note))]
+
+
+def number(value: float | None, form: str) -> str:
+    return UNKNOWN if value is None else format(value, form)
+
+
+def known(view: VehicleView) -> str:
+    """What stands before the state of a drone that is not heard any more."""
+    return "last known: " if view.last_known else ""
+
+
+def armed(view: VehicleView) -> str:
+    return UNKNOWN if not view.activity else "ARMED" if view.armed else "DISARMED"
+
+
+def failsafe(view: VehicleView) -> str:
+    """What acts, since when, and when it does more; empty: nothing."""
+    coming = "" if view.next_s is None else f"in {max(0.0, view.next_s):.0f} s"
+    if not view.acts:
+        return f"FAILSAFE {coming}" if coming else ""
+    since = "" if view.since_s is None else f" for {view.since_s:.0f} s"
+    name = short(FAILSAFE_ACTED(view.failsafe).name)
+    return f"FAILSAFE {name}{since}" + (f", next {coming}" if coming else "")
+
+
+def doing(view: VehicleView) -> str:
+    return view.doing.replace("_", " ") or UNKNOWN
+
+
+def flight_mode(view: VehicleView) -> str:
+    return view.flight_mode.replace("_", " ") or UNKNOWN
+
+
+def sticks(view: VehicleView, *, yours: bool = False) -> str:
+    """Whom the drone obeys.
+
+    Args:
+        yours: the reader is in control.
+    """
+    if not view.activity:
+        return UNKNOWN
+    if view.acts:
+        return "failsafe: the sticks do nothing"
+    return "you have the sticks" if yours else f"{view.pilot or 'nobody'} has the sticks"
+
+
+def old(view: VehicleView) -> str:
+    """That depth and heading are old, and by how much; empty: they are not."""
+    return f"{(view.age_ms or 0.0) / 1e3:.1f} s old" if view.old else ""
+
+
+def numbers(view: VehicleView) -> tuple[tuple[str, str], ...]:
+    """What a pilot looks at now and then, as (label, text): every screen shows all of it."""
+    light = UNKNOWN if view.light is None else f"{100.0 * view.light:.0f} %"
+    return (("battery", battery(view)), ("light", light))
+
+
+def battery(view: VehicleView) -> str:
+    """`15.9 V, 80 %`: what is left, or what was used where nobody knows how much there was."""
+    if view.battery_v is None:
+        return UNKNOWN
+    words = f"{view.battery_v:.1f} V"
+    if view.charge is not None:
+        return f"{words}, {100.0 * view.charge:.0f} %"
+    return words if view.used_wh is None else f"{words}, {view.used_wh:.1f} Wh used"

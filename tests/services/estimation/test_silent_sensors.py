@@ -1,0 +1,57 @@
+"""A sensor that was heard and falls silent is counted, once for each silence."""
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from messages.events import Outbox
+from messages.sensors import DvlSample, ImuSample, MagnetometerSample, PressureSample, UsblSample
+from services.estimation.core import Estimator, Settings
+from services.estimation.sensor_watch import SensorWatch
+from services.estimation.startup.calibration import CalibrationSettings
+from services.marine.vehicle import GRAVITY
+
+MS = 1_000_000  # [ns]
+PATIENCE = 2.0  # [s]
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.lists(st.integers(1, 6000), min_size=1, max_size=20))
+def test_each_silence_beyond_the_patience_is_counted_once(gaps: list[int]) -> None:
+    outbox = Outbox()
+    watch = SensorWatch("sensor/x", 1e3, outbox, silent_after=PATIENCE)
+    at = 0
+    watch.judge((0.0,), at * MS)
+    for k, gap in enumerate(gaps, start=1):
+        for ms in range(at, at + gap, 50):
+            watch.trouble(ms * MS)
+        watch.trouble((at + gap) * MS)
+        at += gap
+        watch.judge((float(k),), at * MS)
+    assert outbox.counts["silent:sensor/x"] == sum(gap > PATIENCE * 1000 for gap in gaps)
+
+
+def test_a_sensor_that_was_never_heard_is_absent_and_not_silent() -> None:
+    outbox = Outbox()
+    watch = SensorWatch("sensor/x", 1e3, outbox, silent_after=PATIENCE)
+    watch.trouble(10**12)
+    assert not outbox.counts
+
+
+def test_the_estimator_counts_its_silent_aids_and_its_compass() -> None:
+    estimator = Estimator(Settings(calibration=CalibrationSettings(still_time=1.0)), 0.17)
+    for k in range(1, 4000):
+        now, wave = 10 * k * MS, 1e-3 * (k % 7)
+        rate = (1e-4 * wave, 0.0, 0.0)
+        if k % 2:
+            estimator.pressure(PressureSample(stamp_ns=now, pressure=101_900.0 + wave))
+        if k < 1000:
+            estimator.magnetometer(
+                MagnetometerSample(stamp_ns=now, field=(15e-6, wave * 1e-6, 49e-6))
+            )
+        if k < 1000 and k % 100 == 0:
+            estimator.dvl(DvlSample(stamp_ns=now, velocity=(wave, 0.0, 0.0), std=0.01))
+            estimator.usbl(UsblSample(stamp_ns=now, north=wave, east=0.0, std=0.5))
+        imu = ImuSample(stamp_ns=now, specific_force=(0.0, wave, -GRAVITY), angular_rate=rate)
+        estimator.imu(imu, now)
+    for name in ("magnetometer", "dvl", "usbl"):
+        assert estimator.outbox.counts[f"silent:sensor/{name}"] == 1

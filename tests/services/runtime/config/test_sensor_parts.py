@@ -1,0 +1,122 @@
+"""Sensors that a vehicle file names: their figures lie under what it states."""
+
+from pathlib import Path
+
+import pytest
+
+from services.estimation.settings import Settings as Estimation
+from services.runtime.config.errors import LindyError
+from services.runtime.config.sensor_parts import NamedSensors, read_part
+from services.runtime.config.settings import DEPLOY, convert, reading_copies
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import Registry
+from services.simulator.settings import Settings as Simulator
+from tools.checks import known_tables
+
+PARTS = sorted((DEPLOY / "sensors").glob("*.toml"))
+OF_KIND = {"imu": ("imu", "gyro", "accelerometer"), "pressure": ("pressure",)}
+
+
+@pytest.mark.parametrize("path", PARTS, ids=lambda path: path.stem)
+def test_every_shipped_part_is_valid_and_has_figures_of_its_kind_alone(path: Path) -> None:
+    part = read_part(path)
+    assert part.kind in NamedSensors.__struct_fields__
+    convert(part.simulator, Simulator, "simulator", path)
+    convert(part.estimation, Estimation, "estimation", path)
+    assert part.simulator
+    kinds = OF_KIND.get(part.kind, (part.kind,))
+    assert all(key.split("_")[0] in kinds for key in part.simulator)
+    assert path.read_text().startswith("# "), "where its figures come from"
+
+
+def test_a_parts_figures_count_where_the_vehicle_states_none() -> None:
+    stack = Stack(overrides=["sensors.imu=mpu-6000", "simulator.gyro_noise=1e-5"])
+    found, part = stack.section("simulator", Simulator), read_part(DEPLOY / "sensors/mpu-6000.toml")
+    assert found.accelerometer_noise == part.simulator["accelerometer_noise"]
+    assert found.gyro_noise == 1e-5
+    assert found.pressure_std == 500.0  # of the vehicle file, beside it
+    told = stack.section("estimation", Estimation)
+    assert told.depth.acceleration_noise == part.estimation["depth"]["acceleration_noise"]
+    assert told.depth.pressure_std == 500.0
+
+
+def test_naming_its_parts_changed_nothing_about_the_bluerov2() -> None:
+    stack = Stack(vehicle="bluerov2_heavy")
+    sensors = stack.section("simulator", Simulator)
+    named = ("gyro", "accelerometer", "magnetometer")
+    for field in Simulator.__struct_fields__:
+        if field.split("_")[0] in named and field != "magnetometer_rate":
+            assert getattr(sensors, field) == getattr(Simulator(), field), field
+    assert (sensors.pressure_std, sensors.pressure_step) == (100.0, 20.0)
+    told = stack.section("estimation", Estimation).depth
+    assert (told.pressure_std, told.acceleration_noise) == (200.0, 0.0016)
+
+
+@pytest.mark.parametrize(
+    ("option", "sentence"),
+    [
+        ("sensors.imu=icm-2062", "unknown part 'icm-2062'; did you mean 'icm-20602'? known: bno"),
+        ("sensors.imu=mmc5983", "'mmc5983' is of the kind 'magnetometer'; known: bno085, icm-"),
+        ("sensors.pressure=none.toml", "there is no file none.toml"),
+        ("sensors.dvl=a50", "unknown key; known: imu, magnetometer, pressure"),
+        ("sensors=3", "expected a table, found 3; its keys: imu, magnetometer, pressure"),
+        ("sensors.imu=3", "expected str | null, got int, found 3"),
+    ],
+)
+def test_a_part_that_there_is_not_is_one_sentence_about_the_option(
+    option: str, sentence: str
+) -> None:
+    stack = Stack(overrides=[option])
+    for ask in (
+        lambda: stack.section("simulator", Simulator),
+        lambda: stack.check(known_tables(Registry.read())),
+    ):
+        with pytest.raises(LindyError) as told:
+            ask()
+        assert sentence in str(told.value)
+        assert str(told.value).startswith(f"--set {option}: ")
+        assert "\n" not in str(told.value)
+
+
+def vehicle_with(tmp_path: Path, part: str) -> Stack:
+    """The Pioneer with a part of one's own as its IMU."""
+    (tmp_path / "mine.toml").write_text(part)
+    path, body = tmp_path / "vehicle.toml", (DEPLOY / "vehicles/pioneer.toml").read_text()
+    path.write_text(f'[sensors]\nimu = "{tmp_path}/mine.toml"\n\n{body}')
+    return Stack(vehicle=str(path))
+
+
+def test_a_part_may_be_ones_own_and_is_kept_with_the_dive(tmp_path: Path) -> None:
+    stack = vehicle_with(tmp_path, 'kind = "imu"\n[simulator]\ngyro_noise = 3e-4\n')
+    stack.check(known_tables(Registry.read()))
+    assert stack.section("simulator", Simulator).gyro_noise == 3e-4
+    assert tmp_path / "mine.toml" in stack.files
+    copy = tmp_path / "copy"
+    copy.write_text('kind = "imu"\n[simulator]\ngyro_noise = 5e-4\n')
+    (tmp_path / "mine.toml").unlink()
+    with reading_copies({str(tmp_path / "mine.toml"): str(copy)}):
+        assert stack.section("simulator", Simulator).gyro_noise == 5e-4
+
+
+@pytest.mark.parametrize(
+    ("part", "sentence"),
+    [
+        (
+            'kind = "imu"\n[simulator]\ngyro_nose = 1',
+            "mine.toml:3: simulator.gyro_nose: unknown key",
+        ),
+        (
+            'kind = "imu"\n[simulator]\ngyro_noise = -1',
+            "mine.toml:3: simulator.gyro_noise: expected",
+        ),
+        ('kind = "imu"\n[control]\nkp = 1', "mine.toml:2: control: unknown key"),
+        ("[simulator]", "mine.toml: this file: the key kind is missing"),
+        ('kind = "compass"', "is of the kind 'compass'; known: bno085"),
+        ("kind = ", "mine.toml: not valid TOML"),
+    ],
+)
+def test_a_mistake_in_a_part_names_its_file(tmp_path: Path, part: str, sentence: str) -> None:
+    with pytest.raises(LindyError) as told:
+        vehicle_with(tmp_path, part).section("simulator", Simulator)
+    assert sentence in str(told.value)
+    assert "\n" not in str(told.value)

@@ -1,0 +1,68 @@
+"""A process that runs without answering is named, once each time, and no other one is."""
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from services.runtime.launch.hang_detector import LATE_S, SILENT_S, HangDetector, SilenceChange
+from services.runtime.launch.lifecycle import Life, Phase
+
+STEP_NS = 100_000_000  # [ns] between two looks
+PATIENCE_S = 3.0
+PHASES: tuple[Phase, ...] = ("waiting", "running", "stopping", "ended")
+STORIES = st.lists(
+    st.tuples(st.booleans(), st.sampled_from(PHASES), st.booleans(), st.integers(1, 60)),
+    max_size=10,
+)  # does its loop go round, in which phase, was it started again, for how many looks
+
+
+@settings(max_examples=300, deadline=None)
+@given(STORIES, st.sampled_from([SILENT_S, PATIENCE_S]))
+def test_only_a_life_that_has_beaten_and_then_stopped_is_named(
+    story: list[tuple[bool, Phase, bool, int]], patience_s: float
+) -> None:
+    answering = HangDetector({"control": patience_s})
+    now, life, beat, named, given_up = 0, Life(lives=1), None, False, False
+    for beats, phase, again, looks in story:
+        life = Life(phase=phase, lives=life.lives + again, at=now if again else life.at)
+        for _ in range(looks):
+            now += STEP_NS
+            beat = now if beats else beat
+            changes = answering.look({"control": beat}, {"control": life}, now)
+            judged = phase == "running" and beat is not None and beat >= life.at
+            silence_s = 0.0 if beat is None else (now - max(beat, STEP_NS)) / 1e9
+            silent = judged and silence_s > SILENT_S
+            hopeless = judged and silence_s > max(SILENT_S, patience_s)
+            expected = [
+                *([SilenceChange("control", "silent")] if silent and not named else []),
+                *([SilenceChange("control", "hopeless")] if hopeless and not given_up else []),
+                *([SilenceChange("control", "again")] if judged and named and not silent else []),
+            ]
+            assert changes == expected
+            assert ("control" in answering.silent) == silent
+            named, given_up = silent, hopeless
+
+
+def test_a_computer_that_was_asleep_is_nobodys_fault() -> None:
+    answering, life = HangDetector(), {"control": Life(phase="running", lives=1)}
+    assert answering.look({"control": 0}, life, 0) == []
+    asleep = round((LATE_S + 100.0) * 1e9)
+    assert answering.look({"control": 0}, life, asleep) == []
+    soon = asleep + round(0.9 * SILENT_S * 1e9)
+    for now in range(asleep, soon, STEP_NS):
+        assert answering.look({"control": 0}, life, now) == []
+    late = [
+        change
+        for now in range(soon, soon + 2 * STEP_NS, STEP_NS // 2)
+        for change in answering.look({"control": 0}, life, now)
+    ]
+    assert [change.what for change in late] == ["silent", "hopeless"]
+
+
+def test_each_time_is_counted() -> None:
+    answering, life, now = HangDetector({"control": 1e3}), {"control": Life("running", lives=1)}, 0
+    for times in range(1, 4):
+        beat = now + STEP_NS
+        for _ in range(20):
+            now += STEP_NS
+            answering.look({"control": beat}, life, now)
+        assert answering.times == {"control": times}

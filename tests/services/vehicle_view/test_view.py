@@ -1,0 +1,79 @@
+"""The vehicle as a pilot sees it: what is old is said so, what is gone is not shown, and in a
+failsafe nobody has the sticks."""
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from messages import topics
+from messages.message import Estimate
+from messages.sensors import BatterySample
+from messages.state import VehicleState
+from messages.vehicle import Failsafe, Reaction, VehicleStatus
+from services.vehicle_view import ages, words
+from services.vehicle_view.ages import GONE_AT_LEAST_NS, GREY_AT_LEAST_NS
+from services.vehicle_view.view import Newest, vehicle_view
+
+S = 1_000_000_000
+FAILSAFES: list[Failsafe] = ["leak", "state_lost", "pilot_lost", "link_lost"]
+REACTIONS: list[Reaction] = ["stop", "ascend", "surface"]
+
+
+def status(**fields: object) -> VehicleStatus:
+    return VehicleStatus(**({"stamp_ns": 0, "activity": "piloted", "armed": True} | fields))  # type: ignore[arg-type]
+
+
+def state(depth: float = 3.0) -> VehicleState:
+    one = Estimate(depth, 0.1)
+    return VehicleState(
+        stamp_ns=0, sensor_ns=0, phase="running", depth=one, depth_rate=one,
+        depth_acceleration=one, heading=one, yaw_rate=one, roll=one,
+        pitch=one, attitude=(1.0, 0.0, 0.0, 0.0), heading_navigation=None,
+    )  # fmt: skip
+
+
+def test_the_age_table_is_that_of_the_topic_table():
+    for topic in topics.ALL:
+        if topic.stale_after_ns is None:
+            continue
+        grey, gone = ages.ages(topic)
+        assert topic.stale_after_ns <= grey < gone
+        assert grey >= GREY_AT_LEAST_NS
+        assert gone >= GONE_AT_LEAST_NS
+
+
+@given(st.integers(0, 20 * S))
+def test_what_is_old_is_said_so_and_what_is_gone_is_not_shown(now: int):
+    battery = BatterySample(stamp_ns=0, voltage=15.0, current=1.0, used_wh=66.5, capacity_wh=266.0)
+    view = vehicle_view(Newest(status=status(), state=state(), battery=battery), now)
+    assert (view.depth_m is None) == (now > ages.STATE.gone_ns)
+    assert view.old == bool(words.old(view)) == (ages.STATE.grey_ns < now <= ages.STATE.gone_ns)
+    assert (view.charge is None) == (now > ages.BATTERY.gone_ns)
+    assert view.charge in (None, 0.75)
+    assert view.last_known == (now > ages.STATUS.grey_ns)
+    assert view.armed  # as far as anybody knows
+
+
+@given(st.sampled_from(FAILSAFES), st.sampled_from(REACTIONS), st.booleans(), st.text(max_size=9))
+def test_in_a_failsafe_nobody_is_told_that_he_has_the_sticks(
+    failsafe: Failsafe, reaction: Reaction, yours: bool, pilot: str
+):
+    acts = status(failsafe=failsafe, reaction=reaction, words="what", pilot=pilot, since_ns=0)
+    view = vehicle_view(Newest(status=acts), S // 2)
+    assert "has the sticks" not in words.sticks(view, yours=yours)
+    assert "you have" not in words.sticks(view, yours=yours)
+    assert view.doing != "piloted"
+    assert words.said(view)[0].tone == "alarm"
+    assert words.said(view)[0].text.endswith(": what")
+
+
+def test_a_pilot_who_has_stopped_the_drone_is_told_to_centre_the_sticks():
+    view = vehicle_view(Newest(status=status(activity="stopping")), 0)
+    assert [each.text for each in words.said(view)] == [words.STOPPING]
+
+
+@given(st.none() | st.floats(0.0, 1e4), st.floats(0.0, 1e4))
+def test_charge_is_known_where_the_capacity_is(capacity: float | None, used: float):
+    sample = BatterySample(stamp_ns=0, voltage=1.0, current=0.0, used_wh=used, capacity_wh=capacity)
+    charge = vehicle_view(Newest(battery=sample), 0).charge
+    assert (charge is None) == (not capacity)
+    assert charge is None or 0.0 <= charge <= 1.0

@@ -1,0 +1,60 @@
+"""`docs/failsafes.md`, written from the failsafe table itself (`make docs`)."""
+
+from pathlib import Path
+
+from messages.vehicle import Reaction
+from services.reference.failsafe.table import FailsafeRow, FailsafeStage, table
+from services.reference.settings import FailsafeSettings
+
+HEADING = """# Failsafes
+
+What the drone watches, what it does by itself, and what ends that. Written by `make docs` from
+`services/reference/failsafe/table.py`; do not edit.
+
+The drone acts on board, in the service `reference`, so it needs no link. Times and thresholds are
+the defaults of the table `[reference.failsafe]` of a vehicle file. Every motion of a failsafe is a
+reference like any other: within the limits of the vehicle's acceleration and jerk.
+
+- **notice**: the pilot reads it, on the screen and in `vehicle/status`. Nothing else happens.
+- **limit**: the reference comes to rest at the depth limit and goes no deeper; `goto` and `follow`
+  below it are refused.
+- **stop**: it comes to rest smoothly, and holds depth, heading and, where it was held, position.
+- **ascend**: it rises at `ascent_speed` to `surface_depth`, and stays there (**surface**). It
+  waits while there is no state, and does not go down where it is higher already.
+
+Of several conditions the gravest reaction acts, and all are listed. Notice and limit end with their
+condition. The others end by a deliberate act of the pilot alone: `resume` (the arm button of the
+pad, Enter on the keyboard, `lindy ask resume`), or `disarm`. Moving sticks do nothing until then,
+and act at once afterwards. `resume` is refused while the condition still holds, except where the
+table says "at any time": who resumes then has overruled it, and it does not act again until it has
+ended or become worse. A script resumes by itself as soon as its conditions have ended.
+
+| condition | the pilot reads | when | what the drone does | ended by | what to do |
+|---|---|---|---|---|---|
+"""
+
+
+def page() -> str:
+    """The whole page."""
+    return HEADING + "".join(f"{_line(row)}\n" for row in table(FailsafeSettings()))
+
+
+def _line(row: FailsafeRow) -> str:
+    stages = ", then ".join(map(_stage, row.stages))
+    c = row.condition
+    cells = (f"`{c.name}`", c.sentence, row.measured, stages, row.ends_by, c.noticed.to_do)
+    return f"| {' | '.join(cells)} |".replace("|  |", "| |")
+
+
+def _stage(stage: FailsafeStage) -> str:
+    last: dict[Reaction, str] = {"ascend": "ascend and stay at the surface"}
+    does = last.get(stage.reaction, stage.reaction)
+    return does if stage.after == 0.0 else f"after {stage.after:g} s {does}"
+
+
+def main() -> None:
+    Path("docs/failsafes.md").write_text(page(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,91 @@
+"""Real dives for the benchmarks: `lindy` started as a user does, and watched from outside."""
+
+import subprocess
+import sys
+import time
+from collections.abc import Collection, Generator
+from contextlib import contextmanager
+from pathlib import Path
+
+import msgspec
+
+from services.runtime.config.errors import LindyError
+from services.runtime.config.running import RUNNING, Running
+from tests.support.patience import PATIENCE_S, until
+from tests.support.processes import Cost, costs
+from tools.report.report import Report
+
+SETTLE_S = 2.0  # [s] after arming, before it is watched
+WATCH_S = 12.0  # [s] of steady flight
+QUICK = ("--set", "estimation.calibration.still_time=3")  # [s] less to wait for
+PILOT = ("--pilot", "script:first_dive")  # a minute and a half
+HAS_STICKS = "has the sticks"  # the pilot's line when the drone is armed
+
+
+class StartedDive:
+    """One `lindy` command that is running. Its folder is `out`."""
+
+    def __init__(self, out: Path, words: Collection[str]) -> None:
+        self._out, self._screen = out, out.with_suffix(".txt")
+        command = [sys.executable, "-P", "-m", "tools", *words, *QUICK, "--out", str(out)]
+        with self._screen.open("w") as screen:
+            self._process = subprocess.Popen(
+                command, stdin=subprocess.DEVNULL, stdout=screen, stderr=subprocess.STDOUT
+            )
+
+    def until_said(self, text: str) -> None:
+        """Wait for a line on its screen.
+
+        Raises:
+            LindyError: it ended.
+        """
+
+        def require_running() -> None:
+            if self._process.poll() is not None:
+                last = (self._screen.read_text().strip().splitlines() or ["it printed nothing"])[-1]
+                raise LindyError(f"a dive of the benchmark does not get to {text!r}: {last}")
+
+        until(lambda: text in self._screen.read_text(), self._screen.read_text, require_running)
+
+    def pids(self) -> dict[str, int]:
+        """Its supervisor, hubs and services; of services that share a process, one."""
+        running = msgspec.json.decode((self._out / RUNNING).read_bytes(), type=Running)
+        by_pid = {pid: name for name, pid in running.pids.items()}
+        return {name: pid for pid, name in by_pid.items()} | {"supervisor": running.supervisor}
+
+    def spares(self) -> list[int]:
+        """Its processes that wait to be needed."""
+        tasks = Path(f"/proc/{self._process.pid}/task").glob("*/children")
+        started = [int(pid) for file in tasks for pid in file.read_text().split()]
+        return [pid for pid in started if pid not in self.pids().values()]
+
+    def report(self) -> Report:
+        """End it, and read its report."""
+        self.end()
+        return msgspec.json.decode((self._out / "report.json").read_bytes(), type=Report)
+
+    def end(self) -> None:
+        """As Ctrl-C does."""
+        if self._process.poll() is None:
+            self._process.terminate()
+            self._process.wait(PATIENCE_S)
+
+
+@contextmanager
+def started(out: Path, *words: str) -> Generator[StartedDive]:
+    dive = StartedDive(out, words)
+    try:
+        yield dive
+    finally:
+        dive.end()
+
+
+def watched(dives: Collection[StartedDive], pilots: Collection[StartedDive]) -> dict[str, Cost]:
+    """What each process of these dives costs, while all pilots fly."""
+    for pilot in pilots:
+        pilot.until_said(HAS_STICKS)
+    time.sleep(SETTLE_S)  # the first seconds after arming are not steady
+    return costs(
+        {f"{n}/{name}": pid for n, dive in enumerate(dives) for name, pid in dive.pids().items()},
+        WATCH_S,
+    )

@@ -1,0 +1,169 @@
+"""Logs of ArduSub and of a ground station become recordings; those of other vehicles do not."""
+
+import os
+from math import radians
+from pathlib import Path
+
+import pytest
+
+from messages.pilot import PilotCommand
+from messages.sensors import ImuSample, MagnetometerSample, PressureSample
+from messages.vehicle import VehicleEstimate, VehicleStatus
+from services.marine.vehicle import GRAVITY
+from tests.tools.test_cli_verbs import complaint
+
+from .logs import (
+    BEGAN_NS,
+    IMU_HZ,
+    SECONDS,
+    SLOW_HZ,
+    S,
+    dataflash,
+    messages,
+    odd,
+    report,
+    tlog,
+)
+from .test_rosbags import imported
+
+CHANGED_S = 1_650_000_000  # [s] UTC at which a file was changed last
+
+
+def estimates(folder: Path) -> list[VehicleEstimate]:
+    found = [one.message for one in messages(folder, "vehicle/estimate")]
+    return [one for one in found if isinstance(one, VehicleEstimate)]
+
+
+def test_a_dataflash_log_has_everything_in_si(tmp_path: Path) -> None:
+    log = dataflash(tmp_path / "1.BIN")
+    os.utime(log, (CHANGED_S, CHANGED_S))
+    out = imported(log, tmp_path / "dive")
+    samples = messages(out, "sensor/imu")
+    assert len(samples) == SECONDS * IMU_HZ  # of the first IMU alone
+    first = samples[0].message
+    assert isinstance(first, ImuSample)
+    assert first.angular_rate == pytest.approx((0.1, 0.2, 0.3))
+    assert first.specific_force == pytest.approx((0.0, 0.0, -GRAVITY), abs=0.1)
+    assert samples[-1].publish_ns == CHANGED_S * S
+    depth = messages(out, "sensor/pressure")[0].message
+    assert isinstance(depth, PressureSample)
+    assert depth.pressure == pytest.approx(101_325.0, abs=10.0)
+    assert depth.temperature == pytest.approx(12.0)
+    sticks = messages(out, "pilot/command")[0].message
+    assert isinstance(sticks, PilotCommand)
+    assert (sticks.surge, sticks.sway, sticks.heave, sticks.yaw) == (0.5, -1.0, -1.0, 0.0)
+    angles, depths = estimates(out)[:2]
+    assert angles.heading == pytest.approx(radians(270.0))
+    assert (angles.roll, angles.depth) == (pytest.approx(radians(-10.0)), None)
+    assert (depths.depth, depths.depth_rate, depths.roll) == (2.5, 0.25, None)
+    states = [one.message for one in messages(out, "vehicle/status")]
+    assert [one.armed for one in states if isinstance(one, VehicleStatus)] == [False, True, False]
+    assert isinstance(states[1], VehicleStatus)
+    assert states[1].flight_mode == "stabilised"  # ALT_HOLD
+    assert odd(out) == {}
+    assert "without a GPS" in report(out)["remarks"][0]
+
+
+def test_when_it_began_is_as_the_map_says(tmp_path: Path) -> None:
+    own = tmp_path / "own.toml"
+    own.write_text(
+        "began = 2023-11-14T22:13:20Z\n" + Path("deploy/imports/ardusub.toml").read_text()
+    )
+    out = imported(dataflash(tmp_path / "1.BIN"), tmp_path / "dive", "--map", str(own))
+    assert messages(out, "vehicle/status")[0].publish_ns == BEGAN_NS
+    assert report(out)["remarks"] == []
+
+
+def test_a_board_that_starts_again_goes_on_in_time(tmp_path: Path) -> None:
+    out = imported(dataflash(tmp_path / "1.bin", restart=True), tmp_path / "dive")
+    samples = messages(out, "sensor/imu")
+    arrivals = [one.log_ns for one in samples]
+    assert arrivals == sorted(arrivals)
+    assert len(samples) >= SECONDS * IMU_HZ - 1
+    assert odd(out)["log: the logger's clock stepped back [s]; what follows was moved"] == 1
+
+
+def test_a_log_that_was_cut_off_keeps_its_whole_messages(tmp_path: Path) -> None:
+    whole = dataflash(tmp_path / "whole.bin").read_bytes()
+    (tmp_path / "1.bin").write_bytes(whole[: len(whole) // 2])
+    count = len(messages(imported(tmp_path / "1.bin", tmp_path / "dive"), "sensor/imu"))
+    assert SECONDS * IMU_HZ // 3 < count < SECONDS * IMU_HZ
+
+
+def test_telemetry_has_everything_in_si(tmp_path: Path) -> None:
+    out = imported(tlog(tmp_path / "a.tlog"), tmp_path / "dive")
+    samples = messages(out, "sensor/imu")
+    assert len(samples) == SECONDS * SLOW_HZ
+    first = samples[0].message
+    assert isinstance(first, ImuSample)
+    assert first.angular_rate == pytest.approx((0.1, 0.2, 0.3))
+    assert first.specific_force[2] == pytest.approx(-GRAVITY)
+    assert abs(samples[0].publish_ns - BEGAN_NS) < 1_000_000
+    field = messages(out, "sensor/magnetometer")[0].message
+    assert isinstance(field, MagnetometerSample)
+    assert field.field[2] == pytest.approx(4e-5)
+    found = estimates(out)
+    assert [one.seq for one in found] == [*range(2 * SECONDS * SLOW_HZ)]
+    angles = next(one for one in found if one.roll is not None)
+    assert (angles.roll, angles.heading) == (pytest.approx(-0.1), pytest.approx(-2.5))
+    assert angles.angular_rate == pytest.approx((0.01, 0.02, 0.03))
+    depths = next(one for one in found if one.roll is None)
+    assert (depths.depth, depths.depth_rate) == (3.5, 0.25)
+    sticks = messages(out, "pilot/command")[0].message
+    assert isinstance(sticks, PilotCommand)
+    assert (sticks.surge, sticks.sway, sticks.heave) == (0.5, -1.0, 1.0)
+    states = [one.message for one in messages(out, "vehicle/status")]
+    assert [one.armed for one in states if isinstance(one, VehicleStatus)] == [False, *[True] * 3]
+
+
+def test_a_log_is_known_by_its_beginning_where_it_has_the_name_of_the_other(tmp_path: Path) -> None:
+    telemetry = tlog(tmp_path / "a.tlog").rename(tmp_path / "a.bin")
+    board = dataflash(tmp_path / "b.bin").rename(tmp_path / "b.tlog")
+    assert len(messages(imported(telemetry, tmp_path / "a"), "sensor/imu")) == SECONDS * SLOW_HZ
+    assert len(messages(imported(board, tmp_path / "b"), "sensor/imu")) == SECONDS * IMU_HZ
+
+
+def test_damaged_packets_are_left_out(tmp_path: Path) -> None:
+    data = bytearray(tlog(tmp_path / "a.tlog").read_bytes())
+    data[len(data) // 2 : len(data) // 2 + 200] = bytes(200)
+    (tmp_path / "a.tlog").write_bytes(data[:-5])
+    out = imported(tmp_path / "a.tlog", tmp_path / "dive")
+    assert SECONDS * SLOW_HZ // 2 < len(messages(out, "sensor/imu")) < SECONDS * SLOW_HZ
+    assert "are no packet" in report(out)["remarks"][0]
+
+
+def test_what_is_no_such_log_is_one_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    copter = dataflash(tmp_path / "copter.bin", "ArduCopter V4.3.6")
+    foreign, empty = tmp_path / "foreign.bin", tmp_path / "empty.bin"
+    foreign.write_bytes(b"ULog")
+    empty.touch()
+    (tmp_path / "empty.tlog").touch()
+    cases = {
+        copter: "is of ArduCopter V4.3.6; expected a log of ArduSub",
+        foreign: "is not a DataFlash log: it begins with b'UL'",
+        empty: "is not a DataFlash log: it is empty",
+        tmp_path / "empty.tlog": "has no heartbeat of ArduPilot",
+        tlog(tmp_path / "copter.tlog", kind=2): "of MAVLink's type 2; expected 12, a submarine",
+        tlog(tmp_path / "two.tlog", systems=(1, 2)): "is of two boards, systems 1 and 2",
+        tlog(
+            tmp_path / "milli.tlog", milli=0.001
+        ): "write zero = -1013.25 where it counts from the surface",
+    }
+    for log, said in cases.items():
+        out = tmp_path / "dive"
+        assert said in complaint(capsys, "import", str(log), "--out", str(out))
+        assert not out.exists()
+
+
+REAL = {"small.BIN": ("sensor/imu", 594), "small.tlog": ("sensor/pressure", 532)}
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_a_real_log_is_imported(name: str, tmp_path: Path) -> None:
+    folder = Path(os.environ.get("LINDY_REAL", ""))
+    if not (folder / name).is_file():
+        pytest.skip(f"LINDY_REAL names no folder with {name}")
+    key, count = REAL[name]
+    assert len(messages(imported(folder / name, tmp_path / "dive"), key)) == count

@@ -1,0 +1,73 @@
+"""A board's clock on the logger's: never after the arrival, and straight where the crystals are."""
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tools.importing.board_offset import BoardOffset
+from tools.importing.conversion import LoggerClock
+from tools.importing.oddities import GapWatch
+
+S = 1_000_000_000  # [ns]
+steps = st.integers(1_000_000, 400_000_000)  # [ns] between two samples
+delays = st.integers(0, 300_000_000)  # [ns]
+
+
+@given(st.lists(st.tuples(steps, delays), min_size=1, max_size=200), st.floats(-1e-4, 1e-4))
+def test_nothing_arrives_before_it_was_measured(
+    samples: list[tuple[int, int]], drift: float
+) -> None:
+    heard: list[tuple[int, int]] = []
+    stamp = 0
+    for step, delay in samples:
+        stamp += step
+        heard.append((stamp, 10**18 + round(stamp * (1.0 + drift)) + delay))
+    offset = BoardOffset()
+    for one in heard:
+        offset.hear(*one)
+    found = [offset.logger_ns(stamp) for stamp, _ in heard]
+    assert all(ours <= arrival for ours, (_, arrival) in zip(found, heard, strict=True))
+    assert found == sorted(found)
+
+
+@given(st.floats(-1e-4, 1e-4), st.integers(1, 50))
+def test_where_one_in_some_comes_without_delay_the_offset_is_exact(drift: float, late: int) -> None:
+    offset = BoardOffset()
+    stamps = [k * S // 100 for k in range(30 * 100)]
+    true = [10**18 + round(stamp * (1.0 + drift)) for stamp in stamps]
+    for k, (stamp, at) in enumerate(zip(stamps, true, strict=True)):
+        offset.hear(stamp, at + (0 if k % late == 0 else 5_000_000))
+    worst = max(abs(offset.logger_ns(stamp) - at) for stamp, at in zip(stamps, true, strict=True))
+    assert worst < 550_000  # a bin of 5 s at 100 ppm is the last
+
+
+def test_a_board_that_starts_again_has_two_clocks() -> None:
+    offset = BoardOffset()
+    heard = [(k * S, 10**18 + k * S) for k in range(20)]
+    heard += [(k * S, 10**18 + (30 + k) * S) for k in range(20)]
+    for one in heard:
+        offset.hear(*one)
+    assert offset.restarts == 1
+    assert [offset.logger_ns(stamp) for stamp, _ in heard] == [arrival for _, arrival in heard]
+
+
+def test_a_logger_s_clock_that_steps_back_goes_on() -> None:
+    clock = LoggerClock()
+    began = 1_700_000_000 * S
+    found = [clock.arrival(began + k * S) for k in (0, 10, 4, 5, 6)]
+    assert [(at - began) // S for at in found] == [0, 10, 10, 11, 12]
+    assert clock.steps == [(10.0, 6.0)]
+
+
+def test_what_was_written_a_little_out_of_order_is_no_step() -> None:
+    clock = LoggerClock()
+    began = 1_700_000_000 * S
+    found = [clock.arrival(began + k * S // 10) for k in (0, 3, 2, 4)]
+    assert [(at - began) * 10 // S for at in found] == [0, 3, 3, 4]
+    assert clock.steps == []
+
+
+def test_a_pause_is_a_gap_only_where_it_is_long_for_that_stream() -> None:
+    fast, slow = GapWatch(), GapWatch()
+    assert [fast.pause(k * S // 50) for k in range(100)] == [None] * 100
+    assert fast.pause(99 * S // 50 + S) == 1.0
+    assert [slow.pause(k * S) for k in range(100)] == [None] * 100

@@ -1,0 +1,180 @@
+"""`lindy review` on a dive of ours and on a log of another program."""
+
+import json
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from messages import topics
+from messages.state import VehicleState
+from services.runtime.config.errors import LindyError
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.virtual_host import VirtualHost
+from tests.golden.dives import OVERRIDES, SCRIPT
+from tests.tools.importing.logs import dataflash
+from tools.importing.command import import_log
+from tools.recordings.recording import open_recording
+from tools.review.command import review
+from tools.review.estimated import estimate
+from tools.review.page import SECTIONS
+from tools.review.review import Review
+from tools.review.review import review as reviewed
+from tools.review.track import TrackRows
+from tools.review.words import in_short
+
+ROOT = Path(__file__).parents[3]
+SECONDS = 12.0
+
+
+@pytest.fixture(scope="module")
+def dive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("review") / "dive"
+    folder.mkdir()
+    (folder / "script.csv").write_text(SCRIPT)
+    stack = Stack(
+        vehicle="minerva",
+        link="tether",
+        pilot=f"script:{folder / 'script.csv'}",
+        out=str(folder),
+        seed=5,
+        virtual=True,
+        overrides=OVERRIDES,
+    )
+    services = Registry.read()
+    host = VirtualHost()
+    host.add_all(services.only({n: s for n, s in services.items() if n != "visualizer"}), stack)
+    host.run(round(SECONDS * 1e9))
+    host.close()
+    return folder
+
+
+def test_the_estimator_runs_as_it_ran_in_the_dive(dive: Path) -> None:
+    rows = TrackRows(0)
+    for each in open_recording(dive):
+        if each.key == topics.STATE.key and isinstance(each.message, VehicleState):
+            rows.add(each.message)
+    found, recorded = estimate(dive, "estimating").track, rows.track()
+    assert found is not None
+    for name in ("roll", "depth", "heading", "surge"):
+        ours, theirs = found.known(name)[1], recorded.known(name)[1]
+        assert len(ours) > 500
+        assert ours.tolist() == theirs.tolist()
+
+
+@pytest.mark.slow
+def test_a_page_that_loads_nothing_and_overwrites_nothing(
+    dive: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (dive / "review.html").write_text("an earlier one")
+    assert review(dive) == 0
+    assert (dive / "review.html").read_text() == "an earlier one"
+    assert "review-2.html" in capsys.readouterr().out
+    first = (dive / "review-2.html").read_text()
+    for heading in SECTIONS.values():
+        assert heading in first.replace("&#x27;", "'")
+    assert "http" not in first
+    assert first.count("<img") == first.count('src="data:image/png;base64,')
+    assert first.count("<img") >= 3
+    with pytest.raises(LindyError, match="exists already"):
+        review(dive, out=dive / "review.html")
+
+
+def test_the_same_figures_as_json(dive: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pages = sorted(dive.glob("*.html"))
+    assert review(dive, json=True) == 0
+    found = msgspec.json.decode(capsys.readouterr().out, type=Review, strict=True)
+    assert found.imported_from == ""
+    assert {each.key for each in found.sensors} >= {topics.IMU.key, topics.PRESSURE.key}
+    assert found.estimation.runs
+    assert max(each.rms for each in found.estimation.beside) == 0.0
+    assert found.seconds == pytest.approx(SECONDS, abs=0.2)
+    assert set(found.missing) <= set(SECTIONS)
+    assert sorted(dive.glob("*.html")) == pages
+
+
+def test_a_log_of_another_program_is_imported_beside_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = dataflash(tmp_path / "00000042.BIN")
+    before = log.read_bytes()
+    for folder in ("00000042-lindy", "00000042-lindy-2"):
+        assert review(log, json=True) == 0
+        printed = capsys.readouterr()
+        assert f"importing {log} into {tmp_path / folder}" in printed.err
+        found = json.loads(printed.out)
+        assert found["imported_from"] == "00000042.BIN"
+        assert (tmp_path / folder / "dive.mcap").exists()
+        # Four seconds: it lacks nearly everything, and says so.
+        assert {"vibration", "stops_with_lindy", "beliefs"} <= set(found["missing"])
+        assert "never got beyond calibrating" in found["missing"]["estimation"][0]
+    assert log.read_bytes() == before
+
+
+def test_the_short_version_is_in_words(tmp_path: Path, dive: Path) -> None:
+    folder = tmp_path / "log"
+    import_log(dataflash(tmp_path / "00000042.BIN"), map_=None, out=folder, vehicle=None)
+    for recording, verdict in ((folder, "could not have flown it"), (dive, "could have flown it")):
+        found = reviewed(recording, quick=True)[0]
+        lines = in_short(found)
+        assert lines[0].startswith(f"The dive: {found.seconds:.0f} s")
+        assert verdict in lines[1]
+        said = " ".join(lines)
+        assert not [odd for odd in (".;", "..", "sensor/", "with lindy:", "_") if odd in said]
+        assert said.count("no sticks") <= 1
+
+
+def test_a_recording_that_is_cut_off_is_reviewed_as_far_as_it_goes(
+    dive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole = (dive / "dive.mcap").read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(whole[: len(whole) * 2 // 3])
+    assert review(tmp_path / "cut.mcap") == 0
+    printed = capsys.readouterr().out
+    (remark,) = [
+        line for line in printed.splitlines() if "cut.mcap" in line and "written" not in line
+    ][:1]
+    assert remark.replace("'", "&#x27;") in (tmp_path / "review.html").read_text()
+
+
+def test_quick_flies_nothing_again(
+    dive: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def flown(*_: object) -> str:
+        raise AssertionError("flown again")
+
+    monkeypatch.setattr("tools.review.review.stops_with_lindy", flown)
+    assert review(dive, quick=True, json=True) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["stops_with_lindy"] == []
+    assert "--quick" in found["missing"]["stops_with_lindy"][0]
+
+
+def test_bad_input_is_one_sentence(dive: Path, tmp_path: Path) -> None:
+    with pytest.raises(LindyError, match=r"ends in \.html"):
+        review(dive, out=tmp_path / "page.pdf")
+    with pytest.raises(LindyError, match="is a recording already"):
+        review(dive, map_="rovio")
+    with pytest.raises(LindyError, match="there is no file"):
+        review(tmp_path / "nothing.bin")
+    with pytest.raises(LindyError, match=r"nothing\.mcap"):
+        review(tmp_path / "nothing.mcap")
+    with pytest.raises(LindyError, match="kelvin"):
+        review(dive, json=True, set_=("estimation.kelvin=3",))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_every_key_of_the_json_is_documented() -> None:
+    page = (ROOT / "docs" / "your-last-dive.md").read_text(encoding="utf-8")
+    structs: list[type[msgspec.Struct]] = [Review]
+    seen: set[str] = set()
+    while structs:
+        for field in msgspec.structs.fields(structs.pop()):
+            seen.add(field.name)
+            parts = (field.type, *getattr(field.type, "__args__", ()))
+            structs.extend(
+                p for p in parts if isinstance(p, type) and issubclass(p, msgspec.Struct)
+            )
+    assert len(seen) > 40
+    assert sorted(name for name in seen if f"`{name}`" not in page) == []

@@ -1,0 +1,210 @@
+"""A stop's way beyond its release, and back, is the one that was put in."""
+
+from math import nan, pi
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from messages import topics
+from messages.message import Estimate
+from messages.state import VehicleState
+from services.reference.settings import Settings
+from services.runtime.config.stack import Stack
+from tools.log.armed_spans import ArmedSpan
+from tools.report import RecordedDive
+from tools.report.columns import STATUS, StreamColumns
+from tools.review.beside import beside
+from tools.review.plots import MOST_POINTS, thinned
+from tools.review.recorded import SensorColumns
+from tools.review.stick_stops import STICKS, counting, reviewed_stops
+from tools.review.track import Track, TrackRows
+
+LET_GO, SPEED, TAU = 5.0, 0.4, 0.6  # [s], [m/s], [s]
+T = np.arange(0.0, 20.0, 0.01)
+
+
+def dive(
+    stick: str, *, rest: float = 0.0, full: float = 1.0, armed: list[ArmedSpan] | None = None
+) -> RecordedDive:
+    """One stick, deflected for five seconds, then where the pad has its centre."""
+    t = np.arange(0.0, 20.0, 0.02)
+    names = ("stamp", *STICKS, "deflection", "lost", "epoch")
+    columns = {name: np.zeros_like(t) for name in names} | {"stamp": t * 1e9}
+    columns[stick] = np.where(t < LET_GO, full, rest)
+    columns["deflection"] = np.abs(columns[stick])
+    rows = np.column_stack([columns[name] for name in names])
+    none = np.zeros((0, 8))
+    streams = {
+        topics.PILOT_COMMAND.key: StreamColumns(names, rows),
+        topics.PILOT_REQUEST.key: StreamColumns(("stamp", "stop"), none[:, :2]),
+        topics.STATUS.key: StreamColumns(STATUS, none[:, : len(STATUS)]),
+        topics.REFERENCE.key: StreamColumns(("valid", "epoch"), none[:, :2]),
+    }
+    return counting(RecordedDive({}, {}, streams), armed, 0)
+
+
+def track(**columns: np.ndarray) -> Track:
+    nothing = np.full_like(T, np.nan)
+    return Track(T, *(columns.get(name, nothing) for name in Track._fields[1:]))
+
+
+def settings(folder: Path) -> Settings:
+    return Stack(vehicle="pioneer", out=str(folder)).section("reference", Settings)
+
+
+def sinking(bounce: float) -> Track:
+    """Coasts after the release with a time constant of 0.6 s, and comes back by `bounce` [m]."""
+    since = np.maximum(0.0, T - LET_GO)
+    back = np.clip((since - 4.0) / 2.0, 0.0, 1.0)
+    depth = SPEED * np.minimum(T, LET_GO) + SPEED * TAU * (1.0 - np.exp(-since / TAU))
+    depth -= bounce * 0.5 * (1.0 - np.cos(pi * back))
+    rate = np.gradient(depth, T)
+    return track(depth=depth, depth_rate=rate, depth_acceleration=np.gradient(rate, T))
+
+
+@pytest.mark.parametrize("bounce", [0.0, 0.05])
+@pytest.mark.parametrize("centre", [0.0, 0.02])  # a pad is hardly ever quite centred
+def test_a_stop_is_measured(bounce: float, centre: float, tmp_path: Path) -> None:
+    found = reviewed_stops(
+        dive("heave", rest=centre), sinking(bounce), None, settings(tmp_path), 0, None
+    )
+    (stop,) = found.stops
+    assert found.missing == []
+    assert stop.axis == "heave"
+    assert stop.t == pytest.approx(LET_GO, abs=0.03)
+    assert stop.speed == pytest.approx(SPEED, rel=0.05)
+    assert stop.ran_on == pytest.approx(SPEED * TAU, rel=0.05)
+    assert stop.bounced_back == pytest.approx(bounce, abs=1e-3)
+    assert stop.seconds is not None
+    # 0.4 m/s decays to 0.02 m/s in τ ln 20.
+    assert stop.seconds == pytest.approx(TAU * np.log(20.0), abs=0.05)
+    assert stop.lindy_ran_on is not None
+    assert 0.0 < stop.lindy_ran_on < SPEED * 2.0
+    assert stop.jerk is not None
+
+
+def test_a_stop_upwards_is_the_same(tmp_path: Path) -> None:
+    down = sinking(0.05)
+    up = down._replace(depth=-down.depth, depth_rate=-down.depth_rate)
+    stops = [
+        reviewed_stops(dive("heave", full=full), motion, None, settings(tmp_path), 0, None).stops[0]
+        for motion, full in ((down, 1.0), (up, -1.0))
+    ]
+    assert stops[0].ran_on == stops[1].ran_on
+    assert stops[0].bounced_back == stops[1].bounced_back
+
+
+@pytest.mark.parametrize(("hz", "known"), [(100.0, True), (2.0, False)])
+def test_of_an_axis_that_nothing_measures_only_the_jerk_is_known(
+    hz: float, known: bool, tmp_path: Path
+) -> None:
+    """And not even that of slow samples: below 2 Hz they have as much of what is above."""
+    t = np.arange(0.0, 20.0, 1.0 / hz)
+    values = np.zeros((len(t), 6))
+    values[:, 3] = np.sin(2.0 * pi * t)
+    level = track(roll=np.zeros_like(T), pitch=np.zeros_like(T))
+    imu = SensorColumns(t, t, values, 0)
+    found = reviewed_stops(dive("surge"), level, imu, settings(tmp_path), 0, None)
+    assert "nothing in the recording measures surge" in found.missing[0]
+    assert len(found.stops) == known
+    if known:
+        assert found.stops[0].ran_on is None
+        # The jerk of sin(2π t) is 2π cos(2π t).
+        assert found.stops[0].jerk == pytest.approx(2.0 * pi / np.sqrt(2.0), rel=0.1)
+
+
+def test_what_is_missing_is_said(tmp_path: Path) -> None:
+    assert reviewed_stops(dive("yaw"), None, None, settings(tmp_path), 0, None).missing != []
+    still = track(depth=np.ones_like(T), depth_rate=np.zeros_like(T))
+    found = reviewed_stops(dive("heave"), still, None, settings(tmp_path), 0, None)
+    assert found.stops == []
+    assert found.missing == ["No stick was let go while the vehicle moved along its axis."]
+
+
+@pytest.mark.parametrize(
+    ("spans", "stops"),
+    [([(0.0, 20.0)], 1), ([(0.0, LET_GO)], 0), ([(0.0, 2.0), (8.0, 20.0)], 0), ([], 0),
+     ([(LET_GO + 1.0, 20.0)], 0), ([(2.0, 12.0)], 1)],
+)  # fmt: skip
+def test_a_stick_moves_an_armed_vehicle_only(
+    spans: list[tuple[float, float]], stops: int, tmp_path: Path
+) -> None:
+    armed = [ArmedSpan(*span, ended=True) for span in spans]
+    flown = dive("heave", armed=armed)
+    found = reviewed_stops(flown, sinking(0.0), None, settings(tmp_path), 0, armed)
+    assert len(found.stops) == stops
+    assert bool(found.missing) == (stops == 0)
+
+
+def test_a_stick_against_the_motion_is_no_stop(tmp_path: Path) -> None:
+    down = sinking(0.05)
+    up = down._replace(depth=-down.depth, depth_rate=-down.depth_rate)
+    found = reviewed_stops(dive("heave"), up, None, settings(tmp_path), 0, None)
+    assert found.stops == []
+    assert found.missing[0].startswith("Once a stick was let go while the vehicle still moved")
+
+
+def test_two_norths_and_two_surfaces_are_no_difference() -> None:
+    turn, wave = 0.3 * T, np.sin(T)
+    ours = track(bearing=turn, depth=wave, roll=0.1 * wave)
+    own = track(bearing=turn + 1.2, depth=wave - 0.3, roll=0.1 * wave + 0.05)
+    by = {each.name: each for each in beside(ours, own)}
+    assert set(by) == {"heading", "depth", "roll"}
+    assert by["heading"].rms == pytest.approx(0.0, abs=1e-9)
+    assert by["heading"].offset == pytest.approx(-1.2, rel=1e-3)
+    assert by["depth"].rms == pytest.approx(0.0, abs=1e-9)
+    assert by["roll"].rms == pytest.approx(0.05, rel=1e-3)  # a roll has one zero
+
+
+@given(st.floats(-20.0, 20.0), st.integers(-3, 3), st.integers(0, 99))
+def test_headings_differ_by_half_a_turn_at_most(offset: float, turns: int, seed: int) -> None:
+    walk = np.cumsum(np.random.default_rng(seed).standard_normal(len(T)))
+    far = np.where(T > 7.0, 2.0 * pi * turns, 0.0)
+    (found,) = beside(track(bearing=walk), track(bearing=np.zeros_like(T)))
+    assert found.rms <= found.worst <= pi + 0.01
+    assert abs(found.offset) <= pi + 0.01
+    (found,) = beside(track(bearing=walk + far + offset), track(bearing=walk))
+    assert found.rms == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_heading_that_is_as_good_as_unknown_is_not_compared() -> None:
+    known = Estimate(0.0, 0.1)
+    for compass, std, expected in (
+        (Estimate(1.0, 0.1), 0.1, 1.0),
+        (Estimate(1.0, 0.6), 0.1, nan),
+        (Estimate(1.0, 0.1, valid=False), 0.1, nan),
+        (None, 0.1, 0.0),
+        (None, 0.6, nan),
+    ):
+        rows = TrackRows(0)
+        rows.add(
+            VehicleState(
+                stamp_ns=1, sensor_ns=1, phase="running", depth=known, depth_rate=known,
+                depth_acceleration=known, attitude=(1.0, 0.0, 0.0, 0.0), roll=known, pitch=known,
+                heading=Estimate(0.0, std), heading_navigation=compass, yaw_rate=known,
+            )
+        )  # fmt: skip
+        assert rows.track().bearing.tolist() == pytest.approx([expected], nan_ok=True)
+        assert rows.track().heading.tolist() == [0.0]  # of a stop: what it turned counts
+
+
+@given(st.floats(-1.2, 1.2), st.floats(-1.2, 1.2))
+def test_tilt_is_the_angle_from_level(roll: float, pitch: float) -> None:
+    one = np.ones_like(T)
+    tilt = track(roll=roll * one, pitch=pitch * one).tilt
+    assert max(abs(roll), abs(pitch)) - 1e-6 <= tilt <= abs(roll) + abs(pitch) + 1e-6
+    assert track(roll=roll * one).tilt == 0.0
+
+
+@pytest.mark.parametrize("count", [1, 10, MOST_POINTS, 100_003])
+def test_a_thinned_line_keeps_its_extremes(count: int) -> None:
+    t = np.arange(float(count))
+    values = np.random.default_rng(5).standard_normal(count)
+    values[count // 2] = 50.0
+    thin_t, thin = thinned(t, values)
+    assert len(thin) <= MOST_POINTS + 2
+    assert np.all(np.diff(thin_t) >= 0.0)
+    assert 50.0 in thin

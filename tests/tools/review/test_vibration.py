@@ -1,0 +1,74 @@
+"""Spectra find the noise and the lines that were put in, in the part where they are."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tools.review.recorded import SensorColumns
+from tools.review.vibration import vibration
+
+RATE = 100.0
+
+
+def imu(
+    density: float,
+    *,
+    shaken: float = 1.0,
+    line: float = 0.0,
+    seconds: float = 60.0,
+    hz: float = RATE,
+) -> SensorColumns:
+    """White noise of a density [unit/√Hz] on every axis, `shaken` times as much in the last third,
+    with a line of that amplitude at 17 Hz on sway."""
+    t = np.arange(round(seconds * hz)) / hz
+    noise = np.random.default_rng(1).standard_normal((len(t), 6)) * density * np.sqrt(hz / 2.0)
+    late = t > seconds * 2.0 / 3.0
+    noise[late] *= shaken
+    noise[:, 4] += np.where(late, line * np.sin(2.0 * np.pi * 17.0 * t), 0.0)
+    noise[:, 5] -= 9.81
+    return SensorColumns(t, t, noise, 0)
+
+
+@given(density=st.floats(1e-4, 1.0), shaken=st.floats(3.0, 50.0))
+def test_quiet_and_shaken_are_told_apart(density: float, shaken: float) -> None:
+    found = vibration(imu(density, shaken=shaken))
+    assert not isinstance(found, str)
+    for axis in found.axes:
+        assert axis.quiet_density == pytest.approx(density, rel=0.2)
+        assert axis.shaken_density == pytest.approx(density * shaken, rel=0.2)
+    assert found.down_density == pytest.approx(density * shaken, rel=0.2)
+
+
+def test_a_line_is_found_and_is_no_noise() -> None:
+    found = vibration(imu(0.01, shaken=2.0, line=1.0))
+    assert not isinstance(found, str)
+    by_name = {axis.name: axis for axis in found.axes}
+    assert by_name["accelerometer sway"].peak_hz == pytest.approx(17.0, abs=0.5)
+    assert by_name["accelerometer sway"].shaken_density == pytest.approx(0.02, rel=0.25)
+    assert by_name["accelerometer surge"].peak_hz is None
+
+
+def test_a_gap_is_not_drawn_over() -> None:
+    whole = imu(0.01)
+    keep = (whole.stamp % 2.0 > 0.3) | (whole.stamp < 30.0)
+    holed = SensorColumns(whole.stamp[keep], whole.arrival[keep], whole.values[keep], 0)
+    found, all_of_it = vibration(holed), vibration(whole)
+    assert not isinstance(found, str)
+    assert not isinstance(all_of_it, str)
+    assert found.windows < all_of_it.windows
+    assert found.axes[0].shaken_density == pytest.approx(0.01, rel=0.2)
+
+
+@pytest.mark.parametrize(
+    ("columns", "words"),
+    [
+        (imu(0.01, hz=2.0, seconds=300.0), "2 samples a second"),
+        (imu(0.01, seconds=4.0), "without a gap"),
+        (imu(0.01, seconds=0.3), "30 samples"),
+    ],
+)
+def test_what_is_missing_is_said(columns: SensorColumns, words: str) -> None:
+    found = vibration(columns)
+    assert isinstance(found, str)
+    assert words in found

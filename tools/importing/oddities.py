@@ -1,0 +1,72 @@
+"""What was odd in a log: counted, with the first time and the worst of each."""
+
+from statistics import median
+
+import msgspec
+
+from messages.units import Ns
+
+SHORTEST_GAP_S = 0.25  # [s] less is jitter
+GAP_PERIODS = 10  # a pause of so many usual periods is a gap
+LEARNT = 50  # periods from which the usual one is taken
+
+
+class Oddity(msgspec.Struct, kw_only=True):
+    """One kind of oddity in one of our streams."""
+
+    stream: str
+    what: str
+    count: int = 0
+    first_s: float  # [s] since the log began
+    most: float | None = None  # of the worst, in the unit that `what` says
+
+
+class Oddities:
+    """Counts what is told."""
+
+    def __init__(self) -> None:
+        self._found: dict[tuple[str, str], Oddity] = {}
+
+    def tell(self, stream: str, what: str, at_s: float, size: float | None = None) -> None:
+        """
+        Args:
+            at_s: [s] since the log began.
+            size: how bad, in the unit that `what` says.
+        """
+        odd = self._found.setdefault(
+            (stream, what), Oddity(stream=stream, what=what, first_s=round(at_s, 3))
+        )
+        odd.count += 1
+        if size is not None:
+            odd.most = round(max(size, odd.most or 0.0), 3)
+
+    def all(self) -> list[Oddity]:
+        return sorted(self._found.values(), key=lambda odd: (odd.stream, odd.what))
+
+
+class GapWatch:
+    """Pauses of one stream that are much longer than its usual period."""
+
+    def __init__(self) -> None:
+        self._last: Ns | None = None
+        self._periods: list[float] = []  # [s] until the usual one is known
+        self._usual: float | None = None  # [s]
+
+    def pause(self, at: Ns) -> float | None:
+        """[s] since the sample before, where that is a gap; None: it is not."""
+        last, self._last = self._last, at
+        if last is None:
+            return None
+        seconds = (at - last) / 1e9
+        if self._usual is None:
+            self._periods.append(seconds)
+            if len(self._periods) >= LEARNT:
+                self._usual = median(self._periods)
+        usual = median(self._periods) if self._usual is None else self._usual
+        return seconds if seconds > max(SHORTEST_GAP_S, GAP_PERIODS * usual) else None
+
+
+def in_words(odd: Oddity) -> str:
+    """`sensor/imu: 3 gaps [s], the first at 12.4 s, the longest 0.8`"""
+    worst = "" if odd.most is None else f", at most {odd.most:g}"
+    return f"{odd.stream}: {odd.what}: {odd.count}, the first at {odd.first_s:.1f} s{worst}"

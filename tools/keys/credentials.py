@@ -1,0 +1,108 @@
+"""Which endpoints need keys, and the keys for them."""
+
+import ipaddress
+from collections.abc import Collection
+from datetime import UTC, datetime, timedelta
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Literal
+
+from services.runtime.bus.endpoint import checked_endpoint
+from services.runtime.bus.key_files import Credentials
+from services.runtime.config.errors import LindyError
+from services.runtime.config.extras import how_to_install
+from tools.keys.roles import Role
+
+DEFAULT = "~/.config/lindy/keys"
+SOON = timedelta(days=30)
+OPEN = "INSECURE: whoever reaches this port can fly the drone"
+
+Guard = Literal["keys", "same machine", "none"]
+
+
+def guard(endpoint: str, option: str, *, insecure: bool) -> Guard:
+    """What keeps strangers out at an endpoint. Pure.
+
+    On a loopback address or a file there are only users of this machine, and they are trusted.
+
+    Raises:
+        LindyError: it would be open to other machines, and nobody said that it may.
+    """
+    protocol, _, address = endpoint.partition("/")
+    if protocol == "tls":
+        if insecure:
+            raise LindyError(f"--insecure with {option} {endpoint}: tls always has keys; use tcp")
+        return "keys"
+    if insecure:
+        return "none"
+    if is_local(endpoint):
+        return "same machine"
+    raise LindyError(
+        f"{option} {endpoint} goes over the network without keys: make them with `lindy keys new` "
+        f"and use tls/{address}, or add --insecure"
+    )
+
+
+def is_local(endpoint: str) -> bool:
+    """Can only this machine reach it?"""
+    protocol, _, address = endpoint.partition("/")
+    if protocol in ("unixsock-stream", "unixpipe"):
+        return True
+    host = address.partition("?")[0].partition("#")[0].rpartition(":")[0].strip("[]")
+    try:
+        return host == "localhost" or ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def credentials(
+    endpoint: str, option: str, roles: Collection[Role], keys: Path | None, *, insecure: bool
+) -> Credentials | None:
+    """What this machine needs for an endpoint; None: no keys are used there.
+
+    Args:
+        roles: one of which the keys must have.
+        keys: folder with them.
+
+    Raises:
+        LindyError: not an endpoint, it needs keys, or the keys are no good.
+    """
+    if guard(checked_endpoint(endpoint, option), option, insecure=insecure) != "keys":
+        return None
+    require_cryptography()
+    from tools.keys.certificates import day
+    from tools.keys.key_folder import own_keys
+
+    now = datetime.now(UTC)
+    certificate, found = own_keys((keys or Path(DEFAULT)).expanduser(), roles, now)
+    if certificate.ends - now < SOON:
+        print(f"the certificate of {certificate.who} ends on {day(certificate.ends)}", flush=True)
+    if not found.admitted:
+        print(f"the list of {certificate.who} names nobody: nobody can connect", flush=True)
+    return found
+
+
+def require_may_call(own: Credentials) -> None:
+    """
+    Raises:
+        LindyError: this machine's keys are from before there were routers.
+    """
+    from tools.keys.certificates import may_call
+    from tools.keys.key_folder import read
+
+    if not may_call(read(Path(own.keys.certificate))):
+        raise LindyError(
+            f"{own.keys.certificate} may be called and not call, as a router must be: renew it "
+            f"where the authority is, with `lindy keys renew drone:{own.name}`"
+        )
+
+
+def require_cryptography() -> None:
+    """
+    Raises:
+        LindyError: it is not installed.
+    """
+    if find_spec("cryptography") is None:
+        raise LindyError(
+            f"keys need cryptography, which is not installed; {how_to_install('keys')}"
+        )

@@ -1,0 +1,1 @@
+"""`lindy review`: one page about a dive, of any vehicle that logs."""

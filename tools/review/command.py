@@ -1,0 +1,146 @@
+"""The verb `lindy review`."""
+
+import sys
+from contextlib import redirect_stdout
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+from cyclopts import Parameter
+
+from services.runtime.config.errors import LindyError
+from services.runtime.config.extras import how_to_install
+from tools.choices import Json, Overrides, named
+from tools.fresh import refuse_existing, write_fresh
+from tools.importing.command import import_log
+from tools.importing.rosbag_file import is_rosbag
+from tools.recordings.recording import open_recording
+from tools.review.review import review as reviewed
+
+PAGE = "review.html"
+RECORDING = ".mcap"
+
+
+def review(
+    file: Annotated[
+        Path,
+        Parameter(
+            converter=named,
+            help="a dive's folder or its MCAP file, or a log that `lindy import` reads",
+        ),
+    ],
+    *,
+    out: Annotated[
+        Path | None,
+        Parameter(
+            converter=named,
+            help="the page to write, a new file; default: review.html beside the recording, or "
+            "the next free name",
+        ),
+    ] = None,
+    map_: Annotated[
+        str | None, Parameter(name="--map", help="of `lindy import`, for a log of another program")
+    ] = None,
+    vehicle: Annotated[
+        str | None, Parameter(help="of `lindy import`, for a log of another program")
+    ] = None,
+    quick: Annotated[
+        bool,
+        Parameter(
+            negative="",
+            help="without identifying the vehicle and flying its stops again, which takes longest",
+        ),
+    ] = False,
+    set_: Overrides = (),
+    json: Json = False,
+) -> int:
+    """Review a dive of any vehicle: one page with plots.
+
+    What the recording holds, vibration and spreads for the vehicle file, Lindy's estimation beside
+    the vehicle's own, every stop, what each sensor was believed, and what Lindy would have asked of
+    the same sticks. A log of another program is imported first, into a new folder beside it. With
+    --json the same figures are printed, and no page is written unless --out names one.
+
+    Example: lindy review 00000042.BIN
+             lindy review dives/latest --out yesterday.html
+    """
+    writes = out is not None or not json
+    if writes and find_spec("matplotlib") is None:
+        raise LindyError(
+            f"the page needs matplotlib, which is not installed; {how_to_install('figures')}"
+        )
+    if out is not None:
+        if out.suffix != ".html":
+            raise LindyError(f"--out {out}: expected a name that ends in .html")
+        refuse_existing(out)
+    recording = _recording(file, map_, vehicle)
+    found, drawn = reviewed(recording, tuple(set_), quick=quick)
+    if writes:
+        from tools.review.page import page
+
+        place = out or _free(recording if recording.is_dir() else recording.parent)
+        write_fresh(place, page(found, drawn).encode())
+        print(f"written {place}", file=sys.stderr if json else sys.stdout, flush=True)
+    if json:
+        print(msgspec.json.format(msgspec.json.encode(found), indent=1).decode())
+    else:
+        from tools.review.words import in_short
+
+        print("\n".join([*found.remarks, *in_short(found)]), flush=True)
+    return 0
+
+
+def _recording(file: Path, map_: str | None, vehicle: str | None) -> Path:
+    """The recording to review: this one, or a new one of a log of another program.
+
+    Raises:
+        LindyError: it cannot be imported, or options of the import are given for a recording.
+    """
+    if _is_ours(file):
+        for option, value in (("--map", map_), ("--vehicle", vehicle)):
+            if value is not None:
+                raise LindyError(
+                    f"{option} {value}: {file} is a recording already; {option} is for a log of "
+                    f"another program"
+                )
+        return file
+    if not file.exists():
+        raise LindyError(f"there is no file {file}")
+    folder = _free_folder(file)
+    print(f"importing {file} into {folder}", file=sys.stderr, flush=True)
+    with redirect_stdout(sys.stderr):  # --json prints figures only
+        import_log(file, map_=map_, out=folder, vehicle=vehicle)
+    return folder
+
+
+def _is_ours(file: Path) -> bool:
+    """A dive's folder, or a file that says of which dive it is.
+
+    Raises:
+        LindyError: an MCAP file that cannot be read.
+    """
+    if file.is_dir():
+        return not is_rosbag(file)
+    if file.suffix.lower() != RECORDING:
+        return False
+    return bool(open_recording(file).metadata("dive"))
+
+
+def _free_folder(log: Path) -> Path:
+    """A folder beside a log that is not there yet."""
+    wanted = log.with_name(f"{log.stem}-lindy")
+    number = 1
+    while wanted.exists():
+        number += 1
+        wanted = log.with_name(f"{log.stem}-lindy-{number}")
+    return wanted
+
+
+def _free(folder: Path) -> Path:
+    """The page's name in a folder, or the next that is free."""
+    place, number = folder / PAGE, 1
+    while place.exists():
+        number += 1
+        place = folder / f"{PAGE.removesuffix('.html')}-{number}.html"
+    return place

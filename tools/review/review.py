@@ -1,0 +1,273 @@
+"""A review: every figure of the page, and what the page draws."""
+
+import sys
+from math import degrees
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+
+from messages import topics
+from messages.events import sentence
+from tools.replay.source import remarks
+from tools.review.asked import Asked, asked
+from tools.review.beliefs import Believed, believed, shown
+from tools.review.beside import ComparedEstimate, at, beside
+from tools.review.estimated import Estimated, estimate
+from tools.review.recorded import Recorded, read
+from tools.review.sensor_table import SensorStream, sensor_table
+from tools.review.spreads import MOST_TILT, TRIAL_S, SpreadProposal, pressure_noise, proposal
+from tools.review.stick_stops import ReviewedStop, Stops, counting, reviewed_stops
+from tools.review.track import Track
+from tools.review.vibration import AxisVibration, ImuVibration, vibration
+from tools.review.with_lindy import stops_with_lindy
+
+KNOWN_SHARE = 0.5  # [-] of the dive: less, and the page says that the estimator did not work
+FEWEST_MOVED = 20  # samples of a rate
+
+
+class ReviewedEstimation(msgspec.Struct, kw_only=True, frozen=True):
+    """How Lindy's estimation ran over the dive."""
+
+    runs: bool
+    calibrating_s: float  # [s] until it ran; the whole dive, where it never did
+    known_s: float  # [s] in which roll, pitch and depth were known
+    troubles: list[str]  # which sensors could not be used, in words, the most frequent first
+    beside: list[ComparedEstimate]  # with what was estimated in the dive
+
+
+class AskedAxis(msgspec.Struct, kw_only=True, frozen=True):
+    """Of heave or yaw: fastest in 99 of 100 samples."""
+
+    axis: str
+    unit: str
+    lindy: float  # [m/s, rad/s] what Lindy's reference would have asked
+    vehicle: float | None  # [m/s, rad/s] what the vehicle did; None: not known
+
+
+class Review(msgspec.Struct, kw_only=True, frozen=True):
+    """Every figure, as `--json` prints them."""
+
+    file: str
+    imported_from: str  # name of the log of another program; empty: a recording of Lindy
+    vehicle: str  # name of the vehicle file
+    seconds: float  # [s]
+    armed_s: float | None  # [s] None: the recording does not say
+    deepest: float | None  # [m] None: nobody estimated the depth
+    sensors: list[SensorStream]
+    vibration: list[AxisVibration]
+    spreads: SpreadProposal | None
+    estimation: ReviewedEstimation
+    stops: list[ReviewedStop]
+    stops_with_lindy: list[ReviewedStop]  # the same sticks on the identified vehicle, simulated
+    beliefs: list[Believed]
+    asked: list[AskedAxis]
+    missing: dict[str, list[str]]  # section: what it lacks, in sentences
+    remarks: list[str]  # what a reader should know of the recording
+
+
+class Drawn(NamedTuple):
+    """What only the page needs."""
+
+    recorded: Recorded
+    estimated: Estimated
+    vibration: ImuVibration | None
+    stops: Stops
+    asked: Asked | None
+
+
+def review(
+    path: Path, overrides: tuple[str, ...] = (), *, quick: bool = False
+) -> tuple[Review, Drawn]:
+    """
+    Args:
+        path: a recording of Lindy.
+        overrides: key.path=value into the vehicle file, besides those of the dive.
+        quick: the vehicle is not identified, and nothing flown again.
+
+    Raises:
+        LindyError: not a recording of Lindy, nothing in it, or wrong settings.
+    """
+    recorded = read(path, overrides)
+    missing: dict[str, list[str]] = {}
+    estimated = estimate(path, "estimating", overrides)
+    shaken = _vibration(recorded, missing)
+    spreads = _spreads(recorded, path, overrides, shaken, estimated, missing)
+    motion = estimated.track if estimated.runs else recorded.own
+    imu = recorded.sensors.get(topics.IMU.key)
+    reference, begin = recorded.settings.reference, recorded.begin_ns
+    armed = recorded.armed
+    dive = counting(recorded.dive, armed, begin)
+    stops = reviewed_stops(dive, motion, imu, reference, begin, armed)
+    if stops.missing:
+        missing["stops"] = stops.missing
+    wanted = asked(dive, reference, begin, 1.0)
+    if wanted is None:
+        missing["asked"] = [
+            "The recording holds no sticks, so Lindy would have been asked nothing."
+        ]
+    simulated: list[ReviewedStop] = []
+    if quick:
+        missing["stops_with_lindy"] = ["Your sticks were not flown again, as --quick asks."]
+    else:
+        simulated = _with_lindy(path, begin, missing)
+    estimation = _estimation(recorded, estimated, missing)
+    has_thrust = bool(recorded.dive[topics.ACTUATION].count)
+    estimated = estimated._replace(beliefs=shown(estimated.beliefs, has_thrust))
+    if not estimated.beliefs:
+        missing["beliefs"] = ["Nothing was compared, because the estimation never ran."]
+    about = recorded.source.about
+    found = Review(
+        file=str(path),
+        imported_from=about.get("imported", ""),
+        vehicle=about.get("vehicle", ""),
+        seconds=round(recorded.seconds, 1),
+        armed_s=None if armed is None else round(sum(span.seconds for span in armed), 1),
+        deepest=None if motion is None else _deepest(motion),
+        sensors=sensor_table(recorded.sensors),
+        vibration=[] if shaken is None else shaken.axes,
+        spreads=spreads,
+        estimation=estimation,
+        stops=stops.stops,
+        stops_with_lindy=simulated,
+        beliefs=believed(estimated.beliefs),
+        asked=[] if wanted is None else _asked(wanted, motion),
+        missing=missing,
+        remarks=remarks(recorded.source),
+    )
+    return found, Drawn(recorded, estimated, shaken, stops, wanted)
+
+
+def _vibration(recorded: Recorded, missing: dict[str, list[str]]) -> ImuVibration | None:
+    imu = recorded.sensors.get(topics.IMU.key)
+    found = "The recording holds no IMU." if imu is None else vibration(imu)
+    if isinstance(found, str):
+        missing["vibration"] = [found]
+        return None
+    return found
+
+
+def _spreads(
+    recorded: Recorded,
+    path: Path,
+    overrides: tuple[str, ...],
+    shaken: ImuVibration | None,
+    estimated: Estimated,
+    missing: dict[str, list[str]],
+) -> SpreadProposal | None:
+    pressure = recorded.sensors.get(topics.PRESSURE.key)
+    noise = None if pressure is None else pressure_noise(pressure.values[:, 0])
+    if shaken is None or noise is None:
+        what = "vibration" if shaken is None else "noise of the pressure"
+        missing["spreads"] = [f"No spreads are proposed: the {what} is not known."]
+        return None
+    if not estimated.runs:
+        missing["spreads"] = [
+            f"The pressure's noise under way is {noise:.0f} Pa and the vibration along gravity "
+            f"{shaken.down_density:.2g} m/s²/√Hz; but no spreads are proposed, because Lindy's "
+            f"estimation did not run on this dive and so they cannot be tried."
+        ]
+        return None
+    tilt = 0.0 if estimated.track is None else estimated.track.tilt
+    if tilt > MOST_TILT:
+        missing["spreads"] = [
+            f"No spreads are proposed: the dive tilts by {degrees(tilt):.0f}°, and beyond "
+            f"{degrees(MOST_TILT):.0f}° spreads fit the tilt rather than the sensors."
+        ]
+        return None
+    seconds = min(TRIAL_S, recorded.seconds)
+    return proposal(
+        recorded.settings.estimation.depth,
+        shaken.down_density,
+        noise,
+        seconds,
+        lambda tried: estimate(path, "trying spreads", (*overrides, *tried), TRIAL_S),
+    )
+
+
+def _estimation(
+    recorded: Recorded, estimated: Estimated, missing: dict[str, list[str]]
+) -> ReviewedEstimation:
+    known = 0.0 if estimated.track is None else estimated.track.seconds_known
+    said: list[str] = []
+    if topics.IMU.key not in recorded.sensors:
+        said.append("The recording holds no IMU, so Lindy's estimation had nothing to run on.")
+    elif not estimated.runs:
+        why = f": {sentence(estimated.blocked_by)}" if estimated.blocked_by else ""
+        rest = recorded.settings.estimation.calibration.still_time
+        said.append(
+            f"Lindy's estimation never got beyond calibrating: it wants {rest:g} s at rest at the "
+            f"surface before the dive, and this recording does not have them{why}."
+        )
+    elif known < KNOWN_SHARE * recorded.seconds:
+        said.append(
+            f"Lindy's estimation knew roll, pitch and depth together for {known:.0f} of "
+            f"{recorded.seconds:.0f} s only{'' if round(known, 1) else '; nothing is compared'}."
+        )
+    compared: list[ComparedEstimate] = []
+    if recorded.own is None:
+        said.append("The recording holds no estimate of the vehicle's own to compare with.")
+    elif estimated.track is not None and round(known, 1):
+        compared = beside(estimated.track, recorded.own)
+        if len(recorded.own.known("bearing")[0]) and not any(c.name == "heading" for c in compared):
+            said.append(f"Heading: not known: {_why_no_heading(estimated)}.")
+    if said:
+        missing["estimation"] = said
+    return ReviewedEstimation(
+        runs=estimated.runs,
+        calibrating_s=round(estimated.calibrating_s, 1),
+        known_s=round(known, 1),
+        troubles=[sentence(event) for event, _ in estimated.troubles.most_common()],
+        beside=compared,
+    )
+
+
+def _why_no_heading(estimated: Estimated) -> str:
+    if "compass" not in estimated.beliefs:
+        return "there is no compass, and gyroscopes alone drift"
+    return "the compass was refused"
+
+
+def _with_lindy(path: Path, begin_ns: int, missing: dict[str, list[str]]) -> list[ReviewedStop]:
+    if sys.stderr.isatty():
+        print(
+            "lindy: identifies the vehicle and flies it again, which may take minutes",
+            file=sys.stderr,
+            flush=True,
+        )
+    found = stops_with_lindy(path, begin_ns)
+    if isinstance(found, str):
+        missing["stops_with_lindy"] = [found]
+        return []
+    return found
+
+
+def _asked(wanted: Asked, motion: Track | None) -> list[AskedAxis]:
+    axes = (
+        ("heave", "m/s", wanted.depth_rate, "depth_rate"),
+        ("yaw", "rad/s", wanted.yaw_rate, "yaw_rate"),
+    )
+    found: list[AskedAxis] = []
+    for axis, unit, reference, column in axes:
+        did = None if motion is None else at(motion, column, wanted.t)
+        known = None if did is None else did[np.isfinite(did)]
+        enough = known is not None and len(known) >= FEWEST_MOVED
+        found.append(
+            AskedAxis(
+                axis=axis,
+                unit=unit,
+                lindy=_fastest(reference),
+                vehicle=_fastest(known) if enough and known is not None else None,
+            )
+        )
+    return found
+
+
+def _deepest(motion: Track) -> float | None:
+    depth = motion.known("depth")[1]
+    return round(float(depth.max()), 2) if len(depth) else None
+
+
+def _fastest(rate: np.ndarray) -> float:
+    return float(f"{np.percentile(np.abs(rate), 99):.3g}") if len(rate) else 0.0

@@ -1,0 +1,109 @@
+"""What a recording holds of each sensor: rate, gaps, clock."""
+
+from collections.abc import Mapping
+
+import msgspec
+import numpy as np
+
+from messages import topics
+from tools.importing.oddities import GapWatch
+from tools.report.columns import Array
+from tools.review.recorded import SensorColumns
+
+USUAL = 3  # samples of which a rate can be told
+LONG_ENOUGH_S = 10.0  # [s] of which a drift can be told
+ODD_DRIFT_PPM = 200.0  # [1e-6] crystals are within 100
+ODD_RATE = 2.0  # [-] times the rate that estimation expects of the IMU, or its inverse
+
+
+class SensorStream(msgspec.Struct, kw_only=True, frozen=True):
+    """One sensor's samples."""
+
+    key: str
+    samples: int
+    per_second: float  # [1/s] between pauses
+    gaps: int  # pauses of ten usual periods, at least 0.25 s
+    longest_gap_s: float | None  # [s] None: no gap
+    first_gap_s: float | None  # [s] since the recording began
+    jitter_ms: float  # [ms] 90 % of the periods are within this
+    late_ms: float  # [ms] median from stamp to arrival
+    latest_ms: float  # [ms] in 99 of 100 cases below
+    drift_ppm: float | None  # [1e-6] of the arrival against the stamp; None: too short
+    repeated: int  # samples with the same values as the one before; of IMU and pressure
+    not_newer: int  # samples left out: stamped no later than one before
+    remarks: list[str]
+
+
+def sensor_table(sensors: Mapping[str, SensorColumns]) -> list[SensorStream]:
+    """In the order of the topic table."""
+    return [_stream(key, columns) for key, columns in sensors.items()]
+
+
+def _stream(key: str, columns: SensorColumns) -> SensorStream:
+    t, late = columns.stamp, 1e3 * (columns.arrival - columns.stamp)
+    periods = np.diff(t)
+    watch, gaps = GapWatch(), list[tuple[float, float]]()
+    for at in t.tolist():
+        if (pause := watch.pause(round(at * 1e9))) is not None:
+            gaps.append((at - pause, pause))
+    jitter = float(np.subtract(*np.percentile(periods, (95, 5)))) if len(periods) else 0.0
+    found = SensorStream(
+        key=key,
+        samples=len(t),
+        per_second=_digits(columns.per_second),
+        gaps=len(gaps),
+        longest_gap_s=_digits(max(pause for _, pause in gaps)) if gaps else None,
+        first_gap_s=_digits(gaps[0][0]) if gaps else None,
+        jitter_ms=round(1e3 * jitter, 3),
+        late_ms=round(float(np.median(late)), 3),
+        latest_ms=round(float(np.percentile(late, 99)), 3),
+        drift_ppm=_drift(t, columns.arrival),
+        repeated=_repeated(columns.values),
+        not_newer=columns.not_newer,
+        remarks=[],
+    )
+    return msgspec.structs.replace(found, remarks=_remarks(found))
+
+
+def _drift(stamp: Array, arrival: Array) -> float | None:
+    if len(stamp) < USUAL or stamp[-1] - stamp[0] < LONG_ENOUGH_S:
+        return None
+    return _digits(1e6 * float(np.polyfit(stamp, arrival - stamp, 1)[0]))
+
+
+def _repeated(values: Array) -> int:
+    if values.shape[1] == 0:
+        return 0
+    return int(np.count_nonzero(np.all(values[1:] == values[:-1], axis=1)))
+
+
+def _remarks(stream: SensorStream) -> list[str]:
+    """What is odd, in words for the owner."""
+    said: list[str] = []
+    if stream.key == topics.IMU.key:
+        said += _rate_remarks(stream.per_second)
+    if stream.gaps:
+        said.append(f"{stream.gaps} gaps, the longest {stream.longest_gap_s:g} s")
+    if stream.drift_ppm is not None and abs(stream.drift_ppm) > ODD_DRIFT_PPM:
+        said.append(f"its clock drifts by {stream.drift_ppm:.0f} millionths")
+    if stream.late_ms < 0.0:
+        said.append("stamped later than it arrived")
+    if stream.repeated > stream.samples / 10:
+        said.append(f"{stream.repeated / stream.samples:.0%} repeat the values before")
+    if stream.not_newer:
+        said.append(f"{stream.not_newer} not newer than the one before, left out")
+    return said
+
+
+def _rate_remarks(per_second: float) -> list[str]:
+    hz = topics.IMU.hz
+    has = f"{per_second:.3g} samples a second, where Lindy's estimation is made for {hz:g}:"
+    if per_second < hz / ODD_RATE:
+        return [f"{has} fast motion is missed, and roll, pitch and depth are known less"]
+    if per_second > hz * ODD_RATE:
+        return [f"{has} that takes longer, and is no worse"]
+    return []
+
+
+def _digits(value: float) -> float:
+    return float(f"{value:.4g}")

@@ -1,0 +1,130 @@
+"""Spectra of the IMU in the quiet and in the shaken part of a dive.
+
+At rest an IMU hears its own noise; under way it hears thrusters, frame and water, which is what a
+filter under way has to expect. So the dive is cut into windows, and by their vibration the quietest
+and the most shaken fifth are told apart. No sticks or thrusters need to be in the recording.
+"""
+
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from services.marine.vehicle import GRAVITY
+from tools.report.columns import Array
+from tools.report.jerk import Spectrum, spectrum
+from tools.review.recorded import PAUSE, SensorColumns
+
+AXES = (
+    *(("gyroscope roll", "rad/s"), ("gyroscope pitch", "rad/s"), ("gyroscope yaw", "rad/s")),
+    *(("accelerometer surge", "m/s²"), ("accelerometer sway", "m/s²")),
+    ("accelerometer heave", "m/s²"),
+)
+FORCE = slice(3, 6)  # columns of the specific force
+WINDOW_S, FEWEST = 2.0, 64  # [s], samples: the longer of the two is a window
+PART = 0.2  # [-] of all windows: the quietest, and the most shaken
+LEAST_WINDOWS = 5
+MOTION_HZ = 5.0  # [Hz] a vehicle's own motion is below
+LEAST_RATE = 4.0 * MOTION_HZ  # [1/s] of samples, to see something above
+PEAK = 10.0  # [-] times the floor of its spectrum: a line
+WIDEST = 3  # bins above half of the top of a line
+
+
+class AxisVibration(msgspec.Struct, kw_only=True, frozen=True):
+    """One axis of the IMU, above the vehicle's own motion."""
+
+    name: str
+    unit: str
+    quiet_density: float  # [unit/√Hz] in the quietest fifth
+    shaken_density: float  # [unit/√Hz] in the most shaken fifth
+    shaken_rms: float  # [unit] there, of one sample
+    peak_hz: float | None  # [Hz] of the strongest line there; None: no line
+
+
+class ImuVibration(NamedTuple):
+    rate: float  # [1/s] of the samples
+    windows: int
+    seconds: float  # [s] of a window
+    axes: list[AxisVibration]
+    down_density: float  # [m/s²/√Hz] along gravity, in the most shaken fifth
+    quiet: list[Spectrum]  # by axis
+    shaken: list[Spectrum]
+
+
+def vibration(imu: SensorColumns) -> ImuVibration | str:
+    """A sentence: what is missing."""
+    if len(imu.stamp) < FEWEST:
+        return f"The recording holds {len(imu.stamp)} samples of the IMU; {FEWEST} are a spectrum."
+    rate = imu.per_second
+    if rate < LEAST_RATE:
+        return (
+            f"The IMU has {rate:.3g} samples a second; vibration is seen from {LEAST_RATE:g} on. A "
+            f"board's own log (.bin) has more than a ground station's (.tlog)."
+        )
+    length = max(FEWEST, round(WINDOW_S * rate))
+    pieces = _windows(imu, rate, length)
+    if len(pieces) < LEAST_WINDOWS:
+        return (
+            f"The IMU has {len(pieces)} stretches of {length / rate:.0f} s without a gap; a review "
+            f"needs {LEAST_WINDOWS} to tell quiet from shaken."
+        )
+    spectra = [[spectrum(piece[:, k], rate, length) for k in range(7)] for piece in pieces]
+    power = np.array(
+        [sum(s.density[s.frequency >= MOTION_HZ].sum() for s in each[3:6]) for each in spectra]
+    )
+    order, count = np.argsort(power), max(1, round(PART * len(pieces)))
+    quiet = [_mean([spectra[n][k] for n in order[:count]]) for k in range(7)]
+    shaken = [_mean([spectra[n][k] for n in order[-count:]]) for k in range(7)]
+    axes = [_axis(*named, quiet[k], shaken[k]) for k, named in enumerate(AXES)]
+    return ImuVibration(
+        rate, len(pieces), length / rate, axes, _density(shaken[6]),
+        quiet[:6], shaken[:6],
+    )  # fmt: skip
+
+
+def _windows(imu: SensorColumns, rate: float, length: int) -> list[NDArray[np.float64]]:
+    """(length, 7) Evenly spaced samples: rates, forces, and the force along gravity."""
+    down = imu.values[:, FORCE].mean(axis=0)
+    down = down / max(float(np.linalg.norm(down)), 0.1 * GRAVITY)
+    values = np.column_stack([imu.values, imu.values[:, FORCE] @ down])
+    gap_before = np.append(0, np.cumsum(np.diff(imu.stamp) > PAUSE / rate))
+    found: list[NDArray[np.float64]] = []
+    for begin in np.arange(imu.stamp[0], imu.stamp[-1] - length / rate, length / rate):
+        at = begin + np.arange(length) / rate
+        first, last = np.searchsorted(imu.stamp, (at[0], at[-1]), side="right") - 1
+        if gap_before[first] == gap_before[last]:
+            columns: list[Array] = [np.interp(at, imu.stamp, each) for each in values.T]
+            found.append(np.column_stack(columns))
+    return found
+
+
+def _mean(spectra: list[Spectrum]) -> Spectrum:
+    return Spectrum(spectra[0].frequency, np.mean([one.density for one in spectra], axis=0))
+
+
+def _axis(name: str, unit: str, quiet: Spectrum, shaken: Spectrum) -> AxisVibration:
+    high = shaken.frequency >= MOTION_HZ
+    density: Array = shaken.density[high]
+    top = int(np.argmax(density))
+    # The flank of the vehicle's own motion is none: a line is narrow, and has two flanks.
+    wide = np.count_nonzero(density > density[top] / 2.0) > WIDEST
+    is_line = top > 0 and not wide and density[top] > PEAK * float(np.median(density))
+    step = shaken.frequency[1] - shaken.frequency[0]
+    return AxisVibration(
+        name=name,
+        unit=unit,
+        quiet_density=_digits(_density(quiet)),
+        shaken_density=_digits(_density(shaken)),
+        shaken_rms=_digits(float(np.sqrt(density.sum() * step))),
+        peak_hz=_digits(float(shaken.frequency[high][top])) if is_line else None,
+    )
+
+
+def _density(of: Spectrum) -> float:
+    """[unit/√Hz] Above a frequency, as white noise has it: a line of a propeller does not count."""
+    return float(np.sqrt(np.median(of.density[of.frequency >= MOTION_HZ])))
+
+
+def _digits(value: float) -> float:
+    return float(f"{value:.3g}")

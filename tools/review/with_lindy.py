@@ -1,0 +1,76 @@
+"""The same sticks on the identified vehicle, with Lindy in control: its stops, simulated."""
+
+from contextlib import redirect_stdout
+from io import StringIO
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import msgspec
+
+from messages import topics
+from services.runtime.config.errors import LindyError
+from services.runtime.hosts.registry import Registry
+from tools.choices import Choices
+from tools.identify.identify import identify_dive
+from tools.identify.results import identified
+from tools.identify.vehicle_file import rewritten, rounded
+from tools.live.viewer import VIEWER
+from tools.log.sticks import LOG, HeardSticks, as_csv, sticks_of
+from tools.recordings.recording import open_recording
+from tools.review.recorded import read
+from tools.review.stick_stops import ReviewedStop, counting, reviewed_stops
+from tools.simulate import simulated
+
+
+def stops_with_lindy(path: Path, begin_ns: int) -> list[ReviewedStop] | str:
+    """
+    Args:
+        begin_ns: [ns] of this recording, from which times count, by the clock of its stamps.
+
+    Returns:
+        A sentence: what is missing in this recording for it.
+    """
+    try:
+        found = identify_dive(path)
+        vehicle = rounded(identified(found.fit, found.start))
+        text = rewritten(found.file, vehicle, "identified")
+        with TemporaryDirectory(prefix="lindy-") as name:
+            folder = Path(name)
+            file, script = folder / "identified.toml", folder / "sticks.csv"
+            file.write_text(text)
+            sticks = sticks_of(open_recording(path), f"{folder}/")
+            for each, course in sticks.paths.items():
+                Path(each).write_text(course)
+            script.write_text(as_csv(sticks, "the recorded sticks"))
+            choices = Choices(pilot=f"script:{script}", vehicle=str(file), out=folder / "dive")
+            with redirect_stdout(StringIO()):
+                simulated(choices, running=[each for each in Registry.read() if each != VIEWER])
+            flown = read(folder / "dive")
+            # Both tables count from the beginning of the reviewed recording.
+            later = (_handed_over_ns(path) - begin_ns) / 1e9
+            later -= (_handed_over_ns(folder / "dive") - flown.begin_ns) / 1e9
+    except LindyError as error:
+        return f"Lindy on this vehicle cannot be simulated from this dive: {error}."
+    stops = reviewed_stops(
+        counting(flown.dive, flown.armed, flown.begin_ns), flown.own,
+        flown.sensors.get("sensor/imu"), flown.settings.reference, flown.begin_ns, flown.armed,
+    ).stops  # fmt: skip
+    return [msgspec.structs.replace(stop, t=round(stop.t + later, 3)) for stop in stops]
+
+
+def _handed_over_ns(path: Path) -> int:
+    """[ns] From when the rows of its stick log count, by the clock of the stamps.
+
+    Raises:
+        LindyError: nobody flew in it.
+    """
+    recording, heard = open_recording(path), HeardSticks()
+    for raw in recording.raw():
+        if raw.key == topics.STATUS.key or raw.key.startswith(LOG):
+            message = recording.decode(raw)
+            if message is not None:
+                heard.add(message)
+    began = heard.armed_ns if heard.began_ns is None else heard.began_ns
+    if began is None:
+        raise LindyError(f"{recording.files[0]} holds no sticks to fly again")
+    return began

@@ -1,0 +1,155 @@
+"""The one start of everything that flies: what is checked, in which order, and how it is run.
+
+`dive`, both sides of `up`, `fly`, `simulate` and `run` choose services and a pilot, and have them
+`settled`. A dive with a pilot on this machine is then `Planned`, and `fly_planned` flies it.
+"""
+
+from collections.abc import Callable, Collection
+from contextlib import nullcontext
+from socket import gethostname
+from typing import Any, NamedTuple
+
+import msgspec
+
+from services.runtime.bus.key_files import Credentials
+from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import Registry
+from services.runtime.launch.local_stack import local_stack
+from services.runtime.launch.process_plan import OtherSide
+from tools.checks import PilotChoice, checked
+from tools.choices import Choices
+from tools.fleet.names import own_name
+from tools.fleet.others import others_named
+from tools.live.cockpit import with_picture
+from tools.live.display import display
+from tools.live.dive_folder import out_folder, point_latest, require_room_for_recording
+from tools.live.monitor_loop import followed_by
+from tools.live.outcome import RECORDER, Outcome
+from tools.live.piloted_dive import PilotedDive
+from tools.live.stop_signals import StopSignals
+from tools.live.viewer import runnable
+from tools.packages import require_packages
+from tools.report import Elsewhere
+
+RECORDER_HERE = f"{RECORDER}_topside"  # records what the topside hears
+
+
+def as_it_can_run(
+    services: Registry, choices: Choices, every: Collection[str] = (), *, grouped: bool
+) -> Registry:
+    """These services without those that this machine cannot run, which is printed.
+
+    Args:
+        every: where these are those of one side, all services of the stack.
+
+    Raises:
+        LindyError: the table [camera] is wrong, or a process has the name of a service.
+    """
+    services = with_picture(runnable(services), choices, every)
+    return services.grouped() if grouped else services
+
+
+def as_given(stack: Stack) -> str:
+    """Name of a drone in virtual time: its file's, where it was given none."""
+    return stack.name
+
+
+def own(stack: Stack) -> str:
+    """Name of a drone of this machine: the one that it was given, else by its computer."""
+    return stack.name or own_name(stack.vehicle_name, gethostname())
+
+
+def settled(
+    choices: Choices,
+    pilot: PilotChoice,
+    services: Registry,
+    here: Registry | None = None,
+    /,
+    *,
+    name: Callable[[Stack], str] = own,
+    **settings: Any,
+) -> Stack:
+    """What every service of a dive shares, after every possible check; and its folder, unless `out`
+    names one.
+
+    Args:
+        here: of the services those of this machine; None: all.
+        name: the drone's, where none was given.
+        settings: other fields of the stack.
+
+    Raises:
+        LindyError: the first mistake found, a package is missing, or nothing can be written.
+    """
+    stack = checked(choices, pilot, services, here)
+    require_packages(services if here is None else here, pilot.name)
+    stack = msgspec.structs.replace(stack, **settings)
+    stack = msgspec.structs.replace(stack, name=name(stack))
+    if "out" not in settings:
+        stack = msgspec.structs.replace(stack, out=str(out_folder(choices.out)))
+        require_room(stack, services if here is None else here)
+    return stack
+
+
+def require_room(stack: Stack, here: Registry) -> None:
+    """
+    Raises:
+        LindyError: the recorder of this machine could not begin in the dive's folder.
+    """
+    if RECORDER in here or RECORDER_HERE in here:
+        require_room_for_recording(stack.out_dir)
+
+
+class Planned(NamedTuple):
+    """A dive with its pilot on this machine, which was checked and can be started."""
+
+    stack: Stack
+    every: Registry
+    here: Registry  # of these, those of this machine
+    pilot: PilotChoice
+    seconds: float | None  # [s] after arming; None: until the script or the user ends it
+    credentials: Credentials | None  # what other machines need
+    listen: str | None = None  # endpoint for other programs
+    other_side: OtherSide | None = None  # None: on this machine as well
+    drones: tuple[str, ...] = ()  # names of the services there
+
+    def sum_up(self, outcome: Outcome) -> int:
+        """Print the summary. Returns the exit status.
+
+        Raises:
+            LindyError: why it was aborted.
+        """
+        if RECORDER not in self.here and self.other_side is not None:
+            return outcome.sum_up_unrecorded("topside", "drone")
+        return outcome.sum_up(Elsewhere("drone", self.drones) if self.other_side else None)
+
+
+def fly_planned(plan: Planned) -> int:
+    """From the start of the hubs to the summary. Returns the exit status.
+
+    Raises:
+        LindyError: the dive was aborted.
+    """
+    outcome, left = Outcome(plan.stack), ""
+    with StopSignals() as stop:
+        with (
+            display() as shown,
+            outcome.of_the_dive(),
+            local_stack(
+                plan.stack,
+                plan.here,
+                plan.listen,
+                other_side=plan.other_side,
+                credentials=plan.credentials,
+            ) as local,
+            followed_by(outcome, local),
+            others_named(local) if plan.other_side else nullcontext(),
+        ):
+            point_latest(plan.stack.out_dir)
+            dive = PilotedDive(local, plan.pilot, plan.seconds, stop, shown)
+            outcome.exit = dive.fly()
+            left = dive.left
+        if left:  # once the screen is gone
+            print(left, flush=True)
+        elsewhere = plan.other_side is not None and RECORDER not in plan.here
+        kept = "the report is on the drone's side" if elsewhere else "the recording is whole"
+        return stop.report(lambda: plan.sum_up(outcome), kept)
