@@ -327,7 +327,9 @@ def test_ctrl_c_disarms_and_ends_the_dive_with_a_summary(tmp_path: Path):
         flown.process.send_signal(signal.SIGTERM)  # an impatient second one costs nothing
         report = flown.end()
     assert report["exit"] == "clean"
-    assert "ended cleanly" in flown.said
+    # On a busy computer so short a dive is over before its viewer is up, which is told.
+    assert set(report["troubles"]) <= {"visualizer not alive at the end"}
+    assert ("ended cleanly" in flown.said) == (not report["troubles"])
     assert "the report is being written" in flown.said
     armed = [status.armed for status in open_messages(flown.out, VehicleStatus)]
     assert True in armed
