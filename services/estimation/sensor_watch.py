@@ -212,14 +212,15 @@ class FrozenWatch:
     repeat it for ever, and is not called frozen.
 
     q is the smallest change ever seen. σ is as declared, or the least ever measured if that is
-    less, because a data sheet's "precision" is rarely the noise of one sample. Before the first
-    measurement of it, only a repetition for `longest` seconds counts. Frozen from the sample that
-    makes the run impossible until the value changes.
+    less, because a data sheet's "precision" is rarely the noise of one sample. It is measured by
+    second differences, in which a steady climb has no share: a vehicle that moves is not noise.
+    Before the first measurement of it, only a repetition for `longest` seconds counts. Frozen from
+    the sample that makes the run impossible until the value changes.
     """
 
     __slots__ = (
-        "_count", "_long", "_longest_ns", "_measured", "_newest", "_repeats", "_short", "_since_ns",
-        "_std", "_step", "_sum", "frozen", "redundant",
+        "_change", "_count", "_long", "_longest_ns", "_measured", "_newest", "_repeats", "_run",
+        "_short", "_since_ns", "_std", "_step", "_sum", "frozen", "redundant",
     )  # fmt: skip
 
     def __init__(self, std: float, longest: float) -> None:
@@ -231,14 +232,19 @@ class FrozenWatch:
         self._short = self._long = inf  # samples in a row that are unlikely and impossible
         self._newest: float | None = None
         self._since_ns = self._repeats = self._count = 0
-        self._sum = 0.0  # squared changes in this block
+        self._change = 0.0  # from the sample before the newest to it
+        self._run = self._sum = 0.0  # squared second differences in this run, and in this block
 
     def step(self, value: float, stamp_ns: int) -> None:
         before, self._newest = self._newest, value
+        if before is not None:
+            difference = value - before - self._change
+            self._change = value - before
+            self._run += difference * difference
         if before is None or value != before:
             if before is not None:
                 self._learn(abs(value - before))
-            self._since_ns, self._repeats = stamp_ns, 0
+            self._since_ns, self._repeats, self._run = stamp_ns, 0, 0.0
             self.frozen = self.redundant = False
             return
         self._repeats += 1
@@ -254,9 +260,11 @@ class FrozenWatch:
         self._step = min(self._step, change)
         if not self.frozen or change < ONE * self._step:
             self._count += 1 + self._repeats
-            self._sum += change * change
-        if self._count >= CHANGES:  # a difference has the variance 2 σ²
-            self._measured = min(self._measured, sqrt(self._sum / (2 * self._count)))
+            self._sum += self._run
+        else:
+            self._change = 0.0
+        if self._count >= CHANGES:  # a second difference has the variance 6 σ²
+            self._measured = min(self._measured, sqrt(self._sum / (6 * self._count)))
             self._count, self._sum = 0, 0.0
             std = min(self._std, self._measured)
             self._short = in_a_row(self._step, std, UNLIKELY)

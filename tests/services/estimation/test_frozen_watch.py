@@ -55,6 +55,22 @@ def test_a_sensor_that_works_is_never_called_frozen(
         assert feed(FrozenWatch(declared, LONGEST), values, 90.0) == 0
 
 
+@pytest.mark.parametrize(("step", "noise"), [(108.0, 20.0), (108.0, 40.0), (50.0, 15.0)])
+@pytest.mark.parametrize("speed", [1.0, 4.0])
+def test_a_coarse_one_may_rest_after_a_fast_dive(step: float, noise: float, speed: float) -> None:
+    """Motion is not noise: measured by changes it made the rest that follows impossible."""
+    rng = np.random.default_rng(1)
+    watch, depth = FrozenWatch(200.0, LONGEST), 1.2e5
+
+    def dives() -> Iterator[float]:
+        nonlocal depth
+        for k in range(10**6):
+            depth += speed * step * (k % 1000 < 80) - speed * step * (500 <= k % 1000 < 580)
+            yield round((depth + noise * rng.standard_normal()) / step) * step
+
+    assert feed(watch, dives(), 200.0) == 0
+
+
 @pytest.mark.parametrize(("step", "noise"), [(0.0, 500.0), (100.0, 500.0), (500.0, 500.0)])
 @pytest.mark.parametrize("seed", range(3))
 def test_one_finer_than_its_noise_is_found_within_a_second(
