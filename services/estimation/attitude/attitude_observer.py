@@ -166,6 +166,8 @@ class AttitudeObserver:
         variance = (lasting + noise.force) / (GRAVITY * GRAVITY)
         most = pi if check.learning else CLIP * hypot(spread / GRAVITY, tilt.std)
         slack = CLIP * (spread - UNFELT + 0.3 * sqrt(noise.force)) / GRAVITY
+        if self._rough:  # a bias that was never measured has not changed
+            slack += UNSURE
         gain, bias_gain = tilt.correct(variance)
         ex, ey, ez = self.filter.step(mean, expected, dt, gain, most)
         a, b, c = self.gyro_bias

@@ -38,6 +38,7 @@ AGREED, AGREED_FOR = 0.02, 6.0  # [rad], [s] of the mean: learnt
 # sticks thrown over every 1.5 s reach 0.21. Much more would come too late: a vehicle that already
 # follows the wrong depth accelerates too much to compare with gravity.
 QUICK_MEMORY, QUICK_MOST = 0.1, 0.25  # [s], [rad]
+MOST_SHARE = 0.2  # [-] of one sample in it: a mean is of several, at 20 a second too
 # [-] times the acceleration that the thrust makes expect may explain a deviation: a hull with 30 %
 # less mass, half of the drag and 20 % more thrust than in its file has 1.9 times as much.
 EXPLAINED = 2.5
@@ -144,7 +145,7 @@ class GyroCheck:
         if self.learning:
             self.ratio = (deviation / self.limit) ** 2
             return self._learn(deviation - slack, bias, dt)
-        share = dt / QUICK_MEMORY
+        share = min(MOST_SHARE, dt / QUICK_MEMORY)
         self._quick_x += share * (ex - self._quick_x)
         self._quick_y += share * (ey - self._quick_y)
         self._quick_felt_x += share * (mx - self._quick_felt_x)
