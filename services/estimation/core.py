@@ -289,6 +289,8 @@ class Estimator:
             )
         elif not attitude.gyroscope.learning and phase.gives_up():
             self._calibrating, self._improving = None, Calibration(self._settings.calibration)
+            # A bias that was never measured has not changed: no push makes it doubted at once.
+            attitude.gyroscope.patient = True
             self._resting, self._depth = initialisation.roughly(
                 self._settings, attitude, self.outbox
             )

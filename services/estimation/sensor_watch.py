@@ -26,6 +26,7 @@ from services.marine.summation import plain_sum
 from services.marine.vehicle import Thruster
 
 SensorRate = Annotated[float, msgspec.Meta(ge=1.0, le=100.0)]
+ImuRate = Annotated[float, msgspec.Meta(ge=10.0, le=400.0)]
 
 # Range, against broken and saturated sensors.
 # [m/s²] less is a dead sensor (a vehicle in water never falls freely); ±16 g parts end at 157.
@@ -75,6 +76,7 @@ class WatchSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     # The same as long as the thrust does not change, for an IMU whose steps are coarser than its
     # noise; None: no longer than `imu_frozen`.
     imu_frozen_at_rest: WithinAnHour | None = None  # [s]
+    imu_rate: ImuRate = topics.IMU.hz  # [1/s] another one is told, and its samples are used
     pressure_rate: SensorRate = topics.PRESSURE.hz  # [1/s] of this vehicle's sensor
     magnetometer_rate: SensorRate = topics.MAGNETOMETER.hz  # [1/s] the same
 
@@ -396,7 +398,7 @@ def watches_of(
     rest = limits.imu_frozen_at_rest
     return {
         imu: SensorWatch(
-            imu, limits.imu_frozen, outbox, topics.IMU.hz,
+            imu, limits.imu_frozen, outbox, limits.imu_rate,
             noise=(FORCE_NOISE,) * 3 + (GYRO_NOISE,) * 3,
             at_rest=None if rest is None else (rest, thrust),
         ),

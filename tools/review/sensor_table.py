@@ -98,10 +98,11 @@ def _remarks(stream: SensorStream) -> list[str]:
 def _rate_remarks(per_second: float) -> list[str]:
     hz = topics.IMU.hz
     has = f"{per_second:.3g} samples a second, where Lindy's estimation is made for {hz:g}:"
+    says = f"in the vehicle file: `[estimation.watch]`, `imu_rate = {per_second:.3g}`"
     if per_second < hz / ODD_RATE:
-        return [f"{has} fast motion is missed, and roll, pitch and depth are known less"]
+        return [f"{has} fast motion is missed, and roll, pitch and depth are known less ({says})"]
     if per_second > hz * ODD_RATE:
-        return [f"{has} that takes longer, and is no worse"]
+        return [f"{has} that takes longer, and is no worse ({says})"]
     return []
 
 

@@ -230,14 +230,15 @@ def _step(
 def _settings(rows: Sequence[Imported], seconds: float) -> Settings:
     """As shipped, but for water, pressure sensor and rates, which a vehicle file would say."""
 
-    def rate(kind: type[object]) -> float:
-        return max(1.0, min(MOST_RATE, len(_of(rows, kind)) / seconds))
+    def rate(kind: type[object], least: float = 1.0, most: float = MOST_RATE) -> float:
+        return max(least, min(most, len(_of(rows, kind)) / seconds))
 
     return msgspec.convert(
         {
             "water_density": FRESH_WATER,
             "depth": {"pressure_std": PRESSURE_STD},
             "watch": {
+                "imu_rate": rate(ImuSample, 10.0, 400.0),
                 "pressure_rate": rate(PressureSample),
                 "magnetometer_rate": rate(MagnetometerSample),
             },

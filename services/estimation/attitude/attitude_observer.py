@@ -21,7 +21,7 @@ from services.estimation.attitude.heading import (
 from services.estimation.attitude.tilt_spread import MEMORY as TILT_MEMORY
 from services.estimation.attitude.tilt_spread import UNKNOWN_BIAS, TiltSpread
 from services.estimation.attitude_axes import AttitudeAxes
-from services.marine.attitude import down_in_body, to_euler, to_world
+from services.marine.attitude import to_euler, to_world
 from services.marine.summation import plain_sum
 from services.marine.vehicle import GRAVITY
 
@@ -144,9 +144,7 @@ class AttitudeObserver:
         (a, b, c), (d, e, f) = before, rate
         mean = (0.5 * (a + d), 0.5 * (b + e), 0.5 * (c + f))
         check, tilt, event = self.gyroscope, self.tilt, None
-        x, y, z = down_in_body(self.filter.q)
-        along = p * x + q * y + r * z  # about the vertical, which does not tilt it
-        turning = sqrt(max(0.0, p * p + q * q + r * r - along * along))
+        turning = sqrt(p * p + q * q + r * r)  # a turn about one axis leaks into the others
         # A turn that changes between two samples is not quite their mean's.
         between = 0.25 * dt * sqrt((d - a) ** 2 + (e - b) ** 2 + (f - c) ** 2)
         tilt.predict(dt, turning, noise.rate, between * between, check.learning)
@@ -166,8 +164,6 @@ class AttitudeObserver:
         variance = (lasting + noise.force) / (GRAVITY * GRAVITY)
         most = pi if check.learning else CLIP * hypot(spread / GRAVITY, tilt.std)
         slack = CLIP * (spread - UNFELT + 0.3 * sqrt(noise.force)) / GRAVITY
-        if self._rough:  # a bias that was never measured has not changed
-            slack += UNSURE
         gain, bias_gain = tilt.correct(variance)
         ex, ey, ez = self.filter.step(mean, expected, dt, gain, most)
         a, b, c = self.gyro_bias
@@ -229,7 +225,7 @@ class AttitudeObserver:
     def _calibrated(self) -> None:
         """The gyroscope measures turns about the vertical, too."""
         if self._rough:
-            self._rough = False
+            self._rough = self.gyroscope.patient = False
             self.control.calibrated()
             self._yaw_bias.forget()
 

@@ -76,6 +76,7 @@ class GyroCheck:
         "learning",
         "limit",
         "newest",
+        "patient",
         "ratio",
         "stepped",
     )
@@ -83,6 +84,7 @@ class GyroCheck:
     def __init__(self) -> None:
         self.learning = False  # the bias is being learnt anew
         self.stepped = False  # it has changed: the heading is unknown
+        self.patient = False  # the longer mean alone doubts it
         self._x = self._y = 0.0  # [rad] mean deviation about x and y
         self._quick_x = self._quick_y = 0.0  # [rad] the same over a shorter time
         self._felt_x = self._felt_y = 0.0  # [rad] the same of what the thrust makes expect
@@ -154,7 +156,7 @@ class GyroCheck:
         most = MOST + min(MOST_TURNING, TURNING * abs(self._turn)) + slack
         most, quick_most = most + 2.0 * tilt_std, QUICK_MOST + slack + 2.0 * tilt_std
         self.limit, self.ratio = most, max((deviation / most) ** 2, (quick / quick_most) ** 2)
-        if deviation <= most and quick <= quick_most:
+        if deviation <= most and (quick <= quick_most or self.patient):
             return bias, None
         self._quick_x = self._quick_y = 0.0
         if self.trusted:

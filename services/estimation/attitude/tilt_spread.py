@@ -12,7 +12,8 @@ from math import sqrt
 TILT_NOISE = 0.0003**2
 BIAS_WALK = 3e-6**2  # [rad²/s³] of the bias: 10 deg/h in five minutes
 LEARNING_WALK = 3e-5  # [rad²/s³] the same while it is learnt anew: in two seconds
-# [-] of a turn about a horizontal axis that is missed: scale error, and motion between two samples.
+# [-] of a turn that is missed or leaks into another axis: scale, misalignment, motion between two
+# samples.
 MISSED = 0.01
 MEMORY = 1.0  # [s] an acceleration lasts about as long: no new measurement comes sooner
 UNKNOWN_BIAS = 0.3  # [rad/s] 1σ of a bias that has changed
@@ -38,7 +39,7 @@ class TiltSpread:
     def predict(
         self, dt: float, turning: float, noise: float, unseen: float, learning: bool
     ) -> None:
-        """Advance by `dt` [s] at a rate `turning` [rad/s] about a horizontal axis, measured with a
+        """Advance by `dt` [s] at a rate `turning` [rad/s], measured with a
         variance `noise` [rad²/s²] of one sample; `unseen` [rad²]: of a turn between two.
         `learning`: the bias has changed, and may again."""
         missed = MISSED * turning

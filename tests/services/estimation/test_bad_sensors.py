@@ -22,7 +22,7 @@ from messages.sensors import (
 from messages.state import VehicleState
 from messages.vehicle import Actuation
 from services.estimation.core import Estimator, Settings
-from services.estimation.sensor_watch import SensorWatch, WatchSettings
+from services.estimation.sensor_watch import SensorWatch, ThrustWatch, WatchSettings, watches_of
 from services.estimation.startup.calibration import CalibrationSettings
 from services.marine.vehicle import GRAVITY, SEA_WATER, Vehicle
 from services.runtime.config.stack import Stack
@@ -349,6 +349,16 @@ def decodes(state: VehicleState) -> bool:
     back = msgspec.msgpack.decode(payload, type=VehicleState)
     values = [getattr(back, name) for name in back.__struct_fields__]
     return all(np.isfinite([v.value, v.std]).all() for v in values if isinstance(v, Estimate))
+
+
+@pytest.mark.parametrize(("declared", "told"), [(100.0, 1), (20.0, 0), (30.0, 1)])
+def test_the_imu_rate_of_a_vehicle_is_said_and_no_other_is_silent(declared: float, told: int):
+    outbox = Outbox()
+    thrust = ThrustWatch.of(PIONEER.thruster)
+    watch = watches_of(WatchSettings(imu_rate=declared), outbox, 200.0, thrust)[topics.IMU.key]
+    for k in range(300):  # 20 a second
+        watch.judge((0.1 * (k % 7), 0.0, -GRAVITY, 0.0, 0.0, 0.001 * (k % 5)), 50 * k * MS)
+    assert outbox.counts["rate:sensor/imu"] == told
 
 
 def test_the_settings_leave_no_watch_without_limits() -> None:
