@@ -85,7 +85,8 @@ def _status(m: VehicleStatus) -> Figures:
     reaction = -1 if m.reaction is None else REACTIONS.index(m.reaction)
     own_way = m.activity in ("goto", "follow")
     flight_mode = FLIGHT_MODES.index(m.flight_mode)
-    return m.stamp_ns, FAILSAFES.index(m.failsafe), reaction, m.since_ns, own_way, flight_mode
+    failsafe = FAILSAFES.index(m.failsafe)
+    return m.stamp_ns, failsafe, reaction, m.since_ns, own_way, flight_mode, m.armed
 
 
 def _state(m: VehicleState) -> Figures:
@@ -159,7 +160,7 @@ REFERENCE = (
     *(f"heave {part}" for part in MOTION),  # [m, m/s, m/s², m/s³ ×2]
     *(f"yaw {part}" for part in MOTION),  # [rad, rad/s, rad/s², rad/s³ ×2]
 )
-STATUS = ("stamp", "failsafe", "reaction", "since", "own way", "flight mode")
+STATUS = ("stamp", "failsafe", "reaction", "since", "own way", "flight mode", "armed")
 COMMAND = ("stamp", "surge", "sway", "heave", "yaw", "deflection", "lost", "epoch")
 STATE = (
     *("sensor", "stamp", "heave", "yaw"),  # [ns, ns, m, rad]

@@ -63,10 +63,13 @@ class RecordedDive:
 
     @property
     def armed_seconds(self) -> float:
-        """[s] Sum of the times in which the drone was armed."""
-        reference = self[topics.REFERENCE]
-        begins = reference["armed"][:-1] > 0
-        return float(np.sum(np.diff(reference["stamp"])[begins])) / 1e9
+        """[s] Sum of the times in which the drone was armed: by its reference, or, of a vehicle
+        that another program flew, by its status."""
+        told = self[topics.REFERENCE]
+        if not len(told["stamp"]):
+            told = self[topics.STATUS]
+        begins = told["armed"][:-1] > 0
+        return float(np.sum(np.diff(told["stamp"])[begins])) / 1e9
 
     @property
     def vehicle_silences(self) -> list[float]:

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from math import degrees
 from statistics import median
 
+from messages.events import row_of
 from tools.review.beliefs import in_words
 from tools.review.review import Review
 from tools.review.stick_stops import STICKS, ReviewedStop
@@ -161,6 +162,8 @@ def _beliefs(found: Review) -> Iterator[str]:
     ]  # fmt: skip
     if doubted:
         yield f"Refused measurements: {'; '.join(doubted)}."
+        mostly = (row_of(event).to_do for b in found.beliefs if b.refused > 0.5 for event in b.reasons)
+        yield from (f"What helps: {to_do}." for to_do in dict.fromkeys(mostly) if to_do)
     elif found.beliefs:
         yield "Nearly all measurements were believed."
 

@@ -117,6 +117,7 @@ class DepthObserver:
         self._newest = 0.0  # [m] newest sample judged
         self._check = InnovationCheck()
         self._swell = Swell()
+        self._waves = False  # they are told
         self._outlier_ns: int | None = None  # [ns] newest that was the first in a row
         # Not None: the acceleration does not fit the pressure, and depth is from pressure alone.
         self.trial: AccelerometerTrial | None = None
@@ -238,7 +239,13 @@ class DepthObserver:
         unlike = self._check.add(
             innovation, variance, most, self._filter, max(0.0, since), blind, self.aiding
         )
-        self.aiding.verdict = events.INCONSISTENT_PRESSURE.name if self._check.large else None
+        told, self._waves = self._waves, self._swell.rolls
+        if self._waves:  # which is why it does not fit
+            unlike = None if told else events.WAVES_PRESSURE()
+            self.aiding.verdict = events.WAVES_PRESSURE.name
+        else:
+            large = events.INCONSISTENT_PRESSURE.name if self._check.large else None
+            self.aiding.verdict = large
         self._weigh(used, variance, dt)
         self._filter.update(used, variance, age)
         self._accepted_ns, self._rejected = stamp_ns, None

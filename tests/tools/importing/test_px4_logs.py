@@ -9,6 +9,8 @@ from messages.sensors import ImuSample, PressureSample
 from messages.vehicle import VehicleEstimate, VehicleStatus
 from services.marine.vehicle import GRAVITY
 from tests.tools.test_cli_verbs import complaint
+from tools.recordings.recording import open_recording
+from tools.report.dive import read_dive
 
 from .logs import BEGAN_NS, IMU_HZ, SECONDS, SLOW_HZ, messages, odd, report, ulog
 from .test_rosbags import imported
@@ -32,6 +34,10 @@ def test_a_log_of_px4_has_everything_in_si(tmp_path: Path) -> None:
     assert (sticks.surge, sticks.sway, sticks.heave, sticks.yaw) == (0.5, 0.25, -0.75, -1.0)
     states = [one.message for one in messages(out, "vehicle/status")]
     assert [one.armed for one in states if isinstance(one, VehicleStatus)] == [False, *[True] * 3]
+    stamps = [one.stamp_ns for one in states if isinstance(one, VehicleStatus)]
+    seconds = read_dive(open_recording(out)).armed_seconds  # as `lindy log compare` says it
+    assert seconds == pytest.approx((stamps[-1] - stamps[1]) / 1e9)
+    assert seconds > 0.0
     assert odd(out) == {}
     assert "sensor/battery" in report(out)["missing"]
 

@@ -80,4 +80,5 @@ def in_waves(height: float, period: float, seconds: float = 80.0) -> tuple[float
 def test_a_vehicle_that_hangs_still_in_waves_keeps_its_imu_and_most_of_its_depth(period: float):
     worst, told = in_waves(0.4, period)
     assert "distrusted:sensor/imu" not in told
+    assert "waves:sensor/pressure" in told
     assert worst < 0.15  # [m] where the pressure says 0.2
