@@ -24,7 +24,7 @@ from services.runtime.bus.access_control import HubSide
 from services.runtime.bus.envelope import Envelope
 from services.runtime.bus.spaces import here_key, namespace
 from services.runtime.bus.zenoh_bus import ZenohBus, announce_here, connected, listening, open_bus
-from services.runtime.config.running import RUNNING, Running
+from services.runtime.config.running import RUNNING, Running, running_in
 from services.runtime.config.settings import DEPLOY
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.process_host import HubLaunch
@@ -214,11 +214,10 @@ def test_a_pilot_leaves_a_drone_and_takes_another(world: World) -> None:
     world.until(lambda: b.commands[-1][1].epoch > 0)
     last = b.commands[-1][1]
     assert (last.surge, last.sway, last.heave, last.yaw) == (0.0, 0.0, 0.0, 0.0)
-    running = [file.parent.name for file in world.folder.glob("out*/" + RUNNING)]
-    assert len(running) == 1
-    assert running[0].startswith("out-")
-    # … and back.
-    assert world.ask("a", running[0]).returncode == 0
+    (running,) = filter(running_in, world.folder.glob("out*"))
+    assert running.name.startswith("out-")
+    # … and back, asked at the folder that was given at the start.
+    assert world.ask("a").returncode == 0
     world.until(lambda: a.kinds == ["lease", "release", "lease"] and a.heard_lately())
     assert b.kinds == ["lease", "release"]
     world.program.send_signal(signal.SIGINT)
@@ -226,6 +225,7 @@ def test_a_pilot_leaves_a_drone_and_takes_another(world: World) -> None:
     assert world.said.count("topside of a, ended") == 2
     assert world.said.count("topside of b, ended") == 1
     assert len(list(world.folder.glob("out*/dive.mcap"))) == 3
+    assert not list(world.folder.glob("out*/" + RUNNING))
     assert "Traceback" not in world.said
 
 

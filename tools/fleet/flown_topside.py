@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable, Collection
 from contextlib import ExitStack
 from dataclasses import dataclass
+from pathlib import Path
 
 import msgspec
 
@@ -133,9 +134,14 @@ class FlownTopside:
         point_latest(self.local.stack.out_dir)
         self.dive.begin()
 
-    def leave(self) -> None:
-        """Another one is flown now. `end` follows, and may take its time."""
-        self.local.replaced, self.local.note.shown = True, False
+    def leave(self, next_folder: Path) -> None:
+        """Another one is flown now, and found from this one's folder. `end` follows, and may take
+        its time."""
+        self.local.replaced = True
+        self.local.note.leave(next_folder)
+
+    def forget(self) -> None:
+        """At the end of all flights."""
         (self.local.stack.out_dir / RUNNING).unlink(missing_ok=True)
 
     def answer(self, answer: FlyAnswer) -> None:
