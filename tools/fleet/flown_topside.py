@@ -16,7 +16,7 @@ from services.reference.settings import Settings as ReferenceSettings
 from services.runtime.config.errors import LindyError
 from services.runtime.config.identity import identity_now
 from services.runtime.config.running import RUNNING
-from services.runtime.hosts.registry import INSTEAD, Registry
+from services.runtime.hosts.registry import PILOTS, Registry
 from services.runtime.hosts.stack_file import code_of
 from services.runtime.launch.child import Child, Task
 from services.runtime.launch.local_stack import SLOW, LocalStack, local_stack
@@ -30,11 +30,9 @@ from tools.live.dive_folder import point_latest
 from tools.live.keep_running import ALIVE_S
 from tools.live.monitor_loop import followed_by
 from tools.live.outcome import Outcome
-from tools.live.piloted_dive import GAMEPAD, PilotedDive
+from tools.live.piloted_dive import PilotedDive
 from tools.live.stop_signals import StopSignals
 from tools.start import Planned, require_room
-
-PILOTS = (GAMEPAD, *INSTEAD[GAMEPAD])  # of Lindy's own services, those that command
 
 LINK_MONITOR = "link_monitor"
 ANSWER_S = 3.0  # [s] for a drone that is there
