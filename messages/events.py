@@ -15,6 +15,8 @@ from contextlib import AbstractContextManager, nullcontext
 from enum import IntEnum
 from typing import Literal, NamedTuple
 
+from messages.vehicle import Returns
+
 Level = Literal["info", "warning", "error"]
 # What a dive promises, and an event of a row can break; the report says how the dive ended by it.
 Promise = Literal["piloted", "answered", "recorded", "understood"]
@@ -260,6 +262,14 @@ DISK_FULL = _condition(
 CLOCK_JUMP = _condition("clock_jump", "a computer's clock has jumped")
 BATTERY_LOW = _condition("battery_low", "the battery is low", "come back")
 TOO_HOT = _condition("too_hot", "the enclosure is too hot", "rest the thrusters, or come back")
+
+# What the pilot does to have the sticks again.
+RETURN: dict[Returns, str] = {
+    "centre": "centre the sticks to continue",
+    "resume": "press resume to continue",
+    "wait": "resume once this has ended",
+}
+RESUMED_SHORT_LOSS = row("resumed:short_loss", ROUTINE, "a short loss has ended and the sticks were centred: they act again", said="info")
 
 # Of the pilot: sticks, requests, who has control.
 LOST_STICKS = row("lost:sticks", DANGER, "pilot lost: no sticks arrive from the ground station", said="warning")

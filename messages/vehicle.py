@@ -28,6 +28,9 @@ Failsafe = Literal[
 ]
 # What a condition makes the drone do, the mildest first: notice: say it; limit: go no further that
 # way; stop: come to rest and hold; ascend: rise slowly; surface: stay at the surface
+# What gives the sticks back: centring them, once what was lost for a moment is there again; the
+# request `resume`; or that after the condition has ended, which has to be waited for
+Returns = Literal["centre", "resume", "wait"]
 Reaction = Literal["notice", "limit", "stop", "ascend", "surface"]
 
 
@@ -42,6 +45,7 @@ class VehicleStatus(Message, frozen=True, kw_only=True):
     since_ns: Stamp | None = None  # [ns] when that condition began
     next_ns: Stamp | None = None  # [ns] when its next reaction begins; None: there is none
     resumable: bool = False  # the request `resume` would be granted now
+    returns: Returns | None = None  # what gives the pilot his sticks back; None: he has them
     words: Text = ""  # what the drone does, what ends it, and every condition that acts
     conditions: Names = ()  # all that hold now, the gravest first; most only have to be known
     pilot: Name = ""  # who has control; empty: nobody

@@ -24,7 +24,7 @@ from services.piloting.pilot_intents import goto
 from services.reference.guidance.path_following import PlannedPath
 from services.runtime.bus.spaces import checked_name
 from services.runtime.config.errors import LindyError
-from services.runtime.config.running import RUNNING, Running, running_in
+from services.runtime.config.running import RUNNING, Running, followed_from, running_in
 from services.runtime.config.settings import deploy_file, nearest
 from services.runtime.launch.process_plan import HOME
 from services.runtime.node.node import Node
@@ -185,15 +185,16 @@ def wanted_of(kind: str, **given: Any) -> PilotRequest:
 
 
 def dive_in(folder: Path | None) -> Running:
-    """The running dive in a folder; by default the newest in this folder or in dives/.
+    """The running dive in a folder, or the one that its pilot has left it for; by default the
+    newest in this folder or in dives/.
 
     Raises:
         LindyError: there is none, or there are several, of different drones.
     """
     if folder is not None:
-        if running_in(folder) is None:
+        if (running := followed_from(folder)) is None:
             raise LindyError(f"no dive is going on in {folder}; start one with `lindy dive`")
-        return _read(folder / RUNNING)
+        return running
     drones = dives_here()
     if len(drones) > 1:
         names = ", ".join(sorted(running.vehicle for running in drones))

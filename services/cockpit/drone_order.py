@@ -43,12 +43,12 @@ class DroneOrder:
 
     def given_up(self, request: FlyRequest, now: Ns) -> None:
         self._wanted = ""
-        self._say(f"not changed to {request.drone} yet: `lindy fly` does not answer", now)
+        self._say(f"changing to {request.drone}: `lindy fly` does not answer", now)
 
     def look(self, drones: DroneList | None, now: Ns) -> None:
         """The newest list, and what is not shown any longer."""
         self.drones = drones
-        if now >= self._until:
+        if now >= self._until and not self._wanted:
             self.words = ""
 
     def _say(self, words: str, now: Ns) -> None:

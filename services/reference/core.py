@@ -28,6 +28,7 @@ from services.reference.failsafe.watch import ConditionWatch
 from services.reference.guidance import requests
 from services.reference.guidance.authority import ControlAuthority, Lease
 from services.reference.guidance.axes import centred
+from services.reference.guidance.centring import CentredSticks
 from services.reference.guidance.ground_motion import whereabouts
 from services.reference.guidance.guidance import Guidance
 from services.reference.guidance.modes import lacking
@@ -73,6 +74,7 @@ class ReferenceGenerator:
     _guidance: Guidance = field(init=False)
     _time: SensorTime = field(default_factory=SensorTime)  # of the reference
     _failsafes: FailsafeMachine = field(init=False)
+    _centring: CentredSticks = field(default_factory=CentredSticks)
     _acts: bool = False  # a failsafe acted at the newest step
     _running: bool = False  # the estimator has finished its calibration
     _silent: bool = False  # the estimator
@@ -133,7 +135,16 @@ class ReferenceGenerator:
         )
         at_surface = self._initialised and guidance.has_risen(s.surface_depth)
         unknown = self.conditions.unknown
-        failsafes.step(holding, now, armed=self.armed, at_surface=at_surface, unknown=unknown)
+        lease = self.authority.lease
+        failsafes.step(
+            *(holding, now),
+            armed=self.armed,
+            at_surface=at_surface,
+            unknown=unknown,
+            pilot=(lease.acting, lease.epoch),
+        )
+        if self._centring.step(command if failsafes.resumable else None, now):
+            failsafes.give_back()
         reaction = failsafes.reaction
         acted, self._acts = self._acts, reaction is not None
         if self._acts and not acted:
@@ -163,9 +174,8 @@ class ReferenceGenerator:
                 wanted, achieved = wrench.wanted[5], wrench.achieved[5]
                 turn_short = abs(wanted - achieved) > SHORT * abs(wanted)
             guidance.wait(state, turn_short=turn_short)
-        epoch = self.authority.lease.acting
         armed_ns = self._armed_ns if self.armed else None
-        return guidance.reference(state, command, now, armed_ns=armed_ns, epoch=epoch)
+        return guidance.reference(state, command, now, armed_ns=armed_ns, epoch=lease.acting)
 
     def _aim(self, command: PilotCommand | None) -> None:
         """Set the axes' targets from the sticks; without sticks the target is rest."""
@@ -276,8 +286,9 @@ class ReferenceGenerator:
     def summary(self, now: Ns) -> tuple[object, ...]:
         """A change of this publishes a status at once."""
         fs = self._failsafes
-        said = fs.acting, fs.reaction, fs.resumable, fs.holding, self.authority.holder(now)
-        return self.activity, self.armed, self._guidance.flight_mode, *said
+        said = fs.acting, fs.reaction, fs.resumable, fs.returns, fs.holding
+        holder = self.authority.holder(now)
+        return self.activity, self.armed, self._guidance.flight_mode, holder, *said
 
     def status(self, now: Ns) -> VehicleStatus:
         failsafes = self._failsafes
@@ -295,6 +306,7 @@ class ReferenceGenerator:
             since_ns=failsafes.since_ns,
             next_ns=failsafes.next_ns,
             resumable=failsafes.resumable,
+            returns=failsafes.returns,
             words=failsafes.words,
             conditions=failsafes.holding,
             pilot=self.authority.holder(now),

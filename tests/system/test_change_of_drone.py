@@ -9,23 +9,25 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Generator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import msgspec
 import pytest
 
 from messages import topics
+from messages.fly import DroneList, ReachableDrone
 from messages.pilot import PilotCommand, PilotRequest
 from services.link_monitor.service import wire as wire_monitor
 from services.reference.service import wire as wire_reference
 from services.runtime.bus.access_control import HubSide
 from services.runtime.bus.envelope import Envelope
 from services.runtime.bus.spaces import here_key, namespace
-from services.runtime.bus.zenoh_bus import ZenohBus, announce_here, connected, listening
-from services.runtime.config.running import RUNNING, Running
+from services.runtime.bus.zenoh_bus import ZenohBus, announce_here, connected, listening, open_bus
+from services.runtime.config.running import RUNNING, Running, running_in
 from services.runtime.config.settings import DEPLOY
 from services.runtime.config.stack import Stack
+from services.runtime.hosts.process_host import HubLaunch
 from services.runtime.node.checkpoint import VolatileCheckpoint
 from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.loop_stats import Instance
@@ -84,7 +86,8 @@ class World:
 
     def __init__(self, folder: Path, exits: ExitStack) -> None:
         self.folder, self.router = folder, free_endpoint()
-        exits.enter_context(listening(self.router))
+        self._router = self._start_router()
+        exits.callback(lambda: self.kill_router())
         self.a = Drone(folder, self.router, "a", 1, exits)
         self.b = Drone(folder, self.router, "b", 2, exits)
         self._over = threading.Event()
@@ -116,6 +119,28 @@ class World:
     def ask(self, drone: str, dive: str = "out") -> subprocess.CompletedProcess[str]:
         command = [*LINDY, "ask", "fly", drone, "--dive", str(self.folder / dive)]
         return subprocess.run(command, capture_output=True, text=True, check=False)
+
+    @contextmanager
+    def lists(self) -> Generator[Callable[[], tuple[ReachableDrone, ...]]]:
+        """The drones on the newest list that the pilot's program has made."""
+        running = msgspec.json.decode((self.folder / "out" / RUNNING).read_bytes(), type=Running)
+        lists = [DroneList(stamp_ns=0, flown="", drones=())]
+        with open_bus(running.endpoints["topside"], running.vehicle) as bus:
+            decoder = msgspec.msgpack.Decoder(DroneList)
+            bus.hear(topics.FLY_DRONES.key, lambda e: lists.append(decoder.decode(e.payload)))
+            yield lambda: lists[-1].drones
+
+    def _start_router(self) -> subprocess.Popen[bytes]:
+        launch = HubLaunch(listen=[self.router], parent=os.getpid())
+        text = msgspec.json.encode(launch).decode()
+        return subprocess.Popen([sys.executable, "-P", "-m", "services", "hub", text])
+
+    def kill_router(self) -> None:
+        self._router.kill()
+        self._router.wait(PATIENCE_S)
+
+    def start_router_again(self) -> None:
+        self._router = self._start_router()
 
     def processes(self) -> set[int]:
         """Every process that the pilot's program has started."""
@@ -189,11 +214,10 @@ def test_a_pilot_leaves_a_drone_and_takes_another(world: World) -> None:
     world.until(lambda: b.commands[-1][1].epoch > 0)
     last = b.commands[-1][1]
     assert (last.surge, last.sway, last.heave, last.yaw) == (0.0, 0.0, 0.0, 0.0)
-    running = [file.parent.name for file in world.folder.glob("out*/" + RUNNING)]
-    assert len(running) == 1
-    assert running[0].startswith("out-")
-    # … and back.
-    assert world.ask("a", running[0]).returncode == 0
+    (running,) = filter(running_in, world.folder.glob("out*"))
+    assert running.name.startswith("out-")
+    # … and back, asked at the folder that was given at the start.
+    assert world.ask("a").returncode == 0
     world.until(lambda: a.kinds == ["lease", "release", "lease"] and a.heard_lately())
     assert b.kinds == ["lease", "release"]
     world.program.send_signal(signal.SIGINT)
@@ -201,7 +225,27 @@ def test_a_pilot_leaves_a_drone_and_takes_another(world: World) -> None:
     assert world.said.count("topside of a, ended") == 2
     assert world.said.count("topside of b, ended") == 1
     assert len(list(world.folder.glob("out*/dive.mcap"))) == 3
+    assert not list(world.folder.glob("out*/" + RUNNING))
     assert "Traceback" not in world.said
+
+
+@pytest.mark.slow
+def test_a_topside_outlives_its_router(world: World) -> None:
+    a, b = world.a, world.b
+    world.until(lambda: "lease" in a.kinds and a.heard_lately())
+    with world.lists() as newest:
+        world.until(lambda: {each.name for each in newest() if each.activity} == {"a", "b"})
+        world.kill_router()
+        world.until(lambda: any("not heard for" in each.alarms for each in newest()))
+        world.start_router_again()
+        world.until(a.heard_lately)
+        world.until(lambda: not any("not heard for" in each.alarms for each in newest()))
+    changed = world.ask("b")
+    assert changed.returncode == 0, changed.stderr
+    world.until(b.heard_lately)
+    world.program.send_signal(signal.SIGINT)
+    assert world.program.wait(PATIENCE_S) == 0, world.said
+    assert "error in Lindy itself" not in world.said
 
 
 def test_nothing_that_was_kept_ready_outlives_a_program_that_is_killed(world: World) -> None:

@@ -91,10 +91,10 @@ def _screen(endpoint: str) -> Generator[Show]:
     with Live(console=Console(), auto_refresh=False, transient=True) as live:
 
         def show(watch: FleetWatch, now: int) -> None:
-            height = live.console.height
-            rows = watch.rows(now)
+            rows, size = watch.rows(now), live.console.size
             title = title_of(rows, endpoint, watch.router_answers)
-            live.update(screen(rows, watch.roster.remarks, title, height), refresh=True)
+            drawn = screen(rows, watch.roster.remarks, title, size.width, size.height)
+            live.update(drawn, refresh=True)
 
         yield show
 

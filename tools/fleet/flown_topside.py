@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable, Collection
 from contextlib import ExitStack
 from dataclasses import dataclass
+from pathlib import Path
 
 import msgspec
 
@@ -15,7 +16,7 @@ from services.reference.settings import Settings as ReferenceSettings
 from services.runtime.config.errors import LindyError
 from services.runtime.config.identity import identity_now
 from services.runtime.config.running import RUNNING
-from services.runtime.hosts.registry import INSTEAD, Registry
+from services.runtime.hosts.registry import PILOTS, Registry
 from services.runtime.hosts.stack_file import code_of
 from services.runtime.launch.child import Child, Task
 from services.runtime.launch.local_stack import SLOW, LocalStack, local_stack
@@ -29,11 +30,9 @@ from tools.live.dive_folder import point_latest
 from tools.live.keep_running import ALIVE_S
 from tools.live.monitor_loop import followed_by
 from tools.live.outcome import Outcome
-from tools.live.piloted_dive import GAMEPAD, PilotedDive
+from tools.live.piloted_dive import PilotedDive
 from tools.live.stop_signals import StopSignals
 from tools.start import Planned, require_room
-
-PILOTS = (GAMEPAD, *INSTEAD[GAMEPAD])  # of Lindy's own services, those that command
 
 LINK_MONITOR = "link_monitor"
 ANSWER_S = 3.0  # [s] for a drone that is there
@@ -133,9 +132,14 @@ class FlownTopside:
         point_latest(self.local.stack.out_dir)
         self.dive.begin()
 
-    def leave(self) -> None:
-        """Another one is flown now. `end` follows, and may take its time."""
-        self.local.replaced, self.local.note.shown = True, False
+    def leave(self, next_folder: Path) -> None:
+        """Another one is flown now, and found from this one's folder. `end` follows, and may take
+        its time."""
+        self.local.replaced = True
+        self.local.note.leave(next_folder)
+
+    def forget(self) -> None:
+        """At the end of all flights."""
         (self.local.stack.out_dir / RUNNING).unlink(missing_ok=True)
 
     def answer(self, answer: FlyAnswer) -> None:

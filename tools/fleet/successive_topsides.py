@@ -90,6 +90,8 @@ class SuccessiveTopsides:
             if flight is not None:
                 self._end(flight)
         self._background.shutdown()
+        for flight in self._flown:
+            flight.forget()
         for ending in self._endings:
             if (error := ending.exception()) is not None:
                 print(f"lindy: a topside did not end cleanly: {error}", file=sys.stderr)
@@ -221,6 +223,8 @@ class SuccessiveTopsides:
     def _hear(self, request: FlyRequest, now: int) -> None:
         """An order to fly another drone; repeated until it is answered."""
         if request.id == self._asked:
+            said = FlyAnswer(stamp_ns=now, id=request.id, accepted=True, under_way=True)
+            self._flight.answer(said)
             return
         if (known := self._answers.to(request.id, now)) is not None:
             self._flight.answer(known)
@@ -270,7 +274,7 @@ class SuccessiveTopsides:
     def _go_over(self, old: FlownTopside, new: FlownTopside) -> None:
         left = old.left(released=old.dive.ask_on(time.monotonic_ns()))
         self._answer(self._asked, "", left, str(new.local.stack.out_dir))
-        old.leave()
+        old.leave(new.local.stack.out_dir)
         self._flown.append(new)
         self._asked, self._new = "", None
         new.take_over()

@@ -8,7 +8,9 @@ The rules:
    ones the row that comes first in the table. All of them are listed.
 3. A notice and a limit end with their condition.
 4. Stop, ascend and surface end by a deliberate act of the pilot alone: `resume`, or disarming.
-   A condition that has ended goes on acting, in the stage it has reached, until then.
+   A condition that has ended goes on acting, in the stage it has reached, until then. After a
+   short loss, centred sticks are act enough: where a row is `brief`, still in its first stage,
+   never held for `SHORT_NS` without a break, and the pilot is the one who was there when it began.
 5. `resume` is refused while a condition that acts still holds, unless its row may be overruled. An
    overruled condition does not act again until it has ended or become worse.
 6. While the drone is disarmed nothing acts: the stages begin anew when it is armed.
@@ -25,10 +27,10 @@ from typing import NamedTuple
 import msgspec
 from msgspec.structs import replace
 
-from messages.events import Outbox, short
+from messages.events import RESUMED_SHORT_LOSS, RETURN, Outbox, short
 from messages.units import Ns
-from messages.vehicle import Reaction
-from services.reference.failsafe.table import ACTING, SEVERITY, FailsafeRow
+from messages.vehicle import Reaction, Returns
+from services.reference.failsafe.table import ACTING, SEVERITY, SHORT_NS, FailsafeRow
 
 DOES: dict[Reaction, str] = {
     "stop": "the drone has stopped and holds",
@@ -54,6 +56,8 @@ class Memory(msgspec.Struct, frozen=True):
     holds: bool = True
     stage: int = 0  # of the row
     overruled: int | None = None  # level at which the pilot has overruled it
+    pilot: tuple[int, int] = (0, 0)  # whom the drone obeyed when it began
+    long: bool = False  # it has held for `SHORT_NS`, or the pilot has changed
 
 
 @dataclass(slots=True)
@@ -76,20 +80,25 @@ class FailsafeMachine:
         armed: bool,
         at_surface: bool,
         unknown: Collection[str] = (),
+        pilot: tuple[int, int] = (0, 0),
     ) -> None:
         """Take in the conditions that hold now.
 
         Args:
             at_surface: the reference rests at the surface depth, or above it.
             unknown: names of conditions of which nothing is known yet: they go on as they were.
+            pilot: authority epochs, the one that acts and the newest: another pilot, others.
         """
         self._holding = holding
         if holding or self.memory:
             after: dict[str, Memory] = {}
             for row in self.rows:
-                before = self.memory.get(row.name)
+                before = _aged(self.memory.get(row.name), pilot, now)
                 if row.name in holding:
-                    after[row.name] = self._held(row, before, holding[row.name], now, armed=armed)
+                    new = Memory(now, pilot=pilot)
+                    after[row.name] = self._held(
+                        row, before, new, holding[row.name], now, armed=armed
+                    )
                 elif before is not None and row.name in unknown:
                     after[row.name] = before
                 elif before is not None and armed and _acts(row, before):
@@ -101,13 +110,24 @@ class FailsafeMachine:
         self.surfaced = rises and (self.surfaced or at_surface)
 
     def _held(
-        self, row: FailsafeRow, before: Memory | None, held: Holding, now: Ns, *, armed: bool
+        self,
+        row: FailsafeRow,
+        before: Memory | None,
+        new: Memory,
+        held: Holding,
+        now: Ns,
+        *,
+        armed: bool,
     ) -> Memory:
-        """Of a condition that holds."""
+        """Of a condition that holds.
+
+        Args:
+            new: the same, where it begins now.
+        """
         is_new = before is None
-        after = Memory(now) if before is None else before
+        after = new if before is None else before
         if after.overruled is not None and held.level > after.overruled:
-            is_new, after = True, Memory(now)
+            is_new, after = True, new
         if not after.holds:
             after = replace(after, since_ns=now, holds=True)
         if armed and not self.armed:
@@ -151,6 +171,12 @@ class FailsafeMachine:
         self.memory, self.surfaced = after, False
         return ""
 
+    def give_back(self) -> None:
+        """The sticks were centred for long enough: a short loss that has ended acts no more."""
+        if self.returns == "centre" and self.resumable:
+            self.resume()
+            self.outbox.tell(RESUMED_SHORT_LOSS())
+
     def disarm(self) -> None:
         """Forget what has ended."""
         self.memory = {name: memory for name, memory in self.memory.items() if memory.holds}
@@ -180,6 +206,18 @@ class FailsafeMachine:
         """Something acts, and none of it holds."""
         acting = self._acting
         return bool(acting) and not any(self.memory[row.name].holds for row in acting)
+
+    @property
+    def returns(self) -> Returns | None:
+        """What gives the sticks back to the pilot; None: he has them."""
+        if not (acting := self._acting):
+            return None
+        memories = [self.memory[row.name] for row in acting]
+        short = all(not memory.long and memory.stage == 0 for memory in memories)
+        if short and all(row.brief for row in acting):
+            return "centre"
+        held = [row for row in acting if self.memory[row.name].holds]
+        return "resume" if all(row.overrule for row in held) else "wait"
 
     @property
     def holding(self) -> tuple[str, ...]:
@@ -221,13 +259,7 @@ class FailsafeMachine:
             *map(self._sentence, held),
             *(f"{short(row.condition.acted.name)} has ended" for row in ended),
         ]
-        if not held:
-            ends = "press resume to have the sticks"
-        elif all(row.overrule for row in held):
-            ends = "resume to have the sticks"
-        else:
-            ends = "resume once this has ended"
-        return "; ".join([*causes, DOES[reaction], ends])
+        return "; ".join([*causes, DOES[reaction], RETURN[self.returns or "wait"]])
 
     @property
     def notices(self) -> str:
@@ -252,6 +284,14 @@ class FailsafeMachine:
             return None
         reacts = self.armed and memory.overruled is None
         return row.stages[memory.stage].reaction if reacts else "notice"
+
+
+def _aged(memory: Memory | None, pilot: tuple[int, int], now: Ns) -> Memory | None:
+    """Is it still a short one? Judged before it ends."""
+    if memory is None or memory.long:
+        return memory
+    lasted = memory.holds and now - memory.since_ns >= SHORT_NS
+    return replace(memory, long=True) if lasted or pilot != memory.pilot else memory
 
 
 def _acts(row: FailsafeRow, memory: Memory) -> bool:

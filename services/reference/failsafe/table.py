@@ -14,6 +14,9 @@ SEVERITY: tuple[Reaction, ...] = get_args(Reaction)  # the mildest first
 ACTING: tuple[Reaction, ...] = ("stop", "ascend", "surface")  # they take the sticks from the pilot
 
 
+SHORT_NS = 2_000_000_000  # [ns] a loss that lasts so long is none that ends by itself
+
+
 class FailsafeStage(NamedTuple):
     after: float  # [s] since the condition began, without a break
     reaction: Reaction
@@ -26,6 +29,7 @@ class FailsafeRow(NamedTuple):
     measured: str  # when it holds, and where that is measured; for the documentation
     stages: tuple[FailsafeStage, ...]
     overrule: bool = False  # `resume` is granted although the condition still holds
+    brief: bool = False  # after a short one, centred sticks are enough
     told: bool = True  # its beginning is counted and logged here; False: by whoever measures it
 
     @property
@@ -41,7 +45,15 @@ class FailsafeRow(NamedTuple):
     def ends_by(self) -> str:
         if not self.acts:
             return "the end of the condition"
-        return "resume, at any time" if self.overrule else "resume, once the condition has ended"
+        if self.overrule:
+            return "resume, at any time"
+        ended = "once the condition has ended"
+        short = f"after less than {SHORT_NS / 1e9:g} s "
+        return (
+            f"{short}by centred sticks, else by resume, {ended}"
+            if self.brief
+            else f"resume, {ended}"
+        )
 
 
 NOTICE, LIMIT, STOP = (
@@ -71,6 +83,7 @@ def table(s: FailsafeSettings) -> tuple[FailsafeRow, ...]:
             events.STATE_LOST,
             "no `state` for 0.1 s",
             (STOP,),
+            brief=True,
         ),
         FailsafeRow(
             events.IMU_LOST,
@@ -82,11 +95,13 @@ def table(s: FailsafeSettings) -> tuple[FailsafeRow, ...]:
             events.LINK_LOST,
             "neither sticks nor `clock/ping` for 1 s, after there were pings",
             (STOP, rises_without_pilot),
+            brief=True,
         ),
         FailsafeRow(
             events.PILOT_LOST,
             "armed, and the newest `pilot/command` has expired (0.3 s), or its pad is lost",
             (STOP, rises_without_pilot),
+            brief=True,
         ),
         FailsafeRow(
             events.DEPTH_LIMIT,

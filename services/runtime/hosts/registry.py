@@ -41,6 +41,7 @@ NEEDED: dict[str, AnyTopic] = {
 }
 ROLES: dict[str, Role] = {"recorder": "recorder", "link_monitor": "clock"}
 INSTEAD = {"gamepad": ("mavlink", "cockpit")}  # which others publish the same
+PILOTS = ("gamepad", *INSTEAD["gamepad"])  # of Lindy's own services, those that command
 
 
 @dataclass(frozen=True, slots=True)

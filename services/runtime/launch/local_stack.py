@@ -25,9 +25,10 @@ from services.runtime.hosts.heartbeat import last_beat
 from services.runtime.hosts.process_host import instance, usage
 from services.runtime.hosts.registry import Registry
 from services.runtime.launch.aliveness import Aliveness
-from services.runtime.launch.child import Child, OsChild, Task
+from services.runtime.launch.child import Child, Task
 from services.runtime.launch.hang_detector import HangDetector
 from services.runtime.launch.process_plan import LAST, OtherSide, ProcessPlan
+from services.runtime.launch.process_pool import ProcessPool
 from services.runtime.launch.run_note import RunNote
 from services.runtime.launch.supervisor import NAME, Supervisor
 from services.runtime.launch.systemd import Systemd
@@ -46,12 +47,18 @@ LONGEST_FOLDER = 60  # [bytes] a socket's path must stay below 107
 class LocalStack:
     """The processes of a plan, kept running; made by `local_stack`, which also ends it."""
 
-    def __init__(self, plan: ProcessPlan, spawn: Callable[[Task], Child] = OsChild) -> None:
+    def __init__(self, plan: ProcessPlan, spawn: Callable[[Task], Child] | None = None) -> None:
+        """
+        Args:
+            spawn: starts a process; default: this stack keeps spare ones for its pilots.
+        """
         self.plan = plan
+        self._spares = ProcessPool()
+        self._spared = plan.spares if spawn is None else {}
         self.node: Node  # this process's own, on the pilot's side; set when the hubs are up
         self.aliveness = Aliveness(plan.services, plan.endpoints)
         self.note = RunNote(plan, partial(self._tell, "warning"))
-        self.supervisor = Supervisor(self._tell, spawn)
+        self.supervisor = Supervisor(self._tell, spawn or self._spares.child)
         self.hang_detector = HangDetector(dict.fromkeys(LAST, DISK_PATIENCE_S))
         self.replaced = False  # by another one of this program, which goes on
         self._systemd = Systemd(os.environ, os.getpid())
@@ -218,6 +225,8 @@ class LocalStack:
         if now < self._watch_at:
             return  # messages wake this process more often than a look is of use
         self._watch_at = now + WATCH_NS
+        if set(self.missing()) <= set(SLOW):  # else they need the processor
+            self._spares.keep(self._spared)
         beats = {name: last_beat(self.plan.heartbeat(name)) for name in self.supervisor.lives}
         for name, what in self.hang_detector.look(beats, self.supervisor.lives, now):
             if what == "silent":
@@ -236,6 +245,7 @@ class LocalStack:
         """End all processes."""
         if not self.replaced:
             self._systemd.stopping()
+        self._spares.end()
         self.supervisor.stop()
 
     def _tell(self, level: Literal["info", "warning", "error"], text: str) -> None:
@@ -251,7 +261,7 @@ def local_stack(
     other_side: OtherSide | None = None,
     begin_with: Mapping[str, bytes] | None = None,
     credentials: Credentials | None = None,
-    spawn: Callable[[Task], Child] = OsChild,
+    spawn: Callable[[Task], Child] | None = None,
 ) -> Generator[LocalStack]:
     """Running hubs, without services yet; everything is ended when the block is left.
 
@@ -261,7 +271,7 @@ def local_stack(
         other_side: where it is another machine; `services` are then those of this one.
         begin_with: checkpoints by service, of an earlier start.
         credentials: for endpoints of and for other machines.
-        spawn: starts a process.
+        spawn: starts a process; default: as `LocalStack`.
 
     Raises:
         LindyError: the endpoint is taken or malformed.

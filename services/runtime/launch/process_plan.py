@@ -18,7 +18,8 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.prewarmed_process import Prewarming
 from services.runtime.hosts.process_host import HubLaunch, Launch
-from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.registry import PILOTS, Registry
+from services.runtime.hosts.stack_file import code_of
 from services.runtime.launch.child import Task
 from services.runtime.launch.process_pool import PYTHON
 from services.runtime.node.checkpoint import write_safely
@@ -164,6 +165,15 @@ class ProcessPlan:
         return hubs | {
             process: Prewarming({n: self.services[n] for n in names}, str(self.services.file))
             for process, names in self.processes.items()
+        }
+
+    @property
+    def spares(self) -> dict[str, Prewarming]:
+        """Of the processes in which a pilot has his stop button: it must be there again at once."""
+        return {
+            process: self.prewarming[process]
+            for process, names in self.processes.items()
+            if any(code_of(name, self.services[name]) in PILOTS for name in names)
         }
 
     def _log(self, name: str) -> Path:

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable
+from pathlib import Path
 
 import msgspec
 
@@ -19,6 +20,7 @@ class RunNote:
         self._plan, self._warn = plan, warn
         self._path = plan.stack.out_dir / RUNNING
         self._pids: dict[str, int] = {}
+        self._left_for = ""
 
     def update(self, pids: dict[str, int]) -> None:
         """Written atomically: on a full disk the older one stays.
@@ -29,9 +31,28 @@ class RunNote:
         if not self.shown or pids == self._pids:
             return
         self._pids = pids
+        self._write(pids)
+
+    def leave(self, folder: Path) -> None:
+        """The pilot flies the dive in that folder now: this one leads there, also after `remove`,
+        and is not found by itself any more."""
+        self.shown, self._left_for = False, str(folder)
+        self._write({})
+
+    def remove(self) -> None:
+        if not self._left_for:
+            self._path.unlink(missing_ok=True)
+
+    def _write(self, pids: dict[str, int]) -> None:
         plan, own = self._plan, os.getpid()
         running = Running(
-            plan.stack.space, plan.endpoints, own, pids, str(plan.services.file), self.changes
+            vehicle=plan.stack.space,
+            endpoints=plan.endpoints,
+            supervisor=own,
+            pids=pids,
+            stack_file=str(plan.services.file),
+            left_for=self._left_for,
+            changes=self.changes,
         )
         fresh = self._path.with_name(f".{RUNNING}-{own}")
         try:
@@ -40,6 +61,3 @@ class RunNote:
         except OSError as error:
             fresh.unlink(missing_ok=True)
             self._warn(f"cannot write {self._path}: {reason(error)}")
-
-    def remove(self) -> None:
-        self._path.unlink(missing_ok=True)

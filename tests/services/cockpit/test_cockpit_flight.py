@@ -454,7 +454,7 @@ def test_every_page_gets_the_list_once_a_second_and_a_pilots_page_orders_a_drone
     assert dive.counts["expired:wish"] == 1
     assert fly(dive, "rov2") == "changing to rov2"
     dive.run(5.1)
-    assert dive.view()["change"] == "not changed to rov2 yet: `lindy fly` does not answer"
+    assert dive.view()["change"] == "changing to rov2: `lindy fly` does not answer"
 
 
 def test_what_became_of_an_order_is_shown_for_a_while():

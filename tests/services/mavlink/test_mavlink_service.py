@@ -194,7 +194,7 @@ def test_a_ground_station_that_falls_silent_is_a_lost_pilot_within_its_time_to_l
 
 
 def test_who_arms_while_a_failsafe_acts_resumes(tmp_path: Path) -> None:
-    dive = Dive(tmp_path).armed().run(1.0).steer(1.0)
+    dive = Dive(tmp_path).armed().run(3.0).steer(1.0)
     assert dive.status.failsafe == "pilot_lost"
     before = len(dive.acks)
     dive.command(400, 1.0)

@@ -25,9 +25,11 @@ reference like any other: within the limits of the vehicle's acceleration and je
 Of several conditions the gravest reaction acts, and all are listed. Notice and limit end with their
 condition. The others end by a deliberate act of the pilot alone: `resume` (the arm button of the
 pad, Enter on the keyboard, `lindy ask resume`), or `disarm`. Moving sticks do nothing until then,
-and act at once afterwards. `resume` is refused while the condition still holds, except where the
-table says "at any time": who resumes then has overruled it, and it does not act again until it has
-ended or become worse. A script resumes by itself as soon as its conditions have ended.
+and act at once afterwards. A loss of state, link or pilot that never held for 2 s without a break
+ends by itself once the sticks were centred for 0.3 s, as far as nothing else acts and the pilot is
+the one who was there when it began. `resume` is refused while the condition still holds, except
+where the table says "at any time": who resumes then has overruled it, and it does not act again
+until it has ended or become worse. A script resumes by itself as soon as its conditions have ended.
 
 | condition | the pilot reads | when | what the drone does | ended by | what to do |
 |---|---|---|---|---|---|

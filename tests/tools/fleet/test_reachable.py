@@ -4,6 +4,8 @@ from typing import Any
 
 import msgspec
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from messages import topics
 from messages.fly import MOST_DRONES, DroneList
@@ -13,7 +15,7 @@ from messages.topic import AnyTopic
 from messages.vehicle import VehicleStatus
 from services.runtime.bus.spaces import here_key, namespace
 from tools.fleet.reachable import drone_list, misfit, still_armed
-from tools.fleet.watching import FleetWatch
+from tools.fleet.watching import GONE_NS, FleetWatch
 
 NOW = 10_000_000_000
 OURS = SideIdentity(
@@ -101,6 +103,38 @@ def test_drones_that_went_with_the_router_stay_on_the_list():
     network.watch.token(here_key(namespace("rov2"), "drone", "1"), False, NOW)
     (two,) = network.list().drones
     assert (two.name, two.vehicle) == ("rov2", "bluerov")
+
+
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from(["there", "gone", "gone", "router", "says", "says"]),
+            st.sampled_from(["rov1", "rov2"]),
+            st.booleans(),
+            st.sampled_from([0, 0, NOW, GONE_NS]),
+        ),
+        max_size=30,
+    )
+)
+def test_whatever_comes_and_goes_in_whatever_order_there_is_a_list(
+    steps: list[tuple[str, str, bool, int]],
+):
+    network, now = Network(), NOW
+    for what, name, yes, later in steps:
+        now += later
+        match what:
+            case "there" | "gone":
+                network.watch.token(here_key(namespace(name), "drone", "1"), what == "there", now)
+            case "router":
+                network.watch.router(yes, now)
+            case _ if yes:
+                said = VehicleStatus(stamp_ns=0, activity="ready", armed=False)
+                network.says(name, topics.STATUS, said)
+            case _:
+                network.says(name, topics.IDENTITY.of("drone"), identity())
+        rows = {row.name for row in network.watch.rows(now) if not row.gone}
+        made = drone_list(network.watch, OURS, "rov1", "", now)
+        assert {drone.name for drone in made.drones} == rows
 
 
 def test_however_many_a_stranger_announces_those_that_speak_are_listed():

@@ -8,6 +8,7 @@ import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from rich.cells import cell_len
 from rich.console import Console
 
 from messages import topics
@@ -63,7 +64,7 @@ def watching(*names: str) -> FleetWatch:
 
 def shown(rows: list[FleetRow], remarks: list[str], height: int, width: int = 200) -> list[str]:
     console = Console(width=width, height=height, record=True, file=StringIO())
-    console.print(screen(rows, remarks, title_of(rows, "E", True), height))
+    console.print(screen(rows, remarks, title_of(rows, "E", True), width, height))
     return console.export_text().splitlines()
 
 
@@ -233,6 +234,50 @@ def test_where_the_window_is_too_low_alarms_come_first_and_the_rest_is_counted()
     lines = shown(watch.rows(0), [], 10)
     assert "rov17" in lines[2]
     assert lines[-1] == "and 15 more, 0 of them with an alarm: the window is too low"
+
+
+SENTENCE = "not ready: calibrating the compass: turn the drone slowly through a whole circle, level"
+
+
+@pytest.mark.parametrize("width", [80, 100, 120, 160])
+def test_no_sentence_takes_the_name_of_a_drone(width: int) -> None:
+    names = ["rov1", "a-drone-of-a-long-name", "rov3"]
+    watch = watching(*names)
+    say(watch, "rov1", topics.STATUS, flying(failsafe="pilot_lost", reaction="stop"))
+    say(watch, names[1], topics.STATUS, flying(note=SENTENCE, pilot="cockpit-of-the-mate"))
+    lines = shown(watch.rows(0), [], 24, width)
+    assert lines[0].startswith("3 drones at E: ")
+    assert [name for each in lines for name in names if each.startswith(f"{name} ")] == sorted(
+        names
+    )
+    assert all(len(each) <= width for each in lines)
+    said = " ".join(lines)
+    assert "FAILSAFE pilot lost: " in said
+    assert SENTENCE[:70] in said
+    assert "piloted, armed" in said
+    for column in ("battery", "heading"):  # shown, or said to be left out
+        assert column in said
+
+
+@given(
+    st.lists(st.tuples(TEXT, TEXT, st.booleans()), min_size=1, max_size=12),
+    st.integers(24, 200),
+    st.integers(7, 60),
+)
+def test_at_every_size_a_drone_is_there_with_its_name_or_is_counted(
+    said: list[tuple[str, str, bool]], width: int, height: int
+) -> None:
+    names = [f"rov{k:02}" for k in range(len(said))]
+    watch = watching(*names)
+    for name, (pilot, note, leaks) in zip(names, said, strict=True):
+        acts = {"failsafe": "leak", "reaction": "ascend"} if leaks else {}
+        say(watch, name, topics.STATUS, flying(pilot=pilot[:128], note=note, **acts))
+    lines = shown(watch.rows(0), [], height, width)
+    assert len(lines) < height
+    assert all(cell_len(each) <= width for each in lines)
+    there = sum(each.startswith("rov") for each in lines)
+    hidden = next((int(each.split()[1]) for each in lines if each.startswith("and ")), 0)
+    assert there + hidden == len(names)
 
 
 def test_no_name_that_was_only_announced_and_no_drone_that_is_gone_hides_one_in_need() -> None:
