@@ -3,11 +3,9 @@
 import sys
 import time
 from collections import deque
-from collections.abc import Callable, Collection, Generator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Collection
+from contextlib import ExitStack
 
-from rich.console import Console
-from rich.live import Live
 from rich.text import Text
 
 from messages import topics
@@ -19,6 +17,7 @@ from services.runtime.config.running import Running
 from services.runtime.config.settings import nearest
 from services.runtime.launch.process_plan import HOME
 from tools.live.stop_signals import StopSignals
+from tools.live.terminal import drawn_anew
 
 STEP_S = 0.05  # [s] between two looks at what has arrived
 SHOW_S = 1.0  # [s] between two pictures on a terminal
@@ -95,7 +94,7 @@ def listen(
         StopSignals() as stop,
         open_bus(running.endpoints[side], running.vehicle) as bus,
     ):
-        show = exits.enter_context(_screen()) if draw and sys.stdout.isatty() else None
+        show = exits.enter_context(drawn_anew()) if draw and sys.stdout.isatty() else None
         for topic in {topic.key: topic for topic in wanted}.values():
             bus.hear(topic.key, lambda e: waiting.append((e, time.monotonic_ns())))
         end = time.monotonic() + (float("inf") if seconds is None else seconds)
@@ -107,20 +106,14 @@ def listen(
                 heard += 1
             if show is not None and draw is not None and time.monotonic() >= show_at:
                 show_at = time.monotonic() + SHOW_S
-                show(draw())
+                lines = draw()
+                show(lambda size, lines=lines: _fitting(lines, size.height))
     if draw is not None:
         print("\n".join(draw()), flush=True)
 
 
-@contextmanager
-def _screen() -> Generator[Callable[[list[str]], None]]:
-    with Live(console=Console(), auto_refresh=False, transient=True) as live:
-
-        def show(lines: list[str]) -> None:
-            fit = lines[: max(1, live.console.height - 1)]
-            hidden = len(lines) - len(fit)
-            if hidden:
-                fit[-1] = f"and {hidden + 1} more: the window is too low"
-            live.update(Text("\n".join(fit), no_wrap=True, overflow="ellipsis"), refresh=True)
-
-        yield show
+def _fitting(lines: list[str], height: int) -> Text:
+    fit = lines[: max(1, height - 1)]
+    if hidden := len(lines) - len(fit):
+        fit[-1] = f"and {hidden + 1} more: the window is too low"
+    return Text("\n".join(fit), no_wrap=True, overflow="ellipsis")
