@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import msgspec
 
-from messages import topics
+from messages import events, topics
 from messages.health import Health, LogLine
 from messages.link import Shown
 from services.runtime.node.node import Node
@@ -93,7 +93,7 @@ class Watch:
             late_ms=health.lateness_p99_ms if health else None,
             cpu_percent=health.cpu_percent if health else None,
             restarts=restarts.get(name, 0),
-            troubles=sum(health.counts.values()) if health else 0,
+            troubles=events.troubles(health.counts) if health else 0,
         )
 
     def _add(self, line: LogLine, now: int) -> None:

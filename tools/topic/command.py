@@ -14,7 +14,7 @@ from tools.choices import RunningDive, UntilCtrlC, Whole
 from tools.topic.figures import HEADINGS, SenderClock, StreamFigures, aligned
 
 Key = Annotated[str, Parameter(help="such as state or health/*; default: all of that side")]
-Count = Annotated[Whole | None, Parameter(help="end after so many messages")]
+MostMessages = Annotated[Whole | None, Parameter(help="end after so many messages")]
 AtSide = Annotated[
     Side | None,
     Parameter(help="of which hub; default: topside, drone for what never leaves the drone"),
@@ -43,7 +43,7 @@ def list_() -> int:
 def echo(
     key: str,
     *,
-    count: Count = None,
+    count: MostMessages = None,
     seconds: UntilCtrlC = None,
     side: AtSide = None,
     dive: RunningDive = None,
@@ -80,7 +80,7 @@ def echo(
 @topic.command
 def hz(
     *keys: Key,
-    count: Count = None,
+    count: MostMessages = None,
     seconds: UntilCtrlC = None,
     side: AtSide = None,
     dive: RunningDive = None,
@@ -97,7 +97,7 @@ def hz(
 @topic.command
 def delay(
     *keys: Key,
-    count: Count = None,
+    count: MostMessages = None,
     seconds: UntilCtrlC = None,
     side: AtSide = None,
     dive: RunningDive = None,
@@ -115,7 +115,7 @@ def delay(
 @topic.command
 def bw(
     *keys: Key,
-    count: Count = None,
+    count: MostMessages = None,
     seconds: UntilCtrlC = None,
     side: AtSide = None,
     dive: RunningDive = None,

@@ -7,7 +7,7 @@ from typing import Literal
 import msgspec
 
 from messages import topics
-from messages.events import ROUTINE, row_of
+from messages.events import troubles
 from messages.health import LATE_MS, Health
 from messages.units import Ns
 from tools.choices import RunningDive, UntilCtrlC
@@ -78,7 +78,7 @@ def _weight(health: Health, order: Order) -> float:
 def _line(health: Health, before: Health | None, at: Ns, now: Ns) -> tuple[str, ...]:
     silent, late = now - at > SILENT_NS, (health.lateness_p99_ms or 0.0) > LATE_MS
     remark = f"silent for {(now - at) / 1e9:.0f} s" if silent else "late" if late else ""
-    counted = None if before is None else _counted(health) - _counted(before)
+    counted = None if before is None else troubles(health.counts) - troubles(before.counts)
     return (
         *(health.service, health.side or UNKNOWN),
         *(_number(health.cpu_percent), _number(health.rss_mb), _number(health.loop_hz)),
@@ -86,11 +86,6 @@ def _line(health: Health, before: Health | None, at: Ns, now: Ns) -> tuple[str, 
         *(str(health.sent), str(health.received)),
         *(UNKNOWN if counted is None else str(counted), remark),
     )
-
-
-def _counted(health: Health) -> int:
-    """All that is not normal in any dive."""
-    return sum(n for name, n in health.counts.items() if row_of(name).severity < ROUTINE)
 
 
 def _number(value: float | None) -> str:
