@@ -40,13 +40,13 @@ LEVELS = {"info": "", "warning": "yellow", "error": "bold red"}
 class ServiceView:
     name: str
     alive: bool
-    begun: bool = True  # it is alive, or was once
     sent_hz: float | None = None  # [1/s] messages
     late_ms: float | None = None  # [ms] 99th percentile
     cpu_percent: float | None = None  # [%] of a core
     restarts: int = 0
     troubles: int = 0  # everything counted as dropped, stale, malformed, saturated …
     process: str = ""  # that it shares with others
+    begun: bool = True  # it is alive, or was once
 
 
 class View(VehicleView, frozen=True, kw_only=True):

@@ -225,6 +225,6 @@ def test_a_long_warning_takes_a_second_row_while_there_is_one_free():
     ("alive", "begun", "said"), [(0, 0, "starting"), (0, 1, "gone"), (1, 1, "")]
 )
 def test_a_service_is_gone_only_if_it_was_there(alive: int, begun: int, said: str) -> None:
-    service = ServiceView("visualizer", bool(alive), bool(begun))
+    service = ServiceView("visualizer", bool(alive), begun=bool(begun))
     lines = text_of(replace(FULL, services=(service,)), 80)
     assert any(line.split()[:2] == ["visualizer", said or "–"] for line in lines)
