@@ -10,7 +10,7 @@ caller gives. A row of its own goes before that of its kind.
 """
 
 from collections import Counter, deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from enum import IntEnum
 from typing import Literal, NamedTuple
@@ -152,6 +152,11 @@ def row_of(name: str) -> Row:
     it is."""
     kind = name.partition(":")[0]
     return ALL.get(name) or ALL.get(kind) or Row(kind, SENSOR, kind)
+
+
+def troubles(counts: Mapping[str, int]) -> int:
+    """How much of what a service has counted is not normal in any dive."""
+    return sum(number for name, number in counts.items() if row_of(name).severity < ROUTINE)
 
 
 def known(name: str) -> bool:

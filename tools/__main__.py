@@ -43,6 +43,10 @@ GROUPS: dict[str, dict[str, Verb]] = {
         "fleet": Verb("fleet.fleet:fleet", "Watch all drones that can be reached."),
         "record": Verb("fleet.record:record", "Record every drone that can be reached."),
         "keys": Verb("keys.command:keys", "Keys by which drone and pilot recognise each other."),
+        "top": Verb("topic.top:top", "Show what each service costs, and how late it is."),
+        "topic": Verb(
+            "topic.command:topic", "List the streams of a dive; show, time and weigh them."
+        ),
         "link": Verb("link:link", "The tether: its model offline, a running link, a recorded one."),
         "router-config": Verb(
             "fleet.router:router_config", "Write the configuration of a Zenoh router (zenohd)."

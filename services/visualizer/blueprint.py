@@ -10,7 +10,8 @@ from services.marine.vehicle import Vehicle
 
 TIMELINE = "dive"  # [s] since the dive began
 WATER = 0x0A1E2BFF
-BEFORE_S, AFTER_S = 60.0, 3.0  # [s] shown before and after the cursor
+# [s] Shown before the cursor, and after it: room for the legend, which else hides the curves.
+BEFORE_S, AFTER_S = 45.0, 17.0
 
 
 def blueprint(vehicle: Vehicle) -> rrb.Blueprint:
@@ -31,7 +32,7 @@ def _dive(vehicle: Vehicle) -> rrb.Horizontal:
     ways = ["$origin/link_down", "$origin/link_up", "$origin/stick", "/whole/screen"]
     middle = rrb.Vertical(
         _plot("depth", "Depth [m], positive down"),
-        _plot("heading", "Heading [°], clockwise"),
+        _plot("heading", "Heading [°], clockwise, turns added"),
         _plot("thrust", "Thrust [N]"),
         _plot("latency", "Latency [ms]", contents=ways),
     )
@@ -95,7 +96,8 @@ def _motion() -> rrb.Grid:
         _plot("depth_acceleration", "Depth acceleration [m/s²]"),
         _plot("yaw_acceleration", "Yaw acceleration of the reference [°/s²]"),
         rrb.Tabs(
-            _plot("jerk", "Jerk of the reference [m/s³, °/s³]"),
+            _plot("jerk/heave", "Jerk of the reference, heave [m/s³]"),
+            _plot("jerk/yaw", "Jerk of the reference, yaw [°/s³]"),
             _plot("tilt", "Camera tilt [°], up"),
         ),
         _plot("track", "Place [m], NED"),
@@ -104,7 +106,8 @@ def _motion() -> rrb.Grid:
         _plot("thruster_changes", "All thrusters, in the last minute [1/min]"),
         rrb.Tabs(
             _plot("current", "Current of the water [m/s], NED"),
-            _plot("uncertainty", "One standard deviation"),
+            _plot("uncertainty/depth", "Depth, one standard deviation [cm]"),
+            _plot("uncertainty/heading", "Heading, one standard deviation [°]"),
         ),
         grid_columns=4,
         name="Motion",
@@ -119,9 +122,13 @@ def _control() -> rrb.Grid:
         _plot("force_achieved", "Force achieved [N]"),
         _plot("moment_achieved", "Moment achieved [N m]"),
         _plot("force_reference", "Force reference [N]"),
-        _plot("disturbance", "Disturbance learnt [N, N m]"),
         rrb.Tabs(
-            _plot("integral", "Integrators [N, N m]"),
+            _plot("disturbance/force", "Disturbance learnt [N]"),
+            _plot("disturbance/moment", "Disturbance learnt [N m]"),
+        ),
+        rrb.Tabs(
+            _plot("integral/depth", "Integrator [N]"),
+            _plot("integral/yaw", "Integrator [N m]"),
             _plot("tether_pull", "Pull of the tether [N], NED"),
         ),
         rrb.Tabs(
@@ -143,8 +150,16 @@ def _sensors() -> rrb.Grid:
             _plot("pressure_age", "Age of the pressure sample [ms]"),
         ),
         rrb.Tabs(
-            _plot("compass", "Heading with magnetometer [°]"),
-            _plot("power", "Battery, enclosure and water"),
+            _plot("compass", "Heading with magnetometer [°], turns added"),
+            _plot("power/voltage", "Battery [V]"),
+            _plot("power/current", "Battery [A]"),
+            _plot("power/used", "Battery, used [Wh]"),
+            _plot(
+                "power",
+                "Temperature [°C]",
+                contents=["$origin/temperature", "$origin/enclosure"],
+            ),
+            _plot("power/leak", "Leak, 1: wet"),
         ),
         *_innovations(),
         grid_columns=3,
@@ -194,7 +209,10 @@ def _camera() -> rrb.Grid:
     return rrb.Grid(
         rrb.Spatial2DView(origin="/camera", name="Picture"),
         _plot("picture", "Age of the picture [ms], by stage"),
-        _plot("picture_rate", "Pictures [1/s], carried [kbit/s]"),
+        rrb.Tabs(
+            _plot("picture_rate/pictures", "Pictures [1/s]"),
+            _plot("picture_rate/carried", "Carried [kbit/s]"),
+        ),
         grid_columns=2,
         name="Camera",
     )
@@ -233,12 +251,12 @@ def _plot(
         name=name,
         axis_x=_window(),
         axis_y=None if limits is None else rrb.ScalarAxis(range=limits),
-        plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop),  # over what is oldest
+        plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),  # over what is not yet
     )
 
 
 def _window() -> rrb.TimeAxis:
-    """The last minute and a little room: of itself rerun has the cursor in the middle, and half of
+    """The newest, and room for a legend: of itself rerun has the cursor in the middle, and half of
     every plot of a dive that goes on would be empty."""
     edge = rr.TimeRangeBoundary.cursor_relative
     return rrb.TimeAxis(view_range=rr.TimeRange(edge(seconds=-BEFORE_S), edge(seconds=AFTER_S)))

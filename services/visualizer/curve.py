@@ -16,7 +16,8 @@ REFERENCE, ESTIMATE, TRUTH = 0xFF9F2E, 0x4CA6FF, 0x9AA0A6
 AXES = (0xEF6C6C, 0x66C285, 0x6C9DF0, 0xE0B04C, 0xB57EDC, 0x4FC4C4)
 DOWN, UP, STICK = 0x5FD0C0, 0xC58BE8, 0xF2D34F
 PREDICTED = 0xFF6FD8  # predicted present state: a colour of its own, because a pilot steers by it
-TRUTHS = (TRUTH, 0xC8CCD0, 0x6E747A)  # of several axes in one panel
+TRUTHS = (0xB23B3B, 0x2F8F52, 0x3B66C4)  # of several axes in one panel: each axis, darker
+BOUND = 0xC8CCD0  # the second line of a pair of limits
 MANY = (*AXES, 0xF2D34F, 0xB6E34A, 0xF27FB2, 0xE8E8E8, 0xB08968, 0x7F8C8D)  # thrusters, services
 LONGEST_MS = 60_000.0  # [ms] anything longer is a wrong stamp, not a latency
 

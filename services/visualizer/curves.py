@@ -10,8 +10,10 @@ from typing import Any
 
 from messages import topics
 from messages.aiding import AidSource
+from messages.events import troubles
 from messages.message import Estimate
 from messages.reference import Reference
+from messages.state import VehicleState
 from messages.vehicle import Actuation
 from services.marine.vehicle import Vehicle
 from services.visualizer.curve import (
@@ -70,14 +72,14 @@ def _sensors() -> list[Curve]:
         Curve("angular_rate", imu, body, AXES[:3], lambda m: in_degrees(m.angular_rate)),
         Curve("magnetic_field", topics.MAGNETOMETER, body, AXES[:3], _microtesla),
         Curve("pressure", topics.PRESSURE, ("water",), (ESTIMATE,), lambda m: (m.pressure / 1e3,)),
-        Curve("power/temperature", topics.PRESSURE, ("water [°C]",), (AXES[0],), _temperature),
+        Curve("power/temperature", topics.PRESSURE, ("water",), (AXES[0],), _temperature),
         Curve("velocity/dvl", topics.DVL, ("surge, DVL", "sway, DVL"), AXES[4:], _dvl),
         Curve("track/usbl", topics.USBL, ("north, USBL", "east, USBL"), AXES[4:], _usbl),
-        Curve("power/voltage", battery, ("battery [V]",), (AXES[1],), lambda m: (m.voltage,)),
-        Curve("power/current", battery, ("battery [A]",), (AXES[3],), lambda m: (m.current,)),
-        Curve("power/leak", topics.LEAK, ("leak, 1: wet",), (AXES[5],), _wet),
-        Curve("power/enclosure", topics.TEMPERATURE, ("inside [°C]",), (AXES[2],), _temperature),
-        Curve("power/used", battery, ("used [Wh]",), (AXES[4],), lambda m: (m.used_wh,)),
+        Curve("power/voltage", battery, ("battery",), (AXES[1],), lambda m: (m.voltage,)),
+        Curve("power/current", battery, ("battery",), (AXES[3],), lambda m: (m.current,)),
+        Curve("power/leak", topics.LEAK, ("leak",), (AXES[5],), _wet),
+        Curve("power/enclosure", topics.TEMPERATURE, ("inside",), (AXES[2],), _temperature),
+        Curve("power/used", battery, ("used",), (AXES[4],), lambda m: (m.used_wh,)),
     ]
 
 
@@ -114,9 +116,10 @@ def _motion() -> list[Curve]:
 
 
 def _references() -> list[Curve]:
-    both, colours, topic = ("depth", "heading"), (ESTIMATE, REFERENCE), topics.REFERENCE
+    topic, wanted = topics.REFERENCE, (("reference",), (REFERENCE,))
     return [
-        Curve("jerk", topic, both, colours, lambda m: (m.depth.jerk, degrees(m.heading.jerk))),
+        Curve("jerk/heave", topic, *wanted, lambda m: (m.depth.jerk,)),
+        Curve("jerk/yaw", topic, *wanted, lambda m: (degrees(m.heading.jerk),)),
         Curve("yaw_acceleration", topic, ("reference",), (REFERENCE,), _yaw_acceleration),
         Curve("tilt", topic, ("reference",), (REFERENCE,), lambda m: (degrees(m.tilt.position),)),
         Curve("force_reference", topic, ("surge", "sway"), AXES[:2], _reference_force),
@@ -130,9 +133,9 @@ def _estimates() -> list[Curve]:
     single: list[tuple[str, str, int, Read]] = [
         ("attitude/roll", "roll", AXES[0], lambda m: (degrees(m.roll.value),)),
         ("attitude/pitch", "pitch", AXES[1], lambda m: (degrees(m.pitch.value),)),
-        ("uncertainty/depth", "depth [cm]", ESTIMATE, lambda m: (100 * m.depth.std,)),
-        ("uncertainty/heading", "heading [°]", REFERENCE, lambda m: (degrees(m.heading.std),)),
-        ("compass", "navigation", ESTIMATE, lambda m: known(m.heading_navigation, degrees)),
+        ("uncertainty/depth", "depth", ESTIMATE, lambda m: (100 * m.depth.std,)),
+        ("uncertainty/heading", "heading", ESTIMATE, lambda m: (degrees(m.heading.std),)),
+        ("compass", "navigation", ESTIMATE, _navigation),
         ("velocity/surge", "surge", AXES[0], lambda m: known(m.surge_velocity)),
         ("velocity/sway", "sway", AXES[1], lambda m: known(m.sway_velocity)),
         ("track/north", "north", AXES[0], lambda m: known(m.north)),
@@ -159,6 +162,15 @@ def _autopilot() -> list[Curve]:
     ]
 
 
+def _navigation(m: VehicleState) -> CurveRow | None:
+    """[°] As the heading is counted, which goes on beyond a full turn: the two can be compared."""
+    found = known(m.heading_navigation, degrees)
+    if found is None:
+        return None
+    turned = degrees(m.heading.value)
+    return (turned + (found[0] - turned + 180.0) % 360.0 - 180.0,)
+
+
 def _angle(radians: float | None) -> CurveRow | None:
     return None if radians is None else (degrees(radians),)
 
@@ -177,17 +189,18 @@ def _truths() -> list[Curve]:
 
 
 def _control(thrusters: tuple[str, ...]) -> list[Curve]:
-    wrench, force, moment = topics.WRENCH, ("X", "Y", "Z"), ("K", "M", "N")
+    wrench, force = topics.WRENCH, ("surge", "sway", "heave")
+    moment = ("roll", "pitch", "yaw")
     colours = tuple(MANY[i % len(MANY)] for i in range(len(thrusters)))
     return [
         Curve("force/wanted", wrench, force, AXES[:3], lambda m: m.wanted[:3]),
         Curve("force_achieved", wrench, force, AXES[:3], lambda m: m.achieved[:3]),
         Curve("moment/wanted", wrench, moment, AXES[:3], lambda m: m.wanted[3:]),
         Curve("moment_achieved", wrench, moment, AXES[:3], lambda m: m.achieved[3:]),
-        Curve("integral/depth", wrench, ("Z [N]",), (ESTIMATE,), lambda m: (m.depth_integral,)),
-        Curve("integral/yaw", wrench, ("N [N m]",), (REFERENCE,), lambda m: (m.heading_integral,)),
+        Curve("integral/depth", wrench, ("heave",), (ESTIMATE,), lambda m: (m.depth_integral,)),
+        Curve("integral/yaw", wrench, ("yaw",), (REFERENCE,), lambda m: (m.heading_integral,)),
         Curve("disturbance/force", wrench, force, AXES[:3], lambda m: m.disturbance[:3]),
-        Curve("disturbance/moment", wrench, moment, AXES[3:], lambda m: m.disturbance[3:]),
+        Curve("disturbance/moment", wrench, moment, AXES[:3], lambda m: m.disturbance[3:]),
         Curve("thrust_command", topics.THRUSTERS, thrusters, colours, lambda m: m.thrust),
         Curve("thrust", topics.ACTUATION, thrusters, colours, lambda m: m.thrust),
         Curve("drive_power", topics.ACTUATION, ("thrusters",), (AXES[3],), lambda m: (m.power,)),
@@ -206,7 +219,7 @@ def _health() -> list[Curve]:
         ("health/memory", lambda m: number(m.rss_mb)),
         ("health/sent", lambda m: (float(m.sent),)),
         ("health/received", lambda m: (float(m.received),)),
-        ("health/counted", lambda m: (float(sum(m.counts.values())),)),
+        ("health/counted", lambda m: (float(troubles(m.counts)),)),
     ]
     return [Curve(path, topics.HEALTH, (), (), read) for path, read in reads]
 

@@ -10,13 +10,13 @@ from messages.prediction import Miss, Prediction
 from messages.video import PICTURE_STAGES, PictureAge
 from services.visualizer.curve import (
     AXES,
+    BOUND,
     DOWN,
     ESTIMATE,
     PREDICTED,
     REFERENCE,
     STICK,
     TRUTH,
-    TRUTHS,
     UP,
     Curve,
     CurveRow,
@@ -90,7 +90,7 @@ def _clocks() -> list[Curve]:
     clock, pong = topics.CLOCK, topics.CLOCK_PONG
     return [
         Curve("clock/offset", clock, ("drone - topside",), (ESTIMATE,), _offset),
-        Curve("clock/bound", clock, ("at least", "at most"), TRUTHS[:2], _bounds),
+        Curve("clock/bound", clock, ("at least", "at most"), (TRUTH, BOUND), _bounds),
         Curve("link_p99/ping", clock, ("rtt, ping",), (STICK,), lambda m: number(m.rtt_ms)),
         Curve("clock/turnaround", pong, ("ping → pong on board",), (AXES[3],), _turnaround),
         Curve("pings", topics.CLOCK_PING, ("sent",), (AXES[4],), _ping),

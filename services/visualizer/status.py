@@ -6,6 +6,7 @@ from typing import Any
 
 import msgspec
 
+from messages.events import troubles
 from messages.fly import DroneList, FlyAnswer, FlyRequest
 from messages.health import Health, LogLine
 from messages.identity import SideIdentity
@@ -177,7 +178,7 @@ class Status:
         ]
         rows = [
             f"| {key.rpartition('/')[2]} | {h.loop_hz:.0f} | {_ms(h.lateness_p99_ms)} "
-            f"| {_whole(h.cpu_percent, ' %')} | {_whole(h.rss_mb)} | {sum(h.counts.values())} |"
+            f"| {_whole(h.cpu_percent, ' %')} | {_whole(h.rss_mb)} | {troubles(h.counts)} |"
             for key, h in sorted(self._health.items())
         ]
         return "\n".join([*head, *rows])

@@ -101,8 +101,9 @@ class Topside:
             self._do(self.pilot.status(status, self._waiting, self.race.net.now))
 
     def answer(self, answer: PilotAnswer) -> None:
-        if not self.gone and (request := self.requests.answered(answer)) is not None:
-            self._do(self.pilot.answered(request, answer, self.race.net.now))
+        now = self.race.net.now
+        if not self.gone and (request := self.requests.answered(answer, now)) is not None:
+            self._do(self.pilot.answered(request, answer, now))
 
     @property
     def _waiting(self) -> set[RequestKind]:

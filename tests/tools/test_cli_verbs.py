@@ -206,7 +206,7 @@ def test_there_is_a_pad_only_when_sdl_says_so(
     assert pads.pad_is_there() is there
 
 
-WITH_VERBS_OF_THEIR_OWN = {"calibrate", "identify", "keys", "link"}
+WITH_VERBS_OF_THEIR_OWN = {"calibrate", "identify", "keys", "link", "topic"}
 ALONE = [name for name in VERBS if name not in WITH_VERBS_OF_THEIR_OWN | {"log"}]
 WORDS = [(name,) for name in ALONE] + [("log", name) for name in LOG]
 

@@ -8,8 +8,6 @@ from contextlib import contextmanager
 from typing import Annotated
 
 from cyclopts import Parameter
-from rich.console import Console
-from rich.live import Live
 
 from messages import topics
 from services.runtime.bus.network import Network, open_network
@@ -22,6 +20,7 @@ from tools.fleet.roster import ROWS
 from tools.fleet.watching import FleetRow, FleetWatch
 from tools.keys.credentials import credentials
 from tools.live.stop_signals import StopSignals
+from tools.live.terminal import drawn_anew
 
 LOOK_S = 1.0  # [s] between two looks at what has arrived
 REPEAT_S = 60.0  # [s] after which every drone gets a line again
@@ -88,13 +87,12 @@ def watched(network: Network, watch: FleetWatch) -> Callable[[int], None]:
 
 @contextmanager
 def _screen(endpoint: str) -> Generator[Show]:
-    with Live(console=Console(), auto_refresh=False, transient=True) as live:
+    with drawn_anew() as draw:
 
         def show(watch: FleetWatch, now: int) -> None:
-            rows, size = watch.rows(now), live.console.size
+            rows, remarks = watch.rows(now), watch.roster.remarks
             title = title_of(rows, endpoint, watch.router_answers)
-            drawn = screen(rows, watch.roster.remarks, title, size.width, size.height)
-            live.update(drawn, refresh=True)
+            draw(lambda size: screen(rows, remarks, title, size.width, size.height))
 
         yield show
 

@@ -6,12 +6,10 @@ from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
 from typing import Protocol
 
-from rich.console import Console
-from rich.live import Live
-
 from messages.health import LogLine
 from tools.live.printed_lines import PrintedLines
 from tools.live.screen import COLUMNS, View, plain, render
+from tools.live.terminal import Make, drawn_anew
 
 SCREEN_S = 0.25  # [s] between two screens
 LINE_S = 5.0  # [s] between two lines
@@ -28,17 +26,14 @@ class Display(Protocol):
 
 
 class ScreenDisplay:
-    def __init__(self, live: Live) -> None:
-        self._live = live
+    def __init__(self, draw: Callable[[Make], None]) -> None:
+        self._draw = draw
         self._next_s = 0.0
 
     def show(self, look: Callable[[], View]) -> None:
         if (now := time.monotonic()) >= self._next_s:
             self._next_s = now + SCREEN_S
-            # A row is left free: a terminal scrolls when its last one is full.
-            size = self._live.console.size
-            width = max(COLUMNS, size.width)
-            self._live.update(render(look(), size.height - 1, width), refresh=True)
+            self._draw(lambda size: render(look(), size.height - 1, max(COLUMNS, size.width)))
 
     def line(self, line: LogLine, at_s: float | None) -> None:
         pass
@@ -67,6 +62,5 @@ def display() -> Generator[Display]:
         finally:
             shown.finish()
         return
-    # No refresh thread: the screen must not compete with the bus for the processor.
-    with Live(console=Console(), auto_refresh=False, transient=True) as live:
-        yield ScreenDisplay(live)
+    with drawn_anew() as draw:
+        yield ScreenDisplay(draw)

@@ -46,6 +46,7 @@ class ServiceView:
     restarts: int = 0
     troubles: int = 0  # everything counted as dropped, stale, malformed, saturated …
     process: str = ""  # that it shares with others
+    begun: bool = True  # it is alive, or was once
 
 
 class View(VehicleView, frozen=True, kw_only=True):
@@ -241,9 +242,10 @@ def _services(view: View, rows: int) -> Table:
     for title in ("sent/s", "late p99 [ms]", "CPU [%]", "restarts", "counted"):
         table.add_column(Text(title), justify="right", no_wrap=True)
     for row in shown:
-        style = "" if row.alive else "bold red"
+        style = "" if row.alive else "bold red" if row.begun else "dim"
+        missing = "" if row.alive else " gone" if row.begun else " starting"
         table.add_row(
-            Text(row.name if row.alive else f"{row.name} gone", style=style),
+            Text(f"{row.name}{missing}", style=style),
             *([Text(row.process, style="dim")] if shared else []),
             number(row.sent_hz, ".0f"),
             number(row.late_ms, ".2f"),

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import msgspec
 
-from messages import topics
+from messages import events, topics
 from messages.health import Health, LogLine
 from messages.link import Shown
 from services.runtime.node.node import Node
@@ -32,6 +32,7 @@ class Watch:
         self._timeline = timeline
         self._services, self._shared = services, shared or {}
         self._show = show
+        self._begun: set[str] = set()  # services that were alive
         self._health: dict[str, Health] = {}
         self._sent_hz: dict[str, float] = {}
         self._vehicle = VehiclePorts(node)
@@ -59,6 +60,7 @@ class Watch:
             silent: processes that run but do not answer.
         """
         timeline = self._timeline
+        self._begun |= {name for name in self._services if name not in missing}
         newest = self._vehicle.newest(now)
         pilot, picture = self._pilot.fresh(now), self._picture.fresh(now)
         if (state := ages.shown(topics.STATE, newest.state, now)) is not None:
@@ -85,12 +87,13 @@ class Watch:
         return ServiceView(
             name=name,
             alive=alive,
+            begun=name in self._begun,
             process=self._shared.get(name, ""),
             sent_hz=self._sent_hz.get(name),
             late_ms=health.lateness_p99_ms if health else None,
             cpu_percent=health.cpu_percent if health else None,
             restarts=restarts.get(name, 0),
-            troubles=sum(health.counts.values()) if health else 0,
+            troubles=events.troubles(health.counts) if health else 0,
         )
 
     def _add(self, line: LogLine, now: int) -> None:

@@ -1,6 +1,6 @@
 from collections.abc import Callable
 from itertools import pairwise
-from math import degrees, dist, isnan, radians
+from math import degrees, dist, isnan, pi, radians
 
 import msgspec
 import pytest
@@ -102,6 +102,21 @@ def test_angles_are_shown_in_degrees_and_latencies_in_milliseconds(sample: Sampl
     assert values["heading/truth"] == pytest.approx([degrees(1.0)])
     assert values["latency/sensor"] == pytest.approx([2.0])
     assert values["latency/stick"] == pytest.approx([40.0])
+
+
+@given(st.floats(-50.0, 50.0), st.floats(-3.14, 3.14))
+def test_both_headings_are_counted_alike(heading: float, off: float) -> None:
+    """[rad] `heading` goes on beyond a full turn; the compass's does not."""
+    one = Estimate(0.0, 0.1)
+    compass = (heading + off + pi) % (2.0 * pi) - pi
+    state = VehicleState(
+        stamp_ns=0, sensor_ns=0, phase="running", depth=one, depth_rate=one,
+        depth_acceleration=one, attitude=(1.0, 0.0, 0.0, 0.0), roll=one, pitch=one,
+        heading=Estimate(heading, 0.1), heading_navigation=Estimate(compass, 0.1), yaw_rate=one,
+    )  # fmt: skip
+    vehicle = Stack(vehicle="pioneer").section("vehicle", Vehicle)
+    (curve,) = (curve for curve in curves(vehicle) if curve.path == "compass")
+    assert curve.read(state) == pytest.approx((degrees(heading + off),))
 
 
 def test_a_state_is_noted_only_when_it_changes(sample: Sample) -> None:

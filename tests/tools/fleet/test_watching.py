@@ -270,8 +270,9 @@ def test_at_every_size_a_drone_is_there_with_its_name_or_is_counted(
     names = [f"rov{k:02}" for k in range(len(said))]
     watch = watching(*names)
     for name, (pilot, note, leaks) in zip(names, said, strict=True):
-        acts = {"failsafe": "leak", "reaction": "ascend"} if leaks else {}
-        say(watch, name, topics.STATUS, flying(pilot=pilot[:128], note=note, **acts))
+        failsafe = "leak" if leaks else "none"
+        said_now = flying(pilot=pilot[:128], note=note, failsafe=failsafe)
+        say(watch, name, topics.STATUS, said_now)
     lines = shown(watch.rows(0), [], height, width)
     assert len(lines) < height
     assert all(cell_len(each) <= width for each in lines)

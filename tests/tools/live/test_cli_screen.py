@@ -219,3 +219,12 @@ def test_a_long_warning_takes_a_second_row_while_there_is_one_free():
     assert text in " ".join(" ".join(lines).split())
     crowded = (LogEntry(line, 1, 3.0, 3.0),) * LINES
     assert sum("calibrate" in line for line in text_of(replace(WORST, lines=crowded), 80)) == LINES
+
+
+@pytest.mark.parametrize(
+    ("alive", "begun", "said"), [(0, 0, "starting"), (0, 1, "gone"), (1, 1, "")]
+)
+def test_a_service_is_gone_only_if_it_was_there(alive: int, begun: int, said: str) -> None:
+    service = ServiceView("visualizer", bool(alive), begun=bool(begun))
+    lines = text_of(replace(FULL, services=(service,)), 80)
+    assert any(line.split()[:2] == ["visualizer", said or "–"] for line in lines)

@@ -36,6 +36,8 @@ class Seen(NamedTuple):
 class Lost(Flight):
     """The drone, with pilots who take control from each other, and a memory of each step."""
 
+    now: int
+
     def __init__(self) -> None:
         self.epoch, self.seen = 0, list[Seen]()  # epoch of the pilot whose sticks arrive
         super().__init__()

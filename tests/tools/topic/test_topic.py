@@ -1,0 +1,215 @@
+"""`lindy topic` and `lindy top`: figures that are true, and one sentence where there are none."""
+
+import json
+import os
+import threading
+import time
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from messages import topics
+from messages.health import Health
+from messages.sensors import BatterySample, ImuSample
+from services.runtime.bus.spaces import namespace
+from services.runtime.bus.zenoh_bus import ZenohBus, connected, listening
+from services.runtime.config.errors import LindyError
+from services.runtime.config.running import RUNNING, Running
+from tools.__main__ import main
+from tools.topic.figures import SenderClock, StreamFigures, aligned
+from tools.topic.listening import named, side_of
+from tools.topic.top import SILENT_NS, table
+
+S = 1_000_000_000  # [ns]
+BOTH_SIDES = Running("rov1", {"topside": "a", "drone": "b"}, 1, {})
+TOPSIDE = Running("rov1", {"topside": "a"}, 1, {})
+
+
+@given(st.lists(st.integers(1, S), min_size=1, max_size=50), st.integers(1, 2000))
+def test_rate_pauses_and_amount_are_those_of_what_came(gaps: list[int], size: int) -> None:
+    figures, now = StreamFigures(), 7
+    figures.hear(size, 0, now)
+    for gap in gaps:
+        now += gap
+        figures.hear(size, 0, now)
+    hz = len(gaps) * 1e9 / sum(gaps)
+    count, rate, wanted, least, _, most = figures.cells("hz", topics.STATE)
+    assert (count, wanted) == (str(len(gaps) + 1), "100")
+    assert float(rate) == pytest.approx(hz, abs=0.051)
+    assert float(least) == pytest.approx(min(gaps) / 1e6, abs=0.051)
+    assert float(most) == pytest.approx(max(gaps) / 1e6, abs=0.051)
+    _, kbit, mean, largest = figures.cells("bw", topics.STATE)
+    assert float(kbit) == pytest.approx(hz * size * 8e-3, abs=0.051)
+    assert (mean, largest) == (str(size), str(size))
+
+
+def test_of_a_stream_that_did_not_come_nothing_is_known() -> None:
+    for what in ("hz", "delay", "bw"):
+        assert "–" in StreamFigures().cells(what, topics.STATE)
+
+
+@given(st.integers(-(10**15), 10**15), st.integers(0, 10**9), st.sampled_from(["topside", "drone"]))
+def test_an_age_is_that_of_one_clock(offset: int, age: int, here: str) -> None:
+    """`offset` is the drone's clock minus topside's."""
+    side = "topside" if here == "topside" else "drone"
+    sent, now = 10**16, 10**16 + age  # topside's clock
+    on_board = sent + offset
+    arrived = now if side == "topside" else now + offset
+    clock = SenderClock(side, apart=True)
+    other = topics.STATE if side == "topside" else topics.PILOT_COMMAND
+    assert clock.age(other, sent, arrived) is None
+    clock.offset_ns = offset
+    assert clock.age(topics.STATE, on_board, arrived) == age
+    assert clock.age(topics.PILOT_COMMAND, sent, arrived) == age
+    assert clock.age(topics.HEALTH, sent, arrived) is None  # both sides send it
+    assert SenderClock(side, apart=False).age(topics.HEALTH, sent, now) == age
+
+
+def test_a_stream_is_named_as_in_the_table_or_as_one_of_a_family() -> None:
+    assert [topic.key for topic in named(["state", "health/*", "log/control"])] == [
+        "state", "health/*", "log/control",
+    ]  # fmt: skip
+    for wrong in ("stat", "health", "health/", "health/a/b", ""):
+        with pytest.raises(LindyError, match="no topic is called"):
+            named([wrong])
+
+
+def test_what_never_leaves_the_drone_is_listened_to_there() -> None:
+    imu, state = named(["sensor/imu"]), named(["state"])
+    assert side_of(BOTH_SIDES, imu, None) == side_of(BOTH_SIDES, [*state, *imu], None) == "drone"
+    assert side_of(BOTH_SIDES, state, None) == side_of(BOTH_SIDES, [], None) == "topside"
+    assert side_of(BOTH_SIDES, state, "drone") == "drone"
+    with pytest.raises(LindyError, match="never leaves the drone: --side topside"):
+        side_of(BOTH_SIDES, imu, "topside")
+    with pytest.raises(LindyError, match="never leaves the drone; on this machine is only"):
+        side_of(TOPSIDE, imu, None)
+    with pytest.raises(LindyError, match="--side is drone; on this machine is only the topside"):
+        side_of(TOPSIDE, state, "drone")
+
+
+def health(service: str, cpu: float, **more: object) -> Health:
+    given: dict[str, object] = {
+        "stamp_ns": 0, "service": service, "loop_hz": 100.0, "lateness_p50_ms": 0.1,
+        "lateness_p99_ms": 0.5, "cpu_percent": cpu, "rss_mb": 50.0, "sent": 1, "received": 2,
+        "counts": {},
+    }  # fmt: skip
+    return Health(**(given | more))  # type: ignore[arg-type]
+
+
+def test_top_ranks_and_says_who_is_late_or_silent_and_what_was_counted_in_the_last_second() -> None:
+    heard = {
+        "a": (health("a", 1.0, counts={"dropped": 5, "resting": 9}), None, 10 * S),
+        "b": (
+            health("b", 9.0, counts={"dropped": 7}, lateness_p99_ms=80.0),
+            health("b", 9.0, counts={"dropped": 4}),
+            10 * S,
+        ),
+        "c": (health("c", 4.0), None, 10 * S - SILENT_NS - 1),
+    }
+    lines = [line.split() for line in table(heard, 10 * S, "processor")[1:]]
+    assert [line[0] for line in lines] == ["b", "c", "a"]
+    assert lines[0][-2:] == ["3", "late"]
+    assert " ".join(lines[1][-4:]) == "silent for 3 s"
+    assert lines[2][-1] == "–"
+    assert [line.split()[0] for line in table(heard, 10 * S, "name")[1:]] == ["a", "b", "c"]
+    assert [line.split()[0] for line in table(heard, 10 * S, "late")[1:]] == ["b", "a", "c"]
+
+
+@given(st.lists(st.tuples(st.text("ab", max_size=9), st.text("1", max_size=9)), min_size=1))
+def test_columns_are_aligned(lines: list[tuple[str, str]]) -> None:
+    for line, (first, second) in zip(aligned(lines), lines, strict=True):
+        assert line == line.rstrip()
+        assert line.startswith(first)
+        assert line.endswith(second)
+
+
+@contextmanager
+def dive(folder: Path) -> Generator[Path]:
+    """Both hubs of a dive, a battery at 50 a second on the topside, an IMU on the drone's."""
+    ends = {side: f"unixsock-stream/{folder}/{side}.sock" for side in ("topside", "drone")}
+    (folder / RUNNING).write_bytes(msgspec.json.encode(Running("rov1", ends, os.getpid(), {})))
+    over = threading.Event()
+    with listening(ends["topside"]), listening(ends["drone"]):
+        sessions = {side: connected(end, namespace("rov1")) for side, end in ends.items()}
+        battery = ZenohBus(sessions["topside"]).say(topics.BATTERY)
+        imu = ZenohBus(sessions["drone"]).say(topics.IMU)
+
+        def speak() -> None:
+            while not over.wait(0.02):
+                now = time.monotonic_ns()
+                sample = BatterySample(stamp_ns=now, voltage=16.0, current=1.0, used_wh=1.0)
+                battery(msgspec.msgpack.encode(sample))
+                gravity = (0.0, 0.0, -9.81)
+                imu(
+                    msgspec.msgpack.encode(
+                        ImuSample(
+                            stamp_ns=now, specific_force=gravity, angular_rate=(0.0, 0.0, 0.0)
+                        )
+                    )
+                )
+
+        thread = threading.Thread(target=speak)
+        thread.start()
+        try:
+            yield folder
+        finally:
+            over.set()
+            thread.join()
+            for session in sessions.values():
+                session.close()
+
+
+def test_streams_of_a_real_session_are_shown_timed_and_weighed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def said(*words: str) -> list[str]:
+        assert main(["topic", *words, "--dive", str(tmp_path)]) == 0
+        return capsys.readouterr().out.splitlines()
+
+    with dive(tmp_path):
+        shown = [json.loads(line) for line in said("echo", "sensor/battery", "--count", "3")]
+        assert [each["topic"] for each in shown] == ["sensor/battery"] * 3
+        assert {each["message"]["voltage"] for each in shown} == {16.0}
+        (heading, row) = said("hz", "sensor/battery", "--count", "60")
+        assert heading.split()[:4] == ["topic", "messages", "1/s", "table"]
+        key, count, hz, wanted, *_ = row.split()
+        assert (key, count, wanted) == ("sensor/battery", "60", "1")
+        assert 0.0 < float(hz) <= 55.0
+        (_, row) = said("delay", "sensor/imu", "--count", "20")
+        assert row.split()[:2] == ["sensor/imu", "20"]
+        assert 0.0 <= float(row.split()[2]) <= float(row.split()[-1])
+        (_, imu) = said("bw", "--side", "drone", "--count", "20")
+        size = float(imu.split()[3])
+        assert imu.split()[0] == "sensor/imu"
+        assert float(imu.split()[2]) == pytest.approx(size * 8e-3 * 50.0, rel=0.9)
+        assert said("hz", "state", "--seconds", "0.2")[1].split()[:2] == ["state", "0"]
+
+
+def test_the_list_is_the_topic_table(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["topic", "list"]) == 0
+    lines = capsys.readouterr().out.splitlines()[1:]
+    assert [line.split()[0] for line in lines] == [topic.key for topic in topics.ALL]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("topic", "echo", "stat"), "no topic is called 'stat'; did you mean 'state'?"),
+        (("topic", "hz", "state", "--count", "0"), "--count is 0, expected a number above 0"),
+        (("top", "--seconds", "nan"), "--seconds is nan, expected a number above 0"),
+    ],
+)
+def test_what_cannot_be_done_is_one_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], said: str
+) -> None:
+    running = Running("rov1", {"topside": "unixsock-stream/x"}, os.getpid(), {})
+    (tmp_path / RUNNING).write_bytes(msgspec.json.encode(running))
+    assert main([*words, "--dive", str(tmp_path)]) == 1
+    answer = capsys.readouterr().err
+    assert answer.startswith(f"lindy: {said}")
+    assert answer.count("\n") == 1

@@ -1,0 +1,174 @@
+"""`lindy topic`: the streams of the topic table, and what they do in a running dive."""
+
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+from cyclopts import App, Parameter
+
+from messages import topics
+from messages.link import Clock
+from messages.topic import AnyTopic, Side
+from services.runtime.config.errors import LindyError
+from tools.choices import RunningDive, UntilCtrlC, Whole
+from tools.topic.figures import HEADINGS, SenderClock, StreamFigures, aligned
+
+Key = Annotated[str, Parameter(help="such as state or health/*; default: all of that side")]
+MostMessages = Annotated[Whole | None, Parameter(help="end after so many messages")]
+AtSide = Annotated[
+    Side | None,
+    Parameter(help="of which hub; default: topside, drone for what never leaves the drone"),
+]
+
+topic = App(name="topic", help="List the streams of a dive; show, time and weigh them.")
+
+
+@topic.command(name="list")
+def list_() -> int:
+    """List every stream: key, message, rate, QoS profile and direction across the link.
+
+    A key that ends in /* is a family, such as health/control. A rate of 0 is of events.
+
+    Example: lindy topic list
+    """
+    rows = [
+        (row.key, row.message.__name__, f"{row.hz:g}", row.qos.value, row.way.value)
+        for row in topics.ALL
+    ]
+    print("\n".join(aligned([("topic", "message", "1/s", "QoS", "way"), *rows])))
+    return 0
+
+
+@topic.command
+def echo(
+    key: str,
+    *,
+    count: MostMessages = None,
+    seconds: UntilCtrlC = None,
+    side: AtSide = None,
+    dive: RunningDive = None,
+) -> int:
+    """Print what arrives of a stream, a line of JSON for each message.
+
+    KEY is a topic of the table, or one of a family: log/* or log/control.
+
+    Example: lindy topic echo vehicle/status --count 1
+    """
+    from tools.ask import dive_in
+    from tools.topic.listening import listen, named, side_of
+
+    wanted = named([key])
+    running, unread = dive_in(dive), 0
+    decode = msgspec.msgpack.Decoder(wanted[0].message).decode
+
+    def take(key: str, payload: bytes, _: int) -> None:
+        nonlocal unread
+        try:
+            message = decode(payload)
+        except msgspec.DecodeError:
+            unread += 1
+            return
+        print(msgspec.json.encode({"topic": key, "message": message}).decode(), flush=True)
+
+    at = side_of(running, wanted, side)
+    listen(running, at, wanted, take, None, count=count, seconds=seconds)
+    if unread:
+        raise LindyError(f"{unread} messages on {key} could not be read")
+    return 0
+
+
+@topic.command
+def hz(
+    *keys: Key,
+    count: MostMessages = None,
+    seconds: UntilCtrlC = None,
+    side: AtSide = None,
+    dive: RunningDive = None,
+) -> int:
+    """How often streams come, beside the rate of the table, and the pauses between messages.
+
+    On a terminal every second, else once at the end.
+
+    Example: lindy topic hz state reference --seconds 5
+    """
+    return _measured("hz", keys, count, seconds, side, dive)
+
+
+@topic.command
+def delay(
+    *keys: Key,
+    count: MostMessages = None,
+    seconds: UntilCtrlC = None,
+    side: AtSide = None,
+    dive: RunningDive = None,
+) -> int:
+    """How old messages are when they arrive here: since the stamp of whoever sent them.
+
+    Between two computers the drone's clock is that of link/clock; of streams that both sides send
+    the age is then not known.
+
+    Example: lindy topic delay state pilot/command --seconds 5
+    """
+    return _measured("delay", keys, count, seconds, side, dive)
+
+
+@topic.command
+def bw(
+    *keys: Key,
+    count: MostMessages = None,
+    seconds: UntilCtrlC = None,
+    side: AtSide = None,
+    dive: RunningDive = None,
+) -> int:
+    """How much of streams comes: payload alone, without Zenoh's own bytes.
+
+    Example: lindy topic bw camera/video --seconds 5
+    """
+    return _measured("bw", keys, count, seconds, side, dive)
+
+
+def _measured(
+    what: str,
+    keys: tuple[str, ...],
+    count: int | None,
+    seconds: float | None,
+    side: Side | None,
+    dive: Path | None,
+) -> int:
+    from tools.ask import dive_in
+    from tools.topic.listening import listen, named, side_of
+
+    asked = named(keys)
+    running = dive_in(dive)
+    at = side_of(running, asked, side)
+    clock = SenderClock(at, apart=len(running.endpoints) == 1)
+    found = {each.key: StreamFigures() for each in asked if not each.is_family}
+    stamp = msgspec.msgpack.Decoder(_Stamp).decode
+
+    def take(key: str, payload: bytes, now: int) -> None:
+        row = topics.find(key)
+        if row is None:
+            return  # the subscriptions are those of the table
+        if row is topics.CLOCK:
+            clock.offset_ns = msgspec.msgpack.decode(payload, type=Clock).offset_ns
+        age = clock.age(row, stamp(payload).stamp_ns, now)
+        found.setdefault(key, StreamFigures()).hear(len(payload), age, now)
+
+    def draw() -> list[str]:
+        heard = sorted((key, figures) for key, figures in found.items())
+        cells = [(key, *figures.cells(what, _row(key))) for key, figures in heard]
+        return aligned([("topic", *HEADINGS[what]), *cells])
+
+    also = [topics.CLOCK] if what == "delay" and clock.apart else []
+    listen(running, at, [*(asked or topics.ALL), *also], take, draw, count=count, seconds=seconds)
+    return 0
+
+
+class _Stamp(msgspec.Struct):
+    stamp_ns: int
+
+
+def _row(key: str) -> AnyTopic:
+    row = topics.find(key)
+    assert row is not None, key
+    return row

@@ -1,0 +1,119 @@
+"""How often a stream comes, how old it is, how much of it there is. Pure.
+
+Intervals and delays are those of the newest `KEPT` messages; rates are over the whole time.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from statistics import median
+
+from messages.topic import AnyTopic, Direction, Side
+from messages.units import Ns
+
+KEPT = 1000
+HEADINGS = {
+    "hz": ("messages", "1/s", "table", "shortest ms", "median ms", "longest ms"),
+    "delay": ("messages", "least ms", "median ms", "p99 ms", "most ms"),
+    "bw": ("messages", "kbit/s", "bytes each", "largest"),
+}
+UNKNOWN = "–"
+
+
+@dataclass(slots=True)
+class StreamFigures:
+    """Of one key, since its first message."""
+
+    messages: int = 0
+    size: int = 0  # [bytes] of all payloads
+    largest: int = 0  # [bytes]
+    first_ns: Ns = 0
+    newest_ns: Ns = 0
+    gaps: deque[Ns] = field(default_factory=lambda: deque[Ns](maxlen=KEPT))
+    ages: deque[Ns] = field(default_factory=lambda: deque[Ns](maxlen=KEPT))
+
+    def hear(self, size: int, age: Ns | None, now: Ns) -> None:
+        """
+        Args:
+            size: [bytes] of the payload.
+            age: [ns] since the sender's stamp; None: its clock is not known here.
+        """
+        if self.messages:
+            self.gaps.append(now - self.newest_ns)
+        else:
+            self.first_ns = now
+        self.messages, self.newest_ns = self.messages + 1, now
+        self.size, self.largest = self.size + size, max(self.largest, size)
+        if age is not None:
+            self.ages.append(age)
+
+    @property
+    def hz(self) -> float | None:
+        """[1/s] None: fewer than two messages."""
+        span = self.newest_ns - self.first_ns
+        return (self.messages - 1) * 1e9 / span if span > 0 else None
+
+    def cells(self, what: str, topic: AnyTopic) -> tuple[str, ...]:
+        """As `HEADINGS` has them."""
+        count = str(self.messages)
+        match what:
+            case "hz":
+                table = f"{topic.hz:g}" if topic.hz else "events"
+                return (count, _number(self.hz), table, *_spread(self.gaps, 0.0, 0.5, 1.0))
+            case "delay":
+                return (count, *_spread(self.ages, 0.0, 0.5, 0.99, 1.0))
+            case _:
+                mean = self.size / self.messages if self.messages else None
+                rate = None if self.hz is None or mean is None else self.hz * mean * 8e-3
+                largest = float(self.largest) if self.messages else None
+                return (count, _number(rate), _number(mean, 0), _number(largest, 0))
+
+
+@dataclass(slots=True)
+class SenderClock:
+    """How a stamp of the other side is compared with the clock here."""
+
+    here: Side
+    apart: bool  # the sides are two computers, else they have one clock
+    offset_ns: Ns | None = None  # drone's clock minus topside's
+
+    def age(self, topic: AnyTopic, stamp: Ns, now: Ns) -> Ns | None:
+        """[ns] None: the other computer's clock is not known yet, or whose stamp it is."""
+        if not self.apart:
+            return now - stamp
+        if topic.way is Direction.BOTH:
+            return None
+        sender: Side = "topside" if topic.way is Direction.DOWN else "drone"
+        if sender == self.here:
+            return now - stamp
+        if self.offset_ns is None:
+            return None
+        return now - stamp + (self.offset_ns if sender == "drone" else -self.offset_ns)
+
+
+def aligned(lines: Sequence[Sequence[str]]) -> list[str]:
+    """Columns under their headings, the first to the left and numbers to the right."""
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    return [
+        "  ".join(
+            cell.ljust(width) if number == 0 else cell.rjust(width)
+            for number, (cell, width) in enumerate(zip(line, widths, strict=True))
+        ).rstrip()
+        for line in lines
+    ]
+
+
+def _spread(values: Sequence[Ns], *shares: float) -> tuple[str, ...]:
+    """[ms] The least, the most and what is in between; the median is that of two in the middle."""
+    if not values:
+        return (UNKNOWN,) * len(shares)
+    ranked = sorted(values)
+    found = [
+        median(ranked) if share == 0.5 else ranked[min(len(ranked) - 1, int(share * len(ranked)))]
+        for share in shares
+    ]
+    return tuple(f"{value / 1e6:.1f}" for value in found)
+
+
+def _number(value: float | None, digits: int = 1) -> str:
+    return UNKNOWN if value is None else f"{value:.{digits}f}"

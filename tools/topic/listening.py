@@ -1,0 +1,119 @@
+"""Hears streams of a running dive until something ends it."""
+
+import sys
+import time
+from collections import deque
+from collections.abc import Callable, Collection
+from contextlib import ExitStack
+
+from rich.text import Text
+
+from messages import topics
+from messages.topic import AnyTopic, Direction, Side
+from services.runtime.bus.envelope import Envelope
+from services.runtime.bus.zenoh_bus import open_bus
+from services.runtime.config.errors import LindyError
+from services.runtime.config.running import Running
+from services.runtime.config.settings import nearest
+from services.runtime.launch.process_plan import HOME
+from tools.live.stop_signals import StopSignals
+from tools.live.terminal import drawn_anew
+
+STEP_S = 0.05  # [s] between two looks at what has arrived
+SHOW_S = 1.0  # [s] between two pictures on a terminal
+WAITING = 100_000  # messages between two looks
+
+Take = Callable[[str, bytes, int], None]  # key, payload, [ns] when it arrived
+Draw = Callable[[], list[str]]
+
+
+def named(keys: Collection[str]) -> list[AnyTopic]:
+    """Topics of the table by their keys: of a family all (`health/*`) or one (`health/control`).
+
+    Raises:
+        LindyError: there is no such topic.
+    """
+    found = list[AnyTopic]()
+    for key in keys:
+        family = next((topic for topic in topics.ALL if topic.key == key), None)
+        topic = family or topics.find(key)
+        if topic is None:
+            known = nearest(key, [topic.key for topic in topics.ALL])
+            raise LindyError(f"no topic is called {key!r}{known}; `lindy topic list` has them all")
+        found.append(topic if topic is family else topic.of(key.rpartition("/")[2]))
+    return found
+
+
+def side_of(running: Running, wanted: Collection[AnyTopic], side: Side | None) -> Side:
+    """Where to listen: at the pilot's side, unless some of what is wanted never leaves the drone.
+
+    Args:
+        wanted: by name; empty: all that is heard there.
+
+    Raises:
+        LindyError: that side is not on this machine, or does not hear what is wanted.
+    """
+    stays = [topic.key for topic in wanted if topic.way is Direction.STAY]
+    first: Side = "drone" if stays or HOME not in running.endpoints else HOME
+    chosen = side or first
+    if stays and chosen == HOME:
+        raise LindyError(f"{stays[0]} never leaves the drone: --side {chosen} does not hear it")
+    if chosen not in running.endpoints:
+        why = f"{stays[0]} never leaves the drone" if stays else f"--side is {chosen}"
+        raise LindyError(f"{why}; on this machine is only the {', '.join(running.endpoints)}")
+    return chosen
+
+
+def listen(
+    running: Running,
+    side: Side,
+    wanted: Collection[AnyTopic],
+    take: Take,
+    draw: Draw | None,
+    *,
+    count: int | None,
+    seconds: float | None,
+) -> None:
+    """
+    Args:
+        take: is given what arrives, in its order.
+        draw: lines to be shown: on a terminal every second, else once at the end; None: none.
+        count: messages after which it ends.
+        seconds: [s] after which it ends.
+
+    Raises:
+        LindyError: a limit is no positive number, or the dive has ended.
+    """
+    for name, limit in (("count", count), ("seconds", seconds)):
+        if limit is not None and not 0 < limit < float("inf"):
+            raise LindyError(f"--{name} is {limit:g}, expected a number above 0")
+    waiting = deque[tuple[Envelope, int]](maxlen=WAITING)  # filled on Zenoh's thread
+    heard, show_at = 0, 0.0
+    with (
+        ExitStack() as exits,
+        StopSignals() as stop,
+        open_bus(running.endpoints[side], running.vehicle) as bus,
+    ):
+        show = exits.enter_context(drawn_anew()) if draw and sys.stdout.isatty() else None
+        for topic in {topic.key: topic for topic in wanted}.values():
+            bus.hear(topic.key, lambda e: waiting.append((e, time.monotonic_ns())))
+        end = time.monotonic() + (float("inf") if seconds is None else seconds)
+        while not stop.asked and time.monotonic() < end and (count is None or heard < count):
+            time.sleep(STEP_S)  # messages come on Zenoh's thread; nothing here is in a hurry
+            while waiting and (count is None or heard < count):
+                envelope, at = waiting.popleft()
+                take(envelope.key, envelope.payload, at)
+                heard += 1
+            if show is not None and draw is not None and time.monotonic() >= show_at:
+                show_at = time.monotonic() + SHOW_S
+                lines = draw()
+                show(lambda size, lines=lines: _fitting(lines, size.height))
+    if draw is not None:
+        print("\n".join(draw()), flush=True)
+
+
+def _fitting(lines: list[str], height: int) -> Text:
+    fit = lines[: max(1, height - 1)]
+    if hidden := len(lines) - len(fit):
+        fit[-1] = f"and {hidden + 1} more: the window is too low"
+    return Text("\n".join(fit), no_wrap=True, overflow="ellipsis")

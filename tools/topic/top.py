@@ -1,0 +1,92 @@
+"""`lindy top`: what each service of a running dive costs, and how late it is."""
+
+import time
+from collections.abc import Mapping
+from typing import Literal
+
+import msgspec
+
+from messages import topics
+from messages.events import troubles
+from messages.health import LATE_MS, Health
+from messages.units import Ns
+from tools.choices import RunningDive, UntilCtrlC
+from tools.topic.figures import UNKNOWN, aligned
+
+SILENT_NS = 3_000_000_000  # [ns] of a message that comes once a second
+HEADING = (
+    *("service", "side", "processor %", "memory MB", "calls 1/s", "late p50 ms", "late p99 ms"),
+    *("sent", "received", "counted", ""),
+)
+Order = Literal["processor", "memory", "late", "name"]
+
+
+def top(*, order: Order = "processor", seconds: UntilCtrlC = None, dive: RunningDive = None) -> int:
+    """Show what each service costs, and how late it is.
+
+    From the health that each service says once a second. `counted` is all that was dropped, stale,
+    refused or limited in its last second. On a terminal every second, else once at the end.
+
+    Example: lindy top --order late --seconds 10
+    """
+    from tools.ask import dive_in
+    from tools.topic.listening import listen, side_of
+
+    running = dive_in(dive)
+    heard = dict[str, tuple[Health, Health | None, Ns]]()
+    decode = msgspec.msgpack.Decoder(Health).decode
+
+    def take(_: str, payload: bytes, now: int) -> None:
+        health = decode(payload)
+        before = heard.get(health.service, (None, None, 0))[0]
+        same = before is not None and before.instance == health.instance
+        heard[health.service] = (health, before if same else None, now)
+
+    def draw() -> list[str]:
+        return table(heard, time.monotonic_ns(), order)
+
+    side = side_of(running, [topics.HEALTH], None)
+    listen(running, side, [topics.HEALTH], take, draw, count=None, seconds=seconds)
+    return 0
+
+
+def table(
+    heard: Mapping[str, tuple[Health, Health | None, Ns]], now: Ns, order: Order
+) -> list[str]:
+    """A line for each service.
+
+    Args:
+        heard: by service: its newest health, the one before it of the same process, and when [ns]
+            the newest came.
+    """
+    ranked = sorted(heard.items(), key=lambda each: (-_weight(each[1][0], order), each[0]))
+    return aligned([HEADING, *(_line(*health, now) for _, health in ranked)])
+
+
+def _weight(health: Health, order: Order) -> float:
+    match order:
+        case "processor":
+            return health.cpu_percent or 0.0
+        case "memory":
+            return health.rss_mb or 0.0
+        case "late":
+            return health.lateness_p99_ms or 0.0
+        case "name":
+            return 0.0
+
+
+def _line(health: Health, before: Health | None, at: Ns, now: Ns) -> tuple[str, ...]:
+    silent, late = now - at > SILENT_NS, (health.lateness_p99_ms or 0.0) > LATE_MS
+    remark = f"silent for {(now - at) / 1e9:.0f} s" if silent else "late" if late else ""
+    counted = None if before is None else troubles(health.counts) - troubles(before.counts)
+    return (
+        *(health.service, health.side or UNKNOWN),
+        *(_number(health.cpu_percent), _number(health.rss_mb), _number(health.loop_hz)),
+        *(_number(health.lateness_p50_ms), _number(health.lateness_p99_ms)),
+        *(str(health.sent), str(health.received)),
+        *(UNKNOWN if counted is None else str(counted), remark),
+    )
+
+
+def _number(value: float | None) -> str:
+    return UNKNOWN if value is None else f"{value:.1f}"
