@@ -26,8 +26,8 @@ class VideoPart(Message, frozen=True, kw_only=True):
     """A part of one access unit of H.264 in Annex B form, which is one picture. All parts of a
     picture have its number and stamp; `messages.video.Assembler` puts them together again.
 
-    `stamp_ns` is when the light of the picture arrived. A keyframe begins with its parameter sets,
-    so that anybody can begin to decode there.
+    `stamp_ns` is when the light of the picture arrived; unless `exact`, it arrived then or earlier.
+    A keyframe begins with its parameter sets, so that anybody can begin to decode there.
     """
 
     picture: Count  # number of the picture, also of those that were not sent
@@ -36,6 +36,7 @@ class VideoPart(Message, frozen=True, kw_only=True):
     parts: Parts = 1  # of how many
     width: Pixels  # [px]
     height: Pixels  # [px]
+    exact: bool = False  # the source says when the light arrived
     captured_ns: Stamp  # [ns] the picture was in memory
     encoded_ns: Stamp  # [ns] its access unit was there
     budget_kbit: NotNegative  # [kbit/s] what the camera may send, when this was encoded
@@ -48,6 +49,7 @@ class PictureAge(Message, frozen=True, kw_only=True):
 
     picture_ns: Stamp | None = None  # [ns] stamp of the newest picture that was decoded
     age_ms: NotNegative | None = None  # [ms] of that picture now; it grows while none arrives
+    exact: bool = False  # that is its age; False: at least that
     stages: Stages | None = None  # PICTURE_STAGES, in their order
     total: Stage | None = None  # "light to picture", measured end to end
     checked: bool = False  # the time stripe in the picture says the same
@@ -81,7 +83,7 @@ class Assembler:
         if part.part >= part.parts:
             return None
         if self._of is None or not _same(self._of, part):
-            if self._of is not None and part.stamp_ns < self._of.stamp_ns:
+            if self._of is not None and part.encoded_ns < self._of.encoded_ns:
                 return None  # of a picture that was given up
             self.dropped += bool(self._data)
             self._of, self._data = part, {}
