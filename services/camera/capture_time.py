@@ -14,6 +14,7 @@ from messages.units import Ns
 LEAK = 1e-3  # [-] by which the quickest way may become longer: two clocks never run alike
 BACK_NS = 1_000_000_000  # [ns] a source's time that steps back so far has begun anew
 EARLY_NS = 2_000_000_000  # [ns] before its arrival at most: earlier, the source's clock is not set
+AHEAD_NS = 50_000_000  # [ns] after it at most: two clocks that are set differ by some
 # [ns] A source whose pictures come so much later than at first is opened anew, without its queue.
 BEHIND_NS = 2_000_000_000
 
@@ -39,7 +40,7 @@ class CaptureTime:
             said_ns: when the light arrived, by our clock, as the source says; None: it does not.
         """
         at = arrived if own_ns is None else self._by_source(own_ns, arrived)
-        if said_ns is None or not arrived - EARLY_NS < said_ns <= arrived:
+        if said_ns is None or not arrived - EARLY_NS < said_ns <= arrived + AHEAD_NS:
             return Light(at, exact=False)
         return Light(min(at, said_ns), exact=True)
 

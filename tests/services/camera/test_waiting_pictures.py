@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from services.camera.backlog import LONGEST_WAIT_NS, Backlog
-from services.camera.capture_time import EARLY_NS, LEAK, CaptureTime
+from services.camera.capture_time import AHEAD_NS, EARLY_NS, LEAK, CaptureTime
 
 MS, S = 1_000_000, 1_000_000_000
 PERIOD = 40 * MS
@@ -37,9 +37,9 @@ def test_a_source_that_says_when_is_believed_where_that_can_be_true(
 ) -> None:
     arrived = 10**15
     light = CaptureTime().light(123 if stamped else None, arrived - before, arrived)
-    possible = 0 <= before < EARLY_NS
+    possible = -AHEAD_NS <= before < EARLY_NS
     assert light.exact == possible
-    assert light.at_ns == (arrived - before if possible else arrived)
+    assert light.at_ns == (min(arrived, arrived - before) if possible else arrived)
 
 
 def test_a_clock_that_begins_anew_is_no_picture_of_yesterday() -> None:
