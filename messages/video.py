@@ -9,6 +9,7 @@ from messages.link import Stage, Stages
 from messages.message import Message
 from messages.units import Count, NotNegative, Share, Stamp, Text
 
+HEADERS = 200  # [B] of one message besides its data: its other fields, and those of the network
 LONGEST_PART = 60_000  # [B] of one message
 MOST_PARTS = 256  # of one access unit
 LONGEST_UNIT = 900_000  # [B] of one access unit, below what a port keeps
@@ -55,7 +56,7 @@ class PictureAge(Message, frozen=True, kw_only=True):
     checked: bool = False  # the time stripe in the picture says the same
     per_second: NotNegative = 0.0  # [1/s] pictures decoded
     heard_kbit: NotNegative = 0.0  # [kbit/s] that arrived, without headers
-    room_kbit: NotNegative | None = None  # [kbit/s] at which the parts of a picture arrive
+    room_kbit: NotNegative | None = None  # [kbit/s] at which its parts arrive, with headers
     lost: Share = 0.0  # [-] of the period's pictures that did not arrive whole
     newest: Count | None = None  # number of the newest picture of which anything arrived
     keyframe_wanted: bool = False  # nothing can be decoded before the next one

@@ -10,10 +10,10 @@ from messages import events
 from messages.events import Event
 from messages.link import LinkStatus
 from messages.units import Ns
-from messages.video import LONGEST_UNIT, PictureAge, VideoPart
+from messages.video import HEADERS, LONGEST_UNIT, PictureAge, VideoPart
 from services.camera.bitrate import BitrateLaw
 from services.camera.capture_time import Light
-from services.camera.pacing import HEADERS, Pacer, encoder_kbit, pictures_per_second, split
+from services.camera.pacing import Pacer, encoder_kbit, pictures_per_second, split
 from services.camera.sea import WaterLight
 
 SIMULATED = "simulated"

@@ -7,7 +7,7 @@ from messages import events
 from messages.events import Outbox
 from messages.link import Stage
 from messages.units import Ns
-from messages.video import PICTURE_STAGES, AccessUnit, Assembler, PictureAge, VideoPart
+from messages.video import HEADERS, PICTURE_STAGES, AccessUnit, Assembler, PictureAge, VideoPart
 from services.vehicle_view import ages
 
 TOTAL = "light to picture"
@@ -126,7 +126,7 @@ class PictureAccount:
             self._train = part.stamp_ns, now, 0
             return
         stamp, began, size = self._train
-        self._train = stamp, began, size + len(part.data)
+        self._train = stamp, began, size + len(part.data) + HEADERS
         if part.part == part.parts - 1:
             period.train_bytes += self._train[2]
             period.train_ns += now - began

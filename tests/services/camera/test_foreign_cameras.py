@@ -39,7 +39,8 @@ UNTOLD_NS = 1_000_000_000
 FFMPEG = ("ffmpeg", "-nostdin", "-loglevel", "error", "-f", "rawvideo",
           "-pix_fmt", "yuv420p", "-s", f"{WIDTH}x{HEIGHT}", "-framerate", str(HZ),
           "-use_wallclock_as_timestamps", "1", "-i", "-",
-          "-vsync", "passthrough", "-c:v", "libx264", "-preset", "ultrafast", "-tune", "zerolatency",
+          "-vsync", "passthrough",
+          "-c:v", "libx264", "-preset", "ultrafast", "-tune", "zerolatency",
           "-g", "10")  # fmt: skip
 SDP = """v=0
 o=- 0 0 IN IP4 127.0.0.1
